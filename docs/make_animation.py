@@ -18,7 +18,11 @@ from PIL import Image, ImageDraw
 from vsf_drake.files import replaced
 
 DOCS = Path(__file__).resolve().parent
-FRAMES, FROM, TO = 40, 0.18, 0.74  # of the page's time bar: one stance of the prosthetic foot and what is around it
+FRAMES, FROM, TO = (
+    40,
+    0.18,
+    0.74,
+)  # of the page's time bar: one stance of the prosthetic foot and what is around it
 WIDTH, HEIGHT, DURATION_MS = 760, 640, 80
 SEEN = """
   const bar = document.getElementById("time"), frames = [];
@@ -41,16 +45,31 @@ def main(page: Path) -> None:
     act = SEEN.replace("COUNT", str(FRAMES)).replace("FROM", str(FROM)).replace("TO", str(TO))
     with tempfile.TemporaryDirectory() as folder:
         seen = look(page, Path(folder), width=WIDTH, height=HEIGHT, budget_ms=30_000, act=act).acted
-    pictures = [Image.open(io.BytesIO(base64.b64decode(url.partition(",")[2]))).convert("RGB") for url in seen]
+    pictures = [
+        Image.open(io.BytesIO(base64.b64decode(url.partition(",")[2]))).convert("RGB")
+        for url in seen
+    ]
     for picture in pictures:
-        ImageDraw.Draw(picture).text((8, 6), "SYNTHETIC walk, not recorded", fill="#222222", font_size=16)
+        ImageDraw.Draw(picture).text(
+            (8, 6), "SYNTHETIC walk, not recorded", fill="#222222", font_size=16
+        )
     with replaced(DOCS / "pictures" / "walk.webp", "wb") as stream:
-        pictures[0].save(stream, format="WEBP", save_all=True, append_images=pictures[1:], duration=DURATION_MS, loop=0,
-                         quality=60, method=6)
+        pictures[0].save(
+            stream,
+            format="WEBP",
+            save_all=True,
+            append_images=pictures[1:],
+            duration=DURATION_MS,
+            loop=0,
+            quality=60,
+            method=6,
+        )
     print(DOCS / "pictures" / "walk.webp")
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("page", type=Path, help="a replay.html")
     main(parser.parse_args().page)

@@ -17,8 +17,15 @@ from PIL import Image
 from vsf_drake.files import replaced
 
 DOCS = Path(__file__).resolve().parent
-EXAMPLES = ("leg_drop", "robot_arm_emulator", "standing_lqr", "friction_monte_carlo", "walking_over_grounds",
-            "fulcrum_in_swing", "contact_alternatives")
+EXAMPLES = (
+    "leg_drop",
+    "robot_arm_emulator",
+    "standing_lqr",
+    "friction_monte_carlo",
+    "walking_over_grounds",
+    "fulcrum_in_swing",
+    "contact_alternatives",
+)
 
 
 def main(names: list[str]) -> None:
@@ -33,11 +40,17 @@ def main(names: list[str]) -> None:
 def keep(source: Path, target: Path) -> None:
     """Writes the picture `source` as `target`, with a palette of 64 colours."""
     with Image.open(source) as picture, replaced(target, "wb") as stream:
-        picture.convert("RGB").quantize(64, dither=Image.Dither.NONE).save(stream, format="PNG", optimize=True)
+        picture.convert("RGB").quantize(64, dither=Image.Dither.NONE).save(
+            stream, format="PNG", optimize=True
+        )
     print(target)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", default=EXAMPLES, metavar="EXAMPLE", help=", ".join(EXAMPLES))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "names", nargs="*", default=EXAMPLES, metavar="EXAMPLE", help=", ".join(EXAMPLES)
+    )
     main(list(parser.parse_args().names))

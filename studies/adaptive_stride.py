@@ -31,10 +31,26 @@ from floor_of_the_reference_subject import RESULTS, hashes
 
 from vsf_drake.analysis.tuning.common import FREE_COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning
-from vsf_drake.analysis.tuning.level2.outcomes import SIGNS_OF, muscle_energy, outcomes, published_signs, steady_signs
-from vsf_drake.analysis.tuning.level2.search import Fixed, StrideSearch, eased, position_mm, swept, tracked
+from vsf_drake.analysis.tuning.level2.outcomes import (
+    SIGNS_OF,
+    muscle_energy,
+    outcomes,
+    published_signs,
+    steady_signs,
+)
+from vsf_drake.analysis.tuning.level2.search import (
+    Fixed,
+    StrideSearch,
+    eased,
+    position_mm,
+    swept,
+    tracked,
+)
 from vsf_drake.analysis.tuning.level2.stride import MM, Stride
-from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed, resimulate_with_feedback
+from vsf_drake.analysis.tuning.resimulation.resimulate import (
+    resimulate_prescribed,
+    resimulate_with_feedback,
+)
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
 from vsf_drake.analysis.validation import embedded_contact, embedded_trials
 from vsf_drake.collocation.problem import Grid
@@ -48,17 +64,43 @@ from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing
 from vsf_drake.simulation.walk import Walker
 
 BANDS = Path(__file__).resolve().parents[1] / "data" / "published" / "walking_bands.csv"
-COARSE, FINE = 20, 40  # intervals, of the searches that are many and of those that are refined for the full model
+COARSE, FINE = (
+    20,
+    40,
+)  # intervals, of the searches that are many and of those that are refined for the full model
 STARTS_MM = (66.0, 108.0, 151.0)
 POSITIONS = 9
 SPEEDS = (0.9, 1.1, 1.4)  # m/s
-TRIED = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0)  # weights of able-bodied walking, of which one is chosen
+TRIED = (
+    0.0625,
+    0.125,
+    0.25,
+    0.5,
+    1.0,
+    2.0,
+    4.0,
+)  # weights of able-bodied walking, of which one is chosen
 FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the chosen one, for the signs
-SOFT = Smoothing(depth_m=6e-3, rate_m_per_s=0.1, friction_velocity_m_per_s=0.2)  # for a first stride without any known
+SOFT = Smoothing(
+    depth_m=6e-3, rate_m_per_s=0.1, friction_velocity_m_per_s=0.2
+)  # for a first stride without any known
 SDS = 2.0  # standard deviations between persons within which a peak is able-bodied (a choice)
-SHOWN = ("stored_energy", "returned_energy", "push_off_work", "push_off_power", "dorsiflexion", "ankle_moment",
-         "knee_extension", "knee_flexor_moment", "intact_first_peak", "com_push_off_work", "metabolic", "activation",
-         "muscle_energy", "stride_time")
+SHOWN = (
+    "stored_energy",
+    "returned_energy",
+    "push_off_work",
+    "push_off_power",
+    "dorsiflexion",
+    "ankle_moment",
+    "knee_extension",
+    "knee_flexor_moment",
+    "intact_first_peak",
+    "com_push_off_work",
+    "metabolic",
+    "activation",
+    "muscle_energy",
+    "stride_time",
+)
 
 
 def exact(path: Path) -> Trial:
@@ -76,37 +118,56 @@ def able_bodied(trial: Trial, weights: tuple[float, ...]) -> dict[str, Any]:
         bands = _bands(speed)
         time_s = sum(bands["stride_time"]) / 2.0
         stride = Stride(
-            model=model, recorded=None, advance_m=speed * time_s, tilt_rad=0.0, own_m=trial.fulcrum_m,
-            leg_m=body.thigh_length + body.shank_length, hip_height_m=body.leg_length,
+            model=model,
+            recorded=None,
+            advance_m=speed * time_s,
+            tilt_rad=0.0,
+            own_m=trial.fulcrum_m,
+            leg_m=body.thigh_length + body.shank_length,
+            hip_height_m=body.leg_length,
             options=StrideOptions(intervals=FINE),
-            grid=Grid(intervals=FINE, duration_s=time_s), smoothing=SOFT)
+            grid=Grid(intervals=FINE, duration_s=time_s),
+            smoothing=SOFT,
+        )
         before: Start | None = None
         for weight in sorted(weights, reverse=True):
-            search = StrideSearch(stride, "activation").changed(options=StrideOptions(
-                intervals=FINE, normal_weight=weight))
+            search = StrideSearch(stride, "activation").changed(
+                options=StrideOptions(intervals=FINE, normal_weight=weight)
+            )
             if before is None:
-                before = search.at(trial.fulcrum_m / MM, stride.start(trial.fulcrum_m / MM), "soft").last
+                before = search.at(
+                    trial.fulcrum_m / MM, stride.start(trial.fulcrum_m / MM), "soft"
+                ).last
             search = search.changed(smoothing=stride.options.stages[-1])
             began = time.perf_counter()
             solution = search.at(trial.fulcrum_m / MM, before, "able-bodied")
             before = solution.last
             row: dict[str, Any] = _measured(search.stride, solution) | {
-                "status": solution.status, "wall_s": time.perf_counter() - began}
+                "status": solution.status,
+                "wall_s": time.perf_counter() - began,
+            }
             force = stride.able_bodied.force["prosthetic"][:, 1] / model.weight
             sd = SDS * stride.gait.sd["force_up"]
-            peaks = {name: (peak - sd, peak + sd) for name, peak in zip(("first_peak", "second_peak"), _peaks(force),
-                                                                       strict=True)}
+            peaks = {
+                name: (peak - sd, peak + sd)
+                for name, peak in zip(("first_peak", "second_peak"), _peaks(force), strict=True)
+            }
             row["bands"] = bands | peaks
-            row["within"] = solution.success and all(low <= row[name] <= high
-                                                     for name, (low, high) in row["bands"].items())
+            row["within"] = solution.success and all(
+                low <= row[name] <= high for name, (low, high) in row["bands"].items()
+            )
             rows.setdefault(f"{weight:g}", {})[f"{speed:g}"] = row
-    met = [float(weight) for weight, own in rows.items() if all(row["within"] for row in own.values())]
+    met = [
+        float(weight) for weight, own in rows.items() if all(row["within"] for row in own.values())
+    ]
     return {"weights": rows, "least_that_meets_all": min(met) if met else None}
 
 
 def _bands(speed: float) -> dict[str, tuple[float, float]]:
     """Of able-bodied adults, from data/published/walking_bands.csv."""
-    lines = [line for line in BANDS.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    lines = [
+        line for line in BANDS.read_text(encoding="utf-8").splitlines() if not line.startswith("#")
+    ]
     bands = {}
     for row in csv.DictReader(lines):
         if row["side"] == "able-bodied" and row["quantity"] in ("stride_time", "step_length"):
@@ -125,11 +186,16 @@ def _peaks(force: np.ndarray) -> tuple[float, float]:
 def _measured(stride: Stride, solution: TrajectorySolution) -> dict[str, float]:
     y, pace = solution.last_y(), float(solution.last.p[-1])
     first, second = _peaks(y[:, stride.function.index("prosthetic_fz")[0]] / stride.model.weight)
-    return {"stride_time": pace * stride.grid.duration_s, "step_length": 0.5 * pace * stride.advance_m,
-            "first_peak": first, "second_peak": second,
-            "ankle_power_w_per_kg": float(y[:, stride.function.index("prosthesis_power")[0]].max()
-                                          / stride.model.subject.mass_kg),
-            "muscle_energy_j_per_kg_m": muscle_energy(solution, stride)}
+    return {
+        "stride_time": pace * stride.grid.duration_s,
+        "step_length": 0.5 * pace * stride.advance_m,
+        "first_peak": first,
+        "second_peak": second,
+        "ankle_power_w_per_kg": float(
+            y[:, stride.function.index("prosthesis_power")[0]].max() / stride.model.subject.mass_kg
+        ),
+        "muscle_energy_j_per_kg_m": muscle_energy(solution, stride),
+    }
 
 
 class Recorded:
@@ -138,7 +204,9 @@ class Recorded:
     def __init__(self, path: Path, intervals: int) -> None:
         trial = exact(path)
         began = time.perf_counter()
-        self.tuning = StrideTuning([trial], cost="tracking", options=StrideOptions(intervals=intervals))
+        self.tuning = StrideTuning(
+            [trial], cost="tracking", options=StrideOptions(intervals=intervals)
+        )
         self.recording, self.solution = self.tuning.stride, tracked(self.tuning.stride)
         self.wall_s = time.perf_counter() - began
         self.stride = dataclasses.replace(self.recording, consistent=self.solution)
@@ -157,34 +225,59 @@ def found(one: Recorded) -> dict[str, Any]:
         solution = consistent.free(consistent.at(mm, one.solution.last, "fixed").last, "free")
         ends[f"{mm:g}"] = position_mm(solution) if solution.success else None
     alone = recording.free(recording.at(STARTS_MM[1], one.solution.last, "fixed").last, "free")
-    return {"own_mm": one.recording.own_m / MM, "consistent_mm": ends, "wall_s": one.wall_s,
-            "recording_mm": position_mm(alone) if alone.success else None, "deviation": one.recording.value(
-                "deviation", one.solution.y()), "errors": one.recording.recorded.errors}
+    return {
+        "own_mm": one.recording.own_m / MM,
+        "consistent_mm": ends,
+        "wall_s": one.wall_s,
+        "recording_mm": position_mm(alone) if alone.success else None,
+        "deviation": one.recording.value("deviation", one.solution.y()),
+        "errors": one.recording.recorded.errors,
+    }
 
 
 def carried_out(one: Recorded, cost: str) -> dict[str, Any]:
     """The stride with the least of a cost, the fulcrum free, and what the full model makes of it on twice as many
     intervals, in percent of body weight; `wall_s` of the search, `fine_wall_s` of that on the finer grid."""
-    began, search, start, own = time.perf_counter(), one.search(cost), one.solution.last, one.recording.own_m / MM
+    began, search, start, own = (
+        time.perf_counter(),
+        one.search(cost),
+        one.solution.last,
+        one.recording.own_m / MM,
+    )
     if cost != "tracking":
         start = search.at(own, eased(search, own, start)[1], "own").last
     free = search.free(start, "free")
-    wall_s, grid = time.perf_counter() - began, dataclasses.replace(
-        one.stride.grid, intervals=2 * one.stride.grid.intervals)
+    wall_s, grid = (
+        time.perf_counter() - began,
+        dataclasses.replace(one.stride.grid, intervals=2 * one.stride.grid.intervals),
+    )
     fine = search.changed(grid=grid).free(resampled(free, grid), "fine")
-    row: dict[str, Any] = {"status": [free.status, fine.status], "fulcrum_mm": [position_mm(free), position_mm(fine)],
-                           "wall_s": wall_s, "fine_wall_s": time.perf_counter() - began - wall_s}
+    row: dict[str, Any] = {
+        "status": [free.status, fine.status],
+        "fulcrum_mm": [position_mm(free), position_mm(fine)],
+        "wall_s": wall_s,
+        "fine_wall_s": time.perf_counter() - began - wall_s,
+    }
     return row | (_resimulated(one, fine) if fine.success else {})
 
 
 def _resimulated(one: Recorded, solution: TrajectorySolution) -> dict[str, Any]:
-    trajectory = solved_trajectory(solution, one.tuning.walker, outputs=one.stride.function.names,
-                                   offsets=one.tuning.trial.offsets)
+    trajectory = solved_trajectory(
+        solution,
+        one.tuning.walker,
+        outputs=one.stride.function.names,
+        offsets=one.tuning.trial.offsets,
+    )
     prescribed = resimulate_prescribed(one.tuning.walker, trajectory)
     driven = resimulate_with_feedback(one.tuning.walker, trajectory)
     assert driven.feedback is not None
-    return {"prescribed_percent_bw": prescribed.percent_bw, "fell": driven.fell, "period_s": trajectory.period_s,
-            "feedback_percent_bw": None if driven.fell else driven.percent_bw, "feedback_share": driven.feedback.share}
+    return {
+        "prescribed_percent_bw": prescribed.percent_bw,
+        "fell": driven.fell,
+        "period_s": trajectory.period_s,
+        "feedback_percent_bw": None if driven.fell else driven.percent_bw,
+        "feedback_share": driven.feedback.share,
+    }
 
 
 def speeds(one: Recorded) -> dict[str, Any]:
@@ -198,10 +291,15 @@ def speeds(one: Recorded) -> dict[str, Any]:
         free = there.free(min(known, key=lambda end: end.last_cost).last, "free")
         rows[f"{speed:g}"] = {
             "cost": [None if row.solution is None else row.solution.last_cost for row in sweep],
-            "fulcrum_mm": position_mm(free) if free.success else None, "least": free.last_cost,
-            "outcomes": {name: outcomes(free, stride)[name] for name in SHOWN}}
-    return {"positions_mm": np.linspace(*search.stride.reach_mm, POSITIONS), "wall_s": time.perf_counter() - began,
-            "speeds": rows}
+            "fulcrum_mm": position_mm(free) if free.success else None,
+            "least": free.last_cost,
+            "outcomes": {name: outcomes(free, stride)[name] for name in SHOWN},
+        }
+    return {
+        "positions_mm": np.linspace(*search.stride.reach_mm, POSITIONS),
+        "wall_s": time.perf_counter() - began,
+        "speeds": rows,
+    }
 
 
 def signs(one: Recorded, weight: float) -> dict[str, Any]:
@@ -212,29 +310,47 @@ def signs(one: Recorded, weight: float) -> dict[str, Any]:
     over = [row.solution for row in sweep if row.solution is not None]
     free = [search.free(solution.last, "free") for solution in over]
     rows = [outcomes(solution, search.stride) for solution in over]
-    published, steady = (published_signs(rows), steady_signs(rows)) if len(over) == len(sweep) else ({}, {})
-    return {"recorded_mm": one.recording.own_m / MM, "weight": weight, "tried": [row.tried for row in sweep],
-            "signs": published, "count": sum(value is True for value in published.values()) if published else None,
-            "steady": steady, "free": [{"status": end.status, "fulcrum_mm": position_mm(end), "cost": end.last_cost}
-                                       for end in free],
-            "outcomes": {name: [row[name] for row in rows] for name in SHOWN}}
+    published, steady = (
+        (published_signs(rows), steady_signs(rows)) if len(over) == len(sweep) else ({}, {})
+    )
+    return {
+        "recorded_mm": one.recording.own_m / MM,
+        "weight": weight,
+        "tried": [row.tried for row in sweep],
+        "signs": published,
+        "count": sum(value is True for value in published.values()) if published else None,
+        "steady": steady,
+        "free": [
+            {"status": end.status, "fulcrum_mm": position_mm(end), "cost": end.last_cost}
+            for end in free
+        ],
+        "outcomes": {name: [row[name] for row in rows] for name in SHOWN},
+    }
 
 
 def main() -> None:
     """Computes, prints and stores all of them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--quick", action="store_true", help="one trial, one weight, one cost; needs --out")
+    parser.add_argument(
+        "--quick", action="store_true", help="one trial, one weight, one cost; needs --out"
+    )
     arguments = parser.parse_args()
     if arguments.quick and arguments.out == RESULTS:
         parser.error("a part of the study must not replace it all: give --out")
     paths = {path.stem: path for path in embedded_trials("exact")}
     quick = arguments.quick
-    results: dict[str, Any] = {"format": "vsf_drake adaptive stride 3", "synthetic": True, "signs_of": SIGNS_OF}
+    results: dict[str, Any] = {
+        "format": "vsf_drake adaptive stride 3",
+        "synthetic": True,
+        "signs_of": SIGNS_OF,
+    }
     own = StrideOptions().normal_weight
     results["able_bodied"] = able_bodied(exact(paths["medium_1"]), (own,) if quick else TRIED)
     for weight, rows in results["able_bodied"]["weights"].items():
-        print("able-bodied", weight, {speed: row["within"] for speed, row in rows.items()}, flush=True)
+        print(
+            "able-bodied", weight, {speed: row["within"] for speed, row in rows.items()}, flush=True
+        )
     coarse = {name: Recorded(paths[name], COARSE) for name in (["medium_1"] if quick else paths)}
     results["found"] = {} if quick else {name: found(one) for name, one in coarse.items()}
     for name, row in results["found"].items():
@@ -244,14 +360,20 @@ def main() -> None:
     for name in chosen:
         one = coarse[name] if quick else Recorded(paths[name], FINE)
         results["costs"][name] = {"consistent_wall_s": one.wall_s} | {
-            cost: carried_out(one, cost) for cost in (("activation",) if quick else FREE_COSTS)}
+            cost: carried_out(one, cost) for cost in (("activation",) if quick else FREE_COSTS)
+        }
         print(name, results["costs"][name], flush=True)
     results["speeds"] = {} if quick else speeds(coarse["medium_1"])
-    results["signs"] = [signs(coarse[name], factor * own)
-                        for name in chosen for factor in (() if quick else FACTORS)]
+    results["signs"] = [
+        signs(coarse[name], factor * own)
+        for name in chosen
+        for factor in (() if quick else FACTORS)
+    ]
     for row in results["signs"]:
         print(row["recorded_mm"], row["weight"], row["count"], row["free"], flush=True)
-    inputs = {file: sha for path in paths.values() for file, sha in hashes(load_trial(path)).items()}
+    inputs = {
+        file: sha for path in paths.values() for file, sha in hashes(load_trial(path)).items()
+    }
     results["provenance"] = provenance(inputs) | {"sources": made_by("adaptive_stride.py")}
     arguments.out.mkdir(parents=True, exist_ok=True)
     write_json(arguments.out / "adaptive_stride.json", plain(results), sort=False)

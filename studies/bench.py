@@ -22,7 +22,9 @@ def main() -> None:
     table = write_bench(run_bench(model), arguments.out)
     columns = {1.0: table}
     for ratio in () if arguments.quick else (0.5, 2.0):
-        columns[ratio] = bench_table(run_bench(model, speed_m_per_s=ratio * PUBLISHED_SPEED_M_PER_S))
+        columns[ratio] = bench_table(
+            run_bench(model, speed_m_per_s=ratio * PUBLISHED_SPEED_M_PER_S)
+        )
     print("fulcrum (mm)" + "".join(f"{50 * ratio:10.0f} mm/min" for ratio in columns))
     for i, row in enumerate(table.settings):
         values = [columns[ratio].settings[i].stiffness_n_per_mm for ratio in columns]

@@ -53,20 +53,23 @@ STIFF_SUPPORT_N_PER_M = 2e6
 SOFT_SUPPORT_DAMPING_S = 1e-3
 """Choice: as many N s/m as the stiff support has."""
 BETWEEN_N_PER_M = {x: TUNED_JOINTS_N_PER_M[x] for x in (0.087, 0.108, 0.129)}
-HEADERS = {"nominal": """\
+HEADERS = {
+    "nominal": """\
 # Nominal model: effective keel, stiff support. Written by studies/calibrate_device.py; do not edit by hand.
 # Flexural modulus and series stiffness: calibrated (4 digits) so that the simulated bench (mean slope above 200 N,
 # 600 N, 50 mm/min) meets with equal relative errors the published 10.0 N/mm at 66 mm and 32.0 N/mm at 151 mm (Glanzer &
 # Adamczyk 2018, PMC6289620; McGeehan et al. 2021, doi 10.1115/1.4050456) and, at 87, 108 and 129 mm, the joints that
 # the authors of the GaitModel_VSF scripts tuned. The support's 2 MN/m is a choice. For everything else see
 # vsf_drake/parameters.py.
-""", "soft_support": """\
+""",
+    "soft_support": """\
 # The other explanation of the bench, not the nominal model: the laminate's modulus (McGeehan 2021: G10/FR4, 18.6 GPa)
 # and a support that yields, by 10 mm under 600 N. Written by studies/calibrate_device.py; do not edit by hand.
 # Support and series stiffness: calibrated (4 digits) so that the simulated bench (mean slope above 200 N, 600 N,
 # 50 mm/min) gives the published 10.0 N/mm at 66 mm and 32.0 N/mm at 151 mm (Glanzer & Adamczyk 2018, PMC6289620;
 # McGeehan et al. 2021, doi 10.1115/1.4050456). For everything else see vsf_drake/parameters.py.
-"""}
+""",
+}
 LARGEST_RATIO = 4.0
 """Bound on calibrated / first guess, both ways."""
 
@@ -85,17 +88,31 @@ def with_compliances(
     """
     loaded = [zone for zone, _ in spheres_under_load(foot)]
     if not loaded or any(zone.exponent != 1.0 for zone in loaded):
-        raise InputError("the bench's foam patch must hold contact spheres with exponent 1",
-                         where="foot.series_patch_m", right="Widen the patch or fit the contact of this foot directly")
+        raise InputError(
+            "the bench's foam patch must hold contact spheres with exponent 1",
+            where="foot.series_patch_m",
+            right="Widen the patch or fit the contact of this foot directly",
+        )
     each = series_n_per_m / len(loaded)
-    foam = {zone.name for zone in foot.zones if zone.stiffness in {other.stiffness for other in loaded}}
+    foam = {
+        zone.name for zone in foot.zones if zone.stiffness in {other.stiffness for other in loaded}
+    }
     zones = tuple(
-        dataclasses.replace(zone, stiffness=each, damping_n_s_per_m=zone.damping_n_s_per_m / zone.stiffness * each)
-        if zone.name in foam else zone for zone in foot.zones)
+        dataclasses.replace(
+            zone, stiffness=each, damping_n_s_per_m=zone.damping_n_s_per_m / zone.stiffness * each
+        )
+        if zone.name in foam
+        else zone
+        for zone in foot.zones
+    )
     return dataclasses.replace(
-        foot, keel=dataclasses.replace(foot.keel, flexural_modulus_pa=modulus_pa),
+        foot,
+        keel=dataclasses.replace(foot.keel, flexural_modulus_pa=modulus_pa),
         fulcrum=dataclasses.replace(foot.fulcrum, stiffness_n_per_m=support_n_per_m),
-        series_stiffness_n_per_m=series_n_per_m, series_exponent=1.0, zones=zones)
+        series_stiffness_n_per_m=series_n_per_m,
+        series_exponent=1.0,
+        zones=zones,
+    )
 
 
 def calibrate_device(
@@ -114,77 +131,141 @@ def calibrate_device(
         SimulationError: see `BenchStiffness`.
     """
     if len(measured) < 2:
-        raise InputError("two compliances need the stiffness at two or more fulcrum positions", where="measured")
+        raise InputError(
+            "two compliances need the stiffness at two or more fulcrum positions", where="measured"
+        )
     targets = np.array(list(measured.values()))
     scale = np.full(len(targets), targets.mean()) if absolute else targets
-    guess = {"modulus_pa": foot.keel.flexural_modulus_pa, "support_n_per_m": foot.fulcrum.stiffness_n_per_m,
-             "series_n_per_m": foot.series_stiffness_n_per_m}
+    guess = {
+        "modulus_pa": foot.keel.flexural_modulus_pa,
+        "support_n_per_m": foot.fulcrum.stiffness_n_per_m,
+        "series_n_per_m": foot.series_stiffness_n_per_m,
+    }
     free = ("modulus_pa" if soft == "keel" else "support_n_per_m", "series_n_per_m")
     zones = dict.fromkeys(zone.name for zone, _ in spheres_under_load(foot))
-    names = ["keel.flexural_modulus" if soft == "keel" else "fulcrum.stiffness",
-             *(f"contact.{zone}.stiffness" for zone in zones)]
+    names = [
+        "keel.flexural_modulus" if soft == "keel" else "fulcrum.stiffness",
+        *(f"contact.{zone}.stiffness" for zone in zones),
+    ]
 
     def at(x: np.ndarray) -> FootParameters:
-        return with_compliances(foot, **guess | {
-            name: guess[name] * float(np.exp(value)) for name, value in zip(free, x, strict=True)})
+        return with_compliances(
+            foot,
+            **guess
+            | {
+                name: guess[name] * float(np.exp(value))
+                for name, value in zip(free, x, strict=True)
+            },
+        )
 
     def bench(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         own = at(x)
-        values = np.array([guess[free[0]] * np.exp(x[0]), *(
-            zone.stiffness for name in zones for zone in own.zones if zone.name == name)])
-        stiffness_n_per_m, by = BenchStiffness(own, fulcrums_m=list(measured), heel=False).evaluate({}, names)
+        values = np.array(
+            [
+                guess[free[0]] * np.exp(x[0]),
+                *(zone.stiffness for name in zones for zone in own.zones if zone.name == name),
+            ]
+        )
+        stiffness_n_per_m, by = BenchStiffness(own, fulcrums_m=list(measured), heel=False).evaluate(
+            {}, names
+        )
         by = by * values / scale[:, None]
-        return (stiffness_n_per_m - targets) / scale, np.column_stack([by[:, 0], by[:, 1:].sum(axis=1)])
+        return (stiffness_n_per_m - targets) / scale, np.column_stack(
+            [by[:, 0], by[:, 1:].sum(axis=1)]
+        )
 
     bound = np.log(LARGEST_RATIO)
-    search = least_squares(lambda x: bench(x)[0], np.zeros(2), lambda x: bench(x)[1], bounds=(-bound, bound),
-                           xtol=1e-10, ftol=1e-12)
+    search = least_squares(
+        lambda x: bench(x)[0],
+        np.zeros(2),
+        lambda x: bench(x)[1],
+        bounds=(-bound, bound),
+        xtol=1e-10,
+        ftol=1e-12,
+    )
     if not search.success or search.active_mask.any():
-        raise InputError(f"the search for two compliances found no end within its bounds: {search.message}",
-                         where="measured")
+        raise InputError(
+            f"the search for two compliances found no end within its bounds: {search.message}",
+            where="measured",
+        )
     return at(search.x)
 
 
 def rounded(foot: FootParameters) -> FootParameters:
     """`foot` with its three compliances rounded to four significant digits."""
-    modulus, support, series = (float(f"{value:.4g}") for value in (
-        foot.keel.flexural_modulus_pa, foot.fulcrum.stiffness_n_per_m, foot.series_stiffness_n_per_m))
-    return with_compliances(foot, modulus_pa=modulus, support_n_per_m=support, series_n_per_m=series)
+    modulus, support, series = (
+        float(f"{value:.4g}")
+        for value in (
+            foot.keel.flexural_modulus_pa,
+            foot.fulcrum.stiffness_n_per_m,
+            foot.series_stiffness_n_per_m,
+        )
+    )
+    return with_compliances(
+        foot, modulus_pa=modulus, support_n_per_m=support, series_n_per_m=series
+    )
 
 
 def main() -> None:
     """Calibrates both devices, writes the models, prints their bench and that of the calibrations not taken."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=Path(__file__).resolve().parents[1] / "models")
     parser.add_argument("--quick", action="store_true", help="only the two that are written")
     arguments = parser.parse_args()
     # First guesses: the pairs with which the closed form, for small loads, has the published end points.
-    keel = with_compliances(FootParameters(), modulus_pa=10.2e9, support_n_per_m=STIFF_SUPPORT_N_PER_M,
-                            series_n_per_m=47.7e3)
+    keel = with_compliances(
+        FootParameters(),
+        modulus_pa=10.2e9,
+        support_n_per_m=STIFF_SUPPORT_N_PER_M,
+        series_n_per_m=47.7e3,
+    )
     support = with_compliances(
-        dataclasses.replace(keel, fulcrum=dataclasses.replace(keel.fulcrum, damping_time_s=SOFT_SUPPORT_DAMPING_S)),
-        modulus_pa=LAMINATE_PA, support_n_per_m=236e3, series_n_per_m=54.8e3)
+        dataclasses.replace(
+            keel, fulcrum=dataclasses.replace(keel.fulcrum, damping_time_s=SOFT_SUPPORT_DAMPING_S)
+        ),
+        modulus_pa=LAMINATE_PA,
+        support_n_per_m=236e3,
+        series_n_per_m=54.8e3,
+    )
     ends, all_five = PUBLISHED_STIFFNESS_N_PER_M, PUBLISHED_STIFFNESS_N_PER_M | BETWEEN_N_PER_M
     cases: dict[str, dict[str, Any]] = {
         "nominal": {"foot": keel, "soft": "keel", "measured": all_five},
-        "soft_support": {"foot": support, "soft": "support", "measured": ends}}
+        "soft_support": {"foot": support, "soft": "support", "measured": ends},
+    }
     if not arguments.quick:
-        cases |= {"keel, end points alone": cases["nominal"] | {"measured": ends},
-                  "keel, equal absolute errors": cases["nominal"] | {"absolute": True}}
+        cases |= {
+            "keel, end points alone": cases["nominal"] | {"measured": ends},
+            "keel, equal absolute errors": cases["nominal"] | {"absolute": True},
+        }
     arguments.out.mkdir(parents=True, exist_ok=True)
-    print(f"{'N/mm with the fulcrum at (mm)':32}" + "".join(f"{1e3 * x:8.0f}" for x in sorted(all_five)))
-    print(f"{'published; tuned joints':32}" + "".join(f"{1e-3 * all_five[x]:8.2f}" for x in sorted(all_five)))
+    print(
+        f"{'N/mm with the fulcrum at (mm)':32}"
+        + "".join(f"{1e3 * x:8.0f}" for x in sorted(all_five))
+    )
+    print(
+        f"{'published; tuned joints':32}"
+        + "".join(f"{1e-3 * all_five[x]:8.2f}" for x in sorted(all_five))
+    )
     for name, case in cases.items():
         foot = rounded(calibrate_device(**case))
         if name in HEADERS:
             with replaced(arguments.out / f"{name}.yaml") as stream:
-                stream.write(HEADERS[name] + dump_yaml(dataclasses.replace(ModelParameters(), foot=foot)))
+                stream.write(
+                    HEADERS[name] + dump_yaml(dataclasses.replace(ModelParameters(), foot=foot))
+                )
         bench = Bench(foot)
-        passes = [bench.press(fulcrum_m=x, max_load_n=600.0, speed_m_per_s=PUBLISHED_SPEED_M_PER_S)
-                  for x in sorted(all_five)]
-        print(f"{name:32}" + "".join(f"{1e-3 * stiffness(displacement(run), run.load_n):8.2f}" for run in passes)
-              + f"   modulus {1e-9 * foot.keel.flexural_modulus_pa:g} GPa, support "
-              f"{1e-3 * foot.fulcrum.stiffness_n_per_m:g} N/mm, series {1e-3 * foot.series_stiffness_n_per_m:g} N/mm")
+        passes = [
+            bench.press(fulcrum_m=x, max_load_n=600.0, speed_m_per_s=PUBLISHED_SPEED_M_PER_S)
+            for x in sorted(all_five)
+        ]
+        print(
+            f"{name:32}"
+            + "".join(f"{1e-3 * stiffness(displacement(run), run.load_n):8.2f}" for run in passes)
+            + f"   modulus {1e-9 * foot.keel.flexural_modulus_pa:g} GPa, support "
+            f"{1e-3 * foot.fulcrum.stiffness_n_per_m:g} N/mm, series {1e-3 * foot.series_stiffness_n_per_m:g} N/mm"
+        )
 
 
 if __name__ == "__main__":

@@ -37,7 +37,9 @@ from vsf_drake.model_file import load_model
 
 REPEATS = 1e-4
 """Relative: on one machine the numbers come back to the last bit; what moves them by less shows in no table."""
-CHECKED = "made by other sources; the spot check of studies/check_stored.py finds them again with these"
+CHECKED = (
+    "made by other sources; the spot check of studies/check_stored.py finds them again with these"
+)
 Numbers = Iterator[tuple[str, float, float]]
 """What, found, stored."""
 
@@ -45,8 +47,10 @@ Numbers = Iterator[tuple[str, float, float]]
 def floors(stored: dict[str, Any]) -> Numbers:
     """Two of the softest trial's floors."""
     trial = contact_fit.trial("laboratory", "low_1")
-    for kind, found in (("laboratory", floor(trial)),
-                        ("shared_errors_removed", floor_with_shared_errors_removed(trial, SEED))):
+    for kind, found in (
+        ("laboratory", floor(trial)),
+        ("shared_errors_removed", floor_with_shared_errors_removed(trial, SEED)),
+    ):
         for key in ("grf_rmse_bw", "cop_rmse_fl", "stance_model_s"):
             yield f"low_1 {kind} {key}", found[key], stored["trials"]["low_1"][kind][key]
 
@@ -55,14 +59,22 @@ def fitted_pair(stored: dict[str, Any]) -> Numbers:
     """The reported pair's fitted values on a trial that was held out and on the bench, in both tiers."""
     for tier in TIERS:
         pair = stored[tier]["transfer"]
-        fit = ContactFit([contact_fit.trial(tier, name) for name in pair["fitted"]], bench=contact_fit.bench())
+        fit = ContactFit(
+            [contact_fit.trial(tier, name) for name in pair["fitted"]], bench=contact_fit.bench()
+        )
         u = fit.parameters.u(pair["values"])
         held = contact_fit.trial(tier, "medium_2")
-        comparison, result, _, _ = fit.terms_of(held, None).walk(u, step_s=ContactFitOptions().report_step_s)
+        comparison, result, _, _ = fit.terms_of(held, None).walk(
+            u, step_s=ContactFitOptions().report_step_s
+        )
         found = vars(walk_metrics(result, held.prosthetic_plate, comparison=comparison))
         for key in ("grf_rmse_bw", "fore_aft_rmse_bw", "cop_rmse_fl", "stance_model_s"):
             yield f"{tier} medium_2 {key}", found[key], pair["trials"]["medium_2"][key]
-        yield f"{tier} stiffness at 66 mm", 1e-3 * fit.bench_stiffness(u)[0], pair["bench"]["model_n_per_mm"][0]
+        yield (
+            f"{tier} stiffness at 66 mm",
+            1e-3 * fit.bench_stiffness(u)[0],
+            pair["bench"]["model_n_per_mm"][0],
+        )
 
 
 def recovered_truth(stored: dict[str, Any]) -> Numbers:
@@ -94,7 +106,9 @@ def fitted_session(stored: dict[str, Any]) -> Numbers:
     pair, fit = stored["cases"][case.name], session_fit.fit_of(case, session_fit.DATA)
     held = session_fit.read(session_fit.DATA, case, "medium_2")
     u, known = fit.parameters.u(pair["values"]), pair["end"]["parameters"]
-    comparison, result, _, _ = fit.terms_of(held, None).walk(u, step_s=ContactFitOptions().report_step_s)
+    comparison, result, _, _ = fit.terms_of(held, None).walk(
+        u, step_s=ContactFitOptions().report_step_s
+    )
     found = vars(walk_metrics(result, held.prosthetic_plate, comparison=comparison))
     for key, was in pair["walked"]["medium_2"].items():
         yield f"{case.name} medium_2 {key}", found[key], was
@@ -104,17 +118,23 @@ def fitted_session(stored: dict[str, Any]) -> Numbers:
 
 def consistent_stride(stored: dict[str, Any]) -> Numbers:
     """One recorded stride, made consistent."""
-    one, was = strides.Recorded(DATA / "exact" / "medium_1.yaml", strides.COARSE), stored["found"]["medium_1"]
+    one, was = (
+        strides.Recorded(DATA / "exact" / "medium_1.yaml", strides.COARSE),
+        stored["found"]["medium_1"],
+    )
     yield "medium_1 deviation", one.recording.value("deviation", one.solution.y()), was["deviation"]
     for key, value in one.recording.recorded.errors.items():
         yield f"medium_1 {key}", value, was["errors"][key]
 
 
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
-    "floor": ("floor_of_the_reference_subject.py", floors), "contact_fit": ("contact_fit.py", fitted_pair),
+    "floor": ("floor_of_the_reference_subject.py", floors),
+    "contact_fit": ("contact_fit.py", fitted_pair),
     "contact_truth_recovery": ("contact_truth_recovery.py", recovered_truth),
     "device_hypotheses": ("device_hypotheses.py", both_devices),
-    "session_fit": ("session_fit.py", fitted_session), "adaptive_stride": ("adaptive_stride.py", consistent_stride)}
+    "session_fit": ("session_fit.py", fitted_session),
+    "adaptive_stride": ("adaptive_stride.py", consistent_stride),
+}
 """By result: the script that makes it and its spot check. `contact_fit` reads the floors."""
 
 
@@ -127,24 +147,36 @@ def read(name: str) -> dict[str, Any]:
 def changed_files(name: str, stored: dict[str, Any]) -> list[str]:
     """Files that were read and are others now."""
     now = contact_fit.input_hashes()
-    return [file for file, sha in stored["provenance"]["inputs_sha256"].items()
-            if sha != now.get(file) and (file in now or not (DATA / file).is_file() or sha != sha256(DATA / file))]
+    return [
+        file
+        for file, sha in stored["provenance"]["inputs_sha256"].items()
+        if sha != now.get(file)
+        and (file in now or not (DATA / file).is_file() or sha != sha256(DATA / file))
+    ]
 
 
 def same_sources(name: str, stored: dict[str, Any]) -> bool:
     """Whether the sources say what those said which made the result, or reproduced it last."""
-    return bool(stored["provenance"].get("sources", {}).get("sha256") == sources_sha256(STUDIES / CHECKS[name][0]))
+    return bool(
+        stored["provenance"].get("sources", {}).get("sha256")
+        == sources_sha256(STUDIES / CHECKS[name][0])
+    )
 
 
 def differences(name: str, stored: dict[str, Any]) -> list[str]:
     """What the spot check finds otherwise than it is stored."""
-    return [f"{what}: {found:.6g}, stored {was:.6g}" for what, found, was in CHECKS[name][1](stored)
-            if not abs(found - was) <= REPEATS * abs(was)]
+    return [
+        f"{what}: {found:.6g}, stored {was:.6g}"
+        for what, found, was in CHECKS[name][1](stored)
+        if not abs(found - was) <= REPEATS * abs(was)
+    ]
 
 
 def main() -> None:
     """Checks every stored result whose sources are others now, and notes that they give the same numbers."""
-    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
+    argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    ).parse_args()
     stale = False
     for name, (script, _) in CHECKS.items():
         stored = read(name)
@@ -155,7 +187,10 @@ def main() -> None:
             stale = True
             print(f"{name}.json is stale, run studies/{script} again: {'; '.join(wrong)}")
         else:
-            stored["provenance"]["sources"] = {"sha256": sources_sha256(STUDIES / script), "numbers": CHECKED}
+            stored["provenance"]["sources"] = {
+                "sha256": sources_sha256(STUDIES / script),
+                "numbers": CHECKED,
+            }
             write_json(RESULTS / f"{name}.json", stored)
             print(f"{name}.json: {CHECKED}")
     sys.exit(stale)

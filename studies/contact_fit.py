@@ -38,10 +38,18 @@ FIGURES = Path("results/contact_fit")
 
 def main() -> None:
     """Fits, prints the targets beside what was reached, writes contact_fit.json and the figures."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, help=f"folder for all; without it the results go to {RESULTS}, parts and "
-                        f"figures to {FIGURES}")
-    parser.add_argument("--quick", action="store_true", help="one pair, one start, the exact tier; needs --out")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help=f"folder for all; without it the results go to {RESULTS}, parts and "
+        f"figures to {FIGURES}",
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="one pair, one start, the exact tier; needs --out"
+    )
     arguments = parser.parse_args()
     if arguments.quick and not arguments.out:
         parser.error("a part of the study must not replace it all: give --out")
@@ -49,9 +57,18 @@ def main() -> None:
     shown.mkdir(parents=True, exist_ok=True)
     results = quick(shown / "parts") if arguments.quick else whole(shown / "parts")
     stored = arguments.out or RESULTS
-    write_json(stored / "contact_fit.json", {
-        "synthetic": True, "definitions": definitions(), **results,
-        "provenance": {**provenance(input_hashes(), SEED), "sources": made_by("contact_fit.py")}})
+    write_json(
+        stored / "contact_fit.json",
+        {
+            "synthetic": True,
+            "definitions": definitions(),
+            **results,
+            "provenance": {
+                **provenance(input_hashes(), SEED),
+                "sources": made_by("contact_fit.py"),
+            },
+        },
+    )
     with look.style():
         for name, figure in figures(results).items():
             look.save_figure(figure, shown / name)
@@ -72,7 +89,10 @@ def whole(parts: Path) -> dict[str, Any]:
         for i, case in enumerate(every, 1):
             began = time.perf_counter()
             part = done(case, parts)
-            print(f"{i:3d}/{len(every)} {case.name:<58} {told(part)} ({time.perf_counter() - began:.0f} s)", flush=True)
+            print(
+                f"{i:3d}/{len(every)} {case.name:<58} {told(part)} ({time.perf_counter() - began:.0f} s)",
+                flush=True,
+            )
     return {tier: tier_results(tier, lambda case: done(case, parts)) for tier in TIERS}
 
 
@@ -88,8 +108,10 @@ def told(part: dict[str, Any]) -> str:
         return f"FAILED: {part['failed']}"
     held = [part["trials"][name]["grf_rmse_bw"] for name in part["held_out"]]
     own = [part["trials"][name]["grf_rmse_bw"] for name in part["fitted"]]
-    return (f"fitted {100 * sum(own) / len(own):5.2f}, held out {100 * sum(held) / len(held):5.2f} % BW, "
-            f"bench {part['bench']['rmse_n_per_mm']:5.2f} N/mm, fit {part['time']['wall_s']:4.0f} s")
+    return (
+        f"fitted {100 * sum(own) / len(own):5.2f}, held out {100 * sum(held) / len(held):5.2f} % BW, "
+        f"bench {part['bench']['rmse_n_per_mm']:5.2f} N/mm, fit {part['time']['wall_s']:4.0f} s"
+    )
 
 
 if __name__ == "__main__":

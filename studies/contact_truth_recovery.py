@@ -50,54 +50,100 @@ INTERVALS = {"two_trials": (TRIALS["two_trials"], 1.0, 20)}
 
 def main() -> None:
     """Fits, prints what was found and writes contact_truth_recovery.json."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, help=f"folder for all; without it the results go to {RESULTS}, parts to "
-                        f"{PARTS}")
-    parser.add_argument("--quick", action="store_true", help="one truth, one start, two seeds, one trial; needs --out")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help=f"folder for all; without it the results go to {RESULTS}, parts to {PARTS}",
+    )
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="one truth, one start, two seeds, one trial; needs --out",
+    )
     arguments = parser.parse_args()
     if arguments.quick and not arguments.out:
         parser.error("a part of the study must not replace it all: give --out")
     parts = (arguments.out or PARTS) / "parts"
     results = quick(parts) if arguments.quick else whole(parts)
     stored = arguments.out or RESULTS
-    write_json(stored / "contact_truth_recovery.json", {
-        "synthetic": True, "definitions": definitions(), **results,
-        "provenance": {**provenance(input_hashes(), SEED), "sources": made_by("contact_truth_recovery.py")}})
+    write_json(
+        stored / "contact_truth_recovery.json",
+        {
+            "synthetic": True,
+            "definitions": definitions(),
+            **results,
+            "provenance": {
+                **provenance(input_hashes(), SEED),
+                "sources": made_by("contact_truth_recovery.py"),
+            },
+        },
+    )
     print(text(results))
 
 
 def quick(parts: Path) -> dict[str, Any]:
     """A little of each."""
     one = TRIALS["one_trial"]
-    return {"recovery": {"one_trial": recovered([recovery(parts, one, 0, starts=1, direct=False)])},
-            "intervals": {"one_trial": covered([interval(parts, one, 1.0, seed) for seed in range(2)])}}
+    return {
+        "recovery": {"one_trial": recovered([recovery(parts, one, 0, starts=1, direct=False)])},
+        "intervals": {"one_trial": covered([interval(parts, one, 1.0, seed) for seed in range(2)])},
+    }
 
 
 def whole(parts: Path) -> dict[str, Any]:
     """All of it."""
     return {
-        "recovery": {name: recovered([recovery(parts, names, truth, starts=STARTS, direct=False)
-                                      for truth in range(TRUTHS)]) for name, names in TRIALS.items()},
-        "intervals": {name: covered([interval(parts, names, noise, seed) for seed in range(seeds)])
-                      for name, (names, noise, seeds) in INTERVALS.items()}}
+        "recovery": {
+            name: recovered(
+                [
+                    recovery(parts, names, truth, starts=STARTS, direct=False)
+                    for truth in range(TRUTHS)
+                ]
+            )
+            for name, names in TRIALS.items()
+        },
+        "intervals": {
+            name: covered([interval(parts, names, noise, seed) for seed in range(seeds)])
+            for name, (names, noise, seeds) in INTERVALS.items()
+        },
+    }
 
 
-def recovery(parts: Path, names: Sequence[str], truth: int, *, starts: int, direct: bool) -> dict[str, Any]:
+def recovery(
+    parts: Path, names: Sequence[str], truth: int, *, starts: int, direct: bool
+) -> dict[str, Any]:
     """One truth, several starts."""
-    return done(parts, f"recovery_{'_'.join(names)}_{truth}_{starts}",
-                lambda: recover(made(names, [SEED, 0, truth], 0.0), starts=starts, seed=SEED + truth, direct=direct))
+    return done(
+        parts,
+        f"recovery_{'_'.join(names)}_{truth}_{starts}",
+        lambda: recover(
+            made(names, [SEED, 0, truth], 0.0), starts=starts, seed=SEED + truth, direct=direct
+        ),
+    )
 
 
 def interval(parts: Path, names: Sequence[str], noise: float, seed: int) -> dict[str, Any]:
     """One seed."""
-    return done(parts, f"interval_{'_'.join(names)}_{noise:g}_{seed}",
-                lambda: cover(made(names, [SEED, 1, seed], noise), noise))
+    return done(
+        parts,
+        f"interval_{'_'.join(names)}_{noise:g}_{seed}",
+        lambda: cover(made(names, [SEED, 1, seed], noise), noise),
+    )
 
 
 def made(names: Sequence[str], seed: Sequence[int], drawn: float) -> Made:
     """Recordings of these trials' kinematics."""
-    return make([trial(name) for name in names], load_bench_file(DATA / "bench.yaml"), walker(), seed, drawn=drawn,
-                options=OPTIONS)
+    return make(
+        [trial(name) for name in names],
+        load_bench_file(DATA / "bench.yaml"),
+        walker(),
+        seed,
+        drawn=drawn,
+        options=OPTIONS,
+    )
 
 
 def done(parts: Path, name: str, make_part: Callable[[], dict[str, Any]]) -> dict[str, Any]:

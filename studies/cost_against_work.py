@@ -29,8 +29,19 @@ from vsf_drake.report.style import NEUTRAL, colour_of, drawing, label, log_scale
 from vsf_drake.simulation.reactions import LOADED_N
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
 
-COLUMNS = ("family", "size", "walk", "simulated_s", "wall_s", "settling_s", "times_faster_than_real_time",
-           "newton_iterations_a_step", "unconverged_steps", "difference_percent_body_weight", "difference_from")
+COLUMNS = (
+    "family",
+    "size",
+    "walk",
+    "simulated_s",
+    "wall_s",
+    "settling_s",
+    "times_faster_than_real_time",
+    "newton_iterations_a_step",
+    "unconverged_steps",
+    "difference_percent_body_weight",
+    "difference_from",
+)
 
 
 def main() -> None:
@@ -43,11 +54,16 @@ def main() -> None:
     trial = load_trial(embedded_trials("exact")[0])
     costs = measure_costs(trial, quick=arguments.quick, repeats=1 if arguments.quick else REPEATS)
     for cost in costs:
-        print(f"{cost.label:52} {1e3 * cost.wall_s:8.1f} ms for {cost.simulated_s:.2f} s  "
-              f"{100 * cost.difference_bw:7.4f} % BW" + (f" from {cost.against}" if cost.against else ""))
+        print(
+            f"{cost.label:52} {1e3 * cost.wall_s:8.1f} ms for {cost.simulated_s:.2f} s  "
+            f"{100 * cost.difference_bw:7.4f} % BW"
+            + (f" from {cost.against}" if cost.against else "")
+        )
     write_table(arguments.out / "cost_against_work.csv", costs)
-    title = (f"Cost against work. {trial.name}: {WALK_S:g} s, whole person, {1e3 * DEFAULT_STEP_S:g} ms unless said,\n"
-             "one core, without the settling before the start")
+    title = (
+        f"Cost against work. {trial.name}: {WALK_S:g} s, whole person, {1e3 * DEFAULT_STEP_S:g} ms unless said,\n"
+        "one core, without the settling before the start"
+    )
     save_figure(cost_figure(costs, title=title), arguments.out / "cost_against_work")
 
 
@@ -57,9 +73,21 @@ def write_table(path: Path, costs: Sequence[Cost]) -> None:
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(COLUMNS)
         for cost in costs:
-            table.writerow([cost.family, cost.size, cost.label, cost.simulated_s, cost.wall_s, cost.settling_s,
-                            cost.simulated_s / cost.wall_s, cost.iterations, cost.unconverged,
-                            100 * cost.difference_bw, cost.against])
+            table.writerow(
+                [
+                    cost.family,
+                    cost.size,
+                    cost.label,
+                    cost.simulated_s,
+                    cost.wall_s,
+                    cost.settling_s,
+                    cost.simulated_s / cost.wall_s,
+                    cost.iterations,
+                    cost.unconverged,
+                    100 * cost.difference_bw,
+                    cost.against,
+                ]
+            )
 
 
 # What a walk costs against how finely it is modelled: step size, spheres, keel elements, free coordinates.
@@ -144,8 +172,12 @@ def measure_costs(trial: Trial, *, quick: bool = False, repeats: int = REPEATS) 
         InputError, SimulationError: see `Walker`.
     """
     chosen = (STEPS_S[1:5], SPHERES[:3], ELEMENTS[:3]) if quick else (STEPS_S, SPHERES, ELEMENTS)
-    jobs = [*_step_jobs(trial, chosen[0]), *_foot_jobs(trial, "spheres", chosen[1], with_spheres),
-            *_foot_jobs(trial, "elements", chosen[2], with_elements), *_free_jobs(trial, chosen[0][-1])]
+    jobs = [
+        *_step_jobs(trial, chosen[0]),
+        *_foot_jobs(trial, "spheres", chosen[1], with_spheres),
+        *_foot_jobs(trial, "elements", chosen[2], with_elements),
+        *_free_jobs(trial, chosen[0][-1]),
+    ]
     hidden = [job.finest for job in jobs if job.finest is not None and job.finest not in jobs]
     for job in hidden:
         _run(job, trial)
@@ -155,19 +187,38 @@ def measure_costs(trial: Trial, *, quick: bool = False, repeats: int = REPEATS) 
 
 
 def _step_jobs(trial: Trial, steps_s: Sequence[float]) -> list[_Job]:
-    walker, words = Walker(trial.subject, trial.model), [f"{1e3 * step_s:g} ms" for step_s in steps_s]
-    return _family([_Job("step", step_s, f"step of {each}", walker, _window(trial), step_s)
-                    for step_s, each in zip(steps_s, words, strict=True)], words[-1])
+    walker, words = (
+        Walker(trial.subject, trial.model),
+        [f"{1e3 * step_s:g} ms" for step_s in steps_s],
+    )
+    return _family(
+        [
+            _Job("step", step_s, f"step of {each}", walker, _window(trial), step_s)
+            for step_s, each in zip(steps_s, words, strict=True)
+        ],
+        words[-1],
+    )
 
 
 def _foot_jobs(
-    trial: Trial, family: str, counts: Sequence[int], refine: Callable[[FootParameters, int], FootParameters]
+    trial: Trial,
+    family: str,
+    counts: Sequence[int],
+    refine: Callable[[FootParameters, int], FootParameters],
 ) -> list[_Job]:
     what, jobs = "spheres under the prosthetic foot" if family == "spheres" else "keel elements", []
     for count in counts:
         model = dataclasses.replace(trial.model, foot=refine(trial.model.foot, count))
-        jobs.append(_Job(family, count, f"{count} {what}", Walker(trial.subject, model), _window(trial),
-                         DEFAULT_STEP_S))
+        jobs.append(
+            _Job(
+                family,
+                count,
+                f"{count} {what}",
+                Walker(trial.subject, model),
+                _window(trial),
+                DEFAULT_STEP_S,
+            )
+        )
     return _family(jobs, f"{counts[-1]} {family}")
 
 
@@ -186,8 +237,18 @@ def _free_jobs(trial: Trial, finest_s: float) -> list[_Job]:
         count = walker.gait.plant.num_velocities() - len(walker.gait.prescribed) - 1
         label = f"{count} coordinates free: {words}"
         exact = _Job("free", count, label, walker, window, finest_s)
-        jobs.append(_Job("free", count, label, walker, window, DEFAULT_STEP_S, finest=exact,
-                         against=f"the same at {1e3 * finest_s:g} ms"))
+        jobs.append(
+            _Job(
+                "free",
+                count,
+                label,
+                walker,
+                window,
+                DEFAULT_STEP_S,
+                finest=exact,
+                against=f"the same at {1e3 * finest_s:g} ms",
+            )
+        )
     return jobs
 
 
@@ -195,9 +256,13 @@ def _let_go(side: str) -> dict[str, tuple[str, ...]]:
     """Anatomical coordinates that are not prescribed, by what that is called."""
     swinging = leg_coordinates("left" if side == "right" else "right", intact=True)
     sagittal = tuple(name for name in swinging if "flexion" in name or "angle" in name)
-    return {"socket and keel": (), "intact leg limp in its plane": sagittal,
-            "intact leg limp": swinging, "pelvis too": (*PELVIS_COORDINATES, *swinging),
-            "everything": (*PELVIS_COORDINATES, *swinging, *leg_coordinates(side, intact=False))}
+    return {
+        "socket and keel": (),
+        "intact leg limp in its plane": sagittal,
+        "intact leg limp": swinging,
+        "pelvis too": (*PELVIS_COORDINATES, *swinging),
+        "everything": (*PELVIS_COORDINATES, *swinging, *leg_coordinates(side, intact=False)),
+    }
 
 
 def _single_stance(trial: Trial) -> float:
@@ -214,8 +279,14 @@ def _window(trial: Trial) -> tuple[float, float]:
 
 
 def _walked(walker: Walker, trial: Trial, window: tuple[float, float], step_s: float) -> Walk:
-    return walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=window[0], end_s=window[1], step_s=step_s,
-                       offsets=trial.offsets)
+    return walker.walk(
+        trial.trajectory,
+        fulcrum_m=trial.fulcrum_m,
+        start_s=window[0],
+        end_s=window[1],
+        step_s=step_s,
+        offsets=trial.offsets,
+    )
 
 
 def _run(job: _Job, trial: Trial) -> None:
@@ -236,10 +307,17 @@ def _cost(trial: Trial, job: _Job) -> Cost:
     count = min(len(force) for force in pair)
     apart = float(np.sqrt(np.mean((pair[0][:count] - pair[1][:count]) ** 2)))
     return Cost(
-        family=job.family, size=float(job.size), label=job.label, simulated_s=len(record.time_s) * walk.step_s,
-        wall_s=job.wall_s, settling_s=job.settling_s, iterations=float(record.iterations.mean()),
+        family=job.family,
+        size=float(job.size),
+        label=job.label,
+        simulated_s=len(record.time_s) * walk.step_s,
+        wall_s=job.wall_s,
+        settling_s=job.settling_s,
+        iterations=float(record.iterations.mean()),
         unconverged=int(np.count_nonzero(~record.converged)),
-        difference_bw=apart / (trial.subject.mass_kg * GRAVITY), against=job.against)
+        difference_bw=apart / (trial.subject.mass_kg * GRAVITY),
+        against=job.against,
+    )
 
 
 def resultant_40_hz(walk: Walk) -> np.ndarray:
@@ -258,7 +336,10 @@ def resultant_40_hz(walk: Walk) -> np.ndarray:
 
 _PANELS = {
     "step": ("step size (ms)", "Step size"),
-    "spheres": ("contact spheres of the prosthetic foot", "Contact spheres (same outline and stiffness)"),
+    "spheres": (
+        "contact spheres of the prosthetic foot",
+        "Contact spheres (same outline and stiffness)",
+    ),
     "elements": ("elements of the keel", "Keel elements (same beam)"),
     "free": ("coordinates that are not prescribed", "Free coordinates (let go in mid-stance)"),
 }
@@ -274,8 +355,12 @@ def cost_figure(costs: Sequence[Cost], *, title: str) -> Figure:
     """
     with drawing(9.6, 7.0) as figure:
         heights = [cost.stepping_per_second for cost in costs]
-        for axes, (family, (x, name)) in zip(figure.subplots(2, 2, sharey=True).flat, _PANELS.items(), strict=True):
-            members = sorted((cost for cost in costs if cost.family == family), key=lambda cost: cost.size)
+        for axes, (family, (x, name)) in zip(
+            figure.subplots(2, 2, sharey=True).flat, _PANELS.items(), strict=True
+        ):
+            members = sorted(
+                (cost for cost in costs if cost.family == family), key=lambda cost: cost.size
+            )
             _panel(axes, members, 1e3 if family == "step" else 1.0)
             label(axes, x=x, y="wall time per simulated second (s)", title=name)
             axes.label_outer(remove_inner_ticks=True)
@@ -284,7 +369,11 @@ def cost_figure(costs: Sequence[Cost], *, title: str) -> Figure:
         axes.set_ylim(0.5 * min(heights), 2.0 * max(1.0, *heights))
         figure.suptitle(
             f"{title}\nBeside each point: RMS of the difference of its 40 Hz resultant from the panel's finest, % of "
-            "body weight\n(free coordinates: from the same motion in the finest step)", x=0.01, ha="left", fontsize=9.5)
+            "body weight\n(free coordinates: from the same motion in the finest step)",
+            x=0.01,
+            ha="left",
+            fontsize=9.5,
+        )
     return figure
 
 
@@ -293,12 +382,26 @@ def _panel(axes: Axes, members: Sequence[Cost], unit: float) -> None:
     y = np.array([cost.stepping_per_second for cost in members])
     axes.axhline(1.0, color=NEUTRAL, linewidth=1.0, linestyle=":")
     falling = y[-1] < y[0]
-    axes.annotate("real time", (1.0 if falling else 0.01, 1.0), xycoords=("axes fraction", "data"), xytext=(0, 3),
-                  textcoords="offset points", ha="right" if falling else "left", fontsize=8, color=NEUTRAL)
+    axes.annotate(
+        "real time",
+        (1.0 if falling else 0.01, 1.0),
+        xycoords=("axes fraction", "data"),
+        xytext=(0, 3),
+        textcoords="offset points",
+        ha="right" if falling else "left",
+        fontsize=8,
+        color=NEUTRAL,
+    )
     axes.plot(x, y, marker="o", markersize=6, linewidth=1.4, color=colour_of(108.0))
     for place, height, cost in zip(x, y, members, strict=True):
-        axes.annotate(_error(cost), (place, height), xytext=(3 if falling else -3, 7), textcoords="offset points",
-                      ha="left" if falling else "right", fontsize=8)
+        axes.annotate(
+            _error(cost),
+            (place, height),
+            xytext=(3 if falling else -3, 7),
+            textcoords="offset points",
+            ha="left" if falling else "right",
+            fontsize=8,
+        )
     log_scale(axes.xaxis, base=2)
     log_scale(axes.yaxis)
     axes.margins(x=0.2)
@@ -311,7 +414,11 @@ def _panel(axes: Axes, members: Sequence[Cost], unit: float) -> None:
 def _error(cost: Cost) -> str:
     if not cost.against:
         return "finest"
-    return f"{100 * cost.difference_bw:.2g} %" if cost.difference_bw > _FLOOR else f"< {100 * _FLOOR:g} %"
+    return (
+        f"{100 * cost.difference_bw:.2g} %"
+        if cost.difference_bw > _FLOOR
+        else f"< {100 * _FLOOR:g} %"
+    )
 
 
 if __name__ == "__main__":

@@ -47,7 +47,11 @@ from vsf_drake.analysis.validation.energy_ledger import (
     stance_energy,
 )
 from vsf_drake.analysis.validation.energy_section import EnergyCase, walk_cases
-from vsf_drake.analysis.validation.roll_over_section import ISO_STEPS, QUICK_ISO_STEPS, iso_roll_over
+from vsf_drake.analysis.validation.roll_over_section import (
+    ISO_STEPS,
+    QUICK_ISO_STEPS,
+    iso_roll_over,
+)
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.files import resource, sha256, write_json
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
@@ -75,9 +79,13 @@ STARTS, SEED = 3, 0
 
 def main() -> None:
     """Does all of it for both devices, writes device_hypotheses.json, prints it in short."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--quick", action="store_true", help="one walk in coarse steps, no fit; needs --out")
+    parser.add_argument(
+        "--quick", action="store_true", help="one walk in coarse steps, no fit; needs --out"
+    )
     arguments = parser.parse_args()
     if arguments.quick and arguments.out == RESULTS:
         parser.error("a part of the study must not replace it all: give --out")
@@ -85,30 +93,46 @@ def main() -> None:
     for name, freed in DEVICES.items():
         model = load_model(resource(f"models/{name}.yaml"))
         devices[name] = {
-            "bench": bench(model, quick=arguments.quick), "energy": energy(model, quick=arguments.quick),
+            "bench": bench(model, quick=arguments.quick),
+            "energy": energy(model, quick=arguments.quick),
             "roll_over": roll_over(model.foot, quick=arguments.quick),
-            "fit": None if arguments.quick else fit(model, freed)}
+            "fit": None if arguments.quick else fit(model, freed),
+        }
         tell(name, devices[name])
     files = {"bench.yaml": sha256(inputs.BENCH), SOFT: sha256(DATA / SOFT)}
     for name in TRIALS:
         files |= hashes(inputs.trial(TIER, name))
     arguments.out.mkdir(parents=True, exist_ok=True)
-    write_json(arguments.out / "device_hypotheses.json", {
-        "synthetic": True, "tier": TIER, "devices": devices,
-        "provenance": {**provenance(files, SEED), "sources": made_by("device_hypotheses.py")}})
+    write_json(
+        arguments.out / "device_hypotheses.json",
+        {
+            "synthetic": True,
+            "tier": TIER,
+            "devices": devices,
+            "provenance": {**provenance(files, SEED), "sources": made_by("device_hypotheses.py")},
+        },
+    )
 
 
 def tell(name: str, found: dict[str, Any]) -> None:
     """In short."""
     print(f"{name}: heel {found['bench']['heel_n_per_mm']:.1f} N/mm")
     for row in found["bench"]["settings"]:
-        print("  ".join(f"{key} {'-' if value is None else f'{value:.2f}'}" for key, value in row.items()))
+        print(
+            "  ".join(
+                f"{key} {'-' if value is None else f'{value:.2f}'}" for key, value in row.items()
+            )
+        )
     for row in found["energy"]["walks"]:
         parts = ", ".join(f"{part} {joule:.1f}" for part, joule in row["largest_j"].items())
-        print(f"{row['fulcrum_mm']:g} mm: stored {row['stored_j']:.1f} J, support {100 * row['support_share']:.1f} %, "
-              f"ledger within {100 * row['remainder_share']:.2f} %; largest {parts}")
+        print(
+            f"{row['fulcrum_mm']:g} mm: stored {row['stored_j']:.1f} J, support {100 * row['support_share']:.1f} %, "
+            f"ledger within {100 * row['remainder_share']:.2f} %; largest {parts}"
+        )
     if found["fit"]:
-        print({key: found["fit"].get(key) for key in ("failed", "freed", "fitted_bw", "held_out_bw")})
+        print(
+            {key: found["fit"].get(key) for key in ("failed", "freed", "fitted_bw", "held_out_bw")}
+        )
 
 
 # Bench.
@@ -119,23 +143,38 @@ def bench(model: ModelParameters, *, quick: bool) -> dict[str, Any]:
     foot, positions_m = model.foot, POSITIONS_M[::5] if quick else POSITIONS_M
     fine = dataclasses.replace(model, foot=with_elements(foot, ELEMENTS))
     own, finer = (bench_table(run_bench(one, fulcrums_m=positions_m)) for one in (model, fine))
-    return {"heel_n_per_mm": own.heel_stiffness_n_per_mm, "settings": [{
-        "fulcrum_mm": row.fulcrum_mm, "published": row.published_n_per_mm, "tuned_joints": row.tuned_joints_n_per_mm,
-        "tuned_joints_pressed": row.tuned_joints_n_per_mm and 1e-3 * _pressed_joints(row.fulcrum_mm),
-        "simulated": row.stiffness_n_per_mm,
-        "of_64_elements": refined.stiffness_n_per_mm, "closed_form": 1e-3 * float(
-            closed_form_stiffness(to_plain(foot), 1e-3 * row.fulcrum_mm)),
-        "chain_small_loads": 1e-3 * _chain(foot, 1e-3 * row.fulcrum_mm)}
-        for row, refined in zip(own.settings, finer.settings, strict=True)]}
+    return {
+        "heel_n_per_mm": own.heel_stiffness_n_per_mm,
+        "settings": [
+            {
+                "fulcrum_mm": row.fulcrum_mm,
+                "published": row.published_n_per_mm,
+                "tuned_joints": row.tuned_joints_n_per_mm,
+                "tuned_joints_pressed": row.tuned_joints_n_per_mm
+                and 1e-3 * _pressed_joints(row.fulcrum_mm),
+                "simulated": row.stiffness_n_per_mm,
+                "of_64_elements": refined.stiffness_n_per_mm,
+                "closed_form": 1e-3
+                * float(closed_form_stiffness(to_plain(foot), 1e-3 * row.fulcrum_mm)),
+                "chain_small_loads": 1e-3 * _chain(foot, 1e-3 * row.fulcrum_mm),
+            }
+            for row, refined in zip(own.settings, finer.settings, strict=True)
+        ],
+    }
 
 
 def _chain(foot: FootParameters, fulcrum_m: float) -> float:
     """Stiffness (N/m) for small loads of the chain of elements as it is, with support and series spring."""
     keel = foot.keel
     return lumped_stiffness(
-        bending_stiffness=keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m),
-        element_lengths=keel.element_lengths_m, support=fulcrum_m, load_point=foot.load_point_m,
-        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m, series_stiffness=foot.series_stiffness_n_per_m)
+        bending_stiffness=keel.flexural_modulus_pa
+        * section_inertia(keel.width_m, keel.thickness_m),
+        element_lengths=keel.element_lengths_m,
+        support=fulcrum_m,
+        load_point=foot.load_point_m,
+        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m,
+        series_stiffness=foot.series_stiffness_n_per_m,
+    )
 
 
 def _pressed_joints(fulcrum_mm: float, *, series_n_per_m: float = 62.8e3) -> float:
@@ -171,22 +210,53 @@ def energy(model: ModelParameters, *, quick: bool) -> dict[str, Any]:
     middle = trials[WALKED[1]]
     moved: dict[str, list[dict[str, Any]]] = {}
     for key, search_s in (("same_motion", None), ("same_load", SEARCH_S)):
-        walks = walk_cases([EnergyCase(
-            label=WALKED[1], trial=middle, fulcrum_m=x, step_s=SEARCH_S if quick else MOVED_S, search_step_s=search_s)
-            for x in (PUBLISHED_FULCRUMS_M[::4] if quick else PUBLISHED_FULCRUMS_M)], workers=None)
-        moved[key] = [{"fulcrum_mm": round(1e3 * walk.case.fulcrum_m, 6), "failed": walk.failure or None, **({} if
-                       walk.failure else {"stored_j": (row := walk.stances[0].row).stored_j,
-                                          "returned_j": row.returned_j, "late_load_n": row.late_load_n})}
-                      for walk in walks]
-    return {"walks": [by_part(trial, SEARCH_S if quick else FINE_S) for trial in trials.values()],
-            "moved_trial": WALKED[1], **moved}
+        walks = walk_cases(
+            [
+                EnergyCase(
+                    label=WALKED[1],
+                    trial=middle,
+                    fulcrum_m=x,
+                    step_s=SEARCH_S if quick else MOVED_S,
+                    search_step_s=search_s,
+                )
+                for x in (PUBLISHED_FULCRUMS_M[::4] if quick else PUBLISHED_FULCRUMS_M)
+            ],
+            workers=None,
+        )
+        moved[key] = [
+            {
+                "fulcrum_mm": round(1e3 * walk.case.fulcrum_m, 6),
+                "failed": walk.failure or None,
+                **(
+                    {}
+                    if walk.failure
+                    else {
+                        "stored_j": (row := walk.stances[0].row).stored_j,
+                        "returned_j": row.returned_j,
+                        "late_load_n": row.late_load_n,
+                    }
+                ),
+            }
+            for walk in walks
+        ]
+    return {
+        "walks": [by_part(trial, SEARCH_S if quick else FINE_S) for trial in trials.values()],
+        "moved_trial": WALKED[1],
+        **moved,
+    }
 
 
 def by_part(trial: Trial, step_s: float) -> dict[str, Any]:
     """The first stance: the foot's strain (J) by part when it is largest, and the largest of each part."""
     walker = Walker(trial.subject, trial.model)
-    walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                       step_s=step_s, offsets=trial.offsets)
+    walk = walker.walk(
+        trial.trajectory,
+        fulcrum_m=trial.fulcrum_m,
+        start_s=trial.start_s,
+        end_s=trial.end_s,
+        step_s=step_s,
+        offsets=trial.offsets,
+    )
     ledger = prosthesis_energy(walker, walk)
     stance = next(one for one in find_stances(ledger.time_s, ledger.vertical_n) if one.complete)
     inside = (ledger.time_s >= stance.start_s) & (ledger.time_s <= stance.end_s)
@@ -195,18 +265,28 @@ def by_part(trial: Trial, step_s: float) -> dict[str, Any]:
     k, n = walk.mechanism.sites[:count, 4], walk.mechanism.sites[:count, 5]
     each = k * np.maximum(walk.record.site("depth")[:, :count], 0.0) ** (n + 1) / (n + 1)
     at_heel = np.array([sites.zone_names[zone].startswith("heel") for zone in sites.zone])
-    parts = {"keel": ledger.terms["keel_strain"], "support": ledger.terms["fulcrum_strain"],
-             "heel": each[:, at_heel].sum(axis=1), "foam": each[:, ~at_heel].sum(axis=1),
-             "socket": ledger.terms["bushing_strain"]}
+    parts = {
+        "keel": ledger.terms["keel_strain"],
+        "support": ledger.terms["fulcrum_strain"],
+        "heel": each[:, at_heel].sum(axis=1),
+        "foam": each[:, ~at_heel].sum(axis=1),
+        "socket": ledger.terms["bushing_strain"],
+    }
     parts = {name: strain[inside] - strain[inside][0] for name, strain in parts.items()}
     row = stance_energy(ledger, stance, foot=trial.model.foot, fulcrum_m=trial.fulcrum_m).row
     top = int(np.argmax(np.sum([ledger.terms[name][inside] for name in FOOT_STRAINS], axis=0)))
     missed = ledger.terms[REMAINDER][inside]
-    return {"trial": trial.name, "fulcrum_mm": row.fulcrum_mm, "stored_j": row.stored_j, "returned_j": row.returned_j,
-            "at_most_strain_j": {name: float(strain[top]) for name, strain in parts.items()},
-            "largest_j": {name: float(strain.max()) for name, strain in parts.items()},
-            "support_share": row.fulcrum_at_most_j / row.stored_j,
-            "remainder_share": float(np.abs(missed - missed[0]).max()) / row.stored_j, "step_s": step_s}
+    return {
+        "trial": trial.name,
+        "fulcrum_mm": row.fulcrum_mm,
+        "stored_j": row.stored_j,
+        "returned_j": row.returned_j,
+        "at_most_strain_j": {name: float(strain[top]) for name, strain in parts.items()},
+        "largest_j": {name: float(strain.max()) for name, strain in parts.items()},
+        "support_share": row.fulcrum_at_most_j / row.stored_j,
+        "remainder_share": float(np.abs(missed - missed[0]).max()) / row.stored_j,
+        "step_s": step_s,
+    }
 
 
 # Rolling over, and the fit.
@@ -215,11 +295,23 @@ def by_part(trial: Trial, step_s: float) -> dict[str, Any]:
 def roll_over(foot: FootParameters, *, quick: bool) -> list[dict[str, Any]]:
     """Under the ISO 22675 profile with the weight of the embedded person as its first peak."""
     weight = inputs.trial(TIER, WALKED[0]).subject.mass_kg * GRAVITY
-    rows, _, failed = iso_roll_over(foot, PUBLISHED_FULCRUMS_M[::2] if quick else PUBLISHED_FULCRUMS_M, force_n=weight,
-                                    steps=QUICK_ISO_STEPS if quick else ISO_STEPS)
-    keys = ("fulcrum_mm", "radius_m", "effective_foot_length_ratio", "deflection_forefoot_mm", "dorsiflexing_moment_nm",
-            "stored_forefoot_j")
-    return [{key: getattr(row, key) for key in keys} for row in rows] + [{"failed": text} for text in failed]
+    rows, _, failed = iso_roll_over(
+        foot,
+        PUBLISHED_FULCRUMS_M[::2] if quick else PUBLISHED_FULCRUMS_M,
+        force_n=weight,
+        steps=QUICK_ISO_STEPS if quick else ISO_STEPS,
+    )
+    keys = (
+        "fulcrum_mm",
+        "radius_m",
+        "effective_foot_length_ratio",
+        "deflection_forefoot_mm",
+        "dorsiflexing_moment_nm",
+        "stored_forefoot_j",
+    )
+    return [{key: getattr(row, key) for key in keys} for row in rows] + [
+        {"failed": text} for text in failed
+    ]
 
 
 def fit(model: ModelParameters, freed: str) -> dict[str, Any]:
@@ -228,19 +320,35 @@ def fit(model: ModelParameters, freed: str) -> dict[str, Any]:
     options = ContactFitOptions(starts=STARTS, seed=SEED)
     pair = [trials[name] for name in PAIR]
     known = ContactFit(pair, bench=inputs.bench(), options=options)
-    parameters = known.parameters.changed([*DEVICES.values()], frozen=True).changed([freed], frozen=False)
-    problem = ContactFit(pair, bench=known.bench, options=options, walker=known.walker, parameters=parameters)
+    parameters = known.parameters.changed([*DEVICES.values()], frozen=True).changed(
+        [freed], frozen=False
+    )
+    problem = ContactFit(
+        pair, bench=known.bench, options=options, walker=known.walker, parameters=parameters
+    )
     try:
         solution = solve(problem)
-        found = assess(solution, [trials[name] for name in TRIALS if name not in PAIR], sweep=False, leave_out=False)
+        found = assess(
+            solution,
+            [trials[name] for name in TRIALS if name not in PAIR],
+            sweep=False,
+            leave_out=False,
+        )
     except (FitError, SimulationError) as error:
         return {"failed": str(error)}
     by = {score.label: score.metrics.grf_rmse_bw for score in found.scores}
     bench_n_per_mm = 1e-3 * problem.bench_stiffness(problem.parameters.u(solution.values))
-    return {"freed": {freed: solution.values[freed]}, "socket_tz_n_per_m": solution.values["socket.tz.stiffness"],
-            "bench_n_per_mm": list(map(float, bench_n_per_mm)), "by_trial_bw": by,
-            **{f"{role.replace(' ', '_')}_{short}": found.mean(role, f"{key}_{short[-2:]}")
-               for role in ("fitted", "held out") for key, short in (("grf_rmse", "bw"), ("cop_rmse", "cop_fl"))}}
+    return {
+        "freed": {freed: solution.values[freed]},
+        "socket_tz_n_per_m": solution.values["socket.tz.stiffness"],
+        "bench_n_per_mm": list(map(float, bench_n_per_mm)),
+        "by_trial_bw": by,
+        **{
+            f"{role.replace(' ', '_')}_{short}": found.mean(role, f"{key}_{short[-2:]}")
+            for role in ("fitted", "held out")
+            for key, short in (("grf_rmse", "bw"), ("cop_rmse", "cop_fl"))
+        },
+    }
 
 
 if __name__ == "__main__":

@@ -50,43 +50,72 @@ LARGEST_ERROR_BW = 1e-3
 def main() -> None:
     """Walks every trial, prints a table and writes floor.json."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, help=f"folder to write to; {RESULTS} unless --quick is given")
+    parser.add_argument(
+        "--out", type=Path, help=f"folder to write to; {RESULTS} unless --quick is given"
+    )
     parser.add_argument("--quick", action="store_true", help="one trial; needs --out")
     arguments = parser.parse_args()
     if arguments.quick and not arguments.out:
         parser.error("a part of the trials must not replace them all: give --out")
     out = arguments.out or RESULTS
     out.mkdir(parents=True, exist_ok=True)
-    names = [f"{setting}_{i}" for setting in SETTINGS for i in range(1, REPEATS + 1)][: 1 if arguments.quick else None]
+    names = [f"{setting}_{i}" for setting in SETTINGS for i in range(1, REPEATS + 1)][
+        : 1 if arguments.quick else None
+    ]
     trials: dict[str, dict[str, Any]] = {}
     inputs: dict[str, str] = {}
     print(f"resultant error, % BW{'':<6}" + "".join(f"{kind:>24}" for kind in KINDS))
     for name in names:
-        exact, noisy = (load_trial(DATA / tier / f"{name}.yaml") for tier in ("exact", "laboratory"))
+        exact, noisy = (
+            load_trial(DATA / tier / f"{name}.yaml") for tier in ("exact", "laboratory")
+        )
         inputs |= hashes(exact) | hashes(noisy)
         walk = virtual_walk(exact)
         found = {
-            "exact": scores(walk, exact.prosthetic_plate), "plate_noise": scores(walk, noisy.prosthetic_plate),
-            "laboratory": floor(noisy), "shared_errors_removed": floor_with_shared_errors_removed(noisy, SEED),
-            "height_fitted": floor_with_height_fitted(noisy, SEED)}
+            "exact": scores(walk, exact.prosthetic_plate),
+            "plate_noise": scores(walk, noisy.prosthetic_plate),
+            "laboratory": floor(noisy),
+            "shared_errors_removed": floor_with_shared_errors_removed(noisy, SEED),
+            "height_fitted": floor_with_height_fitted(noisy, SEED),
+        }
         if found["exact"]["grf_rmse_bw"] > LARGEST_ERROR_BW:
-            raise SystemExit(f"{name}: the virtual prosthesis does not reproduce its own plate: "
-                             f"{100 * found['exact']['grf_rmse_bw']:.3g} % BW")
+            raise SystemExit(
+                f"{name}: the virtual prosthesis does not reproduce its own plate: "
+                f"{100 * found['exact']['grf_rmse_bw']:.3g} % BW"
+            )
         trials[name] = {"fulcrum_mm": round(1e3 * exact.fulcrum_m, 9), **found}
         print(f"{name:26}" + "".join(f"{100 * found[kind]['grf_rmse_bw']:24.4f}" for kind in KINDS))
-    mean = {kind: {key: float(np.mean([row[kind][key] for row in trials.values()])) for key in SCORES if "rmse" in key}
-            for kind in KINDS}
+    mean = {
+        kind: {
+            key: float(np.mean([row[kind][key] for row in trials.values()]))
+            for key in SCORES
+            if "rmse" in key
+        }
+        for kind in KINDS
+    }
     print(f"{'mean':26}" + "".join(f"{100 * mean[kind]['grf_rmse_bw']:24.4f}" for kind in KINDS))
-    write_json(out / "floor.json", {
-        "synthetic": True, "definitions": KINDS, "trials": trials, "mean_of_trials": mean,
-        "provenance": {**provenance(inputs, SEED), "sources": made_by("floor_of_the_reference_subject.py")}})
+    write_json(
+        out / "floor.json",
+        {
+            "synthetic": True,
+            "definitions": KINDS,
+            "trials": trials,
+            "mean_of_trials": mean,
+            "provenance": {
+                **provenance(inputs, SEED),
+                "sources": made_by("floor_of_the_reference_subject.py"),
+            },
+        },
+    )
 
 
 def hashes(trial: Trial) -> dict[str, str]:
     """SHA-256 of the trial's files and of the nominal model by their path in the reference subject's folder."""
     folder = os.path.relpath(trial.path.parent, DATA)
     return {NOMINAL: sha256(DATA / NOMINAL)} | {
-        Path(os.path.normpath(os.path.join(folder, name))).as_posix(): sha for name, sha in trial.inputs.items()}
+        Path(os.path.normpath(os.path.join(folder, name))).as_posix(): sha
+        for name, sha in trial.inputs.items()
+    }
 
 
 if __name__ == "__main__":

@@ -32,9 +32,13 @@ def main() -> None:
     """Walks every position, writes the table and the figure."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("trial", type=Path, nargs="?")
-    parser.add_argument("--offsets-from", type=Path, help="another trial of this person, to fit the offsets to")
+    parser.add_argument(
+        "--offsets-from", type=Path, help="another trial of this person, to fit the offsets to"
+    )
     parser.add_argument("--out", type=Path, default=Path("results/fulcrum_sweep"))
-    parser.add_argument("--quick", action="store_true", help="6 positions instead of 21, in this process")
+    parser.add_argument(
+        "--quick", action="store_true", help="6 positions instead of 21, in this process"
+    )
     parser.add_argument("--workers", type=int, help="processes; one a core unless given")
     arguments = parser.parse_args()
     embedded = {path.stem: path for path in embedded_trials("exact")}
@@ -43,9 +47,12 @@ def main() -> None:
         other = embedded["low_1"]
     offsets = trial.offsets if other is None else fit_offsets(load_trial(other)).offsets
     positions_m = 1e-3 * np.round(np.linspace(FIRST_MM, LAST_MM, 6 if arguments.quick else 21), 3)
-    outcomes = simulate_batch([WalkCase(trial=trial, fulcrum_m=float(f), offsets=offsets) for f in positions_m],
-                              workers=1 if arguments.quick and arguments.workers is None else arguments.workers,
-                              cache=arguments.out / "walks", progress=True)
+    outcomes = simulate_batch(
+        [WalkCase(trial=trial, fulcrum_m=float(f), offsets=offsets) for f in positions_m],
+        workers=1 if arguments.quick and arguments.workers is None else arguments.workers,
+        cache=arguments.out / "walks",
+        progress=True,
+    )
     rows: list[dict[str, Any]] = []
     compared = []
     for position, outcome in zip(positions_m, outcomes, strict=True):
@@ -58,12 +65,22 @@ def main() -> None:
     if not rows:
         raise SystemExit("every walk failed")
     best = min(rows, key=lambda row: row["grf_rmse_bw"])["fulcrum_mm"]
-    print(f"smallest resultant error at {best:g} mm; the fulcrum stood at {1e3 * trial.fulcrum_m:g} mm")
-    write_json(arguments.out / "fulcrum_sweep.json", {
-        "trial": trial.name, "synthetic": trial.synthetic, "offsets": to_plain(offsets),
-        "offsets_fitted_to": None if other is None else Path(other).stem,
-        "fulcrum_in_the_trial_mm": 1e3 * trial.fulcrum_m,
-        "smallest_error_at_mm": best, "positions": rows, "failed": [o.failure for o in outcomes if not o.ok]})
+    print(
+        f"smallest resultant error at {best:g} mm; the fulcrum stood at {1e3 * trial.fulcrum_m:g} mm"
+    )
+    write_json(
+        arguments.out / "fulcrum_sweep.json",
+        {
+            "trial": trial.name,
+            "synthetic": trial.synthetic,
+            "offsets": to_plain(offsets),
+            "offsets_fitted_to": None if other is None else Path(other).stem,
+            "fulcrum_in_the_trial_mm": 1e3 * trial.fulcrum_m,
+            "smallest_error_at_mm": best,
+            "positions": rows,
+            "failed": [o.failure for o in outcomes if not o.ok],
+        },
+    )
     with look.style():
         look.save_figure(figure(trial, rows, compared), arguments.out / "fulcrum_sweep")
 
@@ -73,13 +90,31 @@ def figure(trial: Trial, rows: list[dict], compared: list[tuple[float, Compariso
     made = look.new_figure(10.0, 3.6)
     errors, force, cop = made.subplots(1, 3)
     place = [row["fulcrum_mm"] for row in rows]
-    errors.axvline(1e3 * trial.fulcrum_m, color="0.6", linewidth=5.0, alpha=0.5, label="in the trial")
-    errors.plot(place, [100 * row["grf_rmse_bw"] for row in rows], "o-", color="0.15", label="resultant force, % BW")
-    errors.plot(place, [100 * row["cop_rmse_fl"] for row in rows], "s--", color="0.5", label="centre of pressure, % FL")
+    errors.axvline(
+        1e3 * trial.fulcrum_m, color="0.6", linewidth=5.0, alpha=0.5, label="in the trial"
+    )
+    errors.plot(
+        place,
+        [100 * row["grf_rmse_bw"] for row in rows],
+        "o-",
+        color="0.15",
+        label="resultant force, % BW",
+    )
+    errors.plot(
+        place,
+        [100 * row["cop_rmse_fl"] for row in rows],
+        "s--",
+        color="0.5",
+        label="centre of pressure, % FL",
+    )
     errors.set_ylim(bottom=0.0)
     errors.legend()
-    look.label(errors, x="fulcrum from the keel's posterior end (mm)", y="RMS error (%)",
-               title="Error" + " (synthetic recording)" * trial.synthetic)
+    look.label(
+        errors,
+        x="fulcrum from the keel's posterior end (mm)",
+        y="RMS error (%)",
+        title="Error" + " (synthetic recording)" * trial.synthetic,
+    )
     weight = trial.subject.mass_kg * GRAVITY
     shown = compared[:: max(1, (len(compared) - 1) // 5)]
     for number, (position, c) in enumerate(shown):
@@ -90,13 +125,24 @@ def figure(trial: Trial, rows: list[dict], compared: list[tuple[float, Compariso
         for stance in c.stances[:1]:
             start = np.nanmin(stance.measured_cop[:, 0])
             if number == 0:
-                cop.plot(PERCENT, 1e3 * (stance.measured_cop[:, 0] - start), color="0.4", label="force plate",
-                         **look.MEASURED)
-            cop.plot(PERCENT, 1e3 * (stance.model_cop[:, 0] - start), **line,
-                     label=look.name_of(round(1e3 * position, 3)))
+                cop.plot(
+                    PERCENT,
+                    1e3 * (stance.measured_cop[:, 0] - start),
+                    color="0.4",
+                    label="force plate",
+                    **look.MEASURED,
+                )
+            cop.plot(
+                PERCENT,
+                1e3 * (stance.model_cop[:, 0] - start),
+                **line,
+                label=look.name_of(round(1e3 * position, 3)),
+            )
     cop.legend(loc="lower right")
     look.label(force, x="time (s)", y="vertical force (BW)", title="Force")
-    look.label(cop, x="stance (%)", y="fore-aft, from its first point (mm)", title="Centre of pressure")
+    look.label(
+        cop, x="stance (%)", y="fore-aft, from its first point (mm)", title="Centre of pressure"
+    )
     return made
 
 

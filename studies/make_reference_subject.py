@@ -27,7 +27,14 @@ from virtual_laboratory.prosthesis import Prosthesis, prosthesis_of
 from virtual_laboratory.recording import Recorded, in_radians, record
 from virtual_laboratory.targets import Draw, describe, draw_trials, lifted
 from virtual_laboratory.tiers import draw_placement, exact, laboratory
-from virtual_laboratory.writing import NAME, NOTICE, write_readme, write_subject, write_tables, write_trial
+from virtual_laboratory.writing import (
+    NAME,
+    NOTICE,
+    write_readme,
+    write_subject,
+    write_tables,
+    write_trial,
+)
 
 from vsf_drake.motion.trial import default_model
 from vsf_drake.parameters import GRAVITY, Subject
@@ -40,19 +47,34 @@ STEPS, QUICK_STEPS = 8, 1
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Make the embedded reference subject. It is synthetic.")
-    parser.add_argument("--out", type=Path, help=f"folder to write to; {DATA} unless --quick or --only is given")
+    parser = argparse.ArgumentParser(
+        description="Make the embedded reference subject. It is synthetic."
+    )
+    parser.add_argument(
+        "--out", type=Path, help=f"folder to write to; {DATA} unless --quick or --only is given"
+    )
     parser.add_argument("--quick", action="store_true", help="one trial, coarsely; needs --out")
-    parser.add_argument("--only", metavar="TRIAL", help="one trial, such as medium_1, as in the whole set; needs --out")
+    parser.add_argument(
+        "--only",
+        metavar="TRIAL",
+        help="one trial, such as medium_1, as in the whole set; needs --out",
+    )
     arguments = parser.parse_args()
     draws = draw_trials(SEED)
     chosen = arguments.only or (draws[0].name if arguments.quick else None)
     if chosen not in (None, *(draw.name for draw in draws)):
-        parser.error(f"there is no trial {chosen}; there are {', '.join(draw.name for draw in draws)}")
+        parser.error(
+            f"there is no trial {chosen}; there are {', '.join(draw.name for draw in draws)}"
+        )
     if chosen and not arguments.out:
         parser.error("a part of the set must not replace it: give --out")
     out = arguments.out or DATA
-    make(out, [d for d in draws if chosen in (None, d.name)], draws, QUICK_STEPS if arguments.quick else STEPS)
+    make(
+        out,
+        [d for d in draws if chosen in (None, d.name)],
+        draws,
+        QUICK_STEPS if arguments.quick else STEPS,
+    )
 
 
 def make(out: Path, wanted: list[Draw], draws: list[Draw], steps: int) -> None:
@@ -71,10 +93,15 @@ def make(out: Path, wanted: list[Draw], draws: list[Draw], steps: int) -> None:
             write_trial(out, trial, tier)
         write_walk(out / "markers", person, draw.name, in_radians(trial.coordinates))
         drawn[draw.name] = describe(trial.draw)
-        figures[draw.name], curves[draw.name] = trial_figures(trial, person), stance_curve(trial, weight)
+        figures[draw.name], curves[draw.name] = (
+            trial_figures(trial, person),
+            stance_curve(trial, weight),
+        )
         stance, took = figures[draw.name]["stance_s"], time.perf_counter() - began
         print(f"{draw.name}: stance {stance:.3f} s, made in {took:.0f} s")
-    null = {one: {other: null_error(curves[one], curves[other]) for other in curves} for one in curves}
+    null = {
+        one: {other: null_error(curves[one], curves[other]) for other in curves} for one in curves
+    }
     write_tables(out, {"figures.csv": figures, "draws.csv": drawn}, f"{NAME}: {NOTICE}")
     write_readme(out, figures, null)
 

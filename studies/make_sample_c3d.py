@@ -35,14 +35,18 @@ PLATE_CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 def main() -> None:
     """Writes all files, or those of one walk and the standing trial."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=FOLDER)
-    parser.add_argument("--quick", action="store_true", help="the standing trial and one walk; needs --out")
+    parser.add_argument(
+        "--quick", action="store_true", help="the standing trial and one walk; needs --out"
+    )
     arguments = parser.parse_args()
     if arguments.quick and arguments.out == FOLDER:
         parser.error("a part of the files must not replace them all: give --out")
     arguments.out.mkdir(parents=True, exist_ok=True)
-    for name in ("static", *WALKS[:1 if arguments.quick else None]):
+    for name in ("static", *WALKS[: 1 if arguments.quick else None]):
         print(write(name, arguments.out))
 
 
@@ -50,7 +54,9 @@ def write(name: str, folder: Path) -> Path:
     """One file; of a walk with the plates under the first whole stance of each foot."""
     recorded = read_trial(DATA / "markers" / f"{name}.trc")
     file = ezc3d.c3d()
-    points = 1e3 * np.stack([*recorded.markers.values()], axis=2).transpose(1, 2, 0)  # (3, markers, frames), mm
+    points = 1e3 * np.stack([*recorded.markers.values()], axis=2).transpose(
+        1, 2, 0
+    )  # (3, markers, frames), mm
     file["data"]["points"] = np.concatenate([points, np.ones((1, *points.shape[1:]))])
     point = file["parameters"]["POINT"]
     point["RATE"]["value"], point["UNITS"]["value"] = [recorded.marker_rate_hz], ["mm"]
@@ -66,22 +72,38 @@ def write(name: str, folder: Path) -> Path:
     return path
 
 
-def _add_plates(file: ezc3d.c3d, plates: dict[str, PlateRecording], frames: int, marker_hz: float) -> None:
+def _add_plates(
+    file: ezc3d.c3d, plates: dict[str, PlateRecording], frames: int, marker_hz: float
+) -> None:
     """Channels and places of a plate for each foot."""
     rate = round(1.0 / np.median(np.diff(plates["right"].time_s)))
     samples = round(rate / marker_hz) * frames
     channels, corners = [], []
     for plate in plates.values():
         stance = next(s for s in find_stances(plate.time_s, plate.force_W[:, 2]) if s.complete)
-        on = (plate.time_s >= stance.start_s - 0.02) & (plate.time_s <= stance.end_s + 0.02) & (plate.force_W[:, 2] > 0)
+        on = (
+            (plate.time_s >= stance.start_s - 0.02)
+            & (plate.time_s <= stance.end_s + 0.02)
+            & (plate.force_W[:, 2] > 0)
+        )
         cop = plate.cop_W[on]
         low, high = np.nanmin(cop, axis=0)[:2] - MARGIN_M, np.nanmax(cop, axis=0)[:2] + MARGIN_M
         # x forward, y to the right, z down, so that a foot presses with a positive Fz
-        corners.append(np.array([[high[0], low[1], 0.0], [low[0], low[1], 0.0], [low[0], high[1], 0.0],
-                                 [high[0], high[1], 0.0]]))
+        corners.append(
+            np.array(
+                [
+                    [high[0], low[1], 0.0],
+                    [low[0], low[1], 0.0],
+                    [low[0], high[1], 0.0],
+                    [high[0], high[1], 0.0],
+                ]
+            )
+        )
         force = np.where(on[:, None], -plate.force_W, 0.0)
         arm = np.nan_to_num(plate.cop_W - [*(0.5 * (low + high)), -DEPTH_M])
-        moment = np.cross(arm, force) - np.outer(np.where(on, np.nan_to_num(plate.free_moment_nm), 0.0), [0, 0, 1])
+        moment = np.cross(arm, force) - np.outer(
+            np.where(on, np.nan_to_num(plate.free_moment_nm), 0.0), [0, 0, 1]
+        )
         wrench = np.zeros((samples, 6))
         told = min(samples, len(force))
         wrench[:told] = (np.hstack([force, 1e3 * moment]) * [1, -1, -1, 1, -1, -1])[:told]
@@ -92,10 +114,13 @@ def _add_plates(file: ezc3d.c3d, plates: dict[str, PlateRecording], frames: int,
     analog["LABELS"]["value"] = [f"{name}{k}" for k in (1, 2) for name in PLATE_CHANNELS]
     analog["UNITS"]["value"] = [*["N"] * 3, *["Nmm"] * 3] * len(channels)
     for name, value in {
-            "USED": [len(channels)], "TYPE": [2] * len(channels), "ZERO": [1, 0],
-            "CORNERS": 1e3 * np.stack([corner.T for corner in corners], axis=2),
-            "ORIGIN": np.array([[0.0, 0.0, -1e3 * DEPTH_M]] * len(channels)).T,
-            "CHANNEL": np.arange(1.0, 1.0 + 6 * len(channels)).reshape(-1, 6).T}.items():
+        "USED": [len(channels)],
+        "TYPE": [2] * len(channels),
+        "ZERO": [1, 0],
+        "CORNERS": 1e3 * np.stack([corner.T for corner in corners], axis=2),
+        "ORIGIN": np.array([[0.0, 0.0, -1e3 * DEPTH_M]] * len(channels)).T,
+        "CHANNEL": np.arange(1.0, 1.0 + 6 * len(channels)).reshape(-1, 6).T,
+    }.items():
         file.add_parameter("FORCE_PLATFORM", name, value)
 
 

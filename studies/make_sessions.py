@@ -34,8 +34,21 @@ from virtual_laboratory.floor import session_floor
 from virtual_laboratory.motion import Person
 from virtual_laboratory.people import TruePerson, true_persons
 from virtual_laboratory.session import Session, draw_session, session_tier
-from virtual_laboratory.targets import LEG_M, REFERENCE_STATURE_M, SETTINGS, Draw, describe, draw_trials
-from virtual_laboratory.writing import Label, write_session_readme, write_subject, write_tables, write_trial
+from virtual_laboratory.targets import (
+    LEG_M,
+    REFERENCE_STATURE_M,
+    SETTINGS,
+    Draw,
+    describe,
+    draw_trials,
+)
+from virtual_laboratory.writing import (
+    Label,
+    write_session_readme,
+    write_subject,
+    write_tables,
+    write_trial,
+)
 
 from vsf_drake.motion.trial import default_model
 from vsf_drake.parameters import GRAVITY
@@ -76,20 +89,31 @@ class Task:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, help=f"folder to write to; without it the embedded part goes to {DATA}")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--out", type=Path, help=f"folder to write to; without it the embedded part goes to {DATA}"
+    )
     parser.add_argument("--workers", type=int, default=2, help="processes")
-    parser.add_argument("--speed", choices=[f"{value:g}" for value in SPEEDS.values()], help="one speed, m/s")
+    parser.add_argument(
+        "--speed", choices=[f"{value:g}" for value in SPEEDS.values()], help="one speed, m/s"
+    )
     parser.add_argument("--person", choices=[name.lower() for name in DAYS], help="one person")
     parser.add_argument("--quick", action="store_true", help="one trial, coarsely; needs --out")
     arguments = parser.parse_args()
     if not arguments.out and (arguments.quick or arguments.person or arguments.speed):
         parser.error("a part of the set must not replace it: give --out")
     speeds = [name for name, value in SPEEDS.items() if arguments.speed in (None, f"{value:g}")]
-    wanted = [Task(person, day, speed, number, QUICK_STEPS if arguments.quick else STEPS)
-              for person, days in DAYS.items() if arguments.person in (None, person.lower()) for day in days
-              for speed in (speeds if arguments.out else [EMBEDDED]) if day == 1 or speed == EMBEDDED
-              for number in range(len(draws(person, day, speed)))]
+    wanted = [
+        Task(person, day, speed, number, QUICK_STEPS if arguments.quick else STEPS)
+        for person, days in DAYS.items()
+        if arguments.person in (None, person.lower())
+        for day in days
+        for speed in (speeds if arguments.out else [EMBEDDED])
+        if day == 1 or speed == EMBEDDED
+        for number in range(len(draws(person, day, speed)))
+    ]
     make(arguments.out or DATA, wanted[: 1 if arguments.quick else None], arguments.workers)
 
 
@@ -104,13 +128,22 @@ def make(out: Path, wanted: list[Task], workers: int) -> None:
         try:
             for i, done in enumerate(as_completed(running), 1):
                 parts[running[done]] = done.result()
-                print(f"{i:3d}/{len(wanted)} {running[done].name} ({time.perf_counter() - began:.0f} s)", flush=True)
+                print(
+                    f"{i:3d}/{len(wanted)} {running[done].name} ({time.perf_counter() - began:.0f} s)",
+                    flush=True,
+                )
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     rows = {task.name: parts[task] for task in wanted}
-    write_tables(out, {f"{table}.csv": {name: dict(sorted(row[table].items())) for name, row in rows.items()}
-                       for table in ("figures", "draws")}, NOTICE)  # sorted, as kept parts are
+    write_tables(
+        out,
+        {
+            f"{table}.csv": {name: dict(sorted(row[table].items())) for name, row in rows.items()}
+            for table in ("figures", "draws")
+        },
+        NOTICE,
+    )  # sorted, as kept parts are
     write_session_readme(out, rows)
     shutil.rmtree(out / ".made")
 
@@ -125,7 +158,9 @@ def of_person(out: Path, person: TruePerson) -> None:
 def part(out: Path, task: Task) -> dict[str, Any]:
     """What is known of a trial once it is written."""
     key = digest({"task": dataclasses.asdict(task), "seed": SEED, **made_by("make_sessions.py")})
-    return kept(out / ".made" / Path(task.name).parent, task.draw.name, key, lambda: write(out, task))[0]
+    return kept(
+        out / ".made" / Path(task.name).parent, task.draw.name, key, lambda: write(out, task)
+    )[0]
 
 
 def write(out: Path, task: Task) -> dict[str, Any]:
@@ -134,19 +169,44 @@ def write(out: Path, task: Task) -> dict[str, Any]:
     prosthesis = person.prosthesis(draw.fulcrum_m)
     trial = walk_trial(moving(task.person), prosthesis, draw, task.steps)
     index = (list(SPEEDS).index(task.speed), task.number)
-    tier, own = (session_tier(trial, one, task.speed, index) for one in (of_day, of_day.of_trials_alone()))
+    tier, own = (
+        session_tier(trial, one, task.speed, index) for one in (of_day, of_day.of_trials_alone())
+    )
     folder = out / task.folder
     subject = {key: value for key, value in to_plain(of_day.written).items() if value is not None}
-    write_subject(folder, f"# {NOTICE}.\n# As measured on this day.\n" + "".join(
-        f"{key}: {value}\n" for key, value in {**subject, "prosthetic_side": person.side}.items()))
-    write_trial(folder, trial, tier, Label(
-        name=of_day.written.name, notice=NOTICE, subject="../subject.yaml", mirrored=person.side == "left"))
+    write_subject(
+        folder,
+        f"# {NOTICE}.\n# As measured on this day.\n"
+        + "".join(
+            f"{key}: {value}\n"
+            for key, value in {**subject, "prosthetic_side": person.side}.items()
+        ),
+    )
+    write_trial(
+        folder,
+        trial,
+        tier,
+        Label(
+            name=of_day.written.name,
+            notice=NOTICE,
+            subject="../subject.yaml",
+            mirrored=person.side == "left",
+        ),
+    )
     weight = person.subject.mass_kg * GRAVITY
-    floors = {"floor_bw": session_floor(prosthesis, of_day, trial, tier),
-              "own_floor_bw": session_floor(prosthesis, of_day.of_trials_alone(), trial, own)}
-    figures = trial_figures(trial, moving(task.person)) | {name: found["grf_rmse_bw"] for name, found in floors.items()}
-    return {"figures": figures,
-            "draws": describe(trial.draw), "condition": draw.condition, "curve": stance_curve(trial, weight).tolist()}
+    floors = {
+        "floor_bw": session_floor(prosthesis, of_day, trial, tier),
+        "own_floor_bw": session_floor(prosthesis, of_day.of_trials_alone(), trial, own),
+    }
+    figures = trial_figures(trial, moving(task.person)) | {
+        name: found["grf_rmse_bw"] for name, found in floors.items()
+    }
+    return {
+        "figures": figures,
+        "draws": describe(trial.draw),
+        "condition": draw.condition,
+        "curve": stance_curve(trial, weight).tolist(),
+    }
 
 
 @cache
@@ -156,8 +216,11 @@ def persons() -> dict[str, TruePerson]:
 
 @cache
 def session(person: str, day: int) -> Session:
-    return draw_session(persons()[person].subject, seed=(SEED, ord(person), day),
-                        name=f"SYNTHETIC person {person}, day {day}")
+    return draw_session(
+        persons()[person].subject,
+        seed=(SEED, ord(person), day),
+        name=f"SYNTHETIC person {person}, day {day}",
+    )
 
 
 @cache
@@ -169,8 +232,12 @@ def moving(person: str) -> Person:
 def draws(person: str, day: int, speed: str) -> list[Draw]:
     true = persons()[person]
     passive = ("passive",) if true.passive and speed == EMBEDDED else ()
-    return draw_trials([SEED, ord(person), day, list(SPEEDS).index(speed)], SPEEDS[speed],
-                       leg_m=LEG_M * true.subject.stature_m / REFERENCE_STATURE_M, conditions=(*SETTINGS, *passive))
+    return draw_trials(
+        [SEED, ord(person), day, list(SPEEDS).index(speed)],
+        SPEEDS[speed],
+        leg_m=LEG_M * true.subject.stature_m / REFERENCE_STATURE_M,
+        conditions=(*SETTINGS, *passive),
+    )
 
 
 if __name__ == "__main__":

@@ -30,14 +30,19 @@ def with_spheres(foot: FootParameters, spheres: int) -> FootParameters:
     if spheres == sum(has):
         return foot
     if spheres < sum(has) or max(has) == 1:
-        raise InputError(f"{spheres} spheres cannot be had by refining {sum(has)}", where="spheres",
-                         right="It must be at least what the foot has, with a zone of several")
+        raise InputError(
+            f"{spheres} spheres cannot be had by refining {sum(has)}",
+            where="spheres",
+            right="It must be at least what the foot has, with a zone of several",
+        )
     shared = np.array([count if count > 1 else 0 for count in has])
     share = (spheres - has.count(1)) * shared / shared.sum()
     counts = np.where(shared > 0, np.floor(share).astype(int), 1)
     short = spheres - int(counts.sum())
     counts[np.argsort(np.floor(share) - share, kind="stable")[:short]] += 1
-    zones = tuple(_refined(zone, int(count)) for zone, count in zip(foot.zones, counts, strict=True))
+    zones = tuple(
+        _refined(zone, int(count)) for zone, count in zip(foot.zones, counts, strict=True)
+    )
     return dataclasses.replace(foot, zones=zones)
 
 
@@ -45,13 +50,21 @@ def _refined(zone: ContactZone, count: int) -> ContactZone:
     if count == len(zone.x_mm):
         return zone
     if len(set(zone.rise_mm)) > 1:
-        raise InputError(f"the spheres of zone {zone.name!r} do not have one height", where="zones",
-                         right="Only a zone that is flat can be refined")
+        raise InputError(
+            f"the spheres of zone {zone.name!r} do not have one height",
+            where="zones",
+            right="Only a zone that is flat can be refined",
+        )
     points = fill(np.column_stack([zone.x_mm, zone.y_mm]), count)
     ratio = len(zone.x_mm) / count
     return dataclasses.replace(
-        zone, x_mm=tuple(points[:, 0].tolist()), y_mm=tuple(points[:, 1].tolist()), rise_mm=zone.rise_mm[:1] * count,
-        stiffness=zone.stiffness * ratio, damping_n_s_per_m=zone.damping_n_s_per_m * ratio)
+        zone,
+        x_mm=tuple(points[:, 0].tolist()),
+        y_mm=tuple(points[:, 1].tolist()),
+        rise_mm=zone.rise_mm[:1] * count,
+        stiffness=zone.stiffness * ratio,
+        damping_n_s_per_m=zone.damping_n_s_per_m * ratio,
+    )
 
 
 def fill(corners: np.ndarray, count: int) -> np.ndarray:
@@ -71,30 +84,47 @@ def fill(corners: np.ndarray, count: int) -> np.ndarray:
 
     low, high = edges(breaks)
     if front == rear or np.all(high - low <= 0.0):
-        ends = corners[np.lexsort(corners.T)][[0, -1]] if front == rear else np.column_stack([breaks, low])[[0, -1]]
+        ends = (
+            corners[np.lexsort(corners.T)][[0, -1]]
+            if front == rear
+            else np.column_stack([breaks, low])[[0, -1]]
+        )
         return np.linspace(ends[0], ends[1], count)
     spacing = np.sqrt(np.trapezoid(high - low, breaks) / count)
     rows = breaks
     while True:
         parts = np.maximum(np.ceil(np.diff(breaks) / spacing), 1).astype(int)
-        rows = np.append(np.concatenate([np.linspace(a, b, n, endpoint=False) for a, b, n in zip(
-            breaks[:-1], breaks[1:], parts, strict=True)]), breaks[-1])
+        rows = np.append(
+            np.concatenate(
+                [
+                    np.linspace(a, b, n, endpoint=False)
+                    for a, b, n in zip(breaks[:-1], breaks[1:], parts, strict=True)
+                ]
+            ),
+            breaks[-1],
+        )
         low, high = edges(rows)
         least = np.where(high > low, 2, 1)
         if least.sum() <= count:
             break
         if len(rows) == len(breaks):
-            raise InputError(f"{count} spheres cannot hold an outline of {least.sum()}", where="spheres",
-                             right="Take more")
+            raise InputError(
+                f"{count} spheres cannot hold an outline of {least.sum()}",
+                where="spheres",
+                right="Take more",
+            )
         spacing *= 1.1
     gaps = np.diff(rows)
     area = (high - low) * 0.5 * (np.append(gaps, 0.0) + np.append(0.0, gaps))
     held = least.copy()
     for _ in range(count - int(held.sum())):
         held[np.argmax(np.where(high > low, area * count / area.sum() - held, -np.inf))] += 1
-    return np.concatenate([
-        np.column_stack([np.full(n, x), np.linspace(a, b, n) if n > 1 else [0.5 * (a + b)]])
-        for x, a, b, n in zip(rows, low, high, held, strict=True)])
+    return np.concatenate(
+        [
+            np.column_stack([np.full(n, x), np.linspace(a, b, n) if n > 1 else [0.5 * (a + b)]])
+            for x, a, b, n in zip(rows, low, high, held, strict=True)
+        ]
+    )
 
 
 def _hull_side(corners: np.ndarray, sign: float) -> np.ndarray:

@@ -49,7 +49,13 @@ from make_sessions import DATA, EMBEDDED, SPEEDS, draws, session
 from virtual_laboratory.truth import true_values
 
 from vsf_drake.analysis import discrepancy
-from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, ContactFitSolution, assess, solve
+from vsf_drake.analysis.contact_fit import (
+    ContactFit,
+    ContactFitOptions,
+    ContactFitSolution,
+    assess,
+    solve,
+)
 from vsf_drake.analysis.contact_fit.assessment import HELD_OUT
 from vsf_drake.analysis.contact_fit.solution import JointEnd
 from vsf_drake.analysis.prediction import LAYERS, LayerScore, TrialLayers, layers_of
@@ -65,13 +71,23 @@ from vsf_drake.simulation.walk import Walker
 
 PARTS = Path("results/session_fit")
 SEED, SEEDS = 0, 10
-NULLS = ("null_model_grf_rmse_bw", "null_model_predicted_times_grf_rmse_bw", "null_model_interpolated_grf_rmse_bw")
+NULLS = (
+    "null_model_grf_rmse_bw",
+    "null_model_predicted_times_grf_rmse_bw",
+    "null_model_interpolated_grf_rmse_bw",
+)
 CODE_SCALES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4)
 """Of the model in the third layer, tried on A and B."""
 SCORES = tuple(field.name for field in fields(LayerScore))
 THIRD = "c_day_1"
 QUICK = {"starts": 1, "tolerance": 0.01, "step_s": 4e-3, "report_step_s": 8e-3}
-FITTED, SAME, UNSEEN, SPEED, DAY = "fitted", "same setting", "unseen setting", "another speed", "another day"
+FITTED, SAME, UNSEEN, SPEED, DAY = (
+    "fitted",
+    "same setting",
+    "unseen setting",
+    "another speed",
+    "another day",
+)
 FLOORS = ("floor_bw", "own_floor_bw")
 SEEN_ON_PEOPLE = {"held_out_grf_rmse_bw": (0.04, 0.09), "null_model_grf_rmse_bw": (0.02, 0.05)}
 """What fits like these were left with on recordings of people, from and to; those recordings are not kept here."""
@@ -106,18 +122,35 @@ class Case:
 
 
 PAIR, PASSIVE = ("low_1", "high_1"), ("passive_1", "passive_2")
-CASES = (Case("a", 1, PAIR), Case("a", 2, PAIR), Case("b", 1, PAIR), Case("c", 1, PAIR), Case("c", 1, PASSIVE))
+CASES = (
+    Case("a", 1, PAIR),
+    Case("a", 2, PAIR),
+    Case("b", 1, PAIR),
+    Case("c", 1, PAIR),
+    Case("c", 1, PASSIVE),
+)
 REPEATED = tuple(Case(person, 1, PAIR, seed) for person in "abc" for seed in range(SEEDS))
 """Those whose ends and intervals are counted."""
 
 
 def main() -> None:
     """Fits every person, prints a table and writes session_fit.json."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=DATA, help="folder of the sessions; with other speeds they judge")
-    parser.add_argument("--out", type=Path, help=f"folder to write to; {RESULTS} unless --quick or --data is given")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=DATA,
+        help="folder of the sessions; with other speeds they judge",
+    )
+    parser.add_argument(
+        "--out", type=Path, help=f"folder to write to; {RESULTS} unless --quick or --data is given"
+    )
     parser.add_argument("--workers", type=int, default=2, help="processes, a fit each")
-    parser.add_argument("--quick", action="store_true", help="one fit, coarsely, two trials judge; needs --out")
+    parser.add_argument(
+        "--quick", action="store_true", help="one fit, coarsely, two trials judge; needs --out"
+    )
     arguments = parser.parse_args()
     if not arguments.out and (arguments.quick or arguments.data != DATA):
         parser.error("a part of the study, or one of other data, must not replace it: give --out")
@@ -126,19 +159,31 @@ def main() -> None:
     cases = CASES[:1] if arguments.quick else tuple(dict.fromkeys((*CASES, *REPEATED)))
     parts = (arguments.out or PARTS) / "parts"
     with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
-        found = list(pool.map(done, [(case, arguments.data, parts, arguments.quick) for case in cases]))
+        found = list(
+            pool.map(done, [(case, arguments.data, parts, arguments.quick) for case in cases])
+        )
     inputs: dict[str, str] = {}
     for part in found:
         inputs |= part.pop("inputs")
     by_case = dict(zip(cases, found, strict=True))
     fits = {case.name: part for case, part in by_case.items() if case.seed == SEED}
     repeated = {case: by_case[case] for case in REPEATED if case in by_case}
-    write_json(out / "session_fit.json", {
-        "synthetic": True, "definitions": __doc__, "seen_on_people": SEEN_ON_PEOPLE, "fits": len(repeated),
-        "converged": sum(part["converged"] for part in repeated.values()), **coverage(list(repeated.values())),
-        "ends": ends(repeated), "seeds": {case.name: part for case, part in repeated.items() if case.seed != SEED},
-        "third_person": third_person(fits.get(THIRD, {})),
-        "cases": fits, "provenance": {**provenance(inputs, SEED), "sources": made_by("session_fit.py")}})
+    write_json(
+        out / "session_fit.json",
+        {
+            "synthetic": True,
+            "definitions": __doc__,
+            "seen_on_people": SEEN_ON_PEOPLE,
+            "fits": len(repeated),
+            "converged": sum(part["converged"] for part in repeated.values()),
+            **coverage(list(repeated.values())),
+            "ends": ends(repeated),
+            "seeds": {case.name: part for case, part in repeated.items() if case.seed != SEED},
+            "third_person": third_person(fits.get(THIRD, {})),
+            "cases": fits,
+            "provenance": {**provenance(inputs, SEED), "sources": made_by("session_fit.py")},
+        },
+    )
     print(text_table(fits))
     print(text_of_ends(ends(repeated), coverage(list(repeated.values()))))
 
@@ -147,13 +192,22 @@ def done(task: tuple[Case, Path, Path, bool]) -> dict[str, Any]:
     """The case's part, made now unless it was made before of the same files by the same sources."""
     case, data, parts, quick = task
     began = time.perf_counter()
-    inputs = {NOMINAL: sha256(REFERENCE / NOMINAL), "../sessions/draws.csv": sha256(data / "draws.csv")}
+    inputs = {
+        NOMINAL: sha256(REFERENCE / NOMINAL),
+        "../sessions/draws.csv": sha256(data / "draws.csv"),
+    }
     judges = judging(case, data) if case.seed == SEED else []
     for trial in [*judges, *(read(data, case, name) for name in case.fitted)]:
         inputs |= hashes(trial)
     if not case.passive:
-        inputs |= {f"../sessions/{case.person}/bench_curves.csv": sha256(data / case.person / "bench_curves.csv")}
-    key = digest({"case": asdict(case), "quick": quick, **provenance(inputs), **made_by("session_fit.py")})
+        inputs |= {
+            f"../sessions/{case.person}/bench_curves.csv": sha256(
+                data / case.person / "bench_curves.csv"
+            )
+        }
+    key = digest(
+        {"case": asdict(case), "quick": quick, **provenance(inputs), **made_by("session_fit.py")}
+    )
     part, _ = kept(parts, case.name, key, lambda: run(case, data, quick))
     print(f"{case.name} ({time.perf_counter() - began:.0f} s)", flush=True)
     return {**part, "inputs": inputs}
@@ -161,7 +215,11 @@ def done(task: tuple[Case, Path, Path, bool]) -> dict[str, Any]:
 
 def run(case: Case, data: Path, quick: bool) -> dict[str, Any]:
     """Fits and judges; a fit that fails is told as such."""
-    told: dict[str, Any] = {"fitted": list(case.fitted), "bench": not case.passive, "seed": case.seed}
+    told: dict[str, Any] = {
+        "fitted": list(case.fitted),
+        "bench": not case.passive,
+        "seed": case.seed,
+    }
     problem = fit_of(case, data, quick)
     try:
         solution = solve(problem)
@@ -171,36 +229,67 @@ def run(case: Case, data: Path, quick: bool) -> dict[str, Any]:
         told["end"] = end_of(case, data, solution)
         if case.seed != SEED:
             return {**told, "converged": True, "ended": solution.message}
-        own = judging(case, data)[:2 if quick else None]
+        own = judging(case, data)[: 2 if quick else None]
         here = [trial for trial in own if trial.subject == problem.trials[0].subject]
         judged = assess(solution, here, sweep=False, leave_out=False, angle_errors=not quick)
         assert judged.layers is not None
         contact, step_s = judged.layers.teach(solution.contact()), problem.options.report_step_s
         walkers = {trial.subject: walker_of(trial, contact) for trial in own if trial not in here}
-        layers = [*judged.layers.trials, *(
-            layers_of(trial, path_in(data, trial), contact, walker=walkers[trial.subject], step_s=step_s)
-            for trial in own if trial not in here)]
+        layers = [
+            *judged.layers.trials,
+            *(
+                layers_of(
+                    trial,
+                    path_in(data, trial),
+                    contact,
+                    walker=walkers[trial.subject],
+                    step_s=step_s,
+                )
+                for trial in own
+                if trial not in here
+            ),
+        ]
     except (FitError, SimulationError) as error:
         return {**told, "converged": False, "ended": str(error)}
     every = [*problem.trials, *here, *(trial for trial in own if trial not in here)]
-    trials = {path_in(data, trial): row(case, data, trial, found) for trial, found in zip(every, layers, strict=True)}
-    return {**told, "converged": True, "ended": solution.message,
-            "values": solution.values, "bench_rmse_n_per_mm": judged.bench and judged.bench.stiffness
-            and judged.bench.stiffness.rmse, "trials": trials, "mean": means(trials),
-            "walked": {score.label: {key: getattr(score.metrics, key) for key in SCORES} for score in judged.scores},
-            "earned": judged.layers.earned,
-            "momentum": plain(contact.momentum), "angle_errors": plain(judged.angle_errors),
-            "discrepancy": contact.discrepancy and {name: getattr(contact.discrepancy, name)
-                                                    for name in ("shared", "own")},
-            "code_scale": {} if quick or case.person == "c" else scaled(here, contact, step_s)}
+    trials = {
+        path_in(data, trial): row(case, data, trial, found)
+        for trial, found in zip(every, layers, strict=True)
+    }
+    return {
+        **told,
+        "converged": True,
+        "ended": solution.message,
+        "values": solution.values,
+        "bench_rmse_n_per_mm": judged.bench
+        and judged.bench.stiffness
+        and judged.bench.stiffness.rmse,
+        "trials": trials,
+        "mean": means(trials),
+        "walked": {
+            score.label: {key: getattr(score.metrics, key) for key in SCORES}
+            for score in judged.scores
+        },
+        "earned": judged.layers.earned,
+        "momentum": plain(contact.momentum),
+        "angle_errors": plain(judged.angle_errors),
+        "discrepancy": contact.discrepancy
+        and {name: getattr(contact.discrepancy, name) for name in ("shared", "own")},
+        "code_scale": {} if quick or case.person == "c" else scaled(here, contact, step_s),
+    }
 
 
-def scaled(trials: Sequence[Trial], contact: FittedContact, step_s: float) -> dict[str, float | None]:
+def scaled(
+    trials: Sequence[Trial], contact: FittedContact, step_s: float
+) -> dict[str, float | None]:
     """Mean error of the third layer over trials by CODE_SCALE."""
     walker, found = walker_of(trials[0], contact), {}
     for scale in CODE_SCALES:
         with mock.patch.object(discrepancy, "CODE_SCALE", scale):
-            rows = [layers_of(trial, trial.name, contact, walker=walker, step_s=step_s) for trial in trials]
+            rows = [
+                layers_of(trial, trial.name, contact, walker=walker, step_s=step_s)
+                for trial in trials
+            ]
         found[f"{scale:g}"] = mean_of(row.layers[LAYERS[-1]].grf_rmse_bw for row in rows)
     return found
 
@@ -208,8 +297,11 @@ def scaled(trials: Sequence[Trial], contact: FittedContact, step_s: float) -> di
 def fit_of(case: Case, data: Path, quick: bool = False) -> ContactFit:
     """The fit as `vsf-drake fit` makes it of two trials and curves."""
     bench = None if case.passive else load_measured_bench(data / case.person / "bench_curves.csv")
-    return ContactFit([read(data, case, name) for name in case.fitted], bench=bench,
-                      options=ContactFitOptions(seed=case.seed, **(QUICK if quick else {})))
+    return ContactFit(
+        [read(data, case, name) for name in case.fitted],
+        bench=bench,
+        options=ContactFitOptions(seed=case.seed, **(QUICK if quick else {})),
+    )
 
 
 def end_of(case: Case, data: Path, solution: ContactFitSolution) -> dict[str, Any]:
@@ -217,20 +309,28 @@ def end_of(case: Case, data: Path, solution: ContactFitSolution) -> dict[str, An
     cost over the lowest less 1, with the priors as they were at first."""
     assert isinstance(solution.end, JointEnd)
     told, values = solution.end.uncertainty, solution.values
-    costs = [one.cost for one in solution.end.searches[:solution.fit.joint.starts] if one.success]
+    costs = [one.cost for one in solution.end.searches[: solution.fit.joint.starts] if one.success]
     (truth, found), parameters = (truths(case, data, as_found) for as_found in (False, True)), {}
     for i, name in enumerate(told.names):
         if name in truth:
             low, high = map(float, told.interval[i])
             parameters[name] = {
-                "truth": truth[name], "value": values[name], "interval": [low, high],
-                "standard_error": float(told.standard_error[i]), "contained": low <= truth[name] <= high,
-                "truth_as_found": found[name], "contained_as_found": low <= found[name] <= high,
-                "identified": name not in told.unidentified}
-    return {"cost": solution.end.evaluation.cost, "starts_converged": len(costs),
-            "cost_spread": max(costs) / min(costs) - 1.0,
-            "widened": sorted(solution.contradiction.sd_away) if solution.contradiction else [],
-            "parameters": parameters}
+                "truth": truth[name],
+                "value": values[name],
+                "interval": [low, high],
+                "standard_error": float(told.standard_error[i]),
+                "contained": low <= truth[name] <= high,
+                "truth_as_found": found[name],
+                "contained_as_found": low <= found[name] <= high,
+                "identified": name not in told.unidentified,
+            }
+    return {
+        "cost": solution.end.evaluation.cost,
+        "starts_converged": len(costs),
+        "cost_spread": max(costs) / min(costs) - 1.0,
+        "widened": sorted(solution.contradiction.sd_away) if solution.contradiction else [],
+        "parameters": parameters,
+    }
 
 
 @cache
@@ -241,7 +341,9 @@ def truths(case: Case, data: Path, as_found: bool = False) -> dict[str, float]:
     for name in case.fitted:
         drawn = table(data, "draws")[f"{case.session}/{EMBEDDED}/{name}"]
         stride_s = float(drawn["stance_s"]) / float(drawn["duty"])
-        trials.append((read(data, case, name), stride_s, (list(SPEEDS).index(EMBEDDED), number[name])))
+        trials.append(
+            (read(data, case, name), stride_s, (list(SPEEDS).index(EMBEDDED), number[name]))
+        )
     return true_values(session(person, case.day), trials, as_found=as_found)
 
 
@@ -254,17 +356,34 @@ def coverage(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
             rows.setdefault(name.removesuffix("_r").removesuffix("_l"), []).append(row)
     every = [row for of in rows.values() for row in of]
     known = [row for row in every if row["identified"]]
-    return {"interval_coverage": mean_of(row["contained"] for row in every),
-            "interval_coverage_as_found": mean_of(row["contained_as_found"] for row in every), "intervals": {
-        "parameters": {name: {
-            "n": len(of), "contained": sum(row["contained"] for row in of),
-            "contained_as_found": sum(row["contained_as_found"] for row in of),
-            "identified": sum(row["identified"] for row in of),
-            "rms_off_in_standard_errors": float(np.sqrt(np.mean(
-                [((row["value"] - row["truth"]) / row["standard_error"]) ** 2 for row in of])))}
-            for name, of in rows.items()},
-        "n": len(every), "identified": len(known),
-        "share_contained_of_identified": mean_of(row["contained"] for row in known)}}
+    return {
+        "interval_coverage": mean_of(row["contained"] for row in every),
+        "interval_coverage_as_found": mean_of(row["contained_as_found"] for row in every),
+        "intervals": {
+            "parameters": {
+                name: {
+                    "n": len(of),
+                    "contained": sum(row["contained"] for row in of),
+                    "contained_as_found": sum(row["contained_as_found"] for row in of),
+                    "identified": sum(row["identified"] for row in of),
+                    "rms_off_in_standard_errors": float(
+                        np.sqrt(
+                            np.mean(
+                                [
+                                    ((row["value"] - row["truth"]) / row["standard_error"]) ** 2
+                                    for row in of
+                                ]
+                            )
+                        )
+                    ),
+                }
+                for name, of in rows.items()
+            },
+            "n": len(every),
+            "identified": len(known),
+            "share_contained_of_identified": mean_of(row["contained"] for row in known),
+        },
+    }
 
 
 def ends(repeated: dict[Case, dict[str, Any]]) -> dict[str, Any]:
@@ -278,15 +397,22 @@ def ends(repeated: dict[Case, dict[str, Any]]) -> dict[str, Any]:
         told[reported] = {"fits": len(parts), "converged": len(found)}
         if found:
             costs = [end["cost"] for end in found]
-            apart = {name: float(np.ptp([end["parameters"][name]["value"] for end in found])
-                                 / max(end["parameters"][name]["standard_error"] for end in found))
-                     for name in found[0]["parameters"]}
+            apart = {
+                name: float(
+                    np.ptp([end["parameters"][name]["value"] for end in found])
+                    / max(end["parameters"][name]["standard_error"] for end in found)
+                )
+                for name in found[0]["parameters"]
+            }
             told[reported] |= {
-                "cost": min(costs), "cost_spread": max(costs) / min(costs) - 1.0,
+                "cost": min(costs),
+                "cost_spread": max(costs) / min(costs) - 1.0,
                 "largest_cost_spread_of_starts": max(end["cost_spread"] for end in found),
                 "fewest_starts_converged": min(end["starts_converged"] for end in found),
-                "largest_apart": max(apart.values()), "apart": apart,
-                "largest_wall_s": max(part["wall_s"] for part in parts if part["converged"])}
+                "largest_apart": max(apart.values()),
+                "apart": apart,
+                "largest_wall_s": max(part["wall_s"] for part in parts if part["converged"]),
+            }
     return told
 
 
@@ -300,7 +426,11 @@ def judging(case: Case, data: Path) -> list[Trial]:
     """What judges: the other trials with this foot, of all days and speeds of this person that are there."""
     files = sorted((data / case.person).glob("day_*/*/*.yaml"))
     own = {data / case.session / EMBEDDED / f"{name}.yaml" for name in case.fitted}
-    return [load_trial(file) for file in files if file not in own and file.stem.startswith("passive") == case.passive]
+    return [
+        load_trial(file)
+        for file in files
+        if file not in own and file.stem.startswith("passive") == case.passive
+    ]
 
 
 @cache
@@ -317,23 +447,43 @@ def row(case: Case, data: Path, trial: Trial, found: TrialLayers) -> dict[str, A
     """A trial's numbers, and what it is to the fit."""
     path = path_in(data, trial)
     person_day, speed, name = path.rsplit("/", 2)
-    role = (DAY if person_day != case.session else SPEED if speed != EMBEDDED else FITTED if name in case.fitted
-            else SAME if name[:-1] in {one[:-1] for one in case.fitted} else UNSEEN)
-    return {"role": role, "fulcrum_mm": round(1e3 * trial.fulcrum_m, 6),
-            "layers": plain(found.layers), "correction": plain(found.correction),
-            **{name: getattr(found, name) for name in NULLS}, **floors(data).get(path, {})}
+    role = (
+        DAY
+        if person_day != case.session
+        else SPEED
+        if speed != EMBEDDED
+        else FITTED
+        if name in case.fitted
+        else SAME
+        if name[:-1] in {one[:-1] for one in case.fitted}
+        else UNSEEN
+    )
+    return {
+        "role": role,
+        "fulcrum_mm": round(1e3 * trial.fulcrum_m, 6),
+        "layers": plain(found.layers),
+        "correction": plain(found.correction),
+        **{name: getattr(found, name) for name in NULLS},
+        **floors(data).get(path, {}),
+    }
 
 
 def floors(data: Path) -> dict[str, dict[str, float]]:
     """By trial."""
-    return {trial: {name: float(row[name]) for name in FLOORS} for trial, row in table(data, "figures").items()}
+    return {
+        trial: {name: float(row[name]) for name in FLOORS}
+        for trial, row in table(data, "figures").items()
+    }
 
 
 @cache
 def table(data: Path, name: str) -> dict[str, dict[str, str]]:
     """Rows of one of the sessions' tables by trial."""
     with (data / f"{name}.csv").open(encoding="utf-8") as lines:
-        return {row["trial"]: row for row in csv.DictReader(line for line in lines if not line.startswith("#"))}
+        return {
+            row["trial"]: row
+            for row in csv.DictReader(line for line in lines if not line.startswith("#"))
+        }
 
 
 def means(trials: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
@@ -343,13 +493,28 @@ def means(trials: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     for name, of in {**roles, HELD_OUT: (SAME, UNSEEN)}.items():
         rows = [row for row in trials.values() if row["role"] in of]
         if rows:
-            layers = {layer: {
-                **{key: mean_of(row["layers"][layer][key] for row in rows) for key in SCORES},
-                **{of: sum(row["layers"][layer]["grf_rmse_bw"] < row[null] for row in rows if row[null] is not None)
-                   for of, null in (("beats_null", NULLS[0]), ("beats_interpolated_null", NULLS[2]))}}
-                for layer in LAYERS}
-            found[name] = {"n": len(rows), "layers": layers,
-                           **{key: mean_of(row.get(key) for row in rows) for key in (*NULLS, *FLOORS)}}
+            layers = {
+                layer: {
+                    **{key: mean_of(row["layers"][layer][key] for row in rows) for key in SCORES},
+                    **{
+                        of: sum(
+                            row["layers"][layer]["grf_rmse_bw"] < row[null]
+                            for row in rows
+                            if row[null] is not None
+                        )
+                        for of, null in (
+                            ("beats_null", NULLS[0]),
+                            ("beats_interpolated_null", NULLS[2]),
+                        )
+                    },
+                }
+                for layer in LAYERS
+            }
+            found[name] = {
+                "n": len(rows),
+                "layers": layers,
+                **{key: mean_of(row.get(key) for row in rows) for key in (*NULLS, *FLOORS)},
+            }
     return found
 
 
@@ -364,35 +529,59 @@ def third_person(part: dict[str, Any]) -> dict[str, Any] | None:
     mean = part.get("mean")
     if not mean:
         return None
-    layers = {layer: {
-        "fitted_grf_rmse_bw": mean[FITTED]["layers"][layer]["grf_rmse_bw"],
-        "held_out_same_setting_grf_rmse_bw": mean[SAME]["layers"][layer]["grf_rmse_bw"],
-        "held_out_unseen_setting_grf_rmse_bw": mean[UNSEEN]["layers"][layer]["grf_rmse_bw"],
-        "null_model_grf_rmse_bw": mean[HELD_OUT][NULLS[0]],
-        **{null: mean[HELD_OUT][null] for null in NULLS[1:]},
-        "held_out_fore_aft_rmse_bw": mean[HELD_OUT]["layers"][layer]["fore_aft_rmse_bw"],
-        "held_out_cop_rmse_fl": mean[HELD_OUT]["layers"][layer]["cop_rmse_fl"],
-        "held_out_cop_lateral_rmse_fl": mean[HELD_OUT]["layers"][layer]["cop_ml_rmse_fl"],
-        "held_out_beats_null": mean[HELD_OUT]["layers"][layer]["beats_null"],
-        "held_out": mean[HELD_OUT]["n"]} for layer in LAYERS}
-    return {"layer": part["earned"], **layers[part["earned"]], "layers": layers,
-            "angle_errors": [row for row in part["angle_errors"] if row["role"] == HELD_OUT]}
+    layers = {
+        layer: {
+            "fitted_grf_rmse_bw": mean[FITTED]["layers"][layer]["grf_rmse_bw"],
+            "held_out_same_setting_grf_rmse_bw": mean[SAME]["layers"][layer]["grf_rmse_bw"],
+            "held_out_unseen_setting_grf_rmse_bw": mean[UNSEEN]["layers"][layer]["grf_rmse_bw"],
+            "null_model_grf_rmse_bw": mean[HELD_OUT][NULLS[0]],
+            **{null: mean[HELD_OUT][null] for null in NULLS[1:]},
+            "held_out_fore_aft_rmse_bw": mean[HELD_OUT]["layers"][layer]["fore_aft_rmse_bw"],
+            "held_out_cop_rmse_fl": mean[HELD_OUT]["layers"][layer]["cop_rmse_fl"],
+            "held_out_cop_lateral_rmse_fl": mean[HELD_OUT]["layers"][layer]["cop_ml_rmse_fl"],
+            "held_out_beats_null": mean[HELD_OUT]["layers"][layer]["beats_null"],
+            "held_out": mean[HELD_OUT]["n"],
+        }
+        for layer in LAYERS
+    }
+    return {
+        "layer": part["earned"],
+        **layers[part["earned"]],
+        "layers": layers,
+        "angle_errors": [row for row in part["angle_errors"] if row["role"] == HELD_OUT],
+    }
 
 
 def text_table(fits: dict[str, dict[str, Any]]) -> str:
     """Lines for the screen: % body weight, centre of pressure % foot length."""
-    heads = (*(f"+ {layer}" for layer in LAYERS), "null", "null, pred.", "null, between", "own floor", "CoP",
-             "CoP lateral")
+    heads = (
+        *(f"+ {layer}" for layer in LAYERS),
+        "null",
+        "null, pred.",
+        "null, between",
+        "own floor",
+        "CoP",
+        "CoP lateral",
+    )
     lines = [f"{'fit':<18}{'judged by':<16}{'n':>4}" + "".join(f"{head:>15}" for head in heads)]
     for name, part in fits.items():
         if not part["converged"]:
             lines.append(f"{name:<18}FAILED: {part['ended']}")
         for role, mean in part.get("mean", {}).items():
             scores = mean["layers"]
-            numbers = [*(scores[layer]["grf_rmse_bw"] for layer in LAYERS), *(mean[key] for key in NULLS),
-                       mean["own_floor_bw"], *(scores[part["earned"] or LAYERS[0]][key] for key in SCORES[-2:])]
-            lines.append(f"{name:<18}{role:<16}{mean['n']:>4}" + "".join(
-                f"{'-':>15}" if number is None else f"{100 * number:>15.1f}" for number in numbers))
+            numbers = [
+                *(scores[layer]["grf_rmse_bw"] for layer in LAYERS),
+                *(mean[key] for key in NULLS),
+                mean["own_floor_bw"],
+                *(scores[part["earned"] or LAYERS[0]][key] for key in SCORES[-2:]),
+            ]
+            lines.append(
+                f"{name:<18}{role:<16}{mean['n']:>4}"
+                + "".join(
+                    f"{'-':>15}" if number is None else f"{100 * number:>15.1f}"
+                    for number in numbers
+                )
+            )
     return "\n".join(lines)
 
 
@@ -401,15 +590,23 @@ def text_of_ends(found: dict[str, Any], covered: dict[str, Any]) -> str:
     lines = []
     for name, row in found.items():
         of = f"{name:<18}{row['converged']} of {row['fits']} seeds converged"
-        lines.append(of if not row["converged"] else f"{of}; cost apart {100 * row['cost_spread']:.1f} % by seed, "
-                     f"{100 * row['largest_cost_spread_of_starts']:.1f} % by start; values up to "
-                     f"{row['largest_apart']:.2f} standard errors")
+        lines.append(
+            of
+            if not row["converged"]
+            else f"{of}; cost apart {100 * row['cost_spread']:.1f} % by seed, "
+            f"{100 * row['largest_cost_spread_of_starts']:.1f} % by start; values up to "
+            f"{row['largest_apart']:.2f} standard errors"
+        )
     for name, row in covered["intervals"]["parameters"].items():
-        lines.append(f"{name:<28}truth in {row['contained']:>2} of {row['n']:>2} 95 % intervals, as found in "
-                     f"{row['contained_as_found']:>2}; off by {row['rms_off_in_standard_errors']:.1f} standard errors")
+        lines.append(
+            f"{name:<28}truth in {row['contained']:>2} of {row['n']:>2} 95 % intervals, as found in "
+            f"{row['contained_as_found']:>2}; off by {row['rms_off_in_standard_errors']:.1f} standard errors"
+        )
     if covered["interval_coverage"] is not None:
-        lines.append(f"{'all':<28}{100 * covered['interval_coverage']:.0f} % of {covered['intervals']['n']}, as found "
-                     f"{100 * covered['interval_coverage_as_found']:.0f} %")
+        lines.append(
+            f"{'all':<28}{100 * covered['interval_coverage']:.0f} % of {covered['intervals']['n']}, as found "
+            f"{100 * covered['interval_coverage_as_found']:.0f} %"
+        )
     return "\n".join(lines)
 
 

@@ -14,13 +14,21 @@ def main() -> None:
     """Computes what does not fit the present inputs and sources; some minutes for all."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, help=f"folder to write to; {SHIPPED} unless given")
-    parser.add_argument("--quick", action="store_true", help="name the sections that fit, compute none")
+    parser.add_argument(
+        "--quick", action="store_true", help="name the sections that fit, compute none"
+    )
     arguments = parser.parse_args()
     study = validation.make_study(
-        validation.embedded_trials(), contact=validation.embedded_contact(), bench=validation.embedded_bench(),
-        options=validation.StudyOptions(full=not arguments.quick))
+        validation.embedded_trials(),
+        contact=validation.embedded_contact(),
+        bench=validation.embedded_bench(),
+        options=validation.StudyOptions(full=not arguments.quick),
+    )
     key = shipped_key(study)
-    shipped, written = SectionStore(resource(SHIPPED), key), SectionStore(arguments.out or resource(SHIPPED), key)
+    shipped, written = (
+        SectionStore(resource(SHIPPED), key),
+        SectionStore(arguments.out or resource(SHIPPED), key),
+    )
     for name, finished in run_sections(study, shipped=shipped, names=LONG).items():
         print(name, finished.failure or finished.computed or f"{finished.wall_s:.0f} s")
         if not finished.computed:

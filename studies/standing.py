@@ -23,7 +23,9 @@ LENGTH_DIFFERENCES_M = (-0.010, 0.0, 0.010)
 
 def main() -> None:
     """Stands every person at every setting and writes one table."""
-    parser = argparse.ArgumentParser(description="Standing still: what the ground carries, and under which foot.")
+    parser = argparse.ArgumentParser(
+        description="Standing still: what the ground carries, and under which foot."
+    )
     parser.add_argument("--out", type=Path, default=Path("results/standing"))
     parser.add_argument("--quick", action="store_true", help="one second instead of ten")
     arguments = parser.parse_args()
@@ -34,11 +36,18 @@ def main() -> None:
             subject = person(side, difference, model)
             for fulcrum_m in FULCRUMS_M:
                 for upright in (False, True):
-                    standing = simulate_standing(subject, model, fulcrum_m=fulcrum_m, upright=upright,
-                                                 duration_s=1.0 if arguments.quick else 10.0)
+                    standing = simulate_standing(
+                        subject,
+                        model,
+                        fulcrum_m=fulcrum_m,
+                        upright=upright,
+                        duration_s=1.0 if arguments.quick else 10.0,
+                    )
                     table = plain(standing_table(standing))
                     del table["series"]
-                    rows.append({**table, "prosthesis_longer_mm": 1e3 * difference, "upright": upright})
+                    rows.append(
+                        {**table, "prosthesis_longer_mm": 1e3 * difference, "upright": upright}
+                    )
                     print(line(rows[-1]))
     arguments.out.mkdir(parents=True, exist_ok=True)
     write_json(arguments.out / "standing.json", {"standing": rows})
@@ -53,10 +62,14 @@ def person(side: str, difference_m: float, model: ModelParameters) -> Subject:
 
 def line(row: dict) -> str:
     """One row to read."""
-    held = ", ".join(f"{name.removeprefix('pelvis_')} {value:.0f}" for name, value in row["held_nm"].items())
-    return (f"{row['prosthetic_side']:5s} {row['prosthesis_longer_mm']:+3.0f} mm  fulcrum {row['fulcrum_mm']:3.0f} mm  "
-            f"mean {row['mean_vertical_n']:.1f} of {row['weight_n']:.1f} N  prosthetic {row['prosthetic_share']:.0%}  "
-            f"list {row['pelvis_deg']['list']:+.1f} deg  drift {row['drift_mm']:.2f} mm  held (N m) {held or '-'}")
+    held = ", ".join(
+        f"{name.removeprefix('pelvis_')} {value:.0f}" for name, value in row["held_nm"].items()
+    )
+    return (
+        f"{row['prosthetic_side']:5s} {row['prosthesis_longer_mm']:+3.0f} mm  fulcrum {row['fulcrum_mm']:3.0f} mm  "
+        f"mean {row['mean_vertical_n']:.1f} of {row['weight_n']:.1f} N  prosthetic {row['prosthetic_share']:.0%}  "
+        f"list {row['pelvis_deg']['list']:+.1f} deg  drift {row['drift_mm']:.2f} mm  held (N m) {held or '-'}"
+    )
 
 
 if __name__ == "__main__":

@@ -17,8 +17,15 @@ from once import once
 
 from vsf_drake.files import resource
 
-LONG = {"test_level2", "test_pages", "test_processes", "test_readme", "test_sessions", "test_site",
-        "test_stored_results"}
+LONG = {
+    "test_level2",
+    "test_pages",
+    "test_processes",
+    "test_readme",
+    "test_sessions",
+    "test_site",
+    "test_stored_results",
+}
 """Files whose slow tests take a minute or more together."""
 
 
@@ -52,7 +59,9 @@ def quick_fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
         folder.mkdir()
         words = ("--bench", data / "bench_curves.csv", "--quick")
         with contextlib.redirect_stdout(io.StringIO()) as said:
-            assert exit_code("fit", data / "exact/medium_1.yaml", "--out", folder / "fit", *words) == 0
+            assert (
+                exit_code("fit", data / "exact/medium_1.yaml", "--out", folder / "fit", *words) == 0
+            )
         (folder / "said.txt").write_text(said.getvalue(), encoding="utf-8")
 
     return once(tmp_path_factory, "quick_fit", fit) / "fit"
@@ -61,6 +70,7 @@ def quick_fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
     """Runs the command line with words; returns exit code, standard output, and what it says of errors on one line."""
+
     def _run(*words: object) -> tuple[int, str, str]:
         code, captured = exit_code(*words), capsys.readouterr()
         return code, captured.out, re.sub(r"\s+", " ", captured.err)
@@ -71,6 +81,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str
 @pytest.fixture(scope="session")
 def quick_validation(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of `vsf-drake validate --quick --full` on the embedded data; only to be read."""
+
     def make(folder: Path) -> None:
         assert exit_code("validate", "--quick", "--full", "--workers", "1", "--out", folder) == 0
 

@@ -20,22 +20,59 @@ from vsf_drake import parameters
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "vsf_drake"
 FILES = sorted(PACKAGE.rglob("*.py"))
-BESIDE_LAWS = ("errors", "files", "text_table", "yaml_file", "schema", "ground",
-               "parameters", "model_file", "bench_curves", "contact_file",
-               "sentences", "motion", "scenario", "tables")
+BESIDE_LAWS = (
+    "errors",
+    "files",
+    "text_table",
+    "yaml_file",
+    "schema",
+    "ground",
+    "parameters",
+    "model_file",
+    "bench_curves",
+    "contact_file",
+    "sentences",
+    "motion",
+    "scenario",
+    "tables",
+)
 LAYERS = ("laws", "systems", "plants", "simulation", "collocation", "analysis", "report", "cli")
 RANK = {name: 0 for name in BESIDE_LAWS} | {name: rank for rank, name in enumerate(LAYERS)}
 WITHOUT_DRAKE = (
-    *(f"{name}.py" for name in ("errors", "files", "text_table", "yaml_file", "schema", "tables",
-                                "parameters", "model_file", "bench_curves", "contact_file")),
-    "laws/*.py", "motion/**/*.py", "simulation/results.py", "simulation/archive.py",
-    "analysis/metrics.py", "analysis/sweep_table.py", "analysis/comparison.py", "analysis/bench_metrics.py",
-    "report/style.py", "report/figures.py", "report/*_figure*.py", "report/outputs.py",
-    "report/tuning/*.py", "report/validation/*_chapter.py",
+    *(
+        f"{name}.py"
+        for name in (
+            "errors",
+            "files",
+            "text_table",
+            "yaml_file",
+            "schema",
+            "tables",
+            "parameters",
+            "model_file",
+            "bench_curves",
+            "contact_file",
+        )
+    ),
+    "laws/*.py",
+    "motion/**/*.py",
+    "simulation/results.py",
+    "simulation/archive.py",
+    "analysis/metrics.py",
+    "analysis/sweep_table.py",
+    "analysis/comparison.py",
+    "analysis/bench_metrics.py",
+    "report/style.py",
+    "report/figures.py",
+    "report/*_figure*.py",
+    "report/outputs.py",
+    "report/tuning/*.py",
+    "report/validation/*_chapter.py",
 )
 ONLY = {"laws": {"laws", "errors"}, "collocation": {"collocation", "errors", "schema", "files"}}
 """What these import at all."""
 MOST_LINES = 700
+
 
 @functools.cache
 def syntax(path: Path) -> ast.Module:
@@ -51,7 +88,9 @@ def imports(path: Path) -> frozenset[str]:
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}:{node.lineno}: relative import"
-            assert all(alias.name != "*" for alias in node.names), f"{path}:{node.lineno}: star import"
+            assert all(alias.name != "*" for alias in node.names), (
+                f"{path}:{node.lineno}: star import"
+            )
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
     return frozenset(names)
 
@@ -63,12 +102,18 @@ def layer(path: Path) -> str:
 
 
 def test_imports_run_one_way():
-    assert {layer(path) for path in FILES} - {""} <= set(RANK), "a part has no place among the layers: give it one"
+    assert {layer(path) for path in FILES} - {""} <= set(RANK), (
+        "a part has no place among the layers: give it one"
+    )
     wrong = []
     for path in FILES:
         own = layer(path)
-        parts = {name.split(".")[1] for name in imports(path) if name.startswith("vsf_drake.")} & set(RANK)
-        allowed = {part for part in RANK if own and RANK[part] <= RANK[own]} & ONLY.get(own, set(RANK))
+        parts = {
+            name.split(".")[1] for name in imports(path) if name.startswith("vsf_drake.")
+        } & set(RANK)
+        allowed = {part for part in RANK if own and RANK[part] <= RANK[own]} & ONLY.get(
+            own, set(RANK)
+        )
         wrong += [f"{path.relative_to(PACKAGE)}: {part}" for part in sorted(parts - allowed) if own]
     assert not wrong, "imports of what stands above, or is none of its: " + ", ".join(wrong)
 
@@ -77,27 +122,41 @@ def test_drake_is_imported_from_its_public_modules_and_not_where_it_is_not_neede
     wrong = []
     without = {path: pattern for pattern in WITHOUT_DRAKE for path in PACKAGE.glob(pattern)}
     for pattern in WITHOUT_DRAKE:
-        assert pattern in without.values() or any(PACKAGE.glob(pattern)), f"nothing matches {pattern}"
+        assert pattern in without.values() or any(PACKAGE.glob(pattern)), (
+            f"nothing matches {pattern}"
+        )
     for path in FILES:
         for name in imports(path):
             first, *parts = name.split(".")
-            if first == "pydrake" and (path in without or parts[0] == "all" or any(p[0] == "_" for p in parts)):
+            if first == "pydrake" and (
+                path in without or parts[0] == "all" or any(p[0] == "_" for p in parts)
+            ):
                 wrong.append(f"{path.relative_to(PACKAGE)}: {name}")
     assert not wrong, wrong
 
 
 def test_foreign_files_are_parsed_in_one_place_for_each_kind():
-    doors = {"yaml_file.py": r"yaml\.(\w+_)?(load|compose|parse|scan)\w*\(|(?<!Package)(?<!Choice)Loader",
-             # npz, json (but for a cache that trusts nothing) and ~
-             "files.py": r"np\.(load|fromfile|memmap)\(|allow_pickle=True|json\.loads?\((?!arrays\.pop\(ABOUT\))"
-                         r"|(?<!os\.path)\.expanduser\("}
-    wrong = [f"{path.relative_to(PACKAGE)}: {match[0]}" for path in FILES for door, pattern in doors.items()
-             if path.name != door and (match := re.search(pattern, path.read_text(encoding="utf-8")))]
+    doors = {
+        "yaml_file.py": r"yaml\.(\w+_)?(load|compose|parse|scan)\w*\(|(?<!Package)(?<!Choice)Loader",
+        # npz, json (but for a cache that trusts nothing) and ~
+        "files.py": r"np\.(load|fromfile|memmap)\(|allow_pickle=True|json\.loads?\((?!arrays\.pop\(ABOUT\))"
+        r"|(?<!os\.path)\.expanduser\(",
+    }
+    wrong = [
+        f"{path.relative_to(PACKAGE)}: {match[0]}"
+        for path in FILES
+        for door, pattern in doors.items()
+        if path.name != door and (match := re.search(pattern, path.read_text(encoding="utf-8")))
+    ]
     assert not wrong, wrong
 
 
 def test_a_file_is_one_thought_that_a_reader_wants_to_see_at_once():
-    lines = [len(path.read_text(encoding="utf-8").splitlines()) for path in FILES if path.name != "__init__.py"]
+    lines = [
+        len(path.read_text(encoding="utf-8").splitlines())
+        for path in FILES
+        if path.name != "__init__.py"
+    ]
     assert max(lines) < MOST_LINES
     assert 150 <= sum(lines) / len(lines) <= 300
 
@@ -106,30 +165,47 @@ def test_everything_public_is_described():
     """A template `Name_` around a class has its docstring there."""
     missing = []
     for path in FILES:
-        nodes = [node for node in syntax(path).body if isinstance(node, (ast.FunctionDef, ast.ClassDef))]
+        nodes = [
+            node for node in syntax(path).body if isinstance(node, (ast.FunctionDef, ast.ClassDef))
+        ]
         described = [syntax(path)] if path.name != "__init__.py" else []
-        described += [next((inner for inner in node.body if isinstance(inner, ast.ClassDef)), node)
-                      if node.name.endswith("_") else node for node in nodes if not node.name.startswith("_")]
-        missing += [f"{path.relative_to(PACKAGE)}: {getattr(node, 'name', '')}"
-                    for node in described if not ast.get_docstring(node)]
+        described += [
+            next((inner for inner in node.body if isinstance(inner, ast.ClassDef)), node)
+            if node.name.endswith("_")
+            else node
+            for node in nodes
+            if not node.name.startswith("_")
+        ]
+        missing += [
+            f"{path.relative_to(PACKAGE)}: {getattr(node, 'name', '')}"
+            for node in described
+            if not ast.get_docstring(node)
+        ]
     assert not missing, f"without docstring: {', '.join(missing)}"
 
 
 def quantities() -> dict[str, Mapping[str, Any]]:
     """What is known of each number of the parameters, by class and field."""
+
     def numeric(hint: object) -> bool:
         return hint in (float, int) or any(numeric(part) for part in typing.get_args(hint))
 
-    return {f"{name}.{field.name}": field.metadata
-            for name, cls in inspect.getmembers(parameters, dataclasses.is_dataclass)
-            for field in dataclasses.fields(cls) if numeric(typing.get_type_hints(cls)[field.name])}
+    return {
+        f"{name}.{field.name}": field.metadata
+        for name, cls in inspect.getmembers(parameters, dataclasses.is_dataclass)
+        for field in dataclasses.fields(cls)
+        if numeric(typing.get_type_hints(cls)[field.name])
+    }
 
 
 def test_every_number_has_unit_source_and_range():
     about = quantities()
     assert len(about) > 70
-    bad = [name for name, each in about.items()
-           if not (each.get("unit") and each.get("source") and each["low"] < each["high"])]
+    bad = [
+        name
+        for name, each in about.items()
+        if not (each.get("unit") and each.get("source") and each["low"] < each["high"])
+    ]
     assert not bad, bad
 
 
@@ -139,13 +215,19 @@ def test_sources_are_those_that_the_documentation_spells_out():
     names = [name for entry in listed for name in re.findall(r"\*\*(.*?)\*\*", entry)]
     assert len(names) >= 4
     known = (*names, "measured", "stated", "G10/FR4 data sheets", "studies/")
-    unknown = [name for name, about in quantities().items() if not any(each in about["source"] for each in known)]
+    unknown = [
+        name
+        for name, about in quantities().items()
+        if not any(each in about["source"] for each in known)
+    ]
     assert not unknown, unknown
 
 
 def test_versions_agree():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    changelog = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    changelog = re.findall(
+        r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE
+    )
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert changelog[0] == project["version"] == str(citation["version"])
     assert citation["references"][0]["doi"] == "10.1115/1.4050456"
@@ -154,7 +236,11 @@ def test_versions_agree():
 def test_versions_that_were_run_are_those_that_are_claimed_and_allowed():
     """Drake changed its bindings from 1.57 to 1.58: a version that nobody has run is not let in."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    said = re.search(r"The tests ran .*?\)\.\s", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)[0]
+    said = re.search(
+        r"The tests ran .*?\)\.\s",
+        (ROOT / "README.md").read_text(encoding="utf-8"),
+        flags=re.DOTALL,
+    )[0]
     run = {entry.rsplit(" ", 1)[1] for entry in project["classifiers"] if "Python :: 3." in entry}
     assert set(re.findall(r"\b3\.\d+", said)) == run
     oldest, newest = (int(minor) for minor in re.findall(r"Drake 1\.(\d+)", said))
@@ -175,4 +261,6 @@ def test_the_page_on_the_architecture_names_every_part_and_nothing_else():
     assert not lacking, f"docs/architecture.md does not name {', '.join(sorted(lacking))}"
     for name in named:
         if name.endswith(".py") and "/" in name:
-            assert (PACKAGE / name).is_file() or (ROOT / name).is_file(), f"docs/architecture.md: there is no {name}"
+            assert (PACKAGE / name).is_file() or (ROOT / name).is_file(), (
+                f"docs/architecture.md: there is no {name}"
+            )

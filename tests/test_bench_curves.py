@@ -20,7 +20,9 @@ def read(folder: Path, text: str, *, encoding: str = "utf-8"):
     return load_bench_curves(path)
 
 
-def spring(fulcrum: str, n_per_mm: float, *, loads=LOADS, start_mm: float = 0.0, more: str = "") -> str:
+def spring(
+    fulcrum: str, n_per_mm: float, *, loads=LOADS, start_mm: float = 0.0, more: str = ""
+) -> str:
     """Rows of a linear spring whose platen touches at `start_mm`."""
     return "".join(f"{fulcrum},{start_mm + load / n_per_mm:.9f},{load}{more}\n" for load in loads)
 
@@ -31,9 +33,13 @@ def test_units_order_separators_and_line_ends_do_not_change_the_curve(tmp_path):
     rows = "".join(f"66\t{load / 10.0}\t{load}\n" for load in LOADS)
     decimal = "".join(f"66;{load / 10.0};{load},0\n" for load in LOADS).replace(".", ",")
     windows = "\ufeff# name: x\r\n" + (HEAD + spring("66", 10.0)).replace("\n", "\r\n")
-    for text in ("load_kn,fulcrum_m,displacement_m\n" + metres, HEAD.replace(",", "\t") + rows,
-                 HEAD.replace(",", ";") + decimal, windows,
-                 HEAD.upper().replace("_MM", "_mm") + "\n" + spring("66", 10.0) + ",,\n# the end\n"):
+    for text in (
+        "load_kn,fulcrum_m,displacement_m\n" + metres,
+        HEAD.replace(",", "\t") + rows,
+        HEAD.replace(",", ";") + decimal,
+        windows,
+        HEAD.upper().replace("_MM", "_mm") + "\n" + spring("66", 10.0) + ",,\n# the end\n",
+    ):
         curve = read(tmp_path, text).curves[0]
         assert curve.fulcrum_m == pytest.approx(0.066)
         np.testing.assert_allclose(curve.displacement_m, plain.displacement_m, atol=1e-12)
@@ -41,7 +47,11 @@ def test_units_order_separators_and_line_ends_do_not_change_the_curve(tmp_path):
 
 
 def test_settings_and_repeats_are_sorted_with_the_heel_last(tmp_path):
-    text = "fulcrum_mm,displacement_mm,load_n,repeat\n" + spring("", 65.0, more=",1") + spring("151", 32.0, more=",2")
+    text = (
+        "fulcrum_mm,displacement_mm,load_n,repeat\n"
+        + spring("", 65.0, more=",1")
+        + spring("151", 32.0, more=",2")
+    )
     text += spring("151", 31.0, more=",1") + spring("66", 10.0, more=",1")
     found = read(tmp_path, "# name: foot 3\n# synthetic: true,,\n" + text)
     assert (found.name, found.synthetic) == ("foot 3", True)
@@ -54,8 +64,12 @@ def test_settings_and_repeats_are_sorted_with_the_heel_last(tmp_path):
 def test_displacement_counts_from_touch_down_wherever_the_machine_stood(tmp_path):
     """The machine's own zero, a way through air and a preload leave the same linear spring."""
     air = "".join(f"66,{x},{load}\n" for x, load in ((3.0, -0.4), (3.5, 0.3), (3.95, -0.5)))
-    approached = read(tmp_path, HEAD + air + spring("66", 10.0, loads=LOADS[1:], start_mm=4.0)).curves[0]
-    preloaded = read(tmp_path, HEAD + spring("66", 10.0, loads=(10, 20, *LOADS[1:]), start_mm=-1.0)).curves[0]
+    approached = read(
+        tmp_path, HEAD + air + spring("66", 10.0, loads=LOADS[1:], start_mm=4.0)
+    ).curves[0]
+    preloaded = read(
+        tmp_path, HEAD + spring("66", 10.0, loads=(10, 20, *LOADS[1:]), start_mm=-1.0)
+    ).curves[0]
     for curve in (approached, preloaded):
         assert curve.displacement_m[0] == curve.load_n[0] == 0.0
         assert (np.diff(curve.displacement_m) > 0.0).all()
@@ -70,7 +84,9 @@ def test_noise_moves_touch_down_by_no_more_than_itself(tmp_path):
     rows = "".join(f"66,{a:.4f},{b:.4f}\n" for a, b in zip(x, load, strict=True))
     curve = read(tmp_path, HEAD + rows).curves[0]
     assert curve.first_load_n == 0.0
-    assert np.polyfit(curve.displacement_m, curve.load_n, 1)[1] == pytest.approx(0.0, abs=2.0)  # N: 4 deviations
+    assert np.polyfit(curve.displacement_m, curve.load_n, 1)[1] == pytest.approx(
+        0.0, abs=2.0
+    )  # N: 4 deviations
 
 
 def test_samples_at_one_displacement_become_one(tmp_path):
@@ -79,34 +95,68 @@ def test_samples_at_one_displacement_become_one(tmp_path):
     np.testing.assert_allclose(curve.load_n, LOADS)
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("", ("is empty", "fulcrum_mm, displacement_mm and load_n")),
-    (HEAD, ("no rows",)),
-    (spring("66", 10.0), ("no line of column names", "fulcrum_mm")),
-    ("fulcrum_mm,load_n\n66,0\n", ("line 1", "no column of displacement")),
-    ("fulcrum_mm,displacement_in,load_n\n66,0,0\n", ("displacement_in", "unit 'in' is unknown", "mm or m")),
-    ("fulcrum_mm,displacement,load_n\n66,0,0\n", ("column displacement", "unit is missing", "displacement_mm")),
-    ("fulcrum_mm,displacement_mm,load_n,time_s\n66,0,0,0\n", ("'time_s' is unknown",)),
-    ("fulcrum_mm,displacement_mm,displacement_m,load_n\n66,0,0,0\n", ("2 columns of displacement",)),
-    (HEAD + "66,0,0\n66,1,ten\n", ("line 3", "column load", "'ten' is not a finite number")),
-    (HEAD + "nan,0,0\n", ("line 2", "column fulcrum", "not a finite number")),
-    (HEAD + "66,0,5,1\n", ("4 cells", "decimal point")),
-    (HEAD + "66,0\n", ("2 cells", "truncated")),
-    (HEAD + spring("0.066", 10.0), ("no fulcrum position", "unit of its column")),
-    (HEAD + spring("66", 10.0) + spring("66", 10.0), ("line 9", "displacement falls", "repeat")),
-    (HEAD + spring("66", 10.0) + "66,61,300\n", ("line 9", "load falls by 300 N")),
-    (HEAD + spring("66", -10.0, loads=[-x for x in LOADS]), ("never loaded", "compression are positive")),
-    (HEAD + spring("66", 10.0, loads=[x / 1e3 for x in LOADS]), ("largest load is 0.6 N", "unit")),
-    (HEAD.replace("_mm,l", "_m,l") + spring("66", 10.0), ("travels 60000 mm", "unit")),
-    (HEAD + spring("66", 10.0, loads=LOADS[2:]), ("begins at 200 N of 600 N", "before the platen touches")),
-    (HEAD + "66,0,20\n66,10,20.1\n66,20,20.2\n66,30,20.3\n66,40,300\n66,50,600\n",
-     ("touch-down cannot be told", "Tare")),
-    (HEAD + spring("66", 10.0, loads=(0, 300, 600)), ("has 3 samples", "At least 5")),
-    (HEAD + "66,5,-20\n66,5,5\n66,5,6\n", ("never loaded as the platen moves",)),
-    ("fulcrum_mm,displacement_mm,load_n,repeat\n" + spring("66", 10.0, more=",0.5"), ("no number of a pass",)),
-    ("# synthetic: maybe\n" + HEAD + spring("66", 10.0), ("# synthetic", "neither true nor false")),
-])
-def test_what_cannot_be_used_is_refused_with_file_place_and_what_would_be_right(tmp_path, text, words):
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ("is empty", "fulcrum_mm, displacement_mm and load_n")),
+        (HEAD, ("no rows",)),
+        (spring("66", 10.0), ("no line of column names", "fulcrum_mm")),
+        ("fulcrum_mm,load_n\n66,0\n", ("line 1", "no column of displacement")),
+        (
+            "fulcrum_mm,displacement_in,load_n\n66,0,0\n",
+            ("displacement_in", "unit 'in' is unknown", "mm or m"),
+        ),
+        (
+            "fulcrum_mm,displacement,load_n\n66,0,0\n",
+            ("column displacement", "unit is missing", "displacement_mm"),
+        ),
+        ("fulcrum_mm,displacement_mm,load_n,time_s\n66,0,0,0\n", ("'time_s' is unknown",)),
+        (
+            "fulcrum_mm,displacement_mm,displacement_m,load_n\n66,0,0,0\n",
+            ("2 columns of displacement",),
+        ),
+        (HEAD + "66,0,0\n66,1,ten\n", ("line 3", "column load", "'ten' is not a finite number")),
+        (HEAD + "nan,0,0\n", ("line 2", "column fulcrum", "not a finite number")),
+        (HEAD + "66,0,5,1\n", ("4 cells", "decimal point")),
+        (HEAD + "66,0\n", ("2 cells", "truncated")),
+        (HEAD + spring("0.066", 10.0), ("no fulcrum position", "unit of its column")),
+        (
+            HEAD + spring("66", 10.0) + spring("66", 10.0),
+            ("line 9", "displacement falls", "repeat"),
+        ),
+        (HEAD + spring("66", 10.0) + "66,61,300\n", ("line 9", "load falls by 300 N")),
+        (
+            HEAD + spring("66", -10.0, loads=[-x for x in LOADS]),
+            ("never loaded", "compression are positive"),
+        ),
+        (
+            HEAD + spring("66", 10.0, loads=[x / 1e3 for x in LOADS]),
+            ("largest load is 0.6 N", "unit"),
+        ),
+        (HEAD.replace("_mm,l", "_m,l") + spring("66", 10.0), ("travels 60000 mm", "unit")),
+        (
+            HEAD + spring("66", 10.0, loads=LOADS[2:]),
+            ("begins at 200 N of 600 N", "before the platen touches"),
+        ),
+        (
+            HEAD + "66,0,20\n66,10,20.1\n66,20,20.2\n66,30,20.3\n66,40,300\n66,50,600\n",
+            ("touch-down cannot be told", "Tare"),
+        ),
+        (HEAD + spring("66", 10.0, loads=(0, 300, 600)), ("has 3 samples", "At least 5")),
+        (HEAD + "66,5,-20\n66,5,5\n66,5,6\n", ("never loaded as the platen moves",)),
+        (
+            "fulcrum_mm,displacement_mm,load_n,repeat\n" + spring("66", 10.0, more=",0.5"),
+            ("no number of a pass",),
+        ),
+        (
+            "# synthetic: maybe\n" + HEAD + spring("66", 10.0),
+            ("# synthetic", "neither true nor false"),
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_refused_with_file_place_and_what_would_be_right(
+    tmp_path, text, words
+):
     with pytest.raises(InputError) as refused:
         read(tmp_path, text)
     for word in ("bench.csv", *words):
@@ -139,33 +189,66 @@ def without(*keys: str) -> str:
     return "".join(line for line in WHOLE.splitlines(keepends=True) if not line.startswith(keys))
 
 
-BARE = without("heel_mid", "displacement").replace(", mid_range_displacement_mm: 31.5", "").replace(SECOND, "")
+BARE = (
+    without("heel_mid", "displacement")
+    .replace(", mid_range_displacement_mm: 31.5", "")
+    .replace(SECOND, "")
+)
 
 
 def test_a_bench_file_is_read_into_si_with_and_without_what_may_be_left_out(tmp_path):
     bare = BenchMeasurement(
-        name="a foot", synthetic=True, fulcrum_m=(0.066, 0.151), stiffness_n_per_m=(10e3, 32e3),
-        heel_stiffness_n_per_m=65e3, uncertainty_n_per_m=500.0, max_load_n=600.0)
+        name="a foot",
+        synthetic=True,
+        fulcrum_m=(0.066, 0.151),
+        stiffness_n_per_m=(10e3, 32e3),
+        heel_stiffness_n_per_m=65e3,
+        uncertainty_n_per_m=500.0,
+        max_load_n=600.0,
+    )
     assert stated(tmp_path, BARE) == bare
     whole = stated(tmp_path, WHOLE)
     assert whole.mid_range_m == pytest.approx((0.0315, 0.00925))
-    assert whole.heel_mid_range_m == pytest.approx(4.5e-3) and whole.mid_range_uncertainty_m == pytest.approx(2.5e-4)
+    assert whole.heel_mid_range_m == pytest.approx(
+        4.5e-3
+    ) and whole.mid_range_uncertainty_m == pytest.approx(2.5e-4)
     headless = stated(tmp_path, without("heel", "synthetic"))
-    assert headless.heel_stiffness_n_per_m is headless.heel_mid_range_m is None and len(headless.mid_range_m) == 2
+    assert (
+        headless.heel_stiffness_n_per_m is headless.heel_mid_range_m is None
+        and len(headless.mid_range_m) == 2
+    )
     assert headless.synthetic is False
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    (WHOLE.replace("600", "200"), ["max_load_n", "200 N", "mean slope above 200 N", "largest load"]),
-    (WHOLE.replace("151", "66"), ["forefoot[1].fulcrum_mm", "66 mm stands twice"]),
-    (WHOLE.replace("66", "152"), ["forefoot[1].fulcrum_mm", "151 mm follows 152 mm", "must increase"]),
-    (without("forefoot", "  -") + "forefoot: []\n", ["forefoot", "holds no setting"]),
-    (WHOLE.replace(SECOND, ""), ["forefoot[1].mid_range_displacement_mm", "missing"]),
-    (without("displacement_uncertainty"), ["displacement_uncertainty_mm", "missing", "every setting"]),
-    (without("heel_mid"), ["heel_mid_range_displacement_mm", "missing"]),
-    (without("heel_stiffness"), ["heel_mid_range_displacement_mm", "no heel_stiffness_n_per_mm"]),
-    (WHOLE.replace("31.5", "3150"), ["line 5", "forefoot[0].mid_range_displacement_mm", "between 0.01 and 300 mm"]),
-])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            WHOLE.replace("600", "200"),
+            ["max_load_n", "200 N", "mean slope above 200 N", "largest load"],
+        ),
+        (WHOLE.replace("151", "66"), ["forefoot[1].fulcrum_mm", "66 mm stands twice"]),
+        (
+            WHOLE.replace("66", "152"),
+            ["forefoot[1].fulcrum_mm", "151 mm follows 152 mm", "must increase"],
+        ),
+        (without("forefoot", "  -") + "forefoot: []\n", ["forefoot", "holds no setting"]),
+        (WHOLE.replace(SECOND, ""), ["forefoot[1].mid_range_displacement_mm", "missing"]),
+        (
+            without("displacement_uncertainty"),
+            ["displacement_uncertainty_mm", "missing", "every setting"],
+        ),
+        (without("heel_mid"), ["heel_mid_range_displacement_mm", "missing"]),
+        (
+            without("heel_stiffness"),
+            ["heel_mid_range_displacement_mm", "no heel_stiffness_n_per_mm"],
+        ),
+        (
+            WHOLE.replace("31.5", "3150"),
+            ["line 5", "forefoot[0].mid_range_displacement_mm", "between 0.01 and 300 mm"],
+        ),
+    ],
+)
 def test_what_is_wrong_in_a_bench_file_is_named(tmp_path, text, words):
     with pytest.raises(InputError) as caught:
         stated(tmp_path, text)

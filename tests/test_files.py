@@ -32,7 +32,10 @@ def test_a_file_appears_whole_or_the_old_one_stays_and_nothing_else(tmp_path):
         raise RuntimeError
     (tmp_path / "taken" / "x").mkdir(parents=True)
     for target in (tmp_path / "absent" / "result.txt", tmp_path / "taken"):
-        with pytest.raises(InputError, match=rf"{target.name}: cannot be written"), replaced(target):
+        with (
+            pytest.raises(InputError, match=rf"{target.name}: cannot be written"),
+            replaced(target),
+        ):
             pass
     assert path.read_bytes() == "δ\n".encode()
     assert {p.name for p in tmp_path.iterdir()} == {"result.txt", "taken"}
@@ -48,7 +51,9 @@ with replaced(sys.argv[1]) as stream:
 """
 
 
-def test_what_a_killed_process_has_begun_goes_with_the_next_write_and_what_a_living_one_has_stays(tmp_path):
+def test_what_a_killed_process_has_begun_goes_with_the_next_write_and_what_a_living_one_has_stays(
+    tmp_path,
+):
     target = tmp_path / "a[1].json"
     subprocess.run([sys.executable, "-c", WRITING, target], check=False)
     [dead] = tmp_path.iterdir()
@@ -69,7 +74,9 @@ def test_what_a_killed_process_has_begun_goes_with_the_next_write_and_what_a_liv
 
 def test_what_must_last_is_on_the_disk_before_it_has_its_name(monkeypatch, tmp_path):
     done = []
-    monkeypatch.setattr(os, "fsync", lambda descriptor: done.append(stat.S_ISDIR(os.fstat(descriptor).st_mode)))
+    monkeypatch.setattr(
+        os, "fsync", lambda descriptor: done.append(stat.S_ISDIR(os.fstat(descriptor).st_mode))
+    )
     replace = os.replace
     monkeypatch.setattr(os, "replace", lambda *paths: (done.append("named"), replace(*paths)))
     with replaced(tmp_path / "a", lasting=True) as stream:
@@ -79,10 +86,27 @@ def test_what_must_last_is_on_the_disk_before_it_has_its_name(monkeypatch, tmp_p
 
 # JSON.
 
-@pytest.mark.parametrize("text", [
-    "", "[1]", "3", "{", "[" * 100_000, '{"a":' * 100_000, '{"a": ' + "9" * 400 + "}", '{"a": ' + "9" * 5000 + "}",
-    '{"a": NaN}', '{"a": 1e999}', '{"a": "\\u001b[31m"}', '{"\\ud800": 1}', "{\0}",
-    '{"a": [' + "{}," * 1_000_000 + "0]}", b'{"a": "\xff"}'])
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[1]",
+        "3",
+        "{",
+        "[" * 100_000,
+        '{"a":' * 100_000,
+        '{"a": ' + "9" * 400 + "}",
+        '{"a": ' + "9" * 5000 + "}",
+        '{"a": NaN}',
+        '{"a": 1e999}',
+        '{"a": "\\u001b[31m"}',
+        '{"\\ud800": 1}',
+        "{\0}",
+        '{"a": [' + "{}," * 1_000_000 + "0]}",
+        b'{"a": "\xff"}',
+    ],
+)
 def test_what_is_no_table_is_refused(tmp_path, text):
     path = tmp_path / "table.json"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
@@ -105,7 +129,13 @@ class Outer:
     limits: tuple[float, int] | None = None
 
 
-MADE = Outer(inner=Inner(0.3, ("ä\n",)), rows=[Inner(2.0)], by_name={"x": None, "y": 0.5}, way="load", limits=(1.0, 2))
+MADE = Outer(
+    inner=Inner(0.3, ("ä\n",)),
+    rows=[Inner(2.0)],
+    by_name={"x": None, "y": 0.5},
+    way="load",
+    limits=(1.0, 2),
+)
 
 
 def test_a_record_comes_back_from_a_file(tmp_path):
@@ -127,11 +157,18 @@ def test_entries_of_a_flat_mapping_stand_among_the_fields_and_come_back():
         record(Flat, values | {"error_bw": "x"})
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"inner": {}}, r"^inner\.value is missing"), ({"rows": [{"value": "1"}]}, r"^rows\[0\]\.value is '1', not float"),
-    ({"by_name": {"x": True}}, r"^by_name\.x is 'True'"), ({"way": "up"}, "^way is 'up'"),
-    ({"limits": [1.0]}, "^limits is"), ({"limits": [1.0, "x"]}, r"^limits\[1\] is 'x', not int"),
-    ({"inner": 3}, "^inner is no table")])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"inner": {}}, r"^inner\.value is missing"),
+        ({"rows": [{"value": "1"}]}, r"^rows\[0\]\.value is '1', not float"),
+        ({"by_name": {"x": True}}, r"^by_name\.x is 'True'"),
+        ({"way": "up"}, "^way is 'up'"),
+        ({"limits": [1.0]}, "^limits is"),
+        ({"limits": [1.0, "x"]}, r"^limits\[1\] is 'x', not int"),
+        ({"inner": 3}, "^inner is no table"),
+    ],
+)
 def test_what_a_record_cannot_be_made_of_is_named(change, message):
     with pytest.raises(ValueError, match=message):
         record(Outer, plain(MADE) | change)
@@ -148,9 +185,15 @@ def small(monkeypatch):
 
 
 HONEST = {
-    "a": np.arange(24.0).reshape(2, 3, 4), "fortran": np.asfortranarray(np.eye(3)), "text": np.array(["ä", "b", ""]),
-    "one": np.array(3), "word": np.array("vsf_drake"), "none": np.zeros((0, 5)), "truth": np.array([True, False]),
-    "nan": np.array([np.nan, np.inf])}
+    "a": np.arange(24.0).reshape(2, 3, 4),
+    "fortran": np.asfortranarray(np.eye(3)),
+    "text": np.array(["ä", "b", ""]),
+    "one": np.array(3),
+    "word": np.array("vsf_drake"),
+    "none": np.zeros((0, 5)),
+    "truth": np.array([True, False]),
+    "nan": np.array([np.nan, np.inf]),
+}
 
 
 def packed(**arrays):
@@ -193,10 +236,14 @@ BARE = io.BytesIO()
 np.save(BARE, np.arange(3.0))
 END = zipped()
 HARMFUL = {
-    "1e13 elements": shaped("(10000000000000,)"), "1e21 elements": shaped("(1000000000000000000000,)"),
-    "1e21 of no size": shaped("(1000000000000000000000,)", "<U0", b""), "overflow": shaped("(4294967296, 536870912)"),
+    "1e13 elements": shaped("(10000000000000,)"),
+    "1e21 elements": shaped("(1000000000000000000000,)"),
+    "1e21 of no size": shaped("(1000000000000000000000,)", "<U0", b""),
+    "overflow": shaped("(4294967296, 536870912)"),
     "no element, much besides": shaped("(0, 1000000000000000000000000000000)", content=b""),
-    "negative": shaped("(-8,)"), "more than stated": shaped("(7,)"), "less than stated": shaped("(9,)"),
+    "negative": shaped("(-8,)"),
+    "more than stated": shaped("(7,)"),
+    "less than stated": shaped("(9,)"),
     "bomb": packed(a=np.zeros(ALWAYS // 4)),
     "bombs": zipped(*((f"{i}.npy", b"\0" * (ALWAYS // 16)) for i in range(40))),
     "bomb that lies": poked(zipped(("a.npy", b"\0" * ALWAYS)), local=24, central=26, value=b"\0\0"),
@@ -204,16 +251,26 @@ HARMFUL = {
     "unknown method": poked(ONE, local=8, central=10, value=b"\x63\0"),
     "bzip2": zipped(("a.npy", BARE.getvalue()), method=zipfile.ZIP_BZIP2),
     "lzma": zipped(("a.npy", BARE.getvalue()), method=zipfile.ZIP_LZMA),
-    "empty": b"", "bare .npy": BARE.getvalue(), "text": b"no zip file\n" * 100, "PK": b"PK\5\6",
-    "pickle": zipped(("a.npy", PICKLED.getvalue())), "objects": shaped("(8,)", "|O"), "bare pickle": PICKLED.getvalue(),
+    "empty": b"",
+    "bare .npy": BARE.getvalue(),
+    "text": b"no zip file\n" * 100,
+    "PK": b"PK\5\6",
+    "pickle": zipped(("a.npy", PICKLED.getvalue())),
+    "objects": shaped("(8,)", "|O"),
+    "bare pickle": PICKLED.getvalue(),
     "records": stated("{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (8,), }"),
-    "brackets": stated("(" * 9000), "code": stated("{'descr': '<f8', 'fortran_order': False, 'shape': (exit(),), }"),
-    "half a character": shaped("(1,)", "<U1", b"\0\xd8\0\0"), "beyond Unicode": shaped("(1,)", "<U1", b"\xff" * 4),
-    "escape": shaped("(1,)", "<U1", b"\x1b\0\0\0"), "name": zipped(("\x1b[31m.npy", BARE.getvalue())),
+    "brackets": stated("(" * 9000),
+    "code": stated("{'descr': '<f8', 'fortran_order': False, 'shape': (exit(),), }"),
+    "half a character": shaped("(1,)", "<U1", b"\0\xd8\0\0"),
+    "beyond Unicode": shaped("(1,)", "<U1", b"\xff" * 4),
+    "escape": shaped("(1,)", "<U1", b"\x1b\0\0\0"),
+    "name": zipped(("\x1b[31m.npy", BARE.getvalue())),
     "twice": zipped(("a.npy", BARE.getvalue()), ("a.npy", BARE.getvalue())),
     "many": zipped(*((f"{i}.npy", b"") for i in range(20_000))),
     "zip64": b"PK\6\6" + b"\0" * 52 + b"PK\6\7" + b"\0" * 16 + END,
-    "truncated": FULL[:-30], "no beginning": FULL[30:], "damaged": FULL[:200] + b"\xff" * 100 + FULL[300:],
+    "truncated": FULL[:-30],
+    "no beginning": FULL[30:],
+    "damaged": FULL[:200] + b"\xff" * 100 + FULL[300:],
 }
 
 
@@ -240,7 +297,10 @@ def test_what_numpy_writes_is_read_as_numpy_reads_it(tmp_path):
         for name, array in HONEST.items():
             np.testing.assert_array_equal(arrays[name], array)
             assert arrays[name].dtype == array.dtype and arrays[name].shape == array.shape
-            assert arrays[name].flags.f_contiguous == array.flags.f_contiguous and arrays[name].flags.writeable
+            assert (
+                arrays[name].flags.f_contiguous == array.flags.f_contiguous
+                and arrays[name].flags.writeable
+            )
 
 
 def test_a_large_honest_file_is_read(tmp_path, small):

@@ -20,7 +20,9 @@ from vsf_drake.parameters import FootParameters
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-GUIDE = "\n".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "guide").glob("*.md")))
+GUIDE = "\n".join(
+    path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "guide").glob("*.md"))
+)
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", README + GUIDE, flags=re.MULTILINE | re.DOTALL)
 SHORT = BLOCKS[0]  # the README's
 LEG = next(block for block in BLOCKS if "leg.urdf" in block)
@@ -45,16 +47,25 @@ def test_readme_is_short_shows_the_replay_and_leads_to_every_page_of_the_guide()
     assert len(pictures) == 2 and sum(path.stat().st_size for path in pictures) < 3_000_000
     with Image.open(pictures[0]) as replay:
         assert replay.n_frames > 20
-    assert not [link for link in re.findall(r"\]\((?!https?:)([^)#]+)", README) if not (ROOT / link).is_file()]
+    assert not [
+        link
+        for link in re.findall(r"\]\((?!https?:)([^)#]+)", README)
+        if not (ROOT / link).is_file()
+    ]
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     assert {path.stem for path in (ROOT / "docs" / "guide").iterdir()} == set(
-        re.findall(r"^guide/(\w+)$", index, re.MULTILINE))
+        re.findall(r"^guide/(\w+)$", index, re.MULTILINE)
+    )
 
 
 def test_commands_in_readme_and_guide_have_the_options_that_they_name():
     shown = (README + GUIDE).replace("\\\n", " ")
-    fenced = "\n".join(re.findall(r"^```(?:bash|shell)\n(.*?)^```$", shown, flags=re.MULTILINE | re.DOTALL))
-    lines = re.findall(r"^vsf-drake [a-z].*", fenced, re.MULTILINE) + re.findall(r"`(vsf-drake [a-z][^`]*)`", shown)
+    fenced = "\n".join(
+        re.findall(r"^```(?:bash|shell)\n(.*?)^```$", shown, flags=re.MULTILINE | re.DOTALL)
+    )
+    lines = re.findall(r"^vsf-drake [a-z].*", fenced, re.MULTILINE) + re.findall(
+        r"`(vsf-drake [a-z][^`]*)`", shown
+    )
     commands = typer.main.get_command(app).commands
     words = [shlex.split(re.sub(r"[\[\]]", "", line), comments=True)[1:] for line in lines]
     assert {name for name, *_ in words} == set(commands)
@@ -67,7 +78,9 @@ def test_bench_walk_and_validation_are_shown_and_what_it_imports_is_there():
     text = "\n".join(BLOCKS)
     for name in ("run_bench", "simulate_trial", "write_walk", "make_gait", "wire_foot("):
         assert name in text
-    imports = [node for node in ast.walk(ast.parse(text)) if isinstance(node, (ast.Import, ast.ImportFrom))]
+    imports = [
+        node for node in ast.walk(ast.parse(text)) if isinstance(node, (ast.Import, ast.ImportFrom))
+    ]
     exec(compile(ast.Module(imports, []), "imports", "exec"), {})
 
 
@@ -81,12 +94,16 @@ def test_blocks_run_outside_the_checkout_and_legs_come_to_rest_on_their_weight(t
     blocks = [block + LATER if block is LEG else block for block in BLOCKS]
     (tmp_path / "blocks.json").write_text(json.dumps(blocks), encoding="utf-8")
     (tmp_path / "run.py").write_text(RUNNING, encoding="utf-8")
-    done = subprocess.run([sys.executable, "run.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "run.py"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     said = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(said) == len(BLOCKS) and all(text.strip() for text in said)
     leg = said[BLOCKS.index(LEG)]
-    force, weight, *later = ([float(x) for x in re.findall(r"-?\d+\.\d*", line)] for line in leg.splitlines())
+    force, weight, *later = (
+        [float(x) for x in re.findall(r"-?\d+\.\d*", line)] for line in leg.splitlines()
+    )
     assert force[2] == pytest.approx(weight[0], rel=1e-3)
     first, second, third = force[0], later[0][0], later[1][0]
     assert 0.0 < third / second < 1.0 and 0.0 < second / first < 1.0

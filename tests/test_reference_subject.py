@@ -29,8 +29,18 @@ SETTINGS = {"low": (66, 0.73, 0.02), "medium": (108, 0.79, 0.01), "high": (151, 
 """Fulcrum (mm), published stance time, mean and standard deviation (s)."""
 NAMES = [f"{setting}_{i}" for setting in SETTINGS for i in (1, 2, 3)]
 WEIGHT = 78.0 * 9.81
-PLACED = [f"{joint}_{side}" for side in "rl" for joint in
-          ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_adduction", "knee_rotation")]
+PLACED = [
+    f"{joint}_{side}"
+    for side in "rl"
+    for joint in (
+        "hip_flexion",
+        "hip_adduction",
+        "hip_rotation",
+        "knee_angle",
+        "knee_adduction",
+        "knee_rotation",
+    )
+]
 
 
 @pytest.fixture(scope="module")
@@ -62,13 +72,19 @@ def parts(trial):
 def test_everything_says_that_it_is_synthetic_and_the_folder_is_small(trials, measured):
     for name, trial in (*trials.items(), *measured.items()):
         assert trial.synthetic and "SYNTHETIC" in trial.name
-        assert (trial.subject.mass_kg, trial.subject.stature_m, trial.subject.sex) == (78.0, 1.81, "male")
+        assert (trial.subject.mass_kg, trial.subject.stature_m, trial.subject.sex) == (
+            78.0,
+            1.81,
+            "male",
+        )
         assert trial.subject.prosthetic_side == "right"
         assert trial.fulcrum_m == pytest.approx(1e-3 * SETTINGS[name.split("_")[0]][0])
     files = [path for path in FOLDER.rglob("*") if path.is_file()]
-    assert len(files) == 2 * (27 + 1) + 10 + 4 + 6 and sum(path.stat().st_size for path in files) < 8e6
+    assert (
+        len(files) == 2 * (27 + 1) + 10 + 4 + 6 and sum(path.stat().st_size for path in files) < 8e6
+    )
     for path in files:  # a fit's own file names the trials it was made of
-        said = path.read_bytes()[:None if path.suffix == ".c3d" else 500]
+        said = path.read_bytes()[: None if path.suffix == ".c3d" else 500]
         assert path.name == "contact.yaml" or b"SYNTHETIC" in said, path
     page = (FOLDER / "README.md").read_text(encoding="utf-8")
     assert all(len(re.findall(rf"^\| {name} \|", page, re.MULTILINE)) == 2 for name in NAMES)
@@ -83,11 +99,18 @@ def test_stances_last_as_long_as_published_and_trials_of_one_setting_differ_as_r
             one = stance(trial)
             times.append(one.duration_s)
             at = one.start_s + one.duration_s * np.linspace(0.0, 1.0, 101)
-            curves.append(np.interp(at, trial.prosthetic_plate.time_s, np.linalg.norm(forces(trial), axis=1)))
+            curves.append(
+                np.interp(at, trial.prosthetic_plate.time_s, np.linalg.norm(forces(trial), axis=1))
+            )
         assert np.abs(np.array(times) - mean).max() < 2.5 * deviation
-        assert np.mean(times) == pytest.approx(mean, abs=deviation) and len(set(np.round(times, 3))) == 3
+        assert (
+            np.mean(times) == pytest.approx(mean, abs=deviation)
+            and len(set(np.round(times, 3))) == 3
+        )
         for one, other in itertools.combinations(curves, 2):
-            assert np.sqrt(np.mean((one - other) ** 2)) > 0.02  # as little as two strides of one person
+            assert (
+                np.sqrt(np.mean((one - other) ** 2)) > 0.02
+            )  # as little as two strides of one person
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -101,7 +124,9 @@ def test_forces_are_those_of_walking_on_a_prosthesis(trials, name):
     assert (np.diff(path) > -5e-4).all()
     assert 0.18 < path[-1] - path[0] < 0.25
     assert np.ptp(cop[(part > 0.1) & (part < 0.9), 1]) < 0.04
-    first, middle, last = ((part > a) & (part < b) for a, b in ((0.1, 0.4), (0.35, 0.62), (0.6, 0.95)))
+    first, middle, last = (
+        (part > a) & (part < b) for a, b in ((0.1, 0.4), (0.35, 0.62), (0.6, 0.95))
+    )
     assert 1.0 < force[first, 2].max() < 1.11
     assert 0.78 < force[middle, 2].min() < 0.88
     assert 1.0 < force[last, 2].max() < 1.2  # up to the band of data/published/walking_bands.csv
@@ -109,7 +134,9 @@ def test_forces_are_those_of_walking_on_a_prosthesis(trials, name):
     assert 0.08 < force[:, 0].max() < 0.132
     # A right foot pushes the body towards the left, the midline.
     assert 0.03 < force[:, 1].max() < 0.065 and force[:, 1].min() > -0.02
-    assert part[first][force[first, 2].argmax()] < 0.33 and part[last][force[last, 2].argmax()] > 0.68
+    assert (
+        part[first][force[first, 2].argmax()] < 0.33 and part[last][force[last, 2].argmax()] > 0.68
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -119,7 +146,10 @@ def test_pelvis_and_joints_move_as_those_of_a_walker(trials, name):
     trial = trials[name]
     time, names = trial.prosthetic_plate.time_s, trial.trajectory.names
     values, _, acceleration = trial.trajectory.sample(time)
-    forward, q = values[:, names.index("pelvis_tx")], dict(zip(names, np.degrees(values).T, strict=True))
+    forward, q = (
+        values[:, names.index("pelvis_tx")],
+        dict(zip(names, np.degrees(values).T, strict=True)),
+    )
     plate = trial.prosthetic_plate
     one, other = (s.start_s for s in find_stances(time, plate.force_W[:, 2]) if s.start_seen)
     stride = (time >= one) & (time <= other)
@@ -151,7 +181,9 @@ def lowest(person, sites, trial, times):
         q[starts] = row
         person.SetPositions(context, q)
         X_WB = person.get_body(sites.body_indices[0]).EvalPoseInWorld(context)
-        heights.append(min((X_WB @ p)[2] - r for p, r in zip(sites.p_BS, sites.radius, strict=True)))
+        heights.append(
+            min((X_WB @ p)[2] - r for p, r in zip(sites.p_BS, sites.radius, strict=True))
+        )
     return np.array(heights)
 
 
@@ -170,8 +202,12 @@ def test_intact_foot_carries_the_rest_a_step_width_beside_and_swings_clear_of_th
         before, after = find_stances(plate.time_s, plate.force_W[:, 2])
         swing = np.linspace(before.end_s + 0.1, after.start_s - 0.15, 20)
         assert lowest(plant, sites, trial, swing).min() > 0.005, name
-        stands = np.concatenate([np.linspace(0.0, before.end_s - 0.03, 20),
-                                 np.linspace(after.start_s + 0.03, trial.end_s, 20)])
+        stands = np.concatenate(
+            [
+                np.linspace(0.0, before.end_s - 0.03, 20),
+                np.linspace(after.start_s + 0.03, trial.end_s, 20),
+            ]
+        )
         heights = lowest(plant, sites, trial, stands)
         assert heights.min() > -0.015 and heights.max() < 0.003, name
 
@@ -190,17 +226,23 @@ def errors(trials, measured, names):
     return np.array(off)
 
 
-def test_laboratory_misplaces_its_markers_once_for_all_trials_and_each_trial_a_little(trials, measured):
+def test_laboratory_misplaces_its_markers_once_for_all_trials_and_each_trial_a_little(
+    trials, measured
+):
     """Constants of twelve angles of 1.2 degrees (standard deviation), curves of 0.5: as near as twelve draws come."""
     curve = errors(trials, measured, PLACED)
     off = curve.mean(axis=1)
     assert off.mean(axis=0).std() == pytest.approx(1.2, rel=0.6)
     assert off.std(axis=0).mean() < 0.3
     assert np.sqrt(np.mean((curve - off[:, None]) ** 2)) == pytest.approx(0.5, rel=0.4)
-    own = errors(trials, measured, ["pelvis_tilt", "pelvis_list", "pelvis_rotation", "ankle_angle_l"])
+    own = errors(
+        trials, measured, ["pelvis_tilt", "pelvis_list", "pelvis_rotation", "ankle_angle_l"]
+    )
     assert np.ptp(own, axis=1).max() < 1e-5
     assert own.mean(axis=1).std() == pytest.approx(0.1, rel=0.4)
-    moved = np.radians(errors(trials, measured, ["pelvis_tx", "pelvis_ty", "pelvis_tz"]).mean(axis=1))
+    moved = np.radians(
+        errors(trials, measured, ["pelvis_tx", "pelvis_ty", "pelvis_tz"]).mean(axis=1)
+    )
     assert 0.25e-3 < moved.std() < 0.55e-3
 
 
@@ -217,19 +259,32 @@ def test_markers_are_where_the_coordinates_put_them(trials):
     still = read_trial(FOLDER / "markers" / "static.trc")
     walk = read_trial(FOLDER / "markers" / "medium_1.trc")
     assert set(walk.markers) == set(still.markers) and walk.marker_rate_hz == pytest.approx(100.0)
-    for one, other in (("RTB1", "RLMAL"), ("RLFC", "RTH1"), ("LCAL", "LTOE"), ("RASI", "LPSI"), ("RCAL", "RTOE")):
+    for one, other in (
+        ("RTB1", "RLMAL"),
+        ("RLFC", "RTH1"),
+        ("LCAL", "LTOE"),
+        ("RASI", "LPSI"),
+        ("RCAL", "RTOE"),
+    ):
         apart = [np.linalg.norm(r.markers[one] - r.markers[other], axis=1) for r in (still, walk)]
         np.testing.assert_allclose(apart[1], apart[0][0], atol=2e-5, err_msg=f"{one} {other}")
     for label in ("RCAL", "LCAL"):
         assert 0.0 < still.markers[label][0, 2] < 0.05
     middle = 0.5 * (walk.markers["RASI"] + walk.markers["LASI"])
-    path = trials["medium_1"].trajectory.ordered(["pelvis_tx", "pelvis_ty"]).sample(walk.marker_time_s)[0]
+    path = (
+        trials["medium_1"]
+        .trajectory.ordered(["pelvis_tx", "pelvis_ty"])
+        .sample(walk.marker_time_s)[0]
+    )
     np.testing.assert_allclose(middle[:, [0, 2]], path, atol=2e-5)
 
 
 def test_what_drove_the_prosthesis_gives_its_plate_again():
     """Same machine, same force; on another processor the last digits may differ, the walk does not."""
-    subject, trial = load_yaml(FOLDER / "subject.yaml", Subject), load_trial(FOLDER / "exact" / "high_1.yaml")
+    subject, trial = (
+        load_yaml(FOLDER / "subject.yaml", Subject),
+        load_trial(FOLDER / "exact" / "high_1.yaml"),
+    )
     path, plate = trial.trajectory.ordered(COORDINATES), trial.prosthetic_plate
     prosthesis = prosthesis_of(subject, trial.fulcrum_m)
     poses = shank_poses(Person(subject, default_model()), path.time_s, path.values, plate.time_s)
@@ -240,7 +295,10 @@ def test_what_drove_the_prosthesis_gives_its_plate_again():
 def test_a_motion_is_made_to_carry_the_wished_force():
     """Each correction aims at seven tenths of the error and leaves four fifths or less; a recording has had eight.
     In one call, as there: what balances the body at its end does not follow the force; a next call starts from it."""
-    draw, subject = draw_trials(SEED)[NAMES.index("high_1")], load_yaml(FOLDER / "subject.yaml", Subject)
+    draw, subject = (
+        draw_trials(SEED)[NAMES.index("high_1")],
+        load_yaml(FOLDER / "subject.yaml", Subject),
+    )
     person, prosthesis = Person(subject, default_model()), prosthesis_of(subject, draw.fulcrum_m)
     attempt, corrections = start(draw, base_motion), 3
     stage = set_stage(person, draw, prosthesis, attempt.time_s)

@@ -40,9 +40,20 @@ def test_every_column_of_a_walk_has_the_unit_of_its_quantity():
     frame, dataset = make_walk().to_dataframe(), make_walk().to_xarray()
     units = frame.attrs["units"]
     assert set(units) == {"time_s", *frame.columns}
-    known = {"time_s": "s", "q_pelvis_tx": "m", "q_knee_angle_r": "rad", "v_fulcrum": "m/s", "v_hip_flexion_r": "rad/s",
-             "cop_W_y": "m", "generalized_force_pelvis_ty": "N", "generalized_force_knee_angle_r": "N m",
-             "grf_W_z": "N", "socket_wrench_tz": "N", "socket_wrench_flexion": "N m", "energy_j_remainder": "J"}
+    known = {
+        "time_s": "s",
+        "q_pelvis_tx": "m",
+        "q_knee_angle_r": "rad",
+        "v_fulcrum": "m/s",
+        "v_hip_flexion_r": "rad/s",
+        "cop_W_y": "m",
+        "generalized_force_pelvis_ty": "N",
+        "generalized_force_knee_angle_r": "N m",
+        "grf_W_z": "N",
+        "socket_wrench_tz": "N",
+        "socket_wrench_flexion": "N m",
+        "energy_j_remainder": "J",
+    }
     assert {name: units[name] for name in known} == known
     assert dataset.grf_W.attrs["units"] == "N" and dataset.grf_W.attrs["frame"] == "W"
     assert dataset.socket_wrench.attrs["units"] == "N, N, N, N m, N m, N m"
@@ -53,8 +64,14 @@ def test_the_curves_of_a_bench_stand_below_each_other_with_their_fulcrum():
     bench = make_bench()
     frame = bench.to_dataframe()
     for setting in bench.settings:
-        own = frame[frame.fulcrum_m.isna() if setting.fulcrum_m is None else frame.fulcrum_m == setting.fulcrum_m]
-        assert np.array_equal(own.load_n, setting.load_n) and np.array_equal(own.platen_m, setting.platen_m)
+        own = frame[
+            frame.fulcrum_m.isna()
+            if setting.fulcrum_m is None
+            else frame.fulcrum_m == setting.fulcrum_m
+        ]
+        assert np.array_equal(own.load_n, setting.load_n) and np.array_equal(
+            own.platen_m, setting.platen_m
+        )
     assert isinstance(bench.to_xarray(), xarray.Dataset)
 
 
@@ -64,44 +81,105 @@ def test_a_notebook_shows_top_numbers_what_is_synthetic_what_failed_and_no_marku
     assert "SYNTHETIC" in shown and "3 steps did not converge" in shown
     assert "<b>name</b>" not in shown and html.escape("<b>name</b>") in shown
     assert f"{walk.grf_W[:, 2].max():.4g}" in shown
-    assert "SYNTHETIC" not in make_walk()._repr_html_() and "converge" not in make_walk()._repr_html_()
+    assert (
+        "SYNTHETIC" not in make_walk()._repr_html_() and "converge" not in make_walk()._repr_html_()
+    )
 
 
 def test_a_missing_package_is_named_with_its_extra(monkeypatch):
-    monkeypatch.setattr("vsf_drake.tables.import_module", lambda name: builtins.__import__("no_such_module"))
-    for convert in (make_walk().to_dataframe, make_walk().to_xarray, lambda: tables_module("pyarrow")):
-        with pytest.raises(InputError, match=r"is not installed.*pip install 'vsf-drake\[tables\]'"):
+    monkeypatch.setattr(
+        "vsf_drake.tables.import_module", lambda name: builtins.__import__("no_such_module")
+    )
+    for convert in (
+        make_walk().to_dataframe,
+        make_walk().to_xarray,
+        lambda: tables_module("pyarrow"),
+    ):
+        with pytest.raises(
+            InputError, match=r"is not installed.*pip install 'vsf-drake\[tables\]'"
+        ):
             convert()
 
 
 def made_sweep() -> tuple[SweepTable, list[SweepRow]]:
-    rows = [SweepRow(trial="low_1", fulcrum_mm=66.0, values={"offset.height": 1e-3 / 3.0}, failure="", notes=(),
-                     scores=Scores(grf_rmse_bw=0.1 + 0.2, unconverged_steps=0)),
-            SweepRow(trial="low_1", fulcrum_mm=87.0, values={"offset.height": 0.0}, failure="=out of reach", notes=(),
-                     scores=Scores())]
-    names = ("grf_rmse_bw", "cop_rmse_fl", "cop_ml_rmse_fl", "vertical_impulse_error", "peak_vertical_bw",
-             "unconverged_steps", "refined_steps")
-    columns = {"trial": {"meaning": "name"}, "fulcrum_mm": {"unit": "mm", "meaning": "fulcrum"},
-               "offset.height": {"unit": "m", "meaning": "added"},
-               **{name: {"unit": "1", "meaning": name} for name in names},
-               "failure": {"meaning": "why"}, "notes": {"meaning": "warnings"}}
-    trial = SweptTrial(name="low_1", file="low_1.yaml", synthetic=True, inputs={}, fulcrum_mm=66.0, notes=(),
-                       finished=1, measured_peak_vertical_bw=None, smallest_error=None)
-    return SweepTable(walks=2, failed=1, failures=("=out of reach",), with_notes=0, unconverged_steps=0,
-                      refined_steps=0, varied=("fulcrum_mm", "offset.height"), plan={}, software={}, columns=columns,
-                      trials=(trial,)), rows
+    rows = [
+        SweepRow(
+            trial="low_1",
+            fulcrum_mm=66.0,
+            values={"offset.height": 1e-3 / 3.0},
+            failure="",
+            notes=(),
+            scores=Scores(grf_rmse_bw=0.1 + 0.2, unconverged_steps=0),
+        ),
+        SweepRow(
+            trial="low_1",
+            fulcrum_mm=87.0,
+            values={"offset.height": 0.0},
+            failure="=out of reach",
+            notes=(),
+            scores=Scores(),
+        ),
+    ]
+    names = (
+        "grf_rmse_bw",
+        "cop_rmse_fl",
+        "cop_ml_rmse_fl",
+        "vertical_impulse_error",
+        "peak_vertical_bw",
+        "unconverged_steps",
+        "refined_steps",
+    )
+    columns = {
+        "trial": {"meaning": "name"},
+        "fulcrum_mm": {"unit": "mm", "meaning": "fulcrum"},
+        "offset.height": {"unit": "m", "meaning": "added"},
+        **{name: {"unit": "1", "meaning": name} for name in names},
+        "failure": {"meaning": "why"},
+        "notes": {"meaning": "warnings"},
+    }
+    trial = SweptTrial(
+        name="low_1",
+        file="low_1.yaml",
+        synthetic=True,
+        inputs={},
+        fulcrum_mm=66.0,
+        notes=(),
+        finished=1,
+        measured_peak_vertical_bw=None,
+        smallest_error=None,
+    )
+    return SweepTable(
+        walks=2,
+        failed=1,
+        failures=("=out of reach",),
+        with_notes=0,
+        unconverged_steps=0,
+        refined_steps=0,
+        varied=("fulcrum_mm", "offset.height"),
+        plan={},
+        software={},
+        columns=columns,
+        trials=(trial,),
+    ), rows
 
 
 def test_a_sweep_in_parquet_has_the_rows_of_its_csv_at_full_precision(tmp_path):
     table, rows = made_sweep()
     write_sweep(table, rows, tmp_path / "sweep", parquet=True)
     frame = pandas.read_parquet(tmp_path / "sweep" / "sweep.parquet")
-    assert list(frame.columns) == (tmp_path / "sweep" / "sweep.csv").read_text().splitlines()[0].split(",")
+    assert list(frame.columns) == (tmp_path / "sweep" / "sweep.csv").read_text().splitlines()[
+        0
+    ].split(",")
     assert list(frame.grf_rmse_bw[:1]) == [0.1 + 0.2] and np.isnan(frame.grf_rmse_bw[1])
-    assert list(frame["offset.height"]) == [1e-3 / 3.0, 0.0] and list(frame.failure) == ["", "=out of reach"]
+    assert list(frame["offset.height"]) == [1e-3 / 3.0, 0.0] and list(frame.failure) == [
+        "",
+        "=out of reach",
+    ]
     assert frame.attrs["units"]["offset.height"] == "m" and frame.attrs["synthetic"] is True
     stored = pyarrow.parquet.read_table(tmp_path / "sweep" / "sweep.parquet")
-    assert str(stored.schema.field("cop_rmse_fl").type) == "double"  # unknown in every walk, yet numbers
+    assert (
+        str(stored.schema.field("cop_rmse_fl").type) == "double"
+    )  # unknown in every walk, yet numbers
     assert "SYNTHETIC" in Sweep(table, rows)._repr_html_()
     write_sweep(table, rows, tmp_path / "sweep")
     assert not (tmp_path / "sweep" / "sweep.parquet").exists()
@@ -112,13 +190,18 @@ def test_a_walk_for_opensim_reads_back_in_degrees_metres_and_newtons_of_opensims
     _write_opensim(walk, tmp_path)
     motion = read_storage(tmp_path / "walk_ik.mot")
     assert motion.in_degrees and np.array_equal(motion.time_s, walk.time_s)
-    assert np.allclose(motion.column("knee_angle_r"), np.degrees(walk.column("knee_angle_r")), rtol=1e-15)
+    assert np.allclose(
+        motion.column("knee_angle_r"), np.degrees(walk.column("knee_angle_r")), rtol=1e-15
+    )
     assert np.array_equal(motion.column("pelvis_ty"), walk.column("pelvis_ty"))
     assert np.array_equal(motion.column("fulcrum"), walk.column("fulcrum"))
     lines = (tmp_path / "walk_grf.mot").read_text().splitlines()  # by hand
     assert "SYNTHETIC" in lines[0]
     head = lines.index("endheader") + 1
-    labels, cells = lines[head].split("\t"), np.array([line.split("\t") for line in lines[head + 1:]], dtype=float)
+    labels, cells = (
+        lines[head].split("\t"),
+        np.array([line.split("\t") for line in lines[head + 1 :]], dtype=float),
+    )
     column = dict(zip(labels, cells.T, strict=True))
     x, y, z = walk.grf_W.T  # forward, left, up: OpenSim has forward, up, right
     for name, values in (("vx", x), ("vy", z), ("vz", -y)):
@@ -131,12 +214,20 @@ def test_a_walk_for_opensim_reads_back_in_degrees_metres_and_newtons_of_opensims
 
 def test_an_outcome_of_many_walks_has_what_was_kept_of_it_and_says_what_was_varied():
     walk = make_walk()
-    trial = SimpleNamespace(name="low_1", synthetic=True, subject=SimpleNamespace(prosthetic_side="right"))
+    trial = SimpleNamespace(
+        name="low_1", synthetic=True, subject=SimpleNamespace(prosthetic_side="right")
+    )
     case = WalkCase(trial=trial, values={"offset.height": 0.002})
-    outcome = WalkOutcome(case=case, _arrays={"time_s": walk.time_s, "q": walk.q, "grf_W": walk.grf_W},
-                          columns={"q": walk.coordinate_names})
+    outcome = WalkOutcome(
+        case=case,
+        _arrays={"time_s": walk.time_s, "q": walk.q, "grf_W": walk.grf_W},
+        columns={"q": walk.coordinate_names},
+    )
     frame = outcome.to_dataframe()
-    assert np.array_equal(frame["q_knee_angle_r"], walk.column("knee_angle_r")) and len(frame.columns) == 7 + 3
+    assert (
+        np.array_equal(frame["q_knee_angle_r"], walk.column("knee_angle_r"))
+        and len(frame.columns) == 7 + 3
+    )
     assert frame.attrs["offset.height"] == 0.002 and frame.attrs["synthetic"] is True
     with pytest.raises(InputError, match="keep"):
         WalkOutcome(case=case, _arrays={"grf_W": walk.grf_W}).to_dataframe()

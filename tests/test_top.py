@@ -15,19 +15,33 @@ import vsf_drake
 
 
 def test_importing_the_package_loads_neither_drake_nor_numpy_and_little_at_all():
-    code = "import sys; before = set(sys.modules); import vsf_drake; print(*set(sys.modules) - before)"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert not [name for name in loaded if name.split(".")[0] in ("pydrake", "numpy", "scipy", "numba", "importlib")]
+    code = (
+        "import sys; before = set(sys.modules); import vsf_drake; print(*set(sys.modules) - before)"
+    )
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert not [
+        name
+        for name in loaded
+        if name.split(".")[0] in ("pydrake", "numpy", "scipy", "numba", "importlib")
+    ]
     assert [name for name in loaded if name.startswith("vsf_drake")] == ["vsf_drake"]
 
 
 def test_every_name_is_there_described_and_the_one_that_a_type_checker_sees():
     seen = {}
-    for node in ast.parse(Path(vsf_drake.__file__).with_suffix(".pyi").read_text(encoding="utf-8")).body:
+    for node in ast.parse(
+        Path(vsf_drake.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+    ).body:
         if isinstance(node, ast.ImportFrom):
             module = importlib.import_module(node.module)
-            seen |= {alias.asname or alias.name: getattr(module, alias.name) for alias in node.names}
-    assert sorted(seen) == sorted(vsf_drake.__all__) == sorted(set(dir(vsf_drake)) - {"__version__"})
+            seen |= {
+                alias.asname or alias.name: getattr(module, alias.name) for alias in node.names
+            }
+    assert (
+        sorted(seen) == sorted(vsf_drake.__all__) == sorted(set(dir(vsf_drake)) - {"__version__"})
+    )
     for name, value in seen.items():
         assert getattr(vsf_drake, name) is value and value.__doc__ and name in vsf_drake.__doc__
     assert vsf_drake.__version__.count(".") == 2

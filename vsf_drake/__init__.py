@@ -14,13 +14,26 @@ Each is loaded when it is first used. All else has its place in the modules belo
 """
 
 _HOMES = {
-    "ContactFit": "analysis.contact_fit", "FootParameters": "parameters", "ModelParameters": "parameters",
-    "StiffnessTuning": "analysis.tuning.level1", "WalkCase": "simulation.batch", "add_foot": "plants",
-    "bench_table": "analysis.bench_metrics", "fit_contact": "analysis.contact_fit:solve",
-    "fit_offsets": "analysis.offsets", "load_contact": "contact_file", "load_trial": "motion.trial",
-    "make_study": "analysis.validation", "resource": "files", "run_bench": "simulation.bench",
-    "simulate_batch": "simulation.batch", "simulate_trial": "simulation.walk", "trial_with": "motion.fitted_trial",
-    "tune_stiffness": "analysis.tuning.level1:solve", "walk_metrics": "analysis.metrics", "wire_foot": "plants",
+    "ContactFit": "analysis.contact_fit",
+    "FootParameters": "parameters",
+    "ModelParameters": "parameters",
+    "StiffnessTuning": "analysis.tuning.level1",
+    "WalkCase": "simulation.batch",
+    "add_foot": "plants",
+    "bench_table": "analysis.bench_metrics",
+    "fit_contact": "analysis.contact_fit:solve",
+    "fit_offsets": "analysis.offsets",
+    "load_contact": "contact_file",
+    "load_trial": "motion.trial",
+    "make_study": "analysis.validation",
+    "resource": "files",
+    "run_bench": "simulation.bench",
+    "simulate_batch": "simulation.batch",
+    "simulate_trial": "simulation.walk",
+    "trial_with": "motion.fitted_trial",
+    "tune_stiffness": "analysis.tuning.level1:solve",
+    "walk_metrics": "analysis.metrics",
+    "wire_foot": "plants",
 }
 __all__ = list(_HOMES)
 

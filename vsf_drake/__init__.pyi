@@ -17,8 +17,26 @@ from vsf_drake.simulation.batch import WalkCase, simulate_batch
 from vsf_drake.simulation.bench import run_bench
 from vsf_drake.simulation.walk import simulate_trial
 
-__all__ = ["ContactFit", "FootParameters", "ModelParameters", "StiffnessTuning", "WalkCase", "add_foot",
-           "bench_table", "fit_contact", "fit_offsets", "load_contact", "load_trial", "make_study", "resource",
-           "run_bench", "simulate_batch", "simulate_trial", "trial_with", "tune_stiffness", "walk_metrics",
-           "wire_foot"]
+__all__ = [
+    "ContactFit",
+    "FootParameters",
+    "ModelParameters",
+    "StiffnessTuning",
+    "WalkCase",
+    "add_foot",
+    "bench_table",
+    "fit_contact",
+    "fit_offsets",
+    "load_contact",
+    "load_trial",
+    "make_study",
+    "resource",
+    "run_bench",
+    "simulate_batch",
+    "simulate_trial",
+    "trial_with",
+    "tune_stiffness",
+    "walk_metrics",
+    "wire_foot",
+]
 __version__: str

@@ -39,14 +39,23 @@ FEWEST_SAMPLES = 5  # of a pass, from touch-down on
 LATEST_START = 0.05  # share of the largest load with which a pass may begin, and over which its first slope is taken
 FARTHEST_TOUCH = 0.1  # share of a pass's travel by which touch-down may lie before its first sample
 LARGEST_FALL = 0.05  # share of the largest load by which the load may fall while a pass loads: noise and no more
-_NEEDED = "It needs the columns fulcrum_mm, displacement_mm and load_n (or fulcrum_m, displacement_m, load_kn), and " \
-          "repeat where a setting was pressed more than once"
+_NEEDED = (
+    "It needs the columns fulcrum_mm, displacement_mm and load_n (or fulcrum_m, displacement_m, load_kn), and "
+    "repeat where a setting was pressed more than once"
+)
 _COLUMNS = {
-    "fulcrum_mm": ("fulcrum", 1e-3), "fulcrum_m": ("fulcrum", 1.0), "displacement_mm": ("displacement", 1e-3),
-    "displacement_m": ("displacement", 1.0), "load_n": ("load", 1.0), "load_kn": ("load", 1e3),
-    "repeat": ("repeat", 1.0)}
-_UNCERTAINTIES = {"stiffness_uncertainty_n_per_mm": (1e-4, 1000.0, "N/mm"),
-                  "displacement_uncertainty_mm": (1e-4, 300.0, "mm")}
+    "fulcrum_mm": ("fulcrum", 1e-3),
+    "fulcrum_m": ("fulcrum", 1.0),
+    "displacement_mm": ("displacement", 1e-3),
+    "displacement_m": ("displacement", 1.0),
+    "load_n": ("load", 1.0),
+    "load_kn": ("load", 1e3),
+    "repeat": ("repeat", 1.0),
+}
+_UNCERTAINTIES = {
+    "stiffness_uncertainty_n_per_mm": (1e-4, 1000.0, "N/mm"),
+    "displacement_uncertainty_mm": (1e-4, 300.0, "mm"),
+}
 """Comments that say them: what is possible."""
 _UNITS = {"fulcrum": "mm or m", "displacement": "mm or m", "load": "n or kn"}
 _FULCRUM_M, _TRAVEL_M, _LOAD_N = (0.010, 1.0), (1e-4, 0.3), (5.0, 2e4)
@@ -94,40 +103,67 @@ def load_bench_curves(path: str | Path) -> BenchCurves:
         return cells
 
     cells, places, _ = table_rows(
-        lines, kinds, path, split, needs=f", there are {len(kinds)} columns", oddities=oddities,
-        surplus="Numbers need a decimal point, not a comma" if separator == "," else None)
+        lines,
+        kinds,
+        path,
+        split,
+        needs=f", there are {len(kinds)} columns",
+        oddities=oddities,
+        surplus="Numbers need a decimal point, not a comma" if separator == "," else None,
+    )
     if not len(cells):
-        raise InputError("there are no rows of numbers", file=path, right="One row a sample of each pass")
+        raise InputError(
+            "there are no rows of numbers", file=path, right="One row a sample of each pass"
+        )
     columns = dict(zip(kinds, (cells * factors).T, strict=True))
     position, repeat = np.round(columns["fulcrum"], 9), columns.get("repeat", np.ones(len(cells)))
 
-    def refuse_first(wrong: np.ndarray, kind: str, what: Callable[[int], str], right: str | None = None) -> None:
+    def refuse_first(
+        wrong: np.ndarray, kind: str, what: Callable[[int], str], right: str | None = None
+    ) -> None:
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise InputError(what(row), file=path, where=f"line {places[row]}, column {kind}", right=right)
+            raise InputError(
+                what(row), file=path, where=f"line {places[row]}, column {kind}", right=right
+            )
 
     for column, kind in enumerate(kinds):
+
         def no_number(row: int, column: int = column) -> str:
             return f"{oddities.get((row, column), '')[:40]!r} is not a finite number"
 
-        known = np.isfinite(cells[:, column]) | ((kind == "fulcrum") & (cells[:, column] == math.inf))
+        known = np.isfinite(cells[:, column]) | (
+            (kind == "fulcrum") & (cells[:, column] == math.inf)
+        )
         refuse_first(~known, kind, no_number)
-    refuse_first(np.isfinite(position) & ((position < _FULCRUM_M[0]) | (position > _FULCRUM_M[1])), "fulcrum",
-                 lambda row: f"{1e3 * position[row]:g} mm is no fulcrum position",
-                 "It counts from the keel's posterior end; is it in the unit of its column?")
-    refuse_first((repeat != np.round(repeat)) | (repeat < 1.0), "repeat",
-                 lambda row: f"{repeat[row]:g} is no number of a pass", "Passes count from 1")
+    refuse_first(
+        np.isfinite(position) & ((position < _FULCRUM_M[0]) | (position > _FULCRUM_M[1])),
+        "fulcrum",
+        lambda row: f"{1e3 * position[row]:g} mm is no fulcrum position",
+        "It counts from the keel's posterior end; is it in the unit of its column?",
+    )
+    refuse_first(
+        (repeat != np.round(repeat)) | (repeat < 1.0),
+        "repeat",
+        lambda row: f"{repeat[row]:g} is no number of a pass",
+        "Passes count from 1",
+    )
     curves = []
     for key in sorted(set(zip(position.tolist(), repeat.tolist(), strict=True))):
         rows = (position == key[0]) & (repeat == key[1])
-        curves.append(_curve(key, columns["displacement"][rows], columns["load"][rows], places[rows], path))
+        curves.append(
+            _curve(key, columns["displacement"][rows], columns["load"][rows], places[rows], path)
+        )
     word = notes.get("synthetic", "false").lower()
     if word not in ("true", "false"):
         raise InputError(f"{word!r} is neither true nor false", file=path, where="# synthetic")
     return BenchCurves(
-        name=notes.get("name") or path.stem, synthetic=word == "true", curves=tuple(curves),
+        name=notes.get("name") or path.stem,
+        synthetic=word == "true",
+        curves=tuple(curves),
         stiffness_sd_n_per_m=1e3 * float(notes.get("stiffness_uncertainty_n_per_mm", 0.5)),
-        displacement_sd_m=1e-3 * float(notes.get("displacement_uncertainty_mm", 0.5)))
+        displacement_sd_m=1e-3 * float(notes.get("displacement_uncertainty_mm", 0.5)),
+    )
 
 
 def _samples(path: Path, notes: dict[str, str]) -> Iterator[tuple[int, str]]:
@@ -138,25 +174,36 @@ def _samples(path: Path, notes: dict[str, str]) -> Iterator[tuple[int, str]]:
             if line.strip(",;\t "):
                 yield number, line
             continue
-        key, colon, value = (part.strip() for part in line.strip('",;\t ').lstrip("# ").partition(":"))
+        key, colon, value = (
+            part.strip() for part in line.strip('",;\t ').lstrip("# ").partition(":")
+        )
         key, where = key.lower(), f"line {number}, # {key.lower()}"
         if colon and key in ("name", "synthetic"):
             notes.setdefault(key, value)
         elif colon and key.startswith(("stiffness_uncertainty", "displacement_uncertainty")):
             low, high, unit = _UNCERTAINTIES.get(key, (1.0, 0.0, ""))
             if key not in _UNCERTAINTIES:
-                raise InputError("is no uncertainty that is known", file=path, where=where,
-                                 right=f"There are: {', '.join(_UNCERTAINTIES)}")
+                raise InputError(
+                    "is no uncertainty that is known",
+                    file=path,
+                    where=where,
+                    right=f"There are: {', '.join(_UNCERTAINTIES)}",
+                )
             if key in notes:
                 raise InputError("stands twice", file=path, where=where)
             if not (_is_number(value) and low <= float(value) <= high):
-                raise InputError(f"{value[:40]!r} is not usable", file=path, where=where,
-                                 right=f"It must be a number between {low:g} and {high:g} {unit}")
+                raise InputError(
+                    f"{value[:40]!r} is not usable",
+                    file=path,
+                    where=where,
+                    right=f"It must be a number between {low:g} and {high:g} {unit}",
+                )
             notes[key] = value
 
 
 def _header(line: str, path: Path, where: str) -> tuple[list[str], list[float], str]:
     """What each column is, its factor to SI, and the separator."""
+
     def refuse(what: str, right: str = _NEEDED, *, column: str = "") -> InputError:
         return InputError(what, file=path, where=where + column, right=right)
 
@@ -169,18 +216,25 @@ def _header(line: str, path: Path, where: str) -> tuple[list[str], list[float], 
         if cell not in _COLUMNS and stem in _UNITS:
             raise refuse(
                 f"the unit {unit!r} is unknown" if unit else "the unit is missing",
-                f"It must be {_UNITS[stem]}, as in {stem}_{_UNITS[stem].split()[0]}", column=f", column {cell}")
+                f"It must be {_UNITS[stem]}, as in {stem}_{_UNITS[stem].split()[0]}",
+                column=f", column {cell}",
+            )
         if cell not in _COLUMNS:
             raise refuse(f"the column {cell!r} is unknown" if cell else "a column has no name")
     kinds = [_COLUMNS[cell][0] for cell in cells]
     for kind in (*kinds, *_UNITS):
         if kinds.count(kind) != 1:
-            raise refuse(f"there are {kinds.count(kind)} columns of {kind}" if kind in kinds
-                         else f"there is no column of {kind}")
+            raise refuse(
+                f"there are {kinds.count(kind)} columns of {kind}"
+                if kind in kinds
+                else f"there is no column of {kind}"
+            )
     return kinds, [_COLUMNS[cell][1] for cell in cells], separator
 
 
-def _curve(key: tuple[float, float], x: np.ndarray, load: np.ndarray, line: np.ndarray, path: Path) -> MeasuredCurve:
+def _curve(
+    key: tuple[float, float], x: np.ndarray, load: np.ndarray, line: np.ndarray, path: Path
+) -> MeasuredCurve:
     fulcrum, repeat = key[0], int(key[1])
     setting = "the heel" if fulcrum == math.inf else f"fulcrum at {1e3 * fulcrum:g} mm"
     where = f"{setting}, pass {repeat}"
@@ -191,7 +245,9 @@ def _curve(key: tuple[float, float], x: np.ndarray, load: np.ndarray, line: np.n
 
     largest = float(load.max())
     if largest <= 0.0:
-        raise refuse("the foot is never loaded", "Load and displacement of compression are positive")
+        raise refuse(
+            "the foot is never loaded", "Load and displacement of compression are positive"
+        )
     if not _LOAD_N[0] <= largest <= _LOAD_N[1]:
         raise refuse(f"the largest load is {largest:g} N", "Is it in the unit of its column?")
     if np.any(np.diff(x) < 0.0):
@@ -199,23 +255,35 @@ def _curve(key: tuple[float, float], x: np.ndarray, load: np.ndarray, line: np.n
         raise refuse(
             f"the displacement falls from {1e3 * x[row - 1]:g} to {1e3 * x[row]:g} mm",
             "A pass is loading only, in the order it was recorded; a second pass at a setting has another number in a "
-            "column repeat", row)
+            "column repeat",
+            row,
+        )
     below = np.maximum.accumulate(load) - load  # how far under the largest load so far
     if below.max() > LARGEST_FALL * largest:
         row = int(np.argmax(below > LARGEST_FALL * largest))
-        raise refuse(f"the load falls by {below[row]:.3g} N to {load[row]:g} N", "A pass rises up to noise: end it "
-                     "before it unloads, slips or breaks", row)
+        raise refuse(
+            f"the load falls by {below[row]:.3g} N to {load[row]:g} N",
+            "A pass rises up to noise: end it before it unloads, slips or breaks",
+            row,
+        )
     first = float(load[0]) if load.min() > 0.0 else 0.0
     # Samples at one displacement (a slow machine, a fast clock) count as one, with their mean load.
     x, which, count = np.unique(x, return_inverse=True, return_counts=True)
     load = np.bincount(which, weights=load) / count
     x, load = _from_touch_down(x, load, refuse)
     if len(x) < FEWEST_SAMPLES:
-        raise refuse(f"has {len(x)} samples from touch-down on", f"At least {FEWEST_SAMPLES} are needed")
+        raise refuse(
+            f"has {len(x)} samples from touch-down on", f"At least {FEWEST_SAMPLES} are needed"
+        )
     if not _TRAVEL_M[0] <= x[-1] <= _TRAVEL_M[1]:
         raise refuse(f"the platen travels {1e3 * x[-1]:g} mm", "Is it in the unit of its column?")
-    return MeasuredCurve(fulcrum_m=None if fulcrum == math.inf else fulcrum, repeat=repeat, displacement_m=x,
-                         load_n=load, first_load_n=first)
+    return MeasuredCurve(
+        fulcrum_m=None if fulcrum == math.inf else fulcrum,
+        repeat=repeat,
+        displacement_m=x,
+        load_n=load,
+        first_load_n=first,
+    )
 
 
 def _from_touch_down(
@@ -226,21 +294,28 @@ def _from_touch_down(
     if idle.size:
         last = int(idle[-1])
         if last + 1 == len(x):
-            raise refuse("the foot is never loaded as the platen moves", "One row a sample, in the order of loading")
+            raise refuse(
+                "the foot is never loaded as the platen moves",
+                "One row a sample, in the order of loading",
+            )
         # The line through this sample and the next meets zero: x_touch = x - F dx / dF.
         touch = x[last] - load[last] * (x[last + 1] - x[last]) / (load[last + 1] - load[last])
         x, load = x[last + 1 :], load[last + 1 :]
     else:
         if load[0] > LATEST_START * largest:
-            raise refuse(f"begins at {load[0]:.3g} N of {largest:.4g} N",
-                         f"A pass must begin before the platen touches, or at most at {LATEST_START:.0%} of its load")
+            raise refuse(
+                f"begins at {load[0]:.3g} N of {largest:.4g} N",
+                f"A pass must begin before the platen touches, or at most at {LATEST_START:.0%} of its load",
+            )
         # From a preload back along the first slope: x_touch = x - F / k.
         count = max(3, int(np.searchsorted(load - load[0], LATEST_START * largest)))
         slope = float(np.polyfit(x[:count], load[:count], 1)[0]) if len(x) >= count else 0.0
         touch = x[0] - load[0] / slope if slope > 0.0 else -math.inf
         if x[0] - touch > FARTHEST_TOUCH * (x[-1] - x[0]):
-            raise refuse(f"begins at {load[0]:.3g} N without rising, so that touch-down cannot be told",
-                         "Tare the load cell, or cut the pass to where the load rises")
+            raise refuse(
+                f"begins at {load[0]:.3g} N without rising, so that touch-down cannot be told",
+                "Tare the load cell, or cut the pass to where the load rises",
+            )
     after = x - touch > 0.0
     return np.concatenate(([0.0], x[after] - touch)), np.concatenate(([0.0], load[after]))
 
@@ -279,11 +354,15 @@ class BenchMeasurement:
     name: str
     synthetic: bool
     fulcrum_m: tuple[float, ...]  # (n,) from the keel's posterior end A, increasing
-    stiffness_n_per_m: tuple[float, ...]  # (n,) of the forefoot there, the mean slope from 200 N to `max_load_n`
+    stiffness_n_per_m: tuple[
+        float, ...
+    ]  # (n,) of the forefoot there, the mean slope from 200 N to `max_load_n`
     heel_stiffness_n_per_m: float | None
     uncertainty_n_per_m: float  # standard deviation of each stiffness
     max_load_n: float
-    mid_range_m: tuple[float, ...] | None = None  # (n,) of the platen since touch-down, at half of `max_load_n`
+    mid_range_m: tuple[float, ...] | None = (
+        None  # (n,) of the platen since touch-down, at half of `max_load_n`
+    )
     heel_mid_range_m: float | None = None  # known where `mid_range_m` and the heel's stiffness are
     mid_range_uncertainty_m: float | None = None  # standard deviation of each of these
 
@@ -293,11 +372,16 @@ class _SettingCurves:
     """The forefoot at one position of the fulcrum."""
 
     fulcrum_mm: float = quantity(  # distance of the fulcrum from A
-        unit="mm", low=10.0, high=1000.0, source="set on the device, from the keel's end A")
+        unit="mm", low=10.0, high=1000.0, source="set on the device, from the keel's end A"
+    )
     stiffness_n_per_mm: float = quantity(  # mean slope from 200 N to max_load_n
-        unit="N/mm", low=_LOWEST, high=_HIGHEST, source="measured")
-    mid_range_displacement_mm: float | None = quantity(  # of the platen since touch-down, at half of max_load_n
-        None, unit="mm", low=_SHORTEST, high=_LONGEST, source="measured")
+        unit="N/mm", low=_LOWEST, high=_HIGHEST, source="measured"
+    )
+    mid_range_displacement_mm: float | None = (
+        quantity(  # of the platen since touch-down, at half of max_load_n
+            None, unit="mm", low=_SHORTEST, high=_LONGEST, source="measured"
+        )
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -308,51 +392,87 @@ class _BenchFile:
     synthetic: bool = False  # nobody measured it: results say SYNTHETIC
     forefoot: tuple[_SettingCurves, ...]
     heel_stiffness_n_per_mm: float | None = quantity(  # of the heel, mean slope from 200 N
-        None, unit="N/mm", low=_LOWEST, high=_HIGHEST, source="measured")
+        None, unit="N/mm", low=_LOWEST, high=_HIGHEST, source="measured"
+    )
     stiffness_uncertainty_n_per_mm: float = quantity(  # standard deviation of each stiffness
-        unit="N/mm", low=1e-4, high=_HIGHEST, source="stated")
-    max_load_n: float = quantity(unit="N", low=0.0, high=1e5, source="measured")  # largest load of the test
+        unit="N/mm", low=1e-4, high=_HIGHEST, source="stated"
+    )
+    max_load_n: float = quantity(
+        unit="N", low=0.0, high=1e5, source="measured"
+    )  # largest load of the test
     heel_mid_range_displacement_mm: float | None = quantity(  # of the heel, at half of max_load_n
-        None, unit="mm", low=_SHORTEST, high=_LONGEST, source="measured")
-    displacement_uncertainty_mm: float | None = quantity(  # standard deviation of each mid-range displacement
-        None, unit="mm", low=1e-4, high=_LONGEST, source="stated")
+        None, unit="mm", low=_SHORTEST, high=_LONGEST, source="measured"
+    )
+    displacement_uncertainty_mm: float | None = (
+        quantity(  # standard deviation of each mid-range displacement
+            None, unit="mm", low=1e-4, high=_LONGEST, source="stated"
+        )
+    )
 
 
 def load_bench_file(path: str | Path) -> BenchMeasurement:
     """Reads a bench file; positions must increase, mid-range displacements are there for all settings or for none."""
     read = load_yaml(path, _BenchFile)
     if not read.forefoot:
-        raise InputError("holds no setting", file=path, where="forefoot",
-                         right="It must list fulcrum_mm and stiffness_n_per_mm at one position or more")
+        raise InputError(
+            "holds no setting",
+            file=path,
+            where="forefoot",
+            right="It must list fulcrum_mm and stiffness_n_per_mm at one position or more",
+        )
     for i, (before, after) in enumerate(pairwise(read.forefoot), start=1):
         if not after.fulcrum_mm > before.fulcrum_mm:
             twice = after.fulcrum_mm == before.fulcrum_mm
             raise InputError(
-                f"{after.fulcrum_mm:g} mm " + ("stands twice" if twice else f"follows {before.fulcrum_mm:g} mm"),
-                file=path, where=f"forefoot[{i}].fulcrum_mm", right="Positions must increase, each given once")
+                f"{after.fulcrum_mm:g} mm "
+                + ("stands twice" if twice else f"follows {before.fulcrum_mm:g} mm"),
+                file=path,
+                where=f"forefoot[{i}].fulcrum_mm",
+                right="Positions must increase, each given once",
+            )
     if not read.max_load_n > STIFFNESS_ABOVE_N:
-        raise InputError(f"{read.max_load_n:g} N leaves nothing of the curve: stiffness is the mean slope above "
-                         f"{STIFFNESS_ABOVE_N:g} N", file=path, where="max_load_n",
-                         right="It must be the largest load of the test, in N")
-    heel, heel_x, sd = (read.heel_stiffness_n_per_mm, read.heel_mid_range_displacement_mm,
-                        read.displacement_uncertainty_mm)
+        raise InputError(
+            f"{read.max_load_n:g} N leaves nothing of the curve: stiffness is the mean slope above "
+            f"{STIFFNESS_ABOVE_N:g} N",
+            file=path,
+            where="max_load_n",
+            right="It must be the largest load of the test, in N",
+        )
+    heel, heel_x, sd = (
+        read.heel_stiffness_n_per_mm,
+        read.heel_mid_range_displacement_mm,
+        read.displacement_uncertainty_mm,
+    )
     displacements = [s.mid_range_displacement_mm for s in read.forefoot]
     right = "Give the mid-range displacement of every setting that has a stiffness, and displacement_uncertainty_mm"
     if heel is None and heel_x is not None:
-        raise InputError("there is no heel_stiffness_n_per_mm beside it", file=path,
-                         where="heel_mid_range_displacement_mm", right=right)
+        raise InputError(
+            "there is no heel_stiffness_n_per_mm beside it",
+            file=path,
+            where="heel_mid_range_displacement_mm",
+            right=right,
+        )
     needed = {f"forefoot[{i}].mid_range_displacement_mm": x for i, x in enumerate(displacements)}
     needed |= {"displacement_uncertainty_mm": sd} | (
-        {} if heel is None else {"heel_mid_range_displacement_mm": heel_x})
+        {} if heel is None else {"heel_mid_range_displacement_mm": heel_x}
+    )
     missing = [key for key, value in needed.items() if value is None]
     if missing and len(missing) < len(needed):
-        raise InputError("the key is missing, and others of the mid-range displacement are there", file=path,
-                         where=missing[0], right=right)
+        raise InputError(
+            "the key is missing, and others of the mid-range displacement are there",
+            file=path,
+            where=missing[0],
+            right=right,
+        )
     return BenchMeasurement(
-        name=read.name, synthetic=read.synthetic, fulcrum_m=tuple(s.fulcrum_mm / 1e3 for s in read.forefoot),
+        name=read.name,
+        synthetic=read.synthetic,
+        fulcrum_m=tuple(s.fulcrum_mm / 1e3 for s in read.forefoot),
         stiffness_n_per_m=tuple(1e3 * s.stiffness_n_per_mm for s in read.forefoot),
         heel_stiffness_n_per_m=None if heel is None else 1e3 * heel,
-        uncertainty_n_per_m=1e3 * read.stiffness_uncertainty_n_per_mm, max_load_n=read.max_load_n,
+        uncertainty_n_per_m=1e3 * read.stiffness_uncertainty_n_per_mm,
+        max_load_n=read.max_load_n,
         mid_range_m=None if sd is None else tuple(x / 1e3 for x in displacements if x is not None),
         heel_mid_range_m=None if heel_x is None else heel_x / 1e3,
-        mid_range_uncertainty_m=None if sd is None else sd / 1e3)
+        mid_range_uncertainty_m=None if sd is None else sd / 1e3,
+    )

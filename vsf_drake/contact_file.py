@@ -48,17 +48,28 @@ if TYPE_CHECKING:
 T = TypeVar("T", bound="DataclassInstance")
 FORMAT = "vsf_drake contact 1"
 FEWEST_COEFFICIENTS = 4  # of a cubic spline
-PATHS = ("pelvis_tx", "pelvis_tz")  # translations of the pelvis that a fit may correct recording by recording
+PATHS = (
+    "pelvis_tx",
+    "pelvis_tz",
+)  # translations of the pelvis that a fit may correct recording by recording
 STANCE_POINTS = 101  # of a discrepancy's curves
 LARGEST_FORCE_BW = 5.0  # of what the plates taught, beyond what walking takes
 LARGEST_CORRECTION = 1.0  # rad, m: of a coordinate, far beyond what any recording errs by
 _UNITS = {
-    r"contact\..+\.stiffness": "N/m^exponent", r"contact\..+\.exponent": "1", r"contact\..+\.damping": "N s/m",
-    r"contact\..+\.(full_damping_depth|rise)": "m", r"friction\.mu_(static|kinetic)": "1",
-    r"friction\.threshold_velocity": "m/s", r"keel\.flexural_modulus": "Pa", r"fulcrum\.stiffness": "N/m",
-    r"socket\.(tx|ty|tz)\.stiffness": "N/m", r"socket\.(flexion|adduction|rotation)\.stiffness": "N m/rad",
-    r"offset\.(height|fore_aft)": "m", r"offset\.(alignment|inversion|toe_out)": "rad",
-    r"coordinate\..+_t[xyz]": "m", r"coordinate\..+": "rad",
+    r"contact\..+\.stiffness": "N/m^exponent",
+    r"contact\..+\.exponent": "1",
+    r"contact\..+\.damping": "N s/m",
+    r"contact\..+\.(full_damping_depth|rise)": "m",
+    r"friction\.mu_(static|kinetic)": "1",
+    r"friction\.threshold_velocity": "m/s",
+    r"keel\.flexural_modulus": "Pa",
+    r"fulcrum\.stiffness": "N/m",
+    r"socket\.(tx|ty|tz)\.stiffness": "N/m",
+    r"socket\.(flexion|adduction|rotation)\.stiffness": "N m/rad",
+    r"offset\.(height|fore_aft)": "m",
+    r"offset\.(alignment|inversion|toe_out)": "rad",
+    r"coordinate\..+_t[xyz]": "m",
+    r"coordinate\..+": "rad",
 }
 """By pattern of the variable's name; the first that fits."""
 
@@ -68,9 +79,14 @@ class FittedSubject:
     """Who a contact was fitted to."""
 
     mass_kg: float = quantity(  # of the body with the prosthesis
-        unit="kg", low=20.0, high=250.0, source="the trials' subject")
-    stature_m: float = quantity(unit="m", low=0.8, high=2.5, source="the trials' subject")  # standing height
-    prosthetic_side: str = choice(options=SIDES, source="the trials' subject")  # side of the prosthesis
+        unit="kg", low=20.0, high=250.0, source="the trials' subject"
+    )
+    stature_m: float = quantity(
+        unit="m", low=0.8, high=2.5, source="the trials' subject"
+    )  # standing height
+    prosthetic_side: str = choice(
+        options=SIDES, source="the trials' subject"
+    )  # side of the prosthesis
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,10 +101,16 @@ class FittedTrial:
     name: str  # of the fitted trial
     fingerprint: str  # of the recording, see `motion.fitted_trial.fingerprint`
     height_m: float = quantity(  # added to the height offset, + shortens the prosthesis
-        0.0, unit="m", low=-0.2, high=0.2, source="fitted")
-    path: dict[str, tuple[float, ...]] = field(  # spline coefficients by pelvis translation, OpenSim's axes
-        default_factory=dict)
-    curves: dict[str, tuple[float, ...]] = field(default_factory=dict)  # spline coefficients by joint angle
+        0.0, unit="m", low=-0.2, high=0.2, source="fitted"
+    )
+    path: dict[str, tuple[float, ...]] = (
+        field(  # spline coefficients by pelvis translation, OpenSim's axes
+            default_factory=dict
+        )
+    )
+    curves: dict[str, tuple[float, ...]] = field(
+        default_factory=dict
+    )  # spline coefficients by joint angle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,11 +119,20 @@ class JointCurve:
 
     coordinate: str  # to which the curve is added
     coefficients: tuple[float, ...] = quantity(  # of periodic B-splines over the gait cycle
-        unit="rad (m for a translation)", low=-LARGEST_CORRECTION, high=LARGEST_CORRECTION, source="fitted")
+        unit="rad (m for a translation)",
+        low=-LARGEST_CORRECTION,
+        high=LARGEST_CORRECTION,
+        source="fitted",
+    )
 
 
-_force = functools.partial(quantity, unit="BW", low=-LARGEST_FORCE_BW, high=LARGEST_FORCE_BW,
-                           source="plates of the fitted trials")
+_force = functools.partial(
+    quantity,
+    unit="BW",
+    low=-LARGEST_FORCE_BW,
+    high=LARGEST_FORCE_BW,
+    source="plates of the fitted trials",
+)
 _share = functools.partial(quantity, unit="1", low=0.0, high=1.0, source="left out in turn")
 
 
@@ -111,10 +142,18 @@ class MomentumBias:
     coefficients 0, 1, 2 of the fore-aft and the vertical force, their means over the fitted `trials` (fingerprints) and
     their standard deviations between these, which one trial does not tell."""
 
-    fore_aft_bw: tuple[float, ...] = _force()  # fore-aft m (a_com - g) less plate, Legendre coefficients 0 to 2
-    vertical_bw: tuple[float, ...] = _force()  # vertical m (a_com - g) less plate, Legendre coefficients 0 to 2
-    fore_aft_sd_bw: tuple[float, ...] | None = _force(None)  # standard deviation of fore_aft_bw between trials
-    vertical_sd_bw: tuple[float, ...] | None = _force(None)  # standard deviation of vertical_bw between trials
+    fore_aft_bw: tuple[float, ...] = (
+        _force()
+    )  # fore-aft m (a_com - g) less plate, Legendre coefficients 0 to 2
+    vertical_bw: tuple[float, ...] = (
+        _force()
+    )  # vertical m (a_com - g) less plate, Legendre coefficients 0 to 2
+    fore_aft_sd_bw: tuple[float, ...] | None = _force(
+        None
+    )  # standard deviation of fore_aft_bw between trials
+    vertical_sd_bw: tuple[float, ...] | None = _force(
+        None
+    )  # standard deviation of vertical_bw between trials
     trials: tuple[str, ...]  # fingerprints of the recordings averaged
 
 
@@ -126,13 +165,18 @@ class DiscrepancyCurve:
 
     fingerprint: str  # of the recording, as under `trials`
     fulcrum_m: float = quantity(  # distance of the fulcrum from A in this recording
-        unit="m", low=0.0, high=1.0, source="the trial's manifest")
+        unit="m", low=0.0, high=1.0, source="the trial's manifest"
+    )
     fore_aft_bw: tuple[float, ...] = _force()  # plate less model, fore-aft, over the model's stance
     lateral_bw: tuple[float, ...] = _force()  # plate less model, lateral, over the model's stance
     vertical_bw: tuple[float, ...] = _force()  # plate less model, vertical, over the model's stance
-    plate_fore_aft_bw: tuple[float, ...] = _force()  # plate's fore-aft force over the model's stance
+    plate_fore_aft_bw: tuple[float, ...] = (
+        _force()
+    )  # plate's fore-aft force over the model's stance
     plate_lateral_bw: tuple[float, ...] = _force()  # plate's lateral force over the model's stance
-    plate_vertical_bw: tuple[float, ...] = _force()  # plate's vertical force over the model's stance
+    plate_vertical_bw: tuple[float, ...] = (
+        _force()
+    )  # plate's vertical force over the model's stance
     measured_bw: tuple[float, ...] = _force()  # plate's resultant force over the measured stance
 
 
@@ -153,7 +197,9 @@ class Discrepancy:
 class FittedContact:
     """The content of a contact file; see the module's example."""
 
-    format: str = choice(options=(FORMAT,), source="version of this schema")  # name and version of the file format
+    format: str = choice(
+        options=(FORMAT,), source="version of this schema"
+    )  # name and version of the file format
     subject: FittedSubject
     strategy: str  # procedure of the fit, as `fit --strategy`
     converged: bool  # whether the fit converged
@@ -170,18 +216,30 @@ def load_contact(path: str | Path, *, even_if_failed: bool = False) -> FittedCon
     """Reads and checks a contact file; also one that a fit left that did not converge, if `even_if_failed`."""
     contact = check_contact(load_yaml(path, FittedContact), file=path)
     if not contact.converged and not even_if_failed:
-        raise InputError("this fit did not converge", file=path, where="converged",
-                         right="Its numbers are where the search gave up: fit again")
+        raise InputError(
+            "this fit did not converge",
+            file=path,
+            where="converged",
+            right="Its numbers are where the search gave up: fit again",
+        )
     return contact
 
 
 def save_contact(contact: FittedContact, path: str | Path) -> None:
     """Checks `contact` and writes it so that `load_contact` reads an equal one: every digit, units as comments."""
     check_contact(contact, file=path)
-    title = "Contact fitted" if contact.converged else "NOT TO BE USED: the search ended before its end. Contact fitted"
-    lines = [f"# {title} by vsf_drake; see vsf_drake/contact_file.py for what the keys mean. SI units, radians.\n"]
+    title = (
+        "Contact fitted"
+        if contact.converged
+        else "NOT TO BE USED: the search ended before its end. Contact fitted"
+    )
+    lines = [
+        f"# {title} by vsf_drake; see vsf_drake/contact_file.py for what the keys mean. SI units, radians.\n"
+    ]
     for key, value in to_plain(contact).items():
-        text = yaml.dump({key: value}, Dumper=_ContactDumper, sort_keys=False, allow_unicode=True, width=math.inf)
+        text = yaml.dump(
+            {key: value}, Dumper=_ContactDumper, sort_keys=False, allow_unicode=True, width=math.inf
+        )
         lines += [_commented(key, line) for line in text.splitlines(keepends=True)]
     write_text(path, "".join(lines))
 
@@ -192,40 +250,90 @@ def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> 
     check(contact, file=file)
     if any(name.startswith("contact.") for name in contact.values):
         for name in DEVICE:
-            require(name in contact.values, "is missing: the foam in this file was fitted on a keel and a support that "
-                    "it does not tell", f"values.{name}", "Fit again, or add the value of the model that was fitted")
-    require(contact.provenance, "is missing", "provenance",
-            "It stands last: without it the file may have been cut short, with values missing too")
+            require(
+                name in contact.values,
+                "is missing: the foam in this file was fitted on a keel and a support that "
+                "it does not tell",
+                f"values.{name}",
+                "Fit again, or add the value of the model that was fitted",
+            )
+    require(
+        contact.provenance,
+        "is missing",
+        "provenance",
+        "It stands last: without it the file may have been cut short, with values missing too",
+    )
     values = {f"values.{name}": value for name, value in contact.values.items()}
     for where in values:
         variable_unit(where.removeprefix("values."), file=file, where=where)
     known = person_coordinates(contact.subject.prosthetic_side)
     prefix = "values.coordinate."
     for where, name, those in (
-            *((where, where.removeprefix(prefix), known) for where in values if where.startswith(prefix)),
-            *((f"curves[{i}].coordinate", curve.coordinate, known) for i, curve in enumerate(contact.curves)),
-            *((f"trials[{i}].path", name, PATHS) for i, trial in enumerate(contact.trials) for name in trial.path),
-            *((f"trials[{i}].curves", name, known) for i, trial in enumerate(contact.trials) for name in trial.curves)):
-        require(name in those, f"{name!r} is no coordinate that can be corrected", where,
-                f"There are: {', '.join(those)}")
-    splines = {f"curves[{i}].coefficients": curve.coefficients for i, curve in enumerate(contact.curves)} | {
-        f"trials[{i}].{kind}.{name}": spline for i, trial in enumerate(contact.trials)
-        for kind in ("path", "curves") for name, spline in getattr(trial, kind).items()}
+        *(
+            (where, where.removeprefix(prefix), known)
+            for where in values
+            if where.startswith(prefix)
+        ),
+        *(
+            (f"curves[{i}].coordinate", curve.coordinate, known)
+            for i, curve in enumerate(contact.curves)
+        ),
+        *(
+            (f"trials[{i}].path", name, PATHS)
+            for i, trial in enumerate(contact.trials)
+            for name in trial.path
+        ),
+        *(
+            (f"trials[{i}].curves", name, known)
+            for i, trial in enumerate(contact.trials)
+            for name in trial.curves
+        ),
+    ):
+        require(
+            name in those,
+            f"{name!r} is no coordinate that can be corrected",
+            where,
+            f"There are: {', '.join(those)}",
+        )
+    splines = {
+        f"curves[{i}].coefficients": curve.coefficients for i, curve in enumerate(contact.curves)
+    } | {
+        f"trials[{i}].{kind}.{name}": spline
+        for i, trial in enumerate(contact.trials)
+        for kind in ("path", "curves")
+        for name, spline in getattr(trial, kind).items()
+    }
     for where, spline in splines.items():
-        require(len(spline) >= FEWEST_COEFFICIENTS, f"{len(spline)} coefficients make no cubic spline", where,
-                f"At least {FEWEST_COEFFICIENTS} are needed")
+        require(
+            len(spline) >= FEWEST_COEFFICIENTS,
+            f"{len(spline)} coefficients make no cubic spline",
+            where,
+            f"At least {FEWEST_COEFFICIENTS} are needed",
+        )
         values |= {f"{where}[{i}]": value for i, value in enumerate(spline)}
     for where, value in values.items():
-        require(isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value),
-                f"{value!r} is not a finite number", where)
+        require(
+            isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value),
+            f"{value!r} is not a finite number",
+            where,
+        )
         correction = where.startswith(prefix) or not where.startswith("values.")
-        require(not correction or abs(value) <= LARGEST_CORRECTION, f"{value:g} corrects no recording", where,
-                f"It must be between {-LARGEST_CORRECTION:g} and {LARGEST_CORRECTION:g} (rad, m)")
+        require(
+            not correction or abs(value) <= LARGEST_CORRECTION,
+            f"{value:g} corrects no recording",
+            where,
+            f"It must be between {-LARGEST_CORRECTION:g} and {LARGEST_CORRECTION:g} (rad, m)",
+        )
     prints = [trial.fingerprint for trial in contact.trials]
     for i, text in enumerate(prints):
-        require(re.fullmatch(r"[0-9a-f]{64}", text), "is no fingerprint of a recording: 64 hexadecimal digits",
-                f"trials[{i}].fingerprint")
-        require(text not in prints[:i], "the same recording stands twice", f"trials[{i}].fingerprint")
+        require(
+            re.fullmatch(r"[0-9a-f]{64}", text),
+            "is no fingerprint of a recording: 64 hexadecimal digits",
+            f"trials[{i}].fingerprint",
+        )
+        require(
+            text not in prints[:i], "the same recording stands twice", f"trials[{i}].fingerprint"
+        )
     curved = [curve.coordinate for curve in contact.curves]
     for i, name in enumerate(curved):
         require(name not in curved[:i], f"{name} has two curves", f"curves[{i}].coordinate")
@@ -240,24 +348,41 @@ def _check_learned(contact: FittedContact, file: str | Path | None) -> None:
     named: dict[str, str] = {}
     if momentum is not None:
         named |= {f"momentum.trials[{i}]": text for i, text in enumerate(momentum.trials)}
-        series |= {f"momentum.{name}": (getattr(momentum, name), 3)
-                   for name in ("fore_aft_bw", "vertical_bw", "fore_aft_sd_bw", "vertical_sd_bw")}
+        series |= {
+            f"momentum.{name}": (getattr(momentum, name), 3)
+            for name in ("fore_aft_bw", "vertical_bw", "fore_aft_sd_bw", "vertical_sd_bw")
+        }
     if discrepancy is not None:
-        series |= {"discrepancy.shared": (discrepancy.shared, 3), "discrepancy.own": (discrepancy.own, 3)}
+        series |= {
+            "discrepancy.shared": (discrepancy.shared, 3),
+            "discrepancy.own": (discrepancy.own, 3),
+        }
         for i, curve in enumerate(discrepancy.curves):
             named[f"discrepancy.curves[{i}].fingerprint"] = curve.fingerprint
-            series |= {f"discrepancy.curves[{i}].{name}": (getattr(curve, name), STANCE_POINTS)
-                       for name in CURVES}
+            series |= {
+                f"discrepancy.curves[{i}].{name}": (getattr(curve, name), STANCE_POINTS)
+                for name in CURVES
+            }
     prints = [trial.fingerprint for trial in contact.trials]
     for where, text in named.items():
         errors.require(text in prints, "is none of the recordings under trials", where, file=file)
     for where, (values, count) in series.items():
-        errors.require(values is None or len(values) == count, f"has {len(values or ())} numbers", where,
-                       f"It must have {count}", file=file)
+        errors.require(
+            values is None or len(values) == count,
+            f"has {len(values or ())} numbers",
+            where,
+            f"It must have {count}",
+            file=file,
+        )
     if discrepancy is not None:
         for i, (shared, own) in enumerate(zip(discrepancy.shared, discrepancy.own, strict=True)):
-            errors.require(shared + own <= 1.0 + 1e-9, f"{shared:g} and {own:g} are more than the whole",
-                           f"discrepancy.own[{i}]", "With shared they are shares of one variance", file=file)
+            errors.require(
+                shared + own <= 1.0 + 1e-9,
+                f"{shared:g} and {own:g} are more than the whole",
+                f"discrepancy.own[{i}]",
+                "With shared they are shares of one variance",
+                file=file,
+            )
 
 
 def variable_unit(name: str, *, file: str | Path | None = None, where: str | None = None) -> str:
@@ -266,10 +391,13 @@ def variable_unit(name: str, *, file: str | Path | None = None, where: str | Non
         if re.fullmatch(pattern, name):
             return unit
     raise InputError(
-        f"there is no {name!r} in a fitted contact", file=file, where=where,
+        f"there is no {name!r} in a fitted contact",
+        file=file,
+        where=where,
         right="There are contact.ZONE.stiffness | exponent | damping | full_damping_depth | rise, friction.mu_static | "
-              "mu_kinetic | threshold_velocity, keel.flexural_modulus, fulcrum.stiffness, socket.AXIS.stiffness, "
-              "offset.height | fore_aft | alignment | inversion | toe_out, coordinate.NAME")
+        "mu_kinetic | threshold_velocity, keel.flexural_modulus, fulcrum.stiffness, socket.AXIS.stiffness, "
+        "offset.height | fore_aft | alignment | inversion | toe_out, coordinate.NAME",
+    )
 
 
 class _ContactDumper(Dumper):
@@ -282,7 +410,9 @@ def _list(dumper: _ContactDumper, values: list[Any]) -> yaml.Node:
 
 
 def _text(dumper: _ContactDumper, value: str) -> yaml.Node:
-    return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=None if value.splitlines() == [value] else '"')
+    return dumper.represent_scalar(
+        "tag:yaml.org,2002:str", value, style=None if value.splitlines() == [value] else '"'
+    )
 
 
 _ContactDumper.add_representer(list, _list)
@@ -293,11 +423,21 @@ def _commented(section: str, line: str) -> str:
     """The line of YAML with its unit behind it, where it has one."""
     key, colon, number = line.strip().removeprefix("- ").partition(": ")
     key = key.strip("'\"")
-    forces = dict.fromkeys([*(f"{name}_bw" for name in ("fore_aft", "lateral", "vertical", "measured")),
-                            "fore_aft_sd_bw", "vertical_sd_bw"], "BW")
-    units = {"subject": {"mass_kg": "kg", "stature_m": "m"}, "trials": {"height_m": "m", **dict.fromkeys(PATHS, "m")},
-             "curves": {"coefficients": "rad (m for a translation)"}, "momentum": forces,
-             "discrepancy": {"fulcrum_m": "m", **forces}}
+    forces = dict.fromkeys(
+        [
+            *(f"{name}_bw" for name in ("fore_aft", "lateral", "vertical", "measured")),
+            "fore_aft_sd_bw",
+            "vertical_sd_bw",
+        ],
+        "BW",
+    )
+    units = {
+        "subject": {"mass_kg": "kg", "stature_m": "m"},
+        "trials": {"height_m": "m", **dict.fromkeys(PATHS, "m")},
+        "curves": {"coefficients": "rad (m for a translation)"},
+        "momentum": forces,
+        "discrepancy": {"fulcrum_m": "m", **forces},
+    }
     unit = variable_unit(key) if section == "values" and colon else units.get(section, {}).get(key)
     if section == "trials" and number.startswith("[") and key not in PATHS:
         unit = "rad"
@@ -311,15 +451,24 @@ def _commented(section: str, line: str) -> str:
 # becomes theirs (`model_file.foam_under_load`), so that the bench presses the foot that walks.
 
 
-_FIELDS = {"stiffness": "stiffness", "exponent": "exponent", "damping": "damping_n_s_per_m",
-           "full_damping_depth": "full_damping_depth_m", "mu_static": "mu_static", "mu_kinetic": "mu_kinetic",
-           "threshold_velocity": "threshold_velocity_m_per_s"}
-DEVICE = {"keel.flexural_modulus": ("keel", "flexural_modulus_pa"),
-           "fulcrum.stiffness": ("fulcrum", "stiffness_n_per_m")}
+_FIELDS = {
+    "stiffness": "stiffness",
+    "exponent": "exponent",
+    "damping": "damping_n_s_per_m",
+    "full_damping_depth": "full_damping_depth_m",
+    "mu_static": "mu_static",
+    "mu_kinetic": "mu_kinetic",
+    "threshold_velocity": "threshold_velocity_m_per_s",
+}
+DEVICE = {
+    "keel.flexural_modulus": ("keel", "flexural_modulus_pa"),
+    "fulcrum.stiffness": ("fulcrum", "stiffness_n_per_m"),
+}
 
 
-def model_with(model: ModelParameters, values: Mapping[str, float], *, file: str | Path | None = None
-               ) -> ModelParameters:
+def model_with(
+    model: ModelParameters, values: Mapping[str, float], *, file: str | Path | None = None
+) -> ModelParameters:
     """`model` with those of `values` (SI, by name) that are its own; `file` is where they come from.
 
     InputError for a zone that the model lacks, a number out of its range, and parts that no longer make a foot.
@@ -333,11 +482,18 @@ def model_with(model: ModelParameters, values: Mapping[str, float], *, file: str
             zone_name, law = rest.rsplit(".", 1)
             names = [zone.name for zone in foot.zones]
             if names.count(zone_name) != 1:
-                raise InputError(f"the model has {names.count(zone_name) or 'no'} contact zones {zone_name!r}",
-                                 file=file, where=where, right=f"It has: {', '.join(names)}")
+                raise InputError(
+                    f"the model has {names.count(zone_name) or 'no'} contact zones {zone_name!r}",
+                    file=file,
+                    where=where,
+                    right=f"It has: {', '.join(names)}",
+                )
             i = names.index(zone_name)
             if law == "rise":
-                zone = replace(foot.zones[i], rise_mm=tuple(r + 1e3 * float(value) for r in foot.zones[i].rise_mm))
+                zone = replace(
+                    foot.zones[i],
+                    rise_mm=tuple(r + 1e3 * float(value) for r in foot.zones[i].rise_mm),
+                )
             else:
                 zone = _with(foot.zones[i], _FIELDS[law], float(value))
             foot = replace(foot, zones=(*foot.zones[:i], zone, *foot.zones[i + 1 :]))
@@ -345,9 +501,20 @@ def model_with(model: ModelParameters, values: Mapping[str, float], *, file: str
             axis_name = rest.split(".")[0]
             axis = getattr(socket, axis_name)
             if not axis.stiffness > 0.0:
-                raise InputError(f"the model's {axis_name} axis has no stiffness to go with", file=file, where=where)
-            socket = _with(socket, axis_name, replace(axis, stiffness=float(value), stiffness_negative=float(value) * (
-                axis.stiffness_negative / axis.stiffness)))
+                raise InputError(
+                    f"the model's {axis_name} axis has no stiffness to go with",
+                    file=file,
+                    where=where,
+                )
+            socket = _with(
+                socket,
+                axis_name,
+                replace(
+                    axis,
+                    stiffness=float(value),
+                    stiffness_negative=float(value) * (axis.stiffness_negative / axis.stiffness),
+                ),
+            )
         elif group not in ("offset", "coordinate"):  # those are no part of a model
             part, field = DEVICE.get(name) or ("friction", _FIELDS[rest])
             foot = _with(foot, part, _with(getattr(foot, part), field, float(value)))

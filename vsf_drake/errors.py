@@ -8,7 +8,9 @@ import threading
 import time
 from pathlib import Path
 
-UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
+UNPRINTABLE = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]"
+)
 """What is no text: control characters but tab and line feed, turns of the writing direction, halves of characters."""
 
 
@@ -27,15 +29,32 @@ class InputError(VsfError):
 
     exit_code = 2
 
-    def __init__(self, what: str, *, file: str | Path | None = None, where: str | None = None,
-                 right: str | None = None) -> None:
+    def __init__(
+        self,
+        what: str,
+        *,
+        file: str | Path | None = None,
+        where: str | None = None,
+        right: str | None = None,
+    ) -> None:
         self.what, self.file, self.where, self.right = what, file, where, right
         message = ": ".join(str(part) for part in (file, where, what) if part is not None)
         message = f"{message}. {right}" if right else message
-        super().__init__(UNPRINTABLE.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), message))
+        super().__init__(
+            UNPRINTABLE.sub(
+                lambda match: match[0].encode("unicode_escape").decode("ascii"), message
+            )
+        )
 
 
-def require(holds: object, what: str, where: str, right: str | None = None, *, file: str | Path | None = None) -> None:
+def require(
+    holds: object,
+    what: str,
+    where: str,
+    right: str | None = None,
+    *,
+    file: str | Path | None = None,
+) -> None:
     """Raises InputError unless `holds`."""
     if not holds:
         raise InputError(what, file=file, where=where, right=right)

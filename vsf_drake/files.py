@@ -44,7 +44,9 @@ _PACKAGE = Path(__file__).resolve().parent
 PACKAGE = "package://vsf_drake/"
 
 
-def user_path(given: str | Path, *, file: str | Path | None = None, where: str | None = None) -> Path:
+def user_path(
+    given: str | Path, *, file: str | Path | None = None, where: str | None = None
+) -> Path:
     """A path that a user gave, with ~ expanded, whether it exists or not; `file` and `where` name it in messages.
 
     `package://vsf_drake/NAME` is a shipped file of `models`, which must exist.
@@ -55,15 +57,21 @@ def user_path(given: str | Path, *, file: str | Path | None = None, where: str |
     shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}... ({len(text)} characters)"
     try:
         if UNPRINTABLE.search(text) or "\n" in text:
-            raise InputError(f"{shown!r} has characters that no path may have", file=file, where=where)
+            raise InputError(
+                f"{shown!r} has characters that no path may have", file=file, where=where
+            )
         path = Path(given).expanduser()
         os.lstat(path)
     except (FileNotFoundError, NotADirectoryError):
         pass
     except OSError as error:
-        raise InputError(f"{shown!r} cannot be used as a path ({error.strerror})", file=file, where=where) from None
+        raise InputError(
+            f"{shown!r} cannot be used as a path ({error.strerror})", file=file, where=where
+        ) from None
     except RuntimeError:
-        raise InputError(f"{shown!r} begins with a home folder that does not exist", file=file, where=where) from None
+        raise InputError(
+            f"{shown!r} begins with a home folder that does not exist", file=file, where=where
+        ) from None
     return path
 
 
@@ -94,9 +102,13 @@ def read_bytes(path: str | Path, *, most: int, right: str | None = None) -> byte
         except ValueError as error:  # a NUL in the path
             raise InputError(f"cannot be read ({error})", file=path) from None
         if not stat.S_ISREG(about.st_mode):
-            raise InputError("is a folder" if stat.S_ISDIR(about.st_mode) else "is no ordinary file", file=path)
+            raise InputError(
+                "is a folder" if stat.S_ISDIR(about.st_mode) else "is no ordinary file", file=path
+            )
         if about.st_size > most:
-            raise InputError(f"has {about.st_size} bytes, which is more than the {most} that are read", file=path)
+            raise InputError(
+                f"has {about.st_size} bytes, which is more than the {most} that are read", file=path
+            )
         with open(path, "rb") as stream:
             return stream.read(most)
 
@@ -106,7 +118,9 @@ def read_text(path: str | Path, *, most: int, right: str | None = None) -> str:
     try:
         return read_bytes(path, most=most, right=right).decode("utf-8")
     except UnicodeDecodeError as error:
-        raise InputError(f"cannot be read as text ({error})", file=path, right="Save it as UTF-8") from None
+        raise InputError(
+            f"cannot be read as text ({error})", file=path, right="Save it as UTF-8"
+        ) from None
 
 
 def sha256(path: str | Path) -> str:
@@ -118,7 +132,9 @@ def sha256(path: str | Path) -> str:
 # Writing: a part beside the target, locked while its process lives, becomes the target at the end.
 
 
-OTHER_HOSTS_S = 7 * 86400.0  # how long what another machine has begun stays, whose processes cannot be seen from here
+OTHER_HOSTS_S = (
+    7 * 86400.0
+)  # how long what another machine has begun stays, whose processes cannot be seen from here
 _HOST = hashlib.sha256(socket.gethostname().encode()).hexdigest()[:8]
 
 
@@ -172,7 +188,9 @@ def part_of(path: Path, home: Path, make: Callable[[Path], None]) -> Iterator[Pa
             while held < 0:
                 part = home / f".{path.name}.{_HOST}-{secrets.token_hex(4)}.part"
                 make(part)
-                with contextlib.suppress(FileNotFoundError):  # another process has taken it for dead
+                with contextlib.suppress(
+                    FileNotFoundError
+                ):  # another process has taken it for dead
                     held = os.open(part, _for_lock(part))
                     with contextlib.suppress(OSError):  # a file system without locks
                         fcntl.flock(held, fcntl.LOCK_EX)
@@ -219,8 +237,14 @@ def csv_cells(values: Iterable[Any]) -> list[Any]:
 
     After OWASP, "CSV injection": text, other than a number, that begins with = + - @, a tab or a carriage return.
     """
-    return ["" if value is None else f"'{value}" if isinstance(value, str) and _FORMULA.match(value) else value
-            for value in values]
+    return [
+        ""
+        if value is None
+        else f"'{value}"
+        if isinstance(value, str) and _FORMULA.match(value)
+        else value
+        for value in values
+    ]
 
 
 # JSON: tables in full precision, never NaN.
@@ -271,7 +295,9 @@ def record(kind: type[T], values: Any, *, where: str = "") -> T:
             rest = {name: item for name, item in values.items() if name not in hints}
             given[field.name] = _typed(hints[field.name], rest, where)
         elif field.name in values:
-            given[field.name] = _typed(hints[field.name], values[field.name], f"{where}{'.' * bool(where)}{field.name}")
+            given[field.name] = _typed(
+                hints[field.name], values[field.name], f"{where}{'.' * bool(where)}{field.name}"
+            )
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise ValueError(f"{where}{'.' * bool(where)}{field.name} is missing")
     return kind(**given)
@@ -300,12 +326,21 @@ def _typed(hint: Any, value: Any, where: str) -> Any:  # noqa: PLR0911 (one retu
         return record(kind, value, where=where)
     elif isinstance(kind, type) and issubclass(kind, Mapping) and isinstance(value, Mapping):
         inner = parts[1] if parts else Any
-        return {name: _typed(inner, item, f"{where}{'.' * bool(where)}{name}") for name, item in value.items()}
+        return {
+            name: _typed(inner, item, f"{where}{'.' * bool(where)}{name}")
+            for name, item in value.items()
+        }
     elif kind in (list, tuple, Sequence) and isinstance(value, (list, tuple)):
-        hints = parts if kind is tuple and parts[-1] is not Ellipsis else (parts[0] if parts else Any,) * len(value)
+        hints = (
+            parts
+            if kind is tuple and parts[-1] is not Ellipsis
+            else (parts[0] if parts else Any,) * len(value)
+        )
         if len(hints) == len(value):
-            items = [_typed(inner, item, f"{where}[{i}]")
-                     for i, (inner, item) in enumerate(zip(hints, value, strict=True))]
+            items = [
+                _typed(inner, item, f"{where}[{i}]")
+                for i, (inner, item) in enumerate(zip(hints, value, strict=True))
+            ]
             return items if kind is list else tuple(items)
     elif kind is float and type(value) in (int, float):
         return float(value)
@@ -320,7 +355,9 @@ def write_json(path: str | Path, values: Mapping[str, Any], *, sort: bool = True
     write_text(path, text + "\n")
 
 
-def read_json(path: str | Path, *, right: str | None = None, damaged: str | None = None) -> dict[str, Any]:
+def read_json(
+    path: str | Path, *, right: str | None = None, damaged: str | None = None
+) -> dict[str, Any]:
     """A table of finite numbers and printable text; what to do if there is no such file, and if it is no such table."""
     text = read_text(path, most=MOST_JSON_BYTES, right=right)
     try:
@@ -345,7 +382,13 @@ def _sound(value: Any) -> bool:
         return math.isfinite(value)
     if isinstance(value, str):
         return not UNPRINTABLE.search(value)
-    items = [*value, *value.values()] if isinstance(value, dict) else value if isinstance(value, list) else ()
+    items = (
+        [*value, *value.values()]
+        if isinstance(value, dict)
+        else value
+        if isinstance(value, list)
+        else ()
+    )
     return all(map(_sound, items))
 
 
@@ -359,13 +402,18 @@ _DIRECTORY_BYTES, _CHUNK = 2**20, 2**20  # of the list of arrays; of what is rea
 _END = struct.Struct("<4s4xHHLL2x")
 _HEADER = re.compile(
     rb"\{'descr': '([<|](?:b1|[iu][1248]|f[248]|U[1-9]\d{0,4}))', 'fortran_order': (True|False), "
-    rb"'shape': \(([\d, ]{0,99})\), \} *\n")
+    rb"'shape': \(([\d, ]{0,99})\), \} *\n"
+)
 
 
 def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> None:
     """Writes `arrays` by name, compressed, all of them or nothing; without pickle."""
     with replaced(path, "wb") as stream:
-        np.savez_compressed(stream, allow_pickle=False, **{name: np.asarray(values) for name, values in arrays.items()})
+        np.savez_compressed(
+            stream,
+            allow_pickle=False,
+            **{name: np.asarray(values) for name, values in arrays.items()},
+        )
 
 
 def read_npz(path: str | Path, *, right: str | None = None) -> dict[str, Any]:
@@ -383,7 +431,9 @@ def read_npz(path: str | Path, *, right: str | None = None) -> dict[str, Any]:
                 most = min(MOST_NPZ_BYTES, ALWAYS_BYTES + LARGEST_RATIO * size)
                 total = sum(member.file_size for member in members)
                 if total > most:
-                    raise ValueError(f"says that it holds {total} bytes; {most} are read from a file of {size}")
+                    raise ValueError(
+                        f"says that it holds {total} bytes; {most} are read from a file of {size}"
+                    )
                 if len({member.filename for member in members}) < len(members):
                     raise ValueError("two arrays have the same name")
                 arrays = {}
@@ -391,8 +441,16 @@ def read_npz(path: str | Path, *, right: str | None = None) -> dict[str, Any]:
                     where = member.filename
                     arrays[member.filename.removesuffix(".npy")] = _read_member(archive, member)
                 return arrays
-    except (ValueError, EOFError, IndexError, OverflowError, RuntimeError, struct.error, zipfile.BadZipFile,
-            zlib.error) as error:  # RuntimeError, with NotImplementedError: what zipfile does not know
+    except (
+        ValueError,
+        EOFError,
+        IndexError,
+        OverflowError,
+        RuntimeError,
+        struct.error,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:  # RuntimeError, with NotImplementedError: what zipfile does not know
         raise InputError(f"cannot be read ({error})", file=path, where=where, right=right) from None
 
 
@@ -401,10 +459,12 @@ def _check_end(stream: Any) -> int:
     size: int = stream.seek(0, 2)
     stream.seek(max(0, size - _END.size - 20))
     tail = stream.read()
-    if len(tail) < _END.size or not tail[-_END.size:].startswith(b"PK\5\6"):
+    if len(tail) < _END.size or not tail[-_END.size :].startswith(b"PK\5\6"):
         raise ValueError("it is no .npz file, or its end is missing")
-    directory = _END.unpack(tail[-_END.size:])[3]
-    if directory > _DIRECTORY_BYTES or tail.startswith(b"PK\6\7"):  # the latter: the sizes stand elsewhere
+    directory = _END.unpack(tail[-_END.size :])[3]
+    if directory > _DIRECTORY_BYTES or tail.startswith(
+        b"PK\6\7"
+    ):  # the latter: the sizes stand elsewhere
         raise ValueError("it has too many members")
     return size
 
@@ -432,6 +492,8 @@ def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Any:
             at += len(chunk)
         if at != len(content):
             raise ValueError("it is truncated")
-        if kind.kind == "U" and UNPRINTABLE.search(array.tobytes().decode("utf-32-le").replace("\0", "")):
+        if kind.kind == "U" and UNPRINTABLE.search(
+            array.tobytes().decode("utf-32-le").replace("\0", "")
+        ):
             raise ValueError("its text has unprintable characters")
         return array

@@ -37,23 +37,40 @@ class GroundPatch:
 
     name: str = "ground"  # of the patch
     from_x_m: float = quantity(  # rear edge of the rectangle
-        -_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
-    to_x_m: float = quantity(_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)  # front edge of the rectangle
+        -_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE
+    )
+    to_x_m: float = quantity(
+        _FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE
+    )  # front edge of the rectangle
     from_y_m: float = quantity(  # right edge of the rectangle
-        -_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
-    to_y_m: float = quantity(_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)  # left edge of the rectangle
+        -_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE
+    )
+    to_y_m: float = quantity(
+        _FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE
+    )  # left edge of the rectangle
     reference_x_m: float = quantity(  # x at which the plane has height_m
-        0.0, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
+        0.0, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE
+    )
     height_m: float = quantity(  # of the plane at reference_x_m and y = 0
-        0.0, unit="m", low=-100.0, high=100.0, source=_CHOICE)
-    slope_deg: float = quantity(0.0, unit="deg", low=-45.0, high=45.0, source=_CHOICE)  # rising along +x
-    bank_deg: float = quantity(0.0, unit="deg", low=-45.0, high=45.0, source=_CHOICE)  # rising along +y
+        0.0, unit="m", low=-100.0, high=100.0, source=_CHOICE
+    )
+    slope_deg: float = quantity(
+        0.0, unit="deg", low=-45.0, high=45.0, source=_CHOICE
+    )  # rising along +x
+    bank_deg: float = quantity(
+        0.0, unit="deg", low=-45.0, high=45.0, source=_CHOICE
+    )  # rising along +y
     mu_static: float | None = quantity(  # coefficient of static friction; the foot's if left out
-        None, unit="1", low=0.0, high=5.0, source=_CHOICE)
+        None, unit="1", low=0.0, high=5.0, source=_CHOICE
+    )
     mu_kinetic: float | None = quantity(  # coefficient of kinetic friction; the foot's if left out
-        None, unit="1", low=0.0, high=5.0, source=_CHOICE)
-    stiffness_n_per_m: float | None = quantity(  # of the ground under each sphere; rigid if left out
-        None, unit="N/m", low=1.0, high=1e12, source=_CHOICE)
+        None, unit="1", low=0.0, high=5.0, source=_CHOICE
+    )
+    stiffness_n_per_m: float | None = (
+        quantity(  # of the ground under each sphere; rigid if left out
+            None, unit="N/m", low=1.0, high=1e12, source=_CHOICE
+        )
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,17 +88,32 @@ def load_ground(path: str | Path) -> Ground:
 def check_ground(ground: Ground, *, file: str | Path | None = None) -> Ground:
     """Returns `ground` if it is one: patches, one at least, with numbers in range and bounds in the right order."""
     require = functools.partial(errors.require, file=file)
-    require(isinstance(ground, Ground), f"{ground!r} is no Ground", "ground",
-            "Give Ground(patches=(GroundPatch(...),)), or load_ground(path)")
-    require(isinstance(ground.patches, (list, tuple)) and all(isinstance(p, GroundPatch) for p in ground.patches),
-            f"{ground.patches!r} is no tuple of GroundPatch", "patches",
-            "Write patches=(GroundPatch(...),), with the comma")
+    require(
+        isinstance(ground, Ground),
+        f"{ground!r} is no Ground",
+        "ground",
+        "Give Ground(patches=(GroundPatch(...),)), or load_ground(path)",
+    )
+    require(
+        isinstance(ground.patches, (list, tuple))
+        and all(isinstance(p, GroundPatch) for p in ground.patches),
+        f"{ground.patches!r} is no tuple of GroundPatch",
+        "patches",
+        "Write patches=(GroundPatch(...),), with the comma",
+    )
     check(ground, file=file)
     require(ground.patches, "has no patch", "patches", "Give one at least; {} is the plane z = 0")
     for i, patch in enumerate(ground.patches):
-        for axis, low, high in (("x", patch.from_x_m, patch.to_x_m), ("y", patch.from_y_m, patch.to_y_m)):
-            require(low < high, f"from_{axis}_m is {low:g}, to_{axis}_m {high:g}", f"patches[{i}]",
-                    "From must be less than to")
+        for axis, low, high in (
+            ("x", patch.from_x_m, patch.to_x_m),
+            ("y", patch.from_y_m, patch.to_y_m),
+        ):
+            require(
+                low < high,
+                f"from_{axis}_m is {low:g}, to_{axis}_m {high:g}",
+                f"patches[{i}]",
+                "From must be less than to",
+            )
     return ground
 
 
@@ -90,18 +122,25 @@ def ground_arrays(ground: Ground, *, mu_static: float, mu_kinetic: float) -> dic
 
     `mu_static` and `mu_kinetic` are the foot's, for patches that name none.
     """
+
     def column(field: str, missing: float = math.nan) -> np.ndarray:
         values = [getattr(patch, field) for patch in ground.patches]
         return np.array([missing if value is None else value for value in values], dtype=float)
 
-    kinetic = column("mu_kinetic")  # a place that is only said to be slippery is so for a foot that slides, too
+    kinetic = column(
+        "mu_kinetic"
+    )  # a place that is only said to be slippery is so for a foot that slides, too
     return {
-        "ground_bounds": np.column_stack([column(f) for f in ("from_x_m", "to_x_m", "from_y_m", "to_y_m")]),
+        "ground_bounds": np.column_stack(
+            [column(f) for f in ("from_x_m", "to_x_m", "from_y_m", "to_y_m")]
+        ),
         "ground_reference_x": column("reference_x_m"),
         "ground_height": column("height_m"),
         "ground_slope": np.tan(np.radians(column("slope_deg"))),
         "ground_bank": np.tan(np.radians(column("bank_deg"))),
         "ground_compliance": 1.0 / column("stiffness_n_per_m", math.inf),
         "mu_static": column("mu_static", mu_static),
-        "mu_kinetic": np.where(np.isnan(kinetic), np.minimum(mu_kinetic, column("mu_static", math.inf)), kinetic),
+        "mu_kinetic": np.where(
+            np.isnan(kinetic), np.minimum(mu_kinetic, column("mu_static", math.inf)), kinetic
+        ),
     }

@@ -30,38 +30,68 @@ def check_model(model: ModelParameters, *, file: str | Path | None = None) -> Mo
     return model
 
 
-def check_foot(foot: FootParameters, *, file: str | Path | None = None, group: str = "") -> FootParameters:
+def check_foot(
+    foot: FootParameters, *, file: str | Path | None = None, group: str = ""
+) -> FootParameters:
     """Returns `foot` after checking its ranges and whether its parts make a foot; `group` is what messages call it."""
     check(foot, file=file, where=group)
     _check_zones(foot.zones, group, file)
     length, fulcrum = sum(foot.keel.element_lengths_m), foot.fulcrum
     places = [1e-3 * x for zone in foot.zones for x in zone.x_mm]
-    parts = foot.keel.density_kg_m3 * length * foot.keel.width_m * foot.keel.thickness_m + fulcrum.carriage_mass_kg
+    parts = (
+        foot.keel.density_kg_m3 * length * foot.keel.width_m * foot.keel.thickness_m
+        + fulcrum.carriage_mass_kg
+    )
     below = 0.5 * foot.keel.thickness_m + foot.foam_thickness_m
     for holds, where, what, right in (
-            (0.0 < fulcrum.rearmost_m < fulcrum.foremost_m < foot.load_point_m <= length + 1e-12, "fulcrum",
-             f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m and load point {foot.load_point_m} m "
-             f"must increase and lie within the keel of {length:.4f} m", None),
-            (max(places) <= length + 1e-9, "zones",
-             f"a contact sphere at x = {1e3 * max(places):g} mm is ahead of the keel",
-             f"The keel ends at {1e3 * length:g} mm"),
-            (min(places) < fulcrum.rearmost_m, "zones", "no contact sphere sits on the heel block",
-             f"At least one must lie behind the rearmost fulcrum, {1e3 * fulcrum.rearmost_m:g} mm"),
-            (parts < foot.mass_kg, "mass_kg",
-             f"keel and carriage weigh {parts:.3f} kg, the whole foot {foot.mass_kg:g} kg",
-             "Give the mass of the whole foot, or make keel or carriage lighter"),
-            (foot.build_height_m > below, "build_height_m",
-             f"{foot.build_height_m:g} m from sole to pylon leaves no room above the keel, whose middle is "
-             f"{below:.4g} m above the sole", None)):
+        (
+            0.0 < fulcrum.rearmost_m < fulcrum.foremost_m < foot.load_point_m <= length + 1e-12,
+            "fulcrum",
+            f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m and load point {foot.load_point_m} m "
+            f"must increase and lie within the keel of {length:.4f} m",
+            None,
+        ),
+        (
+            max(places) <= length + 1e-9,
+            "zones",
+            f"a contact sphere at x = {1e3 * max(places):g} mm is ahead of the keel",
+            f"The keel ends at {1e3 * length:g} mm",
+        ),
+        (
+            min(places) < fulcrum.rearmost_m,
+            "zones",
+            "no contact sphere sits on the heel block",
+            f"At least one must lie behind the rearmost fulcrum, {1e3 * fulcrum.rearmost_m:g} mm",
+        ),
+        (
+            parts < foot.mass_kg,
+            "mass_kg",
+            f"keel and carriage weigh {parts:.3f} kg, the whole foot {foot.mass_kg:g} kg",
+            "Give the mass of the whole foot, or make keel or carriage lighter",
+        ),
+        (
+            foot.build_height_m > below,
+            "build_height_m",
+            f"{foot.build_height_m:g} m from sole to pylon leaves no room above the keel, whose middle is "
+            f"{below:.4g} m above the sole",
+            None,
+        ),
+    ):
         require(holds, what, f"{group}{where}", right, file=file)
     return foot
 
 
 def _check_zones(zones: tuple[ContactZone, ...], group: str, file: str | Path | None) -> None:
-    require(zones, "there are no contact zones", f"{group}zones", "A foot needs at least one", file=file)
+    require(
+        zones, "there are no contact zones", f"{group}zones", "A foot needs at least one", file=file
+    )
     for i, zone in enumerate(zones):
-        require(len(zone.x_mm) == len(zone.y_mm) == len(zone.rise_mm) > 0, "x_mm, y_mm and rise_mm must have the same "
-                "length, at least 1", f"{group}zones[{i}] ({zone.name})", file=file)
+        require(
+            len(zone.x_mm) == len(zone.y_mm) == len(zone.rise_mm) > 0,
+            "x_mm, y_mm and rise_mm must have the same length, at least 1",
+            f"{group}zones[{i}] ({zone.name})",
+            file=file,
+        )
 
 
 def foam_under_load(foot: FootParameters) -> tuple[float, float] | None:
@@ -71,7 +101,10 @@ def foam_under_load(foot: FootParameters) -> tuple[float, float] | None:
     agree. Exact where the spheres share exponent and height; else the power law of the force that they bear together
     at FOAM_LOADS_N, counted from where the lowest touches.
     """
-    loaded = [(zone.stiffness, zone.exponent, 1e-3 * rise_mm) for zone, rise_mm in spheres_under_load(foot)]
+    loaded = [
+        (zone.stiffness, zone.exponent, 1e-3 * rise_mm)
+        for zone, rise_mm in spheres_under_load(foot)
+    ]
     if not loaded:
         return None
     stiffness, exponent, rise = np.array(loaded).T
@@ -85,7 +118,10 @@ def foam_under_load(foot: FootParameters) -> tuple[float, float] | None:
     if surplus(DEEPEST_M, FOAM_LOADS_N[1]) < 0.0:
         return None
     # F = k d^n at both loads: n = ln(F2 / F1) / ln(d2 / d1), k = F2 / d2^n, with n of 1 or more.
-    low, high = (brentq(surplus, 0.0, DEEPEST_M, args=(load,), xtol=1e-15, maxiter=1000) for load in FOAM_LOADS_N)
+    low, high = (
+        brentq(surplus, 0.0, DEEPEST_M, args=(load,), xtol=1e-15, maxiter=1000)
+        for load in FOAM_LOADS_N
+    )
     power = max(1.0, math.log(FOAM_LOADS_N[1] / FOAM_LOADS_N[0]) / math.log(high / low))
     return float(FOAM_LOADS_N[1] / high**power), power
 
@@ -98,17 +134,36 @@ def secant_stiffness(stiffness: float, exponent: float, load_n: float) -> float:
 
 def spheres_under_load(foot: FootParameters) -> list[tuple[ContactZone, float]]:
     """Zone and rise (mm) of each contact sphere in the patch that the bench loads."""
-    return [(zone, rise_mm) for zone in foot.zones for x, rise_mm in zip(zone.x_mm, zone.rise_mm, strict=True)
-            if abs(1e-3 * x - foot.load_point_m) <= 0.5 * foot.series_patch_m]
+    return [
+        (zone, rise_mm)
+        for zone in foot.zones
+        for x, rise_mm in zip(zone.x_mm, zone.rise_mm, strict=True)
+        if abs(1e-3 * x - foot.load_point_m) <= 0.5 * foot.series_patch_m
+    ]
 
 
-def check_fulcrum(fulcrum_m: float, foot: FootParameters, *, file: str | Path | None = None,
-                  where: str = "fulcrum") -> float:
+def check_fulcrum(
+    fulcrum_m: float,
+    foot: FootParameters,
+    *,
+    file: str | Path | None = None,
+    where: str = "fulcrum",
+) -> float:
     """Returns `fulcrum_m` (m from A) if it is a number and the carriage of `foot` can reach it."""
     low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
-    require(not np.ndim(fulcrum_m) and np.asarray(fulcrum_m).dtype.kind in "iuf", f"{fulcrum_m!r} is not a number",
-            where, "Its unit is m from A", file=file)
-    require(low - 1e-9 <= fulcrum_m <= high + 1e-9, f"the fulcrum at {1e3 * fulcrum_m:g} mm is out of the carriage's "
-            "reach", where, f"It must be between {1e3 * low:g} and {1e3 * high:g} mm"
-            f"{unit_hint(1e3 * fulcrum_m, 'mm', 1e3 * low, 1e3 * high)}", file=file)
+    require(
+        not np.ndim(fulcrum_m) and np.asarray(fulcrum_m).dtype.kind in "iuf",
+        f"{fulcrum_m!r} is not a number",
+        where,
+        "Its unit is m from A",
+        file=file,
+    )
+    require(
+        low - 1e-9 <= fulcrum_m <= high + 1e-9,
+        f"the fulcrum at {1e3 * fulcrum_m:g} mm is out of the carriage's reach",
+        where,
+        f"It must be between {1e3 * low:g} and {1e3 * high:g} mm"
+        f"{unit_hint(1e3 * fulcrum_m, 'mm', 1e3 * low, 1e3 * high)}",
+        file=file,
+    )
     return fulcrum_m

@@ -28,14 +28,40 @@ from vsf_drake.parameters import GRAVITY, SIDES, Subject
 from vsf_drake.schema import check, choice, load_yaml, quantity
 
 KINDS = ("bench", "person", "leg")
-CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", "drake_point", "hydroelastic")  # as `plants.foot.CONTACTS`
-INTEGRATORS = ("implicit_euler", "radau1", "radau3", "velocity_implicit_euler", "runge_kutta2", "runge_kutta3",
-               "runge_kutta5", "bogacki_shampine3", "explicit_euler", "semi_explicit_euler")
+CONTACTS = (
+    "kelvin_voigt",
+    "smooth",
+    "hunt_crossley",
+    "drake_point",
+    "hydroelastic",
+)  # as `plants.foot.CONTACTS`
+INTEGRATORS = (
+    "implicit_euler",
+    "radau1",
+    "radau3",
+    "velocity_implicit_euler",
+    "runge_kutta2",
+    "runge_kutta3",
+    "runge_kutta5",
+    "bogacki_shampine3",
+    "explicit_euler",
+    "semi_explicit_euler",
+)
 _CHOICE = "a description of the set-up"
 _PATHS = ("robot", "model", "contact_file", "subject", "ground")
-_KINDS_OF = {"heel": ("bench",), "subject": ("person",), "free": ("person",), "robot": ("leg",), "directives": ("leg",),
-             "feet": ("leg",), "guides": ("leg",), "gravity_m_per_s2": ("leg",), "contact": ("leg",),
-             "time_step_s": ("leg",), "ground": ("person", "leg")}
+_KINDS_OF = {
+    "heel": ("bench",),
+    "subject": ("person",),
+    "free": ("person",),
+    "robot": ("leg",),
+    "directives": ("leg",),
+    "feet": ("leg",),
+    "guides": ("leg",),
+    "gravity_m_per_s2": ("leg",),
+    "contact": ("leg",),
+    "time_step_s": ("leg",),
+    "ground": ("person", "leg"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +76,12 @@ class ScenarioFoot:
     parent_frame: str | None = None  # frame of the model to which its mount is welded
     side: str | None = choice(None, options=SIDES, source=_CHOICE)  # body side that the foot is on
     model: str | None = None  # parameter file of this foot
-    contact: str | None = choice(None, options=CONTACTS, source=_CHOICE)  # by which this foot meets the ground
+    contact: str | None = choice(
+        None, options=CONTACTS, source=_CHOICE
+    )  # by which this foot meets the ground
     fulcrum_mm: float | None = quantity(  # distance of this foot's fulcrum from A
-        None, unit="mm", low=0.0, high=1000.0, source=_CHOICE)
+        None, unit="mm", low=0.0, high=1000.0, source=_CHOICE
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,9 +90,11 @@ class ScenarioGuide:
 
     joint: str  # that is guided, of one degree of freedom
     stiffness: float = quantity(  # of the spring towards the desired position
-        unit="N/m or N m/rad", low=0.0, high=1e9, source=_CHOICE)
+        unit="N/m or N m/rad", low=0.0, high=1e9, source=_CHOICE
+    )
     damping: float = quantity(  # of the damper towards the desired rate
-        unit="N s/m or N m s/rad", low=0.0, high=1e9, source=_CHOICE)
+        unit="N s/m or N m s/rad", low=0.0, high=1e9, source=_CHOICE
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,9 +105,14 @@ class ScenarioSimulation:
     """
 
     integrator: str = choice(  # integration scheme of Drake's Simulator
-        "implicit_euler", options=INTEGRATORS, source="choice: the foam is stiff")
-    accuracy: float = quantity(1e-3, unit="1", low=1e-12, high=1.0, source=_CHOICE)  # target accuracy of the integrator
-    max_step_s: float = quantity(5e-3, unit="s", low=1e-9, high=1.0, source=_CHOICE)  # longest integration step
+        "implicit_euler", options=INTEGRATORS, source="choice: the foam is stiff"
+    )
+    accuracy: float = quantity(
+        1e-3, unit="1", low=1e-12, high=1.0, source=_CHOICE
+    )  # target accuracy of the integrator
+    max_step_s: float = quantity(
+        5e-3, unit="s", low=1e-9, high=1.0, source=_CHOICE
+    )  # longest integration step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,21 +123,38 @@ class Scenario:
     name: str = "station"  # of the station's diagram
     model: str | None = None  # parameter file of the devices; None: the nominal ones
     contact_file: str | None = None  # fitted contact to write into them
-    fulcrum_mm: float = quantity(108.0, unit="mm", low=0.0, high=1000.0,  # where nothing sets the fulcrum's position
-                                 source="McGeehan 2021: the middle of five published positions")
+    fulcrum_mm: float = quantity(
+        108.0,
+        unit="mm",
+        low=0.0,
+        high=1000.0,  # where nothing sets the fulcrum's position
+        source="McGeehan 2021: the middle of five published positions",
+    )
     heel: bool = False  # (bench) press the heel instead of the forefoot
     subject: Subject | str | None = None  # (person) or the file or trial manifest that has them
     free: tuple[str, ...] = ()  # (person) coordinates that are not prescribed
-    ground: Ground | str | None = None  # (person, leg) or the file that has it; None: the plane z = 0
-    contact: str = choice("kelvin_voigt", options=CONTACTS, source=_CHOICE)  # (leg) by which feet meet the ground
+    ground: Ground | str | None = (
+        None  # (person, leg) or the file that has it; None: the plane z = 0
+    )
+    contact: str = choice(
+        "kelvin_voigt", options=CONTACTS, source=_CHOICE
+    )  # (leg) by which feet meet the ground
     robot: str | None = None  # (leg) a file for Drake's Parser: URDF, SDF, MJCF, model directives
-    directives: tuple[Any, ...] = ()  # (leg) Drake's; those of `robot`, if it is a file of such, come before
+    directives: tuple[
+        Any, ...
+    ] = ()  # (leg) Drake's; those of `robot`, if it is a file of such, come before
     feet: tuple[ScenarioFoot, ...] = ()  # (leg) at least one
-    guides: tuple[ScenarioGuide, ...] = ()  # (leg) joints that follow the input `desired_state`, in its order
-    gravity_m_per_s2: float = quantity(  # (leg) along -z; a bench is tared and has none, a person has GRAVITY
-        GRAVITY, unit="m/s^2", low=0.0, high=100.0, source="as in Drake")
+    guides: tuple[
+        ScenarioGuide, ...
+    ] = ()  # (leg) joints that follow the input `desired_state`, in its order
+    gravity_m_per_s2: float = (
+        quantity(  # (leg) along -z; a bench is tared and has none, a person has GRAVITY
+            GRAVITY, unit="m/s^2", low=0.0, high=100.0, source="as in Drake"
+        )
+    )
     time_step_s: float = quantity(  # (leg) of the plant; 0 is a continuous one
-        0.0, unit="s", low=0.0, high=0.1, source=_CHOICE)
+        0.0, unit="s", low=0.0, high=0.1, source=_CHOICE
+    )
     simulation: ScenarioSimulation = field(default_factory=ScenarioSimulation)
 
 
@@ -120,31 +173,67 @@ def check_scenario(scenario: Scenario, *, file: str | Path | None = None) -> Sce
     check(scenario, file=file)
     for item in fields(Scenario):
         kinds = _KINDS_OF.get(item.name, KINDS)
-        require(scenario.kind in kinds or getattr(scenario, item.name) in (item.default, ()),
-                f"is not for the kind {scenario.kind!r}", item.name, f"It is for {' and '.join(kinds)}")
-    require(scenario.kind != "person" or scenario.subject is not None, "the key is missing", "subject",
-            "Give a subject's file or keys (mass_kg, stature_m, sex, ...)")
+        require(
+            scenario.kind in kinds or getattr(scenario, item.name) in (item.default, ()),
+            f"is not for the kind {scenario.kind!r}",
+            item.name,
+            f"It is for {' and '.join(kinds)}",
+        )
+    require(
+        scenario.kind != "person" or scenario.subject is not None,
+        "the key is missing",
+        "subject",
+        "Give a subject's file or keys (mass_kg, stature_m, sex, ...)",
+    )
     if scenario.kind == "leg":
-        require(scenario.robot or scenario.directives, "there is no model", "robot",
-                "Name a file for Drake's Parser, or give directives")
-        require(not (scenario.robot and scenario.directives) or scenario.robot.endswith((".dmd.yaml", ".dmd.yml")),
-                "beside directives it must be a file of directives (.dmd.yaml) itself", "robot",
-                f"Leave it out and begin with - add_model: {{name: ..., file: {scenario.robot}}}")
-        require(scenario.feet, "there is no foot", "feet",
-                "Give at least one, such as {name: vsf, parent_frame: leg::shank}")
-    for key, names in (("feet", [foot.name for foot in scenario.feet]), ("guides", [g.joint for g in scenario.guides])):
+        require(
+            scenario.robot or scenario.directives,
+            "there is no model",
+            "robot",
+            "Name a file for Drake's Parser, or give directives",
+        )
+        require(
+            not (scenario.robot and scenario.directives)
+            or scenario.robot.endswith((".dmd.yaml", ".dmd.yml")),
+            "beside directives it must be a file of directives (.dmd.yaml) itself",
+            "robot",
+            f"Leave it out and begin with - add_model: {{name: ..., file: {scenario.robot}}}",
+        )
+        require(
+            scenario.feet,
+            "there is no foot",
+            "feet",
+            "Give at least one, such as {name: vsf, parent_frame: leg::shank}",
+        )
+    for key, names in (
+        ("feet", [foot.name for foot in scenario.feet]),
+        ("guides", [g.joint for g in scenario.guides]),
+    ):
         for i, name in enumerate(names):
-            require(name not in names[:i], f"{name!r} stands twice", f"{key}[{i}]", "Every one needs a name of its own")
+            require(
+                name not in names[:i],
+                f"{name!r} stands twice",
+                f"{key}[{i}]",
+                "Every one needs a name of its own",
+            )
     if isinstance(scenario.ground, Ground):
         check_ground(scenario.ground, file=file)
     named = {name: getattr(scenario, name) for name in _PATHS}
     named |= {f"feet[{i}].model": foot.model for i, foot in enumerate(scenario.feet)}
     for key, value in named.items():
         if isinstance(value, str):
-            require("://" not in value or value.startswith(PACKAGE),
-                    f"{value!r} is in a package that is not known here", key, f"Give a path, or one below {PACKAGE}")
-            require(_exists(value), f"there is no file {value}", key,
-                    f"Paths are relative to the scenario's folder, or begin with {PACKAGE}")
+            require(
+                "://" not in value or value.startswith(PACKAGE),
+                f"{value!r} is in a package that is not known here",
+                key,
+                f"Give a path, or one below {PACKAGE}",
+            )
+            require(
+                _exists(value),
+                f"there is no file {value}",
+                key,
+                f"Paths are relative to the scenario's folder, or begin with {PACKAGE}",
+            )
     return scenario
 
 
@@ -157,10 +246,18 @@ def _exists(value: str) -> bool:
 
 def scenario_ground(scenario: Scenario) -> Ground | None:
     """The ground, read where it is a file."""
-    return load_ground(user_path(scenario.ground)) if isinstance(scenario.ground, str) else scenario.ground
+    return (
+        load_ground(user_path(scenario.ground))
+        if isinstance(scenario.ground, str)
+        else scenario.ground
+    )
 
 
 def _absolute(value: Any, path: Path, key: str) -> Any:
     if not isinstance(value, str) or "://" in value:
         return value
-    return str(user_path(path.parent / user_path(value, file=path, where=key), file=path, where=key).resolve())
+    return str(
+        user_path(
+            path.parent / user_path(value, file=path, where=key), file=path, where=key
+        ).resolve()
+    )

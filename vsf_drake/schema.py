@@ -31,24 +31,40 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", bound="DataclassInstance")
 
-_OTHER_UNITS = {"mm": {"metres": 1e3, "centimetres": 10.0},
-                "m": {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254},
-                "deg": {"radians": 180.0 / math.pi}, "rad": {"degrees": math.pi / 180.0},
-                "kg": {"pounds": 0.45359237, "grams": 1e-3}, "s": {"milliseconds": 1e-3},
-                "N/m": {"N/mm": 1e3}, "N/mm": {"N/m": 1e-3}}
+_OTHER_UNITS = {
+    "mm": {"metres": 1e3, "centimetres": 10.0},
+    "m": {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254},
+    "deg": {"radians": 180.0 / math.pi},
+    "rad": {"degrees": math.pi / 180.0},
+    "kg": {"pounds": 0.45359237, "grams": 1e-3},
+    "s": {"milliseconds": 1e-3},
+    "N/m": {"N/mm": 1e3},
+    "N/mm": {"N/m": 1e-3},
+}
 """What else people give where a unit is asked for, and how much of that unit it is."""
 
 
 _SHOWN = 40  # letters of a wrong value in messages
 _KINDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
-_RIGHT = {float: "Write it in decimals, such as 70, 0.5 or 1e5", int: "Write it in decimals, such as 70",
-          bool: "Write true or false"}
+_RIGHT = {
+    float: "Write it in decimals, such as 70, 0.5 or 1e5",
+    int: "Write it in decimals, such as 70",
+    bool: "Write true or false",
+}
 
 
-def quantity(default: Any = dataclasses.MISSING, *, unit: str, source: str, low: float = -math.inf,
-             high: float = math.inf) -> Any:
+def quantity(
+    default: Any = dataclasses.MISSING,
+    *,
+    unit: str,
+    source: str,
+    low: float = -math.inf,
+    high: float = math.inf,
+) -> Any:
     """A field that holds a number (or a tuple of numbers) with its unit, source and closed range."""
-    return dataclasses.field(default=default, metadata={"unit": unit, "source": source, "low": low, "high": high})
+    return dataclasses.field(
+        default=default, metadata={"unit": unit, "source": source, "low": low, "high": high}
+    )
 
 
 def choice(default: Any = dataclasses.MISSING, *, options: tuple[str, ...], source: str) -> Any:
@@ -92,15 +108,22 @@ def to_plain(instance: Any) -> Any:
     return instance.item() if hasattr(instance, "item") else instance
 
 
-def from_plain(schema: type[T], values: Any, *, where: str = "", file: str | Path | None = None) -> T:
+def from_plain(
+    schema: type[T], values: Any, *, where: str = "", file: str | Path | None = None
+) -> T:
     """The `schema` that `to_plain` turned into `values`, read as strictly as a file.
 
     `where` and `file` are what messages call `values`, and what they come from.
     """
     try:
         node = yaml.representer.SafeRepresenter().represent_data(values)
-    except (yaml.representer.RepresenterError, ValueError) as error:  # ValueError: of integers beyond reason
-        raise InputError(f"holds what is not a plain value ({error.args[-1]!r})", file=file, where=where) from None
+    except (
+        yaml.representer.RepresenterError,
+        ValueError,
+    ) as error:  # ValueError: of integers beyond reason
+        raise InputError(
+            f"holds what is not a plain value ({error.args[-1]!r})", file=file, where=where
+        ) from None
     return _Reader(file).dataclass(node, schema, where and f"{where}.")
 
 
@@ -114,8 +137,12 @@ def check(instance: T, *, file: str | Path | None = None, where: str = "") -> T:
         value = value.tolist() if hasattr(value, "tolist") else value  # of numpy
         kind = {"float": float, "int": int, "bool": bool}.get(str(field.type))
         if kind and not (type(value) is kind or (kind is float and type(value) is int)):
-            raise InputError(f"{value!r} is not a {_KINDS[kind]}", file=file, where=place,
-                             right=f"Its unit is {field.metadata['unit']}" if "unit" in field.metadata else None)
+            raise InputError(
+                f"{value!r} is not a {_KINDS[kind]}",
+                file=file,
+                where=place,
+                right=f"Its unit is {field.metadata['unit']}" if "unit" in field.metadata else None,
+            )
         for inner, item in _items(value, place):
             if dataclasses.is_dataclass(item) and not isinstance(item, type):
                 check(item, file=file, where=f"{inner}.")
@@ -125,8 +152,12 @@ def check(instance: T, *, file: str | Path | None = None, where: str = "") -> T:
 
 
 def unit_hint(value: float, unit: str, low: float, high: float) -> str:
-    """". Is it in metres?" where `value`, out of a range in `unit`, would be in it if it were in metres; else ""."""
-    meant = [other for other, factor in _OTHER_UNITS.get(unit, {}).items() if value and low <= factor * value <= high]
+    """ ". Is it in metres?" where `value`, out of a range in `unit`, would be in it if it were in metres; else ""."""
+    meant = [
+        other
+        for other, factor in _OTHER_UNITS.get(unit, {}).items()
+        if value and low <= factor * value <= high
+    ]
     return f". Is it in {' or '.join(meant)}?" if meant else ""
 
 
@@ -146,11 +177,21 @@ def _items(value: Any, where: str) -> Iterable[tuple[str, Any]]:
 def _check_scalar(value: Any, metadata: Any, where: str, file: Any) -> None:
     options = metadata.get("options")
     if options and value is not None and value not in options:
-        raise InputError(f"{value!r} is not known", file=file, where=where, right=f"Known are: {', '.join(options)}")
+        raise InputError(
+            f"{value!r} is not known",
+            file=file,
+            where=where,
+            right=f"Known are: {', '.join(options)}",
+        )
     if isinstance(value, str) and UNPRINTABLE.search(value):
         raise InputError(f"{value!r} has unprintable characters", file=file, where=where)
     if isinstance(value, str) and "unit" in metadata:
-        raise InputError(f"{value!r} is not a number", file=file, where=where, right=f"Its unit is {metadata['unit']}")
+        raise InputError(
+            f"{value!r} is not a number",
+            file=file,
+            where=where,
+            right=f"Its unit is {metadata['unit']}",
+        )
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return
     low, high, unit = (metadata.get(key) for key in ("low", "high", "unit"))
@@ -161,8 +202,12 @@ def _check_scalar(value: Any, metadata: Any, where: str, file: Any) -> None:
         reach = f"between {low:g} and {high:g}"
         if math.isinf(high) or math.isinf(low):
             reach = f"at least {low:g}" if math.isinf(high) else f"at most {high:g}"
-        raise InputError(f"{value:g}{unit} is outside its physical range", file=file, where=where,
-                         right=f"It must be {reach}{unit}{unit_hint(value, unit.strip(), low, high)}")
+        raise InputError(
+            f"{value:g}{unit} is outside its physical range",
+            file=file,
+            where=where,
+            right=f"It must be {reach}{unit}{unit_hint(value, unit.strip(), low, high)}",
+        )
 
 
 class _Reader:
@@ -173,12 +218,16 @@ class _Reader:
 
     @staticmethod
     def place(node: yaml.Node, key: str) -> str:
-        return ", ".join(part for part in (node.start_mark and f"line {node.start_mark.line + 1}", key) if part)
+        return ", ".join(
+            part for part in (node.start_mark and f"line {node.start_mark.line + 1}", key) if part
+        )
 
     def fail(self, node: yaml.Node, key: str, what: str, right: str | None = None) -> InputError:
         return InputError(what, file=self.file, where=self.place(node, key) or None, right=right)
 
-    def pairs(self, node: yaml.MappingNode, path: str) -> Iterator[tuple[str, yaml.Node, yaml.Node]]:
+    def pairs(
+        self, node: yaml.MappingNode, path: str
+    ) -> Iterator[tuple[str, yaml.Node, yaml.Node]]:
         """Name, key and value of each entry."""
         seen = set()
         for key, value in node.value:
@@ -189,8 +238,12 @@ class _Reader:
 
     def dataclass(self, node: yaml.Node, schema: type[T], path: str) -> T:
         if not isinstance(node, yaml.MappingNode):
-            raise self.fail(node, path.rstrip("."), "must be a mapping of keys to values",
-                            f"Its keys are: {_names(schema)}")
+            raise self.fail(
+                node,
+                path.rstrip("."),
+                "must be a mapping of keys to values",
+                f"Its keys are: {_names(schema)}",
+            )
         fields = {field.name: field for field in dataclasses.fields(schema)}
         hints = typing.get_type_hints(schema)
         values: dict[str, Any] = {}
@@ -200,16 +253,26 @@ class _Reader:
                 right = f"Did you mean {near[0]}?" if near else f"Known keys are: {_names(schema)}"
                 raise self.fail(key_node, path + key, "unknown key", right)
             values[key] = self.value(value_node, hints[key], path + key)
-            parts = [part for where, held in _items(values[key], path + key)
-                     for part in (_items(held, where) if isinstance(held, tuple) else [(where, held)])]
+            parts = [
+                part
+                for where, held in _items(values[key], path + key)
+                for part in (_items(held, where) if isinstance(held, tuple) else [(where, held)])
+            ]
             for where, item in parts:
                 if not dataclasses.is_dataclass(item):
-                    _check_scalar(item, fields[key].metadata, self.place(value_node, where), self.file)
+                    _check_scalar(
+                        item, fields[key].metadata, self.place(value_node, where), self.file
+                    )
         for name, field in fields.items():
-            missing = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+            missing = (
+                field.default is dataclasses.MISSING
+                and field.default_factory is dataclasses.MISSING
+            )
             if missing and name not in values:
                 unit = field.metadata.get("unit")
-                raise self.fail(node, path + name, "the key is missing", f"Its unit is {unit}" if unit else None)
+                raise self.fail(
+                    node, path + name, "the key is missing", f"Its unit is {unit}" if unit else None
+                )
         return schema(**values)
 
     def value(self, node: yaml.Node, hint: Any, key: str) -> Any:
@@ -217,23 +280,31 @@ class _Reader:
         if origin in (types.UnionType, typing.Union):
             wanted = [a for a in args if a is not type(None)]
             if isinstance(node, yaml.MappingNode):
-                wanted = [a for a in wanted if dataclasses.is_dataclass(a) or typing.get_origin(a) is dict] or wanted
+                wanted = [
+                    a for a in wanted if dataclasses.is_dataclass(a) or typing.get_origin(a) is dict
+                ] or wanted
             else:
                 wanted = [a for a in wanted if not dataclasses.is_dataclass(a)] or wanted
-            return None if node.tag == "tag:yaml.org,2002:null" else self.value(node, wanted[0], key)
+            return (
+                None if node.tag == "tag:yaml.org,2002:null" else self.value(node, wanted[0], key)
+            )
         if dataclasses.is_dataclass(hint):
             return self.dataclass(node, hint, f"{key}.")  # type: ignore[arg-type]
         if origin is tuple:
             alone = isinstance(node, yaml.ScalarNode) and args[0] is str  # a list of one text
             if not alone and not isinstance(node, yaml.SequenceNode):
                 raise self.fail(node, key, "must be a list")
-            return tuple(self.value(item, args[0], key if alone else f"{key}[{i}]")
-                         for i, item in enumerate([node] if alone else node.value))
+            return tuple(
+                self.value(item, args[0], key if alone else f"{key}[{i}]")
+                for i, item in enumerate([node] if alone else node.value)
+            )
         if origin is dict or (hint is Any and isinstance(node, yaml.MappingNode)):
             if not isinstance(node, yaml.MappingNode):
                 raise self.fail(node, key, "must be a mapping of names to values")
-            return {name: self.value(item, args[1] if args else Any, f"{key}.{name}")
-                    for name, _, item in self.pairs(node, f"{key}.")}
+            return {
+                name: self.value(item, args[1] if args else Any, f"{key}.{name}")
+                for name, _, item in self.pairs(node, f"{key}.")
+            }
         if hint is Any and isinstance(node, yaml.SequenceNode):
             return [self.value(item, Any, f"{key}[{i}]") for i, item in enumerate(node.value)]
         return self.scalar(node, hint, key)
@@ -244,8 +315,12 @@ class _Reader:
         try:
             value = scalar(node)
         except ValueError:
-            raise self.fail(node, key, f"{node.value[:_SHOWN]!r} has the tag {node.tag}, which is not plain YAML "
-                                       "or not what it is") from None
+            raise self.fail(
+                node,
+                key,
+                f"{node.value[:_SHOWN]!r} has the tag {node.tag}, which is not plain YAML "
+                "or not what it is",
+            ) from None
         if hint is Any:
             if value != value:  # noqa: PLR0124 (only what is not a number is not itself)
                 raise self.fail(node, key, f"{node.value!r} is not a number")
@@ -256,4 +331,6 @@ class _Reader:
             value = number(value)
         if type(value) is hint or (hint is float and type(value) is int):
             return hint(value)
-        raise self.fail(node, key, f"{node.value[:_SHOWN]!r} is not a {_KINDS[hint]}", _RIGHT.get(hint))
+        raise self.fail(
+            node, key, f"{node.value[:_SHOWN]!r} is not a {_KINDS[hint]}", _RIGHT.get(hint)
+        )

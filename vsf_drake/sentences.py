@@ -12,7 +12,9 @@ import jinja2
 def text_templates(*folders: str) -> jinja2.Environment:
     """The plain-text templates of folders of the package; their filter `form` is Python's `format`."""
     loader = jinja2.ChoiceLoader([jinja2.PackageLoader("vsf_drake", folder) for folder in folders])
-    texts = jinja2.Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+    texts = jinja2.Environment(
+        loader=loader, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
     texts.filters["form"] = format
     return texts
 

@@ -31,7 +31,9 @@ class Quantity:
     name: str
     values: np.ndarray  # as many dimensions as `dims`
     dims: tuple[str, ...]
-    unit: str | tuple[str, ...] = ""  # of all, or of each entry of the last dimension; empty for text
+    unit: str | tuple[str, ...] = (
+        ""  # of all, or of each entry of the last dimension; empty for text
+    )
     meaning: str = ""
     frame: str = ""  # in which components stand
 
@@ -44,24 +46,36 @@ class Quantity:
 class LabelledArrays:
     """Arrays with what is needed to read them elsewhere."""
 
-    labels: Mapping[str, Quantity | Sequence[str | int]]  # dimension -> its coordinates; the first is that of the rows
+    labels: Mapping[
+        str, Quantity | Sequence[str | int]
+    ]  # dimension -> its coordinates; the first is that of the rows
     quantities: Sequence[Quantity]
-    about: Mapping[str, str | float | bool] = field(default_factory=dict)  # of all: who, which side, SYNTHETIC
+    about: Mapping[str, str | float | bool] = field(
+        default_factory=dict
+    )  # of all: who, which side, SYNTHETIC
 
     def to_dataframe(self) -> pandas.DataFrame:
         """One row for each entry of the first dimension, columns NAME or NAME_LABEL (grf_W_z); `attrs` holds `units`
         and `meanings` by column, of the index too. InputError if the extra `tables` is not installed."""
-        first, columns, units, meanings = next(iter(self.labels)), {}, dict[str, str](), dict[str, str]()
+        first, columns, units, meanings = (
+            next(iter(self.labels)),
+            {},
+            dict[str, str](),
+            dict[str, str](),
+        )
         for item in self.quantities:
             labels = [self._label_values(dim) for dim in item.dims[1:]]
             for place in itertools.product(*(range(len(each)) for each in labels)):
-                name = "_".join([item.name, *(str(each[i]) for each, i in zip(labels, place, strict=True))])
+                name = "_".join(
+                    [item.name, *(str(each[i]) for each, i in zip(labels, place, strict=True))]
+                )
                 at: Any = (slice(None), *place)
                 columns[name] = item.values[at]
                 units[name], meanings[name] = item.unit_at(place), item.meaning
         made_by = tables_module("pandas")
         frame: pandas.DataFrame = made_by.DataFrame(
-            columns, index=made_by.Index(self._label_values(first), name=first))
+            columns, index=made_by.Index(self._label_values(first), name=first)
+        )
         rows = self.labels[first]
         if isinstance(rows, Quantity):
             units[first], meanings[first] = str(rows.unit), rows.meaning
@@ -72,11 +86,18 @@ class LabelledArrays:
         """Arrays by name, with `units` (one for each entry of the last dimension, with commas, where these differ),
         `long_name` and `frame` as attributes. InputError if the extra `tables` is not installed."""
         made_by = tables_module("xarray")
-        coordinates = {dim: (dim, self._label_values(dim), _attributes(of) if isinstance(of, Quantity) else {})
-                       for dim, of in self.labels.items()}
+        coordinates = {
+            dim: (dim, self._label_values(dim), _attributes(of) if isinstance(of, Quantity) else {})
+            for dim, of in self.labels.items()
+        }
         dataset: xarray.Dataset = made_by.Dataset(
-            {item.name: (item.dims, item.values, _attributes(item)) for item in self.quantities}, coordinates,
-            {name: int(value) if isinstance(value, bool) else value for name, value in self.about.items()})  # netCDF's
+            {item.name: (item.dims, item.values, _attributes(item)) for item in self.quantities},
+            coordinates,
+            {
+                name: int(value) if isinstance(value, bool) else value
+                for name, value in self.about.items()
+            },
+        )  # netCDF's
         return dataset
 
     def _label_values(self, dim: str) -> np.ndarray:
@@ -119,13 +140,24 @@ class Tabular(ABC):
         return _page().render(vars(self.headline()))
 
 
-def record_arrays(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Mapping[str, Any]],
-                  about: Mapping[str, str | float | bool]) -> LabelledArrays:
+def record_arrays(
+    rows: Sequence[Mapping[str, Any]],
+    columns: Mapping[str, Mapping[str, Any]],
+    about: Mapping[str, str | float | bool],
+) -> LabelledArrays:
     """Records as arrays over `row`: a column with a `unit` is numbers, NaN for None; one without is text."""
-    quantities = [Quantity(
-        name=name, dims=("row",), unit=about_column.get("unit", ""), meaning=about_column.get("meaning", ""),
-        values=np.array([row[name] for row in rows], dtype=float if "unit" in about_column else object))
-        for name, about_column in columns.items()]
+    quantities = [
+        Quantity(
+            name=name,
+            dims=("row",),
+            unit=about_column.get("unit", ""),
+            meaning=about_column.get("meaning", ""),
+            values=np.array(
+                [row[name] for row in rows], dtype=float if "unit" in about_column else object
+            ),
+        )
+        for name, about_column in columns.items()
+    ]
     return LabelledArrays(labels={"row": range(len(rows))}, quantities=quantities, about=about)
 
 
@@ -134,18 +166,30 @@ def tables_module(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError:
-        raise InputError("is not installed", where=name, right="Install it: pip install 'vsf-drake[tables]'") from None
+        raise InputError(
+            "is not installed", where=name, right="Install it: pip install 'vsf-drake[tables]'"
+        ) from None
 
 
 def _attributes(item: Quantity) -> dict[str, str]:
     units = item.unit if isinstance(item.unit, str) else ", ".join(item.unit)
-    return {key: value for key, value in (("units", units), ("long_name", item.meaning), ("frame", item.frame))
-            if value}
+    return {
+        key: value
+        for key, value in (("units", units), ("long_name", item.meaning), ("frame", item.frame))
+        if value
+    }
 
 
 @cache
 def _page() -> jinja2.Template:
-    pages = jinja2.Environment(loader=jinja2.PackageLoader("vsf_drake", "wording"), autoescape=True,
-                               trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
-    pages.filters["number"] = lambda value: value if isinstance(value, str) else format(value, ".4g")
+    pages = jinja2.Environment(
+        loader=jinja2.PackageLoader("vsf_drake", "wording"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    pages.filters["number"] = lambda value: (
+        value if isinstance(value, str) else format(value, ".4g")
+    )
     return pages.get_template("result.html.j2")

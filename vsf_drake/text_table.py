@@ -17,11 +17,26 @@ from vsf_drake.files import reading
 LONGEST_LINE = 4_000_000  # characters; a TRC line of 1000 markers has 40 000
 MOST_ODDITIES = 10_000  # cells that hold no number and are remembered as they stand, for messages
 _SPARSE = 4  # cells that are kept for each byte of the file, at most; a cell that stands there takes one byte or more
-_NO_NUMBER = {"nan", "-", "", "1.#qnan", "1.#ind", "1.#qnan0", "1.#ind00", "nan(ind", "nan(snan", "na", "n/a", "null",
-              "none"}
+_NO_NUMBER = {
+    "nan",
+    "-",
+    "",
+    "1.#qnan",
+    "1.#ind",
+    "1.#qnan0",
+    "1.#ind00",
+    "nan(ind",
+    "nan(snan",
+    "na",
+    "n/a",
+    "null",
+    "none",
+}
 
 
-def text_lines(path: Path, *, needed: str = "Save it as plain text (UTF-8)") -> Iterator[tuple[int, str]]:
+def text_lines(
+    path: Path, *, needed: str = "Save it as plain text (UTF-8)"
+) -> Iterator[tuple[int, str]]:
     """The file's lines with their numbers from 1, without line ends, one byte a character.
 
     No text (then `needed` says what is) is what has a NUL or an endless line.
@@ -32,7 +47,9 @@ def text_lines(path: Path, *, needed: str = "Save it as plain text (UTF-8)") -> 
             if not line:
                 return
             if "\0" in line or len(line) >= LONGEST_LINE:
-                raise InputError("is not a text file", file=path, where=f"line {number}", right=needed)
+                raise InputError(
+                    "is not a text file", file=path, where=f"line {number}", right=needed
+                )
             yield number, line.rstrip("\r\n").removeprefix("\xef\xbb\xbf" if number == 1 else "")
 
 
@@ -48,9 +65,17 @@ def split_row(line: str) -> list[str]:
     return line.split("\t") if "\t" in line else line.split()
 
 
-def table_rows(lines: Iterator[tuple[int, str]], labels: Sequence[str], path: Path, split: Callable[[str], list[str]],
-               *, needs: str = "", surplus: str | None = None, cut_by: int = 0,
-               oddities: dict[tuple[int, int], str] | None = None) -> tuple[np.ndarray, np.ndarray, int]:
+def table_rows(
+    lines: Iterator[tuple[int, str]],
+    labels: Sequence[str],
+    path: Path,
+    split: Callable[[str], list[str]],
+    *,
+    needs: str = "",
+    surplus: str | None = None,
+    cut_by: int = 0,
+    oddities: dict[tuple[int, int], str] | None = None,
+) -> tuple[np.ndarray, np.ndarray, int]:
     """The remaining lines as (n, columns) numbers, NaN where blank; (n,) on which lines they stand; how many were cut.
 
     Blank lines and blank cells beyond the labels are passed over.
@@ -68,26 +93,44 @@ def table_rows(lines: Iterator[tuple[int, str]], labels: Sequence[str], path: Pa
         if not any(cell.strip() for cell in row_cells):
             continue
         missing = width - len(row_cells)
-        if cut_by and missing > 0 and len(row_cells) > 2 and (missing % cut_by == 0 or not row_cells[-1].strip()):
+        if (
+            cut_by
+            and missing > 0
+            and len(row_cells) > 2
+            and (missing % cut_by == 0 or not row_cells[-1].strip())
+        ):
             row_cells += [""] * missing
             cut += 1
         elif missing:
-            raise InputError(f"the row has {len(row_cells)} cells{needs or f', there are {width} labels'}", file=path,
-                             where=f"line {number}", right="Is the file truncated?" if missing > 0 else surplus)
+            raise InputError(
+                f"the row has {len(row_cells)} cells{needs or f', there are {width} labels'}",
+                file=path,
+                where=f"line {number}",
+                right="Is the file truncated?" if missing > 0 else surplus,
+            )
         try:
             row = [float(cell) for cell in row_cells]
         except ValueError:
-            row = [_number(cell, label, path, number, strict=oddities is None)
-                   for cell, label in zip(row_cells, labels, strict=True)]
+            row = [
+                _number(cell, label, path, number, strict=oddities is None)
+                for cell, label in zip(row_cells, labels, strict=True)
+            ]
         if oddities is not None and len(oddities) < MOST_ODDITIES and not math.isfinite(sum(row)):
-            oddities |= {(len(places), k): as_label(row_cells[k]) for k, x in enumerate(row) if not math.isfinite(x)}
+            oddities |= {
+                (len(places), k): as_label(row_cells[k])
+                for k, x in enumerate(row)
+                if not math.isfinite(x)
+            }
         cells.extend(row)
         places.append(number)
         if cut:
             most = most or max(_SPARSE * path.stat().st_size, 1000 * width)
             if len(cells) > most:
-                raise InputError(f"has far shorter lines than its {width} columns need", file=path,
-                                 where=f"line {number}")
+                raise InputError(
+                    f"has far shorter lines than its {width} columns need",
+                    file=path,
+                    where=f"line {number}",
+                )
     return np.frombuffer(cells).reshape(-1, width), np.frombuffer(places, dtype=np.int64), cut
 
 
@@ -102,4 +145,9 @@ def _number(cell: str, label: str, path: Path, line: int, *, strict: bool) -> fl
     if not strict:
         return math.nan
     right = "Numbers need a decimal point, not a comma" if "," in cell else None
-    raise InputError(f"{cell[:40]!r} is not a number", file=path, where=f"line {line}, column {label}", right=right)
+    raise InputError(
+        f"{cell[:40]!r} is not a number",
+        file=path,
+        where=f"line {line}, column {label}",
+        right=right,
+    )

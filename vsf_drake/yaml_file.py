@@ -21,10 +21,14 @@ MOST_BYTES, MOST_NODES, DEEPEST = 2**20, 50_000, 32
 _TAG = "tag:yaml.org,2002:"
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,98})")
 _NUMBER = re.compile(
-    r"[-+]?(([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|(0|[1-9][0-9]*)[eE][-+]?[0-9]+|\.(inf|Inf|INF))|\.(nan|NaN|NAN)")
+    r"[-+]?(([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|(0|[1-9][0-9]*)[eE][-+]?[0-9]+|\.(inf|Inf|INF))|\.(nan|NaN|NAN)"
+)
 _TYPES = {"null": type(None), "bool": bool, "int": int, "float": float}
-_WORDS = {**dict.fromkeys(("", "~", "null", "Null", "NULL")), **dict.fromkeys(("true", "True", "TRUE"), True),
-          **dict.fromkeys(("false", "False", "FALSE"), False)}
+_WORDS = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL")),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
 
 
 def read_yaml(path: str | Path, *, right: str | None = None) -> yaml.Node | None:
@@ -40,18 +44,29 @@ def read_yaml(path: str | Path, *, right: str | None = None) -> yaml.Node | None
             return loader.get_single_node()
         finally:
             loader.dispose()
-    except (yaml.YAMLError, ValueError, OverflowError) as error:  # the latter two: of escapes beyond Unicode
+    except (
+        yaml.YAMLError,
+        ValueError,
+        OverflowError,
+    ) as error:  # the latter two: of escapes beyond Unicode
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or str(error).partition("\n")[0]
-        raise InputError(f"is not valid YAML ({problem})", file=path,
-                         where=f"line {mark.line + 1}" if mark else None) from None
+        raise InputError(
+            f"is not valid YAML ({problem})",
+            file=path,
+            where=f"line {mark.line + 1}" if mark else None,
+        ) from None
 
 
 def number(text: str) -> int | float | None:
     """The number that a text is, in decimals; None for any other text."""
     if _INTEGER.fullmatch(text):
         return int(text)
-    return float(text.lower().replace(".inf", "inf").replace(".nan", "nan")) if _NUMBER.fullmatch(text) else None
+    return (
+        float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+        if _NUMBER.fullmatch(text)
+        else None
+    )
 
 
 def scalar(node: yaml.ScalarNode) -> Any:
@@ -96,7 +111,11 @@ class _Loader(yaml.SafeLoader):
         event = self.peek_event()  # type: ignore[no-untyped-call] # types-PyYAML leaves it out
         if isinstance(event, yaml.AliasEvent):
             node = super().compose_node(parent, index)
-            self._refuse(event, id(node) not in self._sizes, "an alias stands for what holds an alias or itself")
+            self._refuse(
+                event,
+                id(node) not in self._sizes,
+                "an alias stands for what holds an alias or itself",
+            )
             self._nodes += self._sizes[id(node)]
             self._aliases += 1
         else:
@@ -123,8 +142,17 @@ class _Loader(yaml.SafeLoader):
 
 for _class in (_Loader, Dumper):
     for _kind, _pattern, _first in (
-        ("null", "|".join(re.escape(word) for word, value in _WORDS.items() if value is None), ["", *"~nN"]),
-        ("bool", "|".join(word for word, value in _WORDS.items() if value is not None), list("tTfF")),
-        ("int", _INTEGER.pattern, list("-+0123456789")), ("float", _NUMBER.pattern, list("-+.0123456789")),
+        (
+            "null",
+            "|".join(re.escape(word) for word, value in _WORDS.items() if value is None),
+            ["", *"~nN"],
+        ),
+        (
+            "bool",
+            "|".join(word for word, value in _WORDS.items() if value is not None),
+            list("tTfF"),
+        ),
+        ("int", _INTEGER.pattern, list("-+0123456789")),
+        ("float", _NUMBER.pattern, list("-+.0123456789")),
     ):
         _class.add_implicit_resolver(_TAG + _kind, re.compile(rf"(?:{_pattern})\Z"), _first)

@@ -46,7 +46,10 @@ def layer(name: str) -> str:
 
 def page_of(name: str) -> str:
     """The page that the module `name` stands on: its own where layers are to be composed, else its package's."""
-    own = layer(name) in OWN_PAGES or importlib.util.find_spec(name).submodule_search_locations is not None
+    own = (
+        layer(name) in OWN_PAGES
+        or importlib.util.find_spec(name).submodule_search_locations is not None
+    )
     return name if own or name.count(".") == 1 else name.rsplit(".", 1)[0]
 
 
@@ -87,8 +90,18 @@ def described(path: Path) -> list[str]:
 
 def index(title: str, modules: list[str]) -> str:
     """The page of one layer: a list of its modules' pages."""
-    return "\n".join([title, "=" * len(title), "", ".. toctree::", "   :maxdepth: 1", "",
-                      *(f"   {name}" for name in modules), ""])
+    return "\n".join(
+        [
+            title,
+            "=" * len(title),
+            "",
+            ".. toctree::",
+            "   :maxdepth: 1",
+            "",
+            *(f"   {name}" for name in modules),
+            "",
+        ]
+    )
 
 
 def write(folder: Path, modules: list[ModuleType], more: dict[str, str]) -> None:
@@ -98,7 +111,11 @@ def write(folder: Path, modules: list[ModuleType], more: dict[str, str]) -> None
     grouped: dict[str, list[ModuleType]] = {}
     for module in modules:
         grouped.setdefault(page_of(module.__name__), []).append(module)
-    pages = {f"{name}.rst": page(name, group) for name, group in grouped.items() if any(m.__doc__ for m in group)}
+    pages = {
+        f"{name}.rst": page(name, group)
+        for name, group in grouped.items()
+        if any(m.__doc__ for m in group)
+    }
     titles = LAYERS | {BESIDE: BESIDE_TITLE}
     names = [name.removesuffix(".rst") for name in pages]
     for key, title in titles.items():

@@ -32,5 +32,9 @@ def sizes(cls: type) -> dict[str, str]:
     diagram = build(cls).diagram  # type: ignore[attr-defined]
     ports = [diagram.get_input_port(i) for i in range(diagram.num_input_ports())]
     ports += [diagram.get_output_port(i) for i in range(diagram.num_output_ports())]
-    return {port.get_name(): str(port.size()) if port.get_data_type() == PortDataType.kVectorValued else "abstract"
-            for port in ports}
+    return {
+        port.get_name(): str(port.size())
+        if port.get_data_type() == PortDataType.kVectorValued
+        else "abstract"
+        for port in ports
+    }

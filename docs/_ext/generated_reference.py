@@ -39,12 +39,27 @@ from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.scenario import Scenario
 
 FILES: dict[str, tuple[type, str]] = {
-    "Trial": (Manifest, "One recorded walk; `import` writes it. Guide: [trials](../guide/trials.md)."),
+    "Trial": (
+        Manifest,
+        "One recorded walk; `import` writes it. Guide: [trials](../guide/trials.md).",
+    ),
     "Subject": (Subject, "The person, named by a trial; `import` writes it."),
-    "Subject, stated": (StatedSubject, "What `import --subject` and a trial of markers take, as far as it is known."),
-    "Marker map": (_MapFile, "Which label is which marker: [a laboratory's files](../guide/laboratory_files.md)."),
-    "Model": (ModelParameters, "Foot, socket and person, as `models/nominal.yaml` has them; a trial names it."),
-    "Bench": (_BenchFile, "Stiffness as measured on a testing machine, for `fit --bench`: [fit](../guide/fit.md)."),
+    "Subject, stated": (
+        StatedSubject,
+        "What `import --subject` and a trial of markers take, as far as it is known.",
+    ),
+    "Marker map": (
+        _MapFile,
+        "Which label is which marker: [a laboratory's files](../guide/laboratory_files.md).",
+    ),
+    "Model": (
+        ModelParameters,
+        "Foot, socket and person, as `models/nominal.yaml` has them; a trial names it.",
+    ),
+    "Bench": (
+        _BenchFile,
+        "Stiffness as measured on a testing machine, for `fit --bench`: [fit](../guide/fit.md).",
+    ),
     "Contact": (FittedContact, "What `fit` found; `--contact` takes it."),
     "Scenario": (Scenario, "A station of Drake systems. Guide: [Drake](../guide/drake.md)."),
     "Ground": (Ground, "Patches that a foot meets; `ground:` of a scenario names it."),
@@ -60,12 +75,24 @@ def pages() -> dict[str, str]:
 
 def yaml_files() -> str:
     """The keys of each file."""
-    text = ["# YAML files, every key", "",
-            "`[]` is a list, `{}` is by names, of variables or coordinates. An unknown key is refused.", ""]
+    text = [
+        "# YAML files, every key",
+        "",
+        "`[]` is a list, `{}` is by names, of variables or coordinates. An unknown key is refused.",
+        "",
+    ]
     for name, (schema, what) in FILES.items():
-        text += [f"## {name}", "", what, "", "| key | meaning | what it takes | unit | range | default | source |",
-                 "|---|---|---|---|---|---|---|"]
-        text += ["| " + " | ".join(_cell(word) for word in row) + " |" for row in _keys(schema, "", ())]
+        text += [
+            f"## {name}",
+            "",
+            what,
+            "",
+            "| key | meaning | what it takes | unit | range | default | source |",
+            "|---|---|---|---|---|---|---|",
+        ]
+        text += [
+            "| " + " | ".join(_cell(word) for word in row) + " |" for row in _keys(schema, "", ())
+        ]
         text.append("")
     return "\n".join(text)
 
@@ -73,18 +100,36 @@ def yaml_files() -> str:
 def command_line() -> str:
     """The options of each command."""
     group: Any = typer.main.get_command(app)
-    text = ["# Commands, every option", "",
-            "The [guide](../guide/commands.md) says what each is for, and the exit codes.", ""]
+    text = [
+        "# Commands, every option",
+        "",
+        "The [guide](../guide/commands.md) says what each is for, and the exit codes.",
+        "",
+    ]
     for name in sorted(group.commands, key=list(GUIDES).index):
         command = group.commands[name]
-        text += [f"## vsf-drake {name}", "", _cell(command.help or ""), "", "| | | default |", "|---|---|---|"]
+        text += [
+            f"## vsf-drake {name}",
+            "",
+            _cell(command.help or ""),
+            "",
+            "| | | default |",
+            "|---|---|---|",
+        ]
         for parameter in command.params:
             said = parameter.get_help_record(typer.Context(command))
             taken = (said[0] if said else parameter.human_readable_name).split(" <")[0]
             switch, value = " / " in taken, parameter.default
-            default = taken.split(" / ")[0 if value else 1] if switch else "required" if parameter.required else (
-                "" if value is None or value is False or callable(value) else str(value))
-            text.append(f"| `{_cell(taken)}` | {_cell(getattr(parameter, 'help', None) or '')} | {_cell(default)} |")
+            default = (
+                taken.split(" / ")[0 if value else 1]
+                if switch
+                else "required"
+                if parameter.required
+                else ("" if value is None or value is False or callable(value) else str(value))
+            )
+            text.append(
+                f"| `{_cell(taken)}` | {_cell(getattr(parameter, 'help', None) or '')} | {_cell(default)} |"
+            )
         text.append("")
     return "\n".join(text)
 
@@ -100,8 +145,15 @@ def _keys(schema: type, before: str, above: tuple[type, ...]) -> Iterator[tuple[
         kind, _, of_source = meta.get("source", "").partition(": ")
         measured = of_source if kind in ("measured", "stated") else ""
         meaning = said.get(field.name) or measured or _first_sentence(inner) or "–"
-        yield (f"`{name}{mark}`", meaning, takes or "keys", meta.get("unit", ""),
-               "" if low is None else f"{low:g} to {high:g}", _default(field), meta.get("source", ""))
+        yield (
+            f"`{name}{mark}`",
+            meaning,
+            takes or "keys",
+            meta.get("unit", ""),
+            "" if low is None else f"{low:g} to {high:g}",
+            _default(field),
+            meta.get("source", ""),
+        )
         if inner and inner not in above:
             yield from _keys(inner, f"{name}{mark}.", (*above, schema))
 
@@ -116,15 +168,25 @@ def _said(schema: type) -> dict[str, str]:
         except (OSError, TypeError):  # object, and what make_dataclass has made
             said |= _roles() if cls.__name__ in maps.ROLES else {}
             continue
-        comments = [(token.start[0], token.string.lstrip("# ")) for token in
-                    tokenize.generate_tokens(io.StringIO(source).readline) if token.type == tokenize.COMMENT]
+        comments = [
+            (token.start[0], token.string.lstrip("# "))
+            for token in tokenize.generate_tokens(io.StringIO(source).readline)
+            if token.type == tokenize.COMMENT
+        ]
         body = typing.cast(ast.ClassDef, ast.parse(source).body[0]).body
         for node, following in zip(body, [*body[1:], None], strict=True):
             if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-                beside = [text for line, text in comments if node.lineno <= line <= (node.end_lineno or 0)
-                          and not text.startswith(("noqa", "type:"))]
-                below = [following.value.value] if isinstance(following, ast.Expr) and isinstance(
-                    following.value, ast.Constant) else []
+                beside = [
+                    text
+                    for line, text in comments
+                    if node.lineno <= line <= (node.end_lineno or 0)
+                    and not text.startswith(("noqa", "type:"))
+                ]
+                below = (
+                    [following.value.value]
+                    if isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant)
+                    else []
+                )
                 said[node.target.id] = " ".join([*beside, *map(str, below)])
     return said
 
@@ -142,7 +204,11 @@ def _roles() -> dict[str, str]:
 def _first_sentence(schema: type | None) -> str:
     """What the docstring of a schema begins with, "" if there is no schema or it has none of its own."""
     text = " ".join(((schema and schema.__doc__) or "").split())
-    return "" if schema and text.startswith(f"{schema.__name__}(") else re.split(r"(?<!\.)\. ", text)[0].rstrip(".")
+    return (
+        ""
+        if schema and text.startswith(f"{schema.__name__}(")
+        else re.split(r"(?<!\.)\. ", text)[0].rstrip(".")
+    )
 
 
 def _inside(kind: Any) -> tuple[type | None, str, str]:
@@ -161,13 +227,23 @@ def _inside(kind: Any) -> tuple[type | None, str, str]:
     for one in arguments:
         found, mark_of, word = _inside(one)
         schema, mark, words = schema or found, mark or mark_of, [*words, *filter(None, [word])]
-    return schema, mark, " or ".join(dict.fromkeys(words)) or ("" if arguments else _WORDS.get(kind, "any value"))
+    return (
+        schema,
+        mark,
+        " or ".join(dict.fromkeys(words)) or ("" if arguments else _WORDS.get(kind, "any value")),
+    )
 
 
 def _default(field: dataclasses.Field[Any]) -> str:
     if field.default is dataclasses.MISSING:
         made = None if field.default_factory is dataclasses.MISSING else field.default_factory()
-        return "required" if made is None else "the nominal one" if dataclasses.is_dataclass(made) else "none"
+        return (
+            "required"
+            if made is None
+            else "the nominal one"
+            if dataclasses.is_dataclass(made)
+            else "none"
+        )
     value = field.default
     if dataclasses.is_dataclass(value):
         return "the nominal one"

@@ -33,7 +33,9 @@ def drawn(name: str, block: port_text.PortBlock) -> nodes.container:
         if side is None:
             system += nodes.container("", nodes.paragraph("", name), classes=["port-system"])
             continue
-        items = [nodes.list_item("", nodes.paragraph("", "", nodes.literal("", name))) for name in names]
+        items = [
+            nodes.list_item("", nodes.paragraph("", "", nodes.literal("", name))) for name in names
+        ]
         column = nodes.container(classes=[f"port-{side}"])
         if items:
             column += nodes.bullet_list("", *items)
@@ -44,7 +46,7 @@ def drawn(name: str, block: port_text.PortBlock) -> nodes.container:
 def _table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> nodes.container:
     """A table whose first column is code, in a container that scrolls where the page is narrow."""
     group = nodes.tgroup(cols=len(header))
-    for width in (28, 12, 60)[:len(header)]:
+    for width in (28, 12, 60)[: len(header)]:
         group += nodes.colspec(colwidth=width)
     head, body = nodes.thead(), nodes.tbody()
     for line in [header, *rows]:
@@ -62,8 +64,11 @@ def _sides(docstring: str | None) -> list[tuple[str, dict[str, port_text.Port], 
     if block is None:
         raise ValueError("the docstring has no section Outputs:")
     texts = port_text.sections(docstring)
-    return [(side, port_text.ports(texts.get(side, ""), names), names)
-            for side, names in (("Inputs", block.inputs), ("Outputs", block.outputs)) if names]
+    return [
+        (side, port_text.ports(texts.get(side, ""), names), names)
+        for side, names in (("Inputs", block.inputs), ("Outputs", block.outputs))
+        if names
+    ]
 
 
 def _load(path: str) -> Any:
@@ -79,7 +84,11 @@ class SystemPorts(Directive):
     def run(self) -> list[nodes.Node]:
         found: list[nodes.Node] = []
         for side, known, names in _sides(_load(self.arguments[0]).__doc__):
-            rows = [(name, known[name].size or "abstract", known[name].text) for name in names if name in known]
+            rows = [
+                (name, known[name].size or "abstract", known[name].text)
+                for name in names
+                if name in known
+            ]
             found += [nodes.rubric("", side), _table(("port", "size", "what"), rows)]
         return found
 
@@ -111,7 +120,13 @@ class AllSystems(SphinxDirective):
                 if block is None:
                     continue
                 link = addnodes.pending_xref(
-                    "", nodes.literal("", shown), refdomain="py", reftype="class", refwarn=True,
-                    reftarget=f"{module.__name__}.{shown}", refdoc=self.env.docname)
+                    "",
+                    nodes.literal("", shown),
+                    refdomain="py",
+                    reftype="class",
+                    refwarn=True,
+                    reftarget=f"{module.__name__}.{shown}",
+                    refdoc=self.env.docname,
+                )
                 found += [nodes.paragraph("", "", link), drawn(shown, block)]
         return found

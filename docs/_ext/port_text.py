@@ -43,14 +43,22 @@ class PortBlock:
 def port_block(docstring: str | None) -> PortBlock | None:
     """What the sections `Inputs` and `Outputs` list, or None without them."""
     texts = sections(docstring)
-    return PortBlock(_listed(texts.get("Inputs", "")), _listed(texts["Outputs"])) if "Outputs" in texts else None
+    return (
+        PortBlock(_listed(texts.get("Inputs", "")), _listed(texts["Outputs"]))
+        if "Outputs" in texts
+        else None
+    )
 
 
 def _listed(text: str) -> tuple[str, ...]:
     """Names at the beginning of the parts of the first sentence, which semicolons separate; two may share a part."""
     parts = re.split(r";(?![^\[\]]*\])", re.split(r"\.(?=\s|$)", text)[0])
-    return tuple(name for part in parts if part.strip()
-                 for name in re.findall(r"^\s*\w+(?: and \w+)?", part)[0].strip().split(" and "))
+    return tuple(
+        name
+        for part in parts
+        if part.strip()
+        for name in re.findall(r"^\s*\w+(?: and \w+)?", part)[0].strip().split(" and ")
+    )
 
 
 def sections(docstring: str | None) -> dict[str, str]:
@@ -60,7 +68,7 @@ def sections(docstring: str | None) -> dict[str, str]:
     ends = [mark.start() for mark in marks[1:]] + [len(text)]
     found: dict[str, str] = {}
     for mark, end in zip(marks, ends, strict=False):
-        found.setdefault(mark[1], " ".join(text[mark.end():end].split()))
+        found.setdefault(mark[1], " ".join(text[mark.end() : end].split()))
     return found
 
 
@@ -69,7 +77,10 @@ def ports(text: str, names: tuple[str, ...]) -> dict[str, Port]:
     any_name = "|".join(sorted(map(re.escape, names), key=len, reverse=True)) or "(?!)"
     found = {}
     for name in names:
-        entry = re.search(rf"(?<!\w){re.escape(name)}(?!\w)((?:(?:,| and|,? and) (?:{any_name})(?!\w))*)(.*)", text)
+        entry = re.search(
+            rf"(?<!\w){re.escape(name)}(?!\w)((?:(?:,| and|,? and) (?:{any_name})(?!\w))*)(.*)",
+            text,
+        )
         if entry:
             size, rest = _leading_bracket(entry[2])
             found[name] = Port(name, _size(size), _meaning(size, rest))
@@ -85,7 +96,7 @@ def _leading_bracket(text: str) -> tuple[str | None, str]:
     for i, character in enumerate(stripped):
         depth += (character == "(") - (character == ")")
         if depth == 0:
-            return stripped[1:i], stripped[i + 1:]
+            return stripped[1:i], stripped[i + 1 :]
     return None, text
 
 
@@ -113,7 +124,9 @@ def listed_parameters(text: str, known: Iterable[str]) -> set[str]:
     return {word for word in words if word in set(known) or "_" in word.strip("_")}
 
 
-def disagreements(docstring: str | None, declared: Iterable[tuple[str, str, int | None]]) -> list[str]:
+def disagreements(
+    docstring: str | None, declared: Iterable[tuple[str, str, int | None]]
+) -> list[str]:
     """What the docstring does not say of the `declared` ports, or says otherwise; a sentence each.
 
     A symbol (`N`) means the same number wherever it stands; which, its first use tells.
@@ -152,7 +165,9 @@ def _wrong_sizes(sizes: list[tuple[str, str, int]]) -> list[str]:
         except KeyError as missing:
             if len(set(re.findall(r"[A-Za-z]\w*", written)) - set(symbols)) > 1:
                 continue  # two unknowns: not for us to tell
-            symbols[missing.args[0]] = size - evaluate_size(written, {**symbols, missing.args[0]: 0})
+            symbols[missing.args[0]] = size - evaluate_size(
+                written, {**symbols, missing.args[0]: 0}
+            )
             value = evaluate_size(written, symbols)
         if value != size:
             found.append(f"{name} has size {size}, not {written} = {value}")
@@ -166,7 +181,9 @@ def evaluate_size(size: str, symbols: Mapping[str, int]) -> int:
         KeyError: a symbol is not among `symbols`.
         ValueError: it is no such expression.
     """
-    return _number(ast.parse(re.sub(r"(\w)\s+(?=\w)", r"\1 * ", size), mode="eval").body, size, symbols)
+    return _number(
+        ast.parse(re.sub(r"(\w)\s+(?=\w)", r"\1 * ", size), mode="eval").body, size, symbols
+    )
 
 
 def _number(node: ast.expr, size: str, symbols: Mapping[str, int]) -> int:

@@ -43,7 +43,10 @@ class Block:
 def blocks(page: Path) -> list[Block]:
     """All fenced blocks with a language, in order."""
     source = page.read_text(encoding="utf-8")
-    return [Block(found[1], found[2], source.count("\n", 0, found.start()) + 2) for found in _BLOCK.finditer(source)]
+    return [
+        Block(found[1], found[2], source.count("\n", 0, found.start()) + 2)
+        for found in _BLOCK.finditer(source)
+    ]
 
 
 def pictures(page: Path) -> list[str]:
@@ -64,7 +67,9 @@ def run(page: Path, folder: Path) -> list[str]:
         for block in blocks(page):
             if block.language == "text":
                 if not same(printed, block.text):
-                    wrong.append(f"{page.name}:{block.line}: the page says\n{block.text}\nbut printed was\n{printed}")
+                    wrong.append(
+                        f"{page.name}:{block.line}: the page says\n{block.text}\nbut printed was\n{printed}"
+                    )
                 continue
             output = io.StringIO()
             with contextlib.redirect_stdout(output):
@@ -105,17 +110,21 @@ def same(printed: str, expected: str) -> bool:
     found = re.fullmatch(rf"\s*{words}\s*", printed, re.DOTALL)
     return bool(found) and all(
         abs(float(text) - float(value)) <= 1.0001 * _last_digit(value)
-        for text, value in zip(found.groups(), _NUMBER.findall(expected.replace("...", " ")), strict=True))
+        for text, value in zip(
+            found.groups(), _NUMBER.findall(expected.replace("...", " ")), strict=True
+        )
+    )
 
 
 def _pattern(word: str) -> str:
     """A regular expression for one word, with a group for each number."""
+
     def literal(text: str) -> str:
         return ".*?".join(map(re.escape, text.split("...")))
 
     pieces, end = [], 0
     for number in _NUMBER.finditer(word):
-        pieces += [literal(word[end:number.start()]), r"(-?\d+(?:\.\d+)?(?:e[+-]?\d+)?)"]
+        pieces += [literal(word[end : number.start()]), r"(-?\d+(?:\.\d+)?(?:e[+-]?\d+)?)"]
         end = number.end()
     return "".join([*pieces, literal(word[end:])])
 

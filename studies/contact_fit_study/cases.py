@@ -48,9 +48,16 @@ class Case:
 
     @property
     def name(self) -> str:
-        how = (f"settled_{self.settled}",) if self.strategy == PAPER else (
-            *(() if self.bench else ("without_bench",)), *(() if self.keel_known else ("keel_unknown",)),
-            *(("resultant",) if self.resultant else ()), f"{self.starts}_starts")
+        how = (
+            (f"settled_{self.settled}",)
+            if self.strategy == PAPER
+            else (
+                *(() if self.bench else ("without_bench",)),
+                *(() if self.keel_known else ("keel_unknown",)),
+                *(("resultant",) if self.resultant else ()),
+                f"{self.starts}_starts",
+            )
+        )
         return "-".join((self.tier, self.strategy, "+".join(self.fitted), *how))
 
 
@@ -62,7 +69,9 @@ def transfer(tier: str, *, starts: int = STARTS) -> Case:
 def other_pairs(tier: str) -> list[Case]:
     """The other eight of a soft and a stiff trial, searched from one start each."""
     pairs = [(f"low_{i}", f"high_{j}") for i in (1, 2, 3) for j in (1, 2, 3)]
-    return [Case(tier=tier, strategy=JOINT, fitted=pair, starts=1) for pair in pairs if pair != PAIR]
+    return [
+        Case(tier=tier, strategy=JOINT, fitted=pair, starts=1) for pair in pairs if pair != PAIR
+    ]
 
 
 def one_trial(tier: str) -> list[Case]:
@@ -72,19 +81,26 @@ def one_trial(tier: str) -> list[Case]:
 
 def without_bench(tier: str) -> list[Case]:
     """The same, and the pair, by recordings alone."""
-    return [Case(tier=tier, strategy=JOINT, fitted=fitted, bench=False) for fitted in (*((a,) for a in ALONE), PAIR)]
+    return [
+        Case(tier=tier, strategy=JOINT, fitted=fitted, bench=False)
+        for fitted in (*((a,) for a in ALONE), PAIR)
+    ]
 
 
 def keel_unknown(tier: str) -> list[Case]:
     """One soft trial, one stiff trial and both, by recordings alone, of a device that nobody has calibrated."""
-    return [Case(tier=tier, strategy=JOINT, fitted=fitted, bench=False, keel_known=False)
-            for fitted in (PAIR[:1], PAIR[1:], PAIR)]
+    return [
+        Case(tier=tier, strategy=JOINT, fitted=fitted, bench=False, keel_known=False)
+        for fitted in (PAIR[:1], PAIR[1:], PAIR)
+    ]
 
 
 def resultant_alone(tier: str) -> list[Case]:
     """One trial and the pair by the resultant force alone: neither components, centre of pressure nor bench."""
-    return [Case(tier=tier, strategy=JOINT, fitted=fitted, bench=False, resultant=True)
-            for fitted in (ALONE[:1], PAIR)]
+    return [
+        Case(tier=tier, strategy=JOINT, fitted=fitted, bench=False, resultant=True)
+        for fitted in (ALONE[:1], PAIR)
+    ]
 
 
 def paper_literal(tier: str) -> list[Case]:
@@ -99,5 +115,13 @@ def paper_settled(tier: str) -> list[Case]:
 
 def cases(tier: str) -> list[Case]:
     """All of a tier."""
-    return [transfer(tier), *one_trial(tier), *other_pairs(tier), *without_bench(tier), *keel_unknown(tier),
-            *resultant_alone(tier), *paper_literal(tier), *paper_settled(tier)]
+    return [
+        transfer(tier),
+        *one_trial(tier),
+        *other_pairs(tier),
+        *without_bench(tier),
+        *keel_unknown(tier),
+        *resultant_alone(tier),
+        *paper_literal(tier),
+        *paper_settled(tier),
+    ]

@@ -33,8 +33,10 @@ def floor_bw(tier: str, name: str, *, fitted: bool) -> float:
 
 def own_error(name: str) -> np.ndarray:
     """(C,) rad or m: what the laboratory tier adds to each coordinate of this trial alone, constant in time."""
-    added: np.ndarray = (without_shared_errors(trial("laboratory", name), SEED).values[0]
-                         - trial("exact", name).trajectory.ordered(COORDINATES).values[0])
+    added: np.ndarray = (
+        without_shared_errors(trial("laboratory", name), SEED).values[0]
+        - trial("exact", name).trajectory.ordered(COORDINATES).values[0]
+    )
     return added
 
 

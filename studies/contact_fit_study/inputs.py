@@ -33,8 +33,10 @@ def bench() -> BenchMeasurement:
 def input_hashes() -> dict[str, str]:
     """SHA-256 of all that is read, by path in the reference subject's folder; of floor.json, by its name, the trials'
     floors alone."""
-    found = {"bench.yaml": sha256(BENCH),
-             FLOORS.name: digest(json.loads(FLOORS.read_text(encoding="utf-8"))["trials"])}
+    found = {
+        "bench.yaml": sha256(BENCH),
+        FLOORS.name: digest(json.loads(FLOORS.read_text(encoding="utf-8"))["trials"]),
+    }
     for tier in TIERS:
         for name in TRIALS:
             found |= hashes(trial(tier, name))

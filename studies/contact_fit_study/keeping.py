@@ -16,8 +16,11 @@ from typing import Any
 from vsf_drake.files import plain, write_json
 
 STUDIES = Path(__file__).resolve().parents[1]
-ONLY_SHOWS = (STUDIES.parent / "vsf_drake" / "report", STUDIES / "contact_fit_study" / "figures.py",
-              STUDIES / "contact_fit_study" / "table.py")
+ONLY_SHOWS = (
+    STUDIES.parent / "vsf_drake" / "report",
+    STUDIES / "contact_fit_study" / "figures.py",
+    STUDIES / "contact_fit_study" / "table.py",
+)
 MADE = "made by these sources"
 
 
@@ -36,9 +39,14 @@ def sources_sha256(script: Path) -> str:
     while waiting:
         path = waiting.pop()
         found[path], imported = meaning(path)
-        waiting |= {file for file in imported
-                    if file not in found and not any(file.is_relative_to(part) for part in ONLY_SHOWS)}
-    named = [(path.relative_to(STUDIES.parent).as_posix(), said) for path, said in sorted(found.items())]
+        waiting |= {
+            file
+            for file in imported
+            if file not in found and not any(file.is_relative_to(part) for part in ONLY_SHOWS)
+        }
+    named = [
+        (path.relative_to(STUDIES.parent).as_posix(), said) for path, said in sorted(found.items())
+    ]
     return hashlib.sha256(json.dumps(named).encode()).hexdigest()
 
 
@@ -51,15 +59,29 @@ def meaning(path: Path) -> tuple[str, set[Path]]:
             within = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
             names |= {within + alias.name for alias in node.names}
         elif isinstance(getattr(node, "body", None), list):
-            node.body = [line for line in node.body  # type: ignore[attr-defined]
-                         if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))]
-    stems = {root.joinpath(*name.split(".")[:n + 1]) for name in names for n in range(name.count(".") + 1)
-             for root in (STUDIES, STUDIES.parent)}
-    files = {file for stem in stems for file in (stem.with_suffix(".py"), stem / "__init__.py") if file.is_file()}
+            node.body = [
+                line
+                for line in node.body  # type: ignore[attr-defined]
+                if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))
+            ]
+    stems = {
+        root.joinpath(*name.split(".")[: n + 1])
+        for name in names
+        for n in range(name.count(".") + 1)
+        for root in (STUDIES, STUDIES.parent)
+    }
+    files = {
+        file
+        for stem in stems
+        for file in (stem.with_suffix(".py"), stem / "__init__.py")
+        if file.is_file()
+    }
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), files
 
 
-def kept(folder: Path, name: str, key: str, make: Callable[[], dict[str, Any]]) -> tuple[dict[str, Any], bool]:
+def kept(
+    folder: Path, name: str, key: str, make: Callable[[], dict[str, Any]]
+) -> tuple[dict[str, Any], bool]:
     """What `make` gives, from `folder` if it was made there with the same `key`.
 
     Returns:

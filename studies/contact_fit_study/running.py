@@ -30,30 +30,72 @@ from vsf_drake.errors import FitError, SimulationError
 
 SEED = 0
 KEEL, FULCRUM = "keel.flexural_modulus", "fulcrum.stiffness"
-METRICS = ("grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "cop_rmse_fl",
-           "impulse_rmse_bws", "null_model_grf_rmse_bw", "stance_measured_s", "stance_model_s", "heel_strike_error_s",
-           "toe_off_error_s", "unconverged_steps")
+METRICS = (
+    "grf_rmse_bw",
+    "grf_r2",
+    "vertical_rmse_bw",
+    "fore_aft_rmse_bw",
+    "medio_lateral_rmse_bw",
+    "cop_rmse_fl",
+    "impulse_rmse_bws",
+    "null_model_grf_rmse_bw",
+    "stance_measured_s",
+    "stance_model_s",
+    "heel_strike_error_s",
+    "toe_off_error_s",
+    "unconverged_steps",
+)
 """What is kept of `walk_metrics`."""
-BENCH = ("rmse_n_per_mm", "fulcrum_mm", "measured_n_per_mm", "model_n_per_mm", "heel_measured_n_per_mm",
-         "heel_model_n_per_mm", "mid_range")
+BENCH = (
+    "rmse_n_per_mm",
+    "fulcrum_mm",
+    "measured_n_per_mm",
+    "model_n_per_mm",
+    "heel_measured_n_per_mm",
+    "heel_model_n_per_mm",
+    "mid_range",
+)
 
 
 def run(case: Case) -> dict[str, Any]:
     """Fits and judges; a fit that fails is told as such."""
-    judged_by = {name: floor_bw(case.tier, name, fitted=name in case.fitted) for name in (*case.fitted, *case.held_out)}
-    told: dict[str, Any] = {"tier": case.tier, "strategy": case.strategy, "fitted": list(case.fitted),
-                            "held_out": list(case.held_out), "bench_fitted": case.bench and case.strategy != PAPER,
-                            "seed": SEED}
+    judged_by = {
+        name: floor_bw(case.tier, name, fitted=name in case.fitted)
+        for name in (*case.fitted, *case.held_out)
+    }
+    told: dict[str, Any] = {
+        "tier": case.tier,
+        "strategy": case.strategy,
+        "fitted": list(case.fitted),
+        "held_out": list(case.held_out),
+        "bench_fitted": case.bench and case.strategy != PAPER,
+        "seed": SEED,
+    }
     load, wall, cpu = os.getloadavg()[0], time.perf_counter(), time.process_time()
     try:
         solution = _solve(case)
-        times = {"wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu, "load_before": load}
-        found = assess(solution, [trial(case.tier, name) for name in case.held_out], leave_out=case.leave_out,
-                       angle_errors=False, layers=False, floors=judged_by)
+        times = {
+            "wall_s": time.perf_counter() - wall,
+            "cpu_s": time.process_time() - cpu,
+            "load_before": load,
+        }
+        found = assess(
+            solution,
+            [trial(case.tier, name) for name in case.held_out],
+            leave_out=case.leave_out,
+            angle_errors=False,
+            layers=False,
+            floors=judged_by,
+        )
     except (FitError, SimulationError) as error:
         return {**told, "failed": str(error)}
-    told |= {"time": times, "ended": solution.message, "verdict": list(verdict(solution, found)),
-             "trials": {score.label: _trial(score) for score in found.scores}, "left_out": _left_out(found)}
+    told |= {
+        "time": times,
+        "ended": solution.message,
+        "verdict": list(verdict(solution, found)),
+        "trials": {score.label: _trial(score) for score in found.scores},
+        "left_out": _left_out(found),
+    }
     told |= _paper(solution.end, case) if isinstance(solution.end, PaperEnd) else _joint(solution)
     measured = bench_json(found.bench or _bench_of(solution))
     return {**told, "bench": {name: measured.get(name) for name in BENCH}}
@@ -72,7 +114,9 @@ def warm_up(tier: str) -> None:
 def _solve(case: Case) -> ContactFitSolution:
     trials = [trial(case.tier, name) for name in case.fitted]
     if case.strategy == PAPER:
-        return solve(ContactFit(trials, bench=bench(), options=PaperOptions(seed=SEED, settled=case.settled)))
+        return solve(
+            ContactFit(trials, bench=bench(), options=PaperOptions(seed=SEED, settled=case.settled))
+        )
     options = ContactFitOptions(starts=case.starts, seed=SEED)
     if case.resultant:
         options = dataclasses.replace(options, series=(RESULTANT,))
@@ -80,8 +124,11 @@ def _solve(case: Case) -> ContactFitSolution:
     if not case.keel_known:
         keel = fit.parameters.by_name[KEEL].start * WRONG_KEEL
         unknown = fit.parameters.changed([KEEL, FULCRUM], frozen=False, scale=KEEL_SPREAD).changed(
-            [KEEL], start=keel, mean=keel)
-        fit = ContactFit(trials, bench=fit.bench, parameters=unknown, options=options, walker=fit.walker)
+            [KEEL], start=keel, mean=keel
+        )
+        fit = ContactFit(
+            trials, bench=fit.bench, parameters=unknown, options=options, walker=fit.walker
+        )
     return solve(fit)
 
 
@@ -89,10 +136,17 @@ def _trial(score: TrialScore) -> dict[str, Any]:
     kept = {name: getattr(score.metrics, name) for name in METRICS}
     times = kept["stance_model_s"], kept["stance_measured_s"]
     assert score.sweep is not None
-    return {"role": score.role, "fulcrum_mm": score.sweep.true_mm, **kept,
-            "stance_time_error_s": None if None in times else times[0] - times[1],
-            "floor_grf_rmse_bw": score.floor_grf_rmse_bw,
-            "sweep": {name: getattr(score.sweep, name) for name in ("fulcrum_mm", "grf_rmse_bw", "best_mm", "right")}}
+    return {
+        "role": score.role,
+        "fulcrum_mm": score.sweep.true_mm,
+        **kept,
+        "stance_time_error_s": None if None in times else times[0] - times[1],
+        "floor_grf_rmse_bw": score.floor_grf_rmse_bw,
+        "sweep": {
+            name: getattr(score.sweep, name)
+            for name in ("fulcrum_mm", "grf_rmse_bw", "best_mm", "right")
+        },
+    }
 
 
 def _left_out(found: Assessment) -> list[dict[str, Any]]:
@@ -102,25 +156,56 @@ def _left_out(found: Assessment) -> list[dict[str, Any]]:
 def _joint(solution: ContactFitSolution) -> dict[str, Any]:
     assert isinstance(solution.end, JointEnd)
     told, searches = solution.end.uncertainty, solution.end.searches
-    return {"starts": len(searches), "series": list(solution.fit.options.series), "values": solution.values,
-            "standard_errors": dict(zip(told.names, map(float, told.standard_error), strict=True)),
-            "not_identified": list(told.unidentified), "at_bound": list(told.at_bound),
-            "searches": [{"start_cost": s.start_cost, "cost": s.cost, "converged": s.success, "message": s.message,
-                          "evaluations": s.evaluations, "failed": s.failed} for s in searches]}
+    return {
+        "starts": len(searches),
+        "series": list(solution.fit.options.series),
+        "values": solution.values,
+        "standard_errors": dict(zip(told.names, map(float, told.standard_error), strict=True)),
+        "not_identified": list(told.unidentified),
+        "at_bound": list(told.at_bound),
+        "searches": [
+            {
+                "start_cost": s.start_cost,
+                "cost": s.cost,
+                "converged": s.success,
+                "message": s.message,
+                "evaluations": s.evaluations,
+                "failed": s.failed,
+            }
+            for s in searches
+        ],
+    }
 
 
 def _paper(end: PaperEnd, case: Case) -> dict[str, Any]:
     state = end.state
-    return {"values": end.values, "initial_values": end.initial_values, "rms_n": state.rms_n(state.objective_n2),
-            "initial_rms_n": state.rms_n(state.initial_objective_n2), "iterations": len(state.history),
-            "simulations": state.simulations, "failed_simulations": state.failed_simulations,
-            "settled": case.settled, "history": [list(row) for row in state.history]}
+    return {
+        "values": end.values,
+        "initial_values": end.initial_values,
+        "rms_n": state.rms_n(state.objective_n2),
+        "initial_rms_n": state.rms_n(state.initial_objective_n2),
+        "iterations": len(state.history),
+        "simulations": state.simulations,
+        "failed_simulations": state.failed_simulations,
+        "settled": case.settled,
+        "history": [list(row) for row in state.history],
+    }
 
 
 def _bench_of(solution: ContactFitSolution) -> BenchRow:
     """Of a fit that was not given the bench: it judges it all the same."""
     fit = solution.fit
-    found = bench_score(dataclasses.replace(solution, fit=ContactFit(
-        fit.trials, bench=bench(), parameters=fit.parameters, options=fit.options, walker=fit.walker)))
+    found = bench_score(
+        dataclasses.replace(
+            solution,
+            fit=ContactFit(
+                fit.trials,
+                bench=bench(),
+                parameters=fit.parameters,
+                options=fit.options,
+                walker=fit.walker,
+            ),
+        )
+    )
     assert found is not None
     return found

@@ -30,8 +30,11 @@ class Target:
 
     def measured(self, results: Mapping[str, Any]) -> float | None:
         """Of a tier's results."""
-        value: float | None = results.get("held_out", {}).get(self.key, {}).get("worst") if self.worst else results.get(
-            self.key)
+        value: float | None = (
+            results.get("held_out", {}).get(self.key, {}).get("worst")
+            if self.worst
+            else results.get(self.key)
+        )
         return value
 
     def met(self, tier: str, results: Mapping[str, Any]) -> bool:
@@ -52,22 +55,74 @@ def _each(exact: float, laboratory: float) -> dict[str, float]:
 
 _BW, _FL = "% body weight", "% foot length"
 TARGETS = (
-    Target(what="one trial, fitted: resultant", key="one_trial_grf_rmse_bw", limits=_both(0.04), unit=_BW, scale=100),
-    Target(what="one trial, fitted: R²", key="one_trial_grf_r2", limits=_both(0.98), digits=4, at_least=True),
-    Target(what="held out: resultant", key="held_out_grf_rmse_bw", limits=_each(0.02, 0.05), unit=_BW, scale=100),
-    Target(what="held out: fore-aft force", key="held_out_fore_aft_rmse_bw", limits={"laboratory": 0.045}, unit=_BW,
-           scale=100),
-    Target(what="held out: centre of pressure", key="held_out_cop_rmse_fl", limits=_each(0.025, 0.05), unit=_FL,
-           scale=100),
-    Target(what="held out: impulse", key="held_out_impulse_rmse_bws", limits={"laboratory": 0.02}, unit="BW s",
-           digits=4),
-    Target(what="held out: stance time, the worst trial", key="held_out_stance_time_error_s",
-           limits={"laboratory": 0.03}, unit="s", digits=4, worst=True),
-    Target(what="fulcrum found by a sweep, of 9", key="fulcrum_sweep_correct", limits=_each(9, 8), digits=0,
-           at_least=True),
+    Target(
+        what="one trial, fitted: resultant",
+        key="one_trial_grf_rmse_bw",
+        limits=_both(0.04),
+        unit=_BW,
+        scale=100,
+    ),
+    Target(
+        what="one trial, fitted: R²",
+        key="one_trial_grf_r2",
+        limits=_both(0.98),
+        digits=4,
+        at_least=True,
+    ),
+    Target(
+        what="held out: resultant",
+        key="held_out_grf_rmse_bw",
+        limits=_each(0.02, 0.05),
+        unit=_BW,
+        scale=100,
+    ),
+    Target(
+        what="held out: fore-aft force",
+        key="held_out_fore_aft_rmse_bw",
+        limits={"laboratory": 0.045},
+        unit=_BW,
+        scale=100,
+    ),
+    Target(
+        what="held out: centre of pressure",
+        key="held_out_cop_rmse_fl",
+        limits=_each(0.025, 0.05),
+        unit=_FL,
+        scale=100,
+    ),
+    Target(
+        what="held out: impulse",
+        key="held_out_impulse_rmse_bws",
+        limits={"laboratory": 0.02},
+        unit="BW s",
+        digits=4,
+    ),
+    Target(
+        what="held out: stance time, the worst trial",
+        key="held_out_stance_time_error_s",
+        limits={"laboratory": 0.03},
+        unit="s",
+        digits=4,
+        worst=True,
+    ),
+    Target(
+        what="fulcrum found by a sweep, of 9",
+        key="fulcrum_sweep_correct",
+        limits=_each(9, 8),
+        digits=0,
+        at_least=True,
+    ),
     Target(what="bench", key="bench_rmse_n_per_mm", limits=_each(0.7, 1.37), unit="N/mm"),
-    Target(what="time for one trial, all starts", key="one_trial_wall_s", limits=_both(60.0), unit="s", digits=0),
-    Target(what="time for the pair, all starts", key="wall_s", limits=_both(180.0), unit="s", digits=0),
+    Target(
+        what="time for one trial, all starts",
+        key="one_trial_wall_s",
+        limits=_both(60.0),
+        unit="s",
+        digits=0,
+    ),
+    Target(
+        what="time for the pair, all starts", key="wall_s", limits=_both(180.0), unit="s", digits=0
+    ),
 )
 
 
@@ -80,8 +135,10 @@ def text_table(results: Mapping[str, Any]) -> str:
         for target in (t for t in TARGETS if tier in t.limits and t.key in found):
             limit = f"{'>=' if target.at_least else '<='} {target.shown(target.limits[tier])}"
             beside = _beside(target, found)
-            lines.append(f"  {target.what:<40}{limit:>12}{target.shown(target.measured(found)):>12} {target.unit:<14}"
-                         f"{'met' if target.met(tier, found) else 'MISSED':>8}{beside}")
+            lines.append(
+                f"  {target.what:<40}{limit:>12}{target.shown(target.measured(found)):>12} {target.unit:<14}"
+                f"{'met' if target.met(tier, found) else 'MISSED':>8}{beside}"
+            )
     return "\n".join(lines)
 
 
@@ -91,8 +148,10 @@ def _beside(target: Target, found: Mapping[str, Any]) -> str:
         return ""
     said = f"   worst {target.shown(held[target.key]['worst'])} ({held[target.key]['worst_trial']})"
     if target.key == "held_out_grf_rmse_bw":
-        said += f"; null model {target.shown(found['null_model_grf_rmse_bw'])}, floor " \
-                f"{target.shown(found['floor_grf_rmse_bw'])}"
+        said += (
+            f"; null model {target.shown(found['null_model_grf_rmse_bw'])}, floor "
+            f"{target.shown(found['floor_grf_rmse_bw'])}"
+        )
     return said
 
 
@@ -101,9 +160,14 @@ def markdown_table(results: Mapping[str, Any]) -> str:
     rows = ["| fitted to one soft and one stiff walk | exact | laboratory |", "|---|---|---|"]
     for target in TARGETS:
         cells = [_cell(target, tier, results[tier]) for tier in TIERS]
-        rows.append(f"| {target.what}{', ' * bool(target.unit)}{target.unit} | {' | '.join(cells)} |")
+        rows.append(
+            f"| {target.what}{', ' * bool(target.unit)}{target.unit} | {' | '.join(cells)} |"
+        )
         if target.key == "held_out_grf_rmse_bw":
-            for what, key in (("null model", "null_model_grf_rmse_bw"), ("floor", "floor_grf_rmse_bw")):
+            for what, key in (
+                ("null model", "null_model_grf_rmse_bw"),
+                ("floor", "floor_grf_rmse_bw"),
+            ):
                 cells = [target.shown(results[tier][key]) for tier in TIERS]
                 rows.append(f"| {what} of the same, {target.unit} | {' | '.join(cells)} |")
     return "\n".join(rows)
@@ -114,4 +178,6 @@ def _cell(target: Target, tier: str, found: Mapping[str, Any]) -> str:
     if tier not in target.limits:
         return shown
     missed = "" if target.met(tier, found) else ", missed"
-    return f"{shown} ({'≥' if target.at_least else '≤'} {target.shown(target.limits[tier])}{missed})"
+    return (
+        f"{shown} ({'≥' if target.at_least else '≤'} {target.shown(target.limits[tier])}{missed})"
+    )

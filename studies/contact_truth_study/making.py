@@ -59,16 +59,32 @@ class Made:
 def assuming(made: Made, scale: float) -> Made:
     """The same recordings for a fit that assumes `scale` times the noise that `made.fit` does, on the bench too."""
     fit, bench = made.fit, made.fit.bench
-    noise = replace(fit.options.noise, **{name: scale * getattr(fit.options.noise, name) for name in SERIES})
+    noise = replace(
+        fit.options.noise, **{name: scale * getattr(fit.options.noise, name) for name in SERIES}
+    )
     if bench is not None:
         bench = replace(bench, uncertainty_n_per_m=scale * bench.uncertainty_n_per_m)
-    return replace(made, fit=ContactFit(fit.trials, bench=bench, parameters=fit.parameters, walker=fit.walker,
-                                        labels=fit.labels, options=replace(fit.options, noise=noise)))
+    return replace(
+        made,
+        fit=ContactFit(
+            fit.trials,
+            bench=bench,
+            parameters=fit.parameters,
+            walker=fit.walker,
+            labels=fit.labels,
+            options=replace(fit.options, noise=noise),
+        ),
+    )
 
 
 def make(
-    trials: Sequence[Trial], bench: BenchMeasurement, walker: Walker, seed: Sequence[int], *, drawn: float,
-    options: ContactFitOptions
+    trials: Sequence[Trial],
+    bench: BenchMeasurement,
+    walker: Walker,
+    seed: Sequence[int],
+    *,
+    drawn: float,
+    options: ContactFitOptions,
 ) -> Made:
     """Draws a truth and makes its recordings.
 
@@ -85,21 +101,32 @@ def make(
         rng = np.random.default_rng([*seed, draw, 1])
         try:
             made = _own_plates(trials, labels, bench, walker, truth, options)
-            noisy = [_with_noise(trial, heading, options.noise, drawn, rng) for trial, heading in made]
+            noisy = [
+                _with_noise(trial, heading, options.noise, drawn, rng) for trial, heading in made
+            ]
             if not all(map(_carries_the_person, noisy, trials)):
                 continue
             fit = ContactFit(noisy, bench=bench, walker=walker, labels=labels, options=options)
             measured = _own_bench(fit, truth, bench, drawn, rng)
-            return Made(fit=ContactFit(noisy, bench=measured, walker=walker, labels=labels, options=options),
-                        truth=truth, draws=draw + 1)
+            return Made(
+                fit=ContactFit(
+                    noisy, bench=measured, walker=walker, labels=labels, options=options
+                ),
+                truth=truth,
+                draws=draw + 1,
+            )
         except (InputError, SimulationError):
             continue
     raise RuntimeError(f"none of {MOST_DRAWS} drawn feet carries the person")
 
 
 def _own_plates(
-    trials: Sequence[Trial], labels: Sequence[str], bench: BenchMeasurement, walker: Walker, truth: np.ndarray,
-    options: ContactFitOptions
+    trials: Sequence[Trial],
+    labels: Sequence[str],
+    bench: BenchMeasurement,
+    walker: Walker,
+    truth: np.ndarray,
+    options: ContactFitOptions,
 ) -> list[tuple[Trial, np.ndarray]]:
     """The trials with the model's own plates, and the directions of walking (2,).
 
@@ -113,8 +140,13 @@ def _own_plates(
         before, headings = events, []
         for i, (trial, label) in enumerate(zip(made, labels, strict=True)):
             comparison, result, _, _ = fit.terms_of(trial, label).walk(truth)
-            plate = PlateRecording(time_s=result.time_s, force_W=result.grf_W, cop_W=result.cop_W,
-                                   free_moment_nm=result.free_moment_nm, has_cop=True)
+            plate = PlateRecording(
+                time_s=result.time_s,
+                force_W=result.grf_W,
+                cop_W=result.cop_W,
+                free_moment_nm=result.free_moment_nm,
+                has_cop=True,
+            )
             made[i] = replace(trial, plates={**trial.plates, trial.subject.prosthetic_side: plate})
             headings.append(comparison.heading)
         events = np.array([(s.start_s, s.end_s) for trial in made for s in _stances(trial)]).ravel()
@@ -130,8 +162,16 @@ def _with_noise(
     axes, on = walk_axes(heading), plate.force_W[:, 2] > THRESHOLD_N
     sizes = [drawn * getattr(noise, name) * trial.subject.mass_kg * GRAVITY for name in FORCES]
     force = np.column_stack([size * _correlated(plate.time_s, noise, rng) for size in sizes]) @ axes
-    cop = np.stack([drawn * size * trial.model.foot.length_m * _correlated(plate.time_s, noise, rng)
-                    for size in (noise.cop_fore_aft, noise.cop_lateral)], axis=1) @ axes[:2]
+    cop = (
+        np.stack(
+            [
+                drawn * size * trial.model.foot.length_m * _correlated(plate.time_s, noise, rng)
+                for size in (noise.cop_fore_aft, noise.cop_lateral)
+            ],
+            axis=1,
+        )
+        @ axes[:2]
+    )
     spoilt = replace(plate, force_W=plate.force_W + force * on[:, None], cop_W=plate.cop_W + cop)
     return replace(trial, plates={**trial.plates, trial.subject.prosthetic_side: spoilt})
 
@@ -146,13 +186,20 @@ def _correlated(times_s: np.ndarray, noise: FitNoise, rng: np.random.Generator) 
 
 
 def _own_bench(
-    fit: ContactFit, truth: np.ndarray, bench: BenchMeasurement, drawn: float, rng: np.random.Generator
+    fit: ContactFit,
+    truth: np.ndarray,
+    bench: BenchMeasurement,
+    drawn: float,
+    rng: np.random.Generator,
 ) -> BenchMeasurement:
     stiffness = fit.bench_stiffness(truth)
     stiffness = stiffness + drawn * bench.uncertainty_n_per_m * rng.standard_normal(len(stiffness))
     count = len(bench.stiffness_n_per_m)
-    return replace(bench, stiffness_n_per_m=tuple(map(float, stiffness[:count])),
-                   heel_stiffness_n_per_m=float(stiffness[count]) if len(stiffness) > count else None)
+    return replace(
+        bench,
+        stiffness_n_per_m=tuple(map(float, stiffness[:count])),
+        heel_stiffness_n_per_m=float(stiffness[count]) if len(stiffness) > count else None,
+    )
 
 
 def _carries_the_person(made: Trial, recorded: Trial) -> bool:

@@ -11,7 +11,13 @@ import numpy as np
 
 from contact_truth_study.making import Made, assuming
 from vsf_drake.analysis.contact_fit.solution import ALIKE
-from vsf_drake.analysis.contact_fit.solve import NORMAL_95, FitSearch, prior_samples, search, uncertainty
+from vsf_drake.analysis.contact_fit.solve import (
+    NORMAL_95,
+    FitSearch,
+    prior_samples,
+    search,
+    uncertainty,
+)
 from vsf_drake.analysis.metrics import walk_metrics
 
 WITHIN = 2.0
@@ -36,12 +42,17 @@ def recover(made: Made, *, starts: int, seed: int, direct: bool = True) -> dict[
     begun = prior_samples(made.fit.parameters, starts, [seed])
     rounds = [through(problems, u) for u in begun]
     from_truth = search(sharp.fit, made.truth)
-    told = {"starts": starts, "draws": made.draws,
-            "cost_at_truth": sharp.fit.evaluate(made.truth, derivatives=False).cost,
-            "from_truth": row(sharp, from_truth),
-            "default_noise": told_of(problems[0], [found[0] for found in rounds]),
-            "in_rounds": told_of(sharp, [replace(found[-1], evaluations=sum(s.evaluations for s in found))
-                                         for found in rounds])}
+    told = {
+        "starts": starts,
+        "draws": made.draws,
+        "cost_at_truth": sharp.fit.evaluate(made.truth, derivatives=False).cost,
+        "from_truth": row(sharp, from_truth),
+        "default_noise": told_of(problems[0], [found[0] for found in rounds]),
+        "in_rounds": told_of(
+            sharp,
+            [replace(found[-1], evaluations=sum(s.evaluations for s in found)) for found in rounds],
+        ),
+    }
     if direct:
         told["at_once"] = told_of(sharp, [search(sharp.fit, u) for u in begun])
     return told | {"wall_s": time.perf_counter() - began}
@@ -58,8 +69,11 @@ def through(problems: Sequence[Made], start: np.ndarray) -> list[FitSearch]:
 def told_of(made: Made, searches: Sequence[FitSearch]) -> dict[str, Any]:
     """All searches of one problem, and which ended lowest."""
     costs = [s.cost for s in searches]
-    return {"searches": [row(made, s) for s in searches], "best": int(np.argmin(costs)),
-            "alike": int(np.sum(np.array(costs) <= min(costs) + ALIKE))}
+    return {
+        "searches": [row(made, s) for s in searches],
+        "best": int(np.argmin(costs)),
+        "alike": int(np.sum(np.array(costs) <= min(costs) + ALIKE)),
+    }
 
 
 def row(made: Made, found: FitSearch) -> dict[str, Any]:
@@ -68,16 +82,30 @@ def row(made: Made, found: FitSearch) -> dict[str, Any]:
     told = uncertainty(fit.parameters, found.u, fit.evaluate(found.u).terms, fit.options.noise)
     off = (found.u - made.truth) / told.share_of_prior
     identified = [name not in told.unidentified for name in told.names]
-    outside = {name: float(z) for name, z, known in zip(told.names, off, identified, strict=True)
-               if known and abs(z) > WITHIN}
+    outside = {
+        name: float(z)
+        for name, z, known in zip(told.names, off, identified, strict=True)
+        if known and abs(z) > WITHIN
+    }
     errors = []
     for trial, label in zip(fit.trials, fit.labels, strict=True):
         comparison, result, _, _ = fit.terms_of(trial, label).walk(found.u)
-        errors.append(walk_metrics(result, trial.prosthetic_plate, comparison=comparison).grf_rmse_bw)
-    return {"success": found.success, "cost": found.cost, "evaluations": found.evaluations, "failed": found.failed,
-            "parameters": len(off), "identified": sum(identified), "within": sum(identified) - len(outside),
-            "outside": outside, "all_within": int(np.sum(np.abs(off) <= WITHIN)), "grf_rmse_bw": errors,
-            "at_bound": list(told.at_bound)}
+        errors.append(
+            walk_metrics(result, trial.prosthetic_plate, comparison=comparison).grf_rmse_bw
+        )
+    return {
+        "success": found.success,
+        "cost": found.cost,
+        "evaluations": found.evaluations,
+        "failed": found.failed,
+        "parameters": len(off),
+        "identified": sum(identified),
+        "within": sum(identified) - len(outside),
+        "outside": outside,
+        "all_within": int(np.sum(np.abs(off) <= WITHIN)),
+        "grf_rmse_bw": errors,
+        "at_bound": list(told.at_bound),
+    }
 
 
 def cover(made: Made, scale: float) -> dict[str, Any]:
@@ -87,7 +115,11 @@ def cover(made: Made, scale: float) -> dict[str, Any]:
         scale: of the noise that is assumed at last, over the default, which is assumed first.
     """
     problems = [made] if scale == 1.0 else [made, assuming(made, scale)]
-    found, fit, truth = through(problems, made.fit.parameters.start)[-1], problems[-1].fit, made.truth
+    found, fit, truth = (
+        through(problems, made.fit.parameters.start)[-1],
+        problems[-1].fit,
+        made.truth,
+    )
     at = fit.evaluate(found.u)
     told = uncertainty(fit.parameters, found.u, at.terms, fit.options.noise)
     values = fit.parameters.values(truth)
@@ -95,13 +127,25 @@ def cover(made: Made, scale: float) -> dict[str, Any]:
     for i, name in enumerate(told.names):
         low, high = told.interval[i]
         parameters[name] = {
-            "contained": bool(low <= values[name] <= high), "identified": name not in told.unidentified,
+            "contained": bool(low <= values[name] <= high),
+            "identified": name not in told.unidentified,
             "off_in_standard_errors": float((found.u[i] - truth[i]) / told.share_of_prior[i]),
-            "share_of_prior": float(told.share_of_prior[i])}
-    ratios = {f"{term.trial} {term.name}": float(np.sqrt(np.mean(term.residual**2))) for term in at.terms}
-    return {"success": found.success, "cost": found.cost, "draws": made.draws, "evaluations": found.evaluations,
-            "cost_from_truth": search(fit, truth).cost, "at_bound": list(told.at_bound), "noise_ratios": ratios,
-            "linear": linear(problems[-1]), "parameters": parameters}
+            "share_of_prior": float(told.share_of_prior[i]),
+        }
+    ratios = {
+        f"{term.trial} {term.name}": float(np.sqrt(np.mean(term.residual**2))) for term in at.terms
+    }
+    return {
+        "success": found.success,
+        "cost": found.cost,
+        "draws": made.draws,
+        "evaluations": found.evaluations,
+        "cost_from_truth": search(fit, truth).cost,
+        "at_bound": list(told.at_bound),
+        "noise_ratios": ratios,
+        "linear": linear(problems[-1]),
+        "parameters": parameters,
+    }
 
 
 def linear(made: Made) -> dict[str, float]:
@@ -115,5 +159,8 @@ def linear(made: Made) -> dict[str, float]:
     told = uncertainty(fit.parameters, truth, at.terms, fit.options.noise)
     step = np.linalg.lstsq(at.jacobian, -at.residual, rcond=None)[0]
     covariance = told.correlation * np.outer(told.share_of_prior, told.share_of_prior)
-    return {"chi_squared": float(step @ np.linalg.solve(covariance, step)), "parameters": len(truth),
-            "contained": int(np.sum(np.abs(step) <= NORMAL_95 * told.share_of_prior))}
+    return {
+        "chi_squared": float(step @ np.linalg.solve(covariance, step)),
+        "parameters": len(truth),
+        "contained": int(np.sum(np.abs(step) <= NORMAL_95 * told.share_of_prior)),
+    }

@@ -34,27 +34,53 @@ QUICK_WAYS = tuple(way for way in WAYS if way.name in ("cenic, steps to 1 ms", "
 QUICK_REFERENCE = Advance("discrete 0.1 ms", time_step_s=1e-4)
 SETTLED, STIFF = 0.005, 0.02
 """Differences of load from weight, and of stiffness from the bench's, beyond which a row says so."""
-COLOURS = dict(zip(CONTACTS, ("0.1", "tab:orange", "tab:green", "tab:blue", "tab:red"), strict=True))
-COLUMNS = ("contact", "plant and integrator", "runs", "wall / simulated (s/s)", "settled load / weight (1)",
-           "forefoot stiffness (N/mm)", "off the bench (%)", "peak force (N)", "RMS difference (N)", "remark")
+COLOURS = dict(
+    zip(CONTACTS, ("0.1", "tab:orange", "tab:green", "tab:blue", "tab:red"), strict=True)
+)
+COLUMNS = (
+    "contact",
+    "plant and integrator",
+    "runs",
+    "wall / simulated (s/s)",
+    "settled load / weight (1)",
+    "forefoot stiffness (N/mm)",
+    "off the bench (%)",
+    "peak force (N)",
+    "RMS difference (N)",
+    "remark",
+)
 
 
 def main(out: Path, quick: bool = False) -> dict[str, float]:
     """Compares, writes table and picture, and returns the numbers of the discrete plant with 1 ms."""
     foot = load_model(resource("models/nominal.yaml")).foot
     made = compare_contacts(
-        foot, contacts=QUICK_CONTACTS if quick else CONTACTS, ways=QUICK_WAYS if quick else WAYS,
-        reference=QUICK_REFERENCE if quick else REFERENCE, wall_limit_s=10.0 if quick else 30.0,
-        progress=lambda text: print(text, flush=True))
+        foot,
+        contacts=QUICK_CONTACTS if quick else CONTACTS,
+        ways=QUICK_WAYS if quick else WAYS,
+        reference=QUICK_REFERENCE if quick else REFERENCE,
+        wall_limit_s=10.0 if quick else 30.0,
+        progress=lambda text: print(text, flush=True),
+    )
     bench = _bench_stiffness(foot, made.fulcrum_m)
     table = [_cells(row, bench) for row in made.rows]
     _write(out / "contact_alternatives", made, table, bench)
     with style():
         save_figure(_figure(made), out / "contact_alternatives")
-    best = {row.contact: row for row in made.rows if row.way == "discrete 1 ms" and row.settled is not None}
-    return {"weight": made.weight_n, "bench_stiffness": bench, **{
-        f"{contact}_{name}": float(getattr(row, name)) for contact, row in best.items()
-        for name in ("settled", "stiffness_n_per_m", "peak_n", "rms_n", "real_time_factor")}}
+    best = {
+        row.contact: row
+        for row in made.rows
+        if row.way == "discrete 1 ms" and row.settled is not None
+    }
+    return {
+        "weight": made.weight_n,
+        "bench_stiffness": bench,
+        **{
+            f"{contact}_{name}": float(getattr(row, name))
+            for contact, row in best.items()
+            for name in ("settled", "stiffness_n_per_m", "peak_n", "rms_n", "real_time_factor")
+        },
+    }
 
 
 def _bench_stiffness(foot: FootParameters, fulcrum_m: float) -> float:
@@ -72,26 +98,50 @@ def _cells(row: Row, bench: float) -> tuple[str, ...]:
     off = None if row.stiffness_n_per_m is None else row.stiffness_n_per_m / bench - 1.0
     if off is not None and abs(off) > STIFF:
         remarks.append(f"press not settled or off the bench by more than {100 * STIFF:g} %")
-    return (row.contact, row.way, "no" if row.note else "yes", number(row.real_time_factor, ".3g"),
-            number(row.settled, ".4f"), number(row.stiffness_n_per_m, ".3f", 1e-3), number(off, "+.2f", 100.0),
-            number(row.peak_n, ".0f"), number(row.rms_n, ".1f"), "; ".join(remarks))
+    return (
+        row.contact,
+        row.way,
+        "no" if row.note else "yes",
+        number(row.real_time_factor, ".3g"),
+        number(row.settled, ".4f"),
+        number(row.stiffness_n_per_m, ".3f", 1e-3),
+        number(off, "+.2f", 100.0),
+        number(row.peak_n, ".0f"),
+        number(row.rms_n, ".1f"),
+        "; ".join(remarks),
+    )
 
 
 def _write(stem: Path, made: Comparison, table: list[tuple[str, ...]], bench: float) -> None:
-    lines = ["| " + " | ".join(cells) + " |" for cells in (COLUMNS, ("---",) * len(COLUMNS), *table)]
-    text = "\n".join((
-        *lines, "", f"Weight {made.weight_n:.1f} N, fulcrum at {1e3 * made.fulcrum_m:g} mm, bench "
-        f"{1e-3 * bench:.3f} N/mm (implicit stepper). RMS difference from kelvin_voigt, {made.reference_name}, whose "
-        f"peak is {made.reference_n.max():.0f} N.", ""))
+    lines = [
+        "| " + " | ".join(cells) + " |" for cells in (COLUMNS, ("---",) * len(COLUMNS), *table)
+    ]
+    text = "\n".join(
+        (
+            *lines,
+            "",
+            f"Weight {made.weight_n:.1f} N, fulcrum at {1e3 * made.fulcrum_m:g} mm, bench "
+            f"{1e-3 * bench:.3f} N/mm (implicit stepper). RMS difference from kelvin_voigt, {made.reference_name}, whose "
+            f"peak is {made.reference_n.max():.0f} N.",
+            "",
+        )
+    )
     print(text)
     with replaced(stem.with_suffix(".md")) as stream:
         stream.write(text)
     with replaced(stem.with_suffix(".csv")) as stream:
         csv.writer(stream, lineterminator="\n").writerows((COLUMNS, *table))
-    write_json(stem.with_suffix(".json"), {
-        "weight_n": made.weight_n, "fulcrum_m": made.fulcrum_m, "bench_n_per_m": bench,
-        "reference": made.reference_name, "reference_peak_n": float(made.reference_n.max()),
-        "rows": [dataclasses.asdict(row) for row in made.rows]})
+    write_json(
+        stem.with_suffix(".json"),
+        {
+            "weight_n": made.weight_n,
+            "fulcrum_m": made.fulcrum_m,
+            "bench_n_per_m": bench,
+            "reference": made.reference_name,
+            "reference_peak_n": float(made.reference_n.max()),
+            "rows": [dataclasses.asdict(row) for row in made.rows],
+        },
+    )
 
 
 def _comes_to_rest(row: Row) -> bool:
@@ -106,32 +156,58 @@ def _figure(made: Comparison) -> Figure:
     for row in sorted(made.rows, key=lambda row: row.real_time_factor or np.inf):
         if _comes_to_rest(row) and row.contact not in drawn:
             drawn.add(row.contact)
-            force.plot(made.time_s, made.force_n[row.contact, row.way], color=COLOURS[row.contact], linewidth=1.0,
-                       label=f"{row.contact}, {row.way}")
+            force.plot(
+                made.time_s,
+                made.force_n[row.contact, row.way],
+                color=COLOURS[row.contact],
+                linewidth=1.0,
+                label=f"{row.contact}, {row.way}",
+            )
     force.axhline(made.weight_n, color="0.4", linestyle=":", linewidth=0.8)
     force.legend()
-    label(force, x="time (s)", y="vertical force (N)", title="The drop: each contact by its fastest way to rest")
+    label(
+        force,
+        x="time (s)",
+        y="vertical force (N)",
+        title="The drop: each contact by its fastest way to rest",
+    )
     for contact in dict.fromkeys(row.contact for row in made.rows):
         cost.plot([], [], "o", color=COLOURS[contact], label=contact)
-    figure.legend(*cost.get_legend_handles_labels(), loc="outside lower center", ncols=len(CONTACTS))
+    figure.legend(
+        *cost.get_legend_handles_labels(), loc="outside lower center", ncols=len(CONTACTS)
+    )
     ways = list(dict.fromkeys(row.way for row in made.rows))
     for row in made.rows:
         if row.real_time_factor is not None:
             marker = "x" if row.note else "o"
-            cost.plot(row.real_time_factor, ways.index(row.way) + 0.08 * (CONTACTS.index(row.contact) - 2), marker,
-                      color=COLOURS[row.contact], fillstyle="full" if _comes_to_rest(row) else "none")
+            cost.plot(
+                row.real_time_factor,
+                ways.index(row.way) + 0.08 * (CONTACTS.index(row.contact) - 2),
+                marker,
+                color=COLOURS[row.contact],
+                fillstyle="full" if _comes_to_rest(row) else "none",
+            )
     cost.axvline(1.0, color="0.4", linestyle=":", linewidth=0.8)
     log_scale(cost.xaxis)
     cost.set_yticks(range(len(ways)), ways)
     cost.invert_yaxis()
     cost.xaxis.set_minor_formatter(NullFormatter())
-    label(cost, x="wall time / simulated time (1)", y="", title="Cost (hollow: wrong rest; cross: too slow)")
+    label(
+        cost,
+        x="wall time / simulated time (1)",
+        y="",
+        title="Cost (hollow: wrong rest; cross: too slow)",
+    )
     return figure
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="three contacts, two ways, 10 s of wall time each at most")
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="three contacts, two ways, 10 s of wall time each at most",
+    )
     parser.add_argument("--out", type=Path, default=Path("results/examples"))
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)

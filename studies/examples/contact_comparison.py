@@ -14,7 +14,11 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ExternallyAppliedSpatialForce, MultibodyPlant
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    ExternallyAppliedSpatialForce,
+    MultibodyPlant,
+)
 from pydrake.multibody.tree import BodyIndex, FixedOffsetFrame, PrismaticJoint, SpatialInertia
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
@@ -67,10 +71,22 @@ def make_leg(
     plant.set_name("plant")
     size = (0.1, 0.1, 0.4)
     shank = plant.AddRigidBody("shank", SpatialInertia.SolidBoxWithMass(LEG_KG, *size))
-    slide = plant.AddJoint(PrismaticJoint(
-        "height", plant.world_frame(), shank.body_frame(), [0.0, 0.0, 1.0], damping=RAIL_N_S_PER_M))
-    ankle = plant.AddFrame(FixedOffsetFrame(
-        "ankle", shank.body_frame(), RigidTransform(RotationMatrix.MakeYRotation(LEAN_RAD), np.zeros(3))))
+    slide = plant.AddJoint(
+        PrismaticJoint(
+            "height",
+            plant.world_frame(),
+            shank.body_frame(),
+            [0.0, 0.0, 1.0],
+            damping=RAIL_N_S_PER_M,
+        )
+    )
+    ankle = plant.AddFrame(
+        FixedOffsetFrame(
+            "ankle",
+            shank.body_frame(),
+            RigidTransform(RotationMatrix.MakeYRotation(LEAN_RAD), np.zeros(3)),
+        )
+    )
     handles = add_foot(plant, ankle, foot, contact=contact, fulcrum_m=fulcrum_m)
     if contact in DRAKE_CONTACTS:
         add_ground_geometry(plant, foot=foot, contact=contact)
@@ -80,14 +96,21 @@ def make_leg(
     context = diagram.CreateDefaultContext()
     own = plant.GetMyMutableContextFromRoot(context)
     sites = handles.sites
-    bottoms = [(plant.get_body(BodyIndex(int(body))).EvalPoseInWorld(own) @ point)[2] - radius
-               for body, point, radius in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)]
+    bottoms = [
+        (plant.get_body(BodyIndex(int(body))).EvalPoseInWorld(own) @ point)[2] - radius
+        for body, point, radius in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)
+    ]
     slide.set_translation(own, DROP_M - min(bottoms))
     return diagram, plant, handles, context
 
 
 def drop(
-    foot: FootParameters, contact: str, way: Advance, fulcrum_m: float, drop_s: float, wall_limit_s: float
+    foot: FootParameters,
+    contact: str,
+    way: Advance,
+    fulcrum_m: float,
+    drop_s: float,
+    wall_limit_s: float,
 ) -> tuple[np.ndarray, float, str]:
     """Vertical force (N) every SAMPLE_S as far as it came, wall time (s), and why it stopped early."""
     try:
@@ -104,7 +127,9 @@ def drop(
     return np.array(force), wall_s, note
 
 
-def press(foot: FootParameters, way: Advance, fulcrum_m: float, wall_limit_s: float = np.inf) -> np.ndarray | None:
+def press(
+    foot: FootParameters, way: Advance, fulcrum_m: float, wall_limit_s: float = np.inf
+) -> np.ndarray | None:
     """(2,) rise (m) of the load point under PRESS_LOADS_N with the mount held; None if it does not get there."""
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, way.time_step_s)
@@ -139,14 +164,24 @@ def press(foot: FootParameters, way: Advance, fulcrum_m: float, wall_limit_s: fl
 
 
 def _advance(
-    diagram: Diagram, context: Context, way: Advance, duration_s: float, wall_limit_s: float,
-    sample: Callable[[Context], None], *, every_s: float = SAMPLE_S
+    diagram: Diagram,
+    context: Context,
+    way: Advance,
+    duration_s: float,
+    wall_limit_s: float,
+    sample: Callable[[Context], None],
+    *,
+    every_s: float = SAMPLE_S,
 ) -> tuple[float, str]:
     """Advances `context` by `duration_s` with a sample every `every_s`; wall time, and why it stopped early or ""."""
     simulator = Simulator(diagram, context)
     if way.scheme:
-        ApplySimulatorConfig(SimulatorConfig(
-            integration_scheme=way.scheme, accuracy=way.accuracy, max_step_size=way.max_step_s), simulator)
+        ApplySimulatorConfig(
+            SimulatorConfig(
+                integration_scheme=way.scheme, accuracy=way.accuracy, max_step_size=way.max_step_s
+            ),
+            simulator,
+        )
     started, first = time.perf_counter(), context.get_time()
 
     def stop_when_late(root: Context) -> EventStatus | None:
@@ -161,10 +196,14 @@ def _advance(
             simulator.AdvanceTo(moment)
             if context.get_time() < moment - 1e-9:
                 return time.perf_counter() - started, (
-                    f"stopped after {wall_limit_s:g} s of wall time at {context.get_time():.3g} s")
+                    f"stopped after {wall_limit_s:g} s of wall time at {context.get_time():.3g} s"
+                )
             sample(context)
     except (RuntimeError, InputError) as error:
-        return time.perf_counter() - started, f"fails at {context.get_time():.4g} s: {str(error)[:160]}"
+        return (
+            time.perf_counter() - started,
+            f"fails at {context.get_time():.4g} s: {str(error)[:160]}",
+        )
     return time.perf_counter() - started, ""
 
 
@@ -175,7 +214,9 @@ REFERENCE = Advance("discrete 0.01 ms", time_step_s=1e-5)
 WAYS = (
     Advance("radau3", scheme="radau3"),
     Advance("implicit_euler", scheme="implicit_euler"),
-    Advance("velocity_implicit_euler", scheme="velocity_implicit_euler", accuracy=1e-4, max_step_s=1e-3),
+    Advance(
+        "velocity_implicit_euler", scheme="velocity_implicit_euler", accuracy=1e-4, max_step_s=1e-3
+    ),
     Advance("runge_kutta3", scheme="runge_kutta3"),
     Advance("cenic, steps to 1 ms", scheme="cenic", max_step_s=1e-3),
     Advance("cenic, steps to 10 ms", scheme="cenic"),
@@ -224,9 +265,15 @@ class Comparison:
 
 
 def compare_contacts(
-    foot: FootParameters, *, contacts: Sequence[str] = CONTACTS, ways: Sequence[Advance] = WAYS,
-    reference: Advance = REFERENCE, fulcrum_m: float = 0.108, drop_s: float = DROP_S, wall_limit_s: float = 60.0,
-    progress: Callable[[str], None] | None = None
+    foot: FootParameters,
+    *,
+    contacts: Sequence[str] = CONTACTS,
+    ways: Sequence[Advance] = WAYS,
+    reference: Advance = REFERENCE,
+    fulcrum_m: float = 0.108,
+    drop_s: float = DROP_S,
+    wall_limit_s: float = 60.0,
+    progress: Callable[[str], None] | None = None,
 ) -> Comparison:
     """Drops the leg and presses the foot, for each of `contacts` under each of `ways`.
 
@@ -256,8 +303,14 @@ def compare_contacts(
             forces[contact, way.name] = force
             rows.append(_row(foot, contact, way, rises[way.name], force, wall_s, note, fitted))
     return Comparison(
-        rows=tuple(rows), time_s=SAMPLE_S * np.arange(1, samples + 1), force_n=forces, reference_n=fitted,
-        reference_name=reference.name, weight_n=(LEG_KG + foot.mass_kg) * GRAVITY, fulcrum_m=fulcrum_m)
+        rows=tuple(rows),
+        time_s=SAMPLE_S * np.arange(1, samples + 1),
+        force_n=forces,
+        reference_n=fitted,
+        reference_name=reference.name,
+        weight_n=(LEG_KG + foot.mass_kg) * GRAVITY,
+        fulcrum_m=fulcrum_m,
+    )
 
 
 def foam_stiffness(foot: FootParameters, contact: str) -> float:
@@ -267,15 +320,25 @@ def foam_stiffness(foot: FootParameters, contact: str) -> float:
     `series_patch_m`, which are equally stiff.
     """
     if contact not in DRAKE_CONTACTS:
-        depth = (np.array(PRESS_LOADS_N) / foot.series_stiffness_n_per_m) ** (1.0 / foot.series_exponent)
+        depth = (np.array(PRESS_LOADS_N) / foot.series_stiffness_n_per_m) ** (
+            1.0 / foot.series_exponent
+        )
         return float(np.diff(PRESS_LOADS_N)[0] / np.diff(depth)[0])
-    return sum(secant_stiffness(zone.stiffness, zone.exponent, REFERENCE_LOAD_N)
-               for zone, _ in spheres_under_load(foot))
+    return sum(
+        secant_stiffness(zone.stiffness, zone.exponent, REFERENCE_LOAD_N)
+        for zone, _ in spheres_under_load(foot)
+    )
 
 
 def _row(
-    foot: FootParameters, contact: str, way: Advance, rise: np.ndarray | None, force: np.ndarray, wall_s: float,
-    note: str, reference: np.ndarray
+    foot: FootParameters,
+    contact: str,
+    way: Advance,
+    rise: np.ndarray | None,
+    force: np.ndarray,
+    wall_s: float,
+    note: str,
+    reference: np.ndarray,
 ) -> Row:
     whole, refused = len(force) == len(reference), note.startswith("refused")
     if whole and not np.all(np.isfinite(force)):
@@ -287,8 +350,13 @@ def _row(
         stiffness = float(1.0 / (1.0 / slope + 1.0 / foam_stiffness(foot, contact)))
     simulated = SAMPLE_S * len(force)
     return Row(
-        contact=contact, way=way.name, note=note, simulated_s=simulated,
+        contact=contact,
+        way=way.name,
+        note=note,
+        simulated_s=simulated,
         real_time_factor=wall_s / simulated if simulated else None,
-        settled=float(np.mean(force[-round(LAST_S / SAMPLE_S):]) / weight) if whole else None,
-        stiffness_n_per_m=stiffness, peak_n=float(np.max(force)) if whole else None,
-        rms_n=float(np.sqrt(np.mean((force - reference) ** 2))) if whole else None)
+        settled=float(np.mean(force[-round(LAST_S / SAMPLE_S) :]) / weight) if whole else None,
+        stiffness_n_per_m=stiffness,
+        peak_n=float(np.max(force)) if whole else None,
+        rms_n=float(np.sqrt(np.mean((force - reference) ** 2))) if whole else None,
+    )

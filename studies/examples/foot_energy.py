@@ -23,27 +23,41 @@ def foot_energy(wired: WiredFoot, plant: MultibodyPlant, root: Context) -> dict[
         root: the diagram's Context. The fulcrum stands still in it.
     """
     foot, context = wired.foot, wired.forces.GetMyContextFromRoot(root)
-    values = {name: wired.forces.GetParameter(context, name) for name in (
-        "fulcrum_m", "fulcrum_stiffness", "stiffness", "exponent", "joint_stiffness")}
+    values = {
+        name: wired.forces.GetParameter(context, name)
+        for name in ("fulcrum_m", "fulcrum_stiffness", "stiffness", "exponent", "joint_stiffness")
+    }
     state = plant.GetMyContextFromRoot(root)
     joints = [plant.GetJointByName(name, foot.instance) for name in foot.keel_joint_names]
     q = np.array([joint.get_angle(state) for joint in joints])
     v = np.array([joint.get_angular_rate(state) for joint in joints])
     height, rate = _keel_at(foot.keel_starts, q, v, float(values["fulcrum_m"]))
-    out = {name: wired.GetOutputPort(name).Eval(context) for name in (
-        "support_force", "joint_moment", "depth", "depth_rate", "normal_force")}
+    out = {
+        name: wired.GetOutputPort(name).Eval(context)
+        for name in ("support_force", "joint_moment", "depth", "depth_rate", "normal_force")
+    }
     depth, n, k = out["depth"], values["exponent"], values["stiffness"]
-    stored = {"keel": 0.5 * values["joint_stiffness"] * q**2, "fulcrum": 0.5 * values["fulcrum_stiffness"] * height**2,
-              "foam": k * depth ** (n + 1) / (n + 1)}
+    stored = {
+        "keel": 0.5 * values["joint_stiffness"] * q**2,
+        "fulcrum": 0.5 * values["fulcrum_stiffness"] * height**2,
+        "foam": k * depth ** (n + 1) / (n + 1),
+    }
     support = out["support_force"][0]
     losses = {
         "keel": -np.sum((out["joint_moment"] + values["joint_stiffness"] * q) * v),
         "fulcrum": -(support + values["fulcrum_stiffness"] * height) * rate,
-        "foam": np.sum((out["normal_force"] - k * depth**n) * out["depth_rate"])}
-    given = np.sum(out["joint_moment"] * v) + support * rate - np.sum(out["normal_force"] * out["depth_rate"])
+        "foam": np.sum((out["normal_force"] - k * depth**n) * out["depth_rate"]),
+    }
+    given = (
+        np.sum(out["joint_moment"] * v)
+        + support * rate
+        - np.sum(out["normal_force"] * out["depth_rate"])
+    )
     losses["friction"] = given - _power(wired, plant, context, state)
-    return {"stored": sum(float(np.sum(part)) for part in stored.values()),
-            **{name: float(losses[name]) for name in LOSSES}}
+    return {
+        "stored": sum(float(np.sum(part)) for part in stored.values()),
+        **{name: float(losses[name]) for name in LOSSES},
+    }
 
 
 def _keel_at(starts: np.ndarray, q: np.ndarray, v: np.ndarray, x: float) -> tuple[float, float]:
@@ -56,7 +70,9 @@ def _keel_at(starts: np.ndarray, q: np.ndarray, v: np.ndarray, x: float) -> tupl
 def _power(wired: WiredFoot, plant: MultibodyPlant, context: Context, state: Context) -> float:
     """What the foot's forces do in work a second on the plant (W), but for the carriage's servo."""
     generalized = wired.forces.GetOutputPort("generalized_force").Eval(context)
-    carriage = plant.GetJointByName(wired.foot.carriage_joint_name, wired.foot.instance).velocity_start()
+    carriage = plant.GetJointByName(
+        wired.foot.carriage_joint_name, wired.foot.instance
+    ).velocity_start()
     velocities = plant.GetVelocities(state)
     power = float(generalized @ velocities - generalized[carriage] * velocities[carriage])
     for force in wired.forces.GetOutputPort("spatial_forces").Eval(context):

@@ -47,7 +47,9 @@ def make_sled() -> tuple[Diagram, MultibodyPlant, WiredFoot]:
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
     middle = plant.AddRigidBody("middle", SpatialInertia.Zero())
     load = plant.AddRigidBody("load", SpatialInertia.SolidBoxWithMass(LOAD_KG, 0.2, 0.2, 0.2))
-    forward = plant.AddJoint(PrismaticJoint("forward", plant.world_frame(), middle.body_frame(), [1.0, 0.0, 0.0]))
+    forward = plant.AddJoint(
+        PrismaticJoint("forward", plant.world_frame(), middle.body_frame(), [1.0, 0.0, 0.0])
+    )
     plant.AddJoint(PrismaticJoint("up", middle.body_frame(), load.body_frame(), [0.0, 0.0, 1.0]))
     plant.AddJointActuator("pull", forward)
     foot = add_foot(plant, load.body_frame(), load_model(resource("models/nominal.yaml")).foot)
@@ -71,17 +73,35 @@ def main(out: Path, quick: bool = False) -> dict:
     expected = np.array([_expected_distance(value, limit) for value in mu])
     low, high = binomtest(int(slips.sum()), count).proportion_ci(method="wilson")
     probability = float(norm.cdf((PULL - MU_MEAN) / MU_DEVIATION))
-    found = {"mu_static": mu, "slips": slips, "speed": speed, "distance": distance, "expected_distance": expected,
-             "ratio": ratio, "fraction": float(slips.mean()), "fraction_low": low, "fraction_high": high,
-             "probability": probability, "weight": weight, "real_time_factor": cpu_s / (count * DURATION_S)}
+    found = {
+        "mu_static": mu,
+        "slips": slips,
+        "speed": speed,
+        "distance": distance,
+        "expected_distance": expected,
+        "ratio": ratio,
+        "fraction": float(slips.mean()),
+        "fraction_low": low,
+        "fraction_high": high,
+        "probability": probability,
+        "weight": weight,
+        "real_time_factor": cpu_s / (count * DURATION_S),
+    }
     _draw(out, found)
     return found
 
 
 def _simulator(diagram: Diagram, context: Context) -> Simulator:
     simulator = Simulator(diagram, context)
-    ApplySimulatorConfig(SimulatorConfig(integration_scheme="implicit_euler", accuracy=1e-3, max_step_size=5e-3,
-                                         use_error_control=True), simulator)
+    ApplySimulatorConfig(
+        SimulatorConfig(
+            integration_scheme="implicit_euler",
+            accuracy=1e-3,
+            max_step_size=5e-3,
+            use_error_control=True,
+        ),
+        simulator,
+    )
     return simulator
 
 
@@ -99,26 +119,52 @@ def _settled(diagram: Diagram, plant: MultibodyPlant, wired: WiredFoot) -> tuple
 
 
 def _slide(
-    diagram: Diagram, plant: MultibodyPlant, wired: WiredFoot, settled: Context, weight: float, mu: float
+    diagram: Diagram,
+    plant: MultibodyPlant,
+    wired: WiredFoot,
+    settled: Context,
+    weight: float,
+    mu: float,
 ) -> tuple[float, float, float]:
     """Speed (m/s), distance (m) and force forward over force up after DURATION_S of pull."""
     root = settled.Clone()
-    context, forces = plant.GetMyMutableContextFromRoot(root), wired.forces.GetMyMutableContextFromRoot(root)
+    context, forces = (
+        plant.GetMyMutableContextFromRoot(root),
+        wired.forces.GetMyMutableContextFromRoot(root),
+    )
     wired.forces.SetParameters(forces, mu_static=mu, mu_kinetic=KINETIC_SHARE * mu)
     plant.get_actuation_input_port().FixValue(context, [PULL * weight])
     forward = plant.GetJointByName("forward")
     start = forward.get_translation(context)
     _simulator(diagram, root).AdvanceTo(DURATION_S)
     grf = wired.GetOutputPort("grf").Eval(forces)
-    return forward.get_translation_rate(context), forward.get_translation(context) - start, -grf[0] / grf[2]
+    return (
+        forward.get_translation_rate(context),
+        forward.get_translation(context) - start,
+        -grf[0] / grf[2],
+    )
 
 
 def _expected_distance(mu: float, limit: float) -> float:
     def rates(_, y):
-        return [y[1], 9.81 * (PULL - float(friction_coefficient(
-            y[1], mu_static=mu, mu_kinetic=KINETIC_SHARE * mu, threshold_velocity=limit)))]
+        return [
+            y[1],
+            9.81
+            * (
+                PULL
+                - float(
+                    friction_coefficient(
+                        y[1], mu_static=mu, mu_kinetic=KINETIC_SHARE * mu, threshold_velocity=limit
+                    )
+                )
+            ),
+        ]
 
-    return float(solve_ivp(rates, (0.0, DURATION_S), [0.0, 0.0], rtol=1e-8, atol=1e-10, max_step=2e-3).y[0, -1])
+    return float(
+        solve_ivp(rates, (0.0, DURATION_S), [0.0, 0.0], rtol=1e-8, atol=1e-10, max_step=2e-3).y[
+            0, -1
+        ]
+    )
 
 
 def _draw(out: Path, found: dict) -> None:
@@ -126,19 +172,34 @@ def _draw(out: Path, found: dict) -> None:
         distances, ratios = figure.subplots(1, 2)
         order = np.argsort(found["mu_static"])
         mu, slips = found["mu_static"][order], found["slips"][order]
-        distances.plot(mu, 1e3 * found["expected_distance"][order], color="0.5", label="one equation")
-        for axes, values in ((distances, 1e3 * found["distance"][order]), (ratios, found["ratio"][order])):
+        distances.plot(
+            mu, 1e3 * found["expected_distance"][order], color="0.5", label="one equation"
+        )
+        for axes, values in (
+            (distances, 1e3 * found["distance"][order]),
+            (ratios, found["ratio"][order]),
+        ):
             axes.plot(mu[~slips], values[~slips], "o", markersize=4, label="creeps")
             axes.plot(mu[slips], values[slips], "x", markersize=5, label="slips")
             axes.axvline(PULL, color="0.4", linestyle=":", label="pull / weight")
-        ratios.plot(mu, np.where(mu < PULL, KINETIC_SHARE * mu, PULL), color="0.5", label="closed form")
+        ratios.plot(
+            mu, np.where(mu < PULL, KINETIC_SHARE * mu, PULL), color="0.5", label="closed form"
+        )
         for axes in (distances, ratios):
             axes.legend()
-        label(distances, x="static friction (1)", y=f"way in {DURATION_S:g} s (mm)",
-              title=f"{len(mu)} draws: {found['fraction']:.0%} slip, interval {found['fraction_low']:.0%} to "
-              f"{found['fraction_high']:.0%}")
-        label(ratios, x="static friction (1)", y="friction / load at the end (1)",
-              title=f"the distribution says {found['probability']:.0%}")
+        label(
+            distances,
+            x="static friction (1)",
+            y=f"way in {DURATION_S:g} s (mm)",
+            title=f"{len(mu)} draws: {found['fraction']:.0%} slip, interval {found['fraction_low']:.0%} to "
+            f"{found['fraction_high']:.0%}",
+        )
+        label(
+            ratios,
+            x="static friction (1)",
+            y="friction / load at the end (1)",
+            title=f"the distribution says {found['probability']:.0%}",
+        )
         save_figure(figure, out / "friction_monte_carlo")
 
 

@@ -30,8 +30,18 @@ from vsf_drake.report.style import SHADE, colour_of, drawing, label, save_figure
 
 START_M, FAR_M, BACK_M = 0.066, 0.151, 0.137
 SAMPLE_S = 5e-3
-DRIVE = ("fulcrum_position", "motor_current", "energy", "work", "losses", "position_error", "enabled", "adjustments",
-         "adjustment_energy", "adjustment_swings")
+DRIVE = (
+    "fulcrum_position",
+    "motor_current",
+    "energy",
+    "work",
+    "losses",
+    "position_error",
+    "enabled",
+    "adjustments",
+    "adjustment_energy",
+    "adjustment_swings",
+)
 FOOT = ("grf", "support_force")
 
 
@@ -41,7 +51,9 @@ def make_diagram(strides: int, signal: str) -> tuple[Diagram, GuidedShank, Fulcr
     rig = add_guided_shank(builder, load_model(resource("models/nominal.yaml")).foot, strides)
     drive = add_fulcrum_drive(builder, rig.plant, rig.wired, signal=signal, initial_m=START_M)
     steps = PiecewisePolynomial.ZeroOrderHold([0.0, 3.5 * STRIDE_S, 1e3], [[FAR_M, BACK_M, BACK_M]])
-    builder.Connect(builder.AddSystem(TrajectorySource(steps)).get_output_port(), drive.desired_position)
+    builder.Connect(
+        builder.AddSystem(TrajectorySource(steps)).get_output_port(), drive.desired_position
+    )
     return builder.Build(), rig, drive
 
 
@@ -50,8 +62,15 @@ def main(out: Path, quick: bool = False, signal: str = "shank") -> dict[str, flo
     strides = 1 if quick else 5
     diagram, rig, drive = make_diagram(strides, signal)
     simulator = Simulator(diagram)
-    ApplySimulatorConfig(SimulatorConfig(integration_scheme="implicit_euler", accuracy=1e-2,
-                                         max_step_size=5e-3, use_error_control=True), simulator)
+    ApplySimulatorConfig(
+        SimulatorConfig(
+            integration_scheme="implicit_euler",
+            accuracy=1e-2,
+            max_step_size=5e-3,
+            use_error_control=True,
+        ),
+        simulator,
+    )
     root = simulator.get_mutable_context()
     start(rig, drive, root)
     times, began = np.arange(0.0, strides * STRIDE_S + 1e-9, SAMPLE_S), time.perf_counter()
@@ -65,20 +84,33 @@ def main(out: Path, quick: bool = False, signal: str = "shank") -> dict[str, flo
     stances = [(times >= k * STRIDE_S) & (times < (k + STANCE) * STRIDE_S) for k in range(strides)]
     enabled = run["enabled"] > 0.5
     result = {
-        "furthest": float(run["fulcrum_position"].max()), "last": float(run["fulcrum_position"][-1]),
+        "furthest": float(run["fulcrum_position"].max()),
+        "last": float(run["fulcrum_position"][-1]),
         "load_while_enabled": float(run["grf"][enabled, 2].max(initial=0.0)),
-        "moved_in_stance": float(max(np.ptp(run["fulcrum_position"][one & (times - times[one][0] > 0.05)
-                                                                    & ~enabled]) for one in stances)),
-        "swings": float(np.count_nonzero(np.diff(run["enabled"]) > 0.5)), "energy": float(run["energy"][-1]),
+        "moved_in_stance": float(
+            max(
+                np.ptp(run["fulcrum_position"][one & (times - times[one][0] > 0.05) & ~enabled])
+                for one in stances
+            )
+        ),
+        "swings": float(np.count_nonzero(np.diff(run["enabled"]) > 0.5)),
+        "energy": float(run["energy"][-1]),
         "balance": float(run["energy"][-1] - run["work"][-1] - run["losses"][-1]),
-        "adjustments": float(run["adjustments"][-1]), "real_time_factor": wall_s / float(times[-1])}
+        "adjustments": float(run["adjustments"][-1]),
+        "real_time_factor": wall_s / float(times[-1]),
+    }
     ended = np.flatnonzero(np.diff(run["adjustments"]) > 0.5) + 1
     for k, i in enumerate(ended, start=1):
-        result |= {f"adjustment_{k}_energy": float(run["adjustment_energy"][i]),
-                   f"adjustment_{k}_swings": float(run["adjustment_swings"][i])}
+        result |= {
+            f"adjustment_{k}_energy": float(run["adjustment_energy"][i]),
+            f"adjustment_{k}_swings": float(run["adjustment_swings"][i]),
+        }
     for k, one in enumerate(stances, start=1):
         k_n_m, i = stiffness(run, one)
-        result |= {f"position_{k}": float(run["fulcrum_position"][i]), f"stiffness_{k}": float(k_n_m)}
+        result |= {
+            f"position_{k}": float(run["fulcrum_position"][i]),
+            f"stiffness_{k}": float(k_n_m),
+        }
     return result
 
 
@@ -89,7 +121,9 @@ def start(rig: GuidedShank, drive: FulcrumDrive, root) -> None:
     joints = [plant.GetJointByName(name) for name in GUIDES]
     positions[[joint.position_start() for joint in joints]] = rig.desired.value(0.0)[:, 0]
     velocities[[joint.velocity_start() for joint in joints]] = rig.desired.EvalDerivative(0.0)[:, 0]
-    positions[plant.GetJointByName(rig.foot.carriage_joint_name, rig.foot.instance).position_start()] = START_M
+    positions[
+        plant.GetJointByName(rig.foot.carriage_joint_name, rig.foot.instance).position_start()
+    ] = START_M
     plant.SetPositions(context, positions)
     plant.SetVelocities(context, velocities)
     drive.SetPosition(root, START_M)
@@ -108,7 +142,9 @@ def sample(rig: GuidedShank, drive: FulcrumDrive, root) -> dict:
     x = rig.foot.parameters.load_point_m
     body = rig.foot.keel_body_at(x)
     point = [x - rig.foot.keel_starts[body], 0.0, 0.0]
-    p_FC = rig.plant.CalcPointsPositions(context, rig.foot.keel[body].body_frame(), point, rig.foot.frame.body_frame())
+    p_FC = rig.plant.CalcPointsPositions(
+        context, rig.foot.keel[body].body_frame(), point, rig.foot.frame.body_frame()
+    )
     R_WF = rig.foot.frame.EvalPoseInWorld(context).rotation().matrix()
     values["deflection"] = p_FC[2, 0]
     values["load_across"] = R_WF[:, 2] @ values["grf"]
@@ -129,11 +165,23 @@ def draw(out: Path, run: dict, strides: int) -> None:
         figure.set_layout_engine("constrained")
         left, right = figure.subfigures(1, 2, width_ratios=(1.7, 1.0))
         axes = left.subplots(5, 1, sharex=True)
-        series = (("fulcrum_position", 1e3, "fulcrum (mm)"), ("grf", 1.0, "vertical (N)"), ("lean", 57.3, "lean (deg)"),
-                  ("motor_current", 1.0, "current (A)"), ("energy", 1.0, "energy (J)"))
+        series = (
+            ("fulcrum_position", 1e3, "fulcrum (mm)"),
+            ("grf", 1.0, "vertical (N)"),
+            ("lean", 57.3, "lean (deg)"),
+            ("motor_current", 1.0, "current (A)"),
+            ("energy", 1.0, "energy (J)"),
+        )
         for axis, (name, scale, title) in zip(axes, series, strict=True):
             values = scale * (run[name][:, 2] if name == "grf" else run[name])
-            axis.fill_between(t, 0, 1, where=run["enabled"] > 0.5, transform=axis.get_xaxis_transform(), color=SHADE)
+            axis.fill_between(
+                t,
+                0,
+                1,
+                where=run["enabled"] > 0.5,
+                transform=axis.get_xaxis_transform(),
+                color=SHADE,
+            )
             axis.plot(t, values, color="0.1")
             label(axis, x="", y=title)
         commanded = 1e3 * (run["fulcrum_position"] + run["position_error"])
@@ -147,21 +195,39 @@ def draw(out: Path, run: dict, strides: int) -> None:
             k_n_m, i = stiffness(run, stance)
             rest = np.flatnonzero(stance & (t >= t[i]) & (run["grf"][:, 2] > 0.0))
             position = run["fulcrum_position"][i]
-            push_off.plot(1e3 * run["deflection"][rest], run["load_across"][rest], color=colour_of(1e3 * position),
-                          label=f"stance {k + 1}: {1e3 * position:.0f} mm, {1e-3 * k_n_m:.0f} N/mm")
-            push_off.plot(1e3 * run["deflection"][i], run["load_across"][i], "o", color=colour_of(1e3 * position))
+            push_off.plot(
+                1e3 * run["deflection"][rest],
+                run["load_across"][rest],
+                color=colour_of(1e3 * position),
+                label=f"stance {k + 1}: {1e3 * position:.0f} mm, {1e-3 * k_n_m:.0f} N/mm",
+            )
+            push_off.plot(
+                1e3 * run["deflection"][i],
+                run["load_across"][i],
+                "o",
+                color=colour_of(1e3 * position),
+            )
         push_off.legend(loc="lower right")
         push_off.set_xlim(left=0.0)
         push_off.set_ylim(bottom=0.0)
-        label(push_off, x="deflection of the keel's load point (mm)", y="load across the foot (N)",
-              title="What the ground meets in push-off")
+        label(
+            push_off,
+            x="deflection of the keel's load point (mm)",
+            y="load across the foot (N)",
+            title="What the ground meets in push-off",
+        )
         save_figure(figure, out / "fulcrum_in_swing")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one stride instead of five")
-    parser.add_argument("--signal", default="shank", choices=("contact", "shank", "both"), help="what tells of swing")
+    parser.add_argument(
+        "--signal",
+        default="shank",
+        choices=("contact", "shank", "both"),
+        help="what tells of swing",
+    )
     parser.add_argument("--out", type=Path, default=Path("results/examples"))
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)

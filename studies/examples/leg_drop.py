@@ -37,12 +37,16 @@ def make_leg() -> tuple[Diagram, MultibodyPlant, WiredFoot]:
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
     Parser(plant).AddModels(str(resource("models/leg.urdf")))
-    plant.AddJoint(PrismaticJoint("rail", plant.world_frame(), plant.GetFrameByName("hip"), [0.0, 0.0, 1.0]))
+    plant.AddJoint(
+        PrismaticJoint("rail", plant.world_frame(), plant.GetFrameByName("hip"), [0.0, 0.0, 1.0])
+    )
     for name in LEG_JOINTS:
         joint = plant.GetJointByName(name)
         joint.set_default_damping(DAMPING_NM_S_PER_RAD)
         plant.AddForceElement(RevoluteSpring(joint, BEND_RAD, SPRING_NM_PER_RAD))
-    foot = add_foot(plant, plant.GetFrameByName("pylon_end"), load_model(resource("models/nominal.yaml")).foot)
+    foot = add_foot(
+        plant, plant.GetFrameByName("pylon_end"), load_model(resource("models/nominal.yaml")).foot
+    )
     plant.Finalize()
     wired = wire_foot(builder, plant, foot)
     return builder.Build(), plant, wired
@@ -52,8 +56,15 @@ def main(out: Path, quick: bool = False) -> dict[str, float]:
     """Drops the leg, draws it, and returns forces (N), energies (J), depth (m) and times (s)."""
     diagram, plant, wired = make_leg()
     simulator = Simulator(diagram)
-    ApplySimulatorConfig(SimulatorConfig(integration_scheme="velocity_implicit_euler", accuracy=1e-4,
-                                         max_step_size=1e-3, use_error_control=True), simulator)
+    ApplySimulatorConfig(
+        SimulatorConfig(
+            integration_scheme="velocity_implicit_euler",
+            accuracy=1e-4,
+            max_step_size=1e-3,
+            use_error_control=True,
+        ),
+        simulator,
+    )
     root = simulator.get_mutable_context()
     context = plant.GetMyMutableContextFromRoot(root)
     for name in LEG_JOINTS:
@@ -73,32 +84,49 @@ def main(out: Path, quick: bool = False) -> dict[str, float]:
     weight = plant.CalcTotalMass(context) * 9.81
     _draw(out, run, mechanical - mechanical[-1], losses, weight)
     return {
-        "weight": weight, "settled": float(run["grf"][-1, 2]), "peak": float(run["grf"][:, 2].max()),
+        "weight": weight,
+        "settled": float(run["grf"][-1, 2]),
+        "peak": float(run["grf"][:, 2].max()),
         "touch_down": float(times[np.argmax(run["grf"][:, 2] > 0)]),
-        "impulse": float(_integral(run["grf"][:, 2], times)[-1]), "momentum": float(run["momentum"][-1]),
-        "duration": float(times[-1]), "largest_depth": float(run["depth"].max()),
+        "impulse": float(_integral(run["grf"][:, 2], times)[-1]),
+        "momentum": float(run["momentum"][-1]),
+        "duration": float(times[-1]),
+        "largest_depth": float(run["depth"].max()),
         "foam_force": float(run["foam_force"][-1]),
         "dropped_energy": float(mechanical[0] - mechanical[-1]),
         "unaccounted": float(np.abs(mechanical + sum(losses.values()) - mechanical[0]).max()),
-        "largest_rise": float(np.diff(mechanical).max()), "friction_loss": float(losses["friction"][-1]),
-        "foam_loss": float(losses["foam"][-1]), "real_time_factor": cpu_s / float(times[-1])}
+        "largest_rise": float(np.diff(mechanical).max()),
+        "friction_loss": float(losses["friction"][-1]),
+        "foam_loss": float(losses["foam"][-1]),
+        "real_time_factor": cpu_s / float(times[-1]),
+    }
 
 
 def _row(root: Context, plant: MultibodyPlant, wired: WiredFoot) -> dict:
     """What is kept of each step of the integrator."""
     context, forces = plant.GetMyContextFromRoot(root), wired.forces.GetMyContextFromRoot(root)
     rates = np.array([plant.GetJointByName(name).get_angular_rate(context) for name in LEG_JOINTS])
-    places = [plant.GetFrameByName(name).CalcPoseInWorld(context).translation() for name in (
-        "hip", "shank", "pylon_end")]
+    places = [
+        plant.GetFrameByName(name).CalcPoseInWorld(context).translation()
+        for name in ("hip", "shank", "pylon_end")
+    ]
     depth = wired.GetOutputPort("depth").Eval(forces)
     law = [wired.forces.GetParameter(forces, name) for name in ("stiffness", "exponent")]
     keel = [body.EvalPoseInWorld(context).translation() for body in wired.foot.keel]
-    return {"time": root.get_time(), "grf": wired.GetOutputPort("grf").Eval(forces), "depth": depth.max(),
-            "foam_force": np.sum(law[0] * depth ** law[1]),
-            "kinetic": plant.CalcKineticEnergy(context), "potential": plant.CalcPotentialEnergy(context),
-            "momentum": plant.CalcSpatialMomentumInWorldAboutPoint(context, np.zeros(3)).translational()[2],
-            "joints": DAMPING_NM_S_PER_RAD * np.sum(rates**2), "places": np.array(places + keel),
-            **foot_energy(wired, plant, root)}
+    return {
+        "time": root.get_time(),
+        "grf": wired.GetOutputPort("grf").Eval(forces),
+        "depth": depth.max(),
+        "foam_force": np.sum(law[0] * depth ** law[1]),
+        "kinetic": plant.CalcKineticEnergy(context),
+        "potential": plant.CalcPotentialEnergy(context),
+        "momentum": plant.CalcSpatialMomentumInWorldAboutPoint(
+            context, np.zeros(3)
+        ).translational()[2],
+        "joints": DAMPING_NM_S_PER_RAD * np.sum(rates**2),
+        "places": np.array(places + keel),
+        **foot_energy(wired, plant, root),
+    }
 
 
 def _integral(power: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -110,7 +138,13 @@ def _draw(out: Path, run: dict, energy: np.ndarray, losses: dict, weight: float)
         leg, force, ledger = figure.subplots(1, 3, width_ratios=(0.7, 1.0, 1.0))
         for i, shade in ((0, 0.75), (int(np.argmax(run["grf"][:, 2])), 0.5), (-1, 0.0)):
             points = run["places"][i]
-            leg.plot(points[:3, 0], points[:3, 2], "o-", color=str(shade), label=f"{run['time'][i]:.2f} s")
+            leg.plot(
+                points[:3, 0],
+                points[:3, 2],
+                "o-",
+                color=str(shade),
+                label=f"{run['time'][i]:.2f} s",
+            )
             leg.plot(points[[2, 3], 0], points[[2, 3], 2], color=str(shade), linewidth=0.8)
             leg.plot(points[3:, 0], points[3:, 2], color=str(shade), linewidth=2.0)
         leg.axhline(0.0, color="0.3", linewidth=0.8)

@@ -49,7 +49,9 @@ def main(out: Path, quick: bool = False) -> dict:
     for fulcrum_m in FULCRUMS_M:
         run = _test(make_arm(parameters, at, path, fulcrum_m), 1e-3 if quick else 1e-4)
         again = np.arange(0.0, run["time"][-1], 1e-3)
-        mount = np.column_stack([np.interp(again, run["time"], column) for column in run["mount"].T])
+        mount = np.column_stack(
+            [np.interp(again, run["time"], column) for column in run["mount"].T]
+        )
         run["stepper"] = machine.follow(fulcrum_m=fulcrum_m, time_s=again, mount=mount)
         found[fulcrum_m] = run
     _draw(out, found)
@@ -58,15 +60,26 @@ def main(out: Path, quick: bool = False) -> dict:
 
 def _test(arm: ArmWithFoot, accuracy: float) -> dict:
     simulator = Simulator(arm.diagram)
-    ApplySimulatorConfig(SimulatorConfig(integration_scheme="velocity_implicit_euler", accuracy=accuracy,
-                                         max_step_size=1e-3, use_error_control=True), simulator)
+    ApplySimulatorConfig(
+        SimulatorConfig(
+            integration_scheme="velocity_implicit_euler",
+            accuracy=accuracy,
+            max_step_size=1e-3,
+            use_error_control=True,
+        ),
+        simulator,
+    )
     root = simulator.get_mutable_context()
     context = arm.plant.GetMyMutableContextFromRoot(root)
     arm.plant.SetPositions(context, arm.arm, arm.joints.value(0.0).ravel())
     arm.plant.SetVelocities(context, arm.arm, arm.joints.derivative().value(0.0).ravel())
     slide = arm.plant.GetJointByName(arm.wired.foot.carriage_joint_name)
-    slide.set_translation(context, float(arm.wired.forces.GetParameter(
-        arm.wired.forces.GetMyContextFromRoot(root), "fulcrum_m")))
+    slide.set_translation(
+        context,
+        float(
+            arm.wired.forces.GetParameter(arm.wired.forces.GetMyContextFromRoot(root), "fulcrum_m")
+        ),
+    )
     rows, started = [], time.process_time()
     simulator.set_monitor(lambda moment: rows.append(_row(moment, arm)))
     simulator.AdvanceTo(DURATION_S)
@@ -77,12 +90,20 @@ def _test(arm: ArmWithFoot, accuracy: float) -> dict:
     energy = run["stored"] + run["mechanical"] - run["stored"][0] - run["mechanical"][0]
     lost = {name: _integral(run[name], run["time"]) for name in LOSSES}
     loaded = run["grf"][:, 2] > COP_N
-    return {**run, "work": work, "lost": lost, "loaded": loaded, "arm": arm, "stored_j": float(work.max()),
-            "returned_j": float(work.max() - work[np.argmax(work):].min()), "peak": float(run["grf"][:, 2].max()),
-            "unaccounted_j": float(np.abs(work - energy - sum(lost.values())).max()),
-            "tracking_mm": 1e3 * float(np.abs(run["error"][:, :2]).max()),
-            "tracking_deg": float(np.degrees(np.abs(run["error"][:, 2]).max())),
-            "real_time_factor": cpu_s / DURATION_S}
+    return {
+        **run,
+        "work": work,
+        "lost": lost,
+        "loaded": loaded,
+        "arm": arm,
+        "stored_j": float(work.max()),
+        "returned_j": float(work.max() - work[np.argmax(work) :].min()),
+        "peak": float(run["grf"][:, 2].max()),
+        "unaccounted_j": float(np.abs(work - energy - sum(lost.values())).max()),
+        "tracking_mm": 1e3 * float(np.abs(run["error"][:, :2]).max()),
+        "tracking_deg": float(np.degrees(np.abs(run["error"][:, 2]).max())),
+        "real_time_factor": cpu_s / DURATION_S,
+    }
 
 
 def _row(root: Context, arm: ArmWithFoot) -> dict:
@@ -90,17 +111,34 @@ def _row(root: Context, arm: ArmWithFoot) -> dict:
     plant, foot = arm.plant, arm.wired.foot
     context, forces = plant.GetMyContextFromRoot(root), arm.wired.forces.GetMyContextFromRoot(root)
     weld = plant.GetJointByName(f"{foot.name}_mount_weld", foot.instance)
-    reaction = plant.get_reaction_forces_output_port().Eval(context)[int(weld.index())]  # on the foot, at M, in M
-    R_WM, V_WM = foot.mount.CalcPoseInWorld(context).rotation(), foot.mount.CalcSpatialVelocityInWorld(context)
-    power = (R_WM.multiply(reaction.translational()) @ V_WM.translational()
-             + R_WM.multiply(reaction.rotational()) @ V_WM.rotational())
-    mass, place = foot.parameters.mass_kg, plant.CalcCenterOfMassPositionInWorld(context, [foot.instance])
-    momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, [foot.instance], place).translational()
-    return {"time": root.get_time(), "state": plant.GetPositionsAndVelocities(context),
-            "mount": _mount(arm, context), "power": power,
-            "grf": arm.wired.GetOutputPort("grf").Eval(forces), "cop": arm.wired.GetOutputPort("cop").Eval(forces),
-            "mechanical": 0.5 * momentum @ momentum / mass + 9.81 * mass * place[2],
-            **foot_energy(arm.wired, plant, root)}
+    reaction = plant.get_reaction_forces_output_port().Eval(context)[
+        int(weld.index())
+    ]  # on the foot, at M, in M
+    R_WM, V_WM = (
+        foot.mount.CalcPoseInWorld(context).rotation(),
+        foot.mount.CalcSpatialVelocityInWorld(context),
+    )
+    power = (
+        R_WM.multiply(reaction.translational()) @ V_WM.translational()
+        + R_WM.multiply(reaction.rotational()) @ V_WM.rotational()
+    )
+    mass, place = (
+        foot.parameters.mass_kg,
+        plant.CalcCenterOfMassPositionInWorld(context, [foot.instance]),
+    )
+    momentum = plant.CalcSpatialMomentumInWorldAboutPoint(
+        context, [foot.instance], place
+    ).translational()
+    return {
+        "time": root.get_time(),
+        "state": plant.GetPositionsAndVelocities(context),
+        "mount": _mount(arm, context),
+        "power": power,
+        "grf": arm.wired.GetOutputPort("grf").Eval(forces),
+        "cop": arm.wired.GetOutputPort("cop").Eval(forces),
+        "mechanical": 0.5 * momentum @ momentum / mass + 9.81 * mass * place[2],
+        **foot_energy(arm.wired, plant, root),
+    }
 
 
 def _mount(arm: ArmWithFoot, context: Context) -> np.ndarray:
@@ -125,24 +163,37 @@ def _integral(power: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 def _draw(out: Path, found: dict) -> None:
     with drawing(10.5, 5.2) as figure:
-        axes = figure.subplot_mosaic([["arm", "force", "pressure"], ["arm", "work", "error"]], width_ratios=(0.8, 1, 1))
-        arm, force, pressure, work, error = (axes[name] for name in ("arm", "force", "pressure", "work", "error"))
+        axes = figure.subplot_mosaic(
+            [["arm", "force", "pressure"], ["arm", "work", "error"]], width_ratios=(0.8, 1, 1)
+        )
+        arm, force, pressure, work, error = (
+            axes[name] for name in ("arm", "force", "pressure", "work", "error")
+        )
         _draw_arm(arm, next(iter(found.values())))
         for fulcrum_m, run in found.items():
             colour, t, loaded = colour_of(1e3 * fulcrum_m), run["time"], run["loaded"]
             force.plot(t, run["grf"][:, 2], color=colour, label=name_of(1e3 * fulcrum_m))
             force.plot(t, run["grf"][:, 0], color=colour, linewidth=0.9)
-            force.plot(run["stepper"].time_s, run["stepper"].grf_W[:, 2], ":", color="0.85", linewidth=1.2)
+            force.plot(
+                run["stepper"].time_s, run["stepper"].grf_W[:, 2], ":", color="0.85", linewidth=1.2
+            )
             pressure.plot(t[loaded], 1e3 * run["cop"][loaded, 0], color=colour)
             work.plot(t, run["work"], color=colour)
             work.plot(t, run["stored"], "--", color=colour)
             error.plot(t, 1e3 * run["error"][:, 1], color=colour)
             error.plot(t, np.degrees(run["error"][:, 2]), "--", color=colour)
         figure.legend(*force.get_legend_handles_labels(), loc="outside lower center", ncols=2)
-        label(force, x="time (s)", y="force (N)", title="Vertical, fore-aft (thin), implicit stepper (dots)")
+        label(
+            force,
+            x="time (s)",
+            y="force (N)",
+            title="Vertical, fore-aft (thin), implicit stepper (dots)",
+        )
         label(pressure, x="time (s)", y="forward (mm)", title="Centre of pressure, heel to toe")
         label(work, x="time (s)", y="energy (J)", title="Work put in; held by springs (dashed)")
-        label(error, x="time (s)", y="error (mm, deg)", title="The arm yields: up; toes up (dashed)")
+        label(
+            error, x="time (s)", y="error (mm, deg)", title="The arm yields: up; toes up (dashed)"
+        )
         save_figure(figure, out / "robot_arm_emulator")
 
 
@@ -151,13 +202,23 @@ def _draw_arm(axes: Axes, run: dict) -> None:
     context = plant.CreateDefaultContext()
     frames = [plant.GetFrameByName(name) for name in ("base", "upper", "forearm", "wrist", "tool")]
     for share, shade in ((0.05, 0.75), (0.45, 0.5), (0.85, 0.0)):
-        plant.SetPositionsAndVelocities(context, run["state"][np.searchsorted(run["time"], share * DURATION_S)])
-        lines = [[frame.CalcPoseInWorld(context).translation() for frame in frames],
-                 [body.EvalPoseInWorld(context).translation() for body in (foot.frame, *foot.keel)]]
+        plant.SetPositionsAndVelocities(
+            context, run["state"][np.searchsorted(run["time"], share * DURATION_S)]
+        )
+        lines = [
+            [frame.CalcPoseInWorld(context).translation() for frame in frames],
+            [body.EvalPoseInWorld(context).translation() for body in (foot.frame, *foot.keel)],
+        ]
         for line, kind in zip(lines, ("o-", "-"), strict=True):
             axes.plot(np.array(line)[:, 0], np.array(line)[:, 2], kind, color=str(shade))
         ends = np.array([lines[0][-1], lines[1][0]])
-        axes.plot(ends[:, 0], ends[:, 2], color=str(shade), linewidth=0.8, label=f"{share * DURATION_S:.2f} s")
+        axes.plot(
+            ends[:, 0],
+            ends[:, 2],
+            color=str(shade),
+            linewidth=0.8,
+            label=f"{share * DURATION_S:.2f} s",
+        )
     axes.axhline(0.0, color="0.3", linewidth=0.8)
     axes.set_aspect("equal")
     axes.legend()
@@ -171,5 +232,9 @@ if __name__ == "__main__":
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     for position, values in main(arguments.out, arguments.quick).items():
-        print(f"fulcrum {1e3 * position:g} mm: " + ", ".join(
-            f"{name} {value:.4g}" for name, value in values.items() if isinstance(value, float)))
+        print(
+            f"fulcrum {1e3 * position:g} mm: "
+            + ", ".join(
+                f"{name} {value:.4g}" for name, value in values.items() if isinstance(value, float)
+            )
+        )

@@ -14,7 +14,13 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable, PrismaticJoint, RevoluteJoint, SpatialInertia, WeldJoint
+from pydrake.multibody.tree import (
+    JacobianWrtVariable,
+    PrismaticJoint,
+    RevoluteJoint,
+    SpatialInertia,
+    WeldJoint,
+)
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import FirstOrderTaylorApproximation
 
@@ -54,18 +60,30 @@ def make_standing_leg(fulcrum_m: float, controller: LeafSystem | None = None) ->
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
     Parser(plant).AddModels(str(resource("models/leg.urdf")))
-    person, parent, hip = plant.AddModelInstance("person"), plant.world_frame(), plant.GetFrameByName("hip")
+    person, parent, hip = (
+        plant.AddModelInstance("person"),
+        plant.world_frame(),
+        plant.GetFrameByName("hip"),
+    )
     for name, axis in (("x", [1.0, 0.0, 0.0]), ("z", [0.0, 0.0, 1.0])):
         body = plant.AddRigidBody(name, person, SpatialInertia.Zero())
         plant.AddJoint(PrismaticJoint(name, parent, body.body_frame(), axis))
         parent = body.body_frame()
     plant.AddJoint(RevoluteJoint("pitch", parent, hip, [0.0, 1.0, 0.0]))
-    trunk = plant.AddRigidBody("trunk", person, SpatialInertia.SolidBoxWithMass(TRUNK_KG, *TRUNK_SIZE_M))
-    plant.AddJoint(WeldJoint("trunk", hip, trunk.body_frame(), RigidTransform([0.0, 0.0, TRUNK_ABOVE_HIP_M])))
+    trunk = plant.AddRigidBody(
+        "trunk", person, SpatialInertia.SolidBoxWithMass(TRUNK_KG, *TRUNK_SIZE_M)
+    )
+    plant.AddJoint(
+        WeldJoint("trunk", hip, trunk.body_frame(), RigidTransform([0.0, 0.0, TRUNK_ABOVE_HIP_M]))
+    )
     for name in ("hip_flexion", "knee_flexion"):
         plant.AddJointActuator(name, plant.GetJointByName(name))
-    foot = add_foot(plant, plant.GetFrameByName("pylon_end"), load_model(resource("models/soft_support.yaml")).foot,
-                    contact="smooth")
+    foot = add_foot(
+        plant,
+        plant.GetFrameByName("pylon_end"),
+        load_model(resource("models/soft_support.yaml")).foot,
+        contact="smooth",
+    )
     plant.Finalize()
     wired = wire_foot(builder, plant, foot, fulcrum_m=fulcrum_m)
     if controller is None:
@@ -95,7 +113,8 @@ def equilibrium(leg: StandingLeg, pressure_m: float = PRESSURE_M) -> tuple[Conte
     start[leg.index("knee_flexion")] = start[leg.index("hip_flexion")] = KNEE_RAD
     start[leg.index("pitch")] = ALIGNMENT_RAD
     start[leg.index(foot.carriage_joint_name)] = leg.wired.forces.GetParameter(
-        leg.wired.forces.GetMyContextFromRoot(root), "fulcrum_m")
+        leg.wired.forces.GetMyContextFromRoot(root), "fulcrum_m"
+    )
     plant.SetPositions(context, start)
     frame = foot.frame.EvalPoseInWorld(context).translation()
     start[leg.index("z")] = -frame[2] - sole_height(foot.parameters) - 0.004
@@ -104,7 +123,10 @@ def equilibrium(leg: StandingLeg, pressure_m: float = PRESSURE_M) -> tuple[Conte
         plant.SetPositions(context, start + choice @ unknown[:-2])
         leg.diagram.get_input_port(0).FixValue(root, unknown[-2:])
         accelerations = leg.diagram.EvalTimeDerivatives(root).CopyToVector()[count:]
-        ahead = (plant.CalcCenterOfMassPositionInWorld(context) - foot.frame.EvalPoseInWorld(context).translation())[0]
+        ahead = (
+            plant.CalcCenterOfMassPositionInWorld(context)
+            - foot.frame.EvalPoseInWorld(context).translation()
+        )[0]
         return np.append(plant.CalcMassMatrix(context) @ accelerations, 1e4 * (ahead - pressure_m))
 
     def jacobian(unknown: np.ndarray) -> np.ndarray:
@@ -112,10 +134,16 @@ def equilibrium(leg: StandingLeg, pressure_m: float = PRESSURE_M) -> tuple[Conte
         linear = FirstOrderTaylorApproximation(leg.diagram, root)
         world, wrt = plant.world_frame(), JacobianWrtVariable.kV
         ahead = plant.CalcJacobianCenterOfMassTranslationalVelocity(context, wrt, world, world)[0]
-        ahead = ahead - plant.CalcJacobianTranslationalVelocity(
-            context, wrt, foot.frame.body_frame(), np.zeros((3, 1)), world, world)[0]
+        ahead = (
+            ahead
+            - plant.CalcJacobianTranslationalVelocity(
+                context, wrt, foot.frame.body_frame(), np.zeros((3, 1)), world, world
+            )[0]
+        )
         forces = np.hstack([linear.A()[count:, :count] @ choice, linear.B()[count:]])
-        return np.vstack([plant.CalcMassMatrix(context) @ forces, np.append(1e4 * ahead @ choice, [0.0, 0.0])])
+        return np.vstack(
+            [plant.CalcMassMatrix(context) @ forces, np.append(1e4 * ahead @ choice, [0.0, 0.0])]
+        )
 
     unknown = np.zeros(len(names) + 2)
     for _ in range(80):
@@ -123,7 +151,9 @@ def equilibrium(leg: StandingLeg, pressure_m: float = PRESSURE_M) -> tuple[Conte
         if np.linalg.norm(error) < 1e-9:
             return root, unknown[-2:]
         step, part = np.linalg.lstsq(jacobian(unknown), -error, rcond=None)[0], 1.0
-        while part > 1e-4 and not np.linalg.norm(residual(unknown + part * step)) < np.linalg.norm(error):
+        while part > 1e-4 and not np.linalg.norm(residual(unknown + part * step)) < np.linalg.norm(
+            error
+        ):
             part *= 0.5
         unknown = unknown + part * step
     raise RuntimeError("there is no rest to be found")
@@ -147,6 +177,7 @@ def inverted_pendulum(fulcrum_m: float, shift_m: float = 0.002) -> tuple[float, 
     bodies = ("hip", "trunk", "thigh", "shank", leg.wired.foot.frame.name())
     height = leg.plant.CalcCenterOfMassPositionInWorld(context)[2] - pressure[2]
     inertia = leg.plant.CalcSpatialInertia(
-        context, leg.plant.world_frame(), [leg.plant.GetBodyByName(name).index() for name in bodies])
+        context, leg.plant.world_frame(), [leg.plant.GetBodyByName(name).index() for name in bodies]
+    )
     about = inertia.Shift(pressure).CalcRotationalInertia().CopyToFullMatrix3()[1, 1]
     return weight * 2.0 * shift_m / (tilts[1] - tilts[0]), weight * height, float(about)

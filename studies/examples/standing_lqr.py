@@ -45,7 +45,10 @@ def main(out: Path, quick: bool = False) -> dict:
 def _stand(fulcrum_m: float, duration_s: float) -> dict:
     leg = make_standing_leg(fulcrum_m)
     root, torque = equilibrium(leg)
-    x0, forces = root.get_continuous_state_vector().CopyToVector(), leg.wired.forces.GetMyContextFromRoot(root)
+    x0, forces = (
+        root.get_continuous_state_vector().CopyToVector(),
+        leg.wired.forces.GetMyContextFromRoot(root),
+    )
     context = leg.plant.GetMyContextFromRoot(root)
     linear = Linearize(leg.diagram, root, equilibrium_check_tolerance=1e-5)
     A, B = linear.A(), linear.B()
@@ -62,13 +65,26 @@ def _stand(fulcrum_m: float, duration_s: float) -> dict:
     for _ in regulated["time"][1:]:
         predicted.append(transition @ predicted[-1])
     return {
-        "leg": leg, "A": A, "B": B, "x0": x0, "gain": gain, "torque": torque, "neutral_B": neutral_B,
-        "difference": central_difference(leg, root), "open": np.linalg.eigvals(A),
-        "locked": np.linalg.eigvals(A - B @ lock), "closed": np.linalg.eigvals(A - B @ gain),
-        "grf": leg.wired.GetOutputPort("grf").Eval(forces), "cop": leg.wired.GetOutputPort("cop").Eval(forces),
-        "com": leg.plant.CalcCenterOfMassPositionInWorld(context), "outline": _outline(leg, context, forces),
-        "weight": leg.plant.CalcTotalMass(context) * 9.81, "regulated": regulated, "dropped": dropped,
-        "predicted": np.array(predicted) + x0}
+        "leg": leg,
+        "A": A,
+        "B": B,
+        "x0": x0,
+        "gain": gain,
+        "torque": torque,
+        "neutral_B": neutral_B,
+        "difference": central_difference(leg, root),
+        "open": np.linalg.eigvals(A),
+        "locked": np.linalg.eigvals(A - B @ lock),
+        "closed": np.linalg.eigvals(A - B @ gain),
+        "grf": leg.wired.GetOutputPort("grf").Eval(forces),
+        "cop": leg.wired.GetOutputPort("cop").Eval(forces),
+        "com": leg.plant.CalcCenterOfMassPositionInWorld(context),
+        "outline": _outline(leg, context, forces),
+        "weight": leg.plant.CalcTotalMass(context) * 9.81,
+        "regulated": regulated,
+        "dropped": dropped,
+        "predicted": np.array(predicted) + x0,
+    }
 
 
 def _outline(leg: StandingLeg, context: Context, forces: Context) -> np.ndarray:
@@ -86,15 +102,19 @@ def slow_lqr(leg: StandingLeg, A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray
     reach = np.abs(left[:, neutral].conj().T @ B).max() / np.abs(left[:, neutral]).max()
     slow = (np.abs(values) < SLOW) & ~neutral & (values.imag >= 0)
     pairs = [(v[:, i].real, v[:, i].imag) for v in (left, right) for i in np.flatnonzero(slow)]
-    basis = [np.array([part for pair in half for part in pair if np.abs(part).max() > 0]).T
-             for half in (pairs[:slow.sum()], pairs[slow.sum():])]
+    basis = [
+        np.array([part for pair in half for part in pair if np.abs(part).max() > 0]).T
+        for half in (pairs[: slow.sum()], pairs[slow.sum() :])
+    ]
     L = basis[0] @ np.linalg.inv(basis[1].T @ basis[0])  # L' R = 1
     R = basis[1]
     count = leg.plant.num_positions()
     weight = np.zeros(2 * count)
     for name in POSTURE:
         weight[[leg.index(name), count + leg.index(name)]] = ANGLE_RAD**-2, RATE_RAD_PER_S**-2
-    K, _ = LinearQuadraticRegulator(L.T @ A @ R, L.T @ B, R.T @ np.diag(weight) @ R, np.eye(2) / TORQUE_NM**2)
+    K, _ = LinearQuadraticRegulator(
+        L.T @ A @ R, L.T @ B, R.T @ np.diag(weight) @ R, np.eye(2) / TORQUE_NM**2
+    )
     return K @ L.T, float(reach)
 
 
@@ -112,16 +132,29 @@ def central_difference(leg: StandingLeg, root: Context, step: float = 1e-7) -> n
 
 
 def _respond(
-    fulcrum_m: float, x0: np.ndarray, torque: np.ndarray, gain: np.ndarray, push: np.ndarray, duration_s: float
+    fulcrum_m: float,
+    x0: np.ndarray,
+    torque: np.ndarray,
+    gain: np.ndarray,
+    push: np.ndarray,
+    duration_s: float,
 ) -> dict[str, np.ndarray]:
     """The nonlinear diagram from `x0` + `push`, its torques torque - gain (x - x0)."""
     n = len(x0)
-    controller = AffineSystem(np.zeros((0, 0)), np.zeros((0, n)), np.zeros(0), np.zeros((2, 0)), -gain,
-                              torque + gain @ x0)
+    controller = AffineSystem(
+        np.zeros((0, 0)), np.zeros((0, n)), np.zeros(0), np.zeros((2, 0)), -gain, torque + gain @ x0
+    )
     leg = make_standing_leg(fulcrum_m, controller)
     simulator = Simulator(leg.diagram)
-    ApplySimulatorConfig(SimulatorConfig(integration_scheme="implicit_euler", accuracy=1e-4, max_step_size=5e-3,
-                                         use_error_control=True), simulator)
+    ApplySimulatorConfig(
+        SimulatorConfig(
+            integration_scheme="implicit_euler",
+            accuracy=1e-4,
+            max_step_size=5e-3,
+            use_error_control=True,
+        ),
+        simulator,
+    )
     root = simulator.get_mutable_context()
     leg.set_up(root)
     root.SetContinuousState(x0 + push)
@@ -143,27 +176,50 @@ def _draw(out: Path, found: dict) -> None:
             body.plot(run["com"][0] - run["cop"][0], run["com"][2], "o", color=colour, markersize=4)
             for name in ("open", "locked", "closed"):
                 rates = run[name].real[np.abs(run[name]) < SLOW]
-                modes.plot(rates, np.full(len(rates), ticks.index((name, fulcrum_m))), "o", color=colour, markersize=5)
+                modes.plot(
+                    rates,
+                    np.full(len(rates), ticks.index((name, fulcrum_m))),
+                    "o",
+                    color=colour,
+                    markersize=5,
+                )
             i, time_s, fall = leg.index("pitch"), run["regulated"]["time"], run["dropped"]
             for times, states, kind, what in (
-                    (time_s, run["regulated"]["state"], "-", "LQR"), (time_s, run["predicted"], ":", "LQR, linear"),
-                    (fall["time"], fall["state"], "--", "constant torques")):
-                lean.plot(times, np.degrees(states[:, i] - run["x0"][i]), kind, color=colour, label=what)
+                (time_s, run["regulated"]["state"], "-", "LQR"),
+                (time_s, run["predicted"], ":", "LQR, linear"),
+                (fall["time"], fall["state"], "--", "constant torques"),
+            ):
+                lean.plot(
+                    times, np.degrees(states[:, i] - run["x0"][i]), kind, color=colour, label=what
+                )
             for k, kind in enumerate(("-", "--")):
-                torque.plot(time_s, run["regulated"]["torque"][:, k], kind, color=colour, label=("hip", "knee")[k])
+                torque.plot(
+                    time_s,
+                    run["regulated"]["torque"][:, k],
+                    kind,
+                    color=colour,
+                    label=("hip", "knee")[k],
+                )
         body.set_aspect("equal")
         body.set_xlim(-0.25, 0.25)
         body.axhline(0.0, color="0.3", linewidth=0.8)
         modes.axvline(0.0, color="0.3", linewidth=0.8)
         modes.set_xlim(-20.0, 21.0)
-        modes.set_yticks(range(len(ticks)), [f"{name}, {1e3 * fulcrum_m:g} mm" for name, fulcrum_m in ticks])
+        modes.set_yticks(
+            range(len(ticks)), [f"{name}, {1e3 * fulcrum_m:g} mm" for name, fulcrum_m in ticks]
+        )
         modes.invert_yaxis()
         for axes, place in ((lean, "upper right"), (torque, (0.6, 0.55))):
             axes.legend(fontsize=7, loc=place)
         figure.legend(*body.get_legend_handles_labels(), loc="outside lower center", ncols=2)
         label(body, x="from its pressure (m)", y="up (m)", title="At rest")
         label(modes, x="growth rate of slow modes (1/s)", y="", title="Eigenvalues' real parts")
-        label(lean, x="time (s)", y="trunk, from rest (deg)", title=f"After a push of {PUSH_RAD_PER_S:g} rad/s")
+        label(
+            lean,
+            x="time (s)",
+            y="trunk, from rest (deg)",
+            title=f"After a push of {PUSH_RAD_PER_S:g} rad/s",
+        )
         label(torque, x="time (s)", y="torque (N m)", title="What it takes")
         save_figure(figure, out / "standing_lqr")
 
@@ -175,7 +231,9 @@ if __name__ == "__main__":
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     for position, values in main(arguments.out, arguments.quick).items():
-        print(f"fulcrum {1e3 * position:g} mm: torques {values['torque']}, centre of pressure {values['cop'][0]:.4f} m")
+        print(
+            f"fulcrum {1e3 * position:g} mm: torques {values['torque']}, centre of pressure {values['cop'][0]:.4f} m"
+        )
         for which in ("open", "locked", "closed"):
             slow = values[which][np.abs(values[which]) < SLOW]
             print(f"  {which:7s}", np.round(slow[np.argsort(-slow.real)], 3))

@@ -44,9 +44,21 @@ SLOPE_DEG, EDGE_M, STEP_M, RIGHT_M = 5.0, 0.59, 0.005, 0.0
 GROUNDS = {
     "level": Ground(),
     "slope": Ground(patches=(GroundPatch(name="slope", slope_deg=SLOPE_DEG),)),
-    "step": Ground(patches=(GroundPatch(), GroundPatch(name="step", from_x_m=EDGE_M, to_y_m=RIGHT_M, height_m=STEP_M))),
-    "mat": Ground(patches=(GroundPatch(), GroundPatch(name="mat", to_y_m=RIGHT_M, stiffness_n_per_m=1e4))),
-    "ice": Ground(patches=(GroundPatch(), GroundPatch(name="ice", to_y_m=RIGHT_M, mu_static=0.08, mu_kinetic=0.05))),
+    "step": Ground(
+        patches=(
+            GroundPatch(),
+            GroundPatch(name="step", from_x_m=EDGE_M, to_y_m=RIGHT_M, height_m=STEP_M),
+        )
+    ),
+    "mat": Ground(
+        patches=(GroundPatch(), GroundPatch(name="mat", to_y_m=RIGHT_M, stiffness_n_per_m=1e4))
+    ),
+    "ice": Ground(
+        patches=(
+            GroundPatch(),
+            GroundPatch(name="ice", to_y_m=RIGHT_M, mu_static=0.08, mu_kinetic=0.05),
+        )
+    ),
 }
 """The highest patch carries; of equally high ones the last."""
 SAMPLE_S = 2e-3
@@ -72,55 +84,91 @@ def walk_on(trial: Trial, ground: Ground, longest_s: float = np.inf) -> Referenc
     stance = find_stances(plate.time_s, plate.force_W[:, 2])[0]
     start_s = round(stance.start_s, 3) - 0.02
     return walk_over(
-        trial.subject, trial.model, uphill(trial.trajectory, ground.patches[0].slope_deg), ground,
-        fulcrum_m=trial.fulcrum_m, offsets=trial.offsets, start_s=start_s,
-        end_s=start_s + min(round(stance.end_s, 3) + 0.02 - start_s, longest_s), sample_s=SAMPLE_S)
+        trial.subject,
+        trial.model,
+        uphill(trial.trajectory, ground.patches[0].slope_deg),
+        ground,
+        fulcrum_m=trial.fulcrum_m,
+        offsets=trial.offsets,
+        start_s=start_s,
+        end_s=start_s + min(round(stance.end_s, 3) + 0.02 - start_s, longest_s),
+        sample_s=SAMPLE_S,
+    )
 
 
 def in_ground(vectors_W: np.ndarray, ground: Ground) -> np.ndarray:
     """(n, 3) in W as seen along, across and normal to the first patch of `ground`."""
-    return vectors_W @ RotationMatrix.MakeYRotation(-np.radians(ground.patches[0].slope_deg)).matrix()
+    return (
+        vectors_W @ RotationMatrix.MakeYRotation(-np.radians(ground.patches[0].slope_deg)).matrix()
+    )
 
 
 def off(force: np.ndarray, time_s: np.ndarray, plate: PlateRecording) -> float:
     """Root mean square distance (N) of vertical forces (n,) at times (n,) from what `plate` recorded."""
-    return float(np.sqrt(np.mean((force - np.interp(time_s, plate.time_s, plate.force_W[:, 2]))**2)))
+    return float(
+        np.sqrt(np.mean((force - np.interp(time_s, plate.time_s, plate.force_W[:, 2])) ** 2))
+    )
 
 
-def summary(run: ReferenceWalk, level: ReferenceWalk, ground: Ground, body_weight_n: float) -> dict[str, float]:
+def summary(
+    run: ReferenceWalk, level: ReferenceWalk, ground: Ground, body_weight_n: float
+) -> dict[str, float]:
     """The prosthetic foot's force in the ground's axes, what the other foot felt of it, and the computing time."""
     force, rise = in_ground(run.grf_W, ground), round(0.02 / SAMPLE_S)
     return {
         "peak_bw": float(force[:, 2].max() / body_weight_n),
-        "loading_rate_bw_per_s": float((force[rise:, 2] - force[:-rise, 2]).max() / 0.02 / body_weight_n),
-        "braking_n": float(force[:, 0].min()), "propulsion_n": float(force[:, 0].max()),
+        "loading_rate_bw_per_s": float(
+            (force[rise:, 2] - force[:-rise, 2]).max() / 0.02 / body_weight_n
+        ),
+        "braking_n": float(force[:, 0].min()),
+        "propulsion_n": float(force[:, 0].max()),
         "off_level_n": float(np.abs(force - level.grf_W).max()),
-        "other_foot_off_level_n": float(np.abs(in_ground(run.intact_grf_W, ground) - level.intact_grf_W).max()),
-        "integrator_steps": run.steps, "wall_s": run.wall_s}
+        "other_foot_off_level_n": float(
+            np.abs(in_ground(run.intact_grf_W, ground) - level.intact_grf_W).max()
+        ),
+        "integrator_steps": run.steps,
+        "wall_s": run.wall_s,
+    }
 
 
 def main(out: Path, quick: bool = False) -> dict[str, ReferenceWalk]:
     """Writes grounds.json and the figure into `out`; quick: until the foot is flat, instead of the whole stance."""
     trial = trial_with(load_trial(resource(TRIAL)), load_contact(resource(CONTACT)))
-    runs = {name: walk_on(trial, ground, 0.2 if quick else np.inf) for name, ground in GROUNDS.items()}
+    runs = {
+        name: walk_on(trial, ground, 0.2 if quick else np.inf) for name, ground in GROUNDS.items()
+    }
     weight, level = GRAVITY * trial.subject.mass_kg, runs["level"]
     rows = {name: summary(run, level, GROUNDS[name], weight) for name, run in runs.items()}
     for name, row in rows.items():
         print(f"{name:6s}", "  ".join(f"{key} {value:.4g}" for key, value in row.items()))
     from_plate = {
         "prosthetic": 100.0 * off(level.grf_W[:, 2], level.time_s, trial.prosthetic_plate) / weight,
-        "intact": 100.0 * off(level.intact_grf_W[:, 2], level.time_s, trial.plates["left"]) / weight}
-    print("Level ground, off the SYNTHETIC recording (vertical, root mean square, % of body weight): prosthetic foot "
-          f"{from_plate['prosthetic']:.1f}, intact foot {from_plate['intact']:.1f}, whose contact was not fitted")
+        "intact": 100.0
+        * off(level.intact_grf_W[:, 2], level.time_s, trial.plates["left"])
+        / weight,
+    }
+    print(
+        "Level ground, off the SYNTHETIC recording (vertical, root mean square, % of body weight): prosthetic foot "
+        f"{from_plate['prosthetic']:.1f}, intact foot {from_plate['intact']:.1f}, whose contact was not fitted"
+    )
     out.mkdir(parents=True, exist_ok=True)
-    write_json(out / "grounds.json", {"trial": trial.name, "synthetic": trial.synthetic, "grounds": rows,
-                                      "level_off_recording_percent_bw": from_plate})
+    write_json(
+        out / "grounds.json",
+        {
+            "trial": trial.name,
+            "synthetic": trial.synthetic,
+            "grounds": rows,
+            "level_off_recording_percent_bw": from_plate,
+        },
+    )
     save_figure(draw(runs, GROUNDS, trial), out / "walking_over_grounds")
     return runs
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=Path("results/walking_over_grounds"))
     parser.add_argument("--quick", action="store_true", help="until the foot is flat")
     arguments = parser.parse_args()

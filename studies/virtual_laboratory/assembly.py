@@ -12,7 +12,12 @@ from virtual_laboratory.device import Device, State
 
 @compiled
 def _under_roller(
-    device: Device, hinges: np.ndarray, bars: np.ndarray, aside: float, P: np.ndarray, tangent: np.ndarray
+    device: Device,
+    hinges: np.ndarray,
+    bars: np.ndarray,
+    aside: float,
+    P: np.ndarray,
+    tangent: np.ndarray,
 ) -> tuple[int, float, float, float]:
     """The keel's line `aside` (m) from its middle below the roller: a parabola from the middle of a bar to that of the
     next, touching both, so that the roller meets no corner.
@@ -21,8 +26,10 @@ def _under_roller(
     """
     x = device.anchor[0] + device.fulcrum
     bar = 0
-    while (bar < len(device.lengths) - 2
-           and 0.5 * (hinges[bar + 1, 0] + hinges[bar + 2, 0]) + aside * bars[bar + 1, 0, 1] < x):
+    while (
+        bar < len(device.lengths) - 2
+        and 0.5 * (hinges[bar + 1, 0] + hinges[bar + 2, 0]) + aside * bars[bar + 1, 0, 1] < x
+    ):
         bar += 1
     for i in range(3):
         behind, ahead = aside * bars[bar, i, 1], aside * bars[bar + 1, i, 1]
@@ -30,7 +37,11 @@ def _under_roller(
         P[1, i] = hinges[bar + 1, i] + 0.5 * (behind + ahead)
         P[2, i] = 0.5 * (hinges[bar + 1, i] + hinges[bar + 2, i]) + ahead
     along, bend = 2.0 * (P[1, 0] - P[0, 0]), P[0, 0] - 2.0 * P[1, 0] + P[2, 0]
-    u = 2.0 * (x - P[0, 0]) / (along + math.sqrt(max(along * along + 4.0 * bend * (x - P[0, 0]), 0.0)))
+    u = (
+        2.0
+        * (x - P[0, 0])
+        / (along + math.sqrt(max(along * along + 4.0 * bend * (x - P[0, 0]), 0.0)))
+    )
     for i in range(3):
         tangent[i] = (1.0 - u) * (P[1, i] - P[0, i]) + u * (P[2, i] - P[1, i])
     return bar, (1.0 - u) * (1.0 - u), 2.0 * u * (1.0 - u), u * u
@@ -38,8 +49,15 @@ def _under_roller(
 
 @compiled
 def add_fulcrum(
-    device: Device, state: State, hinges: np.ndarray, bars: np.ndarray, axes: np.ndarray, h: float,
-    rhs: np.ndarray, H: np.ndarray, beyond: np.ndarray,
+    device: Device,
+    state: State,
+    hinges: np.ndarray,
+    bars: np.ndarray,
+    axes: np.ndarray,
+    h: float,
+    rhs: np.ndarray,
+    H: np.ndarray,
+    beyond: np.ndarray,
 ) -> None:
     """Two ends of a roller above the keel, vertical in P; `beyond` (2,) m gets how far the keel is past each.
 
@@ -74,8 +92,11 @@ def add_fulcrum(
                     moved[a] = w0 * P[0, a] + w1 * P[1, a] + w2 * P[2, a] - hinges[on, a]
                 else:
                     moved[a] = 0.5 * w1 * aside * bars[on, a, 1] + w2 * (P[2, a] - hinges[on, a])
-            row[i] = (axes[i, 0] * moved[1] - axes[i, 1] * moved[0]
-                      - grade * (axes[i, 1] * moved[2] - axes[i, 2] * moved[1]))
+            row[i] = (
+                axes[i, 0] * moved[1]
+                - axes[i, 1] * moved[0]
+                - grade * (axes[i, 1] * moved[2] - axes[i, 2] * moved[1])
+            )
         for i in range(len(axes)):
             if row[i] != 0.0:
                 rhs[6 + i] += force * row[i]
@@ -85,8 +106,17 @@ def add_fulcrum(
 
 @compiled
 def assemble(
-    device: Device, state: State, q: np.ndarray, hinges: np.ndarray, axes: np.ndarray, h: float,
-    wrench: np.ndarray, block: np.ndarray, virial: np.ndarray, rhs: np.ndarray, H: np.ndarray,
+    device: Device,
+    state: State,
+    q: np.ndarray,
+    hinges: np.ndarray,
+    axes: np.ndarray,
+    h: float,
+    wrench: np.ndarray,
+    block: np.ndarray,
+    virial: np.ndarray,
+    rhs: np.ndarray,
+    H: np.ndarray,
 ) -> None:
     """Generalised forces and the lower half of the tangent from the bodies' wrenches, blocks and sums of r f^T, which
     become those of composites."""
@@ -118,7 +148,9 @@ def assemble(
         trace = V[0, 0] + V[1, 1] + V[2, 2] - o[0] * F[3] - o[1] * F[4] - o[2] * F[5]
         along = F[3] * s[0] + F[4] * s[1] + F[5] * s[2]
         for i in range(3):
-            column[i] += trace * s[i] - V[i, 0] * s[0] - V[i, 1] * s[1] - V[i, 2] * s[2] + o[i] * along
+            column[i] += (
+                trace * s[i] - V[i, 0] * s[0] - V[i, 1] * s[1] - V[i, 2] * s[2] + o[i] * along
+            )
         for j in range(len(q)):
             below = j if j < bars else device.twist_bars[j - bars]
             if below < on or (below == on and j >= k):

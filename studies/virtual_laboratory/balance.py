@@ -54,8 +54,16 @@ class IntactPlate:
         return found * self.force[:, 2, None, None]
 
 
-def ask_balance(targets: Targets, body: Linearised, points: MassPoints, step_s: float, outer: Wrench,
-                plate: IntactPlate, added: np.ndarray, sigma: tuple[float, float]) -> np.ndarray:
+def ask_balance(
+    targets: Targets,
+    body: Linearised,
+    points: MassPoints,
+    step_s: float,
+    outer: Wrench,
+    plate: IntactPlate,
+    added: np.ndarray,
+    sigma: tuple[float, float],
+) -> np.ndarray:
     """Asks that the mass points' momenta change by gravity, the wrench `outer` and the intact plate's.
 
     Args:
@@ -74,15 +82,24 @@ def ask_balance(targets: Targets, body: Linearised, points: MassPoints, step_s: 
     rows = np.zeros((len(places), 3, 6, FUNCTIONS))
     for j, (near, factor) in enumerate(((np.s_[:-2], 1.0), (np.s_[1:-1], -2.0), (np.s_[2:], 1.0))):
         rows[1:-1, j, :3, :MOVING] = factor * weighted[near].sum(axis=1)
-        rows[1:-1, j, 3:, :MOVING] = factor * cross(lever[1:-1, ..., None], weighted[near]).sum(axis=1)
+        rows[1:-1, j, 3:, :MOVING] = factor * cross(lever[1:-1, ..., None], weighted[near]).sum(
+            axis=1
+        )
     rows[:, 1, 3:, :MOVING] += cross(points.mass[:, None, None] * J, moving[..., None]).sum(axis=1)
     rows[:, 1, :, MOVING:] -= plate.sensitivity(origin)
     targets.stencil(rows, -missing, np.repeat(sigma, 3))
     return missing
 
 
-def steadying(body: Linearised, points: MassPoints, step_s: float, outer: Wrench, plate: IntactPlate,
-              added: np.ndarray, stride: np.ndarray) -> np.ndarray:
+def steadying(
+    body: Linearised,
+    points: MassPoints,
+    step_s: float,
+    outer: Wrench,
+    plate: IntactPlate,
+    added: np.ndarray,
+    stride: np.ndarray,
+) -> np.ndarray:
     """(6,) constants which, added to the functions `PLATE`, leave the body the momenta it moves with over `stride`.
 
     Momentum and angular momentum change by the sum of what is missing, of these the plate takes over all.
@@ -91,11 +108,19 @@ def steadying(body: Linearised, points: MassPoints, step_s: float, outer: Wrench
         stride: (N,) bool, instants of one stride; the others as in `ask_balance`.
     """
     missing, origin, _, _ = _missing(body, points, step_s, outer, plate, added)
-    return np.linalg.solve(plate.sensitivity(origin)[stride].sum(axis=0), missing[stride].sum(axis=0))
+    return np.linalg.solve(
+        plate.sensitivity(origin)[stride].sum(axis=0), missing[stride].sum(axis=0)
+    )
 
 
-def _missing(body: Linearised, points: MassPoints, step_s: float, outer: Wrench, plate: IntactPlate, added: np.ndarray
-             ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _missing(
+    body: Linearised,
+    points: MassPoints,
+    step_s: float,
+    outer: Wrench,
+    plate: IntactPlate,
+    added: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What `ask_balance` returns; then the centre of mass (N, 3), the points (N, P, 3) and their accelerations less
     gravity's."""
     places = points.places(body.R_WB, body.p_WB)
@@ -120,5 +145,9 @@ def triangle_mean(values: np.ndarray, every: int) -> np.ndarray:
     """
     rising = (np.arange(every) + 0.5) / every**2
     weights = np.concatenate([rising, rising[::-1]])
-    padded = np.concatenate([np.repeat(values[:1], every - 1, axis=0), values, np.repeat(values[-1:], every, axis=0)])
-    return np.column_stack([np.convolve(column, weights, mode="valid") for column in padded.T])[::every]
+    padded = np.concatenate(
+        [np.repeat(values[:1], every - 1, axis=0), values, np.repeat(values[-1:], every, axis=0)]
+    )
+    return np.column_stack([np.convolve(column, weights, mode="valid") for column in padded.T])[
+        ::every
+    ]

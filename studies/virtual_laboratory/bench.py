@@ -59,7 +59,9 @@ def _equilibrium(device: Device, load_point: float, load: float, q: np.ndarray) 
     loaded = starts < load_point
     later = np.maximum.outer(np.arange(count), np.arange(count))
     hinges, bars, axes = np.empty((count + 1, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
-    flat = device._replace(twist_bars=device.twist_bars[:0])  # nothing twists in the plane of symmetry
+    flat = device._replace(
+        twist_bars=device.twist_bars[:0]
+    )  # nothing twists in the plane of symmetry
     state = new_state(flat)
     q = q.copy()
     for _ in range(_ITERATIONS):
@@ -70,7 +72,9 @@ def _equilibrium(device: Device, load_point: float, load: float, q: np.ndarray) 
         rhs, H = np.zeros(6 + count), np.zeros((6 + count, 6 + count))
         add_fulcrum(flat, state, hinges, bars, axes, np.inf, rhs, H, np.empty(2))
         lower = H[6:, 6:]
-        tangent = lower + np.tril(lower, -1).T + np.diag(device.hinge_stiffness) + load * drop[later]
+        tangent = (
+            lower + np.tril(lower, -1).T + np.diag(device.hinge_stiffness) + load * drop[later]
+        )
         change = np.linalg.solve(tangent, rhs[6:] + load * lever - device.hinge_stiffness * q)
         size = float(np.max(np.abs(change)))
         q += change * min(1.0, 0.1 / max(size, 0.1))
@@ -83,10 +87,14 @@ def shoe_compression(design: Design, load: float) -> float:
     """Compression (m) of the foam between keel and the load shoe."""
     device, frame = bench_device(design, design.support and design.support.rearmost_m), design.frame
     starts = np.concatenate(([0.0], np.cumsum(device.lengths)[:-1]))
-    x = np.where(device.bodies > 0, starts[np.maximum(device.bodies, 1) - 1] + device.points[:, 0], -1.0)
+    x = np.where(
+        device.bodies > 0, starts[np.maximum(device.bodies, 1) - 1] + device.points[:, 0], -1.0
+    )
     cells = np.abs(x - frame.load_point_m) <= 0.5 * frame.patch_m
     # the shoe lies flush: it follows the sole's line, so only the rounding of the edges leaves a gap
-    lowest = np.array([np.min(device.points[cells & (np.abs(x - at) < 1e-9), 2]) for at in x[cells]])
+    lowest = np.array(
+        [np.min(device.points[cells & (np.abs(x - at) < 1e-9), 2]) for at in x[cells]]
+    )
     return _compression(device, cells, device.points[cells, 2] - lowest, load)
 
 
@@ -103,7 +111,9 @@ def _compression(device: Device, cells: np.ndarray, gaps: np.ndarray, load: floa
 def forefoot_curve(design: Design, fulcrum: float | None, loads: np.ndarray) -> np.ndarray:
     """Travel (m) of the machine at `loads` (N, increasing) with the fulcrum at `fulcrum` (m from A)."""
     device, point = bench_device(design, fulcrum), design.frame.load_point_m
-    keel = [point_height(device, np.cumsum(q), point) for q in keel_under_load(device, point, loads)]
+    keel = [
+        point_height(device, np.cumsum(q), point) for q in keel_under_load(device, point, loads)
+    ]
     return np.array(keel) + np.array([shoe_compression(design, float(load)) for load in loads])
 
 
@@ -133,8 +143,10 @@ def tuned(design: Design) -> Design:
 
     def with_(keel: float, fore: float, heel: float) -> Design:
         return dataclasses.replace(
-            design, keel=dataclasses.replace(design.keel, modulus_pa=keel),
-            sole=dataclasses.replace(design.sole, foam_modulus_pa=fore, heel_modulus_pa=heel))
+            design,
+            keel=dataclasses.replace(design.keel, modulus_pa=keel),
+            sole=dataclasses.replace(design.sole, foam_modulus_pa=fore, heel_modulus_pa=heel),
+        )
 
     heel = brentq(lambda e: heel_stiffness(with_(1e10, 5e5, e)) - PUBLISHED_HEEL_N_PER_M, 2e5, 4e6)
 
@@ -152,10 +164,14 @@ def tuned(design: Design) -> Design:
 def main() -> None:
     """Prints the bench table, tuned anew if asked."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--tune", action="store_true", help="solve for the moduli instead of taking design.py's")
+    parser.add_argument(
+        "--tune", action="store_true", help="solve for the moduli instead of taking design.py's"
+    )
     design = tuned(Design()) if parser.parse_args().tune else Design()
     print(f"modulus_pa {design.keel.modulus_pa:.5g}")
-    print(f"foam_modulus_pa {design.sole.foam_modulus_pa:.5g}, heel_modulus_pa {design.sole.heel_modulus_pa:.5g}")
+    print(
+        f"foam_modulus_pa {design.sole.foam_modulus_pa:.5g}, heel_modulus_pa {design.sole.heel_modulus_pa:.5g}"
+    )
     for fulcrum in (0.066, 0.087, 0.108, 0.129, 0.150, 0.151):
         print(f"{1e3 * fulcrum:5.0f} mm {1e-3 * forefoot_stiffness(design, fulcrum):7.3f} N/mm")
     print(f"heel     {1e-3 * heel_stiffness(design):7.3f} N/mm")

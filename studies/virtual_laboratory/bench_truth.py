@@ -27,7 +27,9 @@ FULCRUM_SD_M, TRAVEL_SD, LOAD_SD_N = 3e-4, 0.01, 1.0
 REFERENCE = "SYNTHETIC bench of the reference subject's foot"
 
 
-def measured_curves(design: Design, seed: int | None = None) -> dict[int | None, tuple[np.ndarray, np.ndarray]]:
+def measured_curves(
+    design: Design, seed: int | None = None
+) -> dict[int | None, tuple[np.ndarray, np.ndarray]]:
     """Travel (m) and load (N), (n,) each, by fulcrum position (mm), the heel's at None.
 
     A foot without a support has its forefoot curve at 0. With `seed` there are errors of a test.
@@ -42,7 +44,9 @@ def measured_curves(design: Design, seed: int | None = None) -> dict[int | None,
             travel = heel_curve(design, LOADS)
         else:
             support = design.support
-            where = support and float(np.clip(1e-3 * fulcrum + place, support.rearmost_m, support.foremost_m))
+            where = support and float(
+                np.clip(1e-3 * fulcrum + place, support.rearmost_m, support.foremost_m)
+            )
             travel = forefoot_curve(design, where, LOADS)
         curves[fulcrum] = (1.0 + scale) * travel, LOADS + noise
     return curves
@@ -55,16 +59,27 @@ def stiffness_n_per_mm(travel_m: np.ndarray, load_n: np.ndarray) -> float:
 
 
 def write_bench(
-    folder: Path, design: Design | None = None, *, name: str = REFERENCE, notice: str = NOTICE, seed: int | None = None
+    folder: Path,
+    design: Design | None = None,
+    *,
+    name: str = REFERENCE,
+    notice: str = NOTICE,
+    seed: int | None = None,
 ) -> Path:
     """`bench.yaml` in `folder`, of a foot with a support: the reference subject's where None."""
     if LOADS_N[0] != STIFFNESS_ABOVE_N:
-        raise RuntimeError(f"the virtual bench takes the slope from {LOADS_N[0]:g} N, bench files from "
-                           f"{STIFFNESS_ABOVE_N:g} N")
+        raise RuntimeError(
+            f"the virtual bench takes the slope from {LOADS_N[0]:g} N, bench files from "
+            f"{STIFFNESS_ABOVE_N:g} N"
+        )
     folder.mkdir(parents=True, exist_ok=True)
     design = design or Design()
-    stiffness = {x: stiffness_n_per_mm(*curve) for x, curve in measured_curves(design, seed).items()}
-    settings = "".join(f"  - {{fulcrum_mm: {x}, stiffness_n_per_mm: {stiffness[x]:.3f}}}\n" for x in FULCRUMS_MM)
+    stiffness = {
+        x: stiffness_n_per_mm(*curve) for x, curve in measured_curves(design, seed).items()
+    }
+    settings = "".join(
+        f"  - {{fulcrum_mm: {x}, stiffness_n_per_mm: {stiffness[x]:.3f}}}\n" for x in FULCRUMS_MM
+    )
     with replaced(folder / "bench.yaml") as stream:
         stream.write(
             f"# {notice.replace('walked', 'measured')}.\n"
@@ -72,20 +87,30 @@ def write_bench(
             f"{1e3 * design.frame.load_point_m:.0f} mm from\n"
             f"# the keel's posterior end; static, {'no noise' if seed is None else 'with the errors of a test'}. "
             f"Stiffness is the mean slope from {LOADS_N[0]:g} to {LOADS_N[1]:g} N.\n"
-            + ("# That foot was tuned to 10 and 32 N/mm (Glanzer & Adamczyk 2018, PMC6289620) and to a heel of 65\n"
-               "# (McGeehan 2021, doi 10.1115/1.4050456); what lies between follows.\n" if design == Design() else "")
+            + (
+                "# That foot was tuned to 10 and 32 N/mm (Glanzer & Adamczyk 2018, PMC6289620) and to a heel of 65\n"
+                "# (McGeehan 2021, doi 10.1115/1.4050456); what lies between follows.\n"
+                if design == Design()
+                else ""
+            )
             + "# The uncertainty is a choice.\n"
             f"name: {name}\n"
             "synthetic: true\n"
             f"forefoot:\n{settings}"
             f"heel_stiffness_n_per_mm: {stiffness[None]:.3f}\n"
             f"stiffness_uncertainty_n_per_mm: {UNCERTAINTY_N_PER_MM:g}\n"
-            f"max_load_n: {LOADS_N[1]:g}\n")
+            f"max_load_n: {LOADS_N[1]:g}\n"
+        )
     return folder / "bench.yaml"
 
 
 def write_bench_curves(
-    folder: Path, design: Design | None = None, *, name: str = REFERENCE, notice: str = NOTICE, seed: int | None = None
+    folder: Path,
+    design: Design | None = None,
+    *,
+    name: str = REFERENCE,
+    notice: str = NOTICE,
+    seed: int | None = None,
 ) -> Path:
     """`bench_curves.csv` in `folder`, of a foot with a support: the reference subject's where None."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -99,7 +124,8 @@ def write_bench_curves(
             f"{'no noise' if seed is None else 'with the errors of a test'}, one pass a setting.\n"
             f"# name: {name}\n"
             "# synthetic: true\n"
-            "fulcrum_mm,displacement_mm,load_n\n")
+            "fulcrum_mm,displacement_mm,load_n\n"
+        )
         for fulcrum, (travel_m, load_n) in measured_curves(design, seed).items():
             for travel, load in zip(travel_m, load_n, strict=True):
                 stream.write(f"{fulcrum or ''},{1e3 * travel:.4f},{round(load, 2):g}\n")

@@ -34,8 +34,14 @@ class Trunk:
     p_WL: np.ndarray
 
 
-def close(time_s: np.ndarray, points: MassPoints, R_WB: np.ndarray, p_WB: np.ndarray, acting: Wrench,
-          near: Trunk) -> Trunk:
+def close(
+    time_s: np.ndarray,
+    points: MassPoints,
+    R_WB: np.ndarray,
+    p_WB: np.ndarray,
+    acting: Wrench,
+    near: Trunk,
+) -> Trunk:
     """The trunk that balances the body.
 
     Args:
@@ -48,7 +54,10 @@ def close(time_s: np.ndarray, points: MassPoints, R_WB: np.ndarray, p_WB: np.nda
     mass, trunk_kg = points.mass.sum(), points.mass[own].sum()
     centre_H = points.mass[own] @ points.p_B[own] / trunk_kg
     apart = points.p_B[own] - centre_H
-    inertia = np.sum(points.mass[own] @ np.square(apart)) * np.eye(3) - (points.mass[own] * apart.T) @ apart
+    inertia = (
+        np.sum(points.mass[own] @ np.square(apart)) * np.eye(3)
+        - (points.mass[own] * apart.T) @ apart
+    )
     rest = MassPoints(points.segment[~own], points.p_B[~own], points.mass[~own])
 
     # The centres of mass, of everything and of the trunk.
@@ -58,8 +67,11 @@ def close(time_s: np.ndarray, points: MassPoints, R_WB: np.ndarray, p_WB: np.nda
     force[0] = 0.0
     fast = step_s / mass * np.cumsum(force, axis=0)
     far = step_s * (np.cumsum(fast, axis=0) - 0.5 * (fast + fast[0]))
-    wished = mass * far - np.einsum("p,npi->ni", rest.mass, x) - trunk_kg * (
-        near.p_WL + near.R_WH @ centre_H)
+    wished = (
+        mass * far
+        - np.einsum("p,npi->ni", rest.mass, x)
+        - trunk_kg * (near.p_WL + near.R_WH @ centre_H)
+    )
     start = np.linalg.lstsq(_line(time_s), -wished / mass, rcond=None)[0]
     body_x, body_v = far + _line(time_s) @ start, fast + start[1]
     trunk_x = (mass * body_x - np.einsum("p,npi->ni", rest.mass, x)) / trunk_kg
@@ -109,7 +121,9 @@ def _turn(R: np.ndarray, spin: np.ndarray, inertia: np.ndarray, step_s: float) -
     return found
 
 
-def missing(reaction: Reaction, intact: Wrench, points: MassPoints, R_WB: np.ndarray, p_WB: np.ndarray) -> Wrench:
+def missing(
+    reaction: Reaction, intact: Wrench, points: MassPoints, R_WB: np.ndarray, p_WB: np.ndarray
+) -> Wrench:
     """What both plates and weight do not explain of the whole person's motion: force (N) and moment (N m) about the
     whole body's centre of mass, (n, 3); zero at both ends.
 
@@ -127,10 +141,16 @@ def missing(reaction: Reaction, intact: Wrench, points: MassPoints, R_WB: np.nda
     lever = (places - centre[:, None])[1:-1]
     found = []
     for total, carried, own in (
-            (points.mass @ accelerated, reaction.force + intact.force, reaction.linear_momentum),
-            (np.einsum("p,npi->ni", points.mass, np.cross(lever, accelerated)), reaction.moment + intact.moment,
-             reaction.angular_momentum)):
-        found.append(total + (own[2:] - own[:-2]) / (2.0 * step_s) - 0.5 * (carried[1:-1] + carried[2:]))
+        (points.mass @ accelerated, reaction.force + intact.force, reaction.linear_momentum),
+        (
+            np.einsum("p,npi->ni", points.mass, np.cross(lever, accelerated)),
+            reaction.moment + intact.moment,
+            reaction.angular_momentum,
+        ),
+    ):
+        found.append(
+            total + (own[2:] - own[:-2]) / (2.0 * step_s) - 0.5 * (carried[1:-1] + carried[2:])
+        )
     about = (reaction.linear_momentum[2:] - reaction.linear_momentum[:-2]) / (2.0 * step_s)
     carried = reaction.force + intact.force
     moment = found[1] - np.cross(centre[1:-1], about - 0.5 * (carried[1:-1] + carried[2:]))

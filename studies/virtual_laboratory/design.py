@@ -164,11 +164,24 @@ def longer(design: Design, scale: float) -> Design:
     keel and sole are longer, the sole is wider, and the taper, the rocker, the toe and the point of load go along.
     """
     keel, frame, sole = design.keel, design.frame, design.sole
-    along = ("rear_m", "front_m", "rocker_centre_m", "toe_from_m", "toe_radius_m", "half_width_heel_m",
-             "half_width_fore_m")
+    along = (
+        "rear_m",
+        "front_m",
+        "rocker_centre_m",
+        "toe_from_m",
+        "toe_radius_m",
+        "half_width_heel_m",
+        "half_width_fore_m",
+    )
     return dataclasses.replace(
         design,
-        keel=dataclasses.replace(keel, **{name: scale * getattr(keel, name)
-                                          for name in ("length_m", "thickness_from_m", "width_from_m")}),
+        keel=dataclasses.replace(
+            keel,
+            **{
+                name: scale * getattr(keel, name)
+                for name in ("length_m", "thickness_from_m", "width_from_m")
+            },
+        ),
         frame=dataclasses.replace(frame, load_point_m=scale * frame.load_point_m),
-        sole=dataclasses.replace(sole, **{name: scale * getattr(sole, name) for name in along}))
+        sole=dataclasses.replace(sole, **{name: scale * getattr(sole, name) for name in along}),
+    )

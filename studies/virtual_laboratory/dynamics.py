@@ -32,7 +32,9 @@ LARGEST_CORRECTION = 0.05
 
 
 @compiled
-def chain(device: Device, q: np.ndarray, hinges: np.ndarray, bars: np.ndarray, axes: np.ndarray) -> None:
+def chain(
+    device: Device, q: np.ndarray, hinges: np.ndarray, bars: np.ndarray, axes: np.ndarray
+) -> None:
     """Hinge positions (N + 1, 3; the last is the tip), the bars' rotations (N, 3, 3) and hinge axes (N + T, 3) in P."""
     count, t = len(device.lengths), 0
     R = np.eye(3)
@@ -56,20 +58,29 @@ def chain(device: Device, q: np.ndarray, hinges: np.ndarray, bars: np.ndarray, a
 
 
 @compiled
-def cell_in_p(device: Device, k: int, hinges: np.ndarray, bars: np.ndarray) -> tuple[float, float, float]:
+def cell_in_p(
+    device: Device, k: int, hinges: np.ndarray, bars: np.ndarray
+) -> tuple[float, float, float]:
     """Position in P of foam cell `k`."""
     body = device.bodies[k] - 1
     a, b, c = device.points[k, 0], device.points[k, 1], device.points[k, 2]
     if body < 0:
         return a, b, c
-    return (hinges[body, 0] + bars[body, 0, 0] * a + bars[body, 0, 1] * b + bars[body, 0, 2] * c,
-            hinges[body, 1] + bars[body, 1, 0] * a + bars[body, 1, 1] * b + bars[body, 1, 2] * c,
-            hinges[body, 2] + bars[body, 2, 0] * a + bars[body, 2, 1] * b + bars[body, 2, 2] * c)
+    return (
+        hinges[body, 0] + bars[body, 0, 0] * a + bars[body, 0, 1] * b + bars[body, 0, 2] * c,
+        hinges[body, 1] + bars[body, 1, 0] * a + bars[body, 1, 1] * b + bars[body, 1, 2] * c,
+        hinges[body, 2] + bars[body, 2, 0] * a + bars[body, 2, 1] * b + bars[body, 2, 2] * c,
+    )
 
 
 @compiled
 def add_point(
-    wrench: np.ndarray, block: np.ndarray, virial: np.ndarray, r: np.ndarray, f: np.ndarray, D: np.ndarray
+    wrench: np.ndarray,
+    block: np.ndarray,
+    virial: np.ndarray,
+    r: np.ndarray,
+    f: np.ndarray,
+    D: np.ndarray,
 ) -> None:
     """Adds force `f` (P axes) at r and its stiffness `D` (3, 3) to a body's wrench, 6 x 6 block and r f^T (3, 3)."""
     x, y, z = r[0], r[1], r[2]
@@ -93,7 +104,11 @@ def add_point(
             block[3 + i, 3 + j] += D[i, j]
     for i in range(3):
         a, b = (i + 1) % 3, (i + 2) % 3
-        e0, e1, e2 = (r[a] * D[b, 0] - r[b] * D[a, 0], r[a] * D[b, 1] - r[b] * D[a, 1], r[a] * D[b, 2] - r[b] * D[a, 2])
+        e0, e1, e2 = (
+            r[a] * D[b, 0] - r[b] * D[a, 0],
+            r[a] * D[b, 1] - r[b] * D[a, 1],
+            r[a] * D[b, 2] - r[b] * D[a, 2],
+        )
         block[i, 0] += e2 * y - e1 * z
         block[i, 1] += e0 * z - e2 * x
         block[i, 2] += e1 * x - e0 * y
@@ -101,8 +116,15 @@ def add_point(
 
 @compiled
 def add_masses(
-    device: Device, state: State, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, h: float,
-    wrench: np.ndarray, block: np.ndarray, virial: np.ndarray,
+    device: Device,
+    state: State,
+    R: np.ndarray,
+    p: np.ndarray,
+    hinges: np.ndarray,
+    h: float,
+    wrench: np.ndarray,
+    block: np.ndarray,
+    virial: np.ndarray,
 ) -> None:
     """Inertia and weight of every mass point."""
     rigid, bars = len(device.masses), len(device.lengths)
@@ -127,8 +149,18 @@ def add_masses(
 
 @compiled
 def add_ground(
-    device: Device, state: State, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, bars: np.ndarray, h: float,
-    wrench: np.ndarray, block: np.ndarray, virial: np.ndarray, forces: np.ndarray, shear: np.ndarray,
+    device: Device,
+    state: State,
+    R: np.ndarray,
+    p: np.ndarray,
+    hinges: np.ndarray,
+    bars: np.ndarray,
+    h: float,
+    wrench: np.ndarray,
+    block: np.ndarray,
+    virial: np.ndarray,
+    forces: np.ndarray,
+    shear: np.ndarray,
 ) -> None:
     """Contact of every foam cell; its force (W) goes to `forces`, the remaining shear of its anchor to `shear`."""
     fw, f, r, D, DW = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros((3, 3))
@@ -141,7 +173,8 @@ def add_ground(
             continue
         rate = (min(state.cell_x[k, 2], 0.0) - height) / h
         normal, slope = foam_with_hysteresis(
-            -height, rate, h, device.foam_stiffness[k], device.dense_depth[k], device.hysteresis)
+            -height, rate, h, device.foam_stiffness[k], device.dense_depth[k], device.hysteresis
+        )
         if normal <= 0.0:
             continue
         dx = p[0] + R[0, 0] * x + R[0, 1] * y + R[0, 2] * z - state.cell_x[k, 0]
@@ -193,8 +226,15 @@ def socket_displacement(
 
 @compiled
 def add_socket(
-    device: Device, state: State, R: np.ndarray, R_S: np.ndarray, u: np.ndarray, h: float,
-    wrench: np.ndarray, block: np.ndarray, load: np.ndarray,
+    device: Device,
+    state: State,
+    R: np.ndarray,
+    R_S: np.ndarray,
+    u: np.ndarray,
+    h: float,
+    wrench: np.ndarray,
+    block: np.ndarray,
+    load: np.ndarray,
 ) -> None:
     """The limb's action on the socket; `load` gets the socket's action on the limb in S about its end."""
     s = device.socket

@@ -22,7 +22,10 @@ class Targets:
     def __init__(self, splines: Splines, size: int) -> None:
         self._splines, self._size = splines, size
         count = splines.values.shape[1]
-        self._hessian, self._gradient = np.zeros((count, size, count, size)), np.zeros((count, size))
+        self._hessian, self._gradient = (
+            np.zeros((count, size, count, size)),
+            np.zeros((count, size)),
+        )
         self._instant = np.zeros((len(splines.time_s), size, size))
         self._instant_gradient = np.zeros((len(splines.time_s), size))
 
@@ -49,7 +52,7 @@ class Targets:
         values, first = self._splines.values, self._splines.first
         for n in range(1, len(off) - 1):
             part = slice(first[n - 1], first[n + 1] + BAND)
-            rows = np.einsum("jma,jk->mka", J[n] / sigma[:, None], values[n - 1:n + 2, part])
+            rows = np.einsum("jma,jk->mka", J[n] / sigma[:, None], values[n - 1 : n + 2, part])
             flat = rows.reshape(len(sigma), -1)
             width = rows.shape[1:]
             self._hessian[part, :, part, :] += (flat.T @ flat).reshape(*width, *width)
@@ -73,11 +76,18 @@ class Targets:
         """(U, K) change of the coefficients, zero but for the functions `active`."""
         hessian, gradient = self._hessian[:, active, :, active], self._gradient[:, active].copy()
         hessian = hessian.copy()
-        for values, first, A, g in zip(self._splines.values, self._splines.first, self._instant[:, active, active],
-                                       self._instant_gradient[:, active], strict=True):
+        for values, first, A, g in zip(
+            self._splines.values,
+            self._splines.first,
+            self._instant[:, active, active],
+            self._instant_gradient[:, active],
+            strict=True,
+        ):
             part = slice(first, first + BAND)
             b = values[part]
-            hessian[part, :, part, :] += b[:, None, None, None] * A[None, :, None, :] * b[None, None, :, None]
+            hessian[part, :, part, :] += (
+                b[:, None, None, None] * A[None, :, None, :] * b[None, None, :, None]
+            )
             gradient[part] += np.outer(b, g)
         count, size = gradient.shape
         full = hessian.reshape(count * size, count * size)

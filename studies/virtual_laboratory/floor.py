@@ -28,9 +28,20 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial, default_model
 from vsf_drake.parameters import FootParameters
 
-SCORES = ("grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "cop_rmse_fl",
-          "impulse_rmse_bws", "stance_measured_s", "stance_model_s", "heel_strike_error_s", "toe_off_error_s",
-          "unconverged_steps")
+SCORES = (
+    "grf_rmse_bw",
+    "grf_r2",
+    "vertical_rmse_bw",
+    "fore_aft_rmse_bw",
+    "medio_lateral_rmse_bw",
+    "cop_rmse_fl",
+    "impulse_rmse_bws",
+    "stance_measured_s",
+    "stance_model_s",
+    "heel_strike_error_s",
+    "toe_off_error_s",
+    "unconverged_steps",
+)
 """What is kept of `walk_metrics`."""
 HIGHEST_M, HEIGHT_TOLERANCE_M = 5e-3, 5e-5
 """How far a trial's own height is searched, and to what."""
@@ -84,16 +95,32 @@ def virtual_walk(trial: Trial, trajectory: CoordinateTrajectory | None = None) -
         ValueError: the trial's prosthesis is on the left, or sits elsewhere than the virtual one.
     """
     if trial.subject.prosthetic_side != "right" or trial.offsets != GeometricOffsets():
-        raise ValueError(f"{trial.name}: the virtual prosthesis is the reference subject's: on the right, no offsets")
+        raise ValueError(
+            f"{trial.name}: the virtual prosthesis is the reference subject's: on the right, no offsets"
+        )
     path = (trajectory or trial.trajectory).ordered(COORDINATES)
     began = time.perf_counter()
-    instants = trial.start_s + np.arange(int((trial.end_s - trial.start_s) * FORCE_HZ + 1e-6) + 1) / FORCE_HZ
-    person, prosthesis = Person(trial.subject, trial.model), prosthesis_of(trial.subject, trial.fulcrum_m)
+    instants = (
+        trial.start_s
+        + np.arange(int((trial.end_s - trial.start_s) * FORCE_HZ + 1e-6) + 1) / FORCE_HZ
+    )
+    person, prosthesis = (
+        Person(trial.subject, trial.model),
+        prosthesis_of(trial.subject, trial.fulcrum_m),
+    )
     reaction = prosthesis.walk(instants, *shank_poses(person, path.time_s, path.values, instants))
     return VirtualWalk(
-        time_s=instants, grf_W=reaction.force, cop_W=reaction.cop, trajectory=path, trial_name=trial.name,
-        synthetic=trial.synthetic, subject_mass_kg=trial.subject.mass_kg, foot_length_m=trial.model.foot.length_m,
-        unconverged_steps=reaction.unconverged, wall_s=time.perf_counter() - began)
+        time_s=instants,
+        grf_W=reaction.force,
+        cop_W=reaction.cop,
+        trajectory=path,
+        trial_name=trial.name,
+        synthetic=trial.synthetic,
+        subject_mass_kg=trial.subject.mass_kg,
+        foot_length_m=trial.model.foot.length_m,
+        unconverged_steps=reaction.unconverged,
+        wall_s=time.perf_counter() - began,
+    )
 
 
 def scores(walk: VirtualWalk, plate: PlateRecording) -> dict[str, Any]:
@@ -134,8 +161,12 @@ def floor_with_height_fitted(trial: Trial, seed: int) -> dict[str, Any]:
         walk = virtual_walk(trial, CoordinateTrajectory(remaining.time_s, values, COORDINATES))
         return scores(walk, trial.prosthetic_plate)
 
-    found = minimize_scalar(lambda height: raised(height)["grf_rmse_bw"], bounds=(-HIGHEST_M, HIGHEST_M),
-                            method="bounded", options={"xatol": HEIGHT_TOLERANCE_M})
+    found = minimize_scalar(
+        lambda height: raised(height)["grf_rmse_bw"],
+        bounds=(-HIGHEST_M, HIGHEST_M),
+        method="bounded",
+        options={"xatol": HEIGHT_TOLERANCE_M},
+    )
     return {**raised(float(found.x)), "height_mm": 1e3 * float(found.x)}
 
 
@@ -146,7 +177,10 @@ def without_shared_errors(trial: Trial, seed: int) -> CoordinateTrajectory:
         ValueError: the trial is not one of the laboratory tier.
     """
     lines = (trial.path.parents[1] / "draws.csv").read_text(encoding="utf-8").splitlines()
-    draws = {row["trial"]: row for row in csv.DictReader(line for line in lines if not line.startswith("#"))}
+    draws = {
+        row["trial"]: row
+        for row in csv.DictReader(line for line in lines if not line.startswith("#"))
+    }
     if trial.path.parent.name != "laboratory" or trial.path.stem not in draws:
         raise ValueError(f"{trial.path}: only trials of the laboratory tier have shared errors")
     recorded = trial.trajectory.ordered(COORDINATES)
@@ -158,19 +192,35 @@ def without_shared_errors(trial: Trial, seed: int) -> CoordinateTrajectory:
     return CoordinateTrajectory(recorded.time_s, values, COORDINATES, source=recorded.source)
 
 
-def session_floor(prosthesis: Prosthesis, session: Session, trial: Recorded, tier: Tier) -> dict[str, Any]:
+def session_floor(
+    prosthesis: Prosthesis, session: Session, trial: Recorded, tier: Tier
+) -> dict[str, Any]:
     """Scores of the true prosthesis of a session on a trial's coordinates as written, its foot where the written
     subject has it, against the plate as written."""
     path = CoordinateTrajectory(trial.time_s, in_radians(tier.coordinates), COORDINATES)
     # A true shank S such that the foot's place P is where the written one, S', has it: X_WS = X_WS' X_S'P X_PS.
     X_FS = foot_in_shank(session.written) @ foot_in_shank(session.person).inverse()
     R_FS, p_FS = X_FS.rotation().matrix(), X_FS.translation()
-    R, p = shank_poses(Person(session.written, default_model()), path.time_s, path.values, trial.force_time_s)
+    R, p = shank_poses(
+        Person(session.written, default_model()), path.time_s, path.values, trial.force_time_s
+    )
     reaction = prosthesis.walk(trial.force_time_s, R @ R_FS, p + R @ p_FS)
     walk = VirtualWalk(
-        time_s=trial.force_time_s, grf_W=reaction.force, cop_W=reaction.cop, trajectory=path, synthetic=True,
-        trial_name=trial.draw.name, subject_mass_kg=session.person.mass_kg,
-        foot_length_m=FootParameters().length_m, unconverged_steps=reaction.unconverged, wall_s=0.0)
+        time_s=trial.force_time_s,
+        grf_W=reaction.force,
+        cop_W=reaction.cop,
+        trajectory=path,
+        synthetic=True,
+        trial_name=trial.draw.name,
+        subject_mass_kg=session.person.mass_kg,
+        foot_length_m=FootParameters().length_m,
+        unconverged_steps=reaction.unconverged,
+        wall_s=0.0,
+    )
     plate = tier.right
-    return scores(walk, PlateRecording(trial.force_time_s, plate.force, plate.cop, np.nan_to_num(plate.free_moment),
-                                       True))
+    return scores(
+        walk,
+        PlateRecording(
+            trial.force_time_s, plate.force, plate.cop, np.nan_to_num(plate.free_moment), True
+        ),
+    )

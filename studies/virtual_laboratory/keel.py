@@ -30,12 +30,18 @@ class Keel:
 
 def thickness(design: KeelDesign, x: np.ndarray) -> np.ndarray:
     """Thickness (m) at `x` (m from A)."""
-    return np.interp(x, [design.thickness_from_m, design.length_m], [design.thickness_rear_m, design.thickness_tip_m])
+    return np.interp(
+        x,
+        [design.thickness_from_m, design.length_m],
+        [design.thickness_rear_m, design.thickness_tip_m],
+    )
 
 
 def width(design: KeelDesign, x: np.ndarray) -> np.ndarray:
     """Width (m) at `x` (m from A)."""
-    return np.interp(x, [design.width_from_m, design.length_m], [design.width_rear_m, design.width_tip_m])
+    return np.interp(
+        x, [design.width_from_m, design.length_m], [design.width_rear_m, design.width_tip_m]
+    )
 
 
 def bending_stiffness(design: KeelDesign, x: np.ndarray) -> np.ndarray:
@@ -65,6 +71,10 @@ def make_keel(design: KeelDesign) -> Keel:
     masses[1:] += 0.5 * bars
     parts = np.array_split(np.arange(design.elements), design.twists) if design.twists else []
     compliance = lengths / torsional_stiffness(design, middle)
-    return Keel(lengths=lengths, stiffness=stiffness, node_masses=masses,
-                twist_bars=np.array([part[len(part) // 2] for part in parts], dtype=np.int64),
-                twist_stiffness=np.array([1.0 / np.sum(compliance[part]) for part in parts]))
+    return Keel(
+        lengths=lengths,
+        stiffness=stiffness,
+        node_masses=masses,
+        twist_bars=np.array([part[len(part) // 2] for part in parts], dtype=np.int64),
+        twist_stiffness=np.array([1.0 / np.sum(compliance[part]) for part in parts]),
+    )

@@ -35,11 +35,18 @@ def marker_places(person: Person) -> Places:
     """All markers, right and left; x forward, y left, z up in the segment's frame."""
     body = person.handles.body
     places: Places = {
-        "RASI": ("pelvis", (0.0, -0.5 * ASIS_WIDTH_M, 0.0)), "LASI": ("pelvis", (0.0, 0.5 * ASIS_WIDTH_M, 0.0)),
+        "RASI": ("pelvis", (0.0, -0.5 * ASIS_WIDTH_M, 0.0)),
+        "LASI": ("pelvis", (0.0, 0.5 * ASIS_WIDTH_M, 0.0)),
         "RPSI": ("pelvis", (-PELVIS_DEPTH_M, -0.5 * PSIS_WIDTH_M, 0.0)),
-        "LPSI": ("pelvis", (-PELVIS_DEPTH_M, 0.5 * PSIS_WIDTH_M, 0.0))}
+        "LPSI": ("pelvis", (-PELVIS_DEPTH_M, 0.5 * PSIS_WIDTH_M, 0.0)),
+    }
     for s, side, out in (("R", "right", -1.0), ("L", "left", 1.0)):
-        thigh, shank, knee, ankle = f"thigh_{side}", f"shank_{side}", body.thigh_length, body.shank_length
+        thigh, shank, knee, ankle = (
+            f"thigh_{side}",
+            f"shank_{side}",
+            body.thigh_length,
+            body.shank_length,
+        )
         places |= {
             f"{s}TH1": (thigh, (0.03, out * 0.08, -0.40 * knee)),
             f"{s}TH2": (thigh, (-0.03, out * 0.075, -0.55 * knee)),
@@ -50,14 +57,18 @@ def marker_places(person: Person) -> Places:
             f"{s}TB2": (shank, (-0.02, out * 0.06, -0.4 * ankle)),
             f"{s}TB3": (shank, (0.03, out * 0.045, -0.55 * ankle)),
             f"{s}LMAL": (shank, (0.0, out * ANKLE_HALF_WIDTH_M, -ankle)),
-            f"{s}MMAL": (shank, (0.0, -out * ANKLE_HALF_WIDTH_M, -ankle))}
+            f"{s}MMAL": (shank, (0.0, -out * ANKLE_HALF_WIDTH_M, -ankle)),
+        }
     length, heel = body.foot_length, -person.model.intact_foot.ankle_x_ratio * body.foot_length
     for s, segment, rear, floor, size, out in (
-            ("R", "vsf_frame", 0.0, person.sole_height, length, -1.0),
-            ("L", "foot_left", heel, -body.ankle_height, length, 1.0)):
-        places |= {f"{s}CAL": (segment, (rear - 0.009, 0.0, floor + 0.03)),
-                   f"{s}TOE": (segment, (rear + 0.72 * size, 0.0, floor + 0.05)),
-                   f"{s}MT5": (segment, (rear + 0.65 * size, out * 0.04, floor + 0.03))}
+        ("R", "vsf_frame", 0.0, person.sole_height, length, -1.0),
+        ("L", "foot_left", heel, -body.ankle_height, length, 1.0),
+    ):
+        places |= {
+            f"{s}CAL": (segment, (rear - 0.009, 0.0, floor + 0.03)),
+            f"{s}TOE": (segment, (rear + 0.72 * size, 0.0, floor + 0.05)),
+            f"{s}MT5": (segment, (rear + 0.65 * size, out * 0.04, floor + 0.03)),
+        }
     return places
 
 
@@ -73,6 +84,7 @@ def follow(person: Person, q: np.ndarray) -> dict[str, np.ndarray]:
 
 def shortening(prosthesis: Prosthesis, load_n: float) -> float:
     """How much (m) the upright prosthesis gives under a vertical load."""
+
     def beyond(depth: float) -> float:
         prosthesis.reset(np.eye(3), np.array([0.0, 0.0, prosthesis.sole_below_knee - depth]))
         return float(prosthesis.force[2]) - load_n
@@ -84,9 +96,16 @@ def standing(person: Person, shorter_m: float) -> np.ndarray:
     """(N, 21) upright on both feet for STANDING_S, knees straight, the right leg `shorter_m` under load."""
     body = person.handles.body
     slope = float(np.arcsin(0.5 * shorter_m / body.hip_lateral))
-    place = {"pelvis_list": slope, "hip_adduction_r": -slope, "hip_adduction_l": slope,
-             "pelvis_ty": body.thigh_length + body.shank_length + body.ankle_height - body.hip_up * np.cos(slope)
-             - body.hip_lateral * np.sin(slope)}
+    place = {
+        "pelvis_list": slope,
+        "hip_adduction_r": -slope,
+        "hip_adduction_l": slope,
+        "pelvis_ty": body.thigh_length
+        + body.shank_length
+        + body.ankle_height
+        - body.hip_up * np.cos(slope)
+        - body.hip_lateral * np.sin(slope),
+    }
     upright = np.array([place.get(name, 0.0) for name in COORDINATES])
     return np.tile(upright, (round(STANDING_S * MARKER_HZ) + 1, 1))
 
@@ -94,7 +113,9 @@ def standing(person: Person, shorter_m: float) -> np.ndarray:
 def write_standing(folder: Path, person: Person) -> None:
     """`static.trc` in `folder`: half of the weight on the prosthesis, its fulcrum in mid-range."""
     folder.mkdir(parents=True, exist_ok=True)
-    shorter_m = shortening(prosthesis_of(person.subject, 0.108), 0.5 * GRAVITY * person.subject.mass_kg)
+    shorter_m = shortening(
+        prosthesis_of(person.subject, 0.108), 0.5 * GRAVITY * person.subject.mass_kg
+    )
     _write(folder / "static.trc", follow(person, standing(person, shorter_m)))
 
 

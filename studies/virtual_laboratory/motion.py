@@ -23,9 +23,17 @@ from vsf_drake.parameters import ModelParameters, Subject, person_coordinates
 from vsf_drake.plants.foot import sole_height
 from vsf_drake.plants.person import add_person
 
-ANGLES = Path(__file__).resolve().parents[2] / "data" / "published" / "able_bodied_angles_1p1mps.csv"
-LEG = {"hip_flexion": "hip_flexion", "hip_adduction": "hip_adduction", "hip_rotation": "hip_rotation",
-       "knee_angle": "knee_flexion", "knee_adduction": "knee_adduction", "knee_rotation": "knee_rotation"}
+ANGLES = (
+    Path(__file__).resolve().parents[2] / "data" / "published" / "able_bodied_angles_1p1mps.csv"
+)
+LEG = {
+    "hip_flexion": "hip_flexion",
+    "hip_adduction": "hip_adduction",
+    "hip_rotation": "hip_rotation",
+    "knee_angle": "knee_flexion",
+    "knee_adduction": "knee_adduction",
+    "knee_rotation": "knee_rotation",
+}
 COORDINATES = person_coordinates("right")
 TRUNK = ("trunk_tx", "trunk_ty", "trunk_tz", "trunk_list", "trunk_pitch", "trunk_turn")
 """Of head, arms and trunk: the lumbar joint's shift from its place in the pelvis (m, along W's axes), then the angles
@@ -58,7 +66,9 @@ class Linearised:
 
     def point(self, segment: int, p_B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A point fixed in a segment, p_B (N, 3) or (3,) m: where it is (N, 3) m in W, and its (N, 3, 27) Jacobian."""
-        lever = np.einsum("nij,nj->ni", self.R_WB[:, segment], np.broadcast_to(p_B, self.p_WB[:, segment].shape))
+        lever = np.einsum(
+            "nij,nj->ni", self.R_WB[:, segment], np.broadcast_to(p_B, self.p_WB[:, segment].shape)
+        )
         return self.p_WB[:, segment] + lever, self.forward(segment, lever)
 
     def forward(self, segment: int, lever_W: np.ndarray) -> np.ndarray:
@@ -69,9 +79,14 @@ class Linearised:
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a x b along the last axis but one, of shapes that broadcast."""
-    return np.stack([a[..., 1, :] * b[..., 2, :] - a[..., 2, :] * b[..., 1, :],
-                     a[..., 2, :] * b[..., 0, :] - a[..., 0, :] * b[..., 2, :],
-                     a[..., 0, :] * b[..., 1, :] - a[..., 1, :] * b[..., 0, :]], axis=-2)
+    return np.stack(
+        [
+            a[..., 1, :] * b[..., 2, :] - a[..., 2, :] * b[..., 1, :],
+            a[..., 2, :] * b[..., 0, :] - a[..., 0, :] * b[..., 2, :],
+            a[..., 0, :] * b[..., 1, :] - a[..., 1, :] * b[..., 0, :],
+        ],
+        axis=-2,
+    )
 
 
 class Person:
@@ -108,30 +123,41 @@ class Person:
             X[k] = [body.EvalPoseInWorld(self._context).GetAsMatrix34() for body in self._bodies]
         return X[..., :3], X[..., 3]
 
-    def with_trunk(self, R_WB: np.ndarray, p_WB: np.ndarray, R_WH: np.ndarray, shift: np.ndarray
-                   ) -> tuple[np.ndarray, np.ndarray]:
+    def with_trunk(
+        self, R_WB: np.ndarray, p_WB: np.ndarray, R_WH: np.ndarray, shift: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The legs' poses and the trunk's, turned R_WH (N, 3, 3) and shifted (N, 3) m from its place in the pelvis."""
         lumbar = p_WB[:, PELVIS] + R_WB[:, PELVIS] @ self.p_PL + shift
-        return np.concatenate([R_WB, R_WH[:, None]], axis=1), np.concatenate([p_WB, lumbar[:, None]], axis=1)
+        return np.concatenate([R_WB, R_WH[:, None]], axis=1), np.concatenate(
+            [p_WB, lumbar[:, None]], axis=1
+        )
 
     def linearise(self, u: np.ndarray) -> Linearised:
         """Poses and their Jacobians for coordinates and trunk u (N, 27)."""
         world, count = self._plant.world_frame(), len(COORDINATES)
         R_WB, p_WB = self.leg_poses(u[:, :count])
-        R_WB, p_WB = self.with_trunk(R_WB, p_WB, trunk_turn(u[:, count + 3:]).as_matrix(), u[:, count:count + 3])
+        R_WB, p_WB = self.with_trunk(
+            R_WB, p_WB, trunk_turn(u[:, count + 3 :]).as_matrix(), u[:, count : count + 3]
+        )
         J_WB = np.zeros((len(u), len(SEGMENTS), 6, MOVING))
         for k, row in enumerate(u):
             self._set(row[:count])
             for i, body in enumerate(self._bodies):
                 J_WB[k, i, :, :count] = self._plant.CalcJacobianSpatialVelocity(
-                    self._context, JacobianWrtVariable.kV, body.body_frame(), np.zeros(3), world, world)[
-                        :, self._velocity]
+                    self._context,
+                    JacobianWrtVariable.kV,
+                    body.body_frame(),
+                    np.zeros(3),
+                    world,
+                    world,
+                )[:, self._velocity]
         lever = R_WB[:, PELVIS] @ self.p_PL
         J_WB[:, HAT, 3:] = J_WB[:, PELVIS, 3:] + cross(J_WB[:, PELVIS, :3], lever[:, :, None])
-        J_WB[:, HAT, 3:, count:count + 3] = np.eye(3)
+        J_WB[:, HAT, 3:, count : count + 3] = np.eye(3)
         turn, pitch = u[:, -1], u[:, -2]
-        J_WB[:, HAT, :3, -3] = np.column_stack([np.cos(turn) * np.cos(pitch), np.sin(turn) * np.cos(pitch),
-                                                -np.sin(pitch)])
+        J_WB[:, HAT, :3, -3] = np.column_stack(
+            [np.cos(turn) * np.cos(pitch), np.sin(turn) * np.cos(pitch), -np.sin(pitch)]
+        )
         J_WB[:, HAT, :3, -2] = np.column_stack([-np.sin(turn), np.cos(turn), np.zeros(len(u))])
         J_WB[:, HAT, 2, -1] = 1.0
         return Linearised(R_WB, p_WB, J_WB)
@@ -188,27 +214,39 @@ def base_motion(draw: Draw, time_s: np.ndarray) -> np.ndarray:
         turn = 2 * np.pi * np.multiply.outer(phase, np.arange(1, (len(a) + 1) // 2))
         return a[0] + scale * (np.cos(turn) @ a[1::2] + np.sin(turn) @ a[2::2])
 
-    angles = {"pelvis_tilt": -wave("pelvis_anterior_tilt", right) - draw.tilt_deg,
-              "pelvis_list": -wave("pelvis_up", right, draw.list_scale),
-              "pelvis_rotation": wave("pelvis_forward", right, draw.rotation_scale)}
+    angles = {
+        "pelvis_tilt": -wave("pelvis_anterior_tilt", right) - draw.tilt_deg,
+        "pelvis_list": -wave("pelvis_up", right, draw.list_scale),
+        "pelvis_rotation": wave("pelvis_forward", right, draw.rotation_scale),
+    }
     for side, phase in (("r", right), ("l", left)):
-        angles |= {f"{name}_{side}": wave(published, phase, stretch if name == "hip_flexion" else 1.0)
-                   for name, published in LEG.items()}
+        angles |= {
+            f"{name}_{side}": wave(published, phase, stretch if name == "hip_flexion" else 1.0)
+            for name, published in LEG.items()
+        }
         angles[f"hip_flexion_{side}"] += draw.tilt_deg
     published_peak = float(wave("knee_flexion", np.array([LOADING_PEAK]))[0])
-    for side, phase, higher in (("r", right, draw.knee_loading_deg - published_peak),
-                                ("l", left, KNEE_DEG_PER_SPEED * draw.faster_m_per_s)):
+    for side, phase, higher in (
+        ("r", right, draw.knee_loading_deg - published_peak),
+        ("l", left, KNEE_DEG_PER_SPEED * draw.faster_m_per_s),
+    ):
         off = ((phase - LOADING_PEAK + 0.5) % 1.0 - 0.5) / LOADING_WIDTH
         angles[f"knee_angle_{side}"] += higher * np.exp(-0.5 * off**2)
     angles["ankle_angle_l"] = wave("ankle_dorsiflexion", left)
     values = {name: np.radians(curve) for name, curve in angles.items()}
     values["pelvis_tx"] = draw.speed_m_per_s * (time_s - 0.5 * draw.stance_s)
-    values["pelvis_tz"] = SWAY_M * np.cos(2.0 * np.pi * (time_s - 0.5 * draw.stance_s) / draw.stride_s)
+    values["pelvis_tz"] = SWAY_M * np.cos(
+        2.0 * np.pi * (time_s - 0.5 * draw.stance_s) / draw.stride_s
+    )
     values["trunk_turn"] = -values["pelvis_rotation"]
-    return np.column_stack([values.get(name, np.zeros(len(time_s))) for name in COORDINATES + TRUNK])
+    return np.column_stack(
+        [values.get(name, np.zeros(len(time_s))) for name in COORDINATES + TRUNK]
+    )
 
 
 def _read_series() -> dict[str, np.ndarray]:
     """Angle -> (1 + 2 * harmonics,) coefficients a0, a1, b1, a2, ... in degrees."""
-    rows = list(csv.reader(line for line in ANGLES.read_text().splitlines() if not line.startswith("#")))
+    rows = list(
+        csv.reader(line for line in ANGLES.read_text().splitlines() if not line.startswith("#"))
+    )
     return {row[0]: np.array(row[1:-1], dtype=float) for row in rows[1:]}

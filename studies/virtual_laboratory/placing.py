@@ -15,10 +15,32 @@ import numpy as np
 from virtual_laboratory.balance import FUNCTIONS, PLATE, IntactPlate, Wrench, ask_balance
 from virtual_laboratory.body import DEVICE, INTACT_FOOT, SHANK, MassPoints, body_points
 from virtual_laboratory.fitting import Targets
-from virtual_laboratory.motion import COORDINATES, MOVING, TRUNK, Linearised, Person, Splines, cross, make_splines
+from virtual_laboratory.motion import (
+    COORDINATES,
+    MOVING,
+    TRUNK,
+    Linearised,
+    Person,
+    Splines,
+    cross,
+    make_splines,
+)
 from virtual_laboratory.prosthesis import Prosthesis
-from virtual_laboratory.supports import Support, anchor, device_supports, intact_supports, target_centre
-from virtual_laboratory.targets import RISE_M, Draw, harmonics, intact_force, prosthetic_force, roll_over
+from virtual_laboratory.supports import (
+    Support,
+    anchor,
+    device_supports,
+    intact_supports,
+    target_centre,
+)
+from virtual_laboratory.targets import (
+    RISE_M,
+    Draw,
+    harmonics,
+    intact_force,
+    prosthetic_force,
+    roll_over,
+)
 from vsf_drake.parameters import GRAVITY
 
 RATE_HZ = 200
@@ -27,12 +49,29 @@ MARGIN_S, AFTER_S = 0.34, 0.16
 """Recorded before the prosthetic foot's strike, and after the end of the intact foot's next stance."""
 PLACING = 5
 """Steps of the fit."""
-STANDARD = {"pelvis_tx": 0.006, "pelvis_ty": 0.03, "pelvis_tz": 0.015, "pelvis_tilt": 0.02, "pelvis_list": 0.02,
-            "pelvis_rotation": 0.015, "hip_flexion": 0.09, "hip_adduction": 0.035, "hip_rotation": 0.06,
-            "knee_angle_r": 0.038, "knee_angle_l": 0.036, "knee_adduction": 0.02, "knee_rotation": 0.05,
-            "ankle_angle": 0.1, "ankle_adduction": 0.04, "ankle_rotation": 0.04}
+STANDARD = {
+    "pelvis_tx": 0.006,
+    "pelvis_ty": 0.03,
+    "pelvis_tz": 0.015,
+    "pelvis_tilt": 0.02,
+    "pelvis_list": 0.02,
+    "pelvis_rotation": 0.015,
+    "hip_flexion": 0.09,
+    "hip_adduction": 0.035,
+    "hip_rotation": 0.06,
+    "knee_angle_r": 0.038,
+    "knee_angle_l": 0.036,
+    "knee_adduction": 0.02,
+    "knee_rotation": 0.05,
+    "ankle_angle": 0.1,
+    "ankle_adduction": 0.04,
+    "ankle_rotation": 0.04,
+}
 """How far (m, rad) a coordinate may well be from its published curve; the pelvis, from its mean path."""
-TRUNK_STANDARD, PLATE_STANDARD = (0.001,) * 3 + (0.02, 0.03, 0.06), (0.008, 0.02, 0.005, 0.004, 0.006, 0.001)
+TRUNK_STANDARD, PLATE_STANDARD = (
+    (0.001,) * 3 + (0.02, 0.03, 0.06),
+    (0.008, 0.02, 0.005, 0.004, 0.006, 0.001),
+)
 """The same of the trunk (`motion.TRUNK`) and of the intact foot's plate (`balance.PLATE`)."""
 REPEATED = 0.05
 """How far a correction may well be from itself a stride later, as a multiple of its standard: 0.06 to 0.3 degrees of
@@ -80,7 +119,7 @@ class Attempt:
     @property
     def q(self) -> np.ndarray:
         """(N, 21) m and rad."""
-        return self.u[:, :len(COORDINATES)]
+        return self.u[:, : len(COORDINATES)]
 
 
 def recorded_time(draw: Draw) -> np.ndarray:
@@ -92,13 +131,21 @@ def recorded_time(draw: Draw) -> np.ndarray:
 
 def standard_deviations() -> np.ndarray:
     """(33,) `STANDARD` by coordinate, then the trunk's and the plate's."""
-    return np.array([*(STANDARD.get(n) or STANDARD[n[:-2]] for n in COORDINATES), *TRUNK_STANDARD, *PLATE_STANDARD])
+    return np.array(
+        [
+            *(STANDARD.get(n) or STANDARD[n[:-2]] for n in COORDINATES),
+            *TRUNK_STANDARD,
+            *PLATE_STANDARD,
+        ]
+    )
 
 
 def roughness() -> np.ndarray:
     """(33,) third derivative of a correction that is tolerated."""
     return standard_deviations() * np.repeat(
-        [ROUGHNESS_PER_S3, TRUNK_ROUGHNESS_PER_S3, PLATE_ROUGHNESS_PER_S3], [len(COORDINATES), len(TRUNK), len(PLATE)])
+        [ROUGHNESS_PER_S3, TRUNK_ROUGHNESS_PER_S3, PLATE_ROUGHNESS_PER_S3],
+        [len(COORDINATES), len(TRUNK), len(PLATE)],
+    )
 
 
 def start(draw: Draw, base: Callable[[Draw, np.ndarray], np.ndarray]) -> Attempt:
@@ -131,18 +178,27 @@ def set_stage(person: Person, draw: Draw, prosthesis: Prosthesis, time_s: np.nda
     device = device_supports(person, draw, weight * prosthetic_force(draw, time_s)[:, 2], time_s)
     centre = np.zeros_like(load)
     for k, (heel, toe) in enumerate(zip(intact[::2], intact[1::2], strict=True)):
-        part = (time_s - draw.intact_strike_s + (1 - k) * draw.stride_s) / (draw.intact_duty * draw.stride_s)
+        part = (time_s - draw.intact_strike_s + (1 - k) * draw.stride_s) / (
+            draw.intact_duty * draw.stride_s
+        )
         rows = part > -0.1
         centre[rows] = heel.p_W + roll_over(part[rows])[:, None] * (toe.p_W - heel.p_W)
     high = np.array([0.0, 0.0, 5.0])
     prosthesis.reset(np.eye(3), high)
     mass = np.concatenate([prosthesis.device.masses, prosthesis.device.node_masses])
     worn = MassPoints(np.full(len(mass), SHANK), prosthesis.state.mass_x - high, mass)
-    return Stage(body_points(person.handles, person.model.intact_foot, prosthesis.mass_kg), worn, device, intact,
-                 IntactPlate(load, centre))
+    return Stage(
+        body_points(person.handles, person.model.intact_foot, prosthesis.mass_kg),
+        worn,
+        device,
+        intact,
+        IntactPlate(load, centre),
+    )
 
 
-def place(person: Person, attempt: Attempt, stage: Stage, balance: tuple[float, float] = BALANCE) -> None:
+def place(
+    person: Person, attempt: Attempt, stage: Stage, balance: tuple[float, float] = BALANCE
+) -> None:
     """Puts both feet on the floor where they carry their forces."""
     draw, weight = attempt.draw, person.subject.mass_kg * GRAVITY
     prosthetic = weight * prosthetic_force(draw, attempt.time_s)
@@ -153,7 +209,14 @@ def place(person: Person, attempt: Attempt, stage: Stage, balance: tuple[float, 
         targets = common_targets(person, attempt, stage, body, points, wished, balance)
         for support in stage.device:
             anchor(targets, body, support, SUPPORT_M)
-        level(targets, body, DEVICE, prosthetic[:, 2] / weight, -np.radians(draw.toe_out_deg), ROLL_RAD)
+        level(
+            targets,
+            body,
+            DEVICE,
+            prosthetic[:, 2] / weight,
+            -np.radians(draw.toe_out_deg),
+            ROLL_RAD,
+        )
         attempt.c += targets.solve()
 
 
@@ -168,10 +231,14 @@ def rise_of_legs(person: Person, attempt: Attempt, stage: Stage) -> np.ndarray:
     return harmonics(height, len(RISE_M))
 
 
-def wished_balance(person: Person, attempt: Attempt, stage: Stage, force: np.ndarray) -> tuple[MassPoints, Wrench]:
+def wished_balance(
+    person: Person, attempt: Attempt, stage: Stage, force: np.ndarray
+) -> tuple[MassPoints, Wrench]:
     """The body with its prosthesis undeformed, and the ground's wished force (N, 3) N on that at the wished place."""
     spot = target_centre(person, attempt.draw, attempt.time_s)
-    return stage.points.together(stage.worn), Wrench(force, np.cross(np.column_stack([spot, 0.0 * spot[:, 0]]), force))
+    return stage.points.together(stage.worn), Wrench(
+        force, np.cross(np.column_stack([spot, 0.0 * spot[:, 0]]), force)
+    )
 
 
 def _shift(person: Person, attempt: Attempt, device: list[Support]) -> None:
@@ -187,8 +254,15 @@ def _shift(person: Person, attempt: Attempt, device: list[Support]) -> None:
     attempt.base[:, :3] += [forward, up, -left]
 
 
-def common_targets(person: Person, attempt: Attempt, stage: Stage, body: Linearised, points: MassPoints,
-                   outer: Wrench, balance: tuple[float, float] = BALANCE) -> Targets:
+def common_targets(
+    person: Person,
+    attempt: Attempt,
+    stage: Stage,
+    body: Linearised,
+    points: MassPoints,
+    outer: Wrench,
+    balance: tuple[float, float] = BALANCE,
+) -> Targets:
     """What both stages ask: near the published curves, smooth, in balance with the wrench `outer` and the intact plate,
     intact foot on the floor, toes up in swing."""
     draw, time, u = attempt.draw, attempt.time_s, attempt.u
@@ -202,17 +276,43 @@ def common_targets(person: Person, attempt: Attempt, stage: Stage, body: Lineari
         anchor(targets, body, support, INTACT_SUPPORT_M)
     load = stage.plate.wrench(u[:, MOVING:]).force[:, 2]
     _bear(targets, person, body, load)
-    level(targets, body, INTACT_FOOT, load / (person.subject.mass_kg * GRAVITY), np.radians(draw.toe_out_deg),
-          3.0 * ROLL_RAD)
+    level(
+        targets,
+        body,
+        INTACT_FOOT,
+        load / (person.subject.mass_kg * GRAVITY),
+        np.radians(draw.toe_out_deg),
+        3.0 * ROLL_RAD,
+    )
     ask_balance(targets, body, points, 1.0 / RATE_HZ, outer, stage.plate, u[:, MOVING:], balance)
     stride = draw.stride_s
-    device = [np.array([x, 0.0, person.sole_height]) for x in (0.01, 0.12, person.model.foot.length_m - 0.01)]
-    _clear(targets, body, DEVICE, device, time, lifts=(draw.stance_s - stride, draw.stance_s), strikes=(0.0, stride))
+    device = [
+        np.array([x, 0.0, person.sole_height])
+        for x in (0.01, 0.12, person.model.foot.length_m - 0.01)
+    ]
+    _clear(
+        targets,
+        body,
+        DEVICE,
+        device,
+        time,
+        lifts=(draw.stance_s - stride, draw.stance_s),
+        strikes=(0.0, stride),
+    )
     length, ankle = person.handles.body.foot_length, person.handles.body.ankle_height
-    intact_foot = [np.array([(r - person.model.intact_foot.ankle_x_ratio) * length, 0.0, -ankle]) for r in (0.1, 0.8)]
-    _clear(targets, body, INTACT_FOOT, intact_foot, time,
-           lifts=(draw.intact_lift_s, draw.intact_lift_s + stride),
-           strikes=(draw.intact_strike_s, draw.intact_strike_s + stride))
+    intact_foot = [
+        np.array([(r - person.model.intact_foot.ankle_x_ratio) * length, 0.0, -ankle])
+        for r in (0.1, 0.8)
+    ]
+    _clear(
+        targets,
+        body,
+        INTACT_FOOT,
+        intact_foot,
+        time,
+        lifts=(draw.intact_lift_s, draw.intact_lift_s + stride),
+        strikes=(draw.intact_strike_s, draw.intact_strike_s + stride),
+    )
     return targets
 
 
@@ -229,8 +329,14 @@ def _bear(targets: Targets, person: Person, body: Linearised, load_n: np.ndarray
     targets.pose(J[:, None], (load_n - force)[:, None], width[:, None])
 
 
-def level(targets: Targets, body: Linearised, segment: int, load_bw: np.ndarray, turn_rad: float,
-           sigma: float) -> None:
+def level(
+    targets: Targets,
+    body: Linearised,
+    segment: int,
+    load_bw: np.ndarray,
+    turn_rad: float,
+    sigma: float,
+) -> None:
     """Asks that a loaded foot's transverse axis lies level, the foot turned by `turn_rad` about the vertical."""
     lateral = body.R_WB[:, segment, :, 1]
     J = cross(body.J_WB[:, segment, :3], lateral[:, :, None])[:, [0, 2]]
@@ -238,8 +344,16 @@ def level(targets: Targets, body: Linearised, segment: int, load_bw: np.ndarray,
     targets.pose(J, np.array([-np.sin(turn_rad), 0.0]) - lateral[:, [0, 2]], width[:, None])
 
 
-def _clear(targets: Targets, body: Linearised, segment: int, sole: list[np.ndarray], time_s: np.ndarray, *,
-           lifts: tuple[float, ...], strikes: tuple[float, ...]) -> None:
+def _clear(
+    targets: Targets,
+    body: Linearised,
+    segment: int,
+    sole: list[np.ndarray],
+    time_s: np.ndarray,
+    *,
+    lifts: tuple[float, ...],
+    strikes: tuple[float, ...],
+) -> None:
     """Asks for LIFT_M under the points `sole` of a foot between its lift-offs and its next strikes.
 
     Points a little higher are asked to stay where they are, or they would sink again in the next step.

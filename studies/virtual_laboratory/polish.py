@@ -17,7 +17,15 @@ from virtual_laboratory.balance import Wrench, steadying, triangle_mean
 from virtual_laboratory.body import DEVICE, SHANK
 from virtual_laboratory.fitting import Targets
 from virtual_laboratory.motion import COORDINATES, MOVING, Linearised, Person
-from virtual_laboratory.placing import RATE_HZ, ROLL_RAD, Attempt, Stage, common_targets, level, wished_balance
+from virtual_laboratory.placing import (
+    RATE_HZ,
+    ROLL_RAD,
+    Attempt,
+    Stage,
+    common_targets,
+    level,
+    wished_balance,
+)
 from virtual_laboratory.prosthesis import Prosthesis
 from virtual_laboratory.reaction import Reaction
 from virtual_laboratory.supports import Support, target_centre
@@ -58,23 +66,29 @@ class ForwardSensitivity:
     load: Wrench
 
 
-def shank_poses(person: Person, time_s: np.ndarray, q: np.ndarray, instants: np.ndarray
-                ) -> tuple[np.ndarray, np.ndarray]:
+def shank_poses(
+    person: Person, time_s: np.ndarray, q: np.ndarray, instants: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """R (n, 3, 3) and p (n, 3) m of the shank at `instants` for coordinates q (N, 21) recorded at `time_s`, as
     `vsf_drake` interpolates them."""
     R_WB, p_WB = person.leg_poses(CoordinateTrajectory(time_s, q, COORDINATES).sample(instants)[0])
     return R_WB[:, SHANK], p_WB[:, SHANK]
 
 
-def limb_load(prosthesis: Prosthesis, reaction: Reaction, R_WS: np.ndarray, p_WS: np.ndarray) -> Wrench:
+def limb_load(
+    prosthesis: Prosthesis, reaction: Reaction, R_WS: np.ndarray, p_WS: np.ndarray
+) -> Wrench:
     """The socket's action on the residual limb at each instant."""
-    force, moment = (np.einsum("nij,nj->ni", R_WS, part) for part in np.split(reaction.socket_load, 2, axis=1))
+    force, moment = (
+        np.einsum("nij,nj->ni", R_WS, part) for part in np.split(reaction.socket_load, 2, axis=1)
+    )
     end = p_WS - prosthesis.residual_length * R_WS[:, :, 2]
     return Wrench(force, moment + np.cross(end, force))
 
 
-def forward(person: Person, prosthesis: Prosthesis, attempt: Attempt,
-            moved: Moved | None = None) -> ForwardSensitivity:
+def forward(
+    person: Person, prosthesis: Prosthesis, attempt: Attempt, moved: Moved | None = None
+) -> ForwardSensitivity:
     """One walk at 1 kHz, seen at the instants of the kinematics."""
     every = FORCE_HZ // RATE_HZ
     instants = attempt.time_s[0] + np.arange((len(attempt.time_s) - 1) * every + 1) / FORCE_HZ
@@ -83,11 +97,16 @@ def forward(person: Person, prosthesis: Prosthesis, attempt: Attempt,
         R, p = moved(R, p)
     reaction = prosthesis.walk(instants, R, p)
     load = limb_load(prosthesis, reaction, R, p)
-    return ForwardSensitivity(reaction.force[::every], reaction.cop[::every, :2],
-                              Wrench(triangle_mean(load.force, every), triangle_mean(load.moment, every)))
+    return ForwardSensitivity(
+        reaction.force[::every],
+        reaction.cop[::every, :2],
+        Wrench(triangle_mean(load.force, every), triangle_mean(load.moment, every)),
+    )
 
 
-def polish(person: Person, attempt: Attempt, prosthesis: Prosthesis, stage: Stage, steps: int) -> None:
+def polish(
+    person: Person, attempt: Attempt, prosthesis: Prosthesis, stage: Stage, steps: int
+) -> None:
     """Brings the force on the virtual prosthesis to the wished one."""
     weight = person.subject.mass_kg * GRAVITY
     targeted = weight * prosthetic_force(attempt.draw, attempt.time_s)
@@ -99,9 +118,18 @@ def polish(person: Person, attempt: Attempt, prosthesis: Prosthesis, stage: Stag
         if k in MEASURED:
             K = _stiffness(person, prosthesis, attempt, now, spot)
         body = person.linearise(attempt.u[:, :MOVING])
-        targets = common_targets(person, attempt, stage, body, *wished_balance(person, attempt, stage, targeted))
+        targets = common_targets(
+            person, attempt, stage, body, *wished_balance(person, attempt, stage, targeted)
+        )
         _carry(targets, body, now, targeted, spot, K)
-        level(targets, body, DEVICE, targeted[:, 2] / weight, -np.radians(attempt.draw.toe_out_deg), 2.0 * ROLL_RAD)
+        level(
+            targets,
+            body,
+            DEVICE,
+            targeted[:, 2] / weight,
+            -np.radians(attempt.draw.toe_out_deg),
+            2.0 * ROLL_RAD,
+        )
         for heel, strike_s in ((stage.device[0], 0.0), (stage.device[2], attempt.draw.stride_s)):
             _strike(targets, body, heel, attempt.time_s - strike_s)
         attempt.c += targets.solve()
@@ -112,12 +140,21 @@ def polish(person: Person, attempt: Attempt, prosthesis: Prosthesis, stage: Stag
 def _balance(person: Person, attempt: Attempt, stage: Stage, load: Wrench) -> None:
     """Brings the body in balance with what the prosthesis does to it, the shank and so that load held."""
     wanted = person.linearise(attempt.u[:, :MOVING])
-    attempt.base[:, MOVING:] += steadying(wanted, stage.points, 1.0 / RATE_HZ, load, stage.plate,
-                                          attempt.u[:, MOVING:], attempt.stride)
+    attempt.base[:, MOVING:] += steadying(
+        wanted,
+        stage.points,
+        1.0 / RATE_HZ,
+        load,
+        stage.plate,
+        attempt.u[:, MOVING:],
+        attempt.stride,
+    )
     for _ in range(BALANCING):
         body = person.linearise(attempt.u[:, :MOVING])
         targets = common_targets(person, attempt, stage, body, stage.points, load, CLOSE_BALANCE)
-        turned = Rotation.from_matrix(wanted.R_WB[:, SHANK] @ body.R_WB[:, SHANK].transpose(0, 2, 1)).as_rotvec()
+        turned = Rotation.from_matrix(
+            wanted.R_WB[:, SHANK] @ body.R_WB[:, SHANK].transpose(0, 2, 1)
+        ).as_rotvec()
         off = np.column_stack([turned, wanted.p_WB[:, SHANK] - body.p_WB[:, SHANK]])
         targets.pose(body.J_WB[:, SHANK], off, np.array([HELD_RAD] * 3 + [HELD_M] * 3))
         attempt.c += targets.solve()
@@ -137,7 +174,11 @@ def _moment(now: ForwardSensitivity, spot: np.ndarray) -> np.ndarray:
 
 
 def _stiffness(
-    person: Person, prosthesis: Prosthesis, attempt: Attempt, now: ForwardSensitivity, spot: np.ndarray
+    person: Person,
+    prosthesis: Prosthesis,
+    attempt: Attempt,
+    now: ForwardSensitivity,
+    spot: np.ndarray,
 ) -> np.ndarray:
     """(N, 5, 6) change of force (3) and moment about the spot (2) per turn (3) and shift (3) of the shank there.
 
@@ -145,16 +186,27 @@ def _stiffness(
     """
     K = np.zeros((len(attempt.time_s), 5, 6))
     K[:, 0, 3] = K[:, 1, 4] = -SHEAR_N_PER_M
-    fine = attempt.time_s[0] + np.arange((len(attempt.time_s) - 1) * (FORCE_HZ // RATE_HZ) + 1) / FORCE_HZ
-    centre = np.column_stack([np.interp(fine, attempt.time_s, line) for line in spot.T] + [np.zeros(len(fine))])
+    fine = (
+        attempt.time_s[0]
+        + np.arange((len(attempt.time_s) - 1) * (FORCE_HZ // RATE_HZ) + 1) / FORCE_HZ
+    )
+    centre = np.column_stack(
+        [np.interp(fine, attempt.time_s, line) for line in spot.T] + [np.zeros(len(fine))]
+    )
     for column, axis in ((0, [1.0, 0.0, 0.0]), (1, [0.0, 1.0, 0.0]), (5, None)):
         if axis is None:
-            other = forward(person, prosthesis, attempt, lambda R, p: (R, p - np.array([0.0, 0.0, PROBE_M])))
+            other = forward(
+                person, prosthesis, attempt, lambda R, p: (R, p - np.array([0.0, 0.0, PROBE_M]))
+            )
             amount = -PROBE_M
         else:
             turn = Rotation.from_rotvec(PROBE_RAD * np.array(axis)).as_matrix()
-            other = forward(person, prosthesis, attempt,
-                            lambda R, p, turn=turn: (turn @ R, centre + (p - centre) @ turn.T))
+            other = forward(
+                person,
+                prosthesis,
+                attempt,
+                lambda R, p, turn=turn: (turn @ R, centre + (p - centre) @ turn.T),
+            )
             amount = PROBE_RAD
         K[:, :3, column] = (other.force - now.force) / amount
         K[:, 3:, column] = (_moment(other, spot) - _moment(now, spot)) / amount
@@ -162,12 +214,20 @@ def _stiffness(
     return K
 
 
-def _carry(targets: Targets, body: Linearised, now: ForwardSensitivity, targeted: np.ndarray, spot: np.ndarray,
-           K: np.ndarray) -> None:
+def _carry(
+    targets: Targets,
+    body: Linearised,
+    now: ForwardSensitivity,
+    targeted: np.ndarray,
+    spot: np.ndarray,
+    K: np.ndarray,
+) -> None:
     """Asks for the wished force and, less strictly, for the wished centre of pressure."""
     lever = np.column_stack([spot, np.zeros(len(spot))]) - body.p_WB[:, SHANK]
     twist = np.concatenate([body.J_WB[:, SHANK, :3], body.forward(SHANK, lever)], axis=1)
-    off = np.column_stack([np.clip(targeted - now.force, -LARGEST_N, LARGEST_N), -_moment(now, spot)])
+    off = np.column_stack(
+        [np.clip(targeted - now.force, -LARGEST_N, LARGEST_N), -_moment(now, spot)]
+    )
     loaded = np.maximum(targeted[:, 2], now.force[:, 2]) > LOADED_N
     arm = np.maximum(targeted[:, 2], 100.0) * CENTRE_M
     width = np.column_stack([np.full((len(off), 2), SHEAR_N), np.full(len(off), FORCE_N), arm, arm])

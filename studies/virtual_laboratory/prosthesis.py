@@ -44,15 +44,26 @@ class Prosthesis:
     """
 
     def __init__(
-        self, design: Design, *, fulcrum_m: float | None, residual_length: float, pylon_length: float,
-        placement: FootPlacement | None = None, step_s: float = STEP_S,
+        self,
+        design: Design,
+        *,
+        fulcrum_m: float | None,
+        residual_length: float,
+        pylon_length: float,
+        placement: FootPlacement | None = None,
+        step_s: float = STEP_S,
     ) -> None:
         self.step_s = step_s
         self.residual_length = residual_length
         below = (placement or FootPlacement()).sole_below(design.frame.build_height_m)
         self.sole_below_knee = residual_length + pylon_length + below
-        self.device: Device = make_device(design, fulcrum=fulcrum_m, residual_length=residual_length,
-                                          pylon_length=pylon_length, placement=placement)
+        self.device: Device = make_device(
+            design,
+            fulcrum=fulcrum_m,
+            residual_length=residual_length,
+            pylon_length=pylon_length,
+            placement=placement,
+        )
         self.mass_kg = float(np.sum(self.device.masses) + np.sum(self.device.node_masses))
         self.state: State = new_state(self.device)
         self.force, self.cop, self.socket_load = np.zeros(3), np.full(3, np.nan), np.zeros(6)
@@ -75,23 +86,56 @@ class Prosthesis:
         h = float(fine[1] - fine[0])
         turn, path = RotationSpline(time, Rotation.from_matrix(R_WS)), CubicSpline(time, p_WS)
         R, p = turn(fine).as_matrix(), path(fine)
-        self.reset(R[0], p[0], velocity=path(fine[0], 1), angular_velocity=R[0] @ turn(fine[0], 1), step_s=h)
-        measured, load, momentum = np.zeros((len(time), 8)), np.zeros((len(time), 6)), np.zeros((len(time), 9))
+        self.reset(
+            R[0],
+            p[0],
+            velocity=path(fine[0], 1),
+            angular_velocity=R[0] @ turn(fine[0], 1),
+            step_s=h,
+        )
+        measured, load, momentum = (
+            np.zeros((len(time), 8)),
+            np.zeros((len(time), 6)),
+            np.zeros((len(time), 9)),
+        )
         measured[0], load[0] = self._last, self.socket_load
         moving(self.device, self.state, momentum[0])
-        unconverged = run(self.device, self.state, np.ascontiguousarray(R[1:]), np.ascontiguousarray(p[1:]), h, every,
-                          measured[1:], load[1:], momentum[1:])
+        unconverged = run(
+            self.device,
+            self.state,
+            np.ascontiguousarray(R[1:]),
+            np.ascontiguousarray(p[1:]),
+            h,
+            every,
+            measured[1:],
+            load[1:],
+            momentum[1:],
+        )
         cop, free_moment = centre_of_pressure(measured[:, :3], measured[:, 3:6])
         return Reaction(
-            time_s=time.copy(), force=measured[:, :3].copy(), cop=cop, free_moment=free_moment,
+            time_s=time.copy(),
+            force=measured[:, :3].copy(),
+            cop=cop,
+            free_moment=free_moment,
             moment=measured[:, 3:6].copy(),
-            slip_speed=measured[:, 7].copy(), socket_load=load, clearance=measured[:, 6].copy(),
-            mass_kg=self.mass_kg, com=momentum[:, 6:].copy(), linear_momentum=momentum[:, :3].copy(),
-            angular_momentum=momentum[:, 3:6].copy(), unconverged=int(unconverged))
+            slip_speed=measured[:, 7].copy(),
+            socket_load=load,
+            clearance=measured[:, 6].copy(),
+            mass_kg=self.mass_kg,
+            com=momentum[:, 6:].copy(),
+            linear_momentum=momentum[:, :3].copy(),
+            angular_momentum=momentum[:, 3:6].copy(),
+            unconverged=int(unconverged),
+        )
 
     def reset(
-        self, R_WS: np.ndarray, p_WS: np.ndarray, *, velocity: np.ndarray | None = None,
-        angular_velocity: np.ndarray | None = None, step_s: float | None = None,
+        self,
+        R_WS: np.ndarray,
+        p_WS: np.ndarray,
+        *,
+        velocity: np.ndarray | None = None,
+        angular_velocity: np.ndarray | None = None,
+        step_s: float | None = None,
     ) -> None:
         """Lowers the prosthesis onto the ground with the shank turned like this, settles it, then lets it move along.
 
@@ -109,7 +153,9 @@ class Prosthesis:
             state.mass_v[:] = 0.0
             before, shear = state.cell_x.copy(), state.shear.copy()
             height = np.array([0.0, 0.0, sunk * max(0.0, 1.0 - i / _SETTLING_STEPS)])
-            unsolved = step(device, state, R, p + height, _SETTLING_STEP_S, self._forces, self.socket_load)
+            unsolved = step(
+                device, state, R, p + height, _SETTLING_STEP_S, self._forces, self.socket_load
+            )
         self.unconverged = int(unsolved)
         h = self.step_s if step_s is None else step_s
         self._last = np.zeros(8)
@@ -133,14 +179,22 @@ class Prosthesis:
         """Positions that follow from the pose of an undeformed prosthesis."""
         device = self.device
         count = len(device.lengths)
-        hinges, bars, axes = np.empty((count + 1, 3)), np.empty((count, 3, 3)), np.empty((len(state.q), 3))
+        hinges, bars, axes = (
+            np.empty((count + 1, 3)),
+            np.empty((count, 3, 3)),
+            np.empty((len(state.q), 3)),
+        )
         chain(device, state.q, hinges, bars, axes)
         state.mass_x[:] = state.p + np.vstack([device.mass_points, hinges[1:]]) @ state.R.T
         place(device, state.R, state.p, hinges, bars, state.cell_x)
 
 
 def prosthesis_of(
-    subject: Subject, fulcrum_m: float | None, *, design: Design | None = None, residual_length: float | None = None,
+    subject: Subject,
+    fulcrum_m: float | None,
+    *,
+    design: Design | None = None,
+    residual_length: float | None = None,
     step_s: float = STEP_S,
 ) -> Prosthesis:
     """The prosthesis of `subject`, right-sided, as long and with the foot placed as the subject says.
@@ -152,9 +206,17 @@ def prosthesis_of(
     design = design or Design()
     body = scale_body(subject, FootParameters(), SocketParameters())
     residual = body.residual_length if residual_length is None else residual_length
-    pylon = body.prosthesis_length - residual - body.placement.sole_below(design.frame.build_height_m)
-    return Prosthesis(design, fulcrum_m=fulcrum_m, residual_length=residual, pylon_length=pylon,
-                      placement=body.placement, step_s=step_s)
+    pylon = (
+        body.prosthesis_length - residual - body.placement.sole_below(design.frame.build_height_m)
+    )
+    return Prosthesis(
+        design,
+        fulcrum_m=fulcrum_m,
+        residual_length=residual,
+        pylon_length=pylon,
+        placement=body.placement,
+        step_s=step_s,
+    )
 
 
 def centre_of_pressure(force: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -164,5 +226,7 @@ def centre_of_pressure(force: np.ndarray, moment: np.ndarray) -> tuple[np.ndarra
     """
     loaded = force[:, 2] >= LOADED_ABOVE_N
     vertical = np.where(loaded, force[:, 2], np.nan)
-    cop = np.column_stack([-moment[:, 1] / vertical, moment[:, 0] / vertical, np.where(loaded, 0.0, np.nan)])
+    cop = np.column_stack(
+        [-moment[:, 1] / vertical, moment[:, 0] / vertical, np.where(loaded, 0.0, np.nan)]
+    )
     return cop, moment[:, 2] - (cop[:, 0] * force[:, 1] - cop[:, 1] * force[:, 0])

@@ -12,12 +12,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from virtual_laboratory.balance import FUNCTIONS, PLATE, Wrench, ask_balance, steadying, triangle_mean
+from virtual_laboratory.balance import (
+    FUNCTIONS,
+    PLATE,
+    Wrench,
+    ask_balance,
+    steadying,
+    triangle_mean,
+)
 from virtual_laboratory.body import HAT, PELVIS, SHANK
 from virtual_laboratory.closing import Trunk, close, missing
 from virtual_laboratory.fitting import Targets
 from virtual_laboratory.motion import COORDINATES, MOVING, TRUNK, Person, trunk_turn
-from virtual_laboratory.placing import RATE_HZ, REPEATED, Attempt, Stage, roughness, set_stage, standard_deviations
+from virtual_laboratory.placing import (
+    RATE_HZ,
+    REPEATED,
+    Attempt,
+    Stage,
+    roughness,
+    set_stage,
+    standard_deviations,
+)
 from virtual_laboratory.polish import FORCE_HZ, limb_load
 from virtual_laboratory.prosthesis import Prosthesis, centre_of_pressure
 from virtual_laboratory.reaction import Reaction
@@ -102,14 +117,16 @@ def record(person: Person, prosthesis: Prosthesis, attempt: Attempt, stage: Stag
     coordinates = in_degrees(attempt.q).round(DECIMALS)
     q = in_radians(coordinates)
     instants = attempt.time_s[0] + np.arange((len(q) - 1) * every + 1) / FORCE_HZ
-    legs = person.leg_poses(CoordinateTrajectory(attempt.time_s, q, COORDINATES).sample(instants)[0])
+    legs = person.leg_poses(
+        CoordinateTrajectory(attempt.time_s, q, COORDINATES).sample(instants)[0]
+    )
     R, p = legs[0][:, SHANK], legs[1][:, SHANK]
     reaction = prosthesis.walk(instants, R, p)
     load = limb_load(prosthesis, reaction, R, p)
 
     # Trunk and intact plate, as smooth functions, to what the prosthesis really did.
     u, c = attempt.u, attempt.c.copy()
-    u[:, :len(COORDINATES)] = q
+    u[:, : len(COORDINATES)] = q
     sigma, active = standard_deviations(), slice(len(COORDINATES), None)
     seen = Wrench(triangle_mean(load.force, every), triangle_mean(load.moment, every))
     for _ in range(CLOSING):
@@ -118,38 +135,77 @@ def record(person: Person, prosthesis: Prosthesis, attempt: Attempt, stage: Stag
         targets.values(attempt.base - u, sigma)
         targets.smooth(c, roughness())
         targets.repeat(c, REPEATED * sigma)
-        ask_balance(targets, body, stage.points, 1.0 / RATE_HZ, seen, stage.plate, u[:, MOVING:], RECORDED_BALANCE)
+        ask_balance(
+            targets,
+            body,
+            stage.points,
+            1.0 / RATE_HZ,
+            seen,
+            stage.plate,
+            u[:, MOVING:],
+            RECORDED_BALANCE,
+        )
         change = targets.solve(active)
         c += change
         u += attempt.splines.values @ change.T
-        level = steadying(person.linearise(u[:, :MOVING]), stage.points, 1.0 / RATE_HZ, seen, stage.plate,
-                          u[:, MOVING:], attempt.stride)
+        level = steadying(
+            person.linearise(u[:, :MOVING]),
+            stage.points,
+            1.0 / RATE_HZ,
+            seen,
+            stage.plate,
+            u[:, MOVING:],
+            attempt.stride,
+        )
         attempt.base[:, MOVING:] += level
         u[:, MOVING:] += level
-    between = np.maximum(instants - 0.5 / FORCE_HZ, instants[0])  # as the prosthesis's: mean over the last step
+    between = np.maximum(
+        instants - 0.5 / FORCE_HZ, instants[0]
+    )  # as the prosthesis's: mean over the last step
     smooth = CoordinateTrajectory(attempt.time_s, u[:, active], TRUNK + PLATE).sample(between)[0]
 
-    plate = set_stage(person, attempt.draw, prosthesis, between).plate.wrench(smooth[:, len(TRUNK):])
+    plate = set_stage(person, attempt.draw, prosthesis, between).plate.wrench(
+        smooth[:, len(TRUNK) :]
+    )
     acting = Wrench(load.force + plate.force, load.moment + plate.moment)
     near = person.with_trunk(*legs, trunk_turn(smooth[:, 3:6]).as_matrix(), smooth[:, :3])
     trunk = close(instants, stage.points, *legs, acting, Trunk(near[0][:, HAT], near[1][:, HAT]))
-    poses = tuple(np.concatenate([leg, own[:, None]], axis=1)
-                  for leg, own in zip(legs, (trunk.R_WH, trunk.p_WL), strict=True))
+    poses = tuple(
+        np.concatenate([leg, own[:, None]], axis=1)
+        for leg, own in zip(legs, (trunk.R_WH, trunk.p_WL), strict=True)
+    )
     shift = trunk.p_WL - legs[1][:, PELVIS] - legs[0][:, PELVIS] @ person.p_PL
-    turned = Rotation.from_matrix(legs[0][:, PELVIS].transpose(0, 2, 1) @ trunk.R_WH).mean().as_matrix()
+    turned = (
+        Rotation.from_matrix(legs[0][:, PELVIS].transpose(0, 2, 1) @ trunk.R_WH).mean().as_matrix()
+    )
     lumped = person.with_trunk(*legs, legs[0][:, PELVIS] @ turned, np.zeros_like(shift))
-    truth = Truth(*poses, shift, missing(reaction, plate, stage.points, *poses),
-                  missing(reaction, plate, stage.points, *lumped))
+    truth = Truth(
+        *poses,
+        shift,
+        missing(reaction, plate, stage.points, *poses),
+        missing(reaction, plate, stage.points, *lumped),
+    )
     return _written(attempt.draw, coordinates, instants - instants[0], reaction, plate, truth)
 
 
-def _written(draw: Draw, coordinates: np.ndarray, force_time_s: np.ndarray, reaction: Reaction, plate: Wrench,
-             truth: Truth) -> Recorded:
+def _written(
+    draw: Draw,
+    coordinates: np.ndarray,
+    force_time_s: np.ndarray,
+    reaction: Reaction,
+    plate: Wrench,
+    truth: Truth,
+) -> Recorded:
     """Everything MOVED_M ahead, from time zero on."""
     ahead = np.array([MOVED_M, 0.0, 0.0])
     cop, free_moment = centre_of_pressure(plate.force, plate.moment)
     return Recorded(
-        draw, np.arange(len(coordinates)) / RATE_HZ, coordinates + MOVED_M * np.isin(COORDINATES, "pelvis_tx"),
-        force_time_s, Foot(reaction.force, reaction.cop + ahead, reaction.free_moment),
-        Foot(plate.force, cop + ahead, free_moment), replace(reaction, time_s=force_time_s, cop=reaction.cop + ahead),
-        replace(truth, p_WB=truth.p_WB + ahead))
+        draw,
+        np.arange(len(coordinates)) / RATE_HZ,
+        coordinates + MOVED_M * np.isin(COORDINATES, "pelvis_tx"),
+        force_time_s,
+        Foot(reaction.force, reaction.cop + ahead, reaction.free_moment),
+        Foot(plate.force, cop + ahead, free_moment),
+        replace(reaction, time_s=force_time_s, cop=reaction.cop + ahead),
+        replace(truth, p_WB=truth.p_WB + ahead),
+    )

@@ -34,12 +34,19 @@ from vsf_drake.parameters import PELVIS_TRANSLATIONS, FootParameters, SocketPara
 from vsf_drake.plants.anthropometry import Body, foot_placement, scale_body
 
 PUBLISHED = Path(__file__).resolve().parents[2] / "data" / "published"
-ANGLES = {"pelvis": ("pelvis_list", "pelvis_tilt", "pelvis_rotation"),
-          "thigh": ("hip_adduction", "hip_flexion", "hip_rotation"),
-          "shank": ("knee_adduction", "knee_angle", "knee_rotation"), "foot": ("", "ankle_angle", "")}
+ANGLES = {
+    "pelvis": ("pelvis_list", "pelvis_tilt", "pelvis_rotation"),
+    "thigh": ("hip_adduction", "hip_flexion", "hip_rotation"),
+    "shank": ("knee_adduction", "knee_angle", "knee_rotation"),
+    "foot": ("", "ankle_angle", ""),
+}
 """By kind of segment, the angles that it closes: about its axes forward, left and up. The published tables have no
 other angle of the ankle."""
-ZEROED = tuple(f"{name}_{side}" for name in ("hip_rotation", "knee_adduction", "knee_rotation") for side in "rl")
+ZEROED = tuple(
+    f"{name}_{side}"
+    for name in ("hip_rotation", "knee_adduction", "knee_rotation")
+    for side in "rl"
+)
 """Whose mean over the walk is taken off: crosstalk of the knee's axis makes their zero doubtful, and laboratories that
 do not trust it report the change alone. The prosthetic foot's inversion is left out of the subject's file likewise."""
 HARMONICS = 3
@@ -81,15 +88,24 @@ class Sizes:
 def published_sizes() -> Sizes:
     """From the tables in `data/published`."""
     repeated, sway = _rows("kinematic_repeatability.csv"), _rows("soft_tissue_artefact.csv")
-    other = {row["quantity"]: 1e-3 * float(row["value"]) for row in _rows("measurement_errors.csv")
-             if row["unit"] == "mm" and row["value"]}
-    hip = next(value for name, value in other.items() if name.startswith("hip joint centre: error along each axis"))
+    other = {
+        row["quantity"]: 1e-3 * float(row["value"])
+        for row in _rows("measurement_errors.csv")
+        if row["unit"] == "mm" and row["value"]
+    }
+    hip = next(
+        value
+        for name, value in other.items()
+        if name.startswith("hip joint centre: error along each axis")
+    )
     centre = other["centre of pressure as installed: best of four plates"]
     return Sizes(
         between_sessions=_of_segments(repeated, "error", "between_session_sd_deg"),
         between_trials=_of_segments(repeated, "error", "between_trial_sd_deg"),
-        sway=_of_segments(sway, "amplitude", "value"), hip_centre_m=hip,
-        plate_m=centre / np.sqrt(0.5 * np.pi))  # from the mean distance of a normal error in the plane
+        sway=_of_segments(sway, "amplitude", "value"),
+        hip_centre_m=hip,
+        plate_m=centre / np.sqrt(0.5 * np.pi),
+    )  # from the mean distance of a normal error in the plane
 
 
 def _rows(name: str) -> list[dict[str, str]]:
@@ -104,9 +120,16 @@ def _of_segments(rows: list[dict[str, str]], quantity: str, column: str) -> dict
     sizes: dict[str, np.ndarray] = {}
     above = np.zeros(3)
     for kind, names in ANGLES.items():
-        squares = np.array([angles[name]**2 - own**2 if name else 0.0 for name, own in zip(names, above, strict=True)])
+        squares = np.array(
+            [
+                angles[name] ** 2 - own**2 if name else 0.0
+                for name, own in zip(names, above, strict=True)
+            ]
+        )
         if squares.min() < 0.0:
-            raise ValueError(f"{column}: {names[int(squares.argmin())]} is less uncertain than the segment above it")
+            raise ValueError(
+                f"{column}: {names[int(squares.argmin())]} is less uncertain than the segment above it"
+            )
         above = np.sqrt(squares)
         sizes[kind] = np.radians(above)
     return sizes
@@ -139,17 +162,26 @@ class Session:
 
     def of_trials_alone(self) -> Session:
         """The same laboratory if it got nothing wrong in all trials alike."""
-        none = {name: {key: 0.0 * value for key, value in getattr(self, name).items()}
-                for name in ("turned", "waves", "plates")}
+        none = {
+            name: {key: 0.0 * value for key, value in getattr(self, name).items()}
+            for name in ("turned", "waves", "plates")
+        }
         return replace(self, written=self.person, ankle=self.true_ankle, zeroed=(), **none)
 
 
 def draw_session(person: Subject, *, seed: tuple[int, ...], name: str) -> Session:
     """A session of `person`, whose measured lengths are all stated; `name` is that of the written subject."""
     random, sizes = np.random.default_rng(seed), published_sizes()
-    turned = {segment: sizes.between_sessions[_kind(segment)] * random.standard_normal(3) for segment in PARENTS}
-    waves = {segment: sizes.sway[_kind(segment)][:, None, None] / np.sqrt(2.0 * HARMONICS)
-             * random.standard_normal((3, HARMONICS, 2)) for segment in PARENTS}
+    turned = {
+        segment: sizes.between_sessions[_kind(segment)] * random.standard_normal(3)
+        for segment in PARENTS
+    }
+    waves = {
+        segment: sizes.sway[_kind(segment)][:, None, None]
+        / np.sqrt(2.0 * HARMONICS)
+        * random.standard_normal((3, HARMONICS, 2))
+        for segment in PARENTS
+    }
     plates = {side: sizes.plate_m * random.standard_normal(2) for side in ("right", "left")}
     body = scale_body(person, FootParameters(), SocketParameters())
     hip = sizes.hip_centre_m * random.standard_normal(3)
@@ -159,20 +191,40 @@ def draw_session(person: Subject, *, seed: tuple[int, ...], name: str) -> Sessio
     true_ankle = (body.prosthesis_length - body.ankle_height) * down
     found = Rotation.from_rotvec(turned["shank_right"]).inv().apply(true_ankle - knees["right"])
     written = replace(
-        person, name=name, prosthesis_inversion_rad=None,
+        person,
+        name=name,
+        prosthesis_inversion_rad=None,
         mass_kg=round(person.mass_kg + MASS_KG * random.standard_normal(), 1),
         stature_m=round(person.stature_m + STATURE_M * random.standard_normal(), 3),
-        **{key: round(float(value), 4) for key, value in {
-            "hip_forward_m": body.hip_forward + hip[0], "hip_lateral_m": body.hip_lateral + hip[1],
-            "hip_up_m": body.hip_up + hip[2],
-            "thigh_length_m": np.linalg.norm(body.thigh_length * down + knees["left"] - hip),
-            "prosthetic_thigh_length_m": np.linalg.norm(body.prosthetic_thigh_length * down + knees["right"] - hip),
-            "shank_length_m": np.linalg.norm(body.shank_length * down + ankle - knees["left"]),
-            "ankle_height_m": body.ankle_height + ankle[2],
-            "foot_length_m": body.foot_length + FOOT_LENGTH_M * random.standard_normal(),
-            **_mount(person, body, turned["shank_right"], knees["right"], random)}.items()})
-    return Session(sizes=sizes, person=person, written=written, ankle=found, true_ankle=true_ankle, turned=turned,
-                   waves=waves, plates=plates, zeroed=ZEROED, seed=seed)
+        **{
+            key: round(float(value), 4)
+            for key, value in {
+                "hip_forward_m": body.hip_forward + hip[0],
+                "hip_lateral_m": body.hip_lateral + hip[1],
+                "hip_up_m": body.hip_up + hip[2],
+                "thigh_length_m": np.linalg.norm(body.thigh_length * down + knees["left"] - hip),
+                "prosthetic_thigh_length_m": np.linalg.norm(
+                    body.prosthetic_thigh_length * down + knees["right"] - hip
+                ),
+                "shank_length_m": np.linalg.norm(body.shank_length * down + ankle - knees["left"]),
+                "ankle_height_m": body.ankle_height + ankle[2],
+                "foot_length_m": body.foot_length + FOOT_LENGTH_M * random.standard_normal(),
+                **_mount(person, body, turned["shank_right"], knees["right"], random),
+            }.items()
+        },
+    )
+    return Session(
+        sizes=sizes,
+        person=person,
+        written=written,
+        ankle=found,
+        true_ankle=true_ankle,
+        turned=turned,
+        waves=waves,
+        plates=plates,
+        zeroed=ZEROED,
+        seed=seed,
+    )
 
 
 def foot_in_shank(person: Subject) -> RigidTransform:
@@ -182,8 +234,9 @@ def foot_in_shank(person: Subject) -> RigidTransform:
     return end @ foot_placement(person).pose(mirrored=False)
 
 
-def _mount(person: Subject, body: Body, turned: np.ndarray, knee: np.ndarray, random: np.random.Generator
-           ) -> dict[str, float]:
+def _mount(
+    person: Subject, body: Body, turned: np.ndarray, knee: np.ndarray, random: np.random.Generator
+) -> dict[str, float]:
     """Length of the prosthesis and how its foot sits, measured in a shank that is `turned` (rad) and begins at `knee`
     (m from the true one); inversion is not told (see ZEROED)."""
     X_SP = foot_in_shank(person)
@@ -196,8 +249,13 @@ def _mount(person: Subject, body: Body, turned: np.ndarray, knee: np.ndarray, ra
     # The sole's plane lies build_height below the foot's place; the prosthesis runs down the shank's axis to it.
     normal = R_found.matrix()[:, 2]
     length = (FootParameters().build_height_m - normal @ end) / normal[2]
-    return {"prosthesis_length_m": length, "prosthesis_fore_aft_m": end[0], "prosthesis_lateral_m": -end[1],
-            "prosthesis_alignment_rad": float(alignment), "prosthesis_toe_out_rad": -float(rotation)}
+    return {
+        "prosthesis_length_m": length,
+        "prosthesis_fore_aft_m": end[0],
+        "prosthesis_lateral_m": -end[1],
+        "prosthesis_alignment_rad": float(alignment),
+        "prosthesis_toe_out_rad": -float(rotation),
+    }
 
 
 def session_tier(trial: Recorded, session: Session, name: str, index: Sequence[int]) -> Tier:
@@ -208,26 +266,39 @@ def session_tier(trial: Recorded, session: Session, name: str, index: Sequence[i
     truth[:, [BOTH_ANKLES.index(name) for name in COORDINATES]] = in_radians(trial.coordinates)
     R_W, p_W = orientations_of(truth)
 
-    turn = 2.0 * np.pi * np.multiply.outer((time - MARGIN_S) / trial.draw.stride_s, np.arange(1, HARMONICS + 1))
+    turn = (
+        2.0
+        * np.pi
+        * np.multiply.outer((time - MARGIN_S) / trial.draw.stride_s, np.arange(1, HARMONICS + 1))
+    )
     waves = np.stack([np.cos(turn), np.sin(turn)], axis=2)
     within, scale = session.sizes.between_trials, 1.0 + SWAY_SPREAD * random.standard_normal()
     found = {}
     for segment in PARENTS:
         size = within[_kind(segment)] / np.sqrt(PARTS)
-        error = (session.turned[segment] + size * random.standard_normal(3)
-                 + scale * np.einsum("nhc,ahc->na", waves, session.waves[segment]) + slow(time, size, random))
+        error = (
+            session.turned[segment]
+            + size * random.standard_normal(3)
+            + scale * np.einsum("nhc,ahc->na", waves, session.waves[segment])
+            + slow(time, size, random)
+        )
         found[segment] = R_W[segment] @ Rotation.from_rotvec(error).as_matrix()
 
     values = coordinates_of(found, p_W)
     zeroed = [BOTH_ANKLES.index(name) for name in session.zeroed]
     values[:, zeroed] -= values[:, zeroed].mean(axis=0)
-    ankle = (ankle_of(truth, session.person, session.true_ankle) + MARKED_M * random.standard_normal(3)
-             + slow(time, np.full(3, MARKED_M), random))
+    ankle = (
+        ankle_of(truth, session.person, session.true_ankle)
+        + MARKED_M * random.standard_normal(3)
+        + slow(time, np.full(3, MARKED_M), random)
+    )
     shift = world_to_os(ankle - ankle_of(values, session.written, session.ankle))
     values[:, [BOTH_ANKLES.index(name) for name in PELVIS_TRANSLATIONS]] += shift
     coordinates = in_degrees(values[:, [BOTH_ANKLES.index(name) for name in COORDINATES]])
-    feet = {side: _moved(measured(foot, random), session.plates[side])
-            for side, foot in (("right", trial.right), ("left", trial.left))}
+    feet = {
+        side: _moved(measured(foot, random), session.plates[side])
+        for side, foot in (("right", trial.right), ("left", trial.left))
+    }
     return Tier(name, coordinates.round(DECIMALS), feet["right"], feet["left"])
 
 
@@ -238,7 +309,9 @@ def _kind(segment: str) -> str:
 def slow(time_s: np.ndarray, size: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """(N, 3) smooth over `time_s` (N,), of expected root mean square `size` (3,), mean zero."""
     part = (time_s - time_s[0]) / (time_s[-1] - time_s[0])
-    waves = np.sqrt(2.0 / SLOW_WAVES) * np.cos(np.pi * np.multiply.outer(part, np.arange(1, SLOW_WAVES + 1)))
+    waves = np.sqrt(2.0 / SLOW_WAVES) * np.cos(
+        np.pi * np.multiply.outer(part, np.arange(1, SLOW_WAVES + 1))
+    )
     return np.asarray(waves @ random.standard_normal((SLOW_WAVES, 3)) * size)
 
 

@@ -49,7 +49,9 @@ def half_width(design: SoleDesign, x: np.ndarray) -> np.ndarray:
     return np.asarray(base * (0.45 + 0.55 * np.sqrt(1.0 - end**2)))
 
 
-def make_sole(design: SoleDesign, *, sole_height: float, foam_thickness: float, block_until: float) -> Sole:
+def make_sole(
+    design: SoleDesign, *, sole_height: float, foam_thickness: float, block_until: float
+) -> Sole:
     """Cells of equal length; each column as wide as the sole is there.
 
     Args:
@@ -68,5 +70,9 @@ def make_sole(design: SoleDesign, *, sole_height: float, foam_thickness: float, 
     area = (edges[1] - edges[0]) * 2.0 * half / design.rows
     on_block = x < block_until
     modulus = np.where(on_block, design.heel_modulus_pa, design.foam_modulus_pa)
-    return Sole(points=np.column_stack([x, y, sole_height + up]), on_block=on_block,
-                stiffness=modulus * area / thickness, dense_depth=design.densification * thickness)
+    return Sole(
+        points=np.column_stack([x, y, sole_height + up]),
+        on_block=on_block,
+        stiffness=modulus * area / thickness,
+        dense_depth=design.densification * thickness,
+    )

@@ -27,7 +27,13 @@ SOLVED, UNSOLVED = 0, 1
 
 @compiled
 def step(
-    device: Device, state: State, R_S: np.ndarray, p_S: np.ndarray, h: float, forces: np.ndarray, load: np.ndarray
+    device: Device,
+    state: State,
+    R_S: np.ndarray,
+    p_S: np.ndarray,
+    h: float,
+    forces: np.ndarray,
+    load: np.ndarray,
 ) -> int:
     """Advances `state` by `h` (s) to the shank's pose; `forces` (n, 3) and `load` (6,) are of the end of the step."""
     count, cells, unknowns = len(device.lengths), len(device.bodies), len(state.q)
@@ -36,7 +42,11 @@ def step(
     p = state.p + state.R @ guess[3:6]
     q = state.q + guess[6:]
     hinges, bars, axes = np.empty((count + 1, 3)), np.empty((count, 3, 3)), np.empty((unknowns, 3))
-    wrench, block, virial = np.empty((count + 1, 6)), np.empty((count + 1, 6, 6)), np.empty((count + 1, 3, 3))
+    wrench, block, virial = (
+        np.empty((count + 1, 6)),
+        np.empty((count + 1, 6, 6)),
+        np.empty((count + 1, 3, 3)),
+    )
     rhs, H = np.zeros(6 + unknowns), np.zeros((6 + unknowns, 6 + unknowns))
     shear = np.empty((cells, 2))
     status, last, beyond = UNSOLVED, np.inf, np.zeros(2)
@@ -82,13 +92,21 @@ def step(
 
 @compiled
 def _accept(
-    device: Device, state: State, R: np.ndarray, p: np.ndarray, q: np.ndarray, hinges: np.ndarray, bars: np.ndarray,
+    device: Device,
+    state: State,
+    R: np.ndarray,
+    p: np.ndarray,
+    q: np.ndarray,
+    hinges: np.ndarray,
+    bars: np.ndarray,
     h: float,
 ) -> None:
     """Makes the new configuration the state."""
     state.before[:] = state.increment
     turn = state.R.T @ R
-    state.increment[:3] = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    state.increment[:3] = 0.5 * np.array(
+        [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+    )
     state.increment[3:6] = state.R.T @ (p - state.p)
     state.increment[6:] = q - state.q
     rigid = len(device.masses)
@@ -110,7 +128,12 @@ def _accept(
 
 @compiled
 def place(
-    device: Device, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, bars: np.ndarray, cells: np.ndarray
+    device: Device,
+    R: np.ndarray,
+    p: np.ndarray,
+    hinges: np.ndarray,
+    bars: np.ndarray,
+    cells: np.ndarray,
 ) -> None:
     """Positions in W of all foam cells."""
     for k in range(len(device.bodies)):
@@ -121,7 +144,12 @@ def place(
 
 @compiled
 def measure(
-    device: Device, state: State, before: np.ndarray, shear_before: np.ndarray, forces: np.ndarray, h: float,
+    device: Device,
+    state: State,
+    before: np.ndarray,
+    shear_before: np.ndarray,
+    forces: np.ndarray,
+    h: float,
     out: np.ndarray,
 ) -> None:
     """Fills `out` (8,): force, moment about W's origin on the ground's force plate, clearance, slip speed."""
@@ -167,8 +195,15 @@ def moving(device: Device, state: State, out: np.ndarray) -> None:
 
 @compiled
 def run(
-    device: Device, state: State, R_S: np.ndarray, p_S: np.ndarray, h: float, every: int,
-    measured: np.ndarray, load: np.ndarray, momentum: np.ndarray,
+    device: Device,
+    state: State,
+    R_S: np.ndarray,
+    p_S: np.ndarray,
+    h: float,
+    every: int,
+    measured: np.ndarray,
+    load: np.ndarray,
+    momentum: np.ndarray,
 ) -> int:
     """Steps through the shank's poses (s, 3, 3), (s, 3); every `every` steps a row of the outputs. Unsolved steps.
 

@@ -49,12 +49,16 @@ def anchor(targets: Targets, body: Linearised, support: Support, sigma_m: float)
     targets.pose(J, support.p_W - p_W, width[:, None])
 
 
-def _shares(draw_delay: float, part: np.ndarray, load_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _shares(
+    draw_delay: float, part: np.ndarray, load_n: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     toe = np.clip(roll_over(part, draw_delay), 0.0, 1.0)
     return (1.0 - toe) * load_n, toe * load_n
 
 
-def device_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.ndarray) -> list[Support]:
+def device_supports(
+    person: Person, draw: Draw, load_n: np.ndarray, time_s: np.ndarray
+) -> list[Support]:
     """The prosthesis's in its stance and in the next, a stride apart; the sole's first rear end at x = 0, the middle
     half a step width to the right; turned out."""
     lever = DEVICE_FOREFOOT_M - person.model.foot.pylon_x_m
@@ -62,20 +66,39 @@ def device_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.n
     found = []
     turn = np.radians(draw.toe_out_deg)
     for strike_s in (0.0, draw.stride_s):
-        on = np.where(np.abs(time_s - strike_s - 0.5 * draw.stance_s) < 0.5 * draw.stride_s, load_n, 0.0)
+        on = np.where(
+            np.abs(time_s - strike_s - 0.5 * draw.stance_s) < 0.5 * draw.stride_s, load_n, 0.0
+        )
         heel_n, toe_n = _shares(draw.roll_over, (time_s - strike_s) / draw.stance_s, on)
-        for x, load, stiffness in ((DEVICE_HEEL_M, heel_n, HEEL_N_PER_M), (DEVICE_FOREFOOT_M, toe_n, toe_stiffness)):
-            sunk = load**2 / np.maximum(on, 1.0) / stiffness  # less between the two, where the keel is held
-            p_B = np.column_stack([np.full(len(load), x), np.zeros(len(load)),
-                                   person.sole_height + sunk + on / SOCKET_N_PER_M])
+        for x, load, stiffness in (
+            (DEVICE_HEEL_M, heel_n, HEEL_N_PER_M),
+            (DEVICE_FOREFOOT_M, toe_n, toe_stiffness),
+        ):
+            sunk = (
+                load**2 / np.maximum(on, 1.0) / stiffness
+            )  # less between the two, where the keel is held
+            p_B = np.column_stack(
+                [
+                    np.full(len(load), x),
+                    np.zeros(len(load)),
+                    person.sole_height + sunk + on / SOCKET_N_PER_M,
+                ]
+            )
             along, ahead = x - DEVICE_REAR_M, x - 0.5 * (DEVICE_HEEL_M + DEVICE_FOREFOOT_M)
-            p_W = np.array([draw.speed_m_per_s * strike_s + along * np.cos(turn),
-                            -0.5 * draw.step_width_m - ahead * np.sin(turn), 0.0])
+            p_W = np.array(
+                [
+                    draw.speed_m_per_s * strike_s + along * np.cos(turn),
+                    -0.5 * draw.step_width_m - ahead * np.sin(turn),
+                    0.0,
+                ]
+            )
             found.append(Support(DEVICE, p_B, p_W, load))
     return found
 
 
-def intact_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.ndarray) -> list[Support]:
+def intact_supports(
+    person: Person, draw: Draw, load_n: np.ndarray, time_s: np.ndarray
+) -> list[Support]:
     """The intact foot's in the stance before and after, a stride apart."""
     length, body = person.handles.body.foot_length, person.handles.body
     turn = np.radians(draw.toe_out_deg)
@@ -85,13 +108,25 @@ def intact_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.n
         part = (time_s - strike_s) / (draw.intact_duty * draw.stride_s)
         on = np.where((part > 0.0) & (part < 1.0), load_n, 0.0)
         heel_n, toe_n = _shares(0.0, part, on)
-        for ratio, load, stiffness in ((INTACT_HEEL, heel_n, INTACT_HEEL_N_PER_M),
-                                       (INTACT_FOREFOOT, toe_n, INTACT_FOREFOOT_N_PER_M)):
-            p_B = np.column_stack([np.full(len(load), heel_x + ratio * length), np.zeros(len(load)),
-                                   -body.ankle_height + load / stiffness])
+        for ratio, load, stiffness in (
+            (INTACT_HEEL, heel_n, INTACT_HEEL_N_PER_M),
+            (INTACT_FOREFOOT, toe_n, INTACT_FOREFOOT_N_PER_M),
+        ):
+            p_B = np.column_stack(
+                [
+                    np.full(len(load), heel_x + ratio * length),
+                    np.zeros(len(load)),
+                    -body.ankle_height + load / stiffness,
+                ]
+            )
             along, ahead = ratio * length, (ratio - 0.5 * (INTACT_HEEL + INTACT_FOREFOOT)) * length
-            p_W = np.array([draw.speed_m_per_s * strike_s + along * np.cos(turn),
-                            0.5 * draw.step_width_m + ahead * np.sin(turn), 0.0])
+            p_W = np.array(
+                [
+                    draw.speed_m_per_s * strike_s + along * np.cos(turn),
+                    0.5 * draw.step_width_m + ahead * np.sin(turn),
+                    0.0,
+                ]
+            )
             found.append(Support(INTACT_FOOT, p_B, p_W, load))
     return found
 

@@ -55,13 +55,36 @@ SPREAD = {
 """Mean and standard deviation between trials of one person, per `Draw`'s field: choices, of the size of what differs
 from stride to stride in people (a few per cent of body weight, of the cycle and of a step), not measured ones. The mean
 of intact_step makes steps of prosthetic / intact length 0.97 (doi 10.1097/PXR.0000000000000079)."""
-SHAPING = ("duty", "intact_duty", "intact_step", "first_peak_bw", "trough_bw", "second_peak_bw", "loading",
-           "first_peak_at", "trough_at", "second_peak_at", "unloading", "intact_first_peak_bw", "intact_trough_bw",
-           "intact_second_peak_bw")
+SHAPING = (
+    "duty",
+    "intact_duty",
+    "intact_step",
+    "first_peak_bw",
+    "trough_bw",
+    "second_peak_bw",
+    "loading",
+    "first_peak_at",
+    "trough_at",
+    "second_peak_at",
+    "unloading",
+    "intact_first_peak_bw",
+    "intact_trough_bw",
+    "intact_second_peak_bw",
+)
 """Of these, what shapes the vertical force over a stride."""
-BY_SPEED = {"duty": -0.062, "intact_duty": -0.062, "knee_loading_deg": 6.8, "first_peak_bw": 0.286, "trough_bw": -0.262,
-            "second_peak_bw": 0.119, "braking_bw": 0.124, "propulsion_bw": 0.097, "intact_first_peak_bw": 0.286,
-            "intact_trough_bw": -0.262, "intact_second_peak_bw": 0.119}
+BY_SPEED = {
+    "duty": -0.062,
+    "intact_duty": -0.062,
+    "knee_loading_deg": 6.8,
+    "first_peak_bw": 0.286,
+    "trough_bw": -0.262,
+    "second_peak_bw": 0.119,
+    "braking_bw": 0.124,
+    "propulsion_bw": 0.097,
+    "intact_first_peak_bw": 0.286,
+    "intact_trough_bw": -0.262,
+    "intact_second_peak_bw": 0.119,
+}
 """How these means change per m/s from REFERENCE_SPEED_M_PER_S on: as between the able-bodied groups slow (0.88 m/s) and
 free (1.30 m/s with a leg of 0.93 m) of Schwartz 2008 (doi 10.1016/j.jbiomech.2008.03.015); braking, propulsion and knee
 flexion in proportion to their smaller means here."""
@@ -162,8 +185,13 @@ class Draw:
         return self.intact_strike_s - (1.0 - self.intact_duty) * self.stride_s
 
 
-def draw_trials(seed: int | Sequence[int], speed_m_per_s: float | None = None, *, leg_m: float = LEG_M,
-                conditions: Sequence[str] = SETTINGS) -> list[Draw]:
+def draw_trials(
+    seed: int | Sequence[int],
+    speed_m_per_s: float | None = None,
+    *,
+    leg_m: float = LEG_M,
+    conditions: Sequence[str] = SETTINGS,
+) -> list[Draw]:
     """Three trials per condition, at a speed; without one at the published stance times of the reference subject.
 
     Every quantity is drawn once from each third of its normal distribution, in random order: three such draws (a Latin
@@ -175,12 +203,16 @@ def draw_trials(seed: int | Sequence[int], speed_m_per_s: float | None = None, *
         drawn = {}
         stance = STANCE_S[condition] if speed_m_per_s is None else (1.0, TIMED_SD)
         for name, (mean, deviation) in {"stance_s": stance, **SPREAD}.items():
-            third = (random.permutation(TRIALS_PER_CONDITION) + random.uniform(size=TRIALS_PER_CONDITION))
+            third = random.permutation(TRIALS_PER_CONDITION) + random.uniform(
+                size=TRIALS_PER_CONDITION
+            )
             size = np.clip(norm.ppf(third / TRIALS_PER_CONDITION), -WIDEST_SD, WIDEST_SD)
             drawn[name] = mean + deviation * size
         drawn["roll_over"] += YIELDING[condition]
         if speed_m_per_s is None:
-            drawn["speed_m_per_s"] += MEAN_SPEED_M_PER_S - SPEED_PER_STANCE * (drawn["stance_s"] - MEAN_STANCE_S)
+            drawn["speed_m_per_s"] += MEAN_SPEED_M_PER_S - SPEED_PER_STANCE * (
+                drawn["stance_s"] - MEAN_STANCE_S
+            )
         else:
             drawn["speed_m_per_s"] += speed_m_per_s
             alike = speed_m_per_s * np.sqrt(LEG_M / leg_m)
@@ -189,8 +221,15 @@ def draw_trials(seed: int | Sequence[int], speed_m_per_s: float | None = None, *
             froude = speed_m_per_s / np.sqrt(GRAVITY * leg_m)
             steps_per_s = MORE_STEPS * np.interp(froude, *CADENCE) * np.sqrt(GRAVITY / leg_m)
             drawn["stance_s"] *= 2.0 / steps_per_s * drawn["duty"]
-        trials += [Draw(condition=condition, number=i + 1, leg_m=leg_m, **{n: float(v[i]) for n, v in drawn.items()})
-                   for i in range(TRIALS_PER_CONDITION)]
+        trials += [
+            Draw(
+                condition=condition,
+                number=i + 1,
+                leg_m=leg_m,
+                **{n: float(v[i]) for n, v in drawn.items()},
+            )
+            for i in range(TRIALS_PER_CONDITION)
+        ]
     return trials
 
 
@@ -204,18 +243,32 @@ def lifted(draw: Draw, rise: np.ndarray) -> Draw:
     Args:
         rise: (3,) m, complex amplitudes of the centre of mass's height at one to three times a stride's frequency.
     """
+
     def reached(draw: Draw) -> np.ndarray:
         part = np.arange(400) / 400.0
-        vertical = (prosthetic_force(draw, part * draw.stride_s) + intact_force(draw, part * draw.stride_s))[:, 2]
+        vertical = (
+            prosthetic_force(draw, part * draw.stride_s) + intact_force(draw, part * draw.stride_s)
+        )[:, 2]
         times = np.arange(1, len(rise) + 1)
-        height = -GRAVITY * harmonics(vertical, len(rise)) * (draw.stride_s / (2.0 * np.pi * times)) ** 2
+        height = (
+            -GRAVITY * harmonics(vertical, len(rise)) * (draw.stride_s / (2.0 * np.pi * times)) ** 2
+        )
         return np.concatenate([height.real, height.imag])
 
     def moved(x: np.ndarray) -> Draw:
-        return replace(draw, **{name: getattr(draw, name) + float(by) * SPREAD[name][1]
-                                for name, by in zip(SHAPING, x, strict=True)})
+        return replace(
+            draw,
+            **{
+                name: getattr(draw, name) + float(by) * SPREAD[name][1]
+                for name, by in zip(SHAPING, x, strict=True)
+            },
+        )
 
-    x, wished, tolerated = np.zeros(len(SHAPING)), np.concatenate([rise.real, rise.imag]), np.square([*RISE_M, *RISE_M])
+    x, wished, tolerated = (
+        np.zeros(len(SHAPING)),
+        np.concatenate([rise.real, rise.imag]),
+        np.square([*RISE_M, *RISE_M]),
+    )
     for _ in range(CONDITIONED):
         h = reached(moved(x))
         J = np.column_stack([reached(moved(x + row)) - h for row in 0.1 * np.eye(len(x))]) / 0.1
@@ -226,19 +279,27 @@ def lifted(draw: Draw, rise: np.ndarray) -> Draw:
 def harmonics(values: np.ndarray, count: int) -> np.ndarray:
     """(count,) complex amplitudes of the first harmonics of `values` (n,), evenly over one stride."""
     part = np.arange(len(values)) / len(values)
-    return np.asarray(2.0 * np.exp(-2j * np.pi * np.outer(np.arange(1, count + 1), part)) @ values / len(values))
+    return np.asarray(
+        2.0 * np.exp(-2j * np.pi * np.outer(np.arange(1, count + 1), part)) @ values / len(values)
+    )
 
 
 def describe(draw: Draw) -> dict[str, float]:
     """The draw's numbers by name."""
-    return {f.name: getattr(draw, f.name) for f in fields(draw) if f.name not in ("condition", "number")}
+    return {
+        f.name: getattr(draw, f.name) for f in fields(draw) if f.name not in ("condition", "number")
+    }
 
 
 def _curve(part: np.ndarray, points: list[tuple[float, float]]) -> np.ndarray:
     """Smooth through `points` from (0, 0) to (1, 0), level at both ends; zero outside. `part` (n,) is of stance."""
     x, y = np.array([(0.0, 0.0), *points, (1.0, 0.0)]).T
     level = ([(1, 0.0)], [(1, 0.0)])
-    return np.where((part > 0.0) & (part < 1.0), make_interp_spline(x, y, bc_type=level)(np.clip(part, 0.0, 1.0)), 0.0)
+    return np.where(
+        (part > 0.0) & (part < 1.0),
+        make_interp_spline(x, y, bc_type=level)(np.clip(part, 0.0, 1.0)),
+        0.0,
+    )
 
 
 def prosthetic_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
@@ -255,20 +316,46 @@ def prosthetic_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
 def _prosthetic_shape(d: Draw, part: np.ndarray) -> np.ndarray:
     """The same over the parts (n,) of the whole contact."""
     first, middle, second = d.first_peak_at, d.trough_at, d.second_peak_at
-    vertical = _curve(part, [
-        (0.04 + 0.5 * d.loading, 0.17), (0.25 * first + 0.04 + d.loading, 0.45),
-        (0.62 * first + d.loading, 0.83 * d.first_peak_bw), (first, d.first_peak_bw),
-        (0.5 * (first + middle), 0.48 * d.first_peak_bw + 0.52 * d.trough_bw), (middle, d.trough_bw),
-        (0.5 * (middle + second), 0.5 * (d.trough_bw + d.second_peak_bw)), (second, d.second_peak_bw),
-        (0.5 * second + 0.47 + d.unloading, 0.80 * d.second_peak_bw), (0.935 + 0.7 * d.unloading, 0.37),
-        (0.97 + 0.4 * d.unloading, 0.12)])
-    forward = _curve(part, [
-        (0.05, -0.25 * d.braking_bw), (0.17, -d.braking_bw), (0.33, -0.55 * d.braking_bw), (0.52, 0.0),
-        (0.70, 0.55 * d.propulsion_bw), (0.855, d.propulsion_bw), (0.93, 0.5 * d.propulsion_bw),
-        (0.97, 0.15 * d.propulsion_bw)])
-    left = _curve(part, [
-        (0.05, 0.05 * d.lateral_bw), (0.22, d.lateral_bw), (0.47, 0.75 * d.lateral_bw), (0.76, 0.95 * d.lateral_bw),
-        (0.9, 0.4 * d.lateral_bw), (0.97, 0.08 * d.lateral_bw)])
+    vertical = _curve(
+        part,
+        [
+            (0.04 + 0.5 * d.loading, 0.17),
+            (0.25 * first + 0.04 + d.loading, 0.45),
+            (0.62 * first + d.loading, 0.83 * d.first_peak_bw),
+            (first, d.first_peak_bw),
+            (0.5 * (first + middle), 0.48 * d.first_peak_bw + 0.52 * d.trough_bw),
+            (middle, d.trough_bw),
+            (0.5 * (middle + second), 0.5 * (d.trough_bw + d.second_peak_bw)),
+            (second, d.second_peak_bw),
+            (0.5 * second + 0.47 + d.unloading, 0.80 * d.second_peak_bw),
+            (0.935 + 0.7 * d.unloading, 0.37),
+            (0.97 + 0.4 * d.unloading, 0.12),
+        ],
+    )
+    forward = _curve(
+        part,
+        [
+            (0.05, -0.25 * d.braking_bw),
+            (0.17, -d.braking_bw),
+            (0.33, -0.55 * d.braking_bw),
+            (0.52, 0.0),
+            (0.70, 0.55 * d.propulsion_bw),
+            (0.855, d.propulsion_bw),
+            (0.93, 0.5 * d.propulsion_bw),
+            (0.97, 0.15 * d.propulsion_bw),
+        ],
+    )
+    left = _curve(
+        part,
+        [
+            (0.05, 0.05 * d.lateral_bw),
+            (0.22, d.lateral_bw),
+            (0.47, 0.75 * d.lateral_bw),
+            (0.76, 0.95 * d.lateral_bw),
+            (0.9, 0.4 * d.lateral_bw),
+            (0.97, 0.08 * d.lateral_bw),
+        ],
+    )
     return np.column_stack([forward, left, vertical])
 
 
@@ -286,14 +373,38 @@ def intact_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
     part = np.linspace(0.0, 1.0, 1001)
 
     def shape(x: np.ndarray) -> np.ndarray:
-        vertical = _curve(x, [
-            (0.04, 0.17), (0.10, 0.5), (0.15, 0.31 + 0.5 * first), (0.23, first), (0.35, 0.5 * (first + middle) - 0.01),
-            (0.47, middle), (0.60, 0.5 * (middle + second) - 0.025), (0.76, second), (0.87, 0.245 + 0.5 * second),
-            (0.94, 0.35), (0.97, 0.12)])
-        forward = _curve(x, [
-            (0.05, -0.035 * brake), (0.17, -0.145 * brake), (0.33, -0.07 * brake), (0.52, 0.0), (0.70, 0.08 * push),
-            (0.86, 0.16 * push), (0.93, 0.08 * push), (0.97, 0.025 * push)])
-        lateral = _curve(x, [(0.05, 0.05), (0.22, 1.0), (0.47, 0.75), (0.76, 0.95), (0.9, 0.4), (0.97, 0.08)])
+        vertical = _curve(
+            x,
+            [
+                (0.04, 0.17),
+                (0.10, 0.5),
+                (0.15, 0.31 + 0.5 * first),
+                (0.23, first),
+                (0.35, 0.5 * (first + middle) - 0.01),
+                (0.47, middle),
+                (0.60, 0.5 * (middle + second) - 0.025),
+                (0.76, second),
+                (0.87, 0.245 + 0.5 * second),
+                (0.94, 0.35),
+                (0.97, 0.12),
+            ],
+        )
+        forward = _curve(
+            x,
+            [
+                (0.05, -0.035 * brake),
+                (0.17, -0.145 * brake),
+                (0.33, -0.07 * brake),
+                (0.52, 0.0),
+                (0.70, 0.08 * push),
+                (0.86, 0.16 * push),
+                (0.93, 0.08 * push),
+                (0.97, 0.025 * push),
+            ],
+        )
+        lateral = _curve(
+            x, [(0.05, 0.05), (0.22, 1.0), (0.47, 0.75), (0.76, 0.95), (0.9, 0.4), (0.97, 0.08)]
+        )
         return np.column_stack([forward, lateral, vertical])
 
     reached = np.trapezoid(shape(part), part, axis=0) * d.intact_duty
@@ -303,7 +414,9 @@ def intact_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
     def one(start_s: float) -> np.ndarray:
         force = shape((time_s - start_s) / length)
         vertical = force[:, 2]
-        return np.column_stack([force[:, 0] + level * vertical, lateral_scale * force[:, 1], vertical_scale * vertical])
+        return np.column_stack(
+            [force[:, 0] + level * vertical, lateral_scale * force[:, 1], vertical_scale * vertical]
+        )
 
     return sum(one(d.intact_strike_s + k * d.stride_s) for k in (-1, 0, 1))
 

@@ -53,8 +53,10 @@ class Placement:
 def draw_placement(seed: int) -> Placement:
     random = np.random.default_rng([seed, 1])
     amplitude = CURVE_DEG / np.sqrt(HARMONICS)
-    return Placement(CONSTANT_DEG * random.standard_normal(len(PLACED)),
-                     amplitude * random.standard_normal((len(PLACED), HARMONICS, 2)))
+    return Placement(
+        CONSTANT_DEG * random.standard_normal(len(PLACED)),
+        amplitude * random.standard_normal((len(PLACED), HARMONICS, 2)),
+    )
 
 
 def exact(trial: Recorded) -> Tier:

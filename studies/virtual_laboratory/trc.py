@@ -11,8 +11,14 @@ from vsf_drake.files import replaced
 from vsf_drake.motion.formats.recording import Recording, world_to_os
 
 
-def write_trc(path: str | Path, markers: Recording | Mapping[str, np.ndarray], *, rate_hz: float | None = None,
-              start_s: float = 0.0, unit: str = "m") -> None:
+def write_trc(
+    path: str | Path,
+    markers: Recording | Mapping[str, np.ndarray],
+    *,
+    rate_hz: float | None = None,
+    start_s: float = 0.0,
+    unit: str = "m",
+) -> None:
     """Writes markers to a TRC file in OpenSim's frame, in full precision; an existing file is replaced at the end.
 
     Args:
@@ -24,7 +30,11 @@ def write_trc(path: str | Path, markers: Recording | Mapping[str, np.ndarray], *
         ValueError: no markers, shapes that differ, no rate, a label that is empty or holds a tab, another unit.
     """
     if isinstance(markers, Recording):
-        rate_hz, start_s, markers = rate_hz or markers.marker_rate_hz, markers.marker_start_s, markers.markers
+        rate_hz, start_s, markers = (
+            rate_hz or markers.marker_rate_hz,
+            markers.marker_start_s,
+            markers.markers,
+        )
     if unit not in ("m", "mm"):
         raise ValueError(f"unit must be m or mm, not {unit!r}")
     if not markers or not rate_hz:
@@ -38,11 +48,13 @@ def write_trc(path: str | Path, markers: Recording | Mapping[str, np.ndarray], *
     labels, rate = "\t\t\t".join(markers), repr(float(rate_hz))
     axes = "\t".join(f"{axis}{k}" for k in range(1, len(places) + 1) for axis in "XYZ")
     with replaced(path, "w") as stream:
-        stream.write(f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}\n"
-                     "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\t"
-                     "OrigNumFrames\n"
-                     f"{rate}\t{rate}\t{frames}\t{len(places)}\t{unit}\t{rate}\t1\t{frames}\n"
-                     f"Frame#\tTime\t{labels}\t\t\n\t\t{axes}\n\n")
+        stream.write(
+            f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}\n"
+            "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\t"
+            "OrigNumFrames\n"
+            f"{rate}\t{rate}\t{frames}\t{len(places)}\t{unit}\t{rate}\t1\t{frames}\n"
+            f"Frame#\tTime\t{labels}\t\t\n\t\t{axes}\n\n"
+        )
         for i, row in enumerate(np.concatenate(places, axis=1)):
             cells = ("" if np.isnan(cell) else repr(float(cell)) for cell in row)
             stream.write("\t".join([str(i + 1), repr(float(start_s + i / rate_hz)), *cells]) + "\n")

@@ -49,18 +49,26 @@ def true_offsets(session: Session, *, as_found: bool = False) -> GeometricOffset
     X_SP = foot_in_shank(session.person)
     if as_found:
         R_SF = RotationMatrix(Rotation.from_rotvec(session.turned["shank_right"]).as_matrix())
-        X_SP = RigidTransform(R_SF, session.true_ankle - R_SF.multiply(session.ankle)).inverse() @ X_SP
+        X_SP = (
+            RigidTransform(R_SF, session.true_ankle - R_SF.multiply(session.ankle)).inverse() @ X_SP
+        )
     X_PW = X_SP.inverse() @ foot_in_shank(session.written)  # true place, written place
     foot = FootParameters()
     X_KM = mount_pose(foot) @ X_PW
     R, moved = X_KM.rotation().matrix(), X_KM.translation() - mount_pose(foot).translation()
     # R = Rz(toe_out) Rx(-inversion) Ry(alignment), as `mount_pose` makes it of a right foot
     return GeometricOffsets(
-        height_m=-float(moved[2]), fore_aft_m=-float(moved[0]), alignment_rad=float(np.arctan2(-R[2, 0], R[2, 2])),
-        inversion_rad=-float(np.arcsin(R[2, 1])), toe_out_rad=float(np.arctan2(-R[0, 1], R[1, 1])))
+        height_m=-float(moved[2]),
+        fore_aft_m=-float(moved[0]),
+        alignment_rad=float(np.arctan2(-R[2, 0], R[2, 2])),
+        inversion_rad=-float(np.arcsin(R[2, 1])),
+        toe_out_rad=float(np.arctan2(-R[0, 1], R[1, 1])),
+    )
 
 
-def angle_errors(session: Session, trial: Trial, stride_s: float, index: tuple[int, ...]) -> dict[str, float]:
+def angle_errors(
+    session: Session, trial: Trial, stride_s: float, index: tuple[int, ...]
+) -> dict[str, float]:
     """Mean over the prosthetic stances of true less recorded, rad, by name of ANGLES.
 
     Args:
@@ -71,15 +79,24 @@ def angle_errors(session: Session, trial: Trial, stride_s: float, index: tuple[i
     values = np.array(trial.trajectory.ordered(names).values)
     recorded = in_degrees(mirrored(values)[1] if left else values)
     time_s, plate = trial.trajectory.time_s, trial.prosthetic_plate
-    inside = [(time_s >= stance.start_s) & (time_s <= stance.end_s)
-              for stance in find_stances(plate.time_s, plate.force_W[:, 2])
-              if stance.start_s >= trial.start_s and stance.end_s <= trial.end_s]
+    inside = [
+        (time_s >= stance.start_s) & (time_s <= stance.end_s)
+        for stance in find_stances(plate.time_s, plate.force_W[:, 2])
+        if stance.start_s >= trial.start_s and stance.end_s <= trial.end_s
+    ]
     none = Foot(np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1))
     true = recorded
     for _ in range(PASSES):
-        walked = SimpleNamespace(time_s=time_s, coordinates=true, right=none, left=none,
-                                 draw=SimpleNamespace(stride_s=stride_s))
-        again = session_tier(cast(Recorded, walked), replace(session, zeroed=()), "", index).coordinates
+        walked = SimpleNamespace(
+            time_s=time_s,
+            coordinates=true,
+            right=none,
+            left=none,
+            draw=SimpleNamespace(stride_s=stride_s),
+        )
+        again = session_tier(
+            cast(Recorded, walked), replace(session, zeroed=()), "", index
+        ).coordinates
         true = true + recorded - again
     off = in_radians(true - recorded)[np.any(inside, axis=0)].mean(axis=0)
     return {name: float(off[COORDINATES.index(f"{name}_r")]) for name in ANGLES}
@@ -91,8 +108,14 @@ def true_values(
     """By name of a fit's parameter, of a fit of these trials: each with its stride (s) and index. m and rad."""
     side = trials[0][0].subject.prosthetic_side[0]
     own = replace(session, turned={name: 0.0 * turned for name, turned in session.turned.items()})
-    errors: list[dict[str, Any]] = [angle_errors(own if as_found else session, *trial) for trial in trials]
-    offsets = {f"offset.{name.rsplit('_', 1)[0]}": value
-               for name, value in vars(true_offsets(session, as_found=as_found)).items()}
-    return offsets | {f"coordinate.{name}_{side}": float(np.mean([error[name] for error in errors]))
-                      for name in ANGLES}
+    errors: list[dict[str, Any]] = [
+        angle_errors(own if as_found else session, *trial) for trial in trials
+    ]
+    offsets = {
+        f"offset.{name.rsplit('_', 1)[0]}": value
+        for name, value in vars(true_offsets(session, as_found=as_found)).items()
+    }
+    return offsets | {
+        f"coordinate.{name}_{side}": float(np.mean([error[name] for error in errors]))
+        for name in ANGLES
+    }

@@ -19,7 +19,9 @@ from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.formats.recording import world_to_os
 from vsf_drake.motion.formats.tables import write_storage
 
-TEMPLATE, SESSIONS = (Path(__file__).with_name(name) for name in ("readme_template.md", "sessions_template.md"))
+TEMPLATE, SESSIONS = (
+    Path(__file__).with_name(name) for name in ("readme_template.md", "sessions_template.md")
+)
 NAME = "SYNTHETIC reference subject"
 NOTICE = "SYNTHETIC, nobody walked this (made by studies/make_reference_subject.py)"
 SUBJECT = f"""\
@@ -68,11 +70,22 @@ def write_trial(folder: Path, trial: Recorded, tier: Tier, label: Label = REFERE
     names, coordinates, right, left = COORDINATES, tier.coordinates, tier.right, tier.left
     if label.mirrored:
         names, coordinates, right, left = *mirrored(coordinates), _mirrored(left), _mirrored(right)
-    write_storage(place / f"{draw.name}_kinematics.mot", time_s=trial.time_s, names=names, values=coordinates,
-                  in_degrees=True, title=title)
+    write_storage(
+        place / f"{draw.name}_kinematics.mot",
+        time_s=trial.time_s,
+        names=names,
+        values=coordinates,
+        in_degrees=True,
+        title=title,
+    )
     columns = {**_columns(right, "r"), **_columns(left, "l")}
-    write_storage(place / f"{draw.name}_forces.mot", time_s=trial.force_time_s, names=list(columns),
-                  values=np.column_stack(list(columns.values())), title=title)
+    write_storage(
+        place / f"{draw.name}_forces.mot",
+        time_s=trial.force_time_s,
+        names=list(columns),
+        values=np.column_stack(list(columns.values())),
+        title=title,
+    )
     with replaced(place / f"{draw.name}.yaml") as stream:
         stream.write(
             f"# {label.notice}.\n"
@@ -82,7 +95,8 @@ def write_trial(folder: Path, trial: Recorded, tier: Tier, label: Label = REFERE
             f"forces: {{file: {draw.name}_forces.mot, right: ground_force_r, left: ground_force_l}}\n"
             f"prosthesis: {{fulcrum_mm: {1e3 * (draw.fulcrum_m or MID_RANGE_M):g}}}"
             f"{'' if draw.fulcrum_m else '  # a passive foot has none: where the model keeps its own'}\n"
-            f"window: {{start_s: 0, end_s: {_before_second_strike(trial):.2f}}}\n")
+            f"window: {{start_s: 0, end_s: {_before_second_strike(trial):.2f}}}\n"
+        )
 
 
 def _before_second_strike(trial: Recorded) -> float:
@@ -95,8 +109,13 @@ def _before_second_strike(trial: Recorded) -> float:
 def mirrored(coordinates: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
     """Names and values (N, 21) of the mirror image: left is right, and what tells left from right in the pelvis changes
     its sign. A leg's angles are anatomical and do not."""
-    names = tuple(name[:-1] + {"r": "l", "l": "r"}[name[-1]] if name[-2] == "_" else name for name in COORDINATES)
-    sign = np.where(np.isin(COORDINATES, ("pelvis_tz", "pelvis_list", "pelvis_rotation")), -1.0, 1.0)
+    names = tuple(
+        name[:-1] + {"r": "l", "l": "r"}[name[-1]] if name[-2] == "_" else name
+        for name in COORDINATES
+    )
+    sign = np.where(
+        np.isin(COORDINATES, ("pelvis_tz", "pelvis_list", "pelvis_rotation")), -1.0, 1.0
+    )
     return names, coordinates * sign + 0.0
 
 
@@ -113,10 +132,14 @@ def _columns(foot: Foot, side: str) -> dict[str, np.ndarray]:
     columns = {f"ground_force_{side}_v{axis}": force[:, i] for i, axis in enumerate("xyz")}
     columns |= {f"ground_force_{side}_p{axis}": cop[:, i] for i, axis in enumerate("xyz")}
     still = np.zeros(len(moment))
-    return columns | {f"ground_torque_{side}_{axis}": moment if axis == "y" else still for axis in "xyz"}
+    return columns | {
+        f"ground_torque_{side}_{axis}": moment if axis == "y" else still for axis in "xyz"
+    }
 
 
-def write_tables(folder: Path, tables: Mapping[str, Mapping[str, Mapping[str, float | None]]], notice: str) -> None:
+def write_tables(
+    folder: Path, tables: Mapping[str, Mapping[str, Mapping[str, float | None]]], notice: str
+) -> None:
     """CSV files by name, one line a trial: what came out, and what was drawn."""
     for name, rows in tables.items():
         columns = list(dict.fromkeys(key for row in rows.values() for key in row))
@@ -124,30 +147,56 @@ def write_tables(folder: Path, tables: Mapping[str, Mapping[str, Mapping[str, fl
             stream.write(f"# {notice}\n")
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow(["trial", *columns])
-            writer.writerows([trial, *("" if row.get(key) is None else f"{float(row[key]):.5g}" for key in columns)]
-                             for trial, row in rows.items())
+            writer.writerows(
+                [
+                    trial,
+                    *("" if row.get(key) is None else f"{float(row[key]):.5g}" for key in columns),
+                ]
+                for trial, row in rows.items()
+            )
 
 
-def write_readme(folder: Path, figures: dict[str, dict[str, float]], null: dict[str, dict[str, float]]) -> None:
+def write_readme(
+    folder: Path, figures: dict[str, dict[str, float]], null: dict[str, dict[str, float]]
+) -> None:
     """`README.md` out of the template and what was achieved."""
-    shown = {"stance_s": ("stance s", 1, 3), "speed_m_per_s": ("speed m/s", 1, 3),
-             "first_peak_bw": ("peak 1 %BW", 100, 1), "trough_bw": ("trough %BW", 100, 1),
-             "second_peak_bw": ("peak 2 %BW", 100, 1), "braking_bw": ("braking %BW", 100, 1),
-             "propulsion_bw": ("propulsion %BW", 100, 1), "medial_peak_bw": ("medial %BW", 100, 1),
-             "cop_travel_mm": ("CoP travel mm", 1, 0), "swing_clearance_mm": ("clearance mm", 1, 1),
-             "slip_flat_mm": ("slip mm", 1, 1), "knee_loading_deg": ("knee, loading °", 1, 1),
-             "step_width_mm": ("step width mm", 1, 0), "intact_first_peak_bw": ("intact peak 1 %BW", 100, 1),
-             "intact_second_peak_bw": ("intact peak 2 %BW", 100, 1),
-             "residual_force_bw": ("unexplained %BW", 100, 4), "lumped_force_rms_bw": ("trunk lumped %BW", 100, 1),
-             "lumped_vertical_rms_bw": ("of it vertical", 100, 1), "lumped_fore_aft_rms_bw": ("fore-aft", 100, 1),
-             "trunk_shift_rms_mm": ("trunk's shift mm", 1, 1), "trunk_shift_mm": ("at most", 1, 1),
-             "gain_m_per_s": ("gains m/s", 1, 3), "stride_ends_deg": ("ends °", 1, 1)}
-    achieved = {trial: [f"{scale * row[key]:.{digits}f}" for key, (_, scale, digits) in shown.items()]
-                for trial, row in figures.items()}
-    stretched = {one: [f"{100 * error:.1f}" if other != one else "-" for other, error in row.items()]
-                 for one, row in null.items()}
+    shown = {
+        "stance_s": ("stance s", 1, 3),
+        "speed_m_per_s": ("speed m/s", 1, 3),
+        "first_peak_bw": ("peak 1 %BW", 100, 1),
+        "trough_bw": ("trough %BW", 100, 1),
+        "second_peak_bw": ("peak 2 %BW", 100, 1),
+        "braking_bw": ("braking %BW", 100, 1),
+        "propulsion_bw": ("propulsion %BW", 100, 1),
+        "medial_peak_bw": ("medial %BW", 100, 1),
+        "cop_travel_mm": ("CoP travel mm", 1, 0),
+        "swing_clearance_mm": ("clearance mm", 1, 1),
+        "slip_flat_mm": ("slip mm", 1, 1),
+        "knee_loading_deg": ("knee, loading °", 1, 1),
+        "step_width_mm": ("step width mm", 1, 0),
+        "intact_first_peak_bw": ("intact peak 1 %BW", 100, 1),
+        "intact_second_peak_bw": ("intact peak 2 %BW", 100, 1),
+        "residual_force_bw": ("unexplained %BW", 100, 4),
+        "lumped_force_rms_bw": ("trunk lumped %BW", 100, 1),
+        "lumped_vertical_rms_bw": ("of it vertical", 100, 1),
+        "lumped_fore_aft_rms_bw": ("fore-aft", 100, 1),
+        "trunk_shift_rms_mm": ("trunk's shift mm", 1, 1),
+        "trunk_shift_mm": ("at most", 1, 1),
+        "gain_m_per_s": ("gains m/s", 1, 3),
+        "stride_ends_deg": ("ends °", 1, 1),
+    }
+    achieved = {
+        trial: [f"{scale * row[key]:.{digits}f}" for key, (_, scale, digits) in shown.items()]
+        for trial, row in figures.items()
+    }
+    stretched = {
+        one: [f"{100 * error:.1f}" if other != one else "-" for other, error in row.items()]
+        for one, row in null.items()
+    }
     text = TEMPLATE.read_text(encoding="utf-8")
-    text = text.replace("{figures}", _table("trial", [title for title, _, _ in shown.values()], achieved))
+    text = text.replace(
+        "{figures}", _table("trial", [title for title, _, _ in shown.values()], achieved)
+    )
     text = text.replace("{bands}", bands_table({"1.0 to 1.2": (figures.values(), None)}))
     with replaced(folder / "README.md") as stream:
         stream.write(text.replace("{null}", _table("curve of", list(null), stretched)))
@@ -155,30 +204,60 @@ def write_readme(folder: Path, figures: dict[str, dict[str, float]], null: dict[
 
 def write_session_readme(folder: Path, rows: Mapping[str, Mapping[str, Any]]) -> None:
     """`README.md` of data/sessions from what is known of each trial, by its path."""
-    shown = {"speed_m_per_s": (1, 2), "stance_s": (1, 3), "first_peak_bw": (100, 0), "trough_bw": (100, 0),
-             "second_peak_bw": (100, 0), "floor_bw": (100, 1), "own_floor_bw": (100, 1)}
+    shown = {
+        "speed_m_per_s": (1, 2),
+        "stance_s": (1, 3),
+        "first_peak_bw": (100, 0),
+        "trough_bw": (100, 0),
+        "second_peak_bw": (100, 0),
+        "floor_bw": (100, 1),
+        "own_floor_bw": (100, 1),
+    }
     sessions: dict[str, list[str]] = {}
     for name, row in rows.items():
-        sessions.setdefault(f"{name.rpartition('/')[0]}{' passive' * (row['condition'] == 'passive')}", []).append(name)
+        sessions.setdefault(
+            f"{name.rpartition('/')[0]}{' passive' * (row['condition'] == 'passive')}", []
+        ).append(name)
     summary = {}
     for title, names in sessions.items():
-        fitted = names[:1] if title.endswith("passive") else [
-            name for name in names if name.endswith(("/low_1", "/high_1"))]
+        fitted = (
+            names[:1]
+            if title.endswith("passive")
+            else [name for name in names if name.endswith(("/low_1", "/high_1"))]
+        )
         curves = {name: np.array(rows[name]["curve"]) for name in names}
-        nulls = [min(null_error(curves[one], curves[name]) for one in fitted) for name in names if name not in fitted]
-        cells = [f"{scale * np.mean([rows[name]['figures'][key] for name in names]):.{digits}f}"
-                 for key, (scale, digits) in shown.items()]
+        nulls = [
+            min(null_error(curves[one], curves[name]) for one in fitted)
+            for name in names
+            if name not in fitted
+        ]
+        cells = [
+            f"{scale * np.mean([rows[name]['figures'][key] for name in names]):.{digits}f}"
+            for key, (scale, digits) in shown.items()
+        ]
         summary[title] = [str(len(names)), *cells, f"{100 * np.mean(nulls):.1f}" if nulls else "-"]
-    head = ["trials", "speed m/s", "stance s", "peak 1 %BW", "trough %BW", "peak 2 %BW", "floor %BW", "own %BW",
-            "null %BW"]
+    head = [
+        "trials",
+        "speed m/s",
+        "stance s",
+        "peak 1 %BW",
+        "trough %BW",
+        "peak 2 %BW",
+        "floor %BW",
+        "own %BW",
+        "null %BW",
+    ]
     speeds: dict[str, tuple[list[Mapping[str, float]], float]] = {}
     for name, row in rows.items():
         aimed = name.split("/")[-2].replace("p", ".")
         speeds.setdefault(aimed, ([], float(aimed)))[0].append(row["figures"])
     text = SESSIONS.read_text(encoding="utf-8")
     with replaced(folder / "README.md") as stream:
-        stream.write(text.replace("{summary}", _table("session", head, summary))
-                     .replace("{bands}", bands_table(speeds)))
+        stream.write(
+            text.replace("{summary}", _table("session", head, summary)).replace(
+                "{bands}", bands_table(speeds)
+            )
+        )
 
 
 def bands_table(walks: Mapping[str, tuple[Iterable[Mapping[str, float]], float | None]]) -> str:
@@ -191,12 +270,25 @@ def bands_table(walks: Mapping[str, tuple[Iterable[Mapping[str, float]], float |
             values = [row[name][0] for row in found]
             out = sum(not a <= value <= b for value, a, b in (row[name] for row in found))
             digits = 0 if name.endswith("mm") else 2 if "N m" not in name else 1
-            ends = f"from {low:.{digits}f}" if high == float("inf") else f"{low:.{digits}f} to {high:.{digits}f}"
+            ends = (
+                f"from {low:.{digits}f}"
+                if high == float("inf")
+                else f"{low:.{digits}f} to {high:.{digits}f}"
+            )
             lines[f"{speed} | {name}"] = [
-                ends, f"{min(values):.{digits}f} to {max(values):.{digits}f}", f"{out} of {len(values)}"]
-    return _table("at m/s | of each walk", ["band", "found", "outside"], lines).replace("| --- |", "| --- | --- |", 1)
+                ends,
+                f"{min(values):.{digits}f} to {max(values):.{digits}f}",
+                f"{out} of {len(values)}",
+            ]
+    return _table("at m/s | of each walk", ["band", "found", "outside"], lines).replace(
+        "| --- |", "| --- | --- |", 1
+    )
 
 
 def _table(corner: str, head: list[str], rows: dict[str, list[str]]) -> str:
-    lines = [[corner, *head], ["---"] * (1 + len(head)), *([name, *cells] for name, cells in rows.items())]
+    lines = [
+        [corner, *head],
+        ["---"] * (1 + len(head)),
+        *([name, *cells] for name, cells in rows.items()),
+    ]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

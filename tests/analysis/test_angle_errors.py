@@ -10,7 +10,13 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis import angle_errors as module
-from vsf_drake.analysis.angle_errors import DRAWS, LIMB_ANGLES, SD_DEG, JudgedTrial, angle_error_rows
+from vsf_drake.analysis.angle_errors import (
+    DRAWS,
+    LIMB_ANGLES,
+    SD_DEG,
+    JudgedTrial,
+    angle_error_rows,
+)
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.simulation.walk import Walker
@@ -22,22 +28,32 @@ def study():
 
 
 def judged(walk, null=None):
-    return JudgedTrial(walk.trial, walk.role, walk.metrics.null_model_grf_rmse_bw if null is None else null)
+    return JudgedTrial(
+        walk.trial, walk.role, walk.metrics.null_model_grf_rmse_bw if null is None else null
+    )
 
 
 @pytest.fixture(scope="module")
 def rows(study):
-    return angle_error_rows([judged(walk) for walk in study.walks], step_s=study.options.step_s, seed=0)
+    return angle_error_rows(
+        [judged(walk) for walk in study.walks], step_s=study.options.step_s, seed=0
+    )
 
 
 def test_without_extra_errors_the_scores_of_the_study_come_back(study, rows):
     still, *_ = rows
-    assert (still.sd_deg, still.walks, still.failed, still.role) == (0.0, len(study.walks), 0, study.walks[0].role)
+    assert (still.sd_deg, still.walks, still.failed, still.role) == (
+        0.0,
+        len(study.walks),
+        0,
+        study.walks[0].role,
+    )
     errors = [walk.metrics.grf_rmse_bw for walk in study.walks]
     assert still.grf_rmse_bw == pytest.approx(np.mean(errors), rel=1e-12)
     assert still.grf_rmse_bw_worst == pytest.approx(max(errors), rel=1e-12)
-    assert still.beats_null == sum(walk.metrics.grf_rmse_bw < walk.metrics.null_model_grf_rmse_bw
-                                   for walk in study.walks)
+    assert still.beats_null == sum(
+        walk.metrics.grf_rmse_bw < walk.metrics.null_model_grf_rmse_bw for walk in study.walks
+    )
 
 
 def test_larger_errors_are_never_better_in_the_mean(rows):
@@ -51,11 +67,17 @@ def test_errors_stay_in_the_angles_for_the_whole_walk(study, monkeypatch):
     """By a second way: the drawn angles added to the recorded ones, and the trial walked as if it were recorded so."""
     walk, seen = study.walks[0], []
     batch = module.simulate_batch
-    monkeypatch.setattr(module, "simulate_batch", lambda cases, **how: [
-        seen.append(case) or outcome for case, outcome in zip(cases, batch(cases, **how), strict=True)])
+    monkeypatch.setattr(
+        module,
+        "simulate_batch",
+        lambda cases, **how: [
+            seen.append(case) or outcome
+            for case, outcome in zip(cases, batch(cases, **how), strict=True)
+        ],
+    )
     monkeypatch.setattr(module, "SD_DEG", (1.0,))
     monkeypatch.setattr(module, "DRAWS", 1)
-    row, = angle_error_rows([judged(walk)], step_s=2e-3, seed=5)
+    (row,) = angle_error_rows([judged(walk)], step_s=2e-3, seed=5)
     drawn = seen[0].values
     side = walk.trial.subject.prosthetic_side[0]
     assert list(drawn) == [f"coordinate.{name}_{side}" for name in LIMB_ANGLES]
@@ -65,11 +87,20 @@ def test_errors_stay_in_the_angles_for_the_whole_walk(study, monkeypatch):
     for name, error in drawn.items():
         values[:, recorded.names.index(name.removeprefix("coordinate."))] += error
     trial = dataclasses.replace(
-        walk.trial, trajectory=CoordinateTrajectory(recorded.time_s, values, recorded.names))
+        walk.trial, trajectory=CoordinateTrajectory(recorded.time_s, values, recorded.names)
+    )
     walker = Walker(trial.subject, trial.model)
-    made = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                       offsets=trial.offsets, step_s=2e-3)
-    alone = walk_metrics(walker.result(made, trial, trial.offsets, energy=False), trial.prosthetic_plate)
+    made = walker.walk(
+        trial.trajectory,
+        fulcrum_m=trial.fulcrum_m,
+        start_s=trial.start_s,
+        end_s=trial.end_s,
+        offsets=trial.offsets,
+        step_s=2e-3,
+    )
+    alone = walk_metrics(
+        walker.result(made, trial, trial.offsets, energy=False), trial.prosthetic_plate
+    )
     assert row.grf_rmse_bw == pytest.approx(alone.grf_rmse_bw, rel=1e-6)
 
 
@@ -77,8 +108,13 @@ def test_each_angle_of_each_walk_has_an_error_of_its_own_of_the_stated_size(stud
     seen = []
     monkeypatch.setattr(module, "SD_DEG", (0.5,))
     monkeypatch.setattr(module, "DRAWS", 3000)
-    monkeypatch.setattr(module, "simulate_batch", lambda cases, **_: [
-        seen.append(list(case.values.values())) or SimpleNamespace(ok=False) for case in cases])
+    monkeypatch.setattr(
+        module,
+        "simulate_batch",
+        lambda cases, **_: [
+            seen.append(list(case.values.values())) or SimpleNamespace(ok=False) for case in cases
+        ],
+    )
     angle_error_rows([judged(walk) for walk in study.walks[:2]], step_s=2e-3, seed=0)
     drawn = np.degrees(np.array(seen)).reshape(2, 3000, len(LIMB_ANGLES))
     np.testing.assert_allclose(drawn.std(axis=1), 0.5, rtol=0.05)
@@ -90,12 +126,24 @@ def test_walks_below_their_own_null_model_are_counted_and_failed_ones_are_not(st
     """Errors made up: of the first trial 2, 4, 6 and 8 % body weight beside 5, of the second one lost of four."""
     made = iter([0.02, 0.04, 0.06, 0.08, 0.03, None, 0.05, 0.07, 0.01, 0.01, 0.01, 0.01])
     monkeypatch.setattr(module, "SD_DEG", (1.0,))
-    monkeypatch.setattr(module, "simulate_batch", lambda cases, **_: [
-        SimpleNamespace(ok=True, error=next(made)) for _ in cases])
-    monkeypatch.setattr(module, "scores", lambda outcome: SimpleNamespace(grf_rmse_bw=outcome.error))
+    monkeypatch.setattr(
+        module,
+        "simulate_batch",
+        lambda cases, **_: [SimpleNamespace(ok=True, error=next(made)) for _ in cases],
+    )
+    monkeypatch.setattr(
+        module, "scores", lambda outcome: SimpleNamespace(grf_rmse_bw=outcome.error)
+    )
     walk = study.walks[0].trial
-    held, fitted = angle_error_rows([JudgedTrial(walk, "held out", 0.05), JudgedTrial(walk, "held out", 0.05),
-                                     JudgedTrial(walk, "fitted", None)], step_s=2e-3, seed=0)
+    held, fitted = angle_error_rows(
+        [
+            JudgedTrial(walk, "held out", 0.05),
+            JudgedTrial(walk, "held out", 0.05),
+            JudgedTrial(walk, "fitted", None),
+        ],
+        step_s=2e-3,
+        seed=0,
+    )
     assert (held.walks, held.failed, held.beats_null, held.beats_null_of) == (7, 1, 3, 7)
     assert held.grf_rmse_bw == pytest.approx(np.mean([0.02, 0.04, 0.06, 0.08, 0.03, 0.05, 0.07]))
     assert held.grf_rmse_bw_worst == 0.08

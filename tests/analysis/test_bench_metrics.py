@@ -27,14 +27,24 @@ def test_stiffness_does_not_depend_on_sampling(samples):
     x = np.sort(np.concatenate(([0.0, 0.055], rng.uniform(0.0, 0.055, samples))))
     load = 8e3 * x + 9e4 * x**2
     crossing = (-8e3 + np.sqrt(8e3**2 + 4.0 * 9e4 * 200.0)) / (2.0 * 9e4)
-    assert bench_metrics.stiffness(x, load) == pytest.approx(8e3 + 9e4 * (crossing + 0.055), rel=2e-3)
+    assert bench_metrics.stiffness(x, load) == pytest.approx(
+        8e3 + 9e4 * (crossing + 0.055), rel=2e-3
+    )
 
 
-@pytest.mark.parametrize(("x", "load", "message"), [
-    ([0.0, 0.01], [0.0, 150.0], "largest load is 150 N"),
-    ([0.0, 0.01, 0.02, 0.03], [0.0, 300.0, 250.0, 400.0], "load falls from 300 to 250 N at 20 mm"),
-    ([0.0, 0.02, 0.02, 0.03], [0.0, 100.0, 200.0, 400.0], "does not increase at sample 2"),
-    ([0.0, 0.01, 0.02, 0.03], [0.0, 100.0, np.nan, 400.0], "not finite")])
+@pytest.mark.parametrize(
+    ("x", "load", "message"),
+    [
+        ([0.0, 0.01], [0.0, 150.0], "largest load is 150 N"),
+        (
+            [0.0, 0.01, 0.02, 0.03],
+            [0.0, 300.0, 250.0, 400.0],
+            "load falls from 300 to 250 N at 20 mm",
+        ),
+        ([0.0, 0.02, 0.02, 0.03], [0.0, 100.0, 200.0, 400.0], "does not increase at sample 2"),
+        ([0.0, 0.01, 0.02, 0.03], [0.0, 100.0, np.nan, 400.0], "not finite"),
+    ],
+)
 def test_curve_without_a_mean_slope_is_refused_with_the_reason(x, load, message):
     with pytest.raises(InputError, match=f"bench, heel.*{message}"):
         bench_metrics.stiffness(np.array(x), np.array(load), where="bench, heel")
@@ -42,8 +52,12 @@ def test_curve_without_a_mean_slope_is_refused_with_the_reason(x, load, message)
 
 def test_curve_that_starts_under_load_is_refused():
     setting = make_setting(0.066, 10e3)
-    late = dataclasses.replace(setting, time_s=setting.time_s[100:], platen_m=setting.platen_m[100:],
-                               load_n=setting.load_n[100:])
+    late = dataclasses.replace(
+        setting,
+        time_s=setting.time_s[100:],
+        platen_m=setting.platen_m[100:],
+        load_n=setting.load_n[100:],
+    )
     with pytest.raises(InputError, match="fulcrum at 66 mm: the load-displacement curve starts at"):
         bench_metrics.displacement(late)
 
@@ -52,9 +66,14 @@ def test_table_holds_what_was_put_in():
     table = bench_metrics.bench_table(make_bench())
     assert [row.fulcrum_mm for row in table.settings] == [66.0, 87.0, 108.0, 129.0, 151.0]
     for row, k in zip(table.settings, (10.0, 14.1, 18.9, 24.8, 32.0), strict=True):
-        assert (row.stiffness_n_per_mm, row.mid_range_displacement_mm, row.max_load_n) == pytest.approx(
-            (k, 300.0 / k, 600.0))
-    assert table.heel_stiffness_n_per_mm == pytest.approx(65.0) and table.speed_mm_per_min == pytest.approx(50.0)
+        assert (
+            row.stiffness_n_per_mm,
+            row.mid_range_displacement_mm,
+            row.max_load_n,
+        ) == pytest.approx((k, 300.0 / k, 600.0))
+    assert table.heel_stiffness_n_per_mm == pytest.approx(
+        65.0
+    ) and table.speed_mm_per_min == pytest.approx(50.0)
     assert [row.published_n_per_mm for row in table.settings] == [10.0, None, None, None, 32.0]
     bare = make_bench()
     bare = bench_metrics.bench_table(dataclasses.replace(bare, settings=bare.forefoot[:2]))
@@ -71,8 +90,10 @@ def test_the_foam_counts_with_its_mean_slope_between_the_loads():
     """x = (F / k)^(1/n): 400 N over the depth between 200 and 600 N, in series with the beam."""
     foam = {"series_stiffness_n_per_m": 2e5, "series_exponent": 1.3}
     depth = (600.0 / 2e5) ** (1.0 / 1.3) - (200.0 / 2e5) ** (1.0 / 1.3)
-    soft, stiff = (1.0 / bench_metrics.closed_form_stiffness(BENCH_PARAMETERS | more, 0.1)
-                   for more in (foam, {"series_stiffness_n_per_m": 1e30}))
+    soft, stiff = (
+        1.0 / bench_metrics.closed_form_stiffness(BENCH_PARAMETERS | more, 0.1)
+        for more in (foam, {"series_stiffness_n_per_m": 1e30})
+    )
     assert soft == pytest.approx(stiff + depth / 400.0, rel=1e-9)
 
 
@@ -84,4 +105,8 @@ def test_tuned_joints_equal_the_statics_of_a_keel_clamped_at_its_fulcrum():
             angle_deg = 1000.0 * (199 - joint_mm) / (1e3 * (13.839 - 0.0677 * fulcrum_mm))
             travel += np.radians(angle_deg) * (199 - joint_mm)
         found = bench_metrics.TUNED_JOINTS_N_PER_M[fulcrum_mm / 1000]
-        assert found == pytest.approx(1e3 * 1000.0 / travel, rel=1e-9) == pytest.approx(1e3 * expected, abs=50.0)
+        assert (
+            found
+            == pytest.approx(1e3 * 1000.0 / travel, rel=1e-9)
+            == pytest.approx(1e3 * expected, abs=50.0)
+        )

@@ -37,7 +37,9 @@ def test_walk_consistent_to_the_time_step_is_good_in_every_check(name):
 
 
 @pytest.mark.parametrize("setting", SETTINGS)
-def test_walk_with_markers_a_degree_off_is_good_but_for_remarks_and_costs_more_than_an_exact_one(setting):
+def test_walk_with_markers_a_degree_off_is_good_but_for_remarks_and_costs_more_than_an_exact_one(
+    setting,
+):
     """After a fit of the offsets these walks are predicted within 2 to 3 % of body weight, the exact within 1 to 2."""
     item = examined("laboratory", setting)
     assert item.mark == "good" and any(check.mark == "doubtful" for check in item.checks)
@@ -50,38 +52,56 @@ def test_what_a_session_hides_is_named():
     trial = load_trial(resource("data/sessions/b/day_1/1p1/high_1.yaml"))
     checks = {check.name: check for check in examine(trial).checks}
     zeroed = checks["angles zeroed at the walk's mean"]
-    assert zeroed.value == 6.0 and all(f"{name}_{side}" in zeroed.sentence for side in "rl"
-                                       for name in ("hip_rotation", "knee_adduction", "knee_rotation"))
+    assert zeroed.value == 6.0 and all(
+        f"{name}_{side}" in zeroed.sentence
+        for side in "rl"
+        for name in ("hip_rotation", "knee_adduction", "knee_rotation")
+    )
     assert checks["length of the foot"].value == pytest.approx(0.2242 / 0.245 - 1.0)
 
 
-@pytest.mark.parametrize("file", ["sessions/b/day_1/1p1/high_1", "reference_subject/exact/low_1"])  # left and right
+@pytest.mark.parametrize(
+    "file", ["sessions/b/day_1/1p1/high_1", "reference_subject/exact/low_1"]
+)  # left and right
 def test_inverting_the_prosthesis_rolls_its_sole_by_as_much_and_the_stated_one_levels_it(file):
     trial = load_trial(resource(f"data/{file}.yaml"))
 
     def roll_deg(inversion_rad):
         subject = dataclasses.replace(trial.subject, prosthesis_inversion_rad=inversion_rad)
-        return next(check for check in examine(dataclasses.replace(trial, subject=subject)).checks
-                    if check.name == "sole roll at foot-flat").value
+        return next(
+            check
+            for check in examine(dataclasses.replace(trial, subject=subject)).checks
+            if check.name == "sole roll at foot-flat"
+        ).value
 
     as_stated = roll_deg(trial.subject.prosthesis_inversion_rad or 0.0)
     inverted = roll_deg((trial.subject.prosthesis_inversion_rad or 0.0) + np.radians(5.0))
-    assert inverted - as_stated == pytest.approx(5.0, abs=0.1), "as the sole is nearly level along the foot"
-    assert roll_deg((trial.subject.prosthesis_inversion_rad or 0.0) - np.radians(as_stated)) == pytest.approx(
-        0.0, abs=0.2)
+    assert inverted - as_stated == pytest.approx(5.0, abs=0.1), (
+        "as the sole is nearly level along the foot"
+    )
+    assert roll_deg(
+        (trial.subject.prosthesis_inversion_rad or 0.0) - np.radians(as_stated)
+    ) == pytest.approx(0.0, abs=0.2)
 
 
 def moved(trial: Trial, name: str, perturbation) -> Trial:
     motion = trial.trajectory
     values = np.array(motion.values)
     values[:, motion.names.index(name)] += perturbation(motion.time_s)
-    return dataclasses.replace(trial, trajectory=CoordinateTrajectory(motion.time_s, values, motion.names,
-                                                                      source=motion.source))
+    return dataclasses.replace(
+        trial,
+        trajectory=CoordinateTrajectory(motion.time_s, values, motion.names, source=motion.source),
+    )
 
 
 def late(trial: Trial, lag_s: float) -> Trial:
-    return dataclasses.replace(trial, plates={side: dataclasses.replace(plate, time_s=plate.time_s + lag_s)
-                                              for side, plate in trial.plates.items()})
+    return dataclasses.replace(
+        trial,
+        plates={
+            side: dataclasses.replace(plate, time_s=plate.time_s + lag_s)
+            for side, plate in trial.plates.items()
+        },
+    )
 
 
 def wave(degrees: float):
@@ -89,14 +109,19 @@ def wave(degrees: float):
 
 
 SPOILED = {
-    "nothing": lambda trial: trial, "slid 0.05 m/s": lambda trial: moved(trial, "pelvis_tx", lambda t: 0.05 * t),
+    "nothing": lambda trial: trial,
+    "slid 0.05 m/s": lambda trial: moved(trial, "pelvis_tx", lambda t: 0.05 * t),
     "slid 0.15 m/s": lambda trial: moved(trial, "pelvis_tx", lambda t: 0.15 * t),
-    "20 ms late": lambda trial: late(trial, 0.02), "40 ms late": lambda trial: late(trial, 0.04),
+    "20 ms late": lambda trial: late(trial, 0.02),
+    "40 ms late": lambda trial: late(trial, 0.04),
     "knee 1 degree": lambda trial: moved(trial, "knee_angle_r", wave(1.0)),
     "knee 4 degrees": lambda trial: moved(trial, "knee_angle_r", wave(4.0)),
     "hip 2 degrees": lambda trial: moved(trial, "hip_flexion_r", wave(2.0)),
     "hip 4 degrees": lambda trial: moved(trial, "hip_flexion_r", wave(4.0)),
-    "noise": lambda trial: moved(trial, "hip_flexion_r", lambda t: np.radians(0.7) * np.sin(2 * np.pi * 20.0 * t))}
+    "noise": lambda trial: moved(
+        trial, "hip_flexion_r", lambda t: np.radians(0.7) * np.sin(2 * np.pi * 20.0 * t)
+    ),
+}
 
 
 @pytest.mark.slow
@@ -112,8 +137,9 @@ def test_expected_error_ranks_spoiled_walks_as_the_plate_does():
     assert spearmanr(expected, true)[0] > 0.75
 
 
-@pytest.mark.parametrize("spoil", [
-    "slid 0.15 m/s", "40 ms late", "knee 4 degrees", "hip 2 degrees", "hip 4 degrees"])
+@pytest.mark.parametrize(
+    "spoil", ["slid 0.15 m/s", "40 ms late", "knee 4 degrees", "hip 2 degrees", "hip 4 degrees"]
+)
 @pytest.mark.parametrize("setting", SETTINGS)
 def test_spoiled_walk_is_not_good(setting, spoil):
     trial = load_trial(resource(f"data/reference_subject/exact/{setting}_1.yaml"))
@@ -125,7 +151,10 @@ def test_forces_two_frames_late_are_not_good_where_the_bodys_acceleration_tells_
     """30 ms, known to 10, are more than the 15 that are good. At 66 mm only touch-downs tell: 40 ms and no less."""
     trial = load_trial(resource(f"data/reference_subject/exact/{setting}_1.yaml"))
     right, item = examine(trial), examine(late(trial, 0.03))
-    lags = [{check.name: check.value for check in one.checks}["lag of the forces"] for one in (right, item)]
+    lags = [
+        {check.name: check.value for check in one.checks}["lag of the forces"]
+        for one in (right, item)
+    ]
     assert lags[1] - lags[0] == pytest.approx(0.03, abs=0.002)
     assert item.mark != "good"
 
@@ -136,7 +165,9 @@ def costing(*costs: float | None, mark: str = "good") -> list[Check]:
 
 def test_independent_errors_add_as_squares_and_one_error_counts_once():
     assert expected_error(costing(0.03, 0.04, None)) == pytest.approx(0.05)
-    assert expected_error(costing(0.02) + costing(0.03)) == pytest.approx(0.03)  # one name: two feet, or two stances
+    assert expected_error(costing(0.02) + costing(0.03)) == pytest.approx(
+        0.03
+    )  # one name: two feet, or two stances
     assert expected_error([]) == 0.0
 
 
@@ -145,7 +176,9 @@ def test_doubts_without_a_cost_are_remarks_and_faults_are_not():
     assert overall(costing(0.02, 0.025)) == "doubtful"
     assert overall(costing(0.08, 0.07)) == "unusable"
     assert overall(costing(None, mark="unusable")) == "unusable"
-    assert overall([dataclasses.replace(*costing(None, mark="doubtful"), needed=True)]) == "doubtful"
+    assert (
+        overall([dataclasses.replace(*costing(None, mark="doubtful"), needed=True)]) == "doubtful"
+    )
 
 
 def test_a_mass_that_nothing_tells_and_a_force_beside_its_foot_are_not_good():
@@ -153,8 +186,12 @@ def test_a_mass_that_nothing_tells_and_a_force_beside_its_foot_are_not_good():
     side = trial.subject.prosthetic_side
     other = "left" if side == "right" else "right"
     span = (float(trial.trajectory.time_s[0]), float(trial.trajectory.time_s[-1]))
-    alone = dataclasses.replace(trial, plates={side: trial.plates[side]}, unmeasured={other: (span,)})
+    alone = dataclasses.replace(
+        trial, plates={side: trial.plates[side]}, unmeasured={other: (span,)}
+    )
     assert examine(alone).mark == "doubtful"
-    beside = {name: dataclasses.replace(plate, cop_W=plate.cop_W + np.array([0.06, 0.06, 0.0]))
-              for name, plate in trial.plates.items()}
+    beside = {
+        name: dataclasses.replace(plate, cop_W=plate.cop_W + np.array([0.06, 0.06, 0.0]))
+        for name, plate in trial.plates.items()
+    }
     assert examine(dataclasses.replace(trial, plates=beside)).mark != "good"

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.recording import force_checks
-from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity, turns_in_stance
+from vsf_drake.analysis.recording.foot import (
+    FootMotion,
+    flat_phase,
+    floor_point,
+    slip_velocity,
+    turns_in_stance,
+)
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import low_pass
@@ -19,24 +25,42 @@ TIME = np.arange(0.0, 2.0, 0.01)
 FLAT_RAD = np.radians(1.5)
 
 
-def made_foot(*, pitch_deg=0.0, sole_m=0.0, rise_m_per_s=0.0, slide_m_per_s=0.0, swing_m=0.05, side="right",
-              prosthetic=True, undeformed=False, length_m=0.25, rolls=True) -> FootMotion:
+def made_foot(
+    *,
+    pitch_deg=0.0,
+    sole_m=0.0,
+    rise_m_per_s=0.0,
+    slide_m_per_s=0.0,
+    swing_m=0.05,
+    side="right",
+    prosthetic=True,
+    undeformed=False,
+    length_m=0.25,
+    rolls=True,
+) -> FootMotion:
     """Flat from 15 to 60 % of the stance; before it rolls over its heel, after it over its ball; lifted in swing."""
-    start, end = STANCE.start_s + 0.15 * STANCE.duration_s, STANCE.start_s + 0.60 * STANCE.duration_s
+    start, end = (
+        STANCE.start_s + 0.15 * STANCE.duration_s,
+        STANCE.start_s + 0.60 * STANCE.duration_s,
+    )
     before, after = np.clip(start - TIME, 0.0, None), np.clip(TIME - end, 0.0, None)
     rolling = 3.0 * rolls * (np.minimum(before, 0.15) - np.minimum(after, 0.2))
     pitch = np.radians(pitch_deg) + rolling
     away = (TIME < STANCE.start_s) | (TIME > STANCE.end_s)
     heel = np.zeros((len(TIME), 3))
     heel[:, 0] = slide_m_per_s * (TIME - start)
-    heel[:, 2] = sole_m + rise_m_per_s * (TIME - start) - 0.7 * length_m * np.sin(np.minimum(rolling, 0.0))
+    heel[:, 2] = (
+        sole_m + rise_m_per_s * (TIME - start) - 0.7 * length_m * np.sin(np.minimum(rolling, 0.0))
+    )
     heel[:, 2] -= 0.5 * length_m * np.sin(np.radians(pitch_deg))
     heel[away, 2] += swing_m
     along = np.column_stack([np.cos(pitch), 0 * pitch, np.sin(pitch)])
     up = np.column_stack([-np.sin(pitch), 0 * pitch, np.cos(pitch)])
     toe = heel + length_m * along
     ankle = heel + 0.25 * length_m * along + 0.08 * up
-    return FootMotion(side, TIME, heel, toe, ankle, np.minimum(heel[:, 2], toe[:, 2]), prosthetic, undeformed)
+    return FootMotion(
+        side, TIME, heel, toe, ankle, np.minimum(heel[:, 2], toe[:, 2]), prosthetic, undeformed
+    )
 
 
 def flat(foot):
@@ -52,7 +76,9 @@ def test_foot_flat_is_found_where_the_foot_is_flat_or_in_mid_stance_where_it_nev
     assert instants[-1] == pytest.approx(STANCE.start_s + 0.60 * STANCE.duration_s, abs=slack)
     pitch, heel = 1.5 * (0.85 - TIME), np.zeros((len(TIME), 3))
     toe = 0.25 * np.column_stack([np.cos(pitch), 0 * pitch, np.sin(pitch)])
-    turning = FootMotion("right", TIME, heel, toe, heel + np.array([0.0, 0.0, 0.08]), heel[:, 2], True, True)
+    turning = FootMotion(
+        "right", TIME, heel, toe, heel + np.array([0.0, 0.0, 0.08]), heel[:, 2], True, True
+    )
     instants = TIME[flat(turning)]
     assert instants[0] >= STANCE.start_s + 0.25 * STANCE.duration_s - 1e-9
     assert instants[-1] <= STANCE.start_s + 0.45 * STANCE.duration_s + 1e-9
@@ -63,15 +89,18 @@ def test_foot_that_turns_with_its_shank_is_known_where_the_record_starts_in_stan
     still, turning = made_foot(), made_foot()
     tilt = np.radians(-30.0) * (TIME - STANCE.start_s) / STANCE.duration_s
     length = np.linalg.norm(turning.toe_W - turning.heel_W, axis=1)
-    turning.toe_W[:] = turning.heel_W + length[:, None] * np.column_stack([np.cos(tilt), 0 * tilt, np.sin(tilt)])
+    turning.toe_W[:] = turning.heel_W + length[:, None] * np.column_stack(
+        [np.cos(tilt), 0 * tilt, np.sin(tilt)]
+    )
     cut = Stance(STANCE.start_s + 0.03, STANCE.end_s, start_seen=False, end_seen=True)
     assert turns_in_stance(turning, [cut], usual_s=STANCE.duration_s)
     assert not turns_in_stance(still, [cut], usual_s=STANCE.duration_s)
     assert not turns_in_stance(turning, [cut]), "how long it lasts is not known"
 
 
-@pytest.mark.parametrize(("speed", "mark"), [(0.04, "good"), (0.06, "doubtful"), (0.16, "doubtful"),
-                                             (0.18, "unusable")])
+@pytest.mark.parametrize(
+    ("speed", "mark"), [(0.04, "good"), (0.06, "doubtful"), (0.16, "doubtful"), (0.18, "unusable")]
+)
 def test_slip_is_marked_by_what_it_costs(speed, mark):
     """A fit of the offsets leaves 0.6 % of body weight for a cm/s forward: 3 % at 0.05 m/s, 10 % at 0.17."""
     foot = made_foot(slide_m_per_s=speed)
@@ -88,7 +117,9 @@ def test_rolling_wheel_does_not_slip_where_it_touches():
     across = np.column_stack([np.sin(turned), 0 * TIME, np.cos(turned)])
     wheel = FootMotion("right", TIME, centre, centre + 0.2 * spoke, centre + 0.1 * across, 0 * TIME)
     speed = np.linalg.norm(slip_velocity(wheel, centre - [0.0, 0.0, radius])[1:-1], axis=1)
-    assert speed.max() < 1e-3 * radius * rate  # central differences are of second order: (rate * 10 ms)^2 / 6 = 7e-5
+    assert (
+        speed.max() < 1e-3 * radius * rate
+    )  # central differences are of second order: (rate * 10 ms)^2 / 6 = 7e-5
     foot = made_foot()
     assert np.abs(slip_velocity(foot, floor_point(foot))[flat(foot)]).max() < 0.02
 
@@ -101,24 +132,42 @@ def test_sole_angle_is_signed_toe_up_and_marked_by_its_cost(angle, mark):
     assert check.mark == mark and ("toe up" if angle > 0 else "toe down") in check.sentence
 
 
-@pytest.mark.parametrize(("side", "left_up_deg", "value", "mark"), [
-    ("right", 2.0, 2.0, "good"), ("right", -6.0, -6.0, "doubtful"), ("left", -6.0, 6.0, "doubtful"),
-    ("left", 20.0, -20.0, "unusable")])
+@pytest.mark.parametrize(
+    ("side", "left_up_deg", "value", "mark"),
+    [
+        ("right", 2.0, 2.0, "good"),
+        ("right", -6.0, -6.0, "doubtful"),
+        ("left", -6.0, 6.0, "doubtful"),
+        ("left", 20.0, -20.0, "unusable"),
+    ],
+)
 def test_roll_of_the_sole_is_inversion_where_the_medial_edge_is_up(side, left_up_deg, value, mark):
     tilt = np.radians(left_up_deg)
-    foot = dataclasses.replace(made_foot(side=side), left_W=np.tile([0.0, np.cos(tilt), np.sin(tilt)], (len(TIME), 1)))
+    foot = dataclasses.replace(
+        made_foot(side=side), left_W=np.tile([0.0, np.cos(tilt), np.sin(tilt)], (len(TIME), 1))
+    )
     check = force_checks.sole_roll(foot, flat(foot), foot, seen=False, inversion_rad=0.02)
     assert check.value == pytest.approx(value) and check.mark == mark
     assert ("inverted" if value > 0 else "everted") in check.sentence
     if mark != "good":
-        assert f"prosthesis_inversion_rad: {0.02 - np.radians(value):.3f} in subject.yaml (now 0.020)" in check.sentence
+        assert (
+            f"prosthesis_inversion_rad: {0.02 - np.radians(value):.3f} in subject.yaml (now 0.020)"
+            in check.sentence
+        )
     level = dataclasses.replace(foot, left_W=np.tile([0.0, 1.0, 0.0], (len(TIME), 1)))
-    assert force_checks.sole_roll(level, flat(foot), foot, seen=True, inversion_rad=None).value == pytest.approx(value)
+    assert force_checks.sole_roll(
+        level, flat(foot), foot, seen=True, inversion_rad=None
+    ).value == pytest.approx(value)
     unknown = made_foot(side=side)
-    assert force_checks.sole_roll(unknown, flat(unknown), unknown, seen=False, inversion_rad=None) is None
+    assert (
+        force_checks.sole_roll(unknown, flat(unknown), unknown, seen=False, inversion_rad=None)
+        is None
+    )
 
 
-@pytest.mark.parametrize(("rate", "mark"), [(0.001, "good"), (0.008, "doubtful"), (-0.04, "unusable")])
+@pytest.mark.parametrize(
+    ("rate", "mark"), [(0.001, "good"), (0.008, "doubtful"), (-0.04, "unusable")]
+)
 def test_drift_is_the_rise_through_foot_flat(rate, mark):
     foot = made_foot(rise_m_per_s=rate, rolls=False)
     rows = flat(foot)
@@ -130,7 +179,9 @@ def test_drift_is_the_rise_through_foot_flat(rate, mark):
 def test_height_is_that_of_the_flat_sole_and_stances_at_different_heights_are_told_apart():
     foot = made_foot(sole_m=-0.012)
     [check] = force_checks.heights(foot, [flat(foot)])
-    assert check.value == pytest.approx(-12.0, abs=1.0)  # the rolling at both ends lifts the middle a little
+    assert check.value == pytest.approx(
+        -12.0, abs=1.0
+    )  # the rolling at both ends lifts the middle a little
     assert check.mark == "doubtful" and "below the floor" in check.sentence
     foot = made_foot(rolls=False)
     rows = flat(foot)
@@ -140,7 +191,9 @@ def test_height_is_that_of_the_flat_sole_and_stances_at_different_heights_are_to
     assert check.value == pytest.approx(6.0, abs=1e-6) and check.mark == "doubtful"
 
 
-@pytest.mark.parametrize(("lift", "mark"), [(0.030, "good"), (0.005, "doubtful"), (-0.03, "unusable")])
+@pytest.mark.parametrize(
+    ("lift", "mark"), [(0.030, "good"), (0.005, "doubtful"), (-0.03, "unusable")]
+)
 def test_clearance_is_the_lowest_point_in_mid_swing(lift, mark):
     foot = made_foot()
     swing = foot.rows(STANCE.end_s, 1.9)
@@ -159,7 +212,9 @@ def test_foot_that_floats_or_dives_is_found_and_depth_held_against_what_the_foot
         foot.lowest_m[:] = -deep
         assert force_checks.depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.151).mark == mark
     foot.lowest_m[:] = -0.08
-    assert force_checks.depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.066).mark == "good"  # a softer keel
+    assert (
+        force_checks.depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.066).mark == "good"
+    )  # a softer keel
 
 
 # Mass, lag and plates: a body bobs over two feet, and its forces are Newton's.
@@ -176,7 +231,9 @@ OVERLAP_S = 0.12
 
 def rates(time):
     velocity = -BOB * OMEGA * np.sin(OMEGA * time) - 0.0015 * OMEGA * np.sin(0.5 * OMEGA * time)
-    acceleration = -BOB * OMEGA**2 * np.cos(OMEGA * time) - 0.00075 * OMEGA**2 * np.cos(0.5 * OMEGA * time)
+    acceleration = -BOB * OMEGA**2 * np.cos(OMEGA * time) - 0.00075 * OMEGA**2 * np.cos(
+        0.5 * OMEGA * time
+    )
     return velocity, acceleration
 
 
@@ -189,10 +246,17 @@ def plates(*, late_s=0.0, only=None) -> tuple[dict, dict]:
         stances[side] = [Stance(start, start + STEP_S + OVERLAP_S) for start in starts]
         for start in starts:
             at = LONG - late_s - start
-            share += np.clip(at / OVERLAP_S, 0.0, 1.0) - np.clip((at - STEP_S) / OVERLAP_S, 0.0, 1.0)
+            share += np.clip(at / OVERLAP_S, 0.0, 1.0) - np.clip(
+                (at - STEP_S) / OVERLAP_S, 0.0, 1.0
+            )
         if only in (None, side):
-            under[side] = PlateRecording(LONG, np.column_stack([0 * LONG, 0 * LONG, share * total]),
-                                         np.full((len(LONG), 3), np.nan), 0 * LONG, False)
+            under[side] = PlateRecording(
+                LONG,
+                np.column_stack([0 * LONG, 0 * LONG, share * total]),
+                np.full((len(LONG), 3), np.nan),
+                0 * LONG,
+                False,
+            )
     return under, stances
 
 
@@ -201,14 +265,21 @@ def total(under):
 
 
 def known_time(under, stances):
-    measured = {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in under.items()}
-    moving = {side: [Stance(0.0, PHASES[side][0] - STEP_S + OVERLAP_S, False), *s] for side, s in stances.items()}
+    measured = {
+        side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in under.items()
+    }
+    moving = {
+        side: [Stance(0.0, PHASES[side][0] - STEP_S + OVERLAP_S, False), *s]
+        for side, s in stances.items()
+    }
     return force_checks.covered(LONG, under, measured, moving)
 
 
 def test_only_time_in_which_every_foot_on_the_ground_is_measured_counts():
     known = known_time(*plates(only="right"))
-    assert not known[(LONG > PHASES["left"][0]) & (LONG < PHASES["left"][0] + STEP_S + OVERLAP_S)].any()
+    assert not known[
+        (LONG > PHASES["left"][0]) & (LONG < PHASES["left"][0] + STEP_S + OVERLAP_S)
+    ].any()
     assert known[(LONG > 0.36) & (LONG < 0.71)].all()  # single support of the right foot
     assert not known[LONG < 0.15].any()
 
@@ -221,7 +292,9 @@ def test_mass_is_told_by_the_impulse(stated):
     assert check.value == pytest.approx(MASS, rel=0.002)
     assert check.mark == ("good" if stated == MASS else "doubtful" if stated > MASS else "unusable")
     assert ("agree" if stated == MASS else "-9 %" if stated > MASS else "+11 %") in check.sentence
-    untold = force_checks.mass(LONG, total(under), rates(LONG)[0], np.zeros(len(LONG), bool), mass_kg=MASS, feet=1)
+    untold = force_checks.mass(
+        LONG, total(under), rates(LONG)[0], np.zeros(len(LONG), bool), mass_kg=MASS, feet=1
+    )
     assert untold.value is None and "cannot be determined" in untold.sentence
 
 
@@ -234,47 +307,72 @@ def test_lag_of_fifty_milliseconds_is_found_within_five(late):
     assert check.cost_bw == (0.0 if check.mark == "good" else pytest.approx(2.5 * 0.05, rel=0.1))
 
 
-def test_a_lag_is_read_where_what_else_moves_the_body_shifts_it_by_no_more_than_is_told(monkeypatch):
+def test_a_lag_is_read_where_what_else_moves_the_body_shifts_it_by_no_more_than_is_told(
+    monkeypatch,
+):
     """Disturbances of the lag's own band beside the least squares of a shift, at the correlation that is asked."""
     least, draws, steps_per_s, measured_s = force_checks.BELIEVABLE_R, 200, 2.0, 1.5
     random, time = np.random.default_rng(0), np.arange(0.0, measured_s + 1.0, 0.01)
-    known, force = (time >= 0.5) & (time <= 0.5 + measured_s), np.sin(2.0 * np.pi * steps_per_s * time)
+    known, force = (
+        (time >= 0.5) & (time <= 0.5 + measured_s),
+        np.sin(2.0 * np.pi * steps_per_s * time),
+    )
 
     def spread_s(correlation):
-        return np.sqrt((correlation**-2 - 1.0) / (2.0 * force_checks.LAG_CUTOFF_HZ * measured_s)) \
-            / (2.0 * np.pi * steps_per_s)
+        return np.sqrt(
+            (correlation**-2 - 1.0) / (2.0 * force_checks.LAG_CUTOFF_HZ * measured_s)
+        ) / (2.0 * np.pi * steps_per_s)
 
-    monkeypatch.setattr(force_checks, "BELIEVABLE_R", 0.0)  # also of the draws that happen to correlate less
+    monkeypatch.setattr(
+        force_checks, "BELIEVABLE_R", 0.0
+    )  # also of the draws that happen to correlate less
     read = []
     for _ in range(draws):
-        other = low_pass(random.standard_normal(len(time)), rate_hz=100.0, cutoff_hz=force_checks.LAG_CUTOFF_HZ)
+        other = low_pass(
+            random.standard_normal(len(time)), rate_hz=100.0, cutoff_hz=force_checks.LAG_CUTOFF_HZ
+        )
         other *= np.sqrt(least**-2 - 1.0) * force.std() / other.std()
         read.append(force_checks.lag(time, force, force + other, known).value)
     assert np.std(read) == pytest.approx(spread_s(least), rel=3.0 / np.sqrt(2.0 * draws))
     assert spread_s(least) < force_checks.TOLD_S < spread_s(0.85)
 
 
-@pytest.mark.parametrize(("beside", "mark"), [(0.02, "good"), (0.09, "doubtful"), (0.4, "unusable")])
+@pytest.mark.parametrize(
+    ("beside", "mark"), [(0.02, "good"), (0.09, "doubtful"), (0.4, "unusable")]
+)
 def test_centre_of_pressure_beside_the_foot_is_found(beside, mark):
     n = len(LONG)
     heel, toe = np.zeros((n, 3)), np.tile([0.25, 0.0, 0.0], (n, 1))
     foot = FootMotion("left", LONG, heel, toe, heel + np.array([0.0, 0.0, 0.1]), np.zeros(n))
     force, cop = np.tile([0.0, 0.0, 500.0], (n, 1)), np.tile([0.1, beside, 0.0], (n, 1))
-    check = force_checks.cop_under_foot(foot, PlateRecording(LONG, force, cop, np.zeros(n), True), cop)
+    check = force_checks.cop_under_foot(
+        foot, PlateRecording(LONG, force, cop, np.zeros(n), True), cop
+    )
     assert check.value == pytest.approx(beside, abs=1e-9) and check.mark == mark
 
 
-@pytest.mark.parametrize("signs, mark, words", [
-    ([1, 1], "good", "points to the body"), ([-1, 1], "unusable", "fore-aft force"), ([1, -1], "unusable", "sideways"),
-    ([-1, -1], "unusable", "fore-aft and sideways")])
+@pytest.mark.parametrize(
+    "signs, mark, words",
+    [
+        ([1, 1], "good", "points to the body"),
+        ([-1, 1], "unusable", "fore-aft force"),
+        ([1, -1], "unusable", "sideways"),
+        ([-1, -1], "unusable", "fore-aft and sideways"),
+    ],
+)
 def test_force_that_points_away_from_the_body_has_a_wrong_sign(signs, mark, words):
     """An inverted pendulum over the right foot: force along the line from the centre of pressure to the mass."""
     time = np.arange(0.0, 0.7, 0.001)
     body = np.column_stack([1.2 * (time - 0.35), 0 * time, np.full_like(time, 1.0)])
     cop = np.column_stack([0.2 * (time / 0.7) - 0.1, np.full_like(time, -0.08), 0 * time])
     vertical = MASS * GRAVITY
-    force = np.column_stack([vertical * 0.5 * (body - cop)[:, :2] * signs, np.full_like(time, vertical)])
+    force = np.column_stack(
+        [vertical * 0.5 * (body - cop)[:, :2] * signs, np.full_like(time, vertical)]
+    )
     check = force_checks.shear(PlateRecording(time, force, cop, 0 * time, True), body, "right")
     assert check.mark == mark and words in check.sentence and check.side == "right"
     over = np.column_stack([0 * time, 0 * time, np.full_like(time, 1.0)])
-    assert force_checks.shear(PlateRecording(time, force, 0 * over, 0 * time, True), over, "left") is None  # above
+    assert (
+        force_checks.shear(PlateRecording(time, force, 0 * over, 0 * time, True), over, "left")
+        is None
+    )  # above

@@ -25,23 +25,37 @@ LABEL_SET = "rajagopal"
 def made(angles=ANGLES, label_set=LABEL_SET, noise=0.0, seed=0):
     rng = np.random.default_rng(seed)
     exact = markers(angles, label_set=label_set, medial=False, frames=40)
-    return recording_of({label: p + noise * rng.normal(size=p.shape) for label, p in exact.items()}, rate_hz=50.0)
+    return recording_of(
+        {label: p + noise * rng.normal(size=p.shape) for label, p in exact.items()}, rate_hz=50.0
+    )
 
 
 def truth(angles=ANGLES):
     height = poses(angles)["pelvis"][1][:, 2]
-    return np.stack([height if name == "pelvis_ty" else np.broadcast_to(angles.get(name, 0.0), (40,))
-                     for name in COORDINATES], axis=1)
+    return np.stack(
+        [
+            height if name == "pelvis_ty" else np.broadcast_to(angles.get(name, 0.0), (40,))
+            for name in COORDINATES
+        ],
+        axis=1,
+    )
 
 
 def calibration(side="right", label_set=LABEL_SET):
     made_one = true_calibration(label_set=label_set)
-    return dataclasses.replace(made_one, subject=dataclasses.replace(made_one.subject, prosthetic_side=side))
+    return dataclasses.replace(
+        made_one, subject=dataclasses.replace(made_one.subject, prosthetic_side=side)
+    )
 
 
 def solve(recording, side="right", label_set=LABEL_SET):
-    return ik.solve_inverse_kinematics(recording, calibration(side, label_set), ModelParameters(), cutoff_hz=None,
-                                       longest_gap_s=0.1)
+    return ik.solve_inverse_kinematics(
+        recording,
+        calibration(side, label_set),
+        ModelParameters(),
+        cutoff_hz=None,
+        longest_gap_s=0.1,
+    )
 
 
 def skeleton(side="right"):
@@ -54,9 +68,15 @@ def skeleton(side="right"):
 def test_the_angles_that_the_markers_were_made_from_come_back(label_set, side):
     motion, at_limit = solve(made(label_set=label_set), side, label_set)
     np.testing.assert_allclose(motion.values, truth(), atol=1e-9)
-    assert max(motion.residual_rms_m.values()) < 1e-9 and max(motion.joint_gap_m.values()) < 1e-9 and not at_limit
+    assert (
+        max(motion.residual_rms_m.values()) < 1e-9
+        and max(motion.joint_gap_m.values()) < 1e-9
+        and not at_limit
+    )
     R, p = poses(ANGLES)["foot_left"]
-    np.testing.assert_allclose(motion.feet["left"].heel_W, R @ Person().sole("left")[0] + p, atol=1e-9)
+    np.testing.assert_allclose(
+        motion.feet["left"].heel_W, R @ Person().sole("left")[0] + p, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
@@ -85,9 +105,13 @@ def test_noisy_markers_get_the_optimum_that_a_general_minimiser_finds():
     motion, body = solve(recording)[0], skeleton()
     for n in (0, 17, 39):
         seen = np.stack([recording.markers[label][n] for label in body.labels])
-        best = least_squares(body.residuals, truth()[n], xtol=1e-14, ftol=1e-14, gtol=1e-14, args=(seen,))
+        best = least_squares(
+            body.residuals, truth()[n], xtol=1e-14, ftol=1e-14, gtol=1e-14, args=(seen,)
+        )
         np.testing.assert_allclose(motion.values[n], best.x, atol=2e-6)
-        assert np.sum(body.residuals(motion.values[n], seen)**2) == pytest.approx(2 * best.cost, rel=1e-9)
+        assert np.sum(body.residuals(motion.values[n], seen) ** 2) == pytest.approx(
+            2 * best.cost, rel=1e-9
+        )
 
 
 def test_a_prosthetic_foot_that_bends_hardly_turns_its_shank():
@@ -95,8 +119,10 @@ def test_a_prosthetic_foot_that_bends_hardly_turns_its_shank():
     recording = made()
     for label in [label_of(role, "right", LABEL_SET) for role in ("heel", "toe", "met5")]:
         recording.markers[label][:] += [0.0, 0.0, 0.02]
-    knee = {side: np.abs(solve(recording, side)[0].values[:, KNEE] - truth()[:, KNEE]).max()
-            for side in ("right", "left")}
+    knee = {
+        side: np.abs(solve(recording, side)[0].values[:, KNEE] - truth()[:, KNEE]).max()
+        for side in ("right", "left")
+    }
     assert knee["right"] < 0.2 * knee["left"]
 
 
@@ -105,7 +131,9 @@ def test_joints_stop_at_their_limits_and_the_notes_say_so():
     motion, at_limit = solve(made(beyond))
     assert at_limit == ("knee_angle_r",)
     np.testing.assert_allclose(motion.values[:, KNEE], np.radians(-40.0), atol=1e-5)
-    notes = say("import", "inverse_kinematics", rms_m=0.01, worst="RTHI", worst_m=0.02, at_limit=at_limit)
+    notes = say(
+        "import", "inverse_kinematics", rms_m=0.01, worst="RTHI", worst_m=0.02, at_limit=at_limit
+    )
     assert notes[1:] == ["knee_angle_r lies at the limit of inverse kinematics."]
 
 

@@ -28,7 +28,9 @@ def made_sensitivity(walk, seed=0):
     cop[np.isnan(walk.cop_W[:, 0])] = np.nan
     grf = rng.normal(size=(n, 3, len(NAMES)))
     grf[walk.grf_W[:, 2] < 60.0] = 0.0
-    return ReactionSensitivity(names=NAMES, grf_W=grf, cop_W=cop, free_moment_nm=np.zeros((n, len(NAMES))))
+    return ReactionSensitivity(
+        names=NAMES, grf_W=grf, cop_W=cop, free_moment_nm=np.zeros((n, len(NAMES)))
+    )
 
 
 def changed(walk, by, i):
@@ -40,9 +42,14 @@ def changed(walk, by, i):
 def uneven(walk):
     keep = np.ones(len(walk.time_s), dtype=bool)
     keep[100:400:3] = False
-    return dataclasses.replace(walk, **{
-        f.name: getattr(walk, f.name)[keep] for f in dataclasses.fields(walk)
-        if isinstance(getattr(walk, f.name), np.ndarray)})
+    return dataclasses.replace(
+        walk,
+        **{
+            f.name: getattr(walk, f.name)[keep]
+            for f in dataclasses.fields(walk)
+            if isinstance(getattr(walk, f.name), np.ndarray)
+        },
+    )
 
 
 TWO = ((0.4, 0.9), (1.1, 1.6))
@@ -68,12 +75,16 @@ def test_derivative_is_what_another_walk_makes_of_the_comparison(pair):
     assert by.model.shape == (*base.model.shape, 3) and len(by.cop) == len(base.stances) > 0
     for i in range(3):
         other = compare(changed(walk, sensitivity, i), plate)
-        np.testing.assert_allclose(by.model[..., i], (other.model - base.model) / SMALL, rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(
+            by.model[..., i], (other.model - base.model) / SMALL, rtol=0.0, atol=1e-6
+        )
         for cop, a, b in zip(by.cop, base.stances, other.stances, strict=True):
             np.testing.assert_array_equal(np.isnan(cop[..., i]), np.isnan(a.model_cop))
             np.testing.assert_array_equal(np.isnan(a.model_cop), np.isnan(b.model_cop))
             assert np.isfinite(cop[..., i]).any()
-            np.testing.assert_allclose(cop[..., i], (b.model_cop - a.model_cop) / SMALL, rtol=0.0, atol=1e-8)
+            np.testing.assert_allclose(
+                cop[..., i], (b.model_cop - a.model_cop) / SMALL, rtol=0.0, atol=1e-8
+            )
 
 
 def test_without_a_stance_there_is_no_centre_of_pressure_and_a_sensitivity_of_another_walk_is_refused():
@@ -88,18 +99,32 @@ def test_compared_series_of_a_trial_change_as_central_differences_say():
     """Changes too small for an event, and for a sample to be loaded or not: but for Newton's tolerance, exact."""
     trial = load_trial(embedded_trials("exact")[3])
     walker = Walker(trial.subject, trial.model)
-    names = {"offset.height": 1e-7, "contact.forefoot.stiffness": 0.1, "friction.mu_static": 1e-6,
-             "coordinate.pelvis_tx": 1e-2}
+    names = {
+        "offset.height": 1e-7,
+        "contact.forefoot.stiffness": 0.1,
+        "friction.mu_static": 1e-6,
+        "coordinate.pelvis_tx": 1e-2,
+    }
 
     def walked(values, **options):
-        return walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                           step_s=2e-3, values=values, **options)
+        return walker.walk(
+            trial.trajectory,
+            fulcrum_m=trial.fulcrum_m,
+            start_s=trial.start_s,
+            end_s=trial.end_s,
+            step_s=2e-3,
+            values=values,
+            **options,
+        )
 
     def compared(walk):
         result = walker.result(walk, trial, GeometricOffsets(), energy=False)
         return result, compare(result, trial.prosthetic_plate)
 
-    at = {name: 0.0 if walker.variables[name].added else walker.variables[name].default for name in names}
+    at = {
+        name: 0.0 if walker.variables[name].added else walker.variables[name].default
+        for name in names
+    }
     walk = walked({}, with_respect_to=tuple(names))
     result, base = compared(walk)
     by = compare_sensitivity(base, result, walk.sensitivity)
@@ -107,8 +132,12 @@ def test_compared_series_of_a_trial_change_as_central_differences_say():
         low, high = (compared(walked({name: at[name] + sign * change}))[1] for sign in (-1.0, 1.0))
         wanted = (high.model - low.model) / (2.0 * change)
         scale = max(np.abs(wanted).max(), 1e-3)
-        np.testing.assert_allclose(by.model[..., i], wanted, rtol=0.0, atol=1e-3 * scale, err_msg=name)
+        np.testing.assert_allclose(
+            by.model[..., i], wanted, rtol=0.0, atol=1e-3 * scale, err_msg=name
+        )
         for cop, a, b in zip(by.cop, low.stances, high.stances, strict=True):
             wanted = (b.model_cop - a.model_cop) / (2.0 * change)
             assert np.isfinite(wanted).any()
-            np.testing.assert_allclose(cop[..., i], wanted, rtol=0.0, atol=1e-3 * np.nanmax(np.abs(wanted)))
+            np.testing.assert_allclose(
+                cop[..., i], wanted, rtol=0.0, atol=1e-3 * np.nanmax(np.abs(wanted))
+            )

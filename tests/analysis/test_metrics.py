@@ -7,15 +7,37 @@ import json
 
 import numpy as np
 import pytest
-from made_results import FOOT_LENGTH_M, LIFT_S, MASS_KG, STRIKE_S, WEIGHT_N, make_plate, make_walk, turned, walk_load
+from made_results import (
+    FOOT_LENGTH_M,
+    LIFT_S,
+    MASS_KG,
+    STRIKE_S,
+    WEIGHT_N,
+    make_plate,
+    make_walk,
+    turned,
+    walk_load,
+)
 
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics
 from vsf_drake.files import plain, record
 
-COMPARED = ("grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "cop_rmse_fl",
-            "impulse_rmse_bws", "impulse_r2", "cop_ml_rmse_fl", "cop_r2", "stance_measured_s", "stance_model_s",
-            "heel_strike_error_s")
+COMPARED = (
+    "grf_rmse_bw",
+    "grf_r2",
+    "vertical_rmse_bw",
+    "fore_aft_rmse_bw",
+    "medio_lateral_rmse_bw",
+    "cop_rmse_fl",
+    "impulse_rmse_bws",
+    "impulse_r2",
+    "cop_ml_rmse_fl",
+    "cop_r2",
+    "stance_measured_s",
+    "stance_model_s",
+    "heel_strike_error_s",
+)
 
 
 def scored_time(start=STRIKE_S - 0.25, end=LIFT_S + 0.25, rate=1e5):
@@ -28,7 +50,13 @@ def rms(values):
 
 def test_walk_that_equals_its_plate_has_no_error():
     m = walk_metrics(make_walk(), make_plate())
-    for key in ("grf_rmse_bw", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "impulse_rmse_bws"):
+    for key in (
+        "grf_rmse_bw",
+        "vertical_rmse_bw",
+        "fore_aft_rmse_bw",
+        "medio_lateral_rmse_bw",
+        "impulse_rmse_bws",
+    ):
         assert getattr(m, key) < 1e-4, key
     assert m.cop_rmse_fl < 1e-3
     for key in ("grf_r2", "impulse_r2", "cop_r2"):
@@ -57,7 +85,8 @@ def test_tenth_more_load_is_a_tenth_more_of_everything():
     assert m.impulse_rmse_bws == pytest.approx(0.1 * rms(cumulative), rel=1e-2)
     peaks = m.stances[0]
     assert peaks.model_peaks_bw.vertical_first_half == pytest.approx(
-        1.1 * peaks.measured_peaks_bw.vertical_first_half, rel=1e-4)
+        1.1 * peaks.measured_peaks_bw.vertical_first_half, rel=1e-4
+    )
     assert m.peak_vertical_bw("measured") == pytest.approx(load[:, 2].max(), rel=5e-3)
     assert m.peak_vertical_bw("model") == pytest.approx(1.1 * load[:, 2].max(), rel=5e-3)
     for own, scale in ((peaks.measured_peaks_bw, 1.0), (peaks.model_peaks_bw, 1.1)):
@@ -69,15 +98,27 @@ def test_peaks_are_of_the_halves_of_stance():
     """Humps of 1.0 and 1.2 body weights at 20 and 85 % of stance, slow against the filter's 40 Hz."""
     walk, plate = make_walk(), make_plate()
     share = (plate.time_s - STRIKE_S) / (LIFT_S - STRIKE_S)
-    body_weights = 0.3 + 0.7 * np.exp(-((share - 0.2) / 0.12) ** 2) + 0.9 * np.exp(-((share - 0.85) / 0.12) ** 2)
-    pushes = 0.2 * np.exp(-((share - 0.25) / 0.1) ** 2) - 0.15 * np.exp(-((share - 0.75) / 0.1) ** 2)
+    body_weights = (
+        0.3
+        + 0.7 * np.exp(-(((share - 0.2) / 0.12) ** 2))
+        + 0.9 * np.exp(-(((share - 0.85) / 0.12) ** 2))
+    )
+    pushes = 0.2 * np.exp(-(((share - 0.25) / 0.1) ** 2)) - 0.15 * np.exp(
+        -(((share - 0.75) / 0.1) ** 2)
+    )
     loaded = (share > 0) & (share < 1)
-    vertical, fore_aft = (np.where(loaded, WEIGHT_N * force, 0.0) for force in (body_weights, pushes))
-    plate = dataclasses.replace(plate, force_W=np.column_stack([fore_aft, 0.0 * fore_aft, vertical]))
+    vertical, fore_aft = (
+        np.where(loaded, WEIGHT_N * force, 0.0) for force in (body_weights, pushes)
+    )
+    plate = dataclasses.replace(
+        plate, force_W=np.column_stack([fore_aft, 0.0 * fore_aft, vertical])
+    )
     peaks = walk_metrics(walk, plate).stances[0].measured_peaks_bw
     assert peaks.vertical_first_half == pytest.approx(1.0, rel=0.01)
     assert peaks.vertical_second_half == pytest.approx(1.2, rel=0.01)
-    assert (peaks.propulsion, peaks.braking) == pytest.approx((0.2, -0.15), rel=0.02), "of the whole stance"
+    assert (peaks.propulsion, peaks.braking) == pytest.approx((0.2, -0.15), rel=0.02), (
+        "of the whole stance"
+    )
 
 
 def test_resultant_is_the_euclidean_norm_and_a_lateral_force_that_the_plate_does_not_have_is_not_scored():
@@ -123,7 +164,10 @@ def test_metrics_do_not_depend_on_the_direction_of_walking(angle):
 def test_error_outside_stance_and_margin_or_above_the_cutoff_is_not_scored():
     walk = make_walk()
     ripple = 100.0 * np.sin(2.0 * np.pi * 250.0 * walk.time_s)
-    m = walk_metrics(dataclasses.replace(walk, grf_W=walk.grf_W + ripple[:, None] * [0.0, 0.0, 1.0]), make_plate())
+    m = walk_metrics(
+        dataclasses.replace(walk, grf_W=walk.grf_W + ripple[:, None] * [0.0, 0.0, 1.0]),
+        make_plate(),
+    )
     assert m.vertical_rmse_bw < 0.01 * rms(ripple) / WEIGHT_N + 1e-4
     extra = 300.0 * (walk.time_s < STRIKE_S - 0.35)[:, None] * [0.0, 0.0, 1.0]
     m = walk_metrics(dataclasses.replace(walk, grf_W=walk.grf_W + extra), make_plate())
@@ -166,9 +210,14 @@ def test_event_that_only_one_of_the_two_shows_has_no_error():
 def test_two_footprints_are_scored_each_about_itself():
     """The second is a metre ahead: a distance that no model had to explain."""
     stances = ((0.1, 0.7), (1.2, 1.8))
-    walk, plate = make_walk(start_s=0.0, end_s=2.0, stances=stances, cop_shift=(0.02, 0.0)), make_plate(stances=stances)
-    walk, plate = (dataclasses.replace(side, cop_W=side.cop_W + np.outer(side.time_s > 0.95, [1.0, 0.0, 0.0]))
-                   for side in (walk, plate))
+    walk, plate = (
+        make_walk(start_s=0.0, end_s=2.0, stances=stances, cop_shift=(0.02, 0.0)),
+        make_plate(stances=stances),
+    )
+    walk, plate = (
+        dataclasses.replace(side, cop_W=side.cop_W + np.outer(side.time_s > 0.95, [1.0, 0.0, 0.0]))
+        for side in (walk, plate)
+    )
     m = walk_metrics(walk, plate)
     assert [s.complete for s in m.stances] == [True, True]
     assert m.stance_measured_s == pytest.approx(0.6, abs=0.01)
@@ -179,12 +228,18 @@ def test_two_footprints_are_scored_each_about_itself():
 
 def test_centre_of_pressure_is_not_filtered_across_a_gap():
     walk = make_walk(stances=((0.6, 0.9), (1.0, 1.3)))
-    walk = dataclasses.replace(walk, grf_W=walk.grf_W + np.array([0.0, 0.0, 10.0]))  # too little to count as loaded
+    walk = dataclasses.replace(
+        walk, grf_W=walk.grf_W + np.array([0.0, 0.0, 10.0])
+    )  # too little to count as loaded
     jump = np.where(walk.time_s[:, None] > 0.95, [[5.0, 0.0, 0.0]], 0.0)
-    curves = [compare(each, make_plate()).stances[0].model_cop[:40, 0]
-              for each in (walk, dataclasses.replace(walk, cop_W=walk.cop_W + jump))]
+    curves = [
+        compare(each, make_plate()).stances[0].model_cop[:40, 0]
+        for each in (walk, dataclasses.replace(walk, cop_W=walk.cop_W + jump))
+    ]
     assert np.count_nonzero(np.isfinite(curves[0])) > 30
-    np.testing.assert_allclose(*curves, atol=1e-9, err_msg="the jump at the second contact leaks into the first")
+    np.testing.assert_allclose(
+        *curves, atol=1e-9, err_msg="the jump at the second contact leaks into the first"
+    )
 
 
 def test_followed_angles_are_compared_in_degrees_without_translations():
@@ -207,16 +262,22 @@ def test_null_model_is_another_trial_stretched():
     load = np.linalg.norm(walk_load(scored_time()) / WEIGHT_N, axis=1)
     assert flat.null_model_grf_rmse_bw == pytest.approx(rms(load), rel=5e-3)
     cut = walk_metrics(make_walk(), make_plate(start_s=0.8), null_curve=np.zeros(101))
-    assert cut.null_model_grf_rmse_bw < 0.05, "of a stance that the plate saw in part nothing is said"
+    assert cut.null_model_grf_rmse_bw < 0.05, (
+        "of a stance that the plate saw in part nothing is said"
+    )
 
 
 def test_what_cannot_be_known_is_none_and_comes_back_from_json():
     walk, plate = make_walk(), make_plate()
-    lost = walk_metrics(dataclasses.replace(walk, grf_W=0.0 * walk.grf_W, cop_W=walk.cop_W + np.nan), plate)
+    lost = walk_metrics(
+        dataclasses.replace(walk, grf_W=0.0 * walk.grf_W, cop_W=walk.cop_W + np.nan), plate
+    )
     assert lost.vertical_impulse_error == pytest.approx(-1.0)
     assert lost.cop_rmse_fl is lost.cop_r2 is lost.stance_model_s is None
     assert record(WalkMetrics, json.loads(json.dumps(plain(lost), allow_nan=False))) == lost
-    blind = walk_metrics(walk, dataclasses.replace(plate, cop_W=plate.cop_W + np.nan, has_cop=False))
+    blind = walk_metrics(
+        walk, dataclasses.replace(plate, cop_W=plate.cop_W + np.nan, has_cop=False)
+    )
     assert blind.cop_rmse_fl is None and blind.grf_rmse_bw < 1e-4
     unseen = walk_metrics(walk, make_plate(stances=()))
     assert unseen.stances == () and unseen.grf_rmse_bw is unseen.impulse_rmse_bws is None

@@ -13,8 +13,14 @@ from vsf_drake.motion.markers.segments import Gap
 
 TIME = np.arange(0.0, 1.8, 0.01)
 FAST = np.full(len(TIME), 1.1)
-STANDING = {"pelvis_tilt": -12.0, "hip_flexion_r": 14.0, "hip_flexion_l": 13.0, "knee_angle_r": 4.0,
-            "knee_angle_l": 3.0, "ankle_angle_l": 5.0}
+STANDING = {
+    "pelvis_tilt": -12.0,
+    "hip_flexion_r": 14.0,
+    "hip_flexion_l": 13.0,
+    "knee_angle_r": 4.0,
+    "knee_angle_l": 3.0,
+    "ankle_angle_l": 5.0,
+}
 """Degrees; a person with 12 degrees of pelvic tilt stands like this."""
 
 
@@ -38,7 +44,9 @@ def test_axis_of_a_knee_measured_about_another_one_is_found(turned_deg, side):
     thigh = Rotation.from_euler("z", (1 if side == "right" else -1) * turned_deg, degrees=True)
     hinge = thigh.inv() * Rotation.from_rotvec(np.outer(bend, [0.0, 1.0, 0.0])) * thigh
     flexion, adduction, _ = joint_angles(hinge.as_matrix(), "knee", side).T
-    check = motion_checks.knee_axis({f"knee_angle_{side[0]}": flexion, f"knee_adduction_{side[0]}": adduction}, side)
+    check = motion_checks.knee_axis(
+        {f"knee_angle_{side[0]}": flexion, f"knee_adduction_{side[0]}": adduction}, side
+    )
     assert abs(check.value) == pytest.approx(abs(turned_deg), abs=2.0)
     assert check.mark == ("good" if abs(turned_deg) < 10 else "doubtful") and check.side == side
     straight = {f"knee_angle_{side[0]}": 0.1 * flexion, f"knee_adduction_{side[0]}": adduction}
@@ -53,7 +61,9 @@ def test_angles_that_begin_at_exactly_zero_are_found():
 
 
 def test_quiet_standing_at_zero_before_the_walk_is_found():
-    angles = {name: values - np.radians(STANDING[name]) for name, values in walking_angles().items()}
+    angles = {
+        name: values - np.radians(STANDING[name]) for name, values in walking_angles().items()
+    }
     speed = FAST.copy()
     speed[:40] = 0.0
     for values in angles.values():
@@ -64,14 +74,18 @@ def test_quiet_standing_at_zero_before_the_walk_is_found():
 def test_shaking_angles_are_not_smooth():
     angles = walking_angles()
     assert motion_checks.smoothness(TIME, angles).mark == "good"
-    angles["hip_flexion_r"] = angles["hip_flexion_r"] + np.radians(1.0) * np.sin(2 * np.pi * 25.0 * TIME)
+    angles["hip_flexion_r"] = angles["hip_flexion_r"] + np.radians(1.0) * np.sin(
+        2 * np.pi * 25.0 * TIME
+    )
     check = motion_checks.smoothness(TIME, angles)
     assert check.value == pytest.approx(1.0 / np.sqrt(2.0), rel=0.05)
     assert check.mark == "doubtful"
 
 
 def pelvis(speed=(1.1, 0.0), bob=0.02):
-    return np.column_stack([speed[0] * TIME, speed[1] * TIME, 0.95 + bob * np.cos(2 * np.pi * TIME / 0.6)])
+    return np.column_stack(
+        [speed[0] * TIME, speed[1] * TIME, 0.95 + bob * np.cos(2 * np.pi * TIME / 0.6)]
+    )
 
 
 def marks(path):
@@ -80,22 +94,34 @@ def marks(path):
 
 @pytest.mark.parametrize(
     ("path", "name"),
-    [(pelvis((0.05, 0.0)), "walking speed"), (pelvis((-1.1, 0.0)), "direction of walking"),
-     (pelvis((0.0, 1.1)), "direction of walking"), (pelvis(bob=0.002), "rise and fall of the pelvis"),
-     (pelvis(bob=0.08), "rise and fall of the pelvis")])
+    [
+        (pelvis((0.05, 0.0)), "walking speed"),
+        (pelvis((-1.1, 0.0)), "direction of walking"),
+        (pelvis((0.0, 1.1)), "direction of walking"),
+        (pelvis(bob=0.002), "rise and fall of the pelvis"),
+        (pelvis(bob=0.08), "rise and fall of the pelvis"),
+    ],
+)
 def test_odd_paths_are_named(path, name):
     assert marks(path)[name] != "good"
 
 
 def test_an_angle_whose_mean_over_the_walk_was_subtracted_is_named_and_a_still_or_pelvic_one_is_not():
-    angles = walking_angles() | {"hip_rotation_r": np.radians(5.0 * np.sin(2 * np.pi * TIME / 0.9) + 3.0),
-                                 "subtalar_angle_r": np.zeros(len(TIME))}
+    angles = walking_angles() | {
+        "hip_rotation_r": np.radians(5.0 * np.sin(2 * np.pi * TIME / 0.9) + 3.0),
+        "subtalar_angle_r": np.zeros(len(TIME)),
+    }
     angles["pelvis_list"] = angles["ankle_angle_l"] - np.mean(angles["ankle_angle_l"])
-    assert (motion_checks.zero_mean(angles).mark, motion_checks.zero_mean(angles).value) == ("good", 0.0)
+    assert (motion_checks.zero_mean(angles).mark, motion_checks.zero_mean(angles).value) == (
+        "good",
+        0.0,
+    )
     angles["hip_rotation_r"] -= np.mean(angles["hip_rotation_r"])
     check = motion_checks.zero_mean(angles)
     assert (check.mark, check.value) == ("doubtful", 1.0)
-    assert check.sentence.startswith("hip_rotation_r has mean 0 over the walk: its zero is unknown.")
+    assert check.sentence.startswith(
+        "hip_rotation_r has mean 0 over the walk: its zero is unknown."
+    )
     angles["hip_rotation_r"] += np.radians(0.02)
     assert motion_checks.zero_mean(angles).mark == "good"
 
@@ -119,9 +145,21 @@ def test_worst_marker_is_named_with_its_residual():
 
 def test_gaps_and_legs_are_held_against_their_limits():
     spline, cluster = Gap("RKNE", 1.0, 1.15, "spline"), Gap("RKNE", 1.0, 1.5, "rigid cluster")
-    assert [motion_checks.gaps_filled(gaps).mark for gaps in ([], [cluster], [spline])] == ["good", "good", "doubtful"]
-    for thigh, shank, marks in ((0.424, 0.40, ["good", "good"]), (0.47, 0.44, ["unusable", "doubtful"])):
-        lengths = {"thigh_right": 0.42, "thigh_left": thigh, "shank_right": 0.40, "shank_left": shank}
+    assert [motion_checks.gaps_filled(gaps).mark for gaps in ([], [cluster], [spline])] == [
+        "good",
+        "good",
+        "doubtful",
+    ]
+    for thigh, shank, marks in (
+        (0.424, 0.40, ["good", "good"]),
+        (0.47, 0.44, ["unusable", "doubtful"]),
+    ):
+        lengths = {
+            "thigh_right": 0.42,
+            "thigh_left": thigh,
+            "shank_right": 0.40,
+            "shank_left": shank,
+        }
         checks = motion_checks.leg_lengths(lengths)
         assert [check.mark for check in checks] == marks, "a prosthetic shank may differ"
 
@@ -131,7 +169,9 @@ def noisy_markers(rate=100.0, noise=2e-4):
     time = np.arange(0.0, 3.0, 1.0 / rate)
     phase = 2 * np.pi * time
     path = np.column_stack([1.2 * time + 0.3 * np.sin(phase), 0.02 * np.cos(phase), 0.1 + 0 * time])
-    return {name: path + noise * rng.standard_normal(path.shape) for name in ("RHEE", "LHEE", "RTOE")}
+    return {
+        name: path + noise * rng.standard_normal(path.shape) for name in ("RHEE", "LHEE", "RTOE")
+    }
 
 
 def test_camera_noise_is_measured_and_no_doubt():
@@ -143,8 +183,12 @@ def test_camera_noise_is_measured_and_no_doubt():
 
 def test_markers_filtered_before_are_suspected_of_a_second_filter():
     sos = butter(2, 6.0 / 0.802, fs=100.0, output="sos")
-    smooth = {name: sosfiltfilt(sos, sosfiltfilt(sos, values, axis=0), axis=0)
-              for name, values in noisy_markers(noise=1e-4).items()}
+    smooth = {
+        name: sosfiltfilt(sos, sosfiltfilt(sos, values, axis=0), axis=0)
+        for name, values in noisy_markers(noise=1e-4).items()
+    }
     assert motion_checks.filtered_before(smooth, 100.0, cutoff_hz=6.0).mark == "doubtful"
-    assert "already-filtered" in motion_checks.filtered_before(smooth, 100.0, cutoff_hz=6.0).sentence
+    assert (
+        "already-filtered" in motion_checks.filtered_before(smooth, 100.0, cutoff_hz=6.0).sentence
+    )
     assert motion_checks.filtered_before(smooth, 100.0, cutoff_hz=None).mark == "good"

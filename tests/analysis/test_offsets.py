@@ -31,10 +31,19 @@ def walker(trial):
 def test_offsets_that_made_the_data_are_found_again(trial, walker):
     """The plate is the model's own force at known offsets; the priors pull by less than 2 standard errors."""
     walk = walker.walk(
-        trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s, offsets=TRUTH)
+        trial.trajectory,
+        fulcrum_m=trial.fulcrum_m,
+        start_s=trial.start_s,
+        end_s=trial.end_s,
+        offsets=TRUTH,
+    )
     plate = PlateRecording(
-        time_s=walk.record.time_s, force_W=walk.prosthetic.grf_W, cop_W=walk.prosthetic.cop_W,
-        free_moment_nm=walk.prosthetic.free_moment_nm, has_cop=True)
+        time_s=walk.record.time_s,
+        force_W=walk.prosthetic.grf_W,
+        cop_W=walk.prosthetic.cop_W,
+        free_moment_nm=walk.prosthetic.free_moment_nm,
+        has_cop=True,
+    )
     made = dataclasses.replace(trial, plates=trial.plates | {"right": plate})
     calls = []
     fit = fit_offsets(made, walker=walker, progress=lambda count, cost: calls.append((count, cost)))
@@ -42,13 +51,16 @@ def test_offsets_that_made_the_data_are_found_again(trial, walker):
     nowhere = OffsetProblem(walker, made).residuals(np.zeros(3))
     assert fit.cost < 0.005 * nowhere @ nowhere
     for name in NAMES:
-        fitted, truth, error = (getattr(item, name) for item in (fit.offsets, TRUTH, fit.standard_error))
+        fitted, truth, error = (
+            getattr(item, name) for item in (fit.offsets, TRUTH, fit.standard_error)
+        )
         assert abs(fitted - truth) < 2 * error, name
     assert len({count for count, _ in calls}) == len(calls)
 
 
 def by_differences(residuals, steps):
     """Jacobian of `residuals` by central differences with `steps`, inside the bounds."""
+
     def jacobian(x):
         columns = []
         for i, step in enumerate(steps):
@@ -64,8 +76,13 @@ WIDE = np.array([5e-4, 1e-3, np.radians(0.25)])
 """Steps (m, m, rad) well above the scatter of contact events; a thousandth of them passes none."""
 
 
-@pytest.mark.parametrize(("number", "share"), [
-    (0, 1e-3), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((0, 1.0), (6, 1.0), (6, 1e-3)))])
+@pytest.mark.parametrize(
+    ("number", "share"),
+    [
+        (0, 1e-3),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in ((0, 1.0), (6, 1.0), (6, 1e-3))),
+    ],
+)
 def test_exact_jacobian_leads_to_the_minimum_that_differences_lead_to(number, share):
     """Gauss-Newton from the same start. With narrow differences, which are exact but for 1e-4, the path is the same;
     with wide ones the end is, within the half of a standard error that a fit may be off when it stops (ENOUGH)."""
@@ -73,7 +90,9 @@ def test_exact_jacobian_leads_to_the_minimum_that_differences_lead_to(number, sh
     problems = [OffsetProblem(Walker(one.subject, one.model), one) for _ in range(2)]
     start = np.array([5e-3, 0.0, 0.0])
     exact = minimise(problems[0].residuals, problems[0].jacobian, start)
-    other = minimise(problems[1].residuals, by_differences(problems[1].residuals, share * WIDE), start)
+    other = minimise(
+        problems[1].residuals, by_differences(problems[1].residuals, share * WIDE), start
+    )
     assert exact.success and other.success
     apart = exact.jac @ (exact.x - other.x)
     assert np.linalg.norm(apart) < (0.5 if share == 1.0 else 0.01)
@@ -99,6 +118,8 @@ def test_person_far_above_the_ground_is_reported_not_fitted(trial, walker):
     values = np.array(trial.trajectory.values)
     values[:, trial.trajectory.names.index("pelvis_ty")] += 0.3
     floating = dataclasses.replace(
-        trial, trajectory=type(trial.trajectory)(trial.trajectory.time_s, values, trial.trajectory.names))
+        trial,
+        trajectory=type(trial.trajectory)(trial.trajectory.time_s, values, trial.trajectory.names),
+    )
     with pytest.raises(InputError, match="cannot carry the recorded load"):
         fit_offsets(floating, walker=walker)

@@ -22,8 +22,22 @@ from vsf_drake.analysis.discrepancy import (
     interpolated,
     over_stances,
 )
-from vsf_drake.analysis.momentum import PRIOR, SIGMA_BW, MomentumCorrection, missed, needed_force, swings
-from vsf_drake.analysis.prediction import MOMENTUM, PHYSICS, layer_sentences, layers_of, learned, predict
+from vsf_drake.analysis.momentum import (
+    PRIOR,
+    SIGMA_BW,
+    MomentumCorrection,
+    missed,
+    needed_force,
+    swings,
+)
+from vsf_drake.analysis.prediction import (
+    MOMENTUM,
+    PHYSICS,
+    layer_sentences,
+    layers_of,
+    learned,
+    predict,
+)
 from vsf_drake.contact_file import Discrepancy, DiscrepancyCurve, FittedTrial, MomentumBias
 from vsf_drake.files import plain
 from vsf_drake.motion.events import find_stances
@@ -47,8 +61,14 @@ def walker(trial):
 
 
 def walked(walker, trial):
-    return walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                       step_s=STEP_S, offsets=trial.offsets)
+    return walker.walk(
+        trial.trajectory,
+        fulcrum_m=trial.fulcrum_m,
+        start_s=trial.start_s,
+        end_s=trial.end_s,
+        step_s=STEP_S,
+        offsets=trial.offsets,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -60,42 +80,66 @@ def walk(walker, trial):
 def true_trial(trial, walk):
     """The trial on a plate that measured what the model gives."""
     time, side = walk.record.time_s, trial.subject.prosthetic_side
-    plate = replace(trial.prosthetic_plate, time_s=time, force_W=walk.prosthetic.grf_W,
-                    cop_W=np.nan_to_num(walk.prosthetic.cop_W), free_moment_nm=walk.prosthetic.free_moment_nm)
+    plate = replace(
+        trial.prosthetic_plate,
+        time_s=time,
+        force_W=walk.prosthetic.grf_W,
+        cop_W=np.nan_to_num(walk.prosthetic.cop_W),
+        free_moment_nm=walk.prosthetic.free_moment_nm,
+    )
     return replace(trial, plates={**trial.plates, side: plate})
 
 
 def bare(*trials, **learnt):
     """A contact that changes nothing, fitted to these trials."""
-    own = tuple(FittedTrial(name=str(i), fingerprint=fingerprint(one)) for i, one in enumerate(trials))
+    own = tuple(
+        FittedTrial(name=str(i), fingerprint=fingerprint(one)) for i, one in enumerate(trials)
+    )
     return made_contact(values={}, curves=(), trials=own, **learnt)
 
 
 def bias_of(coefficients, sd=None, trials=("0" * 64, "1" * 64)):
     c, s = (None if values is None else tuple(map(float, values)) for values in (coefficients, sd))
-    return MomentumBias(fore_aft_bw=c[:3], vertical_bw=c[3:], fore_aft_sd_bw=s and s[:3], vertical_sd_bw=s and s[3:],
-                        trials=trials)
+    return MomentumBias(
+        fore_aft_bw=c[:3],
+        vertical_bw=c[3:],
+        fore_aft_sd_bw=s and s[:3],
+        vertical_sd_bw=s and s[3:],
+        trials=trials,
+    )
 
 
 # Momentum.
 
 
-def test_what_the_ground_must_give_is_mass_times_the_acceleration_of_the_centre_of_mass_less_gravity(walk, trial):
+def test_what_the_ground_must_give_is_mass_times_the_acceleration_of_the_centre_of_mass_less_gravity(
+    walk, trial
+):
     """Second method: the second difference of the whole person's mass moment, from the poses alone, about the start of
     the step, which the stepper's equation M(q_k) (v_k+1 - v_k) / h is about."""
     tree, record = walk.mechanism.tree, walk.record
-    moment = follow(tree, record.q, record.v, bodies=(0,), coordinates=(),
-                    inside=np.ones(len(tree.body_names), dtype=bool))
+    moment = follow(
+        tree,
+        record.q,
+        record.v,
+        bodies=(0,),
+        coordinates=(),
+        inside=np.ones(len(tree.body_names), dtype=bool),
+    )
     force = np.diff(moment.mass_moment, n=2, axis=0) / STEP_S**2 + [0.0, 0.0, moment.mass * GRAVITY]
-    window, = swings(walk)
+    (window,) = swings(walk)
     needed, weight = needed_force(walk)[window], trial.subject.mass_kg * GRAVITY
-    np.testing.assert_allclose(needed / weight, force[window.start - 2 : window.stop - 2] / weight, atol=1e-3)
+    np.testing.assert_allclose(
+        needed / weight, force[window.start - 2 : window.stop - 2] / weight, atol=1e-3
+    )
 
 
 def test_the_windows_lie_in_single_support_of_the_prosthesis(walk, trial):
     """Told by the plates under both feet, which `swings` does not see."""
-    stances = {side: [(s.start_s, s.end_s) for s in find_stances(plate.time_s, plate.force_W[:, 2])]
-               for side, plate in trial.plates.items()}
+    stances = {
+        side: [(s.start_s, s.end_s) for s in find_stances(plate.time_s, plate.force_W[:, 2])]
+        for side, plate in trial.plates.items()
+    }
     own = stances.pop(trial.subject.prosthetic_side)
     (other,) = stances.values()
     for window in swings(walk):
@@ -105,11 +149,15 @@ def test_the_windows_lie_in_single_support_of_the_prosthesis(walk, trial):
 
 
 @pytest.mark.parametrize("height_m", [2e-3, -2e-3])
-def test_a_walk_whose_height_is_wrong_is_mended_where_momentum_is_exact(walker, true_trial, height_m):
+def test_a_walk_whose_height_is_wrong_is_mended_where_momentum_is_exact(
+    walker, true_trial, height_m
+):
     """The bias is that of the true walk, so that momentum knows its force; 2 mm are two standard deviations of what
     the layer believes before, and some 6 % body weight."""
     bias = bias_of(missed(walker, true_trial))
-    wrong = replace(true_trial, offsets=GeometricOffsets(height_m=true_trial.offsets.height_m + height_m))
+    wrong = replace(
+        true_trial, offsets=GeometricOffsets(height_m=true_trial.offsets.height_m + height_m)
+    )
     found = predict(wrong, bare(momentum=bias), walker=walker, step_s=STEP_S)
     assert found.correction.believed and found.correction.height_m * height_m < 0.0
     before, after = (layers_error(found.comparisons[layer]) for layer in (PHYSICS, MOMENTUM))
@@ -119,17 +167,31 @@ def test_a_walk_whose_height_is_wrong_is_mended_where_momentum_is_exact(walker, 
 
 
 def layers_error(comparison):
-    sizes = (np.linalg.norm(force, axis=1)[comparison.scored] for force in (comparison.model, comparison.measured))
-    return float(np.sqrt(np.mean((next(sizes) - next(sizes)) ** 2))) / comparison.measured[:, 2].max()
+    sizes = (
+        np.linalg.norm(force, axis=1)[comparison.scored]
+        for force in (comparison.model, comparison.measured)
+    )
+    return (
+        float(np.sqrt(np.mean((next(sizes) - next(sizes)) ** 2))) / comparison.measured[:, 2].max()
+    )
 
 
-def test_a_component_whose_bias_differs_between_the_fitted_trials_counts_the_less(walker, true_trial):
+def test_a_component_whose_bias_differs_between_the_fitted_trials_counts_the_less(
+    walker, true_trial
+):
     """Fore-aft a thousand times as uncertain: a shift of its bias by 10 % body weight then changes nothing; with the
     error that is told it turns the leg."""
     shift = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
     sd = np.repeat([1e3, 0.5], 3) * SIGMA_BW
-    turned, still = (predict(true_trial, bare(momentum=bias_of(missed(walker, true_trial) + shift, own)),
-                             walker=walker, step_s=STEP_S).correction for own in (None, sd))
+    turned, still = (
+        predict(
+            true_trial,
+            bare(momentum=bias_of(missed(walker, true_trial) + shift, own)),
+            walker=walker,
+            step_s=STEP_S,
+        ).correction
+        for own in (None, sd)
+    )
     assert np.hypot(turned.hip_flexion_rad, turned.alignment_rad) > 0.5 * PRIOR[1]
     assert still.believed and np.hypot(still.hip_flexion_rad, still.alignment_rad) < 1e-3 * PRIOR[1]
 
@@ -141,8 +203,15 @@ def test_where_nothing_is_missing_nothing_is_corrected(walker, true_trial):
     np.testing.assert_allclose(values / PRIOR, 0.0, atol=1e-6)
 
 
-@pytest.mark.parametrize(("sd", "shift", "why"), [
-    (3.1 * SIGMA_BW, 0.0, "spread"), (0.5 * SIGMA_BW, 1.0, "motion"), (None, 1.0, "motion"), (None, None, "bias")])
+@pytest.mark.parametrize(
+    ("sd", "shift", "why"),
+    [
+        (3.1 * SIGMA_BW, 0.0, "spread"),
+        (0.5 * SIGMA_BW, 1.0, "motion"),
+        (None, 1.0, "motion"),
+        (None, None, "bias"),
+    ],
+)
 def test_a_momentum_that_cannot_be_believed_changes_nothing(walker, true_trial, sd, shift, why):
     """Biases of fitted trials more than three times as far apart as their error; a trial that lacks its whole weight;
     no bias."""
@@ -153,7 +222,7 @@ def test_a_momentum_that_cannot_be_believed_changes_nothing(walker, true_trial, 
 
 
 def test_a_walk_in_which_the_intact_foot_never_swings_free_is_left_alone(walker, true_trial):
-    window, = swings(walked(walker, true_trial))
+    (window,) = swings(walked(walker, true_trial))
     early = replace(true_trial, end_s=true_trial.start_s + 0.5 * window.stop * STEP_S + 0.4)
     found = predict(early, bare(momentum=bias_of(np.zeros(6))), walker=walker, step_s=STEP_S)
     assert (found.correction.believed, found.correction.why_not) == (False, "window")
@@ -165,8 +234,13 @@ def test_a_walk_in_which_the_intact_foot_never_swings_free_is_left_alone(walker,
 def curve_of(values, fulcrum_m, name="0", plate=(0.0,) * 101):
     """The same (101,) BW in every component."""
     series, alone = (tuple(map(float, each)) for each in (values, plate))
-    return DiscrepancyCurve(fingerprint=name * 64, fulcrum_m=fulcrum_m, measured_bw=series,
-                            **dict.fromkeys(COMPONENTS, series), **{f"plate_{part}": alone for part in COMPONENTS})
+    return DiscrepancyCurve(
+        fingerprint=name * 64,
+        fulcrum_m=fulcrum_m,
+        measured_bw=series,
+        **dict.fromkeys(COMPONENTS, series),
+        **{f"plate_{part}": alone for part in COMPONENTS},
+    )
 
 
 SHAPE = 0.1 * np.sin(np.pi * PERCENT / 100.0)
@@ -175,43 +249,71 @@ SHAPE = 0.1 * np.sin(np.pi * PERCENT / 100.0)
 def test_what_a_repeated_trial_shows_again_is_added_whole():
     found = earned([curve_of(SHAPE, 0.066), curve_of(SHAPE, 0.066)])
     np.testing.assert_allclose(interpolated(found, 0.066), np.stack([SHAPE] * 3, axis=1), atol=1e-6)
-    np.testing.assert_allclose(interpolated(found, 0.151), 0.0, atol=1e-12, err_msg="no other setting was tried")
+    np.testing.assert_allclose(
+        interpolated(found, 0.151), 0.0, atol=1e-12, err_msg="no other setting was tried"
+    )
 
 
 def test_noise_earns_nothing():
     """Independent noise of 0.05 BW at three settings, twice each. By chance two curves of 101 points resemble
     each other by 1 / sqrt(101) of themselves; twice that is added at most."""
     draws = np.random.default_rng(3)
-    added = [interpolated(earned([curve_of(0.05 * draws.standard_normal(101), x) for x in (0.066, 0.108, 0.151) * 2]),
-                          0.108) for _ in range(8)]
+    added = [
+        interpolated(
+            earned(
+                [curve_of(0.05 * draws.standard_normal(101), x) for x in (0.066, 0.108, 0.151) * 2]
+            ),
+            0.108,
+        )
+        for _ in range(8)
+    ]
     assert np.sqrt(np.mean(np.square(added))) < 0.2 * 0.05
 
 
 def test_a_discrepancy_goes_to_another_setting_only_if_the_settings_share_it():
     alike = earned([curve_of(SHAPE, x) for x in (0.066, 0.108, 0.151)])
-    opposite = earned([curve_of(sign * SHAPE, x) for sign, x in ((1.0, 0.066), (-1.0, 0.108), (1.0, 0.151))])
+    opposite = earned(
+        [curve_of(sign * SHAPE, x) for sign, x in ((1.0, 0.066), (-1.0, 0.108), (1.0, 0.151))]
+    )
     assert interpolated(alike, 0.087).max() > 0.7 * SHAPE.max()
     np.testing.assert_allclose(interpolated(opposite, 0.087), 0.0, atol=1e-4)
-    np.testing.assert_allclose(interpolated(opposite, 0.066), 0.0, atol=1e-12, err_msg="no setting was tried twice")
+    np.testing.assert_allclose(
+        interpolated(opposite, 0.066), 0.0, atol=1e-12, err_msg="no setting was tried twice"
+    )
     two = earned([curve_of(SHAPE, 0.066), curve_of(SHAPE, 0.151)])
-    np.testing.assert_allclose(interpolated(two, 0.108), 0.0, atol=1e-12, err_msg="each was told by one trial")
-    twice = earned([curve_of(sign * SHAPE, x) for sign, x in ((1.0, 0.066), (-1.0, 0.151)) for _ in range(2)])
+    np.testing.assert_allclose(
+        interpolated(two, 0.108), 0.0, atol=1e-12, err_msg="each was told by one trial"
+    )
+    twice = earned(
+        [curve_of(sign * SHAPE, x) for sign, x in ((1.0, 0.066), (-1.0, 0.151)) for _ in range(2)]
+    )
     np.testing.assert_allclose(interpolated(twice, 0.066)[:, 2], SHAPE, rtol=1e-6, atol=1e-9)
 
 
-def test_a_prediction_is_so_much_of_the_model_and_the_rest_of_the_fitted_plates_linear_between_settings(walker, trial):
+def test_a_prediction_is_so_much_of_the_model_and_the_rest_of_the_fitted_plates_linear_between_settings(
+    walker, trial
+):
     """Plates of 0 and 1 BW at two settings, no discrepancy: in stance the force is CODE_SCALE of the model's and the
     rest of what lies between; beyond the settings the plates fade, outside of stance there are none."""
-    known = Discrepancy(shared=(0.0,) * 3, own=(0.0,) * 3, curves=tuple(
-        curve_of(np.zeros(101), x, plate=np.full(101, load)) for x, load in ((0.066, 0.0), (0.106, 1.0))))
+    known = Discrepancy(
+        shared=(0.0,) * 3,
+        own=(0.0,) * 3,
+        curves=tuple(
+            curve_of(np.zeros(101), x, plate=np.full(101, load))
+            for x, load in ((0.066, 0.0), (0.106, 1.0))
+        ),
+    )
     comparison = predict(trial, bare(trial), walker=walker, step_s=STEP_S).comparisons[MOMENTUM]
     weight = trial.subject.mass_kg * GRAVITY
     inside = over_stances(comparison, np.ones((101, 3)))[:, 0] > 0.0
     assert inside.any() and not inside.all()
     for fulcrum_m, load in ((0.066, 0.0), (0.096, 0.75), (0.106, 1.0)):
         force = beside_the_plates(comparison, known, fulcrum_m, weight)
-        np.testing.assert_allclose(force[inside], CODE_SCALE * comparison.model[inside]
-                                   + (1.0 - CODE_SCALE) * load * weight, atol=1e-9 * weight)
+        np.testing.assert_allclose(
+            force[inside],
+            CODE_SCALE * comparison.model[inside] + (1.0 - CODE_SCALE) * load * weight,
+            atol=1e-9 * weight,
+        )
         np.testing.assert_array_equal(force[~inside], comparison.model[~inside])
     far = beside_the_plates(comparison, known, 0.151, weight)
     np.testing.assert_allclose(far, comparison.model, atol=1e-4 * weight)
@@ -219,12 +321,16 @@ def test_a_prediction_is_so_much_of_the_model_and_the_rest_of_the_fitted_plates_
 
 def test_a_trial_that_taught_its_whole_error_is_predicted_without_one(walker, trial):
     contact = learned(bare(trial), [trial], walker=walker, step_s=STEP_S)
-    curve, = contact.discrepancy.curves
+    (curve,) = contact.discrepancy.curves
     assert contact.momentum.trials == (fingerprint(trial),) == (curve.fingerprint,)
-    whole = replace(contact, discrepancy=Discrepancy(curves=(curve,), shared=(0.0,) * 3, own=(1.0,) * 3))
+    whole = replace(
+        contact, discrepancy=Discrepancy(curves=(curve,), shared=(0.0,) * 3, own=(1.0,) * 3)
+    )
     row = layers_of(trial, "again", whole, walker=walker, step_s=STEP_S)
     before, last = (row.layers[layer].grf_rmse_bw for layer in ("momentum", "discrepancy"))
-    assert row.fitted and row.null_model_grf_rmse_bw is None and last < 0.2 * before, "but for the ends of stance"
+    assert row.fitted and row.null_model_grf_rmse_bw is None and last < 0.2 * before, (
+        "but for the ends of stance"
+    )
     assert row.layers["discrepancy"].cop_rmse_fl == row.layers["momentum"].cop_rmse_fl
 
 
@@ -232,10 +338,16 @@ def test_the_null_model_has_the_measured_times_or_the_predicted_ones(walker, tru
     """Of a model that strikes and lifts as the plate says they are the same; a foot that is 8 mm higher is late."""
     measured = 1.1 * np.sin(np.pi * PERCENT / 100.0)
     other = replace(curve_of(np.zeros(101), 0.066), measured_bw=tuple(map(float, measured)))
-    contact = bare(true_trial, discrepancy=Discrepancy(curves=(other,), shared=(0.0,) * 3, own=(0.0,) * 3))
+    contact = bare(
+        true_trial, discrepancy=Discrepancy(curves=(other,), shared=(0.0,) * 3, own=(0.0,) * 3)
+    )
     same = layers_of(true_trial, "same", contact, walker=walker, step_s=STEP_S)
-    assert same.null_model_predicted_times_grf_rmse_bw == pytest.approx(same.null_model_grf_rmse_bw, rel=0.02)
-    high = replace(true_trial, offsets=GeometricOffsets(height_m=true_trial.offsets.height_m + 8e-3))
+    assert same.null_model_predicted_times_grf_rmse_bw == pytest.approx(
+        same.null_model_grf_rmse_bw, rel=0.02
+    )
+    high = replace(
+        true_trial, offsets=GeometricOffsets(height_m=true_trial.offsets.height_m + 8e-3)
+    )
     late = layers_of(high, "late", contact, walker=walker, step_s=STEP_S)
     assert late.null_model_grf_rmse_bw == pytest.approx(same.null_model_grf_rmse_bw, rel=1e-3)
     assert late.null_model_predicted_times_grf_rmse_bw > 1.05 * late.null_model_grf_rmse_bw
@@ -246,23 +358,41 @@ def test_the_null_model_has_the_measured_times_or_the_predicted_ones(walker, tru
 
 def test_the_verdict_names_the_layer_that_is_nearest_to_the_held_out_plates():
     first = made_layer_row("low_1", (0.02, 0.01, 0.0), fitted=True)
-    table = made_layers(first, made_layer_row("low_2", (0.07, 0.05, 0.06)),
-                     made_layer_row("low_3", (0.05, 0.05, 0.05), believed=False, why_not="motion"))
-    assert table.earned == "momentum" and table.mean("momentum", "fore_aft_rmse_bw") == pytest.approx(0.05)
+    table = made_layers(
+        first,
+        made_layer_row("low_2", (0.07, 0.05, 0.06)),
+        made_layer_row("low_3", (0.05, 0.05, 0.05), believed=False, why_not="motion"),
+    )
+    assert table.earned == "momentum" and table.mean(
+        "momentum", "fore_aft_rmse_bw"
+    ) == pytest.approx(0.05)
     text = " ".join(layer_sentences(table))
-    for words in ("6.0 % body weight off by physics alone", "5.0 % with the person's own momentum",
-                  "5.5 % with the disc", "3.0 % off with the measured times", "4.0 % with those",
-                  "support physics and momentum, below the stretched curve in 0 of 2",
-                  "does not correct low_3: the recorded motion", "40 % of their curves",
-                  "fewer than three settings were fitted, and none twice"):
+    for words in (
+        "6.0 % body weight off by physics alone",
+        "5.0 % with the person's own momentum",
+        "5.5 % with the disc",
+        "3.0 % off with the measured times",
+        "4.0 % with those",
+        "support physics and momentum, below the stretched curve in 0 of 2",
+        "does not correct low_3: the recorded motion",
+        "40 % of their curves",
+        "fewer than three settings were fitted, and none twice",
+    ):
         assert words in text
-    assert made_layers(made_layer_row("a", (0.05,) * 3)).earned == "physics", "a layer that does nothing earns nothing"
-    alone = made_layers(replace(first, correction=MomentumCorrection(believed=False, why_not="spread")), untried=False)
+    assert made_layers(made_layer_row("a", (0.05,) * 3)).earned == "physics", (
+        "a layer that does nothing earns nothing"
+    )
+    alone = made_layers(
+        replace(first, correction=MomentumCorrection(believed=False, why_not="spread")),
+        untried=False,
+    )
     text = " ".join(layer_sentences(alone))
     assert alone.earned is None and "held-out" not in text and "corrects none of the trials" in text
     assert "To another trial of the same setting 60, 60, 60 %" in text and "left out" not in text
     curve = table.discrepancy.curves[0]
-    known = replace(table.discrepancy, curves=tuple(replace(curve, fulcrum_m=x) for x in (0.066, 0.108, 0.151)))
+    known = replace(
+        table.discrepancy, curves=tuple(replace(curve, fulcrum_m=x) for x in (0.066, 0.108, 0.151))
+    )
     text = " ".join(layer_sentences(replace(table, discrepancy=known)))
     assert "To a setting that was left out 10, 20, 30 % of it" in text
     assert json.loads(json.dumps(plain(table))) == plain(table)

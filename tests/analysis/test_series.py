@@ -27,14 +27,18 @@ def test_distance_between_groups_does_not_count_as_explained():
     measured = np.tile(np.linspace(-1.0, 1.0, 50), 2)
     model = measured + 0.1
     alone = r_squared(model[:50], measured[:50])
-    assert r_squared(model + 10.0 * footprint, measured + 10.0 * footprint, groups=footprint) == pytest.approx(alone)
+    assert r_squared(
+        model + 10.0 * footprint, measured + 10.0 * footprint, groups=footprint
+    ) == pytest.approx(alone)
     assert r_squared(model + 10.0 * footprint, measured + 10.0 * footprint) > alone
 
 
 def path_of(time: np.ndarray) -> np.ndarray:
     """A step of 0.7 s with a noisy centre of pressure, whose smooth load passes 20 N later than the raw one."""
     loaded = (time > 0.4195) & (time < 1.1175)
-    vertical = np.where(loaded, 22.0 + 800.0 * np.sin(np.pi * np.clip((time - 0.4695) / 0.598, 0.0, 1.0)), 0.0)
+    vertical = np.where(
+        loaded, 22.0 + 800.0 * np.sin(np.pi * np.clip((time - 0.4695) / 0.598, 0.0, 1.0)), 0.0
+    )
     noise = 0.02 * np.random.default_rng(3).standard_normal(len(time))
     cop = np.where(loaded, time + noise, np.nan)[:, np.newaxis]
     instants = np.linspace(0.44, 1.09, 101)
@@ -46,7 +50,9 @@ def test_clock_that_is_off_by_rounding_gives_the_same_path():
     written = np.array([float(f"{i / 1000:.3f}") for i in range(1500)])
     exact = path_of(written)
     for off in (1e-12, -1e-12):
-        clock = written + off * (written > 0.0)  # the first sample stands, so that no even grid follows
+        clock = written + off * (
+            written > 0.0
+        )  # the first sample stands, so that no even grid follows
         assert np.nanmax(np.abs(path_of(clock) - exact)) < 1e-6
         assert (np.isfinite(path_of(clock)) == np.isfinite(exact)).all()
 
@@ -55,7 +61,9 @@ def test_path_reaches_from_the_first_loaded_sample_to_the_last_and_a_straight_on
     """Between two contacts, and in one that is too short to be filtered, there is none."""
     time = np.arange(1500) / 1000.0
     contacts, blip = ((0.2, 0.6), (0.8, 1.3)), (1.4, 1.404)
-    loaded = np.any([(time > start - 5e-4) & (time < end + 5e-4) for start, end in (*contacts, blip)], axis=0)
+    loaded = np.any(
+        [(time > start - 5e-4) & (time < end + 5e-4) for start, end in (*contacts, blip)], axis=0
+    )
     vertical, cop = 800.0 * loaded, np.where(loaded, 0.3 * time, np.nan)[:, np.newaxis]
     path = filtered_while_loaded(cop, time, vertical, cop, uniform_grid(time))[:, 0]
     inside = loaded & (time < 1.35)

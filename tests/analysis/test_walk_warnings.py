@@ -36,7 +36,10 @@ def test_walking_backward_is_suspected():
     walk = make_walk()
     q = np.array(walk.q)
     q[:, walk.coordinate_names.index("pelvis_tx")] *= -1.0
-    assert any("wrong way round" in sentence for sentence in warned(dataclasses.replace(walk, q=q), make_plate()))
+    assert any(
+        "wrong way round" in sentence
+        for sentence in warned(dataclasses.replace(walk, q=q), make_plate())
+    )
 
 
 def test_foot_that_brushes_the_ground_in_swing_is_told_with_time_and_load_but_for_a_touch():
@@ -46,13 +49,20 @@ def test_foot_that_brushes_the_ground_in_swing_is_told_with_time_and_load_but_fo
     for share, told in ((0.08, True), (0.04, False)):
         grf = walk.grf_W + np.outer(share * WEIGHT_N * brushed, [0.0, 0.0, 1.0])
         words = " ".join(warned(dataclasses.replace(walk, grf_W=grf), make_plate()))
-        assert ("brushes the ground outside a stance at 0.350 s (0.08 body weights)." in words) == told, words
+        assert (
+            "brushes the ground outside a stance at 0.350 s (0.08 body weights)." in words
+        ) == told, words
 
 
 def test_fit_that_ends_on_a_bound_is_doubted():
     fit = OffsetFit(
-        offsets=GeometricOffsets(), standard_error=GeometricOffsets(), cost=1.0,
-        success=False, message="ran out of evaluations", at_bound=("fore_aft_m",))
+        offsets=GeometricOffsets(),
+        standard_error=GeometricOffsets(),
+        cost=1.0,
+        success=False,
+        message="ran out of evaluations",
+        at_bound=("fore_aft_m",),
+    )
     found = warned(make_walk(), make_plate(), fit)
     assert any("fore_aft_m" in sentence for sentence in found)
     assert any("ran out of evaluations" in sentence for sentence in found)

@@ -54,11 +54,18 @@ def rows() -> list[Row]:
     ours, converged, made = exact.prosthetic.grf_W, walk(exact, EXACT_STEP_S).force, []
     for step_s in (1e-3, 2.5e-4):
         run = best(lambda step_s=step_s: walk(exact, step_s))
-        made.append(Row(f"prosthesis only, MuJoCo implicitfast at {1e3 * step_s:g} ms", len(run.force) * step_s,
-                        run.wall_s, (
-            f"{difference(run.force, step_s, ours, EXACT_STEP_S):.2f} % BW from the stepper at 0.0625 ms, "
-            f"{difference(run.force, step_s, converged, EXACT_STEP_S):.2f} from MuJoCo at 0.0625 ms; peak "
-            f"{np.linalg.norm(run.force, axis=1).max():.0f} N of {np.linalg.norm(ours, axis=1).max():.0f} N")))
+        made.append(
+            Row(
+                f"prosthesis only, MuJoCo implicitfast at {1e3 * step_s:g} ms",
+                len(run.force) * step_s,
+                run.wall_s,
+                (
+                    f"{difference(run.force, step_s, ours, EXACT_STEP_S):.2f} % BW from the stepper at 0.0625 ms, "
+                    f"{difference(run.force, step_s, converged, EXACT_STEP_S):.2f} from MuJoCo at 0.0625 ms; peak "
+                    f"{np.linalg.norm(run.force, axis=1).max():.0f} N of {np.linalg.norm(ours, axis=1).max():.0f} N"
+                ),
+            )
+        )
     return made
 
 
@@ -68,7 +75,7 @@ def walk(like: Walk, step_s: float) -> Run:
     model, names = walking_model(walker, fulcrum_m=the_trial().fulcrum_m, step_s=step_s)
     start, end = record.time_s[0] - like.step_s, record.time_s[-1]
     moments = np.minimum(start + step_s * np.arange(round((end - start) / step_s) + 1), end)
-    own = [tree.index(name) for name in names[len(DRIVEN):]]
+    own = [tree.index(name) for name in names[len(DRIVEN) :]]
     return lead(model, shank_path(walker, moments), record.q0[own], record.v0[own])
 
 
@@ -79,7 +86,9 @@ def shank_path(walker: Walker, moments: np.ndarray) -> np.ndarray:
     shank = gait.person.segments[f"shank_{walker.subject.prosthetic_side}"]
     columns = [gait.plant.GetJointByName(name).position_start() for name in gait.prescribed]
     q, path = np.zeros(gait.plant.num_positions()), np.zeros((len(moments), len(DRIVEN)))
-    for row, prescribed in zip(path, the_trial().trajectory.ordered(gait.prescribed).sample(moments)[0], strict=True):
+    for row, prescribed in zip(
+        path, the_trial().trajectory.ordered(gait.prescribed).sample(moments)[0], strict=True
+    ):
         q[columns] = prescribed
         gait.plant.SetPositions(context, q)
         X_WS = shank.EvalPoseInWorld(context)
@@ -112,11 +121,18 @@ def lead(model: mujoco.MjModel, path: np.ndarray, own_q: np.ndarray, own_v: np.n
     return Run(force, data, wall_s)
 
 
-def walking_model(walker: Walker, *, fulcrum_m: float, step_s: float) -> tuple[mujoco.MjModel, list[str]]:
+def walking_model(
+    walker: Walker, *, fulcrum_m: float, step_s: float
+) -> tuple[mujoco.MjModel, list[str]]:
     """Socket and foot below the driven shank at one fulcrum position, all spheres of the foot on the floor; and the
     names of the coordinates in MuJoCo's order, beyond the driven ones as in Drake."""
     gait = walker.gait
-    plant, context, foot, socket = gait.plant, gait.plant_context(walker.context), gait.person.foot, gait.person.socket
+    plant, context, foot, socket = (
+        gait.plant,
+        gait.plant_context(walker.context),
+        gait.person.foot,
+        gait.person.socket,
+    )
     if np.any(foot.sites.exponent != 1.0):
         raise ValueError("MuJoCo's contact is linear in depth: every exponent must be 1")
     spec = mujoco.MjSpec()
@@ -124,29 +140,42 @@ def walking_model(walker: Walker, *, fulcrum_m: float, step_s: float) -> tuple[m
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.worldbody.add_geom(
-        name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[10, 10, 0.1], contype=0, conaffinity=0)
-    root = spec.worldbody.add_body(name="shank", mass=1e-3, inertia=[1e-6] * 3, explicitinertial=True)
+        name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[10, 10, 0.1], contype=0, conaffinity=0
+    )
+    root = spec.worldbody.add_body(
+        name="shank", mass=1e-3, inertia=[1e-6] * 3, explicitinertial=True
+    )
     kinds = [mujoco.mjtJoint.mjJNT_SLIDE] * 3 + [mujoco.mjtJoint.mjJNT_HINGE] * 3
     for name, kind, axis in zip(DRIVEN, kinds, [*np.eye(3), *np.eye(3)[[2, 0, 1]]], strict=True):
         root.add_joint(name=name, type=kind, axis=axis, armature=ARMATURE)
 
     # The prosthesis on the bushing's six sprung joints; what pressing is stiffer than pulling, a soft limit at 0 adds.
     inertia = plant.CalcSpatialInertia(
-        context, socket.socket.body_frame(), [socket.socket.index(), socket.pylon.index()])
+        context, socket.socket.body_frame(), [socket.socket.index(), socket.pylon.index()]
+    )
     centre = inertia.get_com()
     I = inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3()  # noqa: E741
     first = plant.GetJointByName(socket.coordinate_names[0]).frame_on_parent()
     hanger = root.add_body(
-        name="prosthesis", pos=first.GetFixedPoseInBodyFrame().translation(), mass=inertia.get_mass(), ipos=centre,
-        explicitinertial=True, fullinertia=[*np.diag(I), I[0, 1], I[0, 2], I[1, 2]])
+        name="prosthesis",
+        pos=first.GetFixedPoseInBodyFrame().translation(),
+        mass=inertia.get_mass(),
+        ipos=centre,
+        explicitinertial=True,
+        fullinertia=[*np.diag(I), I[0, 1], I[0, 2], I[1, 2]],
+    )
     for name, axis in zip(socket.coordinate_names, socket.axes, strict=True):
         joint = plant.GetJointByName(name)
         slides = joint.type_name() == "prismatic"
         hanger.add_joint(
-            name=name, type=kinds[0 if slides else -1],
+            name=name,
+            type=kinds[0 if slides else -1],
             axis=joint.translation_axis() if slides else joint.revolute_axis(),
-            stiffness=[min(axis.stiffness, axis.stiffness_negative), 0, 0], damping=[axis.damping, 0, 0],
-            limited=axis.stiffness > axis.stiffness_negative, range=[-1.0, 0.0])
+            stiffness=[min(axis.stiffness, axis.stiffness_negative), 0, 0],
+            damping=[axis.damping, 0, 0],
+            limited=axis.stiffness > axis.stiffness_negative,
+            range=[-1.0, 0.0],
+        )
 
     # The exported foot without drawings and spheres, its carriage fixed, and the spheres of the plant.
     made = mujoco.MjSpec.from_string(foot_mjcf(foot.parameters, fulcrum_m=fulcrum_m))
@@ -159,33 +188,54 @@ def walking_model(walker: Walker, *, fulcrum_m: float, step_s: float) -> tuple[m
     frame.pos, frame.quat = X_TK.translation(), X_TK.rotation().ToQuaternion().wxyz()
     hanger.add_frame().attach_body(frame, PREFIX, "")
     friction = walker.model.foot.friction.mu_static
-    for i, (body, p_BS, radius) in enumerate(zip(foot.sites.body_indices, foot.sites.p_BS, foot.sites.radius,
-                                                 strict=True)):
+    for i, (body, p_BS, radius) in enumerate(
+        zip(foot.sites.body_indices, foot.sites.p_BS, foot.sites.radius, strict=True)
+    ):
         spec.body(PREFIX + plant.get_body(body).name()).add_geom(
-            name=f"sphere_{i}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0, 0], mass=0.0, pos=p_BS, contype=0,
-            conaffinity=0)
-        spec.add_pair(name=f"sphere_{i}", geomname1="floor", geomname2=f"sphere_{i}", condim=3,
-                      friction=[friction, friction, 0, 0, 0])
+            name=f"sphere_{i}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[radius, 0, 0],
+            mass=0.0,
+            pos=p_BS,
+            contype=0,
+            conaffinity=0,
+        )
+        spec.add_pair(
+            name=f"sphere_{i}",
+            geomname1="floor",
+            geomname2=f"sphere_{i}",
+            condim=3,
+            friction=[friction, friction, 0, 0, 0],
+        )
     model = spec.compile()
 
     # Numbers that need the compiled inverse inertias; and the solver's scale without the driven joints' armature.
-    for i, (stiffness, damping) in enumerate(zip(foot.sites.stiffness, foot.sites.damping, strict=True)):
+    for i, (stiffness, damping) in enumerate(
+        zip(foot.sites.stiffness, foot.sites.damping, strict=True)
+    ):
         body = model.geom(f"sphere_{i}").bodyid[0]
         model.pair_solref[i], model.pair_solimp[i] = soft_constraint(
-            stiffness, damping, step_s, model.body_invweight0[body, 0])
+            stiffness, damping, step_s, model.body_invweight0[body, 0]
+        )
     for name, axis in zip(socket.coordinate_names, socket.axes, strict=True):
         joint = model.joint(name)
         if axis.stiffness > axis.stiffness_negative:
             model.jnt_solref[joint.id], model.jnt_solimp[joint.id] = soft_constraint(
-                axis.stiffness - axis.stiffness_negative, 0.0, step_s, model.dof_invweight0[joint.dofadr[0]])
+                axis.stiffness - axis.stiffness_negative,
+                0.0,
+                step_s,
+                model.dof_invweight0[joint.dofadr[0]],
+            )
     # The support's spring at the end of the step too: f = -k (r + h v) - c v has the damping c + h k, implicit.
     model.tendon_damping += step_s * model.tendon_stiffness
-    model.stat.meaninertia = model.dof_M0[len(DRIVEN):].mean()
+    model.stat.meaninertia = model.dof_M0[len(DRIVEN) :].mean()
     model.opt.tolerance = 1e-14
     return model, [*DRIVEN, *socket.coordinate_names, *foot.keel_joint_names]
 
 
-def soft_constraint(stiffness: float, damping: float, step_s: float, weight: float) -> tuple[list, list]:
+def soft_constraint(
+    stiffness: float, damping: float, step_s: float, weight: float
+) -> tuple[list, list]:
     """solref and solimp that make a constraint a linearly implicit spring (N/m) and damper (N s/m); weight is its
     inverse inertia (1/kg) in the compiled model."""
     R = 1.0 / (step_s * damping + step_s**2 * stiffness)

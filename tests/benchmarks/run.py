@@ -14,7 +14,9 @@ import importlib.util
 import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "helpers"))  # the runs under Drake's Simulator
+sys.path.append(
+    str(Path(__file__).resolve().parents[1] / "helpers")
+)  # the runs under Drake's Simulator
 import walks
 from table import Row, format_table
 
@@ -22,19 +24,37 @@ from table import Row, format_table
 def mujoco() -> list[Row]:
     """The same foot in MuJoCo, if that is installed."""
     if importlib.util.find_spec("mujoco") is None:
-        return [Row("the same foot in MuJoCo", None, None, "MuJoCo is not installed: pip install 'vsf-drake[bench]'")]
+        return [
+            Row(
+                "the same foot in MuJoCo",
+                None,
+                None,
+                "MuJoCo is not installed: pip install 'vsf-drake[bench]'",
+            )
+        ]
     from mujoco_foot import rows  # noqa: PLC0415 - optional
 
     return rows()
 
 
-GROUPS = {"stepper": walks.stepper, "simulator": walks.simulator, "mujoco": mujoco, "sweeps": walks.sweeps}
+GROUPS = {
+    "stepper": walks.stepper,
+    "simulator": walks.simulator,
+    "mujoco": mujoco,
+    "sweeps": walks.sweeps,
+}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Speed and accuracy of every way of advancing, as one table.")
-    parser.add_argument("--only", nargs="+", metavar="NAME", choices=GROUPS, help=f"of {', '.join(GROUPS)}")
-    parser.add_argument("--quick", action="store_true", help="without the sweeps, unless --only names them")
+    parser = argparse.ArgumentParser(
+        description="Speed and accuracy of every way of advancing, as one table."
+    )
+    parser.add_argument(
+        "--only", nargs="+", metavar="NAME", choices=GROUPS, help=f"of {', '.join(GROUPS)}"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="without the sweeps, unless --only names them"
+    )
     options = parser.parse_args()
     names = options.only or [name for name in GROUPS if name != "sweeps" or not options.quick]
     print(format_table([row for name in names for row in GROUPS[name]()]))

@@ -11,8 +11,13 @@ from vsf_drake.parameters import GRAVITY
 
 
 def test_table_divides_each_speed_by_real_time_and_by_the_steppers():
-    text = format_table([Row(YARDSTICK, 1.2, 0.06, "0.05 % BW"), Row("other", 2.0, 0.4, "1 % BW"),
-                         Row("absent", None, None, "not installed")])
+    text = format_table(
+        [
+            Row(YARDSTICK, 1.2, 0.06, "0.05 % BW"),
+            Row("other", 2.0, 0.4, "1 % BW"),
+            Row("absent", None, None, "not installed"),
+        ]
+    )
     stepper, other, absent = (line.split() for line in text.splitlines()[2:])
     assert absent == ["absent", "not", "installed"] and stepper[-5:-3] == ["20.0", "1.00"]
     assert other == ["other", "2.00", "0.400", "5.00", "0.250", "1", "%", "BW"]
@@ -39,4 +44,6 @@ def test_mujocos_prosthesis_weighs_what_it_does_and_feels_the_acceleration_of_th
     assert model.body("prosthesis").subtreemass[0] == pytest.approx(mass, rel=1e-12)
     assert not force.any()
     stretch = state.qpos[names.index("socket_tz")]
-    assert stretch == pytest.approx(-mass * (GRAVITY + acceleration) / socket.tz.stiffness_negative, rel=0.01)
+    assert stretch == pytest.approx(
+        -mass * (GRAVITY + acceleration) / socket.tz.stiffness_negative, rel=0.01
+    )

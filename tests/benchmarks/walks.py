@@ -27,10 +27,19 @@ STEPS_S = (2e-3, 1e-3, 5e-4, 2.5e-4)
 EXACT_STEP_S, SECOND_EXACT_STEP_S = 6.25e-5, 1.25e-4
 STRIKE_N = 20.0
 ZONES = ("heel_posterior", "heel", "heel_anterior", "midfoot", "forefoot")
-BY = (*(f"contact.{zone}.{number}" for zone in ZONES for number in ("stiffness", "damping", "rise")),
-      "friction.mu_static", "friction.threshold_velocity", "keel.flexural_modulus", "fulcrum.stiffness",
-      "fulcrum.shift", "socket.ty.stiffness", "socket.flexion.stiffness", "offset.height", "offset.fore_aft",
-      "offset.alignment")
+BY = (
+    *(f"contact.{zone}.{number}" for zone in ZONES for number in ("stiffness", "damping", "rise")),
+    "friction.mu_static",
+    "friction.threshold_velocity",
+    "keel.flexural_modulus",
+    "fulcrum.stiffness",
+    "fulcrum.shift",
+    "socket.ty.stiffness",
+    "socket.flexion.stiffness",
+    "offset.height",
+    "offset.fore_aft",
+    "offset.alignment",
+)
 """Variables such as a fit of the contact would have."""
 INSIDE_M = 0.108
 """A position (m from A) from which the fulcrum can shift both ways."""
@@ -57,7 +66,11 @@ def stance(step_s: float) -> Walk:
 def span() -> dict[str, float]:
     """The last WALK_S of the trial's window as arguments of a walk."""
     trial = the_trial()
-    return {"fulcrum_m": trial.fulcrum_m, "start_s": max(trial.start_s, trial.end_s - WALK_S), "end_s": trial.end_s}
+    return {
+        "fulcrum_m": trial.fulcrum_m,
+        "start_s": max(trial.start_s, trial.end_s - WALK_S),
+        "end_s": trial.end_s,
+    }
 
 
 def best(run: Callable[[], Any], repeats: int = REPEATS) -> Any:
@@ -69,24 +82,46 @@ def difference(force: np.ndarray, step_s: float, exact: np.ndarray, exact_step_s
     """RMS difference of the 40 Hz resultants of forces (n, 3) at the ends of steps, each millisecond or at the longer
     step, in percent of body weight."""
     spacing = max(MILLISECOND, step_s, exact_step_s)
-    pair = [f[round(spacing / h) - 1 :: round(spacing / h)] for f, h in ((force, step_s), (exact, exact_step_s))]
+    pair = [
+        f[round(spacing / h) - 1 :: round(spacing / h)]
+        for f, h in ((force, step_s), (exact, exact_step_s))
+    ]
     count = min(map(len, pair))
-    first, second = (np.linalg.norm(low_pass(f[:count], rate_hz=1 / spacing, cutoff_hz=40.0), axis=1) for f in pair)
-    return 100 * float(np.sqrt(np.mean((first - second) ** 2))) / (the_trial().subject.mass_kg * GRAVITY)
+    first, second = (
+        np.linalg.norm(low_pass(f[:count], rate_hz=1 / spacing, cutoff_hz=40.0), axis=1)
+        for f in pair
+    )
+    return (
+        100
+        * float(np.sqrt(np.mean((first - second) ** 2)))
+        / (the_trial().subject.mass_kg * GRAVITY)
+    )
 
 
 def stepper() -> list[Row]:
     """The whole person: 21 coordinates follow the recording, socket and keel respond, both feet on the ground."""
-    exact, second = (stance(step_s).prosthetic.grf_W for step_s in (EXACT_STEP_S, SECOND_EXACT_STEP_S))
+    exact, second = (
+        stance(step_s).prosthetic.grf_W for step_s in (EXACT_STEP_S, SECOND_EXACT_STEP_S)
+    )
     made = []
     for step_s in STEPS_S:
-        walk = best(lambda step_s=step_s: the_walker().walk(the_trial().trajectory, step_s=step_s, **span()))
+        walk = best(
+            lambda step_s=step_s: the_walker().walk(the_trial().trajectory, step_s=step_s, **span())
+        )
         record, force = walk.record, walk.prosthetic.grf_W
         name = YARDSTICK if step_s == MILLISECOND else f"person, stepper at {1e3 * step_s:g} ms"
-        made.append(Row(name, len(record.time_s) * step_s, walk.wall_s, (
-            f"{difference(force, step_s, second, SECOND_EXACT_STEP_S):.3f} % BW from 0.125 ms, "
-            f"{difference(force, step_s, exact, EXACT_STEP_S):.3f} from 0.0625 ms; {record.iterations.mean():.2f} "
-            f"iterations a step, {np.count_nonzero(~record.converged)} unconverged")))
+        made.append(
+            Row(
+                name,
+                len(record.time_s) * step_s,
+                walk.wall_s,
+                (
+                    f"{difference(force, step_s, second, SECOND_EXACT_STEP_S):.3f} % BW from 0.125 ms, "
+                    f"{difference(force, step_s, exact, EXACT_STEP_S):.3f} from 0.0625 ms; {record.iterations.mean():.2f} "
+                    f"iterations a step, {np.count_nonzero(~record.converged)} unconverged"
+                ),
+            )
+        )
     return [*made, _sensitivities(), _bench()]
 
 
@@ -94,28 +129,47 @@ def _sensitivities() -> Row:
     """The walk with exact derivatives of the prosthetic foot's reaction, and how near central differences come."""
     walker = the_walker()
     options = {"trajectory": the_trial().trajectory, **span(), "fulcrum_m": INSIDE_M}
-    plain, walk = (best(lambda by=by: walker.walk(**options, with_respect_to=by)) for by in ((), BY))
+    plain, walk = (
+        best(lambda by=by: walker.walk(**options, with_respect_to=by)) for by in ((), BY)
+    )
     errors = []
     for i, name in enumerate(BY):
         variable = walker.variables[name]
         change = 3e-6 * (abs(variable.default) or variable.high)
-        low, high = (walker.walk(**options, values={name: variable.default + sign * change}).prosthetic.grf_W
-                     for sign in (-1.0, 1.0))
+        low, high = (
+            walker.walk(**options, values={name: variable.default + sign * change}).prosthetic.grf_W
+            for sign in (-1.0, 1.0)
+        )
         exact = walk.sensitivity.grf_W[:, :, i]
         errors.append(np.abs(exact - (high - low) / (2.0 * change)).max() / np.abs(exact).max())
-    return Row(f"{len(BY)} sensitivities, 1 ms", WALK_S, walk.wall_s, (
-        f"{walk.wall_s / plain.wall_s:.2f} times the walk without them; force from central differences at most "
-        f"{max(errors):.0e} of its largest, by the worst variable"))
+    return Row(
+        f"{len(BY)} sensitivities, 1 ms",
+        WALK_S,
+        walk.wall_s,
+        (
+            f"{walk.wall_s / plain.wall_s:.2f} times the walk without them; force from central differences at most "
+            f"{max(errors):.0e} of its largest, by the worst variable"
+        ),
+    )
 
 
 def _bench() -> Row:
     result, one = best(lambda: run_bench(the_trial().model)), Bench(the_trial().model.foot)
     stroke = one.press(fulcrum_m=0.066, max_load_n=600.0, speed_m_per_s=PUBLISHED_SPEED_M_PER_S)
-    exact = simulate_bench_reference(one, fulcrum_m=0.066, travel_m=stroke.platen_m[-1], accuracy=1e-6,
-                                     speed_m_per_s=PUBLISHED_SPEED_M_PER_S)
+    exact = simulate_bench_reference(
+        one,
+        fulcrum_m=0.066,
+        travel_m=stroke.platen_m[-1],
+        accuracy=1e-6,
+        speed_m_per_s=PUBLISHED_SPEED_M_PER_S,
+    )
     load = np.interp(exact.platen_m, np.append(0.0, stroke.platen_m), np.append(0.0, stroke.load_n))
-    return Row("bench, five settings and heel, stepper", result.simulated_s, result.wall_s,
-               f"{np.abs(load - exact.load_n).max():.3f} N from radau3 1e-6 (at 66 mm)")
+    return Row(
+        "bench, five settings and heel, stepper",
+        result.simulated_s,
+        result.wall_s,
+        f"{np.abs(load - exact.load_n).max():.3f} N from radau3 1e-6 (at 66 mm)",
+    )
 
 
 def simulator(length_s: float = 0.2) -> list[Row]:
@@ -127,14 +181,24 @@ def simulator(length_s: float = 0.2) -> list[Row]:
     options = {"fulcrum_m": trial.fulcrum_m, "start_s": start, "end_s": start + length_s}
     person = trial.subject, trial.model, trial.trajectory, Ground()
     exact = walk_over(*person, accuracy=1e-4, **options).grf_W[1:]
-    runs = {f"Simulator {scheme} {accuracy:g}": walk_over(*person, integrator=scheme, accuracy=accuracy, **options)
-        for scheme, accuracy in (("radau3", 1e-3), ("implicit_euler", 1e-2))}
+    runs = {
+        f"Simulator {scheme} {accuracy:g}": walk_over(
+            *person, integrator=scheme, accuracy=accuracy, **options
+        )
+        for scheme, accuracy in (("radau3", 1e-3), ("implicit_euler", 1e-2))
+    }
     forces = {name: (run.grf_W[1:], run.wall_s) for name, run in runs.items()}
     walk = walker.walk(trial.trajectory, **options)
     forces["stepper at 1 ms"] = walk.prosthetic.grf_W, walk.wall_s
-    return [Row(f"person, heel strike, {name}", length_s, wall_s,
-                f"{difference(force, MILLISECOND, exact, MILLISECOND):.4f} % BW from radau3 1e-4")
-            for name, (force, wall_s) in forces.items()]
+    return [
+        Row(
+            f"person, heel strike, {name}",
+            length_s,
+            wall_s,
+            f"{difference(force, MILLISECOND, exact, MILLISECOND):.4f} % BW from radau3 1e-4",
+        )
+        for name, (force, wall_s) in forces.items()
+    ]
 
 
 def sweeps(walks: int = 200) -> list[Row]:
@@ -147,8 +211,22 @@ def sweeps(walks: int = 200) -> list[Row]:
         return simulate_batch(cases, workers=workers), time.perf_counter() - started
 
     (alone, one_s), (both, two_s) = timed(1), timed(2)
-    equal = all(a.arrays[name].tobytes() == b.arrays[name].tobytes() for a, b in zip(alone, both, strict=True)
-                for name in a.arrays)
-    return [Row(f"{walks} walks, one process", walks * WALK_S, one_s, f"{sum(o.ok for o in alone)} finished"),
-            Row(f"{walks} walks, two processes, with the start of the second", walks * WALK_S, two_s,
-                f"{'same bits' if equal else 'DIFFERENT numbers'}; {one_s / two_s:.2f} times one process")]
+    equal = all(
+        a.arrays[name].tobytes() == b.arrays[name].tobytes()
+        for a, b in zip(alone, both, strict=True)
+        for name in a.arrays
+    )
+    return [
+        Row(
+            f"{walks} walks, one process",
+            walks * WALK_S,
+            one_s,
+            f"{sum(o.ok for o in alone)} finished",
+        ),
+        Row(
+            f"{walks} walks, two processes, with the start of the second",
+            walks * WALK_S,
+            two_s,
+            f"{'same bits' if equal else 'DIFFERENT numbers'}; {one_s / two_s:.2f} times one process",
+        ),
+    ]

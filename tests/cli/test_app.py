@@ -26,8 +26,25 @@ from vsf_drake.report.style import drawing, label, save_figure
 from vsf_drake.text_table import as_label
 
 SUBJECT = {"mass_kg": 78.0, "stature_m": 1.81, "sex": "male", "prosthetic_side": "right"}
-PATHS = ["~nosuchuser/a.yaml", "a" * 5000, "/".join(["a" * 200] * 30), "a\x1b[31m.yaml", "a\nb.yaml", "a\udcff.yaml"]
-NAMES = [r"cost $\foo$", "$x^2", "[/b]", "[red]a", ":warning: a", "<b>&amp;\"'", "=1+2", "a\u2028b", "üß 漢字"]
+PATHS = [
+    "~nosuchuser/a.yaml",
+    "a" * 5000,
+    "/".join(["a" * 200] * 30),
+    "a\x1b[31m.yaml",
+    "a\nb.yaml",
+    "a\udcff.yaml",
+]
+NAMES = [
+    r"cost $\foo$",
+    "$x^2",
+    "[/b]",
+    "[red]a",
+    ":warning: a",
+    "<b>&amp;\"'",
+    "=1+2",
+    "a\u2028b",
+    "üß 漢字",
+]
 
 
 @pytest.fixture
@@ -40,10 +57,20 @@ def subject(tmp_path):
     return write
 
 
-@pytest.mark.parametrize("words", [
-    ("simulate", "{}"), ("fit", "{}", "{}"), ("bench", "--model", "{}"), ("export", "--out", "{}"),
-    ("show", "--html", "{}"), ("schedule", "level={}"), ("import", "--list-markers", "{}"), ("report", "{}")],
-    ids=" ".join)
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("simulate", "{}"),
+        ("fit", "{}", "{}"),
+        ("bench", "--model", "{}"),
+        ("export", "--out", "{}"),
+        ("show", "--html", "{}"),
+        ("schedule", "level={}"),
+        ("import", "--list-markers", "{}"),
+        ("report", "{}"),
+    ],
+    ids=" ".join,
+)
 def test_a_path_that_is_none_is_refused_by_every_command(run, tmp_path, monkeypatch, words):
     monkeypatch.chdir(tmp_path)
     for path in ("~nosuchuser/a.yaml", "a" * 5000, "a\x1b[31m\udcff.yaml"):
@@ -55,7 +82,12 @@ def test_a_path_that_is_none_is_refused_by_every_command(run, tmp_path, monkeypa
 
 @pytest.mark.parametrize("key", ["subject", "kinematics", "forces", "model"])
 def test_a_path_that_is_none_is_refused_in_a_manifest(tmp_path, key):
-    content = {"subject": "subject.yaml", "kinematics": "a.mot", "forces": "a.mot", "prosthesis": {"fulcrum_mm": 66}}
+    content = {
+        "subject": "subject.yaml",
+        "kinematics": "a.mot",
+        "forces": "a.mot",
+        "prosthesis": {"fulcrum_mm": 66},
+    }
     (tmp_path / "subject.yaml").write_text(yaml.safe_dump(SUBJECT), encoding="utf-8")
     (tmp_path / "a.mot").write_text("", encoding="utf-8")
     for path in ("~nosuchuser/s.yaml", "s" * 5000, "s\0", "\udcff"):
@@ -116,7 +148,11 @@ def test_no_figure_reads_mathtext(tmp_path):
         label(axes, x=text, y=text, title=text)
         figure.suptitle(text)
     save_figure(figure, tmp_path / "a")
-    texts = [element.text for element in ElementTree.parse(tmp_path / "a.svg").getroot().iter() if element.text]
+    texts = [
+        element.text
+        for element in ElementTree.parse(tmp_path / "a.svg").getroot().iter()
+        if element.text
+    ]
     assert texts.count(text) == 6
 
 
@@ -136,7 +172,9 @@ for each, usual in ((signal.SIGHUP, signal.SIG_DFL), (signal.SIGINT, signal.defa
     signal.signal(each, usual)  # the tests may run where it is ignored
 from vsf_drake.cli import main
 """
-COMMANDS = BEGIN + """
+COMMANDS = (
+    BEGIN
+    + """
 from vsf_drake.cli.app import app
 from vsf_drake.simulation.archive import _undisturbed
 @app.command()
@@ -158,7 +196,10 @@ def compile(number: int, settles: bool):
     threading.Event().wait(20.0)
 main()
 """
-LOADING = BEGIN + """
+)
+LOADING = (
+    BEGIN
+    + """
 class Slow(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path, target=None):
         if name == "vsf_drake.cli.tune":
@@ -167,6 +208,7 @@ class Slow(importlib.abc.MetaPathFinder):
 sys.meta_path.insert(0, Slow())
 main()
 """
+)
 INTERRUPTED = "interrupted; results are written whole or not at all"
 
 
@@ -174,7 +216,11 @@ def test_a_terminal_breaks_lines_between_words_and_a_file_nowhere(monkeypatch):
     sentence, path = "a sentence of words " * 8, f"written to {'folder/' * 30}report.html"
     for terminal in (True, False):
         stream = io.StringIO()
-        monkeypatch.setattr(app, "console", Console(file=stream, force_terminal=terminal, width=40, color_system=None))
+        monkeypatch.setattr(
+            app,
+            "console",
+            Console(file=stream, force_terminal=terminal, width=40, color_system=None),
+        )
         app.say(sentence)
         app.say(path)
         lines = stream.getvalue().splitlines()
@@ -183,16 +229,27 @@ def test_a_terminal_breaks_lines_between_words_and_a_file_nowhere(monkeypatch):
 
 
 def test_results_fit_80_columns_however_long_the_names_are(monkeypatch):
-    name, sentence = "a person's name, walk " * 5, "this cannot drive the model, for many reasons " * 3
+    name, sentence = (
+        "a person's name, walk " * 5,
+        "this cannot drive the model, for many reasons " * 3,
+    )
     check = SimpleNamespace(mark="unusable", name="swing clearance", sentence=sentence.strip())
-    item = SimpleNamespace(mark="unusable", checks=(check,), trial=SimpleNamespace(name=name.strip(), synthetic=True),
-                           expected_error_bw=0.02)
+    item = SimpleNamespace(
+        mark="unusable",
+        checks=(check,),
+        trial=SimpleNamespace(name=name.strip(), synthetic=True),
+        expected_error_bw=0.02,
+    )
     stream = io.StringIO()
     monkeypatch.setattr(app, "console", Console(file=stream, width=200, color_system=None))
     app.print_text("recordings", items=[item, item], to_do=(), more=("folder/" * 20,))
     lines = stream.getvalue().splitlines()
-    assert max(len(line) for line in lines if "folder/" not in line) <= 80 and "folder/" * 20 in "".join(lines)
-    assert f"! {name.strip()} (SYNTHETIC): unusable, expected error 2.0 % BW" in " ".join(" ".join(lines).split())
+    assert max(
+        len(line) for line in lines if "folder/" not in line
+    ) <= 80 and "folder/" * 20 in "".join(lines)
+    assert f"! {name.strip()} (SYNTHETIC): unusable, expected error 2.0 % BW" in " ".join(
+        " ".join(lines).split()
+    )
 
 
 def test_a_closed_terminal_ends_a_command_with_129():
@@ -208,24 +265,37 @@ def test_a_closed_terminal_ends_a_command_with_129():
 
 
 def test_signal_while_the_commands_load_ends_with_a_sentence():
-    process = subprocess.Popen([sys.executable, "-c", LOADING, "--help"], stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", LOADING, "--help"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     assert process.stdout.readline() == "loading\n"
     process.send_signal(signal.SIGTERM)
     assert process.communicate(timeout=30.0)[1] == f"{INTERRUPTED}\n"
     assert process.returncode == 128 + signal.SIGTERM
 
 
-@pytest.mark.parametrize(("words", "given", "out", "said"), [
-    # Matplotlib's compiled code was seen to make an error of its own of it
-    (("draw",), signal.SIGINT, "", f"{INTERRUPTED} (ValueError: Invalid bounding box)"),
-    # LLVM calls Python while numba compiles; Python prints what is raised there, and goes on
-    (("compile", "False"), signal.SIGINT, "", INTERRUPTED),
-    (("compile", "True"), signal.SIGTERM, "settled\n", INTERRUPTED)])
+@pytest.mark.parametrize(
+    ("words", "given", "out", "said"),
+    [
+        # Matplotlib's compiled code was seen to make an error of its own of it
+        (("draw",), signal.SIGINT, "", f"{INTERRUPTED} (ValueError: Invalid bounding box)"),
+        # LLVM calls Python while numba compiles; Python prints what is raised there, and goes on
+        (("compile", "False"), signal.SIGINT, "", INTERRUPTED),
+        (("compile", "True"), signal.SIGTERM, "settled\n", INTERRUPTED),
+    ],
+)
 def test_signal_that_compiled_code_swallows_or_misreads_is_not_lost(words, given, out, said):
     began = time.monotonic()
-    process = subprocess.run([sys.executable, "-c", COMMANDS, words[0], str(int(given)), *words[1:]],
-                             capture_output=True, text=True, check=False, timeout=60.0)
+    process = subprocess.run(
+        [sys.executable, "-c", COMMANDS, words[0], str(int(given)), *words[1:]],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60.0,
+    )
     assert (process.stdout, process.stderr) == (out, f"{said}\n")
     assert process.returncode == 128 + given
     assert time.monotonic() - began < 15.0

@@ -23,7 +23,12 @@ from vsf_drake.simulation.results import load_walk
 TRIAL = resource("data/reference_subject/exact/high_1.yaml")
 SUBJECT = resource("data/reference_subject/subject.yaml")
 DEVICE = {"keel.flexural_modulus": 7.8e9, "fulcrum.stiffness": 2e6}
-CHANGE = {"contact.forefoot.stiffness": 2e5, "contact.forefoot.exponent": 1.4, "offset.height": 2e-3, **DEVICE}
+CHANGE = {
+    "contact.forefoot.stiffness": 2e5,
+    "contact.forefoot.exponent": 1.4,
+    "offset.height": 2e-3,
+    **DEVICE,
+}
 
 
 @pytest.fixture
@@ -42,8 +47,10 @@ def test_simulate_walks_on_the_fitted_contact_and_says_which(run, tmp_path, cont
     vertical = storage.values[:, storage.names.index("ground_force_r_vy")]
     np.testing.assert_allclose(vertical, walk.grf_W[:, 2], atol=0.01)  # OpenSim's y is up
     metrics = read_json(tmp_path / "walk" / "metrics.json")
-    assert any("contact.yaml" in note and "with the height that was fitted to this trial" in note
-               for note in metrics["notes"])
+    assert any(
+        "contact.yaml" in note and "with the height that was fitted to this trial" in note
+        for note in metrics["notes"]
+    )
     about = yaml.safe_load((tmp_path / "walk" / "result.yaml").read_text(encoding="utf-8"))
     assert about["provenance"]["inputs_sha256"]["contact: contact.yaml"] == sha256(contact)
     forefoot = about["parameters"]["model"]["foot"]["zones"][-1]
@@ -54,8 +61,13 @@ def test_simulate_walks_on_the_fitted_contact_and_says_which(run, tmp_path, cont
 def test_a_contact_that_keeps_what_its_plates_taught_predicts_in_layers(run, tmp_path):
     """A fitted recording of another name taught a discrepancy of 5 % body weight at this setting, and its own curve."""
     path, curve = tmp_path / "contact.yaml", DISCREPANCY.curves[0]
-    curve = dataclasses.replace(curve, fulcrum_m=0.151, vertical_bw=(0.05,) * 101, lateral_bw=(0.0,) * 101,
-                                fore_aft_bw=(0.0,) * 101)
+    curve = dataclasses.replace(
+        curve,
+        fulcrum_m=0.151,
+        vertical_bw=(0.05,) * 101,
+        lateral_bw=(0.0,) * 101,
+        fore_aft_bw=(0.0,) * 101,
+    )
     taught = dataclasses.replace(DISCREPANCY, curves=(curve,), shared=(0.0,) * 3, own=(1.0,) * 3)
     save_contact(made_contact(values=DEVICE, curves=(), discrepancy=taught), path)
     words = ("--out", tmp_path / "walk", "--no-replay", "--step-ms", "2", "--contact", path)
@@ -63,10 +75,15 @@ def test_a_contact_that_keeps_what_its_plates_taught_predicts_in_layers(run, tmp
     assert code == 0 and "Physics " in out
     found = read_json(tmp_path / "walk" / "metrics.json")
     layers = found["layers"]
-    assert layers["layers"]["physics"]["grf_rmse_bw"] == pytest.approx(found["grf_rmse_bw"], rel=1e-9)
+    assert layers["layers"]["physics"]["grf_rmse_bw"] == pytest.approx(
+        found["grf_rmse_bw"], rel=1e-9
+    )
     momentum = layers["layers"]["momentum"]
     assert f"with momentum {100 * momentum['grf_rmse_bw']:.1f} %, with discrepancy" in out
-    assert "Momentum corrects nothing: no fitted trial shows" in out and max(map(len, out.splitlines()[:-1])) <= 80
+    assert (
+        "Momentum corrects nothing: no fitted trial shows" in out
+        and max(map(len, out.splitlines()[:-1])) <= 80
+    )
     assert layers["added_rms_bw"] > 0.03 and not layers["fitted"]
     for name in ("vertical_rmse_bw", "fore_aft_rmse_bw"):
         assert layers["layers"]["discrepancy"][name] != found[name]
@@ -76,38 +93,79 @@ def test_a_contact_that_keeps_what_its_plates_taught_predicts_in_layers(run, tmp
     assert read_json(tmp_path / "walk" / "metrics.json")["layers"] is None
     save_contact(made_contact(values=DEVICE, curves=()), path)
     code, out, _ = run("simulate", TRIAL, *words)
-    assert code == 0 and "momentum" not in out and read_json(tmp_path / "walk" / "metrics.json")["layers"] is None
+    assert (
+        code == 0
+        and "momentum" not in out
+        and read_json(tmp_path / "walk" / "metrics.json")["layers"] is None
+    )
 
 
 def test_an_embedded_walk_has_the_embedded_contact_unless_told_otherwise(run, tmp_path):
     beside = TRIAL.with_name("contact.yaml")
-    code, out, _ = run("simulate", TRIAL, "--out", tmp_path / "walk", "--no-replay", "--step-ms", "2")
-    assert code == 0 and "The embedded contact is taken" in out.splitlines()[0] and UNFITTED not in out
+    code, out, _ = run(
+        "simulate", TRIAL, "--out", tmp_path / "walk", "--no-replay", "--step-ms", "2"
+    )
+    assert (
+        code == 0 and "The embedded contact is taken" in out.splitlines()[0] and UNFITTED not in out
+    )
     about = yaml.safe_load((tmp_path / "walk" / "result.yaml").read_text(encoding="utf-8"))
     assert about["provenance"]["inputs_sha256"]["contact: contact.yaml"] == sha256(beside)
     fitted = read_json(tmp_path / "walk" / "metrics.json")
-    bare = ("simulate", TRIAL, "--out", tmp_path / "walk", "--no-replay", "--step-ms", "2", "--contact", "none")
+    bare = (
+        "simulate",
+        TRIAL,
+        "--out",
+        tmp_path / "walk",
+        "--no-replay",
+        "--step-ms",
+        "2",
+        "--contact",
+        "none",
+    )
     code, out, _ = run(*bare)
-    assert code == 0 and out.startswith(f"! {UNFITTED}: the foot is a first guess") and out.count(UNFITTED) == 1
+    assert (
+        code == 0
+        and out.startswith(f"! {UNFITTED}: the foot is a first guess")
+        and out.count(UNFITTED) == 1
+    )
     unfitted = read_json(tmp_path / "walk" / "metrics.json")
     about = yaml.safe_load((tmp_path / "walk" / "result.yaml").read_text(encoding="utf-8"))
     assert unfitted["notes"][0] == about["notes"][0]
     assert " ".join(out.split()).startswith(f"! {unfitted['notes'][0]} ")
-    assert f"vsf-drake fit {TRIAL} " in unfitted["notes"][0] and UNFITTED in (tmp_path / "walk/walk.svg").read_text()
+    assert (
+        f"vsf-drake fit {TRIAL} " in unfitted["notes"][0]
+        and UNFITTED in (tmp_path / "walk/walk.svg").read_text()
+    )
     assert not any("contact.yaml" in note for note in unfitted["notes"][1:])
     assert unfitted["grf_rmse_bw"] > 5 * fitted["grf_rmse_bw"], "what a fit is worth"
     assert embedded_contact_beside(resource("data/sessions/a/day_1/1p1/low_1.yaml")) is None
 
 
-def test_a_walk_with_its_offsets_fitted_to_its_own_plate_is_called_no_prediction(run, tmp_path, trial_files):
-    code, out, _ = run("simulate", trial_files.write(), "--out", tmp_path / "walk", "--no-replay", "--step-ms", "4",
-                       "--fit-offsets")
-    assert code == 0 and out.startswith(f"! {UNFITTED}:") and "so that this is no prediction" in " ".join(out.split())
+def test_a_walk_with_its_offsets_fitted_to_its_own_plate_is_called_no_prediction(
+    run, tmp_path, trial_files
+):
+    code, out, _ = run(
+        "simulate",
+        trial_files.write(),
+        "--out",
+        tmp_path / "walk",
+        "--no-replay",
+        "--step-ms",
+        "4",
+        "--fit-offsets",
+    )
+    assert (
+        code == 0
+        and out.startswith(f"! {UNFITTED}:")
+        and "so that this is no prediction" in " ".join(out.split())
+    )
 
 
 def test_offsets_are_not_fitted_on_top_of_a_fitted_contact(run, tmp_path, contact):
     for command in (["simulate"], ["sweep", "--fulcrum-mm", "66"]):
-        code, _, err = run(*command, TRIAL, "--out", tmp_path / "out", "--contact", contact, "--fit-offsets")
+        code, _, err = run(
+            *command, TRIAL, "--out", tmp_path / "out", "--contact", contact, "--fit-offsets"
+        )
         assert code == 2 and "--fit-offsets: cannot go with --contact" in err
     assert not (tmp_path / "out").exists()
 
@@ -118,8 +176,10 @@ def test_bench_presses_the_fitted_foot(run, tmp_path, contact):
     code, out, _ = run(*words, "--out", tmp_path / "fitted", "--contact", contact)
     assert code == 0
     assert f"the foot has the fitted contact of {contact}".replace(" ", "") in "".join(out.split())
-    nominal, fitted = (read_json(tmp_path / name / "bench.json")["settings"][0]["stiffness_n_per_mm"]
-                       for name in ("nominal", "fitted"))
+    nominal, fitted = (
+        read_json(tmp_path / name / "bench.json")["settings"][0]["stiffness_n_per_mm"]
+        for name in ("nominal", "fitted")
+    )
     assert abs(fitted - nominal) > 0.3
 
 
@@ -133,9 +193,26 @@ def test_stand_stands_on_the_fitted_foot(run, tmp_path, contact):
 def test_sweep_varies_on_top_of_the_fitted_contact(run, tmp_path, contact):
     code, out, _ = run("sweep", TRIAL, "--list", "--contact", contact)
     assert code == 0
-    assert next(line for line in out.splitlines() if line.startswith("contact.forefoot.exponent")).split()[2] == "1.4"
-    code, _, _ = run("sweep", TRIAL, "--out", tmp_path / "out", "--contact", contact, "--vary",
-                     "contact.forefoot.stiffness=200000,62980", "--workers", "1", "--step-ms", "2")
+    assert (
+        next(
+            line for line in out.splitlines() if line.startswith("contact.forefoot.exponent")
+        ).split()[2]
+        == "1.4"
+    )
+    code, _, _ = run(
+        "sweep",
+        TRIAL,
+        "--out",
+        tmp_path / "out",
+        "--contact",
+        contact,
+        "--vary",
+        "contact.forefoot.stiffness=200000,62980",
+        "--workers",
+        "1",
+        "--step-ms",
+        "2",
+    )
     assert code == 0
     table = read_json(tmp_path / "out" / "sweep.json")
     assert table["plan"]["contact"] == {"contact: contact.yaml": sha256(contact)}
@@ -152,31 +229,64 @@ def test_sweep_varies_on_top_of_the_fitted_contact(run, tmp_path, contact):
 
 def test_validate_does_not_fit_offsets_to_a_fitted_contact(run, tmp_path, contact, monkeypatch):
     monkeypatch.setattr("vsf_drake.analysis.validation.run._SECTIONS", {})
-    code, out, _ = run("validate", TRIAL, TRIAL.with_name("low_1.yaml"), "--quick", "--out", tmp_path / "out",
-                       "--contact", contact)
+    code, out, _ = run(
+        "validate",
+        TRIAL,
+        TRIAL.with_name("low_1.yaml"),
+        "--quick",
+        "--out",
+        tmp_path / "out",
+        "--contact",
+        contact,
+    )
     assert code == 0
     assert "the offsets were fitted" not in " ".join(out.split())
     table = read_json(tmp_path / "out" / "validation.json")
     assert table["contact"].startswith("contact.yaml, fitted to")
     assert table["provenance"]["inputs_sha256"]["contact: contact.yaml"] == sha256(contact)
     walks = {path.parent.name: read_json(path) for path in (tmp_path / "out").rglob("metrics.json")}
-    about = {path.parent.name: yaml.safe_load(path.read_text(encoding="utf-8"))
-             for path in (tmp_path / "out").rglob("result.yaml")}
-    heights = {name: round(1e3 * walk["parameters"]["offsets"]["height_m"], 9) for name, walk in about.items()}
+    about = {
+        path.parent.name: yaml.safe_load(path.read_text(encoding="utf-8"))
+        for path in (tmp_path / "out").rglob("result.yaml")
+    }
+    heights = {
+        name: round(1e3 * walk["parameters"]["offsets"]["height_m"], 9)
+        for name, walk in about.items()
+    }
     assert heights == {"high_1": 2.5, "low_1": 2.0}, "the height of a recording is its own alone"
-    assert {name: walk["role"] for name, walk in walks.items()} == {"high_1": "fitted", "low_1": "held out"}
+    assert {name: walk["role"] for name, walk in walks.items()} == {
+        "high_1": "fitted",
+        "low_1": "held out",
+    }
 
 
-WORDS = {"failed": "did not converge", "missing": "there is no such file", "zone": "no contact zones 'toe'"}
+WORDS = {
+    "failed": "did not converge",
+    "missing": "there is no such file",
+    "zone": "no contact zones 'toe'",
+}
 
 
-@pytest.mark.parametrize(("words", "fault"), [
-    *((words, "missing") for words in (("validate",), ("sweep", TRIAL, "--fulcrum-mm", "66"), ("check", TRIAL))),
-    (("simulate", TRIAL), "failed"), (("bench",), "zone"), (("stand", SUBJECT), "zone")])
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        *(
+            (words, "missing")
+            for words in (("validate",), ("sweep", TRIAL, "--fulcrum-mm", "66"), ("check", TRIAL))
+        ),
+        (("simulate", TRIAL), "failed"),
+        (("bench",), "zone"),
+        (("stand", SUBJECT), "zone"),
+    ],
+)
 def test_what_is_no_fitted_contact_ends_every_command_with_one_message(run, tmp_path, words, fault):
     path = tmp_path / "contact.yaml"
     if fault != "missing":
-        values = {"contact.toe.stiffness": 1e4, **DEVICE} if fault == "zone" else {**OF_THE_MODEL, **OF_THE_TRIAL}
+        values = (
+            {"contact.toe.stiffness": 1e4, **DEVICE}
+            if fault == "zone"
+            else {**OF_THE_MODEL, **OF_THE_TRIAL}
+        )
         save_contact(made_contact(values=values, converged=fault != "failed"), path)
     code, _, err = run(*words, "--out", tmp_path / "out", "--contact", path)
     assert code == 2
@@ -185,7 +295,9 @@ def test_what_is_no_fitted_contact_ends_every_command_with_one_message(run, tmp_
     assert not (tmp_path / "out").exists() or not any((tmp_path / "out").iterdir())
 
 
-@pytest.mark.parametrize("words", [("simulate", TRIAL), ("stand", SUBJECT)], ids=lambda words: words[0])
+@pytest.mark.parametrize(
+    "words", [("simulate", TRIAL), ("stand", SUBJECT)], ids=lambda words: words[0]
+)
 def test_another_persons_contact_is_refused(run, tmp_path, words):
     other = dataclasses.replace(made_contact().subject, mass_kg=90.0)
     save_contact(made_contact(subject=other), tmp_path / "contact.yaml")

@@ -28,7 +28,13 @@ from vsf_drake.simulation.archive import RECORD_FILE
 from vsf_drake.simulation.bench import keel_shape
 from vsf_drake.simulation.results import load_walk
 
-SUBJECT = {"mass_kg": 78.0, "stature_m": 1.81, "sex": "male", "prosthetic_side": "right", "name": "A [bold] subject"}
+SUBJECT = {
+    "mass_kg": 78.0,
+    "stature_m": 1.81,
+    "sex": "male",
+    "prosthetic_side": "right",
+    "name": "A [bold] subject",
+}
 
 
 @pytest.fixture
@@ -38,26 +44,45 @@ def subject(tmp_path):
     return path
 
 
-@pytest.mark.parametrize(("words", "message"), [
-    (["bench", "--max-load-n", 100], "200"), (["bench", "--speed-mm-per-min", 0], "speed"),
-    (["bench", "--fulcrum-mm", 400], "reach"), (["bench", "--model", "none.yaml"], "none.yaml: there is no such file"),
-    (["export", "--fulcrum-mm", 200], "the fulcrum at 200 mm is out of the carriage's reach. It must be between 66"),
-    (["export", "--format", "mjcf", "--no-springs"], "an MJCF file always has springs and contact spheres"),
-    (["export", "--format", "urdf"], "'urdf' is not known. Known are sdf, mjcf, both"),
-    (["stand", "SUBJECT", "--fulcrum-mm", 300], "out of the carriage's reach"),
-    (["stand", "SUBJECT", "--duration-s", 0], "no time to stand"),
-    (["simulate", "none.yaml"], "none.yaml: there is no such file"),
-])
-def test_mistakes_end_with_one_message_and_code_2_and_leave_nothing(run, subject, tmp_path, words, message):
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["bench", "--max-load-n", 100], "200"),
+        (["bench", "--speed-mm-per-min", 0], "speed"),
+        (["bench", "--fulcrum-mm", 400], "reach"),
+        (["bench", "--model", "none.yaml"], "none.yaml: there is no such file"),
+        (
+            ["export", "--fulcrum-mm", 200],
+            "the fulcrum at 200 mm is out of the carriage's reach. It must be between 66",
+        ),
+        (
+            ["export", "--format", "mjcf", "--no-springs"],
+            "an MJCF file always has springs and contact spheres",
+        ),
+        (["export", "--format", "urdf"], "'urdf' is not known. Known are sdf, mjcf, both"),
+        (["stand", "SUBJECT", "--fulcrum-mm", 300], "out of the carriage's reach"),
+        (["stand", "SUBJECT", "--duration-s", 0], "no time to stand"),
+        (["simulate", "none.yaml"], "none.yaml: there is no such file"),
+    ],
+)
+def test_mistakes_end_with_one_message_and_code_2_and_leave_nothing(
+    run, subject, tmp_path, words, message
+):
     words = [subject if word == "SUBJECT" else word for word in words]
     code, _, error = run(*words, "--out", tmp_path / "out")
     assert code == 2 and message in error and "Traceback" not in error
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(("words", "message"), [
-    (("--what", "leg"), "Say one of foot, bench, person"), (("--subject", "nobody.yaml"), "nobody.yaml"),
-    (("--port", 80, "--no-browser"), "between 1024 and 65535"), (("--html", "no such folder/a.html"), "be written")])
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--what", "leg"), "Say one of foot, bench, person"),
+        (("--subject", "nobody.yaml"), "nobody.yaml"),
+        (("--port", 80, "--no-browser"), "between 1024 and 65535"),
+        (("--html", "no such folder/a.html"), "be written"),
+    ],
+)
 def test_what_cannot_be_shown_is_refused(run, tmp_path, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
     code, _, error = run("show", *words)
@@ -71,12 +96,18 @@ def test_bench_writes_the_published_end_points(run, tmp_path):
     table = read_json(tmp_path / "bench" / "bench.json")
     stiffness = [row["stiffness_n_per_mm"] for row in table["settings"]]
     assert [row["fulcrum_mm"] for row in table["settings"]] == [66, 87, 108, 129, 151]
-    assert (stiffness[0], stiffness[-1]) == (pytest.approx(10.0, abs=0.3), pytest.approx(32.0, abs=0.5))
+    assert (stiffness[0], stiffness[-1]) == (
+        pytest.approx(10.0, abs=0.3),
+        pytest.approx(32.0, abs=0.5),
+    )
     assert stiffness == sorted(stiffness)
     assert [row["tuned_joints_n_per_mm"] for row in table["settings"]] == [
-        pytest.approx(k, abs=0.05) for k in (9.7, 12.6, 16.7, 22.9)] + [None]
+        pytest.approx(k, abs=0.05) for k in (9.7, 12.6, 16.7, 22.9)
+    ] + [None]
     assert table["heel_stiffness_n_per_mm"] == pytest.approx(65.0, abs=2.0)
-    assert {"bench.png", "bench.svg", "result.npz", "result.yaml"} <= {p.name for p in (tmp_path / "bench").iterdir()}
+    assert {"bench.png", "bench.svg", "result.npz", "result.yaml"} <= {
+        p.name for p in (tmp_path / "bench").iterdir()
+    }
 
 
 def test_an_interrupted_command_says_so_and_leaves_nothing(run, tmp_path, trial_files, monkeypatch):
@@ -109,20 +140,33 @@ def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path,
     assert not (out / "replay.html").exists()
 
 
-def test_a_walk_at_another_setting_says_so_before_all_else_and_in_its_results(run, tmp_path, trial_files):
+def test_a_walk_at_another_setting_says_so_before_all_else_and_in_its_results(
+    run, tmp_path, trial_files
+):
     trial, out = trial_files.write(), tmp_path / "results"
-    code, said, _ = run("simulate", trial, "--fulcrum-mm", "70", "--out", out, "--no-replay", "--step-ms", 4)
+    code, said, _ = run(
+        "simulate", trial, "--fulcrum-mm", "70", "--out", out, "--no-replay", "--step-ms", 4
+    )
     assert code == 0
     metrics = read_json(out / "metrics.json")
     assert "! " + metrics["notes"][0] in " ".join(said.split())
-    assert metrics["notes"][0].startswith("The fulcrum is at 70 mm here, where the walk was recorded at 66 mm")
+    assert metrics["notes"][0].startswith(
+        "The fulcrum is at 70 mm here, where the walk was recorded at 66 mm"
+    )
     np.testing.assert_allclose(load_walk(out).fulcrum_m, 0.070, atol=1e-9)
-    for words, wrong in ((("9000",), "out of the carriage's reach"), (("66", "--fit-offsets"), "cannot go with")):
+    for words, wrong in (
+        (("9000",), "out of the carriage's reach"),
+        (("66", "--fit-offsets"), "cannot go with"),
+    ):
         code, _, err = run("simulate", trial, "--fulcrum-mm", *words, "--out", tmp_path / "none")
         assert code == 2 and err.startswith("error: --fulcrum-mm: ") and wrong in err
         assert not (tmp_path / "none").exists()
-    code, _, _ = run("simulate", trial, "--fulcrum-mm", "66", "--out", out, "--no-replay", "--step-ms", 4)
-    assert code == 0 and not any("recorded at" in note for note in read_json(out / "metrics.json")["notes"])
+    code, _, _ = run(
+        "simulate", trial, "--fulcrum-mm", "66", "--out", out, "--no-replay", "--step-ms", 4
+    )
+    assert code == 0 and not any(
+        "recorded at" in note for note in read_json(out / "metrics.json")["notes"]
+    )
 
 
 # `export`.
@@ -139,14 +183,21 @@ def test_nominal_foot_leaves_three_models_and_their_sidecar(run, tmp_path):
     sidecar = yaml.safe_load((folder / "export.yaml").read_text(encoding="utf-8"))
     assert sidecar["files_sha256"] == {name: sha256(folder / name) for name in names}
     assert sidecar["fulcrum_m"] == pytest.approx(0.108)
-    assert from_plain(FootParameters, sidecar["foot"]) == load_model(resource("models/nominal.yaml")).foot
+    assert (
+        from_plain(FootParameters, sidecar["foot"])
+        == load_model(resource("models/nominal.yaml")).foot
+    )
     assert sidecar["provenance"]["versions"]["vsf-drake"]
 
 
 def test_model_file_and_position_are_those_of_the_models(run, tmp_path):
     text = resource("models/nominal.yaml").read_text(encoding="utf-8")
-    (tmp_path / "mine.yaml").write_text(text.replace("mass_kg: 0.649", "mass_kg: 0.7"), encoding="utf-8")
-    code, *_ = run("export", "--model", tmp_path / "mine.yaml", "--fulcrum-mm", 87.5, "--out", tmp_path / "out")
+    (tmp_path / "mine.yaml").write_text(
+        text.replace("mass_kg: 0.649", "mass_kg: 0.7"), encoding="utf-8"
+    )
+    code, *_ = run(
+        "export", "--model", tmp_path / "mine.yaml", "--fulcrum-mm", 87.5, "--out", tmp_path / "out"
+    )
     assert code == 0
     foot = load_model(tmp_path / "mine.yaml").foot
     written = (tmp_path / "out" / "vsf_foot_at_87.5mm.xml").read_text(encoding="utf-8")
@@ -155,7 +206,9 @@ def test_model_file_and_position_are_those_of_the_models(run, tmp_path):
     Parser(plant).AddModels(str(tmp_path / "out" / "vsf_foot.sdf"))
     assert find_foot(plant, "vsf", foot).parameters.mass_kg == 0.7
     sidecar = yaml.safe_load((tmp_path / "out" / "export.yaml").read_text(encoding="utf-8"))
-    assert sidecar["provenance"]["inputs_sha256"] == {"model: mine.yaml": sha256(tmp_path / "mine.yaml")}
+    assert sidecar["provenance"]["inputs_sha256"] == {
+        "model: mine.yaml": sha256(tmp_path / "mine.yaml")
+    }
 
 
 def test_a_folder_of_other_things_is_refused_and_an_earlier_export_replaced(run, tmp_path):
@@ -166,8 +219,14 @@ def test_a_folder_of_other_things_is_refused_and_an_earlier_export_replaced(run,
     assert (tmp_path / "vsf_foot.sdf").read_text(encoding="utf-8") == "mine"
     out = tmp_path / "out"
     assert run("export", "--out", out)[0] == 0
-    assert run("export", "--out", out, "--format", "sdf", "--no-collision", "--fulcrum-mm", 80)[0] == 0
-    assert {path.name for path in out.glob("[!.]*")} == {"vsf_foot.sdf", "vsf_foot_at_80mm.sdf", "export.yaml"}
+    assert (
+        run("export", "--out", out, "--format", "sdf", "--no-collision", "--fulcrum-mm", 80)[0] == 0
+    )
+    assert {path.name for path in out.glob("[!.]*")} == {
+        "vsf_foot.sdf",
+        "vsf_foot_at_80mm.sdf",
+        "export.yaml",
+    }
     assert "<collision" not in (out / "vsf_foot.sdf").read_text(encoding="utf-8")
     (out / RECORD_FILE).unlink()
     assert run("export", "--out", out)[0] == 0
@@ -180,7 +239,10 @@ def test_a_subject_stands_and_the_folder_says_how(run, subject, tmp_path):
     code, out, _ = run("stand", subject, "--out", tmp_path / "stand", "--duration-s", 4)
     assert code == 0
     assert sorted(p.name for p in (tmp_path / "stand").glob("[!.]*")) == [
-        "standing.json", "standing.png", "standing.svg"]
+        "standing.json",
+        "standing.png",
+        "standing.svg",
+    ]
     table = read_json(tmp_path / "stand" / "standing.json")
     assert table["duration_s"] == pytest.approx(4.0)
     assert table["weight_n"] == pytest.approx(78.0 * 9.81)
@@ -194,9 +256,14 @@ def test_a_subject_stands_and_the_folder_says_how(run, subject, tmp_path):
 
 def test_a_trials_manifest_lends_its_subject(run, subject, tmp_path):
     manifest = tmp_path / "trial.yaml"
-    manifest.write_text("subject: subject.yaml\nkinematics: not_read.mot\nforces: not_read.mot\n"
-                        "prosthesis: {fulcrum_mm: 66}\n", encoding="utf-8")
-    code, out, _ = run("stand", manifest, "--out", tmp_path / "stand", "--duration-s", 0.1, "--upright")
+    manifest.write_text(
+        "subject: subject.yaml\nkinematics: not_read.mot\nforces: not_read.mot\n"
+        "prosthesis: {fulcrum_mm: 66}\n",
+        encoding="utf-8",
+    )
+    code, out, _ = run(
+        "stand", manifest, "--out", tmp_path / "stand", "--duration-s", 0.1, "--upright"
+    )
     assert code == 0 and "A [bold] subject" in out
 
 
@@ -205,13 +272,22 @@ def test_a_foot_that_breaks_under_the_person_ends_with_code_3(run, subject, tmp_
     model = ModelParameters()
 
     def soft(zones, names):
-        return tuple(dataclasses.replace(z, stiffness=1.0) if z.name.startswith(names) else z for z in zones)
+        return tuple(
+            dataclasses.replace(z, stiffness=1.0) if z.name.startswith(names) else z for z in zones
+        )
 
-    foot = dataclasses.replace(model.foot, keel=dataclasses.replace(model.foot.keel, thickness_m=3e-4),
-                               zones=soft(model.foot.zones, "heel"))
+    foot = dataclasses.replace(
+        model.foot,
+        keel=dataclasses.replace(model.foot.keel, thickness_m=3e-4),
+        zones=soft(model.foot.zones, "heel"),
+    )
     intact = dataclasses.replace(model.intact_foot, zones=soft(model.intact_foot.zones, ""))
-    (tmp_path / "paper.yaml").write_text(dump_yaml(ModelParameters(foot=foot, intact_foot=intact)), encoding="utf-8")
-    code, _, error = run("stand", subject, "--out", tmp_path / "stand", "--model", tmp_path / "paper.yaml")
+    (tmp_path / "paper.yaml").write_text(
+        dump_yaml(ModelParameters(foot=foot, intact_foot=intact)), encoding="utf-8"
+    )
+    code, _, error = run(
+        "stand", subject, "--out", tmp_path / "stand", "--model", tmp_path / "paper.yaml"
+    )
     assert code == 3
     assert "the simulation failed" in error
     assert not (tmp_path / "stand").exists()
@@ -241,7 +317,9 @@ def test_the_page_bends_the_keel_under_the_fulcrum_that_moves(bench_page):
     page = bench_page.read_text(encoding="utf-8")
     assert "<title>vsf_drake: bench</title>" in page and "moves from 66 to 151 mm" in page
     moved = tracks(page)
-    frame, carriage = (moved[f"/model/vsf/{name}"]["position"][1] for name in ("vsf_frame", "vsf_carriage"))
+    frame, carriage = (
+        moved[f"/model/vsf/{name}"]["position"][1] for name in ("vsf_frame", "vsf_carriage")
+    )
     tip = moved["/model/vsf/keel_body_8"]["position"][1] - frame
     fulcrum = carriage[:, 0] - frame[:, 0]
     assert (fulcrum[0], fulcrum[-1]) == (pytest.approx(0.066), pytest.approx(0.151))
@@ -275,7 +353,9 @@ def test_it_serves_a_page_until_ctrl_c():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
+@pytest.mark.skipif(
+    chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)"
+)
 def test_the_page_opens_without_a_network_or_a_complaint(bench_page, tmp_path):
     seen = look(bench_page, tmp_path, width=500, height=300, budget_ms=1500)
     assert not seen.requests

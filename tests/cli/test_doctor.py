@@ -22,7 +22,10 @@ def test_versions_solvers_and_compiled_code_are_told_and_the_foot_has_its_stiffn
     said = capsys.readouterr().out
     for name in ("drake", "numpy", "numba"):
         assert f"{name} {importlib.metadata.version(name)}" in said.lower()
-    assert all(name in said for name in ("SNOPT", "Ipopt", "NLopt", "Clarabel")) and "MISSING" not in said
+    assert (
+        all(name in said for name in ("SNOPT", "Ipopt", "NLopt", "Clarabel"))
+        and "MISSING" not in said
+    )
     kept = kept_code()
     assert kept.current and kept.functions > 0 and f"{kept.functions} functions" in said
     stiffness = float(re.search(r"([\d.]+) N/mm", said)[1])
@@ -35,7 +38,11 @@ def test_a_missing_solver_and_a_foot_that_does_not_run_end_with_an_error(capsys,
 
     own = pydrake.solvers.IpoptSolver.id
     with monkeypatch.context() as patch:
-        patch.setattr(pydrake.solvers, "IpoptSolver", lambda: SimpleNamespace(solver_id=own, available=lambda: False))
+        patch.setattr(
+            pydrake.solvers,
+            "IpoptSolver",
+            lambda: SimpleNamespace(solver_id=own, available=lambda: False),
+        )
         assert exit_code("doctor") == SimulationError.exit_code
     assert "Ipopt MISSING" in capsys.readouterr().out
     monkeypatch.setattr(vsf_drake.simulation.bench, "run_bench", refused)
@@ -47,12 +54,22 @@ def test_a_missing_solver_and_a_foot_that_does_not_run_end_with_an_error(capsys,
 def test_a_module_in_the_place_of_drake_is_found_out_without_a_traceback(tmp_path):
     """Of a new process: in this one Drake is loaded."""
     (tmp_path / "pydrake").mkdir()
-    (tmp_path / "pydrake/__init__.py").write_text("raise OSError('libdrake.so: cannot open shared object file')")
+    (tmp_path / "pydrake/__init__.py").write_text(
+        "raise OSError('libdrake.so: cannot open shared object file')"
+    )
     path = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
-    done = subprocess.run([sys.executable, "-c", "from vsf_drake.cli import main; main()", "doctor"], text=True,
-                          env=os.environ | {"PYTHONPATH": path}, capture_output=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", "from vsf_drake.cli import main; main()", "doctor"],
+        text=True,
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        check=False,
+    )
     assert done.returncode == SimulationError.exit_code
-    assert done.stderr == "error: Drake cannot be imported: OSError: libdrake.so: cannot open shared object file\n"
+    assert (
+        done.stderr
+        == "error: Drake cannot be imported: OSError: libdrake.so: cannot open shared object file\n"
+    )
     assert str(tmp_path / "pydrake/__init__.py") in done.stdout and "PYTHONPATH" in done.stdout
 
 
@@ -60,11 +77,18 @@ def test_a_command_without_drake_says_so_and_leads_to_doctor(tmp_path):
     (tmp_path / "pydrake").mkdir()
     (tmp_path / "pydrake/__init__.py").write_text("raise ImportError('no libdrake.so')")
     found = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
-    done = subprocess.run([sys.executable, "-c", "from vsf_drake.cli import main; main()", "bench", "--out", "bench"],
-                          check=False, text=True, capture_output=True, cwd=tmp_path,
-                          env={**os.environ, "PYTHONPATH": found})
+    done = subprocess.run(
+        [sys.executable, "-c", "from vsf_drake.cli import main; main()", "bench", "--out", "bench"],
+        check=False,
+        text=True,
+        capture_output=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": found},
+    )
     assert done.returncode == SimulationError.exit_code and "Traceback" not in done.stderr
-    assert "Drake cannot be imported" in done.stderr and "vsf-drake doctor" in " ".join(done.stderr.split())
+    assert "Drake cannot be imported" in done.stderr and "vsf-drake doctor" in " ".join(
+        done.stderr.split()
+    )
     assert not (tmp_path / "bench").exists()
 
 

@@ -31,15 +31,28 @@ def bare(monkeypatch):
 
 
 def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
-    table, said = read_json(quick_fit / "fit.json"), (quick_fit.parent / "said.txt").read_text(encoding="utf-8")
+    table, said = (
+        read_json(quick_fit / "fit.json"),
+        (quick_fit.parent / "said.txt").read_text(encoding="utf-8"),
+    )
     assert table["files"] == sorted(path.name for path in quick_fit.glob("[!.]*"))
-    assert {"contact.yaml", "fit.json", "fit.npz", "report.html", "errors.png", "parameters.svg", "bench.png",
-            "trial_1_medium_1.png"} < set(table["files"])
+    assert {
+        "contact.yaml",
+        "fit.json",
+        "fit.npz",
+        "report.html",
+        "errors.png",
+        "parameters.svg",
+        "bench.png",
+        "trial_1_medium_1.png",
+    } < set(table["files"])
     contact = load_contact(quick_fit / "contact.yaml")
     assert contact.verdict == tuple(table["verdict"])
     fitted = {row["fingerprint"] for row in table["layers"]["discrepancy"]["curves"]}
     assert fitted == {trial.fingerprint for trial in contact.trials} == set(contact.momentum.trials)
-    assert len(contact.discrepancy.curves) == len(fitted) and len(table["layers"]["trials"]) == len(table["trials"])
+    assert len(contact.discrepancy.curves) == len(fitted) and len(table["layers"]["trials"]) == len(
+        table["trials"]
+    )
     page = html.unescape((quick_fit / "report.html").read_text(encoding="utf-8"))
     metrics = table["trials"][0]["metrics"]
     first, second, third, *_, last = [line for line in said.splitlines() if line]
@@ -47,11 +60,17 @@ def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
     assert max(map(len, (second, third))) <= 80
     error = f"{100 * metrics['grf_rmse_bw']:.1f} % BW off"
     assert second == f"GRF {error}, null model unknown; 1 fitted walk (SYNTHETIC)"
-    assert third.startswith(f"CoP {100 * metrics['cop_rmse_fl']:.1f} % FL off fore-aft, "
-                            f"{100 * metrics['cop_ml_rmse_fl']:.1f} % laterally; bench (SYNTHETIC)")
-    assert "! No walk was held out" in said and last.startswith(f"written to {quick_fit / 'report.html'}")
+    assert third.startswith(
+        f"CoP {100 * metrics['cop_rmse_fl']:.1f} % FL off fore-aft, "
+        f"{100 * metrics['cop_ml_rmse_fl']:.1f} % laterally; bench (SYNTHETIC)"
+    )
+    assert "! No walk was held out" in said and last.startswith(
+        f"written to {quick_fit / 'report.html'}"
+    )
     assert f"resultant force {error}" in page and all(text in page for text in table["verdict"])
-    assert f"model's prosthetic foot, {1e3 * metrics['foot_length_m']:.0f} mm" in " ".join(page.split())
+    assert f"model's prosthetic foot, {1e3 * metrics['foot_length_m']:.0f} mm" in " ".join(
+        page.split()
+    )
     assert "offset.height" in page and "Smooth errors of joint angles" in page
 
 
@@ -63,7 +82,10 @@ def test_measured_curves_bring_stiffness_and_displacement_into_fit_page_and_scre
     assert any("displacement is" in text for text in table["verdict"])
     assert "Mid-range displacement" in (quick_fit / "report.html").read_text(encoding="utf-8")
     assert "bench: bench_curves.csv" in table["inputs_sha256"]
-    assert {row["series"] for row in table["noise"]["ratios"]} >= {"bench", "mid-range displacement"}
+    assert {row["series"] for row in table["noise"]["ratios"]} >= {
+        "bench",
+        "mid-range displacement",
+    }
 
 
 def test_a_fitted_contact_gives_the_walk_that_the_fit_reports(run, quick_fit, tmp_path):
@@ -82,7 +104,9 @@ def left_by_a_failed_fit(out: Path) -> dict:
     # what did not converge is told, as that, and can go on
     gave_up = bool(table["searches"]) and not any(search["success"] for search in table["searches"])
     assert (out / "checkpoint.json").exists() == gave_up
-    assert [sentence.startswith("NOT CONVERGED") for sentence in table["verdict"][:1]] == [True] * gave_up
+    assert [sentence.startswith("NOT CONVERGED") for sentence in table["verdict"][:1]] == [
+        True
+    ] * gave_up
     assert bool(table["parameters"]) == gave_up
     (out / "checkpoint.json").unlink(missing_ok=True)
     page = (out / "report.html").read_text(encoding="utf-8")
@@ -91,7 +115,9 @@ def left_by_a_failed_fit(out: Path) -> dict:
     return table
 
 
-def test_a_fit_that_did_not_converge_fails_and_takes_the_old_contact_with_it(run, quick_fit, tmp_path, monkeypatch):
+def test_a_fit_that_did_not_converge_fails_and_takes_the_old_contact_with_it(
+    run, quick_fit, tmp_path, monkeypatch
+):
     out = tmp_path / "fit"
     shutil.copytree(quick_fit, out)
     (out / "notes.txt").write_text("mine")
@@ -106,15 +132,22 @@ def test_a_fit_that_did_not_converge_fails_and_takes_the_old_contact_with_it(run
     assert table["trials"][0]["metrics"]["grf_rmse_bw"] > 0.0, "how far off the best point is"
     words = ("--quick", "--iterations", 100, "--resume")
     assert run("fit", TRIAL, "--out", tmp_path / "again", *words)[0] == 0
-    on, = read_json(tmp_path / "again" / "fit.json")["searches"]
+    (on,) = read_json(tmp_path / "again" / "fit.json")["searches"]
     assert on["success"] and on["cost"] < table["searches"][0]["cost"]
     assert on["start_cost"] == table["searches"][0]["start_cost"] and on["evaluations"] > 2
 
 
-@pytest.mark.parametrize(("where", "error"), [
-    ("solve", SimulationError("the walk diverges", time_s=0.5)),
-    ("assess", SimulationError("the foot gives way", time_s=0.0)), ("assess", FitError("of another kind"))])
-def test_a_simulation_that_fails_leaves_a_report_of_failure(run, tmp_path, monkeypatch, bare, where, error):
+@pytest.mark.parametrize(
+    ("where", "error"),
+    [
+        ("solve", SimulationError("the walk diverges", time_s=0.5)),
+        ("assess", SimulationError("the foot gives way", time_s=0.0)),
+        ("assess", FitError("of another kind")),
+    ],
+)
+def test_a_simulation_that_fails_leaves_a_report_of_failure(
+    run, tmp_path, monkeypatch, bare, where, error
+):
     def fails(*_: object, **__: object) -> None:
         raise error
 
@@ -145,12 +178,26 @@ def same_fit(one: Path, other: Path) -> None:
     first, second = (read_json(path / "fit.json") for path in (one, other))
     for key in ("parameters", "searches", "history"):
         assert first[key] == second[key]
-    assert first["trials"][0]["metrics"]["grf_rmse_bw"] == second["trials"][0]["metrics"]["grf_rmse_bw"]
+    assert (
+        first["trials"][0]["metrics"]["grf_rmse_bw"]
+        == second["trials"][0]["metrics"]["grf_rmse_bw"]
+    )
 
 
 @pytest.mark.slow
 def test_an_interrupted_fit_goes_on_to_the_same_end(run, tmp_path, monkeypatch, bare):
-    words = ("fit", TRIAL, "--freeze", "*", "--free", "offset.*", "--free", "contact.forefoot.force", "--starts", 2)
+    words = (
+        "fit",
+        TRIAL,
+        "--freeze",
+        "*",
+        "--free",
+        "offset.*",
+        "--free",
+        "contact.forefoot.force",
+        "--starts",
+        2,
+    )
     assert run(*words, "--out", tmp_path / "whole")[0] == 0
     out = tmp_path / "parts"
     with monkeypatch.context() as patch:
@@ -161,13 +208,17 @@ def test_an_interrupted_fit_goes_on_to_the_same_end(run, tmp_path, monkeypatch, 
     assert sorted(path.name for path in out.glob("[!.]*")) == ["checkpoint.json", "fit.json"]
     assert "has not ended" in read_json(out / "fit.json")["message"]
     code, _, error = run(*words, "--no-cop", "--resume", "--out", out)
-    assert code == 2 and "checkpoint.json" in error and "other trials, parameters or options" in error
+    assert (
+        code == 2 and "checkpoint.json" in error and "other trials, parameters or options" in error
+    )
     assert run(*words, "--resume", "--out", out)[0] == 0
     assert not (out / "checkpoint.json").exists()
     same_fit(out, tmp_path / "whole")
 
 
-def test_ctrl_c_before_anything_was_found_leaves_no_old_contact(run, quick_fit, tmp_path, monkeypatch, bare):
+def test_ctrl_c_before_anything_was_found_leaves_no_old_contact(
+    run, quick_fit, tmp_path, monkeypatch, bare
+):
     out = tmp_path / "fit"
     shutil.copytree(quick_fit, out)
 
@@ -184,14 +235,29 @@ def test_ctrl_c_before_anything_was_found_leaves_no_old_contact(run, quick_fit, 
 
 
 def test_freed_and_frozen_parameters_are_those_that_were_named(run, tmp_path, bare):
-    words = ("--free", "socket.ty.stiffness", "--freeze", "friction.*", "--freeze", "curve.*", "--freeze", "contact.*",
-             "--free", "contact.forefoot.*", "--damping-by-zone", "--paths", "--resultant")
+    words = (
+        "--free",
+        "socket.ty.stiffness",
+        "--freeze",
+        "friction.*",
+        "--freeze",
+        "curve.*",
+        "--freeze",
+        "contact.*",
+        "--free",
+        "contact.forefoot.*",
+        "--damping-by-zone",
+        "--paths",
+        "--resultant",
+    )
     assert run("fit", TRIAL, "--out", tmp_path / "fit", "--quick", *words)[0] == 0
     table = read_json(tmp_path / "fit" / "fit.json")
     free = {row["name"] for row in table["parameters"] if not row["frozen"]}
     assert "socket.ty.stiffness" in free and "friction.mu_static" not in free
     assert {name for name in free if name.startswith(("curve.", "contact."))} == {
-        f"contact.forefoot.{name}" for name in ("force", "exponent", "rise", "full_damping_depth", "damping_time")}
+        f"contact.forefoot.{name}"
+        for name in ("force", "exponent", "rise", "full_damping_depth", "damping_time")
+    }
     assert "trial.medium_1.path.pelvis_tx.0" in free
     assert table["options"]["series"] == ["resultant", "cop_fore_aft", "cop_lateral"]
     start = {row["name"]: row for row in table["parameters"]}["contact.heel.force"]
@@ -199,7 +265,9 @@ def test_freed_and_frozen_parameters_are_those_that_were_named(run, tmp_path, ba
 
 
 def test_a_held_out_trial_judged_at_a_height_of_its_own_says_so(run, tmp_path, bare, monkeypatch):
-    monkeypatch.setattr(fit_run, "assess", functools.partial(fit_run.assess, angle_errors=False, layers=False))
+    monkeypatch.setattr(
+        fit_run, "assess", functools.partial(fit_run.assess, angle_errors=False, layers=False)
+    )
     held = TRIAL.with_name("medium_2.yaml")
     words = ("--freeze", "*", "--free", "offset.height", "--hold-out", held, "--held-out-height")
     code, said, _ = run("fit", TRIAL, "--out", tmp_path / "fit", "--quick", *words)
@@ -215,15 +283,40 @@ def test_a_held_out_trial_judged_at_a_height_of_its_own_says_so(run, tmp_path, b
 
 def test_the_papers_procedure_runs_and_resumes_to_the_same_end(run, tmp_path, monkeypatch, bare):
     """With few scenarios, ending as soon as it may."""
-    monkeypatch.setattr(fit_run, "PaperOptions", functools.partial(
-        PaperOptions, scenarios=3, iterations=3, restarts=0, settled=2, step_s=4e-3, objective_tolerance_n=1e6,
-        parameter_tolerance=10.0))
-    words = ("fit", TRIAL, "--strategy", "paper", "--quick", "--bench", DATA / "bench.yaml", "--seed", 3)
+    monkeypatch.setattr(
+        fit_run,
+        "PaperOptions",
+        functools.partial(
+            PaperOptions,
+            scenarios=3,
+            iterations=3,
+            restarts=0,
+            settled=2,
+            step_s=4e-3,
+            objective_tolerance_n=1e6,
+            parameter_tolerance=10.0,
+        ),
+    )
+    words = (
+        "fit",
+        TRIAL,
+        "--strategy",
+        "paper",
+        "--quick",
+        "--bench",
+        DATA / "bench.yaml",
+        "--seed",
+        3,
+    )
     assert run(*words, "--out", tmp_path / "whole")[0] == 0
     table = read_json(tmp_path / "whole/fit.json")
     assert table["strategy"] == load_contact(tmp_path / "whole/contact.yaml").strategy == "paper"
-    assert [row["iteration"] for row in table["history"]] == [1, 2] and table["options"]["seed"] == 3
-    assert np.all(np.diff([table["initial_rms_n"], *(row["rms_n"] for row in table["history"])]) <= 0.0)
+    assert [row["iteration"] for row in table["history"]] == [1, 2] and table["options"][
+        "seed"
+    ] == 3
+    assert np.all(
+        np.diff([table["initial_rms_n"], *(row["rms_n"] for row in table["history"])]) <= 0.0
+    )
     assert table["bench"]["model_n_per_mm"] is not None
     with monkeypatch.context() as patch:
         interrupted(patch, after=1)
@@ -236,10 +329,24 @@ def test_the_papers_procedure_runs_and_resumes_to_the_same_end(run, tmp_path, mo
 def test_two_trials_and_the_bench_predict_others(run, tmp_path):
     """2 % body weight is what the project aims at on walks without errors; the physics alone, which does not know each
     walk's millimetre, stays below the curve that knows the plate's times."""
-    held = [word for name in ("low_2", "medium_1", "high_3") for word in ("--hold-out", EXACT / f"{name}.yaml")]
+    held = [
+        word
+        for name in ("low_2", "medium_1", "high_3")
+        for word in ("--hold-out", EXACT / f"{name}.yaml")
+    ]
     out = tmp_path / "fit"
-    code, said, _ = run("fit", EXACT / "low_1.yaml", EXACT / "high_1.yaml", "--bench", DATA / "bench.yaml", *held,
-                        "--out", out, "--starts", 1)
+    code, said, _ = run(
+        "fit",
+        EXACT / "low_1.yaml",
+        EXACT / "high_1.yaml",
+        "--bench",
+        DATA / "bench.yaml",
+        *held,
+        "--out",
+        out,
+        "--starts",
+        1,
+    )
     assert code == 0
     table = read_json(out / "fit.json")
     assert [trial["role"] for trial in table["trials"]] == ["fitted"] * 2 + ["held out"] * 3

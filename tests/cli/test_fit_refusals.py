@@ -14,9 +14,14 @@ BENCH = DATA / "bench.yaml"
 
 
 WORDS = [
-    (("--free", "friction.mu_statik"), "--free: there is no parameter 'friction.mu_statik'. Did you mean "
-                                       "friction.mu_static"),
-    (("--freeze", "frictoin.*"), "--freeze: there is no parameter 'frictoin.*'. Did you mean friction.*"),
+    (
+        ("--free", "friction.mu_statik"),
+        "--free: there is no parameter 'friction.mu_statik'. Did you mean friction.mu_static",
+    ),
+    (
+        ("--freeze", "frictoin.*"),
+        "--freeze: there is no parameter 'frictoin.*'. Did you mean friction.*",
+    ),
     (("--freeze", "curve"), "Did you mean curve.*"),
     (("--free", "zzz"), "There are contact.*, offset.*"),
     (("--freeze", "*"), "--freeze: all parameters are frozen"),
@@ -27,11 +32,14 @@ WORDS = [
     (("--quick", "--starts", "3"), "--starts: cannot go with --quick"),
     (("--solver", "simplex"), "solver: 'simplex' is not known. Known are: gauss_newton"),
     (("--resume",), "there is no interrupted fit to go on from"),
-    (("--hold-out", LOW), "is fitted and held out"), (("--bench", LOW), "unknown key"),
+    (("--hold-out", LOW), "is fitted and held out"),
+    (("--bench", LOW), "unknown key"),
 ]
 
 
-@pytest.mark.parametrize(("words", "said"), WORDS, ids=lambda value: value if isinstance(value, str) else None)
+@pytest.mark.parametrize(
+    ("words", "said"), WORDS, ids=lambda value: value if isinstance(value, str) else None
+)
 def test_options_that_make_no_sense_are_refused_in_one_message(run, tmp_path, words, said):
     code, _, error = run("fit", LOW, "--out", tmp_path / "fit", *words)
     assert code == 2
@@ -41,41 +49,65 @@ def test_options_that_make_no_sense_are_refused_in_one_message(run, tmp_path, wo
 
 def test_trials_that_do_not_go_together_are_refused_by_file(run, tmp_path):
     person = yaml.safe_load((DATA / "subject.yaml").read_text(encoding="utf-8")) | {"mass_kg": 90.0}
-    heavy = copied(LOW, tmp_path / "heavy", subject="subject.yaml", window={"start_s": 0.1, "end_s": 1.3})
+    heavy = copied(
+        LOW, tmp_path / "heavy", subject="subject.yaml", window={"start_s": 0.1, "end_s": 1.3}
+    )
     (tmp_path / "heavy/subject.yaml").write_text(yaml.safe_dump(person), encoding="utf-8")
-    for other, said, held in ((heavy, "is of another subject", ()),
-                              (copied(HIGH, tmp_path / "twin", name="another name"), "the same recording as",
-                               ("--hold-out",))):
+    for other, said, held in (
+        (heavy, "is of another subject", ()),
+        (
+            copied(HIGH, tmp_path / "twin", name="another name"),
+            "the same recording as",
+            ("--hold-out",),
+        ),
+    ):
         code, _, error = run("fit", HIGH, *held, other, "--out", tmp_path / "fit")
-        assert code == 2 and said in error and str(other) in error and not (tmp_path / "fit").exists()
+        assert (
+            code == 2 and said in error and str(other) in error and not (tmp_path / "fit").exists()
+        )
 
 
 HEAD = "fulcrum_mm,displacement_mm,load_n\n"
 CURVE = HEAD + "".join(f"200,{load / 10.0:.6f},{load}\n" for load in range(0, 601, 20))
 
 
-@pytest.mark.parametrize(("file", "text", "words"), [
-    ("far.yaml", BENCH.read_text(encoding="utf-8").replace("fulcrum_mm: 66", "fulcrum_mm: 30"), ["forefoot", "30 mm"]),
-    ("far.csv", CURVE, ["column fulcrum", "200 mm"]),
-    ("head.csv", CURVE.replace("load_n", "force"), ["line 1", "force"])])
+@pytest.mark.parametrize(
+    ("file", "text", "words"),
+    [
+        (
+            "far.yaml",
+            BENCH.read_text(encoding="utf-8").replace("fulcrum_mm: 66", "fulcrum_mm: 30"),
+            ["forefoot", "30 mm"],
+        ),
+        ("far.csv", CURVE, ["column fulcrum", "200 mm"]),
+        ("head.csv", CURVE.replace("load_n", "force"), ["line 1", "force"]),
+    ],
+)
 def test_a_bench_that_cannot_be_fitted_is_refused_before_the_fit(run, tmp_path, file, text, words):
     bench = tmp_path / file
     bench.write_text(text, encoding="utf-8")
-    code, _, error = run("fit", LOW, "--bench", bench, "--strategy", "paper", "--out", tmp_path / "fit")
+    code, _, error = run(
+        "fit", LOW, "--bench", bench, "--strategy", "paper", "--out", tmp_path / "fit"
+    )
     assert code == 2 and error.count("error:") == 1 and not (tmp_path / "fit").exists()
     for word in (str(bench), *words):
         assert word in error
 
 
 def test_folders_with_other_things_are_refused_and_left_alone(run, tmp_path):
-    for name, files in (("walk", {"result.yaml": "kind: walk\n"}), ("odd", {"fit.json": '{"kind": "sweep"}'}),
-                        ("broken", {"fit.json": "{"})):
+    for name, files in (
+        ("walk", {"result.yaml": "kind: walk\n"}),
+        ("odd", {"fit.json": '{"kind": "sweep"}'}),
+        ("broken", {"fit.json": "{"}),
+    ):
         (tmp_path / name).mkdir()
         for file, text in files.items():
             (tmp_path / name / file).write_text(text, encoding="utf-8")
         code, _, error = run("fit", LOW, "--out", tmp_path / name)
         assert code == 2 and str(tmp_path / name) in error
-        assert {path.name: path.read_text(encoding="utf-8") for path in (tmp_path / name).iterdir()} == files
+        assert {
+            path.name: path.read_text(encoding="utf-8") for path in (tmp_path / name).iterdir()
+        } == files
     (tmp_path / "dirs" / "fit.json").mkdir(parents=True)
     code, _, error = run("fit", LOW, "--out", tmp_path / "dirs")
     assert code == 2 and "Traceback" not in error

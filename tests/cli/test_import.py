@@ -21,7 +21,11 @@ def imported(tmp_path_factory):
     """A folder made by one import; the laboratory's files are gone."""
     folder = tmp_path_factory.mktemp("Gehlabor Süd, 3. Tag")
     laboratory = Laboratory(folder)
-    standing, walk, out = laboratory.standing("Stand Ä.trc"), laboratory.walk(), folder / "Ergebnis é"
+    standing, walk, out = (
+        laboratory.standing("Stand Ä.trc"),
+        laboratory.walk(),
+        folder / "Ergebnis é",
+    )
     assert exit_code("import", standing, walk, "--out", out, *STATED, "--name", "Zoë <3>") == 0
     walk.unlink()
     return out
@@ -35,7 +39,11 @@ def test_import_leaves_a_person_trials_and_a_report_that_load_on_their_own(impor
     assert {path.name for path in imported.glob("[!.]*")} == MADE
     assert not leftovers(imported.parent)
     trial = load_trial(imported / "walk.yaml")
-    assert (trial.subject.name, trial.subject.mass_kg, trial.fulcrum_m) == ("Zoë <3>", 78.0, pytest.approx(0.108))
+    assert (trial.subject.name, trial.subject.mass_kg, trial.fulcrum_m) == (
+        "Zoë <3>",
+        78.0,
+        pytest.approx(0.108),
+    )
     assert trial.subject.shank_length_m == pytest.approx(Person().shank[1], rel=0.02)
     assert set(trial.plates) == {"right", "left"}
     page = (imported / "import.html").read_text(encoding="utf-8")
@@ -47,14 +55,24 @@ def test_import_leaves_a_person_trials_and_a_report_that_load_on_their_own(impor
     assert np.abs(hip - made).max() < np.radians(1.0)
 
 
-def test_real_walk_may_stand_for_the_standing_trial_and_is_called_doubtful(run, shared_data, tmp_path):
+def test_real_walk_may_stand_for_the_standing_trial_and_is_called_doubtful(
+    run, shared_data, tmp_path
+):
     walk, out = shared_data / "bmc_gait" / "walk1.trc", tmp_path / "out"
-    code, _, err = run("import", walk, walk, "--out", out, "--sex", "male", "--prosthetic-side", "left")
+    code, _, err = run(
+        "import", walk, walk, "--out", out, "--sex", "male", "--prosthetic-side", "left"
+    )
     assert code == 0, err
     checks = checks_of(out)
-    assert {checks[name]["mark"] for name in ("standing trial", "body mass", "stature")} == {"doubtful"}
-    assert checks["mass from the forces"]["mark"] == checks["filter applied before"]["mark"] == "good"
-    assert checks["walking speed"]["value"] == pytest.approx(1.18, abs=0.03)  # the recording's README
+    assert {checks[name]["mark"] for name in ("standing trial", "body mass", "stature")} == {
+        "doubtful"
+    }
+    assert (
+        checks["mass from the forces"]["mark"] == checks["filter applied before"]["mark"] == "good"
+    )
+    assert checks["walking speed"]["value"] == pytest.approx(
+        1.18, abs=0.03
+    )  # the recording's README
     [trial] = read_json(out / "import.json")["trials"]
     assert len(trial["contacts"]) == 4
     assert load_trial(out / "walk1.yaml").subject.prosthetic_side == "left"
@@ -62,8 +80,18 @@ def test_real_walk_may_stand_for_the_standing_trial_and_is_called_doubtful(run, 
 
 def test_real_treadmill_walk_is_named_as_such(run, shared_data, tmp_path):
     folder, out = shared_data / "opensim_core" / "gait2354", tmp_path / "out"
-    words = ("import", folder / "subject01_static.trc", folder / "subject01_walk1.trc", "--out", out, *STATED[:4],
-             "--mass-kg", "72.6", "--stature-m", "1.803")
+    words = (
+        "import",
+        folder / "subject01_static.trc",
+        folder / "subject01_walk1.trc",
+        "--out",
+        out,
+        *STATED[:4],
+        "--mass-kg",
+        "72.6",
+        "--stature-m",
+        "1.803",
+    )
     assert run(*words)[0] == 0
     speed = checks_of(out)["treadmill"]["value"]
     assert speed == pytest.approx(1.15, abs=0.03)
@@ -73,7 +101,9 @@ def test_real_treadmill_walk_is_named_as_such(run, shared_data, tmp_path):
     assert checks["mass from the forces"]["value"] == pytest.approx(72.6, rel=0.02)
 
 
-def test_import_again_replaces_its_own_files_and_one_bad_walk_does_not_spoil_the_others(run, laboratory, tmp_path):
+def test_import_again_replaces_its_own_files_and_one_bad_walk_does_not_spoil_the_others(
+    run, laboratory, tmp_path
+):
     standing, walk, bad = laboratory.standing(), laboratory.walk(), laboratory.walk("zweiter.trc")
     out = tmp_path / "out"
     assert run("import", standing, walk, bad, "--out", out, *STATED)[0] == 0
@@ -98,32 +128,55 @@ def test_import_again_replaces_its_own_files_and_one_bad_walk_does_not_spoil_the
 
 def test_prosthesis_of_the_persons_size_goes_into_a_model_of_its_own(run, laboratory, tmp_path):
     out = tmp_path / "out"
-    code, said, _ = run("import", laboratory.standing(), laboratory.walk(), "--out", out, *STATED, "--scale-prosthesis")
+    code, said, _ = run(
+        "import",
+        laboratory.standing(),
+        laboratory.walk(),
+        "--out",
+        out,
+        *STATED,
+        "--scale-prosthesis",
+    )
     assert code == 0
     trial = load_trial(out / "walk.yaml")
     notes = read_json(out / "import.json")["trials"][0]["notes"]
     shown = next(note for note in notes if "--scale-prosthesis changed" in note)
-    assert "a foot of 245 mm (the model's)" in shown and f"a foot of {1e3 * trial.model.foot.length_m:.0f} mm" in shown
+    assert (
+        "a foot of 245 mm (the model's)" in shown
+        and f"a foot of {1e3 * trial.model.foot.length_m:.0f} mm" in shown
+    )
     assert shown in " ".join(said.split())
     # rajagopal has no toe marker at the tip: the foot's length is that of the markers' own estimate
     assert trial.model.foot.length_m == pytest.approx(0.26, rel=0.1)
     assert trial.fulcrum_m == pytest.approx(0.108 * trial.model.foot.length_m / 0.245)
-    stiffness = [combined_stiffness(
-        bending_stiffness=foot.keel.flexural_modulus_pa * section_inertia(foot.keel.width_m, foot.keel.thickness_m),
-        support=support, load_point=foot.load_point_m, fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m)
-        for foot, support in ((trial.model.foot, trial.fulcrum_m), (ModelParameters().foot, 0.108))]
+    stiffness = [
+        combined_stiffness(
+            bending_stiffness=foot.keel.flexural_modulus_pa
+            * section_inertia(foot.keel.width_m, foot.keel.thickness_m),
+            support=support,
+            load_point=foot.load_point_m,
+            fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m,
+        )
+        for foot, support in ((trial.model.foot, trial.fulcrum_m), (ModelParameters().foot, 0.108))
+    ]
     assert stiffness[0] == pytest.approx(stiffness[1]), "as stiff as a foot of the model's own size"
 
 
 def test_what_cannot_be_used_ends_with_one_message_and_leaves_nothing(run, laboratory, tmp_path):
     standing, walk, out = laboratory.standing(), laboratory.walk(), tmp_path / "out"
     bare = [laboratory.walk(f"bare{n}.trc", forces=False) for n in (1, 2)]
-    for words, said in ((STATED[2:], "--prosthetic-side"), (STATED[:2] + STATED[4:], "--sex"),
-                        ((*STATED, "--fulcrum-mm", "300"), "reach"), ((*STATED, "--map", "none.yaml"), "none.yaml"),
-                        ((*STATED, "--forces", "none.mot"), "none.mot"), ((*STATED, "--hip", "guess"), "guess"),
-                        ((*STATED, "--window", "2", "1"), "window"), ((*STATED, "--cutoff-hz", "80"), "80"),
-                        ((*STATED, "--belt-speed-m-per-s", "nan"), "--belt-speed-m-per-s"),
-                        ((*STATED, "--subject", "none.yaml"), "--subject")):
+    for words, said in (
+        (STATED[2:], "--prosthetic-side"),
+        (STATED[:2] + STATED[4:], "--sex"),
+        ((*STATED, "--fulcrum-mm", "300"), "reach"),
+        ((*STATED, "--map", "none.yaml"), "none.yaml"),
+        ((*STATED, "--forces", "none.mot"), "none.mot"),
+        ((*STATED, "--hip", "guess"), "guess"),
+        ((*STATED, "--window", "2", "1"), "window"),
+        ((*STATED, "--cutoff-hz", "80"), "80"),
+        ((*STATED, "--belt-speed-m-per-s", "nan"), "--belt-speed-m-per-s"),
+        ((*STATED, "--subject", "none.yaml"), "--subject"),
+    ):
         code, _, err = run("import", standing, walk, "--out", out, *words)
         assert code == 2 and said in err and "Traceback" not in err, words
     code, _, err = run("import", standing, *bare, "--out", out, *STATED)
@@ -135,24 +188,52 @@ def test_the_sample_c3d_files_come_back_as_the_walks_they_were_made_of(run, tmp_
     """Two routes to one walk: plates as six channels in C3D, force and centre of pressure in the table beside; markers
     in C3D, and the angles that placed them. All of it says that nobody walked."""
     folder = resource("data/reference_subject")
-    code, said, _ = run("import", folder / "c3d/static.c3d", folder / "c3d/medium_1.c3d", "--subject",
-                        folder / "subject.yaml", "--fulcrum-mm", 108, "--synthetic", "--out", tmp_path / "out")
+    code, said, _ = run(
+        "import",
+        folder / "c3d/static.c3d",
+        folder / "c3d/medium_1.c3d",
+        "--subject",
+        folder / "subject.yaml",
+        "--fulcrum-mm",
+        108,
+        "--synthetic",
+        "--out",
+        tmp_path / "out",
+    )
     assert code == 0 and "medium_1 (SYNTHETIC): good" in said
-    found, made = load_trial(tmp_path / "out/medium_1.yaml"), load_trial(folder / "exact/medium_1.yaml")
+    found, made = (
+        load_trial(tmp_path / "out/medium_1.yaml"),
+        load_trial(folder / "exact/medium_1.yaml"),
+    )
     assert found.synthetic and "SYNTHETIC" in (tmp_path / "out/import.html").read_text()
     time = np.linspace(0.4, 1.0, 61)
     for column in range(3):
-        ours, theirs = (np.interp(time, trial.prosthetic_plate.time_s, trial.prosthetic_plate.force_W[:, column])
-                        for trial in (found, made))
+        ours, theirs = (
+            np.interp(
+                time, trial.prosthetic_plate.time_s, trial.prosthetic_plate.force_W[:, column]
+            )
+            for trial in (found, made)
+        )
         np.testing.assert_allclose(ours, theirs, atol=1.0)
     names = ("hip_flexion_r", "knee_angle_r", "hip_flexion_l")
-    ours, theirs = (np.array([np.interp(time, trial.trajectory.time_s, column) for column in trial.trajectory.ordered(
-        names).values.T]) for trial in (found, made))
-    assert np.degrees(np.abs(ours - theirs)).max() < 0.8, "the filter of the markers and the hip's regression"
+    ours, theirs = (
+        np.array(
+            [
+                np.interp(time, trial.trajectory.time_s, column)
+                for column in trial.trajectory.ordered(names).values.T
+            ]
+        )
+        for trial in (found, made)
+    )
+    assert np.degrees(np.abs(ours - theirs)).max() < 0.8, (
+        "the filter of the markers and the hip's regression"
+    )
 
 
 def test_check_goes_on_past_a_bad_manifest(run, tmp_path, trial_files):
-    code, _, err = run("check", tmp_path / "none.yaml", trial_files.write(), "--out", tmp_path / "checked")
+    code, _, err = run(
+        "check", tmp_path / "none.yaml", trial_files.write(), "--out", tmp_path / "checked"
+    )
     assert code == 2
     assert "none.yaml" in err
     assert len(read_json(tmp_path / "checked" / "check.json")["trials"]) == 1

@@ -23,8 +23,17 @@ from vsf_drake.report import outputs
 
 EMBEDDED = {path.stem: path for path in embedded_trials("exact")}
 LOW, MEDIUM = EMBEDDED["low_1"], EMBEDDED["medium_1"]
-COLUMNS = ["grf_rmse_bw", "cop_rmse_fl", "cop_ml_rmse_fl", "vertical_impulse_error", "peak_vertical_bw",
-           "unconverged_steps", "refined_steps", "failure", "notes"]
+COLUMNS = [
+    "grf_rmse_bw",
+    "cop_rmse_fl",
+    "cop_ml_rmse_fl",
+    "vertical_impulse_error",
+    "peak_vertical_bw",
+    "unconverged_steps",
+    "refined_steps",
+    "failure",
+    "notes",
+]
 STIFFNESS = "contact.forefoot.stiffness"
 
 HEEDING_CTRL_C = """
@@ -44,10 +53,21 @@ def test_a_range_holds_both_ends_and_count_values():
     assert axis("offset.height=-0.01:0.02", sampled=True).values == (-0.01, 0.02)
 
 
-@pytest.mark.parametrize(("text", "said"), [
-    ("66:66:5", "does not rise"), ("66:151:-3", "-3 values"), ("66:151:1", "single value alone"),
-    ("66:151:1000000000", "1000000000 values"), ("66:151:2.5", "whole number"), ("66:80:90:3", "no range"),
-    ("66:inf:5", "finite"), ("66,,87", "finite"), ("66,66", "twice"), ("soft", "'soft'")])
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("66:66:5", "does not rise"),
+        ("66:151:-3", "-3 values"),
+        ("66:151:1", "single value alone"),
+        ("66:151:1000000000", "1000000000 values"),
+        ("66:151:2.5", "whole number"),
+        ("66:80:90:3", "no range"),
+        ("66:inf:5", "finite"),
+        ("66,,87", "finite"),
+        ("66,66", "twice"),
+        ("soft", "'soft'"),
+    ],
+)
 def test_what_is_no_range_is_refused(text, said):
     with pytest.raises(InputError, match=said) as caught:
         values_of(text, "--fulcrum-mm")
@@ -55,8 +75,12 @@ def test_what_is_no_range_is_refused(text, said):
 
 
 def test_grids_need_values_and_samples_bounds():
-    for text, sampled, said in (("offset.height", False, "no values"), ("offset.height=0:1:5", True, "no bounds"),
-                                ("offset.height=1:0", True, "does not rise"), ("offset.height=", False, "finite")):
+    for text, sampled, said in (
+        ("offset.height", False, "no values"),
+        ("offset.height=0:1:5", True, "no bounds"),
+        ("offset.height=1:0", True, "does not rise"),
+        ("offset.height=", False, "finite"),
+    ):
         with pytest.raises(InputError, match=said):
             axis(text, sampled=sampled)
 
@@ -72,7 +96,17 @@ def test_thousands_of_walks_have_to_be_meant_and_tens_of_thousands_are_refused()
 
 def test_a_row_says_what_simulate_says_of_the_same_walk(run, tmp_path):
     step = ("--step-ms", 2)
-    code, out, _ = run("sweep", MEDIUM, "--out", tmp_path / "sweep", "--fulcrum-mm", "108,120", "--workers", 1, *step)
+    code, out, _ = run(
+        "sweep",
+        MEDIUM,
+        "--out",
+        tmp_path / "sweep",
+        "--fulcrum-mm",
+        "108,120",
+        "--workers",
+        1,
+        *step,
+    )
     assert code == 0 and "2 walks, 0 failed" in out
     run("simulate", MEDIUM, "--out", tmp_path / "walk", "--no-replay", "--contact", "none", *step)
     metrics = read_json(tmp_path / "walk" / "metrics.json")
@@ -83,21 +117,29 @@ def test_a_row_says_what_simulate_says_of_the_same_walk(run, tmp_path):
     for name in ("grf_rmse_bw", "cop_rmse_fl", "cop_ml_rmse_fl", "vertical_impulse_error"):
         assert float(first[name]) == pytest.approx(metrics[name], rel=1e-9)
         assert float(second[name]) != pytest.approx(metrics[name], rel=1e-3)
-    peaks = [max(stance["model_peaks_bw"][f"vertical_{half}_half"] for half in ("first", "second"))
-             for stance in metrics["stances"]]
+    peaks = [
+        max(stance["model_peaks_bw"][f"vertical_{half}_half"] for half in ("first", "second"))
+        for stance in metrics["stances"]
+    ]
     assert float(first["peak_vertical_bw"]) == pytest.approx(max(peaks), rel=1e-9)
 
 
 def test_one_varied_quantity_gets_a_figure_and_two_get_none(run, tmp_path):
     out = tmp_path / "sweep"
-    assert run("sweep", LOW, MEDIUM, "--out", out, "--fulcrum-mm", "66:108:2", "--workers", 1)[0] == 0
-    assert {"sweep.png", "sweep.svg", "sweep.csv", "sweep.json", "cache"} == {p.name for p in out.glob("[!.]*")}
+    assert (
+        run("sweep", LOW, MEDIUM, "--out", out, "--fulcrum-mm", "66:108:2", "--workers", 1)[0] == 0
+    )
+    assert {"sweep.png", "sweep.svg", "sweep.csv", "sweep.json", "cache"} == {
+        p.name for p in out.glob("[!.]*")
+    }
     svg = (out / "sweep.svg").read_text(encoding="utf-8")
     assert "SYNTHETIC" in svg and load_trial(LOW).name in svg and "(mm)" in svg
     assert len(rows(out)) == 4
     words = ("--vary", f"{STIFFNESS}=1e4,2e4", "--vary", "offset.height=-0.002,0.002")
     assert run("sweep", LOW, MEDIUM, "--out", out, "--workers", 1, "--parquet", *words)[0] == 0
-    assert {"sweep.csv", "sweep.json", "sweep.parquet", "cache"} == {p.name for p in out.glob("[!.]*")}
+    assert {"sweep.csv", "sweep.json", "sweep.parquet", "cache"} == {
+        p.name for p in out.glob("[!.]*")
+    }
     saved = pandas.read_parquet(out / "sweep.parquet")[STIFFNESS]
     assert saved.tolist() == [float(row[STIFFNESS]) for row in rows(out)]
     found = [(float(row[STIFFNESS]), float(row["offset.height"])) for row in rows(out)]
@@ -105,35 +147,68 @@ def test_one_varied_quantity_gets_a_figure_and_two_get_none(run, tmp_path):
 
 
 def test_the_table_holds_what_it_takes_to_repeat_a_sample(run, tmp_path):
-    words = ("sweep", LOW, "--sample", 3, "--seed", 5, "--vary", STIFFNESS, "--vary", "offset.height=-0.004:0.004",
-             "--workers", 1, "--step-ms", 2)
+    words = (
+        "sweep",
+        LOW,
+        "--sample",
+        3,
+        "--seed",
+        5,
+        "--vary",
+        STIFFNESS,
+        "--vary",
+        "offset.height=-0.004:0.004",
+        "--workers",
+        1,
+        "--step-ms",
+        2,
+    )
     assert run(*words, "--out", tmp_path / "a")[0] == 0
     assert run(*words, "--out", tmp_path / "b")[0] == 0
-    assert (tmp_path / "a" / "sweep.csv").read_bytes() == (tmp_path / "b" / "sweep.csv").read_bytes()
+    assert (tmp_path / "a" / "sweep.csv").read_bytes() == (
+        tmp_path / "b" / "sweep.csv"
+    ).read_bytes()
     table = read_json(tmp_path / "a" / "sweep.json")
     assert table["plan"]["sample"]["seed"] == 5 and table["plan"]["step_ms"] == 2
     assert table["plan"]["sample"]["bounds"]["offset.height"] == [-0.004, 0.004]
     assert table["columns"][STIFFNESS]["unit"].startswith("N/m")
     heights = sorted(float(row["offset.height"]) for row in rows(tmp_path / "a"))
     third = 0.008 / 3  # a Latin hypercube meets each third of the range once
-    assert all(-0.004 + i * third <= height <= -0.004 + (i + 1) * third for i, height in enumerate(heights))
+    assert all(
+        -0.004 + i * third <= height <= -0.004 + (i + 1) * third for i, height in enumerate(heights)
+    )
 
 
 def test_code_3_and_a_table_if_every_walk_fails(run, tmp_path):
-    code, out, _ = run("sweep", LOW, "--out", tmp_path / "sweep", "--vary", "coordinate.pelvis_ty=-0.6", "--workers", 1)
+    code, out, _ = run(
+        "sweep",
+        LOW,
+        "--out",
+        tmp_path / "sweep",
+        "--vary",
+        "coordinate.pelvis_ty=-0.6",
+        "--workers",
+        1,
+    )
     assert code == 3 and "1 walks, 1 failed" in out
     assert "failed at t" in rows(tmp_path / "sweep")[0]["failure"]
     assert not list((tmp_path / "sweep").glob("sweep.[ps][nv]g"))  # a figure would be empty
 
 
-@pytest.mark.parametrize(("words", "said"), [
-    (("--fulcrum-mm", "66:300:3"), "out of the carriage's reach"),
-    (("--vary", "contact.heel.stifness=1e4,2e4"), "Did you mean contact.heel.stiffness"),
-    (("--vary", "friction.mu_static=-1:1:3"), "--vary friction.mu_static: -1.0 is not usable"),
-    (("--vary", "friction.mu_static=0.1", "--vary", "friction.mu_static=0.2"), "stands twice"),
-    (("--vary", "offset.height=-1:1:20000"), "--yes"), (("--sample", 5), "nothing to vary"),
-    (("--fulcrum-mm", 80, "--step-ms", 0), "usable step"), (("--vary", "qqq=1,2"), "--list prints the names"),
-    (("--sample", 3, "--vary", "fulcrum.shift", "--fulcrum-mm", "66,151"), "no room")])
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--fulcrum-mm", "66:300:3"), "out of the carriage's reach"),
+        (("--vary", "contact.heel.stifness=1e4,2e4"), "Did you mean contact.heel.stiffness"),
+        (("--vary", "friction.mu_static=-1:1:3"), "--vary friction.mu_static: -1.0 is not usable"),
+        (("--vary", "friction.mu_static=0.1", "--vary", "friction.mu_static=0.2"), "stands twice"),
+        (("--vary", "offset.height=-1:1:20000"), "--yes"),
+        (("--sample", 5), "nothing to vary"),
+        (("--fulcrum-mm", 80, "--step-ms", 0), "usable step"),
+        (("--vary", "qqq=1,2"), "--list prints the names"),
+        (("--sample", 3, "--vary", "fulcrum.shift", "--fulcrum-mm", "66,151"), "no room"),
+    ],
+)
 def test_what_cannot_be_swept_is_refused_before_anything_is_written(run, tmp_path, words, said):
     code, _, error = run("sweep", LOW, "--out", tmp_path / "sweep", *words)
     assert code == 2
@@ -158,11 +233,19 @@ def whole(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "ended"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
-def test_who_ends_a_sweep_is_told_how_to_go_on_and_the_same_command_does(run, tmp_path, whole, number, ended):
+@pytest.mark.parametrize(
+    ("number", "ended"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
+)
+def test_who_ends_a_sweep_is_told_how_to_go_on_and_the_same_command_does(
+    run, tmp_path, whole, number, ended
+):
     words = ["sweep", LOW, "--out", tmp_path / "sweep", *SWEPT]
-    first = subprocess.Popen([sys.executable, "-c", HEEDING_CTRL_C, *map(str, words)],
-                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    first = subprocess.Popen(
+        [sys.executable, "-c", HEEDING_CTRL_C, *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     while len(list((tmp_path / "sweep").rglob("*.npz"))) < 2 and first.poll() is None:
         time.sleep(0.02)
     os.kill(first.pid, number)
@@ -178,21 +261,30 @@ def test_who_ends_a_sweep_is_told_how_to_go_on_and_the_same_command_does(run, tm
 
 
 def test_names_with_signs_of_formulas_or_of_their_own_twins_are_told_apart_by_file_and_a_lost_walk_by_its_reason(
-        run, tmp_path):
+    run, tmp_path
+):
     name, out = r"_a $\frac{ b_^ $ trial", tmp_path / "sweep"
-    twins = [copied(LOW, tmp_path / folder, name=name, prosthesis={"fulcrum_mm": mm})
-             for folder, mm in (("a", 66), ("b", 80))]
-    code, said, _ = run("sweep", *twins, "--out", out, "--vary", "fulcrum.shift=-0.01,0.02", "--workers", 1)
+    twins = [
+        copied(LOW, tmp_path / folder, name=name, prosthesis={"fulcrum_mm": mm})
+        for folder, mm in (("a", 66), ("b", 80))
+    ]
+    code, said, _ = run(
+        "sweep", *twins, "--out", out, "--vary", "fulcrum.shift=-0.01,0.02", "--workers", 1
+    )
     assert code == 0 and "4 walks, 1 failed" in said
     found = rows(out)
-    assert [row["trial"] for row in found] == [f"{name} ({path})" for path in twins for _ in range(2)]
+    assert [row["trial"] for row in found] == [
+        f"{name} ({path})" for path in twins for _ in range(2)
+    ]
     assert "out of the carriage's reach" in found[0]["failure"] and found[0]["grf_rmse_bw"] == ""
     assert float(found[1]["grf_rmse_bw"]) > 0.0 and found[1]["failure"] == ""
     svg = (out / "sweep.svg").read_text(encoding="utf-8")
     assert name in svg and "1 FAILED" in svg and (out / "sweep.png").stat().st_size > 0
 
 
-def test_a_figure_that_cannot_be_written_costs_neither_tables_nor_summary(run, tmp_path, monkeypatch):
+def test_a_figure_that_cannot_be_written_costs_neither_tables_nor_summary(
+    run, tmp_path, monkeypatch
+):
     def full(*_: object) -> None:
         raise OSError(errno.EFBIG, "File too large")
 
@@ -217,14 +309,30 @@ def test_doubts_about_a_walk_are_told_and_a_foot_in_the_air_is_never_the_best(ru
 
 
 def test_a_sample_shifts_the_fulcrum_only_as_far_as_its_carriage_reaches(run, tmp_path):
-    words = ("--sample", 2, "--vary", "fulcrum.shift", "--fulcrum-mm", "80,120", "--step-ms", 4, "--workers", 1)
+    words = (
+        "--sample",
+        2,
+        "--vary",
+        "fulcrum.shift",
+        "--fulcrum-mm",
+        "80,120",
+        "--step-ms",
+        4,
+        "--workers",
+        1,
+    )
     code, said, _ = run("sweep", LOW, "--out", tmp_path / "sweep", *words)
     assert code == 0 and "4 walks, 0 failed" in said
-    bounds = read_json(tmp_path / "sweep" / "sweep.json")["plan"]["sample"]["bounds"]["fulcrum.shift"]
+    bounds = read_json(tmp_path / "sweep" / "sweep.json")["plan"]["sample"]["bounds"][
+        "fulcrum.shift"
+    ]
     assert bounds == pytest.approx([0.066 - 0.080, 0.151 - 0.120])
     _, said, _ = run("sweep", "--list", MEDIUM)  # at 108 mm
     lines = {line.split()[0]: line.split()[1:] for line in said.splitlines() if line.strip()}
-    assert lines["friction.mu_static"] == ["1", "0.5", "0.1", "1.5"] and lines["offset.alignment"][0] == "rad"
+    assert (
+        lines["friction.mu_static"] == ["1", "0.5", "0.1", "1.5"]
+        and lines["offset.alignment"][0] == "rad"
+    )
     assert lines["fulcrum.shift"][2:4] == ["-0.042", "0.043"]
 
 
@@ -248,5 +356,7 @@ def test_a_folder_takes_a_larger_sweep_of_its_trials_but_none_of_others(run, tmp
     code, _, error = run("sweep", MEDIUM, "--out", out, "--fulcrum-mm", "80", *words)
     assert code == 2 and "sweep of other trials" in error
     assert len(rows(out)) == 3
-    code, _, error = run("sweep", copied(LOW, tmp_path / "b"), "--out", out, "--fulcrum-mm", "80", *words)
+    code, _, error = run(
+        "sweep", copied(LOW, tmp_path / "b"), "--out", out, "--fulcrum-mm", "80", *words
+    )
     assert code == 0 and "1 from the cache" in error, "the same by what it holds"

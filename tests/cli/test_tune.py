@@ -64,12 +64,18 @@ def made(monkeypatch):
 
 
 def test_results_are_written_and_the_screen_says_what_was_found(run, tmp_path, made):
-    code, out, err = run("tune", LOW, HIGH, "--contact", CONTACT, "--cost", "joint_load", "--out", tmp_path / "out")
+    code, out, err = run(
+        "tune", LOW, HIGH, "--contact", CONTACT, "--cost", "joint_load", "--out", tmp_path / "out"
+    )
     assert (code, err.strip()) == (0, "")
     said = " ".join(out.split())
     assert said.startswith("Fulcrum 104.2 mm, SYNTHETIC data: least cost, 2 BW (joint load)")
-    assert "Cost compared with that at 66 mm -12.7 %, at 151 mm -18.0 %" in said and said.endswith("report.html")
-    assert len(lines := list(filter(None, out.splitlines()))) == 3 and max(map(len, lines[:2])) <= 80
+    assert "Cost compared with that at 66 mm -12.7 %, at 151 mm -18.0 %" in said and said.endswith(
+        "report.html"
+    )
+    assert (
+        len(lines := list(filter(None, out.splitlines()))) == 3 and max(map(len, lines[:2])) <= 80
+    )
     table = read_json(tmp_path / "out" / "tuning.json")
     assert (table["trials"], table["recorded_mm"]) == (["low_2", "high_2"], [66.0, 151.0])
     assert table["provenance"]["options"]["cost"] == "joint_load"
@@ -79,26 +85,62 @@ def test_results_are_written_and_the_screen_says_what_was_found(run, tmp_path, m
 
 def test_all_that_was_tuned_stands_on_the_screen(run, tmp_path, made):
     fulcrum = DesignValue("fulcrum", "mm", 104.2, 66.0, 151.0, None)
-    made["table"] = small_table(design=(fulcrum, DesignValue("heel_stiffness", "N/mm", 71.2, 40.0, 90.0, 65.0),
-                                        DesignValue("stride time", "s", 1.1, 0.8, 1.3, None)))
-    _, out, _ = run("tune", LOW, "--contact", CONTACT, "--cost", "joint_load", "--out", tmp_path / "out")
+    made["table"] = small_table(
+        design=(
+            fulcrum,
+            DesignValue("heel_stiffness", "N/mm", 71.2, 40.0, 90.0, 65.0),
+            DesignValue("stride time", "s", 1.1, 0.8, 1.3, None),
+        )
+    )
+    _, out, _ = run(
+        "tune", LOW, "--contact", CONTACT, "--cost", "joint_load", "--out", tmp_path / "out"
+    )
     assert "Together with it: heel stiffness 71.2 N/mm (nominal 65)" in out.splitlines()
-    assert "Together with it: stride time 1.1 s" in out.splitlines(), "of a speed at which nothing was recorded"
+    assert "Together with it: stride time 1.1 s" in out.splitlines(), (
+        "of a speed at which nothing was recorded"
+    )
 
 
 def test_an_unfitted_foot_is_told_before_any_number(run, tmp_path, made, monkeypatch):
-    monkeypatch.setattr(inputs, "fit_offsets", lambda trial, progress: SimpleNamespace(
-        success=True, at_bound=(), offsets=trial.offsets))
+    monkeypatch.setattr(
+        inputs,
+        "fit_offsets",
+        lambda trial, progress: SimpleNamespace(success=True, at_bound=(), offsets=trial.offsets),
+    )
     code, out, _ = run("tune", LOW, "--out", tmp_path / "out")
     note = read_json(tmp_path / "out" / "tuning.json")["notes"][0]
     said = " ".join(out.split())
-    assert code == 0 and said.startswith(f"! {note} Fulcrum") and note.startswith("UNFITTED") and said.count(note) == 1
+    assert (
+        code == 0
+        and said.startswith(f"! {note} Fulcrum")
+        and note.startswith("UNFITTED")
+        and said.count(note) == 1
+    )
 
 
 def test_options_reach_the_analysis(run, tmp_path, made):
-    run("tune", LOW, "--contact", CONTACT, "--cost", "weighted", "--weights", "joint_load=1, push_off=0.5", "--design",
-        "alignment,heel_stiffness", "--fulcrum-range", "70", "140", "--pareto", "metabolic,push_off", "--seed", "3",
-        "--quick", "--out", tmp_path / "out")
+    run(
+        "tune",
+        LOW,
+        "--contact",
+        CONTACT,
+        "--cost",
+        "weighted",
+        "--weights",
+        "joint_load=1, push_off=0.5",
+        "--design",
+        "alignment,heel_stiffness",
+        "--fulcrum-range",
+        "70",
+        "140",
+        "--pareto",
+        "metabolic,push_off",
+        "--seed",
+        "3",
+        "--quick",
+        "--out",
+        tmp_path / "out",
+    )
     cost, options = made["calls"][0][1:3]
     assert cost == "weighted" and options.weights == {"joint_load": 1.0, "push_off": 0.5}
     assert (options.design, options.bounds_mm) == (("alignment", "heel_stiffness"), (70.0, 140.0))
@@ -107,7 +149,9 @@ def test_options_reach_the_analysis(run, tmp_path, made):
     assert given["fulcrum_range_mm"] == [70.0, 140.0]
 
 
-def test_without_trials_the_embedded_person_is_tuned_with_the_contact_that_was_fitted(run, tmp_path, made):
+def test_without_trials_the_embedded_person_is_tuned_with_the_contact_that_was_fitted(
+    run, tmp_path, made
+):
     for words in (("--quick",), (), ("--level", "2")):
         assert run("tune", *words, "--out", tmp_path / "out")[0] == 0
     quick, whole, free = (call[0] for call in made["calls"])
@@ -120,9 +164,15 @@ def test_without_trials_the_embedded_person_is_tuned_with_the_contact_that_was_f
 
 def test_a_tuning_that_did_not_end_well_is_written_and_marked(run, tmp_path, made):
     for name, table, ending, words in (
-            ("failed", failed_table(), 4, "error: NOT OPTIMAL: the iteration limit was reached"),
-            ("stopped", failed_table(status="it was interrupted during: search 1 of 3"), 130, "marked as NOT OPTIMAL"),
-            ("nothing", KeyboardInterrupt(), 130, "nothing was written")):
+        ("failed", failed_table(), 4, "error: NOT OPTIMAL: the iteration limit was reached"),
+        (
+            "stopped",
+            failed_table(status="it was interrupted during: search 1 of 3"),
+            130,
+            "marked as NOT OPTIMAL",
+        ),
+        ("nothing", KeyboardInterrupt(), 130, "nothing was written"),
+    ):
         made["table"], folder = table, tmp_path / name
         code, out, err = run("tune", LOW, "--contact", CONTACT, "--out", folder)
         assert (code, err.count("error:")) == (ending, 1 if ending == 4 else 0)
@@ -136,7 +186,9 @@ def test_a_tuning_that_did_not_end_well_is_written_and_marked(run, tmp_path, mad
 def test_each_level_gets_its_options_and_its_progress_is_shown(run, tmp_path, monkeypatch):
     """Made-up solutions in place of real ones: what the command hands over, and what it makes of what comes back."""
     seen, shown = {}, []
-    monkeypatch.setattr(tune, "progress", lambda: nullcontext(lambda what, share: shown.append(what)))
+    monkeypatch.setattr(
+        tune, "progress", lambda: nullcontext(lambda what, share: shown.append(what))
+    )
 
     def tuning(trials, *, cost, options, labels):
         seen.update(trials=len(trials), cost=cost, options=options, labels=labels)
@@ -145,20 +197,53 @@ def test_each_level_gets_its_options_and_its_progress_is_shown(run, tmp_path, mo
         progress("solving", 0.1)
         seen["warm"] = warm_start
 
-    for level, one, name in ((level1, "StiffnessTuning", "tuning"), (level2, "StrideTuning", "stride")):
+    for level, one, name in (
+        (level1, "StiffnessTuning", "tuning"),
+        (level2, "StrideTuning", "stride"),
+    ):
         monkeypatch.setattr(level, one, tuning)
         monkeypatch.setattr(level, "solve", solve)
         monkeypatch.setattr(level, f"{name}_table", lambda solution: small_table(level=2))
         monkeypatch.setattr(level, f"{name}_arrays", lambda solution: {"tracked_p": POSITIONS})
-    common = ("tune", LOW, "--contact", CONTACT, "--cost", "metabolic", "--quick", "--design", "alignment",
-              "--fulcrum-range", "70", "140")
-    words = ("--level", "2", "--intervals", "30", "--method", "trapezoidal", "--out", tmp_path / "free")
+    common = (
+        "tune",
+        LOW,
+        "--contact",
+        CONTACT,
+        "--cost",
+        "metabolic",
+        "--quick",
+        "--design",
+        "alignment",
+        "--fulcrum-range",
+        "70",
+        "140",
+    )
+    words = (
+        "--level",
+        "2",
+        "--intervals",
+        "30",
+        "--method",
+        "trapezoidal",
+        "--out",
+        tmp_path / "free",
+    )
     assert run(*common, *words)[0] == 0
     page = (tmp_path / "free" / "report.html").read_text(encoding="utf-8")
     assert "whose gait is optimised together with the setting (level 2)" in page
     options = seen["options"]
-    assert (seen["trials"], seen["cost"], seen["labels"], seen["warm"]) == (1, "metabolic", ("low_2",), None)
-    assert (options.intervals, options.method, options.design) == (30, "trapezoidal", ("alignment_rad",))
+    assert (seen["trials"], seen["cost"], seen["labels"], seen["warm"]) == (
+        1,
+        "metabolic",
+        ("low_2",),
+        None,
+    )
+    assert (options.intervals, options.method, options.design) == (
+        30,
+        "trapezoidal",
+        ("alignment_rad",),
+    )
     assert (options.bounds_mm, options.starts, options.confirm) == ((70.0, 140.0), 1, ())
     for named in (".", "tuning.json", "tuning.npz"):
         assert tune.read_warm_start(tmp_path / "free" / named)[0].fulcrum_mm == BEST_MM
@@ -172,46 +257,80 @@ def test_each_level_gets_its_options_and_its_progress_is_shown(run, tmp_path, mo
 MISTAKES = [
     (("--cost", "joint_laod"), "--cost: there is no 'joint_laod'. Did you mean joint_load?"),
     (("--weights", "joint_load=1"), "--weights: cannot go with --cost joint_load"),
-    (("--cost", "weighted", "--weights", "joint_load"), "--weights: 'joint_load' is no weight. Write COST=NUMBER"),
+    (
+        ("--cost", "weighted", "--weights", "joint_load"),
+        "--weights: 'joint_load' is no weight. Write COST=NUMBER",
+    ),
     (("--cost", "weighted", "--weights", "joint_load=a"), "--weights joint_load: 'a' is no number"),
-    (("--cost", "weighted", "--weights", "joint_load=nan"), "--weights joint_load: nan is not a finite number"),
+    (
+        ("--cost", "weighted", "--weights", "joint_load=nan"),
+        "--weights joint_load: nan is not a finite number",
+    ),
     (("--cost", "weighted", "--weights", "push_off=1,push_off=2"), "push_off has two weights"),
-    (("--design", "keel"), "--design: there is no 'keel'"), (("--design", ","), "--design: names nothing"),
+    (("--design", "keel"), "--design: there is no 'keel'"),
+    (("--design", ","), "--design: names nothing"),
     (("--fulcrum-range", "151", "66"), "--fulcrum-range: its lower bound 151 is not below"),
     (("--fulcrum-range", "20", "90"), "out of the carriage's reach"),
-    (("--intervals", "20"), "--intervals: is an option of level 2, where the motion is free. Leave it out"),
-    (("--speed", "1.2"), "--speed: is an option of level 2, where the motion is free. Leave it out"),
+    (
+        ("--intervals", "20"),
+        "--intervals: is an option of level 2, where the motion is free. Leave it out",
+    ),
+    (
+        ("--speed", "1.2"),
+        "--speed: is an option of level 2, where the motion is free. Leave it out",
+    ),
     (("--level", "2", "--speed", "nan"), "--speed: nan is not a finite number"),
     (("--level", "2", "--speed", "0"), "--speed: 0.00 m/s is out of what"),
-    (("--cost", "activation"), "--cost: activation is a cost of level 2, where the motion is free. Give --level 2"),
+    (
+        ("--cost", "activation"),
+        "--cost: activation is a cost of level 2, where the motion is free. Give --level 2",
+    ),
     (("--level", "2", "--method", "euler"), "--method: 'euler' is not known"),
-    (("--level", "2", "--joints", "knee_angle"),
-     "--joints: is an option of level 1; level 2 has all joints of the sagittal plane. Leave it out"),
+    (
+        ("--level", "2", "--joints", "knee_angle"),
+        "--joints: is an option of level 1; level 2 has all joints of the sagittal plane. Leave it out",
+    ),
     (("--pareto", "joint_load"), "--pareto: names 1 cost. Give two"),
-    (("--contact", "none.yaml"), "none.yaml: there is no such file"), (("none.yaml",), "none.yaml: there is no such"),
+    (("--contact", "none.yaml"), "none.yaml: there is no such file"),
+    (("none.yaml",), "none.yaml: there is no such"),
     (("--warm-start", "none"), "none: --warm-start: there is no such file"),
     (("--warm-start", EMBEDDED / "subject.yaml"), "--warm-start: is no tuning"),
     (("--warm-start", EMBEDDED), "tuning.json: there is no such file"),
-    ((LABORATORY / ".." / "laboratory" / LOW.name,), "is named twice")]
+    ((LABORATORY / ".." / "laboratory" / LOW.name,), "is named twice"),
+]
 NO_SCHEDULE = [
-    ((WORDS[0],), "1 task make no schedule"), ((*WORDS, "--cost", "joint"), "--cost: there is no 'joint'"),
+    ((WORDS[0],), "1 task make no schedule"),
+    ((*WORDS, "--cost", "joint"), "--cost: there is no 'joint'"),
     ((*WORDS, "--resolution-mm", "0"), "--resolution-mm: 0 mm is no resolution"),
     ((*WORDS, "--resolution-mm", "90"), "at most the reach, 85 mm"),
-    ((*WORDS, "--fulcrum-range", "20", "90"), "--fulcrum-range: 20 to 90 mm is out of the carriage's reach"),
-    ((*WORDS, "--cost", "weighted", "--weights", "a=1"), "--weights: there is no 'a'")]
+    (
+        (*WORDS, "--fulcrum-range", "20", "90"),
+        "--fulcrum-range: 20 to 90 mm is out of the carriage's reach",
+    ),
+    ((*WORDS, "--cost", "weighted", "--weights", "a=1"), "--weights: there is no 'a'"),
+]
 
 
 def test_a_mistake_ends_with_one_message_code_2_and_nothing_written(run, tmp_path):
     heavy = tmp_path / "heavy"
     heavy.mkdir()
-    person = yaml.safe_load((EMBEDDED / "subject.yaml").read_text(encoding="utf-8")) | {"mass_kg": 90.0}
+    person = yaml.safe_load((EMBEDDED / "subject.yaml").read_text(encoding="utf-8")) | {
+        "mass_kg": 90.0
+    }
     (heavy / "subject.yaml").write_text(yaml.safe_dump(person), encoding="utf-8")
     others = [((copied(HIGH, heavy, subject="subject.yaml"),), "is of another subject")]
     for command, mistakes in (("tune", MISTAKES + others), ("schedule", NO_SCHEDULE)):
         for words, message in mistakes:
             fitted = () if "--contact" in words else ("--contact", CONTACT)
-            code, _, err = run(command, *(() if command == "schedule" else (LOW,)), *fitted, "--quick", *words, "--out",
-                               tmp_path / "out")
+            code, _, err = run(
+                command,
+                *(() if command == "schedule" else (LOW,)),
+                *fitted,
+                "--quick",
+                *words,
+                "--out",
+                tmp_path / "out",
+            )
             assert (code, message in err, err.count("error:")) == (2, True, 1), err
             assert "Traceback" not in err and not (tmp_path / "out").exists()
     (tmp_path / "thesis.txt").write_text("mine")
@@ -230,35 +349,61 @@ def tasks(made):
 
 
 def test_one_setting_a_task_is_stored_and_the_screen_says_what_that_buys(run, tmp_path, tasks):
-    code, out, err = run("schedule", *WORDS, "--contact", CONTACT, "--resolution-mm", "1", "--out", tmp_path / "out")
+    code, out, err = run(
+        "schedule", *WORDS, "--contact", CONTACT, "--resolution-mm", "1", "--out", tmp_path / "out"
+    )
     assert (code, err.strip()) == (0, "")
     said = " ".join(out.split())
     assert "To store (SYNTHETIC data): low 80.0 mm, medium 100.0 mm, high 120.0 mm" in said
-    assert "A setting for each task saves" in said and "policy.json beside it is for the controller" in said
+    assert (
+        "A setting for each task saves" in said
+        and "policy.json beside it is for the controller" in said
+    )
     table = read_json(tmp_path / "out" / "policy.json")
     assert table["common_fulcrum_mm"] == pytest.approx(100.0)
     assert table["reach_mm"] == pytest.approx([66.0, 151.0]) and table["resolution_mm"] == 1.0
     assert [row["trials"] for row in table["tasks"]] == [["low_2"], ["medium_2"], ["high_2"]]
-    assert table["synthetic"] is True and table["lookup"].startswith("Between tasks the setting is linear")
+    assert table["synthetic"] is True and table["lookup"].startswith(
+        "Between tasks the setting is linear"
+    )
     assert table["provenance"]["options"]["resolution_mm"] == 1.0
 
 
-def test_a_task_file_s_speeds_are_looked_up_between_and_trials_of_one_task_are_tuned_together(run, tmp_path, tasks):
-    lines = [f"- {{label: {name}, trials: [{LABORATORY / name}_2.yaml], speed_m_per_s: {speed}}}\n"
-             for name, speed in (("low", 0.8), ("medium", 1.2))]
-    lines.append(f"- {{label: high, trials: [{HIGH}, {LABORATORY / 'high_1.yaml'}], speed_m_per_s: 1.6}}\n")
+def test_a_task_file_s_speeds_are_looked_up_between_and_trials_of_one_task_are_tuned_together(
+    run, tmp_path, tasks
+):
+    lines = [
+        f"- {{label: {name}, trials: [{LABORATORY / name}_2.yaml], speed_m_per_s: {speed}}}\n"
+        for name, speed in (("low", 0.8), ("medium", 1.2))
+    ]
+    lines.append(
+        f"- {{label: high, trials: [{HIGH}, {LABORATORY / 'high_1.yaml'}], speed_m_per_s: 1.6}}\n"
+    )
     (tmp_path / "tasks.yaml").write_text("tasks:\n" + "".join(lines), encoding="utf-8")
-    assert run("schedule", tmp_path / "tasks.yaml", "--contact", CONTACT, "--out", tmp_path / "out")[0] == 0
+    assert (
+        run("schedule", tmp_path / "tasks.yaml", "--contact", CONTACT, "--out", tmp_path / "out")[0]
+        == 0
+    )
     assert load_schedule(tmp_path / "out" / "policy.json").lookup(speed=1.0) == pytest.approx(90.0)
     assert tasks["calls"][2][0].labels == ("high_2", "high_1")
 
 
-def test_a_task_that_failed_or_was_interrupted_makes_a_table_that_is_not_to_be_stored(run, tmp_path, tasks):
+def test_a_task_that_failed_or_was_interrupted_makes_a_table_that_is_not_to_be_stored(
+    run, tmp_path, tasks
+):
     stopped = failed_table(status="it was interrupted during: sweep")
-    for i, (table, ending, words, optimal) in enumerate((
-            (failed_table(), 4, "NOT OPTIMAL: medium: the iteration limit was reached", [True, False, True]),
+    for i, (table, ending, words, optimal) in enumerate(
+        (
+            (
+                failed_table(),
+                4,
+                "NOT OPTIMAL: medium: the iteration limit was reached",
+                [True, False, True],
+            ),
             (stopped, 130, "marked as NOT OPTIMAL", [True, False, False]),
-            (KeyboardInterrupt(), 130, "marked as NOT OPTIMAL", [True, False, False]))):
+            (KeyboardInterrupt(), 130, "marked as NOT OPTIMAL", [True, False, False]),
+        )
+    ):
         tasks["medium_2"], folder = table, tmp_path / str(i)
         code, out, err = run("schedule", *WORDS, "--contact", CONTACT, "--out", folder)
         assert code == ending and words in err and "To store" not in out
@@ -280,14 +425,28 @@ def test_a_task_that_failed_or_was_interrupted_makes_a_table_that_is_not_to_be_s
 @pytest.mark.slow
 def test_two_settings_of_the_embedded_person_make_a_schedule(run, tmp_path):
     """The motions of the softest and the stiffest setting stand for two tasks."""
-    code, _, err = run("schedule", WORDS[0], WORDS[2], "--contact", CONTACT, "--cost", "tracking", "--quick",
-                       "--resolution-mm", "1", "--out", tmp_path / "out")
+    code, _, err = run(
+        "schedule",
+        WORDS[0],
+        WORDS[2],
+        "--contact",
+        CONTACT,
+        "--cost",
+        "tracking",
+        "--quick",
+        "--resolution-mm",
+        "1",
+        "--out",
+        tmp_path / "out",
+    )
     assert code == 0, err
     table = read_json(tmp_path / "out" / "policy.json")
     low, high = table["tasks"]
     assert low["fulcrum_mm"] <= table["common_fulcrum_mm"] <= high["fulcrum_mm"]
     assert all(row["cost"] <= row["cost_common"] + 1e-12 for row in table["tasks"])
-    assert low["fulcrum_mm"] == pytest.approx(66.0, abs=10.0), "where it stood: the force is best told there"
+    assert low["fulcrum_mm"] == pytest.approx(66.0, abs=10.0), (
+        "where it stood: the force is best told there"
+    )
     assert high["fulcrum_mm"] == pytest.approx(151.0, abs=10.0)
 
 
@@ -316,8 +475,12 @@ def test_ctrl_c_in_the_middle_leaves_a_result_that_is_marked(tmp_path):
     """The whole program in a process of its own, interrupted when its searches have begun."""
     out = tmp_path / "out"
     words = ["vsf-drake", "tune", *map(str, (LOW, "--contact", CONTACT, "--out", out))]
-    process = subprocess.Popen([sys.executable, "-c", INTERRUPTIBLE.format(words=words)], stderr=subprocess.PIPE,
-                               stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTIBLE.format(words=words)],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     try:
         assert process.stdout is not None
         while "search" not in (line := process.stdout.readline()):

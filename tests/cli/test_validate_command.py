@@ -53,13 +53,26 @@ def one_section(monkeypatch):
 
 
 def files(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
-def test_quick_validation_says_on_its_first_line_what_is_synthetic_and_writes_everything(quick_validation):
+def test_quick_validation_says_on_its_first_line_what_is_synthetic_and_writes_everything(
+    quick_validation,
+):
     found = set(files(quick_validation))
-    assert {"report.html", "replay.html", "validation.json", "validation.npz", "tables/summary.csv",
-            "figures/bench_curves.png", "walks/medium_2/result.npz"} <= found
+    assert {
+        "report.html",
+        "replay.html",
+        "validation.json",
+        "validation.npz",
+        "tables/summary.csv",
+        "figures/bench_curves.png",
+        "walks/medium_2/result.npz",
+    } <= found
     assert not any("unfinished" in name or name.endswith(".svg") for name in found)
     table = read_json(quick_validation / "validation.json")
     assert table["first_line"].startswith("Walking data are SYNTHETIC")
@@ -70,7 +83,9 @@ def test_quick_validation_says_on_its_first_line_what_is_synthetic_and_writes_ev
     assert all(walk["synthetic"] is True and walk["converged"] for walk in walks)
 
 
-needs_browser = pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
+needs_browser = pytest.mark.skipif(
+    chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)"
+)
 MOVED = """
 const text = id => document.getElementById(id).textContent, slider = document.getElementById("fulcrum");
 const points = id => document.getElementById(id).getAttribute("points");
@@ -111,16 +126,22 @@ def test_the_slider_moves_the_fulcrum_and_folds_open_by_a_click(quick_validation
     first, stiff, again = seen.acted["seen"]
     assert (first["mm"], stiff["mm"]) == ("108", "151") and first == again
     assert all(first[key] != stiff[key] for key in first)
-    sweep = read_json(quick_validation / "validation.json")["sections"]["walking"]["table"]["rows"][1]["sweep"]
+    sweep = read_json(quick_validation / "validation.json")["sections"]["walking"]["table"]["rows"][
+        1
+    ]["sweep"]
     assert stiff["error"] == f"{100.0 * sweep['grf_rmse_bw'][-1]:.1f}"
     assert seen.acted["opened"] == [0, 1] and seen.acted["replay"] == "replay.html"
     assert seen.words > 4000, "all is open"
-    assert not [line for line in seen.console if "replay.html" not in line]  # there, of a graphics card that is none
+    assert not [
+        line for line in seen.console if "replay.html" not in line
+    ]  # there, of a graphics card that is none
     assert (seen.requests, seen.out) == ([], [])
 
 
 @pytest.mark.slow
-def test_report_made_again_of_a_quick_validation_is_the_same_to_the_byte(run, quick_validation, tmp_path):
+def test_report_made_again_of_a_quick_validation_is_the_same_to_the_byte(
+    run, quick_validation, tmp_path
+):
     again = tmp_path / "again"
     shutil.copytree(quick_validation, again)
     code, _, err = run("report", again)
@@ -135,7 +156,9 @@ def test_a_walk_is_kept_with_its_metrics_and_the_screen_names_where(run, tmp_pat
     assert "".join(out.split()).endswith(f"writtento{tmp_path / 'out' / 'report.html'}")
     metrics = read_json(tmp_path / "out" / "walks" / "medium_2" / "metrics.json")
     assert metrics["role"] == "held out"
-    about = yaml.safe_load((tmp_path / "out" / "walks" / "medium_2" / "result.yaml").read_text(encoding="utf-8"))
+    about = yaml.safe_load(
+        (tmp_path / "out" / "walks" / "medium_2" / "result.yaml").read_text(encoding="utf-8")
+    )
     trial = read_json(tmp_path / "out" / "validation.json")["trials"][0]
     assert trial["height_mm"] == pytest.approx(1e3 * about["parameters"]["offsets"]["height_m"])
     assert not (tmp_path / "out" / "unfinished").exists()
@@ -162,8 +185,17 @@ def test_a_mistake_ends_with_one_message_code_2_and_nothing_written(run, tmp_pat
 def test_what_cannot_be_used_is_named_and_the_rest_reported(run, tmp_path, one_section):
     """One good trial among an unreadable and a missing one, and the bench file of a fit."""
     (tmp_path / "bad.yaml").write_text("subject: [\n", encoding="utf-8")
-    code, _, err = run("validate", tmp_path / "bad.yaml", TRIAL, tmp_path / "none.yaml", *WITH,
-                       "--bench", EMBEDDED / "bench.yaml", "--out", tmp_path / "out")
+    code, _, err = run(
+        "validate",
+        tmp_path / "bad.yaml",
+        TRIAL,
+        tmp_path / "none.yaml",
+        *WITH,
+        "--bench",
+        EMBEDDED / "bench.yaml",
+        "--out",
+        tmp_path / "out",
+    )
     assert code == 2
     assert err.count("error:") == 3
     assert "bad.yaml: line 2" in err and "none.yaml: there is no such file" in err
@@ -183,28 +215,42 @@ def test_a_fault_of_the_disk_outside_of_the_results_is_no_traceback(run, tmp_pat
     assert "error: /cache/of/compiled.code: No space left on device" in err
 
 
-def test_a_section_that_diverges_ends_with_code_3_after_the_report(run, tmp_path, one_section, monkeypatch):
+def test_a_section_that_diverges_ends_with_code_3_after_the_report(
+    run, tmp_path, one_section, monkeypatch
+):
     def diverges(study, *, progress=None):
         raise SimulationError("the keel gave way", time_s=0.1)
 
-    monkeypatch.setattr(running, "_SECTIONS", {"standing": Part(diverges, Found, 1.0), **running._SECTIONS})
+    monkeypatch.setattr(
+        running, "_SECTIONS", {"standing": Part(diverges, Found, 1.0), **running._SECTIONS}
+    )
     monkeypatch.setattr(chapters, "_MAKERS", chapters._MAKERS | {"standing": ("Standing", None)})
     code, _, err = run("validate", TRIAL, *WITH, "--out", tmp_path / "out")
     assert code == 3
-    assert "the section standing failed: the simulation failed at t = 0.1000 s: the keel gave way" in err
+    assert (
+        "the section standing failed: the simulation failed at t = 0.1000 s: the keel gave way"
+        in err
+    )
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "the keel gave way" in page and "Of 1 trials." in page
 
 
 @pytest.mark.slow
-def test_trials_of_one_name_one_recording_and_two_persons_are_kept_apart_and_said(run, tmp_path, one_section):
+def test_trials_of_one_name_one_recording_and_two_persons_are_kept_apart_and_said(
+    run, tmp_path, one_section
+):
     manifest = yaml.safe_load(TRIAL.read_text(encoding="utf-8"))
     for name, mass in (("a/walk", 78.0), ("b/walk", 79.0), ("a_walk", 78.0)):
         path = tmp_path / f"{name}.yaml"
         path.parent.mkdir(exist_ok=True)
-        subject = yaml.safe_load((EMBEDDED / "subject.yaml").read_text(encoding="utf-8")) | {"mass_kg": mass}
+        subject = yaml.safe_load((EMBEDDED / "subject.yaml").read_text(encoding="utf-8")) | {
+            "mass_kg": mass
+        }
         (path.parent / "subject.yaml").write_text(yaml.safe_dump(subject), encoding="utf-8")
-        for key, file in (("kinematics", manifest["kinematics"]), ("forces", manifest["forces"]["file"])):
+        for key, file in (
+            ("kinematics", manifest["kinematics"]),
+            ("forces", manifest["forces"]["file"]),
+        ):
             shutil.copy(TRIAL.parent / file, path.parent / file)
             manifest = manifest | {key: file if key == "kinematics" else manifest["forces"]}
         path.write_text(yaml.safe_dump(manifest | {"subject": "subject.yaml"}), encoding="utf-8")
@@ -253,7 +299,9 @@ def test_after_an_interruption_the_same_command_goes_on(run, tmp_path, one_secti
         raise KeyboardInterrupt
 
     words = ("validate", TRIAL, *WITH, "--out", tmp_path / "out")
-    monkeypatch.setattr(running, "_SECTIONS", {"bench": make, "standing": Part(stopped, Found, 1.0)})
+    monkeypatch.setattr(
+        running, "_SECTIONS", {"bench": make, "standing": Part(stopped, Found, 1.0)}
+    )
     code, out, err = run(*words)
     assert code == 130 and "report.html can be opened; it grows" in out
     assert err.count("interrupted") == 1 and "the same command goes on" in err
@@ -268,14 +316,18 @@ def test_after_an_interruption_the_same_command_goes_on(run, tmp_path, one_secti
     assert one_section["made"] == 1
 
 
-def test_an_interrupted_run_takes_nothing_from_a_finished_one(run, tmp_path, one_section, monkeypatch):
+def test_an_interrupted_run_takes_nothing_from_a_finished_one(
+    run, tmp_path, one_section, monkeypatch
+):
     def stopped(study, *, progress=None):
         raise KeyboardInterrupt
 
     words = ("validate", TRIAL, *WITH, "--out", tmp_path / "out")
     assert run(*words)[0] == 0
     earlier = files(tmp_path / "out")
-    monkeypatch.setattr(running, "_SECTIONS", running._SECTIONS | {"standing": Part(stopped, Found, 1.0)})
+    monkeypatch.setattr(
+        running, "_SECTIONS", running._SECTIONS | {"standing": Part(stopped, Found, 1.0)}
+    )
     code, out, _ = run(*words, "--seed", "1")
     assert code == 130 and "remains that of the earlier run" in " ".join(out.split())
     after = files(tmp_path / "out")

@@ -12,7 +12,14 @@ from collocation_problems import (
     spring_mass,
 )
 
-from vsf_drake.collocation import CollocationOptions, Grid, Start, TrajectoryProblem, resampled, solve
+from vsf_drake.collocation import (
+    CollocationOptions,
+    Grid,
+    Start,
+    TrajectoryProblem,
+    resampled,
+    solve,
+)
 from vsf_drake.errors import InputError
 
 
@@ -31,7 +38,9 @@ def test_the_torsion_spring_of_a_wide_swinging_pendulum_is_its_projection_with_a
     assert solution.p[0] == pytest.approx(stiffness, rel=1e-3)
 
 
-@pytest.mark.parametrize("as_limit", [False, True], ids=["bound on a variable", "limit on an output"])
+@pytest.mark.parametrize(
+    "as_limit", [False, True], ids=["bound on a variable", "limit on an output"]
+)
 @pytest.mark.parametrize("most", [4.5, 5.5])
 def test_limited_acceleration_costs_what_pontryagin_says(most, as_limit):
     problem, cost = rest_to_rest(most, as_limit=as_limit)
@@ -48,7 +57,7 @@ def errors_of(make, method, counts):
     for intervals in counts:
         problem, exact, *cost = make(method, intervals)
         solution = solve(problem, Start(np.zeros((problem.grid.instants, 3))), SHARP)
-        error = np.sqrt(np.mean((solution.z[:, 0] - exact)**2))
+        error = np.sqrt(np.mean((solution.z[:, 0] - exact) ** 2))
         yield error if not cost else (error, abs(solution.cost - cost[0]))
 
 
@@ -65,6 +74,7 @@ def test_optimal_control_converges_with_the_order_of_the_method(method, order):
     assert orders[:, 1] == pytest.approx(order, abs=0.2), "cost"
     assert orders[:, 0] == pytest.approx(order, abs=0.4), "trajectory"
 
+
 def test_a_solution_is_an_optimum_where_it_ended_without_an_iteration():
     problem, start, _ = pendulum(intervals=8)
     again = solve(problem, solve(problem, start).last)
@@ -78,8 +88,10 @@ def test_a_cubic_is_carried_exactly_to_a_finer_grid():
         t = grid.times_s
         return np.stack([t**3 - t, 3 * t**2 - 1, 6 * t], axis=1)
 
-    solution = dataclasses.replace(solve(problem, Start(cubic(problem.grid)), CollocationOptions(iterations=1)),
-                                   last=Start(cubic(problem.grid)))
+    solution = dataclasses.replace(
+        solve(problem, Start(cubic(problem.grid)), CollocationOptions(iterations=1)),
+        last=Start(cubic(problem.grid)),
+    )
     fine = Grid("hermite_simpson", 15, 3.0, periodic=False)
     assert resampled(solution, fine).z == pytest.approx(cubic(fine), abs=1e-12)
 
@@ -88,16 +100,29 @@ def test_an_advancing_period_is_carried_and_another_duration_refused():
     """x = s t + sin."""
     problem, _, _ = spring_mass(intervals=20)
     old, new = (Grid("hermite_simpson", count, 2.0, periodic=True) for count in (20, 40))
-    moving = TrajectoryProblem(problem.function, problem.layout, old, outputs=2, design=problem.design, advance=[3.0])
+    moving = TrajectoryProblem(
+        problem.function, problem.layout, old, outputs=2, design=problem.design, advance=[3.0]
+    )
 
     def motion(grid):
         t = grid.times_s
-        return np.stack([1.5 * t + np.sin(np.pi * t), 1.5 + np.pi * np.cos(np.pi * t), -np.pi**2 * np.sin(np.pi * t)],
-                        axis=1)
+        return np.stack(
+            [
+                1.5 * t + np.sin(np.pi * t),
+                1.5 + np.pi * np.cos(np.pi * t),
+                -(np.pi**2) * np.sin(np.pi * t),
+            ],
+            axis=1,
+        )
 
     start = Start(motion(old), np.array([10.0]))
-    solution = dataclasses.replace(solve(moving, start, CollocationOptions(iterations=1)), last=start)
+    solution = dataclasses.replace(
+        solve(moving, start, CollocationOptions(iterations=1)), last=start
+    )
     assert resampled(solution, new).z == pytest.approx(motion(new), rel=1e-3, abs=2e-3)
-    for other in (Grid("hermite_simpson", 20, 2.0, periodic=False), Grid("hermite_simpson", 20, 1.0)):
+    for other in (
+        Grid("hermite_simpson", 20, 2.0, periodic=False),
+        Grid("hermite_simpson", 20, 1.0),
+    ):
         with pytest.raises(InputError, match="another duration"):
             resampled(solution, other)

@@ -18,14 +18,18 @@ def pushed():
     return problem, Start(np.zeros((problem.grid.instants, 3))), None
 
 
-PROBLEMS = {"pendulum": lambda: pendulum(intervals=12), "spring on its bound": lambda: spring_mass(high=40.0),
-            "limited force": pushed}
+PROBLEMS = {
+    "pendulum": lambda: pendulum(intervals=12),
+    "spring on its bound": lambda: spring_mass(high=40.0),
+    "limited force": pushed,
+}
 
 
 @pytest.mark.parametrize(("solver", "warm"), [("snopt", False), ("ipopt", True)])
 @pytest.mark.parametrize("name", list(PROBLEMS))
 def test_another_solver_finds_the_same_optimum_whatever_options_lie_in_the_current_folder(
-        name, solver, warm, monkeypatch, tmp_path):
+    name, solver, warm, monkeypatch, tmp_path
+):
     (tmp_path / "ipopt.opt").write_text("max_iter 0\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     problem, start, _ = PROBLEMS[name]()
@@ -48,7 +52,9 @@ def test_the_program_has_the_problems_cost_and_its_gradient(probes):
     slope = np.zeros(len(x))
     for binding in made.GetAllCosts():
         indices = made.FindDecisionVariableIndices(binding.variables())
-        slope[indices] += ExtractGradient(binding.evaluator().Eval(InitializeAutoDiff(x[indices])))[0]
+        slope[indices] += ExtractGradient(binding.evaluator().Eval(InitializeAutoDiff(x[indices])))[
+            0
+        ]
     assert slope == pytest.approx(point.gradient)
     broken = [abs(made.EvalBinding(binding, x)) for binding in made.linear_equality_constraints()]
     assert sum(len(part) for part in broken) == len(point.linear)
@@ -74,7 +80,9 @@ def test_too_little_storage_begins_again_where_snopt_was_with_more(monkeypatch):
 
         def Solve(self, made, x, settings):
             starts.append(np.array(x))
-            rows.append(sum(binding.evaluator().num_constraints() for binding in made.generic_constraints()))
+            rows.append(
+                sum(binding.evaluator().num_constraints() for binding in made.generic_constraints())
+            )
             if len(starts) == 1:
                 settings.SetOption(SnoptSolver.id(), "Major iterations limit", 1)
             return SnoptSolver().Solve(made, x, settings)
@@ -86,12 +94,16 @@ def test_too_little_storage_begins_again_where_snopt_was_with_more(monkeypatch):
     assert "1 restarts" in theirs.message
     assert not np.allclose(starts[0], starts[1])
     assert rows[1] > rows[0]
-    assert theirs.cost == pytest.approx(solve(problem, start).cost, rel=1e-4), "padding changes no optimum"
+    assert theirs.cost == pytest.approx(solve(problem, start).cost, rel=1e-4), (
+        "padding changes no optimum"
+    )
 
 
 def test_a_solver_that_runs_out_of_time_or_iterations_says_so(monkeypatch):
     problem, start, _ = PROBLEMS["pendulum"]()
     assert confirm(problem, start, "ipopt", time_limit_s=1e-6).status == "time"
-    monkeypatch.setattr(importlib.import_module("vsf_drake.collocation.program"), "MINOR_ITERATIONS", 2)
+    monkeypatch.setattr(
+        importlib.import_module("vsf_drake.collocation.program"), "MINOR_ITERATIONS", 2
+    )
     for solver in ("snopt", "ipopt"):
         assert confirm(problem, start, solver).status == "iterations", solver

@@ -1,6 +1,5 @@
 """What is no solution says so: infeasible, interrupted, out of iterations; and what cannot be used is refused."""
 
-
 import numpy as np
 import pytest
 from collocation_problems import (
@@ -27,7 +26,9 @@ from vsf_drake.errors import FitError, InputError
 
 
 def zero(problem):
-    return Start(np.zeros((problem.grid.instants, problem.layout.size)), np.zeros(problem.parameters))
+    return Start(
+        np.zeros((problem.grid.instants, problem.layout.size)), np.zeros(problem.parameters)
+    )
 
 
 def test_a_push_too_weak_for_the_way_is_infeasible_and_sealed():
@@ -50,7 +51,7 @@ def test_an_equation_without_a_root_is_infeasible():
     def outputs(z, p):
         by = np.zeros((len(z), 1, 3))
         by[:, 0, 0] = 2.0 * z[:, 0]
-        return z[:, :1]**2 + 1.0, by, np.zeros((len(z), 1, 0))
+        return z[:, :1] ** 2 + 1.0, by, np.zeros((len(z), 1, 0))
 
     problem = TrajectoryProblem(Outputs(outputs), Layout(("x",)), grid, outputs=1, equations=[0])
     z = np.zeros((grid.instants, 3))
@@ -68,10 +69,20 @@ def test_wrong_derivatives_stall_a_search(s):
     def outputs(z, p):
         by = np.zeros((len(z), 2, 4))
         by[:, 0, 0], by[:, 1] = -1.0, [-2.0, 0.0, 0.0, 1.0]
-        return np.stack([z[:, 0] - 1.0, z[:, 3] - 2.0 * z[:, 0]], axis=1), by, np.zeros((len(z), 2, 0))
+        return (
+            np.stack([z[:, 0] - 1.0, z[:, 3] - 2.0 * z[:, 0]], axis=1),
+            by,
+            np.zeros((len(z), 2, 0)),
+        )
 
-    problem = TrajectoryProblem(Outputs(outputs), Layout(("x",), (), ("s",)), grid, outputs=2, equations=[1],
-                                residuals=[Residuals(outputs=[0])])
+    problem = TrajectoryProblem(
+        Outputs(outputs),
+        Layout(("x",), (), ("s",)),
+        grid,
+        outputs=2,
+        equations=[1],
+        residuals=[Residuals(outputs=[0])],
+    )
     z = np.zeros((grid.instants, 4))
     z[:, 3] = s
     solution = solve(problem, Start(z))
@@ -132,8 +143,11 @@ def test_progress_tells_every_iteration_and_the_merit_brings_the_violation_down(
     assert sum(solution.terms.values()) == pytest.approx(solution.cost)
 
 
-@pytest.mark.parametrize(("make", "most", "evaluations"), [
-    (lambda: pendulum(intervals=8), 4, 5), (lambda: chain(intervals=4), 12, 320)], ids=["pendulum", "chain"])
+@pytest.mark.parametrize(
+    ("make", "most", "evaluations"),
+    [(lambda: pendulum(intervals=8), 4, 5), (lambda: chain(intervals=4), 12, 320)],
+    ids=["pendulum", "chain"],
+)
 def test_a_search_takes_no_more_steps_than_it_needs(make, most, evaluations):
     """As many as it took with damping, weights and curvature as they are; too much of one still ends at the optimum."""
     problem, start = make()[:2]
@@ -151,8 +165,13 @@ def test_steps_into_where_the_function_has_no_value_are_shortened():
         by[:, 0, 0] = 0.5 / root
         return root[:, None], by, np.zeros((len(z), 1, 0))
 
-    problem = TrajectoryProblem(Outputs(outputs), Layout(("x",)), grid, outputs=1,
-                                residuals=[Residuals(outputs=[0], target=0.1)])
+    problem = TrajectoryProblem(
+        Outputs(outputs),
+        Layout(("x",)),
+        grid,
+        outputs=1,
+        residuals=[Residuals(outputs=[0], target=0.1)],
+    )
     z = np.zeros((grid.instants, 3))
     z[:, 0] = 4.0
     solution = solve(problem, Start(z))
@@ -162,15 +181,24 @@ def test_steps_into_where_the_function_has_no_value_are_shortened():
 def simple(**changes):
     grid = Grid("trapezoidal", 8, 1.0, periodic=False)
     given = {"outputs": 2, "residuals": [Residuals(outputs=[0, 1])]} | changes
-    return TrajectoryProblem(constant_outputs([[1, 0, 0], [0, 0, 1]]), Layout(("x",)), grid, **given)
+    return TrajectoryProblem(
+        constant_outputs([[1, 0, 0], [0, 0, 1]]), Layout(("x",)), grid, **given
+    )
 
 
-@pytest.mark.parametrize(("changes", "said"), [
-    ({"equations": [2]}, "names outputs"), ({"low": [1.0, 0.0, 0.0], "high": 0.5}, r"leave no room at q\.x"),
-    ({"limits": [Limits(outputs=[1], low=2.0, high=1.0)]}, "leave no room at output 1"),
-    ({"design": Design(names=["stiffness"], low=2.0, high=1.0)}, "leave no room at stiffness"),
-    ({"z_scale": 0.0}, "z_scale"), ({"low": np.zeros(5)}, "shape"), ({"advance": [1.0]}, "only a periodic"),
-    ({"residuals": [Residuals(outputs=[0], weight=-1.0)]}, "residuals.weight")])
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"equations": [2]}, "names outputs"),
+        ({"low": [1.0, 0.0, 0.0], "high": 0.5}, r"leave no room at q\.x"),
+        ({"limits": [Limits(outputs=[1], low=2.0, high=1.0)]}, "leave no room at output 1"),
+        ({"design": Design(names=["stiffness"], low=2.0, high=1.0)}, "leave no room at stiffness"),
+        ({"z_scale": 0.0}, "z_scale"),
+        ({"low": np.zeros(5)}, "shape"),
+        ({"advance": [1.0]}, "only a periodic"),
+        ({"residuals": [Residuals(outputs=[0], weight=-1.0)]}, "residuals.weight"),
+    ],
+)
 def test_an_unusable_problem_is_refused_by_name(changes, said):
     with pytest.raises(InputError, match=said):
         simple(**changes)
@@ -182,9 +210,13 @@ def test_a_start_of_another_shape_or_without_a_value_is_refused():
         solve(problem, Start(np.zeros((3, 3))))
     with pytest.raises(InputError, match=r"start\.z"):
         solve(problem, Start(np.full((9, 3), np.nan)))
-    problem.function = Outputs(lambda z, p: (np.full((9, 2), np.nan), np.zeros((9, 2, 3)), np.zeros((9, 2, 0))))
+    problem.function = Outputs(
+        lambda z, p: (np.full((9, 2), np.nan), np.zeros((9, 2, 3)), np.zeros((9, 2, 0)))
+    )
     with pytest.raises(InputError, match=r"no finite value at 0\.000"):
         solve(problem, zero(problem))
-    problem.function = Outputs(lambda z, p: (np.zeros((9, 2)), np.full((9, 2, 3), np.inf), np.zeros((9, 2, 0))))
+    problem.function = Outputs(
+        lambda z, p: (np.zeros((9, 2)), np.full((9, 2, 3), np.inf), np.zeros((9, 2, 0)))
+    )
     with pytest.raises(InputError, match="no finite value at some"):
         solve(problem, zero(problem))

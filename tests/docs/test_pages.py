@@ -25,7 +25,9 @@ def test_the_page_on_contacts_wires_a_foot_and_has_every_contact_under_every_way
     for block in re.findall(r"^```python\n(.*?)^```$", page, flags=re.MULTILINE | re.DOTALL):
         exec(block, names)
     assert names["wired"].reaction is not None and names["wired"].command is not None
-    rows = re.findall(r"^\| `(\w+)` \| ([^|]+) \|(?: [^|]+ \|){4}[^|]*\|$", page, flags=re.MULTILINE)
+    rows = re.findall(
+        r"^\| `(\w+)` \| ([^|]+) \|(?: [^|]+ \|){4}[^|]*\|$", page, flags=re.MULTILINE
+    )
     assert sorted(rows) == sorted((contact, way.name) for contact in CONTACTS for way in WAYS)
 
 
@@ -39,43 +41,66 @@ def test_tutorial_does_what_it_says(page, tmp_path):
     for name in tutorial.pictures(page):
         made, shown = imread(tmp_path / name), imread(page.parent / "pictures" / name)
         assert made.shape == shown.shape, f"run python docs/_ext/tutorial.py {page}"
-        assert np.mean(np.abs(made - shown)) < 0.02, f"the picture is another: python docs/_ext/tutorial.py {page}"
+        assert np.mean(np.abs(made - shown)) < 0.02, (
+            f"the picture is another: python docs/_ext/tutorial.py {page}"
+        )
 
 
 def test_every_figure_in_a_tutorial_is_checked():
     """What a block prints is followed by what the reader will see; nothing else is run."""
-    assert {path.stem for path in TUTORIALS} == {"prosthetist", "researcher", "roboticist", "tester"}
+    assert {path.stem for path in TUTORIALS} == {
+        "prosthetist",
+        "researcher",
+        "roboticist",
+        "tester",
+    }
     for page in TUTORIALS:
         blocks = tutorial.blocks(page)
         assert {block.language for block in blocks} <= {"python", "bash", "text", "shell"}
         for block, following in zip(blocks, [*blocks[1:], None], strict=True):
             if block.language == "python" and "print(" in block.text:
-                assert following is not None and following.language == "text", f"{page.name}:{block.line}"
+                assert following is not None and following.language == "text", (
+                    f"{page.name}:{block.line}"
+                )
         assert any(block.language == "text" for block in blocks)
 
 
-@pytest.mark.parametrize(("printed", "page", "agrees"), [
-    ("peak 12.35 N\n", "peak 12.34 N", True),
-    ("peak 12.36 N\n", "peak 12.34 N", False),
-    ("peak -3 N", "peak 3 N", False),
-    ("at 66 mm: 10.0 N/mm\nat 151 mm: 32.0 N/mm", "at 66 mm:  10.0 N/mm\n  at 151 mm: 32.0 N/mm", True),
-    ("name v_3: 7 steps, done", "name v_2: ... done", False),
-    ("a table | walk_1 | good | 5\nmore", "... walk_1 ... good ...", True),
-    ("2.1e-05 m", "2.0e-05 m", True),
-])
+@pytest.mark.parametrize(
+    ("printed", "page", "agrees"),
+    [
+        ("peak 12.35 N\n", "peak 12.34 N", True),
+        ("peak 12.36 N\n", "peak 12.34 N", False),
+        ("peak -3 N", "peak 3 N", False),
+        (
+            "at 66 mm: 10.0 N/mm\nat 151 mm: 32.0 N/mm",
+            "at 66 mm:  10.0 N/mm\n  at 151 mm: 32.0 N/mm",
+            True,
+        ),
+        ("name v_3: 7 steps, done", "name v_2: ... done", False),
+        ("a table | walk_1 | good | 5\nmore", "... walk_1 ... good ...", True),
+        ("2.1e-05 m", "2.0e-05 m", True),
+    ],
+)
 def test_printed_numbers_are_compared_to_their_last_written_digit(printed, page, agrees):
     assert tutorial.same(printed, page) is agrees
 
 
 def test_blocks_share_a_namespace_and_a_wrong_number_or_a_command_that_fails_is_told(tmp_path):
     page = tmp_path / "page.md"
-    blocks = ("Text.\n", "```python\na = 2\n```\n", "```python\nprint(a + 2)\n```\n", "```text\n7\n```\n")
+    blocks = (
+        "Text.\n",
+        "```python\na = 2\n```\n",
+        "```python\nprint(a + 2)\n```\n",
+        "```text\n7\n```\n",
+    )
     page.write_text("\n".join(blocks), encoding="utf-8")
     (wrong,) = tutorial.run(page, tmp_path)
     assert "page.md:12" in wrong
     page.write_text("```python\n1 / 0\n```\n", encoding="utf-8")
     with pytest.raises(ZeroDivisionError):
         tutorial.run(page, tmp_path)
-    page.write_text("```bash\nvsf-drake bench --fulcrum-mm 9000 \\\n    --out x\n```\n", encoding="utf-8")
+    page.write_text(
+        "```bash\nvsf-drake bench --fulcrum-mm 9000 \\\n    --out x\n```\n", encoding="utf-8"
+    )
     with pytest.raises(AssertionError, match="bench --fulcrum-mm 9000 --out x ended with 2"):
         tutorial.run(page, tmp_path)

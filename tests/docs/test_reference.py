@@ -17,7 +17,8 @@ class Spring:
 
     rate: float = quantity(unit="N/m", low=0.0, high=1.0, source="measured: on the bench")
     length: float = quantity(  # unloaded
-        0.1, unit="m", low=0.0, high=1.0, source="measured: end to end")
+        0.1, unit="m", low=0.0, high=1.0, source="measured: end to end"
+    )
     end: str = choice("flat", options=("flat", "open"), source="stated")
 
 
@@ -32,23 +33,43 @@ class Foot(Spring):
 def test_a_meaning_is_the_comment_the_text_below_what_was_measured_or_the_schema_and_else_a_dash():
     meanings = {key: meaning for key, meaning, *_ in _keys(Foot, "", ())}
     assert meanings == {
-        "`rate`": "on the bench", "`length`": "unloaded", "`end`": "–", "`name`": "for the page And nothing else.",
-        "`springs[]`": "A spring of 0 ... 9 coils", "`springs[].rate`": "on the bench",
+        "`rate`": "on the bench",
+        "`length`": "unloaded",
+        "`end`": "–",
+        "`name`": "for the page And nothing else.",
+        "`springs[]`": "A spring of 0 ... 9 coils",
+        "`springs[].rate`": "on the bench",
         "`springs[].length`": "unloaded",
-        "`springs[].end`": "–", "`heel`": "A spring of 0 ... 9 coils", "`heel.rate`": "on the bench",
-        "`heel.length`": "unloaded", "`heel.end`": "–"}
+        "`springs[].end`": "–",
+        "`heel`": "A spring of 0 ... 9 coils",
+        "`heel.rate`": "on the bench",
+        "`heel.length`": "unloaded",
+        "`heel.end`": "–",
+    }
 
 
-@pytest.mark.parametrize(("key", "meaning"), [
-    ("kinematics", "OpenSim .mot or .sto"), ("offsets.alignment_deg", "toe up"), ("thigh_length_m", "hip to knee"),
-    ("knee_width_mm", "epicondyles"), ("foot.zones[].full_damping_depth_m", "full"), ("foot.keel", "leaf-spring")])
+@pytest.mark.parametrize(
+    ("key", "meaning"),
+    [
+        ("kinematics", "OpenSim .mot or .sto"),
+        ("offsets.alignment_deg", "toe up"),
+        ("thigh_length_m", "hip to knee"),
+        ("knee_width_mm", "epicondyles"),
+        ("foot.zones[].full_damping_depth_m", "full"),
+        ("foot.keel", "leaf-spring"),
+    ],
+)
 def test_keys_that_are_often_looked_up_have_their_meaning(key, meaning):
     row = next(line for line in yaml_files().splitlines() if line.startswith(f"| `{key}` |"))
     assert meaning in row.split(" | ")[1]
 
 
 def test_no_key_is_without_a_meaning():
-    bare = [line for line in yaml_files().splitlines() if line.startswith("| `") and line.split(" | ")[1] == "–"]
+    bare = [
+        line
+        for line in yaml_files().splitlines()
+        if line.startswith("| `") and line.split(" | ")[1] == "–"
+    ]
     assert bare == []
 
 

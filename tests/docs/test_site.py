@@ -45,15 +45,42 @@ class Page(html.parser.HTMLParser):
 def site(tmp_path_factory):
     """The built pages by their path."""
     folder = tmp_path_factory.mktemp("documentation")
-    source = shutil.copytree(ROOT / "docs", folder / "docs", ignore=shutil.ignore_patterns("api", "_build"))
+    source = shutil.copytree(
+        ROOT / "docs", folder / "docs", ignore=shutil.ignore_patterns("api", "_build")
+    )
     for beside in ("studies", "models"):  # pages offer files from there
         (folder / beside).symlink_to(ROOT / beside)
-    done = subprocess.run([sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", source,
-                           folder / "html"], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "sphinx",
+            "-W",
+            "--keep-going",
+            "-q",
+            "-b",
+            "html",
+            source,
+            folder / "html",
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
-    of_kernels = ("[IPKernelApp]", "#")  # what the notebooks' kernels say of their ports and their start
-    assert not [line for line in done.stderr.splitlines() if line.strip() and not line.startswith(of_kernels)]
-    return {path.relative_to(folder / "html").as_posix(): Page(path) for path in (folder / "html").rglob("*.html")}
+    of_kernels = (
+        "[IPKernelApp]",
+        "#",
+    )  # what the notebooks' kernels say of their ports and their start
+    assert not [
+        line
+        for line in done.stderr.splitlines()
+        if line.strip() and not line.startswith(of_kernels)
+    ]
+    return {
+        path.relative_to(folder / "html").as_posix(): Page(path)
+        for path in (folder / "html").rglob("*.html")
+    }
 
 
 def test_every_internal_link_leads_somewhere_and_no_page_names_the_machine_that_built_it(site):
@@ -65,21 +92,33 @@ def test_every_internal_link_leads_somewhere_and_no_page_names_the_machine_that_
             parts = urlsplit(link)
             if parts.scheme or parts.netloc or link.startswith("data:"):
                 continue
-            target = posixpath.normpath(posixpath.join(posixpath.dirname(name), unquote(parts.path))
-                                        if parts.path else name)
+            target = posixpath.normpath(
+                posixpath.join(posixpath.dirname(name), unquote(parts.path)) if parts.path else name
+            )
             if target.endswith(".html") and target not in site:
                 dead.append(f"{name}: {link}")
-            elif target in site and parts.fragment and unquote(parts.fragment) not in site[target].anchors:
+            elif (
+                target in site
+                and parts.fragment
+                and unquote(parts.fragment) not in site[target].anchors
+            ):
                 dead.append(f"{name}: {link}")
     assert not dead, "\n".join(dead[:20])
 
 
 def test_every_command_and_every_key_of_a_file_is_in_the_reference(site):
     """Of the commands those that --help lists; of the files some keys at any depth, and that a notebook has run."""
-    options, keys = ("".join(site[f"api/{name}.html"].text) for name in ("command_line", "yaml_files"))
+    options, keys = (
+        "".join(site[f"api/{name}.html"].text) for name in ("command_line", "yaml_files")
+    )
     assert all(f"vsf-drake {name}" in options for name in GUIDES) and "--hold-out" in options
-    for key in ("foot.keel.flexural_modulus_pa", "prosthesis.fulcrum_mm", "ground.patches[].slope_deg",
-                "forefoot[].fulcrum_mm", "tasks[].trials[]"):
+    for key in (
+        "foot.keel.flexural_modulus_pa",
+        "prosthesis.fulcrum_mm",
+        "ground.patches[].slope_deg",
+        "forefoot[].fulcrum_mm",
+        "tasks[].trials[]",
+    ):
         assert key in keys, key
     assert "Pa" in keys and "1e+06 to 1e+12" in keys
     assert "fitted contact" in "".join(site["notebooks/walk_and_fit.html"].text)
@@ -88,12 +127,17 @@ def test_every_command_and_every_key_of_a_file_is_in_the_reference(site):
 def test_every_public_system_and_diagram_has_its_page_with_its_ports(site):
     for cls in (*public_systems(), *public_diagrams()):
         page = site[f"api/{cls.__module__}.html"]
-        block, words = port_text.port_block(cls.__doc__), set(re.findall(r"\w+", " ".join(page.text)))
+        block, words = (
+            port_text.port_block(cls.__doc__),
+            set(re.findall(r"\w+", " ".join(page.text))),
+        )
         name = cls.__name__.split("_")[0]
         assert f"{cls.__module__}.{name}" in page.anchors
         if block:
             assert {*block.inputs, *block.outputs} <= words
-            assert "port-block" not in " ".join(page.text), f"{name}: the block is shown as it is typed"
+            assert "port-block" not in " ".join(page.text), (
+                f"{name}: the block is shown as it is typed"
+            )
         assert "Impl" not in words
 
 
@@ -102,7 +146,9 @@ def test_everything_public_that_is_described_has_a_place(site):
     for module in api_pages.public_modules():
         for name in api_pages.described(Path(module.__file__)):
             page = site[f"api/{api_pages.page_of(module.__name__)}.html"]
-            missing += [] if f"{module.__name__}.{name}" in page.anchors else [f"{module.__name__}.{name}"]
+            missing += (
+                [] if f"{module.__name__}.{name}" in page.anchors else [f"{module.__name__}.{name}"]
+            )
     assert not missing, ", ".join(missing)
 
 

@@ -41,7 +41,16 @@ print("begins", flush=True)
 main()
 """
 """Python's own start, during which no program can answer a signal, is before the first word."""
-UNLIKE = {"wall_s", "compile_s", "elapsed_s", "arrays_sha256", "times.csv", "from_cache", "history", ".vsf_drake.json"}
+UNLIKE = {
+    "wall_s",
+    "compile_s",
+    "elapsed_s",
+    "arrays_sha256",
+    "times.csv",
+    "from_cache",
+    "history",
+    ".vsf_drake.json",
+}
 """Keys and files that are not the same in two runs: times, and hashes over them."""
 
 
@@ -58,20 +67,42 @@ class Command:
 
 def commands(folder: Path) -> tuple[Command, ...]:
     """The shortest forms that pass through every stage, with their inputs in `folder`."""
-    low, high = (copied(embedded_trials("exact")[i], folder, window={"start_s": 0.4, "end_s": 1.3}) for i in (0, 6))
+    low, high = (
+        copied(embedded_trials("exact")[i], folder, window={"start_s": 0.4, "end_s": 1.3})
+        for i in (0, 6)
+    )
     contact = ("--contact", embedded_contact("exact"))
     laboratory = Laboratory(folder)
     recorded = laboratory.standing(), laboratory.walk()
     return (
         Command("simulate", (low, "--step-ms", 2), "result.yaml", load_walk),
-        Command("sweep", (low, "--fulcrum-mm", "66:151:8", "--workers", 2), "sweep.json",
-                lambda out: read_json(out / "sweep.json")),
-        Command("fit", (low, "--quick", "--freeze", "curve.*"), "fit.json", FIT.read, "checkpoint.json"),
-        Command("validate", (low, *contact, "--quick", "--workers", 2), "validation.json", VALIDATION.read),
-        Command("tune", (low, *contact, "--quick", "--cost", "push_off"), "tuning.json", TUNING.read),
-        Command("schedule", (f"slow={low}", f"fast={high}", *contact, "--quick", "--cost", "push_off"), "policy.json",
-                SCHEDULE.read),
-        Command("import", (*recorded, *STATED), "import.json", lambda out: load_trial(out / "walk.yaml")),
+        Command(
+            "sweep",
+            (low, "--fulcrum-mm", "66:151:8", "--workers", 2),
+            "sweep.json",
+            lambda out: read_json(out / "sweep.json"),
+        ),
+        Command(
+            "fit", (low, "--quick", "--freeze", "curve.*"), "fit.json", FIT.read, "checkpoint.json"
+        ),
+        Command(
+            "validate",
+            (low, *contact, "--quick", "--workers", 2),
+            "validation.json",
+            VALIDATION.read,
+        ),
+        Command(
+            "tune", (low, *contact, "--quick", "--cost", "push_off"), "tuning.json", TUNING.read
+        ),
+        Command(
+            "schedule",
+            (f"slow={low}", f"fast={high}", *contact, "--quick", "--cost", "push_off"),
+            "policy.json",
+            SCHEDULE.read,
+        ),
+        Command(
+            "import", (*recorded, *STATED), "import.json", lambda out: load_trial(out / "walk.yaml")
+        ),
     )
 
 
@@ -80,15 +111,21 @@ def started(command: Command, out: Path) -> subprocess.Popen[str]:
     words = [command.name, *command.words, "--out", out]
     if command.goes_on and (out / command.goes_on).exists():
         words.append("--resume")
-    process = subprocess.Popen([sys.executable, "-c", PROGRAM, *map(str, words)], stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
     assert process.stdout is not None
     process.stdout.readline()
     return process
 
 
-def interrupted(command: Command, name: str, moment_s: float, out: Path, whole: Path, *,
-                always: bool = True) -> list[str]:
+def interrupted(
+    command: Command, name: str, moment_s: float, out: Path, whole: Path, *, always: bool = True
+) -> list[str]:
     """What is wrong after a signal at `moment_s`, and after the next run, whose results are to be those of `whole`.
 
     Where nothing at all is left, the next run is a first one: without `always` it is then left out.
@@ -111,7 +148,9 @@ def _wrong_end(command: Command, name: str, moment_s: float, out: Path, whole: P
     try:
         process.wait(moment_s)
     except subprocess.TimeoutExpired:
-        if name == "INT":  # Ctrl-C reaches every process of a terminal; who else ends a program names it
+        if (
+            name == "INT"
+        ):  # Ctrl-C reaches every process of a terminal; who else ends a program names it
             os.killpg(process.pid, signal.SIGINT)
         else:
             process.send_signal(signal.Signals[f"SIG{name}"])
@@ -140,7 +179,11 @@ def content(out: Path) -> dict[str, Any]:
     """Every number and word of a folder of results, by file; pictures and pages by name only."""
     parsed: dict[str, Any] = {}
     for path in sorted(out.rglob("*")):
-        if path.is_file() and path.relative_to(out).parts[0] not in ("cache", "unfinished") and path.name not in UNLIKE:
+        if (
+            path.is_file()
+            and path.relative_to(out).parts[0] not in ("cache", "unfinished")
+            and path.name not in UNLIKE
+        ):
             parsed[path.relative_to(out).as_posix()] = _parsed(path)
     return parsed
 
@@ -156,13 +199,17 @@ def differences(old: Any, new: Any, place: str = "") -> Iterator[str]:
     elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
         for i, pair in enumerate(zip(old, new, strict=True)):
             yield from differences(*pair, f"{place}[{i}]")
-    elif old != new and not (isinstance(old, float) and isinstance(new, float) and math.isnan(old) and math.isnan(new)):
+    elif old != new and not (
+        isinstance(old, float) and isinstance(new, float) and math.isnan(old) and math.isnan(new)
+    ):
         yield f"{place}: {str(old)[:60]} became {str(new)[:60]}"
 
 
 def session_of(leader: int) -> list[str]:
     """Living processes of a session: what it has started stays in it, whoever its parent is now."""
-    listed = subprocess.run(["ps", "-o", "pid=,stat=", "-s", str(leader)], capture_output=True, text=True, check=False)
+    listed = subprocess.run(
+        ["ps", "-o", "pid=,stat=", "-s", str(leader)], capture_output=True, text=True, check=False
+    )
     return [line for line in listed.stdout.splitlines() if not line.split()[1].startswith("Z")]
 
 

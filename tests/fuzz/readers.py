@@ -80,7 +80,9 @@ class Reader:
     files: tuple[str, ...]
     calls: tuple[Callable[[Path], Any], ...]  # each given the path of the damaged file
     check: Callable[[Any], None]  # of what a call returns
-    signed: str = ""  # the file beside an NPZ with its SHA-256, made good so that the reader looks further
+    signed: str = (
+        ""  # the file beside an NPZ with its SHA-256, made good so that the reader looks further
+    )
     slow: int = 1  # how many times fewer mutations it gets in a long run
 
 
@@ -94,7 +96,13 @@ def sound(value: Any) -> None:
         for item in value:
             sound(item)
     elif type(value).__module__.startswith("vsf_drake") and hasattr(value, "__dict__"):
-        sound([item for name, item in vars(value).items() if name not in ("cop_W", "recording", "tracked")])
+        sound(
+            [
+                item
+                for name, item in vars(value).items()
+                if name not in ("cop_W", "recording", "tracked")
+            ]
+        )
 
 
 def anything(value: Any) -> None:
@@ -108,10 +116,15 @@ def consistent(read: Any) -> None:
     assert (read.marker_rate_hz is None) == (not read.markers) or read.marker_rate_hz > 0.0
     for place in read.markers.values():
         assert place.shape == (read.frames, 3)
-        assert (np.isnan(place).all(axis=1) == np.isnan(place).any(axis=1)).all() and not np.isinf(place).any()
+        assert (np.isnan(place).all(axis=1) == np.isnan(place).any(axis=1)).all() and not np.isinf(
+            place
+        ).any()
     samples = len(read.force_time_s)
     for plate in read.plates:
-        assert plate.force_n.shape == plate.cop_m.shape == (samples, 3) and plate.free_moment_nm.shape == (samples,)
+        assert plate.force_n.shape == plate.cop_m.shape == (
+            samples,
+            3,
+        ) and plate.free_moment_nm.shape == (samples,)
         assert np.isfinite(plate.force_n).all() and np.isfinite(plate.free_moment_nm).all()
         loaded = plate.force_n[:, 2] > 20.0
         assert np.isnan(plate.cop_m[~loaded]).all() and not np.isinf(plate.cop_m).any()
@@ -133,34 +146,88 @@ READERS = (
     Reader("c3d", ("a.c3d",), (*RECORDING, list_labels), consistent),
     Reader("trc", ("a.trc",), (*RECORDING, list_labels), consistent),
     Reader("forces", ("a.mot", "a.sto", "a.csv", "a.forces"), RECORDING, consistent),
-    Reader("trial", MANIFESTS, (in_folder(lambda folder: load_trial(folder / "trial.yaml")),), sound, slow=2),
-    Reader("markers", ("trial.yaml", "subject.yaml", "static.trc", "walk.trc", "walk.mot"),
-           (in_folder(lambda folder: load_trial(folder / "trial.yaml")),), sound, slow=60),
+    Reader(
+        "trial",
+        MANIFESTS,
+        (in_folder(lambda folder: load_trial(folder / "trial.yaml")),),
+        sound,
+        slow=2,
+    ),
+    Reader(
+        "markers",
+        ("trial.yaml", "subject.yaml", "static.trc", "walk.trc", "walk.mot"),
+        (in_folder(lambda folder: load_trial(folder / "trial.yaml")),),
+        sound,
+        slow=60,
+    ),
     Reader("subject", ("subject.yaml", "whole.yaml"), (load_subject, load_stated_subject), sound),
-    Reader("marker_map", ("plug_in_gait.yaml", "rajagopal.yaml", "ior.yaml"), (load_marker_map,), sound),
+    Reader(
+        "marker_map", ("plug_in_gait.yaml", "rajagopal.yaml", "ior.yaml"), (load_marker_map,), sound
+    ),
     Reader("model", ("nominal.yaml",), (load_model,), sound, slow=2),
     Reader("contact", ("contact.yaml",), (load_contact,), sound),
     Reader("ground", ("ground.yaml",), (load_ground,), sound),
     Reader("scenario", ("scenario.yaml", "person.yaml", "bench.yaml"), (load_scenario,), sound),
     Reader("bench_file", ("bench.yaml",), (load_bench_file, load_measured_bench), sound),
     Reader("bench_curves", ("curves.csv",), (load_bench_curves, load_measured_bench), sound),
-    Reader("walk", ("result.yaml", "result.npz"),
-           (in_folder(load_walk), in_folder(lambda out: check_target(out, "walk"))), anything,
-           signed="result.yaml", slow=2),
-    Reader("fit", ("fit.json", "fit.npz", "checkpoint.json"),
-           (in_folder(FIT.read), in_folder(FIT.check),
-            in_folder(lambda out: Checkpoint(out / "checkpoint.json", resume=True))), anything, signed="fit.json"),
-    Reader("tuning", ("tuning.json", "tuning.npz"),
-           (in_folder(TUNING.read), in_folder(TUNING.check), read_warm_start), anything, signed="tuning.json"),
-    Reader("schedule", ("policy.json",), (load_schedule, in_folder(SCHEDULE.read), in_folder(SCHEDULE.check)),
-           sound),
-    Reader("validation", ("validation.json", "validation.npz"),
-           (in_folder(VALIDATION.read), in_folder(VALIDATION.check)), anything, signed="validation.json"),
-    Reader("section", ("standing.json", "standing.npz"),
-           (in_folder(lambda at: SectionStore(at, KEY).read("standing", StoodTable)),), anything,
-           signed="standing.json"),
-    Reader("sweep", ("sweep.json",), (in_folder(lambda out: check_sweep_folder(out, [small_trial()])),), anything),
-    Reader("cache", (f"{KEY[:2]}/{KEY}.npz",), (lambda path: WalkCache(path.parents[1]).read(KEY),), anything),
+    Reader(
+        "walk",
+        ("result.yaml", "result.npz"),
+        (in_folder(load_walk), in_folder(lambda out: check_target(out, "walk"))),
+        anything,
+        signed="result.yaml",
+        slow=2,
+    ),
+    Reader(
+        "fit",
+        ("fit.json", "fit.npz", "checkpoint.json"),
+        (
+            in_folder(FIT.read),
+            in_folder(FIT.check),
+            in_folder(lambda out: Checkpoint(out / "checkpoint.json", resume=True)),
+        ),
+        anything,
+        signed="fit.json",
+    ),
+    Reader(
+        "tuning",
+        ("tuning.json", "tuning.npz"),
+        (in_folder(TUNING.read), in_folder(TUNING.check), read_warm_start),
+        anything,
+        signed="tuning.json",
+    ),
+    Reader(
+        "schedule",
+        ("policy.json",),
+        (load_schedule, in_folder(SCHEDULE.read), in_folder(SCHEDULE.check)),
+        sound,
+    ),
+    Reader(
+        "validation",
+        ("validation.json", "validation.npz"),
+        (in_folder(VALIDATION.read), in_folder(VALIDATION.check)),
+        anything,
+        signed="validation.json",
+    ),
+    Reader(
+        "section",
+        ("standing.json", "standing.npz"),
+        (in_folder(lambda at: SectionStore(at, KEY).read("standing", StoodTable)),),
+        anything,
+        signed="standing.json",
+    ),
+    Reader(
+        "sweep",
+        ("sweep.json",),
+        (in_folder(lambda out: check_sweep_folder(out, [small_trial()])),),
+        anything,
+    ),
+    Reader(
+        "cache",
+        (f"{KEY[:2]}/{KEY}.npz",),
+        (lambda path: WalkCache(path.parents[1]).read(KEY),),
+        anything,
+    ),
 )
 
 
@@ -198,8 +265,13 @@ class Workbench:
         try:
             path.write_bytes(damaged)
             if path.suffix == ".npz" and reader.signed:
-                signed.write_bytes(re.sub(rb"(arrays_sha256\W+)[0-9a-f]{64}", rb"\g<1>" + sha256(path).encode(),
-                                          self._whole[signed]))
+                signed.write_bytes(
+                    re.sub(
+                        rb"(arrays_sha256\W+)[0-9a-f]{64}",
+                        rb"\g<1>" + sha256(path).encode(),
+                        self._whole[signed],
+                    )
+                )
             for call in reader.calls:
                 with limited():
                     reader.check(call(path))
@@ -208,7 +280,11 @@ class Workbench:
             if str(self.folder) not in said:
                 return f"the message names no file: {said[:300]}"
         except (Exception, TooLong) as error:
-            own = [at for at in traceback.extract_tb(error.__traceback__) if "site-packages" not in at.filename][-1]
+            own = [
+                at
+                for at in traceback.extract_tb(error.__traceback__)
+                if "site-packages" not in at.filename
+            ][-1]
             return f"{type(error).__name__} at {Path(own.filename).name}:{own.lineno}: {str(error)[:200]!r}"
         finally:
             path.write_bytes(self._whole[path])
@@ -220,6 +296,7 @@ class Workbench:
 @contextlib.contextmanager
 def limited() -> Iterator[None]:
     """Ends what is inside after so much processor time, and (on Linux) refuses it 300 MB beyond what there is."""
+
     def late(*_: object) -> None:
         raise TooLong(f"not back after {MOST_S:g} s")
 
@@ -248,12 +325,17 @@ def _write_recordings(folder: Path) -> None:
     for name in ("c3d", "trc", "forces", "trial", "markers"):
         (folder / name).mkdir()
     at = np.random.default_rng(1).uniform([0, -0.3, 0.05], [0.3, 0.3, 1.6], (6, 3))
-    markers = {f"M{k}": p + np.outer(np.linspace(0, 1, FRAMES), [1, 0, 0]) for k, p in enumerate(at)}
+    markers = {
+        f"M{k}": p + np.outer(np.linspace(0, 1, FRAMES), [1, 0, 0]) for k, p in enumerate(at)
+    }
     phase = np.linspace(0, 1, SAMPLES)
     force = np.column_stack([50 * np.sin(6 * phase), 20 * phase, 700 + 50 * phase])
     cop = np.column_stack([0.4 + 0.1 * phase, 0.1 * phase, 0 * phase])
     made = MadePlate(2, force, cop, 3 * phase, rectangle((0.45, 0.05)))
-    kinds = (made, *(MadePlate(k, force, cop, 3 * phase, rectangle((1.0 + k, 0.0))) for k in (1, 3, 4)))
+    kinds = (
+        made,
+        *(MadePlate(k, force, cop, 3 * phase, rectangle((1.0 + k, 0.0))) for k in (1, 3, 4)),
+    )
     write_c3d(folder / "c3d" / "a.c3d", markers, plates=kinds, subframes=2)
     write_trc(folder / "trc" / "a.trc", markers, rate_hz=20.0)
     plate, at_s = Plate("r", force, cop, 3 * phase), np.arange(SAMPLES) / 100
@@ -261,39 +343,67 @@ def _write_recordings(folder: Path) -> None:
         write_forces_mot(folder / f"forces/a{suffix}", time_s=at_s, plates={"r": plate, "l": plate})
     rows = np.column_stack([at_s, force[:, [0, 2, 1]], cop[:, [0, 2, 1]], phase])
     text = "\n".join(",".join(repr(float(x)) for x in row) for row in rows)
-    (folder / "forces" / "a.csv").write_text(f"time,Fx1,Fy1,Fz1,COPx1,COPy1,COPz1,Mz1\ns,N,N,N,m,m,m,Nm\n{text}\n")
+    (folder / "forces" / "a.csv").write_text(
+        f"time,Fx1,Fy1,Fz1,COPx1,COPy1,COPz1,Mz1\ns,N,N,N,m,m,m,Nm\n{text}\n"
+    )
     rows[:, 4:] *= 1e3
-    text = "\n".join("\t".join([str(i + 1), *(f"{x:.2f}" for x in row[1:])]) for i, row in enumerate(rows))
+    text = "\n".join(
+        "\t".join([str(i + 1), *(f"{x:.2f}" for x in row[1:])]) for i, row in enumerate(rows)
+    )
     (folder / "forces" / "a.forces").write_text(
         "[Force Data]\nNumberOfForcePlates=1\nSampleRate=100.0\nNumberOfSamples=40\n"
-        f"#Sample\tFX1\tFY1\tFZ1\tX1\tY1\tZ1\tMZ1\n{text}\n")
+        f"#Sample\tFX1\tFY1\tFZ1\tX1\tY1\tZ1\tMZ1\n{text}\n"
+    )
     TrialFiles(folder / "trial", force_time=np.arange(0.0, 1.8001, 0.005)).write()
     laboratory = Laboratory(folder / "markers")
     laboratory.standing()
     laboratory.walk()
     (folder / "markers" / "subject.yaml").write_text(
-        "sex: male\nprosthetic_side: right\nmass_kg: 78\nstature_m: 1.81\n")
+        "sex: male\nprosthetic_side: right\nmass_kg: 78\nstature_m: 1.81\n"
+    )
     (folder / "markers" / "trial.yaml").write_text(
         "subject: subject.yaml\nmarkers: walk.trc\nstanding: static.trc\nforces: walk.mot\nhip_centre: harrington\n"
-        "marker_cutoff_hz: 6\nprosthesis: {fulcrum_mm: 66}\n")
+        "marker_cutoff_hz: 6\nprosthesis: {fulcrum_mm: 66}\n"
+    )
 
 
 def _write_descriptions(folder: Path) -> None:
     """Persons, models, contacts, places and benches."""
-    for name in ("subject", "marker_map", "model", "contact", "ground", "scenario", "bench_file", "bench_curves"):
+    for name in (
+        "subject",
+        "marker_map",
+        "model",
+        "contact",
+        "ground",
+        "scenario",
+        "bench_file",
+        "bench_curves",
+    ):
         (folder / name).mkdir()
     reference = resource("data/reference_subject")
     maps = resource("models/marker_maps").iterdir()
     for source in (reference / "subject.yaml", resource("models/nominal.yaml"), *maps):
         kind = {"subject.yaml": "subject", "nominal.yaml": "model"}.get(source.name, "marker_map")
         shutil.copy(source, folder / kind)
-    (folder / "subject" / "whole.yaml").write_text(yaml.safe_dump({
-        "name": "somebody", "mass_kg": 80.0, "stature_m": 1.8, "sex": "female", "prosthetic_side": "left",
-        "thigh_length_m": 0.43, "prosthesis_length_m": 0.48, "prosthesis_toe_out_rad": 0.1}))
+    (folder / "subject" / "whole.yaml").write_text(
+        yaml.safe_dump(
+            {
+                "name": "somebody",
+                "mass_kg": 80.0,
+                "stature_m": 1.8,
+                "sex": "female",
+                "prosthetic_side": "left",
+                "thigh_length_m": 0.43,
+                "prosthesis_length_m": 0.48,
+                "prosthesis_toe_out_rad": 0.1,
+            }
+        )
+    )
     save_contact(made_contact(), folder / "contact" / "contact.yaml")
     (folder / "ground" / "ground.yaml").write_text(
         "patches:\n  - {name: floor}\n  - {name: ramp, from_x_m: 1.0, reference_x_m: 1.0, slope_deg: 5.0}\n"
-        "  - {name: mat, from_x_m: 0.6, to_x_m: 1.0, height_m: 0.01, stiffness_n_per_m: 2.0e+4}\n")
+        "  - {name: mat, from_x_m: 0.6, to_x_m: 1.0, height_m: 0.01, stiffness_n_per_m: 2.0e+4}\n"
+    )
     one_of_everything(folder / "scenario")
     for name in ("person.yaml", "bench.yaml"):
         shutil.copy(resource("models/scenarios") / name, folder / "scenario")
@@ -306,32 +416,71 @@ def _write_results(folder: Path, validation: Path | None) -> None:
     save_walk(make_walk(step_s=0.02), folder / "walk")
     fit = made_fit()
     _save(folder / "fit", "fit", {**fit_json(fit), "files": []}, fit_arrays(fit))
-    (folder / "fit" / "checkpoint.json").write_text('{"key": "x", "searches": [{"start": [0.0], "cost": 1.0}]}')
+    (folder / "fit" / "checkpoint.json").write_text(
+        '{"key": "x", "searches": [{"start": [0.0], "cost": 1.0}]}'
+    )
     tuning = small_table() if validation is None else made_table()
     _save(folder / "tuning", "tuning", plain(tuning), made_arrays())
     _save(folder / "schedule", "policy", plain(made_schedule()), {})
     if validation is not None:
-        shutil.copytree(validation, folder / "validation", ignore=shutil.ignore_patterns("walks", "replay.html"))
+        shutil.copytree(
+            validation, folder / "validation", ignore=shutil.ignore_patterns("walks", "replay.html")
+        )
     else:
-        _save(folder / "validation", "validation", {
-            "kind": "validation", "format": 1, "title": "Validation", "first_line": "SYNTHETIC", "synthetic": True,
-            "notes": [], "failed": [["a", "b"]], "summary": [], "trials": [], "contact": "none",
-            "options": {"quick": True, "seed": 0, "step_s": 2e-3},
-            "provenance": {"versions": {}, "inputs_sha256": {}}, "sections": {}}, {"walking__x": np.ones(3)})
-    stood = StoodTable(rows=(), worst_mass_error=None, paper_mass_error=0.026, duration_s=10.0, all_stand=None)
+        _save(
+            folder / "validation",
+            "validation",
+            {
+                "kind": "validation",
+                "format": 1,
+                "title": "Validation",
+                "first_line": "SYNTHETIC",
+                "synthetic": True,
+                "notes": [],
+                "failed": [["a", "b"]],
+                "summary": [],
+                "trials": [],
+                "contact": "none",
+                "options": {"quick": True, "seed": 0, "step_s": 2e-3},
+                "provenance": {"versions": {}, "inputs_sha256": {}},
+                "sections": {},
+            },
+            {"walking__x": np.ones(3)},
+        )
+    stood = StoodTable(
+        rows=(), worst_mass_error=None, paper_mass_error=0.026, duration_s=10.0, all_stand=None
+    )
     SectionStore(folder / "section", KEY).write(
-        "standing", Finished(section=Section(table=stood, arrays={"x": np.ones(3)}), wall_s=1.0))
+        "standing", Finished(section=Section(table=stood, arrays={"x": np.ones(3)}), wall_s=1.0)
+    )
     (folder / "sweep").mkdir()
     own = small_trial()
-    write_json(folder / "sweep" / "sweep.json", {
-        "kind": "sweep", "trials": [{"name": own.name, "file": str(own.path), "inputs": own.inputs}]})
+    write_json(
+        folder / "sweep" / "sweep.json",
+        {
+            "kind": "sweep",
+            "trials": [{"name": own.name, "file": str(own.path), "inputs": own.inputs}],
+        },
+    )
     WalkCache(folder / "cache").write(
-        WorkerTask(KEY, "person", None, "motion", None, {"step_s": 1e-3}, ("grf_W",), {"numpy": "2"}),
-        Reply(Kind.DONE, arrays={"grf_W": np.ones((4, 3))}, columns={"q": ("a", "b")}, unconverged_steps=0,
-              refined_steps=0, wall_s=0.1, notes=("a note",)))
+        WorkerTask(
+            KEY, "person", None, "motion", None, {"step_s": 1e-3}, ("grf_W",), {"numpy": "2"}
+        ),
+        Reply(
+            Kind.DONE,
+            arrays={"grf_W": np.ones((4, 3))},
+            columns={"q": ("a", "b")},
+            unconverged_steps=0,
+            refined_steps=0,
+            wall_s=0.1,
+            notes=("a note",),
+        ),
+    )
 
 
-def _save(folder: Path, name: str, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+def _save(
+    folder: Path, name: str, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
+) -> None:
     """A table and its arrays as commands write them, without the page."""
     folder.mkdir()
     np.savez_compressed(folder / f"{name}.npz", **arrays)

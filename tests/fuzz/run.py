@@ -34,7 +34,11 @@ def files(given: argparse.Namespace) -> Iterator[str]:
         for reader in chosen:
             numbers = range(given.seed, given.seed + math.ceil(share / reader.slow))
             print(f"{reader.name}: {len(numbers)} mutations", flush=True)
-            yield from (f"{reader.name} {n}: {fault}" for n in numbers if (fault := workbench.fault(reader, n)))
+            yield from (
+                f"{reader.name} {n}: {fault}"
+                for n in numbers
+                if (fault := workbench.fault(reader, n))
+            )
 
 
 def walks(given: argparse.Namespace) -> Iterator[str]:
@@ -42,8 +46,13 @@ def walks(given: argparse.Namespace) -> Iterator[str]:
     from drawn_walks import assert_sound, drawn  # noqa: PLC0415
 
     for i, first in enumerate(range(0, given.count, 100)):
-        done = drawn(i % 3, min(100, given.count - first), seed=given.seed + i, step_s=1e-3 * given.step_ms)
-        print(f"{len(done)} walks, {sum(one.failure is not None for one in done)} left the model's range", flush=True)
+        done = drawn(
+            i % 3, min(100, given.count - first), seed=given.seed + i, step_s=1e-3 * given.step_ms
+        )
+        print(
+            f"{len(done)} walks, {sum(one.failure is not None for one in done)} left the model's range",
+            flush=True,
+        )
         try:
             assert_sound(done)
         except AssertionError as fault:
@@ -65,23 +74,35 @@ def kills(given: argparse.Namespace) -> Iterator[str]:
                 usual_s = time.monotonic() - began
                 if process.returncode:
                     yield f"{command.name} ends with {process.returncode}: {said}"
-            yield from (f"{command.name} twice: {fault}" for fault in differences(content(whole), content(again)))
+            yield from (
+                f"{command.name} twice: {fault}"
+                for fault in differences(content(whole), content(again))
+            )
             for signal in [given.signal] if given.signal else CODES:
                 for i in range(given.moments):
-                    at, out = rng.uniform(0.0, usual_s), Path(name, f"{command.name}_{signal}_{i}", "out")
+                    at, out = (
+                        rng.uniform(0.0, usual_s),
+                        Path(name, f"{command.name}_{signal}_{i}", "out"),
+                    )
                     out.parent.mkdir()
-                    yield from (f"{command.name} {signal} at {at:.2f} s: {fault}"
-                                for fault in interrupted(command, signal, at, out, whole, always=i % 5 == 0))
+                    yield from (
+                        f"{command.name} {signal} at {at:.2f} s: {fault}"
+                        for fault in interrupted(command, signal, at, out, whole, always=i % 5 == 0)
+                    )
 
 
 def main() -> int:
     """Runs one of the three; 1 if there were faults."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("what", choices=("files", "walks", "kills"))
     parser.add_argument("--count", type=int, default=1000, help="mutations, or walks")
     parser.add_argument("--seed", type=int, default=0, help="the first number")
     parser.add_argument("--reader", help="only this one")
-    parser.add_argument("--validation", type=Path, help="folder of a finished `vsf-drake validate --quick`")
+    parser.add_argument(
+        "--validation", type=Path, help="folder of a finished `vsf-drake validate --quick`"
+    )
     parser.add_argument("--step-ms", type=float, default=1.0)
     parser.add_argument("--moments", type=int, default=30)
     parser.add_argument("--command", help="only this one")

@@ -24,7 +24,10 @@ def test_undamaged_files_read(workbench, reader):
 @pytest.mark.filterwarnings("error")
 @every_reader
 def test_damaged_files_read_or_are_refused(workbench, reader):
-    faults = {number: workbench.fault(reader, number) for number in range(max(1, MUTATIONS // reader.slow))}
+    faults = {
+        number: workbench.fault(reader, number)
+        for number in range(max(1, MUTATIONS // reader.slow))
+    }
     assert not {number: fault for number, fault in faults.items() if fault}
 
 
@@ -39,5 +42,11 @@ def test_a_command_that_a_signal_ended_leaves_no_trace_in_the_next_run(tmp_path,
     usual_s = time.monotonic() - began
     for i, signal in enumerate(CODES):
         (tmp_path / signal).mkdir()
-        assert not interrupted(command, signal, 0.25 * (i + 1) * usual_s, tmp_path / signal / "out", whole,
-                               always=False)
+        assert not interrupted(
+            command,
+            signal,
+            0.25 * (i + 1) * usual_s,
+            tmp_path / signal / "out",
+            whole,
+            always=False,
+        )

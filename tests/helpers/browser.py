@@ -61,26 +61,60 @@ class Seen:
 
 def chromium() -> str | None:
     """The browser's command; None where there is none."""
-    return next((found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))),
-                None)
+    return next(
+        (
+            found
+            for name in ("chromium", "chromium-browser", "google-chrome")
+            if (found := shutil.which(name))
+        ),
+        None,
+    )
 
 
-def look(page: Path, folder: Path, *, width: int, height: int = 900, budget_ms: int = 8000,
-         act: str = "return null;") -> Seen:
+def look(
+    page: Path,
+    folder: Path,
+    *,
+    width: int,
+    height: int = 900,
+    budget_ms: int = 8000,
+    act: str = "return null;",
+) -> Seen:
     """Opens `page` in a frame `width` pixels wide for `budget_ms` of its time and does there what the script `act`
     does before words and tables are counted; `folder` is an empty one to work in."""
     text = page.read_text(encoding="utf-8")
     measure = _MEASURE.replace("ACT", act)
-    (folder / "page.html").write_text(text.replace("</body>", measure + "</body>"), encoding="utf-8")
+    (folder / "page.html").write_text(
+        text.replace("</body>", measure + "</body>"), encoding="utf-8"
+    )
     (folder / "frame.html").write_text(_FRAME.format(width=width, height=height), encoding="utf-8")
     log = folder / "net.json"
-    command = [chromium(), "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
-               "--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run",
-               "--disable-default-apps", "--disable-extensions", "--hide-scrollbars", "--enable-logging=stderr",
-               f"--user-data-dir={folder / 'profile'}", f"--log-net-log={log}", f"--virtual-time-budget={budget_ms}",
-               f"--window-size={max(width, 500)},{height + 40}", f"file://{folder / 'frame.html'}"]
-    ended = subprocess.run([*command, "--dump-dom"], capture_output=True, text=True, timeout=120, check=True)
-    seen = json.loads(html.unescape(re.search(r'<pre id="seen">(.*?)</pre>', ended.stdout, re.DOTALL)[1]))
+    command = [
+        chromium(),
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-dev-shm-usage",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
+        "--no-first-run",
+        "--disable-default-apps",
+        "--disable-extensions",
+        "--hide-scrollbars",
+        "--enable-logging=stderr",
+        f"--user-data-dir={folder / 'profile'}",
+        f"--log-net-log={log}",
+        f"--virtual-time-budget={budget_ms}",
+        f"--window-size={max(width, 500)},{height + 40}",
+        f"file://{folder / 'frame.html'}",
+    ]
+    ended = subprocess.run(
+        [*command, "--dump-dom"], capture_output=True, text=True, timeout=120, check=True
+    )
+    seen = json.loads(
+        html.unescape(re.search(r'<pre id="seen">(.*?)</pre>', ended.stdout, re.DOTALL)[1])
+    )
     console = [line for line in ended.stderr.splitlines() if "CONSOLE" in line]
     return Seen(**seen, console=console, requests=_requests(log))
 

@@ -30,7 +30,13 @@ class Outputs:
 def constant_outputs(rows):
     """y = rows z, no parameters."""
     rows = np.asarray(rows, dtype=float)
-    return Outputs(lambda z, p: (z @ rows.T, np.tile(rows, (len(z), 1, 1)), np.zeros((len(z), len(rows), len(p)))))
+    return Outputs(
+        lambda z, p: (
+            z @ rows.T,
+            np.tile(rows, (len(z), 1, 1)),
+            np.zeros((len(z), len(rows), len(p))),
+        )
+    )
 
 
 def ends(grid, first=(), last=()):
@@ -46,8 +52,15 @@ def regulator(method, intervals, duration_s=3.0):
     """min 1/2 int x^2 + a^2 from x = 1 at rest, free end; exact x(t) and cost by the Hamiltonian's exponential."""
     grid = Grid(method, intervals, duration_s, periodic=False)
     low, high = ends(grid, first=((0, 1.0), (1, 0.0)))
-    problem = TrajectoryProblem(constant_outputs([[1, 0, 0], [0, 0, 1]]), Layout(("x",)), grid, outputs=2,
-                                residuals=[Residuals(outputs=[0, 1])], low=low, high=high)
+    problem = TrajectoryProblem(
+        constant_outputs([[1, 0, 0], [0, 0, 1]]),
+        Layout(("x",)),
+        grid,
+        outputs=2,
+        residuals=[Residuals(outputs=[0, 1])],
+        low=low,
+        high=high,
+    )
     plant, force = np.array([[0.0, 1.0], [0.0, 0.0]]), np.diag([0.0, 1.0])
     flow = np.block([[plant, -force], [-np.diag([1.0, 0.0]), -plant.T]])
     whole, begin = expm(flow * duration_s), np.array([1.0, 0.0])
@@ -60,8 +73,15 @@ def oscillator(method, intervals, duration_s=3.0):
     """x'' + x = 0 from x = 1 at rest: nothing to optimise, x(t) = cos t."""
     grid = Grid(method, intervals, duration_s, periodic=False)
     low, high = ends(grid, first=((0, 1.0), (1, 0.0)))
-    problem = TrajectoryProblem(constant_outputs([[1, 0, 1]]), Layout(("x",)), grid, outputs=1, equations=[0],
-                                low=low, high=high)
+    problem = TrajectoryProblem(
+        constant_outputs([[1, 0, 1]]),
+        Layout(("x",)),
+        grid,
+        outputs=1,
+        equations=[0],
+        low=low,
+        high=high,
+    )
     return problem, np.cos(grid.times_s)
 
 
@@ -76,8 +96,17 @@ def rest_to_rest(most, *, as_limit, intervals=60):
     limits = [Limits(outputs=[0], low=-most, high=most)] if as_limit else []
     if not as_limit:
         low[:, 2], high[:, 2] = -most, most
-    problem = TrajectoryProblem(constant_outputs([[0, 0, 1]]), Layout(("x",)), grid, outputs=1, limits=limits,
-                                y_scale=3.0, residuals=[Residuals(outputs=[0])], low=low, high=high)
+    problem = TrajectoryProblem(
+        constant_outputs([[0, 0, 1]]),
+        Layout(("x",)),
+        grid,
+        outputs=1,
+        limits=limits,
+        y_scale=3.0,
+        residuals=[Residuals(outputs=[0])],
+        low=low,
+        high=high,
+    )
     s = np.sqrt(max(3.0 * (0.25 - 1.0 / most), 0.0))
     return problem, most**2 * (0.5 - 2.0 * s / 3.0)
 
@@ -94,10 +123,17 @@ def spring_mass(*, high=200.0, intervals=20, mass=2.0, damper=0.5, rate=5.0, amp
 
     motion = amplitude * np.cos(rate * grid.times_s)
     problem = TrajectoryProblem(
-        Outputs(outputs), Layout(("x",)), grid, outputs=2, z_scale=[0.1, 0.5, 2.5],
-        residuals=[Residuals(outputs=[0], name="force"),
-                   Residuals(outputs=[1], target=motion[:, None], weight=1e7, name="motion")],
-        design=Design(names=["stiffness"], low=1.0, high=high))
+        Outputs(outputs),
+        Layout(("x",)),
+        grid,
+        outputs=2,
+        z_scale=[0.1, 0.5, 2.5],
+        residuals=[
+            Residuals(outputs=[0], name="force"),
+            Residuals(outputs=[1], target=motion[:, None], weight=1e7, name="motion"),
+        ],
+        design=Design(names=["stiffness"], low=1.0, high=high),
+    )
     return problem, Start(np.zeros((grid.instants, 3)), np.array([10.0])), mass * rate**2
 
 
@@ -115,18 +151,33 @@ def pendulum(*, intervals=30, mass=1.5, length=0.8, rate=6.0, amplitude=1.2):
         by_z, by_p = np.zeros((len(z), 3, 4)), np.zeros((len(z), 3, 1))
         by_z[:, 0, 0], by_z[:, 0, 2], by_z[:, 0, 3] = weight * np.cos(q) + p[0], inertia, -1.0
         by_z[:, 1, 0], by_z[:, 2, 3], by_p[:, 0, 0] = 1.0, 1.0, q
-        return np.stack([inertia * a + weight * np.sin(q) + p[0] * q - z[:, 3], q, z[:, 3]], axis=1), by_z, by_p
+        return (
+            np.stack([inertia * a + weight * np.sin(q) + p[0] * q - z[:, 3], q, z[:, 3]], axis=1),
+            by_z,
+            by_p,
+        )
 
     motion = amplitude * np.cos(rate * grid.times_s)
     problem = TrajectoryProblem(
-        Outputs(outputs), Layout(("angle",), (), ("torque",)), grid, outputs=3, equations=[0],
-        residuals=[Residuals(outputs=[1], target=motion[:, None], weight=1e7, name="motion"),
-                   Residuals(outputs=[2], name="torque")],
-        design=Design(names=["stiffness"], low=0.0, high=100.0), z_scale=[1.0, 5.0, 40.0, 20.0],
+        Outputs(outputs),
+        Layout(("angle",), (), ("torque",)),
+        grid,
+        outputs=3,
+        equations=[0],
+        residuals=[
+            Residuals(outputs=[1], target=motion[:, None], weight=1e7, name="motion"),
+            Residuals(outputs=[2], name="torque"),
+        ],
+        design=Design(names=["stiffness"], low=0.0, high=100.0),
+        z_scale=[1.0, 5.0, 40.0, 20.0],
         y_scale=[20.0, 1.0, 1.0],
-        cost_scale=100.0)
-    return problem, Start(np.zeros((grid.instants, 4)), np.array([5.0])), (
-        inertia * rate**2 - 2.0 * weight * j1(amplitude) / amplitude)
+        cost_scale=100.0,
+    )
+    return (
+        problem,
+        Start(np.zeros((grid.instants, 4)), np.array([5.0])),
+        (inertia * rate**2 - 2.0 * weight * j1(amplitude) / amplitude),
+    )
 
 
 def chain(method="hermite_simpson", intervals=40, *, most=2.0, n=8, k=11, parameters=5):
@@ -138,14 +189,20 @@ def chain(method="hermite_simpson", intervals=40, *, most=2.0, n=8, k=11, parame
     inertia = np.eye(n) + 0.1 * draw.standard_normal((n, n))
     inertia = inertia @ inertia.T
     pull, push = 0.3 * draw.standard_normal((k, n)), 0.5 * draw.standard_normal((n, k))
-    spring, soft = np.diag(draw.uniform(2.0, 5.0, k)) + 0.1, 0.3 * draw.standard_normal((k, parameters))
+    spring, soft = (
+        np.diag(draw.uniform(2.0, 5.0, k)) + 0.1,
+        0.3 * draw.standard_normal((k, parameters)),
+    )
     layout = Layout(tuple(f"q{i}" for i in range(n)), tuple(f"w{i}" for i in range(k)))
     outputs, some = k + 2 * n, np.arange
 
     def function(z, p):
         q, v, a, w, u = (z[:, part] for part in (layout.q, layout.v, layout.a, layout.w, layout.u))
         gain, bare = np.tanh(soft @ p), w @ spring
-        by_z, by_p = np.zeros((len(z), outputs, layout.size)), np.zeros((len(z), outputs, parameters))
+        by_z, by_p = (
+            np.zeros((len(z), outputs, layout.size)),
+            np.zeros((len(z), outputs, parameters)),
+        )
         statics = (1.0 + 0.3 * gain) * bare + w**3 + 0.05 * u - (np.sin(q) + 0.2 * v) @ pull.T
         by_z[:, :k, layout.q], by_z[:, :k, layout.v] = -pull * np.cos(q)[:, None, :], -0.2 * pull
         by_z[:, :k, layout.w] = (1.0 + 0.3 * gain)[:, None] * spring.T
@@ -154,24 +211,39 @@ def chain(method="hermite_simpson", intervals=40, *, most=2.0, n=8, k=11, parame
         by_p[:, :k] = 0.3 * bare[:, :, None] * (1.0 - gain**2)[:, None] * soft
         mass = 1.0 + 0.2 * np.cos(q)
         motion = (a * mass) @ inertia.T + 3.0 * np.sin(q) - w @ push.T
-        by_z[:, k:k + n, layout.a] = inertia * mass[:, None, :]
-        by_z[:, k:k + n, layout.q] = inertia * (-0.2 * np.sin(q) * a)[:, None, :]
+        by_z[:, k : k + n, layout.a] = inertia * mass[:, None, :]
+        by_z[:, k : k + n, layout.q] = inertia * (-0.2 * np.sin(q) * a)[:, None, :]
         by_z[:, k + some(n), some(n)] += 3.0 * np.cos(q)
-        by_z[:, k:k + n, layout.w] = -push
+        by_z[:, k : k + n, layout.w] = -push
         by_z[:, k + n + some(n), some(n)] = 1.0
         return np.concatenate([statics, motion, q], axis=1), by_z, by_p
 
     draw, times = np.random.default_rng(1), grid.times_s
-    aim = sum(0.3 / j**2 * draw.standard_normal(n) * np.cos(2.0 * np.pi * j * times[:, None] / 1.2
-                                                            + draw.uniform(0.0, 6.0, n)) for j in (1, 2, 3))
+    aim = sum(
+        0.3
+        / j**2
+        * draw.standard_normal(n)
+        * np.cos(2.0 * np.pi * j * times[:, None] / 1.2 + draw.uniform(0.0, 6.0, n))
+        for j in (1, 2, 3)
+    )
     scale, high = np.ones(layout.size), np.full(layout.size, np.inf)
     scale[layout.v], scale[layout.a], scale[layout.u], high[layout.q] = 5.0, 50.0, 5.0, 0.35
     problem = TrajectoryProblem(
-        Outputs(function), layout, grid, outputs=outputs, equations=range(k + 3), low=-high, high=high, z_scale=scale,
+        Outputs(function),
+        layout,
+        grid,
+        outputs=outputs,
+        equations=range(k + 3),
+        low=-high,
+        high=high,
+        z_scale=scale,
         limits=[Limits(outputs=range(k + 3, k + n), low=-most, high=most)],
-        residuals=[Residuals(outputs=range(k + n, k + 2 * n), target=aim, weight=20.0, name="motion"),
-                   Residuals(outputs=range(k + 3, k + n), weight=0.05, name="torque")],
-        design=Design(names=[f"p{i}" for i in range(parameters)], low=-1.0, high=1.0))
+        residuals=[
+            Residuals(outputs=range(k + n, k + 2 * n), target=aim, weight=20.0, name="motion"),
+            Residuals(outputs=range(k + 3, k + n), weight=0.05, name="torque"),
+        ],
+        design=Design(names=[f"p{i}" for i in range(parameters)], low=-1.0, high=1.0),
+    )
     z = np.zeros((grid.instants, layout.size))
     z[:, layout.q] = 0.8 * aim
     return problem, Start(z, np.zeros(parameters))

@@ -24,6 +24,7 @@ def exit_code(*words: object) -> int:
 
 def read_json(path: Path) -> dict[str, Any]:
     """A table that was written as JSON, in which NaN and infinity have no place."""
+
     def refuse(word: str) -> None:
         raise AssertionError(f"{word} in {path}")
 

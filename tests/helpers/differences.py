@@ -33,15 +33,21 @@ def size(variable: Variable) -> float:
     return abs(variable.default) or ORDINARY[variable.unit]
 
 
-def central(walker: Walker, motion: CoordinateTrajectory, name: str, change: float, *, values=None, **span
-            ) -> Differences:
+def central(
+    walker: Walker, motion: CoordinateTrajectory, name: str, change: float, *, values=None, **span
+) -> Differences:
     """From two walks with the variable `change` (in its unit) below and above what it is in `values` or by default."""
     values = values or {}
     at = values.get(name, walker.variables[name].default)
-    low, high = (walker.walk(motion, values=values | {name: at + sign * change}, **span) for sign in (-1.0, 1.0))
+    low, high = (
+        walker.walk(motion, values=values | {name: at + sign * change}, **span)
+        for sign in (-1.0, 1.0)
+    )
     one, other = reaction_series(low.prosthetic), reaction_series(high.prosthetic)
-    return Differences({key: (other[key] - one[key]) / (2.0 * change) for key in one},
-                       np.all(branches(low) == branches(high), axis=1))
+    return Differences(
+        {key: (other[key] - one[key]) / (2.0 * change) for key in one},
+        np.all(branches(low) == branches(high), axis=1),
+    )
 
 
 def reaction_series(reaction: FootReaction) -> dict[str, np.ndarray]:
@@ -53,15 +59,23 @@ def reaction_series(reaction: FootReaction) -> dict[str, np.ndarray]:
 def exact_series(sensitivity: ReactionSensitivity, name: str) -> dict[str, np.ndarray]:
     """The same of the derivative by one variable."""
     i = sensitivity.names.index(name)
-    columns = (sensitivity.grf_W[:, :, i], sensitivity.cop_W[:, :, i], sensitivity.free_moment_nm[:, i, None])
+    columns = (
+        sensitivity.grf_W[:, :, i],
+        sensitivity.cop_W[:, :, i],
+        sensitivity.free_moment_nm[:, i, None],
+    )
     return dict(zip(MEANINGLESS, columns, strict=True))
 
 
-def errors(walker: Walker, sensitivity: ReactionSensitivity, name: str, by: Differences
-           ) -> Iterator[tuple[str, np.ndarray]]:
+def errors(
+    walker: Walker, sensitivity: ReactionSensitivity, name: str, by: Differences
+) -> Iterator[tuple[str, np.ndarray]]:
     """Of each series its name and (n,) |exact - difference| over the largest of the exact derivative."""
     for key, exact in exact_series(sensitivity, name).items():
-        assert np.array_equal(np.isnan(exact)[by.alike], np.isnan(by.series[key])[by.alike]), (name, key)
+        assert np.array_equal(np.isnan(exact)[by.alike], np.isnan(by.series[key])[by.alike]), (
+            name,
+            key,
+        )
         scale = max(np.nanmax(np.abs(exact)), MEANINGLESS[key] / size(walker.variables[name]))
         yield key, np.nan_to_num(np.abs(exact - by.series[key])).max(axis=1) / scale
 
@@ -76,8 +90,17 @@ def branches(walk: Walk) -> np.ndarray:
     loaded = record.site("normal_force") > 0.0
     speed = np.hypot(record.site("slip_x"), record.site("slip_y")) / sites[:, 10]
     x, rate = record.q[:, walk.mechanism.spring_index], record.v[:, walk.mechanism.spring_index]
-    return np.hstack([
-        loaded, loaded & (record.site("depth_rate") > 0.0), loaded & (record.site("depth") > sites[:, 7]),
-        loaded & (speed > 1.0), loaded & (speed > 1.5), (x >= 0.0) & (springs[:, 0] != springs[:, 1]),
-        np.abs(x) > springs[:, 3], np.abs(rate) > springs[:, 4], record.parts[:, None],
-        np.isnan(walk.prosthetic.cop_W[:, :1])]).astype(int)
+    return np.hstack(
+        [
+            loaded,
+            loaded & (record.site("depth_rate") > 0.0),
+            loaded & (record.site("depth") > sites[:, 7]),
+            loaded & (speed > 1.0),
+            loaded & (speed > 1.5),
+            (x >= 0.0) & (springs[:, 0] != springs[:, 1]),
+            np.abs(x) > springs[:, 3],
+            np.abs(rate) > springs[:, 4],
+            record.parts[:, None],
+            np.isnan(walk.prosthetic.cop_W[:, :1]),
+        ]
+    ).astype(int)

@@ -33,12 +33,18 @@ class Outcome:
     steps: int = 0
     unconverged: int = 0  # steps of which a part did not converge
     iterations: int = 0  # of Newton's method over all steps
-    finite: bool = True  # every number of the record, and the centre of pressure wherever the foot is loaded
+    finite: bool = (
+        True  # every number of the record, and the centre of pressure wherever the foot is loaded
+    )
     peak_bw: float = np.nan  # largest vertical force, body weights
 
 
 def draws(
-    variables: Mapping[str, Variable], count: int, *, seed: int, bounds: Mapping[str, tuple[float, float]]
+    variables: Mapping[str, Variable],
+    count: int,
+    *,
+    seed: int,
+    bounds: Mapping[str, tuple[float, float]],
 ) -> list[dict[str, float]]:
     """`count` sets of all variables of the prosthetic side, a Latin hypercube between their bounds.
 
@@ -48,11 +54,16 @@ def draws(
         bounds: instead of the variables' own, by name.
     """
     names = [name for name in variables if name.split(".")[0] in PROSTHETIC_SIDE]
-    low, high = np.array([bounds.get(name, (variables[name].low, variables[name].high)) for name in names]).T
+    low, high = np.array(
+        [bounds.get(name, (variables[name].low, variables[name].high)) for name in names]
+    ).T
     scaled = low > 0.0
     low, high = (np.where(scaled, np.log(np.where(scaled, end, 1.0)), end) for end in (low, high))
     drawn = low + (high - low) * qmc.LatinHypercube(len(names), seed=seed).random(count)
-    return [dict(zip(names, row, strict=True)) for row in np.where(scaled, np.exp(drawn), drawn).tolist()]
+    return [
+        dict(zip(names, row, strict=True))
+        for row in np.where(scaled, np.exp(drawn), drawn).tolist()
+    ]
 
 
 def reach(walker: Walker, fulcrum_m: float) -> dict[str, tuple[float, float]]:
@@ -61,7 +72,9 @@ def reach(walker: Walker, fulcrum_m: float) -> dict[str, tuple[float, float]]:
     return {"fulcrum.shift": (fulcrum.rearmost_m - fulcrum_m, fulcrum.foremost_m - fulcrum_m)}
 
 
-def outcomes(walker: Walker, trajectory, sets: Sequence[Mapping[str, float]], **options) -> list[Outcome]:
+def outcomes(
+    walker: Walker, trajectory, sets: Sequence[Mapping[str, float]], **options
+) -> list[Outcome]:
     """Walks `trajectory` once with each of `sets`; `options` are of `Walker.walk`."""
     found = []
     for values in sets:
@@ -71,11 +84,17 @@ def outcomes(walker: Walker, trajectory, sets: Sequence[Mapping[str, float]], **
             found.append(Outcome(values=values, failure=error.what))
             continue
         record = walk.record
-        found.append(Outcome(
-            values=values, steps=len(record.time_s),
-            unconverged=np.count_nonzero(~record.converged), iterations=int(record.iterations.sum()),
-            finite=all_finite(walk),
-            peak_bw=float(walk.prosthetic.grf_W[:, 2].max()) / (walker.subject.mass_kg * GRAVITY)))
+        found.append(
+            Outcome(
+                values=values,
+                steps=len(record.time_s),
+                unconverged=np.count_nonzero(~record.converged),
+                iterations=int(record.iterations.sum()),
+                finite=all_finite(walk),
+                peak_bw=float(walk.prosthetic.grf_W[:, 2].max())
+                / (walker.subject.mass_kg * GRAVITY),
+            )
+        )
     return found
 
 
@@ -96,10 +115,14 @@ def reference_walk(setting):
     return Walker(trial.subject, trial.model), trial.trajectory, span
 
 
-def drawn(setting: int, count: int, *, seed: int, step_s: float, **bounds: tuple[float, float]) -> list[Outcome]:
+def drawn(
+    setting: int, count: int, *, seed: int, step_s: float, **bounds: tuple[float, float]
+) -> list[Outcome]:
     """Outcomes of `count` walks of an embedded trial."""
     walker, trajectory, span = reference_walk(setting)
-    sets = draws(walker.variables, count, seed=seed, bounds=reach(walker, span["fulcrum_m"]) | bounds)
+    sets = draws(
+        walker.variables, count, seed=seed, bounds=reach(walker, span["fulcrum_m"]) | bounds
+    )
     return outcomes(walker, trajectory, sets, step_s=step_s, **span)
 
 
@@ -108,7 +131,9 @@ def assert_sound(found):
     walked = [one for one in found if one.failure is None]
     assert all(one.finite for one in walked)
     assert all(one.iterations <= MAX_ITERATIONS * one.steps for one in walked)
-    assert sum(one.unconverged for one in walked) < MOST_UNCONVERGED * sum(one.steps for one in walked)
+    assert sum(one.unconverged for one in walked) < MOST_UNCONVERGED * sum(
+        one.steps for one in walked
+    )
     assert len(walked) > 0.5 * len(found)
     for one in found:
         if one.failure is not None:

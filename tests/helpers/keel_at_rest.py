@@ -17,7 +17,9 @@ SPRING = 1e-5
 """Stiffness of what pulls, over the keel's own."""
 
 
-def rises(foot: FootParameters, loads_n: np.ndarray, fulcrum_m: float, support_width_m: float = 0.0) -> np.ndarray:
+def rises(
+    foot: FootParameters, loads_n: np.ndarray, fulcrum_m: float, support_width_m: float = 0.0
+) -> np.ndarray:
     """(n,) m, rise of the load point under each load: steps of 1 s without damping, in which inertia has no part."""
     bench = make_bench(foot)
     m = bench_mechanism(bench, bench.diagram.CreateDefaultContext())
@@ -28,17 +30,30 @@ def rises(foot: FootParameters, loads_n: np.ndarray, fulcrum_m: float, support_w
     for name, value in {"stiffness": spring, "exponent": 1.0, "damping": 0.0}.items():
         sites[:, SITE_COLUMNS.index(name)] = value
     springs[:, SPRING_COLUMNS.index("damping")] = 0.0
-    stepper = Stepper(replace(m, sites=sites, springs=springs, fulcrum=m.fulcrum * [1.0, 0.0],
-                              support_width=support_width_m))
+    stepper = Stepper(
+        replace(
+            m,
+            sites=sites,
+            springs=springs,
+            fulcrum=m.fulcrum * [1.0, 0.0],
+            support_width=support_width_m,
+        )
+    )
     q, found, raised = np.zeros(m.tree.num_coordinates), [], 0.0
     q[carriage] = fulcrum_m
     for load in loads_n:
         rise = 0.0
         for _ in range(2):  # the second time further by how far the load point has risen
-            path = np.append(np.linspace(raised, load / spring + rise, 60), np.full(60, load / spring + rise))
-            inputs = Inputs(time_s=1.0 * np.arange(len(path)), prescribed=np.array([carriage]),
-                            prescribed_q=np.full((len(path), 1), fulcrum_m), fulcrum=np.full(len(path), fulcrum_m),
-                            ground=m.ground_height + path)
+            path = np.append(
+                np.linspace(raised, load / spring + rise, 60), np.full(60, load / spring + rise)
+            )
+            inputs = Inputs(
+                time_s=1.0 * np.arange(len(path)),
+                prescribed=np.array([carriage]),
+                prescribed_q=np.full((len(path), 1), fulcrum_m),
+                fulcrum=np.full(len(path), fulcrum_m),
+                ground=m.ground_height + path,
+            )
             record = stepper.run(inputs, q, np.zeros_like(q))
             q, raised = record.q[-1], path[-1]
             rise = raised - record.site("depth")[-1, 0]

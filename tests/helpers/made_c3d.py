@@ -63,13 +63,24 @@ class MadePlate:
         a, b, _ = SENSORS
         at = np.array([[a, b, 0], [-a, b, 0], [-a, -b, 0], [a, -b, 0]])
         x, y, z = np.eye(3)
-        channels = [((0, 1), x), ((2, 3), x), ((0, 3), y), ((1, 2), y)] + [((k,), z) for k in range(4)]
-        return np.column_stack([
-            np.concatenate([way, np.mean([np.cross(at[k], way) for k in used], axis=0)]) for used, way in channels])
+        channels = [((0, 1), x), ((2, 3), x), ((0, 3), y), ((1, 2), y)] + [
+            ((k,), z) for k in range(4)
+        ]
+        return np.column_stack(
+            [
+                np.concatenate([way, np.mean([np.cross(at[k], way) for k in used], axis=0)])
+                for used, way in channels
+            ]
+        )
 
 
-def rectangle(centre: tuple[float, float], *, turn_deg: float = 0.0, size: tuple[float, float] = (0.4, 0.6),
-              height: float = 0.0) -> np.ndarray:
+def rectangle(
+    centre: tuple[float, float],
+    *,
+    turn_deg: float = 0.0,
+    size: tuple[float, float] = (0.4, 0.6),
+    height: float = 0.0,
+) -> np.ndarray:
     """(4, 3) m: corners of a plate in a z-up laboratory, its x axis turned by `turn_deg` from the laboratory's."""
     angle = np.radians(turn_deg)
     x, y = np.array([np.cos(angle), np.sin(angle)]), np.array([np.sin(angle), -np.cos(angle)])
@@ -78,10 +89,19 @@ def rectangle(centre: tuple[float, float], *, turn_deg: float = 0.0, size: tuple
     return np.column_stack([np.array(out), np.full(4, height)])
 
 
-def write_c3d(path: Path, markers: dict[str, np.ndarray], *, rate: float = 100.0, unit: str | None = "mm",
-              length: float = 1e-3, plates: tuple[MadePlate, ...] = (), subframes: int = 10,
-              screen: tuple[str, str] | None = ("+X", "+Z"), first_frame: int = 1,
-              moment_unit: str | None = None) -> Path:
+def write_c3d(
+    path: Path,
+    markers: dict[str, np.ndarray],
+    *,
+    rate: float = 100.0,
+    unit: str | None = "mm",
+    length: float = 1e-3,
+    plates: tuple[MadePlate, ...] = (),
+    subframes: int = 10,
+    screen: tuple[str, str] | None = ("+X", "+Z"),
+    first_frame: int = 1,
+    moment_unit: str | None = None,
+) -> Path:
     """Writes markers (label -> (frames, 3) m, NaN in gaps) and plates of subframes * frames samples."""
     c3d = ezc3d.c3d()
     places = np.stack(list(markers.values()), axis=1)
@@ -111,25 +131,38 @@ def write_c3d(path: Path, markers: dict[str, np.ndarray], *, rate: float = 100.0
         c3d["parameters"]["ANALOG"]["LABELS"]["value"] = [f"A{i}" for i in range(len(analog))]
         moment = moment_unit or f"N{unit}"
         c3d["parameters"]["ANALOG"]["UNITS"]["value"] = (
-            ["V"] * len(analog) if any(p.kind != 2 for p in plates) else ["N", "N", "N", *[moment] * 3] * len(plates))
+            ["V"] * len(analog)
+            if any(p.kind != 2 for p in plates)
+            else ["N", "N", "N", *[moment] * 3] * len(plates)
+        )
         _write_plates(c3d, plates, samples, calibration, length)
     c3d.write(str(path))
     return path
 
 
-def _write_plates(c3d: ezc3d.c3d, plates: tuple[MadePlate, ...], samples: list[np.ndarray], calibration: np.ndarray,
-                  length: float) -> None:
+def _write_plates(
+    c3d: ezc3d.c3d,
+    plates: tuple[MadePlate, ...],
+    samples: list[np.ndarray],
+    calibration: np.ndarray,
+    length: float,
+) -> None:
     widest = max(sample.shape[1] for sample in samples)
     channel = np.zeros((widest, len(plates)))
     first = 1
     for k, sample in enumerate(samples):
-        channel[:sample.shape[1], k] = np.arange(first, first + sample.shape[1])
+        channel[: sample.shape[1], k] = np.arange(first, first + sample.shape[1])
         first += sample.shape[1]
-    origins = [np.array([*(SENSORS[:2] if p.kind == 3 else (0, 0)), p.origin_sign * SENSORS[2]]) for p in plates]
+    origins = [
+        np.array([*(SENSORS[:2] if p.kind == 3 else (0, 0)), p.origin_sign * SENSORS[2]])
+        for p in plates
+    ]
     c3d.add_parameter("FORCE_PLATFORM", "USED", [len(plates)])
     c3d.add_parameter("FORCE_PLATFORM", "TYPE", [p.kind for p in plates])
     c3d.add_parameter("FORCE_PLATFORM", "ZERO", [1, 0])
-    c3d.add_parameter("FORCE_PLATFORM", "CORNERS", np.stack([p.corners.T / length for p in plates], axis=2))
+    c3d.add_parameter(
+        "FORCE_PLATFORM", "CORNERS", np.stack([p.corners.T / length for p in plates], axis=2)
+    )
     c3d.add_parameter("FORCE_PLATFORM", "ORIGIN", np.column_stack(origins) / length)
     c3d.add_parameter("FORCE_PLATFORM", "CHANNEL", channel)
     c3d.add_parameter("FORCE_PLATFORM", "CAL_MATRIX", np.stack([calibration] * len(plates), axis=2))

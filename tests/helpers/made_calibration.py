@@ -13,8 +13,13 @@ from vsf_drake.parameters import Subject
 MEDIAL = ("knee_medial", "ankle_medial")
 
 
-def true_calibration(person: Person | None = None, label_set: str = "rajagopal", *, medial: bool = False,
-                     keep: Callable[[str], bool] = lambda label: True) -> Calibration:
+def true_calibration(
+    person: Person | None = None,
+    label_set: str = "rajagopal",
+    *,
+    medial: bool = False,
+    keep: Callable[[str], bool] = lambda label: True,
+) -> Calibration:
     """Markers of `label_set` whose label passes `keep`, on the segments that carry them."""
     person = person or Person()
     labels: dict[str, list[str]] = {name: [] for name in SEGMENTS}
@@ -28,15 +33,30 @@ def true_calibration(person: Person | None = None, label_set: str = "rajagopal",
             if (medial or role not in MEDIAL) and keep(label):
                 labels[segment].append(label)
                 places[segment].append(p_BM)
-    segments = {name: SegmentMarkers(tuple(labels[name]), np.array(places[name]), _origin(person, name))
-                for name in SEGMENTS}
-    subject = Subject(mass_kg=80.0, stature_m=1.8, sex="male", prosthetic_side="right",
-                      thigh_length_m=person.thigh[0], shank_length_m=person.shank[0],
-                      ankle_height_m=person.ankle_height[0], foot_length_m=person.foot[0],
-                      hip_forward_m=person.hip_centre[0], hip_lateral_m=person.hip_centre[1],
-                      hip_up_m=person.hip_centre[2])
-    return Calibration(subject=subject, segments=segments, angles_rad={}, lengths_m={},
-                       feet={side: FootPoints(*person.sole(side)) for side in SIDES})
+    segments = {
+        name: SegmentMarkers(tuple(labels[name]), np.array(places[name]), _origin(person, name))
+        for name in SEGMENTS
+    }
+    subject = Subject(
+        mass_kg=80.0,
+        stature_m=1.8,
+        sex="male",
+        prosthetic_side="right",
+        thigh_length_m=person.thigh[0],
+        shank_length_m=person.shank[0],
+        ankle_height_m=person.ankle_height[0],
+        foot_length_m=person.foot[0],
+        hip_forward_m=person.hip_centre[0],
+        hip_lateral_m=person.hip_centre[1],
+        hip_up_m=person.hip_centre[2],
+    )
+    return Calibration(
+        subject=subject,
+        segments=segments,
+        angles_rad={},
+        lengths_m={},
+        feet={side: FootPoints(*person.sole(side)) for side in SIDES},
+    )
 
 
 def _origin(person: Person, segment: str) -> np.ndarray:
@@ -46,5 +66,8 @@ def _origin(person: Person, segment: str) -> np.ndarray:
     kind, side = segment.split("_")
     i = SIDES.index(side)
     forward, lateral, up = person.hip_centre
-    return {"thigh": np.array([forward, lateral if side == "left" else -lateral, up]),
-            "shank": np.array([0.0, 0.0, -person.thigh[i]]), "foot": np.array([0.0, 0.0, -person.shank[i]])}[kind]
+    return {
+        "thigh": np.array([forward, lateral if side == "left" else -lateral, up]),
+        "shank": np.array([0.0, 0.0, -person.thigh[i]]),
+        "foot": np.array([0.0, 0.0, -person.shank[i]]),
+    }[kind]

@@ -19,33 +19,72 @@ from vsf_drake.contact_file import (
 
 MASS_KG, STATURE_M = 78.0, 1.81
 OF_THE_MODEL = {
-    "contact.forefoot.stiffness": 9e4, "contact.forefoot.exponent": 1.4, "contact.forefoot.damping": 150.0,
-    "contact.midfoot.full_damping_depth": 2e-3, "contact.heel.rise": -1e-3, "friction.mu_static": 0.6,
-    "friction.mu_kinetic": 0.4, "friction.threshold_velocity": 0.08, "keel.flexural_modulus": 17.7e9,
-    "fulcrum.stiffness": 150e3, "socket.tz.stiffness": 8.3e4, "socket.flexion.stiffness": 1130.0}
+    "contact.forefoot.stiffness": 9e4,
+    "contact.forefoot.exponent": 1.4,
+    "contact.forefoot.damping": 150.0,
+    "contact.midfoot.full_damping_depth": 2e-3,
+    "contact.heel.rise": -1e-3,
+    "friction.mu_static": 0.6,
+    "friction.mu_kinetic": 0.4,
+    "friction.threshold_velocity": 0.08,
+    "keel.flexural_modulus": 17.7e9,
+    "fulcrum.stiffness": 150e3,
+    "socket.tz.stiffness": 8.3e4,
+    "socket.flexion.stiffness": 1130.0,
+}
 """One value of each kind that a model holds."""
-OF_THE_TRIAL = {"offset.height": 1e-3, "offset.fore_aft": -2e-3, "offset.alignment": 0.01, "offset.inversion": -0.05,
-                "offset.toe_out": 0.02,
-                "coordinate.hip_flexion_r": 0.012, "coordinate.pelvis_ty": -5e-4}
+OF_THE_TRIAL = {
+    "offset.height": 1e-3,
+    "offset.fore_aft": -2e-3,
+    "offset.alignment": 0.01,
+    "offset.inversion": -0.05,
+    "offset.toe_out": 0.02,
+    "coordinate.hip_flexion_r": 0.012,
+    "coordinate.pelvis_ty": -5e-4,
+}
 CURVE = JointCurve(coordinate="knee_angle_r", coefficients=(0.0, 0.01, -0.012, 0.004, 0.0, 1 / 300))
 FINGERPRINT = "0123456789abcdef" * 4
-OWN = FittedTrial(name="low 1", fingerprint=FINGERPRINT, height_m=5e-4,
-                  path={"pelvis_tx": (0.0, 1e-3, 2e-3, -1e-3, 0.0), "pelvis_tz": (0.0, 1e-4, 0.0, 1e-4)},
-                  curves={"hip_flexion_r": (0.0, 0.01, -0.01, 1 / 300)})
+OWN = FittedTrial(
+    name="low 1",
+    fingerprint=FINGERPRINT,
+    height_m=5e-4,
+    path={"pelvis_tx": (0.0, 1e-3, 2e-3, -1e-3, 0.0), "pelvis_tz": (0.0, 1e-4, 0.0, 1e-4)},
+    curves={"hip_flexion_r": (0.0, 0.01, -0.01, 1 / 300)},
+)
 
-MOMENTUM = MomentumBias(fore_aft_bw=(-0.01, 0.02, 1 / 30), vertical_bw=(0.0, 0.01, -0.02), trials=(FINGERPRINT,))
-DISCREPANCY = Discrepancy(shared=(0.0, 0.1, 1 / 3), own=(0.6, 0.5, 0.4), curves=(DiscrepancyCurve(
-    fingerprint=FINGERPRINT, fulcrum_m=0.066, fore_aft_bw=(1 / 300,) * STANCE_POINTS,
-    lateral_bw=(0.0,) * STANCE_POINTS, vertical_bw=(-0.01,) * STANCE_POINTS, measured_bw=(1.01,) * STANCE_POINTS,
-    plate_fore_aft_bw=(0.02,) * STANCE_POINTS, plate_lateral_bw=(0.01,) * STANCE_POINTS,
-    plate_vertical_bw=(1.0,) * STANCE_POINTS),))
+MOMENTUM = MomentumBias(
+    fore_aft_bw=(-0.01, 0.02, 1 / 30), vertical_bw=(0.0, 0.01, -0.02), trials=(FINGERPRINT,)
+)
+DISCREPANCY = Discrepancy(
+    shared=(0.0, 0.1, 1 / 3),
+    own=(0.6, 0.5, 0.4),
+    curves=(
+        DiscrepancyCurve(
+            fingerprint=FINGERPRINT,
+            fulcrum_m=0.066,
+            fore_aft_bw=(1 / 300,) * STANCE_POINTS,
+            lateral_bw=(0.0,) * STANCE_POINTS,
+            vertical_bw=(-0.01,) * STANCE_POINTS,
+            measured_bw=(1.01,) * STANCE_POINTS,
+            plate_fore_aft_bw=(0.02,) * STANCE_POINTS,
+            plate_lateral_bw=(0.01,) * STANCE_POINTS,
+            plate_vertical_bw=(1.0,) * STANCE_POINTS,
+        ),
+    ),
+)
 
 
 def made_contact(**changes: Any) -> FittedContact:
     """A converged fit with everything in it, to the right side of the reference subject, with these fields instead."""
     whole = FittedContact(
-        format=FORMAT, subject=FittedSubject(mass_kg=MASS_KG, stature_m=STATURE_M, prosthetic_side="right"),
-        strategy="joint", converged=True, verdict=("Two settings were fitted.",),
-        values={**OF_THE_MODEL, **OF_THE_TRIAL}, curves=(CURVE,), trials=(OWN,),
-        provenance={"versions": {"drake": "1.51"}, "seed": 3, "inputs_sha256": {}})
+        format=FORMAT,
+        subject=FittedSubject(mass_kg=MASS_KG, stature_m=STATURE_M, prosthetic_side="right"),
+        strategy="joint",
+        converged=True,
+        verdict=("Two settings were fitted.",),
+        values={**OF_THE_MODEL, **OF_THE_TRIAL},
+        curves=(CURVE,),
+        trials=(OWN,),
+        provenance={"versions": {"drake": "1.51"}, "seed": 3, "inputs_sha256": {}},
+    )
     return dataclasses.replace(whole, **changes)

@@ -18,7 +18,12 @@ from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS
 from vsf_drake.plants.foot import mount_pose, sole_height
 
 PARAMETERS = FootParameters()
-EVERY_BRANCH = {"full_damping_depth": 0.09, "threshold_velocity": 0.15, "depth_width": 0.02, "rate_width": 0.2}
+EVERY_BRANCH = {
+    "full_damping_depth": 0.09,
+    "threshold_velocity": 0.15,
+    "depth_width": 0.02,
+    "rate_width": 0.2,
+}
 """Constants of the forces for which the spheres of one state are on all branches of their laws."""
 GRAVITY_W = np.array([0.0, 0.0, -9.81])
 
@@ -51,19 +56,29 @@ class LooseFoot:
 
     def outputs(self) -> dict[str, np.ndarray]:
         """All vector outputs of the foot's forces."""
-        ports = [self.wired.forces.get_output_port(i) for i in range(self.wired.forces.num_output_ports())]
-        return {port.get_name(): port.Eval(self.forces_context).copy() for port in ports
-                if port.get_name() != "spatial_forces"}
+        ports = [
+            self.wired.forces.get_output_port(i)
+            for i in range(self.wired.forces.num_output_ports())
+        ]
+        return {
+            port.get_name(): port.Eval(self.forces_context).copy()
+            for port in ports
+            if port.get_name() != "spatial_forces"
+        }
 
     def keel_rates(self) -> np.ndarray:
         """Accelerations of keel joints and carriage."""
         self.diagram.EvalTimeDerivatives(self.context)
-        acceleration = self.plant.get_generalized_acceleration_output_port().Eval(self.plant_context)
+        acceleration = self.plant.get_generalized_acceleration_output_port().Eval(
+            self.plant_context
+        )
         return self.plant.GetVelocitiesFromArray(self.foot.instance, acceleration)
 
     def frame_acceleration(self) -> np.ndarray:
         """(6,) spatial acceleration of the foot's frame in W."""
-        return self.plant.EvalBodySpatialAccelerationInWorld(self.plant_context, self.foot.frame).get_coeffs()
+        return self.plant.EvalBodySpatialAccelerationInWorld(
+            self.plant_context, self.foot.frame
+        ).get_coeffs()
 
     def place(self, X_WK: RigidTransform, V_WM: np.ndarray, q: np.ndarray, v: np.ndarray) -> None:
         """Puts the keel frame at X_WK with the mount moving at V_WM, keel joints and carriage at q, v."""
@@ -75,7 +90,9 @@ class LooseFoot:
             joint.set_translational_velocity(self.plant_context, V_WM[3:])
         else:
             self.plant.SetFloatingBaseBodyPoseInWorldFrame(self.plant_context, self.shank, X_WM)
-            self.plant.SetFreeBodySpatialVelocity(self.plant_context, self.shank, SpatialVelocity(V_WM))
+            self.plant.SetFreeBodySpatialVelocity(
+                self.plant_context, self.shank, SpatialVelocity(V_WM)
+            )
         self.plant.SetPositions(self.plant_context, self.foot.instance, q)
         self.plant.SetVelocities(self.plant_context, self.foot.instance, v)
 
@@ -97,13 +114,22 @@ def add_loose_shank(plant: MultibodyPlant, base: str) -> RigidBody:
     return shank
 
 
-def loose_foot(*, base: str = "rpy", gravity_W: np.ndarray = GRAVITY_W, parameters: FootParameters = PARAMETERS,
-               contact: str = "kelvin_voigt", ground: Ground | None = None) -> LooseFoot:
+def loose_foot(
+    *,
+    base: str = "rpy",
+    gravity_W: np.ndarray = GRAVITY_W,
+    parameters: FootParameters = PARAMETERS,
+    contact: str = "kelvin_voigt",
+    ground: Ground | None = None,
+) -> LooseFoot:
     """The foot with its forces on `ground`, by default the plane z = 0."""
     builder = DiagramBuilder()
     drakes = contact in DRAKE_CONTACTS
-    plant = (AddMultibodyPlantSceneGraph(builder, 0.0)[0] if drakes
-             else builder.AddNamedSystem("plant", MultibodyPlant(0.0)))
+    plant = (
+        AddMultibodyPlantSceneGraph(builder, 0.0)[0]
+        if drakes
+        else builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    )
     plant.mutable_gravity_field().set_gravity_vector(gravity_W)
     shank = add_loose_shank(plant, base)
     foot = add_foot(plant, shank.body_frame(), parameters, contact=contact)
@@ -115,7 +141,9 @@ def loose_foot(*, base: str = "rpy", gravity_W: np.ndarray = GRAVITY_W, paramete
     return LooseFoot(diagram, plant, shank, foot, wired, diagram.CreateDefaultContext())
 
 
-def some_state(seed: int, *, depth: float = 4e-3) -> tuple[RigidTransform, np.ndarray, np.ndarray, np.ndarray]:
+def some_state(
+    seed: int, *, depth: float = 4e-3
+) -> tuple[RigidTransform, np.ndarray, np.ndarray, np.ndarray]:
     """Arguments of `place`: sole about `depth` (m) in the level ground, somewhat tilted, moving, keel bent."""
     rng = np.random.default_rng(seed)
     R_WK = RotationMatrix(RollPitchYaw(*rng.uniform(-0.03, 0.03, 2), rng.uniform(-1.0, 1.0)))

@@ -18,7 +18,16 @@ RATE_HZ, FORCE_HZ = 100.0, 1000.0
 DURATION_S = 3.0
 NOISE_M = 2e-4
 """Of a good camera system; without any, the markers would look filtered already."""
-STATED = ("--prosthetic-side", "right", "--sex", "male", "--mass-kg", str(MASS), "--stature-m", "1.81")
+STATED = (
+    "--prosthetic-side",
+    "right",
+    "--sex",
+    "male",
+    "--mass-kg",
+    str(MASS),
+    "--stature-m",
+    "1.81",
+)
 MADE = {"import.html", "import.json", "subject.yaml", "walk.yaml", "walk_ik.mot", "walk_grf.mot"}
 """What an import of one walk writes."""
 
@@ -32,11 +41,17 @@ class Laboratory:
     def standing(self, name: str = "static.trc") -> Path:
         """A second of standing."""
         path = self.folder / name
-        write_trc(path, self._seen(markers({}, self.person, label_set="rajagopal", frames=100)), rate_hz=RATE_HZ,
-                  unit="mm")
+        write_trc(
+            path,
+            self._seen(markers({}, self.person, label_set="rajagopal", frames=100)),
+            rate_hz=RATE_HZ,
+            unit="mm",
+        )
         return path
 
-    def walk(self, name: str = "walk.trc", *, forces: bool = True, hidden: tuple[str, ...] = ()) -> Path:
+    def walk(
+        self, name: str = "walk.trc", *, forces: bool = True, hidden: tuple[str, ...] = ()
+    ) -> Path:
         """A walk and, beside it, forces under each foot as it touches the floor; `hidden` labels not seen for 0.5 s."""
         time = np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
         angles = walking_angles(time)
@@ -48,14 +63,22 @@ class Laboratory:
         if forces:
             force_time = np.arange(0.0, DURATION_S, 1.0 / FORCE_HZ)
             plates = self._plates(time, angles, force_time)
-            write_forces_mot(path.with_suffix(".mot"), time_s=force_time,
-                             plates={str(number): plate for number, plate in enumerate(plates, start=1)})
+            write_forces_mot(
+                path.with_suffix(".mot"),
+                time_s=force_time,
+                plates={str(number): plate for number, plate in enumerate(plates, start=1)},
+            )
         return path
 
     def _seen(self, truth: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        return {label: place + NOISE_M * self.rng.standard_normal(place.shape) for label, place in truth.items()}
+        return {
+            label: place + NOISE_M * self.rng.standard_normal(place.shape)
+            for label, place in truth.items()
+        }
 
-    def _plates(self, time: np.ndarray, angles: dict[str, np.ndarray], force_time: np.ndarray) -> list[Plate]:
+    def _plates(
+        self, time: np.ndarray, angles: dict[str, np.ndarray], force_time: np.ndarray
+    ) -> list[Plate]:
         """One plate for each foot's whole path, so that nothing is missed; load and its centre run from heel to toe."""
         where = poses(angles, self.person)
         plates = []
@@ -71,7 +94,9 @@ class Laboratory:
                 on = (phase > 0.0) & (phase < 1.0)
                 force[on, 2] = 1.2 * MASS * 9.81 * np.sin(np.pi * phase[on]) ** 0.7
                 force[on, 0] = -0.1 * force[on, 2] * np.cos(np.pi * phase[on])
-                under = heel + np.interp(time, force_time, np.clip(phase, 0.0, 1.0))[:, None] * (toe - heel)
+                under = heel + np.interp(time, force_time, np.clip(phase, 0.0, 1.0))[:, None] * (
+                    toe - heel
+                )
                 for axis in range(2):
                     cop[on, axis] = np.interp(force_time[on], time, under[:, axis])
             plates.append(Plate(side, force, cop, np.zeros(len(force_time))))

@@ -12,7 +12,11 @@ from functools import cache
 import numpy as np
 
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride, recorded_stride
-from vsf_drake.analysis.tuning.resimulation.trajectory import SagittalTrajectory, SolutionMotion, whole_motion
+from vsf_drake.analysis.tuning.resimulation.trajectory import (
+    SagittalTrajectory,
+    SolutionMotion,
+    whole_motion,
+)
 from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import trial_with
@@ -23,7 +27,9 @@ from vsf_drake.simulation.walk import Walk, Walker
 @cache
 def embedded_trial() -> Trial:
     """Medium setting, exact, with the contact that was fitted."""
-    return trial_with(load_trial(embedded_trials("exact", quick=True)[1]), load_contact(embedded_contact("exact")))
+    return trial_with(
+        load_trial(embedded_trials("exact", quick=True)[1]), load_contact(embedded_contact("exact"))
+    )
 
 
 @cache
@@ -46,8 +52,17 @@ def periodic_motion(count: int) -> SagittalTrajectory:
     q, v, a = stride.sample(time)
     zero = np.zeros((count + 1, 2))
     return SagittalTrajectory(
-        time_s=time, names=stride.names, q=q, v=v, a=a, torque=np.zeros((count + 1, 5)), advance=q[-1] - q[0],
-        grf={"prosthetic": zero, "intact": zero}, fulcrum_m=trial.fulcrum_m, offsets=trial.offsets)
+        time_s=time,
+        names=stride.names,
+        q=q,
+        v=v,
+        a=a,
+        torque=np.zeros((count + 1, 5)),
+        advance=q[-1] - q[0],
+        grf={"prosthetic": zero, "intact": zero},
+        fulcrum_m=trial.fulcrum_m,
+        offsets=trial.offsets,
+    )
 
 
 @cache
@@ -58,19 +73,31 @@ def loaded_motion(count: int) -> SagittalTrajectory:
     columns = [walk.mechanism.tree.index(name) for name in motion.names]
 
     def at_instants(values: np.ndarray) -> np.ndarray:
-        found = np.column_stack([np.interp(motion.time_s, walk.record.time_s, column) for column in values.T])
+        found = np.column_stack(
+            [np.interp(motion.time_s, walk.record.time_s, column) for column in values.T]
+        )
         found[0] = found[-1]
         return found
 
     load = at_instants(walk.record.load[:, columns])
     return dataclasses.replace(
-        motion, torque=load[:, 3:], pelvis_load=load[:, :3],
-        grf={"prosthetic": at_instants(walk.prosthetic.grf_W[:, [0, 2]]),
-             "intact": at_instants(walk.intact.grf_W[:, [0, 2]])})
+        motion,
+        torque=load[:, 3:],
+        pelvis_load=load[:, :3],
+        grf={
+            "prosthetic": at_instants(walk.prosthetic.grf_W[:, [0, 2]]),
+            "intact": at_instants(walk.intact.grf_W[:, [0, 2]]),
+        },
+    )
 
 
 def walked(motion: SagittalTrajectory, start_s: float, end_s: float) -> Walk:
     """The walk along it, by the walker's own means."""
     walker = embedded_walker()
-    return walker.walk(whole_motion(SolutionMotion(motion), walker.gait.prescribed, start_s, end_s),
-                       fulcrum_m=motion.fulcrum_m, offsets=motion.offsets, start_s=start_s, end_s=end_s)
+    return walker.walk(
+        whole_motion(SolutionMotion(motion), walker.gait.prescribed, start_s, end_s),
+        fulcrum_m=motion.fulcrum_m,
+        offsets=motion.offsets,
+        start_s=start_s,
+        end_s=end_s,
+    )

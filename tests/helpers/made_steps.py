@@ -31,7 +31,7 @@ def feet(turn: float = 1.0) -> tuple[dict[str, FootTrack], np.ndarray]:
     """Both feet and the pelvis: a foot rests from touch-down for 0.7 s, heel rising at the end, and then swings."""
     tracks = {}
     for side in ("right", "left"):
-        y = (-HALF_WIDTH_M if side == "right" else HALF_WIDTH_M)
+        y = -HALF_WIDTH_M if side == "right" else HALF_WIDTH_M
         known = steps(side)
         x, lift, pitch = (np.zeros(len(TIME)) for _ in range(3))
         for (start, at), (after, to) in pairwise(known):
@@ -41,7 +41,9 @@ def feet(turn: float = 1.0) -> tuple[dict[str, FootTrack], np.ndarray]:
             x[here] = (at + (to - at) * smooth)[here]
             lift[here] = (0.03 * np.sin(np.pi * phase) ** 2)[here]
             rise = np.clip((TIME - start - 0.45) / (STANCE_S - 0.45), 0.0, 1.0)
-            pitch[here] = (0.8 * np.where(phase > 0, np.cos(0.5 * np.pi * phase) ** 2, rise**2))[here]
+            pitch[here] = (0.8 * np.where(phase > 0, np.cos(0.5 * np.pi * phase) ** 2, rise**2))[
+                here
+            ]
         toe = np.column_stack([x + FOOT_M, np.full_like(x, y), lift])
         heel = toe - FOOT_M * np.column_stack([np.cos(pitch), 0 * pitch, -np.sin(pitch)])
         tracks[side] = FootTrack(heel, toe, heel + np.array([0.05, 0.0, 0.08]))
@@ -49,19 +51,29 @@ def feet(turn: float = 1.0) -> tuple[dict[str, FootTrack], np.ndarray]:
     return tracks, pelvis
 
 
-def load(start_s: float, heel: Sequence[float], *, newton: float = WEIGHT_N, end_s: float | None = None,
-         time_s: np.ndarray = FORCE_TIME) -> tuple[np.ndarray, np.ndarray]:
+def load(
+    start_s: float,
+    heel: Sequence[float],
+    *,
+    newton: float = WEIGHT_N,
+    end_s: float | None = None,
+    time_s: np.ndarray = FORCE_TIME,
+) -> tuple[np.ndarray, np.ndarray]:
     """Force (n, 3) and centre of pressure (n, 3) of one stance of a foot: heel to toe, braking, then driving."""
     phase = (time_s - start_s) / ((start_s + STANCE_S if end_s is None else end_s) - start_s)
     on = (phase > 0) & (phase < 1)
     force, cop = np.zeros((len(time_s), 3)), np.full((len(time_s), 3), np.nan)
     force[on, 2] = newton * np.minimum(1.0, 8.0 * np.minimum(phase, 1 - phase))[on]
     force[on, 0] = -0.15 * newton * np.sin(2 * np.pi * phase[on])
-    cop[on] = np.column_stack([heel[0] + FOOT_M * phase[on], np.full(on.sum(), heel[1]), np.zeros(on.sum())])
+    cop[on] = np.column_stack(
+        [heel[0] + FOOT_M * phase[on], np.full(on.sum(), heel[1]), np.zeros(on.sum())]
+    )
     return force, cop
 
 
-def plate(name: str, *loads: tuple[np.ndarray, np.ndarray], corners: np.ndarray | None = None) -> Plate:
+def plate(
+    name: str, *loads: tuple[np.ndarray, np.ndarray], corners: np.ndarray | None = None
+) -> Plate:
     """A plate under the sum of loads."""
     force = np.sum([f for f, _ in loads], axis=0) if loads else np.zeros((len(FORCE_TIME), 3))
     cop = np.full((len(force), 3), np.nan)
@@ -79,7 +91,9 @@ def step_load(side: str, n: int, **options) -> tuple[np.ndarray, np.ndarray]:
 
 def rectangle(x: tuple[float, float], y: tuple[float, float]) -> np.ndarray:
     """(4, 3) corners."""
-    return np.array([[x[1], y[1], 0], [x[1], y[0], 0], [x[0], y[0], 0], [x[0], y[1], 0]], dtype=float)
+    return np.array(
+        [[x[1], y[1], 0], [x[1], y[0], 0], [x[0], y[0], 0], [x[0], y[1], 0]], dtype=float
+    )
 
 
 def recording(*plates: Plate) -> Recording:
@@ -106,5 +120,9 @@ def everywhere(**changed: Plate | None) -> list[Plate]:
 
 def moved(p: Plate, rotate: float = 0.0, shift: Sequence[float] = (0.0, 0.0)) -> Plate:
     """The plate turned about the vertical axis of W (rad), then shifted (m)."""
-    turn = np.array([[np.cos(rotate), -np.sin(rotate), 0], [np.sin(rotate), np.cos(rotate), 0], [0, 0, 1]])
-    return dataclasses.replace(p, force_n=p.force_n @ turn.T, cop_m=p.cop_m @ turn.T + [*shift, 0.0])
+    turn = np.array(
+        [[np.cos(rotate), -np.sin(rotate), 0], [np.sin(rotate), np.cos(rotate), 0], [0, 0, 1]]
+    )
+    return dataclasses.replace(
+        p, force_n=p.force_n @ turn.T, cop_m=p.cop_m @ turn.T + [*shift, 0.0]
+    )

@@ -23,14 +23,22 @@ from vsf_drake.files import read_npz, record
 @cache
 def embedded_study(*, quick: bool = True, tier: str = "laboratory") -> Study:
     """One walk a setting (all nine if not `quick`), with the stored contact; no bench file."""
-    return make_study(embedded_trials(tier, quick=quick), contact=embedded_contact(tier),
-                      options=StudyOptions(quick=quick, workers=1))
+    return make_study(
+        embedded_trials(tier, quick=quick),
+        contact=embedded_contact(tier),
+        options=StudyOptions(quick=quick, workers=1),
+    )
 
 
 @cache
 def saved_section(folder: Path, name: str) -> Section[Any]:
     """A section of the validation in `folder`, as it comes back from disk."""
     saved = read_json(folder / "validation.json")["sections"][name]
-    arrays = {key.removeprefix(f"{name}__"): array for key, array in read_npz(folder / "validation.npz").items()
-              if key.startswith(f"{name}__")}
-    return Section(table=record(tables()[name], saved["table"]), arrays=arrays, missing=tuple(saved["missing"]))
+    arrays = {
+        key.removeprefix(f"{name}__"): array
+        for key, array in read_npz(folder / "validation.npz").items()
+        if key.startswith(f"{name}__")
+    }
+    return Section(
+        table=record(tables()[name], saved["table"]), arrays=arrays, missing=tuple(saved["missing"])
+    )

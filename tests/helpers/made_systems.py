@@ -34,13 +34,31 @@ def one_of_each() -> list[LeafSystem]:
     law = {"stiffness": 3e4, "exponent": 1.5, "damping": 50.0, "full_damping_depth": 0.05}
     return [
         KelvinVoigtContact(**sites, **law),
-        StickSlipFriction(**sites, mu_static=0.5, mu_kinetic=0.3, threshold_velocity=0.2, smooth=True),
+        StickSlipFriction(
+            **sites, mu_static=0.5, mu_kinetic=0.3, threshold_velocity=0.2, smooth=True
+        ),
         GroundReaction(**sites),
-        FulcrumSupport(frame_body_index=2, X_FK=RigidTransform(), keel_body_indices=[3, 4, 5],
-                       keel_body_starts=[0.0, 0.04, 0.09], stiffness=1e4, damping=20.0),
-        SocketBushing(**joints, velocity_indices=range(6), stiffness=400.0, stiffness_negative=200.0, damping=4.0,
-                      limit=0.05, rate_limit=0.2, stop_ratio=10.0),
-        KeelElasticity(**joints, velocity_indices=[6, 7, 8], stiffness=[0.0, 4.0, 11.0], damping=0.1),
+        FulcrumSupport(
+            frame_body_index=2,
+            X_FK=RigidTransform(),
+            keel_body_indices=[3, 4, 5],
+            keel_body_starts=[0.0, 0.04, 0.09],
+            stiffness=1e4,
+            damping=20.0,
+        ),
+        SocketBushing(
+            **joints,
+            velocity_indices=range(6),
+            stiffness=400.0,
+            stiffness_negative=200.0,
+            damping=4.0,
+            limit=0.05,
+            rate_limit=0.2,
+            stop_ratio=10.0,
+        ),
+        KeelElasticity(
+            **joints, velocity_indices=[6, 7, 8], stiffness=[0.0, 4.0, 11.0], damping=0.1
+        ),
         GaitDriver(**joints, velocity_indices=[3, 5], position_gain=10.0, velocity_gain=1.0),
         TestingMachine(body_indices=[5], p_BS=np.zeros((1, 3)), **law),
         foot_forces(),
@@ -67,12 +85,21 @@ def foot_forces() -> LeafSystem:
 
 def public_systems() -> set[type]:
     """Every public LeafSystem class of `vsf_drake.systems`, as it is for float."""
-    return {template.get_instantiation(float)[0] for module in api_pages.public_modules()
-            for template in docstrings.template_systems(module).values()}
+    return {
+        template.get_instantiation(float)[0]
+        for module in api_pages.public_modules()
+        for template in docstrings.template_systems(module).values()
+    }
 
 
 def public_diagrams() -> set[type]:
     """Every public class of `vsf_drake.plants` that holds a finished diagram."""
-    return {value for module in api_pages.public_modules() if module.__name__.startswith("vsf_drake.plants.")
-            for name, value in vars(module).items() if not name.startswith("_") and dataclasses.is_dataclass(value)
-            and "diagram" in {field.name for field in dataclasses.fields(value)}}
+    return {
+        value
+        for module in api_pages.public_modules()
+        if module.__name__.startswith("vsf_drake.plants.")
+        for name, value in vars(module).items()
+        if not name.startswith("_")
+        and dataclasses.is_dataclass(value)
+        and "diagram" in {field.name for field in dataclasses.fields(value)}
+    }

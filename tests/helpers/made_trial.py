@@ -16,9 +16,14 @@ STANCES = {"r": [(0.3, 1.0)], "l": [(0.8, 1.5)]}
 def angles(time: np.ndarray) -> dict[str, np.ndarray]:
     """Columns of a walk: angles in degrees, pelvis translations in m."""
     swing = 2 * np.pi * time / 1.2
-    columns = {"pelvis_tilt": -5 + np.sin(2 * swing), "pelvis_list": 4 * np.sin(swing),
-               "pelvis_rotation": 5 * np.cos(swing), "pelvis_tx": 1.1 * time,
-               "pelvis_ty": 0.95 + 0.02 * np.cos(2 * swing), "pelvis_tz": 0.1 + 0.02 * np.sin(swing)}
+    columns = {
+        "pelvis_tilt": -5 + np.sin(2 * swing),
+        "pelvis_list": 4 * np.sin(swing),
+        "pelvis_rotation": 5 * np.cos(swing),
+        "pelvis_tx": 1.1 * time,
+        "pelvis_ty": 0.95 + 0.02 * np.cos(2 * swing),
+        "pelvis_tz": 0.1 + 0.02 * np.sin(swing),
+    }
     for side, phase in (("r", 0.0), ("l", np.pi)):
         columns[f"hip_flexion_{side}"] = 12 + 20 * np.cos(swing + phase)
         columns[f"knee_angle_{side}"] = 32 - 28 * np.cos(2 * np.pi * time / 1.2 + phase + 1.0)
@@ -64,10 +69,22 @@ class TrialFiles:
     header: str = HEADER
     columns: dict[str, np.ndarray] = field(default_factory=dict)
     forces: dict[str, np.ndarray] = field(default_factory=dict)
-    subject: dict = field(default_factory=lambda: {"mass_kg": MASS, "stature_m": 1.8, "sex": "male",
-                                                   "prosthetic_side": "right"})
-    manifest: dict = field(default_factory=lambda: {"subject": "subject.yaml", "kinematics": "walk_ik.mot",
-                                                    "forces": "walk_grf.mot", "prosthesis": {"fulcrum_mm": 66}})
+    subject: dict = field(
+        default_factory=lambda: {
+            "mass_kg": MASS,
+            "stature_m": 1.8,
+            "sex": "male",
+            "prosthetic_side": "right",
+        }
+    )
+    manifest: dict = field(
+        default_factory=lambda: {
+            "subject": "subject.yaml",
+            "kinematics": "walk_ik.mot",
+            "forces": "walk_grf.mot",
+            "prosthesis": {"fulcrum_mm": 66},
+        }
+    )
 
     def __post_init__(self) -> None:
         self.columns = angles(self.time)
@@ -75,7 +92,9 @@ class TrialFiles:
 
     def write(self) -> Path:
         write_table(self.folder / "walk_ik.mot", self.time, self.columns, self.header)
-        write_table(self.folder / "walk_grf.mot", self.force_time, self.forces, HEADER.replace("yes", "no"))
+        write_table(
+            self.folder / "walk_grf.mot", self.force_time, self.forces, HEADER.replace("yes", "no")
+        )
         (self.folder / "subject.yaml").write_text(yaml.safe_dump(self.subject))
         path = self.folder / "trial.yaml"
         path.write_text(yaml.safe_dump(self.manifest))

@@ -12,8 +12,16 @@ from collections.abc import Callable
 from mypy.plugin import AnalyzeTypeContext, MethodContext, Plugin
 from mypy.types import AnyType, Type, TypeOfAny, UnboundType
 
-BUILDER, PLANT = "pydrake.systems.framework.DiagramBuilder", "pydrake.multibody.plant.MultibodyPlant"
-ADDING = (f"{BUILDER}.AddSystem", f"{BUILDER}.AddNamedSystem", f"{PLANT}.AddFrame", f"{PLANT}.AddJoint")
+BUILDER, PLANT = (
+    "pydrake.systems.framework.DiagramBuilder",
+    "pydrake.multibody.plant.MultibodyPlant",
+)
+ADDING = (
+    f"{BUILDER}.AddSystem",
+    f"{BUILDER}.AddNamedSystem",
+    f"{PLANT}.AddFrame",
+    f"{PLANT}.AddJoint",
+)
 
 
 class Pydrake(Plugin):
@@ -28,7 +36,11 @@ class Pydrake(Plugin):
 
 def _array(context: AnalyzeTypeContext) -> Type:
     anything, given, api = AnyType(TypeOfAny.explicit), context.type.args, context.api
-    if len(given) == 2 and isinstance(given[0], UnboundType) and given[0].name not in ("numpy.float64", "object"):
+    if (
+        len(given) == 2
+        and isinstance(given[0], UnboundType)
+        and given[0].name not in ("numpy.float64", "object")
+    ):
         return api.named_type("numpy.ndarray", [api.analyze_type(part) for part in given])
     shape = api.named_type("builtins.tuple", [anything])
     return api.named_type("numpy.ndarray", [shape, api.named_type("numpy.dtype", [anything])])

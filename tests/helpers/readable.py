@@ -7,7 +7,10 @@ from itertools import combinations
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-TELEPHONE_PX, LEAST_PX = 366.0, 8.0  # width of a page's content on a telephone of 390 pixels, height of its letters
+TELEPHONE_PX, LEAST_PX = (
+    366.0,
+    8.0,
+)  # width of a page's content on a telephone of 390 pixels, height of its letters
 
 
 def letters_px(figure: Figure) -> float:
@@ -27,8 +30,16 @@ def assert_readable(figure: Figure, name: str) -> None:
     for axes in figure.axes:
         if axes.axison:
             low, high = sorted(axes.get_xlim())
-            ticks = [tick.label1 for tick in axes.xaxis.get_major_ticks() if low <= tick.get_loc() <= high]
+            ticks = [
+                tick.label1
+                for tick in axes.xaxis.get_major_ticks()
+                if low <= tick.get_loc() <= high
+            ]
             texts += [axes.title, axes._left_title, axes.xaxis.label, axes.yaxis.label, *ticks]
-    boxes = [(text.get_text(), text.get_window_extent()) for text in texts if text.get_text() and text.get_visible()]
+    boxes = [
+        (text.get_text(), text.get_window_extent())
+        for text in texts
+        if text.get_text() and text.get_visible()
+    ]
     for (first, here), (second, there) in combinations(boxes, 2):
         assert not here.overlaps(there), f"{name}: '{first}' and '{second}'"

@@ -42,15 +42,24 @@ def simulate_bench_reference(
     start = made.contact_height
     stroke = PiecewisePolynomial.FirstOrderHold([0.0, end_s], np.array([[start, start + travel_m]]))
     drive(builder, "platen", stroke, 1, made.diagram.GetInputPort("platen"))
-    drive(builder, "fulcrum", PiecewisePolynomial(np.array([[fulcrum_m]])), 0,
-           made.diagram.GetInputPort("fulcrum_position"))
+    drive(
+        builder,
+        "fulcrum",
+        PiecewisePolynomial(np.array([[fulcrum_m]])),
+        0,
+        made.diagram.GetInputPort("fulcrum_position"),
+    )
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
     own = made.diagram.GetMyMutableContextFromRoot(context)
     own.get_mutable_parameters().SetFrom(bench.context.get_parameters())
     plant_context = made.plant.GetMyMutableContextFromRoot(context)
-    made.plant.GetJointByName(made.foot.carriage_joint_name).set_translation(plant_context, fulcrum_m)
+    made.plant.GetJointByName(made.foot.carriage_joint_name).set_translation(
+        plant_context, fulcrum_m
+    )
     load = made.diagram.GetOutputPort("load")
-    config = SimulatorConfig(integration_scheme=integrator, accuracy=accuracy, max_step_size=end_s / 20)
+    config = SimulatorConfig(
+        integration_scheme=integrator, accuracy=accuracy, max_step_size=end_s / 20
+    )
     rows, _ = advance(diagram, context, moments, lambda: load.Eval(own)[0], config, None)
     return ReferencePress(moments, speed_m_per_s * moments, np.array(rows))

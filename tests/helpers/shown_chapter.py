@@ -23,13 +23,21 @@ class Shown(ShownChapter):
     def _table(self, name, rows=(), columns=(), caller=None):
         shown = super()._table(name, rows, columns, caller)
         assert name not in self.grids
-        self.grids[name] = SimpleNamespace(name=name, columns=[Column(*column) for column in columns], rows=rows)
-        self.captions[name] = _plain(re.search(r"<figcaption>(.*?)</figcaption>", shown, re.DOTALL)[1])
+        self.grids[name] = SimpleNamespace(
+            name=name, columns=[Column(*column) for column in columns], rows=rows
+        )
+        self.captions[name] = _plain(
+            re.search(r"<figcaption>(.*?)</figcaption>", shown, re.DOTALL)[1]
+        )
         return shown
 
     def _figure(self, name, alt, title="", caller=None):
         assert name in self.figures and name not in self.alts
-        self.alts[name], self.titles[name], self.captions[name] = _plain(alt), _plain(title), _plain(caller())
+        self.alts[name], self.titles[name], self.captions[name] = (
+            _plain(alt),
+            _plain(title),
+            _plain(caller()),
+        )
         return ""
 
     @property

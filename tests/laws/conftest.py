@@ -11,10 +11,14 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, InitializeAutoDif
 
 def _autodiff(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
     value = np.atleast_1d(function(InitializeAutoDiff(np.asarray(x, dtype=float)).ravel())).ravel()
-    return ExtractGradient(np.array([v if isinstance(v, AutoDiffXd) else AutoDiffXd(v) for v in value]))
+    return ExtractGradient(
+        np.array([v if isinstance(v, AutoDiffXd) else AutoDiffXd(v) for v in value])
+    )
 
 
-def _central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float) -> np.ndarray:
+def _central(
+    function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float
+) -> np.ndarray:
     x = np.asarray(x, dtype=float)
     columns = []
     for i in range(len(x)):
@@ -37,6 +41,10 @@ def assert_gradient() -> Callable:
     def check(function: Callable, x: np.ndarray, *, step: float = 1e-7, rtol: float = 1e-5) -> None:
         expected = _central(function, x, step)
         np.testing.assert_allclose(
-            _autodiff(function, x), expected, rtol=rtol, atol=rtol * max(1e-12, np.abs(expected).max()))
+            _autodiff(function, x),
+            expected,
+            rtol=rtol,
+            atol=rtol * max(1e-12, np.abs(expected).max()),
+        )
 
     return check

@@ -5,8 +5,14 @@ import pytest
 
 from vsf_drake.laws.bushing import axis_force
 
-AXIS = {"stiffness": 1e5, "stiffness_negative": 1.5e4, "damping": 1e3, "limit": 0.015, "rate_limit": 0.5,
-        "stop_ratio": 10.0}
+AXIS = {
+    "stiffness": 1e5,
+    "stiffness_negative": 1.5e4,
+    "damping": 1e3,
+    "limit": 0.015,
+    "rate_limit": 0.5,
+    "stop_ratio": 10.0,
+}
 
 
 def test_inside_the_limits_it_is_a_spring_and_damper_and_softer_when_pulled():
@@ -17,7 +23,9 @@ def test_inside_the_limits_it_is_a_spring_and_damper_and_softer_when_pulled():
 def test_beyond_a_limit_stiffness_and_damping_are_eleven_times_as_large():
     for side in (1.0, -1.0):
         force = axis_force(side * np.array([0.02, 0.021]), 0.0, **AXIS)
-        assert force[1] - force[0] == pytest.approx(-11.0 * (1e5 if side > 0.0 else -1.5e4) * 1e-3, rel=1e-8)
+        assert force[1] - force[0] == pytest.approx(
+            -11.0 * (1e5 if side > 0.0 else -1.5e4) * 1e-3, rel=1e-8
+        )
         force = axis_force(0.0, side * np.array([0.7, 0.8]), **AXIS)
         assert force[1] - force[0] == pytest.approx(-side * 11e3 * 0.1, rel=1e-8)
 
@@ -31,10 +39,16 @@ def test_continuous_at_the_limits_and_at_zero():
         assert below == pytest.approx(above, abs=1e-6)
 
 
-def test_gradients_equal_finite_differences_and_are_finite_at_the_kinks(assert_gradient, autodiff_gradient):
+def test_gradients_equal_finite_differences_and_are_finite_at_the_kinks(
+    assert_gradient, autodiff_gradient
+):
     for q in (-0.03, -0.01, 0.01, 0.03):
         for v in (-0.8, -0.1, 0.1, 0.8):
-            assert_gradient(lambda x: axis_force(*x[:2], **dict(zip(AXIS, x[2:], strict=True))),
-                            [q, v, *AXIS.values()])
+            assert_gradient(
+                lambda x: axis_force(*x[:2], **dict(zip(AXIS, x[2:], strict=True))),
+                [q, v, *AXIS.values()],
+            )
     for q in (-0.015, 0.0, 0.015):
-        assert np.all(np.isfinite(autodiff_gradient(lambda x: axis_force(x[0], x[1], **AXIS), [q, 0.5])))
+        assert np.all(
+            np.isfinite(autodiff_gradient(lambda x: axis_force(x[0], x[1], **AXIS), [q, 0.5]))
+        )

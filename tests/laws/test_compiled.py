@@ -48,7 +48,9 @@ def twice(x):
 @pytest.fixture
 def package(tmp_path):
     """A copy of the package with one more compiled law, whose callee is in another file."""
-    copy = shutil.copytree(PACKAGE, tmp_path / "vsf_drake", ignore=shutil.ignore_patterns("__pycache__"))
+    copy = shutil.copytree(
+        PACKAGE, tmp_path / "vsf_drake", ignore=shutil.ignore_patterns("__pycache__")
+    )
     (copy / "laws" / "pressed.py").write_text(CALLER, encoding="utf-8")
     return copy
 
@@ -56,20 +58,33 @@ def package(tmp_path):
 def pressed(package, code=PRESSED):
     """The force of 10 mm on 20 N/mm by a new process, and whether its machine code was there already."""
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-    done = subprocess.run([sys.executable, "-c", code, package], env=environment | {"PYTHONPATH": str(package.parent)},
-                          cwd=package.parent, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, package],
+        env=environment | {"PYTHONPATH": str(package.parent)},
+        cwd=package.parent,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     force, hits = done.stdout.split()
     return float(force), bool(int(hits))
 
 
 @pytest.mark.slow
 def test_a_changed_callee_in_another_file_changes_the_compiled_caller_of_the_next_process(package):
-    assert pressed(package, EDITED_MEANWHILE) == (400.0, False)  # which leaves nothing under the old name
+    assert pressed(package, EDITED_MEANWHILE) == (
+        400.0,
+        False,
+    )  # which leaves nothing under the old name
     assert pressed(package) == (200.0, False)
     assert pressed(package) == (200.0, True)
     law = package / "laws" / "scalar.py"
-    law.write_text(law.read_text(encoding="utf-8").replace("stiffness * power\n", "2.0 * stiffness * power\n", 1),
-                   encoding="utf-8")
+    law.write_text(
+        law.read_text(encoding="utf-8").replace(
+            "stiffness * power\n", "2.0 * stiffness * power\n", 1
+        ),
+        encoding="utf-8",
+    )
     assert pressed(package) == (400.0, False)
     page = package / "report" / "style.py"
     page.write_text(page.read_text(encoding="utf-8") + "\n", encoding="utf-8")
@@ -81,14 +96,23 @@ def test_every_compiled_function_and_the_constants_in_it_are_under_the_digest():
     for file in PACKAGE.rglob("*.py"):
         tree = ast.parse(file.read_text(encoding="utf-8"))
         taken = {node.module: node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-        if "vsf_drake.laws.compiled" not in taken or taken["vsf_drake.laws.compiled"].names[0].name not in (
-                "compiled", "internal"):
+        if "vsf_drake.laws.compiled" not in taken or taken["vsf_drake.laws.compiled"].names[
+            0
+        ].name not in ("compiled", "internal"):
             continue
-        from_outside = [PACKAGE.joinpath(*name.split(".")[1:]) for name, node in taken.items()
-                        if name.startswith("vsf_drake.") and any(alias.name.isupper() or alias.name.islower()
-                                                                 for alias in node.names)]
-        for path in [file, *(path if path.is_dir() else path.with_suffix(".py") for path in from_outside)]:
-            assert any(path == part or part in path.parents for part in covered), f"{file} takes from {path}"
+        from_outside = [
+            PACKAGE.joinpath(*name.split(".")[1:])
+            for name, node in taken.items()
+            if name.startswith("vsf_drake.")
+            and any(alias.name.isupper() or alias.name.islower() for alias in node.names)
+        ]
+        for path in [
+            file,
+            *(path if path.is_dir() else path.with_suffix(".py") for path in from_outside),
+        ]:
+            assert any(path == part or part in path.parents for part in covered), (
+                f"{file} takes from {path}"
+            )
 
 
 def test_states_of_the_sources_that_nobody_uses_any_more_are_removed(monkeypatch, tmp_path):
@@ -99,7 +123,10 @@ def test_states_of_the_sources_that_nobody_uses_any_more_are_removed(monkeypatch
         old.mkdir()
         os.utime(old, (2e9 - age,) * 2 if age == 0 else (1e9 - age,) * 2)
     assert module._folder() == str(current)
-    assert {path.name for path in current.parent.iterdir()} == {current.name, *(f"state_{i}" for i in range(KEPT - 1))}
+    assert {path.name for path in current.parent.iterdir()} == {
+        current.name,
+        *(f"state_{i}" for i in range(KEPT - 1)),
+    }
 
 
 def test_machine_code_that_cannot_be_kept_on_disk_is_made_anew(monkeypatch):

@@ -49,8 +49,13 @@ def test_foam_and_ground_bear_the_same_force_whatever_their_ratio():
             k, compliance = 0.01**-exponent * 500.0, softness * 0.01 / 500.0
             for depth in (1e-7, 1e-3, 0.01, 0.4):
                 d, share = foam_depth(depth, stiffness=k, exponent=exponent, compliance=compliance)
-                root = brentq(lambda x, t=depth, c=compliance * k, n=exponent: x + c * x**n - t, 0.0, depth,
-                              xtol=1e-300, rtol=1e-14)
+                root = brentq(
+                    lambda x, t=depth, c=compliance * k, n=exponent: x + c * x**n - t,
+                    0.0,
+                    depth,
+                    xtol=1e-300,
+                    rtol=1e-14,
+                )
                 assert float(d) == pytest.approx(root, rel=1e-12)
                 assert 0.0 < float(share) <= 1.0
 
@@ -65,9 +70,17 @@ def test_gradient_by_depth_stiffness_exponent_and_compliance(assert_gradient, au
     """In units in which each is of order one; and finite without contact."""
     for output in (0, 1):
         for exponent in (1.0, 1.6, 7.66):
+
             def by(x, output=output, stiffness=50.0 * 2e-3**-exponent):
-                return foam_depth(x[:1] * 1e-3, stiffness=x[1:2] * stiffness, exponent=x[2:3],
-                                  compliance=x[3:4] * 1e-5)[output] * 1e3
+                return (
+                    foam_depth(
+                        x[:1] * 1e-3,
+                        stiffness=x[1:2] * stiffness,
+                        exponent=x[2:3],
+                        compliance=x[3:4] * 1e-5,
+                    )[output]
+                    * 1e3
+                )
 
             assert_gradient(by, [4.0, 1.3, exponent, 2.0], rtol=1e-6)
             assert np.all(np.isfinite(autodiff_gradient(by, [0.0, 1.3, exponent, 2.0])))

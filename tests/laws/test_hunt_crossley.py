@@ -13,8 +13,12 @@ SPHERE = {"stiffness": 3e4, "exponent": 1.0}
 
 
 def test_damping_grows_with_the_elastic_force_and_never_pulls():
-    force = normal_force(2e-3, np.array([0.0, 0.5, -0.5, -1.25, -9.0]), stiffness=3e5, exponent=1.5, dissipation=0.8)
-    np.testing.assert_allclose(force, 3e5 * 2e-3**1.5 * np.array([1.0, 1.4, 0.6, 0.0, 0.0]), atol=1e-12)
+    force = normal_force(
+        2e-3, np.array([0.0, 0.5, -0.5, -1.25, -9.0]), stiffness=3e5, exponent=1.5, dissipation=0.8
+    )
+    np.testing.assert_allclose(
+        force, 3e5 * 2e-3**1.5 * np.array([1.0, 1.4, 0.6, 0.0, 0.0]), atol=1e-12
+    )
     assert normal_force(0.0, 3.0, **SPHERE, dissipation=0.8) == 0.0
 
 
@@ -27,12 +31,29 @@ def test_matched_dissipation_loses_in_a_stroke_what_the_papers_law_loses(exponen
     dissipation = matched_dissipation(stiffness=k, exponent=exponent, damping=b, depth=depth)
 
     def loss(force):
-        return quad(lambda t: force(depth * np.sin(w * t), depth * w * np.cos(w * t)) * depth * w * np.cos(w * t),
-                    0.0, np.pi / w, points=[0.5 * np.pi / w], limit=400, epsabs=1e-12)[0]
+        return quad(
+            lambda t: (
+                force(depth * np.sin(w * t), depth * w * np.cos(w * t)) * depth * w * np.cos(w * t)
+            ),
+            0.0,
+            np.pi / w,
+            points=[0.5 * np.pi / w],
+            limit=400,
+            epsabs=1e-12,
+        )[0]
 
-    matched = loss(lambda x, v: float(normal_force(x, v, stiffness=k, exponent=exponent, dissipation=dissipation)))
-    paper = loss(lambda x, v: float(kelvin_voigt.normal_force(
-        x, v, stiffness=k, exponent=exponent, damping=b, full_damping_depth=1e-5)))
+    matched = loss(
+        lambda x, v: float(
+            normal_force(x, v, stiffness=k, exponent=exponent, dissipation=dissipation)
+        )
+    )
+    paper = loss(
+        lambda x, v: float(
+            kelvin_voigt.normal_force(
+                x, v, stiffness=k, exponent=exponent, damping=b, full_damping_depth=1e-5
+            )
+        )
+    )
     assert matched == pytest.approx(0.25 * np.pi * b * depth**2 * w, rel=1e-8)
     assert matched == pytest.approx(paper, rel=4.0 / np.pi / 1200.0 * 1.01)
     for nothing in ("stiffness", "damping"):
@@ -42,7 +63,9 @@ def test_matched_dissipation_loses_in_a_stroke_what_the_papers_law_loses(exponen
 
 def test_gradient_by_every_argument_and_finite_at_touch_down(assert_gradient, autodiff_gradient):
     def by(x):
-        return normal_force(x[:1] * 1e-3, x[1:2], stiffness=x[2:3] * 1e5, exponent=x[3:4], dissipation=x[4:5])
+        return normal_force(
+            x[:1] * 1e-3, x[1:2], stiffness=x[2:3] * 1e5, exponent=x[3:4], dissipation=x[4:5]
+        )
 
     for rate in (0.4, -0.4):
         assert_gradient(by, [4.0, rate, 1.3, 1.5, 0.7], rtol=1e-6)

@@ -16,7 +16,10 @@ COUNT = 400
 def slopes(function, x, step):
     """Central difference of a scalar function of the vector x, by each of its first two entries."""
     e = np.eye(len(x))
-    return [(function(*(x + step[i] * e[i])) - function(*(x - step[i] * e[i]))) / (2 * step[i]) for i in (0, 1)]
+    return [
+        (function(*(x + step[i] * e[i])) - function(*(x - step[i] * e[i]))) / (2 * step[i])
+        for i in (0, 1)
+    ]
 
 
 @pytest.fixture
@@ -26,11 +29,20 @@ def rng():
 
 def test_normal_force_and_its_derivatives(rng):
     for _ in range(COUNT):
-        x = np.array([rng.uniform(-2e-3, 8e-3), rng.uniform(-0.5, 0.5), 10 ** rng.uniform(3, 6),
-                      rng.choice([1.0, rng.uniform(1.0, 8.0)]), 10 ** rng.uniform(1, 4), 10 ** rng.uniform(-3.5, -2)])
+        x = np.array(
+            [
+                rng.uniform(-2e-3, 8e-3),
+                rng.uniform(-0.5, 0.5),
+                10 ** rng.uniform(3, 6),
+                rng.choice([1.0, rng.uniform(1.0, 8.0)]),
+                10 ** rng.uniform(1, 4),
+                10 ** rng.uniform(-3.5, -2),
+            ]
+        )
         depth, rate, k, n, b, full = x
-        law = kelvin_voigt.normal_force(max(depth, 0.0), rate, stiffness=k, exponent=n, damping=b,
-                                        full_damping_depth=full)
+        law = kelvin_voigt.normal_force(
+            max(depth, 0.0), rate, stiffness=k, exponent=n, damping=b, full_damping_depth=full
+        )
         np.testing.assert_allclose(normal_force(*x)[0], law, rtol=1e-12)
         if min(abs(depth), abs(rate), abs(depth - full)) > 1e-5:
             expected = slopes(lambda *a: normal_force(*a)[0], x, (1e-8, 1e-6))
@@ -52,11 +64,23 @@ def test_friction_per_speed_and_its_slope(rng):
 
 def test_spring_force_and_its_derivatives(rng):
     for _ in range(COUNT):
-        x = np.array([rng.uniform(-0.03, 0.03), rng.uniform(-1, 1), 10 ** rng.uniform(2, 5), 10 ** rng.uniform(2, 5),
-                      10 ** rng.uniform(0, 3), 0.015, 0.5, rng.uniform(0, 20)])
+        x = np.array(
+            [
+                rng.uniform(-0.03, 0.03),
+                rng.uniform(-1, 1),
+                10 ** rng.uniform(2, 5),
+                10 ** rng.uniform(2, 5),
+                10 ** rng.uniform(0, 3),
+                0.015,
+                0.5,
+                rng.uniform(0, 20),
+            ]
+        )
         names = ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit", "stop_ratio")
         law = axis_force(x[0], x[1], **dict(zip(names, x[2:], strict=True)))
         np.testing.assert_allclose(spring_force(*x)[0], law, rtol=1e-12)
         if min(abs(x[0]), abs(abs(x[0]) - x[5]), abs(abs(x[1]) - x[6])) > 1e-4:
             expected = slopes(lambda *a: spring_force(*a)[0], x, (1e-7, 1e-6))
-            np.testing.assert_allclose(spring_force(*x)[1:], expected, rtol=1e-5, atol=1e-5 * max(x[2:5]))
+            np.testing.assert_allclose(
+                spring_force(*x)[1:], expected, rtol=1e-5, atol=1e-5 * max(x[2:5])
+            )

@@ -15,13 +15,18 @@ WIDTHS = {"depth_width": 5e-4, "rate_width": 0.02}
 
 def test_corner_is_three_sixteenths_of_its_width_too_large_and_exact_beyond_it():
     x = np.array([-0.4, -0.3, 0.0, 0.3, 0.4])
-    np.testing.assert_allclose(rounded_positive_part(x, 0.3), [0.0, 0.0, 3.0 / 16.0 * 0.3, 0.3, 0.4], atol=1e-17)
+    np.testing.assert_allclose(
+        rounded_positive_part(x, 0.3), [0.0, 0.0, 3.0 / 16.0 * 0.3, 0.3, 0.4], atol=1e-17
+    )
 
 
 def test_law_is_the_papers_where_both_corners_are_behind():
     depth, rate = np.array([5e-4, 2e-3]), np.array([0.02, 0.3])
     np.testing.assert_allclose(
-        normal_force(depth, rate, **LAW, **WIDTHS), kelvin_voigt.normal_force(depth, rate, **LAW), rtol=1e-14)
+        normal_force(depth, rate, **LAW, **WIDTHS),
+        kelvin_voigt.normal_force(depth, rate, **LAW),
+        rtol=1e-14,
+    )
     assert normal_force(-5e-4, 1.0, **LAW, **WIDTHS) == 0.0
     assert normal_force(2e-3, -0.02, **LAW, **WIDTHS) == pytest.approx(3e4 * 2e-3, rel=1e-14)
 
@@ -30,9 +35,15 @@ def test_law_is_the_papers_where_both_corners_are_behind():
 def test_second_derivative_by_depth_is_continuous_through_touch_down(compliance):
     """Second differences change between neighbours in proportion to the step; a jump would not, and the paper's law
     jumps by stiffness / step. The elastic corner's largest bend is 3/4 stiffness / width."""
+
     def bends(step, damping):
-        force = normal_force(np.arange(-8e-4, 8e-4, step), 0.0, **LAW | {"damping": damping}, **WIDTHS,
-                             compliance=compliance)
+        force = normal_force(
+            np.arange(-8e-4, 8e-4, step),
+            0.0,
+            **LAW | {"damping": damping},
+            **WIDTHS,
+            compliance=compliance,
+        )
         return np.diff(force, 2) / step**2
 
     fine, coarse = (np.abs(np.diff(bends(step, 300.0))).max() for step in (1e-6, 8e-6))
@@ -41,17 +52,28 @@ def test_second_derivative_by_depth_is_continuous_through_touch_down(compliance)
 
 
 def test_soft_ground_shares_the_rounded_penetration():
-    depth, share = foam_depth(rounded_positive_part(3e-4, 5e-4), stiffness=3e4, exponent=1.0, compliance=1.0 / 2e4)
+    depth, share = foam_depth(
+        rounded_positive_part(3e-4, 5e-4), stiffness=3e4, exponent=1.0, compliance=1.0 / 2e4
+    )
     expected = kelvin_voigt.normal_force(depth, share * 0.2, **LAW)
-    assert normal_force(3e-4, 0.2, **LAW, **WIDTHS, compliance=1.0 / 2e4) == pytest.approx(expected, rel=1e-14)
+    assert normal_force(3e-4, 0.2, **LAW, **WIDTHS, compliance=1.0 / 2e4) == pytest.approx(
+        expected, rel=1e-14
+    )
 
 
 def test_gradient_by_every_argument(assert_gradient):
     def by(x):
         return normal_force(
-            x[:1] * 1e-3, x[1:2], stiffness=x[2:3] * 1e4, exponent=x[3:4], damping=x[4:5] * 100.0,
-            full_damping_depth=x[5:6] * 1e-3, depth_width=x[6:7] * 1e-3, rate_width=x[7:8] * 0.01,
-            compliance=x[8:9] * 1e-4)
+            x[:1] * 1e-3,
+            x[1:2],
+            stiffness=x[2:3] * 1e4,
+            exponent=x[3:4],
+            damping=x[4:5] * 100.0,
+            full_damping_depth=x[5:6] * 1e-3,
+            depth_width=x[6:7] * 1e-3,
+            rate_width=x[7:8] * 0.01,
+            compliance=x[8:9] * 1e-4,
+        )
 
     for depth_mm in (-0.2, 0.3, 4.0):
         for rate in (-0.1, 0.01, 0.3):

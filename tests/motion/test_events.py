@@ -32,7 +32,10 @@ def test_scuff_in_swing_is_not_a_stance():
     assert len(find_stances(FORCE_TIME, force)) == 1
     (scuff,) = find_scuffs(FORCE_TIME, force)
     assert 1.5 < scuff.start_s < scuff.end_s < 1.58
-    assert [len(find_stances(FORCE_TIME, pulse(0.5, 1.2, peak))) for peak in (95.0, 105.0)] == [0, 1]
+    assert [len(find_stances(FORCE_TIME, pulse(0.5, 1.2, peak))) for peak in (95.0, 105.0)] == [
+        0,
+        1,
+    ]
 
 
 def test_short_drop_out_does_not_end_a_stance():
@@ -44,14 +47,28 @@ def test_short_drop_out_does_not_end_a_stance():
 
 def test_ends_outside_the_record_are_told():
     first, second = find_stances(FORCE_TIME, pulse(-0.4, 0.4) + pulse(1.6, 2.4))
-    assert (first.start_s, first.start_seen, first.end_seen, first.complete) == (0.0, False, True, False)
-    assert (second.end_s, second.start_seen, second.end_seen, second.complete) == (FORCE_TIME[-1], True, False, False)
+    assert (first.start_s, first.start_seen, first.end_seen, first.complete) == (
+        0.0,
+        False,
+        True,
+        False,
+    )
+    assert (second.end_s, second.start_seen, second.end_seen, second.complete) == (
+        FORCE_TIME[-1],
+        True,
+        False,
+        False,
+    )
 
 
 @pytest.mark.parametrize("rate_hz", [200, 1000, 2000])
-@pytest.mark.parametrize(("blank_from_s", "blank_to_s", "start_seen", "end_seen"), [
-    (0.0, 0.0005, False, True), (-1.0, 0.3, False, True), (0.5, 3.0, True, False)])
-def test_force_that_jumps_is_cut_off_and_no_strike_or_lift_off(rate_hz, blank_from_s, blank_to_s, start_seen, end_seen):
+@pytest.mark.parametrize(
+    ("blank_from_s", "blank_to_s", "start_seen", "end_seen"),
+    [(0.0, 0.0005, False, True), (-1.0, 0.3, False, True), (0.5, 3.0, True, False)],
+)
+def test_force_that_jumps_is_cut_off_and_no_strike_or_lift_off(
+    rate_hz, blank_from_s, blank_to_s, start_seen, end_seen
+):
     """No foot takes up most of its load from one sample to the next: the force was blanked while the foot stood."""
     time = np.arange(0.0, 2.0, 1.0 / rate_hz)
     force = np.interp(time, FORCE_TIME, pulse(-0.2 if blank_to_s < 0.1 else 0.1, 0.9))
@@ -78,7 +95,9 @@ def test_made_steps_are_found(side):
 
 
 def cut(track, rows):
-    return dataclasses.replace(track, heel_W=track.heel_W[rows], toe_W=track.toe_W[rows], ankle_W=track.ankle_W[rows])
+    return dataclasses.replace(
+        track, heel_W=track.heel_W[rows], toe_W=track.toe_W[rows], ankle_W=track.ankle_W[rows]
+    )
 
 
 @pytest.mark.parametrize(("beyond_s", "seen"), [(-0.1, False), (0.15, True)])
@@ -104,18 +123,32 @@ def test_who_halts_and_sways_has_not_lifted_the_foot():
     pelvis, held = pelvis.copy(), np.maximum(TIME - halt, 0.0)
     pelvis[TIME > halt] = pelvis[np.searchsorted(TIME, halt)]
     pelvis[:, 0] += 0.02 * np.sin(2.0 * np.pi * held)
-    standing = {side: cut(track, np.where(TIME > halt, np.searchsorted(TIME, halt), np.arange(len(TIME))))
-                for side, track in tracks.items()}
-    assert not kinematic_stances(TIME, standing["right"], pelvis, forward_W=np.array([1.0, 0.0]))[-1].end_seen
+    standing = {
+        side: cut(track, np.where(TIME > halt, np.searchsorted(TIME, halt), np.arange(len(TIME))))
+        for side, track in tracks.items()
+    }
+    assert not kinematic_stances(TIME, standing["right"], pelvis, forward_W=np.array([1.0, 0.0]))[
+        -1
+    ].end_seen
 
 
 @pytest.mark.parametrize("heading", [0.5, 2.0, np.pi, -1.5])
 def test_direction_of_walking_does_not_matter(heading):
-    turn = np.array([[np.cos(heading), -np.sin(heading), 0], [np.sin(heading), np.cos(heading), 0], [0, 0, 1]])
+    turn = np.array(
+        [[np.cos(heading), -np.sin(heading), 0], [np.sin(heading), np.cos(heading), 0], [0, 0, 1]]
+    )
     tracks, pelvis = feet()
-    turned = dataclasses.replace(tracks["right"], heel_W=tracks["right"].heel_W @ turn.T,
-                                 toe_W=tracks["right"].toe_W @ turn.T)
-    assert np.allclose(walking_direction({"": turned}, pelvis @ turn.T), [np.cos(heading), np.sin(heading)])
-    for one, other in zip(kinematic_stances(TIME, turned, pelvis @ turn.T),
-                          kinematic_stances(TIME, tracks["right"], pelvis), strict=True):
+    turned = dataclasses.replace(
+        tracks["right"],
+        heel_W=tracks["right"].heel_W @ turn.T,
+        toe_W=tracks["right"].toe_W @ turn.T,
+    )
+    assert np.allclose(
+        walking_direction({"": turned}, pelvis @ turn.T), [np.cos(heading), np.sin(heading)]
+    )
+    for one, other in zip(
+        kinematic_stances(TIME, turned, pelvis @ turn.T),
+        kinematic_stances(TIME, tracks["right"], pelvis),
+        strict=True,
+    ):
         assert (one.start_s, one.end_s) == pytest.approx((other.start_s, other.end_s), abs=1e-9)

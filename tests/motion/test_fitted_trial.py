@@ -41,27 +41,42 @@ def added(fitted, trial, name):
 def test_model_offsets_and_angles_are_those_of_the_fit(trial):
     fitted = trial_with(trial, contact_for())
     assert fitted.model == model_with(trial.model, OF_THE_MODEL)
-    expected = GeometricOffsets(height_m=4e-3, fore_aft_m=-2e-3, alignment_rad=np.radians(2.0) + 0.01,
-                                inversion_rad=-0.05, toe_out_rad=0.02)
+    expected = GeometricOffsets(
+        height_m=4e-3,
+        fore_aft_m=-2e-3,
+        alignment_rad=np.radians(2.0) + 0.01,
+        inversion_rad=-0.05,
+        toe_out_rad=0.02,
+    )
     assert vars(fitted.offsets) == pytest.approx(vars(expected))
     np.testing.assert_allclose(added(fitted, trial, "hip_flexion_r"), 0.012, atol=1e-15)
     np.testing.assert_allclose(added(fitted, trial, "pelvis_ty"), -5e-4, atol=1e-15)
-    curve = periodic_bsplines(6)(gait_phase(trial)(trial.trajectory.time_s)) @ np.array(CURVE.coefficients)
+    curve = periodic_bsplines(6)(gait_phase(trial)(trial.trajectory.time_s)) @ np.array(
+        CURVE.coefficients
+    )
     np.testing.assert_allclose(added(fitted, trial, "knee_angle_r"), curve, atol=1e-15)
     untouched = set(trial.trajectory.names) - {"hip_flexion_r", "pelvis_ty", "knee_angle_r"}
     assert not any(added(fitted, trial, name).any() for name in untouched)
     assert (fitted.trajectory.names, fitted.plates, fitted.fulcrum_m) == (
-        trial.trajectory.names, trial.plates, trial.fulcrum_m)
+        trial.trajectory.names,
+        trial.plates,
+        trial.fulcrum_m,
+    )
 
 
 def test_height_and_path_go_to_the_recording_that_they_were_fitted_to_and_to_no_other(trial):
     fitted = trial_with(trial, contact_for(trial))
     assert fitted.offsets.height_m == pytest.approx(4.5e-3)
     basis = window_bsplines(trial.start_s, trial.end_s, 5)(trial.trajectory.time_s)
-    np.testing.assert_allclose(added(fitted, trial, "pelvis_tx"), basis @ np.array(OWN.path["pelvis_tx"]), atol=1e-15)
+    np.testing.assert_allclose(
+        added(fitted, trial, "pelvis_tx"), basis @ np.array(OWN.path["pelvis_tx"]), atol=1e-15
+    )
     slow = window_bsplines(trial.start_s, trial.end_s, 4)(trial.trajectory.time_s)
-    np.testing.assert_allclose(added(fitted, trial, "hip_flexion_r"),
-                               0.012 + slow @ np.array(OWN.curves["hip_flexion_r"]), atol=1e-15)
+    np.testing.assert_allclose(
+        added(fitted, trial, "hip_flexion_r"),
+        0.012 + slow @ np.array(OWN.curves["hip_flexion_r"]),
+        atol=1e-15,
+    )
     assert added(fitted, trial, "pelvis_tz").any()
     assert fitted.notes[-1].endswith("with the height that was fitted to this trial and its path.")
     other = replace(trial, end_s=trial.end_s - 0.05)
@@ -71,11 +86,17 @@ def test_height_and_path_go_to_the_recording_that_they_were_fitted_to_and_to_no_
     assert "height" not in elsewhere.notes[-1]
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    ({"prosthetic_side": "left"}, ["prosthetic_side", "prosthesis on the left", "one on the right"]),
-    ({"mass_kg": 86.0}, ["mass_kg", "a person of 86 kg", "has 80 kg"]),
-    ({"stature_m": 1.85}, ["stature_m", "a person of 1.85 m", "has 1.8 m"]),
-])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            {"prosthetic_side": "left"},
+            ["prosthetic_side", "prosthesis on the left", "one on the right"],
+        ),
+        ({"mass_kg": 86.0}, ["mass_kg", "a person of 86 kg", "has 80 kg"]),
+        ({"stature_m": 1.85}, ["stature_m", "a person of 1.85 m", "has 1.8 m"]),
+    ],
+)
 def test_another_persons_contact_is_refused_with_both_numbers(trial, change, words):
     contact = contact_for(subject=replace(SUBJECT, **change), values={}, curves=())
     with pytest.raises(InputError) as caught:
@@ -128,7 +149,9 @@ def derivatives_jump(function, times):
 
 
 def test_phase_counts_strikes_and_reaches_the_stance_share_at_lift_off():
-    np.testing.assert_allclose(gait_phase(STANCES)(events(STANCES)), [0.0, 0.62, 1.0, 1.62, 2.0, 2.62], atol=1e-12)
+    np.testing.assert_allclose(
+        gait_phase(STANCES)(events(STANCES)), [0.0, 0.62, 1.0, 1.62, 2.0, 2.62], atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("at", [events(STANCES), np.array([0.7, 1.2, 2.9])])
@@ -137,7 +160,9 @@ def test_phase_is_twice_continuously_differentiable(at):
     assert value < 1e-9 and rate < 1e-6 and acceleration < 1e-3
 
 
-@given(lengths=st.lists(st.floats(0.16, 1.5), min_size=1, max_size=9).filter(lambda n: len(n) % 2 == 1))
+@given(
+    lengths=st.lists(st.floats(0.16, 1.5), min_size=1, max_size=9).filter(lambda n: len(n) % 2 == 1)
+)
 def test_phase_rises_whatever_the_rhythm(lengths):
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     stances = [Stance(start, end) for start, end in zip(ends[::2], ends[1::2], strict=True)]

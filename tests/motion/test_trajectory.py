@@ -48,9 +48,13 @@ def test_queries_outside_the_recording_are_refused(recording):
 
 @pytest.mark.parametrize(
     ("time", "values", "names"),
-    [(np.arange(5.0), np.zeros((5, 1)), "a"), (np.zeros(9), np.zeros((9, 1)), "a"),
-     (np.arange(9.0), np.full((9, 1), np.nan), "a"), (np.arange(9.0), np.zeros((9, 2)), "a"),
-     (np.arange(9.0), np.zeros((9, 2)), "aa")],
+    [
+        (np.arange(5.0), np.zeros((5, 1)), "a"),
+        (np.zeros(9), np.zeros((9, 1)), "a"),
+        (np.arange(9.0), np.full((9, 1), np.nan), "a"),
+        (np.arange(9.0), np.zeros((9, 2)), "a"),
+        (np.arange(9.0), np.zeros((9, 2)), "aa"),
+    ],
 )
 def test_what_cannot_be_a_trajectory_is_refused(time, values, names):
     with pytest.raises(ValueError):
@@ -63,7 +67,10 @@ BEGIN_S, END_S = 0.4, 1.9
 @pytest.mark.parametrize("count", [4, 5, 9])
 def test_splines_share_one_and_are_independent(count):
     basis = window_bsplines(BEGIN_S, END_S, count)(np.linspace(BEGIN_S - 1.0, END_S + 1.0, 501))
-    for ends in (basis[[0, -1]], window_bsplines(BEGIN_S, END_S, count)(np.array([BEGIN_S, END_S]))):
+    for ends in (
+        basis[[0, -1]],
+        window_bsplines(BEGIN_S, END_S, count)(np.array([BEGIN_S, END_S])),
+    ):
         np.testing.assert_allclose(ends, np.eye(count)[[0, -1]], atol=1e-13)
     assert basis.shape == (501, count) and basis.min() >= 0.0
     np.testing.assert_allclose(basis.sum(axis=1), 1.0, atol=1e-13)
@@ -76,7 +83,10 @@ def test_they_are_twice_continuously_differentiable_also_at_the_ends_of_the_wind
     largest = []
     for n in (2001, 8001):
         times = np.linspace(BEGIN_S - 0.3, END_S + 0.3, n)
-        second = np.diff(window_bsplines(BEGIN_S, END_S, count)(times), 2, axis=0) / (times[1] - times[0]) ** 2
+        second = (
+            np.diff(window_bsplines(BEGIN_S, END_S, count)(times), 2, axis=0)
+            / (times[1] - times[0]) ** 2
+        )
         largest.append(np.abs(np.diff(second, axis=0)).max())
     assert largest[1] < 0.3 * largest[0]
 
@@ -89,14 +99,18 @@ MIDDLE = (TIME > 1.0) & (TIME < 3.0)
 def gain_and_lag(frequency, cutoff, rate=RATE, order=4):
     """Amplitude and phase (rad) of the filtered sine by projection, over whole periods in the middle."""
     time = np.arange(0.0, 4.0, 1.0 / rate)
-    out = low_pass(np.sin(2 * np.pi * frequency * time), rate_hz=rate, cutoff_hz=cutoff, order=order)
+    out = low_pass(
+        np.sin(2 * np.pi * frequency * time), rate_hz=rate, cutoff_hz=cutoff, order=order
+    )
     middle = (time >= 1.0) & (time < 3.0 - 0.5 / rate)
     carrier = np.exp(-2j * np.pi * frequency * time[middle])
     phasor = 2 * np.mean(out[middle] * carrier)
     return abs(phasor), np.angle(phasor * 1j)
 
 
-@pytest.mark.parametrize(("cutoff", "rate"), [(6.0, 1000.0), (40.0, 1000.0), (40.0, 100.0), (10.0, 60.0)])
+@pytest.mark.parametrize(
+    ("cutoff", "rate"), [(6.0, 1000.0), (40.0, 1000.0), (40.0, 100.0), (10.0, 60.0)]
+)
 @pytest.mark.parametrize("order", [2, 4, 8])
 def test_amplitude_at_the_cutoff_is_minus_3_db(cutoff, rate, order):
     gain, lag = gain_and_lag(cutoff, cutoff, rate, order)
@@ -105,5 +119,8 @@ def test_amplitude_at_the_cutoff_is_minus_3_db(cutoff, rate, order):
 
 @pytest.mark.parametrize("cutoff", [500.0, 800.0, 0.0, -1.0, np.nan])
 def test_impossible_cutoff_is_refused(cutoff):
-    with pytest.raises(InputError, match=r"impossible at 1000 samples per second\. It must be above 0 and below 500"):
+    with pytest.raises(
+        InputError,
+        match=r"impossible at 1000 samples per second\. It must be above 0 and below 500",
+    ):
         low_pass(np.zeros(100), rate_hz=RATE, cutoff_hz=cutoff)

@@ -53,8 +53,10 @@ def test_constructed_walk(trial_files):
     impulse = np.trapezoid(trial.prosthetic_plate.force_W[:, 2], trial.prosthetic_plate.time_s)
     assert impulse == pytest.approx(1.1 * WEIGHT * 0.7 * 2 / np.pi, rel=1e-4)
     assert any("right (prosthetic) foot" in n and "complete" in n for n in trial.notes)
-    assert trial.inputs == {name: hashlib.sha256((trial_files.folder / name).read_bytes()).hexdigest()
-                            for name in ("trial.yaml", "subject.yaml", "walk_ik.mot", "walk_grf.mot")}
+    assert trial.inputs == {
+        name: hashlib.sha256((trial_files.folder / name).read_bytes()).hexdigest()
+        for name in ("trial.yaml", "subject.yaml", "walk_ik.mot", "walk_grf.mot")
+    }
     assert not any("treadmill" in n for n in trial.notes)
 
 
@@ -67,23 +69,50 @@ def test_window_of_the_manifest_is_cut_to_kinematics_and_forces(trial_files):
     assert (trial.start_s, trial.end_s) == (pytest.approx(0.5), pytest.approx(1.5))
     assert any("cut to the kinematics" in n for n in trial.notes)
     assert any("cut to the force record" in n for n in trial.notes)
-    assert any("right (prosthetic) foot" in n and n.endswith("cut at its start.") for n in trial.notes)
+    assert any(
+        "right (prosthetic) foot" in n and n.endswith("cut at its start.") for n in trial.notes
+    )
 
 
-@pytest.mark.parametrize(("window", "wanted"), [
-    ({"start_s": 3.0}, "window: the window of 3.000 to 1.800 s and the kinematics of 0.000 to 1.800 s do not overlap"),
-    ({"start_s": 0.4, "end_s": 0.9}, "the trial of 0.400 to 0.900 s is shorter than one stance (0.69"),
-    ({"start_s": 1.0, "end_s": 1.8}, "the right (prosthetic) foot carries no load from 1.000 to 1.800 s. "
-                                     "The stances of the right foot are 0.305 to 0.995 s")])
+@pytest.mark.parametrize(
+    ("window", "wanted"),
+    [
+        (
+            {"start_s": 3.0},
+            "window: the window of 3.000 to 1.800 s and the kinematics of 0.000 to 1.800 s do not overlap",
+        ),
+        (
+            {"start_s": 0.4, "end_s": 0.9},
+            "the trial of 0.400 to 0.900 s is shorter than one stance (0.69",
+        ),
+        (
+            {"start_s": 1.0, "end_s": 1.8},
+            "the right (prosthetic) foot carries no load from 1.000 to 1.800 s. "
+            "The stances of the right foot are 0.305 to 0.995 s",
+        ),
+    ],
+)
 def test_window_without_a_stance_is_refused(trial_files, window, wanted):
     trial_files.manifest["window"] = window
     assert wanted in message(trial_files)
 
 
-@pytest.mark.parametrize(("share", "late_s", "wanted"), [
-    (0.01, 0.0, "the right (prosthetic) foot has no stance: its largest vertical force is 8.63 N"),
-    (0.2, 0.0, "0.22 times the body weight. Check the unit of the forces"),
-    (1.0, 10.0, "forces: the forces of 10.000 to 11.800 s and the window of 0.000 to 1.800 s do not overlap")])
+@pytest.mark.parametrize(
+    ("share", "late_s", "wanted"),
+    [
+        (
+            0.01,
+            0.0,
+            "the right (prosthetic) foot has no stance: its largest vertical force is 8.63 N",
+        ),
+        (0.2, 0.0, "0.22 times the body weight. Check the unit of the forces"),
+        (
+            1.0,
+            10.0,
+            "forces: the forces of 10.000 to 11.800 s and the window of 0.000 to 1.800 s do not overlap",
+        ),
+    ],
+)
 def test_forces_that_are_not_this_walks_are_refused(trial_files, share, late_s, wanted):
     for axis in "xyz":
         trial_files.forces[f"ground_force_r_v{axis}"] *= share
@@ -97,13 +126,21 @@ def test_belt_speed_makes_the_same_trial_as_walking_over_ground_and_is_asked_for
     for side in "rl":
         name = f"ground_force_{side}_px"
         trial_files.forces[name] = trial_files.forces[name] - SPEED * trial_files.force_time
-    assert any("-0.81 m/s through stance: a treadmill?" in n for n in load_trial(trial_files.write()).notes)
+    assert any(
+        "-0.81 m/s through stance: a treadmill?" in n for n in load_trial(trial_files.write()).notes
+    )
     trial_files.manifest["belt_speed_m_per_s"] = SPEED
     treadmill = load_trial(trial_files.write())
-    np.testing.assert_allclose(treadmill.trajectory.values, over_ground.trajectory.values, atol=1e-8)
+    np.testing.assert_allclose(
+        treadmill.trajectory.values, over_ground.trajectory.values, atol=1e-8
+    )
     for side in ("right", "left"):
-        np.testing.assert_array_equal(treadmill.plates[side].force_W, over_ground.plates[side].force_W)
-        np.testing.assert_allclose(treadmill.plates[side].cop_W, over_ground.plates[side].cop_W, atol=1e-8)
+        np.testing.assert_array_equal(
+            treadmill.plates[side].force_W, over_ground.plates[side].force_W
+        )
+        np.testing.assert_allclose(
+            treadmill.plates[side].cop_W, over_ground.plates[side].cop_W, atol=1e-8
+        )
     assert any("treadmill" in note for note in treadmill.notes)
 
 
@@ -116,15 +153,23 @@ def on_two_plates(trial_files):
         trial_files.forces[f"ground_force_{side}_px"][:] = 0.5
 
 
-@pytest.mark.parametrize(("mass_kg", "words"), [
-    (HEAVY / 0.45359237, f"Is it in pounds? 176.37 lb are {HEAVY:.1f} kg"), (3.0 * HEAVY, "prosthesis included"),
-    (0.7 * HEAVY, "prosthesis included")])
+@pytest.mark.parametrize(
+    ("mass_kg", "words"),
+    [
+        (HEAVY / 0.45359237, f"Is it in pounds? 176.37 lb are {HEAVY:.1f} kg"),
+        (3.0 * HEAVY, "prosthesis included"),
+        (0.7 * HEAVY, "prosthesis included"),
+    ],
+)
 def test_mass_that_the_plates_contradict_is_refused(trial_files, mass_kg, words):
     """The stance of one foot between two of the other carries the weight throughout, and momentum returns."""
     on_two_plates(trial_files)
     trial_files.subject["mass_kg"] = mass_kg
     text = message(trial_files)
-    assert "subject.yaml: mass_kg: the plates contradict" in text and f"the weight of {HEAVY:.1f} kg" in text
+    assert (
+        "subject.yaml: mass_kg: the plates contradict" in text
+        and f"the weight of {HEAVY:.1f} kg" in text
+    )
     assert words in text
 
 
@@ -170,24 +215,43 @@ def plates(person: Person, *, missed: Sequence[tuple[str, int]] = ()) -> tuple[P
         share = load[side] / np.maximum(total, 1.0)
         force = np.column_stack([0.05 * share, -0.02 * share, share]) * MASS * GRAVITY
         middle = 0.5 * (track.heel_W + track.toe_W)
-        cop = np.column_stack([np.interp(FORCE_TIME, TIME, middle[:, i]) for i in range(2)] + [0 * FORCE_TIME])
+        cop = np.column_stack(
+            [np.interp(FORCE_TIME, TIME, middle[:, i]) for i in range(2)] + [0 * FORCE_TIME]
+        )
         on = force[:, 2] > 20.0
-        made.append(Plate(f"plate_{side[0]}", force, np.where(on[:, None], cop, np.nan), np.where(on, 2.0, 0.0)))
+        made.append(
+            Plate(
+                f"plate_{side[0]}",
+                force,
+                np.where(on[:, None], cop, np.nan),
+                np.where(on, 2.0, 0.0),
+            )
+        )
     return tuple(made)
 
 
-def walk(person: Person | None = None, *, missed: Sequence[tuple[str, int]] = (), label_set: str = "rajagopal"
-         ) -> Recording:
+def walk(
+    person: Person | None = None,
+    *,
+    missed: Sequence[tuple[str, int]] = (),
+    label_set: str = "rajagopal",
+) -> Recording:
     """Markers and plates."""
     person = person or Person()
     angles = ANGLES | {"pelvis_ty": np.full(len(TIME), 0.93)}
-    return recording_of(markers(angles, person, label_set=label_set), plates=plates(person, missed=missed),
-                        force_rate_hz=1000.0, path="walk.c3d")
+    return recording_of(
+        markers(angles, person, label_set=label_set),
+        plates=plates(person, missed=missed),
+        force_rate_hz=1000.0,
+        path="walk.c3d",
+    )
 
 
 def standing(person: Person | None = None, *, label_set: str = "rajagopal") -> Recording:
     """A second and a half of standing."""
-    return recording_of(markers({}, person or Person(), label_set=label_set, frames=150), path="static.c3d")
+    return recording_of(
+        markers({}, person or Person(), label_set=label_set, frames=150), path="static.c3d"
+    )
 
 
 PERSON = PersonFacts(mass_kg=MASS, stature_m=1.8, sex="male", prosthetic_side="right")
@@ -196,8 +260,14 @@ BOTH = pytest.mark.parametrize("side", ["right", "left"])
 
 def make(side="right", person=PERSON, walked=None, still=True, **options):
     facts = dataclasses.replace(person, prosthetic_side=side)
-    return trial_from_recordings(standing() if still else None, walked or walk(), None, facts,
-                                 TrialOptions(**({"cutoff_hz": None} | options)), fulcrum_m=0.066)
+    return trial_from_recordings(
+        standing() if still else None,
+        walked or walk(),
+        None,
+        facts,
+        TrialOptions(**({"cutoff_hz": None} | options)),
+        fulcrum_m=0.066,
+    )
 
 
 @BOTH
@@ -225,9 +295,18 @@ def test_prosthetic_ankle_of_the_model_is_where_the_markers_show_it(side):
     assert trial.subject.prosthetic_thigh_length_m == 0.46
     moved = dataclasses.replace(trial.tracked, values=np.array(trial.tracked.values))
     for name in ("pelvis_tx", "pelvis_ty", "pelvis_tz"):
-        moved.values[:, moved.names.index(name)] = trial.trajectory.values[:, trial.trajectory.names.index(name)]
-    assert np.allclose(model_ankle(moved, trial.calibration, trial.subject), feet(Person())[side].ankle_W, atol=1e-3)
-    assert any("prosthetic_thigh_length_m is stated as 0.460 m; the markers give 0.4" in n for n in trial.notes)
+        moved.values[:, moved.names.index(name)] = trial.trajectory.values[
+            :, trial.trajectory.names.index(name)
+        ]
+    assert np.allclose(
+        model_ankle(moved, trial.calibration, trial.subject),
+        feet(Person())[side].ankle_W,
+        atol=1e-3,
+    )
+    assert any(
+        "prosthetic_thigh_length_m is stated as 0.460 m; the markers give 0.4" in n
+        for n in trial.notes
+    )
 
 
 def test_mass_that_is_not_stated_comes_from_a_stride_and_makes_the_person_that_stating_it_makes():
@@ -238,24 +317,38 @@ def test_mass_that_is_not_stated_comes_from_a_stride_and_makes_the_person_that_s
     assert any("mean vertical force over" in note for note in weighed.notes)
     stated = make(person=dataclasses.replace(PERSON, mass_kg=weighed.subject.mass_kg))
     assert abs(weighed.subject.mass_kg - PLACEHOLDER_KG) > 1.0
-    assert weighed.subject == stated.subject and weighed.calibration.method == stated.calibration.method
-    with pytest.raises(InputError, match=r"mass_kg .*not stated, and there is no stride in which both feet"):
-        make(person=unknown, walked=walk(missed=[("left", 0), ("right", 1), ("left", 1), ("right", 2)]))
+    assert (
+        weighed.subject == stated.subject
+        and weighed.calibration.method == stated.calibration.method
+    )
+    with pytest.raises(
+        InputError, match=r"mass_kg .*not stated, and there is no stride in which both feet"
+    ):
+        make(
+            person=unknown,
+            walked=walk(missed=[("left", 0), ("right", 1), ("left", 1), ("right", 2)]),
+        )
 
 
 def test_steps_beside_the_plates_are_left_out_of_the_window():
     missed = walk(missed=[("right", 2)])
     trial = make(walked=missed)
     ((start, end),) = trial.unmeasured["right"]
-    assert start == pytest.approx(2.14 - 0.05, abs=0.05) and end == pytest.approx(2.84 + 0.05, abs=0.05)
+    assert start == pytest.approx(2.14 - 0.05, abs=0.05) and end == pytest.approx(
+        2.84 + 0.05, abs=0.05
+    )
     assert (trial.start_s, trial.end_s) == (0.0, pytest.approx(start))
     assert any("was cut to 0.000 to 2.09" in n and "no plate measures" in n for n in trial.notes)
     wished = make(walked=missed, window=Window(start_s=0.5, end_s=2.9))
     assert wished.end_s == 2.9
     assert any("zero is compared with the model's force there" in note for note in wished.notes)
     intact = make(walked=walk(missed=[("left", 1)]))
-    assert (intact.start_s, intact.end_s) == (0.0, pytest.approx(2.99)) and intact.unmeasured["left"]
-    with pytest.raises(InputError, match=r"forces: no plate carries the right \(prosthetic\) foot alone"):
+    assert (intact.start_s, intact.end_s) == (0.0, pytest.approx(2.99)) and intact.unmeasured[
+        "left"
+    ]
+    with pytest.raises(
+        InputError, match=r"forces: no plate carries the right \(prosthetic\) foot alone"
+    ):
         make(walked=walk(missed=[("right", i) for i in range(3)]))
 
 
@@ -265,9 +358,17 @@ def test_written_files_load_as_the_same_trial(side, tmp_path):
     names = write_trial_files(trial, tmp_path, "walk")
     assert names == ("walk_ik.mot", "walk_grf.mot")
     (tmp_path / "subject.yaml").write_text(dump_yaml(trial.subject))
-    (tmp_path / "trial.yaml").write_text(yaml.safe_dump({
-        "subject": "subject.yaml", "kinematics": names[0], "forces": names[1], "prosthesis": {"fulcrum_mm": 66},
-        "window": {"start_s": trial.start_s, "end_s": trial.end_s}}))
+    (tmp_path / "trial.yaml").write_text(
+        yaml.safe_dump(
+            {
+                "subject": "subject.yaml",
+                "kinematics": names[0],
+                "forces": names[1],
+                "prosthesis": {"fulcrum_mm": 66},
+                "window": {"start_s": trial.start_s, "end_s": trial.end_s},
+            }
+        )
+    )
     again = load_trial(tmp_path / "trial.yaml")
     assert again.trajectory.names == trial.trajectory.names and again.subject == trial.subject
     assert (again.start_s, again.end_s) == (trial.start_s, trial.end_s)
@@ -275,7 +376,9 @@ def test_written_files_load_as_the_same_trial(side, tmp_path):
     assert np.allclose(again.trajectory.values, trial.trajectory.values, atol=1e-9)
     for foot, plate in trial.plates.items():
         for field in ("time_s", "force_W", "cop_W", "free_moment_nm"):
-            assert np.allclose(getattr(again.plates[foot], field), getattr(plate, field), atol=1e-6, equal_nan=True)
+            assert np.allclose(
+                getattr(again.plates[foot], field), getattr(plate, field), atol=1e-6, equal_nan=True
+            )
     header = (tmp_path / "walk_ik.mot").read_text().splitlines()[6]
     assert {"ankle_angle_r", "ankle_angle_l"} <= set(header.split("\t"))
 
@@ -286,25 +389,45 @@ def write_manifest(folder, **changed):
     write_trc(folder / "static.trc", standing())
     made = dict(zip("12", plates(Person()), strict=True))
     write_forces_mot(folder / "walk.mot", time_s=FORCE_TIME, plates=made)
-    (folder / "subject.yaml").write_text(yaml.safe_dump(
-        {"mass_kg": MASS, "stature_m": 1.8, "sex": "male", "prosthetic_side": "right"} | changed.pop("subject", {})))
-    keys = {"subject": "subject.yaml", "markers": "walk.trc", "standing": "static.trc", "forces": "walk.mot",
-            "marker_map": "rajagopal", "prosthesis": {"fulcrum_mm": 108}, "already_filtered": True}
+    (folder / "subject.yaml").write_text(
+        yaml.safe_dump(
+            {"mass_kg": MASS, "stature_m": 1.8, "sex": "male", "prosthetic_side": "right"}
+            | changed.pop("subject", {})
+        )
+    )
+    keys = {
+        "subject": "subject.yaml",
+        "markers": "walk.trc",
+        "standing": "static.trc",
+        "forces": "walk.mot",
+        "marker_map": "rajagopal",
+        "prosthesis": {"fulcrum_mm": 108},
+        "already_filtered": True,
+    }
     path = folder / "trial.yaml"
     path.write_text(yaml.safe_dump({k: v for k, v in (keys | changed).items() if v is not None}))
     return path
 
 
 def test_manifest_states_lengths_plates_map_and_filter(tmp_path):
-    (tmp_path / "ours.yaml").write_text("description: ours\nprefix: any\nright: {}\nleft: {}\nmiddle: {}\n")
-    path = write_manifest(tmp_path, subject={"prosthesis_length_m": 0.52}, already_filtered=None, marker_cutoff_hz=10,
-                          forces={"file": "walk.mot", "right": "ground_force_1", "left": "ground_force_2"})
+    (tmp_path / "ours.yaml").write_text(
+        "description: ours\nprefix: any\nright: {}\nleft: {}\nmiddle: {}\n"
+    )
+    path = write_manifest(
+        tmp_path,
+        subject={"prosthesis_length_m": 0.52},
+        already_filtered=None,
+        marker_cutoff_hz=10,
+        forces={"file": "walk.mot", "right": "ground_force_1", "left": "ground_force_2"},
+    )
     trial = load_trial(path)
     assert trial.subject.prosthesis_length_m == 0.52
     assert [c.side for c in trial.contacts][:2] == ["right", "left"]
     assert not any("filtered already" in note for note in trial.notes)
-    for changed, words in (({"marker_map": "theirs.yaml"}, r"marker_map: there is no file theirs\.yaml"),
-                           ({"marker_map": "ours.yaml"}, r"ours\.yaml"),
-                           ({"standing": "absent.trc"}, r"trial\.yaml: standing: there is no file absent\.trc")):
+    for changed, words in (
+        ({"marker_map": "theirs.yaml"}, r"marker_map: there is no file theirs\.yaml"),
+        ({"marker_map": "ours.yaml"}, r"ours\.yaml"),
+        ({"standing": "absent.trc"}, r"trial\.yaml: standing: there is no file absent\.trc"),
+    ):
         with pytest.raises(InputError, match=words):
             load_trial(write_manifest(tmp_path, **changed))

@@ -36,7 +36,9 @@ class Held:
         builder = DiagramBuilder()
         self.plant, _ = AddMultibodyPlantSceneGraph(builder, 1e-3)
         self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
-        self.foot = add_foot(self.plant, self.plant.world_frame(), FOOT, contact="drake_point", fulcrum_m=fulcrum_m)
+        self.foot = add_foot(
+            self.plant, self.plant.world_frame(), FOOT, contact="drake_point", fulcrum_m=fulcrum_m
+        )
         self.plant.Finalize()
         self.wired = wire_foot(builder, self.plant, self.foot, own_ground=True)
         force = ExternallyAppliedSpatialForce()
@@ -68,7 +70,9 @@ class Held:
         return self.diagram.GetOutputPort(name).Eval(self.context)
 
     def height(self):
-        X_WB = self.foot.keel[self.piece].EvalPoseInWorld(self.plant.GetMyContextFromRoot(self.context))
+        X_WB = self.foot.keel[self.piece].EvalPoseInWorld(
+            self.plant.GetMyContextFromRoot(self.context)
+        )
         return (X_WB @ self.force.p_BoBq_B)[2]
 
 
@@ -78,14 +82,18 @@ def test_forefoot_is_as_stiff_in_a_discrete_plant_as_on_the_bench():
     for position, stiffness in zip(POSITIONS_M, bench, strict=True):
         rise = press(FOOT, MILLISECOND, position)
         slope = np.diff(PRESS_LOADS_N)[0] / (rise[1] - rise[0])
-        assert 1.0 / (1.0 / slope + 1.0 / FOOT.series_stiffness_n_per_m) == pytest.approx(stiffness, rel=1e-3)
+        assert 1.0 / (1.0 / slope + 1.0 / FOOT.series_stiffness_n_per_m) == pytest.approx(
+            stiffness, rel=1e-3
+        )
 
 
 def test_keel_under_a_sudden_load_moves_as_in_a_continuous_plant(monkeypatch):
     """Half way to rest, 4 ms after each load: half the damping of springs or support would show as 8 %."""
     monkeypatch.setattr(contact_comparison, "PRESS_S", 4e-3)
     discrete = press(FOOT, Advance("0.02 ms", time_step_s=2e-5), 0.066)
-    continuous = press(FOOT, Advance("radau3", scheme="radau3", accuracy=1e-5, max_step_s=1e-3), 0.066)
+    continuous = press(
+        FOOT, Advance("radau3", scheme="radau3", accuracy=1e-5, max_step_s=1e-3), 0.066
+    )
     np.testing.assert_allclose(discrete, continuous, rtol=5e-3)
 
 
@@ -95,14 +103,24 @@ def test_small_load_bends_the_discrete_keel_as_beam_and_springs_in_series_and_su
     start = foot.height()
     foot.pull(5.0)
     foot.advance(0.2)
-    bending = FOOT.keel.flexural_modulus_pa * section_inertia(FOOT.keel.width_m, FOOT.keel.thickness_m)
-    beam = combined_stiffness(bending_stiffness=bending, support=0.108, load_point=FOOT.load_point_m,
-                              fulcrum_stiffness=FOOT.fulcrum.stiffness_n_per_m)
+    bending = FOOT.keel.flexural_modulus_pa * section_inertia(
+        FOOT.keel.width_m, FOOT.keel.thickness_m
+    )
+    beam = combined_stiffness(
+        bending_stiffness=bending,
+        support=0.108,
+        load_point=FOOT.load_point_m,
+        fulcrum_stiffness=FOOT.fulcrum.stiffness_n_per_m,
+    )
     assert 5.0 / (foot.height() - start) == pytest.approx(float(beam), rel=0.05)
-    assert foot.read("support_force")[0] == pytest.approx(-5.0 * FOOT.load_point_m / 0.108, rel=2e-3)
+    assert foot.read("support_force")[0] == pytest.approx(
+        -5.0 * FOOT.load_point_m / 0.108, rel=2e-3
+    )
     ahead = foot.foot.keel_starts[foot.foot.keel_starts > 0.108]
     arms = np.maximum(FOOT.load_point_m - ahead, 0.0)
-    np.testing.assert_allclose(foot.read("joint_moment")[-len(ahead):], -5.0 * arms, rtol=2e-3, atol=1e-4)
+    np.testing.assert_allclose(
+        foot.read("joint_moment")[-len(ahead) :], -5.0 * arms, rtol=2e-3, atol=1e-4
+    )
 
 
 def test_support_follows_the_fulcrum_position_from_joint_to_joint_under_load():
@@ -118,9 +136,13 @@ def test_support_follows_the_fulcrum_position_from_joint_to_joint_under_load():
     moving.advance(0.2)
     standing.advance(0.3)
     assert moving.height() == pytest.approx(standing.height(), abs=1e-7)
-    assert moving.read("support_force")[0] == pytest.approx(standing.read("support_force")[0], rel=1e-5)
+    assert moving.read("support_force")[0] == pytest.approx(
+        standing.read("support_force")[0], rel=1e-5
+    )
     carriage = moving.plant.GetJointByName(moving.foot.carriage_joint_name)
-    assert carriage.get_translation(moving.plant.GetMyContextFromRoot(moving.context)) == pytest.approx(0.151, abs=1e-6)
+    assert carriage.get_translation(
+        moving.plant.GetMyContextFromRoot(moving.context)
+    ) == pytest.approx(0.151, abs=1e-6)
 
 
 @pytest.mark.parametrize("contact", ["drake_point", "hydroelastic"])
@@ -128,12 +150,14 @@ def test_dropped_leg_comes_to_rest_on_its_weight_at_a_millisecond(contact):
     force, _, note = drop(FOOT, contact, MILLISECOND, 0.151, 0.8, np.inf)
     assert note == ""
     assert force.max() > 200.0
-    rest = force[-round(LAST_S / SAMPLE_S):].mean()
+    rest = force[-round(LAST_S / SAMPLE_S) :].mean()
     assert rest == pytest.approx((LEG_KG + FOOT.mass_kg) * 9.81, rel=5e-3)
 
 
 @pytest.mark.slow
-def test_on_the_forefoot_of_a_heavier_leg_a_step_that_friction_does_not_bear_ends_the_run(monkeypatch):
+def test_on_the_forefoot_of_a_heavier_leg_a_step_that_friction_does_not_bear_ends_the_run(
+    monkeypatch,
+):
     """A step that friction bears is as near as STICKING_STEPS says, and halved at least twice as near: forces from the
     start of a step are of first order. Level, the heel bears the leg at the longer step too.
     """
@@ -144,8 +168,12 @@ def test_on_the_forefoot_of_a_heavier_leg_a_step_that_friction_does_not_bear_end
         return drop(FOOT, "kelvin_voigt", Advance("", time_step_s=step), 0.151, 0.14, np.inf)
 
     _, _, note = landing(1e-4)
-    assert "friction under 150 N on keel body 8" in note  # 8 mass threshold velocity / (mu_static step)
-    (coarse, _, note), (half, _, _), (fine, _, _) = (landing(step) for step in (3e-5, 1.5e-5, 7.5e-6))
+    assert (
+        "friction under 150 N on keel body 8" in note
+    )  # 8 mass threshold velocity / (mu_static step)
+    (coarse, _, note), (half, _, _), (fine, _, _) = (
+        landing(step) for step in (3e-5, 1.5e-5, 7.5e-6)
+    )
     assert note == ""
     off, half_off = (np.sqrt(np.mean((force - fine) ** 2)) for force in (coarse, half))
     assert off < 0.03 * fine.max() and half_off < 0.5 * off
@@ -155,14 +183,21 @@ def test_on_the_forefoot_of_a_heavier_leg_a_step_that_friction_does_not_bear_end
 
 def test_undamped_foam_without_friction_is_steady_up_to_the_largest_step_and_refused_beyond():
     """Its force in a drop is that of steps of a tenth of a millisecond."""
-    bare = replace(FOOT, zones=tuple(replace(zone, damping_n_s_per_m=0.0) for zone in FOOT.zones),
-                   friction=FrictionParameters(mu_static=0.0, mu_kinetic=0.0))
+    bare = replace(
+        FOOT,
+        zones=tuple(replace(zone, damping_n_s_per_m=0.0) for zone in FOOT.zones),
+        friction=FrictionParameters(mu_static=0.0, mu_kinetic=0.0),
+    )
     plant = MultibodyPlant(1e-5)
     longest = largest_step(add_foot(plant, plant.world_frame(), bare))
-    _, _, note = drop(bare, "kelvin_voigt", Advance("too long", time_step_s=1.05 * longest), 0.108, 0.4, np.inf)
+    _, _, note = drop(
+        bare, "kelvin_voigt", Advance("too long", time_step_s=1.05 * longest), 0.108, 0.4, np.inf
+    )
     assert note.startswith("refused")
     (force, _, note), (fine, _, _) = (
-        drop(bare, "kelvin_voigt", Advance("", time_step_s=step), 0.108, 0.4, np.inf) for step in (5e-4, 1e-4))
+        drop(bare, "kelvin_voigt", Advance("", time_step_s=step), 0.108, 0.4, np.inf)
+        for step in (5e-4, 1e-4)
+    )
     assert note == ""
     assert 5e-4 < longest < 1e-3
     assert np.abs(np.diff(force)).max() < 1.5 * np.abs(np.diff(fine)).max()
@@ -171,13 +206,18 @@ def test_undamped_foam_without_friction_is_steady_up_to_the_largest_step_and_ref
 
 def test_steps_and_supports_that_cannot_be_are_refused():
     coarse = MultibodyPlant(1e-3)
-    with pytest.raises(InputError, match=r"kelvin_voigt is an explicit force.*at most 0\.11 ms, contact drake_point"):
+    with pytest.raises(
+        InputError,
+        match=r"kelvin_voigt is an explicit force.*at most 0\.11 ms, contact drake_point",
+    ):
         add_foot(coarse, coarse.world_frame(), FOOT)
     builder = DiagramBuilder()
     plant = builder.AddSystem(MultibodyPlant(1e-5))
     foot = add_foot(plant, plant.world_frame(), FOOT, fulcrum_m=0.09)
     plant.Finalize()
-    with pytest.raises(InputError, match=r"stands at 90 mm.*fulcrum_m=0\.12, or move it by place_fulcrum"):
+    with pytest.raises(
+        InputError, match=r"stands at 90 mm.*fulcrum_m=0\.12, or move it by place_fulcrum"
+    ):
         wire_foot(builder, plant, foot, fulcrum_m=0.12)
     plant = MultibodyPlant(0.0)
     foot = add_foot(plant, plant.world_frame(), FOOT)
@@ -185,7 +225,9 @@ def test_steps_and_supports_that_cannot_be_are_refused():
     with pytest.raises(InputError, match="continuous plant"):
         place_fulcrum(plant, plant.CreateDefaultContext(), foot, 0.1)
     foot = Held()
-    with pytest.raises(InputError, match=r"plant_context: is not the plant's.*GetMyMutableContextFromRoot"):
+    with pytest.raises(
+        InputError, match=r"plant_context: is not the plant's.*GetMyMutableContextFromRoot"
+    ):
         place_fulcrum(foot.plant, foot.context, foot.foot, 0.1)
     with pytest.raises(InputError, match="what wire_foot returned"):
         follow_fulcrum(foot.simulator, foot.plant, foot.foot)

@@ -19,8 +19,14 @@ mujoco = pytest.importorskip("mujoco")
 
 NOMINAL = FootParameters()
 UNUSUAL = replace(
-    NOMINAL, pylon_x_m=0.07, mass_kg=0.8, build_height_m=0.11,
-    keel=replace(NOMINAL.keel, element_lengths_m=(0.05, 0.04, 0.03, 0.06, 0.049), thickness_m=0.007))
+    NOMINAL,
+    pylon_x_m=0.07,
+    mass_kg=0.8,
+    build_height_m=0.11,
+    keel=replace(
+        NOMINAL.keel, element_lengths_m=(0.05, 0.04, 0.03, 0.06, 0.049), thickness_m=0.007
+    ),
+)
 FULCRUMS_M = (0.066, 0.108, 0.151)
 
 
@@ -80,35 +86,51 @@ def test_frames_masses_and_inertias_are_those_of_drake(posed):
 def test_dampers_foam_and_servo_have_their_numbers():
     model = compiled(NOMINAL, 0.108)
     joints = [model.joint(name) for name in keel_names(NOMINAL)[0]]
-    stiffness, damping = (np.array([np.ravel(getattr(joint, name))[0] for joint in joints])
-                          for name in ("stiffness", "damping"))
+    stiffness, damping = (
+        np.array([np.ravel(getattr(joint, name))[0] for joint in joints])
+        for name in ("stiffness", "damping")
+    )
     assert stiffness[0] == damping[0] == 0.0, "the pin at A is free"
     assert np.all(stiffness[1:] > 0)
     np.testing.assert_allclose(damping, NOMINAL.keel.damping_time_s * stiffness, rtol=1e-10)
-    for name, field in (("stiffness", "stiffness"), ("exponent", "exponent"), ("damping", "damping_n_s_per_m")):
+    for name, field in (
+        ("stiffness", "stiffness"),
+        ("exponent", "exponent"),
+        ("damping", "damping_n_s_per_m"),
+    ):
         known = [getattr(zone, field) for zone in NOMINAL.zones for _ in zone.x_mm]
         np.testing.assert_allclose(model.numeric(f"sphere_{name}").data, known, rtol=1e-11)
     assert np.ravel(model.tendon_damping)[0] == pytest.approx(
-        NOMINAL.fulcrum.damping_time_s * NOMINAL.fulcrum.stiffness_n_per_m, rel=1e-10)
+        NOMINAL.fulcrum.damping_time_s * NOMINAL.fulcrum.stiffness_n_per_m, rel=1e-10
+    )
     _, stiffness, damping = -model.actuator("fulcrum").biasprm[:3]
-    assert damping**2 == pytest.approx(4.0 * stiffness * NOMINAL.fulcrum.carriage_mass_kg, rel=1e-10)
-
-
+    assert damping**2 == pytest.approx(
+        4.0 * stiffness * NOMINAL.fulcrum.carriage_mass_kg, rel=1e-10
+    )
 
 
 @pytest.mark.parametrize("fulcrum_m", FULCRUMS_M)
-def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe_as_on_the_bench(fulcrum_m):
+def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe_as_on_the_bench(
+    fulcrum_m,
+):
     """Between bench and file is the lean of a tendon of 1 m, whose end strays by some millimetres: its square."""
     known = lumped_stiffness(
-        bending_stiffness=NOMINAL.keel.flexural_modulus_pa * section_inertia(
-            NOMINAL.keel.width_m, NOMINAL.keel.thickness_m),
-        element_lengths=NOMINAL.keel.element_lengths_m, support=fulcrum_m, load_point=NOMINAL.load_point_m,
-        fulcrum_stiffness=NOMINAL.fulcrum.stiffness_n_per_m)
+        bending_stiffness=NOMINAL.keel.flexural_modulus_pa
+        * section_inertia(NOMINAL.keel.width_m, NOMINAL.keel.thickness_m),
+        element_lengths=NOMINAL.keel.element_lengths_m,
+        support=fulcrum_m,
+        load_point=NOMINAL.load_point_m,
+        fulcrum_stiffness=NOMINAL.fulcrum.stiffness_n_per_m,
+    )
     model = compiled(NOMINAL, fulcrum_m)
     assert 1e-2 / rise_in_mujoco(model, NOMINAL, 1e-2) == pytest.approx(known, rel=1e-7)
     loads = np.array([200.0, 600.0])
-    known = [keel_shape(NOMINAL, fulcrum_m=fulcrum_m, load_n=load).load_point_K[1] for load in loads]
-    np.testing.assert_allclose([rise_in_mujoco(model, NOMINAL, load) for load in loads], known, rtol=5e-4)
+    known = [
+        keel_shape(NOMINAL, fulcrum_m=fulcrum_m, load_n=load).load_point_K[1] for load in loads
+    ]
+    np.testing.assert_allclose(
+        [rise_in_mujoco(model, NOMINAL, load) for load in loads], known, rtol=5e-4
+    )
 
 
 def test_spheres_meet_the_floor_and_not_one_another():
@@ -116,8 +138,12 @@ def test_spheres_meet_the_floor_and_not_one_another():
     spec = mujoco.MjSpec.from_string(foot_mjcf(NOMINAL, fulcrum_m=0.108))
     spec.delete(spec.key("rest"))  # without the free joint's coordinates
     spec.body("vsf_frame").add_freejoint()
-    spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 0.1],
-                            pos=[0, 0, -NOMINAL.build_height_m + 1e-3])
+    spec.worldbody.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[1, 1, 0.1],
+        pos=[0, 0, -NOMINAL.build_height_m + 1e-3],
+    )
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

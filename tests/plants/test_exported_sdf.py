@@ -27,6 +27,8 @@ from vsf_drake.plants.solids import box
 from vsf_drake.simulation.bench import keel_shape
 
 NOMINAL = FootParameters()
+
+
 def read(text, weight=True):
     """A plant of the file's foot, its mount on the world's frame."""
     plant = MultibodyPlant(0.0)
@@ -55,19 +57,28 @@ def test_collision_spheres_leave_one_another_alone_and_may_be_left_out():
 
 
 @pytest.mark.parametrize("fulcrum_m", [0.066, 0.108, 0.151])
-def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe_as_on_the_bench(fulcrum_m):
+def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe_as_on_the_bench(
+    fulcrum_m,
+):
     """The bushing is the support to first order. It leans by half the angle of the keel over the fulcrum, which is
     F a l / (3 E I) of a beam on rigid supports, 0.13 to 0.17 rad at 600 N; what that does goes with the square of it.
     """
     plant = read(foot_sdf(NOMINAL, fulcrum_m=fulcrum_m), weight=False)
-    bending = NOMINAL.keel.flexural_modulus_pa * section_inertia(NOMINAL.keel.width_m, NOMINAL.keel.thickness_m)
+    bending = NOMINAL.keel.flexural_modulus_pa * section_inertia(
+        NOMINAL.keel.width_m, NOMINAL.keel.thickness_m
+    )
     known = lumped_stiffness(
-        bending_stiffness=bending, element_lengths=NOMINAL.keel.element_lengths_m, support=fulcrum_m,
+        bending_stiffness=bending,
+        element_lengths=NOMINAL.keel.element_lengths_m,
+        support=fulcrum_m,
         load_point=NOMINAL.load_point_m,
-        fulcrum_stiffness=NOMINAL.fulcrum.stiffness_n_per_m)
+        fulcrum_stiffness=NOMINAL.fulcrum.stiffness_n_per_m,
+    )
     assert 1e-2 / rise_in_drake(plant, NOMINAL, 1e-2) == pytest.approx(known, rel=1e-8)
     loads = np.array([200.0, 600.0])
-    known = [keel_shape(NOMINAL, fulcrum_m=fulcrum_m, load_n=load).load_point_K[1] for load in loads]
+    known = [
+        keel_shape(NOMINAL, fulcrum_m=fulcrum_m, load_n=load).load_point_K[1] for load in loads
+    ]
     angles = loads * (NOMINAL.load_point_m - fulcrum_m) * fulcrum_m / (3.0 * bending)
     found = np.array([rise_in_drake(plant, NOMINAL, load) for load in loads])
     assert (np.abs(found / known - 1.0) < angles**2).all()
@@ -76,17 +87,23 @@ def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe
 def test_file_alone_bears_a_load_dropped_on_drakes_own_contact():
     """60 kg on a rail fall 20 mm at steps of 0.5 ms, with nothing of this package in the plant: then they are borne."""
     plant, _ = AddMultibodyPlantSceneGraph(builder := DiagramBuilder(), 5e-4)
-    foot, = Parser(plant).AddModelsFromString(foot_sdf(NOMINAL, fulcrum_m=0.108), "sdf")
+    (foot,) = Parser(plant).AddModelsFromString(foot_sdf(NOMINAL, fulcrum_m=0.108), "sdf")
     load = plant.AddRigidBody("load", foot, box(60.0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.1)))
     plant.WeldFrames(load.body_frame(), plant.GetFrameByName("vsf_mount"))
-    rail = plant.AddJoint(PrismaticJoint("rail", plant.world_frame(), load.body_frame(), [0.0, 0.0, 1.0]))
+    rail = plant.AddJoint(
+        PrismaticJoint("rail", plant.world_frame(), load.body_frame(), [0.0, 0.0, 1.0])
+    )
     rail.set_default_translation(NOMINAL.build_height_m + 0.02)
     add_ground_geometry(plant)
     plant.Finalize()
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(1.5)
-    results = plant.get_contact_results_output_port().Eval(plant.GetMyContextFromRoot(simulator.get_context()))
-    touching = [results.point_pair_contact_info(i) for i in range(results.num_point_pair_contacts())]
+    results = plant.get_contact_results_output_port().Eval(
+        plant.GetMyContextFromRoot(simulator.get_context())
+    )
+    touching = [
+        results.point_pair_contact_info(i) for i in range(results.num_point_pair_contacts())
+    ]
     force = sum(abs(contact.contact_force()[2]) for contact in touching)
     assert force == pytest.approx((60.0 + NOMINAL.mass_kg) * GRAVITY, rel=1e-3)
 
@@ -97,14 +114,23 @@ def test_carriage_is_fixed_under_a_support_that_stands_still():
     with pytest.raises(InputError, match="160 mm is out of the carriage's reach"):
         foot_sdf(NOMINAL, fulcrum_m=0.160)
     X_KC = plant.CalcRelativeTransform(
-        plant.CreateDefaultContext(), plant.GetFrameByName("vsf_frame"), plant.GetFrameByName("vsf_carriage"))
+        plant.CreateDefaultContext(),
+        plant.GetFrameByName("vsf_frame"),
+        plant.GetFrameByName("vsf_carriage"),
+    )
     np.testing.assert_allclose(X_KC.translation(), [0.12, 0.0, 0.0], atol=1e-12)
-    forces = [plant.get_force_element(ForceElementIndex(i)) for i in range(plant.num_force_elements())]
+    forces = [
+        plant.get_force_element(ForceElementIndex(i)) for i in range(plant.num_force_elements())
+    ]
     (bushing,) = (force for force in forces if isinstance(force, LinearBushingRollPitchYaw))
     support = NOMINAL.fulcrum
-    np.testing.assert_allclose(bushing.force_stiffness_constants(), [0.0, 0.0, support.stiffness_n_per_m])
-    np.testing.assert_allclose(bushing.force_damping_constants(),
-                               [0.0, 0.0, support.damping_time_s * support.stiffness_n_per_m])
+    np.testing.assert_allclose(
+        bushing.force_stiffness_constants(), [0.0, 0.0, support.stiffness_n_per_m]
+    )
+    np.testing.assert_allclose(
+        bushing.force_damping_constants(),
+        [0.0, 0.0, support.damping_time_s * support.stiffness_n_per_m],
+    )
 
 
 def test_shipped_file_is_what_the_exporter_writes_of_the_nominal_foot():

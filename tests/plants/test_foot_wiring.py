@@ -12,7 +12,11 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, Ini
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialForce, SpatialVelocity
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ExternallyAppliedSpatialForce, MultibodyPlant
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    ExternallyAppliedSpatialForce,
+    MultibodyPlant,
+)
 from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia
 from pydrake.symbolic import Expression, MakeVectorContinuousVariable
 from pydrake.systems.framework import Context, DiagramBuilder
@@ -34,9 +38,19 @@ from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.systems import KeelElasticity
 from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
-UNEVEN = Ground(patches=(
-    GroundPatch(slope_deg=2.0, bank_deg=-1.0),
-    GroundPatch(name="mat", from_x_m=0.1, height_m=2e-3, stiffness_n_per_m=3e4, mu_static=0.9, mu_kinetic=0.8)))
+UNEVEN = Ground(
+    patches=(
+        GroundPatch(slope_deg=2.0, bank_deg=-1.0),
+        GroundPatch(
+            name="mat",
+            from_x_m=0.1,
+            height_m=2e-3,
+            stiffness_n_per_m=3e4,
+            mu_static=0.9,
+            mu_kinetic=0.8,
+        ),
+    )
+)
 
 
 @pytest.fixture(scope="module", params=CONTACT_LAWS)
@@ -68,7 +82,9 @@ def converted(foot: LooseFoot, state: np.ndarray):
 def assert_columns_agree(actual, expected, rtol):
     """Each column against its own size: one of the keel is a million times one of the shank."""
     size = np.abs(expected).max(axis=0)
-    np.testing.assert_allclose(actual / np.maximum(size, 1e-9), expected / np.maximum(size, 1e-9), atol=rtol)
+    np.testing.assert_allclose(
+        actual / np.maximum(size, 1e-9), expected / np.maximum(size, 1e-9), atol=rtol
+    )
 
 
 def central(function, step) -> np.ndarray:
@@ -82,10 +98,16 @@ def test_accelerations_and_their_derivatives_by_state_and_fulcrum_position(leg):
     general, context = converted(foot, InitializeAutoDiff(state, n + 1, 0).ravel())
     forces = general.GetSubsystemByName("vsf_forces")
     forces.GetInputPort("fulcrum_position").FixValue(
-        forces.GetMyMutableContextFromRoot(context), [AutoDiffXd(0.11, np.eye(n + 1)[n])])
+        forces.GetMyMutableContextFromRoot(context), [AutoDiffXd(0.11, np.eye(n + 1)[n])]
+    )
     port.FixValue(foot.forces_context, [0.11])
-    plain, exact = acceleration(state), general.EvalTimeDerivatives(context).CopyToVector()[foot.plant.num_positions():]
-    np.testing.assert_allclose(ExtractValue(exact).ravel(), plain, rtol=1e-8, atol=1e-9 * np.abs(plain).max())
+    plain, exact = (
+        acceleration(state),
+        general.EvalTimeDerivatives(context).CopyToVector()[foot.plant.num_positions() :],
+    )
+    np.testing.assert_allclose(
+        ExtractValue(exact).ravel(), plain, rtol=1e-8, atol=1e-9 * np.abs(plain).max()
+    )
     expected = [central(lambda s, e=e: acceleration(state + s * e), 1e-7) for e in np.eye(n)]
 
     def by_position(s):
@@ -100,13 +122,17 @@ def test_derivatives_by_every_parameter(leg):
     """Each along a random direction of its own entries; the bounds of the patches have none."""
     foot, acceleration, state = leg
     forces, rng = foot.wired.forces, np.random.default_rng(8)
-    foot.context = foot.diagram.CreateDefaultContext()  # without a fulcrum position but the parameter
+    foot.context = (
+        foot.diagram.CreateDefaultContext()
+    )  # without a fulcrum position but the parameter
     sub = foot.forces_context
     forces.SetParameters(sub, **EVERY_BRANCH)
     names = [name for name in forces.parameter_names if name != "ground_bounds"]
     values = {name: forces.GetParameter(sub, name) for name in names}
-    directions = {name: rng.uniform(0.5, 1.0, np.shape(value)) * (np.abs(value).max() or 1e-3)
-            for name, value in values.items()}
+    directions = {
+        name: rng.uniform(0.5, 1.0, np.shape(value)) * (np.abs(value).max() or 1e-3)
+        for name, value in values.items()
+    }
     # For central differences, off the bounds.
     values = {name: value + 1e-4 * directions[name] for name, value in values.items()}
     forces.SetParameters(sub, **values)
@@ -116,7 +142,9 @@ def test_derivatives_by_every_parameter(leg):
     for i, name in enumerate(names):
         s = AutoDiffXd(0.0, np.eye(len(names))[i])
         system.SetParameters(own, **{name: values[name] + directions[name] * s})
-    actual = ExtractGradient(general.EvalTimeDerivatives(context).CopyToVector())[foot.plant.num_positions():]
+    actual = ExtractGradient(general.EvalTimeDerivatives(context).CopyToVector())[
+        foot.plant.num_positions() :
+    ]
 
     def along(name, s):
         forces.SetParameters(sub, **{name: values[name] + s * directions[name]})
@@ -126,8 +154,11 @@ def test_derivatives_by_every_parameter(leg):
     for i, name in enumerate(names):
         expected[:, i] = central(lambda s, name=name: along(name, s), 1e-5)
         along(name, 0.0)
-    unused = {"kelvin_voigt": {"dissipation", "depth_width", "rate_width"}, "smooth": {"dissipation"},
-              "hunt_crossley": {"damping", "full_damping_depth", "depth_width", "rate_width"}}[foot.foot.contact]
+    unused = {
+        "kelvin_voigt": {"dissipation", "depth_width", "rate_width"},
+        "smooth": {"dissipation"},
+        "hunt_crossley": {"damping", "full_damping_depth", "depth_width", "rate_width"},
+    }[foot.foot.contact]
     assert {name for i, name in enumerate(names) if not expected[:, i].any()} == unused
     assert_columns_agree(actual, expected, 1e-4)
 
@@ -141,16 +172,29 @@ def test_derivatives_are_numbers_at_rest_at_touch_down_and_in_the_air(contact):
         foot.place(X_WK, np.zeros(6), np.append(np.zeros(9), 0.108), np.zeros(10))
         state = foot.plant.GetPositionsAndVelocities(foot.plant_context)
         general, context = converted(foot, InitializeAutoDiff(state).ravel())
-        assert np.all(np.isfinite(ExtractGradient(general.EvalTimeDerivatives(context).CopyToVector())))
+        assert np.all(
+            np.isfinite(ExtractGradient(general.EvalTimeDerivatives(context).CopyToVector()))
+        )
         forces = general.GetSubsystemByName("vsf_forces")
         for name in foot.outputs():
             value = forces.GetOutputPort(name).Eval(forces.GetMyContextFromRoot(context))
-            assert np.all(np.isfinite(ExtractValue(value))) and np.all(np.isfinite(ExtractGradient(value))), name
+            assert np.all(np.isfinite(ExtractValue(value))) and np.all(
+                np.isfinite(ExtractGradient(value))
+            ), name
 
 
 SEED = 5
 APART = np.array([0.0, 1.5, 0.0])
-NAMES = ("normal_force", "depth", "depth_rate", "friction_force", "grf", "free_moment", "support_force", "joint_moment")
+NAMES = (
+    "normal_force",
+    "depth",
+    "depth_rate",
+    "friction_force",
+    "grf",
+    "free_moment",
+    "support_force",
+    "joint_moment",
+)
 
 
 @pytest.fixture(scope="module")
@@ -171,21 +215,39 @@ def put(plant: MultibodyPlant, context: Context, body, foot: FootHandles, move: 
 
 def assert_alike(forces, context: Context, alone: LooseFoot, move: np.ndarray) -> None:
     for name in NAMES:
-        np.testing.assert_allclose(forces.GetOutputPort(name).Eval(context), alone.output(name), rtol=1e-9, atol=1e-8,
-                                   err_msg=name)
-    np.testing.assert_allclose(forces.GetOutputPort("cop").Eval(context), alone.output("cop") + move, rtol=1e-9)
+        np.testing.assert_allclose(
+            forces.GetOutputPort(name).Eval(context),
+            alone.output(name),
+            rtol=1e-9,
+            atol=1e-8,
+            err_msg=name,
+        )
+    np.testing.assert_allclose(
+        forces.GetOutputPort("cop").Eval(context), alone.output("cop") + move, rtol=1e-9
+    )
 
 
 def test_same_foot_twice_in_one_plant_is_one_alone_each_time(alone):
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
-    bodies = [plant.AddRigidBody(f"shank_{i}", SpatialInertia.SolidBoxWithMass(3.0, 0.1, 0.1, 0.3)) for i in range(2)]
-    feet = [add_foot(plant, body.body_frame(), PARAMETERS, name=f"foot_{i}") for i, body in enumerate(bodies)]
+    bodies = [
+        plant.AddRigidBody(f"shank_{i}", SpatialInertia.SolidBoxWithMass(3.0, 0.1, 0.1, 0.3))
+        for i in range(2)
+    ]
+    feet = [
+        add_foot(plant, body.body_frame(), PARAMETERS, name=f"foot_{i}")
+        for i, body in enumerate(bodies)
+    ]
     plant.Finalize()
     wired = [wire_foot(builder, plant, foot) for foot in feet]
     diagram = builder.Build()
     assert {system.get_name() for system in diagram.GetSystems()} == {
-        "plant", "foot_0_forces", "foot_1_forces", "applied_spatial_force_1", "applied_generalized_force_1"}
+        "plant",
+        "foot_0_forces",
+        "foot_1_forces",
+        "applied_spatial_force_1",
+        "applied_generalized_force_1",
+    }
     context = diagram.CreateDefaultContext()
     own = plant.GetMyMutableContextFromRoot(context)
     moves = (0.0 * APART, APART)
@@ -194,29 +256,46 @@ def test_same_foot_twice_in_one_plant_is_one_alone_each_time(alone):
     acceleration = plant.get_generalized_acceleration_output_port().Eval(own)
     for foot, one, move in zip(feet, wired, moves, strict=True):
         assert_alike(one.forces, one.forces.GetMyContextFromRoot(context), alone, move)
-        np.testing.assert_allclose(plant.GetVelocitiesFromArray(foot.instance, acceleration), alone.keel_rates(),
-                                   rtol=1e-7)
-    before = wired[1].GetOutputPort("grf").Eval(wired[1].forces.GetMyContextFromRoot(context)).copy()
-    wired[0].forces.SetParameters(wired[0].forces.GetMyMutableContextFromRoot(context), stiffness=1.0)
+        np.testing.assert_allclose(
+            plant.GetVelocitiesFromArray(foot.instance, acceleration), alone.keel_rates(), rtol=1e-7
+        )
+    before = (
+        wired[1].GetOutputPort("grf").Eval(wired[1].forces.GetMyContextFromRoot(context)).copy()
+    )
+    wired[0].forces.SetParameters(
+        wired[0].forces.GetMyMutableContextFromRoot(context), stiffness=1.0
+    )
     np.testing.assert_array_equal(
-        wired[1].GetOutputPort("grf").Eval(wired[1].forces.GetMyContextFromRoot(context)), before)
+        wired[1].GetOutputPort("grf").Eval(wired[1].forces.GetMyContextFromRoot(context)), before
+    )
 
 
 def test_mirrored_foot_in_the_mirrored_state_has_the_mirrored_forces():
     """A foot whose heel stands to its left, and its mirror image: x-z is the mirror."""
     heel = PARAMETERS.zones[0]
-    right = replace(PARAMETERS, side="right", zones=(
-        replace(heel, y_mm=tuple(y + 8.0 for y in heel.y_mm)), *PARAMETERS.zones[1:]))
+    right = replace(
+        PARAMETERS,
+        side="right",
+        zones=(replace(heel, y_mm=tuple(y + 8.0 for y in heel.y_mm)), *PARAMETERS.zones[1:]),
+    )
     feet = [loose_foot(parameters=parameters) for parameters in (right, mirrored(right))]
     assert [foot.foot.side for foot in feet] == ["right", "left"]
     X, V, q, v = some_state(SEED)
     feet[0].place(X, V, q, v)
     angles = RollPitchYaw(X.rotation()).vector() * [-1.0, 1.0, -1.0]
-    feet[1].place(RigidTransform(RollPitchYaw(angles), X.translation() * [1.0, -1.0, 1.0]),
-                  V * [-1.0, 1.0, -1.0, 1.0, -1.0, 1.0], q, v)
+    feet[1].place(
+        RigidTransform(RollPitchYaw(angles), X.translation() * [1.0, -1.0, 1.0]),
+        V * [-1.0, 1.0, -1.0, 1.0, -1.0, 1.0],
+        q,
+        v,
+    )
     for name in ("grf", "cop"):
-        np.testing.assert_allclose(feet[1].output(name), feet[0].output(name) * [1.0, -1.0, 1.0], rtol=1e-8, atol=1e-9)
-    np.testing.assert_allclose(feet[1].output("free_moment"), -feet[0].output("free_moment"), rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(
+            feet[1].output(name), feet[0].output(name) * [1.0, -1.0, 1.0], rtol=1e-8, atol=1e-9
+        )
+    np.testing.assert_allclose(
+        feet[1].output("free_moment"), -feet[0].output("free_moment"), rtol=1e-8, atol=1e-9
+    )
     for name in ("normal_force", "support_force"):
         np.testing.assert_allclose(feet[1].output(name), feet[0].output(name), rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(feet[1].keel_rates(), feet[0].keel_rates(), rtol=1e-6)
@@ -231,11 +310,21 @@ def test_foot_adds_to_what_acts_on_the_plant_already(alone):
     plant.Finalize()
     joints = np.linspace(1.0, 2.0, plant.num_velocities())
     push = ExternallyAppliedSpatialForce()
-    push.body_index, push.p_BoBq_B, push.F_Bq_W = shank.index(), np.zeros(3), SpatialForce([1.0, 2, 3], [40.0, 50, 60])
+    push.body_index, push.p_BoBq_B, push.F_Bq_W = (
+        shank.index(),
+        np.zeros(3),
+        SpatialForce([1.0, 2, 3], [40.0, 50, 60]),
+    )
     ports = []
     for _ in range(2):
-        ports.append((builder.AddSystem(ConstantValueSource(AbstractValue.Make([push]))).get_output_port(),
-                      builder.AddSystem(ConstantVectorSource(joints)).get_output_port()))
+        ports.append(
+            (
+                builder.AddSystem(
+                    ConstantValueSource(AbstractValue.Make([push]))
+                ).get_output_port(),
+                builder.AddSystem(ConstantVectorSource(joints)).get_output_port(),
+            )
+        )
     builder.Connect(ports[0][0], plant.get_applied_spatial_force_input_port())
     builder.Connect(ports[0][1], plant.get_applied_generalized_force_input_port())
     wired = wire_foot(builder, plant, foot)
@@ -246,19 +335,26 @@ def test_foot_adds_to_what_acts_on_the_plant_already(alone):
     own = plant.GetMyMutableContextFromRoot(context)
     put(plant, own, shank, foot, 0.0 * APART)
     assert_alike(wired.forces, wired.forces.GetMyContextFromRoot(context), alone, 0.0 * APART)
-    more = (plant.get_generalized_acceleration_output_port().Eval(own)
-            - alone.plant.get_generalized_acceleration_output_port().Eval(alone.plant_context))
+    more = plant.get_generalized_acceleration_output_port().Eval(
+        own
+    ) - alone.plant.get_generalized_acceleration_output_port().Eval(alone.plant_context)
     expected = joints.copy()
     start = shank.floating_velocities_start_in_v()
-    expected[start:start + 6] += push.F_Bq_W.get_coeffs()  # velocities of a free body are its spatial velocity in W
-    np.testing.assert_allclose(plant.CalcMassMatrix(own) @ more, 2.0 * expected, rtol=1e-5, atol=1e-4)
+    expected[start : start + 6] += (
+        push.F_Bq_W.get_coeffs()
+    )  # velocities of a free body are its spatial velocity in W
+    np.testing.assert_allclose(
+        plant.CalcMassMatrix(own) @ more, 2.0 * expected, rtol=1e-5, atol=1e-4
+    )
 
 
 def standing(contact: str, time_step_s: float):
     """(diagram, plant) of a foot that is held 5 mm deep in the ground."""
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, time_step_s)
-    mount = plant.AddFrame(FixedOffsetFrame("mount", plant.world_frame(), RigidTransform([0.0, 0.0, 0.082])))
+    mount = plant.AddFrame(
+        FixedOffsetFrame("mount", plant.world_frame(), RigidTransform([0.0, 0.0, 0.082]))
+    )
     foot = add_foot(plant, mount, PARAMETERS, contact=contact)
     if contact == "drake_point":
         add_ground_geometry(plant)
@@ -267,11 +363,15 @@ def standing(contact: str, time_step_s: float):
     return builder.Build(), plant
 
 
-@pytest.mark.parametrize(("contact", "time_step_s"), [("kelvin_voigt", 1e-4), ("drake_point", 1e-3)])
+@pytest.mark.parametrize(
+    ("contact", "time_step_s"), [("kelvin_voigt", 1e-4), ("drake_point", 1e-3)]
+)
 def test_a_copy_whose_keel_would_have_no_springs_is_refused(contact, time_step_s):
     diagram, plant = standing(contact, time_step_s)
     for copy in (diagram.Clone, diagram.ToAutoDiffXd):
-        with pytest.raises(InputError, match=r"vsf_command: .*the keel's springs.*Build the diagram again"):
+        with pytest.raises(
+            InputError, match=r"vsf_command: .*the keel's springs.*Build the diagram again"
+        ):
             copy()
     with pytest.raises(InputError):
         to_symbolic(diagram)
@@ -283,22 +383,33 @@ def test_a_copy_whose_keel_would_have_no_springs_is_refused(contact, time_step_s
 
 def test_springs_are_linear_in_symbols_and_what_has_no_symbolic_form_is_named():
     builder = DiagramBuilder()
-    keel = builder.AddNamedSystem("keel", KeelElasticity(
-        num_velocities=2, velocity_indices=[0, 1], stiffness=[3.0, 5.0], damping=[0.125, 0.25]))
+    keel = builder.AddNamedSystem(
+        "keel",
+        KeelElasticity(
+            num_velocities=2, velocity_indices=[0, 1], stiffness=[3.0, 5.0], damping=[0.125, 0.25]
+        ),
+    )
     builder.ExportInput(keel.GetInputPort("state"), "state")
     builder.ExportOutput(keel.GetOutputPort("generalized_force"), "keel")
     symbolic = to_symbolic(builder.Build())
     context, x = symbolic.CreateDefaultContext(), MakeVectorContinuousVariable(4, "x")
     symbolic.GetInputPort("state").FixValue(context, [Expression(v) for v in x])
     assert [str(f) for f in symbolic.GetOutputPort("keel").Eval(context)] == [
-        "( - 3 * x(0) - 0.125 * x(2))", "( - 5 * x(1) - 0.25 * x(3))"]
+        "( - 3 * x(0) - 0.125 * x(2))",
+        "( - 5 * x(1) - 0.25 * x(3))",
+    ]
     with pytest.raises(InputError, match=r"vsf_forces .*ToAutoDiffXd"):
         to_symbolic(loose_foot().diagram)
 
 
 def test_a_patch_whose_static_friction_is_less_than_the_feet_kinetic_one_is_as_slippery_for_a_sliding_foot():
-    patches = (GroundPatch(), GroundPatch(mu_static=0.1), GroundPatch(mu_static=0.9), GroundPatch(mu_kinetic=0.7),
-               GroundPatch(mu_static=0.117, mu_kinetic=0.336))
+    patches = (
+        GroundPatch(),
+        GroundPatch(mu_static=0.1),
+        GroundPatch(mu_static=0.9),
+        GroundPatch(mu_kinetic=0.7),
+        GroundPatch(mu_static=0.117, mu_kinetic=0.336),
+    )
     arrays = ground_arrays(Ground(patches=patches), mu_static=0.5, mu_kinetic=0.3)
     np.testing.assert_array_equal(arrays["mu_static"], [0.5, 0.1, 0.9, 0.5, 0.117])
     np.testing.assert_array_equal(arrays["mu_kinetic"], [0.3, 0.1, 0.3, 0.7, 0.336])

@@ -30,7 +30,9 @@ def parts(height=0.3):
     """A foot fixed to the world, its sole at `height` less 0.087 m."""
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
-    at = plant.AddFrame(FixedOffsetFrame("pylon", plant.world_frame(), RigidTransform([0.0, 0.0, height])))
+    at = plant.AddFrame(
+        FixedOffsetFrame("pylon", plant.world_frame(), RigidTransform([0.0, 0.0, height]))
+    )
     foot = add_foot(plant, at, FootParameters())
     plant.Finalize()
     return builder, plant, foot, wire_foot(builder, plant, foot)
@@ -39,14 +41,23 @@ def parts(height=0.3):
 def made(height=0.3, **options) -> Rig:
     builder, plant, foot, wired = parts(height)
     drive = add_fulcrum_drive(builder, plant, wired, initial_m=0.09, **options)
-    builder.Connect(builder.AddSystem(ConstantVectorSource([0.12])).get_output_port(), drive.desired_position)
+    builder.Connect(
+        builder.AddSystem(ConstantVectorSource([0.12])).get_output_port(), drive.desired_position
+    )
     return Rig(builder.Build(), plant, foot, wired, drive)
 
 
 def simulator(rig):
     it = Simulator(rig.diagram)
-    ApplySimulatorConfig(SimulatorConfig(integration_scheme="implicit_euler", accuracy=1e-3, max_step_size=5e-3,
-                                         use_error_control=True), it)
+    ApplySimulatorConfig(
+        SimulatorConfig(
+            integration_scheme="implicit_euler",
+            accuracy=1e-3,
+            max_step_size=5e-3,
+            use_error_control=True,
+        ),
+        it,
+    )
     root = it.get_mutable_context()
     context = rig.plant.GetMyMutableContextFromRoot(root)
     rig.plant.GetJointByName("fulcrum").set_translation(context, 0.09)
@@ -67,8 +78,12 @@ def test_support_and_carriage_follow_the_screw():
     assert rig.diagram.ToAutoDiffXd().num_continuous_states() == rig.diagram.num_continuous_states()
     position, speed = port(rig, "fulcrum_position", root), port(rig, "carriage_velocity", root)
     assert 0.09 + 0.1 * 0.11 < position < 0.09 + 0.13 * 0.13
-    assert rig.wired.fulcrum_position.Eval(rig.wired.forces.GetMyContextFromRoot(root))[0] == position
-    carriage = rig.plant.GetJointByName("fulcrum").get_translation(rig.plant.GetMyContextFromRoot(root))
+    assert (
+        rig.wired.fulcrum_position.Eval(rig.wired.forces.GetMyContextFromRoot(root))[0] == position
+    )
+    carriage = rig.plant.GetJointByName("fulcrum").get_translation(
+        rig.plant.GetMyContextFromRoot(root)
+    )
     lag = 2 * speed / (2 * np.pi * 600.0)  # of a critically damped servo of 600 Hz behind a ramp
     assert carriage == pytest.approx(position - lag, abs=1e-5)
 
@@ -78,7 +93,9 @@ def test_a_loaded_foot_keeps_its_fulcrum():
     it = simulator(rig)
     it.AdvanceTo(0.05)
     root = it.get_context()
-    assert rig.wired.GetOutputPort("grf").Eval(rig.wired.forces.GetMyContextFromRoot(root))[2] > 100.0
+    assert (
+        rig.wired.GetOutputPort("grf").Eval(rig.wired.forces.GetMyContextFromRoot(root))[2] > 100.0
+    )
     assert port(rig, "fulcrum_position", root) == 0.09
     assert port(rig, "energy", root) == 0.0
     assert port(rig, "phase", root) == 0.0
@@ -88,12 +105,16 @@ def test_a_loaded_foot_keeps_its_fulcrum():
 def test_in_a_plant_with_a_time_step_support_and_carriage_follow_too(contact):
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, MultibodyPlant(1e-4))
-    at = plant.AddFrame(FixedOffsetFrame("pylon", plant.world_frame(), RigidTransform([0.0, 0.0, 0.3])))
+    at = plant.AddFrame(
+        FixedOffsetFrame("pylon", plant.world_frame(), RigidTransform([0.0, 0.0, 0.3]))
+    )
     foot = add_foot(plant, at, FootParameters(), contact=contact)
     plant.Finalize()
     wired = wire_foot(builder, plant, foot, own_ground=contact == "drake_point")
     drive = add_fulcrum_drive(builder, plant, wired)
-    builder.Connect(builder.AddSystem(ConstantVectorSource([0.13])).get_output_port(), drive.desired_position)
+    builder.Connect(
+        builder.AddSystem(ConstantVectorSource([0.13])).get_output_port(), drive.desired_position
+    )
     it = Simulator(builder.Build())
     follow_fulcrum(it, plant, wired)
     it.AdvanceTo(0.1)
@@ -103,24 +124,36 @@ def test_in_a_plant_with_a_time_step_support_and_carriage_follow_too(contact):
     plant_context = plant.GetMyContextFromRoot(root)
     rod = plant.GetDistanceConstraintParams(plant_context, foot.support)
     assert rod.p_BQ()[0] == pytest.approx(position, abs=5e-5)  # a step behind at most
-    carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance).get_translation(plant_context)
+    carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance).get_translation(
+        plant_context
+    )
     assert carriage == pytest.approx(position, abs=1e-3)  # its own servo of 100 Hz lags by 0.4 mm
 
 
 def test_the_shank_s_signal_is_the_body_s_lean():
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
-    foot = add_foot(plant, plant.AddFrame(FixedOffsetFrame("end", _hinged(plant), RigidTransform([0, 0, -0.4]))),
-                    FootParameters())
+    foot = add_foot(
+        plant,
+        plant.AddFrame(FixedOffsetFrame("end", _hinged(plant), RigidTransform([0, 0, -0.4]))),
+        FootParameters(),
+    )
     plant.Finalize()
-    drive = add_fulcrum_drive(builder, plant, wire_foot(builder, plant, foot, fulcrum_m=0.13), signal="both")
+    drive = add_fulcrum_drive(
+        builder, plant, wire_foot(builder, plant, foot, fulcrum_m=0.13), signal="both"
+    )
     builder.ExportInput(drive.desired_position, "desired")
     diagram = builder.Build()
     root = diagram.CreateDefaultContext()
-    screw = drive.GetOutputPort("fulcrum_position"), drive.actuator.GetMyMutableContextFromRoot(root)
+    screw = (
+        drive.GetOutputPort("fulcrum_position"),
+        drive.actuator.GetMyMutableContextFromRoot(root),
+    )
     assert screw[0].Eval(screw[1])[0] == 0.13, "it starts where wire_foot put the carriage"
     drive.SetPosition(root, 0.07)
-    command = drive.GetOutputPort("commanded_position").Eval(drive.controller.GetMyContextFromRoot(root))[0]
+    command = drive.GetOutputPort("commanded_position").Eval(
+        drive.controller.GetMyContextFromRoot(root)
+    )[0]
     assert screw[0].Eval(screw[1])[0] == command == 0.07
     hinge = plant.GetJointByName("hinge")
     hinge.set_angle(plant.GetMyMutableContextFromRoot(root), 0.5)
@@ -139,12 +172,19 @@ def test_what_cannot_be_is_refused_and_leaves_the_diagram_as_it_was():
     builder, plant, foot, wired = parts()
     before = len(builder.GetSystems())
     for changes, message in (
-            ({"wired": foot}, "wired: is a FootHandles.*wire_foot"), ({"builder": DiagramBuilder()}, "not in this"),
-            ({"grf": wired.GetOutputPort("normal_force")}, "'normal_force': has 24 elements.*one vector of 3"),
-            ({"shank": plant.GetFrameByName("vsf_frame")}, "shank: is a RigidBodyFrame.*GetBodyByName"),
-            ({"parameters": FootParameters()}, "parameters: is a FootParameters")):
+        ({"wired": foot}, "wired: is a FootHandles.*wire_foot"),
+        ({"builder": DiagramBuilder()}, "not in this"),
+        (
+            {"grf": wired.GetOutputPort("normal_force")},
+            "'normal_force': has 24 elements.*one vector of 3",
+        ),
+        ({"shank": plant.GetFrameByName("vsf_frame")}, "shank: is a RigidBodyFrame.*GetBodyByName"),
+        ({"parameters": FootParameters()}, "parameters: is a FootParameters"),
+    ):
         with pytest.raises(InputError, match=message):
-            add_fulcrum_drive(**{"builder": builder, "plant": plant, "wired": wired, "signal": "both"} | changes)
+            add_fulcrum_drive(
+                **{"builder": builder, "plant": plant, "wired": wired, "signal": "both"} | changes
+            )
     with pytest.raises(InputError, match="'emg' is not known"):
         add_fulcrum_drive(builder, plant, wired, signal="emg")
     with pytest.raises(InputError, match="outside the carriage's travel"):

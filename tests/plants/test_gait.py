@@ -15,12 +15,15 @@ from vsf_drake.plants.gait import make_gait
 STANDING_M = 0.93
 """Pelvis height at which both feet of the subject are in the ground."""
 
+
 def stood(gait):
     """A moving person with both feet in the ground, keel and socket bent, prescribed coordinates at rest."""
     context, random = gait.diagram.CreateDefaultContext(), np.random.default_rng(8)
     plant, plant_context = gait.plant, gait.plant_context(context)
     nq = plant.num_positions()
-    plant.SetPositionsAndVelocities(plant_context, random.uniform(-1, 1, 2 * nq) * np.repeat([0.01, 0.05], nq))
+    plant.SetPositionsAndVelocities(
+        plant_context, random.uniform(-1, 1, 2 * nq) * np.repeat([0.01, 0.05], nq)
+    )
     for name, value in (("pelvis_ty", STANDING_M), ("fulcrum", 0.1)):
         plant.GetJointByName(name).set_translation(plant_context, value)
     gait.diagram.GetInputPort("fulcrum_position").FixValue(context, 0.1)
@@ -50,7 +53,9 @@ def test_gradients_of_the_whole_equal_finite_differences(gait):
     other.SetContinuousState(seeded)
     rates = converted.EvalTimeDerivatives(other).CopyToVector()
     known, actual = made.diagram.EvalTimeDerivatives(context).CopyToVector(), ExtractGradient(rates)
-    np.testing.assert_allclose(ExtractValue(rates).ravel(), known, rtol=1e-9, atol=1e-11 * np.abs(known).max())
+    np.testing.assert_allclose(
+        ExtractValue(rates).ravel(), known, rtol=1e-9, atol=1e-11 * np.abs(known).max()
+    )
     for name in ("grf", "intact_grf"):
         assert made.diagram.GetOutputPort(name).Eval(context)[2] > 50.0
     force = ExtractGradient(converted.GetOutputPort("grf").Eval(other))
@@ -63,20 +68,29 @@ def test_gradients_of_the_whole_equal_finite_differences(gait):
             reactions.append(made.diagram.GetOutputPort("grf").Eval(context))
         for exact, ends in ((actual[:, i], rates), (force[:, i], reactions)):
             difference = (ends[0] - ends[1]) / (2 * step)
-            np.testing.assert_allclose(exact, difference, rtol=1e-4, atol=1e-5 * np.abs(difference).max())
+            np.testing.assert_allclose(
+                exact, difference, rtol=1e-4, atol=1e-5 * np.abs(difference).max()
+            )
 
 
 def test_a_patch_under_the_intact_foot_alone_raises_its_force_alone(subject):
-    ground = Ground(patches=(GroundPatch(), GroundPatch(name="kerb", from_y_m=0.02, height_m=0.003)))
+    ground = Ground(
+        patches=(GroundPatch(), GroundPatch(name="kerb", from_y_m=0.02, height_m=0.003))
+    )
     model = ModelParameters()
     rubber = replace(model.intact_foot.friction, mu_static=0.9, mu_kinetic=0.7)
     model = replace(model, intact_foot=replace(model.intact_foot, friction=rubber))
     level, kerb = (make_gait(subject, model, g) for g in (Ground(), ground))
-    (one, intact), (two, raised) = ([g.diagram.GetOutputPort(name).Eval(context) for name in ("grf", "intact_grf")]
-                                    for g in (level, kerb) for context in [stood(g)])
+    (one, intact), (two, raised) = (
+        [g.diagram.GetOutputPort(name).Eval(context) for name in ("grf", "intact_grf")]
+        for g in (level, kerb)
+        for context in [stood(g)]
+    )
     assert raised[2] > intact[2] + 50.0
     np.testing.assert_array_equal(one, two)
     for name, friction in (("prosthetic", model.foot.friction), ("intact", rubber)):
         forces = kerb.forces[name]
-        np.testing.assert_array_equal(forces.GetParameter(forces.CreateDefaultContext(), "mu_kinetic"),
-                                      [friction.mu_kinetic] * 2)
+        np.testing.assert_array_equal(
+            forces.GetParameter(forces.CreateDefaultContext(), "mu_kinetic"),
+            [friction.mu_kinetic] * 2,
+        )

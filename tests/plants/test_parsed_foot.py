@@ -22,8 +22,13 @@ from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.station import add_model_package
 
 FOOT = FootParameters()
-UNUSUAL = replace(FOOT, pylon_x_m=0.07, mass_kg=0.8, build_height_m=0.11, keel=replace(
-    FOOT.keel, element_lengths_m=(0.05, 0.04, 0.03, 0.06, 0.049), thickness_m=0.007))
+UNUSUAL = replace(
+    FOOT,
+    pylon_x_m=0.07,
+    mass_kg=0.8,
+    build_height_m=0.11,
+    keel=replace(FOOT.keel, element_lengths_m=(0.05, 0.04, 0.03, 0.06, 0.049), thickness_m=0.007),
+)
 LEG = "package://vsf_drake/leg.urdf"
 FOOT_UNDER_LEG = "package://vsf_drake/foot_under_leg.dmd.yaml"
 
@@ -61,11 +66,19 @@ def put(plant, context, seed):
     """Random coordinates and velocities by name, the foot some millimetres in the ground and sliding."""
     rng = np.random.default_rng(seed)
     hip = plant.GetBodyByName("hip")
-    plant.SetFreeBodyPose(context, hip, RigidTransform(RollPitchYaw(*rng.uniform(-0.03, 0.03, 3)), [0, 0, 0.843]))
+    plant.SetFreeBodyPose(
+        context, hip, RigidTransform(RollPitchYaw(*rng.uniform(-0.03, 0.03, 3)), [0, 0, 0.843])
+    )
     V_WH = SpatialVelocity(rng.uniform(-0.3, 0.3, 3), rng.uniform(-0.3, 0.3, 3))
     plant.SetFreeBodySpatialVelocity(context, hip, V_WH)
     q, v = plant.GetPositions(context), plant.GetVelocities(context)
-    for name in ("hip_flexion", "knee_flexion", "keel_pin", *(f"keel_{i}" for i in range(1, 9)), "fulcrum"):
+    for name in (
+        "hip_flexion",
+        "knee_flexion",
+        "keel_pin",
+        *(f"keel_{i}" for i in range(1, 9)),
+        "fulcrum",
+    ):
         joint = plant.GetJointByName(name)
         q[joint.position_start()] = 0.11 if name == "fulcrum" else rng.uniform(-0.03, 0.03)
         v[joint.velocity_start()] = rng.uniform(-0.5, 0.5)
@@ -74,9 +87,18 @@ def put(plant, context, seed):
 
 
 def order(plant):
-    names = ("hip_flexion", "knee_flexion", "keel_pin", *(f"keel_{i}" for i in range(1, 9)), "fulcrum")
+    names = (
+        "hip_flexion",
+        "knee_flexion",
+        "keel_pin",
+        *(f"keel_{i}" for i in range(1, 9)),
+        "fulcrum",
+    )
     base = plant.GetBodyByName("hip").floating_velocities_start_in_v()
-    return [*range(base, base + 6), *(plant.GetJointByName(name).velocity_start() for name in names)]
+    return [
+        *range(base, base + 6),
+        *(plant.GetJointByName(name).velocity_start() for name in names),
+    ]
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -87,7 +109,7 @@ def test_parsed_foot_moves_as_an_added_one(both, seed):
         context = diagram.CreateDefaultContext()
         put(plant, plant.GetMyMutableContextFromRoot(context), seed)
         derivatives = plant.EvalTimeDerivatives(plant.GetMyContextFromRoot(context)).CopyToVector()
-        accelerations.append(derivatives[plant.num_positions():][order(plant)])
+        accelerations.append(derivatives[plant.num_positions() :][order(plant)])
         forces.append(wired.GetOutputPort("grf").Eval(wired.forces.GetMyContextFromRoot(context)))
     assert forces[1][2] > 100.0, "the foot stands on the ground"
     np.testing.assert_allclose(forces[0], forces[1], rtol=1e-8)
@@ -105,13 +127,17 @@ def test_carriage_starts_where_its_servo_holds_it(asked, known):
     context = builder.Build().CreateDefaultContext()
     slide = plant.GetJointByName("fulcrum")
     assert slide.get_translation(plant.GetMyContextFromRoot(context)) == known
-    force = wired.GetOutputPort("generalized_force").Eval(wired.forces.GetMyContextFromRoot(context))
+    force = wired.GetOutputPort("generalized_force").Eval(
+        wired.forces.GetMyContextFromRoot(context)
+    )
     assert force[slide.velocity_start()] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("parameters", [FOOT, UNUSUAL], ids=["nominal", "unusual"])
 @pytest.mark.parametrize("springs", [True, False])
-def test_springs_of_the_file_are_left_out_of_the_wired_forces_and_those_it_lacks_are_not(springs, parameters):
+def test_springs_of_the_file_are_left_out_of_the_wired_forces_and_those_it_lacks_are_not(
+    springs, parameters
+):
     """The carriage of a file without a position goes to that of add_foot. What is found is what add_foot builds."""
     plant = parsed(foot_sdf(parameters, springs=springs))
     foot = find_foot(plant, "vsf", parameters)
@@ -127,9 +153,16 @@ def with_floor():
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
     parsed(foot_sdf(FOOT), plant)
-    plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform([0, 0, -0.5]), Box(10, 10, 1), "floor",
-                                    CoulombFriction(0.5, 0.3))
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("vsf_mount"), RigidTransform([0, 0, 0.085]))
+    plant.RegisterCollisionGeometry(
+        plant.world_body(),
+        RigidTransform([0, 0, -0.5]),
+        Box(10, 10, 1),
+        "floor",
+        CoulombFriction(0.5, 0.3),
+    )
+    plant.WeldFrames(
+        plant.world_frame(), plant.GetFrameByName("vsf_mount"), RigidTransform([0, 0, 0.085])
+    )
     plant.Finalize()
     return builder, plant, scene_graph
 
@@ -149,34 +182,57 @@ def test_collision_spheres_do_not_act_beside_a_law_of_the_model(with_floor):
 
 
 def test_collision_spheres_are_drakes_contact_where_somebody_asks_for_it(with_floor):
-    """By default a foot has the same contact, found or added; spheres of another foam are refused where they are seen.
-    """
+    """By default a foot has the same contact, found or added; spheres of another foam are refused where they are seen."""
     builder, plant, scene_graph = with_floor
     harder = replace(FOOT, zones=(*FOOT.zones[:-1], replace(FOOT.zones[-1], stiffness=9000.0)))
-    with pytest.raises(InputError, match=r"foam_11 has stiffness \(N/m\) 7350, by the parameters 9000"):
+    with pytest.raises(
+        InputError, match=r"foam_11 has stiffness \(N/m\) 7350, by the parameters 9000"
+    ):
         find_foot(plant, "vsf", harder, contact="drake_point", scene_graph=scene_graph)
-    with pytest.raises(InputError, match=r"24 collision spheres.*'kelvin_voigt' would act beside.*\"drake_point\""):
+    with pytest.raises(
+        InputError, match=r"24 collision spheres.*'kelvin_voigt' would act beside.*\"drake_point\""
+    ):
         find_foot(plant, "vsf", FOOT)
     foot = find_foot(plant, "vsf", FOOT, contact="drake_point", scene_graph=scene_graph)
     wire_foot(builder, plant, foot)
     context = builder.Build().CreateDefaultContext()
     touching = plant.get_contact_results_output_port().Eval(plant.GetMyContextFromRoot(context))
-    assert touching.num_point_pair_contacts() == 21, "all but the three of the frame, which is welded to the world"
+    assert touching.num_point_pair_contacts() == 21, (
+        "all but the three of the frame, which is welded to the world"
+    )
 
 
 def changed_keel(**changes):
     return replace(FOOT, keel=replace(FOOT.keel, **changes))
 
 
-@pytest.mark.parametrize(("parameters", "message"), [
-    (replace(FOOT, mass_kg=0.7), r"vsf: vsf_frame: weighs 0.364992 kg, by the parameters 0.415992 kg"),
-    (replace(FOOT, pylon_x_m=0.06), r"vsf: vsf_mount: is at .* by the parameters at"),
-    (changed_keel(flexural_modulus_pa=10e9), r"keel_1: has a stiffness of 172.483 N m/rad, by the parameters 221.132"),
-    (changed_keel(damping_time_s=0.01), r"keel_1: has a damping of 1.05215 N m s/rad, by the parameters 1.72483"),
-    (changed_keel(element_lengths_m=(0.0229,) * 10), "has no body keel_body_9|weighs|has its centre of mass"),
-    (changed_keel(element_lengths_m=(0.066, 0.0466, *FOOT.keel.element_lengths_m[3:])), "weighs|centre of mass"),
-    (changed_keel(element_lengths_m=(*FOOT.keel.element_lengths_m[:-2], 0.0466)), "weighs"),
-])
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        (
+            replace(FOOT, mass_kg=0.7),
+            r"vsf: vsf_frame: weighs 0.364992 kg, by the parameters 0.415992 kg",
+        ),
+        (replace(FOOT, pylon_x_m=0.06), r"vsf: vsf_mount: is at .* by the parameters at"),
+        (
+            changed_keel(flexural_modulus_pa=10e9),
+            r"keel_1: has a stiffness of 172.483 N m/rad, by the parameters 221.132",
+        ),
+        (
+            changed_keel(damping_time_s=0.01),
+            r"keel_1: has a damping of 1.05215 N m s/rad, by the parameters 1.72483",
+        ),
+        (
+            changed_keel(element_lengths_m=(0.0229,) * 10),
+            "has no body keel_body_9|weighs|has its centre of mass",
+        ),
+        (
+            changed_keel(element_lengths_m=(0.066, 0.0466, *FOOT.keel.element_lengths_m[3:])),
+            "weighs|centre of mass",
+        ),
+        (changed_keel(element_lengths_m=(*FOOT.keel.element_lengths_m[:-2], 0.0466)), "weighs"),
+    ],
+)
 def test_foot_of_other_parameters_is_refused_and_the_difference_named(parameters, message):
     with pytest.raises(InputError, match=message):
         find_foot(parsed(foot_sdf(FOOT)), "vsf", parameters)
@@ -186,16 +242,24 @@ def test_support_in_the_file_unknown_instance_and_a_thing_that_is_no_foot_are_re
     with pytest.raises(InputError, match=r"support in the file already.*vsf_foot.sdf"):
         find_foot(parsed(foot_sdf(FOOT, fulcrum_m=0.108)), "vsf", FOOT)
     plant = leg_plant(DiagramBuilder(), LEG)
-    with pytest.raises(InputError, match=r"leg: has no body vsf_frame. It must be a foot written by vsf-drake export"):
+    with pytest.raises(
+        InputError,
+        match=r"leg: has no body vsf_frame. It must be a foot written by vsf-drake export",
+    ):
         find_foot(plant, "leg", FOOT)
     for instance in (99, ModelInstanceIndex(99), -1, "99"):
         with pytest.raises(InputError, match=r"no model instance .*(99|-1).*It has leg"):
             find_foot(plant, instance, FOOT)
 
 
-@pytest.mark.parametrize(("contact", "message"), [
-    ("hertz", "'hertz' is not known"), ("hydroelastic", "not what the file's collision spheres are made for"),
-    ("drake_point", "has 0 collision spheres of the foot, the parameters 24")])
+@pytest.mark.parametrize(
+    ("contact", "message"),
+    [
+        ("hertz", "'hertz' is not known"),
+        ("hydroelastic", "not what the file's collision spheres are made for"),
+        ("drake_point", "has 0 collision spheres of the foot, the parameters 24"),
+    ],
+)
 def test_contacts_that_the_file_cannot_give_are_refused(contact, message):
     with pytest.raises(InputError, match=message):
         find_foot(parsed(foot_sdf(FOOT)), "vsf", FOOT, contact=contact)
@@ -223,8 +287,13 @@ def test_plant_with_a_time_step_gets_what_the_file_lacks(springs, actuators):
 
 def test_time_steps_at_which_joint_springs_diverge_are_refused():
     """Twice the damping time, 6.1 ms."""
-    assert find_foot(discrete(foot_sdf(FOOT), 0.0121), "vsf", FOOT, contact="drake_point").support is not None
-    with pytest.raises(InputError, match=r"diverge at time steps of 12.3 ms. Take less than 12.2 ms.*--no-springs"):
+    assert (
+        find_foot(discrete(foot_sdf(FOOT), 0.0121), "vsf", FOOT, contact="drake_point").support
+        is not None
+    )
+    with pytest.raises(
+        InputError, match=r"diverge at time steps of 12.3 ms. Take less than 12.2 ms.*--no-springs"
+    ):
         find_foot(discrete(foot_sdf(FOOT), 0.0123), "vsf", FOOT, contact="drake_point")
     plant = discrete(foot_sdf(FOOT))
     plant.Finalize()

@@ -19,13 +19,17 @@ def test_frustum_is_the_sum_of_its_discs(radii):
 
     def summed(of):
         """Integral over the volume of `of` height and radius of a disc."""
-        return quad(lambda s: math.pi * LENGTH * (e := R + (r - R) * s)**2 * of(-LENGTH * s, e), 0.0, 1.0)[0]
+        return quad(
+            lambda s: math.pi * LENGTH * (e := R + (r - R) * s) ** 2 * of(-LENGTH * s, e), 0.0, 1.0
+        )[0]
 
     volume = summed(lambda z, e: 1.0)
     assert frustum_volume(R, r, LENGTH) == pytest.approx(volume, rel=1e-12)
     centre = summed(lambda z, e: z) / volume
-    lateral, axial = (MASS / volume * summed(of) for of in (lambda z, e: 0.25 * e**2 + (z - centre)**2,
-                                                            lambda z, e: 0.5 * e**2))
+    lateral, axial = (
+        MASS / volume * summed(of)
+        for of in (lambda z, e: 0.25 * e**2 + (z - centre) ** 2, lambda z, e: 0.5 * e**2)
+    )
     inertia = frustum(MASS, R, r, LENGTH)
     np.testing.assert_allclose(inertia.get_com(), [0.0, 0.0, centre], atol=1e-12)
     central = inertia.Shift(inertia.get_com()).CalcRotationalInertia()

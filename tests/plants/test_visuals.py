@@ -27,21 +27,31 @@ def drawn_person(side, **lengths):
 
 
 def obj_mesh(shape):
-    lines = [line.split() for line in shape.source().in_memory().mesh_file.contents().decode().splitlines()]
+    lines = [
+        line.split()
+        for line in shape.source().in_memory().mesh_file.contents().decode().splitlines()
+    ]
     points = np.array([[float(x) for x in line[1:]] for line in lines if line[0] == "v"])
-    faces = [[int(corner.split("/")[0]) - 1 for corner in line[1:]] for line in lines if line[0] == "f"]
+    faces = [
+        [int(corner.split("/")[0]) - 1 for corner in line[1:]] for line in lines if line[0] == "f"
+    ]
     return points, faces
 
 
 @pytest.mark.parametrize("along", ["x", "z"])
 def test_a_lofted_surface_is_closed_and_faces_outward(along):
     """A conical frustum of elliptical section, one end beside the other's axis, which changes no volume."""
-    points, faces = obj_mesh(lofted(along, [(-0.4, 0.02, 0.01, 0.05, 0.025), (0.0, 0.0, 0.0, 0.09, 0.045)]))
+    points, faces = obj_mesh(
+        lofted(along, [(-0.4, 0.02, 0.01, 0.05, 0.025), (0.0, 0.0, 0.0, 0.09, 0.045)])
+    )
     edges = [(a, b) for face in faces for a, b in zip(face, face[1:] + face[:1], strict=True)]
     assert len(edges) == len(set(edges)), "an edge is walked twice in one direction"
     assert {(b, a) for a, b in edges} == set(edges), "the surface has a border"
-    volume = sum(np.dot(points[face[0]], np.cross(points[face[i]], points[face[i + 1]])) / 6.0
-                 for face in faces for i in range(1, len(face) - 1))
+    volume = sum(
+        np.dot(points[face[0]], np.cross(points[face[i]], points[face[i + 1]])) / 6.0
+        for face in faces
+        for i in range(1, len(face) - 1)
+    )
     sides = len(points) // 2
     polygon = sides / (2.0 * np.pi) * np.sin(2.0 * np.pi / sides)
     assert volume == pytest.approx(0.5 * polygon * frustum_volume(0.09, 0.05, 0.4), rel=1e-3)
@@ -65,8 +75,13 @@ def test_every_segment_and_device_part_is_drawn():
     plant, inspector, person = drawn_person("left")
     shapes = inspector.GetAllGeometryIds(Role.kIllustration)
     drawn = {plant.GetBodyFromFrameId(inspector.GetFrameId(g)).name() for g in shapes}
-    bodies = [*person.segments.values(), *person.foot.keel, person.foot.frame, person.socket.socket,
-              person.socket.pylon]
+    bodies = [
+        *person.segments.values(),
+        *person.foot.keel,
+        person.foot.frame,
+        person.socket.socket,
+        person.socket.pylon,
+    ]
     assert drawn == {body.name() for body in bodies} | {"vsf_carriage"}
     assert inspector.NumGeometriesWithRole(Role.kProximity) == 0
     assert not [g for g in shapes if "site_" in inspector.GetName(g)]  # unless they are asked for
@@ -74,7 +89,9 @@ def test_every_segment_and_device_part_is_drawn():
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_the_person_stands_as_tall_as_they_are_with_the_head_on_and_the_arms_beside(side):
-    plant, inspector, person = drawn_person(side, thigh_length_m=0.36)  # short legs: the rest must be long
+    plant, inspector, person = drawn_person(
+        side, thigh_length_m=0.36
+    )  # short legs: the rest must be long
     head, trunk = (outlines(plant, inspector, part)["pelvis"] for part in ("head", "trunk"))
     hips = person.body.hip_up
     assert head[:, 2].min() < trunk[:, 2].max()
@@ -92,12 +109,17 @@ def test_the_sole_is_as_long_and_as_low_as_the_models_and_moves_with_keel_and_fr
     plant.Finalize()
     frame_x, _, frame_z = foot.frame.EvalPoseInWorld(plant.CreateDefaultContext()).translation()
     soles = outlines(plant, scene_graph.model_inspector(), "sole")
-    behind = [p.name() for p, end in zip(foot.keel, foot.keel_starts[1:], strict=False)
-              if end <= parameters.fulcrum.rearmost_m]
+    behind = [
+        p.name()
+        for p, end in zip(foot.keel, foot.keel_starts[1:], strict=False)
+        if end <= parameters.fulcrum.rearmost_m
+    ]
     assert set(soles) == {foot.frame.name(), *(piece.name() for piece in foot.keel)} - set(behind)
     points = np.vstack([*soles.values()]) - [frame_x, 0.0, frame_z]
     assert points[:, 0].min() == pytest.approx(parameters.heel_x_m, abs=1e-6)
-    assert points[:, 0].max() == pytest.approx(parameters.heel_x_m + parameters.length_m, abs=2.5e-3)
+    assert points[:, 0].max() == pytest.approx(
+        parameters.heel_x_m + parameters.length_m, abs=2.5e-3
+    )
     for sole in soles.values():
         assert sole[:, 2].min() - frame_z == pytest.approx(sole_height(parameters), abs=1e-6)
     toes = points[points[:, 0] > 0.9 * parameters.length_m]
@@ -110,8 +132,9 @@ def test_the_fulcrum_bears_on_the_keel_from_above():
     foot = add_foot(plant, plant.world_frame(), FootParameters())
     add_foot_visuals(plant, foot)
     inspector, carriage = scene_graph.model_inspector(), foot.carriage_joint(plant).child_body()
-    roller = inspector.GetGeometryIdByName(plant.GetBodyFrameIdOrThrow(carriage.index()), Role.kIllustration,
-                                           "vsf::roller")
+    roller = inspector.GetGeometryIdByName(
+        plant.GetBodyFrameIdOrThrow(carriage.index()), Role.kIllustration, "vsf::roller"
+    )
     lowest = inspector.GetPoseInFrame(roller).translation()[2] - inspector.GetShape(roller).radius()
     assert lowest == pytest.approx(0.5 * foot.parameters.keel.thickness_m)
 
@@ -149,11 +172,16 @@ def test_plants_that_take_no_shapes_and_feet_that_have_them_are_refused_with_the
 
 def test_a_patch_far_off_is_drawn_where_it_is_and_whole():
     """Its middle in the plane, its sides as long as the slope makes them."""
-    patch = GroundPatch(from_x_m=5.0, to_x_m=7.0, from_y_m=-8.0, to_y_m=-6.0, slope_deg=10.0, height_m=0.1)
+    patch = GroundPatch(
+        from_x_m=5.0, to_x_m=7.0, from_y_m=-8.0, to_y_m=-6.0, slope_deg=10.0, height_m=0.1
+    )
     plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
     draw_ground(plant, Ground(patches=(patch, GroundPatch())))
     inspector = scene_graph.model_inspector()
-    plates = {inspector.GetName(i).split("::")[-1]: i for i in inspector.GetAllGeometryIds(Role.kIllustration)}
+    plates = {
+        inspector.GetName(i).split("::")[-1]: i
+        for i in inspector.GetAllGeometryIds(Role.kIllustration)
+    }
     far = plates["ground_0_ground"]
     rise = np.tan(np.radians(10.0))
     size = inspector.GetShape(far).size()

@@ -35,8 +35,10 @@ def test_every_axis_has_a_unit_and_the_title_says_what_a_reader_must_know():
         for axes in figure.axes:
             for text in (axes.get_xlabel(), axes.get_ylabel()):
                 assert text.rstrip().endswith(")") and "(" in text, text
-    for changes, words in (({"synthetic": True, "side": "left"}, "synthetic walk, not recorded, left prosthesis"),
-                           ({"converged": False, "unconverged_steps": 7}, "7 STEPS NOT CONVERGED")):
+    for changes, words in (
+        ({"synthetic": True, "side": "left"}, "synthetic walk, not recorded, left prosthesis"),
+        ({"converged": False, "unconverged_steps": 7}, "7 STEPS NOT CONVERGED"),
+    ):
         assert words in walk_and_figure(**changes)[1].get_suptitle()
 
 
@@ -44,11 +46,17 @@ def test_forces_are_drawn_in_body_weights_measured_solid_simulated_dashed():
     walk, figure = walk_and_figure(scale=1.1)
     vertical = next(a for a in figure.axes if a.get_title(loc="left").startswith("Vertical"))
     measured, simulated = (line for line in vertical.lines if len(line.get_xdata()) > 100)
-    assert to_rgba(measured.get_color()) == to_rgba(simulated.get_color()) == to_rgba(colour_of(66.0))
+    assert (
+        to_rgba(measured.get_color()) == to_rgba(simulated.get_color()) == to_rgba(colour_of(66.0))
+    )
     assert measured.get_linestyle() == "-"
     assert simulated.get_linestyle() == "--"
-    assert np.max(simulated.get_ydata()) == pytest.approx(np.max(walk.grf_W[:, 2]) / (80.0 * 9.81), rel=1e-2)
-    assert np.max(simulated.get_ydata()) == pytest.approx(1.1 * np.max(measured.get_ydata()), rel=1e-3)
+    assert np.max(simulated.get_ydata()) == pytest.approx(
+        np.max(walk.grf_W[:, 2]) / (80.0 * 9.81), rel=1e-2
+    )
+    assert np.max(simulated.get_ydata()) == pytest.approx(
+        1.1 * np.max(measured.get_ydata()), rel=1e-3
+    )
 
 
 def test_zones_add_up_to_the_vertical_force():
@@ -69,14 +77,27 @@ def stood(**changes) -> Standing:
     """Two seconds at 40 % on the prosthesis, the pelvis moving evenly by 0.6 mm forward and 0.8 mm to the right."""
     time = STEP_S * np.arange(1, STEPS + 1)
     pelvis = np.zeros((STEPS + 1, 6))
-    pelvis[:, 0], pelvis[:, 2] = np.linspace(0, 0.6e-3, STEPS + 1), np.linspace(0, 0.8e-3, STEPS + 1)
+    pelvis[:, 0], pelvis[:, 2] = (
+        np.linspace(0, 0.6e-3, STEPS + 1),
+        np.linspace(0, 0.8e-3, STEPS + 1),
+    )
     pelvis[:, 4] = np.radians(2.0)
     standing = Standing(
-        time_s=time, prosthetic_n=np.full(STEPS, 0.4 * WEIGHT_N), intact_n=np.full(STEPS, 0.6 * WEIGHT_N),
-        pelvis=pelvis, weight_n=WEIGHT_N, fulcrum_m=0.108, side="left", name="somebody",
+        time_s=time,
+        prosthetic_n=np.full(STEPS, 0.4 * WEIGHT_N),
+        intact_n=np.full(STEPS, 0.6 * WEIGHT_N),
+        pelvis=pelvis,
+        weight_n=WEIGHT_N,
+        fulcrum_m=0.108,
+        side="left",
+        name="somebody",
         free=("pelvis_tx", "pelvis_ty", "pelvis_tz"),
-        held_nm={"pelvis_tilt": -21.0, "pelvis_list": 3.0, "pelvis_rotation": 0.0}, stiffness_nm_per_rad=None,
-        leg_lengths_m=(0.95, 0.96), unconverged_steps=0, notes=("A note.",))
+        held_nm={"pelvis_tilt": -21.0, "pelvis_list": 3.0, "pelvis_rotation": 0.0},
+        stiffness_nm_per_rad=None,
+        leg_lengths_m=(0.95, 0.96),
+        unconverged_steps=0,
+        notes=("A note.",),
+    )
     return dataclasses.replace(standing, **changes)
 
 
@@ -95,9 +116,14 @@ def test_table_states_forces_shares_and_drift():
 def test_standing_is_weight_within_a_percent_a_millimetre_and_convergence():
     still = np.zeros((STEPS + 1, 6))
     assert standing_table(stood(pelvis=still)).stands
-    assert not standing_table(stood(pelvis=still, prosthetic_n=np.full(STEPS, 0.42 * WEIGHT_N))).stands
+    assert not standing_table(
+        stood(pelvis=still, prosthetic_n=np.full(STEPS, 0.42 * WEIGHT_N))
+    ).stands
     unconverged = standing_table(stood(pelvis=still, unconverged_steps=3))
-    assert not unconverged.stands and "3 STEPS NOT CONVERGED" in standing_figure(unconverged).get_suptitle()
+    assert (
+        not unconverged.stands
+        and "3 STEPS NOT CONVERGED" in standing_figure(unconverged).get_suptitle()
+    )
     # A fall is no standing, even though the mean force is the weight.
     fallen = np.zeros((STEPS + 1, 6))
     fallen[:, 1] = np.linspace(1.0, 0.2, STEPS + 1)
@@ -112,7 +138,9 @@ def test_standing_is_weight_within_a_percent_a_millimetre_and_convergence():
 
 def test_same_figure_gives_the_same_bytes_whatever_the_users_settings_are(tmp_path):
     first = save_figure(standing_figure(standing_table(stood())), tmp_path / "a")
-    assert [p.name for p in first] == ["a.png", "a.svg"] == sorted(p.name for p in tmp_path.iterdir())
+    assert (
+        [p.name for p in first] == ["a.png", "a.svg"] == sorted(p.name for p in tmp_path.iterdir())
+    )
     with matplotlib.rc_context({"font.size": 30.0, "lines.linewidth": 9.0}):
         second = save_figure(standing_figure(standing_table(stood())), tmp_path / "b")
         assert matplotlib.rcParams["font.size"] == 30.0

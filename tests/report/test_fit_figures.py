@@ -24,7 +24,15 @@ from vsf_drake.report.fit_figures import (
 )
 from vsf_drake.report.style import save_figure
 
-JOINT = ["errors", "sweep", "trial_1_soft", "trial_2_stiff", "trial_3__b_odd__b___x____", "bench", "parameters"]
+JOINT = [
+    "errors",
+    "sweep",
+    "trial_1_soft",
+    "trial_2_stiff",
+    "trial_3__b_odd__b___x____",
+    "bench",
+    "parameters",
+]
 
 
 @pytest.fixture(scope="module")
@@ -33,12 +41,21 @@ def figures():
 
 
 def texts(figure):
-    return [text.get_text() for axes in figure.axes for text in (*axes.texts, *axes.get_yticklabels(), axes.title)]
+    return [
+        text.get_text()
+        for axes in figure.axes
+        for text in (*axes.texts, *axes.get_yticklabels(), axes.title)
+    ]
 
 
 def line_of(trial, **changes):
-    return TrialSweep(label=trial.label, role=trial.role, fulcrum_mm=trial.fulcrum_mm, synthetic=trial.synthetic,
-                      sweep=replace(trial.score.sweep, **changes))
+    return TrialSweep(
+        label=trial.label,
+        role=trial.role,
+        fulcrum_mm=trial.fulcrum_mm,
+        synthetic=trial.synthetic,
+        sweep=replace(trial.score.sweep, **changes),
+    )
 
 
 def test_each_fit_has_the_figures_that_it_has_numbers_for_and_synthetic_ones_say_so(figures):
@@ -46,7 +63,9 @@ def test_each_fit_has_the_figures_that_it_has_numbers_for_and_synthetic_ones_say
     assert {*fit_figures(paper_fit())} == {"searches", *JOINT} - {"parameters"}
     trial = made_trial(synthetic=True)
     found = fit_figures(made_fit(trials=(trial,), bench=replace(BENCH, synthetic=True)))
-    assert all("SYNTHETIC" in found[name].get_suptitle() for name in ("errors", "sweep", "trial_1_soft"))
+    assert all(
+        "SYNTHETIC" in found[name].get_suptitle() for name in ("errors", "sweep", "trial_1_soft")
+    )
     assert "(SYNTHETIC)" in found["bench"].axes[0].get_title(loc="left")
     assert "SYNTHETIC" not in figures["errors"].get_suptitle()
 
@@ -64,7 +83,9 @@ def test_every_figure_can_be_read_on_a_telephone_and_names_units_on_its_axes(fig
 
 def test_errors_stand_in_percent_beside_null_model_and_floor(figures):
     axes = figures["errors"].axes[0]
-    found = {(line.get_marker(), line.get_ydata()[0]): line.get_xdata()[0] for line in axes.get_lines()}
+    found = {
+        (line.get_marker(), line.get_ydata()[0]): line.get_xdata()[0] for line in axes.get_lines()
+    }
     assert (found["o", 0], found["D", 0], found["|", 0]) == pytest.approx((2.0, 5.0, 1.0))
     assert ("|", 2) not in found, "no floor is known of the third trial"
     assert [label.get_text() for label in axes.get_yticklabels()][2] == f"{ODD}\nheld out, 108 mm"
@@ -77,8 +98,12 @@ def test_a_sweep_marks_where_the_fulcrum_stood_and_names_what_is_wrong():
     assert [line.get_xdata()[0] for line in lines[:2]] == [66.0, 151.0]
     assert [line.get_xdata()[0] for line in lines if line.get_marker() == "*"] == [66.0, 120.0]
     assert [text.get_text() for text in figure.axes[0].texts] == ["stiff: WRONG"]
-    failed = line_of(made_trial(fulcrum_mm=70.0), grf_rmse_bw=(None,) * 18, best_mm=None, right=False)
-    crosses = [line for line in fit_sweep_figure([failed]).axes[0].get_lines() if line.get_marker() == "x"]
+    failed = line_of(
+        made_trial(fulcrum_mm=70.0), grf_rmse_bw=(None,) * 18, best_mm=None, right=False
+    )
+    crosses = [
+        line for line in fit_sweep_figure([failed]).axes[0].get_lines() if line.get_marker() == "x"
+    ]
     assert len(crosses) == 18
 
 

@@ -18,10 +18,20 @@ from page_reader import Balanced
 from vsf_drake.analysis.contact_fit.table import fit_arrays
 from vsf_drake.errors import InputError
 from vsf_drake.report import fit_output
-from vsf_drake.report.fit_output import FIT, HEADINGS, clear_fit, fit_page, fit_result, trial_cells, write_fit
+from vsf_drake.report.fit_output import (
+    FIT,
+    HEADINGS,
+    clear_fit,
+    fit_page,
+    fit_result,
+    trial_cells,
+    write_fit,
+)
 from vsf_drake.simulation.archive import RECORD_FILE
 
-SMALL = made_fit(trials=(made_trial(sweep=None),), bench=None, parameters=(), searches=(), uncertainty=None)
+SMALL = made_fit(
+    trials=(made_trial(sweep=None),), bench=None, parameters=(), searches=(), uncertainty=None
+)
 """A fit with two figures."""
 
 
@@ -45,42 +55,80 @@ def test_page_is_whole_html_that_loads_nothing_with_the_verdict_before_any_numbe
         assert tag not in ("link", "iframe")
         assert attributes.get("src", "data:image/png;base64,").startswith("data:image/png;base64,")
     assert "http" not in re.sub(r"base64,[^\"]*", "", page)
-    assert sum(tag == "img" for tag, _ in reader.seen) == 8, "of the held-out trial one open, one among all"
+    assert sum(tag == "img" for tag, _ in reader.seen) == 8, (
+        "of the held-out trial one open, one among all"
+    )
     assert re.findall(r"<h2>(.*?)</h2>", page) == ["Verdict", "What to do next"]
     shown = page[: page.index("<details")]
     first, second, _ = fit_result(made_fit())
-    assert f"<p><strong>{first}</strong></p>" in html.unescape(shown) and f"<p>{second}</p>" in html.unescape(shown)
+    assert f"<p><strong>{first}</strong></p>" in html.unescape(
+        shown
+    ) and f"<p>{second}</p>" in html.unescape(shown)
     assert '<p class="missing">At a bound: socket.tz.stiffness.</p>' in shown
-    assert "<li>Not &lt;so&gt; sure &amp; so on.</li>" in page and "&lt;b&gt;odd&lt;/b&gt; $x_$ ü" in page
+    assert (
+        "<li>Not &lt;so&gt; sure &amp; so on.</li>" in page
+        and "&lt;b&gt;odd&lt;/b&gt; $x_$ ü" in page
+    )
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
+@pytest.mark.skipif(
+    chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)"
+)
 def test_page_reads_on_a_desk_and_on_a_telephone(written, tmp_path):
     for width in (1300, 390):
         (tmp_path / str(width)).mkdir()
         seen = look(written / "report.html", tmp_path / str(width), width=width)
-        assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == ([], [], [], 0, 0)
+        assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == (
+            [],
+            [],
+            [],
+            0,
+            0,
+        )
         assert seen.scroll <= width and seen.images == 8 and 100 < seen.words <= 600
 
 
 def test_every_trial_stands_there_in_layers_with_its_correction(page):
     text = re.sub(r"<[^>]*>", "|", page)
-    assert "||".join(("soft", "fitted", "66", "2.0", "2.0", "1.0", "3.0", "4.0", "2.0, 2.0, 1.0",
-                      "2.0, 2.0", "2.0, 2.0", "height +1.2 mm, hip +0.0°, knee +0.0°, alignment +0.0°")) in text
+    assert (
+        "||".join(
+            (
+                "soft",
+                "fitted",
+                "66",
+                "2.0",
+                "2.0",
+                "1.0",
+                "3.0",
+                "4.0",
+                "2.0, 2.0, 1.0",
+                "2.0, 2.0",
+                "2.0, 2.0",
+                "height +1.2 mm, hip +0.0°, knee +0.0°, alignment +0.0°",
+            )
+        )
+        in text
+    )
     assert "|4.1||4.2||–||–|" in text and "none: the intact foot was not seen to swing" in text
-    assert "Prediction in three layers" in page and "three layers" not in fit_page(made_fit(layers=None), {})
+    assert "Prediction in three layers" in page and "three layers" not in fit_page(
+        made_fit(layers=None), {}
+    )
 
 
 def test_every_trial_stands_there_with_all_its_numbers_and_what_is_there_is_explained(page):
     text = re.sub(r"<[^>]*>", "|", page)
     for trial in made_fit().trials[:2]:
         assert "||".join(trial_cells(trial)) in text and len(HEADINGS) == len(trial_cells(trial))
-    assert "|12.7|" in text and "length of the model&#39;s prosthetic foot" in page.replace("'", "&#39;")
+    assert "|12.7|" in text and "length of the model&#39;s prosthetic foot" in page.replace(
+        "'", "&#39;"
+    )
     assert f"{1e3 * FOOT_LENGTH_M:.0f} mm, in both directions" in page
     explained = ("The null model is", "The floor is", "The sweep moves")
     assert all(words in page for words in explained)
-    bare = made_trial(metrics=replace(METRICS, null_model_grf_rmse_bw=None), floor_grf_rmse_bw=None, sweep=None)
+    bare = made_trial(
+        metrics=replace(METRICS, null_model_grf_rmse_bw=None), floor_grf_rmse_bw=None, sweep=None
+    )
     alone = fit_page(made_fit(trials=(bare,)), {})
     assert "Stance error is" in alone and not any(words in alone for words in explained)
 
@@ -99,7 +147,8 @@ def test_a_fit_in_few_lines_stands_beside_the_null_model_and_warns_of_what_limit
     first, second, *rest = fit_result(made_fit())
     assert first.startswith(
         "1 held-out walk: resultant force 2.0 % BW off by the foot's physics, 4.1 % with the person's momentum, 4.2 % "
-        "with the discrepancy of fitted walks; null model 5.0 %.")
+        "with the discrepancy of fitted walks; null model 5.0 %."
+    )
     assert "stiffness 0.76 N/mm off; fulcrum found where it stood in 3 of 3 walks." in second
     assert rest == ["! At a bound: socket.tz.stiffness."]
     worse = made_trial("other", "held out", 108.0, metrics=replace(METRICS, grf_rmse_bw=0.06))
@@ -107,23 +156,34 @@ def test_a_fit_in_few_lines_stands_beside_the_null_model_and_warns_of_what_limit
     assert fit_result(table)[2:] == [
         "! Physics alone is no nearer to the plate than the null model in 1 of 1 walks: other.",
         "! All fitted walks have one fulcrum position: predictions at other positions are not to be trusted.",
-        "! No bench was given: whether this is still the foot of the bench is unknown."]
-    assert any("No walk was held out" in line for line in fit_result(made_fit(trials=(made_trial(),))))
+        "! No bench was given: whether this is still the foot of the bench is unknown.",
+    ]
+    assert any(
+        "No walk was held out" in line for line in fit_result(made_fit(trials=(made_trial(),)))
+    )
 
 
 def test_synthetic_data_are_named_in_title_and_text():
-    table = made_fit(synthetic=True, trials=(made_trial(synthetic=True),), bench=replace(BENCH, synthetic=True))
+    table = made_fit(
+        synthetic=True, trials=(made_trial(synthetic=True),), bench=replace(BENCH, synthetic=True)
+    )
     page = fit_page(table, {})
     assert "(SYNTHETIC)</title>" in page and "SYNTHETIC, not recorded: soft, the bench." in page
 
 
-def test_table_and_curves_are_read_back_and_refused_where_they_do_not_belong_together(written, tmp_path):
+def test_table_and_curves_are_read_back_and_refused_where_they_do_not_belong_together(
+    written, tmp_path
+):
     table, arrays = FIT.read(written)
     assert table["files"] == sorted(path.name for path in written.glob("[!.]*"))
-    assert table["searches"][1]["cost"] is None and table["trials"][0]["sweep"]["grf_rmse_bw"][-1] is None
+    assert (
+        table["searches"][1]["cost"] is None
+        and table["trials"][0]["sweep"]["grf_rmse_bw"][-1] is None
+    )
     expected = fit_arrays(made_fit())
-    assert set(arrays) == set(expected) and all((arrays[name] == expected[name])[0].all() for name in expected
-                                                if "cop_model" not in name)
+    assert set(arrays) == set(expected) and all(
+        (arrays[name] == expected[name])[0].all() for name in expected if "cop_model" not in name
+    )
     write_fit(SMALL, tmp_path)
     (tmp_path / "fit.npz").write_bytes(b"other")
     with pytest.raises(InputError, match="SHA-256"):
@@ -133,9 +193,14 @@ def test_table_and_curves_are_read_back_and_refused_where_they_do_not_belong_tog
 
 
 @pytest.mark.parametrize("recorded", [True, False], ids=["", "of an earlier version"])
-def test_a_later_fit_leaves_nothing_of_an_earlier_one_and_all_of_others(tmp_path, monkeypatch, recorded):
-    monkeypatch.setattr(fit_output, "fit_figures", lambda table: {
-        "trial_1_soft" if table.success else "searches": Figure()})
+def test_a_later_fit_leaves_nothing_of_an_earlier_one_and_all_of_others(
+    tmp_path, monkeypatch, recorded
+):
+    monkeypatch.setattr(
+        fit_output,
+        "fit_figures",
+        lambda table: {"trial_1_soft" if table.success else "searches": Figure()},
+    )
 
     def left():
         return {path.name for path in tmp_path.glob("[!.]*")}
@@ -161,7 +226,9 @@ def test_a_table_cannot_make_the_next_fit_remove_files_of_others(tmp_path):
     out.mkdir()
     other.write_text("mine")
     (out / "notes.txt").write_text("mine")
-    (out / "fit.json").write_text(json.dumps({"kind": "fit", "files": ["../other.yaml", "notes.txt", 3]}))
+    (out / "fit.json").write_text(
+        json.dumps({"kind": "fit", "files": ["../other.yaml", "notes.txt", 3]})
+    )
     clear_fit(out)
     assert other.exists() and (out / "notes.txt").exists()
 

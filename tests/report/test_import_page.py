@@ -25,7 +25,9 @@ def item():
 
 @pytest.fixture(scope="module")
 def page(item):
-    odd = dataclasses.replace(item, trial=dataclasses.replace(item.trial, name="<b>trial</b> & $x$ ü"))
+    odd = dataclasses.replace(
+        item, trial=dataclasses.replace(item.trial, name="<b>trial</b> & $x$ ü")
+    )
     return import_page([item, odd], title="Check <1>", failures={"walk <3>.c3d": "is cut & short"})
 
 
@@ -41,13 +43,21 @@ def test_page_is_whole_html_and_loads_nothing(page):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
+@pytest.mark.skipif(
+    chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)"
+)
 def test_page_reads_on_a_desk_and_on_a_telephone(page, tmp_path):
     (tmp_path / "import.html").write_text(page, encoding="utf-8")
     for width in (1300, 390):
         (tmp_path / str(width)).mkdir()
         seen = look(tmp_path / "import.html", tmp_path / str(width), width=width)
-        assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == ([], [], [], 0, 0)
+        assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == (
+            [],
+            [],
+            [],
+            0,
+            0,
+        )
         assert seen.scroll <= width and seen.images == 7 and 60 < seen.words <= 600
 
 
@@ -63,12 +73,16 @@ def test_every_check_stands_on_the_page_with_mark_and_sentence(item, page):
     for check in item.checks:
         assert check.sentence in text
         assert check.mark in MARKS
-    order = [m for m in re.findall(r'<tr><td><span class="mark"[^>]*>(\w+)</span></td><td>[^<]', page)]
+    order = [
+        m for m in re.findall(r'<tr><td><span class="mark"[^>]*>(\w+)</span></td><td>[^<]', page)
+    ]
     first = order[: len(item.checks)]
     assert first == sorted(first, key=lambda mark: -MARKS.index(mark))
 
 
-def test_synthetic_trials_are_called_so_in_title_text_and_every_figure_which_a_telephone_can_show(item, page):
+def test_synthetic_trials_are_called_so_in_title_text_and_every_figure_which_a_telephone_can_show(
+    item, page
+):
     assert "(SYNTHETIC)</title>" in page
     assert "SYNTHETIC, not recorded: " in page
     for make in (angle_figure, force_figure, floor_figure):

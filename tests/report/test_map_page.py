@@ -25,7 +25,7 @@ def page(tmp_path, **more):
 
 def test_the_first_words_are_that_it_does_not_prescribe_and_prost_is_named(tmp_path):
     text = page(tmp_path)
-    body = re.sub("<[^>]*>", " ", text[text.index("<body>"):])
+    body = re.sub("<[^>]*>", " ", text[text.index("<body>") :])
     first = body.index("answers mechanical targets; it does not prescribe")
     assert first < body.index("Stiffness map") and "Clites 2021" in body
     assert "10.1038/s41598-022-09114-y" in body and "0.33" in body
@@ -35,7 +35,9 @@ def test_a_saved_map_is_read_back_with_every_digit(tmp_path):
     page(tmp_path)
     again, made = read_map(tmp_path), made_map(radius, tuple(np.linspace(0.9, 1.1, 19)))
     assert again.table.quantities == made.table.quantities
-    assert again.at("radius", mass_kg=71.0, fulcrum_mm=99.0) == made.at("radius", mass_kg=71.0, fulcrum_mm=99.0)
+    assert again.at("radius", mass_kg=71.0, fulcrum_mm=99.0) == made.at(
+        "radius", mass_kg=71.0, fulcrum_mm=99.0
+    )
 
 
 def test_a_table_of_another_format_is_refused(tmp_path):
@@ -49,11 +51,18 @@ def test_a_table_of_another_format_is_refused(tmp_path):
 def test_published_means_are_bands_in_the_panels_that_have_them():
     """Three feet, each a band and its mean, in radius, EFLR and returned energy; nothing in the others."""
     figure = curves_figure(made_map(radius), "mass_kg", published=True)
-    lines = {axes.get_title(loc="left"): [line for line in axes.lines if line.get_linestyle() == ":"]
-             for axes in figure.axes}
+    lines = {
+        axes.get_title(loc="left"): [line for line in axes.lines if line.get_linestyle() == ":"]
+        for axes in figure.axes
+    }
     assert {title: len(own) for title, own in lines.items() if own} == dict.fromkeys(
-        ("radius (m)", "EFLR (1)", "returned (J/kg)"), 3)
-    means = {row.mean for row in published_effects() if row.measure == "effective foot length ratio" and row.mean}
+        ("radius (m)", "EFLR (1)", "returned (J/kg)"), 3
+    )
+    means = {
+        row.mean
+        for row in published_effects()
+        if row.measure == "effective foot length ratio" and row.mean
+    }
     assert {line.get_ydata()[0] for line in lines["EFLR (1)"]} == means == {0.78, 0.72, 0.76}
 
 
@@ -72,4 +81,6 @@ def test_a_map_of_one_mass_and_one_slope_has_its_figure_too(tmp_path, monkeypatc
 def test_rows_hold_the_ends_of_the_reach_and_their_bands():
     first, *_, last = map_rows(made_map(radius, tuple(np.linspace(0.9, 1.1, 19))))
     assert (first["fulcrum_mm"], last["fulcrum_mm"]) == (66.0, 151.0)
-    assert first["radius_low"] == pytest.approx(0.09) and last["radius_high"] == pytest.approx(0.355 * 1.1)
+    assert first["radius_low"] == pytest.approx(0.09) and last["radius_high"] == pytest.approx(
+        0.355 * 1.1
+    )

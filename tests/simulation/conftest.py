@@ -29,14 +29,24 @@ def _walker(side: str) -> Walker:
 def _angles(s: np.ndarray) -> dict[str, np.ndarray]:
     """Joint angles (rad) of a right prosthesis at phase `s` of its stance (0 touch-down, 1 lift-off)."""
     degrees = {
-        "pelvis_tilt": 4 + np.sin(2 * np.pi * s), "pelvis_list": 2 * np.sin(np.pi * s),
+        "pelvis_tilt": 4 + np.sin(2 * np.pi * s),
+        "pelvis_list": 2 * np.sin(np.pi * s),
         "pelvis_rotation": 4 * np.cos(np.pi * s),
-        "hip_flexion_r": 22 - 42 * s, "hip_adduction_r": 1 + 2 * np.sin(np.pi * s),
-        "hip_rotation_r": 2 * np.sin(2 * np.pi * s), "knee_angle_r": 8 + 5 * np.sin(np.pi * s),
-        "knee_adduction_r": 0.5 * s, "knee_rotation_r": 1 - s,
-        "hip_flexion_l": 30 + 10 * np.cos(np.pi * s), "hip_adduction_l": 2.0 * s, "hip_rotation_l": 1 + s,
-        "knee_angle_l": 80 + 15 * np.sin(np.pi * s), "knee_adduction_l": 0.3 * s, "knee_rotation_l": 0.2 * s,
-        "ankle_angle_l": 5 * np.sin(np.pi * s), "ankle_adduction_l": s, "ankle_rotation_l": 0.5 * s,
+        "hip_flexion_r": 22 - 42 * s,
+        "hip_adduction_r": 1 + 2 * np.sin(np.pi * s),
+        "hip_rotation_r": 2 * np.sin(2 * np.pi * s),
+        "knee_angle_r": 8 + 5 * np.sin(np.pi * s),
+        "knee_adduction_r": 0.5 * s,
+        "knee_rotation_r": 1 - s,
+        "hip_flexion_l": 30 + 10 * np.cos(np.pi * s),
+        "hip_adduction_l": 2.0 * s,
+        "hip_rotation_l": 1 + s,
+        "knee_angle_l": 80 + 15 * np.sin(np.pi * s),
+        "knee_adduction_l": 0.3 * s,
+        "knee_rotation_l": 0.2 * s,
+        "ankle_angle_l": 5 * np.sin(np.pi * s),
+        "ankle_adduction_l": s,
+        "ankle_rotation_l": 0.5 * s,
     }
     return {name: np.radians(values) * np.ones_like(s) for name, values in degrees.items()}
 
@@ -48,9 +58,12 @@ def _sole_height(walker: Walker, columns: dict[str, float]) -> float:
     for name, value in columns.items():
         joint = plant.GetJointByName(name)
         (joint.set_angle if hasattr(joint, "set_angle") else joint.set_translation)(context, value)
-    bottoms = np.array([
-        (plant.get_body(BodyIndex(int(body))).EvalPoseInWorld(context) @ p)[2] - r
-        for body, p, r in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)])
+    bottoms = np.array(
+        [
+            (plant.get_body(BodyIndex(int(body))).EvalPoseInWorld(context) @ p)[2] - r
+            for body, p, r in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)
+        ]
+    )
     scale = 3e-3
     return float(bottoms.min() - scale * np.log(np.sum(np.exp((bottoms.min() - bottoms) / scale))))
 
@@ -65,8 +78,14 @@ def _motion(side: str) -> CoordinateTrajectory:
         right, other = _motion("right"), {"_r": "_l", "_l": "_r"}
         flipped = ("pelvis_tz", "pelvis_list", "pelvis_rotation")
         values = right.values * np.array([-1.0 if name in flipped else 1.0 for name in right.names])
-        return CoordinateTrajectory(right.time_s, values, [
-            name if name.startswith("pelvis") else name[:-2] + other[name[-2:]] for name in right.names])
+        return CoordinateTrajectory(
+            right.time_s,
+            values,
+            [
+                name if name.startswith("pelvis") else name[:-2] + other[name[-2:]]
+                for name in right.names
+            ],
+        )
     walker = _walker("right")
     time = np.arange(0.0, END_S + 0.005, 0.01)
     s = (time - TOUCH_S) / STANCE_S
@@ -81,7 +100,9 @@ def _motion(side: str) -> CoordinateTrajectory:
 
 @cache
 def _stance(side: str, step_s: float) -> Walk:
-    return _walker(side).walk(_motion(side), fulcrum_m=FULCRUM_M, start_s=0.0, end_s=END_S, step_s=step_s)
+    return _walker(side).walk(
+        _motion(side), fulcrum_m=FULCRUM_M, start_s=0.0, end_s=END_S, step_s=step_s
+    )
 
 
 @pytest.fixture(scope="session")

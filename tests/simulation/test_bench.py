@@ -42,22 +42,32 @@ def travel(setting, load):
 def test_simulator_gives_the_same_curve(heel):
     bench = Bench(FOOT, heel=heel)
     setting = press(bench, 0.066)
-    reference = simulate_bench_reference(bench, fulcrum_m=0.066, travel_m=setting.platen_m[-1],
-                                         speed_m_per_s=PUBLISHED_SPEED_M_PER_S)
+    reference = simulate_bench_reference(
+        bench, fulcrum_m=0.066, travel_m=setting.platen_m[-1], speed_m_per_s=PUBLISHED_SPEED_M_PER_S
+    )
     platen, load = np.append(0.0, setting.platen_m), np.append(0.0, setting.load_n)
-    np.testing.assert_allclose(reference.load_n, np.interp(reference.platen_m, platen, load), atol=0.1)
+    np.testing.assert_allclose(
+        reference.load_n, np.interp(reference.platen_m, platen, load), atol=0.1
+    )
     assert reference.load_n[-1] > 599.0
 
 
 def test_load_that_is_not_reached_is_said(bench):
     time = np.linspace(0.0, 2.0, 51)
-    with pytest.raises(SimulationError, match=r"the forefoot gave way: .* N of 600 N after 2 mm .* at 66 mm"):
+    with pytest.raises(
+        SimulationError, match=r"the forefoot gave way: .* N of 600 N after 2 mm .* at 66 mm"
+    ):
         bench.follow(fulcrum_m=0.066, time_s=time, platen_m=1e-3 * time, stop_at_n=600.0)
 
 
-@pytest.mark.parametrize(("changed", "message"), [
-    ({"fulcrum": 0.2}, "out of the carriage's reach"), ({"load": 150.0}, "no useful load"),
-    ({"speed": -1.0}, "not a platen speed")])
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"fulcrum": 0.2}, "out of the carriage's reach"),
+        ({"load": 150.0}, "no useful load"),
+        ({"speed": -1.0}, "not a platen speed"),
+    ],
+)
 def test_useless_settings_are_refused(bench, changed, message):
     with pytest.raises(InputError, match=message):
         press(bench, **changed)
@@ -65,7 +75,11 @@ def test_useless_settings_are_refused(bench, changed, message):
 
 def test_the_fitted_foot_is_pressed_on_its_own_spheres():
     """Forefoot: eight spheres bear as one foam of eight times their stiffness. Heel: lower spheres come first."""
-    values = {"contact.forefoot.stiffness": 2e6, "contact.forefoot.exponent": 1.8, "contact.heel.stiffness": 4e4}
+    values = {
+        "contact.forefoot.stiffness": 2e6,
+        "contact.forefoot.exponent": 1.8,
+        "contact.heel.stiffness": 4e4,
+    }
     fitted = model_with(ModelParameters(), values).foot
     foam = replace(FOOT, series_stiffness_n_per_m=8 * 2e6, series_exponent=1.8)
     np.testing.assert_allclose(press(Bench(fitted)).load_n, press(Bench(foam)).load_n, rtol=1e-12)
@@ -75,7 +89,9 @@ def test_the_fitted_foot_is_pressed_on_its_own_spheres():
         assert travel(pressed, load) == pytest.approx(load / 4e4, rel=0.02)
     share = 2 * 65e3 / 3
     for load in (200.0, 500.0):
-        assert travel(pressed, load) == pytest.approx((load + 2e-3 * share) / (4e4 + share), rel=0.02)
+        assert travel(pressed, load) == pytest.approx(
+            (load + 2e-3 * share) / (4e4 + share), rel=0.02
+        )
 
 
 def test_a_very_hard_foam_still_carries_the_load():
@@ -93,8 +109,12 @@ SERIES, FITTED_BENDING = 47.7e3, 14.84
 
 
 def stiff_foot(elements, *, fulcrum=RIGID, series=RIGID, **keel):
-    return replace(FOOT, keel=replace(FOOT.keel, element_lengths_m=tuple(elements), **keel),
-                   fulcrum=replace(FOOT.fulcrum, stiffness_n_per_m=fulcrum), series_stiffness_n_per_m=series)
+    return replace(
+        FOOT,
+        keel=replace(FOOT.keel, element_lengths_m=tuple(elements), **keel),
+        fulcrum=replace(FOOT.fulcrum, stiffness_n_per_m=fulcrum),
+        series_stiffness_n_per_m=series,
+    )
 
 
 def small_load_stiffness(bench, fulcrum_m):
@@ -106,18 +126,25 @@ def small_load_stiffness(bench, fulcrum_m):
 
 def chain(parameters, fulcrum_m):
     return lumped_stiffness(
-        bending_stiffness=parameters.keel.flexural_modulus_pa * SECTION, support=fulcrum_m,
+        bending_stiffness=parameters.keel.flexural_modulus_pa * SECTION,
+        support=fulcrum_m,
         load_point=FOOT.load_point_m,
-        element_lengths=parameters.keel.element_lengths_m, fulcrum_stiffness=parameters.fulcrum.stiffness_n_per_m,
-        series_stiffness=parameters.series_stiffness_n_per_m)
+        element_lengths=parameters.keel.element_lengths_m,
+        fulcrum_stiffness=parameters.fulcrum.stiffness_n_per_m,
+        series_stiffness=parameters.series_stiffness_n_per_m,
+    )
 
 
-@pytest.mark.parametrize("layout", [FOOT.keel.element_lengths_m, (0.229 / 8,) * 8, (0.05, 0.01, 0.069, 0.1)])
+@pytest.mark.parametrize(
+    "layout", [FOOT.keel.element_lengths_m, (0.229 / 8,) * 8, (0.05, 0.01, 0.069, 0.1)]
+)
 def test_small_load_stiffness_is_that_of_the_chain(layout):
     parameters = stiff_foot(layout, fulcrum=236e3, series=54.8e3)
     bench = Bench(parameters)
     for fulcrum in (0.066, 0.0776, 0.1, 0.13, 0.151):
-        assert small_load_stiffness(bench, fulcrum) == pytest.approx(chain(parameters, fulcrum), rel=1e-5)
+        assert small_load_stiffness(bench, fulcrum) == pytest.approx(
+            chain(parameters, fulcrum), rel=1e-5
+        )
 
 
 def elastica(load, fulcrum, bending):
@@ -130,6 +157,7 @@ def elastica(load, fulcrum, bending):
     def integrate(shear, span, state):
         def rates(_, y):
             return [np.cos(y[2]), np.sin(y[2]), y[3] / bending, -shear * np.cos(y[2])]
+
         return solve_ivp(rates, span, state, rtol=1e-10, atol=1e-13).y[:, -1]
 
     def shoot(unknown):
@@ -142,18 +170,25 @@ def elastica(load, fulcrum, bending):
         return [1e3 * support[1], end[3]]
 
     overhang = FOOT.load_point_m - fulcrum
-    found = root(misses, [-load * overhang * fulcrum / (6 * bending), FOOT.load_point_m / fulcrum], tol=1e-12)
+    found = root(
+        misses, [-load * overhang * fulcrum / (6 * bending), FOOT.load_point_m / fulcrum], tol=1e-12
+    )
     assert found.success
     return shoot(found.x)[1][1]
 
 
-@pytest.mark.parametrize(("fulcrum", "known"), [
-    (0.066, 11.1), (0.108, 17.9), (0.151, 32.2)])
+@pytest.mark.parametrize(("fulcrum", "known"), [(0.066, 11.1), (0.108, 17.9), (0.151, 32.2)])
 def test_large_deflection_follows_the_elastica(fulcrum, known):
     """Mean slope between 200 and 600 N, where the deflection reaches 56 mm and the load's lever shortens."""
     modulus = FITTED_BENDING / SECTION
-    bench = Bench(stiff_foot((0.229 / 64,) * 64, series=SERIES, flexural_modulus_pa=modulus, damping_time_s=0.0))
-    at = np.array([elastica(load, fulcrum, FITTED_BENDING) + load / SERIES for load in (200.0, 600.0)])
+    bench = Bench(
+        stiff_foot(
+            (0.229 / 64,) * 64, series=SERIES, flexural_modulus_pa=modulus, damping_time_s=0.0
+        )
+    )
+    at = np.array(
+        [elastica(load, fulcrum, FITTED_BENDING) + load / SERIES for load in (200.0, 600.0)]
+    )
     theory = 0.4 / (at[1] - at[0])
     time = np.linspace(0.0, 100.0, 251)
     setting = bench.follow(fulcrum_m=fulcrum, time_s=time, platen_m=1.01 * at[1] * time / time[-1])
@@ -165,6 +200,9 @@ def test_large_deflection_follows_the_elastica(fulcrum, known):
 
 
 def test_what_has_no_shape_is_refused():
-    for fulcrum, load, said in ((0.2, 1.0, "out of the carriage's reach"), (0.1, np.nan, "no load")):
+    for fulcrum, load, said in (
+        (0.2, 1.0, "out of the carriage's reach"),
+        (0.1, np.nan, "no load"),
+    ):
         with pytest.raises(InputError, match=said):
             keel_shape(FOOT, fulcrum_m=fulcrum, load_n=load)

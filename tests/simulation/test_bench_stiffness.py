@@ -23,11 +23,21 @@ MODULUS, SUPPORT = FOOT.keel.flexural_modulus_pa, FOOT.fulcrum.stiffness_n_per_m
 LAYERED = replace(FOOT, series_patch_m=0.1)
 """The patch holds spheres of midfoot and forefoot."""
 AWAY = {
-    "keel.flexural_modulus": 0.9 * MODULUS, "fulcrum.stiffness": 1.2 * SUPPORT, "contact.midfoot.stiffness": 2e4,
-    "contact.midfoot.exponent": 1.2, "contact.midfoot.rise": 1e-3, "contact.forefoot.stiffness": 5e4,
-    "contact.forefoot.exponent": 1.4, "contact.forefoot.rise": -5e-4, "contact.heel_posterior.stiffness": 1e5,
-    "contact.heel_posterior.exponent": 1.5, "contact.heel_posterior.rise": 2e-3, "contact.heel.stiffness": 3e4,
-    "contact.heel.exponent": 1.1, "contact.heel.rise": -1e-3}
+    "keel.flexural_modulus": 0.9 * MODULUS,
+    "fulcrum.stiffness": 1.2 * SUPPORT,
+    "contact.midfoot.stiffness": 2e4,
+    "contact.midfoot.exponent": 1.2,
+    "contact.midfoot.rise": 1e-3,
+    "contact.forefoot.stiffness": 5e4,
+    "contact.forefoot.exponent": 1.4,
+    "contact.forefoot.rise": -5e-4,
+    "contact.heel_posterior.stiffness": 1e5,
+    "contact.heel_posterior.exponent": 1.5,
+    "contact.heel_posterior.rise": 2e-3,
+    "contact.heel.stiffness": 3e4,
+    "contact.heel.exponent": 1.1,
+    "contact.heel.rise": -1e-3,
+}
 """Values away from those of the foot, with no sphere about to be touched at either load."""
 
 
@@ -38,7 +48,9 @@ def machine(foot=FOOT, heel=True):
 
 def with_zones(foot, **rises_mm):
     """The foot with these rises of zones' spheres, one after the other."""
-    return replace(foot, zones=tuple(replace(z, rise_mm=rises_mm.get(z.name, z.rise_mm)) for z in foot.zones))
+    return replace(
+        foot, zones=tuple(replace(z, rise_mm=rises_mm.get(z.name, z.rise_mm)) for z in foot.zones)
+    )
 
 
 def zone(foot, name):
@@ -49,7 +61,9 @@ def test_spheres_of_two_zones_share_the_load_at_a_common_height():
     """Two spheres of the midfoot (at 155.7 mm) and all of the forefoot, two of them higher than the others."""
     foot = with_zones(replace(FOOT, series_patch_m=0.09), forefoot=(0.5, 1.0, *(0.0,) * 11))
     k, n = {"midfoot": 3e4, "forefoot": 9e4}, {"midfoot": 1.1, "forefoot": 1.6}
-    values = {f"contact.{name}.stiffness": k[name] for name in k} | {f"contact.{name}.exponent": n[name] for name in n}
+    values = {f"contact.{name}.stiffness": k[name] for name in k} | {
+        f"contact.{name}.exponent": n[name] for name in n
+    }
     bottoms = {"midfoot": [1e-3] * 2, "forefoot": [0.5e-3, 1e-3, *[0.0] * 11]}
 
     def load(height):
@@ -58,7 +72,12 @@ def test_spheres_of_two_zones_share_the_load_at_a_common_height():
     foam = [brentq(lambda s, f=f: load(s) - f, 0.0, 1.0, xtol=1e-15) for f in LOADS]
     rigid = {"keel.flexural_modulus": 1e12, "fulcrum.stiffness": 1e12}
     found = machine(foot, heel=False).evaluate(values | rigid | {"contact.midfoot.rise": 1e-3})[0]
-    keel = 1 / machine(foot, heel=False).evaluate(rigid | {f"contact.{name}.stiffness": 1e20 for name in k})[0]
+    keel = (
+        1
+        / machine(foot, heel=False).evaluate(
+            rigid | {f"contact.{name}.stiffness": 1e20 for name in k}
+        )[0]
+    )
     np.testing.assert_allclose(400.0 / found, 400.0 * keel + foam[1] - foam[0], rtol=1e-9)
 
 
@@ -73,20 +92,45 @@ def test_spheres_pressed_are_those_of_the_benchs_patch_and_of_the_heel_block():
 
 
 def test_what_has_no_part_changes_nothing_and_has_no_derivative():
-    values = {"contact.forefoot.damping": 1e3, "contact.heel.full_damping_depth": 1e-3, "friction.mu_static": 0.9,
-              "socket.tz.stiffness": 1e4, "offset.height": 0.01, "coordinate.knee_angle_r": 0.1,
-              "perturbation.pelvis": 0.02, "fulcrum.shift": 0.01, "contact.heel_anterior.stiffness": 1e3}
+    values = {
+        "contact.forefoot.damping": 1e3,
+        "contact.heel.full_damping_depth": 1e-3,
+        "friction.mu_static": 0.9,
+        "socket.tz.stiffness": 1e4,
+        "offset.height": 0.01,
+        "coordinate.knee_angle_r": 0.1,
+        "perturbation.pelvis": 0.02,
+        "fulcrum.shift": 0.01,
+        "contact.heel_anterior.stiffness": 1e3,
+    }
     at, by = machine().evaluate(values, list(values))
     np.testing.assert_array_equal(at, machine().evaluate({})[0])
     assert by.shape == (4, len(values)) and not by.any() and not np.signbit(by).any()
 
 
-@pytest.mark.parametrize(("values", "match"), [
-    ({"keel.flexural_modulus": 1e7}, "forefoot gives way under 600 N with the fulcrum at 66 mm"),
-    ({"fulcrum.stiffness": 0.01 * SUPPORT}, "forefoot gives way"),
-    ({"contact.forefoot.stiffness": 1.0}, "foam bears less than 600 N at 1 m"),
-    ({"contact.heel_posterior.stiffness": 1.0, "contact.heel.stiffness": 1.0}, "foam bears less"),
-    ({"contact.heel_posterior.stiffness": 1.0, "contact.heel.stiffness": 1e25, "contact.heel.rise": 0.01}, "rigid")])
+@pytest.mark.parametrize(
+    ("values", "match"),
+    [
+        (
+            {"keel.flexural_modulus": 1e7},
+            "forefoot gives way under 600 N with the fulcrum at 66 mm",
+        ),
+        ({"fulcrum.stiffness": 0.01 * SUPPORT}, "forefoot gives way"),
+        ({"contact.forefoot.stiffness": 1.0}, "foam bears less than 600 N at 1 m"),
+        (
+            {"contact.heel_posterior.stiffness": 1.0, "contact.heel.stiffness": 1.0},
+            "foam bears less",
+        ),
+        (
+            {
+                "contact.heel_posterior.stiffness": 1.0,
+                "contact.heel.stiffness": 1e25,
+                "contact.heel.rise": 0.01,
+            },
+            "rigid",
+        ),
+    ],
+)
 def test_foot_that_cannot_bear_the_load_is_a_failure_and_leaves_nothing_behind(values, match):
     before = machine().evaluate({})[0]
     with pytest.raises(SimulationError, match=match):
@@ -94,19 +138,29 @@ def test_foot_that_cannot_bear_the_load_is_a_failure_and_leaves_nothing_behind(v
     np.testing.assert_array_equal(machine().evaluate({})[0], before)
 
 
-@pytest.mark.parametrize(("values", "names", "match"), [
-    ({"contact.toe.stiffness": 1.0}, (), r"no variable 'contact\.toe\.stiffness'"),
-    ({}, ("keel.modulus",), r"with_respect_to: there is no variable 'keel\.modulus'"),
-    ({"keel.flexural_modulus": 18.6}, (), r"values\['keel\.flexural_modulus'\]: 18.6 is not usable")])
+@pytest.mark.parametrize(
+    ("values", "names", "match"),
+    [
+        ({"contact.toe.stiffness": 1.0}, (), r"no variable 'contact\.toe\.stiffness'"),
+        ({}, ("keel.modulus",), r"with_respect_to: there is no variable 'keel\.modulus'"),
+        (
+            {"keel.flexural_modulus": 18.6},
+            (),
+            r"values\['keel\.flexural_modulus'\]: 18.6 is not usable",
+        ),
+    ],
+)
 def test_names_and_values_without_meaning_are_refused(values, names, match):
     with pytest.raises(InputError, match=match):
         machine().evaluate(values, names)
 
 
 def test_useless_benches_are_refused():
-    for options, match in (({"fulcrums_m": [0.2]}, "out of the carriage's reach"),
-                           ({"max_load_n": 150.0}, "no largest load"),
-                           ({"foot": replace(FOOT, series_patch_m=1e-3)}, "no contact sphere")):
+    for options, match in (
+        ({"fulcrums_m": [0.2]}, "out of the carriage's reach"),
+        ({"max_load_n": 150.0}, "no largest load"),
+        ({"foot": replace(FOOT, series_patch_m=1e-3)}, "no contact sphere"),
+    ):
         with pytest.raises(InputError, match=match):
             BenchStiffness(**{"foot": FOOT, "fulcrums_m": FULCRUMS, "heel": True} | options)
 
@@ -114,13 +168,20 @@ def test_useless_benches_are_refused():
 def cut(setting, load):
     """Displacement and load of a simulated pass from (0, 0) to exactly this load."""
     x, end = displacement(setting), np.interp(load, setting.load_n, displacement(setting))
-    return np.concatenate(([0.0], x[x < end], [end])), np.concatenate(([0.0], setting.load_n[x < end], [load]))
+    return np.concatenate(([0.0], x[x < end], [end])), np.concatenate(
+        ([0.0], setting.load_n[x < end], [load])
+    )
 
 
 def test_travel_counts_from_the_sphere_that_is_touched_first():
     """Linear foams: two spheres of the posterior heel hang 2 mm lower and alone bear the first part of the load."""
-    values = {"contact.heel_posterior.rise": -2e-3, "contact.heel_posterior.stiffness": 4e4,
-              "contact.heel.stiffness": 5e4, "contact.heel_posterior.exponent": 1.0, "contact.heel.exponent": 1.0}
+    values = {
+        "contact.heel_posterior.rise": -2e-3,
+        "contact.heel_posterior.stiffness": 4e4,
+        "contact.heel.stiffness": 5e4,
+        "contact.heel_posterior.exponent": 1.0,
+        "contact.heel.exponent": 1.0,
+    }
     counts = {z.name: len(z.x_mm) for z in FOOT.zones}
     low, high = counts["heel_posterior"] * 4e4, counts["heel"] * 5e4
     travel = brentq(lambda s: low * s + high * max(s - 2e-3, 0.0) - 300.0, 0.0, 1.0, xtol=1e-15)
@@ -131,8 +192,9 @@ def test_travel_counts_from_the_sphere_that_is_touched_first():
     np.testing.assert_allclose(by[-1], [-share, share], rtol=1e-10)
 
 
-@pytest.mark.parametrize(("exponent", "speed", "tolerances"), [
-    (1.0, 1.0, (1e-4, 3e-3)), (1.6, 0.02, (1e-4, 1e-4))])
+@pytest.mark.parametrize(
+    ("exponent", "speed", "tolerances"), [(1.0, 1.0, (1e-4, 3e-3)), (1.6, 0.02, (1e-4, 1e-4))]
+)
 def test_stiffness_and_displacement_equal_the_simulated_benchs(exponent, speed, tolerances):
     """Whose foam is one ball with the law of the patch's eight spheres.
 
@@ -140,20 +202,39 @@ def test_stiffness_and_displacement_equal_the_simulated_benchs(exponent, speed, 
     mm/min bears some 0.7 N, which is so much less for the law to bear, and vanishes at lower speeds. The simulated
     slope is off by the bench's steps, in proportion to them: by 0.8e-4 at 40 steps a millimetre.
     """
-    stiff = {name: 1e5 if exponent > 1.0 else zone(FOOT, name).stiffness
-             for name in ("forefoot", "heel", "heel_posterior")}
-    foot = replace(FOOT, series_stiffness_n_per_m=8 * stiff["forefoot"], series_exponent=exponent, zones=tuple(
-        replace(z, stiffness=stiff[z.name], exponent=exponent) if z.name in stiff else z for z in FOOT.zones))
+    stiff = {
+        name: 1e5 if exponent > 1.0 else zone(FOOT, name).stiffness
+        for name in ("forefoot", "heel", "heel_posterior")
+    }
+    foot = replace(
+        FOOT,
+        series_stiffness_n_per_m=8 * stiff["forefoot"],
+        series_exponent=exponent,
+        zones=tuple(
+            replace(z, stiffness=stiff[z.name], exponent=exponent) if z.name in stiff else z
+            for z in FOOT.zones
+        ),
+    )
     values = {f"contact.{name}.stiffness": k for name, k in stiff.items()}
     values |= {f"contact.{name}.exponent": exponent for name in stiff}
-    forefoot, options = Bench(foot), {"max_load_n": 600.0, "speed_m_per_s": speed * PUBLISHED_SPEED_M_PER_S}
+    forefoot, options = (
+        Bench(foot),
+        {"max_load_n": 600.0, "speed_m_per_s": speed * PUBLISHED_SPEED_M_PER_S},
+    )
     curves = [forefoot.press(fulcrum_m=x, **options) for x in FULCRUMS]
     curves.append(Bench(foot, heel=True).press(fulcrum_m=0.066, **options))
     cuts = [cut(curve, 600.0) for curve in curves]
-    np.testing.assert_allclose(machine().evaluate(values)[0], [stiffness(*c) for c in cuts], rtol=tolerances[0])
-    np.testing.assert_allclose(machine(foot).evaluate({})[0], machine().evaluate(values)[0], rtol=1e-12)
-    np.testing.assert_allclose(machine().displacement(values)[0], [mid_range_displacement(*c) for c in cuts],
-                               rtol=tolerances[1])
+    np.testing.assert_allclose(
+        machine().evaluate(values)[0], [stiffness(*c) for c in cuts], rtol=tolerances[0]
+    )
+    np.testing.assert_allclose(
+        machine(foot).evaluate({})[0], machine().evaluate(values)[0], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        machine().displacement(values)[0],
+        [mid_range_displacement(*c) for c in cuts],
+        rtol=tolerances[1],
+    )
 
 
 @pytest.mark.parametrize("what", ["evaluate", "displacement"])

@@ -28,19 +28,33 @@ def ledger(stance, walker):
 def test_imbalance_is_the_steppers_own_loss_and_in_proportion_to_the_step(ledger):
     terms, gaps = ledger(2.5e-4), [gap(ledger(h)) for h in (5e-4, 2.5e-4, 1.25e-4)]
     assert gaps[1] < 0.02
-    assert total(terms, LOST)[-1] > 5.0, "the stance must lose something for the comparison to mean anything"
+    assert total(terms, LOST)[-1] > 5.0, (
+        "the stance must lose something for the comparison to mean anything"
+    )
     assert np.ptp(terms["driver_work"]) > 20.0
     np.testing.assert_allclose(np.array(gaps[:-1]) / gaps[1:], 2.0, atol=0.25)
-    assert np.diff(terms["remainder"]).min() > -1e-3, "an implicit step loses energy, it does not make any"
+    assert np.diff(terms["remainder"]).min() > -1e-3, (
+        "an implicit step loses energy, it does not make any"
+    )
 
 
 @pytest.fixture(scope="module")
 def ball():
     """A foot with one sphere, on its rigid block, without friction; and its mechanism."""
-    zone = ContactZone(name="ball", x_mm=(50.0,), y_mm=(0.0,), rise_mm=(0.0,), radius_m=0.05, stiffness=2e5,
-                       damping_n_s_per_m=500.0, full_damping_depth_m=1e-3)
+    zone = ContactZone(
+        name="ball",
+        x_mm=(50.0,),
+        y_mm=(0.0,),
+        rise_mm=(0.0,),
+        radius_m=0.05,
+        stiffness=2e5,
+        damping_n_s_per_m=500.0,
+        full_damping_depth_m=1e-3,
+    )
     keel = dataclasses.replace(FootParameters().keel, damping_time_s=0.0)
-    machine = RollOver(dataclasses.replace(FootParameters(), zones=(zone,), keel=keel), friction=False)
+    machine = RollOver(
+        dataclasses.replace(FootParameters(), zones=(zone,), keel=keel), friction=False
+    )
     return machine, roll_over_mechanism(machine.machine, machine.context)
 
 
@@ -49,8 +63,13 @@ def run_of(ball, time_s, q, v0, free=()):
     mechanism = ball[1]
     driven = np.setdiff1d(np.arange(q.shape[1]), free)
     fulcrum = np.full(len(time_s), 0.108)
-    inputs = Inputs(time_s=time_s, prescribed=driven, prescribed_q=q[:, driven], fulcrum=fulcrum,
-                    ground=np.zeros(len(time_s)))
+    inputs = Inputs(
+        time_s=time_s,
+        prescribed=driven,
+        prescribed_q=q[:, driven],
+        fulcrum=fulcrum,
+        ground=np.zeros(len(time_s)),
+    )
     record = Stepper(mechanism, tolerance=1e-12).run(inputs, q[0], v0)
     return record, energy_ledger(mechanism, record, driven=driven, fulcrum_m=fulcrum)
 
@@ -67,7 +86,13 @@ def test_work_on_a_pressed_foam_is_its_strain_and_loss_in_closed_form_to_second_
 
     def taken(t):
         u = min(depth(t) / full, 1.0)
-        return b * u * u * (3.0 - 2.0 * u) * (np.pi * deepest / duration * np.sin(2.0 * np.pi * t / duration)) ** 2
+        return (
+            b
+            * u
+            * u
+            * (3.0 - 2.0 * u)
+            * (np.pi * deepest / duration * np.sin(2.0 * np.pi * t / duration)) ** 2
+        )
 
     lost = quad(taken, 0.0, 0.5 * duration, epsabs=1e-12, limit=200)[0]
     assert lost > 0.1 * 0.5 * k * deepest**2, "the damping must matter"
@@ -96,20 +121,31 @@ def test_the_support_under_a_keel_that_turns_above_it_stores_and_loses_in_closed
     time = duration / steps * np.arange(steps + 1)
     q = np.zeros((steps + 1, tree.num_coordinates))
     q[:, tree.index(foot.carriage_joint_name)], q[:, tree.index("mount_up")] = fulcrum_m, 0.5
-    q[:, tree.index(foot.keel_joint_names[0])] = 0.5 * turned * (1.0 - np.cos(2.0 * np.pi * time / duration))
+    q[:, tree.index(foot.keel_joint_names[0])] = (
+        0.5 * turned * (1.0 - np.cos(2.0 * np.pi * time / duration))
+    )
     _, terms = run_of(ball, time, q, np.zeros(q.shape[1]))
-    assert terms["fulcrum_strain"][steps // 2 - 1] == pytest.approx(0.5 * stiffness * travel**2, rel=1e-3)
-    assert terms["fulcrum_loss"][-1] == pytest.approx(damping * travel**2 * np.pi**2 / (2.0 * duration), rel=1e-3)
+    assert terms["fulcrum_strain"][steps // 2 - 1] == pytest.approx(
+        0.5 * stiffness * travel**2, rel=1e-3
+    )
+    assert terms["fulcrum_loss"][-1] == pytest.approx(
+        damping * travel**2 * np.pi**2 / (2.0 * duration), rel=1e-3
+    )
 
 
-def test_an_undamped_joint_in_the_air_loses_what_implicit_euler_takes_and_the_remainder_shows_it(ball):
+def test_an_undamped_joint_in_the_air_loses_what_implicit_euler_takes_and_the_remainder_shows_it(
+    ball,
+):
     """Amplitudes shrink by 1 / sqrt(1 + h^2 w^2) a step, energies by its square; within a period the loss, h w^2 times
     twice the kinetic energy a second, runs ahead of its mean by up to h w / 2 of the energy. Nothing else remains."""
     machine, mechanism = ball
     tree, plant = mechanism.tree, mechanism.plant
     joint = int(mechanism.spring_index[-1])  # ahead of the fulcrum: the support does not feel it
     q0 = np.zeros(tree.num_coordinates)
-    q0[tree.index(machine.machine.foot.carriage_joint_name)], q0[tree.index("mount_up")] = 0.108, 0.5
+    q0[tree.index(machine.machine.foot.carriage_joint_name)], q0[tree.index("mount_up")] = (
+        0.108,
+        0.5,
+    )
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, q0)
     inertia, stiffness = plant.CalcMassMatrix(context)[joint, joint], mechanism.springs[-1, 0]
@@ -134,12 +170,15 @@ def test_no_loss_ever_returns(ledger):
 
 def test_carriage_works_when_the_fulcrum_moves_under_load(walker, motion):
     """Its work is counted apart and the ledger closes as well as with a resting fulcrum."""
+
     def path(t):
         return 0.108 + 0.03 * np.sin(2 * np.pi * (t - 0.1) / 0.6) * (t > 0.1)
 
     gaps = []
     for step_s in (5e-4, 2.5e-4):
-        walk = walker("right").walk(motion("right"), fulcrum_m=path, start_s=0.0, end_s=0.94, step_s=step_s)
+        walk = walker("right").walk(
+            motion("right"), fulcrum_m=path, start_s=0.0, end_s=0.94, step_s=step_s
+        )
         terms = walker("right").energies(walk)
         assert np.abs(terms["carriage_work"]).max() > 0.2
         gaps.append(gap(terms))

@@ -48,7 +48,11 @@ def test_arrays_need_no_pickle_and_each_is_described(tmp_path):
         assert set(stored.files) == set(sidecar["arrays"])
         for name in stored.files:
             described = sidecar["arrays"][name]
-            assert described["size"] == list(stored[name].shape) and described["unit"] and described["meaning"]
+            assert (
+                described["size"] == list(stored[name].shape)
+                and described["unit"]
+                and described["meaning"]
+            )
             if name.endswith("_W"):
                 assert described["frame"] == "W"
     assert sidecar["coordinate_units"]["pelvis_tx"] == "m"
@@ -110,15 +114,23 @@ def test_a_later_run_leaves_nothing_of_an_earlier_one_of_its_kind_and_all_of_oth
     (tmp_path / "out" / "b" / "mine.txt").write_text("mine")
     (tmp_path / "out" / "c" / "figure.txt").write_text("edited")
     write(tmp_path / "out", a="2")
-    assert files(tmp_path / "out") == {"a/figure.txt", "b/mine.txt", "c/figure.txt", "bench/figure.txt"}
+    assert files(tmp_path / "out") == {
+        "a/figure.txt",
+        "b/mine.txt",
+        "c/figure.txt",
+        "bench/figure.txt",
+    }
     assert (tmp_path / "out" / "c" / "figure.txt").read_text() == "edited"
 
 
-def test_a_run_that_is_killed_while_its_files_come_leaves_none_of_the_earlier_ones(tmp_path, monkeypatch):
+def test_a_run_that_is_killed_while_its_files_come_leaves_none_of_the_earlier_ones(
+    tmp_path, monkeypatch
+):
     out = tmp_path / "out"
     write(out, a="1", b="1", c="1")
     replace = os.replace
     with monkeypatch.context() as stopping:
+
         def stop(source, target):
             if Path(target).parent.name == "b":
                 raise KeyboardInterrupt
@@ -148,11 +160,15 @@ def test_a_folder_on_another_disk_than_its_parent_is_filled(tmp_path, monkeypatc
     write(out, a="1")
     monkeypatch.setattr(os, "replace", within)
     write(out, b="2")
-    assert files(disk) == {"b/figure.txt"} and [path.name for path in out.parent.iterdir()] == ["out"]
+    assert files(disk) == {"b/figure.txt"} and [path.name for path in out.parent.iterdir()] == [
+        "out"
+    ]
 
 
 @pytest.mark.parametrize("way", ["file", "folder", "linked folder", "linked file", "other disk"])
-def test_what_is_in_the_way_or_leads_out_is_refused_before_anything_goes(tmp_path, monkeypatch, way):
+def test_what_is_in_the_way_or_leads_out_is_refused_before_anything_goes(
+    tmp_path, monkeypatch, way
+):
     out, victim = tmp_path / "out", tmp_path / "victim"
     write(out, a="1", b="1")
     write(victim, "bench", b="mine")
@@ -170,10 +186,23 @@ def test_what_is_in_the_way_or_leads_out_is_refused_before_anything_goes(tmp_pat
     else:
         (out / "a").mkdir()
         stat = Path.stat
-        monkeypatch.setattr(Path, "stat", lambda path, **options: os.stat_result(
-            (*(found := stat(path, **options))[:2], found.st_dev + (path.name == "a"), *found[3:])))
+        monkeypatch.setattr(
+            Path,
+            "stat",
+            lambda path, **options: os.stat_result(
+                (
+                    *(found := stat(path, **options))[:2],
+                    found.st_dev + (path.name == "a"),
+                    *found[3:],
+                )
+            ),
+        )
     before = {path: path.read_text() for path in out.rglob("*") if path.is_file()}
-    said = {"file": "it is a file", "folder": "it is a folder", "other disk": "on another file system"}
+    said = {
+        "file": "it is a file",
+        "folder": "it is a folder",
+        "other disk": "on another file system",
+    }
     with pytest.raises(InputError, match=said.get(way, "leads out of")):
         check_target(out, "walk")
     with pytest.raises(InputError, match=said.get(way, "leads out of")):
@@ -215,7 +244,9 @@ def test_what_an_earlier_version_left_goes_by_name_and_what_is_recorded_only_unc
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_waits_until_the_new_files_have_taken_the_place_of_the_old(tmp_path, monkeypatch, number):
+def test_a_signal_waits_until_the_new_files_have_taken_the_place_of_the_old(
+    tmp_path, monkeypatch, number
+):
     def interrupt(*_):
         raise KeyboardInterrupt
 

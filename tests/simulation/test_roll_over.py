@@ -40,7 +40,11 @@ def stance(n=600, largest_n=700.0):
     """A made-up profile: two humps, -15 to +25 degrees."""
     time = np.linspace(0.0, 0.6, n + 1)
     s = time / 0.6
-    return time, np.radians(-15.0 + 40.0 * s), largest_n * np.sin(np.pi * s) ** 1.5 * (1.0 - 0.2 * np.sin(np.pi * s))
+    return (
+        time,
+        np.radians(-15.0 + 40.0 * s),
+        largest_n * np.sin(np.pi * s) ** 1.5 * (1.0 - 0.2 * np.sin(np.pi * s)),
+    )
 
 
 def test_mount_over_level_ground_is_the_fixed_line_over_a_tilting_platform():
@@ -53,24 +57,40 @@ def test_mount_over_level_ground_is_the_fixed_line_over_a_tilting_platform():
         x, z, pitch = mount_path(np.array([tilt]), np.array([height]))[0]
         np.testing.assert_allclose(X_PlatformMount.translation(), [x, 0.0, z], atol=1e-15)
         np.testing.assert_allclose(
-            X_PlatformMount.rotation().matrix(), RotationMatrix.MakeYRotation(-pitch).matrix(), atol=1e-15)
+            X_PlatformMount.rotation().matrix(),
+            RotationMatrix.MakeYRotation(-pitch).matrix(),
+            atol=1e-15,
+        )
         up_W = X_PlatformMount.rotation() @ np.array([0.0, 0.0, 1.0])
         np.testing.assert_allclose(line_of_force(np.array([pitch]))[0], up_W, atol=1e-15)
         seen = X_PlatformMount.inverse() @ np.array([0.11, 0.0, 0.0])
         np.testing.assert_allclose(
-            in_mount_frame(np.array([[0.11, 0.0, 0.0]]), np.array([[x, z, pitch]]))[0], seen[[0, 2]], atol=1e-15)
+            in_mount_frame(np.array([[0.11, 0.0, 0.0]]), np.array([[x, z, pitch]]))[0],
+            seen[[0, 2]],
+            atol=1e-15,
+        )
 
 
 def test_heel_at_15_degrees_is_its_spheres_in_parallel(machine):
     """Closed form: the spheres behind the rearmost fulcrum sit on the rigid frame; each bears k times its depth."""
     run = press(machine, 15.0)
     depth = machine.touch_height(np.radians(15.0))[0] - run.mount[:, 1]
-    points = [(1e-3 * x, 1e-3 * rise + zone.radius_m, zone) for zone in FOOT.zones
-              for x, rise in zip(zone.x_mm, zone.rise_mm, strict=True) if x < 66.0]
-    bottoms = np.array([x * np.sin(np.radians(15.0)) + z * np.cos(np.radians(15.0)) - zone.radius_m
-                        for x, z, zone in points])
-    expected = sum(zone.stiffness * np.maximum(depth - gap, 0.0) ** zone.exponent
-                   for gap, (*_, zone) in zip(bottoms - bottoms.min(), points, strict=True))
+    points = [
+        (1e-3 * x, 1e-3 * rise + zone.radius_m, zone)
+        for zone in FOOT.zones
+        for x, rise in zip(zone.x_mm, zone.rise_mm, strict=True)
+        if x < 66.0
+    ]
+    bottoms = np.array(
+        [
+            x * np.sin(np.radians(15.0)) + z * np.cos(np.radians(15.0)) - zone.radius_m
+            for x, z, zone in points
+        ]
+    )
+    expected = sum(
+        zone.stiffness * np.maximum(depth - gap, 0.0) ** zone.exponent
+        for gap, (*_, zone) in zip(bottoms - bottoms.min(), points, strict=True)
+    )
     loading = np.arange(len(depth)) <= np.argmax(run.grf_W[:, 2])
     np.testing.assert_allclose(run.grf_W[loading, 2], expected[loading], rtol=1e-3, atol=0.5)
     assert expected.max() == pytest.approx(600.0, abs=3.0)
@@ -94,20 +114,36 @@ def test_simulator_gives_the_same_force():
     pitch, speed, travel, fulcrum = np.radians(-20.0), 0.1, 0.012, 0.108
     top = float(machine.touch_height(pitch)[0])
     time = np.linspace(0.0, travel / speed, 1201)
-    run = machine.follow(fulcrum_m=fulcrum, time_s=time, mount=np.column_stack(
-        [0.3 * speed * time, top - speed * time, np.full_like(time, pitch)]))
+    run = machine.follow(
+        fulcrum_m=fulcrum,
+        time_s=time,
+        mount=np.column_stack([0.3 * speed * time, top - speed * time, np.full_like(time, pitch)]),
+    )
     made, builder = machine.machine, DiagramBuilder()
     builder.AddSystem(made.diagram)
     ends = np.array([[0.0, 0.3 * travel], [top, top - travel], [pitch, pitch]])
-    drive(builder, "mount", PiecewisePolynomial.FirstOrderHold([0.0, time[-1]], ends), 1,
-          made.diagram.GetInputPort("desired_state"))
-    drive(builder, "fulcrum", PiecewisePolynomial(np.array([[fulcrum]])), 0,
-          made.diagram.GetInputPort("fulcrum_position"))
+    drive(
+        builder,
+        "mount",
+        PiecewisePolynomial.FirstOrderHold([0.0, time[-1]], ends),
+        1,
+        made.diagram.GetInputPort("desired_state"),
+    )
+    drive(
+        builder,
+        "fulcrum",
+        PiecewisePolynomial(np.array([[fulcrum]])),
+        0,
+        made.diagram.GetInputPort("fulcrum_position"),
+    )
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
     own, plant = made.plant.GetMyMutableContextFromRoot(context), made.plant
-    for name, value, rate in (("mount_forward", 0.0, 0.3 * speed), ("mount_up", top, -speed),
-                              (made.foot.carriage_joint_name, fulcrum, 0.0)):
+    for name, value, rate in (
+        ("mount_forward", 0.0, 0.3 * speed),
+        ("mount_up", top, -speed),
+        (made.foot.carriage_joint_name, fulcrum, 0.0),
+    ):
         plant.GetJointByName(name).set_translation(own, value)
         plant.GetJointByName(name).set_translation_rate(own, rate)
     plant.GetJointByName("mount_pitch").set_angle(own, pitch)
@@ -135,8 +171,15 @@ def test_rolled_foot_follows_a_profile(machine):
 def test_rigid_sphere_rolls_on_an_arc_of_its_own_radius():
     """One stiff sphere of 0.2 m on the rigid frame: seen from the mount its contact runs along its own surface."""
     radius, stiffness = 0.2, 5e6
-    ball = ContactZone(name="ball", x_mm=(50.0,), y_mm=(0.0,), rise_mm=(0.0,), radius_m=radius, stiffness=stiffness,
-                       damping_n_s_per_m=1e3)
+    ball = ContactZone(
+        name="ball",
+        x_mm=(50.0,),
+        y_mm=(0.0,),
+        rise_mm=(0.0,),
+        radius_m=radius,
+        stiffness=stiffness,
+        damping_n_s_per_m=1e3,
+    )
     machine = RollOver(replace(FOOT, zones=(ball,)), friction=False)
     time, tilt, force = stance(300)
     run, following = machine.roll(fulcrum_m=0.108, time_s=time, tilt_rad=tilt, force_n=force)
@@ -145,7 +188,9 @@ def test_rigid_sphere_rolls_on_an_arc_of_its_own_radius():
     centre = np.array([0.05 - FOOT.pylon_x_m, radius - FOOT.build_height_m])
     loaded = np.isfinite(seen[:, 0])
     depth = run.grf_W[loaded, 2] / stiffness
-    np.testing.assert_allclose(np.linalg.norm(seen[loaded] - centre, axis=1), radius - depth, atol=2e-5)
+    np.testing.assert_allclose(
+        np.linalg.norm(seen[loaded] - centre, axis=1), radius - depth, atol=2e-5
+    )
 
 
 def test_foot_that_gives_way_is_a_failure_and_no_curve():
@@ -154,7 +199,9 @@ def test_foot_that_gives_way_is_a_failure_and_no_curve():
         press(RollOver(replace(FOOT, zones=soft), friction=False), 15.0, steps_per_mm=5.0)
 
 
-@pytest.mark.parametrize(("name", "value"), [("max_load_n", np.nan), ("speed_m_per_s", -1.0), ("steps_per_mm", 0.0)])
+@pytest.mark.parametrize(
+    ("name", "value"), [("max_load_n", np.nan), ("speed_m_per_s", -1.0), ("steps_per_mm", 0.0)]
+)
 def test_numbers_out_of_range_are_refused_by_name(machine, name, value):
     with pytest.raises(InputError, match=name):
         press(machine, 15.0, **{name: value})

@@ -14,26 +14,44 @@ from vsf_drake.motion.markers.posture import settling
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import PELVIS_COORDINATES, ModelParameters, Subject
 from vsf_drake.simulation.results import standing_table
-from vsf_drake.simulation.standing import ROTATIONS, TRANSLATIONS, StandingPosture, simulate_standing
+from vsf_drake.simulation.standing import (
+    ROTATIONS,
+    TRANSLATIONS,
+    StandingPosture,
+    simulate_standing,
+)
 from vsf_drake.simulation.walk import Walker
 
 MALE = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 SUBJECTS = {
-    "male": MALE, "female": replace(MALE, sex="female", mass_kg=60.0, stature_m=1.65, prosthetic_side="left"),
+    "male": MALE,
+    "female": replace(MALE, sex="female", mass_kg=60.0, stature_m=1.65, prosthetic_side="left"),
     "foot set back": replace(MALE, prosthesis_fore_aft_m=-0.04),
     "all different": replace(
-        MALE, mass_kg=100.0, prosthetic_thigh_length_m=0.43, prosthesis_length_m=0.53, prosthesis_alignment_rad=0.02,
-        prosthesis_inversion_rad=0.02, prosthesis_toe_out_rad=0.12, prosthesis_lateral_m=0.01)}
+        MALE,
+        mass_kg=100.0,
+        prosthetic_thigh_length_m=0.43,
+        prosthesis_length_m=0.53,
+        prosthesis_alignment_rad=0.02,
+        prosthesis_inversion_rad=0.02,
+        prosthesis_toe_out_rad=0.12,
+        prosthesis_lateral_m=0.01,
+    ),
+}
 
 
 @pytest.mark.parametrize("subject", SUBJECTS)
-def test_ten_seconds_carry_the_weight_within_one_percent_and_the_pelvis_stays_within_a_millimetre(subject):
+def test_ten_seconds_carry_the_weight_within_one_percent_and_the_pelvis_stays_within_a_millimetre(
+    subject,
+):
     """The aims; McGeehan 2021 reports 2.6 % too little. What is free comes back after the nudge: the last seconds move
     no more than the first. What is not free is held, and said."""
     standing = simulate_standing(SUBJECTS[subject], load_model(resource("models/nominal.yaml")))
     table = standing_table(standing)
     assert standing.time_s[-1] == pytest.approx(10.0)
-    assert abs(table.weight_error) < 0.01 and table.drift_mm < 1.0 and standing.unconverged_steps == 0
+    assert (
+        abs(table.weight_error) < 0.01 and table.drift_mm < 1.0 and standing.unconverged_steps == 0
+    )
     first, last = standing.pelvis[1:3000], standing.pelvis[-3000:]
     assert np.all(np.ptp(last, axis=0) <= np.ptp(first, axis=0) + 1e-9)
     assert sorted([*standing.free, *standing.held_nm]) == sorted(PELVIS_COORDINATES)
@@ -74,7 +92,9 @@ def balanced():
 
 def test_holding_the_pelvis_takes_the_weight_times_its_lever(neutral):
     """Statics: moment = weight times the distance of the centre of mass from the centre of pressure, either way."""
-    walk = neutral.run(neutral.walker, neutral.coordinates(0.0, 0.0), duration_s=1e-3, settle=TRANSLATIONS)
+    walk = neutral.run(
+        neutral.walker, neutral.coordinates(0.0, 0.0), duration_s=1e-3, settle=TRANSLATIONS
+    )
     plant, context = walk.mechanism.plant, walk.mechanism.context
     plant.SetPositions(context, walk.record.q[-1])
     com = plant.CalcCenterOfMassPositionInWorld(context)
@@ -90,10 +110,14 @@ def test_equal_legs_are_level_and_unequal_ones_list_by_the_triangle(neutral):
     assert neutral.level_list(0.0) == 0.0
     body = neutral.walker.gait.person.body
     for side, sign in (("right", 1.0), ("left", -1.0)):
-        subject = replace(MALE, prosthetic_side=side, prosthesis_length_m=body.prosthesis_length - 0.010)
+        subject = replace(
+            MALE, prosthetic_side=side, prosthesis_length_m=body.prosthesis_length - 0.010
+        )
         list_ = StandingPosture(subject, MODEL, {}, fulcrum_m=0.108).level_list(0.0)
         # Listed, the inner or outer edges of the soles (at most 35 mm beside the hip's plumb line) touch instead.
-        narrow, wide = (np.arctan(0.010 / (2 * body.hip_lateral + edges)) for edges in (0.070, -0.070))
+        narrow, wide = (
+            np.arctan(0.010 / (2 * body.hip_lateral + edges)) for edges in (0.070, -0.070)
+        )
         assert narrow < sign * list_ < wide, "the side of the shorter leg goes down"
 
 
@@ -128,9 +152,14 @@ def test_pushed_off_an_unstable_balance_the_person_topples_on():
     assert tilt[-1] > 20 * 1e-4
 
 
-@pytest.mark.parametrize(("angles", "said"), [
-    ({"ankle_angle_r": 0.1}, "not a coordinate of this person"), ({"knee_angle_l": float("nan")}, "not a finite angle"),
-    ({"pelvis_ty": float("inf")}, "not a finite angle")])
+@pytest.mark.parametrize(
+    ("angles", "said"),
+    [
+        ({"ankle_angle_r": 0.1}, "not a coordinate of this person"),
+        ({"knee_angle_l": float("nan")}, "not a finite angle"),
+        ({"pelvis_ty": float("inf")}, "not a finite angle"),
+    ],
+)
 def test_angles_that_mean_nothing_are_refused(angles, said):
     with pytest.raises(InputError, match=said):
         StandingPosture(MALE, MODEL, angles, fulcrum_m=0.108)
@@ -153,4 +182,6 @@ def test_the_load_on_a_lowered_person_settles_the_prosthesis_by_as_much(upright_
     still = CoordinateTrajectory(np.linspace(0.0, 1.0, len(q)), q, names)
     walk = upright_walker.walk(still, fulcrum_m=fulcrum_m, start_s=0.0, end_s=1.0)
     load = float(walk.prosthetic.grf_W[-1, 2])
-    assert settling(load, ModelParameters(), fulcrum_m=fulcrum_m) == pytest.approx(LOWERED_M, rel=0.05)
+    assert settling(load, ModelParameters(), fulcrum_m=fulcrum_m) == pytest.approx(
+        LOWERED_M, rel=0.05
+    )

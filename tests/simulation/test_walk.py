@@ -43,16 +43,25 @@ def test_fulcrum_may_move_under_load_in_both_ways_of_advancing(walker, motion):
         return 0.1 + 0.3 * (t - 0.5)
 
     span, person = {"start_s": 0.5, "end_s": 0.54}, walker("right")
-    reference = walk_over(person.subject, person.model, motion("right"), Ground(), fulcrum_m=path, **span)
+    reference = walk_over(
+        person.subject, person.model, motion("right"), Ground(), fulcrum_m=path, **span
+    )
     walk = run(walker, motion, fulcrum_m=path, step_s=2.5e-4, **span)
     np.testing.assert_allclose(walk.prosthetic.grf_W[3::4][10:], reference.grf_W[11:], atol=2.0)
 
 
-@pytest.mark.parametrize(("mu_static", "mu_kinetic", "threshold"), [
-    (0.1, 0.05, 0.1), (1.2, 0.3, 0.01), (0.117, 0.336, 1.18)])
-def test_every_step_converges_on_slippery_and_on_grippy_ground(walker, motion, mu_static, mu_kinetic, threshold):
-    values = {"friction.mu_static": mu_static, "friction.mu_kinetic": mu_kinetic,
-              "friction.threshold_velocity": threshold}
+@pytest.mark.parametrize(
+    ("mu_static", "mu_kinetic", "threshold"),
+    [(0.1, 0.05, 0.1), (1.2, 0.3, 0.01), (0.117, 0.336, 1.18)],
+)
+def test_every_step_converges_on_slippery_and_on_grippy_ground(
+    walker, motion, mu_static, mu_kinetic, threshold
+):
+    values = {
+        "friction.mu_static": mu_static,
+        "friction.mu_kinetic": mu_kinetic,
+        "friction.threshold_velocity": threshold,
+    }
     for step_s in (4e-3, 1e-3):
         walk = run(walker, motion, values=values, step_s=step_s)
         assert np.count_nonzero(~walk.record.converged) <= 1
@@ -62,25 +71,40 @@ def test_every_step_converges_on_slippery_and_on_grippy_ground(walker, motion, m
 
 def test_divergence_names_time_and_coordinate(walker, stance):
     """Springs that push away instead of back throw the prosthesis off."""
-    walk, pushing = stance("right", 1e-3), [SPRING_COLUMNS.index(name) for name in ("stiffness", "stiffness_negative")]
+    walk, pushing = (
+        stance("right", 1e-3),
+        [SPRING_COLUMNS.index(name) for name in ("stiffness", "stiffness_negative")],
+    )
     springs = walk.mechanism.springs.copy()
     springs[:, pushing] *= -1.0
     stepper = Stepper(replace(walk.mechanism, springs=springs))
-    with pytest.raises(SimulationError, match=r"failed at t = [\d.]+ s: coordinate \w+ diverged") as error:
+    with pytest.raises(
+        SimulationError, match=r"failed at t = [\d.]+ s: coordinate \w+ diverged"
+    ) as error:
         stepper.run(inputs_of(walk, walker("right")), walk.record.q0, walk.record.v0)
     assert 0.0 < error.value.time_s < 0.94
     assert error.value.exit_code == 3
 
 
-@pytest.mark.parametrize(("options", "message"), [
-    ({"step_s": "1e-3"}, "step_s: '1e-3' is not usable"), ({"step_s": 0.5}, "not a usable step"),
-    ({"end_s": np.inf}, "end_s: inf"), ({"end_s": 0.0}, "no time to walk"), ({"end_s": 1.5}, "outside the recording"),
-    ({"offsets": {"height_m": 0.0}}, "a dict"), ({"fulcrum_m": lambda t: "a"}, "fulcrum_m: gives"),
-    ({"fulcrum_m": lambda t: [0.1, 0.1]}, "one for each time"), ({"fulcrum_m": np.nan}, "finite number"),
-    ({"fulcrum_m": lambda t: 0.1 + t}, "out of the carriage's reach"), ({"values": "offset.height"}, "no mapping"),
-    ({"with_respect_to": "offset.height"}, "no list of names"),
-    ({"with_respect_to": [["offset.height"]]}, "there is no variable"),
-    ({"with_respect_to": iter(["offset.height"] * 2)}, "stands twice")])
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"step_s": "1e-3"}, "step_s: '1e-3' is not usable"),
+        ({"step_s": 0.5}, "not a usable step"),
+        ({"end_s": np.inf}, "end_s: inf"),
+        ({"end_s": 0.0}, "no time to walk"),
+        ({"end_s": 1.5}, "outside the recording"),
+        ({"offsets": {"height_m": 0.0}}, "a dict"),
+        ({"fulcrum_m": lambda t: "a"}, "fulcrum_m: gives"),
+        ({"fulcrum_m": lambda t: [0.1, 0.1]}, "one for each time"),
+        ({"fulcrum_m": np.nan}, "finite number"),
+        ({"fulcrum_m": lambda t: 0.1 + t}, "out of the carriage's reach"),
+        ({"values": "offset.height"}, "no mapping"),
+        ({"with_respect_to": "offset.height"}, "no list of names"),
+        ({"with_respect_to": [["offset.height"]]}, "there is no variable"),
+        ({"with_respect_to": iter(["offset.height"] * 2)}, "stands twice"),
+    ],
+)
 def test_useless_input_is_refused(walker, motion, options, message):
     with pytest.raises(InputError, match=message):
         run(walker, motion, **options)
@@ -132,7 +156,9 @@ def test_keel_that_folds_up_has_failed(trial):
     foot = trial.model.foot
     rubber = dataclasses.replace(foot, keel=dataclasses.replace(foot.keel, flexural_modulus_pa=1e6))
     with pytest.raises(SimulationError, match=r"coordinate keel_\w+ (reached|diverged)"):
-        walked_from(trial, Walker(trial.subject, dataclasses.replace(trial.model, foot=rubber)), end_s=1.2)
+        walked_from(
+            trial, Walker(trial.subject, dataclasses.replace(trial.model, foot=rubber)), end_s=1.2
+        )
 
 
 def test_result_tells_the_numbers_that_were_used(trial):
@@ -149,36 +175,67 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 
 
 UNEQUAL = Subject(
-    mass_kg=71.0, stature_m=1.78, sex="male", prosthetic_side="right", thigh_length_m=0.44, shank_length_m=0.45,
-    prosthetic_thigh_length_m=0.43, prosthesis_length_m=0.535, prosthesis_fore_aft_m=0.012, prosthesis_lateral_m=0.009,
-    prosthesis_alignment_rad=0.04, prosthesis_inversion_rad=-0.03, prosthesis_toe_out_rad=0.12)
+    mass_kg=71.0,
+    stature_m=1.78,
+    sex="male",
+    prosthetic_side="right",
+    thigh_length_m=0.44,
+    shank_length_m=0.45,
+    prosthetic_thigh_length_m=0.43,
+    prosthesis_length_m=0.535,
+    prosthesis_fore_aft_m=0.012,
+    prosthesis_lateral_m=0.009,
+    prosthesis_alignment_rad=0.04,
+    prosthesis_inversion_rad=-0.03,
+    prosthesis_toe_out_rad=0.12,
+)
 START_S, END_S = 0.15, 0.40
 """Part of the motion in which the prosthetic foot comes down and rolls to flat."""
 
 
 def test_unequal_legs_walk_as_their_mirror_image(motion):
     """Coordinates are clinical: equal on both sides but for the pelvis's lateral ones."""
-    walkers = [Walker(replace(UNEQUAL, prosthetic_side=side), ModelParameters()) for side in ("right", "left")]
-    right, left = (walker.walk(motion(walker.subject.prosthetic_side), fulcrum_m=0.1, start_s=START_S, end_s=END_S)
-                   for walker in walkers)
+    walkers = [
+        Walker(replace(UNEQUAL, prosthetic_side=side), ModelParameters())
+        for side in ("right", "left")
+    ]
+    right, left = (
+        walker.walk(
+            motion(walker.subject.prosthetic_side), fulcrum_m=0.1, start_s=START_S, end_s=END_S
+        )
+        for walker in walkers
+    )
     weight = UNEQUAL.mass_kg * 9.81
     assert right.prosthetic.grf_W[:, 2].max() > 0.3 * weight
-    assert np.abs(right.prosthetic.grf_W[:, 1]).max() > 0.02 * weight, "a planar walk would show nothing"
-    np.testing.assert_allclose(left.prosthetic.grf_W * MIRROR, right.prosthetic.grf_W, atol=1e-8 * weight)
+    assert np.abs(right.prosthetic.grf_W[:, 1]).max() > 0.02 * weight, (
+        "a planar walk would show nothing"
+    )
+    np.testing.assert_allclose(
+        left.prosthetic.grf_W * MIRROR, right.prosthetic.grf_W, atol=1e-8 * weight
+    )
     np.testing.assert_allclose(left.prosthetic.cop_W * MIRROR, right.prosthetic.cop_W, atol=1e-9)
-    np.testing.assert_allclose(-left.prosthetic.free_moment_nm, right.prosthetic.free_moment_nm, atol=1e-7)
+    np.testing.assert_allclose(
+        -left.prosthetic.free_moment_nm, right.prosthetic.free_moment_nm, atol=1e-7
+    )
     other = {"_r": "_l", "_l": "_r"}
     for name in walkers[0].gait.prescribed:
         sign = -1.0 if name in ("pelvis_tz", "pelvis_list", "pelvis_rotation") else 1.0
         mirrored = name if name.startswith("pelvis") else name[:-2] + other[name[-2:]]
         load = right.record.load[:, right.mechanism.tree.index(name)]
-        np.testing.assert_allclose(sign * left.record.load[:, left.mechanism.tree.index(mirrored)], load,
-                                   atol=1e-9 * max(1.0, np.abs(load).max()), err_msg=name)
+        np.testing.assert_allclose(
+            sign * left.record.load[:, left.mechanism.tree.index(mirrored)],
+            load,
+            atol=1e-9 * max(1.0, np.abs(load).max()),
+            err_msg=name,
+        )
 
 
 @pytest.fixture(scope="module")
 def hung_walker():
-    return Walker(Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right"), ModelParameters())
+    return Walker(
+        Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right"),
+        ModelParameters(),
+    )
 
 
 def high_above(hung_walker, end_s):
@@ -190,7 +247,9 @@ def high_above(hung_walker, end_s):
 
 
 def hung(hung_walker, end_s):
-    return hung_walker.walk(high_above(hung_walker, end_s), fulcrum_m=0.108, start_s=0.0, end_s=end_s)
+    return hung_walker.walk(
+        high_above(hung_walker, end_s), fulcrum_m=0.108, start_s=0.0, end_s=end_s
+    )
 
 
 def test_ten_minutes_are_refused_before_they_start_with_what_would_do(hung_walker, monkeypatch):
@@ -226,14 +285,23 @@ def referred(source):
 
 
 def through(walker, source, **options):
-    return walker.walk(source.trajectory, fulcrum_m=source.fulcrum_m, start_s=source.start_s, end_s=source.end_s,
-                       step_s=STEP_S, offsets=source.offsets, **options)
+    return walker.walk(
+        source.trajectory,
+        fulcrum_m=source.fulcrum_m,
+        start_s=source.start_s,
+        end_s=source.end_s,
+        step_s=STEP_S,
+        offsets=source.offsets,
+        **options,
+    )
 
 
 def assert_same_walk(a, b, tolerance):
     """Forces to `tolerance` of the largest, coordinates to `tolerance` (m, rad)."""
     largest = np.abs(a.prosthetic.grf_W).max()
-    np.testing.assert_allclose(b.prosthetic.grf_W, a.prosthetic.grf_W, rtol=0.0, atol=tolerance * largest)
+    np.testing.assert_allclose(
+        b.prosthetic.grf_W, a.prosthetic.grf_W, rtol=0.0, atol=tolerance * largest
+    )
     np.testing.assert_allclose(b.record.q, a.record.q, rtol=0.0, atol=tolerance)
 
 
@@ -282,7 +350,9 @@ def test_a_foot_far_above_or_within_the_ground_stays_sound():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("setting", "count", "step_s"), [(0, 200, 1e-3), (1, 100, 2e-3), (2, 100, 2e-3)])
+@pytest.mark.parametrize(
+    ("setting", "count", "step_s"), [(0, 200, 1e-3), (1, 100, 2e-3), (2, 100, 2e-3)]
+)
 def test_hundreds_of_walks_stay_sound_with_any_parameters(setting, count, step_s):
     found = drawn(setting, count, seed=1, step_s=step_s)
     assert_sound(found)

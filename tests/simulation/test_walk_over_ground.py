@@ -32,24 +32,37 @@ def filtered_resultant(force):
 
 def difference(force, reference, body_weight):
     """RMS of the difference of the 40 Hz resultants, as a fraction of body weight."""
-    return float(np.sqrt(np.mean((filtered_resultant(force) - filtered_resultant(reference)) ** 2)) / body_weight)
+    return float(
+        np.sqrt(np.mean((filtered_resultant(force) - filtered_resultant(reference)) ** 2))
+        / body_weight
+    )
 
 
 @pytest.fixture(scope="module")
 def reference(walker, motion):
     person = walker("right")
-    return walk_over(person.subject, person.model, motion("right"), Ground(), fulcrum_m=FULCRUM_M, start_s=START_S,
-                     end_s=FINISH_S)
+    return walk_over(
+        person.subject,
+        person.model,
+        motion("right"),
+        Ground(),
+        fulcrum_m=FULCRUM_M,
+        start_s=START_S,
+        end_s=FINISH_S,
+    )
 
 
 @pytest.fixture(scope="module")
 def by_stepper(walker, motion):
     """by_stepper(step_s): the same 0.2 s."""
     return lambda step_s: walker("right").walk(
-        motion("right"), fulcrum_m=FULCRUM_M, start_s=START_S, end_s=FINISH_S, step_s=step_s)
+        motion("right"), fulcrum_m=FULCRUM_M, start_s=START_S, end_s=FINISH_S, step_s=step_s
+    )
 
 
-def test_stepper_at_1_ms_agrees_with_simulator_around_heel_strike(reference, by_stepper, body_weight):
+def test_stepper_at_1_ms_agrees_with_simulator_around_heel_strike(
+    reference, by_stepper, body_weight
+):
     walk = by_stepper(1e-3)
     assert difference(every_millisecond(walk), reference.grf_W[1:], body_weight) < 0.005
     assert walk.record.converged.all()
@@ -58,10 +71,14 @@ def test_stepper_at_1_ms_agrees_with_simulator_around_heel_strike(reference, by_
 def test_stepper_tends_to_what_simulator_gives(reference, by_stepper, body_weight):
     """To first order, down to the servos' yielding of micrometres that only the Simulator has."""
     assert reference.grf_W[0, 2] == 0.0 and reference.grf_W[-1, 2] > 0.5 * body_weight
-    errors = [difference(every_millisecond(by_stepper(h)), reference.grf_W[1:], body_weight)
-              for h in (1e-3, 5e-4, 2.5e-4)]
+    errors = [
+        difference(every_millisecond(by_stepper(h)), reference.grf_W[1:], body_weight)
+        for h in (1e-3, 5e-4, 2.5e-4)
+    ]
     assert errors[0] > 1.4 * errors[1] > 1.4**2 * errors[2]
-    assert difference(every_millisecond(by_stepper(6.25e-5)), reference.grf_W[1:], body_weight) < 2e-4
+    assert (
+        difference(every_millisecond(by_stepper(6.25e-5)), reference.grf_W[1:], body_weight) < 2e-4
+    )
 
 
 def test_every_other_quantity_agrees_with_simulator_too(reference, by_stepper, walker):
@@ -70,16 +87,22 @@ def test_every_other_quantity_agrees_with_simulator_too(reference, by_stepper, w
     free = [names.index(name) for name in names if name not in walker("right").gait.prescribed]
     np.testing.assert_allclose(walk.record.q[rows, :][:, free], reference.q[1:, free], atol=1e-4)
     loaded = reference.grf_W[1:, 2] > 100.0
-    np.testing.assert_allclose(walk.prosthetic.cop_W[rows][loaded], reference.cop_W[1:][loaded], atol=1e-3)
+    np.testing.assert_allclose(
+        walk.prosthetic.cop_W[rows][loaded], reference.cop_W[1:][loaded], atol=1e-3
+    )
     count = reference.normal_n.shape[1]
     late = slice(100, None)
-    np.testing.assert_allclose(walk.record.site("normal_force")[rows, :count][late], reference.normal_n[1:][late],
-                               atol=3.0)
-    held = [names.index(name) for name in ("pelvis_ty", "hip_flexion_r", "knee_angle_r", "knee_angle_l")]
+    np.testing.assert_allclose(
+        walk.record.site("normal_force")[rows, :count][late], reference.normal_n[1:][late], atol=3.0
+    )
+    held = [
+        names.index(name) for name in ("pelvis_ty", "hip_flexion_r", "knee_angle_r", "knee_angle_l")
+    ]
     for i in held:
         scale = np.abs(reference.driver_force[:, i]).max()
-        np.testing.assert_allclose(walk.record.load[rows, i][late], reference.driver_force[1:, i][late],
-                                   atol=0.02 * scale)
+        np.testing.assert_allclose(
+            walk.record.load[rows, i][late], reference.driver_force[1:, i][late], atol=0.02 * scale
+        )
 
 
 STEP_M = 0.005
@@ -91,7 +114,9 @@ PROSTHETIC = {"to_y_m": 0.0}
 """A right prosthesis is on this side of the path."""
 GROUNDS = {
     "level": Ground(),
-    "raised": Ground(patches=(GroundPatch(), GroundPatch(name="step", height_m=STEP_M, **PROSTHETIC))),
+    "raised": Ground(
+        patches=(GroundPatch(), GroundPatch(name="step", height_m=STEP_M, **PROSTHETIC))
+    ),
 }
 
 
@@ -107,14 +132,21 @@ def span(trial):
     plate = trial.prosthetic_plate
     strike = float(plate.time_s[plate.force_W[:, 2] > 20.0][0])
     start = round(strike - BEFORE_S, 3)
-    return {"fulcrum_m": trial.fulcrum_m, "offsets": trial.offsets, "start_s": start, "end_s": start + LENGTH_S}
+    return {
+        "fulcrum_m": trial.fulcrum_m,
+        "offsets": trial.offsets,
+        "start_s": start,
+        "end_s": start + LENGTH_S,
+    }
 
 
 @pytest.fixture(scope="module")
 def over(trial, span):
     assert trial.subject.prosthetic_side == "right"
-    return {name: walk_over(trial.subject, trial.model, trial.trajectory, ground, **span)
-            for name, ground in GROUNDS.items()}
+    return {
+        name: walk_over(trial.subject, trial.model, trial.trajectory, ground, **span)
+        for name, ground in GROUNDS.items()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +180,9 @@ def test_on_level_ground_both_feet_bear_what_the_stepper_says(over, lowered_by_s
 
 
 @pytest.mark.slow
-def test_a_raised_place_under_one_foot_is_that_foot_lowered_and_nothing_to_the_other(over, lowered_by_stepper, trial):
+def test_a_raised_place_under_one_foot_is_that_foot_lowered_and_nothing_to_the_other(
+    over, lowered_by_stepper, trial
+):
     """Pelvis and joints are prescribed, so the feet do not feel each other."""
     raised, level = over["raised"], over["level"]
     assert apart(raised.grf_W[1:], lowered_by_stepper(STEP_M).prosthetic.grf_W[3::4], trial) < SAME
@@ -158,9 +192,15 @@ def test_a_raised_place_under_one_foot_is_that_foot_lowered_and_nothing_to_the_o
     np.testing.assert_allclose(raised.cop_W[loaded, 2], STEP_M, atol=1e-12)
 
 
-@pytest.mark.parametrize(("changes", "where"), [
-    ({"integrator": "runge_kutta3"}, "integrator"), ({"fulcrum_m": 0.5}, "fulcrum"), ({"end_s": 0.0}, "end_s"),
-    ({"offsets": 0.01}, "offsets")])
+@pytest.mark.parametrize(
+    ("changes", "where"),
+    [
+        ({"integrator": "runge_kutta3"}, "integrator"),
+        ({"fulcrum_m": 0.5}, "fulcrum"),
+        ({"end_s": 0.0}, "end_s"),
+        ({"offsets": 0.01}, "offsets"),
+    ],
+)
 def test_what_cannot_be_walked_is_refused(trial, span, changes, where):
     with pytest.raises(InputError, match=where):
         walk_over(trial.subject, trial.model, trial.trajectory, Ground(), **(span | changes))

@@ -17,7 +17,14 @@ from virtual_laboratory.placing import MARGIN_S
 from virtual_laboratory.prosthesis import prosthesis_of
 from virtual_laboratory.reaction import Reaction
 from virtual_laboratory.recording import Recorded
-from virtual_laboratory.targets import RISE_M, draw_trials, harmonics, intact_force, lifted, prosthetic_force
+from virtual_laboratory.targets import (
+    RISE_M,
+    draw_trials,
+    harmonics,
+    intact_force,
+    lifted,
+    prosthetic_force,
+)
 
 from vsf_drake.motion.trial import default_model
 from vsf_drake.parameters import GRAVITY, Subject
@@ -65,9 +72,16 @@ def test_a_thrown_trunk_falls_on_a_parabola_and_a_symmetric_one_precesses_at_the
     momentum = axial * spin / np.cos(tilt)
     turn = momentum / across
     own = (1.0 - axial / across) * momentum * np.cos(tilt) / axial
-    truth = (Rotation.from_rotvec(np.outer(turn * TIME, [0.0, 0.0, 1.0])) * Rotation.from_rotvec([tilt, 0.0, 0.0])
-             * Rotation.from_rotvec(np.outer(own * TIME, [0.0, 0.0, 1.0])))
-    place = np.array([1.0, 2.0, 3.0]) + np.outer(TIME, [1.0, -0.5, 4.0]) - np.outer(TIME**2, [0, 0, 0.5 * GRAVITY])
+    truth = (
+        Rotation.from_rotvec(np.outer(turn * TIME, [0.0, 0.0, 1.0]))
+        * Rotation.from_rotvec([tilt, 0.0, 0.0])
+        * Rotation.from_rotvec(np.outer(own * TIME, [0.0, 0.0, 1.0]))
+    )
+    place = (
+        np.array([1.0, 2.0, 3.0])
+        + np.outer(TIME, [1.0, -0.5, 4.0])
+        - np.outer(TIME**2, [0, 0, 0.5 * GRAVITY])
+    )
     found = close(TIME, body, *at_rest(TIME), nothing(TIME), Trunk(truth.as_matrix(), place))
     np.testing.assert_allclose(found.p_WL, place, atol=1e-8)
     assert np.max((Rotation.from_matrix(found.R_WH) * truth.inv()).magnitude()) < 1e-5
@@ -83,7 +97,9 @@ def test_the_trunk_answers_moving_legs_and_a_moment_as_newton_and_euler_say():
     up = np.array([0.0, 0.0, 50.0 * GRAVITY])
     moment = np.tile([0.0, 0.0, 0.5], (len(TIME), 1))
     near = Trunk(np.tile(np.eye(3), (len(TIME), 1, 1)), np.zeros((len(TIME), 3)))
-    found = close(TIME, body.together(leg), *legs, Wrench(np.tile(up, (len(TIME), 1)), moment), near)
+    found = close(
+        TIME, body.together(leg), *legs, Wrench(np.tile(up, (len(TIME), 1)), moment), near
+    )
     straight = np.polynomial.Polynomial.fit(TIME, found.p_WL[:, 2] + 0.25 * swing, 1)
     np.testing.assert_allclose(found.p_WL[:, 2] + 0.25 * swing, straight(TIME), atol=1e-7)
     angle = np.unwrap(Rotation.from_matrix(found.R_WH).as_rotvec()[:, 2])
@@ -94,7 +110,10 @@ def test_the_trunk_answers_moving_legs_and_a_moment_as_newton_and_euler_say():
 def test_missing_force_and_moment_of_a_known_motion():
     """A body carried round a circle needs m r w^2 inward; one that is only held needs its weight, under its centre."""
     body, w, r = points(30.0, (0.2, 0.2, 0.2)), 4.0, 0.3
-    R, p = np.tile(np.eye(3), (len(TIME), len(SEGMENTS), 1, 1)), np.zeros((len(TIME), len(SEGMENTS), 3))
+    R, p = (
+        np.tile(np.eye(3), (len(TIME), len(SEGMENTS), 1, 1)),
+        np.zeros((len(TIME), len(SEGMENTS), 3)),
+    )
     p[:, HAT, :2] = r * np.column_stack([np.cos(w * TIME), np.sin(w * TIME)])
     zeros = np.zeros((len(TIME), 3))
     none = Reaction(TIME, zeros, zeros, TIME, zeros, TIME, zeros, TIME, 0.0, zeros, zeros, zeros, 0)
@@ -123,9 +142,14 @@ def test_mass_points_have_the_subjects_mass_and_winters_centre_of_head_arms_and_
     body = body_points(person.handles, person.model.intact_foot, 2.0)
     assert body.mass.sum() + 2.0 == pytest.approx(78.0)
     upper = np.isin(body.segment, (PELVIS, HAT))
-    lumbar, hips = person.p_PL, np.array([person.handles.body.hip_forward, 0.0, person.handles.body.hip_up])
+    lumbar, hips = (
+        person.p_PL,
+        np.array([person.handles.body.hip_forward, 0.0, person.handles.body.hip_up]),
+    )
     p_P = body.p_B[upper] + np.where(body.segment[upper, None] == HAT, lumbar, 0.0)
-    share = body.mass[upper] @ (p_P - hips)[:, 2] / body.mass[upper].sum() / (0.288 * SUBJECT.stature_m)
+    share = (
+        body.mass[upper] @ (p_P - hips)[:, 2] / body.mass[upper].sum() / (0.288 * SUBJECT.stature_m)
+    )
     assert share == pytest.approx(0.626, abs=0.03)  # Winter, of the way from hip to shoulder
 
 
@@ -138,7 +162,9 @@ def test_both_plates_and_weight_explain_the_motion_of_all_segments_at_every_inst
 
 
 @pytest.mark.slow
-def test_both_feet_together_carry_the_body_through_a_stride_and_make_it_neither_faster_nor_slower(walked):
+def test_both_feet_together_carry_the_body_through_a_stride_and_make_it_neither_faster_nor_slower(
+    walked,
+):
     """The impulse of both plates over a stride is the weight's, within 5 mm/s of the body's speed: a walk goes on."""
     time = walked.force_time_s - MARGIN_S
     total = walked.right.force + walked.left.force - WEIGHT_N * np.array([0.0, 0.0, 1.0])
@@ -165,7 +191,9 @@ def test_a_walk_at_each_speed_lies_in_the_published_bands_on_both_sides(person, 
     assert min(found["swing_clearance_mm"], found["intact_clearance_mm"]) > 5.0
     for prefix in ("", "intact_"):
         assert found[f"{prefix}cop_travel_mm"] > 180.0
-        assert found[f"{prefix}trough_bw"] < min(found[f"{prefix}first_peak_bw"], found[f"{prefix}second_peak_bw"])
+        assert found[f"{prefix}trough_bw"] < min(
+            found[f"{prefix}first_peak_bw"], found[f"{prefix}second_peak_bw"]
+        )
     # the next stride is like this one: within what people's strides differ by, 2 % of the speed and 2 degrees
     assert abs(found["gain_m_per_s"]) < 0.02 * speed and found["stride_ends_deg"] < 2.0
     assert found["trunk_shift_rms_mm"] < 10.0  # head, arms and trunk stay on the pelvis
@@ -191,14 +219,23 @@ def test_a_body_that_rises_far_is_given_no_peak_that_the_curve_overshoots():
     """28 mm once a step at 1.4 m/s, as the legs of a heavy man on a soft forefoot would have it; 1.37 BW unbounded."""
     lift = np.array([0.016, -0.028 + 0.004j, 0.006])
     draws = [lifted(drawn, lift) for drawn in draw_trials(SEED, 1.4)]
-    assert max(prosthetic_force(draw, np.linspace(0.0, draw.stance_s, 500))[:, 2].max() for draw in draws) < 1.3
+    assert (
+        max(
+            prosthetic_force(draw, np.linspace(0.0, draw.stance_s, 500))[:, 2].max()
+            for draw in draws
+        )
+        < 1.3
+    )
 
 
 def test_faster_people_step_oftener_load_and_push_more():
     """Signs of Schwartz 2008 between slow and free; the same random numbers at each speed."""
     slow, fast = (draw_trials(SEED, speed) for speed in (0.9, 1.4))
     for one, other in zip(slow, fast, strict=True):
-        assert other.stride_s < one.stride_s and other.stance_s / other.stride_s < one.stance_s / one.stride_s
+        assert (
+            other.stride_s < one.stride_s
+            and other.stance_s / other.stride_s < one.stance_s / one.stride_s
+        )
         assert other.first_peak_bw > one.first_peak_bw and other.trough_bw < one.trough_bw
         assert other.braking_bw > one.braking_bw and other.propulsion_bw > one.propulsion_bw
         assert other.speed_m_per_s * other.stride_s > one.speed_m_per_s * one.stride_s
@@ -210,7 +247,11 @@ def test_faster_people_step_oftener_load_and_push_more():
 @pytest.mark.slow
 def test_figures_of_a_walk_change_with_what_they_measure(person, walked):
     figures = trial_figures(walked, person)
-    pushed = dataclasses.replace(walked.truth.missing, force=walked.truth.missing.force + np.array([0.0, 0.0, 3.0]))
+    pushed = dataclasses.replace(
+        walked.truth.missing, force=walked.truth.missing.force + np.array([0.0, 0.0, 3.0])
+    )
     other = dataclasses.replace(walked, truth=dataclasses.replace(walked.truth, missing=pushed))
-    assert trial_figures(other, person)["residual_force_bw"] == pytest.approx(3.0 / WEIGHT_N, rel=1e-3)
+    assert trial_figures(other, person)["residual_force_bw"] == pytest.approx(
+        3.0 / WEIGHT_N, rel=1e-3
+    )
     assert figures["residual_force_bw"] < 1e-5

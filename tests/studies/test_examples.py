@@ -19,7 +19,18 @@ import walking_over_grounds
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import JacobianWrtVariable
 from standing_leg import inverted_pendulum
-from walking_over_grounds import CONTACT, EDGE_M, GROUNDS, SLOPE_DEG, STEP_M, TRIAL, in_ground, off, uphill, walk_on
+from walking_over_grounds import (
+    CONTACT,
+    EDGE_M,
+    GROUNDS,
+    SLOPE_DEG,
+    STEP_M,
+    TRIAL,
+    in_ground,
+    off,
+    uphill,
+    walk_on,
+)
 
 from vsf_drake.contact_file import load_contact
 from vsf_drake.files import resource
@@ -41,22 +52,33 @@ def alternatives(tmp_path_factory):
     return contact_alternatives.main(folder, quick=True), folder
 
 
-def test_drakes_contact_at_a_millisecond_is_right_in_the_end_and_near_the_law_on_the_way(alternatives):
+def test_drakes_contact_at_a_millisecond_is_right_in_the_end_and_near_the_law_on_the_way(
+    alternatives,
+):
     numbers, folder = alternatives
     reference = json.loads((folder / "contact_alternatives.json").read_text())["reference_peak_n"]
     assert numbers["weight"] == pytest.approx((10.0 + 0.649) * 9.81)
     for contact in ("drake_point", "hydroelastic"):
         assert numbers[f"{contact}_settled"] == pytest.approx(1.0, abs=5e-3)
-        assert numbers[f"{contact}_stiffness_n_per_m"] == pytest.approx(numbers["bench_stiffness"], rel=0.02)
+        assert numbers[f"{contact}_stiffness_n_per_m"] == pytest.approx(
+            numbers["bench_stiffness"], rel=0.02
+        )
         assert numbers[f"{contact}_peak_n"] == pytest.approx(reference, rel=0.15)
         assert numbers[f"{contact}_rms_n"] < 0.1 * reference
 
 
 def test_what_is_refused_or_wrong_is_said_in_its_row(alternatives):
     with open(alternatives[1] / "contact_alternatives.csv", newline="") as stream:
-        rows = {(row["contact"], row["plant and integrator"]): row for row in csv.DictReader(stream)}
-    assert len(rows) == len(contact_alternatives.QUICK_CONTACTS) * len(contact_alternatives.QUICK_WAYS)
-    refused, wrong = rows["kelvin_voigt", "discrete 1 ms"], rows["kelvin_voigt", "cenic, steps to 1 ms"]
+        rows = {
+            (row["contact"], row["plant and integrator"]): row for row in csv.DictReader(stream)
+        }
+    assert len(rows) == len(contact_alternatives.QUICK_CONTACTS) * len(
+        contact_alternatives.QUICK_WAYS
+    )
+    refused, wrong = (
+        rows["kelvin_voigt", "discrete 1 ms"],
+        rows["kelvin_voigt", "cenic, steps to 1 ms"],
+    )
     assert refused["runs"] == "no" and "explicit force" in refused["remark"]
     assert wrong["runs"] == "no" or "not on its weight" in wrong["remark"]
 
@@ -78,7 +100,10 @@ def test_a_draw_slips_if_and_only_if_the_pull_exceeds_static_friction(draws):
     np.testing.assert_allclose(draws["distance"], draws["expected_distance"], rtol=0.01)
     np.testing.assert_allclose(draws["ratio"][~slips], friction_monte_carlo.PULL, rtol=2e-3)
     np.testing.assert_allclose(
-        draws["ratio"][fast], friction_monte_carlo.KINETIC_SHARE * draws["mu_static"][fast], rtol=2e-3)
+        draws["ratio"][fast],
+        friction_monte_carlo.KINETIC_SHARE * draws["mu_static"][fast],
+        rtol=2e-3,
+    )
 
 
 # The fulcrum in swing: still in stance, as far as the motor goes, energy in balance, stiffness as of the beam.
@@ -89,14 +114,25 @@ def keel_stiffness(support, load_point):
     foot = FootParameters()
     keel = foot.keel
     bending = keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m)
-    return lumped_stiffness(bending_stiffness=bending, element_lengths=keel.element_lengths_m, support=support,
-                            load_point=load_point, fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m)
+    return lumped_stiffness(
+        bending_stiffness=bending,
+        element_lengths=keel.element_lengths_m,
+        support=support,
+        load_point=load_point,
+        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m,
+    )
 
 
-def test_in_swing_the_fulcrum_moves_unloaded_by_a_third_of_its_range_and_energy_is_balanced(tmp_path):
+def test_in_swing_the_fulcrum_moves_unloaded_by_a_third_of_its_range_and_energy_is_balanced(
+    tmp_path,
+):
     """The whole range of 85 mm takes three such swings."""
     stride = fulcrum_in_swing.main(tmp_path, quick=True)
-    assert stride["moved_in_stance"] < 1e-9 and stride["load_while_enabled"] == 0.0 and stride["swings"] == 1
+    assert (
+        stride["moved_in_stance"] < 1e-9
+        and stride["load_while_enabled"] == 0.0
+        and stride["swings"] == 1
+    )
     assert 0.085 / 3 < stride["last"] - fulcrum_in_swing.START_M < 0.085 / 2
     assert stride["energy"] > 0.3
     assert stride["balance"] == pytest.approx(0.0, abs=0.02 * stride["energy"])
@@ -109,7 +145,11 @@ def test_whole_range_takes_three_strides_at_most_and_the_ground_meets_each_posit
     Push-off meets the stiffness of the overhung keel, under the forefoot's centre of pressure, which is between the
     load point and 10 mm behind the keel's tip."""
     walk = fulcrum_in_swing.main(tmp_path)
-    assert walk["adjustments"] == 2 and walk["adjustment_1_swings"] <= 3 and walk["adjustment_2_swings"] == 1
+    assert (
+        walk["adjustments"] == 2
+        and walk["adjustment_1_swings"] <= 3
+        and walk["adjustment_2_swings"] == 1
+    )
     assert walk["furthest"] == pytest.approx(0.151, abs=1e-3)
     assert walk["last"] == pytest.approx(fulcrum_in_swing.BACK_M, abs=1e-3)
     assert walk["moved_in_stance"] < 1e-9
@@ -151,11 +191,15 @@ def arm_tests(tmp_path_factory):
 
 
 @pytest.mark.parametrize("fulcrum_m", [ARM_SOFT, ARM_MIDDLE])
-def test_the_implicit_stepper_finds_the_same_force_and_centre_of_pressure_on_the_same_path(arm_tests, fulcrum_m):
+def test_the_implicit_stepper_finds_the_same_force_and_centre_of_pressure_on_the_same_path(
+    arm_tests, fulcrum_m
+):
     """Other wiring, other integrator, 1 ms: within 2 % of the peak but where spheres leave the ground."""
     run, stepper = arm_tests[fulcrum_m], arm_tests[fulcrum_m]["stepper"]
     inner = (stepper.time_s > 0.02) & (stepper.time_s < 0.65)
-    grf = np.column_stack([np.interp(stepper.time_s, run["time"], run["grf"][:, k]) for k in (0, 2)])
+    grf = np.column_stack(
+        [np.interp(stepper.time_s, run["time"], run["grf"][:, k]) for k in (0, 2)]
+    )
     assert np.abs(grf - stepper.grf_W[:, [0, 2]])[inner].max() < 0.02 * run["peak"]
     cop = np.interp(stepper.time_s, run["time"], run["cop"][:, 0])
     assert np.abs(cop - stepper.cop_W[:, 0])[inner].max() < 3e-3
@@ -165,13 +209,18 @@ def test_the_implicit_stepper_finds_the_same_force_and_centre_of_pressure_on_the
     assert all(lost[-1] > 0.0 for lost in run["lost"].values())
 
 
-def test_the_load_goes_from_heel_to_toe_in_two_humps_and_a_softer_foot_bears_and_returns_less_at_the_toe(arm_tests):
+def test_the_load_goes_from_heel_to_toe_in_two_humps_and_a_softer_foot_bears_and_returns_less_at_the_toe(
+    arm_tests,
+):
     for run in arm_tests.values():
         cop, time = run["cop"][run["loaded"], 0], run["time"][run["loaded"]]
         assert np.diff(np.interp(np.arange(0.05, 0.65, 0.02), time, cop)).min() > 0.0
         up = np.interp([0.15, 0.32, 0.55], run["time"], run["grf"][:, 2])
         assert up[1] < 0.95 * min(up[0], up[2])
-    late = {fulcrum_m: np.interp(0.55, run["time"], run["grf"][:, 2]) for fulcrum_m, run in arm_tests.items()}
+    late = {
+        fulcrum_m: np.interp(0.55, run["time"], run["grf"][:, 2])
+        for fulcrum_m, run in arm_tests.items()
+    }
     assert late[ARM_SOFT] < 0.7 * late[ARM_MIDDLE]
     assert arm_tests[ARM_SOFT]["returned_j"] < arm_tests[ARM_MIDDLE]["returned_j"]
 
@@ -190,7 +239,8 @@ def test_the_arm_yields_by_its_load_over_inertia_and_squared_frequency(arm_tests
     def jacobian(p_WP):
         point = tool.CalcPoseInWorld(context).inverse().multiply(p_WP).reshape(3, 1)
         return plant.CalcJacobianTranslationalVelocity(
-            context, JacobianWrtVariable.kV, tool, point, world, world)[:, axes]
+            context, JacobianWrtVariable.kV, tool, point, world, world
+        )[:, axes]
 
     torque = jacobian(run["cop"][i]).T @ run["grf"][i]
     angles = np.linalg.solve(inertia, torque) / (2.0 * np.pi * robot_arm.SERVO_HZ) ** 2
@@ -210,7 +260,9 @@ def standing(tmp_path_factory):
 
 
 @pytest.mark.parametrize("fulcrum_m", [SOFT, STIFF])
-def test_at_rest_the_weight_is_under_the_centre_of_mass_and_derivatives_equal_central_differences(standing, fulcrum_m):
+def test_at_rest_the_weight_is_under_the_centre_of_mass_and_derivatives_equal_central_differences(
+    standing, fulcrum_m
+):
     """Row by row: accelerations of keel pieces have derivatives of 1e7, those of the trunk of 10."""
     run = standing[fulcrum_m]
     np.testing.assert_allclose(run["grf"], [0.0, 0.0, run["weight"]], atol=1e-6 * run["weight"])
@@ -229,8 +281,13 @@ def test_constant_torques_let_the_person_fall_and_lqr_keeps_the_person_up(standi
     moving = run["closed"][np.abs(run["closed"]) > standing_lqr.NEUTRAL]
     assert run["open"].real.max() > 1.0 and moving.real.max() < -0.5
     at = [run["leg"].index(name) for name in standing_lqr.POSTURE]
-    fallen, instant = run["dropped"]["state"][-1, at] - run["x0"][at], len(run["dropped"]["time"]) - 1
-    upright, linear = (state[:, at] - run["x0"][at] for state in (run["regulated"]["state"], run["predicted"]))
+    fallen, instant = (
+        run["dropped"]["state"][-1, at] - run["x0"][at],
+        len(run["dropped"]["time"]) - 1,
+    )
+    upright, linear = (
+        state[:, at] - run["x0"][at] for state in (run["regulated"]["state"], run["predicted"])
+    )
     assert np.abs(fallen).max() > 10.0 * np.abs(upright[instant]).max()
     assert np.abs(upright[-1]).max() < 0.5 * np.abs(upright).max()
     # It moves as its linear model says.
@@ -245,7 +302,9 @@ def test_with_joints_locked_the_leg_is_an_inverted_pendulum_on_the_spring_of_its
     for fulcrum_m, run in standing.items():
         stiffness, weight_height, inertia = inverted_pendulum(fulcrum_m)
         squared = (weight_height - stiffness) / inertia
-        slow = run["locked"][(np.abs(run["locked"]) < 10.0) & (np.abs(run["locked"]) > standing_lqr.NEUTRAL)]
+        slow = run["locked"][
+            (np.abs(run["locked"]) < 10.0) & (np.abs(run["locked"]) > standing_lqr.NEUTRAL)
+        ]
         rate = slow[np.argmax(slow.real)]
         assert np.sign(squared) == (1.0 if fulcrum_m == SOFT else -1.0)
         assert np.abs(rate) == pytest.approx(np.sqrt(np.abs(squared)), rel=0.1)
@@ -287,15 +346,22 @@ def over_grounds(tmp_path_factory):
     folder = tmp_path_factory.mktemp("grounds")
     runs = walking_over_grounds.main(folder, quick=True)
     assert {path.name for path in folder.iterdir()} == {
-        "grounds.json", "walking_over_grounds.png", "walking_over_grounds.svg"}
+        "grounds.json",
+        "walking_over_grounds.png",
+        "walking_over_grounds.svg",
+    }
     return runs
 
 
-def test_uphill_every_anatomical_body_has_the_pose_of_level_ground_turned_about_the_worlds_lateral_axis(trial, gait):
+def test_uphill_every_anatomical_body_has_the_pose_of_level_ground_turned_about_the_worlds_lateral_axis(
+    trial, gait
+):
     """Also with list and rotation of the pelvis, as the trial has them, and between samples."""
     plant, names = gait.plant, gait.person.coordinate_names
     at = [plant.GetJointByName(name).position_start() for name in names]
-    turn = RigidTransform(RotationMatrix.MakeYRotation(-np.radians(SLOPE_DEG)), np.zeros(3))  # x turns up, towards z
+    turn = RigidTransform(
+        RotationMatrix.MakeYRotation(-np.radians(SLOPE_DEG)), np.zeros(3)
+    )  # x turns up, towards z
     context = plant.CreateDefaultContext()
     columns = [names.index(f"pelvis_{name}") for name in ("list", "rotation")]
 
@@ -306,22 +372,36 @@ def test_uphill_every_anatomical_body_has_the_pose_of_level_ground_turned_about_
         return {name: body.EvalPoseInWorld(context) for name, body in gait.person.segments.items()}
 
     times = np.array([0.4123, 0.6, 0.8, 1.2])
-    assert np.all(np.ptp(trial.trajectory.ordered(names).sample(times)[0][:, columns], axis=0) > np.radians(1.0))
+    assert np.all(
+        np.ptp(trial.trajectory.ordered(names).sample(times)[0][:, columns], axis=0)
+        > np.radians(1.0)
+    )
     for time_s in times:
-        level, tilted = poses(trial.trajectory, time_s), poses(uphill(trial.trajectory, SLOPE_DEG), time_s)
+        level, tilted = (
+            poses(trial.trajectory, time_s),
+            poses(uphill(trial.trajectory, SLOPE_DEG), time_s),
+        )
         for name, pose in level.items():
-            np.testing.assert_allclose(tilted[name].GetAsMatrix4(), (turn @ pose).GetAsMatrix4(), atol=1e-9)
+            np.testing.assert_allclose(
+                tilted[name].GetAsMatrix4(), (turn @ pose).GetAsMatrix4(), atol=1e-9
+            )
 
 
 def test_in_the_slopes_axes_the_forces_are_those_of_level_ground_but_for_the_weight_of_what_hangs_free(
-        over_grounds, gait, weight):
+    over_grounds, gait, weight
+):
     """Gravity turns against the motion. It moves nothing prescribed, but bears on socket, pylon and foot. The strike
     catches that weight suddenly: on a spring such a load has at most twice its effect at rest.
     """
     slope, level, ground = over_grounds["slope"], over_grounds["level"], GROUNDS["slope"]
-    np.testing.assert_allclose(in_ground(slope.intact_grf_W, ground), level.intact_grf_W, atol=SAME_BW * weight)
+    np.testing.assert_allclose(
+        in_ground(slope.intact_grf_W, ground), level.intact_grf_W, atol=SAME_BW * weight
+    )
     plant, anatomy = gait.plant, {body.index() for body in gait.person.segments.values()}
-    free_kg = sum(plant.get_body(index).default_mass() for index in plant.GetBodyIndices(gait.person.foot.instance))
+    free_kg = sum(
+        plant.get_body(index).default_mass()
+        for index in plant.GetBodyIndices(gait.person.foot.instance)
+    )
     free_kg += sum(plant.GetBodyByName(name).default_mass() for name in ("socket_body", "pylon"))
     prescribed_kg = sum(plant.get_body(index).default_mass() for index in anatomy)
     assert prescribed_kg + free_kg == pytest.approx(weight / GRAVITY)  # nothing is left out
@@ -329,24 +409,34 @@ def test_in_the_slopes_axes_the_forces_are_those_of_level_ground_but_for_the_wei
     difference = in_ground(slope.grf_W, ground) - level.grf_W
     assert np.linalg.norm(difference, axis=1).max() < 2.0 * turned_weight + SAME_BW * weight
     loaded = level.grf_W[:, 2] > 200.0
-    np.testing.assert_allclose(in_ground(slope.cop_W[loaded], ground), level.cop_W[loaded],
-                               atol=turned_weight / 200.0 * SOLE_M)
-    np.testing.assert_allclose(slope.cop_W[loaded, 2], np.tan(np.radians(SLOPE_DEG)) * slope.cop_W[loaded, 0],
-                               atol=1e-9)
+    np.testing.assert_allclose(
+        in_ground(slope.cop_W[loaded], ground),
+        level.cop_W[loaded],
+        atol=turned_weight / 200.0 * SOLE_M,
+    )
+    np.testing.assert_allclose(
+        slope.cop_W[loaded, 2], np.tan(np.radians(SLOPE_DEG)) * slope.cop_W[loaded, 0], atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("name", ["step", "mat", "ice"])
-def test_what_is_under_the_prosthesis_alone_changes_nothing_for_the_other_foot(over_grounds, weight, name):
+def test_what_is_under_the_prosthesis_alone_changes_nothing_for_the_other_foot(
+    over_grounds, weight, name
+):
     """Pelvis and joints are prescribed, so the feet do not feel each other; each of the two runs has the integrator's
     error."""
     level = over_grounds["level"].intact_grf_W
     assert level[:, 2].max() > 0.5 * weight
     np.testing.assert_allclose(over_grounds[name].intact_grf_W, level, atol=2.0 * SAME_BW * weight)
-    assert np.abs(over_grounds[name].grf_W - over_grounds["level"].grf_W).max() > 10.0 * SAME_BW * weight
+    assert (
+        np.abs(over_grounds[name].grf_W - over_grounds["level"].grf_W).max()
+        > 10.0 * SAME_BW * weight
+    )
 
 
 def test_the_step_is_felt_from_when_a_sphere_beyond_its_edge_is_lower_than_it_and_then_adds_load(
-        over_grounds, gait, weight):
+    over_grounds, gait, weight
+):
     step, level = over_grounds["step"], over_grounds["level"]
     first = next(i for i, q in enumerate(level.q) if lowest_beyond_the_edge(gait, q) < STEP_M)
     more = step.grf_W[:, 2] - level.grf_W[:, 2]
@@ -363,8 +453,12 @@ def lowest_beyond_the_edge(gait, q):
     """Least z (m) of the prosthetic spheres whose centres are beyond EDGE_M."""
     context, sites = gait.plant.CreateDefaultContext(), gait.person.foot.sites
     gait.plant.SetPositions(context, q)
-    centres = np.array([gait.plant.get_body(index).EvalPoseInWorld(context) @ centre
-                        for index, centre in zip(sites.body_indices, sites.p_BS, strict=True)])
+    centres = np.array(
+        [
+            gait.plant.get_body(index).EvalPoseInWorld(context) @ centre
+            for index, centre in zip(sites.body_indices, sites.p_BS, strict=True)
+        ]
+    )
     return (centres[:, 2] - sites.radius)[centres[:, 0] >= EDGE_M].min()
 
 
@@ -388,19 +482,25 @@ def test_friction_stays_in_the_cone_of_each_ground_and_ice_limits_braking(over_g
     assert ice.grf_W[:, 0].min() > 0.5 * level.grf_W[:, 0].min()
 
 
-def test_over_a_whole_stance_on_level_ground_the_load_is_what_was_recorded_and_goes_from_heel_to_toe(trial, weight):
+def test_over_a_whole_stance_on_level_ground_the_load_is_what_was_recorded_and_goes_from_heel_to_toe(
+    trial, weight
+):
     """A synthetic trial that the contact was not fitted to; nearer than the paper came to one that it was fitted to."""
     run = walk_on(trial, Ground())
     force, share = run.grf_W, (run.time_s - run.time_s[0]) / (run.time_s[-1] - run.time_s[0])
     assert off(force[:, 2], run.time_s, trial.prosthetic_plate) < PAPER_BW * weight
     # Two humps, braking and propulsion stand out by more than that error.
-    first, middle, last = (force[(share >= a) & (share < b), 2] for a, b in ((0.0, 0.35), (0.35, 0.6), (0.6, 1.0)))
+    first, middle, last = (
+        force[(share >= a) & (share < b), 2] for a, b in ((0.0, 0.35), (0.35, 0.6), (0.6, 1.0))
+    )
     assert min(first.max(), last.max()) - middle.min() > 2.0 * PAPER_BW * weight
     assert force[share < 0.35, 0].min() < -PAPER_BW * weight
     assert force[share > 0.6, 0].max() > PAPER_BW * weight
     loaded = force[:, 2] > 0.1 * weight
     way = run.cop_W[loaded, 0]
     assert way[-1] - way[0] > 0.8 * SOLE_M
-    assert np.max(np.maximum.accumulate(way) - way) < ROW_M  # nearer than its rows the sole does not know where it is
+    assert (
+        np.max(np.maximum.accumulate(way) - way) < ROW_M
+    )  # nearer than its rows the sole does not know where it is
     assert force[0, 2] == 0.0
     assert force[-1, 2] == 0.0

@@ -15,7 +15,12 @@ from pydrake.multibody.plant import MultibodyPlant
 from refined_spheres import fill, with_spheres
 from scipy.spatial import ConvexHull
 
-from vsf_drake.analysis.bench_metrics import TUNED_JOINTS_N_PER_M, bench_table, displacement, stiffness
+from vsf_drake.analysis.bench_metrics import (
+    TUNED_JOINTS_N_PER_M,
+    bench_table,
+    displacement,
+    stiffness,
+)
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
@@ -35,22 +40,35 @@ def nominal():
 def test_shipped_model_is_the_default_and_its_forefoot_has_the_bench_foams_stiffness(nominal):
     assert nominal == ModelParameters()
     foot = nominal.foot
-    low, high = foot.load_point_m - 0.5 * foot.series_patch_m, foot.load_point_m + 0.5 * foot.series_patch_m
+    low, high = (
+        foot.load_point_m - 0.5 * foot.series_patch_m,
+        foot.load_point_m + 0.5 * foot.series_patch_m,
+    )
     total = sum(zone.stiffness for zone in foot.zones for x in zone.x_mm if low <= 1e-3 * x <= high)
     assert total == pytest.approx(foot.series_stiffness_n_per_m, rel=1e-12)
     assert foam_under_load(foot) == pytest.approx((total, 1.0))
 
 
-@pytest.mark.parametrize(("soft", "modulus_pa", "support_n_per_m"), [("keel", 9e9, 2e6), ("support", 18.6e9, 250e3)])
+@pytest.mark.parametrize(
+    ("soft", "modulus_pa", "support_n_per_m"), [("keel", 9e9, 2e6), ("support", 18.6e9, 250e3)]
+)
 def test_calibration_recovers_compliances_that_made_the_data(soft, modulus_pa, support_n_per_m):
     guess = {"modulus_pa": 18.6e9, "support_n_per_m": 2e6, "series_n_per_m": 60e3}
-    truth = guess | {"modulus_pa": modulus_pa, "support_n_per_m": support_n_per_m, "series_n_per_m": 50e3}
+    truth = guess | {
+        "modulus_pa": modulus_pa,
+        "support_n_per_m": support_n_per_m,
+        "series_n_per_m": 50e3,
+    }
     guess |= {"modulus_pa": 7e9} if soft == "keel" else {"support_n_per_m": 200e3}
     bench, measured = Bench(with_compliances(FootParameters(), **truth)), {}
     for fulcrum_m in (0.066, 0.151):
-        run = bench.press(fulcrum_m=fulcrum_m, max_load_n=600.0, speed_m_per_s=PUBLISHED_SPEED_M_PER_S)
+        run = bench.press(
+            fulcrum_m=fulcrum_m, max_load_n=600.0, speed_m_per_s=PUBLISHED_SPEED_M_PER_S
+        )
         measured[fulcrum_m] = stiffness(displacement(run), run.load_n)
-    found = calibrate_device(with_compliances(FootParameters(), **guess), soft=soft, measured=measured)
+    found = calibrate_device(
+        with_compliances(FootParameters(), **guess), soft=soft, measured=measured
+    )
     assert found.keel.flexural_modulus_pa == pytest.approx(modulus_pa, rel=1e-3)
     assert found.fulcrum.stiffness_n_per_m == pytest.approx(support_n_per_m, rel=1e-3)
     assert found.series_stiffness_n_per_m == pytest.approx(50e3, rel=1e-3)
@@ -64,11 +82,15 @@ def test_nominal_bench_meets_the_published_ends_and_between_them_the_tuned_joint
     found = {row.fulcrum_mm: row.stiffness_n_per_mm for row in table.settings}
     assert found[66] == pytest.approx(10.0, abs=0.3) and found[151] == pytest.approx(32.0, abs=0.5)
     for fulcrum_mm in (87, 108, 129):
-        assert found[fulcrum_mm] == pytest.approx(1e-3 * TUNED_JOINTS_N_PER_M[fulcrum_mm / 1000], abs=0.8)
+        assert found[fulcrum_mm] == pytest.approx(
+            1e-3 * TUNED_JOINTS_N_PER_M[fulcrum_mm / 1000], abs=0.8
+        )
     assert table.heel_stiffness_n_per_mm == pytest.approx(65.0, abs=2.0)
 
 
-def test_support_of_the_nominal_foot_sinks_less_than_a_millimetre_and_that_of_the_other_ten(nominal):
+def test_support_of_the_nominal_foot_sinks_less_than_a_millimetre_and_that_of_the_other_ten(
+    nominal,
+):
     """Moments about A: the support bears F x_load / x_fulcrum, 1.81 kN of 600 N."""
     reaction = 600.0 * 0.199 / 0.066
     assert reaction / nominal.foot.fulcrum.stiffness_n_per_m < 1e-3
@@ -96,16 +118,23 @@ SUPPORT_M = 0.108
 def beam(foot):
     """What the closed forms need to know of a foot on the bench."""
     keel = foot.keel
-    return {"bending_stiffness": keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m),
-            "support": SUPPORT_M, "load_point": foot.load_point_m,
-            "fulcrum_stiffness": foot.fulcrum.stiffness_n_per_m, "series_stiffness": foot.series_stiffness_n_per_m}
+    return {
+        "bending_stiffness": keel.flexural_modulus_pa
+        * section_inertia(keel.width_m, keel.thickness_m),
+        "support": SUPPORT_M,
+        "load_point": foot.load_point_m,
+        "fulcrum_stiffness": foot.fulcrum.stiffness_n_per_m,
+        "series_stiffness": foot.series_stiffness_n_per_m,
+    }
 
 
 def moving_mass(foot):
     plant = MultibodyPlant(0.0)
     handles = add_foot(plant, plant.world_frame(), foot)
     plant.Finalize()
-    return plant.CalcTotalMass(plant.CreateDefaultContext()), sum(body.default_mass() for body in handles.keel)
+    return plant.CalcTotalMass(plant.CreateDefaultContext()), sum(
+        body.default_mass() for body in handles.keel
+    )
 
 
 def hull_area(zone):
@@ -117,7 +146,9 @@ def test_more_elements_are_the_same_keel():
     finer = with_elements(FOOT, 64)
     check_model(ModelParameters(foot=finer))
     assert len(finer.keel.element_lengths_m) == 64
-    assert sum(finer.keel.element_lengths_m) == pytest.approx(sum(FOOT.keel.element_lengths_m), abs=1e-15)
+    assert sum(finer.keel.element_lengths_m) == pytest.approx(
+        sum(FOOT.keel.element_lengths_m), abs=1e-15
+    )
     assert moving_mass(finer) == pytest.approx(moving_mass(FOOT), rel=1e-12)
     assert dataclasses.replace(finer, keel=FOOT.keel) == FOOT
 
@@ -135,7 +166,9 @@ def midpoint_bound(lengths):
     kinked = lengths[np.searchsorted(ends, SUPPORT_M)]
     at_load = lengths[np.searchsorted(ends, FOOT.load_point_m)]
     smooth = np.sum(2.0 * np.maximum(slope, 1.0) ** 2 * lengths**3) / 24.0
-    return smooth + 2.0 * overhang * (overhang / SUPPORT_M + 1.0) * kinked**2 / 8.0 + at_load**3 / 3.0
+    return (
+        smooth + 2.0 * overhang * (overhang / SUPPORT_M + 1.0) * kinked**2 / 8.0 + at_load**3 / 3.0
+    )
 
 
 def test_more_elements_converge_to_the_beam_as_the_midpoint_rule_does():
@@ -166,7 +199,9 @@ def test_more_spheres_are_the_same_sole():
         assert len(new) == len(zone.x_mm), "two spheres at one place"
         if len(old) > 2:
             assert hull_area(zone) == pytest.approx(hull_area(before), rel=1e-12)
-        assert {(round(x, 9), round(-y, 9)) for x, y in new} == {(round(x, 9), round(y, 9)) for x, y in new}
+        assert {(round(x, 9), round(-y, 9)) for x, y in new} == {
+            (round(x, 9), round(y, 9)) for x, y in new
+        }
 
 
 def test_filled_outline_bears_in_its_middle():
@@ -181,8 +216,11 @@ def test_filled_outline_bears_in_its_middle():
 
 
 def test_what_cannot_be_had_by_refining_is_refused():
-    for refine, count, message in ((with_elements, 12, "multiple of 8"), (with_elements, 0, "multiple of 8"),
-                                   (with_spheres, 23, "at least what the foot has")):
+    for refine, count, message in (
+        (with_elements, 12, "multiple of 8"),
+        (with_elements, 0, "multiple of 8"),
+        (with_spheres, 23, "at least what the foot has"),
+    ):
         with pytest.raises(InputError, match=message):
             refine(FOOT, count)
     zone = dataclasses.replace(FOOT.zones[0], rise_mm=(0.0, 1.0))
@@ -196,13 +234,21 @@ def test_what_cannot_be_had_by_refining_is_refused():
 @pytest.mark.slow
 def test_each_family_comes_closer_to_its_finest_and_every_walk_converges():
     costs = measure_costs(load_trial(embedded_trials("exact")[0]), quick=True, repeats=1)
-    families = {each.family: [cost for cost in costs if cost.family == each.family] for each in costs}
+    families = {
+        each.family: [cost for cost in costs if cost.family == each.family] for each in costs
+    }
     for name in ("step", "spheres", "elements"):
         differences = [cost.difference_bw for cost in families[name]]
         assert differences == sorted(differences, reverse=True) and differences[-1] == 0.0
-        assert [bool(cost.against) for cost in families[name]] == [True] * (len(differences) - 1) + [False]
+        assert [bool(cost.against) for cost in families[name]] == [True] * (
+            len(differences) - 1
+        ) + [False]
     for cost in costs:
-        assert cost.unconverged == 0 and 0.0 < cost.settling_s < cost.wall_s and cost.stepping_per_second > 0.0
+        assert (
+            cost.unconverged == 0
+            and 0.0 < cost.settling_s < cost.wall_s
+            and cost.stepping_per_second > 0.0
+        )
     # Socket 6 and keel 9 are always free; the person's 21 come on top, and the carriage stays where it is put.
     counts = [cost.size for cost in families["free"]]
     assert counts == sorted(counts) and (counts[0], counts[-1]) == (15, 36)

@@ -45,29 +45,62 @@ def person():
     about = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
     body = scale_body(about, FootParameters(), SocketParameters())
     return dataclasses.replace(
-        about, **{f"{name}_m": getattr(body, name) for name in (
-            "thigh_length", "shank_length", "ankle_height", "foot_length", "hip_forward", "hip_up", "hip_lateral",
-            "prosthetic_thigh_length", "prosthesis_length")},
-        prosthesis_fore_aft_m=0.01, prosthesis_lateral_m=-0.005, prosthesis_alignment_rad=0.05,
-        prosthesis_toe_out_rad=0.1)
+        about,
+        **{
+            f"{name}_m": getattr(body, name)
+            for name in (
+                "thigh_length",
+                "shank_length",
+                "ankle_height",
+                "foot_length",
+                "hip_forward",
+                "hip_up",
+                "hip_lateral",
+                "prosthetic_thigh_length",
+                "prosthesis_length",
+            )
+        },
+        prosthesis_fore_aft_m=0.01,
+        prosthesis_lateral_m=-0.005,
+        prosthesis_alignment_rad=0.05,
+        prosthesis_toe_out_rad=0.1,
+    )
 
 
 @pytest.fixture(scope="module")
 def trial():
     """A walk of the reference subject as if recorded just now."""
     loaded = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
-    feet = {side: Foot(plate.force_W, plate.cop_W, np.where(np.isfinite(plate.cop_W[:, 0]), plate.free_moment_nm,
-                                                            np.nan)) for side, plate in loaded.plates.items()}
+    feet = {
+        side: Foot(
+            plate.force_W,
+            plate.cop_W,
+            np.where(np.isfinite(plate.cop_W[:, 0]), plate.free_moment_nm, np.nan),
+        )
+        for side, plate in loaded.plates.items()
+    }
     return SimpleNamespace(
-        time_s=loaded.trajectory.time_s, coordinates=in_degrees(loaded.trajectory.ordered(COORDINATES).values),
-        force_time_s=loaded.prosthetic_plate.time_s, **feet,
-        draw=SimpleNamespace(name="medium_1", condition="medium", number=1, stride_s=1.27, fulcrum_m=0.108))
+        time_s=loaded.trajectory.time_s,
+        coordinates=in_degrees(loaded.trajectory.ordered(COORDINATES).values),
+        force_time_s=loaded.prosthetic_plate.time_s,
+        **feet,
+        draw=SimpleNamespace(
+            name="medium_1", condition="medium", number=1, stride_s=1.27, fulcrum_m=0.108
+        ),
+    )
 
 
 def still(session: Session) -> Session:
     """The same with trials that get nothing wrong for themselves."""
-    return dataclasses.replace(session, sizes=dataclasses.replace(session.sizes, between_trials={
-        key: 0.0 * value for key, value in session.sizes.between_trials.items()}))
+    return dataclasses.replace(
+        session,
+        sizes=dataclasses.replace(
+            session.sizes,
+            between_trials={
+                key: 0.0 * value for key, value in session.sizes.between_trials.items()
+            },
+        ),
+    )
 
 
 def all_values(coordinates):
@@ -77,20 +110,38 @@ def all_values(coordinates):
     return values
 
 
-@pytest.mark.parametrize(("size", "table", "column"), [
-    ("between_sessions", ("kinematic_repeatability.csv", "error"), "between_session_sd_deg"),
-    ("between_trials", ("kinematic_repeatability.csv", "error"), "between_trial_sd_deg"),
-    ("sway", ("soft_tissue_artefact.csv", "amplitude"), "value")])
+@pytest.mark.parametrize(
+    ("size", "table", "column"),
+    [
+        ("between_sessions", ("kinematic_repeatability.csv", "error"), "between_session_sd_deg"),
+        ("between_trials", ("kinematic_repeatability.csv", "error"), "between_trial_sd_deg"),
+        ("sway", ("soft_tissue_artefact.csv", "amplitude"), "value"),
+    ],
+)
 def test_errors_of_segments_give_every_angle_its_published_size(size, table, column):
     """By chance: many persons upright, their segments turned as drawn, and the spread of the angles read off; and no
     segment with markers on skin is right in any plane of which an angle is published."""
     random, sizes, count = np.random.default_rng(0), getattr(published_sizes(), size), 6000
     upright, _ = orientations_of(np.zeros((count, len(BOTH_ANKLES))))
-    wanted = {row["coordinate"]: float(row[column]) for row in module._rows(table[0]) if row["quantity"] == table[1]}
-    turned = {segment: R @ module.Rotation.from_rotvec(
-        sizes[segment.partition("_")[0]] * random.standard_normal((count, 3))).as_matrix()
-        for segment, R in upright.items()}
-    angles = dict(zip(BOTH_ANKLES, np.degrees(coordinates_of(turned, np.zeros((count, 3)))).std(axis=0), strict=True))
+    wanted = {
+        row["coordinate"]: float(row[column])
+        for row in module._rows(table[0])
+        if row["quantity"] == table[1]
+    }
+    turned = {
+        segment: R
+        @ module.Rotation.from_rotvec(
+            sizes[segment.partition("_")[0]] * random.standard_normal((count, 3))
+        ).as_matrix()
+        for segment, R in upright.items()
+    }
+    angles = dict(
+        zip(
+            BOTH_ANKLES,
+            np.degrees(coordinates_of(turned, np.zeros((count, 3)))).std(axis=0),
+            strict=True,
+        )
+    )
     for kind, names in ANGLES.items():
         for axis, name in enumerate(names):
             if name:
@@ -100,8 +151,12 @@ def test_errors_of_segments_give_every_angle_its_published_size(size, table, col
 
 
 def test_an_angle_less_uncertain_than_the_segment_above_it_is_refused():
-    rows = [{"quantity": "error", "coordinate": name, "sd": "2.0" if name == "pelvis_tilt" else "1.0"}
-            for names in ANGLES.values() for name in names if name]
+    rows = [
+        {"quantity": "error", "coordinate": name, "sd": "2.0" if name == "pelvis_tilt" else "1.0"}
+        for names in ANGLES.values()
+        for name in names
+        if name
+    ]
     with pytest.raises(ValueError, match="hip_flexion is less uncertain"):
         module._of_segments(rows, "error", "sd")
 
@@ -115,8 +170,12 @@ def test_slow_errors_have_their_size_and_no_mean():
 
 def test_without_errors_the_walk_comes_back(person, trial, monkeypatch):
     monkeypatch.setattr(module, "MARKED_M", 0.0)
-    tier = session_tier(trial, still(draw_session(person, seed=(3,), name="").of_trials_alone()), "tier", (0,))
-    np.testing.assert_allclose(tier.coordinates, trial.coordinates, atol=1.01 * 10.0**-module.DECIMALS)
+    tier = session_tier(
+        trial, still(draw_session(person, seed=(3,), name="").of_trials_alone()), "tier", (0,)
+    )
+    np.testing.assert_allclose(
+        tier.coordinates, trial.coordinates, atol=1.01 * 10.0**-module.DECIMALS
+    )
 
 
 def test_the_written_skeleton_has_its_prosthetic_ankle_where_the_markers_are(person, trial):
@@ -131,21 +190,37 @@ def test_the_written_skeleton_has_its_prosthetic_ankle_where_the_markers_are(per
     assert np.linalg.norm(true - naive, axis=1).max() > 0.01, "else the test tells nothing"
 
 
-def test_a_constant_error_of_the_shank_is_taken_out_where_the_foot_is_measured_standing(person, trial, monkeypatch):
+def test_a_constant_error_of_the_shank_is_taken_out_where_the_foot_is_measured_standing(
+    person, trial, monkeypatch
+):
     """The foot itself, in the world, of a session in which only segments are turned in flexion."""
     for name in ("KNEE_M", "ANKLE_M", "PLACE_M", "FOOT_DEG", "MARKED_M"):
         monkeypatch.setattr(module, name, 0.0)
     sizes = published_sizes()
-    monkeypatch.setattr(module, "published_sizes", lambda: dataclasses.replace(
-        sizes, hip_centre_m=0.0, between_sessions={key: value * [0.0, 1.0, 0.0]
-                                                   for key, value in sizes.between_sessions.items()}))
+    monkeypatch.setattr(
+        module,
+        "published_sizes",
+        lambda: dataclasses.replace(
+            sizes,
+            hip_centre_m=0.0,
+            between_sessions={
+                key: value * [0.0, 1.0, 0.0] for key, value in sizes.between_sessions.items()
+            },
+        ),
+    )
     drawn = draw_session(person, seed=(5,), name="")
-    session = dataclasses.replace(still(drawn.of_trials_alone()), turned=drawn.turned, written=drawn.written,
-                                  ankle=drawn.ankle)
+    session = dataclasses.replace(
+        still(drawn.of_trials_alone()),
+        turned=drawn.turned,
+        written=drawn.written,
+        ankle=drawn.ankle,
+    )
     assert abs(session.turned["shank_right"][1]) > 0.005
     tier = session_tier(trial, session, "tier", (0,))
     for angle in ("knee_angle_r", "hip_flexion_r"):
-        assert np.abs((tier.coordinates - trial.coordinates)[:, COORDINATES.index(angle)]).max() > 0.2
+        assert (
+            np.abs((tier.coordinates - trial.coordinates)[:, COORDINATES.index(angle)]).max() > 0.2
+        )
     places = []
     for coordinates, subject in ((trial.coordinates, person), (tier.coordinates, session.written)):
         values = all_values(coordinates)
@@ -153,11 +228,16 @@ def test_a_constant_error_of_the_shank_is_taken_out_where_the_foot_is_measured_s
         knee = ankle_of(values, subject, np.zeros(3))
         places.append((R_WS @ X_SP.rotation().matrix(), knee + R_WS @ X_SP.translation()))
     np.testing.assert_allclose(places[1][0], places[0][0], atol=2e-4)  # written to 1e-4 rad
-    np.testing.assert_allclose(places[1][1], places[0][1], atol=3e-4)  # and to 0.1 mm, of three lengths
+    np.testing.assert_allclose(
+        places[1][1], places[0][1], atol=3e-4
+    )  # and to 0.1 mm, of three lengths
 
 
 def test_a_session_repeats_and_its_trials_differ(person, trial):
-    one, again = (session_tier(trial, draw_session(person, seed=(6,), name=""), "tier", (0,)) for _ in range(2))
+    one, again = (
+        session_tier(trial, draw_session(person, seed=(6,), name=""), "tier", (0,))
+        for _ in range(2)
+    )
     other = session_tier(trial, draw_session(person, seed=(6,), name=""), "tier", (1,))
     day = session_tier(trial, draw_session(person, seed=(7,), name=""), "tier", (0,))
     np.testing.assert_array_equal(one.coordinates, again.coordinates)
@@ -167,31 +247,43 @@ def test_a_session_repeats_and_its_trials_differ(person, trial):
     assert np.abs(one.coordinates - day.coordinates)[:, knee].max() > 0.1
 
 
-def test_angles_that_laboratories_zero_have_no_mean_and_the_foots_inversion_is_not_told(person, trial):
-    session = draw_session(dataclasses.replace(person, prosthesis_inversion_rad=0.03), seed=(8,), name="")
+def test_angles_that_laboratories_zero_have_no_mean_and_the_foots_inversion_is_not_told(
+    person, trial
+):
+    session = draw_session(
+        dataclasses.replace(person, prosthesis_inversion_rad=0.03), seed=(8,), name=""
+    )
     tier = session_tier(trial, session, "tier", (0,))
     for name in module.ZEROED:
         assert tier.coordinates[:, COORDINATES.index(name)].mean() == pytest.approx(0.0, abs=1e-4)
     assert session.written.prosthesis_inversion_rad is None
 
 
-def test_the_true_foot_on_the_true_motion_gives_its_plate_again_and_on_a_recorded_one_it_does_not(person, trial):
+def test_the_true_foot_on_the_true_motion_gives_its_plate_again_and_on_a_recorded_one_it_does_not(
+    person, trial
+):
     foot, q = prosthesis_of(person, 0.108), np.radians(trial.coordinates)
     q[:, :3] = trial.coordinates[:, :3]
     poses = shank_poses(Person(person, default_model()), trial.time_s, q, trial.force_time_s)
     reaction = foot.walk(trial.force_time_s, *poses)
     plate = Foot(reaction.force, reaction.cop, reaction.free_moment)
     session = draw_session(person, seed=(9,), name="")
-    tiers = [SimpleNamespace(coordinates=values, right=plate) for values in (
-        trial.coordinates, session_tier(trial, session, "tier", (0,)).coordinates)]
-    true, recorded = (session_floor(foot, one, trial, tier)["grf_rmse_bw"] for one, tier in zip(
-        (session.of_trials_alone(), session), tiers, strict=True))
+    tiers = [
+        SimpleNamespace(coordinates=values, right=plate)
+        for values in (trial.coordinates, session_tier(trial, session, "tier", (0,)).coordinates)
+    ]
+    true, recorded = (
+        session_floor(foot, one, trial, tier)["grf_rmse_bw"]
+        for one, tier in zip((session.of_trials_alone(), session), tiers, strict=True)
+    )
     assert true < 1e-6 and recorded > 0.01
 
 
 def test_a_mirror_image_walks_as_the_mirror_image(trial, tmp_path):
     """The model, which knows left from right, makes of the mirrored files the mirrored force."""
-    tier = SimpleNamespace(name="tier", coordinates=trial.coordinates, right=trial.right, left=trial.left)
+    tier = SimpleNamespace(
+        name="tier", coordinates=trial.coordinates, right=trial.right, left=trial.left
+    )
     walks = {}
     for side in ("right", "left"):
         folder = tmp_path / side
@@ -200,8 +292,13 @@ def test_a_mirror_image_walks_as_the_mirror_image(trial, tmp_path):
         write_trial(folder, trial, tier, dataclasses.replace(REFERENCE, mirrored=side == "left"))
         loaded = load_trial(folder / "tier" / "medium_1.yaml")
         walker = Walker(loaded.subject, loaded.model)
-        walked = walker.walk(loaded.trajectory, fulcrum_m=loaded.fulcrum_m, start_s=0.3, end_s=0.7, step_s=2e-3)
-        walks[side] = walker.result(walked, loaded, loaded.offsets, energy=False), loaded.prosthetic_plate
+        walked = walker.walk(
+            loaded.trajectory, fulcrum_m=loaded.fulcrum_m, start_s=0.3, end_s=0.7, step_s=2e-3
+        )
+        walks[side] = (
+            walker.result(walked, loaded, loaded.offsets, energy=False),
+            loaded.prosthetic_plate,
+        )
     (right, measured), (left, mirrored) = walks["right"], walks["left"]
     flip = np.array([1.0, -1.0, 1.0])
     assert right.grf_W[:, 2].max() > 300.0
@@ -218,8 +315,12 @@ def recorded(request, person, trial, tmp_path_factory):
     session = draw_session(person, seed=(2,), name="")
     tier = session_tier(trial, session, "tier", (0, 3))
     folder = tmp_path_factory.mktemp(request.param)
-    write_subject(folder, f"mass_kg: 78.0\nstature_m: 1.81\nsex: male\nprosthetic_side: {request.param}\n")
-    write_trial(folder, trial, tier, dataclasses.replace(REFERENCE, mirrored=request.param == "left"))
+    write_subject(
+        folder, f"mass_kg: 78.0\nstature_m: 1.81\nsex: male\nprosthetic_side: {request.param}\n"
+    )
+    write_trial(
+        folder, trial, tier, dataclasses.replace(REFERENCE, mirrored=request.param == "left")
+    )
     return session, tier, load_trial(folder / "tier" / "medium_1.yaml")
 
 
@@ -236,8 +337,10 @@ def keel(coordinates, lengths, foot, **offsets):
 def apart(one, other):
     """How far two keel frames are turned (rad) and moved (m) from each other at most, but for to the side."""
     (R, p), (R_F, p_F) = one, other
-    return (np.linalg.norm(Rotation.from_matrix(np.swapaxes(R, 1, 2) @ R_F).as_rotvec(), axis=1).max(),
-            np.abs(np.einsum("nji,nj->ni", R, p_F - p))[:, [0, 2]].max())
+    return (
+        np.linalg.norm(Rotation.from_matrix(np.swapaxes(R, 1, 2) @ R_F).as_rotvec(), axis=1).max(),
+        np.abs(np.einsum("nji,nj->ni", R, p_F - p))[:, [0, 2]].max(),
+    )
 
 
 def standing(trial, loaded):
@@ -258,20 +361,32 @@ def test_a_trials_errors_of_angles_are_found_without_its_walk(recorded, trial):
     assert max(map(abs, found.values())) > np.radians(1.0), "else the test tells nothing"
 
 
-def test_true_values_put_the_true_foot_under_a_person_whose_other_errors_are_taken_off(recorded, person, trial):
+def test_true_values_put_the_true_foot_under_a_person_whose_other_errors_are_taken_off(
+    recorded, person, trial
+):
     """The keel frame in the world, but for what it is off to the side: to the 0.26 degrees of the test above, of each
     angle, and to these over the leg's 0.9 m."""
     session, tier, loaded = recorded
-    session = dataclasses.replace(session, person=dataclasses.replace(person, prosthesis_inversion_rad=0.03))
+    session = dataclasses.replace(
+        session, person=dataclasses.replace(person, prosthesis_inversion_rad=0.03)
+    )
     side = loaded.subject.prosthetic_side[0]
     values = true_values(session, [(loaded, trial.draw.stride_s, (0, 3))])
-    assert len(values) == 8 and all(name.endswith(f"_{side}") for name in values if name.startswith("coordinate"))
+    assert len(values) == 8 and all(
+        name.endswith(f"_{side}") for name in values if name.startswith("coordinate")
+    )
     corrected = trial.coordinates.copy()
     for name in ("hip_flexion", "knee_angle", "hip_adduction"):
         column = COORDINATES.index(f"{name}_r")
         error = tier.coordinates[:, column] - trial.coordinates[:, column]
-        corrected[:, column] += error[standing(trial, loaded)].mean() + np.degrees(values[f"coordinate.{name}_{side}"])
-    mount = {name.removeprefix("offset."): value for name, value in values.items() if name.startswith("offset")}
+        corrected[:, column] += error[standing(trial, loaded)].mean() + np.degrees(
+            values[f"coordinate.{name}_{side}"]
+        )
+    mount = {
+        name.removeprefix("offset."): value
+        for name, value in values.items()
+        if name.startswith("offset")
+    }
 
     true = keel(trial.coordinates, session.person, session.person)
     for offsets, near in (({}, False), (mount, True)):
@@ -284,12 +399,18 @@ def test_as_found_the_recorded_motion_alone_carries_the_true_foot(person, trial,
     """Of a session that gets all trials alike wrong, nothing else: the written skeleton under its own pelvis has the
     keel frame where it is, to the rounding of lengths and angles, but for what the foot is off to the side."""
     monkeypatch.setattr(module, "MARKED_M", 0.0)
-    drawn = draw_session(dataclasses.replace(person, prosthesis_inversion_rad=0.03), seed=(2,), name="")
-    session = dataclasses.replace(still(drawn), zeroed=(), waves={name: 0.0 * w for name, w in drawn.waves.items()})
+    drawn = draw_session(
+        dataclasses.replace(person, prosthesis_inversion_rad=0.03), seed=(2,), name=""
+    )
+    session = dataclasses.replace(
+        still(drawn), zeroed=(), waves={name: 0.0 * w for name, w in drawn.waves.items()}
+    )
     tier = session_tier(trial, session, "tier", (0,))
     for as_found in (True, False):
         offsets = vars(true_offsets(session, as_found=as_found))
         mount = {name.rsplit("_", 1)[0]: value for name, value in offsets.items()}
-        turned, moved = apart(keel(trial.coordinates, session.person, session.person),
-                              keel(tier.coordinates, session.written, session.written, **mount))
+        turned, moved = apart(
+            keel(trial.coordinates, session.person, session.person),
+            keel(tier.coordinates, session.written, session.written, **mount),
+        )
         assert bool(turned < 5e-4 and moved < 5e-4) is as_found

@@ -37,6 +37,8 @@ from vsf_drake.files import sha256
 ROOT = RESULTS.parents[1]
 ASSUMED_BW = np.sqrt(3.0) * FitNoise().vertical  # of the resultant, whose components are alike
 FIT_SCRIPT, FIT_STORED = RESULTS.parent / "contact_fit.py", RESULTS / "contact_fit.json"
+
+
 @pytest.fixture(scope="module")
 def fit_stored():
     return json.loads(FIT_STORED.read_text(encoding="utf-8"))
@@ -45,11 +47,19 @@ def fit_stored():
 def test_every_fit_is_stored_none_failed_and_what_misses_its_target_is_known(fit_stored):
     assert fit_stored["synthetic"] is True
     inputs = fit_stored["provenance"]["inputs_sha256"]
-    assert len(inputs) == 4 + 2 * 3 * len(TRIALS)  # subject, model, bench and floors, and three files a trial and tier
+    assert len(inputs) == 4 + 2 * 3 * len(
+        TRIALS
+    )  # subject, model, bench and floors, and three files a trial and tier
     for tier in TIERS:
         found = fit_stored[tier]
-        blocks = [found["one_trial"], found["without_bench"], found["keel_unknown"], found["resultant_alone"],
-                  found["paper"]["literal"], found["paper"]["settled_10"]]
+        blocks = [
+            found["one_trial"],
+            found["without_bench"],
+            found["keel_unknown"],
+            found["resultant_alone"],
+            found["paper"]["literal"],
+            found["paper"]["settled_10"],
+        ]
         fits = [found["transfer"], *(fit for block in blocks for fit in block.values())]
         assert len(fits) + len(found["all_pairs"]["pairs"]) == len(cases(tier))
         assert not any("failed" in fit for fit in [*fits, *found["all_pairs"]["pairs"].values()])
@@ -58,7 +68,9 @@ def test_every_fit_is_stored_none_failed_and_what_misses_its_target_is_known(fit
         assert found["transfer"]["fitted"] == list(PAIR) and found["transfer"]["starts"] == 5
         missed = [t.what for t in TARGETS if tier in t.limits and not t.met(tier, found)]
         assert missed == []  # and the guide says so
-    assert markdown_table(fit_stored) in (ROOT / "docs" / "guide" / "fit.md").read_text(encoding="utf-8")
+    assert markdown_table(fit_stored) in (ROOT / "docs" / "guide" / "fit.md").read_text(
+        encoding="utf-8"
+    )
 
 
 @pytest.mark.parametrize("tier", TIERS)
@@ -67,15 +79,21 @@ def test_numbers_at_their_keys_are_means_over_the_seven_held_out_trials(fit_stor
     trials = found["transfer"]["trials"]
     held = [row for row in trials.values() if row["role"] == "held out"]
     assert len(held) == 7 and not set(PAIR) & {name for name, row in trials.items() if row in held}
-    for key, metric in (("held_out_grf_rmse_bw", "grf_rmse_bw"), ("held_out_cop_rmse_fl", "cop_rmse_fl"),
-                        ("held_out_fore_aft_rmse_bw", "fore_aft_rmse_bw"),
-                        ("held_out_impulse_rmse_bws", "impulse_rmse_bws"),
-                        ("null_model_grf_rmse_bw", "null_model_grf_rmse_bw")):
+    for key, metric in (
+        ("held_out_grf_rmse_bw", "grf_rmse_bw"),
+        ("held_out_cop_rmse_fl", "cop_rmse_fl"),
+        ("held_out_fore_aft_rmse_bw", "fore_aft_rmse_bw"),
+        ("held_out_impulse_rmse_bws", "impulse_rmse_bws"),
+        ("null_model_grf_rmse_bw", "null_model_grf_rmse_bw"),
+    ):
         values = [row[metric] for row in held]
         assert found[key] == pytest.approx(np.mean(values)), key
         assert found["held_out"][key]["worst"] == max(values)
     definition = "exact" if tier == "exact" else "shared_errors_removed"
-    floor = [floors()["trials"][name][definition]["grf_rmse_bw"] for name in found["transfer"]["held_out"]]
+    floor = [
+        floors()["trials"][name][definition]["grf_rmse_bw"]
+        for name in found["transfer"]["held_out"]
+    ]
     assert found["floor_grf_rmse_bw"] == pytest.approx(np.mean(floor))
     right = [abs(row["sweep"]["best_mm"] - row["fulcrum_mm"]) <= 10.5 for row in trials.values()]
     assert found["fulcrum_sweep_correct"] == sum(right)
@@ -89,7 +107,9 @@ def test_numbers_at_their_keys_are_means_over_the_seven_held_out_trials(fit_stor
 
 def test_a_fit_that_failed_is_no_number_and_a_target_missed():
     numbers = fit_results.pair_results({"failed": "the walk diverges"})
-    assert all(numbers[key] is None for key in ("held_out_grf_rmse_bw", "fulcrum_sweep_correct", "wall_s"))
+    assert all(
+        numbers[key] is None for key in ("held_out_grf_rmse_bw", "fulcrum_sweep_correct", "wall_s")
+    )
     text = text_table({"exact": numbers})
     assert "failed" in text and "MISSED" in text
 
@@ -111,10 +131,18 @@ def test_a_kept_part_is_made_again_only_for_another_key(tmp_path):
     assert kept(tmp_path, "part", "two", make)[0]["value"] == 3.0
 
 
-@pytest.mark.parametrize("script", [
-    adaptive_stride, contact_fit, contact_truth_recovery, device_hypotheses, floor_of_the_reference_subject,
-    make_reference_subject],
-    ids=lambda script: script.__name__)
+@pytest.mark.parametrize(
+    "script",
+    [
+        adaptive_stride,
+        contact_fit,
+        contact_truth_recovery,
+        device_hypotheses,
+        floor_of_the_reference_subject,
+        make_reference_subject,
+    ],
+    ids=lambda script: script.__name__,
+)
 def test_a_part_of_a_study_never_replaces_the_whole(monkeypatch, capsys, script):
     monkeypatch.setattr(sys, "argv", [script.__name__, "--quick"])
     with pytest.raises(SystemExit) as ended:
@@ -126,14 +154,18 @@ def test_a_part_of_a_study_never_replaces_the_whole(monkeypatch, capsys, script)
 def test_the_quick_form_finds_the_stored_fit_again(tmp_path, fit_stored):
     """One start ends where the best of five does, as far as what it predicts goes; the stored file stays as it was."""
     before = sha256(FIT_STORED)
-    subprocess.run([sys.executable, FIT_SCRIPT, "--quick", "--out", tmp_path], check=True, capture_output=True)
+    subprocess.run(
+        [sys.executable, FIT_SCRIPT, "--quick", "--out", tmp_path], check=True, capture_output=True
+    )
     again = json.loads((tmp_path / "contact_fit.json").read_text(encoding="utf-8"))
     assert set(again) - set(fit_stored) == set() and "laboratory" not in again
     for key in ("held_out_grf_rmse_bw", "held_out_cop_rmse_fl", "held_out_fore_aft_rmse_bw"):
         assert again["exact"][key] == pytest.approx(fit_stored["exact"][key], abs=2e-3), key
     assert again["exact"]["fulcrum_sweep_correct"] == fit_stored["exact"]["fulcrum_sweep_correct"]
     for name in ("errors_by_trial", "fulcrum_sweeps"):
-        assert (tmp_path / f"{name}.png").stat().st_size > 10_000 and (tmp_path / f"{name}.svg").exists()
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000 and (
+            tmp_path / f"{name}.svg"
+        ).exists()
     assert sha256(FIT_STORED) == before
 
 
@@ -147,13 +179,17 @@ def adaptive():
     return stored
 
 
-def test_the_weight_of_able_bodied_walking_is_the_least_that_keeps_an_able_bodied_person_within_the_bands(adaptive):
+def test_the_weight_of_able_bodied_walking_is_the_least_that_keeps_an_able_bodied_person_within_the_bands(
+    adaptive,
+):
     """At all of 0.9, 1.1 and 1.4 m/s: stride time, step length and both peaks."""
     found = adaptive["able_bodied"]
     assert found["least_that_meets_all"] == StrideOptions().normal_weight
     for weight, rows in found["weights"].items():
         assert set(rows) == {"0.9", "1.1", "1.4"} and len(rows["0.9"]["bands"]) == 4
-        assert all(row["within"] for row in rows.values()) == (float(weight) >= StrideOptions().normal_weight)
+        assert all(row["within"] for row in rows.values()) == (
+            float(weight) >= StrideOptions().normal_weight
+        )
 
 
 def test_consistent_strides_find_their_fulcrum(adaptive):
@@ -170,10 +206,15 @@ def test_the_full_model_carries_out_what_the_guide_says(adaptive):
     assert len(rows) == 15
     for one in rows.values():
         assert one["status"] == ["optimal", "optimal"] and not one["fell"]
-        assert one["feedback_share"] < 0.1 and max(one["prescribed_percent_bw"], one["feedback_percent_bw"]) < 3.0
+        assert (
+            one["feedback_share"] < 0.1
+            and max(one["prescribed_percent_bw"], one["feedback_percent_bw"]) < 3.0
+        )
 
 
-def test_nine_positions_are_solved_at_each_of_three_speeds_and_the_best_is_stiffer_the_faster(adaptive):
+def test_nine_positions_are_solved_at_each_of_three_speeds_and_the_best_is_stiffer_the_faster(
+    adaptive,
+):
     found = adaptive["speeds"]
     assert len(found["positions_mm"]) == 9 and found["wall_s"] < 600.0, "as measured then, not here"
     assert all(cost is not None for row in found["speeds"].values() for cost in row["cost"])
@@ -181,16 +222,22 @@ def test_nine_positions_are_solved_at_each_of_three_speeds_and_the_best_is_stiff
     assert best == sorted(best) and best[0] < best[-1]
 
 
-def test_stiffness_has_the_published_signs_from_the_chosen_weight_to_four_times_it_and_starts_end_alike(adaptive):
+def test_stiffness_has_the_published_signs_from_the_chosen_weight_to_four_times_it_and_starts_end_alike(
+    adaptive,
+):
     """Below it push-off power has not: six of seven, in one of six cases seven."""
     own, rows = StrideOptions().normal_weight, adaptive["signs"]
     assert len(rows) == 15 and {found["recorded_mm"] for found in rows} == {66.0, 108.0, 151.0}
     assert {found["count"] for found in rows if found["weight"] >= own} == {7}
     assert sorted(found["count"] for found in rows if found["weight"] < own) == [6, 6, 6, 6, 6, 7]
-    assert all(kept for found in rows for name, kept in found["signs"].items() if name != "push-off power")
+    assert all(
+        kept for found in rows for name, kept in found["signs"].items() if name != "push-off power"
+    )
     for found in rows:
         costs = [end["cost"] for end in found["free"] if end["status"] == "optimal"]
-        assert len(costs) >= 2 and max(costs) / min(costs) < (1.005 if found["weight"] == own else 1.01)
+        assert len(costs) >= 2 and max(costs) / min(costs) < (
+            1.005 if found["weight"] == own else 1.01
+        )
 
 
 # Truth recovery: recordings that the model made are fitted back.
@@ -208,7 +255,9 @@ def one():
 def test_at_the_truth_nothing_is_left_but_the_prior_and_the_recording_carries_the_person(one):
     *data, prior = one.fit.evaluate(one.truth, derivatives=False).terms
     for term in data:
-        np.testing.assert_allclose(term.residual, 0.0, atol=2e-3, err_msg=f"{term.trial} {term.name}")
+        np.testing.assert_allclose(
+            term.residual, 0.0, atol=2e-3, err_msg=f"{term.trial} {term.name}"
+        )
     np.testing.assert_array_equal(prior.residual, one.truth)
     assert np.abs(one.truth).max() > 1.0, "the truth is not the middle of the prior"
     impulses = [impulse(one.fit.trials[0]), impulse(trial("low_1"))]
@@ -219,7 +268,9 @@ def test_less_noise_is_assumed_of_the_same_recordings(one):
     less = assuming(one, 0.1)
     assert less.fit.options.noise.vertical == pytest.approx(0.1 * OPTIONS.noise.vertical)
     assert less.fit.options.noise.correlation_s == OPTIONS.noise.correlation_s
-    assert less.fit.bench.uncertainty_n_per_m == pytest.approx(0.1 * one.fit.bench.uncertainty_n_per_m)
+    assert less.fit.bench.uncertainty_n_per_m == pytest.approx(
+        0.1 * one.fit.bench.uncertainty_n_per_m
+    )
     u = np.zeros(len(one.truth))
     for a, b in zip(one.fit.evaluate(u).terms[:-1], less.fit.evaluate(u).terms[:-1], strict=True):
         np.testing.assert_allclose(b.residual, 10.0 * a.residual, rtol=1e-9, atol=1e-9)
@@ -232,13 +283,20 @@ def test_drawn_noise_is_as_large_as_was_assumed_and_nothing_in_swing():
     rms: dict[str, list[float]] = {}
     for item in noisy:
         at = item.fit.evaluate(item.truth, derivatives=False)
-        stance = item.fit.terms_of(item.fit.trials[0], item.fit.labels[0]).walk(item.truth)[0].stances[0].measured
+        stance = (
+            item.fit.terms_of(item.fit.trials[0], item.fit.labels[0])
+            .walk(item.truth)[0]
+            .stances[0]
+            .measured
+        )
         for term in at.terms[:-2]:
             inside = (term.times_s > stance.start_s + 0.02) & (term.times_s < stance.end_s - 0.02)
             rms.setdefault(term.name, []).append(np.mean(term.residual[inside] ** 2))
         plate = item.fit.trials[0].prosthetic_plate
         # a foot that is drawn low leaves the floor just after the recording begins
-        assert not plate.force_W[(plate.time_s > 0.05) & (plate.time_s < stance.start_s - 0.05)].any()
+        assert not plate.force_W[
+            (plate.time_s > 0.05) & (plate.time_s < stance.start_s - 0.05)
+        ].any()
     found = {name: np.sqrt(np.mean(values)) for name, values in rms.items()}
     for name in ("fore_aft", "lateral", "vertical"):
         assert found[name] == pytest.approx(0.97, rel=0.3), name
@@ -266,15 +324,26 @@ def test_intervals_hold_the_truth_in_most_seeds(tmp_path):
     """Three seeds of one trial, two of them by the study's quick form: of some twenty-five intervals of what is
     identified one or two are expected to miss."""
     before = sha256(TRUTH_STORED)
-    subprocess.run([sys.executable, contact_truth_recovery.__file__, "--quick", "--out", tmp_path], check=True,
-                   capture_output=True)
-    parts = [json.loads((tmp_path / "parts" / f"interval_low_1_1_{seed}.json").read_text(encoding="utf-8"))["part"]
-             for seed in range(2)]
+    subprocess.run(
+        [sys.executable, contact_truth_recovery.__file__, "--quick", "--out", tmp_path],
+        check=True,
+        capture_output=True,
+    )
+    parts = [
+        json.loads(
+            (tmp_path / "parts" / f"interval_low_1_1_{seed}.json").read_text(encoding="utf-8")
+        )["part"]
+        for seed in range(2)
+    ]
     found = [*parts, cover(made(TRUTH_TRIALS["one_trial"], [7, 1, 2], 1.0), 1.0)]
-    known = [p["contained"] for seed in found for p in seed["parameters"].values() if p["identified"]]
+    known = [
+        p["contained"] for seed in found for p in seed["parameters"].values() if p["identified"]
+    ]
     assert all(seed["success"] for seed in found)
     assert len(known) >= 15 and np.mean(known) > 0.8
-    recovery = json.loads((tmp_path / "contact_truth_recovery.json").read_text(encoding="utf-8"))["recovery"]
+    recovery = json.loads((tmp_path / "contact_truth_recovery.json").read_text(encoding="utf-8"))[
+        "recovery"
+    ]
     assert recovery["one_trial"]["default_noise"]["searches"]["grf_rmse_bw"]["worst"] < ASSUMED_BW
     assert sha256(TRUTH_STORED) == before
 
@@ -288,11 +357,18 @@ def test_stored_truths_add_up_and_every_start_ends_alike_at_the_noise_that_a_fit
         searches, allowed = found["in_rounds"]["searches"], found["default_noise"]["searches"]
         assert searches["within"] == sum(r["within"] for r in rows)
         assert all(r["identified"] - r["within"] == len(r["outside"]) for r in rows)
-        assert searches["converged"] == allowed["converged"] == allowed["at_the_lowest"] == searches["count"], name
+        assert (
+            searches["converged"]
+            == allowed["converged"]
+            == allowed["at_the_lowest"]
+            == searches["count"]
+        ), name
         assert allowed["grf_rmse_bw"]["worst"] < ASSUMED_BW, name
     for found in stored["intervals"].values():
         for parameter in found["parameters"].values():
-            assert sum(parameter["contained_in_twenties"]) == parameter["contained"] <= found["seeds"]
+            assert (
+                sum(parameter["contained_in_twenties"]) == parameter["contained"] <= found["seeds"]
+            )
 
 
 # Session fits: ten seeds for each of three persons.
@@ -302,10 +378,21 @@ def test_thirty_session_fits_are_stored_and_their_counts_add_up():
     """What is counted anew from each fit's own intervals: a fit that failed is in no share."""
     stored = json.loads((RESULTS / "session_fit.json").read_text(encoding="utf-8"))
     fits = {**stored["seeds"], **{name: stored["cases"][name] for name in stored["ends"]}}
-    assert stored["fits"] == len(fits) == 30 and set(stored["ends"]) == {"a_day_1", "b_day_1", "c_day_1"}
+    assert stored["fits"] == len(fits) == 30 and set(stored["ends"]) == {
+        "a_day_1",
+        "b_day_1",
+        "c_day_1",
+    }
     converged = [fit for fit in fits.values() if fit["converged"]]
-    assert stored["converged"] == len(converged) == sum(row["converged"] for row in stored["ends"].values())
-    for key, truth in (("interval_coverage", "truth"), ("interval_coverage_as_found", "truth_as_found")):
+    assert (
+        stored["converged"]
+        == len(converged)
+        == sum(row["converged"] for row in stored["ends"].values())
+    )
+    for key, truth in (
+        ("interval_coverage", "truth"),
+        ("interval_coverage_as_found", "truth_as_found"),
+    ):
         rows = [row for fit in converged for row in fit["end"]["parameters"].values()]
         inside = [row["interval"][0] <= row[truth] <= row["interval"][1] for row in rows]
         assert len(inside) == 8 * len(converged) and stored[key] == pytest.approx(np.mean(inside))
@@ -327,16 +414,24 @@ def test_stored_numbers_are_those_of_the_present_sources(name):
     saved = check_stored.read(name)
     assert set(saved["provenance"]["sources"]) == {"sha256", "numbers"}
     if not check_stored.same_sources(name, saved):
-        warnings.warn(f"studies/results/{name}.json: other sources made or checked it; python studies/check_stored.py "
-                      "notes that these give the same numbers", stacklevel=1)
-        assert check_stored.differences(name, saved) == [], f"stale: run studies/{check_stored.CHECKS[name][0]} again"
+        warnings.warn(
+            f"studies/results/{name}.json: other sources made or checked it; python studies/check_stored.py "
+            "notes that these give the same numbers",
+            stacklevel=1,
+        )
+        assert check_stored.differences(name, saved) == [], (
+            f"stale: run studies/{check_stored.CHECKS[name][0]} again"
+        )
 
 
 @pytest.mark.parametrize("name", [pytest.param("floor", marks=pytest.mark.slow), "contact_fit"])
 def test_a_spot_check_tells_a_number_that_is_off_by_a_thousandth(name):
     saved = copy.deepcopy(check_stored.read(name))
-    row = saved["trials"]["low_1"]["laboratory"] if name == "floor" else (
-        saved["exact"]["transfer"]["trials"]["medium_2"])
+    row = (
+        saved["trials"]["low_1"]["laboratory"]
+        if name == "floor"
+        else (saved["exact"]["transfer"]["trials"]["medium_2"])
+    )
     row["cop_rmse_fl"] *= 1.001
     (told,) = check_stored.differences(name, saved)
     assert "cop_rmse_fl" in told
@@ -349,7 +444,10 @@ def test_a_digest_knows_what_sources_say_and_not_how_they_are_written(tmp_path):
         return meaning(path)[0]
 
     plain = said("def f(x):\n    return 2.0 * x\n")
-    assert said('"""A module."""\n\n\ndef f( x ):  # twice\n    """Twice."""\n    return (2.0*x)\n') == plain
+    assert (
+        said('"""A module."""\n\n\ndef f( x ):  # twice\n    """Twice."""\n    return (2.0*x)\n')
+        == plain
+    )
     assert said("def f(x):\n    return 2.1 * x\n") != plain
 
 
@@ -357,6 +455,8 @@ def test_a_digest_knows_what_sources_say_and_not_how_they_are_written(tmp_path):
 def test_a_law_that_changes_makes_every_result_one_of_other_sources(script, monkeypatch):
     law = STUDIES.parent / "vsf_drake" / "laws" / "scalar.py"
     before = sources_sha256(STUDIES / script)
-    monkeypatch.setattr("contact_fit_study.keeping.meaning", lambda path: (
-        ("another", set()) if path == law else meaning(path)))
+    monkeypatch.setattr(
+        "contact_fit_study.keeping.meaning",
+        lambda path: ("another", set()) if path == law else meaning(path),
+    )
     assert sources_sha256(STUDIES / script) != before

@@ -29,15 +29,26 @@ from virtual_laboratory.tiers import PLATE_N, TRIAL_DEG, TRIAL_M
 from vsf_drake.bench_curves import load_bench_curves, load_bench_file
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trial import default_model, load_trial
-from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, FootParameters, SocketParameters, Subject
+from vsf_drake.parameters import (
+    GRAVITY,
+    PELVIS_TRANSLATIONS,
+    FootParameters,
+    SocketParameters,
+    Subject,
+)
 from vsf_drake.plants.anthropometry import scale_body
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 
 
 @pytest.mark.slow
-def test_the_bench_files_come_out_again_and_hold_what_the_foot_that_walked_shows_on_the_bench(tmp_path):
-    curves, read = load_bench_curves(DATA / "bench_curves.csv").curves, load_bench_file(DATA / "bench.yaml")
+def test_the_bench_files_come_out_again_and_hold_what_the_foot_that_walked_shows_on_the_bench(
+    tmp_path,
+):
+    curves, read = (
+        load_bench_curves(DATA / "bench_curves.csv").curves,
+        load_bench_file(DATA / "bench.yaml"),
+    )
     assert read.synthetic and "SYNTHETIC" in read.name and read.max_load_n == LOADS_N[1]
     heel = bench.heel_stiffness(Design())
     for x, k, curve in zip(read.fulcrum_m, read.stiffness_n_per_m, curves[:-1], strict=True):
@@ -84,7 +95,9 @@ def test_a_soft_clamp_makes_the_pinned_beam_and_a_stiff_one_the_built_in_beam(cl
     keel = dataclasses.replace(UNIFORM, clamp_nm_per_rad=clamp)
     span, over = 0.108, LOAD_POINT - 0.108
     deflection = over**2 * (span + over) / (3 * BENDING) - share * over**2 * span / (12 * BENDING)
-    assert 1.0 / keel_stiffness(Design(keel=keel, support=RIGID), span) == pytest.approx(deflection, rel=0.01)
+    assert 1.0 / keel_stiffness(Design(keel=keel, support=RIGID), span) == pytest.approx(
+        deflection, rel=0.01
+    )
 
 
 def test_a_keel_without_fulcrum_is_a_cantilever_and_a_play_lets_it_be_one_until_it_touches():
@@ -92,10 +105,14 @@ def test_a_keel_without_fulcrum_is_a_cantilever_and_a_play_lets_it_be_one_until_
     clamp, span, L = 80.0, 0.108, LOAD_POINT
     keel = dataclasses.replace(UNIFORM, clamp_nm_per_rad=clamp)
     cantilever = L**3 / (3 * BENDING) + L**2 / clamp
-    assert 1.0 / keel_stiffness(Design(keel=keel, support=None), None) == pytest.approx(cantilever, rel=0.01)
+    assert 1.0 / keel_stiffness(Design(keel=keel, support=None), None) == pytest.approx(
+        cantilever, rel=0.01
+    )
     touches_n = 1e-3 / (span**2 * (3 * L - span) / (6 * BENDING) + L * span / clamp)
     with_play = Design(keel=keel, support=dataclasses.replace(RIGID, one_sided=True, play_m=1e-3))
-    assert 1.0 / keel_stiffness(with_play, span, 0.95 * touches_n) == pytest.approx(cantilever, rel=0.01)
+    assert 1.0 / keel_stiffness(with_play, span, 0.95 * touches_n) == pytest.approx(
+        cantilever, rel=0.01
+    )
     assert keel_stiffness(with_play, span, 1.3 * touches_n) > 1.1 / cantilever
 
 
@@ -124,13 +141,19 @@ def test_bench_meets_the_published_stiffness_with_a_stiff_support_and_tuning_fin
         joint = np.degrees(13.839 - 0.0677 * mm)
         arms = 0.199 - np.arange(1e-3 * mm, 0.199, 0.021)
         tuned_by_the_authors = 1.0 / (np.sum(arms**2) / joint + 1.0 / 62.8e3)
-        assert bench.forefoot_stiffness(Design(), 1e-3 * mm) == pytest.approx(tuned_by_the_authors, abs=0.8e3)
+        assert bench.forefoot_stiffness(Design(), 1e-3 * mm) == pytest.approx(
+            tuned_by_the_authors, abs=0.8e3
+        )
     assert bench.heel_stiffness(Design()) == pytest.approx(65e3, rel=1e-3)
     d = bench.bench_device(Design(), 0.066)
     [q] = bench.keel_under_load(d, LOAD_POINT, np.array([600.0]))
     assert 0.0 < bench.point_height(d, np.cumsum(q), d.fulcrum) < 1e-3
     found = bench.tuned(Design(keel=dataclasses.replace(KeelDesign(), modulus_pa=9e9)))
-    for part, name in (("keel", "modulus_pa"), ("sole", "foam_modulus_pa"), ("sole", "heel_modulus_pa")):
+    for part, name in (
+        ("keel", "modulus_pa"),
+        ("sole", "foam_modulus_pa"),
+        ("sole", "heel_modulus_pa"),
+    ):
         recorded = getattr(getattr(Design(), part), name)
         assert getattr(getattr(found, part), name) == pytest.approx(recorded, rel=1e-3), name
 
@@ -141,8 +164,10 @@ def test_a_tested_specimen_keeps_its_stiffness_but_for_the_errors_of_a_test(tmp_
     read = load_bench_file(folder / "bench.yaml")
     curves = load_bench_curves(bench_truth.write_bench_curves(folder, seed=3)).curves
     assert len(curves) == 1 + len(read.fulcrum_m)
-    errors = [k / bench.forefoot_stiffness(Design(), x) - 1.0
-              for x, k in zip(read.fulcrum_m, read.stiffness_n_per_m, strict=True)]
+    errors = [
+        k / bench.forefoot_stiffness(Design(), x) - 1.0
+        for x, k in zip(read.fulcrum_m, read.stiffness_n_per_m, strict=True)
+    ]
     assert 1e-3 < np.abs(errors).max() < 4 * bench_truth.TRAVEL_SD
     assert np.ptp(errors) > 1e-3
 
@@ -163,7 +188,9 @@ UPRIGHT = np.eye(3)
 FIRM = {"hysteresis_s_per_m": 0.0, "friction": 50.0}
 
 
-def virtual_foot(fulcrum_m: float = 0.108, *, step_s: float = 5e-4, **sole: float) -> prosthesis.Prosthesis:
+def virtual_foot(
+    fulcrum_m: float = 0.108, *, step_s: float = 5e-4, **sole: float
+) -> prosthesis.Prosthesis:
     design = Design(sole=dataclasses.replace(Design().sole, **sole))
     return prosthesis_of(SUBJECT, fulcrum_m, design=design, step_s=step_s)
 
@@ -172,23 +199,33 @@ def knee(p: prosthesis.Prosthesis, pressed_m: float) -> np.ndarray:
     return np.array([0.0, 0.0, p.sole_below_knee - pressed_m])
 
 
-def roll_over(p: prosthesis.Prosthesis, lateral: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def roll_over(
+    p: prosthesis.Prosthesis, lateral: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A smooth step: from the air over heel and toe and off again, leaning and turning by `lateral` (rad)."""
     time = np.arange(0.0, 0.9 + 1e-9, 1e-3)
     s = np.clip((time - 0.08) / 0.7, 0.0, 1.0)
     s = s * s * (3 - 2 * s)
     pitch, down = np.radians(-16 + 38 * s), np.sin(np.pi * np.clip(time / 0.9, 0.0, 1.0)) ** 2
-    turns = np.column_stack([lateral * np.sin(2 * np.pi * time), pitch, lateral * np.sin(3 * np.pi * time)])
+    turns = np.column_stack(
+        [lateral * np.sin(2 * np.pi * time), pitch, lateral * np.sin(3 * np.pi * time)]
+    )
     wheel, leg = 0.30, p.sole_below_knee - 0.30
     x, z = wheel * pitch + leg * np.sin(pitch), wheel + leg * np.cos(pitch) + 0.05 - 0.065 * down
-    return time, Rotation.from_euler("zxy", turns[:, [2, 0, 1]]).as_matrix(), np.column_stack([x, 0 * x, z])
+    return (
+        time,
+        Rotation.from_euler("zxy", turns[:, [2, 0, 1]]).as_matrix(),
+        np.column_stack([x, 0 * x, z]),
+    )
 
 
 def low_passed(force: np.ndarray) -> np.ndarray:
     return filtfilt(*butter(4, 40.0, fs=1000.0), force, axis=0)
 
 
-def work_on(p: prosthesis.Prosthesis, time: np.ndarray, R: np.ndarray, x: np.ndarray, load: np.ndarray) -> float:
+def work_on(
+    p: prosthesis.Prosthesis, time: np.ndarray, R: np.ndarray, x: np.ndarray, load: np.ndarray
+) -> float:
     """Work (J) of the shank on the prosthesis, from the load that the prosthesis reports."""
     end = x - p.residual_length * R[:, :, 2]
     force = np.einsum("nij,nj->ni", R, load[:, :3])
@@ -209,11 +246,18 @@ def test_standing_still_forces_and_moments_balance(lean):
     masses = np.concatenate([p.device.masses, p.device.node_masses])
     weights = np.outer(masses, [0.0, 0.0, -GRAVITY])
     on_prosthesis, moment = -R @ p.socket_load[:3], -R @ p.socket_load[3:]
-    np.testing.assert_allclose(p.force + on_prosthesis + weights.sum(axis=0), 0.0, atol=1e-3 * WEIGHT_N)
+    np.testing.assert_allclose(
+        p.force + on_prosthesis + weights.sum(axis=0), 0.0, atol=1e-3 * WEIGHT_N
+    )
     free = p.free_moment * np.array([0.0, 0.0, 1.0])
     end = x - p.residual_length * R[:, 2]
-    total = (np.cross(p.cop, p.force) + free + np.cross(end, on_prosthesis) + moment
-             + np.cross(p.state.mass_x, weights).sum(axis=0))
+    total = (
+        np.cross(p.cop, p.force)
+        + free
+        + np.cross(end, on_prosthesis)
+        + moment
+        + np.cross(p.state.mass_x, weights).sum(axis=0)
+    )
     np.testing.assert_allclose(total, 0.0, atol=0.1)
 
 
@@ -222,8 +266,14 @@ OTHER = Design(keel=HINGED, support=SupportDesign(one_sided=True, play_m=2e-4))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("design", "fulcrum_m"), [
-    (Design(), 0.066), (OTHER, 0.1), (Design(keel=dataclasses.replace(HINGED, modulus_pa=4e10), support=None), None)])
+@pytest.mark.parametrize(
+    ("design", "fulcrum_m"),
+    [
+        (Design(), 0.066),
+        (OTHER, 0.1),
+        (Design(keel=dataclasses.replace(HINGED, modulus_pa=4e10), support=None), None),
+    ],
+)
 def test_standing_on_the_toe_the_keel_is_where_its_energy_is_stationary(design, fulcrum_m):
     """Second method: virtual work of ground and weight against the energy of hinges and roller, by differences."""
     p = prosthesis_of(SUBJECT, fulcrum_m, design=design)
@@ -240,11 +290,23 @@ def test_standing_on_the_toe_the_keel_is_where_its_energy_is_stationary(design, 
         beyond = np.zeros(2)
         parts = np.empty((37, 3)), np.empty((36, 3, 3)), np.empty((len(q), 3))
         chain(d, q, *parts)
-        add_fulcrum(d, state, *parts, np.inf, np.zeros(6 + len(q)), np.zeros((6 + len(q), 6 + len(q))), beyond)
+        add_fulcrum(
+            d,
+            state,
+            *parts,
+            np.inf,
+            np.zeros(6 + len(q)),
+            np.zeros((6 + len(q), 6 + len(q))),
+            beyond,
+        )
         pressed = np.maximum(beyond, 0.0) if d.fulcrum_one_sided else beyond
-        nodes = state.mass_x[len(d.masses):, 2]
-        return float(0.5 * np.sum(stiffness * q**2) + 0.25 * d.fulcrum_stiffness * np.sum(pressed**2)
-                     + GRAVITY * np.sum(d.node_masses * nodes) - np.sum(ground * state.cell_x))
+        nodes = state.mass_x[len(d.masses) :, 2]
+        return float(
+            0.5 * np.sum(stiffness * q**2)
+            + 0.25 * d.fulcrum_stiffness * np.sum(pressed**2)
+            + GRAVITY * np.sum(d.node_masses * nodes)
+            - np.sum(ground * state.cell_x)
+        )
 
     q, e = p.state.q.copy(), 1e-6
     slopes = [(energy(q + e * row) - energy(q - e * row)) / (2 * e) for row in np.eye(len(q))]
@@ -265,7 +327,9 @@ def test_a_keel_loaded_on_its_edge_twists_by_its_torque_over_its_torsional_stiff
     torque = y * f[:, 2] - z * f[:, 1]  # about the straight keel
     b, h = keel.width_rear_m, keel.thickness_rear_m
     on_keel = p.device.bodies > 0
-    twist = np.sum((torque * x)[on_keel]) / (keel.shear_modulus_pa * b * h**3 * (1 / 3 - 0.21 * h / b))
+    twist = np.sum((torque * x)[on_keel]) / (
+        keel.shear_modulus_pa * b * h**3 * (1 / 3 - 0.21 * h / b)
+    )
     assert abs(twist) > 5e-3
     assert np.sum(p.state.q[36:]) == pytest.approx(twist, rel=0.03)
 
@@ -276,11 +340,19 @@ def test_a_one_sided_support_does_not_hold_up_a_keel_that_hangs(one_sided):
     """Its own weight w a length bends it by w L^4 / (8 E I) and its clamp by w L^3 / (2 c); a roller holds it up."""
     sole = dataclasses.replace(Design().sole, rear_m=-0.012)
     keel = dataclasses.replace(UNIFORM, clamp_nm_per_rad=150.0)
-    p = prosthesis_of(SUBJECT, 0.15, design=Design(keel=keel, support=SupportDesign(one_sided=one_sided), sole=sole))
+    p = prosthesis_of(
+        SUBJECT,
+        0.15,
+        design=Design(keel=keel, support=SupportDesign(one_sided=one_sided), sole=sole),
+    )
     p.reset(UPRIGHT, knee(p, -0.1))
     tip = np.sum(p.device.lengths * np.sin(np.cumsum(p.state.q[:36])))
     weight = keel.density_kg_m3 * keel.width_rear_m * keel.thickness_rear_m * GRAVITY
-    hanging = weight * keel.length_m**3 * (keel.length_m / (8 * BENDING) + 1 / (2 * keel.clamp_nm_per_rad))
+    hanging = (
+        weight
+        * keel.length_m**3
+        * (keel.length_m / (8 * BENDING) + 1 / (2 * keel.clamp_nm_per_rad))
+    )
     if one_sided:
         assert tip == pytest.approx(-hanging, rel=0.02)
     else:
@@ -297,15 +369,23 @@ def test_momentum_changes_by_ground_limb_and_weight(every):
     time, R, x = roll_over(p, lateral=0.05)
     r = p.walk(time, R, x)
     assert r.unconverged == 0 and r.force[:, 2].max() > 300.0
-    np.testing.assert_allclose(np.diff(r.com, axis=0) / 1e-3 * r.mass_kg, r.linear_momentum[1:],
-                               atol=1e-9 if every == 1 else 0.1)
+    np.testing.assert_allclose(
+        np.diff(r.com, axis=0) / 1e-3 * r.mass_kg,
+        r.linear_momentum[1:],
+        atol=1e-9 if every == 1 else 0.1,
+    )
     on_device = -np.einsum("nij,nj->ni", R, r.socket_load[:, :3])
     weight = np.array([0.0, 0.0, -GRAVITY * r.mass_kg])
     change = np.diff(r.linear_momentum, axis=0) / 1e-3
     np.testing.assert_allclose(change, (r.force + on_device + weight)[1:], atol=1e-4)
     end = x - p.residual_length * R[:, :, 2]
-    moment = (np.cross(np.nan_to_num(r.cop), r.force) + np.outer(np.nan_to_num(r.free_moment), [0.0, 0.0, 1.0])
-              + np.cross(end, on_device) - np.einsum("nij,nj->ni", R, r.socket_load[:, 3:]) + np.cross(r.com, weight))
+    moment = (
+        np.cross(np.nan_to_num(r.cop), r.force)
+        + np.outer(np.nan_to_num(r.free_moment), [0.0, 0.0, 1.0])
+        + np.cross(end, on_device)
+        - np.einsum("nij,nj->ni", R, r.socket_load[:, 3:])
+        + np.cross(r.com, weight)
+    )
     loaded = np.isfinite(r.free_moment[1:]) | (r.force[1:, 2] == 0.0)
     missing = np.diff(r.angular_momentum, axis=0) / 1e-3 - moment[1:]
     assert np.abs(missing[loaded]).max() < 0.2 / every
@@ -315,8 +395,14 @@ def test_momentum_changes_by_ground_limb_and_weight(every):
 def test_the_foot_sits_where_the_model_has_it():
     """Against the model's own plant: the keel's end A and the keel's axes, for a foot that is placed askew."""
     askew = dataclasses.replace(
-        SUBJECT, prosthesis_fore_aft_m=0.012, prosthesis_lateral_m=0.007, prosthesis_alignment_rad=0.06,
-        prosthesis_inversion_rad=-0.04, prosthesis_toe_out_rad=0.15, prosthesis_length_m=0.53)
+        SUBJECT,
+        prosthesis_fore_aft_m=0.012,
+        prosthesis_lateral_m=0.007,
+        prosthesis_alignment_rad=0.06,
+        prosthesis_inversion_rad=-0.04,
+        prosthesis_toe_out_rad=0.15,
+        prosthesis_length_m=0.53,
+    )
     R_WB, p_WB = Person(askew, default_model()).leg_poses(np.zeros((1, len(COORDINATES))))
     p = prosthesis_of(askew, 0.108)
     p.reset(R_WB[0, SHANK], p_WB[0, SHANK] + [0.0, 0.0, 2.0])
@@ -325,7 +411,9 @@ def test_the_foot_sits_where_the_model_has_it():
     rest = R_WB[0, SHANK] @ (d.R_EP @ d.anchor - [0.0, 0.0, p.residual_length]) + p_WB[0, SHANK]
     np.testing.assert_allclose(R_WB[0, SHANK] @ d.R_EP, R_WB[0, DEVICE], atol=1e-12)
     np.testing.assert_allclose(rest - thinner * R_WB[0, DEVICE, :, 2], p_WB[0, DEVICE], atol=1e-9)
-    np.testing.assert_allclose(p.state.R, R_WB[0, DEVICE], atol=2e-3)  # in the air, but for what its weight leans it
+    np.testing.assert_allclose(
+        p.state.R, R_WB[0, DEVICE], atol=2e-3
+    )  # in the air, but for what its weight leans it
 
 
 @pytest.mark.slow
@@ -344,7 +432,10 @@ def test_ground_knows_no_direction_and_a_path_in_the_plane_of_symmetry_gives_no_
     straight = p.walk(*roll_over(p))
     assert straight.unconverged == 0 and 300.0 < straight.force[:, 2].max() < 3 * WEIGHT_N
     assert np.abs(straight.force[:, 1]).max() < 1e-6
-    assert np.nanmax(np.abs(straight.cop[:, 1])) < 1e-8 and np.nanmax(np.abs(straight.free_moment)) < 1e-6
+    assert (
+        np.nanmax(np.abs(straight.cop[:, 1])) < 1e-8
+        and np.nanmax(np.abs(straight.free_moment)) < 1e-6
+    )
     time, R, x = roll_over(p, lateral=0.05)
     turn, shift = Rotation.from_euler("z", 0.7).as_matrix(), np.array([3.0, -2.0, 0.0])
     here, there = p.walk(time, R, x), p.walk(time, turn @ R, x @ turn.T + shift)
@@ -366,7 +457,11 @@ def test_half_the_step_changes_the_force_by_less_than_a_five_hundredth_of_body_w
 def test_takes_energy_from_the_walker_and_never_gives_any(lateral):
     p = virtual_foot()
     time, R, x = roll_over(p, lateral)
-    time, R, x = np.concatenate([time, time[-1] + 1e-3 + time]), np.concatenate([R, R[::-1]]), np.vstack([x, x[::-1]])
+    time, R, x = (
+        np.concatenate([time, time[-1] + 1e-3 + time]),
+        np.concatenate([R, R[::-1]]),
+        np.vstack([x, x[::-1]]),
+    )
     load = p.walk(time, R, x).socket_load
     work = [work_on(p, time[:n], R[:n], x[:n], load[:n]) for n in range(10, len(time) + 1, 10)]
     moving = 0.5 * p.mass_kg * 1.0**2  # J that the prosthesis brings along at no more than 1 m/s
@@ -378,10 +473,18 @@ def test_takes_energy_from_the_walker_and_never_gives_any(lateral):
 def test_without_damping_and_sliding_a_slow_press_gives_its_work_back():
     keel = dataclasses.replace(KeelDesign(), damping_time_s=0.0)
     socket = dataclasses.replace(
-        Design().socket, axial_damping_n_s_per_m=0.0, shear_damping_n_s_per_m=0.0, bending_damping_nm_s=0.0,
-        twist_damping_nm_s=0.0)
-    design = Design(keel=keel, support=SupportDesign(damping_time_s=0.0),
-                    sole=dataclasses.replace(Design().sole, **FIRM), socket=socket)
+        Design().socket,
+        axial_damping_n_s_per_m=0.0,
+        shear_damping_n_s_per_m=0.0,
+        bending_damping_nm_s=0.0,
+        twist_damping_nm_s=0.0,
+    )
+    design = Design(
+        keel=keel,
+        support=SupportDesign(damping_time_s=0.0),
+        sole=dataclasses.replace(Design().sole, **FIRM),
+        socket=socket,
+    )
     p = prosthesis_of(SUBJECT, 0.066, design=design)
     time = np.arange(0.0, 4.0 + 1e-9, 1e-3)
     press = 0.06 * np.sin(np.pi * time / 4.0) ** 2
@@ -418,10 +521,26 @@ def test_friction_holds_without_creep_and_a_dragged_foot_is_held_back_by_coulomb
 
 def test_shares_no_law_and_no_stepper_with_the_model():
     folder = Path(prosthesis.__file__).parent
-    for name in ("assembly", "bench", "design", "device", "dynamics", "keel", "laws", "prosthesis", "sole", "stepping"):
+    for name in (
+        "assembly",
+        "bench",
+        "design",
+        "device",
+        "dynamics",
+        "keel",
+        "laws",
+        "prosthesis",
+        "sole",
+        "stepping",
+    ):
         tree = ast.parse((folder / f"{name}.py").read_text(encoding="utf-8"))
         modules = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-        modules |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+        modules |= {
+            alias.name
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Import)
+            for alias in node.names
+        }
         ours = {module for module in modules if module.startswith("vsf_drake")}
         assert ours <= {"vsf_drake.parameters", "vsf_drake.plants.anthropometry"}, name
 
@@ -433,11 +552,27 @@ def test_persons_come_out_again_and_are_none_whom_the_model_would_assume():
     assert persons == true_persons(SEED) != true_persons(SEED + 1)
     assert [person.side for person in persons] == ["right", "left", "right"]
     for person in persons:
-        stated = Subject(mass_kg=person.subject.mass_kg, stature_m=person.subject.stature_m, sex=person.subject.sex,
-                         prosthetic_side="right")
-        true, assumed = (scale_body(one, FootParameters(), SocketParameters()) for one in (person.subject, stated))
-        for name in ("thigh_length", "shank_length", "ankle_height", "foot_length", "hip_forward", "hip_up",
-                     "hip_lateral", "prosthetic_thigh_length", "prosthesis_length"):
+        stated = Subject(
+            mass_kg=person.subject.mass_kg,
+            stature_m=person.subject.stature_m,
+            sex=person.subject.sex,
+            prosthetic_side="right",
+        )
+        true, assumed = (
+            scale_body(one, FootParameters(), SocketParameters())
+            for one in (person.subject, stated)
+        )
+        for name in (
+            "thigh_length",
+            "shank_length",
+            "ankle_height",
+            "foot_length",
+            "hip_forward",
+            "hip_up",
+            "hip_lateral",
+            "prosthetic_thigh_length",
+            "prosthesis_length",
+        ):
             assert 1e-4 < abs(getattr(true, name) - getattr(assumed, name)) < 0.06, name
         assert true.placement != assumed.placement
         stiffness = [bench.forefoot_stiffness(person.foot, x) for x in (0.066, 0.108, 0.151)]
@@ -471,8 +606,14 @@ def stored():
 def test_on_the_exact_tier_the_route_reproduces_the_plate_and_noise_is_two_newtons_within_forty_hertz():
     """White noise of 2 N at 1000 Hz through a zero-phase low-pass of 40 Hz keeps about 40 / 500 of its power."""
     trial = tier("high_1", "exact")
-    walk, plate, weight = floors.virtual_walk(trial), trial.prosthetic_plate, trial.subject.mass_kg * GRAVITY
-    rows = plate.time_s <= trial.end_s + 1e-9  # the plate goes on to the second strike and beyond, the window does not
+    walk, plate, weight = (
+        floors.virtual_walk(trial),
+        trial.prosthetic_plate,
+        trial.subject.mass_kg * GRAVITY,
+    )
+    rows = (
+        plate.time_s <= trial.end_s + 1e-9
+    )  # the plate goes on to the second strike and beyond, the window does not
     assert walk.time_s[-1] == pytest.approx(trial.end_s) and not rows.all()
     np.testing.assert_allclose(walk.time_s, plate.time_s[rows], atol=1e-9)
     force, cop = plate.force_W[rows], plate.cop_W[rows]
@@ -480,11 +621,17 @@ def test_on_the_exact_tier_the_route_reproduces_the_plate_and_noise_is_two_newto
     loaded = np.isfinite(cop[:, 0]) & (force[:, 2] > 50.0)
     np.testing.assert_allclose(walk.cop_W[loaded], cop[loaded], atol=2e-4)
     error = floors.scores(walk, plate)
-    assert error["grf_rmse_bw"] < 1e-4 and error["cop_rmse_fl"] < 1e-3 and abs(error["stance_time_error_s"]) < 1e-4
+    assert (
+        error["grf_rmse_bw"] < 1e-4
+        and error["cop_rmse_fl"] < 1e-3
+        and abs(error["stance_time_error_s"]) < 1e-4
+    )
     assert error["unconverged_steps"] == 0
     noisy = floors.scores(walk, tier("high_1", "laboratory").prosthetic_plate)
     for name in ("vertical", "fore_aft"):
-        assert noisy[f"{name}_rmse_bw"] == pytest.approx(PLATE_N * np.sqrt(40.0 / 500.0) / weight, rel=0.2)
+        assert noisy[f"{name}_rmse_bw"] == pytest.approx(
+            PLATE_N * np.sqrt(40.0 / 500.0) / weight, rel=0.2
+        )
 
 
 def test_without_the_shared_errors_each_trial_keeps_only_constants_of_its_own():
@@ -509,7 +656,9 @@ def test_a_height_that_was_put_in_is_found(monkeypatch):
     trial = tier("high_1", "exact")
     lowered = trial.trajectory.ordered(COORDINATES)
     values = lowered.values - 2e-3 * np.isin(COORDINATES, "pelvis_ty")
-    low = dataclasses.replace(trial, trajectory=floors.CoordinateTrajectory(lowered.time_s, values, COORDINATES))
+    low = dataclasses.replace(
+        trial, trajectory=floors.CoordinateTrajectory(lowered.time_s, values, COORDINATES)
+    )
     monkeypatch.setattr(floors, "without_shared_errors", lambda trial, seed: trial.trajectory)
     before, error = floors.floor(low), floors.floor_with_height_fitted(low, SEED)
     assert before["grf_rmse_bw"] > 0.03
@@ -521,7 +670,9 @@ def test_what_has_no_floor_is_refused():
     exact = tier("low_1", "exact")
     with pytest.raises(ValueError, match="only trials of the laboratory tier"):
         floors.floor_with_shared_errors_removed(exact, SEED)
-    left = dataclasses.replace(exact, subject=dataclasses.replace(exact.subject, prosthetic_side="left"))
+    left = dataclasses.replace(
+        exact, subject=dataclasses.replace(exact.subject, prosthetic_side="left")
+    )
     moved = dataclasses.replace(exact, offsets=GeometricOffsets(height_m=1e-3))
     for trial in (left, moved):
         with pytest.raises(ValueError, match="the reference subject's: on the right, no offsets"):
@@ -531,10 +682,20 @@ def test_what_has_no_floor_is_refused():
 def test_the_stored_floor_is_of_all_trials_and_falls_as_errors_are_taken_off(stored):
     assert stored["synthetic"] is True and set(stored["trials"]) == set(NAMES)
     assert stored["provenance"]["seed"] == SEED
-    assert len(stored["provenance"]["inputs_sha256"]) == 2 + 2 * 3 * len(NAMES)  # the subject, the model, trials
+    assert len(stored["provenance"]["inputs_sha256"]) == 2 + 2 * 3 * len(
+        NAMES
+    )  # the subject, the model, trials
     for name, row in stored["trials"].items():
-        order = [row[kind]["grf_rmse_bw"] for kind in
-                 ("exact", "plate_noise", "height_fitted", "shared_errors_removed", "laboratory")]
+        order = [
+            row[kind]["grf_rmse_bw"]
+            for kind in (
+                "exact",
+                "plate_noise",
+                "height_fitted",
+                "shared_errors_removed",
+                "laboratory",
+            )
+        ]
         assert order == sorted(order) and order[0] < 1e-4, name
     errors = [row["laboratory"]["grf_rmse_bw"] for row in stored["trials"].values()]
     assert all("rmse" in key for means in stored["mean_of_trials"].values() for key in means)
@@ -544,9 +705,20 @@ def test_the_stored_floor_is_of_all_trials_and_falls_as_errors_are_taken_off(sto
 @pytest.mark.slow
 def test_the_script_finds_the_stored_floor_again(tmp_path, stored):
     script = STORED.parents[1] / "floor_of_the_reference_subject.py"
-    subprocess.run([sys.executable, script, "--quick", "--out", tmp_path], check=True, capture_output=True)
+    subprocess.run(
+        [sys.executable, script, "--quick", "--out", tmp_path], check=True, capture_output=True
+    )
     again = json.loads((tmp_path / "floor.json").read_text(encoding="utf-8"))
     [(name, row)] = again["trials"].items()
     for kind in stored["definitions"]:
-        for key in ("grf_rmse_bw", "fore_aft_rmse_bw", "cop_rmse_fl", "impulse_rmse_bws", "stance_model_s"):
-            assert row[kind][key] == pytest.approx(stored["trials"][name][kind][key], abs=5e-4), (kind, key)
+        for key in (
+            "grf_rmse_bw",
+            "fore_aft_rmse_bw",
+            "cop_rmse_fl",
+            "impulse_rmse_bws",
+            "stance_model_s",
+        ):
+            assert row[kind][key] == pytest.approx(stored["trials"][name][kind][key], abs=5e-4), (
+                kind,
+                key,
+            )

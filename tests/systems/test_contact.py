@@ -16,14 +16,21 @@ X_WB = RigidTransform(RollPitchYaw(0.1, -0.2, 0.5), [0.3, 0.1, 0.02])
 w_WB, v_WB = np.array([0.4, -1.0, 0.3]), np.array([0.1, 0.05, -0.06])
 p_BS = np.array([[0.02, 0.01, 0.0], [-0.03, 0.02, 0.01], [0.0, 0.0, 0.5]])
 RADIUS = np.array([0.03, 0.05, 0.02])
-FOAM = {"stiffness": np.array([2e4, 3e4, 5e4]), "exponent": np.array([1.0, 1.5, 2.0]), "damping": np.full(3, 1e3),
-        "full_damping_depth": np.full(3, 2e-3)}
+FOAM = {
+    "stiffness": np.array([2e4, 3e4, 5e4]),
+    "exponent": np.array([1.0, 1.5, 2.0]),
+    "damping": np.full(3, 1e3),
+    "full_damping_depth": np.full(3, 2e-3),
+}
 
 
 def evaluate(system, v=v_WB, **inputs):
     """Every output by name; the sites are on one body, with the moment and force at its origin summed."""
     context = system.CreateDefaultContext()
-    for name, value in (("body_poses", X_WB), ("body_spatial_velocities", SpatialVelocity(w_WB, v))):
+    for name, value in (
+        ("body_poses", X_WB),
+        ("body_spatial_velocities", SpatialVelocity(w_WB, v)),
+    ):
         system.GetInputPort(name).FixValue(context, AbstractValue.Make([value]))
     for name, value in inputs.items():
         system.GetInputPort(name).FixValue(context, value)
@@ -50,21 +57,42 @@ def test_normal_forces_are_the_law_of_each_sphere(unloading, rise):
     arms, z, rate = kinematics(v)
     depth = np.maximum(0.0, RADIUS + 0.01 - z)
     assert (depth > 0).tolist() == [True, True, False] and (rate[:2] * rise > 0).all()
-    system = KelvinVoigtContact(body_indices=[0] * 3, p_BS=p_BS, radius=RADIUS, **FOAM, ground_height=0.01,
-                                unloading=unloading)
+    system = KelvinVoigtContact(
+        body_indices=[0] * 3,
+        p_BS=p_BS,
+        radius=RADIUS,
+        **FOAM,
+        ground_height=0.01,
+        unloading=unloading,
+    )
     out, force = evaluate(system, v), normal_force(depth, -rate, **FOAM, unloading=unloading)
-    for name, value in (("depth", depth), ("depth_rate", -rate), ("normal_force", force),
-                        ("wrench", about_origin(arms, force))):
+    for name, value in (
+        ("depth", depth),
+        ("depth_rate", -rate),
+        ("normal_force", force),
+        ("wrench", about_origin(arms, force)),
+    ):
         np.testing.assert_allclose(out[name], value, rtol=1e-12, atol=1e-12, err_msg=name)
-    for change, message in (({"stiffness": np.ones(2)}, "stiffness must have shape"), ({"unloading": "no"}, "unload")):
+    for change, message in (
+        ({"stiffness": np.ones(2)}, "stiffness must have shape"),
+        ({"unloading": "no"}, "unload"),
+    ):
         with pytest.raises(ValueError, match=message):
-            KelvinVoigtContact(**{"body_indices": [0] * 3, "p_BS": p_BS, "radius": RADIUS} | FOAM | change)
+            KelvinVoigtContact(
+                **{"body_indices": [0] * 3, "p_BS": p_BS, "radius": RADIUS} | FOAM | change
+            )
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.2])
 def test_platen_is_a_spring_and_damper_to_each_site_and_pushes_it_upwards(speed):
-    machine = TestingMachine(body_indices=[0] * 3, p_BS=p_BS, stiffness=54.8e3, exponent=1.0, damping=100.0,
-                             full_damping_depth=1e-4)
+    machine = TestingMachine(
+        body_indices=[0] * 3,
+        p_BS=p_BS,
+        stiffness=54.8e3,
+        exponent=1.0,
+        damping=100.0,
+        full_damping_depth=1e-4,
+    )
     arms, z, rate = kinematics()
     out, depth = evaluate(machine, platen=[0.04, speed]), np.maximum(0.04 - z, 0.0)
     force = 54.8e3 * depth + 100.0 * np.maximum(speed - rate, 0.0) * (depth > 0)

@@ -29,8 +29,18 @@ def evaluate(system, **inputs):
 
 
 def test_driver_is_proportional_to_the_errors_of_the_driven_joints():
-    out, expected = evaluate(GaitDriver(num_velocities=9, velocity_indices=[5, 3], position_gain=[100.0, 200.0],
-                                        velocity_gain=[1.0, 2.0]), desired_state=[0.1, 0.2, 0.3, 0.4]), np.zeros(9)
+    out, expected = (
+        evaluate(
+            GaitDriver(
+                num_velocities=9,
+                velocity_indices=[5, 3],
+                position_gain=[100.0, 200.0],
+                velocity_gain=[1.0, 2.0],
+            ),
+            desired_state=[0.1, 0.2, 0.3, 0.4],
+        ),
+        np.zeros(9),
+    )
     expected[5] = 100.0 * (0.1 - q[5]) + 1.0 * (0.3 - v[5])
     expected[3] = 200.0 * (0.2 - q[3]) + 2.0 * (0.4 - v[3])
     np.testing.assert_allclose(out["generalized_force"], expected, rtol=1e-12)
@@ -38,11 +48,16 @@ def test_driver_is_proportional_to_the_errors_of_the_driven_joints():
 
 
 def test_socket_wrench_is_the_law_on_each_axis_and_goes_to_its_coordinate():
-    out, expected = evaluate(SocketBushing(num_velocities=9, velocity_indices=AXES, **SOCKET, stop_ratio=10.0)), {}
+    out, expected = (
+        evaluate(SocketBushing(num_velocities=9, velocity_indices=AXES, **SOCKET, stop_ratio=10.0)),
+        {},
+    )
     for i, at in enumerate(AXES):
         constants = {name: value[i] for name, value in SOCKET.items()}
         expected[at] = float(axis_force(q[at], v[at], **constants, stop_ratio=10.0))
     np.testing.assert_allclose(out["wrench"], [expected[at] for at in AXES], rtol=1e-12)
-    np.testing.assert_allclose(out["generalized_force"], [expected.get(at, 0.0) for at in range(9)], rtol=1e-12)
+    np.testing.assert_allclose(
+        out["generalized_force"], [expected.get(at, 0.0) for at in range(9)], rtol=1e-12
+    )
     with pytest.raises(ValueError, match="must be 6"):
         SocketBushing(num_velocities=9, velocity_indices=[0, 1, 2], **SOCKET, stop_ratio=10.0)

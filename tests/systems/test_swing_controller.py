@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform, RigidTransform_, RollPitchYaw, RollPitchYaw_, RotationMatrix
+from pydrake.math import (
+    RigidTransform,
+    RigidTransform_,
+    RollPitchYaw,
+    RollPitchYaw_,
+    RotationMatrix,
+)
 from pydrake.multibody.math import SpatialVelocity, SpatialVelocity_
 from pydrake.systems.analysis import Simulator
 
@@ -24,20 +30,36 @@ def follow(system, inputs, *, period=PERIOD):
         for name, value in given.items():
             system.GetInputPort(name).FixValue(context, np.atleast_1d(value))
         simulator.AdvanceTo((k + 0.5) * period)
-        rows.append([system.get_output_port(i).Eval(context)[0] for i in range(system.num_output_ports())])
+        rows.append(
+            [system.get_output_port(i).Eval(context)[0] for i in range(system.num_output_ports())]
+        )
     return np.array(rows).T
 
 
 def loads(*newtons):
     """The first sample also fixes the desired position."""
-    return [{"grf": [5.0, -3.0, n]} | ({"desired_position": 0.14} if k == 0 else {}) for k, n in enumerate(newtons)]
+    return [
+        {"grf": [5.0, -3.0, n]} | ({"desired_position": 0.14} if k == 0 else {})
+        for k, n in enumerate(newtons)
+    ]
 
 
 def test_swing_needs_the_load_to_stay_away_for_the_debounce_time():
     inputs = loads(600, 15, 15, 15, 15, 15, 15, 600)
-    inputs[6]["desired_position"] = 0.07  # too late: the position wanted at the onset of swing holds until the next
+    inputs[6]["desired_position"] = (
+        0.07  # too late: the position wanted at the onset of swing holds until the next
+    )
     enabled, phase, commanded = follow(SwingController(), inputs)
-    assert phase.tolist() == [0, 1, 1, 1, 1, 2, 2, 0]  # 20 ms are four periods after the first unloaded sample
+    assert phase.tolist() == [
+        0,
+        1,
+        1,
+        1,
+        1,
+        2,
+        2,
+        0,
+    ]  # 20 ms are four periods after the first unloaded sample
     assert enabled.tolist() == [0, 0, 0, 0, 0, 1, 1, 0]
     assert commanded.tolist() == [0.108] * 5 + [0.14] * 3
 
@@ -46,7 +68,9 @@ def test_a_short_unloading_is_no_swing_and_between_the_thresholds_the_phase_stay
     enabled, phase, _ = follow(SwingController(), loads(600, 0, 0, 0, 25, 0, 0, 0, 600))
     assert phase.tolist() == [0, 1, 1, 1, 0, 1, 1, 1, 0]
     assert not enabled.any()
-    _, phase, _ = follow(SwingController(debounce=PERIOD), loads(25, 25, 25, 0, 0, 25, 25, 31, 25, 25))
+    _, phase, _ = follow(
+        SwingController(debounce=PERIOD), loads(25, 25, 25, 0, 0, 25, 25, 31, 25, 25)
+    )
     assert phase.tolist() == [0, 0, 0, 1, 2, 2, 2, 0, 0, 0]
 
 
@@ -62,7 +86,9 @@ def test_a_signal_that_is_not_a_number_switches_the_motor_off():
     enabled, _, _ = follow(SwingController(), loads(0, 0, 0, 0, 0, 0, np.nan, np.nan))
     assert enabled.tolist() == [0, 0, 0, 0, 1, 1, 0, 0]
     swinging = [{"shank_angle": [0.7, -3.0], "desired_position": 0.12}] * 6
-    enabled, _, _ = follow(SwingController(signal="shank"), [*swinging, {"shank_angle": [0.7, np.nan]}])
+    enabled, _, _ = follow(
+        SwingController(signal="shank"), [*swinging, {"shank_angle": [0.7, np.nan]}]
+    )
     assert enabled.tolist() == [0, 0, 0, 0, 1, 1, 0]
 
 
@@ -78,14 +104,18 @@ def shank_cycle():
     """Lean (rad) and rate of the shank of level walking, one stride of 1.1 s, by samples of the period; toe-off at
     0.62 of the stride, initial contact at its end. The shape of level walking, in five straight strokes."""
     share = np.arange(0, 1.1, PERIOD) / 1.1
-    lean = np.radians(np.interp(share, [0, 0.12, 0.45, 0.68, 0.95, 1.0], [-17, -2, 21, 50, -19, -17]))
+    lean = np.radians(
+        np.interp(share, [0, 0.12, 0.45, 0.68, 0.95, 1.0], [-17, -2, 21, 50, -19, -17])
+    )
     return share, lean, np.gradient(lean, PERIOD)
 
 
 def test_the_shank_s_forward_swing_enables_and_nothing_in_stance_does():
     share, lean, rate = shank_cycle()
-    inputs = [{"shank_angle": [angle, speed], "desired_position": 0.12} for angle, speed in
-              zip(np.tile(lean, 2), np.tile(rate, 2), strict=True)]
+    inputs = [
+        {"shank_angle": [angle, speed], "desired_position": 0.12}
+        for angle, speed in zip(np.tile(lean, 2), np.tile(rate, 2), strict=True)
+    ]
     enabled, _, _ = follow(SwingController(signal="shank"), inputs)
     one, other = enabled.reshape(2, -1)
     np.testing.assert_array_equal(one, other)
@@ -93,8 +123,12 @@ def test_the_shank_s_forward_swing_enables_and_nothing_in_stance_does():
     assert one[(share > 0.71) & (share < 0.94)].all()
     assert not one[share > 0.96].any()
     t = np.arange(0, 3.0, PERIOD)  # who rocks back while standing is as fast, and leans less
-    inputs = [{"shank_angle": [a, w], "desired_position": 0.12} for a, w in zip(
-        np.radians(12) * np.sin(8 * t), np.radians(12) * 8 * np.cos(8 * t), strict=True)]
+    inputs = [
+        {"shank_angle": [a, w], "desired_position": 0.12}
+        for a, w in zip(
+            np.radians(12) * np.sin(8 * t), np.radians(12) * 8 * np.cos(8 * t), strict=True
+        )
+    ]
     assert not follow(SwingController(signal="shank"), inputs)[0].any()
 
 
@@ -107,12 +141,15 @@ def test_both_signals_together_enable_only_where_each_would():
     assert enabled.tolist() == [0.0] * 12 + [1.0] * 4 + [0.0] * 8
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    ({"signal": "emg"}, "'emg' is not known. Known are: contact, shank, both"),
-    ({"period": 0.0}, "no sampling period"),
-    ({"unload_force": 40.0}, "load_force: 30 leaves no hysteresis"),
-    ({"stop_rate": 1.0}, "swing_rate: 1 leaves no hysteresis"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"signal": "emg"}, "'emg' is not known. Known are: contact, shank, both"),
+        ({"period": 0.0}, "no sampling period"),
+        ({"unload_force": 40.0}, "load_force: 30 leaves no hysteresis"),
+        ({"stop_rate": 1.0}, "swing_rate: 1 leaves no hysteresis"),
+    ],
+)
 def test_a_controller_that_cannot_be_is_refused(arguments, words):
     with pytest.raises(InputError, match=words):
         SwingController(**arguments)
@@ -123,9 +160,22 @@ def test_a_controller_that_cannot_be_is_refused(arguments, words):
 def test_recorder_adds_up_the_swings_and_the_energy_of_each_adjustment():
     """Two swings to get there, a swing without need, one more adjustment of one swing, which takes 0.1 J before it is
     seen enabled."""
-    rows = [(0, 0.0, 0.05), (1, 0.0, 0.05), (1, 0.4, 0.03), (0, 0.5, 0.03), (0, 0.5, 0.03), (1, 0.5, 0.03),
-            (1, 0.9, 5e-4), (0, 1.0, 5e-4), (0, 1.0, 5e-4), (1, 1.0, 5e-4), (0, 1.0, 5e-4), (1, 1.1, -0.02),
-            (1, 1.2, 0.0), (0, 1.25, 0.0)]
+    rows = [
+        (0, 0.0, 0.05),
+        (1, 0.0, 0.05),
+        (1, 0.4, 0.03),
+        (0, 0.5, 0.03),
+        (0, 0.5, 0.03),
+        (1, 0.5, 0.03),
+        (1, 0.9, 5e-4),
+        (0, 1.0, 5e-4),
+        (0, 1.0, 5e-4),
+        (1, 1.0, 5e-4),
+        (0, 1.0, 5e-4),
+        (1, 1.1, -0.02),
+        (1, 1.2, 0.0),
+        (0, 1.25, 0.0),
+    ]
     inputs = [dict(zip(("enabled", "energy", "position_error"), row, strict=True)) for row in rows]
     ended, energy, swings = follow(AdjustmentRecorder(), inputs)
     assert ended.tolist() == [0] * 7 + [1] * 6 + [2]
@@ -151,7 +201,9 @@ def test_leaning_forward_is_positive_whatever_the_heading():
             R_WB = RotationMatrix.MakeZRotation(heading) @ RotationMatrix.MakeYRotation(lean)
             leftward = RotationMatrix.MakeZRotation(heading).col(1)
             np.testing.assert_allclose(angle(R_WB, 2.5 * leftward), [lean, 2.5], atol=1e-14)
-            np.testing.assert_allclose(angle(R_WB, [0.0, 0.0, 3.0]), [lean, 0.0], atol=1e-14)  # turning on the spot
+            np.testing.assert_allclose(
+                angle(R_WB, [0.0, 0.0, 3.0]), [lean, 0.0], atol=1e-14
+            )  # turning on the spot
 
 
 def test_rate_is_the_derivative_of_the_angle_in_any_motion():
@@ -160,11 +212,15 @@ def test_rate_is_the_derivative_of_the_angle_in_any_motion():
     context, rng = sensor.CreateDefaultContext(), np.random.default_rng(3)
     for _ in range(5):
         rpy, rates = rng.uniform(-0.7, 0.7, 3), rng.normal(size=3)
-        attitude = RollPitchYaw_[AutoDiffXd]([AutoDiffXd(a, [rate]) for a, rate in zip(rpy, rates, strict=True)])
+        attitude = RollPitchYaw_[AutoDiffXd](
+            [AutoDiffXd(a, [rate]) for a, rate in zip(rpy, rates, strict=True)]
+        )
         w_WB_W = RollPitchYaw(rpy).CalcAngularVelocityInParentFromRpyDt(rates)
         pose = RigidTransform_[AutoDiffXd](attitude.ToRotationMatrix(), [AutoDiffXd(0.0)] * 3)
         velocity = SpatialVelocity_[AutoDiffXd](w_WB_W, np.zeros(3))
         sensor.GetInputPort("body_poses").FixValue(context, AbstractValue.Make([pose]))
-        sensor.GetInputPort("body_spatial_velocities").FixValue(context, AbstractValue.Make([velocity]))
+        sensor.GetInputPort("body_spatial_velocities").FixValue(
+            context, AbstractValue.Make([velocity])
+        )
         lean, rate = sensor.get_output_port().Eval(context)
         assert rate.value() == pytest.approx(lean.derivatives()[0], abs=1e-12)

@@ -24,7 +24,9 @@ from vsf_drake.systems.fulcrum import FulcrumCommand
 
 @pytest.fixture
 def keel():
-    return KeelElasticity(num_velocities=3, velocity_indices=[0, 2], stiffness=[1.0, 2.0], damping=0.5)
+    return KeelElasticity(
+        num_velocities=3, velocity_indices=[0, 2], stiffness=[1.0, 2.0], damping=0.5
+    )
 
 
 def test_parameters_are_read_and_set_by_name_a_scalar_for_all(keel):
@@ -44,15 +46,23 @@ def test_parameters_are_read_and_set_by_name_a_scalar_for_all(keel):
 def test_unknown_names_wrong_shapes_and_contexts_of_others_are_refused_before_anything_is_set(keel):
     """A numeric parameter is a number in order: of two keels alike, the other's would be changed unseen."""
     context = keel.CreateDefaultContext()
-    for values, message in (({"dampng": 1.0}, "known are stiffness, damping"),
-                            ({"damping": [1.0, 2.0, 3.0]}, "damping has shape"), ({"damping": None}, "finite number")):
+    for values, message in (
+        ({"dampng": 1.0}, "known are stiffness, damping"),
+        ({"damping": [1.0, 2.0, 3.0]}, "damping has shape"),
+        ({"damping": None}, "finite number"),
+    ):
         with pytest.raises(ValueError, match=message):
             keel.SetParameters(context, stiffness=9.0, **values)
     with pytest.raises(ValueError, match="no parameter 'k'"):
         keel.GetParameter(context, "k")
     np.testing.assert_array_equal(keel.GetParameter(context, "stiffness"), [1.0, 2.0])
-    other = KeelElasticity(num_velocities=3, velocity_indices=[0, 2], stiffness=[1.0, 2.0], damping=0.5)
-    for call in (lambda: other.SetParameters(context, stiffness=9.0), lambda: other.GetParameter(context, "stiffness")):
+    other = KeelElasticity(
+        num_velocities=3, velocity_indices=[0, 2], stiffness=[1.0, 2.0], damping=0.5
+    )
+    for call in (
+        lambda: other.SetParameters(context, stiffness=9.0),
+        lambda: other.GetParameter(context, "stiffness"),
+    ):
         with pytest.raises(InputError, match="belongs to another system"):
             call()
     np.testing.assert_array_equal(keel.GetParameter(context, "stiffness"), [1.0, 2.0])
@@ -61,10 +71,16 @@ def test_unknown_names_wrong_shapes_and_contexts_of_others_are_refused_before_an
 def test_a_number_without_physical_meaning_is_refused_where_it_is_evaluated():
     foot = loose_foot()
     for name, value, message in (
-            ("stiffness", -1.0, r"-1 N/m\^exponent. It must be from 0 to"), ("exponent", 0.5, "0.5 1. .* from 1 to 20"),
-            ("radius", 42.4, "42.4 m. .* 0.2 m"), ("mu_static", -0.1, "0 to 5"), ("threshold_velocity", 0.0, "m/s"),
-            ("fulcrum_m", 108.0, "108 m. .* 0 to 1 m"), ("joint_damping", -1e-9, "N m s/rad"),
-            ("ground_slope", 2.0, "1 to 1"), ("ground_compliance", -1e-6, "m/N")):
+        ("stiffness", -1.0, r"-1 N/m\^exponent. It must be from 0 to"),
+        ("exponent", 0.5, "0.5 1. .* from 1 to 20"),
+        ("radius", 42.4, "42.4 m. .* 0.2 m"),
+        ("mu_static", -0.1, "0 to 5"),
+        ("threshold_velocity", 0.0, "m/s"),
+        ("fulcrum_m", 108.0, "108 m. .* 0 to 1 m"),
+        ("joint_damping", -1e-9, "N m s/rad"),
+        ("ground_slope", 2.0, "1 to 1"),
+        ("ground_compliance", -1e-6, "m/N"),
+    ):
         before = foot.wired.forces.GetParameter(foot.forces_context, name)
         foot.wired.forces.SetParameters(foot.forces_context, **{name: value})
         with pytest.raises(InputError, match=f"{name} of 'vsf_forces': is .*{message}"):
@@ -109,7 +125,9 @@ def only_new_objects():
     gc.unfreeze()
 
 
-def test_systems_end_with_their_last_reference_and_with_their_diagram_and_the_converted_one(only_new_objects):
+def test_systems_end_with_their_last_reference_and_with_their_diagram_and_the_converted_one(
+    only_new_objects,
+):
     arguments = [(type(system), system._arguments) for system in one_of_each()]
     assert {cls for cls, _ in arguments} == public_systems()
     for cls, given in arguments:
@@ -124,7 +142,9 @@ def test_systems_end_with_their_last_reference_and_with_their_diagram_and_the_co
         system = builder.AddNamedSystem("it", cls(**given))
         diagram = builder.Build()
         converted = diagram.ToAutoDiffXd()
-        seen_all = [weakref.ref(x) for x in (system, diagram, converted, converted.GetSubsystemByName("it"))]
+        seen_all = [
+            weakref.ref(x) for x in (system, diagram, converted, converted.GetSubsystemByName("it"))
+        ]
         del builder, system, diagram, converted
         collect()
         assert [x() for x in seen_all] == [None] * 4, cls
@@ -133,7 +153,9 @@ def test_systems_end_with_their_last_reference_and_with_their_diagram_and_the_co
 # Docstrings and declarations agree: ports, their order and sizes, and parameters
 
 
-IN_A_TABLE = {Station}  # its ports depend on the scenario and stand in the module's table: tests/plants tests it
+IN_A_TABLE = {
+    Station
+}  # its ports depend on the scenario and stand in the module's table: tests/plants tests it
 
 
 def test_port_blocks_and_docstrings_say_what_is_declared():
@@ -142,13 +164,21 @@ def test_port_blocks_and_docstrings_say_what_is_declared():
     for cls, system in systems.items():
         block, name = port_text.port_block(cls.__doc__), cls.__name__
         assert block is not None, f"{name} has no Outputs:"
-        ports = {"Inputs": [system.get_input_port(i) for i in range(system.num_input_ports())],
-                 "Outputs": [system.get_output_port(i) for i in range(system.num_output_ports())]}
+        ports = {
+            "Inputs": [system.get_input_port(i) for i in range(system.num_input_ports())],
+            "Outputs": [system.get_output_port(i) for i in range(system.num_output_ports())],
+        }
         assert list(block.inputs) == [port.get_name() for port in ports["Inputs"]], name
         assert list(block.outputs) == [port.get_name() for port in ports["Outputs"]], name
-        declared = [(section, port.get_name(),
-                     port.size() if port.get_data_type() == PortDataType.kVectorValued else None)
-                    for section, of_section in ports.items() for port in of_section]
+        declared = [
+            (
+                section,
+                port.get_name(),
+                port.size() if port.get_data_type() == PortDataType.kVectorValued else None,
+            )
+            for section, of_section in ports.items()
+            for port in of_section
+        ]
         assert not port_text.disagreements(cls.__doc__, declared), name
         parameters = set(getattr(system, "parameter_names", ()))
         text = port_text.sections(cls.__doc__).get("Parameters in the Context", "")

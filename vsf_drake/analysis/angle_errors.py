@@ -30,7 +30,14 @@ from vsf_drake.simulation.walk import Walker
 SD_DEG = (0.0, 0.25, 0.5, 1.0)
 DRAWS = 4
 """Of each trial's errors, at every standard deviation but zero."""
-LIMB_ANGLES = ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_adduction", "knee_rotation")
+LIMB_ANGLES = (
+    "hip_flexion",
+    "hip_adduction",
+    "hip_rotation",
+    "knee_angle",
+    "knee_adduction",
+    "knee_rotation",
+)
 """Coordinates of a leg that place its foot, without the side's `_r` or `_l`."""
 
 
@@ -64,8 +71,12 @@ class AngleErrorRow:
 
 
 def angle_error_rows(
-    trials: Sequence[JudgedTrial], *, step_s: float, seed: int, contact: FittedContact | None = None,
-    in_layers: str = ""
+    trials: Sequence[JudgedTrial],
+    *,
+    step_s: float,
+    seed: int,
+    contact: FittedContact | None = None,
+    in_layers: str = "",
 ) -> tuple[AngleErrorRow, ...]:
     """A row for each role, in the order of the trials, each of SD_DEG and each layer; without extra errors a trial
     walks once. The same draws, scaled, serve all standard deviations.
@@ -87,22 +98,41 @@ def angle_error_rows(
         errors_bw[PHYSICS] = [_error(outcome) for outcome in simulate_batch(cases, executor=pool)]
         if contact is not None:
             walker = Walker(trials[0].trial.subject, trials[0].trial.model)
-            found = [*pool.map(lambda case, key: _layered(case, contact, walker) if key[0] == in_layers else {}, cases,
-                               keys)]
+            found = [
+                *pool.map(
+                    lambda case, key: (
+                        _layered(case, contact, walker) if key[0] == in_layers else {}
+                    ),
+                    cases,
+                    keys,
+                )
+            ]
             errors_bw |= {layer: [one.get(layer) for one in found] for layer in LAYERS[1:]}
     rows = []
     for role in dict.fromkeys(one.role for one in trials):
         for sd_deg, (layer, errors_of_layer) in itertools.product(SD_DEG, errors_bw.items()):
             if layer != PHYSICS and role != in_layers:
                 continue
-            own = [(error, null) for error, (of, sd, null) in zip(errors_of_layer, keys, strict=True)
-                   if (of, sd) == (role, sd_deg)]
+            own = [
+                (error, null)
+                for error, (of, sd, null) in zip(errors_of_layer, keys, strict=True)
+                if (of, sd) == (role, sd_deg)
+            ]
             known = [error for error, _ in own if error is not None]
             beaten = [error < null for error, null in own if error is not None and null is not None]
-            rows.append(AngleErrorRow(
-                role=role, sd_deg=sd_deg, walks=len(known), failed=len(own) - len(known), layer=layer,
-                grf_rmse_bw=float(np.mean(known)) if known else None, grf_rmse_bw_worst=max(known, default=None),
-                beats_null=sum(beaten), beats_null_of=len(beaten)))
+            rows.append(
+                AngleErrorRow(
+                    role=role,
+                    sd_deg=sd_deg,
+                    walks=len(known),
+                    failed=len(own) - len(known),
+                    layer=layer,
+                    grf_rmse_bw=float(np.mean(known)) if known else None,
+                    grf_rmse_bw_worst=max(known, default=None),
+                    beats_null=sum(beaten),
+                    beats_null_of=len(beaten),
+                )
+            )
     return tuple(rows)
 
 
@@ -114,9 +144,15 @@ def _layered(case: WalkCase, contact: FittedContact, walker: Walker) -> dict[str
     except SimulationError:
         return {}
     result = walk.results[PHYSICS]
-    return {layer: agreement(
-        comparison, trial.prosthetic_plate, body_weight_n=result.subject_mass_kg * GRAVITY,
-        foot_length_m=result.foot_length_m).grf_rmse_bw for layer, comparison in walk.comparisons.items()}
+    return {
+        layer: agreement(
+            comparison,
+            trial.prosthetic_plate,
+            body_weight_n=result.subject_mass_kg * GRAVITY,
+            foot_length_m=result.foot_length_m,
+        ).grf_rmse_bw
+        for layer, comparison in walk.comparisons.items()
+    }
 
 
 def _error(outcome: WalkOutcome) -> float | None:

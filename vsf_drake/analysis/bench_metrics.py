@@ -20,7 +20,10 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 
-PUBLISHED_STIFFNESS_N_PER_M = {0.066: 10e3, 0.151: 32e3}  # fulcrum (m) -> stiffness (N/m), measured on the prototype
+PUBLISHED_STIFFNESS_N_PER_M = {
+    0.066: 10e3,
+    0.151: 32e3,
+}  # fulcrum (m) -> stiffness (N/m), measured on the prototype
 PUBLISHED_HEEL_STIFFNESS_N_PER_M = 65e3
 
 
@@ -32,8 +35,11 @@ def _tuned_joints(fulcrum_mm: float, *, series_n_per_m: float = 62.8e3) -> float
     13.839 - 0.0677 * fulcrum in mm (N m per degree), a regression that their authors tuned on the bench. They give no
     series spring; the 62.8 N/mm are ours, so that 150 mm has 32.0 N/mm, published for 151 mm.
     """
-    return 1.0 / (sum((1e-3 * (199 - x)) ** 2 for x in range(66, 199, 21) if x >= fulcrum_mm)
-                  / tuned_joint_nm_per_rad(fulcrum_mm) + 1.0 / series_n_per_m)
+    return 1.0 / (
+        sum((1e-3 * (199 - x)) ** 2 for x in range(66, 199, 21) if x >= fulcrum_mm)
+        / tuned_joint_nm_per_rad(fulcrum_mm)
+        + 1.0 / series_n_per_m
+    )
 
 
 def tuned_joint_nm_per_rad(fulcrum_mm: float) -> float:
@@ -53,8 +59,11 @@ _NOISE = 1e-6  # share of the largest load by which a load may fall without coun
 def displacement(setting: BenchSetting) -> np.ndarray:
     """(n,) travel (m) of the platen since it touched the foot, negative before; touch-down must be in the curve."""
     if setting.load_n[0] > _START_SHARE * np.max(setting.load_n):
-        raise InputError(f"the load-displacement curve starts at {setting.load_n[0]:.3g} N", where=_label(setting),
-                         right="It must start before the platen touches the foot, or as it does")
+        raise InputError(
+            f"the load-displacement curve starts at {setting.load_n[0]:.3g} N",
+            where=_label(setting),
+            right="It must start before the platen touches the foot, or as it does",
+        )
     return setting.platen_m
 
 
@@ -72,18 +81,28 @@ def mean_slope(x: np.ndarray, load: np.ndarray, above_n: float = STIFFNESS_ABOVE
     return float((load[-1] - above_n) / (x[-1] - at_loads(x, load, above_n)))
 
 
-def stiffness(displacement_m: np.ndarray, load_n: np.ndarray, *, above_n: float = STIFFNESS_ABOVE_N,
-              where: str | None = None) -> float:
+def stiffness(
+    displacement_m: np.ndarray,
+    load_n: np.ndarray,
+    *,
+    above_n: float = STIFFNESS_ABOVE_N,
+    where: str | None = None,
+) -> float:
     """`mean_slope` (N/m) of a curve that is checked: displacement (n,) m, increasing; load (n,) N, not decreasing,
     above `above_n` at the end; `where` is what the curve is, for messages."""
     x, load = _checked(displacement_m, load_n, where)
     if load[-1] <= above_n:
-        raise InputError(f"the largest load is {load[-1]:.4g} N, and stiffness is the mean slope above {above_n:g} N",
-                         where=where, right="Press further: raise the largest load")
+        raise InputError(
+            f"the largest load is {load[-1]:.4g} N, and stiffness is the mean slope above {above_n:g} N",
+            where=where,
+            right="Press further: raise the largest load",
+        )
     return mean_slope(x, load, above_n)
 
 
-def mid_range_displacement(displacement_m: np.ndarray, load_n: np.ndarray, *, where: str | None = None) -> float:
+def mid_range_displacement(
+    displacement_m: np.ndarray, load_n: np.ndarray, *, where: str | None = None
+) -> float:
     """Displacement (m) at half of the largest load, interpolated linearly; see `stiffness`."""
     x, load = _checked(displacement_m, load_n, where)
     if load[-1] <= 0.0:
@@ -124,20 +143,31 @@ def bench_table(result: BenchResult) -> BenchTable:
     rows, heel = [], result.heel
     for setting in result.forefoot:
         where, x, fulcrum = _label(setting), displacement(setting), setting.fulcrum_m
-        rows.append(BenchPass(
-            fulcrum_mm=round(1e3 * (setting.fulcrum_m or 0.0), 9),
-            stiffness_n_per_mm=1e-3 * stiffness(x, setting.load_n, where=where),
-            mid_range_displacement_mm=1e3 * mid_range_displacement(x, setting.load_n, where=where),
-            max_load_n=float(np.max(setting.load_n)), max_displacement_mm=1e3 * float(x[-1]),
-            published_n_per_mm=in_n_per_mm(published_stiffness(fulcrum)),
-            tuned_joints_n_per_mm=in_n_per_mm(tuned_joints_stiffness(fulcrum))))
+        rows.append(
+            BenchPass(
+                fulcrum_mm=round(1e3 * (setting.fulcrum_m or 0.0), 9),
+                stiffness_n_per_mm=1e-3 * stiffness(x, setting.load_n, where=where),
+                mid_range_displacement_mm=1e3
+                * mid_range_displacement(x, setting.load_n, where=where),
+                max_load_n=float(np.max(setting.load_n)),
+                max_displacement_mm=1e3 * float(x[-1]),
+                published_n_per_mm=in_n_per_mm(published_stiffness(fulcrum)),
+                tuned_joints_n_per_mm=in_n_per_mm(tuned_joints_stiffness(fulcrum)),
+            )
+        )
     return BenchTable(
-        settings=tuple(rows), heel_published_n_per_mm=1e-3 * PUBLISHED_HEEL_STIFFNESS_N_PER_M,
-        heel_stiffness_n_per_mm=None if heel is None else 1e-3 * stiffness(
-            displacement(heel), heel.load_n, where=_label(heel)),
-        speed_mm_per_min=60e3 * result.speed_m_per_s, simulated_s=result.simulated_s, wall_s=result.wall_s,
-        compile_s=result.compile_s, unconverged_steps=sum(setting.unconverged_steps for setting in result.settings),
-        refined_steps=sum(setting.refined_steps for setting in result.settings))
+        settings=tuple(rows),
+        heel_published_n_per_mm=1e-3 * PUBLISHED_HEEL_STIFFNESS_N_PER_M,
+        heel_stiffness_n_per_mm=None
+        if heel is None
+        else 1e-3 * stiffness(displacement(heel), heel.load_n, where=_label(heel)),
+        speed_mm_per_min=60e3 * result.speed_m_per_s,
+        simulated_s=result.simulated_s,
+        wall_s=result.wall_s,
+        compile_s=result.compile_s,
+        unconverged_steps=sum(setting.unconverged_steps for setting in result.settings),
+        refined_steps=sum(setting.refined_steps for setting in result.settings),
+    )
 
 
 def closed_form_stiffness(foot: Mapping[str, Any], fulcrum_m: Any) -> np.ndarray:
@@ -147,16 +177,25 @@ def closed_form_stiffness(foot: Mapping[str, Any], fulcrum_m: Any) -> np.ndarray
     """
     keel, k, n = foot["keel"], foot["series_stiffness_n_per_m"], foot.get("series_exponent", 1.0)
     low, high = ((load / k) ** (1.0 / n) for load in (STIFFNESS_ABOVE_N, LOAD_N))
-    return np.asarray(combined_stiffness(
-        bending_stiffness=keel["flexural_modulus_pa"] * section_inertia(keel["width_m"], keel["thickness_m"]),
-        support=np.asarray(fulcrum_m, dtype=float), load_point=foot["load_point_m"],
-        fulcrum_stiffness=foot["fulcrum"]["stiffness_n_per_m"],
-        series_stiffness=(LOAD_N - STIFFNESS_ABOVE_N) / (high - low)))
+    return np.asarray(
+        combined_stiffness(
+            bending_stiffness=keel["flexural_modulus_pa"]
+            * section_inertia(keel["width_m"], keel["thickness_m"]),
+            support=np.asarray(fulcrum_m, dtype=float),
+            load_point=foot["load_point_m"],
+            fulcrum_stiffness=foot["fulcrum"]["stiffness_n_per_m"],
+            series_stiffness=(LOAD_N - STIFFNESS_ABOVE_N) / (high - low),
+        )
+    )
 
 
 def published_stiffness(fulcrum_m: float | None) -> float | None:
     """Published stiffness (N/m) at this fulcrum position (None for the heel); None where none is published."""
-    return PUBLISHED_HEEL_STIFFNESS_N_PER_M if fulcrum_m is None else _near(PUBLISHED_STIFFNESS_N_PER_M, fulcrum_m)
+    return (
+        PUBLISHED_HEEL_STIFFNESS_N_PER_M
+        if fulcrum_m is None
+        else _near(PUBLISHED_STIFFNESS_N_PER_M, fulcrum_m)
+    )
 
 
 def tuned_joints_stiffness(fulcrum_m: float | None) -> float | None:
@@ -170,24 +209,42 @@ def in_n_per_mm(stiffness_n_per_m: float | None) -> float | None:
 
 
 def _near(known: Mapping[float, float], fulcrum_m: float) -> float | None:
-    return next((k for position, k in known.items() if abs(position - fulcrum_m) < _SAME_POSITION_M), None)
+    return next(
+        (k for position, k in known.items() if abs(position - fulcrum_m) < _SAME_POSITION_M), None
+    )
 
 
-def _checked(displacement_m: np.ndarray, load_n: np.ndarray, where: str | None) -> tuple[np.ndarray, np.ndarray]:
+def _checked(
+    displacement_m: np.ndarray, load_n: np.ndarray, where: str | None
+) -> tuple[np.ndarray, np.ndarray]:
     x, load = np.asarray(displacement_m, dtype=float), np.asarray(load_n, dtype=float)
     if x.ndim != 1 or x.shape != load.shape or len(x) < 2:
-        raise ValueError(f"displacement {x.shape} and load {load.shape} must be (n,) both, n at least 2")
+        raise ValueError(
+            f"displacement {x.shape} and load {load.shape} must be (n,) both, n at least 2"
+        )
     if not (np.isfinite(x).all() and np.isfinite(load).all()):
-        raise InputError("the load-displacement curve holds a value that is not finite", where=where)
+        raise InputError(
+            "the load-displacement curve holds a value that is not finite", where=where
+        )
     if np.any(np.diff(x) <= 0.0):
         row = int(np.argmax(np.diff(x) <= 0.0)) + 1
-        raise InputError(f"the displacement does not increase at sample {row} ({1e3 * x[row]:.4g} mm)", where=where)
+        raise InputError(
+            f"the displacement does not increase at sample {row} ({1e3 * x[row]:.4g} mm)",
+            where=where,
+        )
     if np.any(np.diff(load) < -_NOISE * np.max(np.abs(load))):
         row = int(np.argmin(np.diff(load))) + 1
-        raise InputError(f"the load falls from {load[row - 1]:.4g} to {load[row]:.4g} N at {1e3 * x[row]:.4g} mm",
-                         where=where, right="Stiffness needs a loading curve that rises all the way")
+        raise InputError(
+            f"the load falls from {load[row - 1]:.4g} to {load[row]:.4g} N at {1e3 * x[row]:.4g} mm",
+            where=where,
+            right="Stiffness needs a loading curve that rises all the way",
+        )
     return x, load
 
 
 def _label(setting: BenchSetting) -> str:
-    return "bench, heel" if setting.fulcrum_m is None else f"bench, fulcrum at {1e3 * setting.fulcrum_m:g} mm"
+    return (
+        "bench, heel"
+        if setting.fulcrum_m is None
+        else f"bench, fulcrum at {1e3 * setting.fulcrum_m:g} mm"
+    )

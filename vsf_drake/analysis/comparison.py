@@ -48,7 +48,9 @@ class StanceComparison:
     measured: Stance  # in the plate's whole record
     model: Stance | None  # the model's stance that overlaps it most, if any
     inside: bool  # the measured stance lies inside the simulated time as a whole
-    span: tuple[float, float]  # start and end (s) of stance ± MARGIN_S, clipped to the compared time
+    span: tuple[
+        float, float
+    ]  # start and end (s) of stance ± MARGIN_S, clipped to the compared time
     measured_cop: np.ndarray  # of the whole stance; NaN where the plate is not loaded
     model_cop: np.ndarray  # NaN where it cannot be compared
 
@@ -90,8 +92,10 @@ def compare(result: ComparableWalk, plate: PlateRecording) -> Comparison:
     plate_force = plate.force_W @ axes.T
     seen = (grid >= plate.time_s[0] - 1e-9) & (grid <= plate.time_s[-1] + 1e-9)
     if np.count_nonzero(seen) < 2:
-        raise ValueError(f"the plate's record, {plate.time_s[0]:g} to {plate.time_s[-1]:g} s, does not overlap the "
-                         f"simulation, {grid[0]:g} to {grid[-1]:g} s")
+        raise ValueError(
+            f"the plate's record, {plate.time_s[0]:g} to {plate.time_s[-1]:g} s, does not overlap the "
+            f"simulation, {grid[0]:g} to {grid[-1]:g} s"
+        )
     time = grid[seen]
 
     # each measured stance with the model's that overlaps it most, and both centres of pressure over its percents
@@ -100,18 +104,45 @@ def compare(result: ComparableWalk, plate: PlateRecording) -> Comparison:
     stances = []
     for stance in (s for s in measured_stances if s.end_s > time[0] and s.start_s < time[-1]):
         instants = percent_instants(stance)
-        cop = [filtered_while_loaded((p @ axes.T)[:, :2], t, force, p, instants)
-               for t, force, p in ((plate.time_s, plate_force[:, 2], plate.cop_W),
-                                   (result.time_s, result.grf_W[:, 2], result.cop_W))]
-        cop[1][(instants < time[0] - 1e-9) | (instants > time[-1] + 1e-9) | np.isnan(cop[0]).any(axis=1)] = np.nan
-        stances.append(StanceComparison(
-            measured=stance, model=partner(stance, model_stances), measured_cop=cop[0], model_cop=cop[1],
-            inside=bool(stance.complete and stance.start_s >= time[0] and stance.end_s <= time[-1]),
-            span=(max(stance.start_s - MARGIN_S, float(time[0])), min(stance.end_s + MARGIN_S, float(time[-1])))))
+        cop = [
+            filtered_while_loaded((p @ axes.T)[:, :2], t, force, p, instants)
+            for t, force, p in (
+                (plate.time_s, plate_force[:, 2], plate.cop_W),
+                (result.time_s, result.grf_W[:, 2], result.cop_W),
+            )
+        ]
+        cop[1][
+            (instants < time[0] - 1e-9)
+            | (instants > time[-1] + 1e-9)
+            | np.isnan(cop[0]).any(axis=1)
+        ] = np.nan
+        stances.append(
+            StanceComparison(
+                measured=stance,
+                model=partner(stance, model_stances),
+                measured_cop=cop[0],
+                model_cop=cop[1],
+                inside=bool(
+                    stance.complete and stance.start_s >= time[0] and stance.end_s <= time[-1]
+                ),
+                span=(
+                    max(stance.start_s - MARGIN_S, float(time[0])),
+                    min(stance.end_s + MARGIN_S, float(time[-1])),
+                ),
+            )
+        )
     comparison = Comparison(
-        time_s=time, step_s=step, model=model[seen], measured=_filtered_plate(time, step, plate, plate_force),
-        scored=np.zeros(len(time), dtype=bool), stances=tuple(stances), heading=heading,
-        extra_model_stances=sum(partner(stance, measured_stances) is None for stance in model_stances))
+        time_s=time,
+        step_s=step,
+        model=model[seen],
+        measured=_filtered_plate(time, step, plate, plate_force),
+        scored=np.zeros(len(time), dtype=bool),
+        stances=tuple(stances),
+        heading=heading,
+        extra_model_stances=sum(
+            partner(stance, measured_stances) is None for stance in model_stances
+        ),
+    )
     for item in stances:
         comparison.scored[comparison.within(*item.span)] = True
     return comparison
@@ -140,16 +171,24 @@ def resample(grid: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarr
     return np.column_stack([np.interp(grid, time, column) for column in values.T])
 
 
-def _filtered_plate(time: np.ndarray, step: float, plate: PlateRecording, force: np.ndarray) -> np.ndarray:
+def _filtered_plate(
+    time: np.ndarray, step: float, plate: PlateRecording, force: np.ndarray
+) -> np.ndarray:
     before = int(min(MARGIN_S, time[0] - plate.time_s[0]) / step + 1e-6)
     after = int(min(MARGIN_S, plate.time_s[-1] - time[-1]) / step + 1e-6)
     wide = time[0] + step * np.arange(-before, len(time) + after)
-    smooth = low_pass(resample(wide, plate.time_s, force), rate_hz=1.0 / step, cutoff_hz=FORCE_CUTOFF_HZ)
+    smooth = low_pass(
+        resample(wide, plate.time_s, force), rate_hz=1.0 / step, cutoff_hz=FORCE_CUTOFF_HZ
+    )
     return smooth[before : before + len(time)]
 
 
 def filtered_while_loaded(
-    series: np.ndarray, time: np.ndarray, vertical: np.ndarray, cop: np.ndarray, instants: np.ndarray
+    series: np.ndarray,
+    time: np.ndarray,
+    vertical: np.ndarray,
+    cop: np.ndarray,
+    instants: np.ndarray,
 ) -> np.ndarray:
     """(k, m) a series at other instants (k,), low-passed while the foot is loaded, each time apart; NaN elsewhere.
 
@@ -160,18 +199,25 @@ def filtered_while_loaded(
     grid = uniform_grid(time)
     rate = 1.0 / float(grid[1] - grid[0])
     curve = np.full((len(instants), series.shape[1]), np.nan)
-    smooth = low_pass(np.interp(grid, time, vertical), rate_hz=rate, cutoff_hz=min(FORCE_CUTOFF_HZ, 0.45 * rate))
+    smooth = low_pass(
+        np.interp(grid, time, vertical), rate_hz=rate, cutoff_hz=min(FORCE_CUTOFF_HZ, 0.45 * rate)
+    )
     valid = (vertical > THRESHOLD_N) & np.isfinite(cop).all(axis=1)
     for start, stop in runs(smooth > THRESHOLD_N):
-        own = valid & (time >= grid[start] - 1e-9) & (time <= grid[stop - 1] + 1e-9)  # the grid is rounded
+        own = (
+            valid & (time >= grid[start] - 1e-9) & (time <= grid[stop - 1] + 1e-9)
+        )  # the grid is rounded
         if np.count_nonzero(own) < 2:
             continue
         first, last = time[own][[0, -1]]
         points = grid[(grid >= first - 1e-9) & (grid <= last + 1e-9)]
         if last - first < _SHORTEST_RUN_S or len(points) < 2:
             continue
-        filtered = low_pass(resample(points, time[own], series[own]), rate_hz=rate,
-                            cutoff_hz=min(COP_CUTOFF_HZ, 0.45 * rate))
+        filtered = low_pass(
+            resample(points, time[own], series[own]),
+            rate_hz=rate,
+            cutoff_hz=min(COP_CUTOFF_HZ, 0.45 * rate),
+        )
         here = (instants >= points[0]) & (instants <= points[-1])
         curve[here] = resample(instants[here], points, filtered)
     return curve
@@ -179,7 +225,9 @@ def filtered_while_loaded(
 
 def partner(stance: Stance, candidates: Sequence[Stance]) -> Stance | None:
     """The one of `candidates` that overlaps `stance` most, if any does."""
-    overlaps = [(min(one.end_s, stance.end_s) - max(one.start_s, stance.start_s), one) for one in candidates]
+    overlaps = [
+        (min(one.end_s, stance.end_s) - max(one.start_s, stance.start_s), one) for one in candidates
+    ]
     overlap, best = max(overlaps, key=lambda item: item[0], default=(0.0, None))
     return best if overlap > 0.0 else None
 
@@ -202,22 +250,35 @@ def compare_sensitivity(
 ) -> ComparisonSensitivity:
     """Derivatives of what `compare` made of `result`, a finished walk; `sensitivity` is of the same walk."""
     if len(sensitivity.grf_W) != len(result.time_s):
-        raise ValueError(f"sensitivities at {len(sensitivity.grf_W)} instants are not of a walk with "
-                         f"{len(result.time_s)}")
+        raise ValueError(
+            f"sensitivities at {len(sensitivity.grf_W)} instants are not of a walk with "
+            f"{len(result.time_s)}"
+        )
     axes, grid = walk_axes(comparison.heading), uniform_grid(result.time_s)
-    force, cop = (by.reshape(len(by), -1) for by in (axes @ sensitivity.grf_W, axes[:2, :2] @ sensitivity.cop_W))
-    filtered = low_pass(resample(grid, result.time_s, force), rate_hz=1.0 / comparison.step_s,
-                        cutoff_hz=FORCE_CUTOFF_HZ)
+    force, cop = (
+        by.reshape(len(by), -1)
+        for by in (axes @ sensitivity.grf_W, axes[:2, :2] @ sensitivity.cop_W)
+    )
+    filtered = low_pass(
+        resample(grid, result.time_s, force),
+        rate_hz=1.0 / comparison.step_s,
+        cutoff_hz=FORCE_CUTOFF_HZ,
+    )
     first = int(np.searchsorted(grid, comparison.time_s[0]))
     stances = []
     for item in comparison.stances:
-        curve = filtered_while_loaded(cop, result.time_s, result.grf_W[:, 2], result.cop_W,
-                                      percent_instants(item.measured))
+        curve = filtered_while_loaded(
+            cop, result.time_s, result.grf_W[:, 2], result.cop_W, percent_instants(item.measured)
+        )
         curve[np.isnan(item.model_cop).any(axis=1)] = np.nan
         stances.append(curve.reshape(len(curve), 2, -1))
     return ComparisonSensitivity(
-        names=sensitivity.names, cop=tuple(stances),
-        model=filtered[first : first + len(comparison.time_s)].reshape(len(comparison.time_s), 3, -1))
+        names=sensitivity.names,
+        cop=tuple(stances),
+        model=filtered[first : first + len(comparison.time_s)].reshape(
+            len(comparison.time_s), 3, -1
+        ),
+    )
 
 
 # Small measures between two series that share their instants.
@@ -229,7 +290,9 @@ def rmse(model: np.ndarray, measured: np.ndarray) -> float:
     return float(np.sqrt(np.mean(difference**2))) if difference.size else float("nan")
 
 
-def r_squared(model: np.ndarray, measured: np.ndarray, *, groups: np.ndarray | None = None) -> float:
+def r_squared(
+    model: np.ndarray, measured: np.ndarray, *, groups: np.ndarray | None = None
+) -> float:
     """Coefficient of determination 1 - SSE / SST, no squared correlation; NaN where `measured` does not vary.
 
     With labels `groups` (n,) SST is taken about the mean of each group, so that a distance between groups (footprints
@@ -237,7 +300,10 @@ def r_squared(model: np.ndarray, measured: np.ndarray, *, groups: np.ndarray | N
     """
     model, measured = np.asarray(model, dtype=float), np.asarray(measured, dtype=float)
     labels = np.zeros(measured.shape) if groups is None else np.asarray(groups)
-    total = sum(float(np.sum((part - part.mean()) ** 2)) for part in (measured[labels == g] for g in np.unique(labels)))
+    total = sum(
+        float(np.sum((part - part.mean()) ** 2))
+        for part in (measured[labels == g] for g in np.unique(labels))
+    )
     return 1.0 - float(np.sum((model - measured) ** 2)) / total if total > 0.0 else float("nan")
 
 
@@ -250,4 +316,6 @@ def cumulative_integral(values: np.ndarray, step: float) -> np.ndarray:
 def uniform_grid(time_s: np.ndarray) -> np.ndarray:
     """Evenly spaced instants over the span of `time_s`, at its median spacing."""
     step = float(np.median(np.diff(time_s)))
-    return np.asarray(time_s[0] + step * np.arange(int(np.floor((time_s[-1] - time_s[0]) / step + 1e-6)) + 1))
+    return np.asarray(
+        time_s[0] + step * np.arange(int(np.floor((time_s[-1] - time_s[0]) / step + 1e-6)) + 1)
+    )

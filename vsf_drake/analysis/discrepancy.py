@@ -55,50 +55,80 @@ def over_stances(comparison: Comparison, curve: np.ndarray) -> np.ndarray:
 
 def over_percent(comparison: Comparison, values: np.ndarray) -> np.ndarray | None:
     """(101, 3) of values (n, 3) over the model's stance, mean of those that were seen as a whole; None without."""
-    curves = [np.column_stack([np.interp(percent_instants(item.model), comparison.time_s, column)
-                               for column in values.T])
-              for item in comparison.stances if item.inside and item.model is not None and item.model.complete]
+    curves = [
+        np.column_stack(
+            [
+                np.interp(percent_instants(item.model), comparison.time_s, column)
+                for column in values.T
+            ]
+        )
+        for item in comparison.stances
+        if item.inside and item.model is not None and item.model.complete
+    ]
     return np.asarray(np.mean(curves, axis=0)) if curves else None
 
 
-def beside_the_plates(comparison: Comparison, discrepancy: Discrepancy, fulcrum_m: float, weight_n: float
-                      ) -> np.ndarray:
+def beside_the_plates(
+    comparison: Comparison, discrepancy: Discrepancy, fulcrum_m: float, weight_n: float
+) -> np.ndarray:
     """(n, 3) N of the force at a fulcrum position, from the corrected model's and what the fitted plates tell."""
-    model = comparison.model + weight_n * over_stances(comparison, interpolated(discrepancy, fulcrum_m))
-    places, plate = between_settings(discrepancy, fulcrum_m, [f"plate_{name}" for name in COMPONENTS])
+    model = comparison.model + weight_n * over_stances(
+        comparison, interpolated(discrepancy, fulcrum_m)
+    )
+    places, plate = between_settings(
+        discrepancy, fulcrum_m, [f"plate_{name}" for name in COMPONENTS]
+    )
     beyond = max(places[0] - fulcrum_m, fulcrum_m - places[-1], 0.0)
     share = (1.0 - CODE_SCALE) * np.exp(-0.5 * (beyond / SETTING_M) ** 2)
     in_stance = over_stances(comparison, np.ones((len(PERCENT), 3)))
-    return np.asarray(model + share * (weight_n * over_stances(comparison, plate) - in_stance * model))
+    return np.asarray(
+        model + share * (weight_n * over_stances(comparison, plate) - in_stance * model)
+    )
 
 
-def between_settings(discrepancy: Discrepancy, fulcrum_m: float, names: Sequence[str]
-                     ) -> tuple[np.ndarray, np.ndarray]:
+def between_settings(
+    discrepancy: Discrepancy, fulcrum_m: float, names: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
     """Where the fitted settings lie, m, and (101, k) BW of the curves `names`, means of each setting and linear between
     them."""
     positions = np.array([curve.fulcrum_m for curve in discrepancy.curves])
     settings = settings_of(positions)
     places = np.array([positions[one].mean() for one in settings])
-    curves = np.array([[np.mean([getattr(discrepancy.curves[i], name) for i in one], axis=0) for name in names]
-                       for one in settings])
-    return places, interp1d(places, curves, axis=0)(np.clip(fulcrum_m, places[0], places[-1])).T if (
-        len(places) > 1) else curves[0].T
+    curves = np.array(
+        [
+            [np.mean([getattr(discrepancy.curves[i], name) for i in one], axis=0) for name in names]
+            for one in settings
+        ]
+    )
+    return places, interp1d(places, curves, axis=0)(
+        np.clip(fulcrum_m, places[0], places[-1])
+    ).T if (len(places) > 1) else curves[0].T
 
 
 def interpolated(discrepancy: Discrepancy, fulcrum_m: float) -> np.ndarray:
     """(101, 3) BW at a fulcrum position, in the order of COMPONENTS."""
     positions = np.array([curve.fulcrum_m for curve in discrepancy.curves])
-    return np.stack([
-        _weights(positions, fulcrum_m, shared, own) @ np.array([getattr(curve, name) for curve in discrepancy.curves])
-        for name, shared, own in zip(COMPONENTS, discrepancy.shared, discrepancy.own, strict=True)], axis=1)
+    return np.stack(
+        [
+            _weights(positions, fulcrum_m, shared, own)
+            @ np.array([getattr(curve, name) for curve in discrepancy.curves])
+            for name, shared, own in zip(
+                COMPONENTS, discrepancy.shared, discrepancy.own, strict=True
+            )
+        ],
+        axis=1,
+    )
 
 
 def _weights(positions_m: np.ndarray, fulcrum_m: float, shared: float, own: float) -> np.ndarray:
     """(n,) by which the process's mean at a fulcrum position is made of curves at others (Rasmussen & Williams 2006,
     eq. 2.25)."""
+
     def covariance(a: np.ndarray) -> np.ndarray:
         apart = (a - positions_m) ** 2
-        return np.asarray(shared * np.exp(-0.5 * apart / SMOOTH_M**2) + own * np.exp(-0.5 * apart / SETTING_M**2))
+        return np.asarray(
+            shared * np.exp(-0.5 * apart / SMOOTH_M**2) + own * np.exp(-0.5 * apart / SETTING_M**2)
+        )
 
     noise = max(1.0 - shared - own, 1e-9)
     among = covariance(positions_m[:, None]) + noise * np.eye(len(positions_m))
@@ -120,13 +150,30 @@ def earned(curves: Sequence[DiscrepancyCurve]) -> Discrepancy:
     left_out = [every == i for one in settings if len(one) > 1 for i in one]
     left_out += [np.isin(every, one) for one in settings if several]
     groups = [(out, ~out) for out in left_out]
-    pairs = [(float(shared), float(own)) for shared in SHARES for own in SHARES if shared + own <= 1.0 + 1e-9
-             and (twice or own == 0.0) and (several or shared == 0.0)]
+    pairs = [
+        (float(shared), float(own))
+        for shared in SHARES
+        for own in SHARES
+        if shared + own <= 1.0 + 1e-9 and (twice or own == 0.0) and (several or shared == 0.0)
+    ]
     found = []
     for name in COMPONENTS:
         values = np.array([getattr(curve, name) for curve in curves])
-        error = {pair: sum(float(np.mean((values[out] - _weights(positions[left], positions[out].mean(), *pair)
-                                          @ values[left]) ** 2)) for out, left in groups) for pair in pairs}
+        error = {
+            pair: sum(
+                float(
+                    np.mean(
+                        (
+                            values[out]
+                            - _weights(positions[left], positions[out].mean(), *pair) @ values[left]
+                        )
+                        ** 2
+                    )
+                )
+                for out, left in groups
+            )
+            for pair in pairs
+        }
         found.append(min(pairs, key=lambda pair: (round(error[pair], 12), sum(pair), pair[0])))
     shared, own = zip(*found, strict=True)
     return Discrepancy(curves=tuple(curves), shared=shared, own=own)

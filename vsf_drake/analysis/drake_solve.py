@@ -15,12 +15,16 @@ class Interruptible(Protocol):
 
 
 def solved(
-    solver: drake.SolverInterface, program: drake.MathematicalProgram, start: np.ndarray, options: drake.SolverOptions,
-    evaluating: Interruptible
+    solver: drake.SolverInterface,
+    program: drake.MathematicalProgram,
+    start: np.ndarray,
+    options: drake.SolverOptions,
+    evaluating: Interruptible,
 ) -> drake.MathematicalProgramResult:
-    """The result of `solver` on `program` from `start`; KeyboardInterrupt where one passed through a cost or pydrake.
-    """
-    options.SetOption(drake.IpoptSolver.id(), "option_file_name", "")  # else it reads ipopt.opt of the current folder
+    """The result of `solver` on `program` from `start`; KeyboardInterrupt where one passed through a cost or pydrake."""
+    options.SetOption(
+        drake.IpoptSolver.id(), "option_file_name", ""
+    )  # else it reads ipopt.opt of the current folder
     try:
         result = solver.Solve(program, start, options)
     except RuntimeError as error:

@@ -24,7 +24,9 @@ class FulcrumSweep:
     fulcrum_mm: tuple[float, ...]
     grf_rmse_bw: tuple[float | None, ...]  # of the resultant; None where the walk fails
     true_mm: float
-    best_mm: float | None  # where the error is least, by the parabola through the three lowest points
+    best_mm: (
+        float | None
+    )  # where the error is least, by the parabola through the three lowest points
     at_end: bool  # it stood at an end of its range, so that an error outwards could not show
     right: bool | None  # best_mm is within RIGHT_WITHIN_M of where it stood
 
@@ -45,11 +47,15 @@ def swept(positions: np.ndarray, errors: Sequence[float], *, true_m: float) -> F
         i = int(np.nanargmin(errors))
         best, beside = positions[i], np.square(errors[max(i - 1, 0) : i + 2])
         if len(beside) == 3 and not np.isnan(beside).any():
-            a, b, c = beside  # the vertex of the parabola through three points that are evenly spaced
+            a, b, c = (
+                beside  # the vertex of the parabola through three points that are evenly spaced
+            )
             best += 0.5 * (a - c) / (a - 2.0 * b + c) * (positions[i + 1] - positions[i])
     return FulcrumSweep(
-        fulcrum_mm=tuple((1e3 * positions).tolist()), true_mm=1e3 * true_m,
+        fulcrum_mm=tuple((1e3 * positions).tolist()),
+        true_mm=1e3 * true_m,
         grf_rmse_bw=tuple(None if np.isnan(error) else float(error) for error in errors),
         best_mm=None if best is None else 1e3 * float(best),
         right=best is not None and bool(abs(best - true_m) <= RIGHT_WITHIN_M),
-        at_end=bool(min(abs(true_m - positions[0]), abs(true_m - positions[-1])) < 1e-3))
+        at_end=bool(min(abs(true_m - positions[0]), abs(true_m - positions[-1])) < 1e-3),
+    )

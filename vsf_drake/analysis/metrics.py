@@ -107,8 +107,13 @@ class Agreement:
 
     def peak_vertical_bw(self, side: str) -> float | None:
         """Largest vertical force (BW) of the "model" or as "measured", of all stances."""
-        peaks = [stance.model_peaks_bw if side == "model" else stance.measured_peaks_bw for stance in self.stances]
-        halves = [half for peak in peaks for half in (peak.vertical_first_half, peak.vertical_second_half)]
+        peaks = [
+            stance.model_peaks_bw if side == "model" else stance.measured_peaks_bw
+            for stance in self.stances
+        ]
+        halves = [
+            half for peak in peaks for half in (peak.vertical_first_half, peak.vertical_second_half)
+        ]
         return max((half for half in halves if half is not None), default=None)
 
 
@@ -129,8 +134,13 @@ class WalkMetrics(Agreement):
     synthetic: bool
 
 
-def walk_metrics(result: WalkResult, plate: PlateRecording, *, null_curve: np.ndarray | None = None,
-                 comparison: Comparison | None = None) -> WalkMetrics:
+def walk_metrics(
+    result: WalkResult,
+    plate: PlateRecording,
+    *,
+    null_curve: np.ndarray | None = None,
+    comparison: Comparison | None = None,
+) -> WalkMetrics:
     """The numbers of `metrics.json` (definitions above).
 
     Args:
@@ -143,14 +153,26 @@ def walk_metrics(result: WalkResult, plate: PlateRecording, *, null_curve: np.nd
     weight = result.subject_mass_kg * GRAVITY
     shared = agreement(c, plate, body_weight_n=weight, foot_length_m=result.foot_length_m)
     return WalkMetrics(
-        **vars(shared), angle_rmse_deg=_angle_rmse_deg(result),
-        null_model_grf_rmse_bw=None if null_curve is None else null_model_rmse(c, weight, null_curve),
-        trial=result.trial_name, simulated_s=result.simulated_s, wall_s=result.wall_s, compile_s=result.compile_s,
-        step_s=result.step_s, unconverged_steps=result.unconverged_steps, refined_steps=result.refined_steps,
-        converged=result.converged, synthetic=result.synthetic)
+        **vars(shared),
+        angle_rmse_deg=_angle_rmse_deg(result),
+        null_model_grf_rmse_bw=None
+        if null_curve is None
+        else null_model_rmse(c, weight, null_curve),
+        trial=result.trial_name,
+        simulated_s=result.simulated_s,
+        wall_s=result.wall_s,
+        compile_s=result.compile_s,
+        step_s=result.step_s,
+        unconverged_steps=result.unconverged_steps,
+        refined_steps=result.refined_steps,
+        converged=result.converged,
+        synthetic=result.synthetic,
+    )
 
 
-def agreement(c: Comparison, plate: PlateRecording, *, body_weight_n: float, foot_length_m: float) -> Agreement:
+def agreement(
+    c: Comparison, plate: PlateRecording, *, body_weight_n: float, foot_length_m: float
+) -> Agreement:
     """The numbers that a comparison with `plate` gives by itself."""
     model, measured = c.model / body_weight_n, c.measured / body_weight_n
     resultant, measured_resultant = np.linalg.norm(model, axis=1), np.linalg.norm(measured, axis=1)
@@ -159,13 +181,17 @@ def agreement(c: Comparison, plate: PlateRecording, *, body_weight_n: float, foo
 
     # cumulative impulse (BW s) over each stance
     rows = [c.within(item.measured.start_s, item.measured.end_s) for item in c.stances]
-    impulse, measured_impulse = (_joined([cumulative_integral(series[own], c.step_s) for own in rows])
-                                 for series in (resultant, measured_resultant))
+    impulse, measured_impulse = (
+        _joined([cumulative_integral(series[own], c.step_s) for own in rows])
+        for series in (resultant, measured_resultant)
+    )
 
     # centre of pressure (m) where both have one
     seen = [np.isfinite(item.model_cop[:, 0]) for item in c.stances]
     cop = _joined([item.model_cop[own] for item, own in zip(c.stances, seen, strict=True)], width=2)
-    measured_cop = _joined([item.measured_cop[own] for item, own in zip(c.stances, seen, strict=True)], width=2)
+    measured_cop = _joined(
+        [item.measured_cop[own] for item, own in zip(c.stances, seen, strict=True)], width=2
+    )
     footprint = np.repeat(np.arange(len(seen)), [np.count_nonzero(own) for own in seen])
 
     whole = [item for item in c.stances if item.inside]
@@ -175,25 +201,46 @@ def agreement(c: Comparison, plate: PlateRecording, *, body_weight_n: float, foo
         grf_r2=_known(r_squared(resultant[s], measured_resultant[s])),
         vertical_rmse_bw=_known(rmse(model[s, 2], measured[s, 2])),
         fore_aft_rmse_bw=_known(rmse(model[s, 0], measured[s, 0])),
-        medio_lateral_rmse_bw=_known(rmse(model[s, 1], measured[s, 1])) if np.any(plate.force_W[:, 1]) else None,
+        medio_lateral_rmse_bw=_known(rmse(model[s, 1], measured[s, 1]))
+        if np.any(plate.force_W[:, 1])
+        else None,
         vertical_impulse_error=load / measured_load - 1.0 if measured_load else None,
         impulse_rmse_bws=_known(rmse(impulse, measured_impulse)),
         impulse_r2=_known(r_squared(impulse, measured_impulse)),
         cop_rmse_fl=_known(rmse(cop[:, 0], measured_cop[:, 0]) / foot_length_m),
         cop_ml_rmse_fl=_known(rmse(cop[:, 1], measured_cop[:, 1]) / foot_length_m),
-        cop_r2=_known(r_squared(cop[:, 0], measured_cop[:, 0], groups=footprint)), cop_points=len(cop),
+        cop_r2=_known(r_squared(cop[:, 0], measured_cop[:, 0], groups=footprint)),
+        cop_points=len(cop),
         stance_measured_s=_mean([item.measured.duration_s for item in whole]),
-        stance_model_s=_mean([s.model.duration_s for s in whole if s.model is not None and s.model.complete]),
-        heel_strike_error_s=_mean([own.start_s - real.start_s for own, real in both if own.start_seen
-                                   and real.start_seen and real.start_s >= c.time_s[0]]),
-        toe_off_error_s=_mean([own.end_s - real.end_s for own, real in both if own.end_seen
-                               and real.end_seen and real.end_s <= c.time_s[-1]]),
+        stance_model_s=_mean(
+            [s.model.duration_s for s in whole if s.model is not None and s.model.complete]
+        ),
+        heel_strike_error_s=_mean(
+            [
+                own.start_s - real.start_s
+                for own, real in both
+                if own.start_seen and real.start_seen and real.start_s >= c.time_s[0]
+            ]
+        ),
+        toe_off_error_s=_mean(
+            [
+                own.end_s - real.end_s
+                for own, real in both
+                if own.end_seen and real.end_seen and real.end_s <= c.time_s[-1]
+            ]
+        ),
         stances=tuple(_stance(c, item, model, measured) for item in c.stances),
         extra_model_stances=c.extra_model_stances,
-        scored_window_s=tuple((float(c.time_s[start]), float(c.time_s[stop - 1])) for start, stop in runs(s)),
-        coverage=sum(item.span[1] - item.span[0] for item in c.stances) / wanted if wanted else None,
-        heading_deg=float(np.degrees(np.arctan2(c.heading[1], c.heading[0]))), body_weight_n=body_weight_n,
-        foot_length_m=foot_length_m)
+        scored_window_s=tuple(
+            (float(c.time_s[start]), float(c.time_s[stop - 1])) for start, stop in runs(s)
+        ),
+        coverage=sum(item.span[1] - item.span[0] for item in c.stances) / wanted
+        if wanted
+        else None,
+        heading_deg=float(np.degrees(np.arctan2(c.heading[1], c.heading[0]))),
+        body_weight_n=body_weight_n,
+        foot_length_m=foot_length_m,
+    )
 
 
 def stance_curve(plate: PlateRecording, *, subject_mass_kg: float) -> np.ndarray | None:
@@ -201,14 +248,22 @@ def stance_curve(plate: PlateRecording, *, subject_mass_kg: float) -> np.ndarray
     rate = 1.0 / float(np.median(np.diff(plate.time_s)))
     force = low_pass(plate.force_W, rate_hz=rate, cutoff_hz=min(FORCE_CUTOFF_HZ, 0.45 * rate))
     resultant = np.linalg.norm(force, axis=1) / (subject_mass_kg * GRAVITY)
-    stances = [s for s in find_stances(plate.time_s, plate.force_W[:, 2], threshold_n=THRESHOLD_N) if s.complete]
+    stances = [
+        s
+        for s in find_stances(plate.time_s, plate.force_W[:, 2], threshold_n=THRESHOLD_N)
+        if s.complete
+    ]
     curves = [np.interp(percent_instants(s), plate.time_s, resultant) for s in stances]
     return np.mean(curves, axis=0) if curves else None
 
 
 def _angle_rmse_deg(result: WalkResult) -> float | None:
     """Followed against commanded rotations, pooled over coordinates and instants."""
-    rotations = [(i, name) for i, name in enumerate(result.prescribed_names) if coordinate_unit(name) == "rad"]
+    rotations = [
+        (i, name)
+        for i, name in enumerate(result.prescribed_names)
+        if coordinate_unit(name) == "rad"
+    ]
     if not rotations:
         return None
     followed = np.column_stack([result.column(name) for _, name in rotations])
@@ -232,21 +287,29 @@ def null_model_rmse(
     return _known(rmse(null[rows], np.linalg.norm(c.measured[rows] / body_weight_n, axis=1)))
 
 
-def _stance(c: Comparison, item: StanceComparison, model: np.ndarray, measured: np.ndarray) -> StanceMetrics:
+def _stance(
+    c: Comparison, item: StanceComparison, model: np.ndarray, measured: np.ndarray
+) -> StanceMetrics:
     start, middle, end = np.linspace(item.measured.start_s, item.measured.end_s, 3)
     first, second, whole = c.within(start, middle), c.within(middle, end), c.within(start, end)
 
     def peaks(force: np.ndarray) -> Peaks:
-        return Peaks(vertical_first_half=_known(np.max(force[first, 2], initial=-np.inf)),
-                     vertical_second_half=_known(np.max(force[second, 2], initial=-np.inf)),
-                     braking=_known(np.min(force[whole, 0], initial=np.inf)),
-                     propulsion=_known(np.max(force[whole, 0], initial=-np.inf)))
+        return Peaks(
+            vertical_first_half=_known(np.max(force[first, 2], initial=-np.inf)),
+            vertical_second_half=_known(np.max(force[second, 2], initial=-np.inf)),
+            braking=_known(np.min(force[whole, 0], initial=np.inf)),
+            propulsion=_known(np.max(force[whole, 0], initial=-np.inf)),
+        )
 
     return StanceMetrics(
-        measured_start_s=item.measured.start_s, measured_end_s=item.measured.end_s,
+        measured_start_s=item.measured.start_s,
+        measured_end_s=item.measured.end_s,
         model_start_s=item.model.start_s if item.model and item.model.start_seen else None,
         model_end_s=item.model.end_s if item.model and item.model.end_seen else None,
-        complete=item.inside, model_peaks_bw=peaks(model), measured_peaks_bw=peaks(measured))
+        complete=item.inside,
+        model_peaks_bw=peaks(model),
+        measured_peaks_bw=peaks(measured),
+    )
 
 
 def _joined(parts: Sequence[np.ndarray], width: int = 1) -> np.ndarray:
@@ -279,25 +342,53 @@ prosthesis, either of whose ankles the foot replaces. Synthetic persons (data/se
 def unfitted_note(trial: Trial, *, offsets_fitted: bool) -> str:
     """What a walk of `trial` is worth whose foot was fitted to nobody, and the commands that do better; its words begin
     with UNFITTED."""
-    [note] = say("unfitted", begins=UNFITTED, trial=shlex.quote(str(trial.path)), offsets_fitted=offsets_fitted,
-                 worth_bw=UNFITTED_BW, offsets_bw=OFFSETS_BW)
+    [note] = say(
+        "unfitted",
+        begins=UNFITTED,
+        trial=shlex.quote(str(trial.path)),
+        offsets_fitted=offsets_fitted,
+        worth_bw=UNFITTED_BW,
+        offsets_bw=OFFSETS_BW,
+    )
     return note
 
 
-def warnings(result: WalkResult, comparison: Comparison, metrics: WalkMetrics, fit: OffsetFit | None) -> list[str]:
+def warnings(
+    result: WalkResult, comparison: Comparison, metrics: WalkMetrics, fit: OffsetFit | None
+) -> list[str]:
     """What in `comparison` and its `walk_metrics` does not look like one person walking over one plate.
 
     Sentences, each with the likely cause; `fit` is that of the offsets, if there was one.
     """
     weight, time, vertical = metrics.body_weight_n, result.time_s, result.grf_W[:, 2]
-    peaks = [np.linalg.norm(comparison.measured[comparison.within(s.measured.start_s, s.measured.end_s)], axis=1).max()
-             for s in comparison.stances if s.inside]
-    apart = np.concatenate([np.linalg.norm(s.model_cop - s.measured_cop, axis=1) for s in comparison.stances] or [[]])
+    peaks = [
+        np.linalg.norm(
+            comparison.measured[comparison.within(s.measured.start_s, s.measured.end_s)], axis=1
+        ).max()
+        for s in comparison.stances
+        if s.inside
+    ]
+    apart = np.concatenate(
+        [np.linalg.norm(s.model_cop - s.measured_cop, axis=1) for s in comparison.stances] or [[]]
+    )
     apart = apart[np.isfinite(apart)]
-    scuffs = [{"start_s": scuff.start_s, "peak_bw": vertical[
-        (time >= scuff.start_s) & (time <= scuff.end_s)].max(initial=0.0) / weight}
-        for scuff in find_scuffs(time, vertical) if scuff.complete]
-    return say("warnings", peak_bw=float(np.mean(peaks)) / weight if peaks else None, usual_bw=USUAL_PEAK_BW,
-               heading_deg=metrics.heading_deg, apart_m=np.median(apart) if apart.size else None,
-               far_m=FAR_COP_FL * result.foot_length_m, r2=metrics.grf_r2, fit=fit,
-               scuffs=[scuff for scuff in scuffs if scuff["peak_bw"] > SCUFF_BW])
+    scuffs = [
+        {
+            "start_s": scuff.start_s,
+            "peak_bw": vertical[(time >= scuff.start_s) & (time <= scuff.end_s)].max(initial=0.0)
+            / weight,
+        }
+        for scuff in find_scuffs(time, vertical)
+        if scuff.complete
+    ]
+    return say(
+        "warnings",
+        peak_bw=float(np.mean(peaks)) / weight if peaks else None,
+        usual_bw=USUAL_PEAK_BW,
+        heading_deg=metrics.heading_deg,
+        apart_m=np.median(apart) if apart.size else None,
+        far_m=FAR_COP_FL * result.foot_length_m,
+        r2=metrics.grf_r2,
+        fit=fit,
+        scuffs=[scuff for scuff in scuffs if scuff["peak_bw"] > SCUFF_BW],
+    )

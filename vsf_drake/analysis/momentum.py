@@ -35,7 +35,10 @@ SIGMA_BW = np.array([1.6, 3.0, 3.0, 2.0, 2.4, 3.0]) / 100.0
 """Error of what momentum needs, fore-aft then vertical, coefficients 0, 1, 2 each."""
 PRIOR = np.array([1e-3, *np.radians([0.5, 0.5, 0.5])])
 """Standard deviations (m, rad) of what height, hip, knee and alignment of one trial are off."""
-MOST_STEPS, ENOUGH = 4, 0.02  # of Gauss-Newton; it ends when no correction moves by this share of its prior
+MOST_STEPS, ENOUGH = (
+    4,
+    0.02,
+)  # of Gauss-Newton; it ends when no correction moves by this share of its prior
 FIT_STEP_S = 2e-3
 SWINGING_M_PER_S, TRIMMED_S, SHORTEST_S = 0.75, 0.02, 0.2
 """A window: the intact foot's slowest sphere is faster than this, less so much at both ends, and as long as this."""
@@ -73,25 +76,52 @@ class MomentumCorrection:
 def variables_of(trial: Trial) -> tuple[str, ...]:
     """Variables of a walk that the momentum layer corrects, in the order of PRIOR."""
     side = trial.subject.prosthetic_side[0]
-    return ("offset.height", f"coordinate.hip_flexion_{side}", f"coordinate.knee_angle_{side}", "offset.alignment")
+    return (
+        "offset.height",
+        f"coordinate.hip_flexion_{side}",
+        f"coordinate.knee_angle_{side}",
+        "offset.alignment",
+    )
 
 
 def walk_of(
-    walker: Walker, trial: Trial, values: Mapping[str, float], step_s: float, with_respect_to: Sequence[str] = ()
+    walker: Walker,
+    trial: Trial,
+    values: Mapping[str, float],
+    step_s: float,
+    with_respect_to: Sequence[str] = (),
 ) -> Walk:
     """A trial walked as its manifest says, with these values."""
-    return walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                       step_s=step_s, offsets=trial.offsets, values=values, with_respect_to=with_respect_to)
+    return walker.walk(
+        trial.trajectory,
+        fulcrum_m=trial.fulcrum_m,
+        start_s=trial.start_s,
+        end_s=trial.end_s,
+        step_s=step_s,
+        offsets=trial.offsets,
+        values=values,
+        with_respect_to=with_respect_to,
+    )
 
 
 def with_corrections(errors: Mapping[str, float], trial: Trial, c: np.ndarray) -> dict[str, float]:
     """Values of the trial's walk with its errors and the corrections c (4,)."""
-    return {**errors, **{name: errors.get(name, 0.0) + float(own)
-                         for name, own in zip(variables_of(trial), c, strict=True)}}
+    return {
+        **errors,
+        **{
+            name: errors.get(name, 0.0) + float(own)
+            for name, own in zip(variables_of(trial), c, strict=True)
+        },
+    }
 
 
 def corrected(
-    walker: Walker, trial: Trial, bias: MomentumBias, *, heading: np.ndarray, errors: Mapping[str, float]
+    walker: Walker,
+    trial: Trial,
+    bias: MomentumBias,
+    *,
+    heading: np.ndarray,
+    errors: Mapping[str, float],
 ) -> MomentumCorrection:
     """What momentum makes of a trial that has the fitted contact; heading (2,) of its walk, `errors` as `predict`'s."""
     began = time.perf_counter()
@@ -103,7 +133,9 @@ def corrected(
     missing, windows = list[np.ndarray](), tuple[slice, ...]()
     for _ in range(MOST_STEPS):
         try:
-            walk = walk_of(walker, trial, with_corrections(errors, trial, c), FIT_STEP_S, variables_of(trial))
+            walk = walk_of(
+                walker, trial, with_corrections(errors, trial, c), FIT_STEP_S, variables_of(trial)
+            )
         except SimulationError:
             return MomentumCorrection(believed=False, why_not="walk")
         windows = windows or swings(walk)
@@ -114,8 +146,13 @@ def corrected(
         if np.abs(needed - STANDING_BW).max() > MOST_MOVED_BW:
             return MomentumCorrection(believed=False, why_not="motion")
         missing.append(needed - coefficients(walk, windows, walk.prosthetic.grf_W, trial, heading))
-        by = np.stack([coefficients(walk, windows, walk.sensitivity.grf_W[:, :, p], trial, heading)
-                       for p in range(len(c))], axis=1)
+        by = np.stack(
+            [
+                coefficients(walk, windows, walk.sensitivity.grf_W[:, :, p], trial, heading)
+                for p in range(len(c))
+            ],
+            axis=1,
+        )
         # In units of sigma and prior a Gauss-Newton step is ridge regression on what would be missing without c.
         r, J = (missing[-1] + by @ c) / sigma, by * PRIOR / sigma[:, None]
         new = PRIOR * np.linalg.solve(J.T @ J + np.eye(len(c)), J.T @ r)
@@ -124,9 +161,17 @@ def corrected(
             break
     height, hip, knee, alignment = map(float, c)
     return MomentumCorrection(
-        believed=True, height_m=height, hip_flexion_rad=hip, knee_angle_rad=knee, alignment_rad=alignment,
-        missing_bw=(tuple(missing[0].tolist()), tuple(after.tolist())), wall_s=time.perf_counter() - began,
-        windows_s=tuple((float(walk.record.time_s[w][0]), float(walk.record.time_s[w][-1])) for w in windows))
+        believed=True,
+        height_m=height,
+        hip_flexion_rad=hip,
+        knee_angle_rad=knee,
+        alignment_rad=alignment,
+        missing_bw=(tuple(missing[0].tolist()), tuple(after.tolist())),
+        wall_s=time.perf_counter() - began,
+        windows_s=tuple(
+            (float(walk.record.time_s[w][0]), float(walk.record.time_s[w][-1])) for w in windows
+        ),
+    )
 
 
 def spread_of(bias: MomentumBias) -> np.ndarray:
@@ -141,24 +186,41 @@ def spread_of(bias: MomentumBias) -> np.ndarray:
 def needed_force(walk: Walk) -> np.ndarray:
     """(n, 3) N that the ground must give all in all, m (a_com - g): what it gives in the walk, and what holds the
     pelvis's translations, which are along OpenSim's axes (forward, up, right)."""
-    forward, up, right = (walk.record.load[:, walk.mechanism.tree.index(name)]
-                          for name in ("pelvis_tx", "pelvis_ty", "pelvis_tz"))
-    return np.asarray(np.column_stack([forward, -right, up]) + walk.prosthetic.grf_W + walk.intact.grf_W)
+    forward, up, right = (
+        walk.record.load[:, walk.mechanism.tree.index(name)]
+        for name in ("pelvis_tx", "pelvis_ty", "pelvis_tz")
+    )
+    return np.asarray(
+        np.column_stack([forward, -right, up]) + walk.prosthetic.grf_W + walk.intact.grf_W
+    )
 
 
 def swings(walk: Walk) -> tuple[slice, ...]:
     """Rows of the walk's record in which the intact foot swings, without the ends of the swing; those that the walk
     cuts are left out. Of the kinematics alone."""
     mechanism, record = walk.mechanism, walk.record
-    spheres = np.flatnonzero(mechanism.site_bodies == mechanism.site_bodies[-1])  # the intact foot's stand last
-    motion = follow(mechanism.tree, record.q, record.v, bodies=(int(mechanism.site_bodies[-1]),), coordinates=(),
-                    inside=np.zeros(len(mechanism.tree.body_names), dtype=bool))
-    p_WS = motion.p_WB[:, None] + np.einsum("nij,sj->nsi", motion.R_WB, mechanism.sites[spheres, :3])
+    spheres = np.flatnonzero(
+        mechanism.site_bodies == mechanism.site_bodies[-1]
+    )  # the intact foot's stand last
+    motion = follow(
+        mechanism.tree,
+        record.q,
+        record.v,
+        bodies=(int(mechanism.site_bodies[-1]),),
+        coordinates=(),
+        inside=np.zeros(len(mechanism.tree.body_names), dtype=bool),
+    )
+    p_WS = motion.p_WB[:, None] + np.einsum(
+        "nij,sj->nsi", motion.R_WB, mechanism.sites[spheres, :3]
+    )
     v_WS = motion.twist[:, :, 3:] + np.cross(motion.twist[:, :, :3], p_WS)
     fast = np.linalg.norm(v_WS, axis=2).min(axis=1) > SWINGING_M_PER_S
     trim = round(TRIMMED_S / walk.step_s)
-    return tuple(slice(start + trim, stop - trim) for start, stop in runs(fast)
-                 if start > 0 and stop < len(fast) and (stop - start - 2 * trim) * walk.step_s >= SHORTEST_S)
+    return tuple(
+        slice(start + trim, stop - trim)
+        for start, stop in runs(fast)
+        if start > 0 and stop < len(fast) and (stop - start - 2 * trim) * walk.step_s >= SHORTEST_S
+    )
 
 
 def coefficients(
@@ -166,28 +228,48 @@ def coefficients(
 ) -> np.ndarray:
     """(6,) BW, in the order of SIGMA_BW, of a force (n, 3) N over the record; means over the windows."""
     along = force_W @ walk_axes(heading)[[0, 2]].T / (trial.subject.mass_kg * GRAVITY)
-    return np.asarray(np.mean([
-        (np.linalg.pinv(legvander(np.linspace(-1.0, 1.0, window.stop - window.start), 2)) @ along[window]).T.ravel()
-        for window in windows], axis=0))
+    return np.asarray(
+        np.mean(
+            [
+                (
+                    np.linalg.pinv(legvander(np.linspace(-1.0, 1.0, window.stop - window.start), 2))
+                    @ along[window]
+                ).T.ravel()
+                for window in windows
+            ],
+            axis=0,
+        )
+    )
 
 
 def bias_of(walker: Walker, trials: Mapping[str, Trial]) -> MomentumBias | None:
     """The bias of fitted trials that have the fitted contact, by fingerprint; None where none of them tells it."""
-    known = {name: own for name, trial in trials.items() if (own := missed(walker, trial)) is not None}
+    known = {
+        name: own for name, trial in trials.items() if (own := missed(walker, trial)) is not None
+    }
     if not known:
         return None
     every = np.array([*known.values()])
     mean, sd = every.mean(axis=0), every.std(axis=0, ddof=1) if len(every) > 1 else None
     return MomentumBias(
-        fore_aft_bw=tuple(mean[:3].tolist()), vertical_bw=tuple(mean[3:].tolist()), trials=tuple(known),
+        fore_aft_bw=tuple(mean[:3].tolist()),
+        vertical_bw=tuple(mean[3:].tolist()),
+        trials=tuple(known),
         fore_aft_sd_bw=None if sd is None else tuple(sd[:3].tolist()),
-        vertical_sd_bw=None if sd is None else tuple(sd[3:].tolist()))
+        vertical_sd_bw=None if sd is None else tuple(sd[3:].tolist()),
+    )
 
 
 def missed(walker: Walker, trial: Trial) -> np.ndarray | None:
     """(6,) BW by which m (a_com - g) exceeds the plate in the windows that the plate saw loaded; None without one."""
     walk, plate = walk_of(walker, trial, {}, FIT_STEP_S), trial.prosthetic_plate
     heading = walking_direction(walker.result(walk, trial, trial.offsets, energy=False))
-    on_plate = np.column_stack([np.interp(walk.record.time_s, plate.time_s, column) for column in plate.force_W.T])
+    on_plate = np.column_stack(
+        [np.interp(walk.record.time_s, plate.time_s, column) for column in plate.force_W.T]
+    )
     windows = [window for window in swings(walk) if on_plate[window, 2].min() > LOADED_N]
-    return coefficients(walk, windows, needed_force(walk) - on_plate, trial, heading) if windows else None
+    return (
+        coefficients(walk, windows, needed_force(walk) - on_plate, trial, heading)
+        if windows
+        else None
+    )

@@ -21,10 +21,18 @@ from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.walk import Walk, Walker
 
 NAMES = ("height_m", "fore_aft_m", "alignment_rad")
-VARIABLES = ("offset.height", "offset.fore_aft", "offset.alignment")  # the same among the variables of a walk
+VARIABLES = (
+    "offset.height",
+    "offset.fore_aft",
+    "offset.alignment",
+)  # the same among the variables of a walk
 BOUNDS = np.array([0.10, 0.06, np.radians(15.0)])  # largest offsets (m, m, rad), both ways
-PRIOR = np.array([0.05, 0.03, np.radians(8.0)])  # standard deviations (choices): wider than what clinics leave
-FORCE_NOISE_BW = 0.05  # expected error of the force components (a choice: the paper's 5.3 % body weight)
+PRIOR = np.array(
+    [0.05, 0.03, np.radians(8.0)]
+)  # standard deviations (choices): wider than what clinics leave
+FORCE_NOISE_BW = (
+    0.05  # expected error of the force components (a choice: the paper's 5.3 % body weight)
+)
 COP_NOISE_FL = 0.05  # and of the centre of pressure, in foot lengths (the paper's 5.7 to 9.5 %)
 ENOUGH = 1e-4  # the fit ends when a step betters the cost by less than this part: below half a standard error
 FIT_STEP_S, SCAN_STEP_S = 2e-3, 4e-3
@@ -44,7 +52,10 @@ class OffsetFit:
 
 
 def fit_offsets(
-    trial: Trial, *, walker: Walker | None = None, progress: Callable[[int, float], None] | None = None
+    trial: Trial,
+    *,
+    walker: Walker | None = None,
+    progress: Callable[[int, float], None] | None = None,
 ) -> OffsetFit:
     """Fits the three offsets to the plate under the prosthetic foot, from the height at which the impulse fits.
 
@@ -57,9 +68,15 @@ def fit_offsets(
     solution = minimise(problem.residuals, problem.jacobian, start)
     covariance = np.linalg.inv(solution.jac.T @ solution.jac)
     return OffsetFit(
-        offsets=_offsets(solution.x), standard_error=_offsets(np.sqrt(np.diag(covariance))),
-        cost=float(solution.cost), success=bool(solution.success), message=str(solution.message),
-        at_bound=tuple(name for name, active in zip(NAMES, solution.active_mask, strict=True) if active))
+        offsets=_offsets(solution.x),
+        standard_error=_offsets(np.sqrt(np.diag(covariance))),
+        cost=float(solution.cost),
+        success=bool(solution.success),
+        message=str(solution.message),
+        at_bound=tuple(
+            name for name, active in zip(NAMES, solution.active_mask, strict=True) if active
+        ),
+    )
 
 
 def _offsets(x: np.ndarray) -> GeometricOffsets:
@@ -73,7 +90,9 @@ class OffsetProblem:
     of the fore-aft centre of pressure, the offsets themselves over PRIOR. `simulations` counts what was run.
     """
 
-    def __init__(self, walker: Walker, trial: Trial, progress: Callable[[int, float], None] | None = None) -> None:
+    def __init__(
+        self, walker: Walker, trial: Trial, progress: Callable[[int, float], None] | None = None
+    ) -> None:
         self.walker, self.trial, self.simulations = walker, trial, 0
         self._progress = progress
         self._last = np.full(3, np.nan), np.zeros(0), np.zeros((0, 3))
@@ -86,12 +105,21 @@ class OffsetProblem:
         """(m, 3) at `x`, without a simulation where the last residuals were asked for."""
         return self._evaluate(x)[1]
 
-    def walk(self, offsets: GeometricOffsets, step_s: float, with_respect_to: Sequence[str] = ()) -> Walk:
+    def walk(
+        self, offsets: GeometricOffsets, step_s: float, with_respect_to: Sequence[str] = ()
+    ) -> Walk:
         """The trial's walk with these offsets."""
         trial = self.trial
         self.simulations += 1
-        return self.walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                                step_s=step_s, offsets=offsets, with_respect_to=with_respect_to)
+        return self.walker.walk(
+            trial.trajectory,
+            fulcrum_m=trial.fulcrum_m,
+            start_s=trial.start_s,
+            end_s=trial.end_s,
+            step_s=step_s,
+            offsets=offsets,
+            with_respect_to=with_respect_to,
+        )
 
     def _evaluate(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if np.array_equal(x, self._last[0]):
@@ -105,14 +133,22 @@ class OffsetProblem:
 
         # Forces fore-aft and vertical and the centre of pressure over their noise, the offsets over their prior.
         rows = np.flatnonzero(c.scored)[::STRIDE]
-        noise_n, noise_m = trial.subject.mass_kg * GRAVITY * FORCE_NOISE_BW, trial.model.foot.length_m * COP_NOISE_FL
+        noise_n, noise_m = (
+            trial.subject.mass_kg * GRAVITY * FORCE_NOISE_BW,
+            trial.model.foot.length_m * COP_NOISE_FL,
+        )
         values = [(c.model - c.measured)[rows][:, [0, 2]].ravel() / noise_n]
         slopes = [by.model[rows][:, [0, 2]].reshape(-1, 3) / noise_n]
         if trial.prosthetic_plate.has_cop:
             for stance, cop_by in zip(c.stances, by.cop, strict=True):
-                values.append(np.nan_to_num((stance.model_cop - stance.measured_cop)[::STRIDE, 0]) / noise_m)
+                values.append(
+                    np.nan_to_num((stance.model_cop - stance.measured_cop)[::STRIDE, 0]) / noise_m
+                )
                 slopes.append(np.nan_to_num(cop_by[::STRIDE, 0]) / noise_m)
-        residuals, jacobian = np.concatenate([*values, x / PRIOR]), np.vstack([*slopes, np.diag(1 / PRIOR)])
+        residuals, jacobian = (
+            np.concatenate([*values, x / PRIOR]),
+            np.vstack([*slopes, np.diag(1 / PRIOR)]),
+        )
         self._last = np.array(x), residuals, jacobian
         if self._progress:
             self._progress(self.simulations, 0.5 * float(residuals @ residuals))
@@ -120,11 +156,21 @@ class OffsetProblem:
 
 
 def minimise(
-    residuals: Callable[[np.ndarray], np.ndarray], jacobian: Callable[[np.ndarray], np.ndarray], start: np.ndarray
+    residuals: Callable[[np.ndarray], np.ndarray],
+    jacobian: Callable[[np.ndarray], np.ndarray],
+    start: np.ndarray,
 ) -> OptimizeResult:
     """The least squares from `start` on, within BOUNDS."""
-    return least_squares(residuals, start, jac=jacobian, bounds=(-BOUNDS, BOUNDS), x_scale=PRIOR, xtol=1e-4,
-                         ftol=ENOUGH, max_nfev=30)
+    return least_squares(
+        residuals,
+        start,
+        jac=jacobian,
+        bounds=(-BOUNDS, BOUNDS),
+        x_scale=PRIOR,
+        xtol=1e-4,
+        ftol=ENOUGH,
+        max_nfev=30,
+    )
 
 
 def _height_by_impulse(problem: OffsetProblem) -> float:
@@ -146,8 +192,11 @@ def _height_by_impulse(problem: OffsetProblem) -> float:
     if not surplus(low) > 0 > surplus(high):
         raise InputError(
             f"the prosthetic foot cannot carry the recorded load at any height within {1e3 * high:g} mm of the "
-            "recorded pelvis path", file=trial.path, where="offsets",
-            right="Check the subject's lengths and that kinematics and forces share time and laboratory frame")
+            "recorded pelvis path",
+            file=trial.path,
+            where="offsets",
+            right="Check the subject's lengths and that kinematics and forces share time and laboratory frame",
+        )
     for _ in range(8):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if surplus(middle) > 0 else (low, middle)

@@ -24,7 +24,13 @@ from vsf_drake.analysis.discrepancy import (
     settings_of,
 )
 from vsf_drake.analysis.metrics import agreement, null_model_rmse, stance_curve
-from vsf_drake.analysis.momentum import MomentumCorrection, bias_of, corrected, walk_of, with_corrections
+from vsf_drake.analysis.momentum import (
+    MomentumCorrection,
+    bias_of,
+    corrected,
+    walk_of,
+    with_corrections,
+)
 from vsf_drake.contact_file import Discrepancy, DiscrepancyCurve, FittedContact, MomentumBias
 from vsf_drake.motion.fitted_trial import fingerprint, trial_with
 from vsf_drake.motion.trial import Trial
@@ -41,9 +47,13 @@ class LayeredWalk:
     """A trial's walk in layers; each comparison holds the model of its layer."""
 
     comparisons: Mapping[str, Comparison]
-    results: Mapping[str, WalkResult]  # the discrepancy has that of the momentum: it moves no centre of pressure
+    results: Mapping[
+        str, WalkResult
+    ]  # the discrepancy has that of the momentum: it moves no centre of pressure
     correction: MomentumCorrection
-    added_bw: np.ndarray  # (101, 3) what the fitted plates add over the model's stance; zeros without any
+    added_bw: (
+        np.ndarray
+    )  # (101, 3) what the fitted plates add over the model's stance; zeros without any
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,14 +96,21 @@ class LayerTable:
 
     def mean(self, layer: str, key: str, *, fitted: bool = False) -> float | None:
         """Mean of a layer's score over the held-out trials, or the fitted ones; None without one."""
-        known = [value for row in self.trials
-                 if row.fitted == fitted and (value := getattr(row.layers[layer], key)) is not None]
+        known = [
+            value
+            for row in self.trials
+            if row.fitted == fitted and (value := getattr(row.layers[layer], key)) is not None
+        ]
         return float(np.mean(known)) if known else None
 
     @property
     def earned(self) -> str | None:
         """The layer that is nearest to the held-out trials' plates, of equals the lower one; None without one."""
-        errors = {layer: error for layer in LAYERS if (error := self.mean(layer, "grf_rmse_bw")) is not None}
+        errors = {
+            layer: error
+            for layer in LAYERS
+            if (error := self.mean(layer, "grf_rmse_bw")) is not None
+        }
         return min(errors, key=lambda layer: errors[layer], default=None)
 
     def teach(self, contact: FittedContact) -> FittedContact:
@@ -102,7 +119,12 @@ class LayerTable:
 
 
 def predict(
-    trial: Trial, contact: FittedContact, *, walker: Walker, step_s: float, errors: Mapping[str, float] | None = None
+    trial: Trial,
+    contact: FittedContact,
+    *,
+    walker: Walker,
+    step_s: float,
+    errors: Mapping[str, float] | None = None,
 ) -> LayeredWalk:
     """A trial that has the fitted contact (`trial_with`) in layers; `walker` is of its subject and model. `errors` are
     further variables of its walk, by name, of which the layers know nothing.
@@ -112,23 +134,37 @@ def predict(
     """
     errors, bias = errors or {}, contact.momentum
     physics, result = _compared(walker, trial, errors, step_s)
-    correction = MomentumCorrection(believed=False, why_not="bias") if bias is None else corrected(
-        walker, trial, bias, heading=physics.heading, errors=errors)
+    correction = (
+        MomentumCorrection(believed=False, why_not="bias")
+        if bias is None
+        else corrected(walker, trial, bias, heading=physics.heading, errors=errors)
+    )
     second = physics, result
     if correction.believed:
-        c = correction.height_m, correction.hip_flexion_rad, correction.knee_angle_rad, correction.alignment_rad
+        c = (
+            correction.height_m,
+            correction.hip_flexion_rad,
+            correction.knee_angle_rad,
+            correction.alignment_rad,
+        )
         second = _compared(walker, trial, with_corrections(errors, trial, np.array(c)), step_s)
     third, weight = second[0], trial.subject.mass_kg * GRAVITY
     if contact.discrepancy is not None:
-        third = replace(third, model=beside_the_plates(third, contact.discrepancy, trial.fulcrum_m, weight))
+        third = replace(
+            third, model=beside_the_plates(third, contact.discrepancy, trial.fulcrum_m, weight)
+        )
     added = over_percent(third, (third.model - second[0].model) / weight)
     return LayeredWalk(
-        comparisons=dict(zip(LAYERS, (physics, second[0], third), strict=True)), correction=correction,
+        comparisons=dict(zip(LAYERS, (physics, second[0], third), strict=True)),
+        correction=correction,
         added_bw=np.zeros((len(PERCENT), 3)) if added is None else added,
-        results=dict(zip(LAYERS, (result, second[1], second[1]), strict=True)))
+        results=dict(zip(LAYERS, (result, second[1], second[1]), strict=True)),
+    )
 
 
-def learned(contact: FittedContact, trials: Sequence[Trial], *, walker: Walker, step_s: float) -> FittedContact:
+def learned(
+    contact: FittedContact, trials: Sequence[Trial], *, walker: Walker, step_s: float
+) -> FittedContact:
     """The contact with what the plates of the trials that it was fitted to, as recorded, teach the other two layers."""
     applied = {fingerprint(trial): trial_with(trial, contact) for trial in trials}
     contact = replace(contact, momentum=bias_of(walker, applied), discrepancy=None)
@@ -139,77 +175,151 @@ def learned(contact: FittedContact, trials: Sequence[Trial], *, walker: Walker, 
         plate, model = (over_percent(walk, force / weight) for force in (walk.measured, walk.model))
         measured = stance_curve(trial.prosthetic_plate, subject_mass_kg=trial.subject.mass_kg)
         if plate is not None and model is not None and measured is not None:
-            columns = {f"{whose}{name}": tuple(column.tolist())
-                       for whose, found in (("", plate - model), ("plate_", plate))
-                       for name, column in zip(COMPONENTS, found.T, strict=True)}
-            curves.append(DiscrepancyCurve(fingerprint=text, fulcrum_m=trial.fulcrum_m,
-                                           measured_bw=tuple(measured.tolist()), **columns))
+            columns = {
+                f"{whose}{name}": tuple(column.tolist())
+                for whose, found in (("", plate - model), ("plate_", plate))
+                for name, column in zip(COMPONENTS, found.T, strict=True)
+            }
+            curves.append(
+                DiscrepancyCurve(
+                    fingerprint=text,
+                    fulcrum_m=trial.fulcrum_m,
+                    measured_bw=tuple(measured.tolist()),
+                    **columns,
+                )
+            )
     return replace(contact, discrepancy=earned(curves)) if curves else contact
 
 
-def layers_of(trial: Trial, label: str, contact: FittedContact, *, walker: Walker, step_s: float) -> TrialLayers:
+def layers_of(
+    trial: Trial, label: str, contact: FittedContact, *, walker: Walker, step_s: float
+) -> TrialLayers:
     """A recorded trial in layers, beside its plate and the null model; raises what `predict` does."""
-    own, weight, learned_of = fingerprint(trial), trial.subject.mass_kg * GRAVITY, contact.discrepancy
+    own, weight, learned_of = (
+        fingerprint(trial),
+        trial.subject.mass_kg * GRAVITY,
+        contact.discrepancy,
+    )
     walk = predict(trial_with(trial, contact), contact, walker=walker, step_s=step_s)
     scores = {}
     for layer in LAYERS:
-        found = agreement(walk.comparisons[layer], trial.prosthetic_plate, body_weight_n=weight,
-                          foot_length_m=walk.results[layer].foot_length_m)
-        scores[layer] = LayerScore(**{field.name: getattr(found, field.name) for field in fields(LayerScore)})
-    others = tuple(curve for curve in learned_of.curves if curve.fingerprint != own) if learned_of else ()
-    nulls = [[error for curve in others if (error := null_model_rmse(
-        walk.comparisons[PHYSICS], weight, np.array(curve.measured_bw), predicted=predicted)) is not None]
-        for predicted in (False, True)]
+        found = agreement(
+            walk.comparisons[layer],
+            trial.prosthetic_plate,
+            body_weight_n=weight,
+            foot_length_m=walk.results[layer].foot_length_m,
+        )
+        scores[layer] = LayerScore(
+            **{field.name: getattr(found, field.name) for field in fields(LayerScore)}
+        )
+    others = (
+        tuple(curve for curve in learned_of.curves if curve.fingerprint != own)
+        if learned_of
+        else ()
+    )
+    nulls = [
+        [
+            error
+            for curve in others
+            if (
+                error := null_model_rmse(
+                    walk.comparisons[PHYSICS],
+                    weight,
+                    np.array(curve.measured_bw),
+                    predicted=predicted,
+                )
+            )
+            is not None
+        ]
+        for predicted in (False, True)
+    ]
     between = None
     if learned_of and others:
-        _, curves = between_settings(replace(learned_of, curves=others), trial.fulcrum_m, ["measured_bw"])
+        _, curves = between_settings(
+            replace(learned_of, curves=others), trial.fulcrum_m, ["measured_bw"]
+        )
         between = null_model_rmse(walk.comparisons[PHYSICS], weight, curves[:, 0])
     return TrialLayers(
-        label=label, fitted=own in {one.fingerprint for one in contact.trials}, fulcrum_mm=1e3 * trial.fulcrum_m,
-        layers=scores, correction=walk.correction, null_model_grf_rmse_bw=min(nulls[0], default=None),
+        label=label,
+        fitted=own in {one.fingerprint for one in contact.trials},
+        fulcrum_mm=1e3 * trial.fulcrum_m,
+        layers=scores,
+        correction=walk.correction,
+        null_model_grf_rmse_bw=min(nulls[0], default=None),
         null_model_predicted_times_grf_rmse_bw=min(nulls[1], default=None),
         null_model_interpolated_grf_rmse_bw=between,
-        added_rms_bw=float(np.sqrt(np.mean(np.sum(walk.added_bw**2, axis=1)))))
+        added_rms_bw=float(np.sqrt(np.mean(np.sum(walk.added_bw**2, axis=1)))),
+    )
 
 
 def layer_table(
-    contact: FittedContact, fitted: Sequence[Trial], held_out: Sequence[Trial], labels: Sequence[str], *, step_s: float
+    contact: FittedContact,
+    fitted: Sequence[Trial],
+    held_out: Sequence[Trial],
+    labels: Sequence[str],
+    *,
+    step_s: float,
 ) -> LayerTable:
     """What the trials that a contact was fitted to teach, and all trials, as recorded, in layers; labels of both."""
     applied = trial_with(fitted[0], contact)
     walker = Walker(applied.subject, applied.model)
     contact = learned(contact, fitted, walker=walker, step_s=step_s)
-    rows = tuple(layers_of(trial, label, contact, walker=walker, step_s=step_s)
-                 for trial, label in zip([*fitted, *held_out], labels, strict=True))
+    rows = tuple(
+        layers_of(trial, label, contact, walker=walker, step_s=step_s)
+        for trial, label in zip([*fitted, *held_out], labels, strict=True)
+    )
     curves = contact.discrepancy.curves if contact.discrepancy else ()
-    return LayerTable(trials=rows, momentum=contact.momentum, discrepancy=contact.discrepancy,
-                      untried=all(len(one) < 2 for one in settings_of(np.array([c.fulcrum_m for c in curves]))))
+    return LayerTable(
+        trials=rows,
+        momentum=contact.momentum,
+        discrepancy=contact.discrepancy,
+        untried=all(len(one) < 2 for one in settings_of(np.array([c.fulcrum_m for c in curves]))),
+    )
 
 
 def layer_sentences(table: LayerTable) -> list[str]:
     """Which layer the held-out trials earn, and what keeps the others from it."""
     rows = [row for row in table.trials if not row.fitted] or [*table.trials]
-    nulls = [[error for row in rows if (error := getattr(row, f"null_model_{name}grf_rmse_bw")) is not None]
-             for name in ("", "predicted_times_", "interpolated_")]
+    nulls = [
+        [
+            error
+            for row in rows
+            if (error := getattr(row, f"null_model_{name}grf_rmse_bw")) is not None
+        ]
+        for name in ("", "predicted_times_", "interpolated_")
+    ]
     known = table.discrepancy
     positions = np.array([curve.fulcrum_m for curve in known.curves] if known else [])
-    judged = [(error, row.null_model_grf_rmse_bw) for row in rows if table.earned and (
-        error := row.layers[table.earned].grf_rmse_bw) is not None and row.null_model_grf_rmse_bw is not None]
+    judged = [
+        (error, row.null_model_grf_rmse_bw)
+        for row in rows
+        if table.earned
+        and (error := row.layers[table.earned].grf_rmse_bw) is not None
+        and row.null_model_grf_rmse_bw is not None
+    ]
     return say(
-        "prediction", earned=table.earned, judged=len(judged), below=sum(error < null for error, null in judged),
+        "prediction",
+        earned=table.earned,
+        judged=len(judged),
+        below=sum(error < null for error, null in judged),
         **{layer: table.mean(layer, "grf_rmse_bw") for layer in LAYERS},
-        null=float(np.mean(nulls[0])) if nulls[0] else None, untried=table.untried,
+        null=float(np.mean(nulls[0])) if nulls[0] else None,
+        untried=table.untried,
         null_predicted=float(np.mean(nulls[1])) if nulls[1] else None,
         null_between=float(np.mean(nulls[2])) if nulls[2] else None,
         refused=[row for row in rows if not row.correction.believed],
         believed=[row for row in rows if row.correction.believed],
-        few_settings=len(settings_of(positions)) < LEAST_SETTINGS, code_scale=CODE_SCALE,
+        few_settings=len(settings_of(positions)) < LEAST_SETTINGS,
+        code_scale=CODE_SCALE,
         shares=known and [100.0 * share for share in known.shared],
-        own=known and [100.0 * (a + b) for a, b in zip(known.shared, known.own, strict=True)])
+        own=known and [100.0 * (a + b) for a, b in zip(known.shared, known.own, strict=True)],
+    )
 
 
 def _compared(
     walker: Walker, trial: Trial, values: Mapping[str, float], step_s: float
 ) -> tuple[Comparison, WalkResult]:
-    result = walker.result(walk_of(walker, trial, values, step_s), trial, trial.offsets, energy=False)
+    result = walker.result(
+        walk_of(walker, trial, values, step_s), trial, trial.offsets, energy=False
+    )
     return compare(result, trial.prosthetic_plate), result

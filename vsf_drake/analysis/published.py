@@ -51,12 +51,33 @@ class Effect:
 def published_effects() -> tuple[Effect, ...]:
     """Every row of the table that was read."""
     path = resource(TABLE)
-    lines = [line for line in read_text(path, most=MOST_JSON_BYTES).splitlines() if not line.startswith("#")]
-    same = ("source", "doi_or_url", "design", "softer", "stiffer", "measure", "effect", "condition", "unit",
-            "where_read")
-    return tuple(Effect(**{name: row[name] for name in same}, persons=int(row["n"]) if row["n"] else None,
-                        mean=float(row["value"]) if row["value"] else None, sd=float(row["sd"]) if row["sd"] else None)
-                 for row in csv.DictReader(lines) if row["read"] == "yes")
+    lines = [
+        line
+        for line in read_text(path, most=MOST_JSON_BYTES).splitlines()
+        if not line.startswith("#")
+    ]
+    same = (
+        "source",
+        "doi_or_url",
+        "design",
+        "softer",
+        "stiffer",
+        "measure",
+        "effect",
+        "condition",
+        "unit",
+        "where_read",
+    )
+    return tuple(
+        Effect(
+            **{name: row[name] for name in same},
+            persons=int(row["n"]) if row["n"] else None,
+            mean=float(row["value"]) if row["value"] else None,
+            sd=float(row["sd"]) if row["sd"] else None,
+        )
+        for row in csv.DictReader(lines)
+        if row["read"] == "yes"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,12 +103,14 @@ class Trend:
     way: str
     verdict: str
     reason: str  # what the model's number stands for, or why it cannot say
-    values: tuple[float | None, ...] = ()  # means at the settings, softest first; None where one is not known
+    values: tuple[
+        float | None, ...
+    ] = ()  # means at the settings, softest first; None where one is not known
     unit: str = ""
 
 
 def direction(values: Sequence[Sequence[float]]) -> str:
-    """"+" or "-" as means over the repetitions of each setting rise or fall from every one to the next; "" if they do
+    """ "+" or "-" as means over the repetitions of each setting rise or fall from every one to the next; "" if they do
     neither, or by no more than they scatter."""
     if len(values) < 2 or not all(len(own) and np.isfinite(own).all() for own in values):
         return ""
@@ -100,36 +123,73 @@ def direction(values: Sequence[Sequence[float]]) -> str:
         return ""
     freedoms = sum(len(own) - 1 for own in values)
     if freedoms:
-        variance = sum(float(np.sum((np.array(own) - np.mean(own)) ** 2)) for own in values) / freedoms
-        if abs(change) <= ERRORS * np.sqrt(variance * (1.0 / len(values[0]) + 1.0 / len(values[-1]))):
+        variance = (
+            sum(float(np.sum((np.array(own) - np.mean(own)) ** 2)) for own in values) / freedoms
+        )
+        if abs(change) <= ERRORS * np.sqrt(
+            variance * (1.0 / len(values[0]) + 1.0 / len(values[-1]))
+        ):
             return ""
     return "+" if change > 0.0 else "-"
 
 
-def trends(evidence: Sequence[Evidence], effects: Sequence[Effect], *, why_not: Mapping[str, str]) -> list[Trend]:
-    """Every published row, once for each way that the model has evidence in; `why_not` says by measure why it has none.
-    """
+def trends(
+    evidence: Sequence[Evidence], effects: Sequence[Effect], *, why_not: Mapping[str, str]
+) -> list[Trend]:
+    """Every published row, once for each way that the model has evidence in; `why_not` says by measure why it has none."""
     rows = []
     for effect in effects:
-        common: dict[str, Any] = {"source": effect.source, "doi_or_url": effect.doi_or_url, "measure": effect.measure}
-        published = effect.effect if effect.mean is None else (
-            f"{effect.mean:g} ± {effect.sd:g} {effect.unit} ({effect.condition})")
+        common: dict[str, Any] = {
+            "source": effect.source,
+            "doi_or_url": effect.doi_or_url,
+            "measure": effect.measure,
+        }
+        published = (
+            effect.effect
+            if effect.mean is None
+            else (f"{effect.mean:g} ± {effect.sd:g} {effect.unit} ({effect.condition})")
+        )
         own = [one for one in evidence if one.measure == effect.measure]
         if not own:
-            rows.append(Trend(**common, published=published, model="", way=LEVEL_2, verdict=CANNOT_SAY,
-                              reason=why_not.get(effect.measure, "nothing in the model is this measure")))
+            rows.append(
+                Trend(
+                    **common,
+                    published=published,
+                    model="",
+                    way=LEVEL_2,
+                    verdict=CANNOT_SAY,
+                    reason=why_not.get(effect.measure, "nothing in the model is this measure"),
+                )
+            )
         for one in own:
-            means = tuple(float(np.mean(values)) if values else float("nan") for values in one.values)
+            means = tuple(
+                float(np.mean(values)) if values else float("nan") for values in one.values
+            )
             if effect.mean is None:
                 found = direction(one.values)
-                verdict = CANNOT_SAY if not found else REPRODUCED if found == effect.effect else CONTRADICTED
+                verdict = (
+                    CANNOT_SAY
+                    if not found
+                    else REPRODUCED
+                    if found == effect.effect
+                    else CONTRADICTED
+                )
                 reason = one.stands + ("" if found else "; no direction beyond its scatter")
             else:
                 found, verdict, reason = "", *_inside(effect, one, means)
             shown = ", ".join(f"{mean:.3g}" for mean in means) + f" {one.unit}"
-            rows.append(Trend(**common, published=published, way=one.way, verdict=verdict, reason=reason, unit=one.unit,
-                              model=f"{found}: {shown}" if found else shown,
-                              values=tuple(mean if np.isfinite(mean) else None for mean in means)))
+            rows.append(
+                Trend(
+                    **common,
+                    published=published,
+                    way=one.way,
+                    verdict=verdict,
+                    reason=reason,
+                    unit=one.unit,
+                    model=f"{found}: {shown}" if found else shown,
+                    values=tuple(mean if np.isfinite(mean) else None for mean in means),
+                )
+            )
     return rows
 
 
@@ -138,7 +198,10 @@ def _inside(effect: Effect, one: Evidence, means: Sequence[float]) -> tuple[str,
     assert effect.mean is not None
     assert effect.sd is not None
     if effect.unit != one.unit:
-        return CANNOT_SAY, f"{one.stands}; published in {effect.unit}, and what it was divided by was not read"
+        return (
+            CANNOT_SAY,
+            f"{one.stands}; published in {effect.unit}, and what it was divided by was not read",
+        )
     inside = [abs(mean - effect.mean) <= SDS * effect.sd for mean in means]
     verdict = REPRODUCED if all(inside) else CANNOT_SAY if any(inside) else CONTRADICTED
     return verdict, f"{one.stands}; {sum(inside)} of {len(inside)} settings within {SDS:g} SD"

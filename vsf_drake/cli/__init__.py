@@ -11,7 +11,13 @@ import threading
 from typing import Any, Self
 
 from vsf_drake.cli.guide import GUIDES, guide_to
-from vsf_drake.errors import InputError, SimulationError, VsfError, interrupted_lately, note_interruption
+from vsf_drake.errors import (
+    InputError,
+    SimulationError,
+    VsfError,
+    interrupted_lately,
+    note_interruption,
+)
 
 RAISED_AGAIN_S = 0.05  # how long after a signal fell into a callback of compiled code it is raised once more (a choice)
 INTERRUPTED = "interrupted; results are written whole or not at all"
@@ -25,7 +31,9 @@ def main() -> None:
     """
     with _Signals() as signals:
         code = _ended(signals)
-    sys.exit(code)  # out here, where no traceback keeps parts of Drake into Python's own end, which may abort on them
+    sys.exit(
+        code
+    )  # out here, where no traceback keeps parts of Drake into Python's own end, which may abort on them
 
 
 def _ended(signals: _Signals) -> int | str | None:
@@ -36,27 +44,40 @@ def _ended(signals: _Signals) -> int | str | None:
 
         order = {name: place for place, name in enumerate(GUIDES)}
         app.registered_commands.sort(
-            key=lambda each: order.get(str(each.name or getattr(each.callback, "__name__", "")), len(order)))
+            key=lambda each: order.get(
+                str(each.name or getattr(each.callback, "__name__", "")), len(order)
+            )
+        )
         app()
     except (SystemExit, KeyboardInterrupt) as ended:
         signals.answer_no_more()
-        if isinstance(ended, SystemExit) and ended.code != 128 + signal.SIGINT:  # Typer's word for it, and ours
+        if (
+            isinstance(ended, SystemExit) and ended.code != 128 + signal.SIGINT
+        ):  # Typer's word for it, and ours
             return ended.code
-        said = isinstance(ended, SystemExit) and isinstance(ended.__cause__ or ended.__context__, KeyboardInterrupt)
+        said = isinstance(ended, SystemExit) and isinstance(
+            ended.__cause__ or ended.__context__, KeyboardInterrupt
+        )
         if not said:  # by the command, which knows what is written
             print(INTERRUPTED, file=sys.stderr)
         return 128 + signals.ended_by
     except Exception as error:
         signals.answer_no_more()
-        if interrupted_lately():  # compiled code of others makes errors of its own of an interruption
+        if (
+            interrupted_lately()
+        ):  # compiled code of others makes errors of its own of an interruption
             print(f"{INTERRUPTED} ({type(error).__name__}: {error})", file=sys.stderr)
             return 128 + signals.ended_by
         from vsf_drake.cli.app import fail
 
         if isinstance(error, ImportError | OSError) and not _drake_loads():
-            fail(f"Drake cannot be imported: {type(error).__name__}: {error}. vsf-drake doctor says what to do")
+            fail(
+                f"Drake cannot be imported: {type(error).__name__}: {error}. vsf-drake doctor says what to do"
+            )
             return SimulationError.exit_code
-        if isinstance(error, OSError):  # of a file that nobody asked for: a full disk under a compiler's cache
+        if isinstance(
+            error, OSError
+        ):  # of a file that nobody asked for: a full disk under a compiler's cache
             error = InputError(error.strerror or str(error), file=error.filename)
         if not isinstance(error, VsfError):
             raise
@@ -84,11 +105,15 @@ class _Signals:
         self._hook = sys.unraisablehook
         ours: dict[signal.Signals, tuple[Any, Any]] = {
             signal.SIGINT: (signal.default_int_handler, self._interrupt),
-            signal.SIGTERM: (signal.SIG_DFL, self._interrupt), signal.SIGHUP: (signal.SIG_DFL, self._interrupt),
-            signal.SIGALRM: (signal.SIG_DFL, self._again)}
+            signal.SIGTERM: (signal.SIG_DFL, self._interrupt),
+            signal.SIGHUP: (signal.SIG_DFL, self._interrupt),
+            signal.SIGALRM: (signal.SIG_DFL, self._again),
+        }
         if threading.current_thread() is not threading.main_thread():
             ours = {}
-        self._handled = {each: pair for each, pair in ours.items() if signal.getsignal(each) is pair[0]}
+        self._handled = {
+            each: pair for each, pair in ours.items() if signal.getsignal(each) is pair[0]
+        }
 
     def __enter__(self) -> Self:
         sys.unraisablehook = self._ignored
@@ -110,7 +135,9 @@ class _Signals:
             signal.signal(each, signal.SIG_IGN)
 
     def _interrupt(self, number: int, frame: Any) -> None:
-        if number == signal.SIGHUP:  # what is said from now on goes nowhere: to the closed terminal it were an error
+        if (
+            number == signal.SIGHUP
+        ):  # what is said from now on goes nowhere: to the closed terminal it were an error
             nowhere = os.open(os.devnull, os.O_RDWR)
             for stream in (1, 2):
                 if stat.S_ISCHR(os.fstat(stream).st_mode):

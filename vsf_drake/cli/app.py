@@ -22,8 +22,12 @@ if TYPE_CHECKING:
     from vsf_drake.motion.trial import Trial
     from vsf_drake.parameters import ModelParameters
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
-                  help="A variable-stiffness foot prosthesis on the bench and under a walking person.")
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="A variable-stiffness foot prosthesis on the bench and under a walking person.",
+)
 console = Console(markup=False, highlight=False, emoji=False)
 errors = Console(stderr=True, markup=False, highlight=False, emoji=False)
 """What they print may hold a user's names: nothing in it is markup."""
@@ -33,20 +37,34 @@ INTERRUPTED = 130  # what Typer ends with after Ctrl-C
 
 path = user_path  # a path that a user gave, with ~ expanded
 Out = Annotated[Path, typer.Option(parser=path, help="Folder for the results; created if needed.")]
-OptionalOut = Annotated[Path | None, typer.Option(parser=path, help="Folder for the results; created if needed.")]
-Model = Annotated[Path | None, typer.Option(
-    parser=path, help="Model file (YAML) instead of the nominal one, such as package://vsf_drake/soft_support.yaml.")]
-Contact = Annotated[Path | None, typer.Option(
-    parser=path, help="File that `fit` wrote; its values replace the model's.")]
-Trials = Annotated[list[Path], typer.Argument(parser=path, metavar="TRIAL.yaml...", help="Trial manifests.")]
+OptionalOut = Annotated[
+    Path | None, typer.Option(parser=path, help="Folder for the results; created if needed.")
+]
+Model = Annotated[
+    Path | None,
+    typer.Option(
+        parser=path,
+        help="Model file (YAML) instead of the nominal one, such as package://vsf_drake/soft_support.yaml.",
+    ),
+]
+Contact = Annotated[
+    Path | None,
+    typer.Option(parser=path, help="File that `fit` wrote; its values replace the model's."),
+]
+Trials = Annotated[
+    list[Path], typer.Argument(parser=path, metavar="TRIAL.yaml...", help="Trial manifests.")
+]
 Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 
 
 def say(line: str) -> None:
     """A line; a terminal breaks it between words but for where things are written, a file nowhere. One that begins with
     "! " stands out."""
-    console.print(line, style="bold yellow" if line.startswith("! ") else None,
-                  soft_wrap=not console.is_terminal or line.startswith("written to "))
+    console.print(
+        line,
+        style="bold yellow" if line.startswith("! ") else None,
+        soft_wrap=not console.is_terminal or line.startswith("written to "),
+    )
 
 
 def warn(line: str) -> None:
@@ -77,13 +95,22 @@ def print_text(template: str, /, **facts: Any) -> None:
     tables: list[Table | str] = []
 
     def rows_of(text: str) -> list[tuple[bool, list[str]]]:
-        return [(line.startswith("! "), [cell.strip() for cell in line.removeprefix("! ").split("│")])
-                for line in text.split("\n") if line.strip()]
+        return [
+            (line.startswith("! "), [cell.strip() for cell in line.removeprefix("! ").split("│")])
+            for line in text.split("\n")
+            if line.strip()
+        ]
 
-    def table(*headings: str, caller: Callable[[], str], title: str = "", right: Collection[int] = ()) -> str:
+    def table(
+        *headings: str, caller: Callable[[], str], title: str = "", right: Collection[int] = ()
+    ) -> str:
         made = Table(title=title or None)
         for i, name in enumerate(headings):
-            made.add_column(name, justify="right" if i in right else "left", overflow="ellipsis" if i else "fold")
+            made.add_column(
+                name,
+                justify="right" if i in right else "left",
+                overflow="ellipsis" if i else "fold",
+            )
         for stands_out, cells in rows_of(caller()):
             made.add_row(*map(Text, cells), style="bold yellow" if stands_out else None)
         tables.append(made)
@@ -92,13 +119,25 @@ def print_text(template: str, /, **facts: Any) -> None:
     def columns(caller: Callable[[], str], right: Collection[int] = (), gap: int = 1) -> str:
         rows = [cells for _, cells in rows_of(caller())]
         wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        tables.append("\n".join((gap * " ").join(
-            cell.rjust(wide[i]) if i in right else cell.ljust(wide[i]) for i, cell in enumerate(cells)).rstrip()
-            for cells in rows))
+        tables.append(
+            "\n".join(
+                (gap * " ")
+                .join(
+                    cell.rjust(wide[i]) if i in right else cell.ljust(wide[i])
+                    for i, cell in enumerate(cells)
+                )
+                .rstrip()
+                for cells in rows
+            )
+        )
         return f"\f{len(tables) - 1}\n"
 
     def one_cell(value: Any) -> Any:  # a name may hold anything, and ends neither cell nor line
-        return value.rstrip("\n").replace("\n", " ").replace("│", "|") if isinstance(value, str) else value
+        return (
+            value.rstrip("\n").replace("\n", " ").replace("│", "|")
+            if isinstance(value, str)
+            else value
+        )
 
     pages = text_templates("cli/templates").overlay(finalize=one_cell)
     text = pages.get_template(f"{template}.txt.j2").render(facts, table=table, columns=columns)
@@ -107,8 +146,18 @@ def print_text(template: str, /, **facts: Any) -> None:
         if isinstance(made, Table):
             console.print(made)
         else:
-            say(made or "\n".join(textwrap.wrap(line, COLUMNS, subsequent_indent="  ", break_long_words=False,
-                                                break_on_hyphens=False)))
+            say(
+                made
+                or "\n".join(
+                    textwrap.wrap(
+                        line,
+                        COLUMNS,
+                        subsequent_indent="  ",
+                        break_long_words=False,
+                        break_on_hyphens=False,
+                    )
+                )
+            )
 
 
 def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:
@@ -118,7 +167,9 @@ def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:
     from vsf_drake.model_file import load_model
 
     model = load_model(path or resource("models/nominal.yaml"))
-    return model if contact is None else model_with(model, load_contact(contact).values, file=contact)
+    return (
+        model if contact is None else model_with(model, load_contact(contact).values, file=contact)
+    )
 
 
 def read_trials(paths: list[Path], contact: Path | None) -> list[Trial]:
@@ -129,7 +180,9 @@ def read_trials(paths: list[Path], contact: Path | None) -> list[Trial]:
 
     fitted = None if contact is None else load_contact(contact)
     trials = map(load_trial, paths)
-    return [trial if fitted is None else trial_with(trial, fitted, file=contact) for trial in trials]
+    return [
+        trial if fitted is None else trial_with(trial, fitted, file=contact) for trial in trials
+    ]
 
 
 def contact_hash(path: Path | None) -> dict[str, str]:
@@ -142,14 +195,22 @@ def contact_hash(path: Path | None) -> dict[str, str]:
 def check_contact_use(contact: Path | None, *, fit_offsets: bool) -> None:
     """Raises InputError for a fitted contact together with --fit-offsets."""
     if contact is not None and fit_offsets:
-        raise InputError("cannot go with --contact, whose fit has found the offsets already", where="--fit-offsets",
-                         right="Leave one of them out")
+        raise InputError(
+            "cannot go with --contact, whose fit has found the offsets already",
+            where="--fit-offsets",
+            right="Leave one of them out",
+        )
 
 
 @contextmanager
 def progress() -> Iterator[Callable[[str, float], None]]:
     """A bar that disappears when done; called with what is being done and the finished fraction of it."""
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=errors, transient=True) as bar:
         task = bar.add_task("preparing", total=1.0)
         yield lambda what, fraction: bar.update(task, description=what, completed=fraction)
@@ -163,7 +224,8 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _common(
-    version: Annotated[bool, typer.Option(
-        "--version", callback=_version, is_eager=True, help="Print the version.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
 ) -> None:
     pass

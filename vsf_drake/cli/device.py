@@ -19,8 +19,12 @@ def bench(
     out: Out,
     model: Model = None,
     contact: Contact = None,
-    fulcrum_mm: Annotated[list[float] | None, typer.Option(
-        help="Fulcrum position from the keel's posterior end; may be repeated. Default: the paper's five.")] = None,
+    fulcrum_mm: Annotated[
+        list[float] | None,
+        typer.Option(
+            help="Fulcrum position from the keel's posterior end; may be repeated. Default: the paper's five."
+        ),
+    ] = None,
     max_load_n: Annotated[float, typer.Option(help="Load at which a pass ends.")] = 600.0,
     speed_mm_per_min: Annotated[float, typer.Option(help="Speed of the platen.")] = 50.0,
     heel: Annotated[bool, typer.Option(help="Test the heel too.")] = True,
@@ -34,9 +38,15 @@ def bench(
     pressed = cli.model_of(model, contact)
     positions = [1e-3 * position for position in fulcrum_mm] if fulcrum_mm else PUBLISHED_FULCRUMS_M
     with progress() as show:
-        result = run_bench(pressed, fulcrums_m=positions, heel=heel, max_load_n=max_load_n,
-                           speed_m_per_s=1e-3 * speed_mm_per_min / 60.0, progress=lambda f: show("pressing", f),
-                           inputs=cli.contact_hash(contact))
+        result = run_bench(
+            pressed,
+            fulcrums_m=positions,
+            heel=heel,
+            max_load_n=max_load_n,
+            speed_m_per_s=1e-3 * speed_mm_per_min / 60.0,
+            progress=lambda f: show("pressing", f),
+            inputs=cli.contact_hash(contact),
+        )
     cli.print_text("bench", **vars(write_bench(result, out)))
     if contact:
         say(f"the foot has the fitted contact of {contact}")
@@ -48,14 +58,28 @@ def export(
     out: Out,
     model: Model = None,
     contact: Contact = None,
-    fulcrum_mm: Annotated[float, typer.Option(
-        help="Fulcrum position, from the keel's posterior end, in the files in which it is fixed.")] = 108.0,
-    form: Annotated[str, typer.Option(
-        "--format", help="sdf (Drake and other readers of SDFormat), mjcf (MuJoCo), or both.")] = "both",
-    springs: Annotated[bool, typer.Option(
-        help="Write the keel's springs into vsf_foot.sdf; otherwise wire_foot adds them. "
-        "The files with a fixed fulcrum always have them.")] = True,
-    collision: Annotated[bool, typer.Option(help="Write contact spheres as collision shapes into the SDF.")] = True,
+    fulcrum_mm: Annotated[
+        float,
+        typer.Option(
+            help="Fulcrum position, from the keel's posterior end, in the files in which it is fixed."
+        ),
+    ] = 108.0,
+    form: Annotated[
+        str,
+        typer.Option(
+            "--format", help="sdf (Drake and other readers of SDFormat), mjcf (MuJoCo), or both."
+        ),
+    ] = "both",
+    springs: Annotated[
+        bool,
+        typer.Option(
+            help="Write the keel's springs into vsf_foot.sdf; otherwise wire_foot adds them. "
+            "The files with a fixed fulcrum always have them."
+        ),
+    ] = True,
+    collision: Annotated[
+        bool, typer.Option(help="Write contact spheres as collision shapes into the SDF.")
+    ] = True,
 ) -> None:
     """Writes the rigid foot with its lumped springs as SDF and MJCF.
 
@@ -73,26 +97,47 @@ def export(
     ResultsFolder(kind="export", command="export", sidecar="export.yaml").check(out)
     foot, fulcrum_m = cli.model_of(model, contact).foot, 1e-3 * fulcrum_mm
     if form not in ("sdf", "mjcf", "both"):
-        raise InputError(f"{form!r} is not known", where="format", right="Known are sdf, mjcf, both")
+        raise InputError(
+            f"{form!r} is not known", where="format", right="Known are sdf, mjcf, both"
+        )
     if form == "mjcf" and not (springs and collision):
-        raise InputError("an MJCF file always has springs and contact spheres", where="format",
-                         right="Leave --no-springs and --no-collision out, or write SDF")
+        raise InputError(
+            "an MJCF file always has springs and contact spheres",
+            where="format",
+            right="Leave --no-springs and --no-collision out, or write SDF",
+        )
     check_fulcrum(fulcrum_m, foot, where="fulcrum")
     fixed, texts = f"vsf_foot_at_{1e3 * fulcrum_m:g}mm", {}
     if form != "mjcf":
-        texts = {"vsf_foot.sdf": foot_sdf(foot, springs=springs, collision=collision),
-                 f"{fixed}.sdf": foot_sdf(foot, fulcrum_m=fulcrum_m, collision=collision)}
+        texts = {
+            "vsf_foot.sdf": foot_sdf(foot, springs=springs, collision=collision),
+            f"{fixed}.sdf": foot_sdf(foot, fulcrum_m=fulcrum_m, collision=collision),
+        }
     if form != "sdf":
         texts[f"{fixed}.xml"] = foot_mjcf(foot, fulcrum_m=fulcrum_m)
-    inputs = cli.contact_hash(contact) | ({} if model is None else {f"model: {model.name}": sha256(model)})
+    inputs = cli.contact_hash(contact) | (
+        {} if model is None else {f"model: {model.name}": sha256(model)}
+    )
     with result_folder(out, "export") as folder:
         for name, text in texts.items():
             write_text(folder / name, text)
-        write_text(folder / "export.yaml", dump({
-            "kind": "export", "fulcrum_m": fulcrum_m,
-            **({} if form == "mjcf" else {"springs_of_movable": springs, "collision_spheres_of_sdf": collision}),
-            "files_sha256": {name: sha256(folder / name) for name in texts}, "foot": to_plain(foot),
-            "provenance": provenance(inputs)}))
+        write_text(
+            folder / "export.yaml",
+            dump(
+                {
+                    "kind": "export",
+                    "fulcrum_m": fulcrum_m,
+                    **(
+                        {}
+                        if form == "mjcf"
+                        else {"springs_of_movable": springs, "collision_spheres_of_sdf": collision}
+                    ),
+                    "files_sha256": {name: sha256(folder / name) for name in texts},
+                    "foot": to_plain(foot),
+                    "provenance": provenance(inputs),
+                }
+            ),
+        )
     for name in texts:
         say(f"written {out / name}")
 
@@ -102,15 +147,35 @@ def show(
     what: Annotated[str, typer.Option(metavar="foot|bench|person", help="What to show.")] = "foot",
     model: Model = None,
     contact: Contact = None,
-    subject: Annotated[Path | None, typer.Option(parser=path, help=(
-        "subject.yaml or a trial manifest, for a person; default: the embedded reference subject."))] = None,
-    keel_joints: Annotated[bool, typer.Option(
-        "--keel-joints",
-        help="Also a slider for each joint of the keel, added to the deflection by the load.")] = False,
-    port: Annotated[int | None, typer.Option(help="Port to serve on. Default: any free one.")] = None,
+    subject: Annotated[
+        Path | None,
+        typer.Option(
+            parser=path,
+            help=(
+                "subject.yaml or a trial manifest, for a person; default: the embedded reference subject."
+            ),
+        ),
+    ] = None,
+    keel_joints: Annotated[
+        bool,
+        typer.Option(
+            "--keel-joints",
+            help="Also a slider for each joint of the keel, added to the deflection by the load.",
+        ),
+    ] = False,
+    port: Annotated[
+        int | None, typer.Option(help="Port to serve on. Default: any free one.")
+    ] = None,
     browser: Annotated[bool, typer.Option(help="Open the page in the desktop's browser.")] = True,
-    html: Annotated[Path | None, typer.Option(parser=path, help=(
-        "Write one page that opens without a network, with an animation instead of sliders, and exit."))] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            parser=path,
+            help=(
+                "Write one page that opens without a network, with an animation instead of sliders, and exit."
+            ),
+        ),
+    ] = None,
 ) -> None:
     """Shows the model in a browser, with sliders for every joint, the fulcrum and a load on the keel."""
     from vsf_drake.files import resource
@@ -134,15 +199,26 @@ def show(
 
 @app.command()
 def stand(
-    subject: Annotated[Path, typer.Argument(
-        parser=path, help="subject.yaml, or a trial manifest that names the subject.")],
+    subject: Annotated[
+        Path,
+        typer.Argument(
+            parser=path, help="subject.yaml, or a trial manifest that names the subject."
+        ),
+    ],
     out: Out,
     model: Model = None,
     contact: Contact = None,
-    fulcrum_mm: Annotated[float, typer.Option(help="Fulcrum position from the keel's posterior end.")] = 108.0,
+    fulcrum_mm: Annotated[
+        float, typer.Option(help="Fulcrum position from the keel's posterior end.")
+    ] = 108.0,
     duration_s: Annotated[float, typer.Option(help="How long to stand.")] = 10.0,
-    upright: Annotated[bool, typer.Option(
-        "--upright", help="Hold the pelvis's angles; otherwise as many of them are free as stay stable.")] = False,
+    upright: Annotated[
+        bool,
+        typer.Option(
+            "--upright",
+            help="Hold the pelvis's angles; otherwise as many of them are free as stay stable.",
+        ),
+    ] = False,
 ) -> None:
     """Simulates standing at anatomically neutral angles: does the ground carry the weight, and how much each foot?"""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
@@ -160,11 +236,18 @@ def stand(
     stood_on = cli.model_of(model, contact)
     with progress() as show:
         standing = simulate_standing(
-            person, stood_on, fulcrum_m=1e-3 * fulcrum_mm, duration_s=duration_s, upright=upright,
-            progress=lambda f: show("standing", f))
+            person,
+            stood_on,
+            fulcrum_m=1e-3 * fulcrum_mm,
+            duration_s=duration_s,
+            upright=upright,
+            progress=lambda f: show("standing", f),
+        )
     if contact:
-        note = (f"The model has the fitted contact of {contact.name} (SHA-256 {sha256(contact)}); what the fit adds to "
-                "offsets and joint angles belongs to its recordings and is left out.")
+        note = (
+            f"The model has the fitted contact of {contact.name} (SHA-256 {sha256(contact)}); what the fit adds to "
+            "offsets and joint angles belongs to its recordings and is left out."
+        )
         standing = dataclasses.replace(standing, notes=(note, *standing.notes))
     cli.print_text("standing", **vars(write_standing(standing, out)))
     say(f"written to {out / 'standing.png'}, standing.json")
@@ -174,17 +257,36 @@ def stand(
 def simulate(
     trial: Annotated[Path, typer.Argument(parser=path, help="Trial manifest (YAML).")],
     out: Out,
-    contact: Annotated[Path | None, typer.Option(parser=path, help=(
-        "File that `fit` wrote; its values replace the model's. none: the unfitted foot. Default: the embedded "
-        "contact for embedded trials, unless offsets are fitted, else none."))] = None,
-    fit_offsets: Annotated[bool, typer.Option(
-        "--fit-offsets", help="First fit height, fore-aft position and alignment of the prosthesis.")] = False,
-    fulcrum_mm: Annotated[float | None, typer.Option(help=(
-        "Fulcrum position from the keel's posterior end, under the same motion. Default: the trial's."))] = None,
+    contact: Annotated[
+        Path | None,
+        typer.Option(
+            parser=path,
+            help=(
+                "File that `fit` wrote; its values replace the model's. none: the unfitted foot. Default: the embedded "
+                "contact for embedded trials, unless offsets are fitted, else none."
+            ),
+        ),
+    ] = None,
+    fit_offsets: Annotated[
+        bool,
+        typer.Option(
+            "--fit-offsets",
+            help="First fit height, fore-aft position and alignment of the prosthesis.",
+        ),
+    ] = False,
+    fulcrum_mm: Annotated[
+        float | None,
+        typer.Option(
+            help=(
+                "Fulcrum position from the keel's posterior end, under the same motion. Default: the trial's."
+            )
+        ),
+    ] = None,
     step_ms: Annotated[float, typer.Option(help="Step of the simulation.")] = 1.0,
     replay: Annotated[bool, typer.Option(help="Write the replay (HTML).")] = True,
-    opensim: Annotated[bool, typer.Option(
-        "--opensim", help="Also write walk_ik.mot and walk_grf.mot for OpenSim.")] = False,
+    opensim: Annotated[
+        bool, typer.Option("--opensim", help="Also write walk_ik.mot and walk_grf.mot for OpenSim.")
+    ] = False,
 ) -> None:
     """Drives the person with recorded motion and compares the predicted ground reaction force with the force plate."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
@@ -202,10 +304,17 @@ def simulate(
     contact = embedded if contact is None else None if contact == Path("none") else contact
     cli.check_contact_use(contact, fit_offsets=fit_offsets)
     if fit_offsets and fulcrum_mm is not None:
-        raise InputError("cannot go with --fit-offsets: the plate is of the recorded setting", where="--fulcrum-mm",
-                         right="Leave one of them out; where the manifest's setting is wrong, correct it there")
+        raise InputError(
+            "cannot go with --fit-offsets: the plate is of the recorded setting",
+            where="--fulcrum-mm",
+            right="Leave one of them out; where the manifest's setting is wrong, correct it there",
+        )
     WALK.check(out)
-    fitted, step_s, layers = None if contact is None else load_contact(contact), 1e-3 * step_ms, None
+    fitted, step_s, layers = (
+        None if contact is None else load_contact(contact),
+        1e-3 * step_ms,
+        None,
+    )
     [recorded] = cli.read_trials([trial], None)
     if fitted is None:
         note = unfitted_note(recorded, offsets_fitted=fit_offsets)
@@ -216,19 +325,40 @@ def simulate(
     if fulcrum_mm is not None:
         fulcrum_m = check_fulcrum(1e-3 * fulcrum_mm, walked.model.foot, where="--fulcrum-mm")
     if fulcrum_mm is not None and not math.isclose(fulcrum_m, recorded.fulcrum_m, abs_tol=1e-6):
-        [moved] = sentences("other_setting", mm=fulcrum_mm, recorded_mm=1e3 * recorded.fulcrum_m, layered=layered)
-        walked = dataclasses.replace(walked, fulcrum_m=fulcrum_m, notes=(moved, *walked.notes),
-                                     name=f"{walked.name} (recorded at {1e3 * recorded.fulcrum_m:g} mm)")
+        [moved] = sentences(
+            "other_setting", mm=fulcrum_mm, recorded_mm=1e3 * recorded.fulcrum_m, layered=layered
+        )
+        walked = dataclasses.replace(
+            walked,
+            fulcrum_m=fulcrum_m,
+            notes=(moved, *walked.notes),
+            name=f"{walked.name} (recorded at {1e3 * recorded.fulcrum_m:g} mm)",
+        )
     with progress() as show:
         walk = walk_trial(walked, with_fit=fit_offsets, step_s=step_s, progress=show)
         if fitted is not None and layered and moved is None:
             show("predicting in layers", 1.0)
-            layers = layers_of(recorded, recorded.name, fitted, walker=Walker(walked.subject, walked.model),
-                               step_s=step_s)
-    metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, layers=layers, replay=replay, opensim=opensim)
+            layers = layers_of(
+                recorded,
+                recorded.name,
+                fitted,
+                walker=Walker(walked.subject, walked.model),
+                step_s=step_s,
+            )
+    metrics = write_walk(
+        walk.result, walk.trial, out, fit=walk.fit, layers=layers, replay=replay, opensim=opensim
+    )
     why_not = "" if layers is None else layers.correction.why_not
-    cli.print_text("walk", **metrics | {"trial": recorded.name}, mm=1e3 * walked.fulcrum_m, embedded=embedded,
-                   unfitted=UNFITTED, moved=moved,
-                   not_corrected=sentences("not_corrected", "words", why_not=why_not) if why_not else ())
-    say(f"written to {out / 'walk.png'}{', replay.html' * replay}, metrics.json"
-        f"{', walk_ik.mot, walk_grf.mot' * opensim}")
+    cli.print_text(
+        "walk",
+        **metrics | {"trial": recorded.name},
+        mm=1e3 * walked.fulcrum_m,
+        embedded=embedded,
+        unfitted=UNFITTED,
+        moved=moved,
+        not_corrected=sentences("not_corrected", "words", why_not=why_not) if why_not else (),
+    )
+    say(
+        f"written to {out / 'walk.png'}{', replay.html' * replay}, metrics.json"
+        f"{', walk_ik.mot, walk_grf.mot' * opensim}"
+    )

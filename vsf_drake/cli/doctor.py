@@ -40,11 +40,23 @@ def doctor() -> None:
         stiffness, broken = pressed.settings[0].stiffness_n_per_mm, ""
     except SimulationError as error:
         stiffness, broken = None, str(error)
-    solvers = {solver.solver_id().name(): solver.available() and solver.enabled()
-               for solver in (SnoptSolver(), IpoptSolver(), NloptSolver(), ClarabelSolver())}
-    print_text("doctor", python=sys.executable, system=platform.platform(), versions=provenance()["versions"],
-               cores=os.cpu_count(), usable=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None,
-               solvers=solvers, lacking=_lacking(), before=before, after=kept_code(), stiffness=stiffness)
+    solvers = {
+        solver.solver_id().name(): solver.available() and solver.enabled()
+        for solver in (SnoptSolver(), IpoptSolver(), NloptSolver(), ClarabelSolver())
+    }
+    print_text(
+        "doctor",
+        python=sys.executable,
+        system=platform.platform(),
+        versions=provenance()["versions"],
+        cores=os.cpu_count(),
+        usable=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None,
+        solvers=solvers,
+        lacking=_lacking(),
+        before=before,
+        after=kept_code(),
+        stiffness=stiffness,
+    )
     if broken or not all(solvers.values()):
         fail(broken or "a solver that Drake's own wheel has is missing: install Drake from PyPI")
         sys.exit(SimulationError.exit_code)
@@ -55,10 +67,20 @@ def _say_drake_is_missing() -> None:
     found = importlib.util.find_spec("pydrake")
     installed = next(iter(importlib.metadata.distributions(name="drake")), None)
     own = installed and str(installed.locate_file("pydrake/__init__.py"))
-    needed = next(line for line in importlib.metadata.requires("vsf-drake") or () if line.startswith("drake"))
-    print_text("no_drake", version=importlib.metadata.version("vsf-drake"), drake=installed and installed.version,
-               needed=needed, found=found and found.origin, own=own, system=platform.platform(),
-               python=sys.executable, python_version=platform.python_version())
+    needed = next(
+        line for line in importlib.metadata.requires("vsf-drake") or () if line.startswith("drake")
+    )
+    print_text(
+        "no_drake",
+        version=importlib.metadata.version("vsf-drake"),
+        drake=installed and installed.version,
+        needed=needed,
+        found=found and found.origin,
+        own=own,
+        system=platform.platform(),
+        python=sys.executable,
+        python_version=platform.python_version(),
+    )
 
 
 def _lacking() -> dict[str, list[str]]:

@@ -17,20 +17,28 @@ from vsf_drake.errors import InputError
 from vsf_drake.yaml_file import read_yaml
 
 
-def with_frozen(parameters: FitParameters, free: Sequence[str], freeze: Sequence[str]) -> FitParameters:
+def with_frozen(
+    parameters: FitParameters, free: Sequence[str], freeze: Sequence[str]
+) -> FitParameters:
     """The parameters with those frozen and free that the patterns name: a name, or one with "*" for any characters.
 
     Where several patterns fit a parameter, the longest decides: --freeze 'socket.*' --free socket.tz.stiffness.
     """
     items = []
-    given = [("--free", pattern, False) for pattern in free] + [("--freeze", pattern, True) for pattern in freeze]
+    given = [("--free", pattern, False) for pattern in free] + [
+        ("--freeze", pattern, True) for pattern in freeze
+    ]
     for option, pattern, _ in given:
         _check_pattern(pattern, parameters, where=option)
     for item in parameters.items:
-        fitting = [(len(pattern), frozen) for _, pattern, frozen in given if _fits(pattern, item.name)]
+        fitting = [
+            (len(pattern), frozen) for _, pattern, frozen in given if _fits(pattern, item.name)
+        ]
         items.append(dataclasses.replace(item, frozen=max(fitting)[1]) if fitting else item)
     if all(item.frozen for item in items):
-        raise InputError("all parameters are frozen", where="--freeze", right="Leave at least one free")
+        raise InputError(
+            "all parameters are frozen", where="--freeze", right="Leave at least one free"
+        )
     return FitParameters(items)
 
 
@@ -41,17 +49,28 @@ def prior_widths(options: Sequence[str], file: Path | None) -> dict[str, str]:
     for text in options:
         name, equals, width = text.rpartition("=")
         if not (name and equals and width):
-            raise InputError(f"{text!r} is no prior", where="--prior",
-                             right="Write NAME=SD, for example curve.*=1.5deg")
+            raise InputError(
+                f"{text!r} is no prior",
+                where="--prior",
+                right="Write NAME=SD, for example curve.*=1.5deg",
+            )
         if seen.setdefault(name, width) != width:
-            raise InputError(f"{name} is given {seen[name]} and {width}", where="--prior", right="Decide for one")
+            raise InputError(
+                f"{name} is given {seen[name]} and {width}", where="--prior", right="Decide for one"
+            )
     return {**widths, **seen}
 
 
 def _read_widths(file: Path) -> dict[str, str]:
     node = read_yaml(file)
-    if not isinstance(node, yaml.MappingNode) or not all(isinstance(value, yaml.ScalarNode) for _, value in node.value):
-        raise InputError("holds no names with standard deviations", file=file, right="Write a line NAME: SD for each")
+    if not isinstance(node, yaml.MappingNode) or not all(
+        isinstance(value, yaml.ScalarNode) for _, value in node.value
+    ):
+        raise InputError(
+            "holds no names with standard deviations",
+            file=file,
+            right="Write a line NAME: SD for each",
+        )
     widths: dict[str, str] = {}
     for key, value in node.value:
         if key.value in widths:
@@ -71,8 +90,12 @@ def with_priors(parameters: FitParameters, widths: Mapping[str, str]) -> FitPara
     for pattern in widths:
         _check_pattern(pattern, parameters, where="--prior")
     for item in parameters.items:
-        own = max((pattern for pattern in widths if _fits(pattern, item.name)), key=len, default=None)
-        items.append(item if own is None else dataclasses.replace(item, scale=_width(item, own, widths[own])))
+        own = max(
+            (pattern for pattern in widths if _fits(pattern, item.name)), key=len, default=None
+        )
+        items.append(
+            item if own is None else dataclasses.replace(item, scale=_width(item, own, widths[own]))
+        )
     return FitParameters(items)
 
 
@@ -82,21 +105,31 @@ def _width(item: FitParameter, pattern: str, text: str) -> float:
     try:
         width = float(number.removesuffix(unit))
     except ValueError:
-        raise refused(f"{text!r} is no number", right=f"Give a number in {item.unit}, or with deg or mm") from None
+        raise refused(
+            f"{text!r} is no number", right=f"Give a number in {item.unit}, or with deg or mm"
+        ) from None
     if unit:
         own, factor = UNITS[unit]
         if item.unit != own or item.logarithmic:
-            raise refused(f"{item.name} is not measured in {unit}",
-                          right="Give the standard deviation of its logarithm" if item.logarithmic else
-                                f"Its unit is {item.unit}")
+            raise refused(
+                f"{item.name} is not measured in {unit}",
+                right="Give the standard deviation of its logarithm"
+                if item.logarithmic
+                else f"Its unit is {item.unit}",
+            )
         width *= factor
     if not 0.0 < width < math.inf:
         raise refused(f"a standard deviation of {text} is none", right="It must be above 0")
-    most = max(abs(math.log(end / item.mean)) if item.logarithmic else abs(end - item.mean)
-               for end in (item.low, item.high))
+    most = max(
+        abs(math.log(end / item.mean)) if item.logarithmic else abs(end - item.mean)
+        for end in (item.low, item.high)
+    )
     if width > most:
-        raise refused(f"{text} is wider than the bounds of {item.name}, {item.low:g} to {item.high:g} {item.unit}",
-                      right=f"It can be {most:g} at most" + (", of the logarithm" if item.logarithmic else ""))
+        raise refused(
+            f"{text} is wider than the bounds of {item.name}, {item.low:g} to {item.high:g} {item.unit}",
+            right=f"It can be {most:g} at most"
+            + (", of the logarithm" if item.logarithmic else ""),
+        )
     return width
 
 
@@ -106,9 +139,15 @@ def _check_pattern(pattern: str, parameters: FitParameters, *, where: str) -> No
     if not any(_fits(pattern, name) for name in names):
         families = [f"{family}.*" for family in dict.fromkeys(name.split(".")[0] for name in names)]
         near = difflib.get_close_matches(pattern, [*names, *families], n=3)
-        raise InputError(f"there is no parameter {pattern!r}", where=where, right=(
-            f"Did you mean {', '.join(near)}?" if near else
-            f"There are {', '.join(families)}; fit.json of any fit lists them all"))
+        raise InputError(
+            f"there is no parameter {pattern!r}",
+            where=where,
+            right=(
+                f"Did you mean {', '.join(near)}?"
+                if near
+                else f"There are {', '.join(families)}; fit.json of any fit lists them all"
+            ),
+        )
 
 
 def _fits(pattern: str, name: str) -> bool:

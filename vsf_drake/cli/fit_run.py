@@ -45,18 +45,46 @@ class FitTask:
     options: Mapping[str, object]
     inputs: Mapping[str, str]
 
-    def table(self, solution: ContactFitSolution | None = None, judged: Assessment | None = None, *, failed: str = ""
-              ) -> FitTable:
+    def table(
+        self,
+        solution: ContactFitSolution | None = None,
+        judged: Assessment | None = None,
+        *,
+        failed: str = "",
+    ) -> FitTable:
         """The table of this fit if it ended, or failed, so."""
-        return fit_table(self.problem, solution, judged, failed=failed, held_out=self.held_out, options=self.options,
-                         inputs=self.inputs)
+        return fit_table(
+            self.problem,
+            solution,
+            judged,
+            failed=failed,
+            held_out=self.held_out,
+            options=self.options,
+            inputs=self.inputs,
+        )
 
 
 def make_task(
-    trials: list[Trial], held_out: list[Trial], *, bench_file: Path | None, strategy: str, seed: int,
-    starts: int | None, solver: str | None, free: Sequence[str], freeze: Sequence[str], resultant: bool, cop: bool,
-    paths: bool, damping_by_zone: bool, quick: bool, own_height: bool = False, priors: Sequence[str] = (),
-    prior_file: Path | None = None, iterations: int | None = None, time_limit_s: float | None = None
+    trials: list[Trial],
+    held_out: list[Trial],
+    *,
+    bench_file: Path | None,
+    strategy: str,
+    seed: int,
+    starts: int | None,
+    solver: str | None,
+    free: Sequence[str],
+    freeze: Sequence[str],
+    resultant: bool,
+    cop: bool,
+    paths: bool,
+    damping_by_zone: bool,
+    quick: bool,
+    own_height: bool = False,
+    priors: Sequence[str] = (),
+    prior_file: Path | None = None,
+    iterations: int | None = None,
+    time_limit_s: float | None = None,
 ) -> FitTask:
     """What the command's options ask for, after making sure, before the long part, that all of it can be fitted."""
     widths = prior_widths(priors, prior_file)
@@ -66,13 +94,23 @@ def make_task(
     if strategy == PAPER:
         options = PaperOptions(seed=seed)
     else:
-        asked = {"free": tuple(free), "freeze": tuple(freeze), "paths": paths, "damping_by_zone": damping_by_zone,
-                 "priors": widths}
+        asked = {
+            "free": tuple(free),
+            "freeze": tuple(freeze),
+            "paths": paths,
+            "damping_by_zone": damping_by_zone,
+            "priors": widths,
+        }
         default = ContactFitOptions()
         options = dataclasses.replace(
-            default, series=(*((RESULTANT,) if resultant else FORCES), *(COP if cop else ())), seed=seed,
-            starts=1 if quick else starts or default.starts, solver=solver or default.solver,
-            iterations=iterations or default.iterations, time_limit_s=time_limit_s)
+            default,
+            series=(*((RESULTANT,) if resultant else FORCES), *(COP if cop else ())),
+            seed=seed,
+            starts=1 if quick else starts or default.starts,
+            solver=solver or default.solver,
+            iterations=iterations or default.iterations,
+            time_limit_s=time_limit_s,
+        )
     check_recordings(trials, held_out, series=options.series)
     subject, model = trials[0].subject, trials[0].model
     if bench is not None and bench_file is not None:
@@ -83,14 +121,34 @@ def make_task(
             where = forefoot if error.where == "fulcrums_m" else error.where
             raise InputError(error.what, file=bench_file, where=where, right=error.right) from None
     walker = Walker(subject, model)
-    parameters = standard_parameters(walker.variables, subject.prosthetic_side, labels_of(trials),
-                                     bench=bench is not None, damping_by_zone=damping_by_zone, paths=paths)
-    problem = ContactFit(trials, bench=bench, options=options, walker=walker,
-                         parameters=with_priors(with_frozen(parameters, free, freeze), widths))
-    return FitTask(problem=problem, quick=quick, held_out=held_out, own_height=own_height,
-                   inputs={} if bench_file is None else {f"bench: {bench_file.name}": sha256(bench_file)},
-                   options={**asked, "quick": quick, "own_height": own_height,
-                            "bench": None if bench_file is None else bench_file.name})
+    parameters = standard_parameters(
+        walker.variables,
+        subject.prosthetic_side,
+        labels_of(trials),
+        bench=bench is not None,
+        damping_by_zone=damping_by_zone,
+        paths=paths,
+    )
+    problem = ContactFit(
+        trials,
+        bench=bench,
+        options=options,
+        walker=walker,
+        parameters=with_priors(with_frozen(parameters, free, freeze), widths),
+    )
+    return FitTask(
+        problem=problem,
+        quick=quick,
+        held_out=held_out,
+        own_height=own_height,
+        inputs={} if bench_file is None else {f"bench: {bench_file.name}": sha256(bench_file)},
+        options={
+            **asked,
+            "quick": quick,
+            "own_height": own_height,
+            "bench": None if bench_file is None else bench_file.name,
+        },
+    )
 
 
 class Checkpoint:
@@ -102,12 +160,18 @@ class Checkpoint:
         self.note = ""  # what a user should know before the fit begins
         if resume:
             if not path.exists():
-                raise InputError("there is no interrupted fit to go on from", file=path, where="--resume",
-                                 right="Leave --resume out to begin one")
+                raise InputError(
+                    "there is no interrupted fit to go on from",
+                    file=path,
+                    where="--resume",
+                    right="Leave --resume out to begin one",
+                )
             self.state = read_json(path, damaged="Leave --resume out to begin again")
         elif path.exists():
-            self.note = (f"{path} is left by an interrupted fit, which this one replaces; --resume would have gone on "
-                         "from it")
+            self.note = (
+                f"{path} is left by an interrupted fit, which this one replaces; --resume would have gone on "
+                "from it"
+            )
 
     def begin(self, task: FitTask) -> None:
         """Takes the folder, once: what an earlier fit left goes, and fit.json says that this one has not ended."""
@@ -116,8 +180,14 @@ class Checkpoint:
         self.began = True
         self.path.parent.mkdir(parents=True, exist_ok=True)
         clear_fit(self.path.parent, checkpoint=not self.resumed)
-        write_json(self.path.parent / FIT.table, {
-            **fit_json(task.table(failed="the fit has not ended")), "files": [FIT.table], "arrays_sha256": None})
+        write_json(
+            self.path.parent / FIT.table,
+            {
+                **fit_json(task.table(failed="the fit has not ended")),
+                "files": [FIT.table],
+                "arrays_sha256": None,
+            },
+        )
 
     def save(self, state: Mapping[str, Any]) -> None:
         """Replaces the state on disk."""
@@ -136,6 +206,7 @@ class Checkpoint:
 def run_task(task: FitTask, out: Path, checkpoint: Checkpoint) -> FitTable:
     """Fits, judges and writes to `out`; the table, whether the fit succeeded or not."""
     with progress() as show:
+
         def judging(what: str, share: float) -> None:
             low, high = (_SCORED, _REFITTED) if what.startswith("fitting") else (_SEARCHED, _SCORED)
             show(what, low + (high - low) * share)
@@ -145,13 +216,22 @@ def run_task(task: FitTask, out: Path, checkpoint: Checkpoint) -> FitTable:
             solution = _solved(task, checkpoint, show)
             if not solution.success:
                 raise FitError(solution.message)
-            judged = assess(solution, task.held_out, sweep=not task.quick, leave_out=not task.quick,
-                            own_height=task.own_height, progress=judging)
+            judged = assess(
+                solution,
+                task.held_out,
+                sweep=not task.quick,
+                leave_out=not task.quick,
+                own_height=task.own_height,
+                progress=judging,
+            )
         except (FitError, SimulationError) as error:
             # of a good fit, its walks or its foot fail where it is judged
             good = solution is not None and solution.success
-            table = task.table(solution, _best_point(task, solution),
-                               failed=f"it cannot be judged: {error}" if good else str(error))
+            table = task.table(
+                solution,
+                _best_point(task, solution),
+                failed=f"it cannot be judged: {error}" if good else str(error),
+            )
             write_fit(table, out)
             return table
         show("writing figures and page", _REFITTED)
@@ -166,12 +246,21 @@ def _best_point(task: FitTask, solution: ContactFitSolution | None) -> Assessmen
     if solution is None or solution.success or task.problem.options.strategy == PAPER:
         return None
     try:
-        return assess(solution.opened(), task.held_out, sweep=False, leave_out=False, angle_errors=False, layers=False)
+        return assess(
+            solution.opened(),
+            task.held_out,
+            sweep=False,
+            leave_out=False,
+            angle_errors=False,
+            layers=False,
+        )
     except (FitError, SimulationError):
         return None
 
 
-def _solved(task: FitTask, checkpoint: Checkpoint, show: Callable[[str, float], None]) -> ContactFitSolution:
+def _solved(
+    task: FitTask, checkpoint: Checkpoint, show: Callable[[str, float], None]
+) -> ContactFitSolution:
     highest = 0.0
 
     def tell(what: str, share: float) -> None:
@@ -190,4 +279,6 @@ def _solved(task: FitTask, checkpoint: Checkpoint, show: Callable[[str, float], 
     except InputError as error:
         if error.where != "resume":
             raise
-        raise InputError(error.what, file=checkpoint.path, where="--resume", right=error.right) from None
+        raise InputError(
+            error.what, file=checkpoint.path, where="--resume", right=error.right
+        ) from None

@@ -10,24 +10,37 @@ from os.path import abspath, expanduser
 from vsf_drake.errors import InputError
 
 GUIDES = {
-    "bench": "commands", "simulate": "trials", "validate": "validate", "report": "results",
-    "import": "laboratory_files", "check": "trials", "sweep": "sweep", "fit": "fit", "tune": "tune", "schedule": "tune",
-    "map": "stiffness_map", "show": "drake", "export": "drake", "stand": "trials#the-subject", "doctor": "commands"}
+    "bench": "commands",
+    "simulate": "trials",
+    "validate": "validate",
+    "report": "results",
+    "import": "laboratory_files",
+    "check": "trials",
+    "sweep": "sweep",
+    "fit": "fit",
+    "tune": "tune",
+    "schedule": "tune",
+    "map": "stiffness_map",
+    "show": "drake",
+    "export": "drake",
+    "stand": "trials#the-subject",
+    "doctor": "commands",
+}
 """Commands as --help and docs/guide/commands.md order them, and their place in docs/guide."""
 _PLACES = {
     "trials#from-joint-angles": "kinematics kinematics_unit inDegrees forces prosthesis window offsets "
-                                "belt_speed_m_per_s .mot .sto",
+    "belt_speed_m_per_s .mot .sto",
     "trials#from-markers": "markers standing marker_map laboratory hip_centre marker_cutoff_hz already_filtered",
     "trials#the-subject": "subject mass_kg stature_m sex prosthetic_side --subject",
     "trials#another-setting": "simulate:--fulcrum-mm",
     "trials#offsets-fitted-to-this-trial": "--fit-offsets",
     "laboratory_files#files": "STATIC --up --forward --length-unit .c3d .trc",
     "laboratory_files#markers": "marker import:markers import:label --map --marker-map --list-markers --cutoff-hz "
-                                "--longest-gap-s",
+    "--longest-gap-s",
     "laboratory_files#person": "import:--subject --hip --mass-kg --stature-m --prosthetic-side --sex "
-                               "import:--fulcrum-mm",
+    "import:--fulcrum-mm",
     "laboratory_files#forces": "plate FORCE_PLATFORM import:forces --forces --right-plate --left-plate --window "
-                               "--belt-speed-m-per-s import:window import:.mot import:.sto",
+    "--belt-speed-m-per-s import:window import:.mot import:.sto",
     "laboratory_files#length-of-the-foot": "--scale-prosthesis",
     "fit#what-is-fitted-and-priors": "--free --freeze --prior --prior-file",
     "fit#which-trials-and-what-comes-out": "--hold-out --held-out-height --contact",
@@ -38,7 +51,7 @@ _PLACES = {
     "tune#two-levels": "--level --design --joints --intervals --method --warm-start --fulcrum-range",
     "stiffness_map#the-map-and-asking-it": "--target",
     "stiffness_map#axes": "--mass --slope --alignment map:--heel map:--fulcrum-mm map:mass_kg map:slope_deg "
-                          "map:fulcrum_mm map:alignment_deg map:heel_ratio",
+    "map:fulcrum_mm map:alignment_deg map:heel_ratio",
     "stiffness_map#a-load-of-your-own": "--load",
     "stiffness_map#what-stands-behind-it": "map:--draws map:draws",
     "sweep#what-is-varied": "--vary --sample sweep:--fulcrum-mm",
@@ -56,10 +69,20 @@ def guide_to(error: InputError, words: Sequence[str]) -> str:
     An option that the message names counts first, then the option whose file it is in, a key, and the file's ending.
     """
     command, file, place = next(iter(words), ""), str(error.file or ""), error.where or ""
-    pairs = [pair for word in words for pair in (word.split("=", 1) if word.startswith("--") else [word])]
-    given = [option for option, value in pairwise(pairs)
-             if file and option.startswith("--") and abspath(expanduser(value)) == abspath(file)]
-    about = [*re.findall(r"--[a-z-]+", place), *given, *re.findall(r"\w+", place), *re.findall(r"\.\w+$", file)]
+    pairs = [
+        pair for word in words for pair in (word.split("=", 1) if word.startswith("--") else [word])
+    ]
+    given = [
+        option
+        for option, value in pairwise(pairs)
+        if file and option.startswith("--") and abspath(expanduser(value)) == abspath(file)
+    ]
+    about = [
+        *re.findall(r"--[a-z-]+", place),
+        *given,
+        *re.findall(r"\w+", place),
+        *re.findall(r"\.\w+$", file),
+    ]
     for name in about:
         for key in (f"{command}:{name}", name):
             if key in _SECTIONS:

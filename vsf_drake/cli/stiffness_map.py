@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsf_drake.cli.app import Contact, Model, Out, Seed, app, model_of, path, print_text, progress, say
+from vsf_drake.cli.app import (
+    Contact,
+    Model,
+    Out,
+    Seed,
+    app,
+    model_of,
+    path,
+    print_text,
+    progress,
+    say,
+)
 from vsf_drake.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -21,29 +32,74 @@ _GRID = "LOW:HIGH:COUNT"
 @app.command("map")
 def stiffness_map(
     out: Out = Path("map"),
-    mass: Annotated[str | None, typer.Option(
-        metavar=_GRID, help="Body masses (kg), or a list: 50,70,90,110. With --target one.",
-        show_default="50:110:5")] = None,
-    slope: Annotated[str | None, typer.Option(
-        metavar=_GRID, help="Slopes (degrees), uphill positive. With --target one.", show_default="-6:6:5")] = None,
-    fulcrum_mm: Annotated[str | None, typer.Option(
-        metavar=_GRID, help="Fulcrum positions from the keel's posterior end.", show_default="the reach, 9")] = None,
-    alignment: Annotated[str | None, typer.Option(
-        metavar=_GRID, help="Degrees by which the foot is turned toe up against the pylon.", show_default="0")] = None,
-    heel: Annotated[str | None, typer.Option(
-        metavar=_GRID, help="Stiffness of the heel's contact, relative to the model's.", show_default="1")] = None,
-    target: Annotated[list[str] | None, typer.Option(
-        metavar="NAME=VALUE",
-        help="Finds the fulcrum position for a target in the map in --out, made first if there is none: "
-        "radius (m), eflr, moment_arm (mm), stored, returned (J), stiffness (N/mm). May be repeated.")] = None,
-    load: Annotated[Path | None, typer.Option(
-        parser=path, help="Load instead of ISO 22675's: CSV with time_s, tilt_deg, force_bw.")] = None,
+    mass: Annotated[
+        str | None,
+        typer.Option(
+            metavar=_GRID,
+            help="Body masses (kg), or a list: 50,70,90,110. With --target one.",
+            show_default="50:110:5",
+        ),
+    ] = None,
+    slope: Annotated[
+        str | None,
+        typer.Option(
+            metavar=_GRID,
+            help="Slopes (degrees), uphill positive. With --target one.",
+            show_default="-6:6:5",
+        ),
+    ] = None,
+    fulcrum_mm: Annotated[
+        str | None,
+        typer.Option(
+            metavar=_GRID,
+            help="Fulcrum positions from the keel's posterior end.",
+            show_default="the reach, 9",
+        ),
+    ] = None,
+    alignment: Annotated[
+        str | None,
+        typer.Option(
+            metavar=_GRID,
+            help="Degrees by which the foot is turned toe up against the pylon.",
+            show_default="0",
+        ),
+    ] = None,
+    heel: Annotated[
+        str | None,
+        typer.Option(
+            metavar=_GRID,
+            help="Stiffness of the heel's contact, relative to the model's.",
+            show_default="1",
+        ),
+    ] = None,
+    target: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="Finds the fulcrum position for a target in the map in --out, made first if there is none: "
+            "radius (m), eflr, moment_arm (mm), stored, returned (J), stiffness (N/mm). May be repeated.",
+        ),
+    ] = None,
+    load: Annotated[
+        Path | None,
+        typer.Option(
+            parser=path, help="Load instead of ISO 22675's: CSV with time_s, tilt_deg, force_bw."
+        ),
+    ] = None,
     model: Model = None,
     contact: Contact = None,
-    draws: Annotated[int | None, typer.Option(
-        help="Number of other contacts for the bands of 90 %; 0 for no bands.", show_default="40", min=0)] = None,
+    draws: Annotated[
+        int | None,
+        typer.Option(
+            help="Number of other contacts for the bands of 90 %; 0 for no bands.",
+            show_default="40",
+            min=0,
+        ),
+    ] = None,
     seed: Seed = 0,
-    workers: Annotated[int | None, typer.Option(help="Processes. Default: one per core.", min=1)] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes. Default: one per core.", min=1)
+    ] = None,
 ) -> None:
     """Maps stiffness, roll-over, energy and loading of the foot over mass, slope and fulcrum, with bands.
 
@@ -52,18 +108,39 @@ def stiffness_map(
     from vsf_drake.cli.sweep import values_of
     from vsf_drake.report.results_folder import PAGE
 
-    given = {name: values_of(text, option) for name, option, text in (
-        ("mass_kg", "--mass", mass), ("slope_deg", "--slope", slope), ("fulcrum_mm", "--fulcrum-mm", fulcrum_mm),
-        ("alignment_deg", "--alignment", alignment), ("heel_ratio", "--heel", heel)) if text is not None}
+    given = {
+        name: values_of(text, option)
+        for name, option, text in (
+            ("mass_kg", "--mass", mass),
+            ("slope_deg", "--slope", slope),
+            ("fulcrum_mm", "--fulcrum-mm", fulcrum_mm),
+            ("alignment_deg", "--alignment", alignment),
+            ("heel_ratio", "--heel", heel),
+        )
+        if text is not None
+    }
     wanted = [_target(text) for text in target or ()]
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.report.map_page import MAP, map_rows, read_map
 
     if not wanted:
-        _made(out, given, load=load, model=model, contact=contact, draws=draws, seed=seed, workers=workers)
+        _made(
+            out,
+            given,
+            load=load,
+            model=model,
+            contact=contact,
+            draws=draws,
+            seed=seed,
+            workers=workers,
+        )
         mapped = read_map(out)
-        print_text("map", t=mapped.table, rows=map_rows(mapped), place={
-            name: values[len(values) // 2] for name, values in mapped.table.axes.items()})
+        print_text(
+            "map",
+            t=mapped.table,
+            rows=map_rows(mapped),
+            place={name: values[len(values) // 2] for name, values in mapped.table.axes.items()},
+        )
         say(f"written to {out / PAGE}")
         return
     require("fulcrum_mm" not in given, "is what --target looks for", "--fulcrum-mm", "Leave it out")
@@ -73,22 +150,49 @@ def stiffness_map(
         mapped = read_map(out)
         for option, file in (("--load", load), ("--model", model), ("--contact", contact)):
             _check_same(mapped, option, file, out)
-        require(draws is None or draws == mapped.table.draws, f"{draws} is not that of the map in {out}", "--draws",
-                "Leave it out, or choose another folder")
+        require(
+            draws is None or draws == mapped.table.draws,
+            f"{draws} is not that of the map in {out}",
+            "--draws",
+            "Leave it out, or choose another folder",
+        )
     else:
         say(f"no map in {out} yet: all of it is made first")
-        _made(out, {}, load=load, model=model, contact=contact, draws=draws, seed=seed, workers=workers)
+        _made(
+            out,
+            {},
+            load=load,
+            model=model,
+            contact=contact,
+            draws=draws,
+            seed=seed,
+            workers=workers,
+        )
         mapped = read_map(out)
     answers = []
     for name, value in wanted:
         answer = mapped.inverse(name, value, **{axis: values[0] for axis, values in given.items()})
-        answers.append((answer, [mapped.rolled(name, **answer.where, fulcrum_mm=mm) for mm in answer.positions_mm]))
+        answers.append(
+            (
+                answer,
+                [mapped.rolled(name, **answer.where, fulcrum_mm=mm) for mm in answer.positions_mm],
+            )
+        )
     print_text("map_answer", answers=answers, draws=mapped.table.draws)
     say(f"asked of the map in {out}: mechanical targets, no prescription")
 
 
-def _made(out: Path, given: dict[str, tuple[float, ...]], *, load: Path | None, model: Path | None,
-          contact: Path | None, draws: int | None, seed: int, workers: int | None) -> None:
+def _made(
+    out: Path,
+    given: dict[str, tuple[float, ...]],
+    *,
+    load: Path | None,
+    model: Path | None,
+    contact: Path | None,
+    draws: int | None,
+    seed: int,
+    workers: int | None,
+) -> None:
     from vsf_drake.analysis.stiffness_map import iso_22675, load_profile, make_map, standard_axes
     from vsf_drake.analysis.stiffness_map.make import DRAWS, check_axes
     from vsf_drake.report.map_page import MAP, write_map
@@ -98,8 +202,16 @@ def _made(out: Path, given: dict[str, tuple[float, ...]], *, load: Path | None, 
     axes = check_axes(standard_axes(own.foot) | given, own.foot)
     stance = iso_22675() if load is None else load_profile(load)
     with progress() as show:
-        table, arrays = make_map(own, axes=axes, load=stance, draws=DRAWS if draws is None else draws, seed=seed,
-                                 workers=workers, inputs=_inputs(load, model, contact), progress=show)
+        table, arrays = make_map(
+            own,
+            axes=axes,
+            load=stance,
+            draws=DRAWS if draws is None else draws,
+            seed=seed,
+            workers=workers,
+            inputs=_inputs(load, model, contact),
+            progress=show,
+        )
         show("writing the page", 0.99)
         write_map(out, table, arrays)
 
@@ -107,8 +219,11 @@ def _made(out: Path, given: dict[str, tuple[float, ...]], *, load: Path | None, 
 def _inputs(load: Path | None, model: Path | None, contact: Path | None) -> dict[str, str]:
     from vsf_drake.files import sha256
 
-    return {f"{option} {file.name}": sha256(file) for option, file in (
-        ("--load", load), ("--model", model), ("--contact", contact)) if file is not None}
+    return {
+        f"{option} {file.name}": sha256(file)
+        for option, file in (("--load", load), ("--model", model), ("--contact", contact))
+        if file is not None
+    }
 
 
 def _check_same(mapped: StiffnessMap, option: str, file: Path | None, out: Path) -> None:
@@ -118,8 +233,13 @@ def _check_same(mapped: StiffnessMap, option: str, file: Path | None, out: Path)
     from vsf_drake.files import sha256
 
     made = {digest for name, digest in mapped.table.inputs.items() if name.startswith(f"{option} ")}
-    require(sha256(file) in made, f"is not what the map in {out} was made with", option,
-            "Leave it out, or choose another folder", file=file)
+    require(
+        sha256(file) in made,
+        f"is not what the map in {out} was made with",
+        option,
+        "Leave it out, or choose another folder",
+        file=file,
+    )
 
 
 def _target(text: str) -> tuple[str, float]:
@@ -127,12 +247,20 @@ def _target(text: str) -> tuple[str, float]:
 
     name, given, value = (part.strip() for part in text.partition("="))
     known = ["stiffness", *(name for name in ROLLED if name != "loading_rate")]
-    require(name != "loading_rate", "is the load's, which is given: no fulcrum changes it", f"--target {name}")
+    require(
+        name != "loading_rate",
+        "is the load's, which is given: no fulcrum changes it",
+        f"--target {name}",
+    )
     require(name in known, f"{name!r} is no target", "--target", f"There are: {', '.join(known)}")
     try:
         number = float(value)
     except ValueError:
         number = math.nan
     if not (given and math.isfinite(number)):
-        raise InputError(f"{value!r} is not a finite number", where=f"--target {name}", right=f"Give {name}=NUMBER")
+        raise InputError(
+            f"{value!r} is not a finite number",
+            where=f"--target {name}",
+            right=f"Give {name}=NUMBER",
+        )
     return name, number

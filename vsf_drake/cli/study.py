@@ -9,7 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsf_drake.cli.app import Contact, Out, Seed, app, console, fail, interrupted, path, print_text, progress, say, warn
+from vsf_drake.cli.app import (
+    Contact,
+    Out,
+    Seed,
+    app,
+    console,
+    fail,
+    interrupted,
+    path,
+    print_text,
+    progress,
+    say,
+    warn,
+)
 from vsf_drake.errors import InputError, SimulationError, require
 
 if TYPE_CHECKING:
@@ -21,28 +34,66 @@ MOST_ISO_FORCE_N = 10_000.0  # beyond what any structural test presses a foot wi
 
 @app.command()
 def validate(
-    trials: Annotated[list[Path] | None, typer.Argument(
-        parser=path, metavar="[TRIAL.yaml...]", help="Trial manifests; without any, the embedded synthetic subject.",
-    )] = None,
+    trials: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            parser=path,
+            metavar="[TRIAL.yaml...]",
+            help="Trial manifests; without any, the embedded synthetic subject.",
+        ),
+    ] = None,
     out: Out = Path("results"),
     contact: Contact = None,
-    bench: Annotated[Path | None, typer.Option(
-        parser=path, help="Measured load-displacement curves: CSV with fulcrum_mm, displacement_mm, load_n.")] = None,
-    quick: Annotated[bool, typer.Option(
-        "--quick", help="The short form: one embedded walk per setting, coarser steps, small samples.")] = False,
-    full: Annotated[bool, typer.Option(
-        "--full", help="With what takes longest: which settings can be distinguished, sensitivity, energies in finer "
-                       "steps. Of the embedded trials the first two come with the package.")] = False,
-    recompute: Annotated[bool, typer.Option(
-        "--recompute", help="Compute all of --full, also the results that come with the package.")] = False,
+    bench: Annotated[
+        Path | None,
+        typer.Option(
+            parser=path,
+            help="Measured load-displacement curves: CSV with fulcrum_mm, displacement_mm, load_n.",
+        ),
+    ] = None,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="The short form: one embedded walk per setting, coarser steps, small samples.",
+        ),
+    ] = False,
+    full: Annotated[
+        bool,
+        typer.Option(
+            "--full",
+            help="With what takes longest: which settings can be distinguished, sensitivity, energies in finer "
+            "steps. Of the embedded trials the first two come with the package.",
+        ),
+    ] = False,
+    recompute: Annotated[
+        bool,
+        typer.Option(
+            "--recompute",
+            help="Compute all of --full, also the results that come with the package.",
+        ),
+    ] = False,
     seed: Seed = 0,
-    workers: Annotated[int | None, typer.Option(
-        help="Processes for many walks. Default: one per core. The numbers do not depend on it.", min=1)] = None,
-    iso_force_n: Annotated[float | None, typer.Option(
-        help="Largest force of the ISO 22675 loading profile. Default: the subject's weight.")] = None,
-    against: Annotated[str | None, typer.Option(
-        metavar="published",
-        help="Instead of the study: which published effects of stiffness the model reproduces.")] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            help="Processes for many walks. Default: one per core. The numbers do not depend on it.",
+            min=1,
+        ),
+    ] = None,
+    iso_force_n: Annotated[
+        float | None,
+        typer.Option(
+            help="Largest force of the ISO 22675 loading profile. Default: the subject's weight."
+        ),
+    ] = None,
+    against: Annotated[
+        str | None,
+        typer.Option(
+            metavar="published",
+            help="Instead of the study: which published effects of stiffness the model reproduces.",
+        ),
+    ] = None,
 ) -> None:
     """The paper's study and more, as one report: bench, standing, walking, energy, roll-over, sensitivity."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
@@ -58,13 +109,22 @@ def validate(
     )
     from vsf_drake.files import resource
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.report.validation.output import UNFINISHED, VALIDATION, write_unfinished, write_validation
+    from vsf_drake.report.validation.output import (
+        UNFINISHED,
+        VALIDATION,
+        write_unfinished,
+        write_validation,
+    )
 
     if iso_force_n is not None and not 0.0 < iso_force_n <= MOST_ISO_FORCE_N:
-        raise InputError(f"{iso_force_n:g} N is no force of a structural test of feet", where="--iso-force-n",
-                         right=f"Give newtons, above 0 and at most {MOST_ISO_FORCE_N:g}")
-    options = validation.StudyOptions(quick=quick, full=full or recompute, seed=seed, workers=workers,
-                                      iso_force_n=iso_force_n)
+        raise InputError(
+            f"{iso_force_n:g} N is no force of a structural test of feet",
+            where="--iso-force-n",
+            right=f"Give newtons, above 0 and at most {MOST_ISO_FORCE_N:g}",
+        )
+    options = validation.StudyOptions(
+        quick=quick, full=full or recompute, seed=seed, workers=workers, iso_force_n=iso_force_n
+    )
     if against is not None:
         _against_published(against, trials, out, contact, options)
         return
@@ -72,14 +132,24 @@ def validate(
     exact, shipped = None, None
     with progress() as show:
         if trials:
-            study = validation.make_study(trials, contact=contact, bench=bench, options=options, progress=show)
+            study = validation.make_study(
+                trials, contact=contact, bench=bench, options=options, progress=show
+            )
         else:
             study = validation.make_study(
-                validation.embedded_trials(quick=quick), contact=contact or validation.embedded_contact(),
-                bench=bench or validation.embedded_bench(), options=options, progress=show)
+                validation.embedded_trials(quick=quick),
+                contact=contact or validation.embedded_contact(),
+                bench=bench or validation.embedded_bench(),
+                options=options,
+                progress=show,
+            )
             if contact is None and not quick:
-                exact = validation.make_study(validation.embedded_trials("exact"), options=options, progress=show,
-                                              contact=validation.embedded_contact("exact"))
+                exact = validation.make_study(
+                    validation.embedded_trials("exact"),
+                    options=options,
+                    progress=show,
+                    contact=validation.embedded_contact("exact"),
+                )
                 shipped = None if recompute else SectionStore(resource(SHIPPED), shipped_key(study))
     console.print(first_line(study))
     said: list[Path] = []
@@ -88,43 +158,71 @@ def validate(
         say(f"{out / PAGE} remains that of the earlier run until this command ends")
 
     def grown(finished: Mapping[str, Finished], to_come: list[str]) -> None:
-        page = write_unfinished(*validation_content(study, finished, exact=exact), out, to_come=to_come)
+        page = write_unfinished(
+            *validation_content(study, finished, exact=exact), out, to_come=to_come
+        )
         if not said:
             say(f"{page} can be opened; it grows until this command ends")
         said.append(page)
 
     try:
         with progress() as show:
-            finished = run_sections(study, exact=exact, folder=out / UNFINISHED, shipped=shipped,
-                                    grown=None if earlier else grown, progress=show)
+            finished = run_sections(
+                study,
+                exact=exact,
+                folder=out / UNFINISHED,
+                shipped=shipped,
+                grown=None if earlier else grown,
+                progress=show,
+            )
             show("writing the report", 0.99)
-            written = write_validation(*validation_content(study, finished, exact=exact), out, study=study)
+            written = write_validation(
+                *validation_content(study, finished, exact=exact), out, study=study
+            )
     except KeyboardInterrupt:
-        interrupted(f"; finished sections are in {out / UNFINISHED}: the same command goes on from them")
+        interrupted(
+            f"; finished sections are in {out / UNFINISHED}: the same command goes on from them"
+        )
     SectionStore(out / UNFINISHED, "").remove(NAMES)
     print_text("summary", **written)
     say(f"written to {out / PAGE}")
-    unread = [*(f"{label}: {why}" for label, why in study.failed), *filter(None, [study.bench_problem])]
-    failed = [f"the section {name} failed: {one.failure}" for name, one in finished.items() if one.section is None]
+    unread = [
+        *(f"{label}: {why}" for label, why in study.failed),
+        *filter(None, [study.bench_problem]),
+    ]
+    failed = [
+        f"the section {name} failed: {one.failure}"
+        for name, one in finished.items()
+        if one.section is None
+    ]
     for line in (*unread, *failed):
         fail(line)
     if unread or failed:
         sys.exit(InputError.exit_code if unread else SimulationError.exit_code)
 
 
-def _against_published(against: str, trials: list[Path] | None, out: Path, contact: Path | None,
-                       options: StudyOptions) -> None:
+def _against_published(
+    against: str, trials: list[Path] | None, out: Path, contact: Path | None, options: StudyOptions
+) -> None:
     from vsf_drake.analysis import validation
     from vsf_drake.analysis.validation.published_trends import published_trends
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.validation.output import PUBLISHED, write_published
 
-    require(against == "published", f"{against!r} is nothing to be held against", "--against", "Give published")
+    require(
+        against == "published",
+        f"{against!r} is nothing to be held against",
+        "--against",
+        "Give published",
+    )
     PUBLISHED.check(out)
     with progress() as show:
         study = validation.make_study(
-            trials or validation.embedded_trials("exact", quick=options.quick), options=options, progress=show,
-            contact=contact or (None if trials else validation.embedded_contact("exact")))
+            trials or validation.embedded_trials("exact", quick=options.quick),
+            options=options,
+            progress=show,
+            contact=contact or (None if trials else validation.embedded_contact("exact")),
+        )
         table = published_trends(study, progress=show)
         write_published(out, table)
     print_text("published", t=table)
@@ -135,9 +233,16 @@ def _against_published(against: str, trials: list[Path] | None, out: Path, conta
 
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(
-        parser=path, help="Folder that `validate`, `tune`, `schedule` or `map` wrote with --out.")],
-    svg: Annotated[bool, typer.Option("--svg", help="Write the figures as SVG too, beside the PNG.")] = False,
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            parser=path,
+            help="Folder that `validate`, `tune`, `schedule` or `map` wrote with --out.",
+        ),
+    ],
+    svg: Annotated[
+        bool, typer.Option("--svg", help="Write the figures as SVG too, beside the PNG.")
+    ] = False,
 ) -> None:
     """Makes a report again from its saved results; nothing is simulated."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
@@ -146,7 +251,10 @@ def report(
     from vsf_drake.report.tuning.chapters import SCHEDULE, TUNING
     from vsf_drake.report.validation.output import PUBLISHED, VALIDATION
 
-    kind = next((kind for kind in (TUNING, SCHEDULE, MAP, PUBLISHED) if (folder / kind.table).is_file()), VALIDATION)
+    kind = next(
+        (kind for kind in (TUNING, SCHEDULE, MAP, PUBLISHED) if (folder / kind.table).is_file()),
+        VALIDATION,
+    )
     for sentence in kind.remake(folder, svg=svg):
         warn(sentence)
     say(f"written to {folder / PAGE}")

@@ -47,13 +47,17 @@ class Layout:
         every, start = (*self.coordinates, *self.quasi_static, *self.extra), 0
         for name in every:
             if every.count(name) > 1:
-                raise InputError(f"{name!r} appears twice", where="layout", right="Names must differ")
+                raise InputError(
+                    f"{name!r} appears twice", where="layout", right="Names must differ"
+                )
         for kind, names in self._kinds():
             object.__setattr__(self, kind, slice(start, start + len(names)))
             start += len(names)
 
     def _kinds(self) -> list[tuple[str, Sequence[str]]]:
-        return list(zip(KINDS, (*3 * [self.coordinates], *2 * [self.quasi_static], self.extra), strict=True))
+        return list(
+            zip(KINDS, (*3 * [self.coordinates], *2 * [self.quasi_static], self.extra), strict=True)
+        )
 
     @property
     def n(self) -> int:
@@ -123,18 +127,29 @@ class Grid:
         """matrix (c, N Z), right (c,): values from rates for q, v and w at every interval or instant, where coordinates
         are larger by `advance` (n,) after one period."""
         h = self.duration_s / self.intervals
-        stencils = ([((-1.0, 0.0, 1.0), (-h / 6.0, -4.0 * h / 6.0, -h / 6.0)),
-                     ((-0.5, 1.0, -0.5), (-h / 8.0, 0.0, h / 8.0))]
-                    if self.per_interval == 2 else [((-1.0, 1.0), (-h / 2.0, -h / 2.0))])
+        stencils = (
+            [
+                ((-1.0, 0.0, 1.0), (-h / 6.0, -4.0 * h / 6.0, -h / 6.0)),
+                ((-0.5, 1.0, -0.5), (-h / 8.0, 0.0, h / 8.0)),
+            ]
+            if self.per_interval == 2
+            else [((-1.0, 1.0), (-h / 2.0, -h / 2.0))]
+        )
         pick = sp.identity(layout.size, format="csr")
         matrices, rights = [], []
-        for value, rate, gain in ((layout.q, layout.v, advance), (layout.v, layout.a, np.zeros(layout.n))):
+        for value, rate, gain in (
+            (layout.q, layout.v, advance),
+            (layout.v, layout.a, np.zeros(layout.n)),
+        ):
             for of_values, of_rates in stencils:
                 by_value, carried = self._over_intervals(of_values)
                 by_rate, _ = self._over_intervals(of_rates)
                 matrices.append(sp.kron(by_value, pick[value]) + sp.kron(by_rate, pick[rate]))
                 rights.append(-np.outer(carried, gain).ravel())
-        matrices.append(sp.kron(sp.identity(self.instants), pick[layout.u]) - sp.kron(self.rates(), pick[layout.w]))
+        matrices.append(
+            sp.kron(sp.identity(self.instants), pick[layout.u])
+            - sp.kron(self.rates(), pick[layout.w])
+        )
         rights.append(np.zeros(self.instants * layout.k))
         return sp.vstack(matrices, format="csr"), np.concatenate(rights)
 
@@ -143,8 +158,10 @@ class Grid:
         rows = np.arange(self.intervals)[:, None]
         columns = self.per_interval * rows + np.arange(len(weights))
         rows, values = np.broadcast_to(rows, columns.shape), np.broadcast_to(weights, columns.shape)
-        matrix = sp.csr_matrix((values.ravel(), (rows.ravel(), columns.ravel() % self.instants)),
-                               shape=(self.intervals, self.instants))
+        matrix = sp.csr_matrix(
+            (values.ravel(), (rows.ravel(), columns.ravel() % self.instants)),
+            shape=(self.intervals, self.instants),
+        )
         return matrix, np.sum(values * (columns >= self.instants), axis=1)
 
     def rates(self) -> sp.csr_matrix:
@@ -232,7 +249,9 @@ class Design:
     names: Sequence[str] = ()
     low: np.ndarray | float = -np.inf
     high: np.ndarray | float = np.inf
-    scale: np.ndarray | float | None = None  # what counts as a change of one; None: high - low, 1 where 0 or infinite
+    scale: np.ndarray | float | None = (
+        None  # what counts as a change of one; None: high - low, 1 where 0 or infinite
+    )
 
 
 class TrajectoryProblem:
@@ -247,11 +266,23 @@ class TrajectoryProblem:
     """
 
     def __init__(
-        self, function: InstantFunction, layout: Layout, grid: Grid, *, outputs: int, equations: Sequence[int] = (),
-        limits: Sequence[Limits] = (), residuals: Sequence[Residuals] = (), convex: Sequence[Convex] = (),
-        design: Design | None = None, advance: np.ndarray | None = None, low: np.ndarray | float = -np.inf,
-        high: np.ndarray | float = np.inf, z_scale: np.ndarray | float = 1.0, y_scale: np.ndarray | float = 1.0,
-        cost_scale: float = 1.0
+        self,
+        function: InstantFunction,
+        layout: Layout,
+        grid: Grid,
+        *,
+        outputs: int,
+        equations: Sequence[int] = (),
+        limits: Sequence[Limits] = (),
+        residuals: Sequence[Residuals] = (),
+        convex: Sequence[Convex] = (),
+        design: Design | None = None,
+        advance: np.ndarray | None = None,
+        low: np.ndarray | float = -np.inf,
+        high: np.ndarray | float = np.inf,
+        z_scale: np.ndarray | float = 1.0,
+        y_scale: np.ndarray | float = 1.0,
+        cost_scale: float = 1.0,
     ) -> None:
         self.function, self.layout, self.grid, self.outputs = function, layout, grid, outputs
         self.terms: tuple[Residuals | Convex, ...] = (*residuals, *convex)
@@ -259,7 +290,9 @@ class TrajectoryProblem:
         self.cost_scale = float(_filled(cost_scale, (), "cost_scale", least=1e-300))
         self.advance = _filled(0.0 if advance is None else advance, (layout.n,), "advance")
         if not grid.periodic and self.advance.any():
-            raise InputError("only a periodic trajectory advances", where="advance", right="Leave it out")
+            raise InputError(
+                "only a periodic trajectory advances", where="advance", right="Leave it out"
+            )
         every, parameters = (grid.instants, layout.size), (len(self.design.names),)
         self.low, self.high = _filled(low, every, "low"), _filled(high, every, "high")
         self.z_scale = _filled(z_scale, every, "z_scale", least=1e-300)
@@ -272,17 +305,28 @@ class TrajectoryProblem:
         self.p_scale = _filled(scale, parameters, "design.scale", least=1e-300)
         self.equations = self._outputs(equations, "equations")
         which, low, high = self.limited = self._limited(limits)
-        places = (("bounds of z", self.low, self.high, layout.names), ("bounds of p", self.p_low, self.p_high, None),
-                  ("limits", low, high, [f"output {output}" for output in which]))
+        places = (
+            ("bounds of z", self.low, self.high, layout.names),
+            ("bounds of p", self.p_low, self.p_high, None),
+            ("limits", low, high, [f"output {output}" for output in which]),
+        )
         for name, under, over, columns in places:
             for at in np.argwhere(~(under <= over))[:1]:
                 place = self.design.names[at[0]] if columns is None else columns[at[1]]
-                raise InputError(f"leave no room at {place}: {under[tuple(at)]:g} to {over[tuple(at)]:g}", where=name)
+                raise InputError(
+                    f"leave no room at {place}: {under[tuple(at)]:g} to {over[tuple(at)]:g}",
+                    where=name,
+                )
         for part in self.terms:
             shape: tuple[int, ...] = grid.instants, len(self._outputs(part.outputs, part.name))
             if isinstance(part, Residuals):
                 _filled(part.target, shape, f"{part.name}.target")
-            _filled(part.weight, shape if isinstance(part, Residuals) else shape[:1], f"{part.name}.weight", least=0.0)
+            _filled(
+                part.weight,
+                shape if isinstance(part, Residuals) else shape[:1],
+                f"{part.name}.weight",
+                least=0.0,
+            )
 
     @property
     def parameters(self) -> int:
@@ -307,12 +351,17 @@ class TrajectoryProblem:
     def _outputs(self, which: Sequence[int], where: str) -> np.ndarray:
         outputs = np.asarray(list(which), dtype=int)
         if ((outputs < 0) | (outputs >= self.outputs)).any():
-            raise InputError(f"names outputs {outputs.tolist()}", where=where,
-                             right=f"There are {self.outputs}, from 0 on")
+            raise InputError(
+                f"names outputs {outputs.tolist()}",
+                where=where,
+                right=f"There are {self.outputs}, from 0 on",
+            )
         return outputs
 
 
-def _filled(value: object, shape: tuple[int, ...], where: str, *, least: float | None = None) -> np.ndarray:
+def _filled(
+    value: object, shape: tuple[int, ...], where: str, *, least: float | None = None
+) -> np.ndarray:
     """The numbers in their full shape, checked: finite and from `least` on, if that is given."""
     try:
         full = np.broadcast_to(np.asarray(value, dtype=float), shape).copy()
@@ -320,6 +369,10 @@ def _filled(value: object, shape: tuple[int, ...], where: str, *, least: float |
         raise InputError(f"must be numbers of shape {shape}", where=where) from None
     bad = np.isnan(full) if least is None else ~(np.isfinite(full) & (full >= least))
     if bad.any():
-        right = "a number" if least is None else "finite, " + ("from 0 on" if least == 0.0 else "above 0")
+        right = (
+            "a number"
+            if least is None
+            else "finite, " + ("from 0 on" if least == 0.0 else "above 0")
+        )
         raise InputError(f"has {full[bad].flat[0]:g}", where=where, right=f"It must be {right}")
     return full

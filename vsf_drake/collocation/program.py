@@ -31,7 +31,9 @@ SUPERBASICS, MINOR_ITERATIONS = 2000, 1_000_000
 STORAGE, TIME = 83, 34  # SNOPT's INFO for too little real storage and for the time limit
 PADDING = (0, 20, 60, 180)
 """Rows an instant is padded with so that Drake gives SNOPT more storage, from one restart to the next."""
-SNOPT_ENDS = {TIME: "time", 31: "iterations", 32: "iterations"} | {code: "infeasible" for code in range(11, 17)}
+SNOPT_ENDS = {TIME: "time", 31: "iterations", 32: "iterations"} | {
+    code: "infeasible" for code in range(11, 17)
+}
 IPOPT_ENDS = {1: "iterations", 2: "time", 3: "time", 6: "infeasible"}
 LOOSER = 100.0  # IPOPT stops after some iterations at this times its tolerance and says so: an acceptable point
 ACTIVE = 1e-6  # so near, in its scale, an inequality may be active when a point is judged
@@ -54,7 +56,9 @@ class _Instants:
     def note(self, instant: int, own: np.ndarray) -> None:
         size, base = self.scaled.shape[1], self.scaled.count
         z = slice(instant * size, (instant + 1) * size)
-        if not (np.array_equal(own[:size], self.x[z]) and np.array_equal(own[size:], self.x[base:])):
+        if not (
+            np.array_equal(own[:size], self.x[z]) and np.array_equal(own[size:], self.x[base:])
+        ):
             self.rows = None
             self.x[z], self.x[base:] = own[:size], own[size:]
 
@@ -67,8 +71,10 @@ class _Instants:
             with np.errstate(all="ignore"):
                 cost = sum(scaled.instant_terms(y).values(), np.zeros(len(y))) / problem.cost_scale
                 cost_by = np.einsum("nm,nmx->nx", scaled.slopes(y)[0], by)
-            self.rows = (np.column_stack([cost, y[:, scaled.which] / unit]),
-                         np.concatenate([cost_by[:, None], by[:, scaled.which] / unit[:, None]], axis=1))
+            self.rows = (
+                np.column_stack([cost, y[:, scaled.which] / unit]),
+                np.concatenate([cost_by[:, None], by[:, scaled.which] / unit[:, None]], axis=1),
+            )
         return self.rows
 
     def of(self, instant: int, which: slice | None = None) -> Rows:
@@ -105,7 +111,9 @@ def _cost(rows: Rows) -> Callable[[np.ndarray], float | AutoDiffXd]:
     return lambda own: evaluated(own)[0]
 
 
-def program(problem: TrajectoryProblem | Scaled, *, probes: bool = True, padding: int = 0) -> MathematicalProgram:
+def program(
+    problem: TrajectoryProblem | Scaled, *, probes: bool = True, padding: int = 0
+) -> MathematicalProgram:
     """The problem, or its scaled form, which then counts evaluations, for Drake's solvers; its variables are x.
 
     `probes` are for solvers that show no points, see the module's text. `padding` rows per instant are always 0 and
@@ -117,24 +125,37 @@ def program(problem: TrajectoryProblem | Scaled, *, probes: bool = True, padding
     whole.AddBoundingBoxConstraint(scaled.low, scaled.high, x)
     for rows, columns in _grouped(scaled):
         matrix = scaled.matrix[rows][:, columns].toarray()
-        whole.AddConstraint(solvers.LinearEqualityConstraint(matrix, scaled.right[rows]), x[columns])
+        whole.AddConstraint(
+            solvers.LinearEqualityConstraint(matrix, scaled.right[rows]), x[columns]
+        )
     whole.AddVisualizationCallback(instants.show, x)
-    variables = [np.concatenate([x[i * size:(i + 1) * size], x[scaled.count:]]) for i in range(count)]
+    variables = [
+        np.concatenate([x[i * size : (i + 1) * size], x[scaled.count :]]) for i in range(count)
+    ]
     for i, own in enumerate(variables if probes else ()):
         whole.AddCost(_cost(instants.of(i)), vars=own)
-        free = whole.AddConstraint(_constraint(instants.of(i)), lb=np.array([-np.inf]), ub=np.array([np.inf]),
-                                   vars=own)
+        free = whole.AddConstraint(
+            _constraint(instants.of(i)), lb=np.array([-np.inf]), ub=np.array([np.inf]), vars=own
+        )
         free.evaluator().SetGradientSparsityPattern([])
-    low, high = (np.hstack([np.zeros((count, scaled.equations)), limit])
-                 for limit in (scaled.limit_low, scaled.limit_high))
+    low, high = (
+        np.hstack([np.zeros((count, scaled.equations)), limit])
+        for limit in (scaled.limit_low, scaled.limit_high)
+    )
     for i, own in enumerate(variables):
         if scaled.problem.terms:
             whole.AddCost(_cost(instants.of(i, slice(0, 1))), vars=own)
         if low.shape[1]:
-            whole.AddConstraint(_constraint(instants.of(i, slice(1, None))), lb=low[i], ub=high[i], vars=own)
+            whole.AddConstraint(
+                _constraint(instants.of(i, slice(1, None))), lb=low[i], ub=high[i], vars=own
+            )
         if padding:
-            whole.AddConstraint(_constraint(_nothing(padding)), lb=np.full(padding, -np.inf),
-                               ub=np.full(padding, np.inf), vars=own)
+            whole.AddConstraint(
+                _constraint(_nothing(padding)),
+                lb=np.full(padding, -np.inf),
+                ub=np.full(padding, np.inf),
+                vars=own,
+            )
     return whole
 
 
@@ -143,13 +164,14 @@ def _grouped(scaled: Scaled) -> list[tuple[np.ndarray, np.ndarray]]:
     matrix, size = scaled.matrix, scaled.shape[1]
     groups: dict[tuple[int, ...], list[int]] = {}
     for row in range(matrix.shape[0]):
-        touched = matrix.indices[matrix.indptr[row]:matrix.indptr[row + 1]]
+        touched = matrix.indices[matrix.indptr[row] : matrix.indptr[row + 1]]
         groups.setdefault(tuple(np.unique(touched // size).tolist()), []).append(row)
     return [(np.array(rows), np.unique(matrix[rows].indices)) for rows in groups.values()]
 
 
-def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, time_limit_s: float = 120.0
-            ) -> TrajectorySolution:
+def confirm(
+    problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, time_limit_s: float = 120.0
+) -> TrajectorySolution:
     """Solves the problem with SNOPT or IPOPT from a start near a solution, e.g. from its `last`: a second opinion.
 
     Their answer is judged anew: violation and first-order residual of what comes back are this package's own, whatever
@@ -159,7 +181,9 @@ def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, 
         time_limit_s: wall time for IPOPT and processor time for SNOPT, of all restarts together.
     """
     if solver not in SOLVERS:
-        raise InputError(f"{solver!r} is no solver", where="solver", right=f"There are: {', '.join(SOLVERS)}")
+        raise InputError(
+            f"{solver!r} is no solver", where="solver", right=f"There are: {', '.join(SOLVERS)}"
+        )
     scaled = Scaled(problem)
     x = scaled.start(start.z, start.p).x
     if solver == "ipopt":
@@ -182,13 +206,26 @@ def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, 
     return finished(scaled, at, status=status, message=message, optimality=_residual(scaled, at))
 
 
-def _snopt(scaled: Scaled, x: np.ndarray, time_limit_s: float) -> tuple[MathematicalProgramResult, int]:
+def _snopt(
+    scaled: Scaled, x: np.ndarray, time_limit_s: float
+) -> tuple[MathematicalProgramResult, int]:
     began = time.perf_counter()
     for restarts, padding in enumerate(PADDING):  # noqa: B007 (returned below)
-        result = SnoptSolver().Solve(program(scaled, probes=False, padding=padding), x, _settings(SnoptSolver.id(), {
-            "Major feasibility tolerance": FEASIBILITY, "Major optimality tolerance": OPTIMALITY,
-            "Time limit": max(time_limit_s - (time.perf_counter() - began), 1.0), "Superbasics limit": SUPERBASICS,
-            "Major iterations limit": 10_000, "Iterations limit": MINOR_ITERATIONS}))
+        result = SnoptSolver().Solve(
+            program(scaled, probes=False, padding=padding),
+            x,
+            _settings(
+                SnoptSolver.id(),
+                {
+                    "Major feasibility tolerance": FEASIBILITY,
+                    "Major optimality tolerance": OPTIMALITY,
+                    "Time limit": max(time_limit_s - (time.perf_counter() - began), 1.0),
+                    "Superbasics limit": SUPERBASICS,
+                    "Major iterations limit": 10_000,
+                    "Iterations limit": MINOR_ITERATIONS,
+                },
+            ),
+        )
         if _info(result) != STORAGE or time.perf_counter() - began >= time_limit_s:
             break
         x = np.where(np.isfinite(result.get_x_val()), result.get_x_val(), x)
@@ -203,17 +240,33 @@ def _info(result: MathematicalProgramResult) -> int:
 
 def _ipopt(time_limit_s: float) -> solvers.SolverOptions:
     """Of a search that begins near a solution, hence with a small barrier."""
-    return _settings(IpoptSolver.id(), {
-        "hessian_approximation": "limited-memory", "limited_memory_max_history": 50, "tol": OPTIMALITY,
-        "constr_viol_tol": FEASIBILITY, "acceptable_tol": LOOSER * OPTIMALITY, "acceptable_iter": 5,
-        "max_wall_time": float(time_limit_s), "max_iter": MINOR_ITERATIONS, "mu_strategy": "monotone",
-        "option_file_name": "",  # else it reads ipopt.opt of the current folder
-        "mu_init": 1e-7, "bound_push": 1e-7, "bound_frac": 1e-7, "slack_bound_push": 1e-7, "slack_bound_frac": 1e-7,
-        "bound_mult_init_method": "mu-based", "constr_mult_init_max": 1e10})
+    return _settings(
+        IpoptSolver.id(),
+        {
+            "hessian_approximation": "limited-memory",
+            "limited_memory_max_history": 50,
+            "tol": OPTIMALITY,
+            "constr_viol_tol": FEASIBILITY,
+            "acceptable_tol": LOOSER * OPTIMALITY,
+            "acceptable_iter": 5,
+            "max_wall_time": float(time_limit_s),
+            "max_iter": MINOR_ITERATIONS,
+            "mu_strategy": "monotone",
+            "option_file_name": "",  # else it reads ipopt.opt of the current folder
+            "mu_init": 1e-7,
+            "bound_push": 1e-7,
+            "bound_frac": 1e-7,
+            "slack_bound_push": 1e-7,
+            "slack_bound_frac": 1e-7,
+            "bound_mult_init_method": "mu-based",
+            "constr_mult_init_max": 1e10,
+        },
+    )
 
 
-def _settings(solver: solvers.SolverId, chosen: Mapping[str, float | int | str]
-              ) -> solvers.SolverOptions:
+def _settings(
+    solver: solvers.SolverId, chosen: Mapping[str, float | int | str]
+) -> solvers.SolverOptions:
     options = solvers.SolverOptions()
     for name, value in chosen.items():
         options.SetOption(solver, name, value)
@@ -224,5 +277,7 @@ def _residual(scaled: Scaled, at: Linearised) -> float:
     """First-order residual, with the multipliers of the step that would follow."""
     slacks, usual = scaled.slacks(at), max(float(np.mean(at.diagonal)), 1e-8)
     kkt = Kkt(scaled, at, np.full(len(at.x), 1e-3 * usual))
-    step = find_step(kkt, equations=at.equations, slacks=slacks, likely=np.flatnonzero(slacks < ACTIVE))
+    step = find_step(
+        kkt, equations=at.equations, slacks=slacks, likely=np.flatnonzero(slacks < ACTIVE)
+    )
     return optimality(scaled, at, step)

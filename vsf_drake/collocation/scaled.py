@@ -30,7 +30,11 @@ class Point:
 
     @property
     def finite(self) -> bool:
-        return bool(np.isfinite(self.cost) and np.isfinite(self.equations).all() and np.isfinite(self.limited).all())
+        return bool(
+            np.isfinite(self.cost)
+            and np.isfinite(self.equations).all()
+            and np.isfinite(self.limited).all()
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,18 +64,31 @@ class Scaled:
 
     def __init__(self, problem: TrajectoryProblem) -> None:
         self.problem, self.evaluations = problem, 0
-        self.shape, self.count, self.parameters = problem.low.shape, problem.low.size, problem.parameters
+        self.shape, self.count, self.parameters = (
+            problem.low.shape,
+            problem.low.size,
+            problem.parameters,
+        )
         self.x_scale = np.concatenate([problem.z_scale.ravel(), problem.p_scale])
         self.low = np.concatenate([problem.low.ravel(), problem.p_low]) / self.x_scale
         self.high = np.concatenate([problem.high.ravel(), problem.p_high]) / self.x_scale
         self.fixed = self.low == self.high
         which, low, high = problem.limited
-        self.which, self.equations = np.concatenate([problem.equations, which]), len(problem.equations)
-        self.limit_low, self.limit_high = low / problem.y_scale[which], high / problem.y_scale[which]
+        self.which, self.equations = (
+            np.concatenate([problem.equations, which]),
+            len(problem.equations),
+        )
+        self.limit_low, self.limit_high = (
+            low / problem.y_scale[which],
+            high / problem.y_scale[which],
+        )
         matrix, right = problem.grid.collocation(problem.layout, problem.advance)
-        wide = matrix @ sp.diags(self.x_scale[:self.count])
+        wide = matrix @ sp.diags(self.x_scale[: self.count])
         self.row_scale = np.maximum(abs(wide).max(axis=1).toarray().ravel(), 1e-300)
-        self.matrix, self.right = (sp.diags(1.0 / self.row_scale) @ wide).tocsr(), right / self.row_scale
+        self.matrix, self.right = (
+            (sp.diags(1.0 / self.row_scale) @ wide).tocsr(),
+            right / self.row_scale,
+        )
 
     def scaled(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:
         """x, within the bounds."""
@@ -81,30 +98,37 @@ class Scaled:
     def unscaled(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """z (N, Z) and p (P,)."""
         full = x * self.x_scale
-        return full[:self.count].reshape(self.shape), full[self.count:]
+        return full[: self.count].reshape(self.shape), full[self.count :]
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(N, Z, ...) and (P, ...) of an array (N Z + P, ...), scaled as it is."""
-        return x[:self.count].reshape(*self.shape, *x.shape[1:]), x[self.count:]
+        return x[: self.count].reshape(*self.shape, *x.shape[1:]), x[self.count :]
 
     def start(self, z: np.ndarray, p: np.ndarray) -> Linearised:
         """The point to begin from, within the bounds; InputError for another shape, or no finite value there."""
         for name, values, shape in (("z", z, self.shape), ("p", p, (self.parameters,))):
             if np.shape(values) != shape or not np.isfinite(values).all():
-                raise InputError(f"must be finite numbers of shape {shape}, is of {np.shape(values)}",
-                                 where=f"start.{name}")
+                raise InputError(
+                    f"must be finite numbers of shape {shape}, is of {np.shape(values)}",
+                    where=f"start.{name}",
+                )
         at = self.linearised(self.scaled(z, p))
         if not (at.finite and np.isfinite(at.gradient).all()):
             instants = np.flatnonzero(~np.isfinite(at.y).all(axis=1))
             times = ", ".join(f"{self.problem.grid.times_s[i]:.3f}" for i in instants[:5])
-            raise InputError(f"the function has no finite value at {times or 'some'} s", where="start",
-                             right="Begin from another trajectory")
+            raise InputError(
+                f"the function has no finite value at {times or 'some'} s",
+                where="start",
+                right="Begin from another trajectory",
+            )
         return at
 
     def point(self, x: np.ndarray) -> Point:
         self.evaluations += 1
         with np.errstate(all="ignore"):
-            return self._point(x, np.asarray(self.problem.function.evaluate(*self.unscaled(x)), dtype=float))
+            return self._point(
+                x, np.asarray(self.problem.function.evaluate(*self.unscaled(x)), dtype=float)
+            )
 
     def linearised(self, x: np.ndarray) -> Linearised:
         with np.errstate(all="ignore"):
@@ -116,22 +140,38 @@ class Scaled:
             used = np.flatnonzero(bend.any(axis=0))
             root = np.sqrt(bend[:, used])[:, :, None]
             rows_z, rows_p = root * by_z[:, used], root * by_p[:, used]
-            turned, flat_p = rows_z.transpose(0, 2, 1), rows_p.reshape(len(y) * len(used), self.parameters)
+            turned, flat_p = (
+                rows_z.transpose(0, 2, 1),
+                rows_p.reshape(len(y) * len(used), self.parameters),
+            )
 
             # g = J' phi', by z for each instant, by p summed over them
             unit = self.problem.y_scale[self.which][:, None]
             return Linearised(
-                **vars(self._point(x, y)), by_z=by_z[:, self.which] / unit, by_p=by_p[:, self.which] / unit,
-                gradient=np.concatenate([np.matmul(slope[:, None, :], by_z).ravel(),
-                                         np.einsum("nm,nmp->p", slope, by_p)]),
-                hessian=(turned @ rows_z, turned @ rows_p, flat_p.T @ flat_p))
+                **vars(self._point(x, y)),
+                by_z=by_z[:, self.which] / unit,
+                by_p=by_p[:, self.which] / unit,
+                gradient=np.concatenate(
+                    [
+                        np.matmul(slope[:, None, :], by_z).ravel(),
+                        np.einsum("nm,nmp->p", slope, by_p),
+                    ]
+                ),
+                hessian=(turned @ rows_z, turned @ rows_p, flat_p.T @ flat_p),
+            )
 
     def _point(self, x: np.ndarray, y: np.ndarray) -> Point:
         terms = {name: float(values.sum()) for name, values in self.instant_terms(y).items()}
         here = y[:, self.which] / self.problem.y_scale[self.which]
-        return Point(x=x, y=y, terms=terms, cost=sum(terms.values()) / self.problem.cost_scale,
-                     linear=self.matrix @ x[:self.count] - self.right, equations=here[:, :self.equations],
-                     limited=here[:, self.equations:])
+        return Point(
+            x=x,
+            y=y,
+            terms=terms,
+            cost=sum(terms.values()) / self.problem.cost_scale,
+            linear=self.matrix @ x[: self.count] - self.right,
+            equations=here[:, : self.equations],
+            limited=here[:, self.equations :],
+        )
 
     def outputs(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """y (N, m) unscaled, and its derivatives (N, m, Z) and (N, m, P) by the scaled variables."""
@@ -151,7 +191,9 @@ class Scaled:
         """First and second derivatives (N, m) of the cost by the unscaled outputs."""
         slope, bend = np.zeros_like(y), np.zeros_like(y)
         for part in self.problem.terms:
-            for whole, own in zip((slope, bend), part.slopes(y, self.problem.grid.weights), strict=True):
+            for whole, own in zip(
+                (slope, bend), part.slopes(y, self.problem.grid.weights), strict=True
+            ):
                 np.add.at(whole.T, np.asarray(part.outputs), own.T)
         return slope / self.problem.cost_scale, bend / self.problem.cost_scale
 
@@ -165,7 +207,9 @@ class Scaled:
 
     def violations(self, at: Point) -> np.ndarray:
         """Violations >= 0 of linear equations (L), equations (N E), then all inequalities as in `slacks`."""
-        return np.concatenate([np.abs(at.linear), np.abs(at.equations).ravel(), np.maximum(-self.slacks(at), 0.0)])
+        return np.concatenate(
+            [np.abs(at.linear), np.abs(at.equations).ravel(), np.maximum(-self.slacks(at), 0.0)]
+        )
 
     def worst(self, at: Point) -> tuple[float, str]:
         """The largest violation, and where it is, in words."""
@@ -174,8 +218,20 @@ class Scaled:
         variables = [f"{name} at {time}" for time in times for name in layout.names]
         of_rows = np.asarray(abs(self.matrix).argmax(axis=1)).ravel()
         names = [f"a linear equation of {variables[i]}" for i in of_rows]
-        names += [f"output {output} at {time}, an equation" for time in times for output in self.which[:self.equations]]
-        names += [f"{side} bound of {name}" for side in ("lower", "upper") for name in (*variables, *design.names)]
-        names += 2 * [f"output {output} at {time}, a limit" for time in times for output in self.which[self.equations:]]
+        names += [
+            f"output {output} at {time}, an equation"
+            for time in times
+            for output in self.which[: self.equations]
+        ]
+        names += [
+            f"{side} bound of {name}"
+            for side in ("lower", "upper")
+            for name in (*variables, *design.names)
+        ]
+        names += 2 * [
+            f"output {output} at {time}, a limit"
+            for time in times
+            for output in self.which[self.equations :]
+        ]
         index = int(np.argmax(broken))
         return float(broken[index]), names[index]

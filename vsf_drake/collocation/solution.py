@@ -90,20 +90,37 @@ class TrajectorySolution:
 
     def _read(self) -> Start:
         if not self.success:
-            raise FitError(f"this is no optimum ({self.message}); what begins with `last` can be read all the same")
+            raise FitError(
+                f"this is no optimum ({self.message}); what begins with `last` can be read all the same"
+            )
         return self.last
 
 
-def finished(scaled: Scaled, at: Point, *, status: str, message: str, optimality: float,
-             history: tuple[Iteration, ...] = ()) -> TrajectorySolution:
+def finished(
+    scaled: Scaled,
+    at: Point,
+    *,
+    status: str,
+    message: str,
+    optimality: float,
+    history: tuple[Iteration, ...] = (),
+) -> TrajectorySolution:
     """The solution object of a last point, whatever its worth."""
     problem, n = scaled.problem, scaled.count
     near = np.minimum(at.x - scaled.low, scaled.high - at.x)[n:] <= ON_BOUND
     return TrajectorySolution(
-        problem=problem, status=status, message=message, last=Start(*scaled.unscaled(at.x)),
-        last_cost=at.cost * problem.cost_scale, terms=dict(at.terms), violation=scaled.worst(at)[0],
-        optimality=optimality, evaluations=scaled.evaluations,
-        at_bound=tuple(np.array(problem.design.names, dtype=object)[near & ~scaled.fixed[n:]]), history=history)
+        problem=problem,
+        status=status,
+        message=message,
+        last=Start(*scaled.unscaled(at.x)),
+        last_cost=at.cost * problem.cost_scale,
+        terms=dict(at.terms),
+        violation=scaled.worst(at)[0],
+        optimality=optimality,
+        evaluations=scaled.evaluations,
+        at_bound=tuple(np.array(problem.design.names, dtype=object)[near & ~scaled.fixed[n:]]),
+        history=history,
+    )
 
 
 def resampled(solution: TrajectorySolution, grid: Grid) -> Start:
@@ -121,5 +138,7 @@ def resampled(solution: TrajectorySolution, grid: Grid) -> Start:
     z_new[:, layout.q] = CubicHermiteSpline(times, z[:, layout.q], z[:, layout.v])(at)
     z_new[:, layout.v] = CubicHermiteSpline(times, z[:, layout.v], z[:, layout.a])(at)
     rest = slice(layout.a.start, layout.size)
-    z_new[:, rest] = CubicSpline(times, z[:, rest], bc_type="periodic" if old.periodic else "not-a-knot")(at)
+    z_new[:, rest] = CubicSpline(
+        times, z[:, rest], bc_type="periodic" if old.periodic else "not-a-knot"
+    )(at)
     return Start(z_new, solution.last.p)

@@ -1,10 +1,10 @@
 """Gauss-Newton SQP: each iteration one convex quadratic program, its step held by damping and an l1 merit.
 
-    step:    quadratic model of the cost (J'WJ, phi'' J'J) + Levenberg damping, subject to linearised equations, limits
-             and bounds (`step`); where that is slow, with the outputs' own curvature (the section at the end)
-    accept:  the merit falls by a part of what the model promises, at full length, after a second-order correction, or
-             at a shorter length; else the damping grows
-    end:     violation, first-order residual and step are below their tolerances
+step:    quadratic model of the cost (J'WJ, phi'' J'J) + Levenberg damping, subject to linearised equations, limits
+         and bounds (`step`); where that is slow, with the outputs' own curvature (the section at the end)
+accept:  the merit falls by a part of what the model promises, at full length, after a second-order correction, or
+         at a shorter length; else the damping grows
+end:     violation, first-order residual and step are below their tolerances
 """
 
 from __future__ import annotations
@@ -24,8 +24,14 @@ from vsf_drake.schema import check, quantity
 
 Progress = Callable[[Iteration], None]
 ENOUGH, SHORTEST, NOISE = 1e-4, 1.0 / 64.0, 1e-13
-STEP = 1e-5  # at an optimum the next step would change no scaled variable by more, or gain too little
-DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6  # Levenberg damping of the scaled step: the first, and its range
+STEP = (
+    1e-5  # at an optimum the next step would change no scaled variable by more, or gain too little
+)
+DAMPING, LEAST_DAMPING, MOST_DAMPING = (
+    1e-3,
+    1e-9,
+    1e6,
+)  # Levenberg damping of the scaled step: the first, and its range
 WASTED, LOST, TRADING = 30, 1e10, 1e-2
 """A search ends after so many iterations without less violation, or with multipliers beyond; below the last it goes on,
 as it must where it begins on the equations and trades them for the cost."""
@@ -33,7 +39,9 @@ SLOW, NEAR, WAIT, SHIFTS = 4, 1e-2, 5, 3
 """Gauss-Newton is slow if this many iterations do not divide the first-order residual by ten; with violation and
 residual this small the outputs' curvature may help; if it did not, it is tried again after so many iterations. So
 often the damping grows tenfold to make the exact Hessian convex."""
-RESTORATIONS = 20  # steps that a search which is stuck may take toward the equations and limits alone
+RESTORATIONS = (
+    20  # steps that a search which is stuck may take toward the equations and limits alone
+)
 FLAT = 1e-3  # damping of a variable that hardly enters the cost, as a part of what it is for the average variable
 
 
@@ -58,8 +66,12 @@ class CollocationOptions:
         check(self)
 
 
-def solve(problem: TrajectoryProblem, start: Start, options: CollocationOptions | None = None,
-          progress: Progress | None = None) -> TrajectorySolution:
+def solve(
+    problem: TrajectoryProblem,
+    start: Start,
+    options: CollocationOptions | None = None,
+    progress: Progress | None = None,
+) -> TrajectorySolution:
     """Solves a trajectory problem from a start, which is moved into the bounds; an interrupt (Ctrl-C) ends it with the
     last iterate. InputError where the start has another shape than the problem, or the function no value there."""
     search = _SqpSearch(problem, start, options or CollocationOptions(), progress)
@@ -67,23 +79,36 @@ def solve(problem: TrajectoryProblem, start: Start, options: CollocationOptions 
         status, message = search.run()
     except KeyboardInterrupt:
         status, message = "interrupted", f"interrupted after {len(search.history)} iterations"
-    return finished(search.scaled, search.at, status=status, message=message, optimality=search.optimality,
-                    history=tuple(search.history))
+    return finished(
+        search.scaled,
+        search.at,
+        status=status,
+        message=message,
+        optimality=search.optimality,
+        history=tuple(search.history),
+    )
 
 
 class _SqpSearch:
     """The merit is cost + sum of weight * violation, a weight for each equation and inequality above its multiplier:
     then it is exact (l1), and a step of the quadratic program is a direction in which it falls."""
 
-    def __init__(self, problem: TrajectoryProblem, start: Start, options: CollocationOptions,
-                 progress: Progress | None) -> None:
+    def __init__(
+        self,
+        problem: TrajectoryProblem,
+        start: Start,
+        options: CollocationOptions,
+        progress: Progress | None,
+    ) -> None:
         self.options, self.progress, self.began = options, progress, time.perf_counter()
         self.history: list[Iteration] = []
         self.scaled = Scaled(problem)
         self.at = self.scaled.start(start.z, start.p)
         self.weights = np.zeros(len(self.scaled.violations(self.at)))
         parts = problem.grid.weights / problem.grid.duration_s
-        self.share = np.concatenate([np.repeat(parts, self.scaled.shape[1]), np.ones(problem.parameters)])
+        self.share = np.concatenate(
+            [np.repeat(parts, self.scaled.shape[1]), np.ones(problem.parameters)]
+        )
         self.curve = np.zeros_like(self.share)
         self.damping, self.optimality = DAMPING, np.nan
         self.step: Step | None = None  # the last
@@ -99,13 +124,23 @@ class _SqpSearch:
             self._note(number, violation, step)
 
             # Feasible, stationary, and at rest: where the cost is flat a small slope alone says little.
-            if violation <= options.violation and self.optimality <= options.optimality and (
-                    change <= STEP or abs(step.predicted) <= options.gain * (1.0 + abs(self.at.cost))):
+            if (
+                violation <= options.violation
+                and self.optimality <= options.optimality
+                and (
+                    change <= STEP
+                    or abs(step.predicted) <= options.gain * (1.0 + abs(self.at.cost))
+                )
+            ):
                 return "optimal", "first-order conditions hold"
 
             # Multipliers beyond all bounds, or a violation that stays, are those of conditions that cannot be met.
-            least, since = (violation, 0) if violation < max(0.9 * least, TRADING) else (least, since + 1)
-            if violation > options.violation and (since > WASTED or np.abs(step.multipliers).max(initial=0.0) > LOST):
+            least, since = (
+                (violation, 0) if violation < max(0.9 * least, TRADING) else (least, since + 1)
+            )
+            if violation > options.violation and (
+                since > WASTED or np.abs(step.multipliers).max(initial=0.0) > LOST
+            ):
                 return self._stuck("the violation no longer falls")
             if number == options.iterations:
                 return "iterations", f"{number} iterations were not enough"
@@ -136,7 +171,9 @@ class _SqpSearch:
         past = self.history
         if len(past) < self.resume or past[-1].violation > NEAR:
             return False
-        return self.exact or (len(past) > SLOW and 0.1 * past[-1 - SLOW].optimality < past[-1].optimality < NEAR)
+        return self.exact or (
+            len(past) > SLOW and 0.1 * past[-1 - SLOW].optimality < past[-1].optimality < NEAR
+        )
 
     def _mislead(self) -> None:
         self.exact, self.resume, self.damping = False, len(self.history) + WAIT, self.before
@@ -144,13 +181,21 @@ class _SqpSearch:
     def _kkt(self, at: Linearised) -> Kkt:
         # D is the damping times the largest curvature that each variable has shown (as in Moré 1978), per second of its
         # instant; between FLAT of the usual one and that, so that no variable is free and none is held.
-        self.curve = np.maximum(self.curve, self.at.diagonal / self.share)  # Gauss-Newton's: never negative
-        usual = max(float(np.mean(self.curve)), float(np.mean(np.abs(self.at.gradient) / self.share)), 1e-8)
-        return Kkt(self.scaled, at, self.damping * self.share * np.clip(self.curve, FLAT * usual, usual))
+        self.curve = np.maximum(
+            self.curve, self.at.diagonal / self.share
+        )  # Gauss-Newton's: never negative
+        usual = max(
+            float(np.mean(self.curve)), float(np.mean(np.abs(self.at.gradient) / self.share)), 1e-8
+        )
+        return Kkt(
+            self.scaled, at, self.damping * self.share * np.clip(self.curve, FLAT * usual, usual)
+        )
 
     def _step(self, kkt: Kkt) -> Step:
         likely = np.zeros(0, dtype=int) if self.step is None else self.step.active
-        self.step = find_step(kkt, equations=self.at.equations, slacks=self.scaled.slacks(self.at), likely=likely)
+        self.step = find_step(
+            kkt, equations=self.at.equations, slacks=self.scaled.slacks(self.at), likely=likely
+        )
         return self.step
 
     def _advance(self, kkt: Kkt, step: Step) -> bool:
@@ -158,7 +203,7 @@ class _SqpSearch:
         while True:
             # weights rise to the multipliers of the step; those fade that were too large (Powell 1978)
             size = np.zeros_like(self.weights)
-            size[:len(step.multipliers)] = np.abs(step.multipliers)
+            size[: len(step.multipliers)] = np.abs(step.multipliers)
             size[len(step.multipliers) + step.active] = step.duals
             self.weights = np.maximum(1.1 * size, 0.5 * (self.weights + size))
             if self._try(kkt, step):
@@ -181,7 +226,7 @@ class _SqpSearch:
         # By how much the merit would fall if the linearisation were exact: equations are met, and of the inequalities
         # is left what the elastic program left.
         slacks = self.scaled.slacks(self.at) + slack_changes(self.scaled, self.at, step.change)
-        left = self.weights[len(self.weights) - len(slacks):] @ np.maximum(-slacks, 0.0)
+        left = self.weights[len(self.weights) - len(slacks) :] @ np.maximum(-slacks, 0.0)
         promised = step.predicted + float(self.weights @ self.scaled.violations(self.at) - left)
         noise = NOISE * (1.0 + abs(before))
 
@@ -214,7 +259,11 @@ class _SqpSearch:
         z, p = scaled.split(step.change)
         conditions = scaled.equations
         # c(x + d) - A d in place of c(x): a step that meets this leaves of the curved equations what is of third order.
-        bent = full.equations - np.einsum("nez,nz->ne", at.by_z[:, :conditions], z) - at.by_p[:, :conditions] @ p
+        bent = (
+            full.equations
+            - np.einsum("nez,nz->ne", at.by_z[:, :conditions], z)
+            - at.by_p[:, :conditions] @ p
+        )
         slacks = scaled.slacks(full) - slack_changes(scaled, at, step.change)
         again = find_step(kkt, equations=bent, slacks=slacks, likely=step.active)
         return scaled.linearised(self._moved(again.change))
@@ -247,13 +296,21 @@ class _SqpSearch:
         scaled, at, likely = self.scaled, self.at, np.zeros(0, dtype=int)
         for _ in range(RESTORATIONS):
             own, mixed, shared = at.hessian
-            bare = dataclasses.replace(at, gradient=0.0 * at.gradient, hessian=(0.0 * own, 0.0 * mixed, 0.0 * shared))
-            step = find_step(Kkt(scaled, bare, self.share), equations=at.equations, slacks=scaled.slacks(at),
-                             likely=likely)
+            bare = dataclasses.replace(
+                at, gradient=0.0 * at.gradient, hessian=(0.0 * own, 0.0 * mixed, 0.0 * shared)
+            )
+            step = find_step(
+                Kkt(scaled, bare, self.share),
+                equations=at.equations,
+                slacks=scaled.slacks(at),
+                likely=likely,
+            )
             least = scaled.violations(at).sum()
             # Armijo's rule for the sum of violations, which a full step would bring to 0 if they were linear.
             for length in 0.25 ** np.arange(5):
-                near = scaled.linearised(np.clip(at.x + length * step.change, scaled.low, scaled.high))
+                near = scaled.linearised(
+                    np.clip(at.x + length * step.change, scaled.low, scaled.high)
+                )
                 if near.finite and scaled.violations(near).sum() < (1.0 - 0.1 * length) * least:
                     break
             else:
@@ -262,9 +319,16 @@ class _SqpSearch:
         return at
 
     def _note(self, number: int, violation: float, step: Step) -> None:
-        self.history.append(Iteration(
-            number=number, cost=self.at.cost * self.scaled.problem.cost_scale, violation=violation,
-            optimality=self.optimality, active=len(step.active), exact=self.exact))
+        self.history.append(
+            Iteration(
+                number=number,
+                cost=self.at.cost * self.scaled.problem.cost_scale,
+                violation=violation,
+                optimality=self.optimality,
+                active=len(step.active),
+                exact=self.exact,
+            )
+        )
         if self.progress is not None:
             self.progress(self.history[-1])
 
@@ -288,8 +352,10 @@ def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
     # c: slopes of the cost, multipliers of the equations, and of the limits those from above less those from below.
     duals = np.zeros(2 * n + 2 * at.limited.size)
     duals[step.active] = step.duals
-    low, high = duals[2 * n:].reshape(2, *at.limited.shape)
-    multipliers = np.hstack([step.multipliers[len(at.linear):].reshape(at.equations.shape), high - low])
+    low, high = duals[2 * n :].reshape(2, *at.limited.shape)
+    multipliers = np.hstack(
+        [step.multipliers[len(at.linear) :].reshape(at.equations.shape), high - low]
+    )
     forces = scaled.slopes(at.y)[0]
     np.add.at(forces.T, scaled.which, (multipliers / y_scale[scaled.which]).T)
 
@@ -304,7 +370,7 @@ def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
     rest = np.zeros_like(own)
     for column in range(scaled.shape[1]):
         moved = at.x.copy()
-        moved[column:scaled.count:scaled.shape[1]] += DIFFERENCE
+        moved[column : scaled.count : scaled.shape[1]] += DIFFERENCE
         rest[:, :, column] = (pulled(moved)[0] - base_z) / DIFFERENCE
     for column in range(scaled.parameters):
         moved = at.x.copy()
@@ -313,7 +379,11 @@ def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
         mixed[:, :, column] += (by_z - base_z) / DIFFERENCE
         shared[:, column] += (by_p - base_p).sum(axis=0) / DIFFERENCE
     hessian = own + 0.5 * (rest + rest.transpose(0, 2, 1)), mixed, 0.5 * (shared + shared.T)
-    return dataclasses.replace(at, hessian=hessian) if all(np.isfinite(part).all() for part in hessian) else at
+    return (
+        dataclasses.replace(at, hessian=hessian)
+        if all(np.isfinite(part).all() for part in hessian)
+        else at
+    )
 
 
 def stiffened(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
@@ -327,6 +397,11 @@ def stiffened(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
     across, slacks = normals(scaled, at, step.active), scaled.slacks(at)[step.active]
     weight = STIFF * np.abs(at.diagonal).max(initial=0.0)
     by_z, by_p = scaled.split(across)
-    hessian = (own + weight * (by_z @ by_z.transpose(0, 2, 1)), mixed + weight * (by_z @ by_p.T),
-               shared + weight * (by_p @ by_p.T))
-    return dataclasses.replace(at, hessian=hessian, gradient=at.gradient + weight * (across @ slacks))
+    hessian = (
+        own + weight * (by_z @ by_z.transpose(0, 2, 1)),
+        mixed + weight * (by_z @ by_p.T),
+        shared + weight * (by_p @ by_p.T),
+    )
+    return dataclasses.replace(
+        at, hessian=hessian, gradient=at.gradient + weight * (across @ slacks)
+    )

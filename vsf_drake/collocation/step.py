@@ -46,19 +46,27 @@ class Kkt:
         # H + D: a block an instant, bordered by the parameters' rows and columns.
         own, mixed, shared = at.hessian
         border = sp.csr_matrix(mixed.reshape(scaled.count, scaled.parameters))
-        curved = sp.bmat([[_diagonal(own), border], [border.T, sp.csr_matrix(shared)]]) + sp.diags(damping)
+        curved = sp.bmat([[_diagonal(own), border], [border.T, sp.csr_matrix(shared)]]) + sp.diags(
+            damping
+        )
 
         # A: collocation, in which parameters have no part, above the instants' equations.
-        by_p = at.by_p[:, :scaled.equations].reshape(at.equations.size, scaled.parameters)
-        conditions = sp.bmat([[scaled.matrix, sp.csr_matrix((len(at.linear), scaled.parameters))],
-                              [_diagonal(at.by_z[:, :scaled.equations]), sp.csr_matrix(by_p)]])
+        by_p = at.by_p[:, : scaled.equations].reshape(at.equations.size, scaled.parameters)
+        conditions = sp.bmat(
+            [
+                [scaled.matrix, sp.csr_matrix((len(at.linear), scaled.parameters))],
+                [_diagonal(at.by_z[:, : scaled.equations]), sp.csr_matrix(by_p)],
+            ]
+        )
 
         # Fixed variables keep their place, with a row of the identity: their step is what the right side says, 0.
         self.free = np.where(scaled.fixed, 0.0, 1.0)
         free = sp.diags(self.free)
         conditions = conditions @ free
-        self.matrix = sp.bmat([[free @ curved @ free + sp.diags(1.0 - self.free), conditions.T],
-                               [conditions, None]], format="csr")
+        self.matrix = sp.bmat(
+            [[free @ curved @ free + sp.diags(1.0 - self.free), conditions.T], [conditions, None]],
+            format="csr",
+        )
 
         # What is factorised has -e below, and its unknowns in the order of elimination.
         self.size, self.order = self.matrix.shape[0], _order(scaled)
@@ -109,8 +117,10 @@ class Kkt:
 def _diagonal(blocks: np.ndarray) -> sp.csr_matrix:
     count, high, wide = blocks.shape
     columns = wide * np.repeat(np.arange(count), high)[:, None] + np.arange(wide)
-    return sp.csr_matrix((blocks.ravel(), columns.ravel(), wide * np.arange(count * high + 1)),
-                         shape=(count * high, count * wide))
+    return sp.csr_matrix(
+        (blocks.ravel(), columns.ravel(), wide * np.arange(count * high + 1)),
+        shape=(count * high, count * wide),
+    )
 
 
 def _order(scaled: Scaled) -> np.ndarray:
@@ -120,8 +130,14 @@ def _order(scaled: Scaled) -> np.ndarray:
     last = np.zeros(scaled.matrix.shape[0], dtype=int)  # instant at which a linear equation ends
     np.maximum.at(last, touched.row, touched.col // size)
     instants = np.arange(count)
-    place = np.concatenate([np.repeat(instants, size), np.full(scaled.parameters, count), last,
-                            np.repeat(instants, scaled.equations)])
+    place = np.concatenate(
+        [
+            np.repeat(instants, size),
+            np.full(scaled.parameters, count),
+            last,
+            np.repeat(instants, scaled.equations),
+        ]
+    )
     return np.argsort(place, kind="stable")
 
 
@@ -140,7 +156,10 @@ class Step:
 def slack_changes(scaled: Scaled, at: Linearised, change: np.ndarray) -> np.ndarray:
     """By how much the linearised slacks grow with a change (N Z + P,) of x."""
     z, p = scaled.split(change)
-    limits = np.einsum("ncz,nz->nc", at.by_z[:, scaled.equations:], z) + at.by_p[:, scaled.equations:] @ p
+    limits = (
+        np.einsum("ncz,nz->nc", at.by_z[:, scaled.equations :], z)
+        + at.by_p[:, scaled.equations :] @ p
+    )
     return np.concatenate([change, -change, limits.ravel(), -limits.ravel()])
 
 
@@ -160,7 +179,7 @@ def normals(scaled: Scaled, at: Linearised, which: np.ndarray) -> np.ndarray:
     sign = (1.0 - 2.0 * side)[:, None]
     rows = instant[:, None] * scaled.shape[1] + np.arange(scaled.shape[1])
     slopes[rows, limit[:, None]] = sign * at.by_z[instant, scaled.equations + output]
-    slopes[scaled.count:, limit] = (sign * at.by_p[instant, scaled.equations + output]).T
+    slopes[scaled.count :, limit] = (sign * at.by_p[instant, scaled.equations + output]).T
     slopes[scaled.fixed] = 0.0
     return slopes
 
@@ -190,7 +209,9 @@ def find_step(kkt: Kkt, *, equations: np.ndarray, slacks: np.ndarray, likely: np
             W, B = np.hstack([W, kkt.roughly(right)]), np.hstack([B, added])
             matrix = B.T @ W[:n]
             start = np.concatenate([duals, np.zeros(len(which) - len(duals))])
-            duals = box_minimum(0.5 * (matrix + matrix.T), slacks[which] + still[which], MOST_DUAL, start)
+            duals = box_minimum(
+                0.5 * (matrix + matrix.T), slacks[which] + still[which], MOST_DUAL, start
+            )
             unknowns = base + W @ duals
             after = slacks + slack_changes(scaled, at, unknowns[:n])
         violated = np.setdiff1d(np.flatnonzero(np.isfinite(slacks) & (after < -VIOLATED)), which)
@@ -207,14 +228,29 @@ def find_step(kkt: Kkt, *, equations: np.ndarray, slacks: np.ndarray, likely: np
     change = unknowns[:n]
     own, mixed, shared = at.hessian
     z, p = scaled.split(change)
-    curved = (np.einsum("nz,nzy,ny->", z, own, z, optimize=True) + 2.0 * np.einsum("nz,nzp,p->", z, mixed, p)
-              + p @ shared @ p)
-    return Step(change=change, multipliers=unknowns[n:], active=which[held], duals=duals[held],
-                pull=-B[:, held] @ duals[held], predicted=float(-at.gradient @ change - 0.5 * curved))
+    curved = (
+        np.einsum("nz,nzy,ny->", z, own, z, optimize=True)
+        + 2.0 * np.einsum("nz,nzp,p->", z, mixed, p)
+        + p @ shared @ p
+    )
+    return Step(
+        change=change,
+        multipliers=unknowns[n:],
+        active=which[held],
+        duals=duals[held],
+        pull=-B[:, held] @ duals[held],
+        predicted=float(-at.gradient @ change - 0.5 * curved),
+    )
 
 
-def _sharpened(kkt: Kkt, right_side: np.ndarray, B: np.ndarray, W: np.ndarray, duals: np.ndarray,
-               slacks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _sharpened(
+    kkt: Kkt,
+    right_side: np.ndarray,
+    B: np.ndarray,
+    W: np.ndarray,
+    duals: np.ndarray,
+    slacks: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
     """The unknowns with the refined solve, and duals with which what presses is held to rounding."""
     n, tight = len(B), (duals > 0.0) & (duals < MOST_DUAL)
     matrix = B[:, tight].T @ W[:n, tight]
@@ -242,19 +278,25 @@ def optimality(scaled: Scaled, at: Linearised, step: Step) -> float:
 
     # g + A'm - B l
     slope = at.gradient + step.pull
-    slope[:scaled.count] += scaled.matrix.T @ step.multipliers[:lines]
-    slope[:scaled.count] += np.einsum("nez,ne->nz", at.by_z[:, :scaled.equations], of_instants).ravel()
-    slope[scaled.count:] += np.einsum("nep,ne->p", at.by_p[:, :scaled.equations], of_instants)
+    slope[: scaled.count] += scaled.matrix.T @ step.multipliers[:lines]
+    slope[: scaled.count] += np.einsum(
+        "nez,ne->nz", at.by_z[:, : scaled.equations], of_instants
+    ).ravel()
+    slope[scaled.count :] += np.einsum("nep,ne->p", at.by_p[:, : scaled.equations], of_instants)
     slope[scaled.fixed] = 0.0
     apart = step.duals * scaled.slacks(at)[step.active]
     largest = max(np.abs(step.multipliers).max(initial=0.0), step.duals.max(initial=0.0))
-    return float(max(np.abs(slope).max(initial=0.0), np.abs(apart).max(initial=0.0)) / (1.0 + largest))
+    return float(
+        max(np.abs(slope).max(initial=0.0), np.abs(apart).max(initial=0.0)) / (1.0 + largest)
+    )
 
 
 BOX_ROUNDS, HALVINGS = 200, 30
 
 
-def box_minimum(matrix: np.ndarray, linear: np.ndarray, high: float, start: np.ndarray) -> np.ndarray:
+def box_minimum(
+    matrix: np.ndarray, linear: np.ndarray, high: float, start: np.ndarray
+) -> np.ndarray:
     """x (n,) from `start` on that minimises 1/2 x' matrix x + linear' x with 0 <= x <= high, the matrix symmetric and
     positive semidefinite: projected Newton steps (Bertsekas 1982)."""
     if not len(start):

@@ -31,21 +31,33 @@ def overhung_stiffness(*, bending_stiffness: Any, support: Any, load_point: Any)
 
 
 def combined_stiffness(
-    *, bending_stiffness: Any, support: Any, load_point: Any, fulcrum_stiffness: Any = math.inf,
-    series_stiffness: Any = math.inf
+    *,
+    bending_stiffness: Any,
+    support: Any,
+    load_point: Any,
+    fulcrum_stiffness: Any = math.inf,
+    series_stiffness: Any = math.inf,
 ) -> Any:
     """Stiffness (N/m) of beam, compliant support B and a spring in series with the load.
 
     1 / (1 / k_beam + (L_c / l)² / fulcrum_stiffness + 1 / series_stiffness): the support carries
     L_c / l times the load and its yielding appears at C magnified by the same ratio.
     """
-    beam = overhung_stiffness(bending_stiffness=bending_stiffness, support=support, load_point=load_point)
+    beam = overhung_stiffness(
+        bending_stiffness=bending_stiffness, support=support, load_point=load_point
+    )
     return _in_series(beam, support, load_point, fulcrum_stiffness, series_stiffness)
 
 
 def lumped_stiffness(
-    *, bending_stiffness: float, element_lengths: Sequence[float] | np.ndarray, support: float, load_point: float,
-    rigid_length: float = 0.0, fulcrum_stiffness: float = math.inf, series_stiffness: float = math.inf
+    *,
+    bending_stiffness: float,
+    element_lengths: Sequence[float] | np.ndarray,
+    support: float,
+    load_point: float,
+    rigid_length: float = 0.0,
+    fulcrum_stiffness: float = math.inf,
+    series_stiffness: float = math.inf,
 ) -> float:
     """Exact small-load stiffness (N/m) of a chain of elements: rigid half, sprung joint, rigid half.
 
@@ -64,6 +76,8 @@ def lumped_stiffness(
     return float(_in_series(beam, support, load_point, fulcrum_stiffness, series_stiffness))
 
 
-def _in_series(beam: Any, support: Any, load_point: Any, fulcrum_stiffness: Any, series_stiffness: Any) -> Any:
+def _in_series(
+    beam: Any, support: Any, load_point: Any, fulcrum_stiffness: Any, series_stiffness: Any
+) -> Any:
     ratio = load_point / support
     return 1.0 / (1.0 / beam + ratio * ratio / fulcrum_stiffness + 1.0 / series_stiffness)

@@ -19,8 +19,15 @@ def excess(x: Values, limit: Values) -> Array:
 
 
 def axis_force(
-    displacement: Values, rate: Values, *, stiffness: Values, stiffness_negative: Values, damping: Values,
-    limit: Values, rate_limit: Values, stop_ratio: Values
+    displacement: Values,
+    rate: Values,
+    *,
+    stiffness: Values,
+    stiffness_negative: Values,
+    damping: Values,
+    limit: Values,
+    rate_limit: Values,
+    stop_ratio: Values,
 ) -> Array:
     """Force on the socket along one axis, opposing its displacement q and rate v.
 

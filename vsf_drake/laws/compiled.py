@@ -26,7 +26,13 @@ from typing import Any, ParamSpec, Protocol, TypeVar
 import numba
 import numpy as np
 
-COMPILED = ("laws", "simulation/stepping", "simulation/reactions.py", "systems/_foot_kernel.py", "motion/events.py")
+COMPILED = (
+    "laws",
+    "simulation/stepping",
+    "simulation/reactions.py",
+    "systems/_foot_kernel.py",
+    "motion/events.py",
+)
 """Parts of the package that compiled functions and the constants in them come from."""
 KEPT = 4
 """How many states of the sources keep their machine code for longer than a day after they were last used."""
@@ -55,8 +61,15 @@ def sources_sha256(package: Path, parts: Iterable[str]) -> str:
     """Of names and content of all Python files and templates in `parts` (folders and files) of `package`."""
     digest = hashlib.sha256()
     paths = [package / part for part in parts]
-    for file in (file for path in paths for file in ([path] if path.suffix else sorted(
-            file for kind in ("*.py", "*.j2") for file in path.rglob(kind)))):
+    for file in (
+        file
+        for path in paths
+        for file in (
+            [path]
+            if path.suffix
+            else sorted(file for kind in ("*.py", "*.j2") for file in path.rglob(kind))
+        )
+    ):
         digest.update(f"\0{file.relative_to(package).as_posix()}\0".encode() + file.read_bytes())
     return digest.hexdigest()
 
@@ -68,10 +81,15 @@ def compiled(
     them, which makes half of the code that there is to compile."""
     jitted: Compiled[_P, _R_co]
     options |= {"error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": allocates}
-    inner = options.get("no_cpython_wrapper")  # kept, it would be found under its name by who wants to call it
+    inner = options.get(
+        "no_cpython_wrapper"
+    )  # kept, it would be found under its name by who wants to call it
     if _FOLDER and not inner and _unchanged(function.__code__.co_filename):
         with _lock:
-            users, _settings.CACHE_DIR = _settings.CACHE_DIR, _FOLDER  # is read when a function is decorated
+            users, _settings.CACHE_DIR = (
+                _settings.CACHE_DIR,
+                _FOLDER,
+            )  # is read when a function is decorated
             try:
                 on_disk = numba.njit(cache=True, **options)(function)
             except RuntimeError:  # numba has found no folder to keep it in
@@ -104,9 +122,19 @@ def _folder() -> str:
     state = f"{_SOURCES} {numba.__version__} {np.__version__}"
     name = f"vsf_drake-{hashlib.sha256(bytes(_PACKAGE)).hexdigest()[:8]}"
     # not numba's own setting, which a .numba_config.yaml of the current folder may have made: what is kept is run
-    homes = [os.path.abspath(os.environ["NUMBA_CACHE_DIR"])] if os.environ.get("NUMBA_CACHE_DIR") else []
-    homes += [str(_PACKAGE / "__pycache__"), os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~/.cache")]
-    for home in filter(os.path.isabs, homes):  # ~ stays as it is where there is no home, and would be in this folder
+    homes = (
+        [os.path.abspath(os.environ["NUMBA_CACHE_DIR"])]
+        if os.environ.get("NUMBA_CACHE_DIR")
+        else []
+    )
+    homes += [
+        str(_PACKAGE / "__pycache__"),
+        os.environ.get("XDG_CACHE_HOME", ""),
+        os.path.expanduser("~/.cache"),
+    ]
+    for home in filter(
+        os.path.isabs, homes
+    ):  # ~ stays as it is where there is no home, and would be in this folder
         try:
             folder = Path(home) / name / hashlib.sha256(state.encode()).hexdigest()[:16]
             folder.mkdir(parents=True, exist_ok=True)
@@ -117,7 +145,9 @@ def _folder() -> str:
         with contextlib.suppress(OSError):  # of another process that does the same
             for old in sorted(folder.parent.iterdir(), key=os.path.getmtime, reverse=True)[KEPT:]:
                 if os.path.getmtime(old) < time.time() - 86400.0:
-                    shutil.rmtree(old, ignore_errors=True)  # numba makes it again for a process that still uses it
+                    shutil.rmtree(
+                        old, ignore_errors=True
+                    )  # numba makes it again for a process that still uses it
         return str(folder)
     return ""
 
@@ -135,9 +165,12 @@ class KeptCode:
 def kept_code() -> KeptCode:
     """What is kept now."""
     files = [file for file in Path(_FOLDER).rglob("*") if file.is_file()] if _FOLDER else []
-    return KeptCode(folder=_FOLDER, functions=sum(file.suffix == ".nbi" for file in files),
-                    size_mb=1e-6 * sum(file.stat().st_size for file in files),
-                    current=sources_sha256(_PACKAGE, COMPILED) == _SOURCES)
+    return KeptCode(
+        folder=_FOLDER,
+        functions=sum(file.suffix == ".nbi" for file in files),
+        size_mb=1e-6 * sum(file.stat().st_size for file in files),
+        current=sources_sha256(_PACKAGE, COMPILED) == _SOURCES,
+    )
 
 
 _SOURCES = sources_sha256(_PACKAGE, COMPILED)

@@ -54,7 +54,9 @@ def foam_root(depth: float, softness: float, exponent: float) -> float:
     return d
 
 
-def foam_depth(depth: Values, *, stiffness: Values, exponent: Values, compliance: Values) -> tuple[Array, Array]:
+def foam_depth(
+    depth: Values, *, stiffness: Values, exponent: Values, compliance: Values
+) -> tuple[Array, Array]:
     """Share d of a penetration that the sphere's foam takes, the ground below taking the rest, and d's slope.
 
     In static series stiffness · d**exponent = (depth - d) / compliance. The slope dd/d(depth) = 1 / (1 + compliance ·
@@ -64,7 +66,9 @@ def foam_depth(depth: Values, *, stiffness: Values, exponent: Values, compliance
         depth: (m) >= 0 of sphere and ground together. stiffness: N/m**exponent. compliance: m/N.
     """
     depth, softness = np.asarray(depth), np.asarray(compliance * stiffness)
-    root = np.vectorize(lambda *x: foam_root(*map(_plain, x)), otypes=[float])(depth, softness, exponent)
+    root = np.vectorize(lambda *x: foam_root(*map(_plain, x)), otypes=[float])(
+        depth, softness, exponent
+    )
     touching = root > 0
     safe = np.where(touching, root, 1.0)
     # One Newton step from the root in the full scalars carries derivatives by every argument exactly.

@@ -23,10 +23,16 @@ def normal_force(
         depth: penetration (m), >= 0. depth_rate: m/s, positive while it grows.
         stiffness: N/m**exponent. exponent: >= 1. dissipation: s/m.
     """
-    return np.asarray(stiffness * power(depth, exponent) * positive_part(1.0 + dissipation * np.asarray(depth_rate)))
+    return np.asarray(
+        stiffness
+        * power(depth, exponent)
+        * positive_part(1.0 + dissipation * np.asarray(depth_rate))
+    )
 
 
-def matched_dissipation(*, stiffness: float, exponent: float, damping: float, depth: float) -> float:
+def matched_dissipation(
+    *, stiffness: float, exponent: float, damping: float, depth: float
+) -> float:
     """Dissipation (s/m) that loses in a half-sine stroke to `depth` D (m), well beyond the full-damping depth, what
     `kelvin_voigt` with full `damping` (N s/m) loses.
 

@@ -38,21 +38,53 @@ from vsf_drake.laws.smooth_contact import rounded_positive_part
 GRAVITY_OF_SOURCE = 9.81  # m/s^2, by which the source divides
 SLOW = 0.5  # rad/s
 LITTLE = 0.005
-LEAST_BY_ANGLE, LEAST_BY_RATE, LEAST_WIDTH = 0.25, 0.1, 0.05  # shares of the strongest, isometric torque
+LEAST_BY_ANGLE, LEAST_BY_RATE, LEAST_WIDTH = (
+    0.25,
+    0.1,
+    0.05,
+)  # shares of the strongest, isometric torque
 ACTIVE = {  # c1 (1), c2 (1/rad), c3 (rad), c4, c5 (rad/s), c6 (s/rad), of extension (plantarflexion) and flexion
     "male": {
-        "hip": ((0.161, 0.958, 0.932, 1.578, 3.190, 0.242), (0.113, 0.738, -0.214, 2.095, 4.267, 0.218)),
-        "knee": ((0.163, 1.258, 1.133, 1.517, 3.952, 0.095), (0.087, 0.869, 0.522, 2.008, 5.233, 0.304)),
-        "ankle": ((0.095, 1.391, 0.408, 0.987, 3.558, 0.295), (0.033, 1.510, -0.187, 0.699, 1.940, 0.828))},
+        "hip": (
+            (0.161, 0.958, 0.932, 1.578, 3.190, 0.242),
+            (0.113, 0.738, -0.214, 2.095, 4.267, 0.218),
+        ),
+        "knee": (
+            (0.163, 1.258, 1.133, 1.517, 3.952, 0.095),
+            (0.087, 0.869, 0.522, 2.008, 5.233, 0.304),
+        ),
+        "ankle": (
+            (0.095, 1.391, 0.408, 0.987, 3.558, 0.295),
+            (0.033, 1.510, -0.187, 0.699, 1.940, 0.828),
+        ),
+    },
     "female": {
-        "hip": ((0.181, 0.697, 1.242, 1.567, 3.164, 0.164), (0.127, 0.650, -0.350, 2.136, 4.349, 0.156)),
-        "knee": ((0.159, 1.187, 1.274, 1.393, 3.623, 0.173), (0.080, 0.873, 0.635, 1.698, 4.412, 0.175)),
-        "ankle": ((0.104, 1.399, 0.424, 0.862, 3.109, 0.189), (0.027, 1.079, -0.302, 0.864, 2.399, 0.771))}}
+        "hip": (
+            (0.181, 0.697, 1.242, 1.567, 3.164, 0.164),
+            (0.127, 0.650, -0.350, 2.136, 4.349, 0.156),
+        ),
+        "knee": (
+            (0.159, 1.187, 1.274, 1.393, 3.623, 0.173),
+            (0.080, 0.873, 0.635, 1.698, 4.412, 0.175),
+        ),
+        "ankle": (
+            (0.104, 1.399, 0.424, 0.862, 3.109, 0.189),
+            (0.027, 1.079, -0.302, 0.864, 2.399, 0.771),
+        ),
+    },
+}
 PASSIVE = {  # b1 (N m), k1 (1/rad), b2 (N m), k2 (1/rad)
-    "male": {"hip": (-1.210, -6.351, 0.476, 5.910), "knee": (0.0, 0.0, -6.250, -4.521),
-             "ankle": (-0.0005781, -5.819, 0.967, 6.090)},
-    "female": {"hip": (-1.753, -6.358, 0.239, 3.872), "knee": (0.0, 0.0, -8.033, -5.250),
-               "ankle": (-0.005218, -4.875, 0.470, 6.425)}}
+    "male": {
+        "hip": (-1.210, -6.351, 0.476, 5.910),
+        "knee": (0.0, 0.0, -6.250, -4.521),
+        "ankle": (-0.0005781, -5.819, 0.967, 6.090),
+    },
+    "female": {
+        "hip": (-1.753, -6.358, 0.239, 3.872),
+        "knee": (0.0, 0.0, -8.033, -5.250),
+        "ankle": (-0.005218, -4.875, 0.470, 6.425),
+    },
+}
 
 
 class Muscles:
@@ -64,7 +96,8 @@ class Muscles:
     def __init__(self, joints: Sequence[str], sex: str, scale: float) -> None:
         self.scale = scale
         self._extension, self._flexion = (
-            np.array([ACTIVE[sex][joint][way] for joint in joints]).T[:, :, None] for way in (0, 1))
+            np.array([ACTIVE[sex][joint][way] for joint in joints]).T[:, :, None] for way in (0, 1)
+        )
         self._passive = np.array([PASSIVE[sex][joint] for joint in joints]).T[:, :, None]
 
     def passive_torque(self, angle: np.ndarray) -> np.ndarray:
@@ -81,9 +114,14 @@ class Muscles:
         active = (torque - self.passive_torque(angle)) / self.scale
         extension = 1.0 / strength(self._extension, angle, -rate)
         flexion = 1.0 / strength(self._flexion, angle, rate)
-        return np.asarray(active * (extension + (flexion - extension) * smooth_step(0.5 * (active / LITTLE + 1.0))))
+        return np.asarray(
+            active
+            * (extension + (flexion - extension) * smooth_step(0.5 * (active / LITTLE + 1.0)))
+        )
 
-    def metabolic_power(self, activation: np.ndarray, angle: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    def metabolic_power(
+        self, activation: np.ndarray, angle: np.ndarray, rate: np.ndarray
+    ) -> np.ndarray:
         """(J, N) W, heat and work of the muscles of each joint; passive torques need none.
 
         activation: positive toward flexion; angle, rate: the flexion, rad, rad/s.
@@ -94,7 +132,9 @@ class Muscles:
         largest = np.abs(2.0 * c4 * c5 / (c5 - 3.0 * c4))
         x = np.where(flexes, rate, -rate) / largest
         phi = (0.054 + x * (0.506 + x * 2.46)) / (1.0 + x * (-1.13 + x * (12.8 - x * 1.64)))
-        return np.asarray(np.abs(activation) * self.scale * isometric(constants, angle) * largest * phi)
+        return np.asarray(
+            np.abs(activation) * self.scale * isometric(constants, angle) * largest * phi
+        )
 
 
 def isometric(constants: Sequence[float] | np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -104,12 +144,18 @@ def isometric(constants: Sequence[float] | np.ndarray, angle: np.ndarray) -> np.
     return np.asarray(c1 * (LEAST_BY_ANGLE + rounded_positive_part(by_angle, LEAST_WIDTH)))
 
 
-def strength(constants: Sequence[float] | np.ndarray, angle: np.ndarray, rate: np.ndarray) -> np.ndarray:
+def strength(
+    constants: Sequence[float] | np.ndarray, angle: np.ndarray, rate: np.ndarray
+) -> np.ndarray:
     """(...) the largest torque over m g h, of flexion (rad) and its rate in the torque's direction (rad/s); constants:
     c1 to c6, numbers or arrays that broadcast."""
     _, _, _, c4, c5, c6 = constants
     shorter, longer = rounded_positive_part(rate, SLOW), rounded_positive_part(-rate, SLOW)
     speed = shorter + longer
-    by_rate = (2.0 * c4 * c5 + speed * (c5 - 3.0 * c4)) / (2.0 * c4 * c5 + speed * (2.0 * c5 - 4.0 * c4))
+    by_rate = (2.0 * c4 * c5 + speed * (c5 - 3.0 * c4)) / (
+        2.0 * c4 * c5 + speed * (2.0 * c5 - 4.0 * c4)
+    )
     by_rate = by_rate * (1.0 + c6 * longer) - LEAST_BY_RATE
-    return np.asarray(isometric(constants, angle) * (LEAST_BY_RATE + rounded_positive_part(by_rate, LEAST_WIDTH)))
+    return np.asarray(
+        isometric(constants, angle) * (LEAST_BY_RATE + rounded_positive_part(by_rate, LEAST_WIDTH))
+    )

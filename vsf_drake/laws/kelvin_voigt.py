@@ -27,8 +27,14 @@ def penetration_depth(height: Values, radius: Values) -> Array:
 
 
 def normal_force(
-    depth: Values, depth_rate: Values, *, stiffness: Values, exponent: Values, damping: Values,
-    full_damping_depth: Values, unloading: str = "continuous"
+    depth: Values,
+    depth_rate: Values,
+    *,
+    stiffness: Values,
+    exponent: Values,
+    damping: Values,
+    full_damping_depth: Values,
+    unloading: str = "continuous",
 ) -> Array:
     """Normal force stiffness · depthⁿ + damping · max(depth_rate, 0) · smooth_step(depth / full_damping_depth).
 
@@ -47,9 +53,13 @@ def normal_force(
         Force (N), of the common shape of the arguments.
     """
     if unloading not in UNLOADING_BRANCHES:
-        raise ValueError(f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}")
+        raise ValueError(
+            f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}"
+        )
     depth = np.asarray(depth)
     elastic = stiffness * power(depth, exponent)
     if unloading == "printed":
         elastic = np.where(np.asarray(depth_rate) < 0, stiffness * depth, elastic)
-    return np.asarray(elastic + damping * positive_part(depth_rate) * smooth_step(depth / full_damping_depth))
+    return np.asarray(
+        elastic + damping * positive_part(depth_rate) * smooth_step(depth / full_damping_depth)
+    )

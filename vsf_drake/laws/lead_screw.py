@@ -27,7 +27,9 @@ import numpy as np
 from vsf_drake.laws._elementwise import Values
 
 
-def thread(lead: Values, mean_diameter: Values, friction: Values, flank_angle: Values) -> tuple[Values, Values]:
+def thread(
+    lead: Values, mean_diameter: Values, friction: Values, flank_angle: Values
+) -> tuple[Values, Values]:
     """tan(lambda) = lead / (pi · mean diameter), and u = friction / cos(flank angle), of a flank inclined by the angle
     (rad). For tan(lambda) < u no axial load can turn the screw."""
     return lead / (math.pi * mean_diameter), friction / np.cos(flank_angle)
@@ -37,8 +39,10 @@ def driving_efficiency(tangent: Values, friction: Values) -> Values:
     """Work on the load / work of the torque while the screw moves against the load, 1 without friction; ValueError
     for u tan(lambda) >= 1."""
     if not friction * tangent < 1.0:
-        raise ValueError(f"friction {friction} times the tangent {tangent} of the lead angle is 1 or more: "
-                         "no torque turns this screw; take a smaller lead or less friction")
+        raise ValueError(
+            f"friction {friction} times the tangent {tangent} of the lead angle is 1 or more: "
+            "no torque turns this screw; take a smaller lead or less friction"
+        )
     return tangent * (1.0 - friction * tangent) / (tangent + friction)
 
 
@@ -49,19 +53,38 @@ def returning_efficiency(tangent: Values, friction: Values) -> Values:
 
 def servo_voltage(error: Values, *, limit: Values, band: Values, tolerance: Values) -> Values:
     """Voltage limit · tanh(e / band), e the error (m) beyond the tolerance, zero within it."""
-    beyond = error - tolerance if error > tolerance else error + tolerance if error < -tolerance else 0.0 * error
+    beyond = (
+        error - tolerance
+        if error > tolerance
+        else error + tolerance
+        if error < -tolerance
+        else 0.0 * error
+    )
     return limit * np.tanh(beyond / band)
 
 
-def limited_voltage(supply: Values, speed_limit: Values, *, lead: Values, gear_ratio: Values,
-                    torque_constant: Values) -> Values:
+def limited_voltage(
+    supply: Values,
+    speed_limit: Values,
+    *,
+    lead: Values,
+    gear_ratio: Values,
+    torque_constant: Values,
+) -> Values:
     """The supply's voltage, or that whose motor without any load moves the carriage at `speed_limit` (m/s), if less."""
     limit = torque_constant * gear_ratio * speed_limit * (2.0 * math.pi) / lead
     return limit if limit < supply else supply
 
 
-def stop_force(position: Values, velocity: Values, *, low: Values, high: Values, stiffness: Values,
-               dissipation: Values) -> Values:
+def stop_force(
+    position: Values,
+    velocity: Values,
+    *,
+    low: Values,
+    high: Values,
+    stiffness: Values,
+    dissipation: Values,
+) -> Values:
     """Force (N) of the stops at the ends of travel, stiffness · depth · (1 + dissipation · rate of the depth), pushing
     only (Hunt & Crossley 1975, exponent 1)."""
     if position < low:
@@ -82,8 +105,16 @@ class CarriageMotion(NamedTuple):
     thread_loss: Values  # force lost in the thread (N), in the direction of motion
 
 
-def carriage_motion(drive: Values, resistance: Values, sense: Values, *, rotor_mass: Values, carriage_mass: Values,
-                    tangent: Values, friction: Values) -> CarriageMotion:
+def carriage_motion(
+    drive: Values,
+    resistance: Values,
+    sense: Values,
+    *,
+    rotor_mass: Values,
+    carriage_mass: Values,
+    tangent: Values,
+    friction: Values,
+) -> CarriageMotion:
     """The screw's and the carriage's equations of motion,
 
         rotor_mass · a = drive - F - D(F),     carriage_mass · a = F - resistance,
@@ -99,7 +130,9 @@ def carriage_motion(drive: Values, resistance: Values, sense: Values, *, rotor_m
         rotor_mass: inertia of rotor and screw as a mass at the carriage (kg).
         carriage_mass: kg, > 0.
     """
-    forward = drive * carriage_mass + rotor_mass * resistance >= 0.0  # the sign of F, from the equations without D
+    forward = (
+        drive * carriage_mass + rotor_mass * resistance >= 0.0
+    )  # the sign of F, from the equations without D
     along = 1.0 / driving_efficiency(tangent, friction) - 1.0
     against = 1.0 - returning_efficiency(tangent, friction)
     factor = along if (sense >= 0.0) == bool(forward) else against

@@ -31,11 +31,15 @@ def normal_force(
 
 
 @compiled
-def friction_per_speed(speed: float, mu_static: float, mu_kinetic: float, threshold: float) -> tuple[float, float]:
+def friction_per_speed(
+    speed: float, mu_static: float, mu_kinetic: float, threshold: float
+) -> tuple[float, float]:
     """mu(V)/V (s/m) of the piecewise stick-slip law and the slope d mu / dV (s/m)."""
     if speed <= threshold:
         return mu_static / threshold, mu_static / threshold
-    if speed < 1.5 * threshold:  # the straight line from mu_static at V = threshold to mu_kinetic at 1.5 threshold
+    if (
+        speed < 1.5 * threshold
+    ):  # the straight line from mu_static at V = threshold to mu_kinetic at 1.5 threshold
         slope = -(mu_static - mu_kinetic) / (0.5 * threshold)
         return (mu_static + slope * (speed - threshold)) / speed, slope
     return mu_kinetic / speed, 0.0
@@ -43,8 +47,14 @@ def friction_per_speed(speed: float, mu_static: float, mu_kinetic: float, thresh
 
 @compiled
 def spring_force(
-    x: float, rate: float, k_positive: float, k_negative: float, damping: float, limit: float, rate_limit: float,
-    stop_ratio: float
+    x: float,
+    rate: float,
+    k_positive: float,
+    k_negative: float,
+    damping: float,
+    limit: float,
+    rate_limit: float,
+    stop_ratio: float,
 ) -> tuple[float, float, float]:
     """Force of a sprung coordinate (opposing) and its derivatives by displacement and by rate."""
     k = k_positive if x >= 0.0 else k_negative

@@ -29,8 +29,16 @@ def rounded_positive_part(x: Values, width: Values) -> Array:
 
 
 def normal_force(
-    signed_depth: Values, depth_rate: Values, *, stiffness: Values, exponent: Values, damping: Values,
-    full_damping_depth: Values, depth_width: Values, rate_width: Values, compliance: Values = 0.0
+    signed_depth: Values,
+    depth_rate: Values,
+    *,
+    stiffness: Values,
+    exponent: Values,
+    damping: Values,
+    full_damping_depth: Values,
+    depth_width: Values,
+    rate_width: Values,
+    compliance: Values = 0.0,
 ) -> Array:
     """Force (N) of a sphere whose lowest point is `signed_depth` (m) below the ground, negative above it.
 
@@ -40,8 +48,17 @@ def normal_force(
         depth_width, rate_width: half-widths of the rounded corners (m, m/s), > 0.
         compliance: of the ground in series (m/N).
     """
-    depth, share = foam_depth(rounded_positive_part(signed_depth, depth_width), stiffness=stiffness, exponent=exponent,
-                              compliance=compliance)
+    depth, share = foam_depth(
+        rounded_positive_part(signed_depth, depth_width),
+        stiffness=stiffness,
+        exponent=exponent,
+        compliance=compliance,
+    )
     return kelvin_voigt.normal_force(
-        depth, rounded_positive_part(share * depth_rate, rate_width), stiffness=stiffness, exponent=exponent,
-        damping=damping, full_damping_depth=full_damping_depth)
+        depth,
+        rounded_positive_part(share * depth_rate, rate_width),
+        stiffness=stiffness,
+        exponent=exponent,
+        damping=damping,
+        full_damping_depth=full_damping_depth,
+    )

@@ -14,10 +14,14 @@ from vsf_drake.laws._elementwise import Array, Values, unit_clip
 from vsf_drake.laws.kelvin_voigt import smooth_step
 
 
-def friction_coefficient(speed: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values) -> Array:
+def friction_coefficient(
+    speed: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values
+) -> Array:
     """The library's piecewise linear coefficient at slip speed >= 0 (m/s)."""
     u = np.asarray(speed) / threshold_velocity
-    return np.asarray(mu_static * unit_clip(u) - (mu_static - mu_kinetic) * unit_clip(2.0 * (u - 1.0)))
+    return np.asarray(
+        mu_static * unit_clip(u) - (mu_static - mu_kinetic) * unit_clip(2.0 * (u - 1.0))
+    )
 
 
 def smooth_friction_coefficient(
@@ -32,26 +36,43 @@ def smooth_friction_coefficient(
     u = np.asarray(speed) / threshold_velocity
     rise = unit_clip(u)
     fall = smooth_step(2.0 * (u - 1.0))
-    return np.asarray(mu_static * rise * (1.5 - 0.5 * rise * rise) - (mu_static - mu_kinetic) * fall)
+    return np.asarray(
+        mu_static * rise * (1.5 - 0.5 * rise * rise) - (mu_static - mu_kinetic) * fall
+    )
 
 
 def coefficient_per_speed(
-    squared: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values, smooth: bool = False
+    squared: Values,
+    *,
+    mu_static: Values,
+    mu_kinetic: Values,
+    threshold_velocity: Values,
+    smooth: bool = False,
 ) -> Array:
     """mu(V) / V (s/m) of V² (m²/s²); below the threshold without dividing by V, so that gradients are finite at 0."""
     u_squared = np.asarray(squared / (threshold_velocity * threshold_velocity))
     sticks = u_squared < 1.0
     speed = threshold_velocity * np.sqrt(np.where(sticks, 0.0 * u_squared + 1.0, u_squared))
     law = smooth_friction_coefficient if smooth else friction_coefficient
-    ratio = law(speed, mu_static=mu_static, mu_kinetic=mu_kinetic, threshold_velocity=threshold_velocity) / speed
+    ratio = (
+        law(
+            speed, mu_static=mu_static, mu_kinetic=mu_kinetic, threshold_velocity=threshold_velocity
+        )
+        / speed
+    )
     if smooth:
         ratio = np.where(sticks, mu_static * (1.5 - 0.5 * u_squared) / threshold_velocity, ratio)
     return np.asarray(ratio)
 
 
 def friction_force(
-    slip: Values, normal_force: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values,
-    smooth: bool = False
+    slip: Values,
+    normal_force: Values,
+    *,
+    mu_static: Values,
+    mu_kinetic: Values,
+    threshold_velocity: Values,
+    smooth: bool = False,
 ) -> Array:
     """Friction -mu(V) · normal_force · slip / V, (..., 2) N on the sphere, V = |slip|.
 
@@ -64,6 +85,11 @@ def friction_force(
     """
     slip = np.asarray(slip)
     x, y = slip[..., 0], slip[..., 1]
-    ratio = coefficient_per_speed(x * x + y * y, mu_static=mu_static, mu_kinetic=mu_kinetic,
-                                  threshold_velocity=threshold_velocity, smooth=smooth)
+    ratio = coefficient_per_speed(
+        x * x + y * y,
+        mu_static=mu_static,
+        mu_kinetic=mu_kinetic,
+        threshold_velocity=threshold_velocity,
+        smooth=smooth,
+    )
     return np.asarray(-np.asarray(ratio * normal_force)[..., None] * slip)

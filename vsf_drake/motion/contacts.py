@@ -22,11 +22,16 @@ from vsf_drake.motion.markers.segments import FootTrack, from_line
 from vsf_drake.sentences import say
 
 SAME_FORCE = 0.02  # plates whose forces differ by a smaller share of themselves report one load
-TAIL_S, TAIL_N = 0.1, 5.0  # a load's force below 20 N belongs to it down to 5 N and for at most this long
+TAIL_S, TAIL_N = (
+    0.1,
+    5.0,
+)  # a load's force below 20 N belongs to it down to 5 N and for at most this long
 TOLERANCE_S = 0.12  # a stance may overlap its load by this much at both ends: three times the error of kinematic events
 WIDEN_S = 0.05  # what is called unmeasured is wider by this, for the same reason
 FAR_M = 0.15  # a centre of pressure farther than this from a heel-toe line is not under that foot: a shoe is 0.1 m wide
-BESIDE_M = 0.07  # one farther than this, as a median, is beside a foot: half a shoe and 2 cm of error
+BESIDE_M = (
+    0.07  # one farther than this, as a median, is beside a foot: half a shoe and 2 cm of error
+)
 SWING_COST_M = 0.1  # added to the distance of a foot that swings: it may pass near the load, but does not carry it
 SWING_MARGIN_S = 0.1  # a foot counts as swinging only this far inside its swing: kinematic events are good to 0.04 s
 SHORTEST_TURN_S = 0.1  # the nearest foot changes for at least this long, or it did not change
@@ -34,7 +39,9 @@ PULLED_M = 0.06  # a load that moves this much farther from its foot while the o
 SHARED_S = 0.05
 LIGHT_N = 50.0  # below this the centre of pressure is too noisy to judge by
 ANALYSIS_HZ = 250.0
-REVERSED = -0.2  # of the centre of pressure along the sole (in its lengths), first to last third: usual is 0.5
+REVERSED = (
+    -0.2
+)  # of the centre of pressure along the sole (in its lengths), first to last third: usual is 0.5
 
 
 @dataclass(frozen=True)
@@ -47,7 +54,9 @@ class PlateContact:
     end_s: float
     start_seen: bool  # whether that lies inside the record
     end_seen: bool
-    distance_m: float = np.nan  # median of the centre of pressure from the nearest heel-toe line; NaN where unknown
+    distance_m: float = (
+        np.nan
+    )  # median of the centre of pressure from the nearest heel-toe line; NaN where unknown
     warning: str | None = None  # why it should not be trusted
 
 
@@ -55,7 +64,9 @@ class PlateContact:
 class Assignment:
     """The forces on each foot."""
 
-    plates: dict[str, PlateRecording]  # by side, over the whole force record; a side without any contact is missing
+    plates: dict[
+        str, PlateRecording
+    ]  # by side, over the whole force record; a side without any contact is missing
     contacts: tuple[PlateContact, ...]  # in order of time
     unmeasured: dict[str, tuple[Span, ...]]
     """By side, when the foot stands on ground that no plate measures (or shares a plate with the other foot), 0.05 s
@@ -75,8 +86,14 @@ class _Load(PlateContact):
     contradicted: bool = False  # given as stated, against its place
 
 
-def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, FootTrack], pelvis_W: np.ndarray, *,
-                  stated: Mapping[str, str | None] | None = None) -> Assignment:
+def assign_plates(
+    recording: Recording,
+    time_s: np.ndarray,
+    feet: dict[str, FootTrack],
+    pelvis_W: np.ndarray,
+    *,
+    stated: Mapping[str, str | None] | None = None,
+) -> Assignment:
     """Gives the load on each plate to the foot that stands on it.
 
     The recording is on the clock of `time_s` (n,), that of the feet, by side, and of a point of the pelvis, (n, 3) m.
@@ -85,33 +102,59 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
     """
     file = recording.force_path or recording.path
     if not recording.plates:
-        raise InputError("has no force plates", file=file, where="forces (--forces)",
-                         right="Name the file that has the forces")
+        raise InputError(
+            "has no force plates",
+            file=file,
+            where="forces (--forces)",
+            right="Name the file that has the forces",
+        )
     names = {name: side for side, name in (stated or {}).items() if name is not None}
     known = [plate.name for plate in recording.plates]
     for name, side in names.items():
         if name not in known:
-            raise InputError(f"there is no plate {name}", file=file, where=f"forces.{side} (--{side}-plate)",
-                             right=f"Plates are: {', '.join(known)}")
+            raise InputError(
+                f"there is no plate {name}",
+                file=file,
+                where=f"forces.{side} (--{side}-plate)",
+                right=f"Plates are: {', '.join(known)}",
+            )
     forward = events.walking_direction(feet, pelvis_W)
-    stances = {side: tuple(events.kinematic_stances(time_s, feet[side], pelvis_W, forward_W=forward)) for side in SIDES}
+    stances = {
+        side: tuple(events.kinematic_stances(time_s, feet[side], pelvis_W, forward_W=forward))
+        for side in SIDES
+    }
     floor = _FeetOnFloor(time_s, feet, stances)
     plates, notes = _without_doubles(recording, floor)
     force_s = recording.force_time_s
-    loads = [_Load(plate.name, None, **vars(s), of=plate, time_s=force_s, scuff=find is find_scuffs)
-             for plate in plates for find in (find_stances, find_scuffs) for s in find(force_s, plate.force_n[:, 2])]
-    parts = [part for load in sorted(loads, key=lambda load: (load.start_s, load.plate))
-             for part in _attribute(load, floor, names.get(load.plate))]
+    loads = [
+        _Load(plate.name, None, **vars(s), of=plate, time_s=force_s, scuff=find is find_scuffs)
+        for plate in plates
+        for find in (find_stances, find_scuffs)
+        for s in find(force_s, plate.force_n[:, 2])
+    ]
+    parts = [
+        part
+        for load in sorted(loads, key=lambda load: (load.start_s, load.plate))
+        for part in _attribute(load, floor, names.get(load.plate))
+    ]
     parts = [_judge_sharing(load, parts, floor) for load in parts]
     _check_near(parts, recording, time_s)
     owned = {side: [load for load in parts if load.side == side] for side in SIDES}
-    sums = {side: _on_one_foot(force_s, plates, mine) for side, mine in owned.items()
-            if not all(load.scuff for load in mine)}
+    sums = {
+        side: _on_one_foot(force_s, plates, mine)
+        for side, mine in owned.items()
+        if not all(load.scuff for load in mine)
+    }
     record = max(float(force_s[0]), float(time_s[0])), min(float(force_s[-1]), float(time_s[-1]))
     missing, warnings = _unmeasured(parts, stances, record)
-    contacts = [PlateContact(**{key: getattr(load, key) for key in PlateContact.__dataclass_fields__} | {
-        "warning": "; ".join(filter(None, (load.warning, warnings.get(i)))) or None})
-        for i, load in enumerate(parts) if not load.scuff]
+    contacts = [
+        PlateContact(
+            **{key: getattr(load, key) for key in PlateContact.__dataclass_fields__}
+            | {"warning": "; ".join(filter(None, (load.warning, warnings.get(i)))) or None}
+        )
+        for i, load in enumerate(parts)
+        if not load.scuff
+    ]
     for contact in contacts:
         notes += say("feet", "contact", c=contact)
     for side, spans in missing.items():
@@ -124,17 +167,24 @@ def _check_near(loads: Sequence[_Load], recording: Recording, time_s: np.ndarray
     seen = [load for load in loads if not load.scuff and load.in_view]
     if not seen:
         peak = max(float(plate.force_n[:, 2].max()) for plate in recording.plates)
-        raise InputError(f"no plate carries a person between {time_s[0]:.3f} and {time_s[-1]:.3f} s, where the markers "
-                         f"are; the largest vertical force of the record is {peak:.3g} N", file=file, where="forces",
-                         right="Do both recordings count time from the same instant? Is the unit of the forces N?")
+        raise InputError(
+            f"no plate carries a person between {time_s[0]:.3f} and {time_s[-1]:.3f} s, where the markers "
+            f"are; the largest vertical force of the record is {peak:.3g} N",
+            file=file,
+            where="forces",
+            right="Do both recordings count time from the same instant? Is the unit of the forces N?",
+        )
     far = [load for load in seen if load.side is None and load.distance_m > FAR_M]
     if 2 * len(far) > len(seen):
         near = min(far, key=lambda load: load.distance_m)
         raise InputError(
             f"the centre of pressure is {near.distance_m:.2f} m from the nearest foot while the plate carries a person "
-            f"({near.start_s:.3f} to {near.end_s:.3f} s)", file=file, where=f"plate {near.plate}",
+            f"({near.start_s:.3f} to {near.end_s:.3f} s)",
+            file=file,
+            where=f"plate {near.plate}",
             right="Plates and markers must share frame, unit and clock: check the plate's corners, the unit of the "
-                  "centre of pressure, laboratory.up (--up) and laboratory.forward (--forward)")
+            "centre of pressure, laboratory.up (--up) and laboratory.forward (--forward)",
+        )
 
 
 def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Plate], list[str]]:
@@ -154,10 +204,18 @@ def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Pl
         apart = np.linalg.norm(a.force_n[both] - b.force_n[both])
         if apart > SAME_FORCE * np.linalg.norm(a.force_n[both]):
             continue
-        better, worse = (b, a) if distance(a, both) > distance(b, both) else (a, b)  # the nearer to a foot stays
+        better, worse = (
+            (b, a) if distance(a, both) > distance(b, both) else (a, b)
+        )  # the nearer to a foot stays
         left_out.append(worse)
-        notes += say("feet", "doubled", plates=(a.name, b.name), during=time[both][[0, -1]], dropped=worse.name,
-                     kept=better.name)
+        notes += say(
+            "feet",
+            "doubled",
+            plates=(a.name, b.name),
+            during=time[both][[0, -1]],
+            dropped=worse.name,
+            kept=better.name,
+        )
     return [plate for plate in recording.plates if plate not in left_out], notes
 
 
@@ -174,15 +232,21 @@ class _FeetOnFloor:
 
     def at(self, times: np.ndarray, side: str) -> tuple[np.ndarray, np.ndarray]:
         """(k, 2) m of heel and toe in the floor."""
-        heel, toe = (np.column_stack([np.interp(times, self.time_s, point[:, i]) for i in range(2)])
-                     for point in (self.feet[side].heel_W, self.feet[side].toe_W))
+        heel, toe = (
+            np.column_stack([np.interp(times, self.time_s, point[:, i]) for i in range(2)])
+            for point in (self.feet[side].heel_W, self.feet[side].toe_W)
+        )
         return heel, toe
 
     def stands(self, times: np.ndarray, side: str, *, widen_s: float) -> np.ndarray:
         """(k,) whether the foot is in stance, each stance wider by `widen_s` at both ends."""
-        return _within(times, [(s.start_s - widen_s, s.end_s + widen_s) for s in self.stances[side]])
+        return _within(
+            times, [(s.start_s - widen_s, s.end_s + widen_s) for s in self.stances[side]]
+        )
 
-    def distance(self, times: np.ndarray, points: np.ndarray, side: str) -> tuple[np.ndarray, np.ndarray]:
+    def distance(
+        self, times: np.ndarray, points: np.ndarray, side: str
+    ) -> tuple[np.ndarray, np.ndarray]:
         """(k,) m from `points` (k, 2) to the foot's heel-toe line, and where along it (0 heel, 1 toe)."""
         return from_line(points, *self.at(times, side))
 
@@ -198,9 +262,12 @@ def _within(times: np.ndarray, spans: Sequence[Span]) -> np.ndarray:
 def _rows(load: _Load, floor: _FeetOnFloor, lowest_n: float) -> np.ndarray:
     """Samples to judge by: loaded, with a centre of pressure, while the feet are seen."""
     time = load.time_s
-    rows = np.flatnonzero(_within(time, [(max(load.start_s, floor.time_s[0]), min(load.end_s, floor.time_s[-1]))])
-                          & (load.of.force_n[:, 2] > lowest_n) & np.isfinite(load.of.cop_m[:, :2]).all(axis=1))
-    return rows[::max(1, int((len(time) - 1) / (time[-1] - time[0]) / ANALYSIS_HZ))]
+    rows = np.flatnonzero(
+        _within(time, [(max(load.start_s, floor.time_s[0]), min(load.end_s, floor.time_s[-1]))])
+        & (load.of.force_n[:, 2] > lowest_n)
+        & np.isfinite(load.of.cop_m[:, :2]).all(axis=1)
+    )
+    return rows[:: max(1, int((len(time) - 1) / (time[-1] - time[0]) / ANALYSIS_HZ))]
 
 
 def _attribute(load: _Load, floor: _FeetOnFloor, stated: str | None) -> list[_Load]:
@@ -213,34 +280,61 @@ def _attribute(load: _Load, floor: _FeetOnFloor, stated: str | None) -> list[_Lo
         return [_by_time(load, floor, stated)]
     times, points = load.time_s[rows], load.of.cop_m[rows, :2]
     apart = {side: floor.distance(times, points, side) for side in SIDES}
-    cost = [apart[side][0] + SWING_COST_M * ~floor.stands(times, side, widen_s=SWING_MARGIN_S) for side in SIDES]
+    cost = [
+        apart[side][0] + SWING_COST_M * ~floor.stands(times, side, widen_s=SWING_MARGIN_S)
+        for side in SIDES
+    ]
     turns = _turns(np.argmin(cost, axis=0), times)
     if stated is not None or len(turns) == 1:
         side = stated or turns[0][2]
         distance, nearer = (float(np.median(apart[s][0])) for s in (side, turns[0][2]))
         if stated is not None and (len(turns) > 1 or stated != turns[0][2] or distance > FAR_M):
             other = next(s for s in SIDES if s != stated) if len(turns) > 1 else turns[0][2]
-            [warning] = say("feet", "contradicted", stated=stated, distance_m=distance, other=other,
-                            nearer_m=float(np.median(apart[other][0])))
-            return [replace(load, warning=warning, side=stated, distance_m=distance, contradicted=True)]
+            [warning] = say(
+                "feet",
+                "contradicted",
+                stated=stated,
+                distance_m=distance,
+                other=other,
+                nearer_m=float(np.median(apart[other][0])),
+            )
+            return [
+                replace(load, warning=warning, side=stated, distance_m=distance, contradicted=True)
+            ]
         return [_judged(load, side, nearer, apart[side][1])]
-    distances = [float(np.median(apart[side][0][first:last + 1])) for first, last, side in turns]
+    distances = [float(np.median(apart[side][0][first : last + 1])) for first, last, side in turns]
     if max(distances) > FAR_M:
         [warning] = say("feet", "far", distance_m=max(distances), partly=True)
         return [replace(load, warning=warning, distance_m=max(distances))]
     [warning] = say("feet", "shared")
-    return [replace(load, warning=warning, start_s=load.start_s if first == 0 else float(times[first]), shared=True,
-                    end_s=load.end_s if last == len(times) - 1 else float(times[last + 1]), distance_m=distance)
-            for (first, last, _), distance in zip(turns, distances, strict=True)]
+    return [
+        replace(
+            load,
+            warning=warning,
+            start_s=load.start_s if first == 0 else float(times[first]),
+            shared=True,
+            end_s=load.end_s if last == len(times) - 1 else float(times[last + 1]),
+            distance_m=distance,
+        )
+        for (first, last, _), distance in zip(turns, distances, strict=True)
+    ]
 
 
 def _judged(load: _Load, side: str, distance: float, along: np.ndarray) -> _Load:
     if distance > FAR_M:
-        return replace(load, warning=say("feet", "far", distance_m=distance, partly=False)[0], distance_m=distance)
+        return replace(
+            load,
+            warning=say("feet", "far", distance_m=distance, partly=False)[0],
+            distance_m=distance,
+        )
     warnings = say("feet", "beside", distance_m=distance) if distance > BESIDE_M else []
     third = len(along) // 3
-    if (load.start_seen and load.end_seen and third > 3
-            and float(np.median(along[-third:]) - np.median(along[:third])) < REVERSED):
+    if (
+        load.start_seen
+        and load.end_seen
+        and third > 3
+        and float(np.median(along[-third:]) - np.median(along[:third])) < REVERSED
+    ):
         warnings += say("feet", "reversed")
     return replace(load, side=side, distance_m=distance, warning="; ".join(warnings) or None)
 
@@ -249,17 +343,30 @@ def _by_time(load: _Load, floor: _FeetOnFloor, stated: str | None) -> _Load:
     """The foot whose own stance fits the load's times best, where there is no centre of pressure."""
     if load.scuff:
         return load
-    misfit = {side: min((abs(s.start_s - load.start_s) * (s.start_seen and load.start_seen)
-                         + abs(s.end_s - load.end_s) * (s.end_seen and load.end_seen)
-                         + 10.0 * (min(s.end_s, load.end_s) <= max(s.start_s, load.start_s))
-                         for s in floor.stances[side]), default=np.inf) for side in SIDES}
-    return replace(load, warning=say("feet", "by_time")[0], side=stated or min(SIDES, key=lambda s: misfit[s]))
+    misfit = {
+        side: min(
+            (
+                abs(s.start_s - load.start_s) * (s.start_seen and load.start_seen)
+                + abs(s.end_s - load.end_s) * (s.end_seen and load.end_seen)
+                + 10.0 * (min(s.end_s, load.end_s) <= max(s.start_s, load.start_s))
+                for s in floor.stances[side]
+            ),
+            default=np.inf,
+        )
+        for side in SIDES
+    }
+    return replace(
+        load, warning=say("feet", "by_time")[0], side=stated or min(SIDES, key=lambda s: misfit[s])
+    )
 
 
 def _turns(nearest: np.ndarray, times: np.ndarray) -> list[tuple[int, int, str]]:
     width = 2 * int(SHORTEST_TURN_S / float(np.median(np.diff(times)))) + 1
-    smooth = median_filter(nearest, size=width, mode="nearest") if len(nearest) > width else np.full(
-        len(nearest), int(np.mean(nearest) > 0.5))
+    smooth = (
+        median_filter(nearest, size=width, mode="nearest")
+        if len(nearest) > width
+        else np.full(len(nearest), int(np.mean(nearest) > 0.5))
+    )
     edges = [0, *(np.flatnonzero(np.diff(smooth)) + 1), len(smooth)]
     return [(int(a), int(b) - 1, SIDES[smooth[a]]) for a, b in pairwise(edges)]
 
@@ -267,7 +374,13 @@ def _turns(nearest: np.ndarray, times: np.ndarray) -> list[tuple[int, int, str]]
 def _judge_sharing(load: _Load, loads: Sequence[_Load], floor: _FeetOnFloor) -> _Load:
     """The same load without a foot if both stand on the plate at once."""
     side, corners = load.side, load.of.corners_m
-    if side is None or load.scuff or load.contradicted or not load.in_view or np.isnan(load.distance_m):
+    if (
+        side is None
+        or load.scuff
+        or load.contradicted
+        or not load.in_view
+        or np.isnan(load.distance_m)
+    ):
         return load
     rows = _rows(load, floor, LIGHT_N)
     times, points = load.time_s[rows], load.of.cop_m[rows, :2]
@@ -279,19 +392,29 @@ def _judge_sharing(load: _Load, loads: Sequence[_Load], floor: _FeetOnFloor) -> 
     if corners is not None:
         heel, toe = floor.at(times, other)
         on = _inside(heel, corners) | _inside(toe, corners)
-        elsewhere = _within(times, [(one.start_s, one.end_s) for one in loads
-                                    if one.plate != load.plate and one.side == other])
+        elsewhere = _within(
+            times,
+            [
+                (one.start_s, one.end_s)
+                for one in loads
+                if one.plate != load.plate and one.side == other
+            ],
+        )
         pulled &= _touches(heel, toe, corners)
         pulled |= both & on & ~elsewhere
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     shared = np.count_nonzero(pulled) * step >= SHARED_S
-    return replace(load, warning=say("feet", "shared")[0], side=None, shared=True) if shared else load
+    return (
+        replace(load, warning=say("feet", "shared")[0], side=None, shared=True) if shared else load
+    )
 
 
 def _touches(heel: np.ndarray, toe: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
     """(k,) whether some point of a foot's line lies within half a shoe of the plate."""
     sides = corners_m[:, :2] - corners_m[:, :2].mean(axis=0)
-    wider = corners_m[:, :2] + BESIDE_M * np.sqrt(2.0) * sides / np.linalg.norm(sides, axis=1, keepdims=True)
+    wider = corners_m[:, :2] + BESIDE_M * np.sqrt(2.0) * sides / np.linalg.norm(
+        sides, axis=1, keepdims=True
+    )
     touches = np.zeros(len(heel), dtype=bool)
     for part in np.linspace(0.0, 1.0, 5):
         touches |= _inside(heel + part * (toe - heel), wider)
@@ -306,12 +429,23 @@ def _inside(points: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
 # The forces of several plates as one force on one foot; and when it is not known, on ground that no plate measures.
 
 
-def _on_one_foot(time_s: np.ndarray, plates: Sequence[Plate], loads: Sequence[_Load]) -> PlateRecording:
+def _on_one_foot(
+    time_s: np.ndarray, plates: Sequence[Plate], loads: Sequence[_Load]
+) -> PlateRecording:
     """Adds up the loads of one foot; outside them the force is zero."""
-    own = [(plate, _within(time_s, [_with_tails(load) for load in loads if load.of is plate])) for plate in plates]
-    parts = [(p, mask, mask & np.isfinite(p.cop_m[:, :2]).all(axis=1)) for p, mask in own if mask.any()]
+    own = [
+        (plate, _within(time_s, [_with_tails(load) for load in loads if load.of is plate]))
+        for plate in plates
+    ]
+    parts = [
+        (p, mask, mask & np.isfinite(p.cop_m[:, :2]).all(axis=1)) for p, mask in own if mask.any()
+    ]
     force, cop = np.zeros((len(time_s), 3)), np.full((len(time_s), 3), np.nan)
-    moved, weights, moment = np.zeros((len(time_s), 2)), np.zeros(len(time_s)), np.zeros(len(time_s))
+    moved, weights, moment = (
+        np.zeros((len(time_s), 2)),
+        np.zeros(len(time_s)),
+        np.zeros(len(time_s)),
+    )
 
     # Forces add; the centre of pressure is where their sum has no horizontal moment: x = sum(x_i F_zi) / sum(F_zi).
     for plate, mask, placed in parts:
@@ -325,14 +459,20 @@ def _on_one_foot(time_s: np.ndarray, plates: Sequence[Plate], loads: Sequence[_L
     has_cop = bool(known.any())
     if has_cop:
         for i in range(2):
-            cop[loaded & ~known, i] = np.interp(time_s[loaded & ~known], time_s[known], cop[known, i])
+            cop[loaded & ~known, i] = np.interp(
+                time_s[loaded & ~known], time_s[known], cop[known, i]
+            )
         cop[loaded, 2] = 0.0
 
     # The free moment: those of the plates, and r x F_shear of each about the common centre, r from there to its own.
     for plate, _, placed in parts:
         at = placed & known
         arm = plate.cop_m[at, :2] - cop[at, :2]
-        moment[at] += plate.free_moment_nm[at] + arm[:, 0] * plate.force_n[at, 1] - arm[:, 1] * plate.force_n[at, 0]
+        moment[at] += (
+            plate.free_moment_nm[at]
+            + arm[:, 0] * plate.force_n[at, 1]
+            - arm[:, 1] * plate.force_n[at, 0]
+        )
     return PlateRecording(np.array(time_s), force, cop, moment, has_cop)
 
 
@@ -341,22 +481,34 @@ def _with_tails(load: _Load) -> Span:
     time, quiet = load.time_s, np.flatnonzero(load.of.force_n[:, 2] <= TAIL_N)
     first, last = np.searchsorted(time, (load.start_s, load.end_s))
     before, after = quiet[quiet < first], quiet[quiet > last]
-    return (max(load.start_s - TAIL_S, time[before[-1]] if before.size else -np.inf),
-            min(load.end_s + TAIL_S, time[after[0]] if after.size else np.inf))
+    return (
+        max(load.start_s - TAIL_S, time[before[-1]] if before.size else -np.inf),
+        min(load.end_s + TAIL_S, time[after[0]] if after.size else np.inf),
+    )
 
 
-def _unmeasured(loads: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
-                record: Span) -> tuple[dict[str, tuple[Span, ...]], dict[int, str]]:
+def _unmeasured(
+    loads: Sequence[_Load], stances: dict[str, tuple[Stance, ...]], record: Span
+) -> tuple[dict[str, tuple[Span, ...]], dict[int, str]]:
     """By side, stances of which some part is on no plate; and warnings about loads that cover them in part."""
     missing: dict[str, tuple[Span, ...]] = {}
     warnings: dict[int, str] = {}
     for side in SIDES:
-        spans = [(load.start_s, load.end_s) for load in loads if load.shared
-                 and any(min(load.end_s, s.end_s) > max(load.start_s, s.start_s) for s in stances[side])]
+        spans = [
+            (load.start_s, load.end_s)
+            for load in loads
+            if load.shared
+            and any(min(load.end_s, s.end_s) > max(load.start_s, s.start_s) for s in stances[side])
+        ]
         for stance in stances[side]:
             start, end = max(stance.start_s, record[0]), min(stance.end_s, record[1])
-            covering = {i: (load.start_s, load.end_s) for i, load in enumerate(loads) if load.side == side
-                        and not load.scuff and min(load.end_s, end) > max(load.start_s, start)}
+            covering = {
+                i: (load.start_s, load.end_s)
+                for i, load in enumerate(loads)
+                if load.side == side
+                and not load.scuff
+                and min(load.end_s, end) > max(load.start_s, start)
+            }
 
             # A stance with a gap of more than 0.12 s counts as a whole: half of one cannot be compared.
             gap, at = 0.0, start
@@ -369,7 +521,9 @@ def _unmeasured(loads: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
             warnings |= dict.fromkeys(covering, say("feet", "part", gap_s=gap)[0])
 
         merged: list[Span] = []
-        for a, b in sorted((max(a - WIDEN_S, record[0]), min(b + WIDEN_S, record[1])) for a, b in spans):
+        for a, b in sorted(
+            (max(a - WIDEN_S, record[0]), min(b + WIDEN_S, record[1])) for a, b in spans
+        ):
             if b > a and merged and a <= merged[-1][1]:
                 merged[-1] = (merged[-1][0], max(merged[-1][1], b))
             elif b > a:

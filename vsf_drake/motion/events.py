@@ -51,8 +51,13 @@ class Stance:
         return self.end_s - self.start_s
 
 
-def find_stances(time_s: np.ndarray, vertical_force: np.ndarray, *, threshold_n: float = THRESHOLD_N,
-                 bridge_s: float = BRIDGE_S) -> list[Stance]:
+def find_stances(
+    time_s: np.ndarray,
+    vertical_force: np.ndarray,
+    *,
+    threshold_n: float = THRESHOLD_N,
+    bridge_s: float = BRIDGE_S,
+) -> list[Stance]:
     """Stances, in order of time, from (n,) increasing s and N on the foot, up positive; all finite, else ValueError.
 
     The foot is on the ground while the force exceeds the threshold. A drop-out shorter than `bridge_s` does not end a
@@ -60,15 +65,25 @@ def find_stances(time_s: np.ndarray, vertical_force: np.ndarray, *, threshold_n:
     `MINIMUM_PEAK_N`, a scuff in swing, is no stance. One that begins or ends by a jump that no foot makes is marked as
     cut there. Instants are interpolated linearly between samples.
     """
-    return [contact for contact, stands in _contacts(time_s, vertical_force, threshold_n, bridge_s) if stands]
+    return [
+        contact
+        for contact, stands in _contacts(time_s, vertical_force, threshold_n, bridge_s)
+        if stands
+    ]
 
 
 def find_scuffs(time_s: np.ndarray, vertical_force: np.ndarray) -> list[Stance]:
     """The contacts above the threshold that `find_stances` does not count, in order of time."""
-    return [contact for contact, stands in _contacts(time_s, vertical_force, THRESHOLD_N, BRIDGE_S) if not stands]
+    return [
+        contact
+        for contact, stands in _contacts(time_s, vertical_force, THRESHOLD_N, BRIDGE_S)
+        if not stands
+    ]
 
 
-def _contacts(time_s: np.ndarray, force: np.ndarray, threshold: float, bridge_s: float) -> list[tuple[Stance, bool]]:
+def _contacts(
+    time_s: np.ndarray, force: np.ndarray, threshold: float, bridge_s: float
+) -> list[tuple[Stance, bool]]:
     """Each contact, and whether it is a stance."""
     time_s, force = np.asarray(time_s, dtype=float), np.asarray(force, dtype=float)
     if time_s.ndim != 1 or time_s.shape != force.shape:
@@ -86,7 +101,9 @@ def _contacts(time_s: np.ndarray, force: np.ndarray, threshold: float, bridge_s:
     if on.size and on[-1]:
         instants.append(time_s[-1])
 
-    bouts: list[list[float]] = []  # hysteresis in time: drop-outs shorter than `bridge_s` are bridged
+    bouts: list[
+        list[float]
+    ] = []  # hysteresis in time: drop-outs shorter than `bridge_s` are bridged
     for start, end in zip(instants[::2], instants[1::2], strict=True):
         if bouts and start - bouts[-1][1] < bridge_s:
             bouts[-1][1] = end
@@ -96,24 +113,37 @@ def _contacts(time_s: np.ndarray, force: np.ndarray, threshold: float, bridge_s:
     contacts, most = [], FASTEST_PER_S * max(threshold, force.max(initial=0.0))
     for start, end in bouts:
         peak = float(force[(time_s >= start) & (time_s <= end)].max(initial=threshold))
-        before, after = int(np.searchsorted(time_s, start, "right")) - 1, int(np.searchsorted(time_s, end, "left"))
-        seen = (not ((on[0] and start == time_s[0]) or _jumps(time_s, force, before, 1, most)),
-                not ((on[-1] and end == time_s[-1]) or _jumps(time_s, force, after, -1, most)))
-        cut = (not seen[0] and before == 0) or (not seen[1] and after == len(time_s) - 1)  # its ends may be blank
+        before, after = (
+            int(np.searchsorted(time_s, start, "right")) - 1,
+            int(np.searchsorted(time_s, end, "left")),
+        )
+        seen = (
+            not ((on[0] and start == time_s[0]) or _jumps(time_s, force, before, 1, most)),
+            not ((on[-1] and end == time_s[-1]) or _jumps(time_s, force, after, -1, most)),
+        )
+        cut = (not seen[0] and before == 0) or (
+            not seen[1] and after == len(time_s) - 1
+        )  # its ends may be blank
         contact = Stance(float(start), float(end), *seen)
-        contacts.append((contact, peak >= MINIMUM_PEAK_N and (contact.duration_s >= MINIMUM_S or cut)))
+        contacts.append(
+            (contact, peak >= MINIMUM_PEAK_N and (contact.duration_s >= MINIMUM_S or cut))
+        )
     return contacts
 
 
 def _jumps(time_s: np.ndarray, force: np.ndarray, unloaded: int, way: int, most: float) -> bool:
     """Whether the force changes faster beside the unloaded sample than a foot's does, `most` newtons a second."""
     apart = max(WITHIN_S, abs(time_s[unloaded + way] - time_s[unloaded]))
-    return bool(np.interp(time_s[unloaded] + way * apart, time_s, force) > max(LEAST_JUMP_N, most * apart))
+    return bool(
+        np.interp(time_s[unloaded] + way * apart, time_s, force) > max(LEAST_JUMP_N, most * apart)
+    )
 
 
 def runs(flags: ArrayLike) -> list[tuple[int, int]]:
     """The stretches [start, stop) in which `flags` (n,) is True, in order."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], np.asarray(flags, dtype=bool), [False]))))
+    edges = np.flatnonzero(
+        np.diff(np.concatenate(([False], np.asarray(flags, dtype=bool), [False])))
+    )
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
@@ -135,28 +165,45 @@ SMALLEST_STEP_M = 0.15  # a foot that moves less than this to and fro under the 
 PROMINENCE = 0.3
 """An extreme counts as an event if it stands out by this share of the foot's whole travel: ripples do not."""
 SHORTEST_S = 0.15  # shortest stance or swing: events closer than this are one event
-AT_REST_M_PER_S = 0.5  # a foot slower than this over the ground rests on it; swinging feet reach 3 m/s and more
+AT_REST_M_PER_S = (
+    0.5  # a foot slower than this over the ground rests on it; swinging feet reach 3 m/s and more
+)
 TURNED_S = 0.08
 TURNED_M = 0.05  # a standing body sways by 1 to 3 cm; a foot that lifts is 0.1 m ahead after 0.1 s (a choice)
-SHARPEN_S = 0.12  # how far from the coarse instant the sharper one is sought: twice the largest error seen
+SHARPEN_S = (
+    0.12  # how far from the coarse instant the sharper one is sought: twice the largest error seen
+)
 NEAR_FLOOR_M = 0.04
 
 
-def kinematic_stances(time_s: np.ndarray, foot: FootTrack, pelvis_W: np.ndarray, *,
-                      forward_W: np.ndarray | None = None) -> list[Stance]:
+def kinematic_stances(
+    time_s: np.ndarray,
+    foot: FootTrack,
+    pelvis_W: np.ndarray,
+    *,
+    forward_W: np.ndarray | None = None,
+) -> list[Stance]:
     """When a foot stands on the ground, as far as its motion tells, in order of time (n,) s, evenly spaced.
 
     A foot that does not walk stands all the time if its sole stays near its lowest, and else never. `pelvis_W` is
     (n, 3) m of a point of the pelvis, `forward_W` (2,) the direction of walking: that of this foot by default."""
-    forward = walking_direction({"": foot}, pelvis_W) if forward_W is None else np.asarray(forward_W, dtype=float)
+    forward = (
+        walking_direction({"": foot}, pelvis_W)
+        if forward_W is None
+        else np.asarray(forward_W, dtype=float)
+    )
     heel, toe = ((point - pelvis_W)[:, :2] @ forward for point in (foot.heel_W, foot.toe_W))
     sole = np.minimum(foot.heel_W[:, 2], foot.toe_W[:, 2])
     if np.ptp(heel) < SMALLEST_STEP_M:
         near = bool(np.all(sole < sole.min() + NEAR_FLOOR_M))
         return [Stance(float(time_s[0]), float(time_s[-1]), False, False)] if near else []
-    events = sorted([(t, True) for t in _extremes(heel, time_s)] + [(t, False) for t in _extremes(-toe, time_s)])
+    events = sorted(
+        [(t, True) for t in _extremes(heel, time_s)] + [(t, False) for t in _extremes(-toe, time_s)]
+    )
     if not events:
-        speed = np.linalg.norm(np.gradient(0.5 * (foot.heel_W + foot.toe_W), time_s, axis=0), axis=1)
+        speed = np.linalg.norm(
+            np.gradient(0.5 * (foot.heel_W + foot.toe_W), time_s, axis=0), axis=1
+        )
         rests = np.median(speed) < AT_REST_M_PER_S and np.ptp(sole) < NEAR_FLOOR_M
         return [Stance(float(time_s[0]), float(time_s[-1]), False, False)] if rests else []
     events = _with_ends(events, heel, toe, time_s)
@@ -165,7 +212,9 @@ def kinematic_stances(time_s: np.ndarray, foot: FootTrack, pelvis_W: np.ndarray,
 
 def walking_direction(feet: Mapping[str, FootTrack], pelvis_W: np.ndarray) -> np.ndarray:
     """(2,) unit vector in the floor: the mean direction from heel to toe."""
-    pointing = np.sum([np.mean((foot.toe_W - foot.heel_W)[:, :2], axis=0) for foot in feet.values()], axis=0)
+    pointing = np.sum(
+        [np.mean((foot.toe_W - foot.heel_W)[:, :2], axis=0) for foot in feet.values()], axis=0
+    )
     travelled = (pelvis_W[-1] - pelvis_W[0])[:2]
     if np.linalg.norm(travelled) > 1.0:
         pointing = travelled if travelled @ pointing > 0.0 else -travelled
@@ -175,19 +224,23 @@ def walking_direction(feet: Mapping[str, FootTrack], pelvis_W: np.ndarray) -> np
 
 def _extremes(values: np.ndarray, time_s: np.ndarray) -> list[float]:
     step = float(np.median(np.diff(time_s)))
-    peaks, _ = find_peaks(values, prominence=PROMINENCE * np.ptp(values), distance=max(1, round(SHORTEST_S / step)))
+    peaks, _ = find_peaks(
+        values, prominence=PROMINENCE * np.ptp(values), distance=max(1, round(SHORTEST_S / step))
+    )
     return [float(instant) for instant in time_s[peaks]]
 
 
-def _with_ends(events: list[tuple[float, bool]], heel: np.ndarray, toe: np.ndarray,
-               time_s: np.ndarray) -> list[tuple[float, bool]]:
+def _with_ends(
+    events: list[tuple[float, bool]], heel: np.ndarray, toe: np.ndarray, time_s: np.ndarray
+) -> list[tuple[float, bool]]:
     """The events (instant, whether a strike), and one more at an end of the record where the foot, since the outermost
     of them, was farthest ahead or behind and has turned back for longer than an event can be wrong. Turns within a
     stance, of one who begins or ends to walk, are small."""
     events, (first, first_strikes), (last, last_strikes) = list(events), events[0], events[-1]
     for rows, edge, strike, least in (
-            (np.flatnonzero(time_s > last), -1, not last_strikes, TURNED_M if last_strikes else 0.0),
-            (np.flatnonzero(time_s < first), 0, not first_strikes, 0.0 if first_strikes else TURNED_M)):
+        (np.flatnonzero(time_s > last), -1, not last_strikes, TURNED_M if last_strikes else 0.0),
+        (np.flatnonzero(time_s < first), 0, not first_strikes, 0.0 if first_strikes else TURNED_M),
+    ):
         far = heel if strike else -toe
         turn = rows[np.argmax(far[rows])] if rows.size else edge
         if abs(time_s[edge] - time_s[turn]) > TURNED_S and far[turn] - far[edge] >= least:

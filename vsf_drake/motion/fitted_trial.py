@@ -25,7 +25,10 @@ from vsf_drake.sentences import say
 MASS_TOLERANCE, STATURE_TOLERANCE = 0.05, 0.02
 """Shares by which a person may differ from day to day and still be the same (choices)."""
 APPLIED = "A fitted contact was applied"
-_GRAIN, _GRAIN_N = 1e-6, 1e-3  # s, m, rad; and N: numbers that differ by less are the same, whatever computed them
+_GRAIN, _GRAIN_N = (
+    1e-6,
+    1e-3,
+)  # s, m, rad; and N: numbers that differ by less are the same, whatever computed them
 
 
 def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None = None) -> Trial:
@@ -39,29 +42,59 @@ def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None 
         raise InputError("the trial has a fitted contact already", file=file, where=trial.name)
     recorded = fingerprint(trial)
     here = next((fitted for fitted in contact.trials if fitted.fingerprint == recorded), None)
-    offsets = {key: value + contact.values.get(f"offset.{key.rsplit('_', 1)[0]}", 0.0)
-               + (here.height_m if here and key == "height_m" else 0.0) for key, value in vars(trial.offsets).items()}
-    notes = say("trial", "contact", applied=APPLIED, file=file and Path(file).name, strategy=contact.strategy,
-                values=len(contact.values), curves=[curve.coordinate for curve in contact.curves],
-                own=here is not None, path=here and here.path, converged=contact.converged)
+    offsets = {
+        key: value
+        + contact.values.get(f"offset.{key.rsplit('_', 1)[0]}", 0.0)
+        + (here.height_m if here and key == "height_m" else 0.0)
+        for key, value in vars(trial.offsets).items()
+    }
+    notes = say(
+        "trial",
+        "contact",
+        applied=APPLIED,
+        file=file and Path(file).name,
+        strategy=contact.strategy,
+        values=len(contact.values),
+        curves=[curve.coordinate for curve in contact.curves],
+        own=here is not None,
+        path=here and here.path,
+        converged=contact.converged,
+    )
     return dataclasses.replace(
-        trial, model=model_with(trial.model, contact.values, file=file),
-        offsets=check(GeometricOffsets(**offsets), file=file), trajectory=_trajectory(trial, contact, here),
+        trial,
+        model=model_with(trial.model, contact.values, file=file),
+        offsets=check(GeometricOffsets(**offsets), file=file),
+        trajectory=_trajectory(trial, contact, here),
         notes=(*trial.notes, *notes),
-        inputs=trial.inputs | ({} if file is None else {f"contact: {Path(file).name}": sha256(file)}))
+        inputs=trial.inputs
+        | ({} if file is None else {f"contact: {Path(file).name}": sha256(file)}),
+    )
 
 
-def check_person(subject: Subject, contact: FittedContact, *, file: str | Path | None = None) -> None:
+def check_person(
+    subject: Subject, contact: FittedContact, *, file: str | Path | None = None
+) -> None:
     """Raises InputError if `contact` was fitted to somebody else, or to the other side."""
     fitted = contact.subject
     if subject.prosthetic_side != fitted.prosthetic_side:
-        raise InputError(f"it was fitted to a prosthesis on the {fitted.prosthetic_side}, this person has one on the "
-                         f"{subject.prosthetic_side}", file=file, where="subject.prosthetic_side")
-    for key, unit, tolerance in (("mass_kg", "kg", MASS_TOLERANCE), ("stature_m", "m", STATURE_TOLERANCE)):
+        raise InputError(
+            f"it was fitted to a prosthesis on the {fitted.prosthetic_side}, this person has one on the "
+            f"{subject.prosthetic_side}",
+            file=file,
+            where="subject.prosthetic_side",
+        )
+    for key, unit, tolerance in (
+        ("mass_kg", "kg", MASS_TOLERANCE),
+        ("stature_m", "m", STATURE_TOLERANCE),
+    ):
         own, theirs = getattr(subject, key), getattr(fitted, key)
         if abs(own - theirs) > tolerance * theirs:
-            raise InputError(f"it was fitted to a person of {theirs:g} {unit}, this one has {own:g} {unit}", file=file,
-                             where=f"subject.{key}", right="A contact is one person's: fit it to this one's trials")
+            raise InputError(
+                f"it was fitted to a person of {theirs:g} {unit}, this one has {own:g} {unit}",
+                file=file,
+                where=f"subject.{key}",
+                right="A contact is one person's: fit it to this one's trials",
+            )
 
 
 def fingerprint(trial: Trial) -> str:
@@ -73,7 +106,9 @@ def fingerprint(trial: Trial) -> str:
 
     def add(name: str, values: np.ndarray, grain: float) -> None:
         counts = np.rint(np.nan_to_num(np.asarray(values, dtype=float)) / grain).astype("<i8")
-        digest.update(f"\0{name} {counts.shape}\0".encode() + np.ascontiguousarray(counts).tobytes())
+        digest.update(
+            f"\0{name} {counts.shape}\0".encode() + np.ascontiguousarray(counts).tobytes()
+        )
 
     add("window", np.array([trial.start_s, trial.end_s]), _GRAIN)
     add("time", trial.trajectory.time_s, _GRAIN)
@@ -86,17 +121,33 @@ def fingerprint(trial: Trial) -> str:
     return digest.hexdigest()
 
 
-def _trajectory(trial: Trial, contact: FittedContact, own: FittedTrial | None) -> CoordinateTrajectory:
+def _trajectory(
+    trial: Trial, contact: FittedContact, own: FittedTrial | None
+) -> CoordinateTrajectory:
     motion = trial.trajectory
     time, added = motion.time_s, list[tuple[str, np.ndarray | float]]()
-    added += [(name.removeprefix("coordinate."), value) for name, value in contact.values.items()
-              if name.startswith("coordinate.")]
+    added += [
+        (name.removeprefix("coordinate."), value)
+        for name, value in contact.values.items()
+        if name.startswith("coordinate.")
+    ]
     if contact.curves:
         phase = gait_phase(trial)(time)
-        added += [(curve.coordinate, periodic_bsplines(len(curve.coefficients))(phase) @ np.array(curve.coefficients))
-                  for curve in contact.curves]
-    added += [(name, window_bsplines(trial.start_s, trial.end_s, len(coefficients))(time) @ np.array(coefficients))
-              for name, coefficients in (own.path | own.curves if own else {}).items()]
+        added += [
+            (
+                curve.coordinate,
+                periodic_bsplines(len(curve.coefficients))(phase) @ np.array(curve.coefficients),
+            )
+            for curve in contact.curves
+        ]
+    added += [
+        (
+            name,
+            window_bsplines(trial.start_s, trial.end_s, len(coefficients))(time)
+            @ np.array(coefficients),
+        )
+        for name, coefficients in (own.path | own.curves if own else {}).items()
+    ]
     if not added:
         return motion
     motion.ordered(list(dict(added)))  # names what is missing
@@ -133,15 +184,26 @@ def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.nd
         stances, file = source, None
     seen = [stance for stance in stances if stance.complete]
     if not seen:
-        raise InputError("the plate saw only part of the stance" if stances else "the plate saw no stance", file=file,
-                         where="forces", right="A gait cycle needs strike and lift-off of the prosthetic foot")
+        raise InputError(
+            "the plate saw only part of the stance" if stances else "the plate saw no stance",
+            file=file,
+            where="forces",
+            right="A gait cycle needs strike and lift-off of the prosthetic foot",
+        )
     if any(later.start_s <= earlier.end_s for earlier, later in pairwise(seen)):
         raise ValueError("stances must follow each other")
 
     # Phases at strikes and lift-offs; strikes further apart than a stride count as so many cycles.
     stride_s = np.mean([stance.duration_s for stance in seen]) / STANCE_SHARE
-    cycles = np.cumsum([0, *(max(1, round((later.start_s - earlier.start_s) / stride_s))
-                             for earlier, later in pairwise(seen))])
+    cycles = np.cumsum(
+        [
+            0,
+            *(
+                max(1, round((later.start_s - earlier.start_s) / stride_s))
+                for earlier, later in pairwise(seen)
+            ),
+        ]
+    )
     phases = (cycles[:, None] + [0.0, STANCE_SHARE]).ravel()
     instants = np.array([(stance.start_s, stance.end_s) for stance in seen]).ravel()
 
@@ -149,13 +211,19 @@ def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.nd
     rates = STANCE_SHARE / np.array([stance.duration_s for stance in (seen[0], seen[-1])])
     mean = np.diff(phases) / np.diff(instants)
     before, after = mean[:-1], mean[1:]
-    inner = np.minimum(2.0 * before * after / (before + after), STEEPEST * np.minimum(before, after))
+    inner = np.minimum(
+        2.0 * before * after / (before + after), STEEPEST * np.minimum(before, after)
+    )
     slopes = np.concatenate([rates[:1], inner, rates[1:]])
-    between = BPoly.from_derivatives(instants, np.column_stack([phases, slopes, np.zeros(len(slopes))]))
+    between = BPoly.from_derivatives(
+        instants, np.column_stack([phases, slopes, np.zeros(len(slopes))])
+    )
 
     def phase(times: np.ndarray) -> np.ndarray:
         times = np.asarray(times, dtype=float)
         early, late = np.minimum(times - instants[0], 0.0), np.maximum(times - instants[-1], 0.0)
-        return np.asarray(between(np.clip(times, instants[0], instants[-1])) + rates[0] * early + rates[1] * late)
+        return np.asarray(
+            between(np.clip(times, instants[0], instants[-1])) + rates[0] * early + rates[1] * late
+        )
 
     return phase

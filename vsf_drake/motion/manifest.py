@@ -21,7 +21,14 @@ from vsf_drake.yaml_file import read_yaml
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 MARKER_FILES = (".c3d", ".trc")
 APART = 0.05  # a stated length that differs by more than this share from the markers' own is worth a note
-_MARKER_KEYS = ("standing", "marker_map", "hip_centre", "marker_cutoff_hz", "already_filtered", "laboratory")
+_MARKER_KEYS = (
+    "standing",
+    "marker_map",
+    "hip_centre",
+    "marker_cutoff_hz",
+    "already_filtered",
+    "laboratory",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +36,8 @@ class ProsthesisSetting:
     """How the foot was set during the trial."""
 
     fulcrum_mm: float = quantity(  # distance of the fulcrum from A
-        unit="mm", low=0.0, high=1000.0, source="set on the device, from the keel's end A")
+        unit="mm", low=0.0, high=1000.0, source="set on the device, from the keel's end A"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,10 +53,15 @@ class ForceColumns:
 class Laboratory:
     """What a marker or force file does not say of itself; None leaves it to the file."""
 
-    up: str | None = choice(None, options=AXES, source="stated: the laboratory's axis that points up")
-    forward: str | None = choice(None, options=AXES, source="stated: the laboratory's axis along which they walk")
+    up: str | None = choice(
+        None, options=AXES, source="stated: the laboratory's axis that points up"
+    )
+    forward: str | None = choice(
+        None, options=AXES, source="stated: the laboratory's axis along which they walk"
+    )
     length_unit: str | None = choice(  # of the markers' coordinates
-        None, options=("mm", "cm", "m", "in"), source="stated")
+        None, options=("mm", "cm", "m", "in"), source="stated"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,9 +69,11 @@ class Window:
     """The part of the recording to use; a missing end is the end of the recording."""
 
     start_s: float | None = quantity(  # first instant used, in the recording's time
-        None, unit="s", low=-1e6, high=1e6, source="chosen")
+        None, unit="s", low=-1e6, high=1e6, source="chosen"
+    )
     end_s: float | None = quantity(  # last instant used, in the recording's time
-        None, unit="s", low=-1e6, high=1e6, source="chosen")
+        None, unit="s", low=-1e6, high=1e6, source="chosen"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,13 +81,20 @@ class ManifestOffsets:
     """`GeometricOffsets` in the units of the manifest."""
 
     height_mm: float = quantity(  # foot up against the limb: a shorter prosthesis
-        0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured")
-    fore_aft_mm: float = quantity(0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured")  # foot forward
-    alignment_deg: float = quantity(0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")  # toe up
+        0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured"
+    )
+    fore_aft_mm: float = quantity(
+        0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured"
+    )  # foot forward
+    alignment_deg: float = quantity(
+        0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured"
+    )  # toe up
     inversion_deg: float = quantity(  # sole towards the midline
-        0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")
+        0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured"
+    )
     toe_out_deg: float = quantity(  # toe away from the midline
-        0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")
+        0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,9 +108,15 @@ class GeometricOffsets:
 
     height_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted or measured")
     fore_aft_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted or measured")
-    alignment_rad: float = quantity(0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured")
-    inversion_rad: float = quantity(0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured")
-    toe_out_rad: float = quantity(0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured")
+    alignment_rad: float = quantity(
+        0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured"
+    )
+    inversion_rad: float = quantity(
+        0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured"
+    )
+    toe_out_rad: float = quantity(
+        0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,25 +124,37 @@ class Manifest:
     """The keys of a trial manifest: joint angles or markers. Paths are relative to the manifest's folder."""
 
     subject: str  # file of the person
-    kinematics: str | None = None  # file of joint angles and pelvis translation, OpenSim .mot or .sto
+    kinematics: str | None = (
+        None  # file of joint angles and pelvis translation, OpenSim .mot or .sto
+    )
     markers: str | None = None  # file of markers instead, .c3d or .trc
     standing: str | None = None  # file of the standing trial; without it the walk itself calibrates
     marker_map: str | None = None  # name or file; the map that fits best if left out
     hip_centre: str = choice(  # regression that places the hip joint centres
-        "harrington", options=("harrington", "bell", "hara", "davis"),
-        source="regression of the hip joint centre")
+        "harrington",
+        options=("harrington", "bell", "hara", "davis"),
+        source="regression of the hip joint centre",
+    )
     marker_cutoff_hz: float = quantity(  # of the low-pass filter on the markers
-        6.0, unit="Hz", low=0.5, high=100.0, source="Winter 2009: gait markers")
+        6.0, unit="Hz", low=0.5, high=100.0, source="Winter 2009: gait markers"
+    )
     already_filtered: bool = False  # the markers are low-passed already
     laboratory: Laboratory = field(default_factory=Laboratory)
-    forces: str | ForceColumns | None = None  # file of force plates, or file and columns; in the C3D if left out
+    forces: str | ForceColumns | None = (
+        None  # file of force plates, or file and columns; in the C3D if left out
+    )
     prosthesis: ProsthesisSetting
     window: Window | None = None
     kinematics_unit: str | None = choice(  # of the joint angles
-        None, options=("degrees", "radians"),
-        source="stated, where the file's header does not")
+        None, options=("degrees", "radians"), source="stated, where the file's header does not"
+    )
     belt_speed_m_per_s: float = quantity(  # of the treadmill belt, + when it runs backward
-        0.0, unit="m/s", low=-5.0, high=5.0, source="set on the treadmill; + when its belt runs backward")
+        0.0,
+        unit="m/s",
+        low=-5.0,
+        high=5.0,
+        source="set on the treadmill; + when its belt runs backward",
+    )
     offsets: ManifestOffsets = field(default_factory=ManifestOffsets)
     model: str | None = None  # model file of the foot; the nominal one if left out
     name: str | None = None  # of the trial; the manifest's file name if left out
@@ -125,7 +165,9 @@ def load_manifest(path: str | Path) -> Manifest:
     """Reads a trial manifest and checks what its keys must share. Does not open the files it names."""
     path = Path(path)
     if path.is_dir():
-        raise InputError("is a folder", file=path, right="Name the manifest of a trial (a .yaml file)")
+        raise InputError(
+            "is a folder", file=path, right="Name the manifest of a trial (a .yaml file)"
+        )
     try:
         manifest = load_yaml(path, Manifest)
     except InputError as error:
@@ -136,27 +178,67 @@ def load_manifest(path: str | Path) -> Manifest:
     idle = [key for key in _MARKER_KEYS if getattr(manifest, key) != getattr(default, key)]
     missing = "the key is missing"
     for wrong, what, where, right in (
-            (angles is not None and markers is not None, "joint angles and markers are both given",
-             "kinematics and markers", "Keep one: the angles would be computed from the markers"),
-            (angles is None and markers is None, missing, "kinematics",
-             "Give joint angles, for example `kinematics: walk_ik.mot` (OpenSim .mot or .sto), or markers, for example "
-             "`markers: walk.c3d` (.c3d or .trc)"),
-            (markers is None and suffix in MARKER_FILES, f"{angles} holds markers", "kinematics",
-             f"Write `markers: {angles}`"),
-            (markers is None and manifest.forces is None, missing, "forces", "Name a .mot or .sto file"),
-            (markers is None and idle, "the key has no meaning for joint angles", "".join(idle[:1]),
-             "Take it out, or give markers instead of kinematics"),
-            (markers is not None and suffix not in MARKER_FILES, f"{markers} is no marker file", "markers",
-             "A .c3d or .trc file is needed; joint angles are given by `kinematics`"),
-            (markers is not None and manifest.kinematics_unit is not None, "the key has no meaning for markers",
-             "kinematics_unit", "Take it out; a unit of length stands under `laboratory: {length_unit: mm}`"),
-            (markers is not None and manifest.forces is None and suffix != ".c3d", missing, "forces",
-             "A .trc file has no forces: name the file that has them (.mot, .sto, .csv or .c3d)")):
+        (
+            angles is not None and markers is not None,
+            "joint angles and markers are both given",
+            "kinematics and markers",
+            "Keep one: the angles would be computed from the markers",
+        ),
+        (
+            angles is None and markers is None,
+            missing,
+            "kinematics",
+            "Give joint angles, for example `kinematics: walk_ik.mot` (OpenSim .mot or .sto), or markers, for example "
+            "`markers: walk.c3d` (.c3d or .trc)",
+        ),
+        (
+            markers is None and suffix in MARKER_FILES,
+            f"{angles} holds markers",
+            "kinematics",
+            f"Write `markers: {angles}`",
+        ),
+        (
+            markers is None and manifest.forces is None,
+            missing,
+            "forces",
+            "Name a .mot or .sto file",
+        ),
+        (
+            markers is None and idle,
+            "the key has no meaning for joint angles",
+            "".join(idle[:1]),
+            "Take it out, or give markers instead of kinematics",
+        ),
+        (
+            markers is not None and suffix not in MARKER_FILES,
+            f"{markers} is no marker file",
+            "markers",
+            "A .c3d or .trc file is needed; joint angles are given by `kinematics`",
+        ),
+        (
+            markers is not None and manifest.kinematics_unit is not None,
+            "the key has no meaning for markers",
+            "kinematics_unit",
+            "Take it out; a unit of length stands under `laboratory: {length_unit: mm}`",
+        ),
+        (
+            markers is not None and manifest.forces is None and suffix != ".c3d",
+            missing,
+            "forces",
+            "A .trc file has no forces: name the file that has them (.mot, .sto, .csv or .c3d)",
+        ),
+    ):
         if wrong:
             raise InputError(what, file=path, where=where, right=right)
-    start, end = (manifest.window.start_s, manifest.window.end_s) if manifest.window else (None, None)
+    start, end = (
+        (manifest.window.start_s, manifest.window.end_s) if manifest.window else (None, None)
+    )
     if start is not None and end is not None and end <= start:
-        raise InputError(f"start_s {start:g} and end_s {end:g} leave nothing between them", file=path, where="window")
+        raise InputError(
+            f"start_s {start:g} and end_s {end:g} leave nothing between them",
+            file=path,
+            where="window",
+        )
     return manifest
 
 
@@ -167,28 +249,53 @@ def _other_kind(path: Path) -> InputError | None:
     except InputError:  # `load_yaml` says why
         node = None
     keys = {key.value for key, _ in node.value} if isinstance(node, yaml.MappingNode) else set()
-    kinds = {"prosthetic_side": "subject", "foot": "model", "converged": "fitted contact", "forefoot": "bench"}
-    return next((InputError(f"is a {kind} file and no trial manifest", file=path, right="Name the manifest, whose keys "
-                            "are subject, prosthesis, kinematics or markers, ...")
-                 for key, kind in kinds.items() if key in keys), None)
+    kinds = {
+        "prosthetic_side": "subject",
+        "foot": "model",
+        "converged": "fitted contact",
+        "forefoot": "bench",
+    }
+    return next(
+        (
+            InputError(
+                f"is a {kind} file and no trial manifest",
+                file=path,
+                right="Name the manifest, whose keys "
+                "are subject, prosthesis, kinematics or markers, ...",
+            )
+            for key, kind in kinds.items()
+            if key in keys
+        ),
+        None,
+    )
 
 
 def named_file(manifest_path: Path, key: str, value: str) -> Path:
     """The file that a key of the manifest names; refused where there is none."""
-    path = user_path(manifest_path.parent / user_path(value, file=manifest_path, where=key), file=manifest_path,
-                     where=key)
+    path = user_path(
+        manifest_path.parent / user_path(value, file=manifest_path, where=key),
+        file=manifest_path,
+        where=key,
+    )
     if not path.is_file():
-        raise InputError(f"there is no file {value}", file=manifest_path, where=key,
-                         right="Paths are relative to the manifest's folder")
+        raise InputError(
+            f"there is no file {value}",
+            file=manifest_path,
+            where=key,
+            right="Paths are relative to the manifest's folder",
+        )
     return path
 
 
 def to_si(offsets: ManifestOffsets) -> GeometricOffsets:
     """The same offsets in metres and radians."""
-    return GeometricOffsets(height_m=1e-3 * offsets.height_mm, fore_aft_m=1e-3 * offsets.fore_aft_mm,
-                            alignment_rad=math.radians(offsets.alignment_deg),
-                            inversion_rad=math.radians(offsets.inversion_deg),
-                            toe_out_rad=math.radians(offsets.toe_out_deg))
+    return GeometricOffsets(
+        height_m=1e-3 * offsets.height_mm,
+        fore_aft_m=1e-3 * offsets.fore_aft_mm,
+        alignment_rad=math.radians(offsets.alignment_deg),
+        inversion_rad=math.radians(offsets.inversion_deg),
+        toe_out_rad=math.radians(offsets.toe_out_deg),
+    )
 
 
 def mount_of(offsets: GeometricOffsets) -> dict[str, float]:
@@ -200,14 +307,18 @@ def mount_of(offsets: GeometricOffsets) -> dict[str, float]:
 class StatedSubject(PersonFacts, Subject):
     """What a user states of a person whose markers tell the rest: `Subject`, and what joint centres need."""
 
-    sex: str = choice(options=SEXES, source="stated")  # selects the table of segment masses and lengths
+    sex: str = choice(
+        options=SEXES, source="stated"
+    )  # selects the table of segment masses and lengths
     prosthetic_side: str = choice(options=SIDES, source="stated")  # side of the prosthesis
 
 
 def load_stated_subject(path: str | Path) -> tuple[PersonFacts, dict[str, float]]:
     """What the subject's file says: facts for the calibration, and fields of `Subject` that win over the markers."""
     stated = dict(vars(load_yaml(path, StatedSubject)))
-    facts = PersonFacts(**{key.name: stated.pop(key.name) for key in dataclasses.fields(PersonFacts)})
+    facts = PersonFacts(
+        **{key.name: stated.pop(key.name) for key in dataclasses.fields(PersonFacts)}
+    )
     return facts, {name: value for name, value in stated.items() if value is not None}
 
 
@@ -216,6 +327,10 @@ def with_stated(subject: Subject, stated: Mapping[str, float]) -> tuple[Subject,
     notes = []
     for name, value in stated.items():
         measured = getattr(subject, name)
-        if name.endswith("length_m") and measured is not None and abs(value - measured) > APART * abs(measured):
+        if (
+            name.endswith("length_m")
+            and measured is not None
+            and abs(value - measured) > APART * abs(measured)
+        ):
             notes += say("trial", "stated", name=name, value=value, measured=measured)
     return check(dataclasses.replace(subject, **stated)), notes  # type: ignore[arg-type]

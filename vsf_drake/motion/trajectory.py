@@ -24,21 +24,39 @@ class CoordinateTrajectory:
     `time_s` (n,) s and `values` (n, m) rad and m are as recorded, `names` the m coordinates, `source` the file.
     """
 
-    def __init__(self, time_s: np.ndarray, values: np.ndarray, names: Sequence[str], *,
-                 source: str | None = None) -> None:
+    def __init__(
+        self,
+        time_s: np.ndarray,
+        values: np.ndarray,
+        names: Sequence[str],
+        *,
+        source: str | None = None,
+    ) -> None:
         """Fits the splines to (n, m) values of m different names at n >= 6 increasing times."""
         self.time_s, self.values = np.array(time_s, dtype=float), np.array(values, dtype=float)
         self.names, self.source = tuple(names), source
-        if self.values.shape != (len(self.time_s), len(self.names)) or len(set(self.names)) != len(self.names):
-            raise ValueError(f"time {self.time_s.shape}, values {self.values.shape} and {len(self.names)} "
-                             "different names do not fit")
-        if len(self.time_s) <= SPLINE_ORDER or not np.isfinite(self.values).all() or (np.diff(self.time_s) <= 0).any():
-            raise ValueError(f"a trajectory needs more than {SPLINE_ORDER} finite samples at increasing times")
+        if self.values.shape != (len(self.time_s), len(self.names)) or len(set(self.names)) != len(
+            self.names
+        ):
+            raise ValueError(
+                f"time {self.time_s.shape}, values {self.values.shape} and {len(self.names)} "
+                "different names do not fit"
+            )
+        if (
+            len(self.time_s) <= SPLINE_ORDER
+            or not np.isfinite(self.values).all()
+            or (np.diff(self.time_s) <= 0).any()
+        ):
+            raise ValueError(
+                f"a trajectory needs more than {SPLINE_ORDER} finite samples at increasing times"
+            )
         self.time_s.setflags(write=False)
         self.values.setflags(write=False)
         zero = np.zeros(len(self.names))
         natural = [(3, zero), (4, zero)]
-        spline = make_interp_spline(self.time_s, self.values, k=SPLINE_ORDER, bc_type=(natural, natural))
+        spline = make_interp_spline(
+            self.time_s, self.values, k=SPLINE_ORDER, bc_type=(natural, natural)
+        )
         self._splines = (spline, spline.derivative(1), spline.derivative(2))
 
     @property
@@ -54,8 +72,11 @@ class CoordinateTrajectory:
         times = np.atleast_1d(np.asarray(times, dtype=float))
         outside = ~((times >= self.start_s - 1e-9) & (times <= self.end_s + 1e-9))
         if outside.any():
-            raise InputError(f"time {times[np.argmax(outside)]:g} s lies outside the recording of "
-                             f"{self.start_s:g} to {self.end_s:g} s", file=self.source)
+            raise InputError(
+                f"time {times[np.argmax(outside)]:g} s lies outside the recording of "
+                f"{self.start_s:g} to {self.end_s:g} s",
+                file=self.source,
+            )
         times = np.clip(times, self.start_s, self.end_s)
         q, v, a = (spline(times) for spline in self._splines)
         return q, v, a
@@ -64,13 +85,18 @@ class CoordinateTrajectory:
         """The same motion with the coordinates `names`, in that order; InputError where one is missing."""
         missing = [name for name in names if name not in self.names]
         if missing:
-            raise InputError(f"the motion has no coordinate {', '.join(missing)}", file=self.source,
-                             right=f"It has: {', '.join(self.names)}")
+            raise InputError(
+                f"the motion has no coordinate {', '.join(missing)}",
+                file=self.source,
+                right=f"It has: {', '.join(self.names)}",
+            )
         columns = [self.names.index(name) for name in names]
         chosen = copy(self)
         chosen.names, chosen.values = tuple(names), self.values[:, columns]
         chosen.values.setflags(write=False)
-        chosen._splines = tuple(BSpline.construct_fast(s.t, s.c[:, columns], s.k) for s in self._splines)
+        chosen._splines = tuple(
+            BSpline.construct_fast(s.t, s.c[:, columns], s.k) for s in self._splines
+        )
         return chosen
 
 
@@ -123,13 +149,17 @@ def low_pass(values: np.ndarray, *, rate_hz: float, cutoff_hz: float, order: int
     if order < 2 or order % 2:
         raise ValueError(f"the order of a filter with two passes must be even, not {order}")
     if not 0.0 < cutoff_hz < rate_hz / 2:
-        raise InputError(f"a cut-off of {cutoff_hz:g} Hz is impossible at {rate_hz:g} samples per second",
-                         right=f"It must be above 0 and below {rate_hz / 2:g} Hz")
+        raise InputError(
+            f"a cut-off of {cutoff_hz:g} Hz is impossible at {rate_hz:g} samples per second",
+            right=f"It must be above 0 and below {rate_hz / 2:g} Hz",
+        )
     if len(values) < 2:
         raise InputError(f"{len(values)} samples cannot be filtered")
     if not np.isfinite(values).all():
         row = int(np.argwhere(~np.isfinite(values))[0][0])
-        raise InputError(f"sample {row} (after {row / rate_hz:g} s) is not a finite number and cannot be filtered")
+        raise InputError(
+            f"sample {row} (after {row / rate_hz:g} s) is not a finite number and cannot be filtered"
+        )
     warped = np.tan(np.pi * cutoff_hz / rate_hz) / (np.sqrt(2.0) - 1.0) ** (1.0 / order)
     sos = butter(order // 2, rate_hz / np.pi * np.arctan(warped), fs=rate_hz, output="sos")
     extension = min(len(values) - 1, int(np.ceil(2.0 * rate_hz / cutoff_hz)))

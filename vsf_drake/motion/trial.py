@@ -17,21 +17,53 @@ from vsf_drake.files import resource, sha256
 from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.motion import manifest as manifests
 from vsf_drake.motion.contacts import Assignment, PlateContact, assign_plates
-from vsf_drake.motion.events import MINIMUM_S, Span, Stance, common, find_scuffs, find_stances, words
+from vsf_drake.motion.events import (
+    MINIMUM_S,
+    Span,
+    Stance,
+    common,
+    find_scuffs,
+    find_stances,
+    words,
+)
 from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.recording import SIDES, Plate, PlateRecording, Recording, world_to_os
 from vsf_drake.motion.formats.tables import read_storage, write_opensim
-from vsf_drake.motion.manifest import ForceColumns, GeometricOffsets, Manifest, Window, load_manifest, named_file
+from vsf_drake.motion.manifest import (
+    ForceColumns,
+    GeometricOffsets,
+    Manifest,
+    Window,
+    load_manifest,
+    named_file,
+)
 from vsf_drake.motion.markers.calibration import calibrate
 from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
 from vsf_drake.motion.markers.maps import SHIPPED, MarkerMap, choose_map, load_marker_map
-from vsf_drake.motion.markers.person_facts import LEAST_MASS_KG, MOST_MASS_KG, PersonFacts, with_files
+from vsf_drake.motion.markers.person_facts import (
+    LEAST_MASS_KG,
+    MOST_MASS_KG,
+    PersonFacts,
+    with_files,
+)
 from vsf_drake.motion.markers.posture import prepared
 from vsf_drake.motion.markers.segments import Calibration, TrackedMotion
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, LONGEST_GAP_S, track
-from vsf_drake.motion.opensim import HEAVIEST_BW, LIGHTEST_BW, assign_prefixes, read_kinematics, read_plate
+from vsf_drake.motion.opensim import (
+    HEAVIEST_BW,
+    LIGHTEST_BW,
+    assign_prefixes,
+    read_kinematics,
+    read_plate,
+)
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, ModelParameters, Subject, person_coordinates
+from vsf_drake.parameters import (
+    GRAVITY,
+    PELVIS_TRANSLATIONS,
+    ModelParameters,
+    Subject,
+    person_coordinates,
+)
 from vsf_drake.schema import load_yaml
 from vsf_drake.sentences import say
 from vsf_drake.yaml_file import read_yaml
@@ -44,7 +76,10 @@ LONGEST_STRIDE_S = 2.5
 CONTRADICTED = (0.52, 1.25)
 """Share of a stated mass that plates may carry. More: vertical momentum (6 % of the weight over a step), gauges, shoes
 and a bag (a choice). Less: a harness or a rail may bear half of it; pounds taken for kilograms leave 0.45."""
-POUND_KG, LIKE_POUNDS = 0.45359237, 0.1  # what a pound is, and how near to it a ratio suggests pounds
+POUND_KG, LIKE_POUNDS = (
+    0.45359237,
+    0.1,
+)  # what a pound is, and how near to it a ratio suggests pounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +94,9 @@ class Trial:
     start_s: float  # the window: kinematics, forces and the manifest's request all cover it
     end_s: float
     trajectory: CoordinateTrajectory  # see `motion.opensim`; over the whole recording
-    plates: dict[str, PlateRecording]  # by side, over the whole recording; the prosthetic side is always there
+    plates: dict[
+        str, PlateRecording
+    ]  # by side, over the whole recording; the prosthetic side is always there
     notes: tuple[str, ...]  # sentences on what was assumed, filled, turned or cut
     model: ModelParameters
     inputs: dict[str, str]  # SHA-256 of every file read, by its path as the manifest writes it
@@ -78,7 +115,10 @@ class Trial:
 
     @property
     def intact_plate(self) -> PlateRecording | None:
-        return next((plate for side, plate in self.plates.items() if side != self.subject.prosthetic_side), None)
+        return next(
+            (plate for side, plate in self.plates.items() if side != self.subject.prosthetic_side),
+            None,
+        )
 
 
 def default_model() -> ModelParameters:
@@ -107,9 +147,13 @@ class TrialOptions:
     hip: str = "harrington"  # see `calibrate`
     cutoff_hz: float | None = CUTOFF_HZ  # of the markers' filter; None leaves them as they are
     longest_gap_s: float = LONGEST_GAP_S  # see `fill_gaps`
-    plate_sides: Mapping[str, str | None] | None = None  # plate names by side, where the user says which is which foot
+    plate_sides: Mapping[str, str | None] | None = (
+        None  # plate names by side, where the user says which is which foot
+    )
     window: Window | None = None
-    around_stances_s: float | None = None  # without a window: so much around the prosthetic foot's stances; None: all
+    around_stances_s: float | None = (
+        None  # without a window: so much around the prosthetic foot's stances; None: all
+    )
     belt_speed_m_per_s: float = 0.0  # + when the treadmill's belt runs backward
 
 
@@ -125,19 +169,34 @@ def load_trial(path: str | Path) -> Trial:
     """
     path = Path(path)
     manifest = load_manifest(path)
-    forces = manifest.forces if isinstance(manifest.forces, ForceColumns) else ForceColumns(file=manifest.forces or "")
+    forces = (
+        manifest.forces
+        if isinstance(manifest.forces, ForceColumns)
+        else ForceColumns(file=manifest.forces or "")
+    )
     sides = {"right": forces.right, "left": forces.left} if forces.right or forces.left else None
-    written = {"subject": manifest.subject, "kinematics": manifest.kinematics, "markers": manifest.markers,
-               "standing": manifest.standing, "forces": forces.file or None, "model": manifest.model}
+    written = {
+        "subject": manifest.subject,
+        "kinematics": manifest.kinematics,
+        "markers": manifest.markers,
+        "standing": manifest.standing,
+        "forces": forces.file or None,
+        "model": manifest.model,
+    }
     if manifest.marker_map not in SHIPPED:
         written["marker_map"] = manifest.marker_map
-    named = {key: named_file(path, key, value) for key, value in written.items() if value is not None}
+    named = {
+        key: named_file(path, key, value) for key, value in written.items() if value is not None
+    }
     if manifest.markers is not None and named.get("forces") == named["markers"]:
         del named["forces"]
     model = load_model(named["model"]) if "model" in named else default_model()
-    fulcrum_m = check_fulcrum(1e-3 * manifest.prosthesis.fulcrum_mm, model.foot, file=path,
-                              where="prosthesis.fulcrum_mm")
-    inputs = {path.name: sha256(path)} | {str(written[key]): sha256(file) for key, file in named.items()}
+    fulcrum_m = check_fulcrum(
+        1e-3 * manifest.prosthesis.fulcrum_mm, model.foot, file=path, where="prosthesis.fulcrum_mm"
+    )
+    inputs = {path.name: sha256(path)} | {
+        str(written[key]): sha256(file) for key, file in named.items()
+    }
     if manifest.markers is None:
         trial = _trial_from_angles(path, manifest, named, sides, model, fulcrum_m)
     else:
@@ -149,47 +208,96 @@ def load_trial(path: str | Path) -> Trial:
         if manifest.marker_map is not None:
             marker_map = load_marker_map(named.get("marker_map", manifest.marker_map))
         options = TrialOptions(
-            stated=stated, hip=manifest.hip_centre, plate_sides=sides, window=manifest.window,
+            stated=stated,
+            hip=manifest.hip_centre,
+            plate_sides=sides,
+            window=manifest.window,
             cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz,
-            belt_speed_m_per_s=manifest.belt_speed_m_per_s)
-        trial = trial_from_recordings(standing, walk, marker_map, person, options, fulcrum_m=fulcrum_m, model=model,
-                                      path=path)
-    trial = dataclasses.replace(trial, name=manifest.name or path.stem, synthetic=manifest.synthetic, inputs=inputs,
-                                offsets=manifests.to_si(manifest.offsets))
+            belt_speed_m_per_s=manifest.belt_speed_m_per_s,
+        )
+        trial = trial_from_recordings(
+            standing, walk, marker_map, person, options, fulcrum_m=fulcrum_m, model=model, path=path
+        )
+    trial = dataclasses.replace(
+        trial,
+        name=manifest.name or path.stem,
+        synthetic=manifest.synthetic,
+        inputs=inputs,
+        offsets=manifests.to_si(manifest.offsets),
+    )
     check_mass(trial, file=named["subject"])
     return trial
 
 
-def _trial_from_angles(path: Path, manifest: Manifest, named: dict[str, Path], sides: dict[str, str | None] | None,
-                       model: ModelParameters, fulcrum_m: float) -> Trial:
+def _trial_from_angles(
+    path: Path,
+    manifest: Manifest,
+    named: dict[str, Path],
+    sides: dict[str, str | None] | None,
+    model: ModelParameters,
+    fulcrum_m: float,
+) -> Trial:
     subject = load_yaml(named["subject"], Subject)
-    trajectory, notes = read_kinematics(read_storage(named["kinematics"]), prosthetic_side=subject.prosthetic_side,
-                                        unit=manifest.kinematics_unit)
+    trajectory, notes = read_kinematics(
+        read_storage(named["kinematics"]),
+        prosthetic_side=subject.prosthetic_side,
+        unit=manifest.kinematics_unit,
+    )
     storage = read_storage(named["forces"])
     prefixes = assign_prefixes(storage, sides)
     if subject.prosthetic_side not in prefixes:
-        raise InputError(f"there is no force for the {subject.prosthetic_side} (prosthetic) foot", file=path,
-                         where=f"forces.{subject.prosthetic_side}", right=f"Name its prefix in {storage.path.name}; or "
-                         "is the subject's prosthetic_side the other one?")
-    read = {side: read_plate(storage, prefix, mass_kg=subject.mass_kg) for side, prefix in prefixes.items()}
+        raise InputError(
+            f"there is no force for the {subject.prosthetic_side} (prosthetic) foot",
+            file=path,
+            where=f"forces.{subject.prosthetic_side}",
+            right=f"Name its prefix in {storage.path.name}; or "
+            "is the subject's prosthetic_side the other one?",
+        )
+    read = {
+        side: read_plate(storage, prefix, mass_kg=subject.mass_kg)
+        for side, prefix in prefixes.items()
+    }
     notes += [*storage.notes, *(note for _, more in read.values() for note in more)]
-    notes += say("trial", "no_plates", sides=[side for side in SIDES if side not in read], alone=False)
-    trajectory, plates, belt_notes = on_the_belt(trajectory, {side: plate for side, (plate, _) in read.items()},
-                                                 speed_m_per_s=manifest.belt_speed_m_per_s)
+    notes += say(
+        "trial", "no_plates", sides=[side for side in SIDES if side not in read], alone=False
+    )
+    trajectory, plates, belt_notes = on_the_belt(
+        trajectory,
+        {side: plate for side, (plate, _) in read.items()},
+        speed_m_per_s=manifest.belt_speed_m_per_s,
+    )
     window, window_notes = trial_window(path, manifest.window, trajectory, plates, subject)
-    return Trial(path=path, name=path.stem, subject=subject, synthetic=False, fulcrum_m=fulcrum_m, start_s=window[0],
-                 end_s=window[1], trajectory=trajectory, plates=plates, notes=(*notes, *belt_notes, *window_notes),
-                 model=model, inputs={})
+    return Trial(
+        path=path,
+        name=path.stem,
+        subject=subject,
+        synthetic=False,
+        fulcrum_m=fulcrum_m,
+        start_s=window[0],
+        end_s=window[1],
+        trajectory=trajectory,
+        plates=plates,
+        notes=(*notes, *belt_notes, *window_notes),
+        model=model,
+        inputs={},
+    )
 
 
 # From markers and force plates: calibrate, track, give the plates to the feet.
 
 
 def trial_from_recordings(
-    standing: Recording | None, walk: Recording, marker_map: MarkerMap | None, person: PersonFacts,
-    options: TrialOptions = TrialOptions(), *,
-    fulcrum_m: float, standing_fulcrum_m: float | None = None, calibration: Calibration | None = None,
-    model: ModelParameters | None = None, path: Path | None = None,
+    standing: Recording | None,
+    walk: Recording,
+    marker_map: MarkerMap | None,
+    person: PersonFacts,
+    options: TrialOptions = TrialOptions(),
+    *,
+    fulcrum_m: float,
+    standing_fulcrum_m: float | None = None,
+    calibration: Calibration | None = None,
+    model: ModelParameters | None = None,
+    path: Path | None = None,
 ) -> Trial:
     """The trial of a person who walks over force plates with markers on.
 
@@ -211,18 +319,34 @@ def trial_from_recordings(
     walk = prepared(walk, marker_map)
     notes += walk.notes
     source = walk if standing is None else standing
-    by = partial(calibrate, source, marker_map, hip=options.hip, model=model,
-                 fulcrum_m=fulcrum_m if standing_fulcrum_m is None else standing_fulcrum_m)
+    by = partial(
+        calibrate,
+        source,
+        marker_map,
+        hip=options.hip,
+        model=model,
+        fulcrum_m=fulcrum_m if standing_fulcrum_m is None else standing_fulcrum_m,
+    )
     weighed = True
     if calibration is None:
-        calibration, weighed = _calibrated(by, person, on_plates=bool(standing is not None and source.plates))
-        notes += [f"Standing trial: {note}" for note in standing.notes] if standing is not None else []
+        calibration, weighed = _calibrated(
+            by, person, on_plates=bool(standing is not None and source.plates)
+        )
+        notes += (
+            [f"Standing trial: {note}" for note in standing.notes] if standing is not None else []
+        )
     notes += calibration.notes
-    tracked = track(walk, calibration, cutoff_hz=options.cutoff_hz, longest_gap_s=options.longest_gap_s)
+    tracked = track(
+        walk, calibration, cutoff_hz=options.cutoff_hz, longest_gap_s=options.longest_gap_s
+    )
     if options.cutoff_hz is None:
         notes += say("trial", "already_filtered")
-    pelvis = tracked.values[:, [tracked.names.index(n) for n in ("pelvis_tx", "pelvis_tz", "pelvis_ty")]] * [1, -1, 1]
-    assignment = assign_plates(walk, tracked.time_s, tracked.feet, pelvis, stated=options.plate_sides)
+    pelvis = tracked.values[
+        :, [tracked.names.index(n) for n in ("pelvis_tx", "pelvis_tz", "pelvis_ty")]
+    ] * [1, -1, 1]
+    assignment = assign_plates(
+        walk, tracked.time_s, tracked.feet, pelvis, stated=options.plate_sides
+    )
     if not weighed:
         mass, more = mass_from_walk(walk, assignment)
         calibration, _ = _calibrated(by, dataclasses.replace(person, mass_kg=mass))
@@ -232,28 +356,66 @@ def trial_from_recordings(
     for foot, plate in assignment.plates.items():
         peak = float(plate.force_W[:, 2].max()) / (subject.mass_kg * GRAVITY)
         if peak > HEAVIEST_BW:
-            raise InputError(f"the vertical force on the {foot} foot is {peak:.1f} times the body weight of "
-                             f"{subject.mass_kg:.3g} kg", file=force_file, where="forces",
-                             right="Check the unit of the forces and the subject's mass_kg")
+            raise InputError(
+                f"the vertical force on the {foot} foot is {peak:.1f} times the body weight of "
+                f"{subject.mass_kg:.3g} kg",
+                file=force_file,
+                where="forces",
+                right="Check the unit of the forces and the subject's mass_kg",
+            )
     side = subject.prosthetic_side
     if side not in assignment.plates:
-        raise InputError(f"no plate carries the {side} (prosthetic) foot alone", file=force_file, where="forces",
-                         right=" ".join(n for n in assignment.notes if n.startswith("Plate ")) or None)
+        raise InputError(
+            f"no plate carries the {side} (prosthetic) foot alone",
+            file=force_file,
+            where="forces",
+            right=" ".join(n for n in assignment.notes if n.startswith("Plate ")) or None,
+        )
     values, reach_notes = reaching_pelvis(tracked, calibration, subject)
-    trajectory = dataclasses.replace(tracked, values=values).trajectory(person_coordinates(side), source=str(walk.path))
-    trajectory, plates, belt_notes = on_the_belt(trajectory, assignment.plates,
-                                                 speed_m_per_s=options.belt_speed_m_per_s)
-    span, window_notes = trial_window(path, options.window, trajectory, plates, subject, assignment.unmeasured,
-                                      around_stances_s=options.around_stances_s)
-    notes = list(dict.fromkeys([*notes, *stated_notes, *tracked.notes, *assignment.notes])) + reach_notes
+    trajectory = dataclasses.replace(tracked, values=values).trajectory(
+        person_coordinates(side), source=str(walk.path)
+    )
+    trajectory, plates, belt_notes = on_the_belt(
+        trajectory, assignment.plates, speed_m_per_s=options.belt_speed_m_per_s
+    )
+    span, window_notes = trial_window(
+        path,
+        options.window,
+        trajectory,
+        plates,
+        subject,
+        assignment.unmeasured,
+        around_stances_s=options.around_stances_s,
+    )
+    notes = (
+        list(dict.fromkeys([*notes, *stated_notes, *tracked.notes, *assignment.notes]))
+        + reach_notes
+    )
     notes += say("trial", "no_plates", sides=[s for s in SIDES if s not in plates], alone=True)
-    return Trial(path=path, name=path.stem, subject=subject, synthetic=False, fulcrum_m=fulcrum_m, start_s=span[0],
-                 end_s=span[1], trajectory=trajectory, plates=plates, notes=(*notes, *belt_notes, *window_notes),
-                 model=model, inputs={}, unmeasured=assignment.unmeasured, recording=walk, calibration=calibration,
-                 tracked=tracked, contacts=assignment.contacts)
+    return Trial(
+        path=path,
+        name=path.stem,
+        subject=subject,
+        synthetic=False,
+        fulcrum_m=fulcrum_m,
+        start_s=span[0],
+        end_s=span[1],
+        trajectory=trajectory,
+        plates=plates,
+        notes=(*notes, *belt_notes, *window_notes),
+        model=model,
+        inputs={},
+        unmeasured=assignment.unmeasured,
+        recording=walk,
+        calibration=calibration,
+        tracked=tracked,
+        contacts=assignment.contacts,
+    )
 
 
-def _calibrated(by: partial[Calibration], person: PersonFacts, *, on_plates: bool = False) -> tuple[Calibration, bool]:
+def _calibrated(
+    by: partial[Calibration], person: PersonFacts, *, on_plates: bool = False
+) -> tuple[Calibration, bool]:
     if person.mass_kg is not None or on_plates:
         try:
             return by(person), True
@@ -274,15 +436,24 @@ def _calibrated(by: partial[Calibration], person: PersonFacts, *, on_plates: boo
 # to +0.02 body weights and tripled that of the fore-aft force.
 
 
-def reaching_pelvis(tracked: TrackedMotion, calibration: Calibration, subject: Subject
-                    ) -> tuple[np.ndarray, list[str]]:
+def reaching_pelvis(
+    tracked: TrackedMotion, calibration: Calibration, subject: Subject
+) -> tuple[np.ndarray, list[str]]:
     """`tracked.values` with the pelvis moved, for the lengths of `subject`, and a note on how far."""
-    moved = tracked.feet[subject.prosthetic_side].ankle_W - model_ankle(tracked, calibration, subject)
+    moved = tracked.feet[subject.prosthetic_side].ankle_W - model_ankle(
+        tracked, calibration, subject
+    )
     values = np.array(tracked.values)
     values[:, [tracked.names.index(name) for name in PELVIS_TRANSLATIONS]] += world_to_os(moved)
     large = np.sqrt(np.mean(np.sum(moved**2, axis=1))) > LARGE_M
-    return values, say("trial", "pelvis", side=subject.prosthetic_side, mean_mm=1e3 * moved.mean(axis=0),
-                       spread_mm=1e3 * moved.std(axis=0), large=large)
+    return values, say(
+        "trial",
+        "pelvis",
+        side=subject.prosthetic_side,
+        mean_mm=1e3 * moved.mean(axis=0),
+        spread_mm=1e3 * moved.std(axis=0),
+        large=large,
+    )
 
 
 def model_ankle(tracked: TrackedMotion, calibration: Calibration, subject: Subject) -> np.ndarray:
@@ -290,13 +461,22 @@ def model_ankle(tracked: TrackedMotion, calibration: Calibration, subject: Subje
     side = subject.prosthetic_side
 
     # Down the chain: hip as stated, else as marked in the pelvis; knee below it; ankle as marked in the shank.
-    R_W, p_WPelvis = orientations_of(tracked.values[:, [tracked.names.index(name) for name in COORDINATES]])
+    R_W, p_WPelvis = orientations_of(
+        tracked.values[:, [tracked.names.index(name) for name in COORDINATES]]
+    )
     outward = -1.0 if side == "right" else 1.0
     measured = calibration.segments[f"thigh_{side}"].p_PB * [1.0, outward, 1.0]
-    forward, lateral, up = (marked if stated is None else stated for stated, marked in zip(
-        (subject.hip_forward_m, subject.hip_lateral_m, subject.hip_up_m), measured, strict=True))
-    thigh = subject.prosthetic_thigh_length_m or subject.thigh_length_m or float(
-        np.linalg.norm(calibration.segments[f"shank_{side}"].p_PB))
+    forward, lateral, up = (
+        marked if stated is None else stated
+        for stated, marked in zip(
+            (subject.hip_forward_m, subject.hip_lateral_m, subject.hip_up_m), measured, strict=True
+        )
+    )
+    thigh = (
+        subject.prosthetic_thigh_length_m
+        or subject.thigh_length_m
+        or float(np.linalg.norm(calibration.segments[f"shank_{side}"].p_PB))
+    )
     hip = p_WPelvis + R_W["pelvis"] @ np.array([forward, outward * lateral, up])
     knee = hip + R_W[f"thigh_{side}"] @ np.array([0.0, 0.0, -thigh])
     return np.asarray(knee + R_W[f"shank_{side}"] @ calibration.segments[f"foot_{side}"].p_PB)
@@ -312,11 +492,19 @@ def write_trial_files(trial: Trial, folder: str | Path, stem: str) -> tuple[str,
         columns = dict(zip(trial.tracked.names, trial.tracked.values.T, strict=True)) | columns
         columns = {name: columns[name] for name in (*trial.trajectory.names, *columns)}
     return write_opensim(
-        Path(folder), stem, time_s=trial.trajectory.time_s, coordinates=columns, metres=PELVIS_TRANSLATIONS,
+        Path(folder),
+        stem,
+        time_s=trial.trajectory.time_s,
+        coordinates=columns,
+        metres=PELVIS_TRANSLATIONS,
         force_time_s=next(iter(trial.plates.values())).time_s,
-        plates={side: Plate(side, plate.force_W, plate.cop_W, plate.free_moment_nm)
-                for side in SIDES if (plate := trial.plates.get(side)) is not None},
-        source="synthetic" if trial.synthetic else "from a recording")
+        plates={
+            side: Plate(side, plate.force_W, plate.cop_W, plate.free_moment_nm)
+            for side in SIDES
+            if (plate := trial.plates.get(side)) is not None
+        },
+        source="synthetic" if trial.synthetic else "from a recording",
+    )
 
 
 # Body mass from the force plates of a walk.
@@ -329,19 +517,32 @@ def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, list
     """
     time = walk.force_time_s
     vertical = np.sum([plate.force_W[:, 2] for plate in assignment.plates.values()], axis=0)
-    strikes = {side: [c.start_s for c in assignment.contacts if c.side == side and c.start_seen]
-               for side in assignment.plates}
-    strides = [(start, end) for strikes_of_foot in strikes.values() for start, end in pairwise(strikes_of_foot)
-               if end - start < LONGEST_STRIDE_S and _measured((start, end), assignment.unmeasured)]
+    strikes = {
+        side: [c.start_s for c in assignment.contacts if c.side == side and c.start_seen]
+        for side in assignment.plates
+    }
+    strides = [
+        (start, end)
+        for strikes_of_foot in strikes.values()
+        for start, end in pairwise(strikes_of_foot)
+        if end - start < LONGEST_STRIDE_S and _measured((start, end), assignment.unmeasured)
+    ]
     if len(assignment.plates) < 2 or not strides:
         what = "the body mass is not stated, and there is no stride in which both feet stand on plates throughout"
     else:
-        mass = float(np.mean([float(np.mean(vertical[(time >= a) & (time < b)])) for a, b in strides])) / GRAVITY
+        mass = (
+            float(np.mean([float(np.mean(vertical[(time >= a) & (time < b)])) for a, b in strides]))
+            / GRAVITY
+        )
         if LEAST_MASS_KG <= mass <= MOST_MASS_KG:
             return mass, say("trial", "mass", mass_kg=mass, strides=strides)
         what = f"the plates carry {mass * GRAVITY:.0f} N over a stride, which is nobody's weight"
-    raise InputError(what, file=walk.force_path or walk.path, where="mass_kg (--mass-kg)",
-                     right="State the body mass, prosthesis included")
+    raise InputError(
+        what,
+        file=walk.force_path or walk.path,
+        where="mass_kg (--mass-kg)",
+        right="State the body mass, prosthesis included",
+    )
 
 
 def check_mass(trial: Trial, *, file: str | Path | None) -> None:
@@ -350,25 +551,47 @@ def check_mass(trial: Trial, *, file: str | Path | None) -> None:
     Over steps, from the strike of one foot to that of the other, each time with the other foot on its plate. Without
     such a step, any mass passes.
     """
-    stances = {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in trial.plates.items()}
-    strikes = sorted((s.start_s, side) for side, carried in stances.items() for s in carried if s.start_seen)
-    steps = [(start, end) for (start, first), (end, second) in pairwise(strikes)
-             if first != second and _measured((start, end), trial.unmeasured)
-             and all(any(s.start_s <= at <= s.end_s for s in stances[side]) for side, at in
-                     ((second, start), (first, end)))]
+    stances = {
+        side: find_stances(plate.time_s, plate.force_W[:, 2])
+        for side, plate in trial.plates.items()
+    }
+    strikes = sorted(
+        (s.start_s, side) for side, carried in stances.items() for s in carried if s.start_seen
+    )
+    steps = [
+        (start, end)
+        for (start, first), (end, second) in pairwise(strikes)
+        if first != second
+        and _measured((start, end), trial.unmeasured)
+        and all(
+            any(s.start_s <= at <= s.end_s for s in stances[side])
+            for side, at in ((second, start), (first, end))
+        )
+    ]
     if not steps:
         return
     duration = sum(end - start for start, end in steps)
-    force = sum(float(np.mean(plate.force_W[(plate.time_s >= start) & (plate.time_s < end), 2])) * (end - start)
-                for plate in trial.plates.values() for start, end in steps) / duration
+    force = (
+        sum(
+            float(np.mean(plate.force_W[(plate.time_s >= start) & (plate.time_s < end), 2]))
+            * (end - start)
+            for plate in trial.plates.values()
+            for start, end in steps
+        )
+        / duration
+    )
     carried, stated = force / GRAVITY, trial.subject.mass_kg
     if not CONTRADICTED[0] <= carried / stated <= CONTRADICTED[1]:
         pounds = abs(stated * POUND_KG / carried - 1.0) < LIKE_POUNDS
         raise InputError(
             f"the plates contradict a mass of {stated:g} kg: over {duration:.2f} s in which they carry both feet, the "
-            f"mean vertical force is the weight of {carried:.1f} kg", file=file, where="mass_kg",
-            right=f"Is it in pounds? {stated:g} lb are {stated * POUND_KG:.1f} kg" if pounds else
-                  "Give the mass in kg, prosthesis included, or check the unit of the forces")
+            f"mean vertical force is the weight of {carried:.1f} kg",
+            file=file,
+            where="mass_kg",
+            right=f"Is it in pounds? {stated:g} lb are {stated * POUND_KG:.1f} kg"
+            if pounds
+            else "Give the mass in kg, prosthesis included, or check the unit of the forces",
+        )
 
 
 def _measured(span: Span, unmeasured: dict[str, tuple[Span, ...]]) -> bool:
@@ -384,8 +607,14 @@ BACKWARD_M_PER_S = -0.3
 
 
 def trial_window(
-    path: Path, requested: Window | None, trajectory: CoordinateTrajectory, plates: dict[str, PlateRecording],
-    subject: Subject, unmeasured: Mapping[str, Sequence[Span]] | None = None, *, around_stances_s: float | None = None
+    path: Path,
+    requested: Window | None,
+    trajectory: CoordinateTrajectory,
+    plates: dict[str, PlateRecording],
+    subject: Subject,
+    unmeasured: Mapping[str, Sequence[Span]] | None = None,
+    *,
+    around_stances_s: float | None = None,
 ) -> tuple[Span, list[str]]:
     """The window of a trial (s), and notes on it and on the stances in it; `path` is the manifest, for messages.
 
@@ -395,25 +624,70 @@ def trial_window(
     prosthetic foot has hardly any load or less than 0.15 s of a stance, or the window is shorter than a stance.
     """
     side = subject.prosthetic_side
-    plate, stances = plates[side], {s: find_stances(one.time_s, one.force_W[:, 2]) for s, one in plates.items()}
+    plate, stances = (
+        plates[side],
+        {s: find_stances(one.time_s, one.force_W[:, 2]) for s, one in plates.items()},
+    )
     record = float(plate.time_s[0]), float(plate.time_s[-1])
-    window, notes = _choose_window(requested, (trajectory.start_s, trajectory.end_s), record, path,
-                                   (unmeasured or {}).get(side, ()), stances[side])
+    window, notes = _choose_window(
+        requested,
+        (trajectory.start_s, trajectory.end_s),
+        record,
+        path,
+        (unmeasured or {}).get(side, ()),
+        stances[side],
+    )
     carried = [s for s in stances[side] if common((s.start_s, s.end_s), window)]
     if requested is None and around_stances_s is not None and carried:
-        near = common(window, (round(carried[0].start_s - around_stances_s, 3),
-                               round(carried[-1].end_s + around_stances_s, 3))) or window
-        notes += say("trial", "trimmed", window=window, near=near, around_s=around_stances_s) if near != window else []
+        near = (
+            common(
+                window,
+                (
+                    round(carried[0].start_s - around_stances_s, 3),
+                    round(carried[-1].end_s + around_stances_s, 3),
+                ),
+            )
+            or window
+        )
+        notes += (
+            say("trial", "trimmed", window=window, near=near, around_s=around_stances_s)
+            if near != window
+            else []
+        )
         window = near
     _check_stances(window, plate, stances[side], side, subject.mass_kg, path)
     for s in sorted(plates, key=lambda s: s != side):
-        in_window = [((c.start_s, c.end_s), [end for end, seen in (
-            ("start", c.start_seen and c.start_s >= window[0]), ("end", c.end_seen and c.end_s <= window[1]))
-            if not seen]) for c in stances[s] if common((c.start_s, c.end_s), window)]
-        scuffs = [(c.start_s, c.end_s) for c in find_scuffs(plates[s].time_s, plates[s].force_W[:, 2])]
-        notes += say("trial", "foot", side=s, prosthetic=s == side, stances=in_window,
-                     scuffs=[scuff for scuff in scuffs if common(scuff, window)])
-    at = (plate.time_s >= window[0]) & (plate.time_s <= window[1]) & (plate.force_W[:, 2] > MINIMUM_LOAD_N)
+        in_window = [
+            (
+                (c.start_s, c.end_s),
+                [
+                    end
+                    for end, seen in (
+                        ("start", c.start_seen and c.start_s >= window[0]),
+                        ("end", c.end_seen and c.end_s <= window[1]),
+                    )
+                    if not seen
+                ],
+            )
+            for c in stances[s]
+            if common((c.start_s, c.end_s), window)
+        ]
+        scuffs = [
+            (c.start_s, c.end_s) for c in find_scuffs(plates[s].time_s, plates[s].force_W[:, 2])
+        ]
+        notes += say(
+            "trial",
+            "foot",
+            side=s,
+            prosthetic=s == side,
+            stances=in_window,
+            scuffs=[scuff for scuff in scuffs if common(scuff, window)],
+        )
+    at = (
+        (plate.time_s >= window[0])
+        & (plate.time_s <= window[1])
+        & (plate.force_W[:, 2] > MINIMUM_LOAD_N)
+    )
     at[1:] &= at[:-1]
     if plate.has_cop and at.sum() >= 3:  # runs backward under the foot as on a moving belt?
         speed = float(np.median(np.gradient(plate.cop_W[at, 0], plate.time_s[at])))
@@ -421,22 +695,38 @@ def trial_window(
     return window, notes
 
 
-def _choose_window(requested: Window | None, kinematics: Span, forces: Span, file: Path, unmeasured: Sequence[Span],
-                   stances: Sequence[Stance]) -> tuple[Span, list[str]]:
-    span = (kinematics[0] if requested is None or requested.start_s is None else requested.start_s,
-            kinematics[1] if requested is None or requested.end_s is None else requested.end_s)
+def _choose_window(
+    requested: Window | None,
+    kinematics: Span,
+    forces: Span,
+    file: Path,
+    unmeasured: Sequence[Span],
+    stances: Sequence[Stance],
+) -> tuple[Span, list[str]]:
+    span = (
+        kinematics[0] if requested is None or requested.start_s is None else requested.start_s,
+        kinematics[1] if requested is None or requested.end_s is None else requested.end_s,
+    )
     part = common(span, kinematics)
     if part is None:
-        raise InputError(f"the window of {words(span)} and the kinematics of {words(kinematics)} do not overlap",
-                         file=file, where="window")
+        raise InputError(
+            f"the window of {words(span)} and the kinematics of {words(kinematics)} do not overlap",
+            file=file,
+            where="window",
+        )
     both = common(part, forces)
     if both is None:
-        raise InputError(f"the forces of {words(forces)} and the window of {words(part)} do not overlap",
-                         file=file, where="window" if requested else "forces",
-                         right="Do both recordings count time from the same instant?")
+        raise InputError(
+            f"the forces of {words(forces)} and the window of {words(part)} do not overlap",
+            file=file,
+            where="window" if requested else "forces",
+            right="Do both recordings count time from the same instant?",
+        )
     notes = []
     for cut, whole, to in ((part, span, "kinematics"), (both, part, "force record")):
-        if max(abs(cut[0] - whole[0]), abs(cut[1] - whole[1])) > 1e-3 and (requested or to != "kinematics"):
+        if max(abs(cut[0] - whole[0]), abs(cut[1] - whole[1])) > 1e-3 and (
+            requested or to != "kinematics"
+        ):
             notes += say("trial", "cut", whole=whole, part=cut, to=to)
     missed = sorted(span for span in unmeasured if common(span, both))
     if not missed:
@@ -446,31 +736,54 @@ def _choose_window(requested: Window | None, kinematics: Span, forces: Span, fil
         return sum(max(0.0, min(s.end_s, span[1]) - max(s.start_s, span[0])) for s in stances)
 
     ends = [both[0], *(end for span in missed for end in span), both[1]]
-    between = [(start, end) for start, end in zip(ends[::2], ends[1::2], strict=True) if end > start]
+    between = [
+        (start, end) for start, end in zip(ends[::2], ends[1::2], strict=True) if end > start
+    ]
     best = max(between, key=lambda span: (held(span), span[1] - span[0]), default=None)
     if requested is not None or best is None or held(best) < MINIMUM_S:
         best = None
     return best or both, notes + say("trial", "unmeasured", window=both, best=best, missed=missed)
 
 
-def _check_stances(window: Span, plate: PlateRecording, stances: Sequence[Stance], side: str, mass_kg: float,
-                   file: Path) -> None:
+def _check_stances(
+    window: Span,
+    plate: PlateRecording,
+    stances: Sequence[Stance],
+    side: str,
+    mass_kg: float,
+    file: Path,
+) -> None:
     peak, weight = float(plate.force_W[:, 2].max()), mass_kg * GRAVITY
     if not stances:
-        raise InputError(f"the {side} (prosthetic) foot has no stance: its largest vertical force is {peak:.3g} N",
-                         file=file, where="forces")
+        raise InputError(
+            f"the {side} (prosthetic) foot has no stance: its largest vertical force is {peak:.3g} N",
+            file=file,
+            where="forces",
+        )
     if peak < LIGHTEST_BW * weight:
-        raise InputError(f"the {side} (prosthetic) foot is never loaded by more than {peak:.3g} N, {peak / weight:.2f} "
-                         f"times the body weight", file=file, where="forces",
-                         right="Check the unit of the forces and the subject's mass_kg")
+        raise InputError(
+            f"the {side} (prosthetic) foot is never loaded by more than {peak:.3g} N, {peak / weight:.2f} "
+            f"times the body weight",
+            file=file,
+            where="forces",
+            right="Check the unit of the forces and the subject's mass_kg",
+        )
     listed = f"The stances of the {side} foot are {', '.join(words((s.start_s, s.end_s)) for s in stances)}"
     shortest = min((s.duration_s for s in stances if s.complete), default=DEFAULT_STANCE_S)
     if window[1] - window[0] < shortest:
-        raise InputError(f"the trial of {words(window)} is shorter than one stance ({shortest:.3f} s)",
-                         file=file, where="window", right=listed)
+        raise InputError(
+            f"the trial of {words(window)} is shorter than one stance ({shortest:.3f} s)",
+            file=file,
+            where="window",
+            right=listed,
+        )
     if max(min(s.end_s, window[1]) - max(s.start_s, window[0]) for s in stances) < MINIMUM_S:
-        raise InputError(f"the {side} (prosthetic) foot carries no load from {words(window)}",
-                         file=file, where="window", right=listed)
+        raise InputError(
+            f"the {side} (prosthetic) foot carries no load from {words(window)}",
+            file=file,
+            where="window",
+            right=listed,
+        )
 
 
 def on_the_belt(
@@ -484,7 +797,13 @@ def on_the_belt(
         return trajectory, plates, []
     values = np.array(trajectory.values)
     values[:, trajectory.names.index("pelvis_tx")] += speed_m_per_s * trajectory.time_s
-    moved = CoordinateTrajectory(trajectory.time_s, values, trajectory.names, source=trajectory.source)
-    carried = {side: dataclasses.replace(plate, cop_W=plate.cop_W + np.outer(speed_m_per_s * plate.time_s, [1, 0, 0]))
-               for side, plate in plates.items()}
+    moved = CoordinateTrajectory(
+        trajectory.time_s, values, trajectory.names, source=trajectory.source
+    )
+    carried = {
+        side: dataclasses.replace(
+            plate, cop_W=plate.cop_W + np.outer(speed_m_per_s * plate.time_s, [1, 0, 0])
+        )
+        for side, plate in plates.items()
+    }
     return moved, carried, say("trial", "belt", speed=speed_m_per_s)

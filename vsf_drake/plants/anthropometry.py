@@ -41,15 +41,37 @@ class SegmentTable:
 # percentages that the table gives for the same segment (to the lateral malleolus and to the joint).
 DE_LEVA = {
     "male": SegmentTable(
-        stature_m=1.741, thigh_mass=0.1416, shank_mass=0.0433, foot_mass=0.0137,
-        thigh_length=0.4222, shank_length=0.4340 * 44.59 / 43.95, foot_length=0.2581, trunk_length=0.5319,
-        thigh_center=0.4095, shank_center=0.4395, foot_center=0.4415, trunk_center=0.4486,
-        trunk_gyration=(0.372, 0.347, 0.191), foot_gyration=(0.257, 0.245, 0.124)),
+        stature_m=1.741,
+        thigh_mass=0.1416,
+        shank_mass=0.0433,
+        foot_mass=0.0137,
+        thigh_length=0.4222,
+        shank_length=0.4340 * 44.59 / 43.95,
+        foot_length=0.2581,
+        trunk_length=0.5319,
+        thigh_center=0.4095,
+        shank_center=0.4395,
+        foot_center=0.4415,
+        trunk_center=0.4486,
+        trunk_gyration=(0.372, 0.347, 0.191),
+        foot_gyration=(0.257, 0.245, 0.124),
+    ),
     "female": SegmentTable(
-        stature_m=1.735, thigh_mass=0.1478, shank_mass=0.0481, foot_mass=0.0129,
-        thigh_length=0.3685, shank_length=0.4323 * 44.16 / 43.52, foot_length=0.2283, trunk_length=0.5293,
-        thigh_center=0.3612, shank_center=0.4352, foot_center=0.4014, trunk_center=0.4151,
-        trunk_gyration=(0.357, 0.339, 0.171), foot_gyration=(0.299, 0.279, 0.139)),
+        stature_m=1.735,
+        thigh_mass=0.1478,
+        shank_mass=0.0481,
+        foot_mass=0.0129,
+        thigh_length=0.3685,
+        shank_length=0.4323 * 44.16 / 43.52,
+        foot_length=0.2283,
+        trunk_length=0.5293,
+        thigh_center=0.3612,
+        shank_center=0.4352,
+        foot_center=0.4014,
+        trunk_center=0.4151,
+        trunk_gyration=(0.357, 0.339, 0.171),
+        foot_gyration=(0.299, 0.279, 0.139),
+    ),
 }
 
 THIGH_RADIUS_M = 0.095
@@ -101,7 +123,9 @@ class Body:
     @property
     def trunk_place(self) -> np.ndarray:
         """Centre of mass of head, arms and trunk in the pelvis's frame (m): above the hips as the trunk's."""
-        return np.array([self.hip_forward, 0.0, self.hip_up + (1 - self.table.trunk_center) * self.trunk_length])
+        return np.array(
+            [self.hip_forward, 0.0, self.hip_up + (1 - self.table.trunk_center) * self.trunk_length]
+        )
 
     def thigh(self, *, intact: bool) -> tuple[float, float, float]:
         """Proximal radius, distal radius and length (m) of the frustum from hip to knee centre."""
@@ -133,32 +157,60 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
     placement = foot_placement(subject)
     foot_height = placement.sole_below(foot.build_height_m)
     pylon = prosthesis_length - residual - foot_height
-    require(pylon >= LEAST_PYLON_M, f"no room for the pylon: knee to sole {prosthesis_length:.3f} m less residual "
-            f"shank {residual:.3f} m and foot {foot_height:.3f} m leaves {pylon:.3f} m", "subject",
-            f"It takes {LEAST_PYLON_M:g} m. Lower socket.residual_length_ratio of the model, or correct "
-            f"{'shank_length_m' if subject.prosthesis_length_m is None else 'prosthesis_length_m'}")
+    require(
+        pylon >= LEAST_PYLON_M,
+        f"no room for the pylon: knee to sole {prosthesis_length:.3f} m less residual "
+        f"shank {residual:.3f} m and foot {foot_height:.3f} m leaves {pylon:.3f} m",
+        "subject",
+        f"It takes {LEAST_PYLON_M:g} m. Lower socket.residual_length_ratio of the model, or correct "
+        f"{'shank_length_m' if subject.prosthesis_length_m is None else 'prosthesis_length_m'}",
+    )
 
     mass = subject.mass_kg
     shank_mass = mass * table.shank_mass
     prosthesis = foot.mass_kg + socket.socket_mass_kg + socket.pylon_mass_kg
     residual_mass = shank_mass * residual_volume_ratio(table, socket.residual_length_ratio)
-    limbs = mass * (2 * table.thigh_mass + table.foot_mass) + shank_mass + residual_mass + prosthesis
-    require(limbs <= 0.75 * mass, f"legs and prosthesis weigh {limbs:.1f} kg of {mass:.1f} kg", "subject.mass_kg",
-            "Check the masses of foot, socket and pylon")
+    limbs = (
+        mass * (2 * table.thigh_mass + table.foot_mass) + shank_mass + residual_mass + prosthesis
+    )
+    require(
+        limbs <= 0.75 * mass,
+        f"legs and prosthesis weigh {limbs:.1f} kg of {mass:.1f} kg",
+        "subject.mass_kg",
+        "Check the masses of foot, socket and pylon",
+    )
 
     # Hara's leg length goes from the spine to the malleolus: LL = 9 mm + 0.078 LL above the hip, thigh and shank below
     leg = (0.009 + thigh + shank) / (1 - 0.078)
-    hara = {"hip_forward": 0.011 - 0.063 * leg, "hip_up": -0.009 - 0.078 * leg, "hip_lateral": 0.008 + 0.086 * leg}
+    hara = {
+        "hip_forward": 0.011 - 0.063 * leg,
+        "hip_up": -0.009 - 0.078 * leg,
+        "hip_lateral": 0.008 + 0.086 * leg,
+    }
     measured = {name: getattr(subject, f"{name}_m") for name in hara}
-    hip = {name: value if measured[name] is None else measured[name] for name, value in hara.items()}
+    hip = {
+        name: value if measured[name] is None else measured[name] for name, value in hara.items()
+    }
     return Body(
-        table=table, pelvis_mass=mass - limbs,
-        thigh_mass=mass * table.thigh_mass, shank_mass=shank_mass, residual_shank_mass=residual_mass,
-        foot_mass=mass * table.foot_mass, prosthesis_mass=prosthesis,
-        thigh_length=thigh, prosthetic_thigh_length=subject.prosthetic_thigh_length_m or thigh, shank_length=shank,
-        residual_length=residual, pylon_length=pylon, prosthesis_length=prosthesis_length, placement=placement,
-        ankle_height=ankle, foot_length=subject.foot_length_m or scale * table.foot_length,
-        trunk_length=scale * table.trunk_length, **hip)
+        table=table,
+        pelvis_mass=mass - limbs,
+        thigh_mass=mass * table.thigh_mass,
+        shank_mass=shank_mass,
+        residual_shank_mass=residual_mass,
+        foot_mass=mass * table.foot_mass,
+        prosthesis_mass=prosthesis,
+        thigh_length=thigh,
+        prosthetic_thigh_length=subject.prosthetic_thigh_length_m or thigh,
+        shank_length=shank,
+        residual_length=residual,
+        pylon_length=pylon,
+        prosthesis_length=prosthesis_length,
+        placement=placement,
+        ankle_height=ankle,
+        foot_length=subject.foot_length_m or scale * table.foot_length,
+        trunk_length=scale * table.trunk_length,
+        **hip,
+    )
 
 
 def residual_volume_ratio(table: SegmentTable, length_ratio: float) -> float:
@@ -194,8 +246,11 @@ class FootPlacement:
         """X_DP; `mirrored` on the left side."""
         right = -1.0 if mirrored else 1.0
         # Toe up is a turn about -y; inversion about +x and toe-out about -z on the right, opposite on the left.
-        R_DP = (RotationMatrix.MakeYRotation(-self.alignment) @ RotationMatrix.MakeXRotation(right * self.inversion)
-                @ RotationMatrix.MakeZRotation(-right * self.toe_out))
+        R_DP = (
+            RotationMatrix.MakeYRotation(-self.alignment)
+            @ RotationMatrix.MakeXRotation(right * self.inversion)
+            @ RotationMatrix.MakeZRotation(-right * self.toe_out)
+        )
         return RigidTransform(R_DP, np.array([self.fore_aft, -right * self.lateral, 0.0]))
 
     def sole_below(self, build_height: float) -> float:
@@ -209,6 +264,9 @@ class FootPlacement:
 def foot_placement(subject: Subject) -> FootPlacement:
     """What is known of it; standard where nothing is."""
     return FootPlacement(
-        fore_aft=subject.prosthesis_fore_aft_m or 0.0, lateral=subject.prosthesis_lateral_m or 0.0,
-        alignment=subject.prosthesis_alignment_rad or 0.0, inversion=subject.prosthesis_inversion_rad or 0.0,
-        toe_out=subject.prosthesis_toe_out_rad or 0.0)
+        fore_aft=subject.prosthesis_fore_aft_m or 0.0,
+        lateral=subject.prosthesis_lateral_m or 0.0,
+        alignment=subject.prosthesis_alignment_rad or 0.0,
+        inversion=subject.prosthesis_inversion_rad or 0.0,
+        toe_out=subject.prosthesis_toe_out_rad or 0.0,
+    )

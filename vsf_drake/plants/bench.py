@@ -74,10 +74,19 @@ def make_bench(
     if scene_graph is not None:
         builder.ExportOutput(scene_graph.get_query_output_port(), "query")
     context = plant.CreateDefaultContext()
-    heights = [(plant.get_body(body).EvalPoseInWorld(context) @ point)[2]
-               for body, point in zip(pressed["body_indices"], pressed["p_BS"], strict=True)]
-    return BenchDiagram(diagram=builder.Build(), plant=plant, foot=foot, forces=forces, machine=machine,
-                        machine_bodies=pressed["body_indices"], contact_height=float(min(heights)))
+    heights = [
+        (plant.get_body(body).EvalPoseInWorld(context) @ point)[2]
+        for body, point in zip(pressed["body_indices"], pressed["p_BS"], strict=True)
+    ]
+    return BenchDiagram(
+        diagram=builder.Build(),
+        plant=plant,
+        foot=foot,
+        forces=forces,
+        machine=machine,
+        machine_bodies=pressed["body_indices"],
+        contact_height=float(min(heights)),
+    )
 
 
 def _weightless_plant(builder: DiagramBuilder) -> MultibodyPlant:
@@ -98,9 +107,14 @@ def _pressed(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict[
     point = [parameters.load_point_m - foot.keel_starts[j], 0.0, 0.0]
     k, n = parameters.series_stiffness_n_per_m, parameters.series_exponent
     slope = n * secant_stiffness(k, n, FOAM_LOADS_N[0])
-    return {"body_indices": [foot.keel[j].index()], "p_BS": np.array([point]), "stiffness": np.array([k]),
-            "exponent": np.array([n]), "damping": np.array([slope * FOAM_DAMPING_TIME_S]),
-            "full_damping_depth": np.array([1e-3])}
+    return {
+        "body_indices": [foot.keel[j].index()],
+        "p_BS": np.array([point]),
+        "stiffness": np.array([k]),
+        "exponent": np.array([n]),
+        "damping": np.array([slope * FOAM_DAMPING_TIME_S]),
+        "full_damping_depth": np.array([1e-3]),
+    }
 
 
 # The roll-over machine: the prosthetic foot alone, its mount driven in the sagittal plane over level ground.
@@ -144,17 +158,33 @@ def make_roll_over_machine(parameters: FootParameters, *, friction: bool) -> Rol
     builder = DiagramBuilder()
     plant = _weightless_plant(builder)
     instance = plant.AddModelInstance("machine")
-    mount = plant.AddRigidBody("machine_mount", instance, box(1e-3, (0.01, 0.01, 0.01), (0.0, 0.0, 0.0)))
+    mount = plant.AddRigidBody(
+        "machine_mount", instance, box(1e-3, (0.01, 0.01, 0.01), (0.0, 0.0, 0.0))
+    )
     forward, up, pitch = MOUNT_COORDINATES
-    add_chain(plant, instance, plant.world_frame(), np.zeros(3), mount, [
-        (forward, PrismaticJoint, FORWARD), (up, PrismaticJoint, UPWARD), (pitch, RevoluteJoint, RIGHTWARD)])
+    add_chain(
+        plant,
+        instance,
+        plant.world_frame(),
+        np.zeros(3),
+        mount,
+        [
+            (forward, PrismaticJoint, FORWARD),
+            (up, PrismaticJoint, UPWARD),
+            (pitch, RevoluteJoint, RIGHTWARD),
+        ],
+    )
     foot = add_foot(plant, mount.body_frame(), parameters)
     plant.Finalize()
-    driver = add_forces(builder, plant, "driver", servo(plant, MOUNT_COORDINATES, np.full(3, _SERVO_INERTIA)))
+    driver = add_forces(
+        builder, plant, "driver", servo(plant, MOUNT_COORDINATES, np.full(3, _SERVO_INERTIA))
+    )
     patch = GroundPatch() if friction else GroundPatch(mu_static=0.0, mu_kinetic=0.0)
     wired = wire_foot(builder, plant, foot, ground=Ground(patches=(patch,)))
     builder.ExportInput(wired.fulcrum_position, "fulcrum_position")
     builder.ExportInput(driver.GetInputPort("desired_state"), "desired_state")
     export_outputs(builder, wired, ON_THE_GROUND)
     builder.ExportOutput(plant.get_state_output_port(), "state")
-    return RollOverDiagram(diagram=builder.Build(), plant=plant, foot=foot, mount=mount, forces=wired.forces)
+    return RollOverDiagram(
+        diagram=builder.Build(), plant=plant, foot=foot, mount=mount, forces=wired.forces
+    )

@@ -54,15 +54,21 @@ GROUND_THICKNESS_M = 1.0
 def dissipation(sites: ContactSites) -> np.ndarray:
     """(N,) s/m of the Hunt-Crossley law that loses what the paper's law loses in a stroke to MATCHED_DEPTH_M."""
     rows = zip(sites.stiffness, sites.exponent, sites.damping, strict=True)
-    return np.array([matched_dissipation(stiffness=k, exponent=n, damping=b, depth=MATCHED_DEPTH_M)
-                     for k, n, b in rows])
+    return np.array(
+        [
+            matched_dissipation(stiffness=k, exponent=n, damping=b, depth=MATCHED_DEPTH_M)
+            for k, n, b in rows
+        ]
+    )
 
 
 def point_law(sites: ContactSites) -> tuple[np.ndarray, np.ndarray]:
     """What Drake's point contact, f = k x (1 + d x'), makes of N spheres' laws: k (N,) N/m, the secant stiffness under
     REFERENCE_LOAD_N, and d (N,) s/m, by `dissipation`."""
     rows = zip(sites.stiffness, sites.exponent, strict=True)
-    k = np.array([secant_stiffness(stiffness, exponent, REFERENCE_LOAD_N) for stiffness, exponent in rows])
+    k = np.array(
+        [secant_stiffness(stiffness, exponent, REFERENCE_LOAD_N) for stiffness, exponent in rows]
+    )
     return k, dissipation(replace(sites, stiffness=k, exponent=np.ones_like(k)))
 
 
@@ -84,7 +90,8 @@ def add_contact_geometry(plant: MultibodyPlant, foot: FootHandles, contact: str)
             name, shape, place = f"foam_{i}", geometry.Sphere(sites.radius[i]), sites.p_BS[i]
         else:
             geometry.AddCompliantHydroelasticProperties(
-                PAD_THICKNESS_M, PRESSURE_PER_DEPTH * (PAD_THICKNESS_M - RIM_M), properties)
+                PAD_THICKNESS_M, PRESSURE_PER_DEPTH * (PAD_THICKNESS_M - RIM_M), properties
+            )
             geometry.AddContactMaterial(rate[i], None, mu, properties)
             name, shape = f"pad_{i}", _pad(pad_widths(sites)[i])
             place = sites.p_BS[i] - [0.0, 0.0, sites.radius[i]]
@@ -93,59 +100,118 @@ def add_contact_geometry(plant: MultibodyPlant, foot: FootHandles, contact: str)
 
 def own_geometry(plant: MultibodyPlant, foot: FootHandles) -> list[geometry.GeometryId]:
     """The collision geometries on the foot's frame and keel."""
-    return [geometry for body in (foot.frame, *foot.keel) for geometry in plant.GetCollisionGeometriesForBody(body)]
+    return [
+        geometry
+        for body in (foot.frame, *foot.keel)
+        for geometry in plant.GetCollisionGeometriesForBody(body)
+    ]
 
 
 def part_own_geometry(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> None:
     """Keeps parts of the foot from colliding with each other, in the SceneGraph that `plant` asks."""
     query = plant.get_geometry_query_input_port().get_index()
-    asked = [source for (system, index), (source, _) in builder.connection_map().items()
-             if system is plant and index == query]
-    require(asked, "its geometry query is not connected", "plant",
-            "Make plant and SceneGraph with AddMultibodyPlantSceneGraph(builder, time_step)")
+    asked = [
+        source
+        for (system, index), (source, _) in builder.connection_map().items()
+        if system is plant and index == query
+    ]
+    require(
+        asked,
+        "its geometry query is not connected",
+        "plant",
+        "Make plant and SceneGraph with AddMultibodyPlantSceneGraph(builder, time_step)",
+    )
     asked[0].collision_filter_manager().Apply(
-        geometry.CollisionFilterDeclaration().ExcludeWithin(geometry.GeometrySet(own_geometry(plant, foot))))
+        geometry.CollisionFilterDeclaration().ExcludeWithin(
+            geometry.GeometrySet(own_geometry(plant, foot))
+        )
+    )
 
 
 def check_scene_graph(plant: MultibodyPlant, contact: str) -> None:
     """Raises InputError unless `contact` is one of Drake's that `plant` can still be given geometry for."""
-    require(contact in DRAKE_CONTACTS, f"{contact!r} takes no geometry", "contact",
-            f"One of {', '.join(DRAKE_CONTACTS)}")
-    require(plant.geometry_source_is_registered(), f"contact {contact} needs geometry, and the plant has no SceneGraph",
-            "plant", "Make both with AddMultibodyPlantSceneGraph(builder, time_step)")
-    require(not plant.is_finalized(), "the plant is finalized and takes no more geometry", "plant",
-            "Call this before plant.Finalize()")
-    require(contact != "hydroelastic" or plant.get_contact_model() != ContactModel.kPoint,
-            "the plant's contact model is kPoint, which knows no pads", "plant",
-            "Leave it at kHydroelasticWithFallback, or take contact drake_point")
+    require(
+        contact in DRAKE_CONTACTS,
+        f"{contact!r} takes no geometry",
+        "contact",
+        f"One of {', '.join(DRAKE_CONTACTS)}",
+    )
+    require(
+        plant.geometry_source_is_registered(),
+        f"contact {contact} needs geometry, and the plant has no SceneGraph",
+        "plant",
+        "Make both with AddMultibodyPlantSceneGraph(builder, time_step)",
+    )
+    require(
+        not plant.is_finalized(),
+        "the plant is finalized and takes no more geometry",
+        "plant",
+        "Call this before plant.Finalize()",
+    )
+    require(
+        contact != "hydroelastic" or plant.get_contact_model() != ContactModel.kPoint,
+        "the plant's contact model is kPoint, which knows no pads",
+        "plant",
+        "Leave it at kHydroelasticWithFallback, or take contact drake_point",
+    )
 
 
 def _pad(width: float) -> geometry.Mesh:
     """Square prism of tetrahedra over z = 0: four corners below, four within, four above."""
     corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    layers = ((0.5 * width, 0.0), (0.5 * width - RIM_M, PAD_THICKNESS_M - RIM_M), (0.5 * width, PAD_THICKNESS_M))
+    layers = (
+        (0.5 * width, 0.0),
+        (0.5 * width - RIM_M, PAD_THICKNESS_M - RIM_M),
+        (0.5 * width, PAD_THICKNESS_M),
+    )
     vertices = np.array([[*(half * corner), z] for half, z in layers for corner in corners])
     below, within, above = (range(4 * i, 4 * i + 4) for i in range(3))
-    prisms = [([low[i] for i in triangle], [high[i] for i in triangle])
-              for low, high in ((below, within), (within, above)) for triangle in ((0, 1, 2), (0, 2, 3))]
-    prisms += [([below[i], within[i], above[i]], [below[j], within[j], above[j]])
-               for i, j in ((0, 1), (1, 2), (2, 3), (0, 3))]
+    prisms = [
+        ([low[i] for i in triangle], [high[i] for i in triangle])
+        for low, high in ((below, within), (within, above))
+        for triangle in ((0, 1, 2), (0, 2, 3))
+    ]
+    prisms += [
+        ([below[i], within[i], above[i]], [below[j], within[j], above[j]])
+        for i, j in ((0, 1), (1, 2), (2, 3), (0, 3))
+    ]
     # A face's diagonal runs from the earlier column's lower vertex to the later one's upper, seen from either side.
-    cells = [cell for (a, b, c), (d, e, f) in prisms for cell in ((a, b, c, f), (a, b, e, f), (a, d, e, f))]
-    cells = [cell if np.linalg.det(vertices[list(cell[1:])] - vertices[cell[0]]) > 0.0 else (*cell[:2], *cell[:1:-1])
-             for cell in cells]
-    text = "\n".join((
-        "# vtk DataFile Version 3.0", "pad", "ASCII", "DATASET UNSTRUCTURED_GRID", f"POINTS {len(vertices)} double",
-        *(" ".join(f"{value:.17g}" for value in vertex) for vertex in vertices),
-        f"CELLS {len(cells)} {5 * len(cells)}", *(" ".join(map(str, (4, *cell))) for cell in cells),
-        f"CELL_TYPES {len(cells)}", *(["10"] * len(cells)), ""))
+    cells = [
+        cell
+        for (a, b, c), (d, e, f) in prisms
+        for cell in ((a, b, c, f), (a, b, e, f), (a, d, e, f))
+    ]
+    cells = [
+        cell
+        if np.linalg.det(vertices[list(cell[1:])] - vertices[cell[0]]) > 0.0
+        else (*cell[:2], *cell[:1:-1])
+        for cell in cells
+    ]
+    text = "\n".join(
+        (
+            "# vtk DataFile Version 3.0",
+            "pad",
+            "ASCII",
+            "DATASET UNSTRUCTURED_GRID",
+            f"POINTS {len(vertices)} double",
+            *(" ".join(f"{value:.17g}" for value in vertex) for vertex in vertices),
+            f"CELLS {len(cells)} {5 * len(cells)}",
+            *(" ".join(map(str, (4, *cell))) for cell in cells),
+            f"CELL_TYPES {len(cells)}",
+            *(["10"] * len(cells)),
+            "",
+        )
+    )
     file = MemoryFile(contents=text, extension=".vtk", filename_hint="pad.vtk")
     return geometry.Mesh(geometry.InMemoryMesh(mesh_file=file))
 
 
 def add_ground_geometry(
-    plant: MultibodyPlant, ground: Ground | None = None, *, foot: FootParameters | None = None,
-    contact: str = "drake_point"
+    plant: MultibodyPlant,
+    ground: Ground | None = None,
+    *,
+    foot: FootParameters | None = None,
+    contact: str = "drake_point",
 ) -> None:
     """Makes the patches of `ground` collision geometry of the world, for DRAKE_CONTACTS, before Finalize: each a rigid
     box of GROUND_THICKNESS_M below its plane, so Drake adds up the forces where a foot touches two of them.
@@ -159,30 +225,55 @@ def add_ground_geometry(
     ground, foot = check_ground(ground or Ground()), foot or FootParameters()
     check_scene_graph(plant, contact)
     _check_apart(ground.patches)
-    arrays = ground_arrays(ground, mu_static=foot.friction.mu_static, mu_kinetic=foot.friction.mu_kinetic)
+    arrays = ground_arrays(
+        ground, mu_static=foot.friction.mu_static, mu_kinetic=foot.friction.mu_kinetic
+    )
     for i, patch in enumerate(ground.patches):
-        require(patch.stiffness_n_per_m is None or contact != "hydroelastic", "hydroelastic pads take the ground for "
-                "rigid", f"patches[{i}].stiffness_n_per_m", "Leave it out, or take contact drake_point")
+        require(
+            patch.stiffness_n_per_m is None or contact != "hydroelastic",
+            "hydroelastic pads take the ground for rigid",
+            f"patches[{i}].stiffness_n_per_m",
+            "Leave it out, or take contact drake_point",
+        )
         properties = geometry.ProximityProperties()
         geometry.AddRigidHydroelasticProperties(1.0, properties)
-        friction = _ground_friction(arrays["mu_static"][i], arrays["mu_kinetic"][i], foot.friction, i)
-        geometry.AddContactMaterial(0.0, patch.stiffness_n_per_m or RIGID_N_PER_M, friction, properties)
+        friction = _ground_friction(
+            arrays["mu_static"][i], arrays["mu_kinetic"][i], foot.friction, i
+        )
+        geometry.AddContactMaterial(
+            0.0, patch.stiffness_n_per_m or RIGID_N_PER_M, friction, properties
+        )
         name = f"ground_{i}"  # whatever its patch is called, so that a second ground is told
         try:
-            plant.RegisterCollisionGeometry(plant.world_body(), *box_under(patch, GROUND_THICKNESS_M), name, properties)
+            plant.RegisterCollisionGeometry(
+                plant.world_body(), *box_under(patch, GROUND_THICKNESS_M), name, properties
+            )
         except RuntimeError as error:
-            raise InputError(f"the plant has a ground already, its geometry {name}", where=f"patches[{i}]",
-                             right="Call add_ground_geometry once for all feet, with every patch") from error
+            raise InputError(
+                f"the plant has a ground already, its geometry {name}",
+                where=f"patches[{i}]",
+                right="Call add_ground_geometry once for all feet, with every patch",
+            ) from error
 
 
-def _ground_friction(static: float, kinetic: float, foot: FrictionParameters, row: int) -> CoulombFriction:
+def _ground_friction(
+    static: float, kinetic: float, foot: FrictionParameters, row: int
+) -> CoulombFriction:
     """What together with the foot's makes a patch's coefficients: Drake takes the harmonic mean."""
     ground = []
-    for name, mu, sole in (("mu_static", static, foot.mu_static),
-                           ("mu_kinetic", min(kinetic, static), foot.mu_kinetic)):
-        require(mu == 0.0 or mu < 2.0 * sole, f"{mu:g} is twice the foot's {sole:g} or more; Drake takes the harmonic "
-                "mean", f"patches[{row}].{name}", "Raise the foot's own coefficient")
-        ground.append(mu * sole / (2.0 * sole - mu) if mu > 0.0 else 0.0)  # of mu = 2 sole ground / (sole + ground)
+    for name, mu, sole in (
+        ("mu_static", static, foot.mu_static),
+        ("mu_kinetic", min(kinetic, static), foot.mu_kinetic),
+    ):
+        require(
+            mu == 0.0 or mu < 2.0 * sole,
+            f"{mu:g} is twice the foot's {sole:g} or more; Drake takes the harmonic mean",
+            f"patches[{row}].{name}",
+            "Raise the foot's own coefficient",
+        )
+        ground.append(
+            mu * sole / (2.0 * sole - mu) if mu > 0.0 else 0.0
+        )  # of mu = 2 sole ground / (sole + ground)
     return CoulombFriction(max(ground), ground[1])
 
 
@@ -200,10 +291,19 @@ def box_under(patch: GroundPatch, thickness_m: float) -> tuple[RigidTransform, g
 
 
 def _check_apart(patches: Sequence[GroundPatch]) -> None:
-    planes = [(p.height_m, p.slope_deg, p.bank_deg, p.reference_x_m if p.slope_deg else 0.0) for p in patches]
+    planes = [
+        (p.height_m, p.slope_deg, p.bank_deg, p.reference_x_m if p.slope_deg else 0.0)
+        for p in patches
+    ]
     for i, a in enumerate(patches):
         for j, b in enumerate(patches[:i]):
-            over = (min(a.to_x_m, b.to_x_m) > max(a.from_x_m, b.from_x_m)
-                    and min(a.to_y_m, b.to_y_m) > max(a.from_y_m, b.from_y_m))
-            require(not over or planes[i] != planes[j], f"lies in the plane of patches[{j}] and over it, and Drake "
-                    "would add up both forces", f"patches[{i}]", "Give them bounds that do not overlap")
+            over = min(a.to_x_m, b.to_x_m) > max(a.from_x_m, b.from_x_m) and min(
+                a.to_y_m, b.to_y_m
+            ) > max(a.from_y_m, b.from_y_m)
+            require(
+                not over or planes[i] != planes[j],
+                f"lies in the plane of patches[{j}] and over it, and Drake "
+                "would add up both forces",
+                f"patches[{i}]",
+                "Give them bounds that do not overlap",
+            )

@@ -36,7 +36,11 @@ ET.register_namespace("drake", "http://drake.mit.edu")
 
 
 def foot_sdf(
-    parameters: FootParameters, *, fulcrum_m: float | None = None, springs: bool = True, collision: bool = True
+    parameters: FootParameters,
+    *,
+    fulcrum_m: float | None = None,
+    springs: bool = True,
+    collision: bool = True,
 ) -> str:
     """The rigid foot with the springs in its keel as an SDFormat model's text, named vsf; names are as of `add_foot`.
 
@@ -53,28 +57,64 @@ def foot_sdf(
 def foot_mjcf(parameters: FootParameters, *, fulcrum_m: float) -> str:
     """The rigid foot with the springs in its keel and its support at `fulcrum_m` (m from A) as an MJCF model's text,
     named vsf. Names are as `add_foot` gives them; the mount M is a site."""
-    return _written("foot.mjcf.j2", parameters, fulcrum_m, step_s=STEP_S, reach_m=REACH_M,
-                    servo=2.0 * math.pi * CARRIAGE_SERVO_HZ)
+    return _written(
+        "foot.mjcf.j2",
+        parameters,
+        fulcrum_m,
+        step_s=STEP_S,
+        reach_m=REACH_M,
+        servo=2.0 * math.pi * CARRIAGE_SERVO_HZ,
+    )
 
 
-def _written(template: str, parameters: FootParameters, fulcrum_m: float | None, **more: Any) -> str:
+def _written(
+    template: str, parameters: FootParameters, fulcrum_m: float | None, **more: Any
+) -> str:
     (handles, links), fulcrum = rigid_foot(parameters), parameters.fulcrum
     if fulcrum_m is not None:
         check_fulcrum(fulcrum_m, parameters, where="fulcrum_m")
-        more |= {"over": links[1 + handles.keel_body_at(fulcrum_m)], "point": np.array([fulcrum_m, 0.0, 0.0]),
-                 "support": {"stiffness": fulcrum.stiffness_n_per_m,
-                             "damping": fulcrum.stiffness_n_per_m * fulcrum.damping_time_s}}
-    environment = Environment(loader=PackageLoader("vsf_drake.plants"), undefined=StrictUndefined, trim_blocks=True,
-                              lstrip_blocks=True, autoescape=True)
+        more |= {
+            "over": links[1 + handles.keel_body_at(fulcrum_m)],
+            "point": np.array([fulcrum_m, 0.0, 0.0]),
+            "support": {
+                "stiffness": fulcrum.stiffness_n_per_m,
+                "damping": fulcrum.stiffness_n_per_m * fulcrum.damping_time_s,
+            },
+        }
+    environment = Environment(
+        loader=PackageLoader("vsf_drake.plants"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=True,
+    )
     environment.filters |= {
-        "text": _text, "kind": lambda shape: type(shape).__name__,
+        "text": _text,
+        "kind": lambda shape: type(shape).__name__,
         "six": lambda X: [*X.translation(), *RollPitchYaw(X.rotation()).vector()],
-        "turned": lambda X: not np.array_equal(X.rotation().matrix(), np.eye(3))}
+        "turned": lambda X: not np.array_equal(X.rotation().matrix(), np.eye(3)),
+    }
     text = environment.get_template(template).render(
-        links=links, name=NAME, fulcrum_m=fulcrum_m, parameters=parameters, sites=handles.sites, axis=RIGHTWARD,
-        hinges=list(zip(handles.keel_joint_names, handles.joint_stiffness, handles.joint_damping, strict=True)),
-        slide=handles.carriage_joint_name, reach=[fulcrum.rearmost_m, fulcrum.foremost_m], mount=handles.mount.name(),
-        X_KM=handles.mount.GetFixedPoseInBodyFrame(), **more)
+        links=links,
+        name=NAME,
+        fulcrum_m=fulcrum_m,
+        parameters=parameters,
+        sites=handles.sites,
+        axis=RIGHTWARD,
+        hinges=list(
+            zip(
+                handles.keel_joint_names,
+                handles.joint_stiffness,
+                handles.joint_damping,
+                strict=True,
+            )
+        ),
+        slide=handles.carriage_joint_name,
+        reach=[fulcrum.rearmost_m, fulcrum.foremost_m],
+        mount=handles.mount.name(),
+        X_KM=handles.mount.GetFixedPoseInBodyFrame(),
+        **more,
+    )
     head, end, tree = text.partition("-->\n")
     root = ET.fromstring(tree)
     ET.indent(root)
@@ -83,7 +123,9 @@ def _written(template: str, parameters: FootParameters, fulcrum_m: float | None,
 
 def _text(values: npt.ArrayLike) -> str:
     """12 digits, for the thirteenth may differ from one machine to another; below 1e-15 is what rounding left of 0."""
-    return " ".join("0" if abs(value) < 1e-15 else f"{float(value):.12g}" for value in np.atleast_1d(values))
+    return " ".join(
+        "0" if abs(value) < 1e-15 else f"{float(value):.12g}" for value in np.atleast_1d(values)
+    )
 
 
 # All of it is read from a plant of the foot that `add_foot` builds, so that an exported file says what the plant says.
@@ -102,33 +144,57 @@ def rigid_foot(parameters: FootParameters) -> tuple[FootHandles, list[dict[str, 
     inspector = scene_graph.model_inspector()
     carriage = foot.carriage_joint(plant).child_body()
     bodies, starts = (foot.frame, *foot.keel, carriage), (0.0, *foot.keel_starts, 0.0)
-    return foot, [_link(plant, inspector, body, start) for body, start in zip(bodies, starts, strict=True)]
+    return foot, [
+        _link(plant, inspector, body, start) for body, start in zip(bodies, starts, strict=True)
+    ]
 
 
 def _link(plant: MultibodyPlant, inspector: Any, body: RigidBody, start: float) -> dict[str, Any]:
     inertia = body.default_spatial_inertia()
     centre = inertia.get_com()
-    drawings = [{
-        "name": inspector.GetName(i).split("::")[-1], "shape": inspector.GetShape(i),
-        "X_BG": inspector.GetPoseInFrame(i),
-        "colour": inspector.GetIllustrationProperties(i).GetProperty("phong", "diffuse").rgba}
-        for i in inspector.GetGeometries(plant.GetBodyFrameIdOrThrow(body.index()), Role.kIllustration)
-        if not isinstance(inspector.GetShape(i), Mesh)]  # the sole would be a file of its own
-    return {"name": body.name(), "mass": inertia.get_mass(), "p_BBcm": centre, "p_KB": np.array([start, 0.0, 0.0]),
-            "moments": inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3(), "drawings": drawings,
-            "pads": dict(pad_of(inspector, shape) for shape in plant.GetCollisionGeometriesForBody(body))}
+    drawings = [
+        {
+            "name": inspector.GetName(i).split("::")[-1],
+            "shape": inspector.GetShape(i),
+            "X_BG": inspector.GetPoseInFrame(i),
+            "colour": inspector.GetIllustrationProperties(i).GetProperty("phong", "diffuse").rgba,
+        }
+        for i in inspector.GetGeometries(
+            plant.GetBodyFrameIdOrThrow(body.index()), Role.kIllustration
+        )
+        if not isinstance(inspector.GetShape(i), Mesh)
+    ]  # the sole would be a file of its own
+    return {
+        "name": body.name(),
+        "mass": inertia.get_mass(),
+        "p_BBcm": centre,
+        "p_KB": np.array([start, 0.0, 0.0]),
+        "moments": inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3(),
+        "drawings": drawings,
+        "pads": dict(
+            pad_of(inspector, shape) for shape in plant.GetCollisionGeometriesForBody(body)
+        ),
+    }
 
 
 def pad_of(inspector: Any, shape: GeometryId) -> tuple[str, dict[str, float]]:
     """Name of a collision sphere, and its place in its body's frame, size and point contact."""
     properties, sphere = inspector.GetProximityProperties(shape), inspector.GetShape(shape)
     if not isinstance(sphere, Sphere):
-        raise InputError(f"is a {type(sphere).__name__}, but must be a sphere", where=inspector.GetName(shape),
-                         right="Export the foot again")
+        raise InputError(
+            f"is a {type(sphere).__name__}, but must be a sphere",
+            where=inspector.GetName(shape),
+            right="Export the foot again",
+        )
     x, y, z = inspector.GetPoseInFrame(shape).translation()
     friction = properties.GetProperty("material", "coulomb_friction")
     return inspector.GetName(shape).split("::")[-1], {
-        "x (m)": x, "y (m)": y, "z (m)": z, "radius (m)": sphere.radius(),
+        "x (m)": x,
+        "y (m)": y,
+        "z (m)": z,
+        "radius (m)": sphere.radius(),
         "stiffness (N/m)": properties.GetProperty("material", "point_contact_stiffness"),
         "dissipation (s/m)": properties.GetProperty("material", "hunt_crossley_dissipation"),
-        "static friction": friction.static_friction(), "kinetic friction": friction.dynamic_friction()}
+        "static friction": friction.static_friction(),
+        "kinetic friction": friction.dynamic_friction(),
+    }

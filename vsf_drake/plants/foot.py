@@ -29,8 +29,20 @@ from vsf_drake.errors import InputError, require
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.model_file import check_foot, check_fulcrum, secant_stiffness
 from vsf_drake.parameters import SIDES, FootParameters, KeelParameters
-from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, REFERENCE_LOAD_N, add_contact_geometry, check_scene_graph
-from vsf_drake.plants.foot_handles import FULCRUM_M, ContactSites, FootHandles, check_context, check_type, zone_sites
+from vsf_drake.plants.contact_geometry import (
+    DRAKE_CONTACTS,
+    REFERENCE_LOAD_N,
+    add_contact_geometry,
+    check_scene_graph,
+)
+from vsf_drake.plants.foot_handles import (
+    FULCRUM_M,
+    ContactSites,
+    FootHandles,
+    check_context,
+    check_type,
+    zone_sites,
+)
 from vsf_drake.plants.solids import FORWARD, RIGHTWARD, box
 
 CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", *DRAKE_CONTACTS)
@@ -55,29 +67,53 @@ def sole_height(foot: FootParameters) -> float:
 
 
 def mount_pose(
-    foot: FootParameters, *, height: float = 0.0, fore_aft: float = 0.0, alignment: float = 0.0,
-    inversion: float = 0.0, toe_out: float = 0.0, mirrored: bool = False
+    foot: FootParameters,
+    *,
+    height: float = 0.0,
+    fore_aft: float = 0.0,
+    alignment: float = 0.0,
+    inversion: float = 0.0,
+    toe_out: float = 0.0,
+    mirrored: bool = False,
 ) -> RigidTransform:
     """X_KM, pose of the mount M in K, of a foot that is raised against the pylon by `height` (m), which shortens the
     prosthesis, shifted forward under it by `fore_aft` (m) and turned (rad) toes-up by `alignment`, then into
     `inversion`, then outward by `toe_out`, in the order of `anthropometry.FootPlacement`; `mirrored` on the left."""
-    p_KM = np.array([foot.pylon_x_m - fore_aft, 0.0, foot.build_height_m + sole_height(foot) - height])
+    p_KM = np.array(
+        [foot.pylon_x_m - fore_aft, 0.0, foot.build_height_m + sole_height(foot) - height]
+    )
     right = -1.0 if mirrored else 1.0
-    R_KM = (RotationMatrix.MakeZRotation(right * toe_out) @ RotationMatrix.MakeXRotation(-right * inversion)
-            @ RotationMatrix.MakeYRotation(alignment))
+    R_KM = (
+        RotationMatrix.MakeZRotation(right * toe_out)
+        @ RotationMatrix.MakeXRotation(-right * inversion)
+        @ RotationMatrix.MakeYRotation(alignment)
+    )
     return RigidTransform(R_KM, p_KM)
 
 
 def set_mount(
-    context: Context, handles: FootHandles, *, height: float = 0.0, fore_aft: float = 0.0, alignment: float = 0.0,
-    inversion: float = 0.0, toe_out: float = 0.0
+    context: Context,
+    handles: FootHandles,
+    *,
+    height: float = 0.0,
+    fore_aft: float = 0.0,
+    alignment: float = 0.0,
+    inversion: float = 0.0,
+    toe_out: float = 0.0,
 ) -> None:
     """Changes position and angles of the foot under its pylon in the plant's `context`; see `mount_pose`. A foot whose
     side nobody said turns as a right one."""
     plant: MultibodyPlant = handles.frame.GetParentPlant()  # type: ignore[no-untyped-call]  # the stub has no types
     check_context(plant, context)
-    pose = mount_pose(handles.parameters, height=height, fore_aft=fore_aft, alignment=alignment, inversion=inversion,
-                      toe_out=toe_out, mirrored=handles.side == "left")
+    pose = mount_pose(
+        handles.parameters,
+        height=height,
+        fore_aft=fore_aft,
+        alignment=alignment,
+        inversion=inversion,
+        toe_out=toe_out,
+        mirrored=handles.side == "left",
+    )
     handles.mount.SetPoseInParentFrame(context, pose)
 
 
@@ -92,15 +128,25 @@ def with_elements(foot: FootParameters, elements: int) -> FootParameters:
     """`foot` with each keel element cut into equal parts, `elements` in all; the beam stays the same."""
     lengths = foot.keel.element_lengths_m
     parts, rest = divmod(elements, len(lengths))
-    require(not rest and parts, f"{elements} elements cannot be had by cutting {len(lengths)} into equal parts",
-            "elements", f"It must be a multiple of {len(lengths)}")
+    require(
+        not rest and parts,
+        f"{elements} elements cannot be had by cutting {len(lengths)} into equal parts",
+        "elements",
+        f"It must be a multiple of {len(lengths)}",
+    )
     finer = tuple(length / parts for length in lengths for _ in range(parts))
     return replace(foot, keel=replace(foot.keel, element_lengths_m=finer))
 
 
 def add_foot(
-    plant: MultibodyPlant, parent_frame: tree.Frame, parameters: FootParameters, *, name: str = "vsf",
-    side: str | None = None, contact: str = "kelvin_voigt", fulcrum_m: float | None = None
+    plant: MultibodyPlant,
+    parent_frame: tree.Frame,
+    parameters: FootParameters,
+    *,
+    name: str = "vsf",
+    side: str | None = None,
+    contact: str = "kelvin_voigt",
+    fulcrum_m: float | None = None,
 ) -> FootHandles:
     """Adds the foot, its mount welded to `parent_frame` (z up along the pylon, x to the toe).
 
@@ -120,63 +166,133 @@ def add_foot(
     _check_place(plant, parent_frame, name)
     side = checked_side(parameters, side)
     check_foot(parameters)
-    require(contact in CONTACTS, f"{contact!r} is not known", "contact", f"Known are {', '.join(CONTACTS)}")
+    require(
+        contact in CONTACTS,
+        f"{contact!r} is not known",
+        "contact",
+        f"Known are {', '.join(CONTACTS)}",
+    )
     reach = parameters.fulcrum.rearmost_m, parameters.fulcrum.foremost_m
-    fulcrum_m = float(np.clip(FULCRUM_M, *reach)) if fulcrum_m is None else check_fulcrum(fulcrum_m, parameters)
+    fulcrum_m = (
+        float(np.clip(FULCRUM_M, *reach))
+        if fulcrum_m is None
+        else check_fulcrum(fulcrum_m, parameters)
+    )
     if contact in DRAKE_CONTACTS:
         check_scene_graph(plant, contact)
     beam, carriage_mass = parameters.keel, parameters.fulcrum.carriage_mass_kg
     volume = sum(beam.element_lengths_m) * beam.width_m * beam.thickness_m
     frame_mass = parameters.mass_kg - beam.density_kg_m3 * volume - carriage_mass
     instance = plant.AddModelInstance(name)
-    rear, width, height = reach[0], beam.width_m, parameters.build_height_m + sole_height(parameters)
+    rear, width, height = (
+        reach[0],
+        beam.width_m,
+        parameters.build_height_m + sole_height(parameters),
+    )
     inertia = box(frame_mass, (1.5 * rear, width, height), (0.75 * rear, 0.0, 0.5 * height))
     frame = plant.AddRigidBody(f"{name}_frame", instance, inertia)
-    mount = plant.AddFrame(tree.FixedOffsetFrame(f"{name}_mount", frame.body_frame(), mount_pose(parameters), instance))
+    mount = plant.AddFrame(
+        tree.FixedOffsetFrame(f"{name}_mount", frame.body_frame(), mount_pose(parameters), instance)
+    )
     plant.AddJoint(tree.WeldJoint(f"{name}_mount_weld", parent_frame, mount, RigidTransform()))
     keel, starts, joint_names = _add_keel(plant, instance, frame, beam)
     carriage = plant.AddRigidBody(
-        f"{name}_carriage", instance, box(carriage_mass, (0.02, width, 0.02), (0.0, 0.0, 0.02)))
-    plant.AddJoint(tree.PrismaticJoint("fulcrum", frame.body_frame(), carriage.body_frame(), FORWARD, *reach))
+        f"{name}_carriage", instance, box(carriage_mass, (0.02, width, 0.02), (0.0, 0.0, 0.02))
+    )
+    plant.AddJoint(
+        tree.PrismaticJoint("fulcrum", frame.body_frame(), carriage.body_frame(), FORWARD, *reach)
+    )
     stiffness = np.concatenate(([0.0], keel_joint_stiffness(beam)))
     foot = FootHandles(
-        parameters=parameters, name=name, contact=contact, side=side, instance=instance, frame=frame, mount=mount,
-        keel=keel, keel_starts=starts, keel_joint_names=joint_names, joint_stiffness=stiffness,
-        joint_damping=stiffness * beam.damping_time_s, carriage_joint_name="fulcrum",
-        sites=_foot_sites(parameters, frame, keel, starts), fulcrum_m=fulcrum_m)
+        parameters=parameters,
+        name=name,
+        contact=contact,
+        side=side,
+        instance=instance,
+        frame=frame,
+        mount=mount,
+        keel=keel,
+        keel_starts=starts,
+        keel_joint_names=joint_names,
+        joint_stiffness=stiffness,
+        joint_damping=stiffness * beam.damping_time_s,
+        carriage_joint_name="fulcrum",
+        sites=_foot_sites(parameters, frame, keel, starts),
+        fulcrum_m=fulcrum_m,
+    )
     if contact in DRAKE_CONTACTS:
         add_contact_geometry(plant, foot, contact)
     return with_implicit_device(plant, foot) if plant.time_step() > 0.0 else foot
 
 
 def _check_place(plant: MultibodyPlant, parent_frame: tree.Frame, name: str) -> None:
-    check_type(plant, MultibodyPlant, "plant", "Give the MultibodyPlant itself, not a builder or a diagram")
-    check_type(parent_frame, tree.Frame, "parent_frame",
-               "Give a Frame: plant.GetFrameByName(name), or body.body_frame()")
-    require(isinstance(name, str) and name, f"{name!r} is no name", "name", "Give a text that is not empty")
-    require(not plant.is_finalized(), "is finalised, so nothing can be added to it", "plant",
-            "Call add_foot before plant.Finalize()")
+    check_type(
+        plant, MultibodyPlant, "plant", "Give the MultibodyPlant itself, not a builder or a diagram"
+    )
+    check_type(
+        parent_frame,
+        tree.Frame,
+        "parent_frame",
+        "Give a Frame: plant.GetFrameByName(name), or body.body_frame()",
+    )
+    require(
+        isinstance(name, str) and name,
+        f"{name!r} is no name",
+        "name",
+        "Give a text that is not empty",
+    )
+    require(
+        not plant.is_finalized(),
+        "is finalised, so nothing can be added to it",
+        "plant",
+        "Call add_foot before plant.Finalize()",
+    )
     try:
         owned = plant.get_frame(parent_frame.index()) is parent_frame
     except RuntimeError:
         owned = False
-    require(owned, f"{parent_frame.name()!r} belongs to another plant", "parent_frame",
-            "Take a frame of the plant that the foot is added to")
-    require(not plant.HasModelInstanceNamed(name), f"the plant has a model instance {name!r} already", "name",
-            "Give every foot a name of its own")
+    require(
+        owned,
+        f"{parent_frame.name()!r} belongs to another plant",
+        "parent_frame",
+        "Take a frame of the plant that the foot is added to",
+    )
+    require(
+        not plant.HasModelInstanceNamed(name),
+        f"the plant has a model instance {name!r} already",
+        "name",
+        "Give every foot a name of its own",
+    )
 
 
 def checked_side(parameters: FootParameters, side: str | None) -> str:
     """The foot's side, "either" where nobody said; InputError for parameters of the other one."""
-    check_type(parameters, FootParameters, "parameters", "Give FootParameters, such as load_model(path).foot")
-    require(side in (None, *SIDES), f"{side!r} is no side", "side", f"It is one of {', '.join(SIDES)}, or None")
-    require(side is None or parameters.side in ("either", side), f"the parameters are for the {parameters.side} side",
-            "side", "Use mirrored(parameters), or add the foot to the other leg")
+    check_type(
+        parameters,
+        FootParameters,
+        "parameters",
+        "Give FootParameters, such as load_model(path).foot",
+    )
+    require(
+        side in (None, *SIDES),
+        f"{side!r} is no side",
+        "side",
+        f"It is one of {', '.join(SIDES)}, or None",
+    )
+    require(
+        side is None or parameters.side in ("either", side),
+        f"the parameters are for the {parameters.side} side",
+        "side",
+        "Use mirrored(parameters), or add the foot to the other leg",
+    )
     return side or parameters.side
 
 
 def _add_keel(
-    plant: MultibodyPlant, instance: tree.ModelInstanceIndex, frame: tree.RigidBody, keel: KeelParameters
+    plant: MultibodyPlant,
+    instance: tree.ModelInstanceIndex,
+    frame: tree.RigidBody,
+    keel: KeelParameters,
 ) -> tuple[list[tree.RigidBody], np.ndarray, tuple[str, ...]]:
     starts = np.concatenate(([0.0], keel_joint_positions(keel)))
     ends = np.append(starts[1:], sum(keel.element_lengths_m))
@@ -189,7 +305,9 @@ def _add_keel(
         inertia = box(keel.density_kg_m3 * float(np.prod(size)), size, (0.5 * length, 0.0, 0.0))
         body = plant.AddRigidBody(f"keel_body_{i}", instance, inertia)
         offset = RigidTransform(np.array([start - (starts[i - 1] if i else 0.0), 0.0, 0.0]))
-        joint_frame = plant.AddFrame(tree.FixedOffsetFrame(f"{names[i]}_frame", parent.body_frame(), offset, instance))
+        joint_frame = plant.AddFrame(
+            tree.FixedOffsetFrame(f"{names[i]}_frame", parent.body_frame(), offset, instance)
+        )
         plant.AddJoint(tree.RevoluteJoint(names[i], joint_frame, body.body_frame(), RIGHTWARD))
         bodies.append(body)
         parent = body
@@ -247,10 +365,18 @@ def largest_step(foot: FootHandles) -> float:
     if foot.contact not in STABLE_STEPS:
         return np.inf
     sites, mass = foot.sites, _piece_masses(foot)
-    slope = [n * secant_stiffness(k, n, REFERENCE_LOAD_N) for k, n in zip(sites.stiffness, sites.exponent, strict=True)]
-    on = np.array([[body == piece.index() for body in sites.body_indices] for piece in foot.keel], dtype=float)
+    slope = [
+        n * secant_stiffness(k, n, REFERENCE_LOAD_N)
+        for k, n in zip(sites.stiffness, sites.exponent, strict=True)
+    ]
+    on = np.array(
+        [[body == piece.index() for body in sites.body_indices] for piece in foot.keel], dtype=float
+    )
     with np.errstate(divide="ignore"):
-        longest = STABLE_STEPS[foot.contact] * mass / (on @ sites.damping), np.sqrt(mass / (on @ slope))
+        longest = (
+            STABLE_STEPS[foot.contact] * mass / (on @ sites.damping),
+            np.sqrt(mass / (on @ slope)),
+        )
     return float(np.min(longest))
 
 
@@ -270,29 +396,51 @@ def _piece_masses(foot: FootHandles) -> np.ndarray:
 def with_implicit_device(plant: MultibodyPlant, foot: FootHandles) -> FootHandles:
     """`foot` with springs, carriage and support in a plant with a time step, before Finalize, at its `fulcrum_m`."""
     step, longest = plant.time_step(), largest_step(foot)
-    require(step <= longest, f"contact {foot.contact} is an explicit force in a plant with a time step, and "
-            f"{1e3 * step:g} ms is too long for this foot", "time_step",
-            f"Take at most {1e3 * longest:.2g} ms, contact drake_point or hydroelastic, or a continuous plant")
+    require(
+        step <= longest,
+        f"contact {foot.contact} is an explicit force in a plant with a time step, and "
+        f"{1e3 * step:g} ms is too long for this foot",
+        "time_step",
+        f"Take at most {1e3 * longest:.2g} ms, contact drake_point or hydroelastic, or a continuous plant",
+    )
     mass = foot.parameters.fulcrum.carriage_mass_kg
     hold = (foot.carriage_joint_name, mass * CARRIAGE_FREQUENCY**2, 2.0 * mass * CARRIAGE_FREQUENCY)
     for name, stiffness, damping in (
-            *zip(foot.keel_joint_names, foot.joint_stiffness, foot.joint_damping, strict=True), hold):
+        *zip(foot.keel_joint_names, foot.joint_stiffness, foot.joint_damping, strict=True),
+        hold,
+    ):
         if stiffness > 0.0:
-            actuator = plant.AddJointActuator(f"{foot.name}_{name}", plant.GetJointByName(name, foot.instance))
+            actuator = plant.AddJointActuator(
+                f"{foot.name}_{name}", plant.GetJointByName(name, foot.instance)
+            )
             actuator.set_controller_gains(tree.PdControllerGains(p=stiffness, d=damping))
     foot.carriage_joint(plant).set_default_translation(foot.fulcrum_m)
     rod = _rod(foot, foot.fulcrum_m)
     try:
-        return replace(foot, support=plant.AddDistanceConstraint(
-            plant.get_body(rod.bodyA()), rod.p_AP(), plant.get_body(rod.bodyB()), rod.p_BQ(), rod.distance(),
-            rod.stiffness(), rod.damping()))
+        return replace(
+            foot,
+            support=plant.AddDistanceConstraint(
+                plant.get_body(rod.bodyA()),
+                rod.p_AP(),
+                plant.get_body(rod.bodyB()),
+                rod.p_BQ(),
+                rod.distance(),
+                rod.stiffness(),
+                rod.damping(),
+            ),
+        )
     except RuntimeError as error:
-        raise InputError(f"the plant takes no distance constraint: {error}", where="plant",
-                         right="Leave its contact approximation at kLagged, Drake's default, or take kSap or kSimilar, "
-                         "or a continuous plant") from None
+        raise InputError(
+            f"the plant takes no distance constraint: {error}",
+            where="plant",
+            right="Leave its contact approximation at kLagged, Drake's default, or take kSap or kSimilar, "
+            "or a continuous plant",
+        ) from None
 
 
-def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandles, fulcrum_m: float) -> None:
+def place_fulcrum(
+    plant: MultibodyPlant, plant_context: Context, foot: FootHandles, fulcrum_m: float
+) -> None:
     """Puts the support of `foot`, in a plant with a time step, at `fulcrum_m` (m from A) in the plant's Context; the
     carriage stays where it is."""
     support, rod = support_of(foot), _rod(foot, check_fulcrum(fulcrum_m, foot.parameters))
@@ -303,14 +451,22 @@ def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandl
 def support_of(foot: FootHandles) -> tree.MultibodyConstraintId:
     """The constraint that is the support of `foot`; InputError for a foot in a continuous plant."""
     if foot.support is None:
-        raise InputError(f"the foot {foot.name!r} is in a continuous plant", where="foot",
-                         right="There the support follows its port by itself: leave this call out")
+        raise InputError(
+            f"the foot {foot.name!r} is in a continuous plant",
+            where="foot",
+            right="There the support follows its port by itself: leave this call out",
+        )
     return foot.support
 
 
 def _rod(foot: FootHandles, fulcrum_m: float) -> DistanceConstraintParams:
     piece, fulcrum = foot.keel_body_at(fulcrum_m), foot.parameters.fulcrum
     return DistanceConstraintParams(
-        bodyA=foot.keel[piece].index(), p_AP=np.array([fulcrum_m - foot.keel_starts[piece], 0.0, 0.0]),
-        bodyB=foot.frame.index(), p_BQ=np.array([fulcrum_m, 0.0, ROD_M]), distance=ROD_M,
-        stiffness=fulcrum.stiffness_n_per_m, damping=fulcrum.stiffness_n_per_m * fulcrum.damping_time_s)
+        bodyA=foot.keel[piece].index(),
+        p_AP=np.array([fulcrum_m - foot.keel_starts[piece], 0.0, 0.0]),
+        bodyB=foot.frame.index(),
+        p_BQ=np.array([fulcrum_m, 0.0, ROD_M]),
+        distance=ROD_M,
+        stiffness=fulcrum.stiffness_n_per_m,
+        damping=fulcrum.stiffness_n_per_m * fulcrum.damping_time_s,
+    )

@@ -37,15 +37,28 @@ class ContactSites:
         return {name: getattr(self, name) for name in names}
 
 
-def zone_sites(zones: tuple[ContactZone, ...], body_indices: list[tree.BodyIndex], p_BS: np.ndarray) -> ContactSites:
+def zone_sites(
+    zones: tuple[ContactZone, ...], body_indices: list[tree.BodyIndex], p_BS: np.ndarray
+) -> ContactSites:
     """Sites of `zones` in their order, with every zone's law repeated for each of its spheres."""
     count = [len(zone.x_mm) for zone in zones]
-    fields = {"radius": "radius_m", "stiffness": "stiffness", "exponent": "exponent", "damping": "damping_n_s_per_m",
-              "full_damping_depth": "full_damping_depth_m"}
+    fields = {
+        "radius": "radius_m",
+        "stiffness": "stiffness",
+        "exponent": "exponent",
+        "damping": "damping_n_s_per_m",
+        "full_damping_depth": "full_damping_depth_m",
+    }
     return ContactSites(
-        body_indices=body_indices, p_BS=p_BS, zone=np.repeat(np.arange(len(zones)), count),
+        body_indices=body_indices,
+        p_BS=p_BS,
+        zone=np.repeat(np.arange(len(zones)), count),
         zone_names=tuple(zone.name for zone in zones),
-        **{name: np.repeat([float(getattr(zone, field)) for zone in zones], count) for name, field in fields.items()})
+        **{
+            name: np.repeat([float(getattr(zone, field)) for zone in zones], count)
+            for name, field in fields.items()
+        },
+    )
 
 
 @dataclass(frozen=True)
@@ -58,7 +71,9 @@ class FootHandles:
     side: str  # "left", "right", or "either" where nobody said
     instance: tree.ModelInstanceIndex  # in which the foot's joint names are unique
     frame: tree.RigidBody  # the rigid frame; its body frame is K
-    mount: tree.FixedOffsetFrame  # M on `frame`, where the pylon attaches; its pose can be changed in a Context
+    mount: (
+        tree.FixedOffsetFrame
+    )  # M on `frame`, where the pylon attaches; its pose can be changed in a Context
     keel: list[tree.RigidBody]  # from A to the toe, their frames at their joints, x along the keel
     keel_starts: np.ndarray  # (len(keel),) distance (m) of each body's frame from A
     keel_joint_names: tuple[str, ...]  # the pin at A, then the sprung joints
@@ -67,11 +82,15 @@ class FootHandles:
     carriage_joint_name: str  # slide of the fulcrum's carriage, coordinate = distance from A (m)
     sites: ContactSites
     fulcrum_m: float = FULCRUM_M  # fulcrum position (m from A) where no other is commanded
-    support: tree.MultibodyConstraintId | None = None  # the fulcrum's support, in a plant with a time step
+    support: tree.MultibodyConstraintId | None = (
+        None  # the fulcrum's support, in a plant with a time step
+    )
 
     def keel_body_at(self, x: float) -> int:
         """Index into `keel` of the body that carries the point `x` (m from A)."""
-        return int(np.clip(np.searchsorted(self.keel_starts, x, side="right") - 1, 0, len(self.keel) - 1))
+        return int(
+            np.clip(np.searchsorted(self.keel_starts, x, side="right") - 1, 0, len(self.keel) - 1)
+        )
 
     def carriage_joint(self, plant: MultibodyPlant) -> tree.PrismaticJoint:
         """The slide of the fulcrum's carriage in the foot's `plant`."""
@@ -82,7 +101,12 @@ class FootHandles:
 
 def check_type(value: object, kind: type, where: str, right: str) -> None:
     """Raises InputError unless it is."""
-    require(isinstance(value, kind), f"is a {type(value).__name__}, but must be a {kind.__name__}", where, right)
+    require(
+        isinstance(value, kind),
+        f"is a {type(value).__name__}, but must be a {kind.__name__}",
+        where,
+        right,
+    )
 
 
 def check_context(plant: MultibodyPlant, context: Context) -> None:

@@ -8,14 +8,26 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import (
+    Context,
+    DiagramBuilder,
+    EventStatus,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+)
 
 from vsf_drake.errors import require
 from vsf_drake.ground import Ground, check_ground, ground_arrays
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import ActuatorParameters, FrictionParameters
 from vsf_drake.plants import wiring
-from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, dissipation, own_geometry, part_own_geometry
+from vsf_drake.plants.contact_geometry import (
+    DRAKE_CONTACTS,
+    dissipation,
+    own_geometry,
+    part_own_geometry,
+)
 from vsf_drake.plants.foot import grip_limit, place_fulcrum, support_of
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
 from vsf_drake.systems.contact import DrakeReaction
@@ -39,9 +51,15 @@ class WiredFoot:
 
     foot: FootHandles
     forces: FootForces
-    reaction: DrakeReaction | None = None  # what the ground does to a foot with contact of Drake's own
-    device: FootForces | None = None  # with a time step: tells what springs and support bear, which the plant exerts
-    command: FulcrumCommand | None = None  # with a time step: sends the carriage to the fulcrum position
+    reaction: DrakeReaction | None = (
+        None  # what the ground does to a foot with contact of Drake's own
+    )
+    device: FootForces | None = (
+        None  # with a time step: tells what springs and support bear, which the plant exerts
+    )
+    command: FulcrumCommand | None = (
+        None  # with a time step: sends the carriage to the fulcrum position
+    )
 
     @property
     def fulcrum_position(self) -> InputPort:
@@ -56,12 +74,17 @@ class WiredFoot:
     def outputs(self) -> dict[str, OutputPort]:
         """The outputs by name. In a plant with a time step `device` tells what springs and support bear."""
         return _outputs(self.forces, self.reaction) | (
-            {name: self.device.GetOutputPort(name) for name in FORCES} if self.device else {})
+            {name: self.device.GetOutputPort(name) for name in FORCES} if self.device else {}
+        )
 
 
 def _outputs(*systems: LeafSystem | None) -> dict[str, OutputPort]:
-    return {port.get_name(): port for system in systems if system is not None
-            for port in map(system.get_output_port, range(system.num_output_ports()))}
+    return {
+        port.get_name(): port
+        for system in systems
+        if system is not None
+        for port in map(system.get_output_port, range(system.num_output_ports()))
+    }
 
 
 def _output(ports: dict[str, OutputPort], name: str, where: str) -> OutputPort:
@@ -70,8 +93,13 @@ def _output(ports: dict[str, OutputPort], name: str, where: str) -> OutputPort:
 
 
 def wire_foot(
-    builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, *, ground: Ground | None = None,
-    fulcrum_m: float | None = None, own_ground: bool = False
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    foot: FootHandles,
+    *,
+    ground: Ground | None = None,
+    fulcrum_m: float | None = None,
+    own_ground: bool = False,
 ) -> WiredFoot:
     """Connects what acts on `foot`: contact, friction, fulcrum support, keel springs, the carriage's servo.
 
@@ -91,73 +119,148 @@ def wire_foot(
     check_type(plant, MultibodyPlant, "plant", "Call wire_foot(builder, plant, foot)")
     check_type(foot, FootHandles, "foot", "Give what add_foot or find_foot returned")
     wiring.check_shareable(builder, plant)
-    require(plant.HasModelInstanceNamed(foot.name) and plant.get_body(foot.frame.index()) is foot.frame,
-            f"the foot {foot.name!r} is part of another plant", "foot",
-            "Wire it in the diagram of the plant that it was added to")
-    require(not builder.HasSubsystemNamed(f"{foot.name}_forces"), f"the foot {foot.name!r} is wired already", "foot",
-            "Keep what the first wire_foot returned; a second foot needs a name of its own")
+    require(
+        plant.HasModelInstanceNamed(foot.name) and plant.get_body(foot.frame.index()) is foot.frame,
+        f"the foot {foot.name!r} is part of another plant",
+        "foot",
+        "Wire it in the diagram of the plant that it was added to",
+    )
+    require(
+        not builder.HasSubsystemNamed(f"{foot.name}_forces"),
+        f"the foot {foot.name!r} is wired already",
+        "foot",
+        "Keep what the first wire_foot returned; a second foot needs a name of its own",
+    )
     fulcrum_m = check_fulcrum(foot.fulcrum_m if fulcrum_m is None else fulcrum_m, foot.parameters)
     _check_suits(plant, foot, ground, fulcrum_m, own_ground)
     law = foot.contact if foot.contact in CONTACT_LAWS else None
     device = _device_constants(foot, fulcrum_m)
     contact: dict[str, Constant] = {}
     if law:
-        contact = _contact_constants(foot.sites, foot.parameters.friction, check_ground(ground or Ground()))
+        contact = _contact_constants(
+            foot.sites, foot.parameters.friction, check_ground(ground or Ground())
+        )
     reaction = None
     if not law:
         part_own_geometry(builder, plant, foot)
-        reaction = builder.AddNamedSystem(f"{foot.name}_reaction", DrakeReaction(
-            body_indices=[body.index() for body in (foot.frame, *foot.keel)], geometry_ids=own_geometry(plant, foot)))
-        builder.Connect(plant.get_contact_results_output_port(), reaction.GetInputPort("contact_results"))
+        reaction = builder.AddNamedSystem(
+            f"{foot.name}_reaction",
+            DrakeReaction(
+                body_indices=[body.index() for body in (foot.frame, *foot.keel)],
+                geometry_ids=own_geometry(plant, foot),
+            ),
+        )
+        builder.Connect(
+            plant.get_contact_results_output_port(), reaction.GetInputPort("contact_results")
+        )
     if foot.support is None:
         return WiredFoot(foot, _add_forces(builder, plant, foot, law, device | contact), reaction)
-    joints = [plant.get_joint_actuator(i).joint().name() for i in plant.GetJointActuatorIndices(foot.instance)]
-    command = builder.AddNamedSystem(f"{foot.name}_command", FulcrumCommand(
-        num_actuators=len(joints), carriage=joints.index(foot.carriage_joint_name), fulcrum_m=fulcrum_m))
-    builder.Connect(command.GetOutputPort("desired_state"), plant.get_desired_state_input_port(foot.instance))
+    joints = [
+        plant.get_joint_actuator(i).joint().name()
+        for i in plant.GetJointActuatorIndices(foot.instance)
+    ]
+    command = builder.AddNamedSystem(
+        f"{foot.name}_command",
+        FulcrumCommand(
+            num_actuators=len(joints),
+            carriage=joints.index(foot.carriage_joint_name),
+            fulcrum_m=fulcrum_m,
+        ),
+    )
+    builder.Connect(
+        command.GetOutputPort("desired_state"), plant.get_desired_state_input_port(foot.instance)
+    )
     forces: FootForces | None = None
     if law:
-        forces = _add_forces(builder, plant, foot, law, {
-            **dict.fromkeys(DEVICE, 0.0), "fulcrum_m": fulcrum_m, **contact}, grip=grip_limit(foot, plant.time_step()))
-    borne = _add_forces(builder, plant, foot, None, device, name="device" if law else "forces", acts=False)
+        forces = _add_forces(
+            builder,
+            plant,
+            foot,
+            law,
+            {**dict.fromkeys(DEVICE, 0.0), "fulcrum_m": fulcrum_m, **contact},
+            grip=grip_limit(foot, plant.time_step()),
+        )
+    borne = _add_forces(
+        builder, plant, foot, None, device, name="device" if law else "forces", acts=False
+    )
     builder.Connect(command.GetOutputPort("position"), borne.GetInputPort("fulcrum_position"))
-    return WiredFoot(foot=foot, forces=forces or borne, reaction=reaction, device=borne, command=command)
+    return WiredFoot(
+        foot=foot, forces=forces or borne, reaction=reaction, device=borne, command=command
+    )
 
 
-def wire_unloaded_foot(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> FootForces:
+def wire_unloaded_foot(
+    builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles
+) -> FootForces:
     """Connects what acts on `foot`, in a continuous plant, but for contact and friction: nothing is under it."""
     return _add_forces(builder, plant, foot, None, _device_constants(foot, foot.fulcrum_m))
 
 
 def add_rigid_foot(
-    builder: DiagramBuilder, plant: MultibodyPlant, sites: ContactSites, friction: FrictionParameters, ground: Ground,
-    *, name: str
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    sites: ContactSites,
+    friction: FrictionParameters,
+    ground: Ground,
+    *,
+    name: str,
 ) -> FootForces:
     """Adds contact and friction of spheres on one rigid body: a `FootForces` whose keel exerts nothing."""
     bodies = {int(index) for index in sites.body_indices}
     if len(bodies) != 1:
         raise ValueError(f"the sites are on {len(bodies)} bodies, but must be on one")
-    return wiring.add_forces(builder, plant, name, FootForces(
-        num_positions=plant.num_positions(), num_velocities=plant.num_velocities(), position_indices=[0, 0],
-        velocity_indices=[0, 0], frame_body_index=sites.body_indices[0], keel_starts=np.zeros(1),
-        site_keel=[-1] * len(sites.body_indices), law="kelvin_voigt",
-        constants={**dict.fromkeys(DEVICE, 0.0), **_contact_constants(sites, friction, check_ground(ground))}))
+    return wiring.add_forces(
+        builder,
+        plant,
+        name,
+        FootForces(
+            num_positions=plant.num_positions(),
+            num_velocities=plant.num_velocities(),
+            position_indices=[0, 0],
+            velocity_indices=[0, 0],
+            frame_body_index=sites.body_indices[0],
+            keel_starts=np.zeros(1),
+            site_keel=[-1] * len(sites.body_indices),
+            law="kelvin_voigt",
+            constants={
+                **dict.fromkeys(DEVICE, 0.0),
+                **_contact_constants(sites, friction, check_ground(ground)),
+            },
+        ),
+    )
 
 
 def _add_forces(
-    builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, law: str | None,
-    constants: dict[str, Constant], *, name: str = "forces", acts: bool = True, grip: np.ndarray | None = None
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    foot: FootHandles,
+    law: str | None,
+    constants: dict[str, Constant],
+    *,
+    name: str = "forces",
+    acts: bool = True,
+    grip: np.ndarray | None = None,
 ) -> FootForces:
-    *keel, slide = [plant.GetJointByName(joint, foot.instance)
-                    for joint in (*foot.keel_joint_names, foot.carriage_joint_name)]
+    *keel, slide = [
+        plant.GetJointByName(joint, foot.instance)
+        for joint in (*foot.keel_joint_names, foot.carriage_joint_name)
+    ]
     keel_index = {int(body.index()): i for i, body in enumerate(foot.keel)}
     forces = FootForces(
-        num_positions=plant.num_positions(), num_velocities=plant.num_velocities(),
+        num_positions=plant.num_positions(),
+        num_velocities=plant.num_velocities(),
         position_indices=[joint.position_start() for joint in (*keel, slide)],
-        velocity_indices=[joint.velocity_start() for joint in (*keel, slide)], frame_body_index=foot.frame.index(),
-        keel_starts=foot.keel_starts, law=law, constants=constants, grip_limit=grip,
-        site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices])
-    if foot.support is None:  # else the servo would pull the carriage from A to the fulcrum in the first millisecond
+        velocity_indices=[joint.velocity_start() for joint in (*keel, slide)],
+        frame_body_index=foot.frame.index(),
+        keel_starts=foot.keel_starts,
+        law=law,
+        constants=constants,
+        grip_limit=grip,
+        site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices],
+    )
+    if (
+        foot.support is None
+    ):  # else the servo would pull the carriage from A to the fulcrum in the first millisecond
         foot.carriage_joint(plant).set_default_translation(float(constants["fulcrum_m"]))
     if acts:
         return wiring.add_forces(builder, plant, f"{foot.name}_{name}", forces)
@@ -167,32 +270,58 @@ def _add_forces(
 
 
 def _check_suits(
-    plant: MultibodyPlant, foot: FootHandles, ground: Ground | None, fulcrum_m: float, own_ground: bool
+    plant: MultibodyPlant,
+    foot: FootHandles,
+    ground: Ground | None,
+    fulcrum_m: float,
+    own_ground: bool,
 ) -> None:
-    require(plant.time_step() == 0.0 or foot.support is not None,
-            f"has a time step, and the foot {foot.name!r} no springs and support that are implicit in it", "plant",
-            "Add the foot with add_foot, or take a continuous plant")
-    require(ground is None or foot.contact not in DRAKE_CONTACTS,
-            f"is geometry of the plant for contact {foot.contact}", "ground",
-            "Call add_ground_geometry(plant, ground) before plant.Finalize() and leave it out here")
-    require(foot.support is None or abs(fulcrum_m - foot.fulcrum_m) <= 1e-9,
-            f"the support stands at {1e3 * foot.fulcrum_m:g} mm, for the plant has a time step", "fulcrum_m",
-            f"Give add_foot fulcrum_m={fulcrum_m:g}, or move it by place_fulcrum")
+    require(
+        plant.time_step() == 0.0 or foot.support is not None,
+        f"has a time step, and the foot {foot.name!r} no springs and support that are implicit in it",
+        "plant",
+        "Add the foot with add_foot, or take a continuous plant",
+    )
+    require(
+        ground is None or foot.contact not in DRAKE_CONTACTS,
+        f"is geometry of the plant for contact {foot.contact}",
+        "ground",
+        "Call add_ground_geometry(plant, ground) before plant.Finalize() and leave it out here",
+    )
+    require(
+        foot.support is None or abs(fulcrum_m - foot.fulcrum_m) <= 1e-9,
+        f"the support stands at {1e3 * foot.fulcrum_m:g} mm, for the plant has a time step",
+        "fulcrum_m",
+        f"Give add_foot fulcrum_m={fulcrum_m:g}, or move it by place_fulcrum",
+    )
     if foot.contact not in DRAKE_CONTACTS:
-        require(not own_ground, f"contact {foot.contact} meets no geometry", "own_ground",
-                f"Give its patches as ground, or take contact {' or '.join(DRAKE_CONTACTS)}")
+        require(
+            not own_ground,
+            f"contact {foot.contact} meets no geometry",
+            "own_ground",
+            f"Give its patches as ground, or take contact {' or '.join(DRAKE_CONTACTS)}",
+        )
         return
-    fixed = [body for body in plant.GetBodiesWeldedTo(plant.world_body()) if body not in (foot.frame, *foot.keel)]
-    require(own_ground or any(plant.GetCollisionGeometriesForBody(body) for body in fixed),
-            f"no geometry is fixed to the world, so the foot {foot.name!r} would fall through", "ground",
-            "Call add_ground_geometry(plant, ground) before plant.Finalize(), or say wire_foot(..., own_ground=True) "
-            "if it is to meet a ground of yours that moves, or none")
+    fixed = [
+        body
+        for body in plant.GetBodiesWeldedTo(plant.world_body())
+        if body not in (foot.frame, *foot.keel)
+    ]
+    require(
+        own_ground or any(plant.GetCollisionGeometriesForBody(body) for body in fixed),
+        f"no geometry is fixed to the world, so the foot {foot.name!r} would fall through",
+        "ground",
+        "Call add_ground_geometry(plant, ground) before plant.Finalize(), or say wire_foot(..., own_ground=True) "
+        "if it is to meet a ground of yours that moves, or none",
+    )
 
 
 def _device_constants(foot: FootHandles, fulcrum_m: float) -> dict[str, Constant]:
     fulcrum = foot.parameters.fulcrum
     return {
-        "joint_stiffness": foot.joint_stiffness, "joint_damping": foot.joint_damping, "fulcrum_m": fulcrum_m,
+        "joint_stiffness": foot.joint_stiffness,
+        "joint_damping": foot.joint_damping,
+        "fulcrum_m": fulcrum_m,
         "fulcrum_stiffness": fulcrum.stiffness_n_per_m,
         "fulcrum_damping": fulcrum.stiffness_n_per_m * fulcrum.damping_time_s,
         "carriage_gain": wiring.SERVO_FREQUENCY**2 * fulcrum.carriage_mass_kg,
@@ -200,10 +329,16 @@ def _device_constants(foot: FootHandles, fulcrum_m: float) -> dict[str, Constant
     }
 
 
-def _contact_constants(sites: ContactSites, friction: FrictionParameters, ground: Ground) -> dict[str, Constant]:
+def _contact_constants(
+    sites: ContactSites, friction: FrictionParameters, ground: Ground
+) -> dict[str, Constant]:
     return {
-        "p_BS": sites.p_BS, "radius": sites.radius, **sites.law, "dissipation": dissipation(sites),
-        "depth_width": DEPTH_WIDTH_M, "rate_width": RATE_WIDTH_M_PER_S,
+        "p_BS": sites.p_BS,
+        "radius": sites.radius,
+        **sites.law,
+        "dissipation": dissipation(sites),
+        "depth_width": DEPTH_WIDTH_M,
+        "rate_width": RATE_WIDTH_M_PER_S,
         "threshold_velocity": friction.threshold_velocity_m_per_s,
         **ground_arrays(ground, mu_static=friction.mu_static, mu_kinetic=friction.mu_kinetic),
     }
@@ -223,8 +358,13 @@ def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot
         plant_context = plant.GetMyMutableContextFromRoot(root)
         for foot, support, command in supports:
             assert command is not None  # as the foot has a support
-            wanted = np.asarray(command.GetOutputPort("position").Eval(command.GetMyContextFromRoot(root))).item()
-            if abs(wanted - plant.GetDistanceConstraintParams(plant_context, support).p_BQ()[0]) > 1e-9:
+            wanted = np.asarray(
+                command.GetOutputPort("position").Eval(command.GetMyContextFromRoot(root))
+            ).item()
+            if (
+                abs(wanted - plant.GetDistanceConstraintParams(plant_context, support).p_BQ()[0])
+                > 1e-9
+            ):
                 place_fulcrum(plant, plant_context, foot, wanted)
         return status
 
@@ -257,20 +397,33 @@ class FulcrumDrive:
 
     def GetOutputPort(self, name: str) -> OutputPort:
         """An output of actuator, controller, recorder or sensor by its name; these differ."""
-        return _output(_outputs(self.actuator, self.controller, self.recorder, self.shank), name, "fulcrum drive")
+        return _output(
+            _outputs(self.actuator, self.controller, self.recorder, self.shank),
+            name,
+            "fulcrum drive",
+        )
 
     def SetPosition(self, root_context: Context, position: float) -> None:
         """Puts screw and command at `position` (m from A), resting, in the `root_context` of the whole diagram; give
         the plant's carriage joint the same, or its servo pulls it there."""
         self.actuator.SetPosition(self.actuator.GetMyMutableContextFromRoot(root_context), position)
-        discrete = self.controller.GetMyMutableContextFromRoot(root_context).get_mutable_discrete_state_vector()
+        discrete = self.controller.GetMyMutableContextFromRoot(
+            root_context
+        ).get_mutable_discrete_state_vector()
         discrete[2] = position
 
 
 def add_fulcrum_drive(
-    builder: DiagramBuilder, plant: MultibodyPlant, wired: WiredFoot, parameters: ActuatorParameters | None = None, *,
-    signal: str = "contact", shank: RigidBody | None = None, grf: OutputPort | None = None,
-    initial_m: float | None = None, period_s: float = 5e-3
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    wired: WiredFoot,
+    parameters: ActuatorParameters | None = None,
+    *,
+    signal: str = "contact",
+    shank: RigidBody | None = None,
+    grf: OutputPort | None = None,
+    initial_m: float | None = None,
+    period_s: float = 5e-3,
 ) -> FulcrumDrive:
     """Lets a motor move the fulcrum of a `wire_foot` foot, in swing only; connect `desired_position` yourself.
 
@@ -288,21 +441,35 @@ def add_fulcrum_drive(
     wiring.check_port(builder, wired.GetOutputPort("support_force"))
     foot, body = wired.foot, shank or wired.foot.frame
     check_type(body, RigidBody, "shank", "Give a body: plant.GetBodyByName(name)")
-    check_type(parameters or ActuatorParameters(), ActuatorParameters, "parameters", "Give the motor's")
+    check_type(
+        parameters or ActuatorParameters(), ActuatorParameters, "parameters", "Give the motor's"
+    )
     grf = grf or wired.GetOutputPort("grf")
     wiring.check_port(builder, grf, 3, "The ground reaction force is one vector of 3, N, z_W up")
-    require(not builder.IsConnectedOrExported(wired.fulcrum_position), "is connected or exported already",
-            f"{foot.name}'s fulcrum_position",
-            "A fulcrum has one master: leave the port free, and give the drive a desired position")
+    require(
+        not builder.IsConnectedOrExported(wired.fulcrum_position),
+        "is connected or exported already",
+        f"{foot.name}'s fulcrum_position",
+        "A fulcrum has one master: leave the port free, and give the drive a desired position",
+    )
     if initial_m is None:
         initial_m = foot.carriage_joint(plant).get_default_translation()
     fulcrum = foot.parameters.fulcrum
     controller = SwingController(signal=signal, initial_position=initial_m, period=period_s)
-    actuator = builder.AddNamedSystem(f"{foot.name}_actuator", FulcrumActuator(
-        parameters=parameters, carriage_mass=fulcrum.carriage_mass_kg, rearmost=fulcrum.rearmost_m,
-        foremost=fulcrum.foremost_m, initial_position=initial_m))
+    actuator = builder.AddNamedSystem(
+        f"{foot.name}_actuator",
+        FulcrumActuator(
+            parameters=parameters,
+            carriage_mass=fulcrum.carriage_mass_kg,
+            rearmost=fulcrum.rearmost_m,
+            foremost=fulcrum.foremost_m,
+            initial_position=initial_m,
+        ),
+    )
     builder.AddNamedSystem(f"{foot.name}_swing_controller", controller)
-    recorder = builder.AddNamedSystem(f"{foot.name}_adjustments", AdjustmentRecorder(period=period_s))
+    recorder = builder.AddNamedSystem(
+        f"{foot.name}_adjustments", AdjustmentRecorder(period=period_s)
+    )
     sensor = None
     if signal != "contact":
         sensor = builder.AddNamedSystem(f"{foot.name}_shank", ShankAngle(body_index=body.index()))
@@ -311,10 +478,13 @@ def add_fulcrum_drive(
     if signal != "shank":
         builder.Connect(grf, controller.GetInputPort("grf"))
     for source, name, receiver, port in (
-            (controller, "commanded_position", actuator, "desired_position"),
-            (controller, "enabled", actuator, "enabled"), (wired, "support_force", actuator, "support_force"),
-            (controller, "enabled", recorder, "enabled"), (actuator, "energy", recorder, "energy"),
-            (actuator, "position_error", recorder, "position_error")):
+        (controller, "commanded_position", actuator, "desired_position"),
+        (controller, "enabled", actuator, "enabled"),
+        (wired, "support_force", actuator, "support_force"),
+        (controller, "enabled", recorder, "enabled"),
+        (actuator, "energy", recorder, "energy"),
+        (actuator, "position_error", recorder, "position_error"),
+    ):
         builder.Connect(source.GetOutputPort(name), receiver.GetInputPort(port))
     builder.Connect(actuator.GetOutputPort("fulcrum_position"), wired.fulcrum_position)
     return FulcrumDrive(actuator=actuator, controller=controller, recorder=recorder, shank=sensor)

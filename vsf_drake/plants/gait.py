@@ -43,7 +43,9 @@ class GaitDiagram:
     prescribed: tuple[str, ...]  # the coordinates that follow `desired_state`, in its order
     bushing: SocketBushing
     driver: GaitDriver
-    forces: dict[str, FootForces]  # on the feet "prosthetic" and "intact"; contact, keel, ground are in their Contexts
+    forces: dict[
+        str, FootForces
+    ]  # on the feet "prosthetic" and "intact"; contact, keel, ground are in their Contexts
 
     def plant_context(self, context: Context) -> Context:
         """The plant's part of it."""
@@ -51,8 +53,12 @@ class GaitDiagram:
 
 
 def make_gait(
-    subject: Subject, model: ModelParameters, ground: Ground | None = None, *, free: Sequence[str] = (),
-    scene_graph: SceneGraph | None = None
+    subject: Subject,
+    model: ModelParameters,
+    ground: Ground | None = None,
+    *,
+    free: Sequence[str] = (),
+    scene_graph: SceneGraph | None = None,
 ) -> GaitDiagram:
     """Builds the person of `subject` with the devices of `model`.
 
@@ -79,14 +85,26 @@ def make_gait(
     prescribed = tuple(name for name in person.coordinate_names if name not in free)
     upright = plant.CalcMassMatrix(plant.CreateDefaultContext())  # with the carriage at A still
     inertia = np.maximum(np.diag(upright)[velocity_indices(plant, prescribed)], SERVO_INERTIA_FLOOR)
-    socket, law = person.socket, ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit")
-    bushing = add_forces(builder, plant, "bushing", SocketBushing(
-        num_velocities=plant.num_velocities(), velocity_indices=velocity_indices(plant, socket.coordinate_names),
-        stop_ratio=socket.parameters.stop_ratio,
-        **{name: np.array([getattr(axis, name) for axis in socket.axes]) for name in law}))
+    socket, law = (
+        person.socket,
+        ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit"),
+    )
+    bushing = add_forces(
+        builder,
+        plant,
+        "bushing",
+        SocketBushing(
+            num_velocities=plant.num_velocities(),
+            velocity_indices=velocity_indices(plant, socket.coordinate_names),
+            stop_ratio=socket.parameters.stop_ratio,
+            **{name: np.array([getattr(axis, name) for axis in socket.axes]) for name in law},
+        ),
+    )
     driver = add_forces(builder, plant, "driver", servo(plant, prescribed, inertia))
     wired = wire_foot(builder, plant, person.foot, ground=ground)
-    intact = add_rigid_foot(builder, plant, person.intact_sites, model.intact_foot.friction, ground, name="intact_foot")
+    intact = add_rigid_foot(
+        builder, plant, person.intact_sites, model.intact_foot.friction, ground, name="intact_foot"
+    )
     builder.ExportInput(wired.fulcrum_position, "fulcrum_position")
     builder.ExportInput(driver.GetInputPort("desired_state"), "desired_state")
     export_outputs(builder, wired, ON_THE_GROUND)
@@ -97,5 +115,12 @@ def make_gait(
     builder.ExportOutput(driver.GetOutputPort("generalized_force"), "driver_force")
     if scene_graph is not None:
         builder.ExportOutput(scene_graph.get_query_output_port(), "query")
-    return GaitDiagram(diagram=builder.Build(), plant=plant, person=person, prescribed=prescribed, bushing=bushing,
-                       driver=driver, forces={"prosthetic": wired.forces, "intact": intact})
+    return GaitDiagram(
+        diagram=builder.Build(),
+        plant=plant,
+        person=person,
+        prescribed=prescribed,
+        bushing=bushing,
+        driver=driver,
+        forces={"prosthetic": wired.forces, "intact": intact},
+    )

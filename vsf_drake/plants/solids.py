@@ -14,13 +14,20 @@ from pydrake.multibody import tree
 from pydrake.multibody.plant import MultibodyPlant
 
 
-def from_central(mass: float, p_SoScm_S: np.ndarray, central_moments: np.ndarray) -> tree.SpatialInertia:
+def from_central(
+    mass: float, p_SoScm_S: np.ndarray, central_moments: np.ndarray
+) -> tree.SpatialInertia:
     """Spatial inertia from mass (kg), centre of mass (m) and principal central moments (kg m^2)."""
     return tree.SpatialInertia.MakeFromCentralInertia(
-        mass=mass, p_PScm_E=np.asarray(p_SoScm_S, dtype=float), I_SScm_E=tree.RotationalInertia(*central_moments))
+        mass=mass,
+        p_PScm_E=np.asarray(p_SoScm_S, dtype=float),
+        I_SScm_E=tree.RotationalInertia(*central_moments),
+    )
 
 
-def box(mass: float, size: tuple[float, float, float], center: tuple[float, float, float]) -> tree.SpatialInertia:
+def box(
+    mass: float, size: tuple[float, float, float], center: tuple[float, float, float]
+) -> tree.SpatialInertia:
     """Homogeneous box; `size` and `center` in m along x, y, z of S."""
     return tree.SpatialInertia.SolidBoxWithMass(mass, *size).Shift(-np.array(center))
 
@@ -68,8 +75,12 @@ Step = tuple[str, type[tree.Joint], np.ndarray]
 
 
 def add_chain(
-    plant: MultibodyPlant, instance: tree.ModelInstanceIndex, parent: tree.Frame, p_PF: np.ndarray,
-    child: tree.RigidBody, steps: Sequence[Step]
+    plant: MultibodyPlant,
+    instance: tree.ModelInstanceIndex,
+    parent: tree.Frame,
+    p_PF: np.ndarray,
+    child: tree.RigidBody,
+    steps: Sequence[Step],
 ) -> list[tree.Joint]:
     """Connects `child` to `parent` by the joints of `steps`, in that order.
 
@@ -77,7 +88,8 @@ def add_chain(
     named after the earlier one. With all coordinates zero the child's body frame coincides with F.
     """
     frame: tree.Frame = plant.AddFrame(
-        tree.FixedOffsetFrame(f"{steps[0][0]}_frame", parent, RigidTransform(p_PF), instance))
+        tree.FixedOffsetFrame(f"{steps[0][0]}_frame", parent, RigidTransform(p_PF), instance)
+    )
     joints: list[tree.Joint] = []
     for name, kind, axis in steps:
         body = child
@@ -88,7 +100,9 @@ def add_chain(
     return joints
 
 
-def rotations(names: Sequence[str], mirrored: bool, flexion_axis: np.ndarray = RIGHTWARD) -> list[Step]:
+def rotations(
+    names: Sequence[str], mirrored: bool, flexion_axis: np.ndarray = RIGHTWARD
+) -> list[Step]:
     """Flexion, adduction, rotation as the joint coordinate system orders them (Wu 2002; Grood & Suntay 1983); adduction
     and internal rotation are positive for both sides, hence about opposite axes on the left, where `mirrored` is true.
     """

@@ -79,7 +79,9 @@ class Station:
     diagram: Diagram
     plant: MultibodyPlant
     feet: dict[str, FootHandles]  # variable-stiffness feet by name
-    parts: BenchDiagram | GaitDiagram | dict[str, WiredFoot]  # with every system in it; of a leg the feet by name
+    parts: (
+        BenchDiagram | GaitDiagram | dict[str, WiredFoot]
+    )  # with every system in it; of a leg the feet by name
 
     def plant_context(self, root: Context) -> Context:
         """The plant's part of the Context of the diagram that holds the station, or of its own."""
@@ -88,11 +90,16 @@ class Station:
     def simulator_config(self) -> SimulatorConfig:
         """What the scenario says of Drake's Simulator, for `ApplySimulatorConfig`."""
         simulation = self.scenario.simulation
-        return SimulatorConfig(integration_scheme=simulation.integrator, accuracy=simulation.accuracy,
-                               max_step_size=simulation.max_step_s)
+        return SimulatorConfig(
+            integration_scheme=simulation.integrator,
+            accuracy=simulation.accuracy,
+            max_step_size=simulation.max_step_s,
+        )
 
 
-def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat | None = None) -> Station:
+def make_station(
+    scenario: Scenario, *, visual: bool = False, meshcat: Meshcat | None = None
+) -> Station:
     """Builds what `scenario` describes; it can be added to a larger diagram, any number of times.
 
     Args:
@@ -122,8 +129,9 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
             given = scenario.subject
             subject = given if isinstance(given, Subject) else load_subject(user_path(str(given)))
             try:
-                parts = make_gait(subject, model, scenario_ground(scenario), free=scenario.free,
-                                  scene_graph=drawn)
+                parts = make_gait(
+                    subject, model, scenario_ground(scenario), free=scenario.free, scene_graph=drawn
+                )
             except ValueError as error:
                 raise InputError(str(error), where="free") from error
             foot = parts.person.foot
@@ -135,11 +143,15 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
     return Station(scenario=scenario, diagram=diagram, plant=plant, feet=feet, parts=parts)
 
 
-def _embed(builder: DiagramBuilder, scenario: Scenario, diagram: Diagram, meshcat: Meshcat | None) -> None:
+def _embed(
+    builder: DiagramBuilder, scenario: Scenario, diagram: Diagram, meshcat: Meshcat | None
+) -> None:
     """Puts `diagram` inside and its ports outside, `fulcrum_position` with a value of its own while unconnected."""
     diagram.set_name(scenario.kind)
     builder.AddSystem(diagram)
-    hold = builder.AddNamedSystem("fulcrum_position", PassThrough(np.array([1e-3 * scenario.fulcrum_mm])))
+    hold = builder.AddNamedSystem(
+        "fulcrum_position", PassThrough(np.array([1e-3 * scenario.fulcrum_mm]))
+    )
     builder.Connect(hold.get_output_port(), diagram.GetInputPort("fulcrum_position"))
     for i in range(diagram.num_input_ports()):
         port = diagram.get_input_port(i)
@@ -158,9 +170,14 @@ def _add_leg(
     builder: DiagramBuilder, scenario: Scenario, model: ModelParameters, *, visual: bool
 ) -> tuple[MultibodyPlant, SceneGraph, dict[str, WiredFoot]]:
     """Adds plant, SceneGraph, feet and guides, and exports every port of a leg but `query`."""
-    plant, scene_graph = builder.AddNamedSystem("plant", MultibodyPlant(scenario.time_step_s)), SceneGraph()
+    plant, scene_graph = (
+        builder.AddNamedSystem("plant", MultibodyPlant(scenario.time_step_s)),
+        SceneGraph(),
+    )
     connect_scene_graph(builder, plant, scene_graph)
-    plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -scenario.gravity_m_per_s2]))
+    plant.mutable_gravity_field().set_gravity_vector(
+        np.array([0.0, 0.0, -scenario.gravity_m_per_s2])
+    )
     _parse(plant, scenario)
     feet = [_foot(plant, scene_graph, scenario, i, model) for i in range(len(scenario.feet))]
     ground = scenario_ground(scenario)
@@ -171,21 +188,36 @@ def _add_leg(
                 add_foot_visuals(plant, foot)
         draw_ground(plant, ground)
     plant.Finalize()
-    wired = {foot.name: wire_foot(
-        builder, plant, foot, ground=None if foot.contact in DRAKE_CONTACTS else ground,
-        fulcrum_m=foot.fulcrum_m) for foot in feet}
+    wired = {
+        foot.name: wire_foot(
+            builder,
+            plant,
+            foot,
+            ground=None if foot.contact in DRAKE_CONTACTS else ground,
+            fulcrum_m=foot.fulcrum_m,
+        )
+        for foot in feet
+    }
     if scenario.guides:
         _add_guides(builder, plant, scenario)
     extra = builder.AddNamedSystem("generalized_force", PassThrough(plant.num_velocities()))
     share_generalized_forces(builder, plant, extra.get_output_port())
     builder.ExportInput(extra.get_input_port(), "generalized_force")
     of_feet = {foot.instance for foot in feet}
-    if any(plant.get_joint_actuator(i).model_instance() not in of_feet for i in plant.GetJointActuatorIndices()):
+    if any(
+        plant.get_joint_actuator(i).model_instance() not in of_feet
+        for i in plant.GetJointActuatorIndices()
+    ):
         builder.ExportInput(plant.get_actuation_input_port(), "actuation")
     for name, part in wired.items():
         prefix = f"{name}_" if len(wired) > 1 else ""
         builder.ExportInput(part.fulcrum_position, f"{prefix}fulcrum_position")
-        export_outputs(builder, part, [name for name in (*ON_THE_GROUND, *FORCES) if name in part.outputs()], prefix)
+        export_outputs(
+            builder,
+            part,
+            [name for name in (*ON_THE_GROUND, *FORCES) if name in part.outputs()],
+            prefix,
+        )
     export_outputs(builder, plant, ("state", "body_poses", "body_spatial_velocities"))
     return plant, scene_graph, wired
 
@@ -217,21 +249,34 @@ def _directives_text(directives: list[Any]) -> str:
             nodes += [value for _, value in node.value]
             for key, value in node.value:
                 if key.value == "rotation" and isinstance(value, yaml.MappingNode):
-                    value.tag = _ROTATION_TAGS.get(frozenset(part.value for part, _ in value.value), value.tag)
+                    value.tag = _ROTATION_TAGS.get(
+                        frozenset(part.value for part, _ in value.value), value.tag
+                    )
     return yaml.serialize(root, Dumper=yaml.SafeDumper)
 
 
 @contextmanager
-def _refused(where: str, what: str, *, file: str | None = None, right: str | None = None) -> Iterator[None]:
+def _refused(
+    where: str, what: str, *, file: str | None = None, right: str | None = None
+) -> Iterator[None]:
     """Makes InputErrors of what Drake raises."""
     try:
         yield
-    except (RuntimeError, SystemExit) as error:  # SystemExit is what a failed assertion of Drake's becomes
-        raise InputError(f"{what}: {str(error).strip().rstrip('.')}", file=file, where=where, right=right) from error
+    except (
+        RuntimeError,
+        SystemExit,
+    ) as error:  # SystemExit is what a failed assertion of Drake's becomes
+        raise InputError(
+            f"{what}: {str(error).strip().rstrip('.')}", file=file, where=where, right=right
+        ) from error
 
 
 def _foot(
-    plant: MultibodyPlant, scene_graph: SceneGraph, scenario: Scenario, row: int, model: ModelParameters
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    scenario: Scenario,
+    row: int,
+    model: ModelParameters,
 ) -> FootHandles:
     asked, where = scenario.feet[row], f"feet[{row}]"
     parameters = load_model(user_path(asked.model)).foot if asked.model else model.foot
@@ -239,35 +284,71 @@ def _foot(
     check_fulcrum(fulcrum_m, parameters, where=f"{where}.fulcrum_mm")
     contact, side = asked.contact or scenario.contact, asked.side
     if asked.parent_frame is None:
-        return find_foot(plant, asked.name, parameters, side=side, contact=contact, fulcrum_m=fulcrum_m,
-                         scene_graph=scene_graph)
-    with _refused(f"{where}.parent_frame", f"{asked.parent_frame!r} is not in the model",
-                  right="Give it as instance::frame"):
+        return find_foot(
+            plant,
+            asked.name,
+            parameters,
+            side=side,
+            contact=contact,
+            fulcrum_m=fulcrum_m,
+            scene_graph=scene_graph,
+        )
+    with _refused(
+        f"{where}.parent_frame",
+        f"{asked.parent_frame!r} is not in the model",
+        right="Give it as instance::frame",
+    ):
         frame = parsing.GetScopedFrameByName(plant, asked.parent_frame)
-    return add_foot(plant, frame, parameters, name=asked.name, side=side, contact=contact, fulcrum_m=fulcrum_m)
+    return add_foot(
+        plant, frame, parameters, name=asked.name, side=side, contact=contact, fulcrum_m=fulcrum_m
+    )
 
 
-def _add_ground_geometry(plant: MultibodyPlant, scenario: Scenario, feet: list[FootHandles]) -> None:
+def _add_ground_geometry(
+    plant: MultibodyPlant, scenario: Scenario, feet: list[FootHandles]
+) -> None:
     """The ground as shapes, once, where a foot meets it by a contact of Drake's own; it is made for one friction."""
     meeting = [foot for foot in feet if foot.contact in DRAKE_CONTACTS]
     for foot in meeting:
-        require(foot.parameters.friction == meeting[0].parameters.friction, f"{foot.name!r} has another friction than "
-                f"{meeting[0].name!r}, and Drake's own contact takes one ground for both",
-                f"feet[{feet.index(foot)}].model", "Give both the same friction, or one of them another contact")
+        require(
+            foot.parameters.friction == meeting[0].parameters.friction,
+            f"{foot.name!r} has another friction than "
+            f"{meeting[0].name!r}, and Drake's own contact takes one ground for both",
+            f"feet[{feet.index(foot)}].model",
+            "Give both the same friction, or one of them another contact",
+        )
     if meeting:
         contacts = {foot.contact for foot in meeting}
-        add_ground_geometry(plant, scenario_ground(scenario), foot=meeting[0].parameters,
-                            contact="hydroelastic" if "hydroelastic" in contacts else "drake_point")
+        add_ground_geometry(
+            plant,
+            scenario_ground(scenario),
+            foot=meeting[0].parameters,
+            contact="hydroelastic" if "hydroelastic" in contacts else "drake_point",
+        )
 
 
 def _add_guides(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario) -> None:
-    require(plant.num_positions() == plant.num_velocities(), "a body of the model floats freely, which guides cannot "
-            "do with", "guides", "Weld it to the world, or give it joints of one degree of freedom")
-    at = [_guided(plant, guide.joint, f"guides[{i}].joint").velocity_start() for i, guide in enumerate(scenario.guides)]
-    driver = add_forces(builder, plant, "guides", GaitDriver(
-        num_velocities=plant.num_velocities(), velocity_indices=at,
-        position_gain=np.array([guide.stiffness for guide in scenario.guides]),
-        velocity_gain=np.array([guide.damping for guide in scenario.guides])))
+    require(
+        plant.num_positions() == plant.num_velocities(),
+        "a body of the model floats freely, which guides cannot do with",
+        "guides",
+        "Weld it to the world, or give it joints of one degree of freedom",
+    )
+    at = [
+        _guided(plant, guide.joint, f"guides[{i}].joint").velocity_start()
+        for i, guide in enumerate(scenario.guides)
+    ]
+    driver = add_forces(
+        builder,
+        plant,
+        "guides",
+        GaitDriver(
+            num_velocities=plant.num_velocities(),
+            velocity_indices=at,
+            position_gain=np.array([guide.stiffness for guide in scenario.guides]),
+            velocity_gain=np.array([guide.damping for guide in scenario.guides]),
+        ),
+    )
     rest = np.concatenate((plant.GetPositions(plant.CreateDefaultContext())[at], np.zeros(len(at))))
     desired = builder.AddNamedSystem("desired_state", PassThrough(rest))
     builder.Connect(desired.get_output_port(), driver.GetInputPort("desired_state"))
@@ -278,9 +359,15 @@ def _guided(plant: MultibodyPlant, name: str, where: str) -> Joint:
     """The joint `instance::name`, or `name` where it stands once."""
     instance, _, short = name.rpartition("::")
     with _refused(where, f"{name!r} is not in the model", right="Give it as instance::joint"):
-        joint = plant.GetJointByName(short, plant.GetModelInstanceByName(instance) if instance else None)
-    require(joint.num_velocities() == 1, f"{name!r} has {joint.num_velocities()} degrees of freedom", where,
-            "A guide is for a joint of one")
+        joint = plant.GetJointByName(
+            short, plant.GetModelInstanceByName(instance) if instance else None
+        )
+    require(
+        joint.num_velocities() == 1,
+        f"{name!r} has {joint.num_velocities()} degrees of freedom",
+        where,
+        "A guide is for a joint of one",
+    )
     return joint
 
 

@@ -45,31 +45,91 @@ SITE_NAME = "site_{}"
 """Name of the drawing of the i-th contact sphere of the prosthetic foot."""
 _SIDES = 24
 _SOCKET_WALL_M, _GROUND_SHOWN_M, _PLATE_M = 0.006, 3.0, 0.02
-_RAIL_M, _ROLLER_M, _LAP_M = 0.006, 0.006, 0.002  # rail's thickness, roller's radius, overlap of the sole's pieces
-_OUTLINE = np.array([
-    [0.00, 0.02, 0.06, 0.12, 0.20, 0.35, 0.50, 0.62, 0.72, 0.82, 0.90, 0.95, 0.98, 1.00],
-    [0.050, 0.085, 0.112, 0.128, 0.132, 0.126, 0.138, 0.162, 0.176, 0.173, 0.160, 0.140, 0.110, 0.055],
-    [0.000, 0.000, 0.000, 0.000, 0.000, 0.008, 0.012, 0.010, 0.002, -0.010, -0.020, -0.026, -0.030, -0.034],
-    [0.40, 0.55, 0.72, 0.86, 0.97, 1.00, 0.74, 0.55, 0.45, 0.38, 0.32, 0.27, 0.22, 0.15]])
+_RAIL_M, _ROLLER_M, _LAP_M = (
+    0.006,
+    0.006,
+    0.002,
+)  # rail's thickness, roller's radius, overlap of the sole's pieces
+_OUTLINE = np.array(
+    [
+        [0.00, 0.02, 0.06, 0.12, 0.20, 0.35, 0.50, 0.62, 0.72, 0.82, 0.90, 0.95, 0.98, 1.00],
+        [
+            0.050,
+            0.085,
+            0.112,
+            0.128,
+            0.132,
+            0.126,
+            0.138,
+            0.162,
+            0.176,
+            0.173,
+            0.160,
+            0.140,
+            0.110,
+            0.055,
+        ],
+        [
+            0.000,
+            0.000,
+            0.000,
+            0.000,
+            0.000,
+            0.008,
+            0.012,
+            0.010,
+            0.002,
+            -0.010,
+            -0.020,
+            -0.026,
+            -0.030,
+            -0.034,
+        ],
+        [0.40, 0.55, 0.72, 0.86, 0.97, 1.00, 0.74, 0.55, 0.45, 0.38, 0.32, 0.27, 0.22, 0.15],
+    ]
+)
 """A foot from heel to toe, by share of its length: half its width and how far its middle is lateral, as shares of the
 length, and the height of its back as a share of the ankle's."""
 _BEVEL = np.array([[0.75, 0.88, 1.00, *[1.0] * 11], [0.0] * 10 + [0.05, 0.20, 0.38, 0.55]])
 """How far below the keel the foam ends and begins there, as shares of its thickness."""
-_TRUNK = np.array([
-    [-0.16, -0.10, 0.00, 0.17, 0.38, 0.62, 0.80, 0.90, 0.96, 1.01, 1.03],
-    [0.00, 0.00, 0.00, 0.00, 0.01, 0.01, 0.00, -0.01, -0.01, -0.01, -0.01],
-    [0.08, 0.16, 0.20, 0.21, 0.18, 0.20, 0.21, 0.19, 0.15, 0.11, 0.09],
-    [0.12, 0.25, 0.32, 0.31, 0.26, 0.29, 0.32, 0.33, 0.28, 0.15, 0.10]])
-_HEAD = np.array([
-    [-0.185, -0.150, -0.130, -0.117, -0.095, -0.065, -0.035, -0.014, -0.004, 0.000],
-    [-0.012, -0.006, 0.000, 0.008, 0.010, 0.006, 0.003, 0.001, 0.000, 0.000],
-    [0.034, 0.031, 0.036, 0.046, 0.053, 0.056, 0.053, 0.038, 0.022, 0.006],
-    [0.034, 0.032, 0.034, 0.036, 0.041, 0.044, 0.043, 0.031, 0.018, 0.005]])
-_ARM = np.array([
-    [-0.395, -0.385, -0.350, -0.305, -0.295, -0.190, -0.155, -0.090, -0.040, 0.000, 0.016, 0.027, 0.031],
-    [0.068, 0.066, 0.056, 0.043, 0.040, 0.008, 0.000, 0.000, 0.000, 0.000, 0.000, 0.000, 0.000],
-    [0.006, 0.016, 0.022, 0.016, 0.016, 0.025, 0.024, 0.028, 0.031, 0.030, 0.026, 0.016, 0.004],
-    [0.004, 0.008, 0.012, 0.012, 0.014, 0.023, 0.022, 0.026, 0.029, 0.028, 0.023, 0.014, 0.003]])
+_TRUNK = np.array(
+    [
+        [-0.16, -0.10, 0.00, 0.17, 0.38, 0.62, 0.80, 0.90, 0.96, 1.01, 1.03],
+        [0.00, 0.00, 0.00, 0.00, 0.01, 0.01, 0.00, -0.01, -0.01, -0.01, -0.01],
+        [0.08, 0.16, 0.20, 0.21, 0.18, 0.20, 0.21, 0.19, 0.15, 0.11, 0.09],
+        [0.12, 0.25, 0.32, 0.31, 0.26, 0.29, 0.32, 0.33, 0.28, 0.15, 0.10],
+    ]
+)
+_HEAD = np.array(
+    [
+        [-0.185, -0.150, -0.130, -0.117, -0.095, -0.065, -0.035, -0.014, -0.004, 0.000],
+        [-0.012, -0.006, 0.000, 0.008, 0.010, 0.006, 0.003, 0.001, 0.000, 0.000],
+        [0.034, 0.031, 0.036, 0.046, 0.053, 0.056, 0.053, 0.038, 0.022, 0.006],
+        [0.034, 0.032, 0.034, 0.036, 0.041, 0.044, 0.043, 0.031, 0.018, 0.005],
+    ]
+)
+_ARM = np.array(
+    [
+        [
+            -0.395,
+            -0.385,
+            -0.350,
+            -0.305,
+            -0.295,
+            -0.190,
+            -0.155,
+            -0.090,
+            -0.040,
+            0.000,
+            0.016,
+            0.027,
+            0.031,
+        ],
+        [0.068, 0.066, 0.056, 0.043, 0.040, 0.008, 0.000, 0.000, 0.000, 0.000, 0.000, 0.000, 0.000],
+        [0.006, 0.016, 0.022, 0.016, 0.016, 0.025, 0.024, 0.028, 0.031, 0.030, 0.026, 0.016, 0.004],
+        [0.004, 0.008, 0.012, 0.012, 0.014, 0.023, 0.022, 0.026, 0.029, 0.028, 0.023, 0.014, 0.003],
+    ]
+)
 """Height, middle, half depth and half width: of the trunk from the hips, in shares of its length; of the head from the
 crown and of the arm from the shoulder, in shares of the stature. Drawn by eye, after the lengths of de Leva (1996)."""
 
@@ -80,11 +140,19 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles, *, spheres: bool 
     Call it once a foot, after `add_foot` and before `plant.Finalize()`, on a plant that is registered as a source of
     a SceneGraph, as `AddMultibodyPlantSceneGraph` leaves it.
     """
-    require(plant.geometry_source_is_registered(), "shapes need a SceneGraph, and the plant is registered with none",
-            "add_foot_visuals", "Make the plant by AddMultibodyPlantSceneGraph(builder, time_step), or call "
-            "plant.RegisterAsSourceForSceneGraph(scene_graph) first")
-    require(not plant.is_finalized(), "the plant is finalized and takes no more shapes", "add_foot_visuals",
-            "Call it between add_foot and plant.Finalize()")
+    require(
+        plant.geometry_source_is_registered(),
+        "shapes need a SceneGraph, and the plant is registered with none",
+        "add_foot_visuals",
+        "Make the plant by AddMultibodyPlantSceneGraph(builder, time_step), or call "
+        "plant.RegisterAsSourceForSceneGraph(scene_graph) first",
+    )
+    require(
+        not plant.is_finalized(),
+        "the plant is finalized and takes no more shapes",
+        "add_foot_visuals",
+        "Call it between add_foot and plant.Finalize()",
+    )
     check_type(foot, FootHandles, "foot", "Give what add_foot returned")
     p, keel, reach = foot.parameters, foot.parameters.keel, foot.parameters.fulcrum
     pylon_x, _, mount_z = foot.mount.GetFixedPoseInBodyFrame().translation()
@@ -93,37 +161,89 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles, *, spheres: bool 
     rail = max(0.65 * mount_z, top + 2.0 * _ROLLER_M)
     length = reach.foremost_m + 0.02
     try:
-        draw(plant, foot.frame, "frame", Box(length, 0.45 * width, _RAIL_M), FRAME,
-             (0.5 * length - 0.01, 0.0, rail + 0.5 * _RAIL_M))
+        draw(
+            plant,
+            foot.frame,
+            "frame",
+            Box(length, 0.45 * width, _RAIL_M),
+            FRAME,
+            (0.5 * length - 0.01, 0.0, rail + 0.5 * _RAIL_M),
+        )
     except RuntimeError as error:
-        raise InputError(f"the foot {foot.name!r} has its shapes already", where="add_foot_visuals",
-                         right="Call it once a foot") from error
+        raise InputError(
+            f"the foot {foot.name!r} has its shapes already",
+            where="add_foot_visuals",
+            right="Call it once a foot",
+        ) from error
     sideways = RotationMatrix.MakeXRotation(0.5 * np.pi)
-    draw(plant, foot.frame, "hinge", Box(0.016, 0.8 * width, rail - top), FRAME, (0.0, 0.0, 0.5 * (rail + top)))
+    draw(
+        plant,
+        foot.frame,
+        "hinge",
+        Box(0.016, 0.8 * width, rail - top),
+        FRAME,
+        (0.0, 0.0, 0.5 * (rail + top)),
+    )
     draw(plant, foot.frame, "pin", Cylinder(2.0 * top, 1.05 * width), METAL, R_BG=sideways)
-    draw(plant, foot.frame, "adapter", Cylinder(0.018, mount_z - rail), METAL, (pylon_x, 0.0, 0.5 * (mount_z + rail)))
+    draw(
+        plant,
+        foot.frame,
+        "adapter",
+        Cylinder(0.018, mount_z - rail),
+        METAL,
+        (pylon_x, 0.0, 0.5 * (mount_z + rail)),
+    )
     carriage = foot.carriage_joint(plant).child_body()
-    draw(plant, carriage, "roller", Cylinder(_ROLLER_M, 1.1 * width), CARRIAGE, (0.0, 0.0, top + _ROLLER_M), sideways)
-    draw(plant, carriage, "carriage", Box(0.018, 0.6 * width, rail - top - _ROLLER_M), CARRIAGE,
-         (0.0, 0.0, 0.5 * (rail + top + _ROLLER_M)))
+    draw(
+        plant,
+        carriage,
+        "roller",
+        Cylinder(_ROLLER_M, 1.1 * width),
+        CARRIAGE,
+        (0.0, 0.0, top + _ROLLER_M),
+        sideways,
+    )
+    draw(
+        plant,
+        carriage,
+        "carriage",
+        Box(0.018, 0.6 * width, rail - top - _ROLLER_M),
+        CARRIAGE,
+        (0.0, 0.0, 0.5 * (rail + top + _ROLLER_M)),
+    )
 
     ends = np.append(foot.keel_starts[1:], sum(keel.element_lengths_m))
     for piece, size in zip(foot.keel, (ends - foot.keel_starts).tolist(), strict=True):
-        draw(plant, piece, "piece", Box(size, width, keel.thickness_m), KEEL, (0.5 * size, 0.0, 0.0))
+        draw(
+            plant, piece, "piece", Box(size, width, keel.thickness_m), KEEL, (0.5 * size, 0.0, 0.0)
+        )
     # foam below the keel, on the rigid frame as far as its spheres are, then on the pieces of the keel
     outward = {"left": 1.0, "right": -1.0}.get(foot.side, 0.0)
     share, *outline, _ = _OUTLINE
     shares, foam = p.heel_x_m + p.length_m * share, max(p.foam_thickness_m, 1e-3)
     ends[-1] = max(ends[-1], shares[-1])
     starts = np.maximum(foot.keel_starts, reach.rearmost_m)
-    for body, origin, start, end in ((foot.frame, 0.0, shares[0] + _LAP_M, reach.rearmost_m),
-                                     *zip(foot.keel, foot.keel_starts, starts, ends, strict=True)):
+    for body, origin, start, end in (
+        (foot.frame, 0.0, shares[0] + _LAP_M, reach.rearmost_m),
+        *zip(foot.keel, foot.keel_starts, starts, ends, strict=True),
+    ):
         if end > start:
             x = np.array([start - _LAP_M, *shares[(shares > start) & (shares < end)], end + _LAP_M])
             half, middle = (p.length_m * np.interp(x, shares, row) for row in outline)
             low, high = (-top - foam * np.interp(x, shares, row) for row in _BEVEL)
-            draw(plant, body, "sole", lofted("x", np.column_stack(
-                [x - origin, outward * middle, 0.5 * (low + high), half, 0.5 * (high - low)]), 8.0), FOAM)
+            draw(
+                plant,
+                body,
+                "sole",
+                lofted(
+                    "x",
+                    np.column_stack(
+                        [x - origin, outward * middle, 0.5 * (low + high), half, 0.5 * (high - low)]
+                    ),
+                    8.0,
+                ),
+                FOAM,
+            )
     if spheres:
         _draw_sites(plant, foot.sites, SITE_NAME)
 
@@ -133,15 +253,38 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles, *, spheres: bool =
     add_foot_visuals(plant, person.foot, spheres=spheres)
     body, stature = person.body, person.subject.stature_m
     hips = np.array([body.hip_forward, 0.0, body.hip_up])
-    crown, head = max(stature - body.leg_length, 1.4 * body.trunk_length), _HEAD.copy()  # above the hips
-    head[0, 0] = min(head[0, 0], (body.trunk_length - crown) / stature)  # the neck begins in the trunk
-    arms = [(f"arm_{side}", _ARM, stature, 2.0, SKIN, [-0.005 * stature, lateral * stature, 0.90 * body.trunk_length])
-            for side, lateral in (("left", 0.11), ("right", -0.11))]
+    crown, head = (
+        max(stature - body.leg_length, 1.4 * body.trunk_length),
+        _HEAD.copy(),
+    )  # above the hips
+    head[0, 0] = min(
+        head[0, 0], (body.trunk_length - crown) / stature
+    )  # the neck begins in the trunk
+    arms = [
+        (
+            f"arm_{side}",
+            _ARM,
+            stature,
+            2.0,
+            SKIN,
+            [-0.005 * stature, lateral * stature, 0.90 * body.trunk_length],
+        )
+        for side, lateral in (("left", 0.11), ("right", -0.11))
+    ]
     for name, (height, middle, *half), size, squareness, colour, place in (
-            ("trunk", _TRUNK, body.trunk_length, 2.4, CLOTHES, np.zeros(3)),
-            ("head", head, stature, 2.0, SKIN, [0.0, 0.0, crown]), *arms):
+        ("trunk", _TRUNK, body.trunk_length, 2.4, CLOTHES, np.zeros(3)),
+        ("head", head, stature, 2.0, SKIN, [0.0, 0.0, crown]),
+        *arms,
+    ):
         stations = size * np.column_stack([height, middle, np.zeros_like(height), *half])
-        draw(plant, person.pelvis, name, lofted("z", stations, squareness), colour, hips + np.array(place))
+        draw(
+            plant,
+            person.pelvis,
+            name,
+            lofted("z", stations, squareness),
+            colour,
+            hips + np.array(place),
+        )
     for name, segment in person.segments.items():
         part, _, side = name.partition("_")
         intact = side != person.subject.prosthetic_side
@@ -150,21 +293,66 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles, *, spheres: bool =
             draw(plant, segment, "hip", Sphere(1.05 * THIGH_RADIUS_M), CLOTHES)
         elif part == "shank":
             draw(plant, segment, "shank", _frustum(*body.shank(intact=intact)), SKIN)
-            draw(plant, segment, "knee", Sphere(max(SHANK_RADIUS_M, body.thigh(intact=intact)[1])), SKIN)
+            draw(
+                plant,
+                segment,
+                "knee",
+                Sphere(max(SHANK_RADIUS_M, body.thigh(intact=intact)[1])),
+                SKIN,
+            )
         elif part == "foot":
             length, height = body.foot_length, body.ankle_height
             rear = float(np.min(person.intact_sites.p_BS[:, 0] - person.intact_sites.radius))
             share, half, middle, back = _OUTLINE
-            draw(plant, segment, "sole", lofted("x", np.column_stack([
-                rear + length * share, (length if side == "left" else -length) * middle,
-                height * (0.5 * back - 1.0), length * half, 0.5 * height * back]), 3.0), SKIN)
-    socket, radius, height = person.socket, SOCKET_RADIUS_M + _SOCKET_WALL_M, 0.85 * body.residual_length
-    draw(plant, socket.socket, "socket", _frustum(radius, 0.8 * radius, height), SOCKET, (0.0, 0.0, height))
-    draw(plant, socket.pylon, "pylon", Cylinder(socket.parameters.pylon_radius_m, body.pylon_length), METAL,
-         (0.0, 0.0, -0.5 * body.pylon_length))
+            draw(
+                plant,
+                segment,
+                "sole",
+                lofted(
+                    "x",
+                    np.column_stack(
+                        [
+                            rear + length * share,
+                            (length if side == "left" else -length) * middle,
+                            height * (0.5 * back - 1.0),
+                            length * half,
+                            0.5 * height * back,
+                        ]
+                    ),
+                    3.0,
+                ),
+                SKIN,
+            )
+    socket, radius, height = (
+        person.socket,
+        SOCKET_RADIUS_M + _SOCKET_WALL_M,
+        0.85 * body.residual_length,
+    )
+    draw(
+        plant,
+        socket.socket,
+        "socket",
+        _frustum(radius, 0.8 * radius, height),
+        SOCKET,
+        (0.0, 0.0, height),
+    )
+    draw(
+        plant,
+        socket.pylon,
+        "pylon",
+        Cylinder(socket.parameters.pylon_radius_m, body.pylon_length),
+        METAL,
+        (0.0, 0.0, -0.5 * body.pylon_length),
+    )
     aside, clamp = body.placement.pose(mirrored=person.foot.side == "left").translation(), 0.03
-    draw(plant, socket.pylon, "clamp", Box(abs(aside[0]) + clamp, abs(aside[1]) + clamp, 0.02), METAL,
-         0.5 * aside - [0.0, 0.0, body.pylon_length])
+    draw(
+        plant,
+        socket.pylon,
+        "clamp",
+        Box(abs(aside[0]) + clamp, abs(aside[1]) + clamp, 0.02),
+        METAL,
+        0.5 * aside - [0.0, 0.0, body.pylon_length],
+    )
     if spheres:
         _draw_sites(plant, person.intact_sites, "intact_site_{}")
 
@@ -177,14 +365,22 @@ def draw_ground(plant: MultibodyPlant, ground: Ground | None) -> None:
         for axis, about in (("x", patch.reference_x_m), ("y", 0.0)):
             start, end = getattr(patch, f"from_{axis}_m"), getattr(patch, f"to_{axis}_m")
             middle = min(max(about, start), end)
-            bounds |= {f"from_{axis}_m": max(start, middle - _GROUND_SHOWN_M),
-                       f"to_{axis}_m": min(end, middle + _GROUND_SHOWN_M)}
+            bounds |= {
+                f"from_{axis}_m": max(start, middle - _GROUND_SHOWN_M),
+                f"to_{axis}_m": min(end, middle + _GROUND_SHOWN_M),
+            }
         plate = replace(patch, **bounds)
-        plant.RegisterVisualGeometry(plant.world_body(), *box_under(plate, _PLATE_M), f"ground_{i}_{patch.name}",
-                                     np.array(GROUND))
+        plant.RegisterVisualGeometry(
+            plant.world_body(),
+            *box_under(plate, _PLATE_M),
+            f"ground_{i}_{patch.name}",
+            np.array(GROUND),
+        )
 
 
-def connect_scene_graph(builder: DiagramBuilder, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
+def connect_scene_graph(
+    builder: DiagramBuilder, plant: MultibodyPlant, scene_graph: SceneGraph
+) -> None:
     """Adds `scene_graph`, in no diagram yet, to the `builder` of `plant`, before its shapes, and connects the two, as
     AddMultibodyPlantSceneGraph does, which in pydrake 1.51 keeps what it made alive for ever: 80 kB a call."""
     builder.AddNamedSystem("scene_graph", scene_graph)
@@ -195,8 +391,15 @@ def connect_scene_graph(builder: DiagramBuilder, plant: MultibodyPlant, scene_gr
     builder.Connect(plant.get_geometry_pose_output_port(), scene_graph.get_source_pose_port(source))
 
 
-def draw(plant: MultibodyPlant, body: RigidBody, name: str, shape: Shape, colour: Colour,
-         p_BG: np.ndarray | tuple[float, float, float] = (0.0, 0.0, 0.0), R_BG: RotationMatrix | None = None) -> None:
+def draw(
+    plant: MultibodyPlant,
+    body: RigidBody,
+    name: str,
+    shape: Shape,
+    colour: Colour,
+    p_BG: np.ndarray | tuple[float, float, float] = (0.0, 0.0, 0.0),
+    R_BG: RotationMatrix | None = None,
+) -> None:
     """Gives `body` a visual `shape` at p_BG (m), turned by R_BG."""
     X_BG = RigidTransform(R_BG or RotationMatrix(), np.asarray(p_BG))
     plant.RegisterVisualGeometry(body, X_BG, shape, name, np.array(colour))
@@ -204,7 +407,9 @@ def draw(plant: MultibodyPlant, body: RigidBody, name: str, shape: Shape, colour
 
 def _draw_sites(plant: MultibodyPlant, sites: ContactSites, name: str) -> None:
     """Gives the bodies of `sites` a sphere each; `name` has a place for its number."""
-    for i, (index, centre, radius) in enumerate(zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)):
+    for i, (index, centre, radius) in enumerate(
+        zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)
+    ):
         drawn = max(float(radius), LEAST_RADIUS_M)
         raised = centre + np.array([0.0, 0.0, drawn - radius])
         draw(plant, plant.get_body(index), name.format(i), Sphere(drawn), SPHERE, raised)
@@ -228,14 +433,19 @@ def lofted(along: str, stations: ArrayLike, squareness: float = 2.0) -> Mesh:
     unit = (np.sign(circle) * np.abs(circle) ** (2.0 / squareness))[:, None]
     across = middle + half * unit
     points = np.stack([*across, np.broadcast_to(place, across[0].shape)], axis=-1)  # (k, sides, 3)
-    normals = np.cross(np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1), np.gradient(points, axis=0))
+    normals = np.cross(
+        np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1), np.gradient(points, axis=0)
+    )
     caps = [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]
     vertices, normals = points.reshape(-1, 3), np.vstack([normals.reshape(-1, 3), caps])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     if along == "x":
         vertices, normals = (np.roll(rows, 1, axis=1) for rows in (vertices, normals))
-    lines = [" ".join([kind, *(f"{x:.5g}" for x in row)]) for kind, rows in (("v", vertices), ("vn", normals))
-             for row in rows]
+    lines = [
+        " ".join([kind, *(f"{x:.5g}" for x in row)])
+        for kind, rows in (("v", vertices), ("vn", normals))
+        for row in rows
+    ]
     count = len(vertices)
     for first in range(1, count - _SIDES + 1, _SIDES):
         for i in range(_SIDES):
@@ -244,4 +454,8 @@ def lofted(along: str, stations: ArrayLike, squareness: float = 2.0) -> Mesh:
     lines.append("f " + " ".join(f"{i}//{count + 1}" for i in range(_SIDES, 0, -1)))
     lines.append("f " + " ".join(f"{i}//{count + 2}" for i in range(count - _SIDES + 1, count + 1)))
     text = "\n".join(lines) + "\n"
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile(contents=text, extension=".obj", filename_hint="lofted.obj")))
+    return Mesh(
+        InMemoryMesh(
+            mesh_file=MemoryFile(contents=text, extension=".obj", filename_hint="lofted.obj")
+        )
+    )

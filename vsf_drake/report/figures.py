@@ -14,7 +14,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.typing import ColorType
 
-from vsf_drake.analysis.bench_metrics import BenchTable, closed_form_stiffness, displacement, published_stiffness
+from vsf_drake.analysis.bench_metrics import (
+    BenchTable,
+    closed_form_stiffness,
+    displacement,
+    published_stiffness,
+)
 from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
 from vsf_drake.analysis.metrics import UNFITTED, Agreement
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
@@ -34,20 +39,34 @@ from vsf_drake.report.style import (
     name_of,
     tag,
 )
-from vsf_drake.simulation.results import LARGEST_DRIFT_M, NUDGE_M, BenchResult, StandingTable, WalkResult
+from vsf_drake.simulation.results import (
+    LARGEST_DRIFT_M,
+    NUDGE_M,
+    BenchResult,
+    StandingTable,
+    WalkResult,
+)
 
 if TYPE_CHECKING:  # it would bring Drake
     from vsf_drake.analysis.sweep_table import SweepRow, SweepTable
 
 _ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
 WIDTH, TITLE_WIDTH = 5.4, 60  # inches, and letters on a line of the title
-MOST_LABELLED = 4  # stances that the legend tells apart; a longer recording shows its footprints without one
+MOST_LABELLED = (
+    4  # stances that the legend tells apart; a longer recording shows its footprints without one
+)
 PROSTHETIC, INTACT, BOTH = colour_of(66.0), colour_of(151.0), "0.1"
 LIMIT_MM = 1e3 * LARGEST_DRIFT_M  # where standing still ends, marked in the figure
-_PANELS = (("grf_rmse_bw", 100.0, "RMS error (% body weight)", "Resultant force"),
-           ("cop_rmse_fl", 100.0, "RMS error (% length of the model's foot)",
-            "Centre of pressure (dashed: lateral)"),
-           ("peak_vertical_bw", 1.0, "vertical force (body weights)", "Peak of the model"))
+_PANELS = (
+    ("grf_rmse_bw", 100.0, "RMS error (% body weight)", "Resultant force"),
+    (
+        "cop_rmse_fl",
+        100.0,
+        "RMS error (% length of the model's foot)",
+        "Centre of pressure (dashed: lateral)",
+    ),
+    ("peak_vertical_bw", 1.0, "vertical force (body weights)", "Peak of the model"),
+)
 _WIDE = 20.0  # ratio of largest to smallest value above which the axis is logarithmic
 
 
@@ -61,22 +80,42 @@ def bench_figure(bench: BenchResult, table: BenchTable) -> Figure:
         _bench_curves(left, bench)
         _bench_stiffness(right, bench, table)
         state = "" if bench.converged else f", {table.unconverged_steps} STEPS NOT CONVERGED"
-        _head(figure, f"Testing machine, {table.speed_mm_per_min:g} mm/min, up to {bench.max_load_n:g} N{state}")
+        _head(
+            figure,
+            f"Testing machine, {table.speed_mm_per_min:g} mm/min, up to {bench.max_load_n:g} N{state}",
+        )
     return figure
 
 
 def _bench_curves(axes: Axes, bench: BenchResult) -> None:
     settings = [*bench.forefoot, *([bench.heel] if bench.heel else [])]
     for i, setting in enumerate(settings):
-        x, at = 1e3 * displacement(setting), None if setting.fulcrum_m is None else 1e3 * setting.fulcrum_m
+        x, at = (
+            1e3 * displacement(setting),
+            None if setting.fulcrum_m is None else 1e3 * setting.fulcrum_m,
+        )
         colour = colour_of(at)
-        axes.plot(x, setting.load_n, color=colour, label="simulated" if i == 0 else None, **SIMULATED)
-        tag(axes, "heel" if at is None else f"{at:g}", (x[-1], setting.load_n[-1]), colour, offset=(0, 4), ha="center")
+        axes.plot(
+            x, setting.load_n, color=colour, label="simulated" if i == 0 else None, **SIMULATED
+        )
+        tag(
+            axes,
+            "heel" if at is None else f"{at:g}",
+            (x[-1], setting.load_n[-1]),
+            colour,
+            offset=(0, 4),
+            ha="center",
+        )
         published = published_stiffness(setting.fulcrum_m)
         if published is not None:  # a line of that slope through the simulated curve at 200 N
             x0 = float(np.interp(STIFFNESS_ABOVE_N, setting.load_n, displacement(setting)))
             loads = np.array([STIFFNESS_ABOVE_N, float(np.max(setting.load_n))])
-            axes.plot(1e3 * (x0 + (loads - STIFFNESS_ABOVE_N) / published), loads, color=colour, **MEASURED)
+            axes.plot(
+                1e3 * (x0 + (loads - STIFFNESS_ABOVE_N) / published),
+                loads,
+                color=colour,
+                **MEASURED,
+            )
     axes.axhline(STIFFNESS_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
     axes.plot([], [], color=NEUTRAL, label="published slope (offset not published)", **MEASURED)
     axes.set_xlim(left=0.0)
@@ -91,22 +130,69 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
     if rows:
         span = np.linspace(rows[0].fulcrum_mm, rows[-1].fulcrum_mm, 100)
         beam = closed_form_stiffness(bench.parameters["foot"], 1e-3 * span)
-        axes.plot(span, 1e-3 * beam, color=NEUTRAL, linewidth=1.2, linestyle=":",
-                  label="overhung beam, small deflection")
+        axes.plot(
+            span,
+            1e-3 * beam,
+            color=NEUTRAL,
+            linewidth=1.2,
+            linestyle=":",
+            label="overhung beam, small deflection",
+        )
     for i, row in enumerate(rows):
-        fulcrum_mm, colour, published = row.fulcrum_mm, colour_of(row.fulcrum_mm), row.published_n_per_mm
+        fulcrum_mm, colour, published = (
+            row.fulcrum_mm,
+            colour_of(row.fulcrum_mm),
+            row.published_n_per_mm,
+        )
         if published is not None:
-            axes.plot(fulcrum_mm, published, marker="_", markersize=22, markeredgewidth=3.5,
-                      color=colour, alpha=MEASURED["alpha"], linestyle="")
-        axes.plot(fulcrum_mm, row.stiffness_n_per_mm, marker=MARKERS[i % len(MARKERS)], color=colour,
-                  markersize=7, linestyle="", markerfacecolor="none" if published is None else colour)
-        axes.annotate(f"{row.stiffness_n_per_mm:.1f}", (fulcrum_mm, row.stiffness_n_per_mm),
-                      xytext=(0, 8), textcoords="offset points", ha="center")
-    axes.plot([], [], linestyle="", marker="o", color=NEUTRAL, label="simulated (full where published)")
-    axes.plot([], [], linestyle="", marker="_", markersize=14, markeredgewidth=3.5, color=NEUTRAL,
-              alpha=MEASURED["alpha"], label="published")
-    axes.plot([row.fulcrum_mm for row in rows], [row.tuned_joints_n_per_mm or np.nan for row in rows], linestyle="",
-              marker="x", color=NEUTRAL, label="tuned joints of the authors' model, small loads")
+            axes.plot(
+                fulcrum_mm,
+                published,
+                marker="_",
+                markersize=22,
+                markeredgewidth=3.5,
+                color=colour,
+                alpha=MEASURED["alpha"],
+                linestyle="",
+            )
+        axes.plot(
+            fulcrum_mm,
+            row.stiffness_n_per_mm,
+            marker=MARKERS[i % len(MARKERS)],
+            color=colour,
+            markersize=7,
+            linestyle="",
+            markerfacecolor="none" if published is None else colour,
+        )
+        axes.annotate(
+            f"{row.stiffness_n_per_mm:.1f}",
+            (fulcrum_mm, row.stiffness_n_per_mm),
+            xytext=(0, 8),
+            textcoords="offset points",
+            ha="center",
+        )
+    axes.plot(
+        [], [], linestyle="", marker="o", color=NEUTRAL, label="simulated (full where published)"
+    )
+    axes.plot(
+        [],
+        [],
+        linestyle="",
+        marker="_",
+        markersize=14,
+        markeredgewidth=3.5,
+        color=NEUTRAL,
+        alpha=MEASURED["alpha"],
+        label="published",
+    )
+    axes.plot(
+        [row.fulcrum_mm for row in rows],
+        [row.tuned_joints_n_per_mm or np.nan for row in rows],
+        linestyle="",
+        marker="x",
+        color=NEUTRAL,
+        label="tuned joints of the authors' model, small loads",
+    )
     heel = table.heel_stiffness_n_per_mm
     if heel is not None:
         text = f"heel: {heel:.1f} N/mm (published {table.heel_published_n_per_mm:g})"
@@ -114,8 +200,7 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
     axes.set_ylim(bottom=0.0)
     axes.margins(x=0.1, y=0.15)
     axes.legend(loc="upper left")
-    label(axes, x=FULCRUM, y="stiffness (N/mm)",
-          title=f"Stiffness above {STIFFNESS_ABOVE_N:g} N")
+    label(axes, x=FULCRUM, y="stiffness (N/mm)", title=f"Stiffness above {STIFFNESS_ABOVE_N:g} N")
 
 
 def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -> Figure:
@@ -125,7 +210,9 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -
     simulated time cuts are shaded.
     """
     comparison = compare(result, plate)
-    model, measured = (force / metrics.body_weight_n for force in (comparison.model, comparison.measured))
+    model, measured = (
+        force / metrics.body_weight_n for force in (comparison.model, comparison.measured)
+    )
     fulcrum_mm = 1e3 * float(np.median(result.fulcrum_m))
     colour = colour_of(fulcrum_mm)
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
@@ -134,10 +221,11 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -
     with drawing(WIDTH, 7.4) as figure:
         panels = figure.subplots(3, 2)
         for axes, name, column, error in (
-                (panels[0, 0], "Resultant", None, metrics.grf_rmse_bw),
-                (panels[0, 1], "Vertical", 2, metrics.vertical_rmse_bw),
-                (panels[1, 0], "Fore-aft", 0, metrics.fore_aft_rmse_bw),
-                (panels[1, 1], "Lateral", 1, metrics.medio_lateral_rmse_bw)):
+            (panels[0, 0], "Resultant", None, metrics.grf_rmse_bw),
+            (panels[0, 1], "Vertical", 2, metrics.vertical_rmse_bw),
+            (panels[1, 0], "Fore-aft", 0, metrics.fore_aft_rmse_bw),
+            (panels[1, 1], "Lateral", 1, metrics.medio_lateral_rmse_bw),
+        ):
             _shade(axes, comparison)
             for force, look in ((measured, MEASURED), (model, SIMULATED)):
                 shown = np.linalg.norm(force, axis=1) if column is None else force[:, column]
@@ -147,15 +235,36 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -
         _centre_of_pressure(panels[2, 0], result, comparison, metrics, colour)
         _zones(panels[2, 1], result, comparison)
         handles: list[Artist] = [
-            Line2D([], [], color=colour, label="reference (synthetic)" if result.synthetic else "force plate",
-                   **MEASURED),
+            Line2D(
+                [],
+                [],
+                color=colour,
+                label="reference (synthetic)" if result.synthetic else "force plate",
+                **MEASURED,
+            ),
             Line2D([], [], color=colour, label="simulated", **SIMULATED),
-            Line2D([], [], color=NEUTRAL, linewidth=0.7, linestyle=":", label="compared: stance ± 0.25 s")]
+            Line2D(
+                [],
+                [],
+                color=NEUTRAL,
+                linewidth=0.7,
+                linestyle=":",
+                label="compared: stance ± 0.25 s",
+            ),
+        ]
         if not all(item.inside for item in comparison.stances):
-            handles.append(Patch(facecolor=SHADE, edgecolor=NEUTRAL, linewidth=0.6,
-                                 label="stance cut by the simulated time"))
+            handles.append(
+                Patch(
+                    facecolor=SHADE,
+                    edgecolor=NEUTRAL,
+                    linewidth=0.6,
+                    label="stance cut by the simulated time",
+                )
+            )
         figure.legend(handles=handles, loc="lower center", ncols=2)
-        title = f"{result.trial_name}: {kind}, {result.side} prosthesis, {name_of(fulcrum_mm)}{state}"
+        title = (
+            f"{result.trial_name}: {kind}, {result.side} prosthesis, {name_of(fulcrum_mm)}{state}"
+        )
         _head(figure, title)
     return figure
 
@@ -169,7 +278,10 @@ def zone_loads(result: WalkResult) -> dict[str, np.ndarray]:
     names = np.array(result.sphere_zones)
     if len(names) != result.sphere_normal_n.shape[1]:
         return {"all spheres": result.sphere_normal_n.sum(axis=1)}
-    return {zone: result.sphere_normal_n[:, names == zone].sum(axis=1) for zone in dict.fromkeys(result.sphere_zones)}
+    return {
+        zone: result.sphere_normal_n[:, names == zone].sum(axis=1)
+        for zone in dict.fromkeys(result.sphere_zones)
+    }
 
 
 def _error(value: float | None, unit: str) -> str:
@@ -181,14 +293,18 @@ def _shade(axes: Axes, comparison: Comparison) -> None:
     axes.axhline(0.0, color="0.7", linewidth=0.8)
     for item in comparison.stances:
         if not item.inside:
-            start, end = (np.clip(t, *comparison.time_s[[0, -1]]) for t in (item.measured.start_s, item.measured.end_s))
+            start, end = (
+                np.clip(t, *comparison.time_s[[0, -1]])
+                for t in (item.measured.start_s, item.measured.end_s)
+            )
             axes.axvspan(start, end, color=SHADE, linewidth=0.0, zorder=0)
         for instant in item.span:
             axes.axvline(instant, color=NEUTRAL, linewidth=0.7, linestyle=":")
 
 
-def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, metrics: Agreement,
-                        colour: ColorType) -> None:
+def _centre_of_pressure(
+    axes: Axes, result: WalkResult, comparison: Comparison, metrics: Agreement, colour: ColorType
+) -> None:
     """Fore-aft centre of pressure in foot lengths ahead of the plate's rearmost one in each footprint."""
     several = len(comparison.stances) > 1
     for number, item in enumerate(comparison.stances, start=1):
@@ -199,15 +315,34 @@ def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, 
         measured = (item.measured_cop[:, 0] - origin) / result.foot_length_m
         model = (item.model_cop[:, 0] - origin) / result.foot_length_m
         axes.plot(PERCENT, measured, color=colour, **MEASURED)
-        axes.plot(PERCENT, model, color=colour, marker=MARKERS[number % len(MARKERS)] if several else "",
-                  markevery=(5 * number, 12), markersize=4.5, label=f"stance {number}, simulated", **SIMULATED)
+        axes.plot(
+            PERCENT,
+            model,
+            color=colour,
+            marker=MARKERS[number % len(MARKERS)] if several else "",
+            markevery=(5 * number, 12),
+            markersize=4.5,
+            label=f"stance {number}, simulated",
+            **SIMULATED,
+        )
     if not metrics.cop_points:
-        axes.text(0.5, 0.5, "no centre of pressure in common", transform=axes.transAxes, ha="center", color="0.35")
+        axes.text(
+            0.5,
+            0.5,
+            "no centre of pressure in common",
+            transform=axes.transAxes,
+            ha="center",
+            color="0.35",
+        )
     if 1 < len(axes.get_legend_handles_labels()[0]) <= MOST_LABELLED:
         axes.legend(loc="upper left")
     axes.set_xlim(0.0, 100.0)
-    label(axes, x="measured stance (%)", y="ahead of the\nrearmost (foot lengths)",
-          title="CoP" + _error(metrics.cop_rmse_fl, "FL"))
+    label(
+        axes,
+        x="measured stance (%)",
+        y="ahead of the\nrearmost (foot lengths)",
+        title="CoP" + _error(metrics.cop_rmse_fl, "FL"),
+    )
 
 
 def _zones(axes: Axes, result: WalkResult, comparison: Comparison) -> None:
@@ -215,8 +350,14 @@ def _zones(axes: Axes, result: WalkResult, comparison: Comparison) -> None:
     loads = zone_loads(result)
     for i, (zone, load) in enumerate(loads.items()):
         shade = str(0.05 + 0.5 * i / max(1, len(loads) - 1))
-        axes.plot(result.time_s, load, color=shade, linewidth=1.3, linestyle=_ZONE_LINES[i % len(_ZONE_LINES)],
-                  label=zone.replace("_", " ").replace("posterior", "post.").replace("anterior", "ant."))
+        axes.plot(
+            result.time_s,
+            load,
+            color=shade,
+            linewidth=1.3,
+            linestyle=_ZONE_LINES[i % len(_ZONE_LINES)],
+            label=zone.replace("_", " ").replace("posterior", "post.").replace("anterior", "ant."),
+        )
     axes.set_xlim(comparison.time_s[0], comparison.time_s[-1])
     axes.set_ylim(0.0, 2.0 * max(1.0, *(float(np.max(load)) for load in loads.values())))
     axes.legend(loc="upper left", ncols=2, handlelength=1.2, columnspacing=0.6, handletextpad=0.4)
@@ -231,8 +372,11 @@ def standing_figure(table: StandingTable) -> Figure:
         _drift(right, table)
         verdict = "stands" if table.stands else "DOES NOT STAND STILL"
         state = "" if table.converged else f", {table.unconverged_steps} STEPS NOT CONVERGED"
-        _head(figure, f"{table.subject}, {table.prosthetic_side} prosthesis, fulcrum {table.fulcrum_mm:g} mm: {verdict}"
-              f"{state}")
+        _head(
+            figure,
+            f"{table.subject}, {table.prosthetic_side} prosthesis, fulcrum {table.fulcrum_mm:g} mm: {verdict}"
+            f"{state}",
+        )
     return figure
 
 
@@ -240,12 +384,29 @@ def _forces(axes: Axes, table: StandingTable) -> None:
     series = table.series
     time, prosthetic, intact = series.time_s, series.prosthetic_n, series.intact_n
     axes.axhline(table.weight_n, color=NEUTRAL, label=f"weight, {table.weight_n:.1f} N", **MEASURED)
-    axes.plot(time, prosthetic + intact, color=BOTH, linewidth=1.6,
-              label=f"both feet, mean {table.mean_vertical_n:.1f} N ({table.weight_error:+.2%})")
-    axes.plot(time, intact, color=INTACT, linewidth=1.6, linestyle="-.",
-              label=f"intact foot, {table.intact_share:.0%}")
-    axes.plot(time, prosthetic, color=PROSTHETIC, linewidth=1.6, linestyle="--",
-              label=f"prosthetic foot, {table.prosthetic_share:.0%}")
+    axes.plot(
+        time,
+        prosthetic + intact,
+        color=BOTH,
+        linewidth=1.6,
+        label=f"both feet, mean {table.mean_vertical_n:.1f} N ({table.weight_error:+.2%})",
+    )
+    axes.plot(
+        time,
+        intact,
+        color=INTACT,
+        linewidth=1.6,
+        linestyle="-.",
+        label=f"intact foot, {table.intact_share:.0%}",
+    )
+    axes.plot(
+        time,
+        prosthetic,
+        color=PROSTHETIC,
+        linewidth=1.6,
+        linestyle="--",
+        label=f"prosthetic foot, {table.prosthetic_share:.0%}",
+    )
     axes.set_ylim(0.0, 1.45 * max(table.weight_n, float(np.max(prosthetic + intact))))
     axes.set_xlim(0.0, table.duration_s)
     axes.legend(loc="upper left", ncols=2)
@@ -261,13 +422,22 @@ def _drift(axes: Axes, table: StandingTable) -> None:
     axes.set_xlim(0.0, table.duration_s)
     angles = table.pelvis_deg
     free = [name.removeprefix("pelvis_") for name in table.free]
-    held = [f"{name.removeprefix('pelvis_')} {value:+.1f} N m" for name, value in table.held_nm.items()]
-    lines = [f"largest {table.drift_mm:.2g} mm, {table.turn_deg:.2g}°",
-             f"tilt {angles['tilt']:+.1f}°, list {angles['list']:+.1f}°", f"free: {', '.join(free)}",
-             "held by: " + (", ".join(held) or "nothing")]
+    held = [
+        f"{name.removeprefix('pelvis_')} {value:+.1f} N m" for name, value in table.held_nm.items()
+    ]
+    lines = [
+        f"largest {table.drift_mm:.2g} mm, {table.turn_deg:.2g}°",
+        f"tilt {angles['tilt']:+.1f}°, list {angles['list']:+.1f}°",
+        f"free: {', '.join(free)}",
+        "held by: " + (", ".join(held) or "nothing"),
+    ]
     axes.text(0.03, 0.97, "\n".join(lines), transform=axes.transAxes, va="top")
-    label(axes, x="time (s)", y="pelvis from its start (mm)",
-          title=f"How still: let go {1e3 * NUDGE_M:g} mm off rest")
+    label(
+        axes,
+        x="time (s)",
+        y="pelvis from its start (mm)",
+        title=f"How still: let go {1e3 * NUDGE_M:g} mm off rest",
+    )
 
 
 def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:
@@ -284,27 +454,62 @@ def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:
                 scores = [(row.varied(name), getattr(row.scores, key)) for row in own]
                 known = sorted((x, factor * score) for x, score in scores if score is not None)
                 if key == "cop_rmse_fl":
-                    lateral = sorted((row.varied(name), factor * row.scores.cop_ml_rmse_fl) for row in own
-                                     if row.scores.cop_ml_rmse_fl is not None)
-                    axes.plot([x for x, _ in lateral], [y for _, y in lateral], "--", linewidth=1.0, color=colour)
-                lines += axes.plot([x for x, _ in known], [y for _, y in known], marker=MARKERS[number % len(MARKERS)],
-                                   markersize=4, linewidth=1.4, color=colour)
+                    lateral = sorted(
+                        (row.varied(name), factor * row.scores.cop_ml_rmse_fl)
+                        for row in own
+                        if row.scores.cop_ml_rmse_fl is not None
+                    )
+                    axes.plot(
+                        [x for x, _ in lateral],
+                        [y for _, y in lateral],
+                        "--",
+                        linewidth=1.0,
+                        color=colour,
+                    )
+                lines += axes.plot(
+                    [x for x, _ in known],
+                    [y for _, y in known],
+                    marker=MARKERS[number % len(MARKERS)],
+                    markersize=4,
+                    linewidth=1.4,
+                    color=colour,
+                )
                 for lost in (row.varied(name) for row in own if row.failure):
-                    axes.plot(lost, 0.02, marker="x", color=colour, transform=axes.get_xaxis_transform(), clip_on=False)
+                    axes.plot(
+                        lost,
+                        0.02,
+                        marker="x",
+                        color=colour,
+                        transform=axes.get_xaxis_transform(),
+                        clip_on=False,
+                    )
                 if key == "peak_vertical_bw" and trial.measured_peak_vertical_bw is not None:
-                    axes.axhline(trial.measured_peak_vertical_bw, color=colour, linestyle=":", linewidth=1.2)
-            for value in {column["in_the_model"]} if "in_the_model" in column else {t.fulcrum_mm for t in trials}:
+                    axes.axhline(
+                        trial.measured_peak_vertical_bw, color=colour, linestyle=":", linewidth=1.2
+                    )
+            for value in (
+                {column["in_the_model"]}
+                if "in_the_model" in column
+                else {t.fulcrum_mm for t in trials}
+            ):
                 axes.axvline(value, color=NEUTRAL, linewidth=5.0, alpha=0.35, zorder=0)
             if min(values) > 0.0 and max(values) / min(values) > _WIDE:
                 log_scale(axes.xaxis)
             label(axes, x="", y=y, title=title)
-        figure.axes[1].set_xlabel(FULCRUM if name == "fulcrum_mm"
-                                  else f"{name} ({column['unit']})")
+        figure.axes[1].set_xlabel(FULCRUM if name == "fulcrum_mm" else f"{name} ({column['unit']})")
         # legends leave out what begins with an underscore
-        figure.legend(lines, [f" {trial.name}" if trial.name.startswith("_") else trial.name
-                              for trial in trials], loc="outside lower left")
+        figure.legend(
+            lines,
+            [f" {trial.name}" if trial.name.startswith("_") else trial.name for trial in trials],
+            loc="outside lower left",
+        )
         synthetic = " (SYNTHETIC)" if any(trial.synthetic for trial in trials) else ""
         failed = f", {table.failed} FAILED" if table.failed else ""
-        figure.suptitle(f"{table.walks} walks{synthetic}{failed}; shaded: the trial's own value; dotted: measured "
-                        "peak", x=0.01, ha="left", fontsize=10)
+        figure.suptitle(
+            f"{table.walks} walks{synthetic}{failed}; shaded: the trial's own value; dotted: measured "
+            "peak",
+            x=0.01,
+            ha="left",
+            fontsize=10,
+        )
     return figure

@@ -56,17 +56,28 @@ def fit_figures(table: FitTable) -> dict[str, Figure]:
     if scores:
         figures["errors"] = fit_error_figure(table)
     if any(score.sweep is not None for score in scores):
-        figures["sweep"] = fit_sweep_figure([
-            TrialSweep(label=trial.label, role=trial.role, fulcrum_mm=trial.fulcrum_mm, synthetic=trial.synthetic,
-                       sweep=trial.score.sweep)
-            for trial in table.trials if trial.score is not None and trial.score.sweep is not None])
+        figures["sweep"] = fit_sweep_figure(
+            [
+                TrialSweep(
+                    label=trial.label,
+                    role=trial.role,
+                    fulcrum_mm=trial.fulcrum_mm,
+                    synthetic=trial.synthetic,
+                    sweep=trial.score.sweep,
+                )
+                for trial in table.trials
+                if trial.score is not None and trial.score.sweep is not None
+            ]
+        )
     for i, trial in enumerate(table.trials):
         if trial.score is not None:
             figures[trial_name(i, trial)] = fit_trial_figure(trial, trial.score)
     if table.bench is not None and table.bench.stiffness is not None:
         figures["bench"] = fit_bench_figure(table.bench)
     if table.uncertainty is not None:
-        figures["parameters"] = fit_parameter_figure(table.parameters, table.uncertainty.unidentified)
+        figures["parameters"] = fit_parameter_figure(
+            table.parameters, table.uncertainty.unidentified
+        )
     if table.paper is not None and table.paper.history:
         figures["searches"] = paper_search_figure(table.paper)
     return figures
@@ -90,14 +101,26 @@ def _dot(name: str, marker: str = "o", **look: Any) -> Line2D:
 def fit_bench_figure(bench: BenchRow) -> Figure:
     """The fitted foot's forefoot in the testing machine beside the measurement: stiffness, and mid-range displacement
     where it was measured, over the fulcrum's position."""
-    rows = [(name, unit, quantity) for name, unit, quantity in (
-        ("stiffness", "N/mm", bench.stiffness), ("mid-range displacement", "mm", bench.mid_range)) if quantity]
+    rows = [
+        (name, unit, quantity)
+        for name, unit, quantity in (
+            ("stiffness", "N/mm", bench.stiffness),
+            ("mid-range displacement", "mm", bench.mid_range),
+        )
+        if quantity
+    ]
     synthetic = " (SYNTHETIC)" if bench.synthetic else ""
     with drawing(PANEL[0], 0.6 + 2.6 * len(rows)) as figure:
-        for axes, (name, unit, quantity) in zip(figure.subplots(len(rows), squeeze=False)[:, 0], rows, strict=True):
+        for axes, (name, unit, quantity) in zip(
+            figure.subplots(len(rows), squeeze=False)[:, 0], rows, strict=True
+        ):
             handles = _bench(axes, bench.fulcrum_mm, quantity)
-            label(axes, x=FULCRUM, y=f"{name} ({unit})",
-                  title=f"Forefoot{synthetic}, RMS difference {quantity.rmse:.2f} {unit}")
+            label(
+                axes,
+                x=FULCRUM,
+                y=f"{name} ({unit})",
+                title=f"Forefoot{synthetic}, RMS difference {quantity.rmse:.2f} {unit}",
+            )
         legend_below(figure, handles)
     return figure
 
@@ -110,28 +133,70 @@ def _bench(axes: Axes, x: Sequence[float], quantity: Beside) -> list[Artist]:
     axes.plot(x, model, zorder=2, **dashed)
     for i, (position, k, fitted) in enumerate(zip(x, measured, model, strict=True)):
         colour = colour_of(position)
-        axes.errorbar(position, k, yerr=2.0 * quantity.uncertainty, color=colour, marker="_",
-                      markersize=16, markeredgewidth=3.0, capsize=4, linewidth=1.4, zorder=3)
-        axes.plot(position, fitted, marker=MARKERS[i % len(MARKERS)], color=colour, markersize=7,
-                  markerfacecolor="white", markeredgewidth=1.6, zorder=4)
-        axes.annotate(number(fitted - k, "{:+.2f}"), (position, max(k, fitted)), xytext=(0, 9), ha="center",
-                      fontsize=8, textcoords="offset points")
+        axes.errorbar(
+            position,
+            k,
+            yerr=2.0 * quantity.uncertainty,
+            color=colour,
+            marker="_",
+            markersize=16,
+            markeredgewidth=3.0,
+            capsize=4,
+            linewidth=1.4,
+            zorder=3,
+        )
+        axes.plot(
+            position,
+            fitted,
+            marker=MARKERS[i % len(MARKERS)],
+            color=colour,
+            markersize=7,
+            markerfacecolor="white",
+            markeredgewidth=1.6,
+            zorder=4,
+        )
+        axes.annotate(
+            number(fitted - k, "{:+.2f}"),
+            (position, max(k, fitted)),
+            xytext=(0, 9),
+            ha="center",
+            fontsize=8,
+            textcoords="offset points",
+        )
     axes.set_ylim(0.0, 1.2 * max(*measured, *model))
     axes.margins(x=0.1)
-    return [Line2D([], [], label="measured, ± 2 standard deviations", **solid),
-            Line2D([], [], marker="o", markerfacecolor="white", label="fitted, with its difference", **dashed)]
+    return [
+        Line2D([], [], label="measured, ± 2 standard deviations", **solid),
+        Line2D(
+            [],
+            [],
+            marker="o",
+            markerfacecolor="white",
+            label="fitted, with its difference",
+            **dashed,
+        ),
+    ]
 
 
 def fit_error_figure(table: FitTable) -> Figure:
     """The resultant's error by trial beside the null model and the floor: one row a trial that was judged."""
     rows = [(trial, trial.score) for trial in table.trials if trial.score is not None]
     beside: list[tuple[str, list[float | None], dict[str, Any]]] = [
-        ("null model: another trial's curve", [score.metrics.null_model_grf_rmse_bw for _, score in rows],
-         {"marker": "D", "color": NEUTRAL, "markersize": 5.5, "markerfacecolor": "white"}),
-        ("floor: the true foot on this motion", [score.floor_grf_rmse_bw for _, score in rows],
-         {"marker": "|", "color": "black", "markersize": 12, "markeredgewidth": 1.8})]
+        (
+            "null model: another trial's curve",
+            [score.metrics.null_model_grf_rmse_bw for _, score in rows],
+            {"marker": "D", "color": NEUTRAL, "markersize": 5.5, "markerfacecolor": "white"},
+        ),
+        (
+            "floor: the true foot on this motion",
+            [score.floor_grf_rmse_bw for _, score in rows],
+            {"marker": "|", "color": "black", "markersize": 12, "markeredgewidth": 1.8},
+        ),
+    ]
     names = [textwrap.fill(t.label, 22) + f"\n{t.role}, {t.fulcrum_mm:g} mm" for t, _ in rows]
-    with drawing(PANEL[0], 1.9 + len(rows) * (0.1 + 0.14 * max(name.count("\n") + 1 for name in names))) as figure:
+    with drawing(
+        PANEL[0], 1.9 + len(rows) * (0.1 + 0.14 * max(name.count("\n") + 1 for name in names))
+    ) as figure:
         axes = figure.subplots()
         for _, values, look in beside:
             for y, value in enumerate(values):
@@ -141,54 +206,99 @@ def fit_error_figure(table: FitTable) -> Figure:
             if (error := score.metrics.grf_rmse_bw) is not None:
                 colour = colour_of(trial.fulcrum_mm)
                 axes.plot([0.0, 100.0 * error], [y, y], color=colour, linewidth=1.2, alpha=0.6)
-                axes.plot(100.0 * error, y, marker="o", color=colour, markersize=7, markeredgewidth=1.8,
-                          markerfacecolor=colour if trial.role == _FITTED else "white")
+                axes.plot(
+                    100.0 * error,
+                    y,
+                    marker="o",
+                    color=colour,
+                    markersize=7,
+                    markeredgewidth=1.8,
+                    markerfacecolor=colour if trial.role == _FITTED else "white",
+                )
         axes.set_xlim(left=0.0)
         axes.margins(x=0.08)
         axes.set_yticks(range(len(rows)), names)
         axes.set_ylim(len(rows) - 0.4, -0.6)
         beaten = any(null is not None for null in beside[0][1])
-        label(axes, x="RMS error (% body weight)", y="trial\n(one row each)", title=(
-            "Resultant force" + ": left of its\ndiamond nearer to the plate\nthan the null model" * beaten))
+        label(
+            axes,
+            x="RMS error (% body weight)",
+            y="trial\n(one row each)",
+            title=(
+                "Resultant force"
+                + ": left of its\ndiamond nearer to the plate\nthan the null model" * beaten
+            ),
+        )
         handles: list[Artist] = [_dot("fitted trial", color=NEUTRAL, markersize=7)]
         if any(trial.role != _FITTED for trial, _ in rows):
-            handles.append(_dot("held-out trial", color=NEUTRAL, markersize=7, markerfacecolor="white",
-                                markeredgewidth=1.8))
-        handles += [_dot(name, **look) for name, values, look in beside if any(v is not None for v in values)]
+            handles.append(
+                _dot(
+                    "held-out trial",
+                    color=NEUTRAL,
+                    markersize=7,
+                    markerfacecolor="white",
+                    markeredgewidth=1.8,
+                )
+            )
+        handles += [
+            _dot(name, **look)
+            for name, values, look in beside
+            if any(v is not None for v in values)
+        ]
         legend_below(figure, handles)
         say_synthetic(figure, any(trial.synthetic for trial, _ in rows), "trials")
     return figure
 
 
-def fit_parameter_figure(parameters: Sequence[ParameterRow], unidentified: Collection[str]) -> Figure:
+def fit_parameter_figure(
+    parameters: Sequence[ParameterRow], unidentified: Collection[str]
+) -> Figure:
     """Value and 95 % interval of each free parameter in standard deviations of what was believed of it before; hollow
     where it is not identified."""
     free = [(row, value) for row in parameters if (value := row.value_in_prior_sd) is not None]
     smooth = [pair for pair in free if is_smooth(pair[0].name)]
     largest = sorted(smooth, key=lambda pair: -abs(pair[1]))[:MOST_ROWS]
     of = f",\nthe {MOST_ROWS} largest of {len(smooth)}" if len(smooth) > MOST_ROWS else ""
-    columns = [(rows, title) for rows, title in (
-        ([pair for pair in free if pair not in smooth], "Contact, geometry\nand the rest"),
-        (sorted(largest, key=lambda pair: pair[0].name), f"Smooth errors\nof the motion{of}")) if rows]
+    columns = [
+        (rows, title)
+        for rows, title in (
+            ([pair for pair in free if pair not in smooth], "Contact, geometry\nand the rest"),
+            (sorted(largest, key=lambda pair: pair[0].name), f"Smooth errors\nof the motion{of}"),
+        )
+        if rows
+    ]
     counts = [3 + len(rows) for rows, _ in columns]
     with drawing(PANEL[0], max(3.2, 2.3 + 0.19 * sum(counts))) as figure:
         panels = figure.subplots(len(columns), squeeze=False, height_ratios=counts)[:, 0]
         for axes, (rows, title) in zip(panels, columns, strict=True):
             _parameters(axes, rows, unidentified)
-            label(axes, x="from the prior's mean\n(its standard deviations)", y="parameter\n(one row each)",
-                  title=title)
+            label(
+                axes,
+                x="from the prior's mean\n(its standard deviations)",
+                y="parameter\n(one row each)",
+                title=title,
+            )
         handles: list[Artist] = [
             Patch(facecolor=_PRIOR[1][1], label="prior, ± 1 SD (lighter: ± 2)"),
             Line2D([], [], color=_GOOD, marker="o", label="fitted value and 95 % interval"),
-            Line2D([], [], color=NEUTRAL, marker="o", markerfacecolor="white",
-                   label="not identified: mostly prior")]
+            Line2D(
+                [],
+                [],
+                color=NEUTRAL,
+                marker="o",
+                markerfacecolor="white",
+                label="not identified: mostly prior",
+            ),
+        ]
         if any(row.at_bound for row, _ in free):
             handles.append(Line2D([], [], color=_BAD, marker="s", label="at a bound"))
         legend_below(figure, handles)
     return figure
 
 
-def _parameters(axes: Axes, rows: Sequence[tuple[ParameterRow, float]], unidentified: Collection[str]) -> None:
+def _parameters(
+    axes: Axes, rows: Sequence[tuple[ParameterRow, float]], unidentified: Collection[str]
+) -> None:
     for width, shade in _PRIOR:
         axes.axvspan(-width, width, color=shade, linewidth=0.0, zorder=0)
     axes.axvline(0.0, color="0.7", linewidth=0.8)
@@ -198,11 +308,23 @@ def _parameters(axes: Axes, rows: Sequence[tuple[ParameterRow, float]], unidenti
         known = row.name not in unidentified
         colour = _BAD if row.at_bound else _GOOD if known else NEUTRAL
         axes.plot(row.interval_in_prior_sd or (), [y, y], color=colour, linewidth=1.6)
-        axes.plot(value, y, marker="s" if row.at_bound else "o", color=colour, markersize=5,
-                  markerfacecolor=colour if known or row.at_bound else "white")
+        axes.plot(
+            value,
+            y,
+            marker="s" if row.at_bound else "o",
+            color=colour,
+            markersize=5,
+            markerfacecolor=colour if known or row.at_bound else "white",
+        )
         if abs(value) > reach:
-            axes.annotate(f"{value:+.1f}", (np.copysign(reach, value), y), color=_BAD, fontsize=7.5, va="center",
-                          ha="right" if value > 0 else "left")
+            axes.annotate(
+                f"{value:+.1f}",
+                (np.copysign(reach, value), y),
+                color=_BAD,
+                fontsize=7.5,
+                va="center",
+                ha="right" if value > 0 else "left",
+            )
     axes.set_xlim(-reach, reach)
     axes.set_yticks(range(len(rows)), [row.name for row, _ in rows], fontsize=7.5)
     axes.set_ylim(len(rows) - 0.4, -0.6)
@@ -213,11 +335,21 @@ def paper_search_figure(state: PaperState) -> Figure:
     objectives = (state.initial_objective_n2, *(objective for _, objective, _ in state.history))
     with drawing(PANEL[0], 2.6) as figure:
         axes = figure.subplots()
-        axes.plot([0, *(number for number, *_ in state.history)], [*map(state.rms_n, objectives)], color=_GOOD,
-                  marker="o", markersize=4.0, linewidth=1.4)
+        axes.plot(
+            [0, *(number for number, *_ in state.history)],
+            [*map(state.rms_n, objectives)],
+            color=_GOOD,
+            marker="o",
+            markersize=4.0,
+            linewidth=1.4,
+        )
         axes.set_ylim(bottom=0.0)
-        label(axes, x="iteration (0: initial guess)", y="best RMS difference\nof the resultant (N)",
-              title="The paper's search")
+        label(
+            axes,
+            x="iteration (0: initial guess)",
+            y="best RMS difference\nof the resultant (N)",
+            title="The paper's search",
+        )
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     return figure
 
@@ -225,13 +357,16 @@ def paper_search_figure(state: PaperState) -> Figure:
 def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
     """Of one trial, measured and of the fitted model: resultant and fore-aft force over time, and the centre of
     pressure over the first stance."""
+
     def off(error: float | None, unit: str) -> str:
         return "" if error is None else f": {100.0 * error:.1f} % {unit} off"
 
     metrics, curves, colour = score.metrics, score.curves, colour_of(trial.fulcrum_mm)
     both = [curves.measured_bw, curves.model_bw]
-    forces = (("Resultant", "", [np.linalg.norm(force, axis=1) for force in both], metrics.grf_rmse_bw),
-              ("Fore-aft", "forward ", [force[:, 0] for force in both], metrics.fore_aft_rmse_bw))
+    forces = (
+        ("Resultant", "", [np.linalg.norm(force, axis=1) for force in both], metrics.grf_rmse_bw),
+        ("Fore-aft", "forward ", [force[:, 0] for force in both], metrics.fore_aft_rmse_bw),
+    )
     looks: list[dict[str, Any]] = [{"color": colour, **MEASURED}, {"color": colour, **SIMULATED}]
     with drawing(PANEL[0], 6.4) as figure:
         panels = figure.subplots(3)
@@ -241,20 +376,45 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
             for force, look in zip(pair, looks, strict=True):
                 axes.plot(curves.time_s, force, **look)
             axes.set_xlim(windows[0][0], windows[-1][1])
-            label(axes, x="time (s)", y=f"{forward}force\n(body weights)", title=f"{name}{off(error, 'BW')}")
+            label(
+                axes,
+                x="time (s)",
+                y=f"{forward}force\n(body weights)",
+                title=f"{name}{off(error, 'BW')}",
+            )
         axes, centres = panels[-1], [curves.cop_measured_fl, curves.cop_model_fl]
         if np.isfinite(centres).all(axis=0).any():
             for centre, look in zip(centres, looks, strict=True):
-                axes.plot(np.linspace(0.0, 100.0, len(centre)), 100.0 * (centre - np.nanmin(centres[0])), **look)
+                axes.plot(
+                    np.linspace(0.0, 100.0, len(centre)),
+                    100.0 * (centre - np.nanmin(centres[0])),
+                    **look,
+                )
         else:
-            axes.text(0.5, 0.5, "no centre of pressure\nin common", transform=axes.transAxes, ha="center", va="center",
-                      color=NEUTRAL)
+            axes.text(
+                0.5,
+                0.5,
+                "no centre of pressure\nin common",
+                transform=axes.transAxes,
+                ha="center",
+                va="center",
+                color=NEUTRAL,
+            )
         axes.set_xlim(0.0, 100.0)
-        label(axes, x="stance (%)", y="ahead of its\nrearmost (% FL)",
-              title=f"Centre of pressure{off(metrics.cop_rmse_fl, 'FL')}")
-        names = ("reference (synthetic)" if trial.synthetic else "force plate",
-                 "fitted model (off: root mean square)")
-        legend_below(figure, [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)])
+        label(
+            axes,
+            x="stance (%)",
+            y="ahead of its\nrearmost (% FL)",
+            title=f"Centre of pressure{off(metrics.cop_rmse_fl, 'FL')}",
+        )
+        names = (
+            "reference (synthetic)" if trial.synthetic else "force plate",
+            "fitted model (off: root mean square)",
+        )
+        legend_below(
+            figure,
+            [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)],
+        )
         title = f"{trial.label}: {trial.role}, fulcrum {trial.fulcrum_mm:g} mm{', SYNTHETIC' * trial.synthetic}"
         figure.suptitle(textwrap.fill(title, 54), x=0.01, ha="left", fontsize=10)
     return figure
@@ -285,7 +445,10 @@ def fit_sweep_figure(trials: Sequence[TrialSweep]) -> Figure:
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         handles: list[Artist] = [
             Line2D([], [], color=NEUTRAL, linewidth=6.0, alpha=0.3, label="where it stood"),
-            _dot("least error of a trial", "*", color="white", markersize=12, markeredgecolor="black")]
+            _dot(
+                "least error of a trial", "*", color="white", markersize=12, markeredgecolor="black"
+            ),
+        ]
         if any(None in trial.sweep.grf_rmse_bw for trial in trials):
             handles.append(_dot("the walk failed", "x", color="black"))
         label(axes, x=FULCRUM, y="resultant, RMS error (% BW)")
@@ -302,8 +465,30 @@ def _sweep(axes: Axes, trial: TrialSweep) -> None:
     known = np.isfinite(errors)
     if sweep.best_mm is not None and known.any():
         least = float(errors[known].min())
-        axes.plot(sweep.best_mm, least, marker="*", markersize=12, color="white", markeredgecolor=colour, zorder=5)
+        axes.plot(
+            sweep.best_mm,
+            least,
+            marker="*",
+            markersize=12,
+            color="white",
+            markeredgecolor=colour,
+            zorder=5,
+        )
         if sweep.right is False:
-            tag(axes, f"{trial.label}: WRONG", (sweep.best_mm, least), colour, offset=(0, -11), ha="center")
+            tag(
+                axes,
+                f"{trial.label}: WRONG",
+                (sweep.best_mm, least),
+                colour,
+                offset=(0, -11),
+                ha="center",
+            )
     for position in positions[~known]:
-        axes.plot(position, 0.02, marker="x", color=colour, transform=axes.get_xaxis_transform(), clip_on=False)
+        axes.plot(
+            position,
+            0.02,
+            marker="x",
+            color=colour,
+            transform=axes.get_xaxis_transform(),
+            clip_on=False,
+        )

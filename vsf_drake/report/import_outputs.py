@@ -36,67 +36,144 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
     """Writes what an import leaves to `out`; every manifest is read back before anything appears there."""
     first = imported.items[0]
     failures = {Path(path).name: why for path, why in imported.failures.items()}
-    shared = {_SUBJECT: first.trial.subject, **({_MODEL: first.trial.model} if imported.scaled else {})}
-    of_walks = [{"manifest": f"{name}.yaml", **dict(zip(("kinematics", "forces"), opensim_files(name), strict=True))}
-                for name in imported.names]
+    shared = {
+        _SUBJECT: first.trial.subject,
+        **({_MODEL: first.trial.model} if imported.scaled else {}),
+    }
+    of_walks = [
+        {
+            "manifest": f"{name}.yaml",
+            **dict(zip(("kinematics", "forces"), opensim_files(name), strict=True)),
+        }
+        for name in imported.names
+    ]
 
     def write_files(folder: Path) -> None:
         for name, record in shared.items():
             write_text(folder / name, dump_yaml(record))
         for item, name, files in zip(imported.items, imported.names, of_walks, strict=True):
             write_trial_files(item.trial, folder, name)
-            write_text(folder / files["manifest"], _manifest(item.trial, files, scaled=imported.scaled))
+            write_text(
+                folder / files["manifest"], _manifest(item.trial, files, scaled=imported.scaled)
+            )
             load_trial(folder / files["manifest"])
-        write_text(folder / "import.html", import_page(
-            imported.items, title=f"Import of {first.trial.subject.name}", person=first, failures=failures))
+        write_text(
+            folder / "import.html",
+            import_page(
+                imported.items,
+                title=f"Import of {first.trial.subject.name}",
+                person=first,
+                failures=failures,
+            ),
+        )
 
-    IMPORT.write(out, {
-        "kind": "import", "mark": "unusable" if imported.failures else worst(item.mark for item in imported.items),
-        "trials": [trial_table(item) | files for item, files in zip(imported.items, of_walks, strict=True)],
-        "failures": imported.failures, **person_table(first), **provenance(imported.inputs),
-        "files": sorted([*shared, "import.json", "import.html", *(name for files in of_walks for name in
-                                                                  files.values())])},
-        more=lambda folder, table: write_files(folder))
+    IMPORT.write(
+        out,
+        {
+            "kind": "import",
+            "mark": "unusable"
+            if imported.failures
+            else worst(item.mark for item in imported.items),
+            "trials": [
+                trial_table(item) | files
+                for item, files in zip(imported.items, of_walks, strict=True)
+            ],
+            "failures": imported.failures,
+            **person_table(first),
+            **provenance(imported.inputs),
+            "files": sorted(
+                [
+                    *shared,
+                    "import.json",
+                    "import.html",
+                    *(name for files in of_walks for name in files.values()),
+                ]
+            ),
+        },
+        more=lambda folder, table: write_files(folder),
+    )
 
 
 def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Path) -> None:
     """Writes check.json and check.html to `out`."""
     person = items[0] if len({item.trial.subject for item in items}) == 1 else None
     page = import_page(items, title="Check of recordings", person=person, failures=failures)
-    CHECK.write(out, {
-        "kind": "check", "mark": "unusable" if failures else worst(item.mark for item in items),
-        "trials": [{**trial_table(item), **person_table(item), "manifest": str(item.trial.path)} for item in items],
-        "failures": failures, **provenance()}, more=lambda folder, table: write_text(folder / "check.html", page))
+    CHECK.write(
+        out,
+        {
+            "kind": "check",
+            "mark": "unusable" if failures else worst(item.mark for item in items),
+            "trials": [
+                {**trial_table(item), **person_table(item), "manifest": str(item.trial.path)}
+                for item in items
+            ],
+            "failures": failures,
+            **provenance(),
+        },
+        more=lambda folder, table: write_text(folder / "check.html", page),
+    )
 
 
 def _manifest(trial: Trial, files: Mapping[str, str], *, scaled: bool) -> str:
     """The manifest's text; what the belt carried is in the files already."""
     plates = {side: f"ground_force_{side[0]}" for side in SIDES if side in trial.plates}
     content = {
-        "name": trial.name, "subject": _SUBJECT, "kinematics": files["kinematics"],
+        "name": trial.name,
+        "subject": _SUBJECT,
+        "kinematics": files["kinematics"],
         "forces": {"file": files["forces"], **plates},
         "prosthesis": {"fulcrum_mm": round(1e3 * trial.fulcrum_m, 6)},
         "window": {"start_s": float(trial.start_s), "end_s": float(trial.end_s)},
-        **({"model": _MODEL} if scaled else {}), **({"synthetic": True} if trial.synthetic else {})}
+        **({"model": _MODEL} if scaled else {}),
+        **({"synthetic": True} if trial.synthetic else {}),
+    }
     return f"# Made by vsf-drake import from {' '.join(trial.path.name.split())}.\n" + dump(content)
 
 
-def import_page(items: Sequence[Examined], *, title: str, person: Examined | None = None,
-                failures: Mapping[str, str] | None = None) -> Markup:
+def import_page(
+    items: Sequence[Examined],
+    *,
+    title: str,
+    person: Examined | None = None,
+    failures: Mapping[str, str] | None = None,
+) -> Markup:
     """The page: trials with their checks and figures, the `person` of one of them, and by file what failed and why."""
     synthetic = [item.trial.name for item in items if item.trial.synthetic]
-    bad = [dict.fromkeys([*(check.name for check in item.checks if check.mark == "unusable"),
-                          *(name for name, share in costs(item.checks).items() if share > 0.5 * GOOD_BW)])
-           for item in items]
-    figures = [[make(item) for make in (angle_figure, force_figure, floor_figure)] for item in items]
-    return render("import.html.j2", title=f"{title} (SYNTHETIC)" if synthetic else title, synthetic=synthetic,
-                  trials=items, bad=bad, figures=figures,
-                  worst=max(range(len(items)), key=lambda i: items[i].expected_error_bw), failures=failures or {},
-                  to_do=dict.fromkeys(check.sentence for item in items for check in item.checks
-                                      if check.name in motion_checks.TO_DO and check.mark != "good"),
-                  marks=MARKS, colours=MARK_COLOURS, expected=EXPECTED, degrees=math.degrees(1.0),
-                  person=person and person.trial,
-                  subject_numbers=to_plain(person.trial.subject) if person else {}, translations=PELVIS_TRANSLATIONS)
+    bad = [
+        dict.fromkeys(
+            [
+                *(check.name for check in item.checks if check.mark == "unusable"),
+                *(name for name, share in costs(item.checks).items() if share > 0.5 * GOOD_BW),
+            ]
+        )
+        for item in items
+    ]
+    figures = [
+        [make(item) for make in (angle_figure, force_figure, floor_figure)] for item in items
+    ]
+    return render(
+        "import.html.j2",
+        title=f"{title} (SYNTHETIC)" if synthetic else title,
+        synthetic=synthetic,
+        trials=items,
+        bad=bad,
+        figures=figures,
+        worst=max(range(len(items)), key=lambda i: items[i].expected_error_bw),
+        failures=failures or {},
+        to_do=dict.fromkeys(
+            check.sentence
+            for item in items
+            for check in item.checks
+            if check.name in motion_checks.TO_DO and check.mark != "good"
+        ),
+        marks=MARKS,
+        colours=MARK_COLOURS,
+        expected=EXPECTED,
+        degrees=math.degrees(1.0),
+        person=person and person.trial,
+        subject_numbers=to_plain(person.trial.subject) if person else {},
+        translations=PELVIS_TRANSLATIONS,
+    )
 
 
 # Figures: angles, forces, floor.
@@ -104,11 +181,19 @@ def import_page(items: Sequence[Examined], *, title: str, person: Examined | Non
 
 COLOURS = {"right": "#31688e", "left": "#c8553d"}
 MARK_COLOURS = {"good": "#2e7d4f", "doubtful": "#b7791f", "unusable": "#b3261e"}
-MOST_POINTS = 1500  # a force curve is thinned to about this many points; peaks of walking are far wider
-_ANGLES = (("pelvis_tilt", "Pelvic tilt (front up +)"), ("pelvis_list", "Pelvic list"),
-           ("pelvis_rotation", "Pelvic rotation"), ("ankle_angle", "Ankle (dorsiflexion +)"),
-           ("hip_flexion", "Hip flexion"), ("hip_adduction", "Hip adduction"),
-           ("hip_rotation", "Hip internal rotation"), ("knee_angle", "Knee flexion"))
+MOST_POINTS = (
+    1500  # a force curve is thinned to about this many points; peaks of walking are far wider
+)
+_ANGLES = (
+    ("pelvis_tilt", "Pelvic tilt (front up +)"),
+    ("pelvis_list", "Pelvic list"),
+    ("pelvis_rotation", "Pelvic rotation"),
+    ("ankle_angle", "Ankle (dorsiflexion +)"),
+    ("hip_flexion", "Hip flexion"),
+    ("hip_adduction", "Hip adduction"),
+    ("hip_rotation", "Hip internal rotation"),
+    ("knee_angle", "Knee flexion"),
+)
 _SWING_SHARE = 1.6
 _USUAL_STANCE_S = 0.7
 _TIME = "time (s)"
@@ -130,7 +215,12 @@ def angle_figure(item: Examined) -> Figure:
                     rows = (share >= 0.0) & (share <= _SWING_SHARE)
                     axes.plot(100 * share[rows], series[rows], color=COLOURS[side], linewidth=1.5)
                 if name in standing:
-                    axes.axhline(np.degrees(standing[name]), color=COLOURS[side], linewidth=1.0, linestyle=":")
+                    axes.axhline(
+                        np.degrees(standing[name]),
+                        color=COLOURS[side],
+                        linewidth=1.0,
+                        linestyle=":",
+                    )
             axes.axvline(100.0, color=NEUTRAL, linewidth=0.8, linestyle=":")
             label(axes, x="share of stance (%)", y="angle (°)", title=title)
         return _with_legend(figure, item, "dotted: at standing" if standing else "")
@@ -139,8 +229,13 @@ def angle_figure(item: Examined) -> Figure:
 def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
     whole = [s.duration_s for stances in item.stances.values() for s in stances if s.complete]
     usual = float(np.mean(whole)) if whole else _USUAL_STANCE_S
-    return [(s.start_s, s.duration_s) if s.complete else (s.start_s if s.start_seen else s.end_s - usual, usual)
-            for s in item.stances[side] if s.start_seen or s.end_seen]
+    return [
+        (s.start_s, s.duration_s)
+        if s.complete
+        else (s.start_s if s.start_seen else s.end_s - usual, usual)
+        for s in item.stances[side]
+        if s.start_seen or s.end_seen
+    ]
 
 
 def force_figure(item: Examined) -> Figure:
@@ -148,11 +243,17 @@ def force_figure(item: Examined) -> Figure:
     trial = item.trial
     with drawing(PANEL[0], 5.6) as figure:
         titles = ("Vertical", "Fore-aft (forward +)", "Medio-lateral (left +)")
-        for axes, column, title in zip(figure.subplots(3, sharex=True), (2, 0, 1), titles, strict=True):
+        for axes, column, title in zip(
+            figure.subplots(3, sharex=True), (2, 0, 1), titles, strict=True
+        ):
             for side, plate in trial.plates.items():
                 thin = slice(None, None, max(1, len(plate.time_s) // MOST_POINTS))
-                axes.plot(plate.time_s[thin], plate.force_W[thin, column] / (trial.subject.mass_kg * GRAVITY),
-                          color=COLOURS[side], linewidth=1.4)
+                axes.plot(
+                    plate.time_s[thin],
+                    plate.force_W[thin, column] / (trial.subject.mass_kg * GRAVITY),
+                    color=COLOURS[side],
+                    linewidth=1.4,
+                )
             axes.axvspan(trial.start_s, trial.end_s, color="0.95", zorder=0, linewidth=0)
             label(axes, x=_TIME, y="force (body weights)", title=title)
         return _with_legend(figure, item, "shaded: the part used")
@@ -172,22 +273,44 @@ def floor_figure(item: Examined) -> Figure:
             for rows in (flat_phase(foot, stance) for stance in item.stances[side]):
                 if rows is not None:
                     heel, toe = foot.heel_W[rows].mean(axis=0), foot.toe_W[rows].mean(axis=0)
-                    axes.plot([heel[0], toe[0]], [heel[1], toe[1]], color=COLOURS[side], linewidth=7, alpha=0.25,
-                              solid_capstyle="round")
+                    axes.plot(
+                        [heel[0], toe[0]],
+                        [heel[1], toe[1]],
+                        color=COLOURS[side],
+                        linewidth=7,
+                        alpha=0.25,
+                        solid_capstyle="round",
+                    )
             if side in item.trial.plates:
-                cop = item.trial.plates[side].cop_W[:: max(1, len(item.trial.plates[side].time_s) // MOST_POINTS)]
+                cop = item.trial.plates[side].cop_W[
+                    :: max(1, len(item.trial.plates[side].time_s) // MOST_POINTS)
+                ]
                 axes.plot(cop[:, 0], cop[:, 1], ".", color=COLOURS[side], markersize=2.5)
         axes.set_aspect("equal", adjustable="datalim")
-        label(axes, x="forward (m)", y="left (m)",
-              title="Floor: centre of pressure (dots), feet, plates (grey)")
+        label(
+            axes,
+            x="forward (m)",
+            y="left (m)",
+            title="Floor: centre of pressure (dots), feet, plates (grey)",
+        )
         return _with_legend(figure, item)
 
 
 def _with_legend(figure: Figure, item: Examined, more: str = "") -> Figure:
     prosthetic = item.trial.subject.prosthetic_side
-    handles = [Line2D([], [], color=COLOURS[side], label=f"{side} ({'prosthetic' if side == prosthetic else 'intact'})")
-               for side in SIDES]
-    handles += [Line2D([], [], color="none", label=text)
-                for text in (more, "SYNTHETIC, not recorded" if item.trial.synthetic else "") if text]
+    handles = [
+        Line2D(
+            [],
+            [],
+            color=COLOURS[side],
+            label=f"{side} ({'prosthetic' if side == prosthetic else 'intact'})",
+        )
+        for side in SIDES
+    ]
+    handles += [
+        Line2D([], [], color="none", label=text)
+        for text in (more, "SYNTHETIC, not recorded" if item.trial.synthetic else "")
+        if text
+    ]
     legend_below(figure, handles)
     return figure

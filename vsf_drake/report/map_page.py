@@ -21,37 +21,71 @@ from vsf_drake.report.page import Chapter, made_chapter, render
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import PANEL, Arrays, drawing, label, legend_below
 
-AXES = {"mass_kg": ("mass", "kg"), "slope_deg": ("slope", "°, uphill +"), "alignment_deg": ("alignment", "°, toe up +"),
-        "heel_ratio": ("heel", "times the model's stiffness")}
+AXES = {
+    "mass_kg": ("mass", "kg"),
+    "slope_deg": ("slope", "°, uphill +"),
+    "alignment_deg": ("alignment", "°, toe up +"),
+    "heel_ratio": ("heel", "times the model's stiffness"),
+}
 """What a curve over the fulcrum may be drawn for, in words."""
-_PANELS = {"radius": "radius (m)", "eflr": "EFLR (1)", "moment_arm": "moment arm (mm)", "stiffness": "stiffness (N/mm)",
-           "stored": "stored (J/kg)", "returned": "returned (J/kg)"}
-_MEASURES = {"radius": ("roll-over radius", LEG_M), "eflr": ("effective foot length ratio", 1.0),
-             "returned": ("energy returned", 1.0)}
+_PANELS = {
+    "radius": "radius (m)",
+    "eflr": "EFLR (1)",
+    "moment_arm": "moment arm (mm)",
+    "stiffness": "stiffness (N/mm)",
+    "stored": "stored (J/kg)",
+    "returned": "returned (J/kg)",
+}
+_MEASURES = {
+    "radius": ("roll-over radius", LEG_M),
+    "eflr": ("effective foot length ratio", 1.0),
+    "returned": ("energy returned", 1.0),
+}
 """By panel: what the published table calls it, and what leads from its unit to the panel's."""
 _FEET = {"LLTE": "tab:green", "Horizon LT": "tab:red", "daily-use": "tab:blue"}
 _CURVES, _ROWS, _TARGETS_M = 60, 5, (0.2, 0.25, 0.3, 0.35, 0.4, 0.5)
 _LIGHTEST = 0.66
 
 
-def map_page(saved: Mapping[str, Any], arrays: Arrays, *, folder: Path, lenient: bool) -> dict[str, Any]:
+def map_page(
+    saved: Mapping[str, Any], arrays: Arrays, *, folder: Path, lenient: bool
+) -> dict[str, Any]:
     """What `page.chapter_page` is to be given of map.json and map.npz."""
     mapped = StiffnessMap(map_of(saved), arrays)
     drawn = [name for name in AXES if len(mapped.table.axes[name]) > 1]
-    chapters = [made_chapter("answer", "", partial(_answer, mapped, drawn[:1] or ["mass_kg"]), lenient)]
-    chapters += [made_chapter(name, f"What {AXES[name][0]} does", partial(_axis, mapped, name), lenient)
-                 for name in drawn[1:]]
-    chapters += [made_chapter("inverse", "Which fulcrum gives a radius", partial(_inverse, mapped), lenient),
-                 made_chapter("surface", "How well the surface holds, and how it was made", partial(_made, mapped),
-                              lenient)]
-    return {"title": "Stiffness map", "chapters": chapters, "synthetic": False,
-            "first_line": str(render("map/first_line.txt.j2")).strip()}
+    chapters = [
+        made_chapter("answer", "", partial(_answer, mapped, drawn[:1] or ["mass_kg"]), lenient)
+    ]
+    chapters += [
+        made_chapter(name, f"What {AXES[name][0]} does", partial(_axis, mapped, name), lenient)
+        for name in drawn[1:]
+    ]
+    chapters += [
+        made_chapter("inverse", "Which fulcrum gives a radius", partial(_inverse, mapped), lenient),
+        made_chapter(
+            "surface",
+            "How well the surface holds, and how it was made",
+            partial(_made, mapped),
+            lenient,
+        ),
+    ]
+    return {
+        "title": "Stiffness map",
+        "chapters": chapters,
+        "synthetic": False,
+        "first_line": str(render("map/first_line.txt.j2")).strip(),
+    }
 
 
 MAP = ResultsFolder(
-    kind="stiffness map", command="map", table="map.json", arrays="map.npz", show=map_page,
+    kind="stiffness map",
+    command="map",
+    table="map.json",
+    arrays="map.npz",
+    show=map_page,
     known=lambda table: str(table.get("format")).startswith("vsf_drake stiffness map"),
-    valid=lambda table, path: map_of(table))
+    valid=lambda table, path: map_of(table),
+)
 
 
 def write_map(out: str | Path, table: MapTable, arrays: Arrays) -> None:
@@ -73,40 +107,76 @@ def map_rows(mapped: StiffnessMap, **where: float) -> list[dict[str, float]]:
         row = {"fulcrum_mm": mm}
         for item in mapped.table.quantities:
             band = mapped.at(item.name, **where, fulcrum_mm=mm)
-            row |= {item.name: band.value, f"{item.name}_low": band.low, f"{item.name}_high": band.high}
+            row |= {
+                item.name: band.value,
+                f"{item.name}_low": band.low,
+                f"{item.name}_high": band.high,
+            }
         rows.append(row)
     return rows
 
 
 def _answer(mapped: StiffnessMap, drawn: list[str]) -> Chapter:
     figures = {f"by_{AXES[name][0]}": curves_figure(mapped, name, published=True) for name in drawn}
-    return Chapter(name="answer", title="", template="map/answer.html.j2", figures=figures, facts={
-        "drawn": list(figures),
-        **_facts(mapped), "rows": map_rows(mapped), "published": [
-            row for row in published_effects() if row.mean is not None and row.measure in {
-                measure for measure, _ in _MEASURES.values()}]})
+    return Chapter(
+        name="answer",
+        title="",
+        template="map/answer.html.j2",
+        figures=figures,
+        facts={
+            "drawn": list(figures),
+            **_facts(mapped),
+            "rows": map_rows(mapped),
+            "published": [
+                row
+                for row in published_effects()
+                if row.mean is not None
+                and row.measure in {measure for measure, _ in _MEASURES.values()}
+            ],
+        },
+    )
 
 
 def _axis(mapped: StiffnessMap, name: str) -> Chapter:
     values = mapped.table.axes[name]
-    ends = [(value, map_rows(mapped, **{name: value})[_ROWS // 2]) for value in (values[0], values[-1])]
-    return Chapter(name=name, title=f"What {AXES[name][0]} does", template="map/axis.html.j2",
-                   figures={f"by_{AXES[name][0]}": curves_figure(mapped, name)},
-                   facts={**_facts(mapped), "name": AXES[name][0], "unit": AXES[name][1], "ends": ends})
+    ends = [
+        (value, map_rows(mapped, **{name: value})[_ROWS // 2]) for value in (values[0], values[-1])
+    ]
+    return Chapter(
+        name=name,
+        title=f"What {AXES[name][0]} does",
+        template="map/axis.html.j2",
+        figures={f"by_{AXES[name][0]}": curves_figure(mapped, name)},
+        facts={**_facts(mapped), "name": AXES[name][0], "unit": AXES[name][1], "ends": ends},
+    )
 
 
 def _inverse(mapped: StiffnessMap) -> Chapter:
     masses = mapped.table.axes["mass_kg"]
-    answers = [] if "radius" in mapped.table.unknown else [
-        mapped.inverse("radius", target, mass_kg=mass)
-        for mass in dict.fromkeys((masses[0], masses[len(masses) // 2], masses[-1])) for target in _TARGETS_M]
-    return Chapter(name="inverse", title="Which fulcrum gives a radius", template="map/inverse.html.j2",
-                   facts={**_facts(mapped), "answers": answers})
+    answers = (
+        []
+        if "radius" in mapped.table.unknown
+        else [
+            mapped.inverse("radius", target, mass_kg=mass)
+            for mass in dict.fromkeys((masses[0], masses[len(masses) // 2], masses[-1]))
+            for target in _TARGETS_M
+        ]
+    )
+    return Chapter(
+        name="inverse",
+        title="Which fulcrum gives a radius",
+        template="map/inverse.html.j2",
+        facts={**_facts(mapped), "answers": answers},
+    )
 
 
 def _made(mapped: StiffnessMap) -> Chapter:
-    return Chapter(name="surface", title="How well the surface holds, and how it was made",
-                   template="map/made.html.j2", facts=_facts(mapped))
+    return Chapter(
+        name="surface",
+        title="How well the surface holds, and how it was made",
+        template="map/made.html.j2",
+        facts=_facts(mapped),
+    )
 
 
 def _facts(mapped: StiffnessMap) -> dict[str, Any]:
@@ -135,12 +205,27 @@ def curves_figure(mapped: StiffnessMap, name: str, *, published: bool = False) -
                 colour = colormaps["viridis"](_LIGHTEST * i / max(1, len(chosen) - 1))
                 axes.plot(positions, curve, color=colour, linewidth=1.6)
                 axes.fill_between(positions, low, high, color=colour, alpha=0.15, linewidth=0)
-            label(axes, x="fulcrum (mm)" if axes.get_subplotspec().is_last_row() else "", y="", title=title)
+            label(
+                axes,
+                x="fulcrum (mm)" if axes.get_subplotspec().is_last_row() else "",
+                y="",
+                title=title,
+            )
         word, unit = AXES[name]
-        handles: list[Any] = [Line2D([], [], color=colormaps["viridis"](_LIGHTEST * i / max(1, len(chosen) - 1)),
-                                     label=f"{word} {value:g} {unit}") for i, value in enumerate(chosen)]
+        handles: list[Any] = [
+            Line2D(
+                [],
+                [],
+                color=colormaps["viridis"](_LIGHTEST * i / max(1, len(chosen) - 1)),
+                label=f"{word} {value:g} {unit}",
+            )
+            for i, value in enumerate(chosen)
+        ]
         if published:
-            handles += [Patch(color=colour, alpha=0.2, label=f"{foot}, Prost 2022") for foot, colour in _FEET.items()]
+            handles += [
+                Patch(color=colour, alpha=0.2, label=f"{foot}, Prost 2022")
+                for foot, colour in _FEET.items()
+            ]
         legend_below(figure, handles)
     return figure
 
@@ -148,9 +233,19 @@ def curves_figure(mapped: StiffnessMap, name: str, *, published: bool = False) -
 def _published_bands(axes: Axes, panel: str) -> None:
     """Means ± SD of the feet of the published table, each a band with its mean."""
     measure, scale = _MEASURES[panel]
-    rows: list[Effect] = [row for row in published_effects() if row.measure == measure and row.condition in _FEET]
+    rows: list[Effect] = [
+        row for row in published_effects() if row.measure == measure and row.condition in _FEET
+    ]
     for row in rows:
         if row.mean is not None and row.sd is not None:
-            axes.axhspan(scale * (row.mean - row.sd), scale * (row.mean + row.sd), color=_FEET[row.condition],
-                         alpha=0.08, linewidth=0, zorder=0)
-            axes.axhline(scale * row.mean, color=_FEET[row.condition], linewidth=0.9, linestyle=":", zorder=1)
+            axes.axhspan(
+                scale * (row.mean - row.sd),
+                scale * (row.mean + row.sd),
+                color=_FEET[row.condition],
+                alpha=0.08,
+                linewidth=0,
+                zorder=0,
+            )
+            axes.axhline(
+                scale * row.mean, color=_FEET[row.condition], linewidth=0.9, linestyle=":", zorder=1
+            )

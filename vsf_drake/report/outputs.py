@@ -41,12 +41,19 @@ from vsf_drake.tables import tables_module
 _NOT_BY_NAME: dict[str, Any] = {"known": lambda table: False, "damaged_too": False}
 """Of tables whose names others may have too: their folders are told by the record beside them."""
 BENCH = ResultsFolder(kind="bench", command="bench", table="bench.json", **_NOT_BY_NAME)
-WALK = ResultsFolder(kind="walk", command="simulate", table="metrics.json", stale=("replay.html",), **_NOT_BY_NAME)
+WALK = ResultsFolder(
+    kind="walk", command="simulate", table="metrics.json", stale=("replay.html",), **_NOT_BY_NAME
+)
 STANDING = ResultsFolder(kind="standing", command="stand", table="standing.json")
 _SWEEP_FIGURES = ("sweep.png", "sweep.svg")
-SWEEP = ResultsFolder(kind="sweep", command="sweep", table="sweep.json",
-                      names=("sweep.csv", "sweep.parquet", *_SWEEP_FIGURES), stale=_SWEEP_FIGURES,
-                      unfinished=lambda out: (out / "cache").is_dir())
+SWEEP = ResultsFolder(
+    kind="sweep",
+    command="sweep",
+    table="sweep.json",
+    names=("sweep.csv", "sweep.parquet", *_SWEEP_FIGURES),
+    stale=_SWEEP_FIGURES,
+    unfinished=lambda out: (out / "cache").is_dir(),
+)
 
 
 def write_bench(result: BenchResult, out: str | Path) -> BenchTable:
@@ -61,8 +68,16 @@ def write_bench(result: BenchResult, out: str | Path) -> BenchTable:
     return table
 
 
-def write_walk(result: WalkResult, trial: Trial, out: str | Path, *, fit: OffsetFit | None = None,
-               layers: TrialLayers | None = None, replay: bool = True, opensim: bool = False) -> dict[str, Any]:
+def write_walk(
+    result: WalkResult,
+    trial: Trial,
+    out: str | Path,
+    *,
+    fit: OffsetFit | None = None,
+    layers: TrialLayers | None = None,
+    replay: bool = True,
+    opensim: bool = False,
+) -> dict[str, Any]:
     """Writes metrics.json, walk.png, walk.svg, the saved result and replay.html to `out`; returns the metrics.
 
     `fit` is the one that the offsets come from, `layers` what the fitted contact predicts beyond the walk; `opensim`
@@ -71,15 +86,22 @@ def write_walk(result: WalkResult, trial: Trial, out: str | Path, *, fit: Offset
     plate = trial.prosthetic_plate
     comparison = compare(result, plate)
     metrics = walk_metrics(result, plate, comparison=comparison)
-    table = {**plain(metrics), "offsets": to_plain(result.parameters["offsets"]),
-             "offset_fit": None if fit is None else to_plain(fit), "layers": None if layers is None else plain(layers),
-             "warnings": warnings(result, comparison, metrics, fit), "notes": list(result.notes)}
+    table = {
+        **plain(metrics),
+        "offsets": to_plain(result.parameters["offsets"]),
+        "offset_fit": None if fit is None else to_plain(fit),
+        "layers": None if layers is None else plain(layers),
+        "warnings": warnings(result, comparison, metrics, fit),
+        "notes": list(result.notes),
+    }
 
     def more(folder: Path, table: dict[str, Any]) -> None:
         save_walk(result, folder)
         save_figure(walk_figure(result, plate, metrics), folder / "walk")
         if replay:
-            write_replay(result, folder / "replay.html", plate=plate, intact_plate=trial.intact_plate)
+            write_replay(
+                result, folder / "replay.html", plate=plate, intact_plate=trial.intact_plate
+            )
         if opensim:
             _write_opensim(result, folder)
 
@@ -90,17 +112,32 @@ def _write_opensim(result: WalkResult, folder: Path) -> None:
     """All coordinates of the walk, and what the ground did to both feet; of the intact one no free moment is known."""
     names = result.coordinate_names
     unknown = np.full(len(result.time_s), np.nan)
-    plates = {side: Plate(side, result.grf_W, result.cop_W, result.free_moment_nm) if side == result.side
-              else Plate(side, result.intact_grf_W, result.intact_cop_W, unknown) for side in SIDES}
-    write_opensim(folder, "walk", time_s=result.time_s, coordinates=dict(zip(names, result.q.T, strict=True)),
-                  metres=[name for name in names if coordinate_unit(name) == "m"], force_time_s=result.time_s,
-                  plates=plates, source="model, SYNTHETIC motion" if result.synthetic else "model")
+    plates = {
+        side: Plate(side, result.grf_W, result.cop_W, result.free_moment_nm)
+        if side == result.side
+        else Plate(side, result.intact_grf_W, result.intact_cop_W, unknown)
+        for side in SIDES
+    }
+    write_opensim(
+        folder,
+        "walk",
+        time_s=result.time_s,
+        coordinates=dict(zip(names, result.q.T, strict=True)),
+        metres=[name for name in names if coordinate_unit(name) == "m"],
+        force_time_s=result.time_s,
+        plates=plates,
+        source="model, SYNTHETIC motion" if result.synthetic else "model",
+    )
 
 
 def write_standing(standing: Standing, out: str | Path) -> StandingTable:
     """Writes standing.json, standing.png and standing.svg to the folder `out`; returns the table."""
     table = standing_table(standing)
-    STANDING.write(out, plain(table), more=lambda folder, _: save_figure(standing_figure(table), folder / "standing"))
+    STANDING.write(
+        out,
+        plain(table),
+        more=lambda folder, _: save_figure(standing_figure(table), folder / "standing"),
+    )
     return table
 
 
@@ -118,20 +155,32 @@ def check_sweep_folder(out: Path, trials: Iterable[Trial], *, parquet: bool = Fa
         return
     try:
         earlier = read_json(path)["trials"]
-        files = [sorted(str(Path(each).resolve()) for each in paths)
-                 for paths in ([trial.path for trial in given], [trial["file"] for trial in earlier])]
-        hashes = [sorted(sorted(inputs.values()) for inputs in both)
-                  for both in ([trial.inputs for trial in given], [trial["inputs"] for trial in earlier])]
+        files = [
+            sorted(str(Path(each).resolve()) for each in paths)
+            for paths in ([trial.path for trial in given], [trial["file"] for trial in earlier])
+        ]
+        hashes = [
+            sorted(sorted(inputs.values()) for inputs in both)
+            for both in ([trial.inputs for trial in given], [trial["inputs"] for trial in earlier])
+        ]
         names = ", ".join(trial["name"] for trial in earlier)
     except (InputError, OSError, TypeError, KeyError, AttributeError):
-        raise InputError("is not the table of a sweep", file=path, right="Choose another folder") from None
+        raise InputError(
+            "is not the table of a sweep", file=path, right="Choose another folder"
+        ) from None
     if files[0] != files[1] and hashes[0] != hashes[1]:
-        raise InputError(f"holds a sweep of other trials ({names})", file=out,
-                         right="Choose another folder for this sweep")
+        raise InputError(
+            f"holds a sweep of other trials ({names})",
+            file=out,
+            right="Choose another folder for this sweep",
+        )
 
 
-def write_sweep(table: SweepTable, rows: Sequence[SweepRow], out: Path, *, parquet: bool = False) -> None:
+def write_sweep(
+    table: SweepTable, rows: Sequence[SweepRow], out: Path, *, parquet: bool = False
+) -> None:
     """Writes sweep.json, sweep.csv, and sweep.parquet if asked; removes the figure of an earlier sweep."""
+
     def more(folder: Path, _: dict[str, Any]) -> None:
         write_csv(folder / "sweep.csv", rows[0].cells(), (row.cells().values() for row in rows))
         if parquet:
@@ -147,4 +196,6 @@ def write_sweep_figure(table: SweepTable, rows: Sequence[SweepRow], out: Path) -
             try:
                 save_figure(sweep_figure(table, rows), folder / "sweep")
             except OSError as error:
-                raise InputError(f"cannot be written ({error.strerror})", file=out / _SWEEP_FIGURES[0]) from None
+                raise InputError(
+                    f"cannot be written ({error.strerror})", file=out / _SWEEP_FIGURES[0]
+                ) from None

@@ -94,7 +94,9 @@ class Column:
 
     def __post_init__(self) -> None:
         if self.form and "{" not in self.form:
-            raise ValueError(f"{self.form!r} would show itself, not a number: write {{:{self.form}}}")
+            raise ValueError(
+                f"{self.form!r} would show itself, not a number: write {{:{self.form}}}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,8 +115,12 @@ class Chapter:
     name: str  # HTML anchor
     title: str  # "" for what stands above the list of chapters, on the first screen
     template: str = ""  # "" for none
-    facts: Mapping[str, Any] = field(default_factory=dict)  # numbers and decisions, as the template calls them
-    figures: Mapping[str, Figure] = field(default_factory=dict)  # by the stem of their files, their own in the page
+    facts: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # numbers and decisions, as the template calls them
+    figures: Mapping[str, Figure] = field(
+        default_factory=dict
+    )  # by the stem of their files, their own in the page
     missing: Sequence[str] = ()  # what is not there, and why, above the rest
 
 
@@ -126,19 +132,34 @@ def made_chapter(name: str, title: str, make: Callable[[], Chapter], lenient: bo
         raise_if_interrupted()
         if not lenient:
             raise
-        return Chapter(name=name, title=title, missing=(_unshown("what the results hold of it", error),))
+        return Chapter(
+            name=name, title=title, missing=(_unshown("what the results hold of it", error),)
+        )
 
 
 class ShownChapter:
     """A chapter in HTML, the paths of its figures and tables within `folder`, and what is not there, in sentences."""
 
     def __init__(self, chapter: Chapter, folder: Path | None, *, lenient: bool, svg: bool) -> None:
-        self.name, self.title, self.files, self.missing = chapter.name, chapter.title, set[Path](), list[str]()
+        self.name, self.title, self.files, self.missing = (
+            chapter.name,
+            chapter.title,
+            set[Path](),
+            list[str](),
+        )
         self._chapter, self._folder, self._lenient, self._svg = chapter, folder, lenient, svg
         above = Markup("").join(map(self._missing, chapter.missing))
-        given = {**chapter.facts, "table": self._table, "figure": self._figure, "missing": self._missing}
-        self.html = above + (self._tried("what the results hold of it", lambda: render(chapter.template, **given))
-                             if chapter.template else Markup(""))
+        given = {
+            **chapter.facts,
+            "table": self._table,
+            "figure": self._figure,
+            "missing": self._missing,
+        }
+        self.html = above + (
+            self._tried("what the results hold of it", lambda: render(chapter.template, **given))
+            if chapter.template
+            else Markup("")
+        )
 
     def _tried(self, what: str, make: Callable[[], Markup]) -> Markup:
         """What `make` makes; a sentence if it cannot, if that may be: of another version, or what an editor left."""
@@ -159,19 +180,29 @@ class ShownChapter:
         absent: Markup = _macros.absent(text)
         return absent
 
-    def _table(self, name: str, rows: Sequence[object], columns: Iterable[Sequence[Any]],
-               caller: Callable[[], str] | None = None) -> Markup:
+    def _table(
+        self,
+        name: str,
+        rows: Sequence[object],
+        columns: Iterable[Sequence[Any]],
+        caller: Callable[[], str] | None = None,
+    ) -> Markup:
         shown_columns = [Column(*column) for column in columns]
 
         def make() -> Markup:
             values = [[_value(row, column.key) for column in shown_columns] for row in rows]
-            known = [(i, column) for i, column in enumerate(shown_columns)
-                     if not values or any(row[i] is not None for row in values)]
+            known = [
+                (i, column)
+                for i, column in enumerate(shown_columns)
+                if not values or any(row[i] is not None for row in values)
+            ]
             table: Markup = _macros.table(
                 [column.heading for _, column in known],
                 [[cell(column, row[i]) for i, column in known] for row in values],
-                _one_line("", caller), right=[bool(column.form) for _, column in known],
-                unmet=[i for i, row in enumerate(rows) if _value(row, "met") is False])
+                _one_line("", caller),
+                right=[bool(column.form) for _, column in known],
+                unmet=[i for i, row in enumerate(rows) if _value(row, "met") is False],
+            )
             if self._folder is not None:
                 self.files.add(path := Path(TABLES) / f"{name}.csv")
                 write_csv(self._folder / path, [column.key for column in shown_columns], values)
@@ -179,23 +210,38 @@ class ShownChapter:
 
         return self._tried(f"the table {name}", make)
 
-    def _figure(self, name: str, alt: str, title: str = "", caller: Callable[[], str] | None = None) -> Markup:
+    def _figure(
+        self, name: str, alt: str, title: str = "", caller: Callable[[], str] | None = None
+    ) -> Markup:
         def make() -> Markup:
             figure: Figure | bytes = self._chapter.figures[name]
             if self._folder is not None:
-                paths = save_figure(self._chapter.figures[name], self._folder / FIGURES / name, svg=self._svg,
-                                    letters="path")
+                paths = save_figure(
+                    self._chapter.figures[name],
+                    self._folder / FIGURES / name,
+                    svg=self._svg,
+                    letters="path",
+                )
                 self.files |= {path.relative_to(self._folder) for path in paths}
                 figure = paths[0].read_bytes()
-            shown: Markup = _macros.figure(figure, _one_line(alt), _one_line("", caller), _one_line(title))
+            shown: Markup = _macros.figure(
+                figure, _one_line(alt), _one_line("", caller), _one_line(title)
+            )
             return shown
 
         return self._tried(f"the figure {name}", make)
 
 
 def chapter_page(
-    chapters: Sequence[Chapter], *, title: str, first_line: str, synthetic: bool, alarm: str = "",
-    folder: Path | None = None, lenient: bool = False, svg: bool = False
+    chapters: Sequence[Chapter],
+    *,
+    title: str,
+    first_line: str,
+    synthetic: bool,
+    alarm: str = "",
+    folder: Path | None = None,
+    lenient: bool = False,
+    svg: bool = False,
 ) -> tuple[Markup, list[ShownChapter]]:
     """The page, and its chapters as they are shown.
 
@@ -210,8 +256,14 @@ def chapter_page(
         for name in (FIGURES, TABLES):
             (folder / name).mkdir(exist_ok=True)
     shown = [ShownChapter(chapter, folder, lenient=lenient, svg=svg) for chapter in chapters]
-    return render("chapters.html.j2", title=title, first_line=first_line, synthetic=synthetic, alarm=alarm,
-                  chapters=shown), shown
+    return render(
+        "chapters.html.j2",
+        title=title,
+        first_line=first_line,
+        synthetic=synthetic,
+        alarm=alarm,
+        chapters=shown,
+    ), shown
 
 
 def write_csv(path: Path, headings: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
@@ -224,8 +276,13 @@ def write_csv(path: Path, headings: Iterable[str], rows: Iterable[Iterable[Any]]
 
 def cell(column: Column, value: Any) -> str:
     """A value of a table as the page shows it."""
-    return number(value, column.form, column.scale) if column.form else UNKNOWN if value is None else (
-        said(value) if isinstance(value, bool) else str(value))
+    return (
+        number(value, column.form, column.scale)
+        if column.form
+        else UNKNOWN
+        if value is None
+        else (said(value) if isinstance(value, bool) else str(value))
+    )
 
 
 def _value(row: object, key: str) -> Any:
@@ -245,9 +302,13 @@ def _unshown(what: str, error: Exception) -> str:
 
 def _print_size_pt(rows: Sequence[Sequence[str]], headings: Sequence[str]) -> float:
     """The size at which a table is as wide as the paper, words unbroken, or the largest."""
-    letters = sum(max(len(word) for text in column for word in (str(text).split() or [""]))
-                  for column in zip(headings, *rows, strict=True))
-    return min(_LARGEST_PT, _PAPER_PT / max(_LETTER_EM * letters + _BETWEEN_EM * len(headings), 1.0))
+    letters = sum(
+        max(len(word) for text in column for word in (str(text).split() or [""]))
+        for column in zip(headings, *rows, strict=True)
+    )
+    return min(
+        _LARGEST_PT, _PAPER_PT / max(_LETTER_EM * letters + _BETWEEN_EM * len(headings), 1.0)
+    )
 
 
 def _is_numeral(text: str) -> bool:
@@ -255,15 +316,27 @@ def _is_numeral(text: str) -> bool:
 
 
 def _environment() -> Environment:
-    pages = Environment(loader=PackageLoader("vsf_drake.report"), autoescape=True, undefined=StrictUndefined,
-                        trim_blocks=True, lstrip_blocks=True)
+    pages = Environment(
+        loader=PackageLoader("vsf_drake.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     pages.filters |= {
-        "number": number, "said": said, "listed": listed, "joint": joint, "span": span,
+        "number": number,
+        "said": said,
+        "listed": listed,
+        "joint": joint,
+        "span": span,
         "coded": lambda text: Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text)))),
-        "data_uri": data_uri, "print_size_pt": _print_size_pt,
-        "number_columns": lambda rows, count: [bool(rows) and all(_is_numeral(row[i]) for row in rows)
-                                               for i in range(count)],
-        "number_class": lambda right: Markup(' class="number"') if right else ""}
+        "data_uri": data_uri,
+        "print_size_pt": _print_size_pt,
+        "number_columns": lambda rows, count: [
+            bool(rows) and all(_is_numeral(row[i]) for row in rows) for i in range(count)
+        ],
+        "number_class": lambda right: Markup(' class="number"') if right else "",
+    }
     pages.tests["numeral"] = _is_numeral
     return pages
 

@@ -13,7 +13,13 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.perception import PointCloud
 
-from vsf_drake.analysis.comparison import FORCE_CUTOFF_HZ, THRESHOLD_N, resample, uniform_grid, walking_direction
+from vsf_drake.analysis.comparison import (
+    FORCE_CUTOFF_HZ,
+    THRESHOLD_N,
+    resample,
+    uniform_grid,
+    walking_direction,
+)
 from vsf_drake.analysis.metrics import UNFITTED
 from vsf_drake.errors import InputError
 from vsf_drake.files import write_text
@@ -54,13 +60,21 @@ ARM_SWING = 0.6  # of the other thigh's, about the shoulder (a choice)
 _DOT_M, _GRID_M = 0.008, 0.1
 _PIECE = 5  # cells of the grid that a line is long: some renderers drop longer ones
 _EYE_HEIGHT_M, _LOOKED_AT_M, _DISTANCE_M = 1.25, 0.90, 3.5
-_ARROWS = {"predicted": (PREDICTED, 0.45, 0.010, (0.07, 0.027), 1),
-           "measured": (MEASURED, 0.99, 0.004, (0.05, 0.011), 2)}
+_ARROWS = {
+    "predicted": (PREDICTED, 0.45, 0.010, (0.07, 0.027), 1),
+    "measured": (MEASURED, 0.99, 0.004, (0.05, 0.011), 2),
+}
 """Colour, opacity, radius of the shaft, length and radius of the head (m), order: a slim one shows in a wide one."""
 
 
-def write_replay(result: WalkResult, path: str | Path, *, plate: PlateRecording | None = None,
-                 intact_plate: PlateRecording | None = None, frame_rate_hz: float = 100.0) -> None:
+def write_replay(
+    result: WalkResult,
+    path: str | Path,
+    *,
+    plate: PlateRecording | None = None,
+    intact_plate: PlateRecording | None = None,
+    frame_rate_hz: float = 100.0,
+) -> None:
     """Writes the replay of `result` as one HTML file that opens without a network; never simulates.
 
     The person and the prosthesis move as saved; head, trunk and arms are drawn. Arrows at the centre of pressure show
@@ -72,52 +86,95 @@ def write_replay(result: WalkResult, path: str | Path, *, plate: PlateRecording 
     meshcat = open_meshcat()
     animation = _record_walk(meshcat, result, frames)
     weight = GRAVITY * result.subject_mass_kg
-    top = 1.05 * max(weight, *(float(np.nanmax(force.force_W[:, 2], initial=0.0)) for force in frames.forces.values()))
+    top = 1.05 * max(
+        weight,
+        *(float(np.nanmax(force.force_W[:, 2], initial=0.0)) for force in frames.forces.values()),
+    )
     curves = []
     for name, force in frames.forces.items():
         foot, _, kind = name.partition(" ")
         colour = _record_force(meshcat, animation, name, kind, force, weight)
         vertical = force.force_W[:, 2]
-        points = " ".join(f"{x:.2f},{y:.2f}" for x, y in zip(
-            np.linspace(0.0, 1000.0, len(vertical)), 100.0 - 100.0 * vertical / top, strict=True) if np.isfinite(y))
-        curves.append({"foot": foot, "kind": kind, "colour": "#" + "".join(f"{round(255 * c):02x}" for c in colour),
-                       "points": points, "newtons": np.round(vertical).tolist()})
+        points = " ".join(
+            f"{x:.2f},{y:.2f}"
+            for x, y in zip(
+                np.linspace(0.0, 1000.0, len(vertical)), 100.0 - 100.0 * vertical / top, strict=True
+            )
+            if np.isfinite(y)
+        )
+        curves.append(
+            {
+                "foot": foot,
+                "kind": kind,
+                "colour": "#" + "".join(f"{round(255 * c):02x}" for c in colour),
+                "points": points,
+                "newtons": np.round(vertical).tolist(),
+            }
+        )
     _set_scene(meshcat, result, frames)
     meshcat.SetAnimation(animation)
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
-    write_text(path, finish_page(
-        meshcat, f"{result.trial_name}: {kind}", "replay.html.j2", walk=result, curves=curves,
-        unfitted=any(note.startswith(UNFITTED) for note in result.notes),
-        fulcrum_mm=np.round(1e3 * frames.fulcrum_m, 1).tolist(), weight_n=weight, weight_height=100.0 * weight / top,
-        intact_peak_bw=float(result.intact_grf_W[:, 2].max()) / weight, full_percent=100 * FULL_COLOUR_BW,
-        loaded="#" + "".join(f"{round(255 * c):02x}" for c in LOADED),
-        follow=f"{WALK}/pelvis", inset=f"{WALK}/vsf_frame", rate_hz=frame_rate_hz))
+    write_text(
+        path,
+        finish_page(
+            meshcat,
+            f"{result.trial_name}: {kind}",
+            "replay.html.j2",
+            walk=result,
+            curves=curves,
+            unfitted=any(note.startswith(UNFITTED) for note in result.notes),
+            fulcrum_mm=np.round(1e3 * frames.fulcrum_m, 1).tolist(),
+            weight_n=weight,
+            weight_height=100.0 * weight / top,
+            intact_peak_bw=float(result.intact_grf_W[:, 2].max()) / weight,
+            full_percent=100 * FULL_COLOUR_BW,
+            loaded="#" + "".join(f"{round(255 * c):02x}" for c in LOADED),
+            follow=f"{WALK}/pelvis",
+            inset=f"{WALK}/vsf_frame",
+            rate_hz=frame_rate_hz,
+        ),
+    )
 
 
 def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> MeshcatAnimation:
     """Publishes the bodies and records their poses, the swing of the arms, and the colours of the spheres."""
     plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    person = add_person(plant, _part(result, "subject", Subject), check_model(_part(result, "model", ModelParameters)))
+    person = add_person(
+        plant,
+        _part(result, "subject", Subject),
+        check_model(_part(result, "model", ModelParameters)),
+    )
     if len(person.foot.sites.radius) != result.sphere_normal_n.shape[1]:
-        raise InputError(f"has {result.sphere_normal_n.shape[1]} spheres, the model of the result "
-                         f"{len(person.foot.sites.radius)}", where="sphere_normal_n")
+        raise InputError(
+            f"has {result.sphere_normal_n.shape[1]} spheres, the model of the result "
+            f"{len(person.foot.sites.radius)}",
+            where="sphere_normal_n",
+        )
     add_visuals(plant, person, spheres=True)
     offsets = _part(result, "offsets", GeometricOffsets)
     plant.Finalize()
-    moving = {joint.name(): joint.position_start() for index in plant.GetJointIndices()
-              if (joint := plant.get_joint(index)).num_positions()}
+    moving = {
+        joint.name(): joint.position_start()
+        for index in plant.GetJointIndices()
+        if (joint := plant.get_joint(index)).num_positions()
+    }
     different = set(moving) ^ set(result.coordinate_names)
     if different:
-        raise InputError(f"does not match the model of the result: {', '.join(sorted(different))}",
-                         where="coordinate_names")
+        raise InputError(
+            f"does not match the model of the result: {', '.join(sorted(different))}",
+            where="coordinate_names",
+        )
     order = [result.coordinate_names.index(name) for name in sorted(moving, key=moving.__getitem__)]
     inspector = scene_graph.model_inspector()
     bodies, arms = {}, {}
     for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
         bodies[body.name()] = body
-        name, pose = inspector.GetName(geometry).rpartition("::")[2], inspector.GetPoseInFrame(geometry)
+        name, pose = (
+            inspector.GetName(geometry).rpartition("::")[2],
+            inspector.GetPoseInFrame(geometry),
+        )
         path = f"{UPRIGHT if body is person.pelvis else f'{WALK}/{body.name()}'}/{name}"
         if name.startswith("arm_"):
             arms[path] = pose, "hip_flexion_r" if name == "arm_left" else "hip_flexion_l"
@@ -126,10 +183,18 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
         meshcat.SetObject(path, inspector.GetShape(geometry), colour)
         meshcat.SetTransform(path, pose)
     hips = shifted(person.body.hip_forward, 0.0, person.body.hip_up)
-    meshcat.SetTransform(UPRIGHT, hips @ _forward(-result.column("pelvis_tilt").mean()) @ hips.inverse())
-    keel = np.array([[0.0, sum(person.foot.parameters.keel.element_lengths_m)], [0.0, 0.0], [0.0, 0.0]])
-    meshcat.SetLine(f"{WALK}/{person.foot.frame.name()}/straight_keel", np.asfortranarray(keel), 1.0,
-                    Rgba(0.0, 0.0, 0.0, 0.99))
+    meshcat.SetTransform(
+        UPRIGHT, hips @ _forward(-result.column("pelvis_tilt").mean()) @ hips.inverse()
+    )
+    keel = np.array(
+        [[0.0, sum(person.foot.parameters.keel.element_lengths_m)], [0.0, 0.0], [0.0, 0.0]]
+    )
+    meshcat.SetLine(
+        f"{WALK}/{person.foot.frame.name()}/straight_keel",
+        np.asfortranarray(keel),
+        1.0,
+        Rgba(0.0, 0.0, 0.0, 0.99),
+    )
     paint_last(meshcat, f"{WALK}/{person.foot.frame.name()}/straight_keel")
     context = plant.CreateDefaultContext()
     set_mount(context, person.foot, **mount_of(offsets))
@@ -142,13 +207,18 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
         swing = ARM_SWING * frames.q[:, result.coordinate_names.index(thigh)]
         for i, angle in enumerate(swing - swing.mean()):
             animation.SetTransform(i, path, shoulder @ _forward(angle))
-    low, high = np.array(SPHERE[:3]) ** 2.2, np.array(LOADED) ** 2.2  # which three.js takes as linear light
+    low, high = (
+        np.array(SPHERE[:3]) ** 2.2,
+        np.array(LOADED) ** 2.2,
+    )  # which three.js takes as linear light
     for j, index in enumerate(person.foot.sites.body_indices):
         path = f"{WALK}/{plant.get_body(index).name()}/{SITE_NAME.format(j)}/<object>"
         load = frames.sphere_load[:, j]
         changed = (np.diff(load, prepend=2.0) != 0.0) | (np.diff(load, append=2.0) != 0.0)
         for frame in np.flatnonzero(changed).tolist():
-            animation.SetProperty(frame, path, "material.color", list(low + load[frame] * (high - low)))
+            animation.SetProperty(
+                frame, path, "material.color", list(low + load[frame] * (high - low))
+            )
     animation.set_repetitions(ENDLESS)
     return animation
 
@@ -165,20 +235,35 @@ def _part(result: WalkResult, name: str, schema: type[T]) -> T:
     return from_plain(schema, result.parameters[name], where=where)
 
 
-def _record_force(meshcat: Meshcat, animation: MeshcatAnimation, name: str, kind: str, force: ForceFrames,
-                  weight: float) -> RGB:
+def _record_force(
+    meshcat: Meshcat,
+    animation: MeshcatAnimation,
+    name: str,
+    kind: str,
+    force: ForceFrames,
+    weight: float,
+) -> RGB:
     """An arrow from the centre of pressure along the force, and dots along the centre's path; returns their colour."""
     colour, opacity, radius, head, order = _ARROWS[kind]
     path = f"{FORCES}/{name}"
-    add_arrow(meshcat, f"{path}/arrow", Rgba(*colour, opacity), shaft_radius=radius, head=head, shaft_from=0.0,
-              order=order)
+    add_arrow(
+        meshcat,
+        f"{path}/arrow",
+        Rgba(*colour, opacity),
+        shaft_radius=radius,
+        head=head,
+        shaft_from=0.0,
+        order=order,
+    )
     for i, shown in enumerate(force.shown):
         animation.SetProperty(i, f"{path}/arrow", "visible", bool(shown))
         if shown:
             length = ARROW_M_PER_BW * float(np.linalg.norm(force.force_W[i])) / weight
             along = RotationMatrix.MakeFromOneVector(force.force_W[i], 2)
             animation.SetTransform(i, f"{path}/arrow", RigidTransform(along, force.cop_W[i]))
-            animation.SetProperty(i, f"{path}/arrow/shaft", "scale", [1.0, 1.0, max(length - head[0], 0.01)])
+            animation.SetProperty(
+                i, f"{path}/arrow/shaft", "scale", [1.0, 1.0, max(length - head[0], 0.01)]
+            )
             animation.SetTransform(i, f"{path}/arrow/head", shifted(0.0, 0.0, length))
     dots = PointCloud(int(np.count_nonzero(force.shown)))
     dots.mutable_xyzs()[:] = force.cop_W[force.shown].T
@@ -194,12 +279,20 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> No
     size, middle = high - low, 0.5 * (low + high)
     for name in ("/Grid", "/Axes"):
         meshcat.SetProperty(name, "visible", False)
-    meshcat.SetObject(f"{GROUND}/plane", Box(float(size[0]), float(size[1]), 0.002), Rgba(0.86, 0.87, 0.86))
+    meshcat.SetObject(
+        f"{GROUND}/plane", Box(float(size[0]), float(size[1]), 0.002), Rgba(0.86, 0.87, 0.86)
+    )
     meshcat.SetTransform(f"{GROUND}/plane", shifted(middle[0], middle[1], -0.002))
-    xs, ys = (np.linspace(a, b, round((b - a) / _GRID_M) + 1) for a, b in zip(low, high, strict=True))
+    xs, ys = (
+        np.linspace(a, b, round((b - a) / _GRID_M) + 1) for a, b in zip(low, high, strict=True)
+    )
     nodes = np.stack([*np.meshgrid(xs, ys, indexing="ij"), np.zeros((len(xs), len(ys)))])
-    start, end = (np.asfortranarray(np.hstack([nodes[:, ends].reshape(3, -1), nodes[:, :, ends].reshape(3, -1)]))
-                  for ends in (slice(0, -1, _PIECE), slice(_PIECE, None, _PIECE)))
+    start, end = (
+        np.asfortranarray(
+            np.hstack([nodes[:, ends].reshape(3, -1), nodes[:, :, ends].reshape(3, -1)])
+        )
+        for ends in (slice(0, -1, _PIECE), slice(_PIECE, None, _PIECE))
+    )
     meshcat.SetLineSegments(f"{GROUND}/grid", start, end, 1.0, Rgba(0.62, 0.62, 0.62))
     forward = walking_direction(result)
     side = np.array([-forward[1], forward[0]]) * (1.0 if result.side == "left" else -1.0)
@@ -233,41 +326,73 @@ class ReplayFrames:
     time_s: np.ndarray  # (f,) the clock of the recording
     q: np.ndarray  # (f, m) coordinates in the order of the result's `coordinate_names`
     fulcrum_m: np.ndarray  # (f,)
-    sphere_load: np.ndarray  # (f, N) normal force on each sphere, 0 (none) to 1 (FULL_COLOUR_BW and more)
-    forces: dict[str, ForceFrames]  # "prosthetic predicted"; where recorded "prosthetic measured", "intact measured"
+    sphere_load: (
+        np.ndarray
+    )  # (f, N) normal force on each sphere, 0 (none) to 1 (FULL_COLOUR_BW and more)
+    forces: dict[
+        str, ForceFrames
+    ]  # "prosthetic predicted"; where recorded "prosthetic measured", "intact measured"
 
 
-def make_frames(result: WalkResult, *, plate: PlateRecording | None, intact_plate: PlateRecording | None = None,
-                rate_hz: float) -> ReplayFrames:
+def make_frames(
+    result: WalkResult,
+    *,
+    plate: PlateRecording | None,
+    intact_plate: PlateRecording | None = None,
+    rate_hz: float,
+) -> ReplayFrames:
     """Samples `result`, and the plates under either foot, at `rate_hz` frames a second."""
     if not 0.0 < rate_hz <= HIGHEST_RATE_HZ:
-        raise InputError(f"{rate_hz:g} frames per second cannot be shown", where="frame_rate_hz",
-                         right=f"It must be above 0 and at most {HIGHEST_RATE_HZ:g}")
+        raise InputError(
+            f"{rate_hz:g} frames per second cannot be shown",
+            where="frame_rate_hz",
+            right=f"It must be above 0 and at most {HIGHEST_RATE_HZ:g}",
+        )
     start, end = float(result.time_s[0]), float(result.time_s[-1])
     time = start + np.arange(math.floor((end - start) * rate_hz + 1e-6) + 1) / rate_hz
-    load = resample(time, result.time_s, result.sphere_normal_n) / (FULL_COLOUR_BW * GRAVITY * result.subject_mass_kg)
-    forces = {"prosthetic predicted": _force_frames(time, result.time_s, result.grf_W, result.cop_W)} | {
+    load = resample(time, result.time_s, result.sphere_normal_n) / (
+        FULL_COLOUR_BW * GRAVITY * result.subject_mass_kg
+    )
+    forces = {
+        "prosthetic predicted": _force_frames(time, result.time_s, result.grf_W, result.cop_W)
+    } | {
         f"{foot} measured": _force_frames(time, recorded.time_s, recorded.force_W, recorded.cop_W)
-        for foot, recorded in (("prosthetic", plate), ("intact", intact_plate)) if recorded is not None}
+        for foot, recorded in (("prosthetic", plate), ("intact", intact_plate))
+        if recorded is not None
+    }
     return ReplayFrames(
-        rate_hz=rate_hz, time_s=time, q=resample(time, result.time_s, result.q),
-        fulcrum_m=np.interp(time, result.time_s, result.fulcrum_m), sphere_load=np.clip(load, 0.0, 1.0), forces=forces)
+        rate_hz=rate_hz,
+        time_s=time,
+        q=resample(time, result.time_s, result.q),
+        fulcrum_m=np.interp(time, result.time_s, result.fulcrum_m),
+        sphere_load=np.clip(load, 0.0, 1.0),
+        forces=forces,
+    )
 
 
-def _force_frames(time: np.ndarray, samples_s: np.ndarray, force_W: np.ndarray, cop_W: np.ndarray) -> ForceFrames:
+def _force_frames(
+    time: np.ndarray, samples_s: np.ndarray, force_W: np.ndarray, cop_W: np.ndarray
+) -> ForceFrames:
     force = resample(time, samples_s, force_W)
     if len(samples_s) > 1:
         grid = uniform_grid(samples_s)
         rate = (len(grid) - 1) / float(grid[-1] - grid[0])
         if rate > 2.0 * FORCE_CUTOFF_HZ:
-            smooth = low_pass(resample(grid, samples_s, force_W), rate_hz=rate, cutoff_hz=FORCE_CUTOFF_HZ)
+            smooth = low_pass(
+                resample(grid, samples_s, force_W), rate_hz=rate, cutoff_hz=FORCE_CUTOFF_HZ
+            )
             force = resample(time, grid, smooth)
     last = len(samples_s) - 1
     # A centre of pressure is nowhere between two others that may be NaN: that of the nearest sample.
     after = np.clip(np.searchsorted(samples_s, time), 1, max(last, 1))
-    nearest = np.where(time - samples_s[after - 1] < samples_s[np.minimum(after, last)] - time, after - 1, after)
+    nearest = np.where(
+        time - samples_s[after - 1] < samples_s[np.minimum(after, last)] - time, after - 1, after
+    )
     cop = cop_W[np.minimum(nearest, last)]
     inside = (time >= samples_s[0] - 1e-9) & (time <= samples_s[-1] + 1e-9)
     force[~inside] = np.nan
-    return ForceFrames(force_W=force, cop_W=cop,
-                       shown=inside & (force[:, 2] > THRESHOLD_N) & np.isfinite(cop).all(axis=1))
+    return ForceFrames(
+        force_W=force,
+        cop_W=cop,
+        shown=inside & (force[:, 2] > THRESHOLD_N) & np.isfinite(cop).all(axis=1),
+    )

@@ -18,8 +18,11 @@ from vsf_drake.report.page import FIGURES, TABLES, chapter_page
 from vsf_drake.simulation.archive import SIDECAR_FILE, check_target, result_folder
 
 PAGE = "report.html"
-CHAPTERS = tuple(f"{folder}/*{kind}" for folder, kinds in ((FIGURES, (".png", ".svg")), (TABLES, (".csv",)))
-                 for kind in kinds)
+CHAPTERS = tuple(
+    f"{folder}/*{kind}"
+    for folder, kinds in ((FIGURES, (".png", ".svg")), (TABLES, (".csv",)))
+    for kind in kinds
+)
 """Patterns of the names of all figures and tables of chapters."""
 
 
@@ -34,13 +37,17 @@ class ResultsFolder:
     kind: str  # by which the folder's record and messages have them
     command: str  # that writes them
     table: str = ""  # the JSON file that says what they are
-    known: Callable[[Mapping[str, Any]], bool] = lambda table: True  # whether a table is one of these
+    known: Callable[[Mapping[str, Any]], bool] = lambda table: (
+        True
+    )  # whether a table is one of these
     damaged_too: bool = True  # whether a table that cannot be read counts as one of these
     arrays: str = ""  # an NPZ file whose SHA-256 the table has; in it "__" stands for the "/" of an array's name
     names: tuple[str, ...] = ()  # of what else is written, where it is known beforehand
     stale: tuple[str, ...] = ()  # patterns of what goes from a folder without a record
     sidecar: str = SIDECAR_FILE  # a YAML file that says the kind, instead of a table
-    unfinished: Callable[[Path], bool] = lambda out: False  # whether a folder without a table is of an interrupted run
+    unfinished: Callable[[Path], bool] = lambda out: (
+        False
+    )  # whether a folder without a table is of an interrupted run
     # raises ValueError for a table that cannot be used, InputError for one in the file that it is given
     valid: Callable[[Mapping[str, Any], Path], object] = lambda table, path: None
     show: Callable[..., Mapping[str, Any]] | None = None
@@ -48,17 +55,34 @@ class ResultsFolder:
     def check(self, out: str | Path) -> Path:
         """`out`, if such results can go there: a new or empty folder, or that of earlier ones, finished or not."""
         out = Path(out)
-        names = [*filter(None, (self.table, self.arrays)), *self.names,
-                 *((PAGE, f"{FIGURES}/*", f"{TABLES}/*") if self.show else ())]
-        check_target(out, self.kind, lambda out: self._holds(out) or self.unfinished(out), names=names,
-                     sidecar=self.sidecar)
+        names = [
+            *filter(None, (self.table, self.arrays)),
+            *self.names,
+            *((PAGE, f"{FIGURES}/*", f"{TABLES}/*") if self.show else ()),
+        ]
+        check_target(
+            out,
+            self.kind,
+            lambda out: self._holds(out) or self.unfinished(out),
+            names=names,
+            sidecar=self.sidecar,
+        )
         if out.is_dir() and not os.access(out, os.W_OK | os.X_OK):
-            raise InputError(f"cannot be written ({os.strerror(errno.EACCES)})", file=out,
-                             right="Choose another folder")
+            raise InputError(
+                f"cannot be written ({os.strerror(errno.EACCES)})",
+                file=out,
+                right="Choose another folder",
+            )
         return out
 
-    def write(self, out: str | Path, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray] | None = None, *,
-              more: Callable[[Path, dict[str, Any]], object] = lambda folder, table: None) -> dict[str, Any]:
+    def write(
+        self,
+        out: str | Path,
+        table: Mapping[str, Any],
+        arrays: Mapping[str, np.ndarray] | None = None,
+        *,
+        more: Callable[[Path, dict[str, Any]], object] = lambda folder, table: None,
+    ) -> dict[str, Any]:
         """Writes everything to `out`, all of it or nothing; what an earlier run left there goes.
 
         `more` writes what is not table, arrays or chapters into the folder that it is given, and may add to the table.
@@ -70,7 +94,10 @@ class ResultsFolder:
         with result_folder(out, self.kind, stale=stale) as folder:
             if self.arrays:
                 if arrays is not None:
-                    write_npz(folder / self.arrays, {name.replace("/", "__", 1): a for name, a in arrays.items()})
+                    write_npz(
+                        folder / self.arrays,
+                        {name.replace("/", "__", 1): a for name, a in arrays.items()},
+                    )
                 written["arrays_sha256"] = None if arrays is None else sha256(folder / self.arrays)
             more(folder, written)
             if self.show:
@@ -78,19 +105,28 @@ class ResultsFolder:
             write_json(folder / self.table, written, sort=not self.show)
         return written
 
-    def write_unfinished(self, out: str | Path, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Path:
+    def write_unfinished(
+        self, out: str | Path, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
+    ) -> Path:
         """Writes the page of what there is so far, which says so; its table, by which it could be read as results, is
         not there. What an earlier run left goes. Returns the page's path."""
-        with result_folder(out, self.kind, stale=(*self.stale, *CHAPTERS, self.table, self.arrays)) as folder:
+        with result_folder(
+            out, self.kind, stale=(*self.stale, *CHAPTERS, self.table, self.arrays)
+        ) as folder:
             self._write_page(folder, folder, table, arrays, lenient=False)
         return Path(out) / PAGE
 
     def read(self, folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         """Table and arrays that `write` left; they must belong together."""
-        path, right = Path(folder) / self.table, f"Name the folder that `vsf-drake {self.command} --out` wrote"
+        path, right = (
+            Path(folder) / self.table,
+            f"Name the folder that `vsf-drake {self.command} --out` wrote",
+        )
         again = f"Run `vsf-drake {self.command}` again"
         if not path.exists() and self.unfinished(Path(folder)):
-            raise InputError("holds an unfinished run", file=folder, right=f"{again}: it goes on from there")
+            raise InputError(
+                "holds an unfinished run", file=folder, right=f"{again}: it goes on from there"
+            )
         table = read_json(path, right=right, damaged=again)
         if not self.known(table):
             raise InputError(f"is not the table of a {self.kind}", file=path, right=right)
@@ -102,9 +138,14 @@ class ResultsFolder:
             return table, {}
         arrays = Path(folder) / self.arrays
         if sha256(arrays) != table.get("arrays_sha256"):
-            raise InputError(f"is not the file that {self.table} describes (its SHA-256 differs)", file=arrays,
-                             right=again)
-        return table, {name.replace("__", "/", 1): a for name, a in read_npz(arrays, right=again).items()}
+            raise InputError(
+                f"is not the file that {self.table} describes (its SHA-256 differs)",
+                file=arrays,
+                right=again,
+            )
+        return table, {
+            name.replace("__", "/", 1): a for name, a in read_npz(arrays, right=again).items()
+        }
 
     def remake(self, folder: str | Path, *, svg: bool = False) -> list[str]:
         """Makes page, tables and figures (`svg`: as SVG too) again of what is saved; returns what could not be shown,
@@ -113,10 +154,15 @@ class ResultsFolder:
         table, arrays = self.read(out)
         with result_folder(out, self.kind, add=True) as temporary:
             try:
-                files, missing = self._write_page(temporary, out, table, arrays, lenient=True, svg=svg)
+                files, missing = self._write_page(
+                    temporary, out, table, arrays, lenient=True, svg=svg
+                )
             except (LookupError, TypeError, ValueError, AttributeError, UndefinedError) as error:
-                raise InputError(f"is damaged ({type(error).__name__}: {error})", file=out / self.table,
-                                 right=f"Run `vsf-drake {self.command}` again") from None
+                raise InputError(
+                    f"is damaged ({type(error).__name__}: {error})",
+                    file=out / self.table,
+                    right=f"Run `vsf-drake {self.command}` again",
+                ) from None
         try:
             for path in (path for pattern in CHAPTERS for path in out.glob(pattern)):
                 if path.relative_to(out) not in files:
@@ -135,12 +181,26 @@ class ResultsFolder:
         except InputError:
             return self.damaged_too
 
-    def _write_page(self, folder: Path, out: Path, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *,
-                    lenient: bool, svg: bool = False) -> tuple[set[Path], list[str]]:
+    def _write_page(
+        self,
+        folder: Path,
+        out: Path,
+        table: Mapping[str, Any],
+        arrays: Mapping[str, np.ndarray],
+        *,
+        lenient: bool,
+        svg: bool = False,
+    ) -> tuple[set[Path], list[str]]:
         """Page, figures and tables into `folder`; paths of these in it, and what is missing in sentences."""
         assert self.show is not None
-        page, shown = chapter_page(**self.show(table, arrays, folder=out, lenient=lenient), folder=folder,
-                                   lenient=lenient, svg=svg)
+        page, shown = chapter_page(
+            **self.show(table, arrays, folder=out, lenient=lenient),
+            folder=folder,
+            lenient=lenient,
+            svg=svg,
+        )
         write_text(folder / PAGE, page)
-        return (set().union(*(chapter.files for chapter in shown)),
-                [f"{chapter.title}: {sentence}" for chapter in shown for sentence in chapter.missing])
+        return (
+            set().union(*(chapter.files for chapter in shown)),
+            [f"{chapter.title}: {sentence}" for chapter in shown for sentence in chapter.missing],
+        )

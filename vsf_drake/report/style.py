@@ -37,16 +37,28 @@ PANEL = (4.6, 3.1)
 _RANGE_MM = (66.0, 151.0)
 _LIGHTEST = 0.66
 _SETTINGS: dict[str, Any] = {
-    "font.size": 9.0, "axes.titlesize": 9.5, "axes.labelsize": 9.0, "legend.fontsize": 8.5, "legend.frameon": False,
-    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.color": "0.9",
-    "grid.linewidth": 0.6, "axes.axisbelow": True, "svg.hashsalt": "vsf_drake", "svg.fonttype": "none",
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.labelsize": 9.0,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "svg.hashsalt": "vsf_drake",
+    "svg.fonttype": "none",
     "text.parse_math": False,  # a name may hold dollar signs
 }
 
 
 def style() -> AbstractContextManager[None]:
     """A context in which figures are made and drawn in this look."""
-    settings: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if key != "backend"}
+    settings: dict[Any, Any] = {
+        key: value for key, value in rcParamsDefault.items() if key != "backend"
+    }
     return rc_context(settings | _SETTINGS)
 
 
@@ -119,18 +131,37 @@ def label(axes: Axes, *, x: str, y: str, title: str = "") -> None:
         axes.set_title(title, loc="left")
 
 
-def tag(axes: Axes, text: str, at: tuple[float, float], colour: ColorType, *, offset: tuple[float, float] = (4, 0),
-        ha: str = "left", va: str = "baseline") -> None:
+def tag(
+    axes: Axes,
+    text: str,
+    at: tuple[float, float],
+    colour: ColorType,
+    *,
+    offset: tuple[float, float] = (4, 0),
+    ha: str = "left",
+    va: str = "baseline",
+) -> None:
     """Names a curve beside it, in its colour; `offset` in points from `at`."""
-    axes.annotate(text, at, offset, textcoords="offset points", color=colour, fontweight="bold", ha=ha, va=va,
-                  annotation_clip=False)
+    axes.annotate(
+        text,
+        at,
+        offset,
+        textcoords="offset points",
+        color=colour,
+        fontweight="bold",
+        ha=ha,
+        va=va,
+        annotation_clip=False,
+    )
 
 
 def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
     """A legend under all panels, in as many columns as fit."""
     renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined] # of FigureCanvasAgg
     for columns in (3, 2, 1):
-        legend = figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.2)
+        legend = figure.legend(
+            handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.2
+        )
         if columns == 1 or legend.get_window_extent(renderer).width <= figure.bbox.width:
             break
         legend.remove()
@@ -161,16 +192,23 @@ def png(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def save_figure(figure: Figure, stem: str | Path, *, svg: bool = True, letters: str = "none") -> tuple[Path, ...]:
+def save_figure(
+    figure: Figure, stem: str | Path, *, svg: bool = True, letters: str = "none"
+) -> tuple[Path, ...]:
     """Writes `stem`.png and with `svg` `stem`.svg, the same bytes for the same figure; returns their paths.
 
     `letters` of the SVG are as Matplotlib's `svg.fonttype` has them: "none" is text, "path" needs no font.
     """
-    paths = [path.with_name(path.name + end) for path, end in ((Path(stem), ".png"), (Path(stem), ".svg"))]
+    paths = [
+        path.with_name(path.name + end)
+        for path, end in ((Path(stem), ".png"), (Path(stem), ".svg"))
+    ]
     with replaced(paths[0], "wb") as stream:
         stream.write(png(figure))
     if svg:
-        figure.set_layout_engine("none")  # settled with the PNG; it asks for what no canvas of SVG has
+        figure.set_layout_engine(
+            "none"
+        )  # settled with the PNG; it asks for what no canvas of SVG has
         with style(), rc_context({"svg.fonttype": letters}), replaced(paths[1], "wb") as stream:
             figure.savefig(stream, format="svg", metadata={"Date": None})
     return tuple(paths if svg else paths[:1])

@@ -18,12 +18,20 @@ from vsf_drake.files import part_of, read_json, sha256, write_json
 from vsf_drake.schema import load_plain
 
 SIDECAR_FILE = "result.yaml"
-RECORD_FILE = ".vsf_drake.json"  # what was written to a result folder: SHA-256 by path, by kind of result
+RECORD_FILE = (
+    ".vsf_drake.json"  # what was written to a result folder: SHA-256 by path, by kind of result
+)
 _KINDS = (".yaml", ".json", ".npz", ".html", ".mot", ".png", ".svg")  # of files that tables name
 
 
-def check_target(out: str | Path, kind: str, known: Callable[[Path], bool] = lambda out: False, *,
-                 names: Iterable[str] = (), sidecar: str = SIDECAR_FILE) -> None:
+def check_target(
+    out: str | Path,
+    kind: str,
+    known: Callable[[Path], bool] = lambda out: False,
+    *,
+    names: Iterable[str] = (),
+    sidecar: str = SIDECAR_FILE,
+) -> None:
     """InputError unless a result of `kind` ("walk", "bench") can go to `out`; asked before a long run, not after it.
 
     It can go to a new or empty folder, or one that holds an earlier result of the kind; `known` tells whether a folder
@@ -47,9 +55,15 @@ def check_target(out: str | Path, kind: str, known: Callable[[Path], bool] = lam
             earlier = load_plain(out / sidecar)
     earlier = earlier.get("kind") if isinstance(earlier, dict) else None
     if earlier not in (None, kind):
-        raise InputError(f"holds the result of a {earlier}", file=out, right=f"Choose another folder for this {kind}")
+        raise InputError(
+            f"holds the result of a {earlier}",
+            file=out,
+            right=f"Choose another folder for this {kind}",
+        )
     if others and earlier is None and not record and not known(out):
-        raise InputError(f"holds other things than an earlier {kind}", file=out, right="Choose another folder")
+        raise InputError(
+            f"holds other things than an earlier {kind}", file=out, right="Choose another folder"
+        )
 
 
 @contextlib.contextmanager
@@ -74,7 +88,9 @@ def result_folder(
     """
     out = Path(out).absolute()
     if out.exists() and not out.is_dir():
-        raise InputError("is a file, but results are a folder", file=out, right="Choose another folder")
+        raise InputError(
+            "is a file, but results are a folder", file=out, right="Choose another folder"
+        )
     if out.is_dir():  # perhaps on another file system than its parent
         home = out = Path(os.path.realpath(out))
     else:
@@ -102,8 +118,11 @@ def remove_result(out: Path, kind: str, names: Iterable[str] = ()) -> None:
 
 def _settle(source: Path, target: Path, kind: str, *, add: bool, stale: Iterable[str]) -> None:
     """Makes `source` the folder `target`, or fills that with its files; see `result_folder`."""
-    new = {path.relative_to(source).as_posix(): sha256(path) for path in sorted(source.rglob("*"))
-           if path.is_file() and path != source / RECORD_FILE}
+    new = {
+        path.relative_to(source).as_posix(): sha256(path)
+        for path in sorted(source.rglob("*"))
+        if path.is_file() and path != source / RECORD_FILE
+    }
     if not target.exists():
         write_json(source / RECORD_FILE, {kind: new})
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -144,16 +163,22 @@ def _inside(path: Path, out: Path) -> bool:
 
 def _folders(out: Path, name: str) -> list[Path]:
     """The folders between `out` and a file in it, the innermost first."""
-    return list((out / name).parents)[:len(Path(name).parents) - 1]
+    return list((out / name).parents)[: len(Path(name).parents) - 1]
 
 
 @contextlib.contextmanager
 def _undisturbed() -> Iterator[None]:
     """Signals that end a program wait until the block has ended (in the main thread, which handles them)."""
     came: list[int] = []
-    before = {} if threading.current_thread() is not threading.main_thread() else {
-        each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-        if signal.getsignal(each) not in (None, signal.SIG_IGN)}
+    before = (
+        {}
+        if threading.current_thread() is not threading.main_thread()
+        else {
+            each: signal.getsignal(each)
+            for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+            if signal.getsignal(each) not in (None, signal.SIG_IGN)
+        }
+    )
     try:
         for each in before:
             signal.signal(each, lambda number, frame: came.append(number))
@@ -180,8 +205,11 @@ def _earlier(out: Path, kind: str, stale: Iterable[str] = ()) -> dict[str, str |
     names = [path.relative_to(out).as_posix() for pattern in stale for path in out.glob(pattern)]
     with contextlib.suppress(InputError, KeyError, TypeError):
         table = read_json(out / f"{kind}.json")
-        names += [name for name in table["files"] if table["kind"] == kind
-                  and Path(name).name == name and Path(name).suffix in _KINDS]
+        names += [
+            name
+            for name in table["files"]
+            if table["kind"] == kind and Path(name).name == name and Path(name).suffix in _KINDS
+        ]
     return dict.fromkeys(names)
 
 

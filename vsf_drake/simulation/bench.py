@@ -20,7 +20,13 @@ from vsf_drake.simulation.mechanism import bench_mechanism
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
 
-PUBLISHED_FULCRUMS_M = (0.066, 0.087, 0.108, 0.129, 0.151)  # the five settings of McGeehan et al. (2021)
+PUBLISHED_FULCRUMS_M = (
+    0.066,
+    0.087,
+    0.108,
+    0.129,
+    0.151,
+)  # the five settings of McGeehan et al. (2021)
 PUBLISHED_SPEED_M_PER_S = 0.050 / 60.0
 """50 mm/min, the same."""
 LARGEST_HEEL_DEPTH_M = 0.1
@@ -28,12 +34,20 @@ STEPS_PER_MM = 40.0  # resolution of the platen's path
 
 
 def advance_to_load(
-    stepper: Stepper, inputs: Inputs, q0: np.ndarray, load_n: float, travel_m: np.ndarray, *, foot: str, where: str
+    stepper: Stepper,
+    inputs: Inputs,
+    q0: np.ndarray,
+    load_n: float,
+    travel_m: np.ndarray,
+    *,
+    foot: str,
+    where: str,
 ) -> tuple[Record, int]:
     """The run from rest at q0 until the sites bear `load_n`, and after how many steps they do.
 
     SimulationError if they never do, with the `travel_m` (n + 1,) until then, of which part of the foot and `where`.
     """
+
     def reached(done: int, record: Record) -> bool:
         return bool(record.site("normal_force")[done - 1].sum() >= load_n)
 
@@ -41,8 +55,11 @@ def advance_to_load(
     load = record.site("normal_force").sum(axis=1)
     above, end = np.flatnonzero(load >= load_n), len(load)
     if not above.size:
-        raise SimulationError(f"the {foot} gave way: {load.max():.0f} N of {load_n:g} N after "
-                              f"{1e3 * travel_m[end]:.0f} mm {where}", time_s=float(inputs.time_s[end]))
+        raise SimulationError(
+            f"the {foot} gave way: {load.max():.0f} N of {load_n:g} N after "
+            f"{1e3 * travel_m[end]:.0f} mm {where}",
+            time_s=float(inputs.time_s[end]),
+        )
     return record, int(above[0]) + 1
 
 
@@ -65,18 +82,34 @@ class Bench:
         """
         check_fulcrum(fulcrum_m, self.parameters)
         if not 200.0 < max_load_n <= 5000.0:
-            raise InputError(f"{max_load_n:g} N is no useful load", where="max_load_n",
-                             right="Stiffness is the slope above 200 N: choose between 200 and 5000 N")
+            raise InputError(
+                f"{max_load_n:g} N is no useful load",
+                where="max_load_n",
+                right="Stiffness is the slope above 200 N: choose between 200 and 5000 N",
+            )
         if not 0.0 < speed_m_per_s <= 1.0:
-            raise InputError(f"{speed_m_per_s:g} m/s is not a platen speed", where="speed_m_per_s",
-                             right="It must be above 0 and at most 1 m/s")
+            raise InputError(
+                f"{speed_m_per_s:g} m/s is not a platen speed",
+                where="speed_m_per_s",
+                right="It must be above 0 and at most 1 m/s",
+            )
         travel = self._travel_bound(fulcrum_m, max_load_n)
         steps = int(np.ceil(travel * 1e3 * STEPS_PER_MM))
         moments = np.linspace(0.0, travel / speed_m_per_s, steps + 1)
-        return self.follow(fulcrum_m=fulcrum_m, time_s=moments, platen_m=speed_m_per_s * moments, stop_at_n=max_load_n)
+        return self.follow(
+            fulcrum_m=fulcrum_m,
+            time_s=moments,
+            platen_m=speed_m_per_s * moments,
+            stop_at_n=max_load_n,
+        )
 
     def follow(
-        self, *, fulcrum_m: float, time_s: np.ndarray, platen_m: np.ndarray, stop_at_n: float | None = None
+        self,
+        *,
+        fulcrum_m: float,
+        time_s: np.ndarray,
+        platen_m: np.ndarray,
+        stop_at_n: float | None = None,
     ) -> BenchSetting:
         """Moves the platen along the path `platen_m` (m, from first touch, up) at `time_s` (s), both (n + 1,).
 
@@ -88,19 +121,32 @@ class Bench:
         q0 = np.zeros(tree.num_coordinates)
         q0[carriage] = fulcrum_m
         inputs = Inputs(
-            time_s=time_s, prescribed=np.array([carriage]), prescribed_q=np.full((len(time_s), 1), fulcrum_m),
-            fulcrum=np.full(len(time_s), fulcrum_m), ground=self.bench.contact_height + np.asarray(platen_m))
+            time_s=time_s,
+            prescribed=np.array([carriage]),
+            prescribed_q=np.full((len(time_s), 1), fulcrum_m),
+            fulcrum=np.full(len(time_s), fulcrum_m),
+            ground=self.bench.contact_height + np.asarray(platen_m),
+        )
         if stop_at_n is None:
             record = stepper.run(inputs, q0, np.zeros_like(q0))
             end = len(record.time_s)
         else:
             record, end = advance_to_load(
-                stepper, inputs, q0, stop_at_n, platen_m, foot="heel" if self.heel else "forefoot",
-                where=f"with the fulcrum at {1e3 * fulcrum_m:g} mm")
+                stepper,
+                inputs,
+                q0,
+                stop_at_n,
+                platen_m,
+                foot="heel" if self.heel else "forefoot",
+                where=f"with the fulcrum at {1e3 * fulcrum_m:g} mm",
+            )
         return BenchSetting(
-            fulcrum_m=None if self.heel else fulcrum_m, time_s=record.time_s[:end],
+            fulcrum_m=None if self.heel else fulcrum_m,
+            time_s=record.time_s[:end],
             platen_m=np.asarray(platen_m, dtype=float)[1 : end + 1],
-            load_n=record.site("normal_force")[:end].sum(axis=1), **record.counts(end))
+            load_n=record.site("normal_force")[:end].sum(axis=1),
+            **record.counts(end),
+        )
 
     def _travel_bound(self, fulcrum_m: float, max_load_n: float) -> float:
         """Twice what the contact law or the small-load stiffness needs: large deflections only stiffen the keel."""
@@ -109,30 +155,48 @@ class Bench:
         p = self.parameters
         bending = p.keel.flexural_modulus_pa * section_inertia(p.keel.width_m, p.keel.thickness_m)
         stiffness = combined_stiffness(
-            bending_stiffness=bending, support=fulcrum_m, load_point=p.load_point_m,
+            bending_stiffness=bending,
+            support=fulcrum_m,
+            load_point=p.load_point_m,
             fulcrum_stiffness=p.fulcrum.stiffness_n_per_m,
-            series_stiffness=secant_stiffness(p.series_stiffness_n_per_m, p.series_exponent, max_load_n))
+            series_stiffness=secant_stiffness(
+                p.series_stiffness_n_per_m, p.series_exponent, max_load_n
+            ),
+        )
         return float(2.0 * max_load_n / stiffness + 0.005)
 
     def _heel_depth(self, load_n: float) -> float:
         """Depth (m), in steps of a tenth, at which the heel's spheres together bear `load_n`."""
         machine = self.bench.machine
         context = machine.GetMyContextFromRoot(self.context)
-        stiffness, exponent, p_BS = (machine.GetParameter(context, name) for name in ("stiffness", "exponent", "p_BS"))
+        stiffness, exponent, p_BS = (
+            machine.GetParameter(context, name) for name in ("stiffness", "exponent", "p_BS")
+        )
         height = p_BS[:, 2]
         depth = 1e-4
-        while np.sum(stiffness * np.maximum(depth - (height - height.min()), 0.0) ** exponent) < load_n:
+        while (
+            np.sum(stiffness * np.maximum(depth - (height - height.min()), 0.0) ** exponent)
+            < load_n
+        ):
             depth *= 1.1
             if depth > LARGEST_HEEL_DEPTH_M:
-                raise InputError(f"the heel bears less than {load_n:g} N at {1e3 * LARGEST_HEEL_DEPTH_M:g} mm",
-                                 where="foot.zones", right="Raise the stiffness of the zones on the heel block")
+                raise InputError(
+                    f"the heel bears less than {load_n:g} N at {1e3 * LARGEST_HEEL_DEPTH_M:g} mm",
+                    where="foot.zones",
+                    right="Raise the stiffness of the zones on the heel block",
+                )
         return depth
 
 
 def run_bench(
-    model: ModelParameters, *, fulcrums_m: Sequence[float] = PUBLISHED_FULCRUMS_M, heel: bool = True,
-    max_load_n: float = 600.0, speed_m_per_s: float = PUBLISHED_SPEED_M_PER_S,
-    progress: Callable[[float], None] | None = None, inputs: dict[str, str] | None = None
+    model: ModelParameters,
+    *,
+    fulcrums_m: Sequence[float] = PUBLISHED_FULCRUMS_M,
+    heel: bool = True,
+    max_load_n: float = 600.0,
+    speed_m_per_s: float = PUBLISHED_SPEED_M_PER_S,
+    progress: Callable[[float], None] | None = None,
+    inputs: dict[str, str] | None = None,
 ) -> BenchResult:
     """The bench test of the paper: every fulcrum position (m), then the heel; raises what `Bench.press` does.
 
@@ -148,13 +212,21 @@ def run_bench(
     compile_s = passes[0][0].warm_up() if passes else 0.0
     settings, started = [], time.perf_counter()
     for i, (bench, position) in enumerate(passes):
-        settings.append(bench.press(fulcrum_m=position, max_load_n=max_load_n, speed_m_per_s=speed_m_per_s))
+        settings.append(
+            bench.press(fulcrum_m=position, max_load_n=max_load_n, speed_m_per_s=speed_m_per_s)
+        )
         if progress:
             progress((i + 1) / len(passes))
     return BenchResult(
-        settings=tuple(settings), wall_s=time.perf_counter() - started, compile_s=compile_s,
-        simulated_s=float(sum(setting.time_s[-1] for setting in settings)), speed_m_per_s=speed_m_per_s,
-        max_load_n=max_load_n, parameters=to_plain(model), provenance=provenance(inputs))
+        settings=tuple(settings),
+        wall_s=time.perf_counter() - started,
+        compile_s=compile_s,
+        simulated_s=float(sum(setting.time_s[-1] for setting in settings)),
+        speed_m_per_s=speed_m_per_s,
+        max_load_n=max_load_n,
+        parameters=to_plain(model),
+        provenance=provenance(inputs),
+    )
 
 
 # The keel's shape at rest under a load on its load point: joint angles, quickly enough to follow a slider.
@@ -176,7 +248,9 @@ def run_bench(
 FIRST_STEP_N = 100.0  # load that is put on at once (a choice)
 LEAST_STEP = 2.0**-12  # of the whole load; a step that has been halved to less has failed
 ITERATIONS = 25
-BALANCED = 1e-10  # moment left in any joint, over the load's about A (plus a millionth of a newton metre)
+BALANCED = (
+    1e-10  # moment left in any joint, over the load's about A (plus a millionth of a newton metre)
+)
 
 
 @dataclass(frozen=True)
@@ -186,7 +260,9 @@ class KeelShape:
     angles: np.ndarray
     """(m,) rad, of the pin at A and the sprung joints, as in `FootHandles.keel_joint_names`; positive lifts the toe."""
     load_point_K: np.ndarray  # (2,) m, x and z of the load point C in K
-    support_force_n: float  # on the keel along z_K, as of `FulcrumSupport`: negative while the toe is pressed up
+    support_force_n: (
+        float  # on the keel along z_K, as of `FulcrumSupport`: negative while the toe is pressed up
+    )
     rise_by: np.ndarray
     """(2,) derivatives of the load point's z by the keel's flexural modulus (m/Pa) and the fulcrum's stiffness (m^2/N).
     """
@@ -199,7 +275,9 @@ def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> Keel
     """
     check_fulcrum(fulcrum_m, foot, where="fulcrum_m")
     if not np.isfinite(load_n):
-        raise InputError(f"{load_n} is no load", where="load_n", right="Give a finite number of newtons")
+        raise InputError(
+            f"{load_n} is no load", where="load_n", right="Give a finite number of newtons"
+        )
     stiffness: np.ndarray = np.diag(np.concatenate(([0.0], keel_joint_stiffness(foot.keel))))
     lengths_P, lengths_C = _behind(foot, fulcrum_m), _behind(foot, foot.load_point_m)
     support = foot.fulcrum.stiffness_n_per_m
@@ -211,16 +289,23 @@ def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> Keel
         if moved is None:
             step *= 0.5
             if step < LEAST_STEP:
-                raise SimulationError(f"the keel finds no rest under {load_n:g} N with the fulcrum at "
-                                      f"{1e3 * fulcrum_m:g} mm", time_s=0.0)
+                raise SimulationError(
+                    f"the keel finds no rest under {load_n:g} N with the fulcrum at "
+                    f"{1e3 * fulcrum_m:g} mm",
+                    time_s=0.0,
+                )
         else:
             q, share = moved, tried
     inclined = np.cumsum(q)
     point = np.array([lengths_C @ np.cos(inclined), lengths_C @ np.sin(inclined)])
     z_P, by_P, _ = _height(lengths_P, inclined)
     moments = np.column_stack([stiffness @ q / foot.keel.flexural_modulus_pa, z_P * by_P])
-    return KeelShape(angles=q, load_point_K=point, support_force_n=-support * z_P,
-                     rise_by=-_height(lengths_C, inclined)[1] @ np.linalg.solve(hessian, moments))
+    return KeelShape(
+        angles=q,
+        load_point_K=point,
+        support_force_n=-support * z_P,
+        rise_by=-_height(lengths_C, inclined)[1] @ np.linalg.solve(hessian, moments),
+    )
 
 
 def _behind(foot: FootParameters, x: float) -> np.ndarray:
@@ -230,8 +315,14 @@ def _behind(foot: FootParameters, x: float) -> np.ndarray:
     return np.asarray(np.clip(x, starts, ends) - starts)
 
 
-def _balance(q: np.ndarray, load: float, stiffness: np.ndarray, support: float, lengths_P: np.ndarray,
-             lengths_C: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+def _balance(
+    q: np.ndarray,
+    load: float,
+    stiffness: np.ndarray,
+    support: float,
+    lengths_P: np.ndarray,
+    lengths_C: np.ndarray,
+) -> tuple[np.ndarray | None, np.ndarray]:
     """The stable equilibrium that Newton's method reaches from `q`, None where it reaches none; and the Hessian."""
     enough = BALANCED * (abs(load) * float(lengths_C.sum()) + 1e-6)
     for _ in range(ITERATIONS):

@@ -52,26 +52,50 @@ class BenchStiffness:
     """
 
     def __init__(
-        self, foot: FootParameters, *, fulcrums_m: Sequence[float], heel: bool, max_load_n: float = 600.0
+        self,
+        foot: FootParameters,
+        *,
+        fulcrums_m: Sequence[float],
+        heel: bool,
+        max_load_n: float = 600.0,
     ) -> None:
         if not STIFFNESS_ABOVE_N < max_load_n < math.inf:
-            raise InputError(f"{max_load_n:g} N is no largest load for a slope", where="max_load_n",
-                             right=f"It must be more than {STIFFNESS_ABOVE_N:g} N")
+            raise InputError(
+                f"{max_load_n:g} N is no largest load for a slope",
+                where="max_load_n",
+                right=f"It must be more than {STIFFNESS_ABOVE_N:g} N",
+            )
         self.loads_n = np.array([STIFFNESS_ABOVE_N, max_load_n, 0.5 * max_load_n])
-        self.fulcrums_m = tuple(check_fulcrum(float(x), foot, where="fulcrums_m") for x in fulcrums_m)
+        self.fulcrums_m = tuple(
+            check_fulcrum(float(x), foot, where="fulcrums_m") for x in fulcrums_m
+        )
         self.heel = heel
         reach = 0.5 * foot.series_patch_m
-        self._foam = _Foam(foot, lambda x: abs(x - foot.load_point_m) <= reach) if self.fulcrums_m else None
+        self._foam = (
+            _Foam(foot, lambda x: abs(x - foot.load_point_m) <= reach) if self.fulcrums_m else None
+        )
         self._block = _Foam(foot, lambda x: x < foot.fulcrum.rearmost_m) if heel else None
         self._foot = foot
         self._press = lru_cache(maxsize=1)(self._pressed)  # until modulus or support change
-        self._names = [*_KEEL, *(f"contact.{zone.name}.{key}" for key in _LAW for zone in foot.zones)]
+        self._names = [
+            *_KEEL,
+            *(f"contact.{zone.name}.{key}" for key in _LAW for zone in foot.zones),
+        ]
         self._bounds = [*_KEEL.values(), *(bounds for bounds in _LAW.values() for _ in foot.zones)]
-        self._default = np.array([
-            foot.keel.flexural_modulus_pa, foot.fulcrum.stiffness_n_per_m, *(zone.stiffness for zone in foot.zones),
-            *(zone.exponent for zone in foot.zones), *(0.0 for _ in foot.zones)])
-        self._damping = {f"contact.{zone.name}.{key}" for zone in foot.zones
-                         for key in ("damping", "full_damping_depth")}
+        self._default = np.array(
+            [
+                foot.keel.flexural_modulus_pa,
+                foot.fulcrum.stiffness_n_per_m,
+                *(zone.stiffness for zone in foot.zones),
+                *(zone.exponent for zone in foot.zones),
+                *(0.0 for _ in foot.zones),
+            ]
+        )
+        self._damping = {
+            f"contact.{zone.name}.{key}"
+            for zone in foot.zones
+            for key in ("damping", "full_damping_depth")
+        }
 
     def evaluate(
         self, values: Mapping[str, float], with_respect_to: Sequence[str] = ()
@@ -113,8 +137,11 @@ class BenchStiffness:
             if column is not None:
                 low, high = self._bounds[column]
                 if not low <= number <= high:
-                    raise InputError(f"{number!r} is not usable", where=f"values[{name!r}]",
-                                     right=f"It must be from {low:g} to {high:g}")
+                    raise InputError(
+                        f"{number!r} is not usable",
+                        where=f"values[{name!r}]",
+                        right=f"It must be from {low:g} to {high:g}",
+                    )
                 numbers[column] = number
         columns = [self._column(name, "with_respect_to") for name in with_respect_to]
         law = numbers[2:].reshape(3, -1)
@@ -135,23 +162,36 @@ class BenchStiffness:
             return self._names.index(name)
         if name in self._damping or name == "fulcrum.shift" or name.startswith(_WITHOUT_PART):
             return None
-        raise InputError(f"there is no variable {name!r}", where=where,
-                         right=f"The bench knows: {', '.join(self._names)}")
+        raise InputError(
+            f"there is no variable {name!r}",
+            where=where,
+            right=f"The bench knows: {', '.join(self._names)}",
+        )
 
     def _pressed(self, modulus_pa: float, fulcrum_n_per_m: float) -> tuple[np.ndarray, np.ndarray]:
         """(f, L) m, rise of the load point, and (f, L, 2) its derivatives."""
-        foot = replace(self._foot, keel=replace(self._foot.keel, flexural_modulus_pa=modulus_pa),
-                       fulcrum=replace(self._foot.fulcrum, stiffness_n_per_m=fulcrum_n_per_m))
+        foot = replace(
+            self._foot,
+            keel=replace(self._foot.keel, flexural_modulus_pa=modulus_pa),
+            fulcrum=replace(self._foot.fulcrum, stiffness_n_per_m=fulcrum_n_per_m),
+        )
         rise = np.zeros((len(self.fulcrums_m), len(self.loads_n)))
         by = np.zeros((*rise.shape, 2))
-        for (i, fulcrum), (k, load) in itertools.product(enumerate(self.fulcrums_m), enumerate(self.loads_n)):
+        for (i, fulcrum), (k, load) in itertools.product(
+            enumerate(self.fulcrums_m), enumerate(self.loads_n)
+        ):
             try:
                 shape = keel_shape(foot, fulcrum_m=fulcrum, load_n=float(load))
                 if np.abs(shape.angles).max() > LARGEST_KEEL_ANGLE:
-                    raise SimulationError(f"a joint turns by more than {LARGEST_KEEL_ANGLE:g} rad", time_s=0.0)
+                    raise SimulationError(
+                        f"a joint turns by more than {LARGEST_KEEL_ANGLE:g} rad", time_s=0.0
+                    )
             except SimulationError as error:
-                raise SimulationError(f"the forefoot gives way under {self.loads_n[1]:g} N with the fulcrum at "
-                                      f"{1e3 * fulcrum:g} mm: {error.what}", time_s=0.0) from error
+                raise SimulationError(
+                    f"the forefoot gives way under {self.loads_n[1]:g} N with the fulcrum at "
+                    f"{1e3 * fulcrum:g} mm: {error.what}",
+                    time_s=0.0,
+                ) from error
             rise[i, k], by[i, k] = shape.load_point_K[1], shape.rise_by
         return rise, by
 
@@ -169,11 +209,20 @@ class _Foam:
     """Contact spheres pressed together by a flat platen."""
 
     def __init__(self, foot: FootParameters, pressed: Callable[[float], bool]) -> None:
-        spheres = [(z, 1e-3 * rise) for z, zone in enumerate(foot.zones)
-                   for x, rise in zip(zone.x_mm, zone.rise_mm, strict=True) if pressed(1e-3 * x)]
+        spheres = [
+            (z, 1e-3 * rise)
+            for z, zone in enumerate(foot.zones)
+            for x, rise in zip(zone.x_mm, zone.rise_mm, strict=True)
+            if pressed(1e-3 * x)
+        ]
         if not spheres:
-            raise InputError("no contact sphere lies where the testing machine presses", where="foot.zones")
-        self.zone, self.height = np.array([z for z, _ in spheres]), np.array([rise for _, rise in spheres])
+            raise InputError(
+                "no contact sphere lies where the testing machine presses", where="foot.zones"
+            )
+        self.zone, self.height = (
+            np.array([z for z, _ in spheres]),
+            np.array([rise for _, rise in spheres]),
+        )
         self.share = np.eye(len(foot.zones))[self.zone]
 
     def touched_zone(self, law: np.ndarray) -> int:
@@ -192,9 +241,13 @@ class _Foam:
         stiffness, exponent, rise = law[:, self.zone]
         bottom, lowest = self.height + rise, np.min(self.height + rise)
         with np.errstate(divide="ignore"):
-            deepest = np.min(bottom - lowest + (loads_n[:, None] / stiffness) ** (1.0 / exponent), axis=1)
+            deepest = np.min(
+                bottom - lowest + (loads_n[:, None] / stiffness) ** (1.0 / exponent), axis=1
+            )
         if not np.all(deepest <= LARGEST_DEPTH_M):
-            raise SimulationError(f"the foam bears less than {loads_n.max():g} N at {LARGEST_DEPTH_M:g} m", time_s=0.0)
+            raise SimulationError(
+                f"the foam bears less than {loads_n.max():g} N at {LARGEST_DEPTH_M:g} m", time_s=0.0
+            )
         for _ in range(MOST_ITERATIONS):
             depth = np.maximum(deepest[:, None] - (bottom - lowest), 0.0)
             slope = np.where(depth > 0.0, exponent * stiffness * depth ** (exponent - 1.0), 0.0)
@@ -202,12 +255,16 @@ class _Foam:
             with np.errstate(divide="ignore", invalid="ignore"):
                 change = (force.sum(axis=1) - loads_n) / steep
             if not np.all((np.abs(change) <= deepest) & (loads_n > ROUNDING * steep * deepest)):
-                raise SimulationError("the foam is as good as rigid: how far it is pressed in is lost in rounding",
-                                      time_s=0.0)
+                raise SimulationError(
+                    "the foam is as good as rigid: how far it is pressed in is lost in rounding",
+                    time_s=0.0,
+                )
             deepest = deepest - change
             if np.all(np.abs(change) <= 1e-14 * deepest):
                 break
         with np.errstate(divide="ignore", invalid="ignore"):
             by_exponent = np.where(depth > 0.0, force * np.log(depth), 0.0)
-            by = np.hstack([depth**exponent @ self.share, by_exponent @ self.share, -slope @ self.share])
+            by = np.hstack(
+                [depth**exponent @ self.share, by_exponent @ self.share, -slope @ self.share]
+            )
         return deepest, -by / steep[:, None]

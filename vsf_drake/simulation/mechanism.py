@@ -26,7 +26,9 @@ from vsf_drake.systems._system import System
 from vsf_drake.systems.foot_forces import FootForces
 
 UNLIMITED = 1e30
-LARGEST_KEEL_ANGLE = 1.0  # turn of one keel joint (rad) beyond which a leaf spring would long have broken (a choice)
+LARGEST_KEEL_ANGLE = (
+    1.0  # turn of one keel joint (rad) beyond which a leaf spring would long have broken (a choice)
+)
 LARGEST_SOCKET_SHIFT, LARGEST_SOCKET_ANGLE = 0.1, 1.0
 """Displacement of the socket (m, rad) beyond which it is no longer on the limb (a choice)."""
 
@@ -34,18 +36,34 @@ LARGEST_SOCKET_SHIFT, LARGEST_SOCKET_ANGLE = 0.1, 1.0
 def bench_mechanism(bench: BenchDiagram, context: Context) -> Mechanism:
     """The bench with the parameters in `context` (the diagram's)."""
     read = _reader(bench.machine, context)
-    points, law = read("p_BS"), [read(name) for name in ("stiffness", "exponent", "damping", "full_damping_depth")]
+    points, law = (
+        read("p_BS"),
+        [read(name) for name in ("stiffness", "exponent", "damping", "full_damping_depth")],
+    )
     none = np.zeros(len(points))
     # The platen's balls touch the foot in points and do not rub; the threshold velocity then has no part.
-    return _mechanism(bench.plant, bench.foot, bench.forces, context, bodies=bench.machine_bodies,
-                      sites=np.column_stack([points, none, *law, none, none, none + 1.0]),
-                      ground_height=bench.contact_height)
+    return _mechanism(
+        bench.plant,
+        bench.foot,
+        bench.forces,
+        context,
+        bodies=bench.machine_bodies,
+        sites=np.column_stack([points, none, *law, none, none, none + 1.0]),
+        ground_height=bench.contact_height,
+    )
 
 
 def roll_over_mechanism(machine: RollOverDiagram, context: Context) -> Mechanism:
     """The roll-over machine with the parameters in `context` (the diagram's)."""
-    return _mechanism(machine.plant, machine.foot, machine.forces, context, bodies=machine.foot.sites.body_indices,
-                      sites=_ground_sites(machine.forces, context), ground_height=0.0)
+    return _mechanism(
+        machine.plant,
+        machine.foot,
+        machine.forces,
+        context,
+        bodies=machine.foot.sites.body_indices,
+        sites=_ground_sites(machine.forces, context),
+        ground_height=0.0,
+    )
 
 
 def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
@@ -56,47 +74,84 @@ def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
     foot, bushing = gait.person.foot, _reader(gait.bushing, context)
     heights = [_level_ground(forces, context) for forces in gait.forces.values()]
     if heights[0] != heights[1]:
-        raise ValueError(f"the ground is at {heights[0]:g} m under one foot and at {heights[1]:g} m under the other; "
-                         "the stepper knows one level")
+        raise ValueError(
+            f"the ground is at {heights[0]:g} m under one foot and at {heights[1]:g} m under the other; "
+            "the stepper knows one level"
+        )
     names = ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit")
-    socket = np.column_stack([*(bushing(name) for name in names), np.full(6, bushing("stop_ratio"))])
+    socket = np.column_stack(
+        [*(bushing(name) for name in names), np.full(6, bushing("stop_ratio"))]
+    )
     return _mechanism(
-        gait.plant, foot, gait.forces["prosthetic"], context, ground_height=heights[0],
+        gait.plant,
+        foot,
+        gait.forces["prosthetic"],
+        context,
+        ground_height=heights[0],
         sites=np.vstack([_ground_sites(forces, context) for forces in gait.forces.values()]),
-        bodies=[*foot.sites.body_indices, *gait.person.intact_sites.body_indices], socket=socket,
-        socket_index=_integers(velocity_indices(gait.plant, gait.person.socket.coordinate_names)))
+        bodies=[*foot.sites.body_indices, *gait.person.intact_sites.body_indices],
+        socket=socket,
+        socket_index=_integers(velocity_indices(gait.plant, gait.person.socket.coordinate_names)),
+    )
 
 
 def _mechanism(
-    plant: MultibodyPlant, foot: FootHandles, forces: FootForces, context: Context, *, sites: np.ndarray,
-    bodies: Iterable[Any], ground_height: float, socket: np.ndarray | None = None,
-    socket_index: np.ndarray | None = None
+    plant: MultibodyPlant,
+    foot: FootHandles,
+    forces: FootForces,
+    context: Context,
+    *,
+    sites: np.ndarray,
+    bodies: Iterable[Any],
+    ground_height: float,
+    socket: np.ndarray | None = None,
+    socket_index: np.ndarray | None = None,
 ) -> Mechanism:
     read, own = _reader(forces, context), plant.GetMyContextFromRoot(context)
     limits = np.full(plant.num_velocities(), UNLIMITED)
     stiffness, damping = read("joint_stiffness"), read("joint_damping")
-    keel, never = _integers(velocity_indices(plant, foot.keel_joint_names)), np.full(len(stiffness), UNLIMITED)
-    springs = np.column_stack([stiffness, stiffness, damping, never, never, np.zeros(len(stiffness))])
+    keel, never = (
+        _integers(velocity_indices(plant, foot.keel_joint_names)),
+        np.full(len(stiffness), UNLIMITED),
+    )
+    springs = np.column_stack(
+        [stiffness, stiffness, damping, never, never, np.zeros(len(stiffness))]
+    )
     limits[keel] = LARGEST_KEEL_ANGLE
     if socket_index is not None:
         limits[socket_index] = np.repeat([LARGEST_SOCKET_SHIFT, LARGEST_SOCKET_ANGLE], 3)
     return Mechanism(
-        plant=plant, context=own, tree=tree_of(plant, own), sites=sites, site_bodies=_integers(bodies),
-        ground_height=ground_height, springs=springs if socket is None else np.vstack([springs, socket]),
+        plant=plant,
+        context=own,
+        tree=tree_of(plant, own),
+        sites=sites,
+        site_bodies=_integers(bodies),
+        ground_height=ground_height,
+        springs=springs if socket is None else np.vstack([springs, socket]),
         spring_index=keel if socket_index is None else np.concatenate([keel, socket_index]),
         fulcrum=np.array([float(read("fulcrum_stiffness")), float(read("fulcrum_damping"))]),
-        keel_bodies=_integers(body.index() for body in foot.keel), keel_starts=foot.keel_starts, keel_coordinates=keel,
-        frame_body=int(foot.frame.index()), limits=limits)
+        keel_bodies=_integers(body.index() for body in foot.keel),
+        keel_starts=foot.keel_starts,
+        keel_coordinates=keel,
+        frame_body=int(foot.frame.index()),
+        limits=limits,
+    )
 
 
-def edited(mechanism: Mechanism, variables: Mapping[str, Variable], values: Mapping[str, float]) -> Mechanism:
+def edited(
+    mechanism: Mechanism, variables: Mapping[str, Variable], values: Mapping[str, float]
+) -> Mechanism:
     """The mechanism with contact, springs and support as the checked `values` say; the rest is the caller's."""
     arrays = {name: getattr(mechanism, name).copy() for name in ("sites", "springs", "fulcrum")}
     for name, value in values.items():
         for key, array in arrays.items():
             unit = getattr(variables[name].by_unit, key)
             if unit is not None:
-                array[...] = array + value * unit if variables[name].added else np.where(unit, value * unit, array)
+                array[...] = (
+                    array + value * unit
+                    if variables[name].added
+                    else np.where(unit, value * unit, array)
+                )
     return dataclasses.replace(mechanism, **arrays)
 
 
@@ -105,8 +160,11 @@ def supported_over(mechanism: Mechanism, width_m: float) -> Mechanism:
     width = check_number(width_m, "support_width_m")
     most = 0.5 * float(np.diff(mechanism.keel_starts).min())
     if not 0.0 <= width <= most:
-        raise InputError(f"{1e3 * width:g} mm is not usable", where="support_width_m",
-                         right=f"It must be from 0 to {1e3 * most:.4g} mm, half the least distance of keel joints")
+        raise InputError(
+            f"{1e3 * width:g} mm is not usable",
+            where="support_width_m",
+            right=f"It must be from 0 to {1e3 * most:.4g} mm, half the least distance of keel joints",
+        )
     return dataclasses.replace(mechanism, support_width=width)
 
 
@@ -122,8 +180,16 @@ def _integers(indices: Iterable[Any]) -> np.ndarray:
 def _ground_sites(forces: FootForces, context: Context) -> np.ndarray:
     """Rows of the foot's contact sites, on a ground of one patch."""
     read = _reader(forces, context)
-    names = ("radius", "stiffness", "exponent", "damping", "full_damping_depth", "mu_static", "mu_kinetic",
-             "threshold_velocity")
+    names = (
+        "radius",
+        "stiffness",
+        "exponent",
+        "damping",
+        "full_damping_depth",
+        "mu_static",
+        "mu_kinetic",
+        "threshold_velocity",
+    )
     points = read("p_BS")
     return np.column_stack([points, *(np.broadcast_to(read(name), len(points)) for name in names)])
 
@@ -131,6 +197,10 @@ def _ground_sites(forces: FootForces, context: Context) -> np.ndarray:
 def _level_ground(forces: FootForces, context: Context) -> float:
     """Height (m) of the one rigid level plane under a foot; ValueError for another ground."""
     read = _reader(forces, context)
-    if len(read("ground_height")) != 1 or any(read(f"ground_{name}")[0] for name in ("slope", "bank", "compliance")):
-        raise ValueError("the stepper knows one level plane as ground, neither patches nor slopes nor what gives way")
+    if len(read("ground_height")) != 1 or any(
+        read(f"ground_{name}")[0] for name in ("slope", "bank", "compliance")
+    ):
+        raise ValueError(
+            "the stepper knows one level plane as ground, neither patches nor slopes nor what gives way"
+        )
     return float(read("ground_height")[0])

@@ -53,12 +53,16 @@ class LoadSensitivity:
     names: tuple[str, ...]
     load: np.ndarray
     """(n, N, P) N m or N, of the loads that hold the prescribed coordinates, on average over the steps; 0 elsewhere."""
-    socket: np.ndarray  # (n, 6, P) N and N m, of the bushing's force on the socket at the ends of the steps
+    socket: (
+        np.ndarray
+    )  # (n, 6, P) N and N m, of the bushing's force on the socket at the ends of the steps
     q: np.ndarray  # (n, N, P) of the state at the ends of the steps
     v: np.ndarray
 
 
-def reaction_sensitivity(record: Record, reaction: FootReaction, names: tuple[str, ...]) -> ReactionSensitivity:
+def reaction_sensitivity(
+    record: Record, reaction: FootReaction, names: tuple[str, ...]
+) -> ReactionSensitivity:
     """How the resultant on the measured sites of `record` depends on the parameters that it carried."""
     moment, force = record.wrench_by[:, :3], record.wrench_by[:, 3:]
     x, y = reaction.cop_W[:, 0, None], reaction.cop_W[:, 1, None]
@@ -66,8 +70,12 @@ def reaction_sensitivity(record: Record, reaction: FootReaction, names: tuple[st
     with np.errstate(divide="ignore", invalid="ignore"):
         dx, dy = (-moment[:, 1] - x * force[:, 2]) / fz, (moment[:, 0] - y * force[:, 2]) / fz
     free = moment[:, 2] - (dx * fy + x * force[:, 1] - dy * fx - y * force[:, 0])
-    return ReactionSensitivity(names=names, grf_W=force, cop_W=np.stack([dx, dy], axis=1),
-                               free_moment_nm=np.where(np.isnan(dx), 0.0, free))
+    return ReactionSensitivity(
+        names=names,
+        grf_W=force,
+        cop_W=np.stack([dx, dy], axis=1),
+        free_moment_nm=np.where(np.isnan(dx), 0.0, free),
+    )
 
 
 def foot_reaction(record: Record, rows: slice, ground_height: float = 0.0) -> FootReaction:
@@ -86,18 +94,33 @@ def foot_reaction(record: Record, rows: slice, ground_height: float = 0.0) -> Fo
 def sum_sites(sites: np.ndarray) -> np.ndarray:
     """(n, 6) moment about W's origin and force of the sites (n, S, 9). The contact points are `depth` under the ground,
     and moments are about its height."""
-    depth, fz, fx, fy, x, y = (sites[:, :, SITE_RECORD.index(name)] for name in (
-        "depth", "normal_force", "friction_x", "friction_y", "x", "y"))
+    depth, fz, fx, fy, x, y = (
+        sites[:, :, SITE_RECORD.index(name)]
+        for name in ("depth", "normal_force", "friction_x", "friction_y", "x", "y")
+    )
     along = partial(np.einsum, "ns,ns->n")
-    return np.column_stack([along(y, fz) + along(depth, fy), -along(depth, fx) - along(x, fz),
-                            along(x, fy) - along(y, fx), fx.sum(axis=1), fy.sum(axis=1), fz.sum(axis=1)])
+    return np.column_stack(
+        [
+            along(y, fz) + along(depth, fy),
+            -along(depth, fx) - along(x, fz),
+            along(x, fy) - along(y, fx),
+            fx.sum(axis=1),
+            fy.sum(axis=1),
+            fz.sum(axis=1),
+        ]
+    )
 
 
-def _socket(mechanism: Mechanism, record: Record) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+def _socket(
+    mechanism: Mechanism, record: Record
+) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Displacements and rates (n, 6) of the socket, and its constants by name."""
     index = mechanism.spring_index[SOCKET]
-    return (record.q[:, index], record.v[:, index],
-            dict(zip(SPRING_COLUMNS, mechanism.springs[SOCKET].T, strict=True)))
+    return (
+        record.q[:, index],
+        record.v[:, index],
+        dict(zip(SPRING_COLUMNS, mechanism.springs[SOCKET].T, strict=True)),
+    )
 
 
 def socket_wrench(mechanism: Mechanism, record: Record) -> np.ndarray:
@@ -107,7 +130,10 @@ def socket_wrench(mechanism: Mechanism, record: Record) -> np.ndarray:
 
 
 def load_sensitivity(
-    mechanism: Mechanism, record: Record, names: tuple[str, ...], tangents: Sequence[ParameterTangent]
+    mechanism: Mechanism,
+    record: Record,
+    names: tuple[str, ...],
+    tangents: Sequence[ParameterTangent],
 ) -> LoadSensitivity:
     """Of a record whose run carried `tangents` with loads."""
     index, (q, v, constants) = mechanism.spring_index[SOCKET], _socket(mechanism, record)
@@ -119,9 +145,13 @@ def load_sensitivity(
     for p, by_unit in enumerate(tangents):
         if by_unit.springs is not None:
             # The law is linear in its constants: their unit as a bushing gives the derivative.
-            unit = constants | dict(zip(SPRING_COLUMNS[:3], by_unit.springs[SOCKET, :3].T, strict=True))
+            unit = constants | dict(
+                zip(SPRING_COLUMNS[:3], by_unit.springs[SOCKET, :3].T, strict=True)
+            )
             socket[:, :, p] += axis_force(q, v, **unit)
-    return LoadSensitivity(names=names, load=record.load_by, socket=socket, q=record.q_by, v=record.v_by)
+    return LoadSensitivity(
+        names=names, load=record.load_by, socket=socket, q=record.q_by, v=record.v_by
+    )
 
 
 # How bodies of a walk move. Vectors are spatial, in W and about its origin (`simulation.stepping.tree`): (angular
@@ -142,24 +172,49 @@ class SegmentMotion(NamedTuple):
 
 
 def follow(
-    tree: Tree, q: np.ndarray, v: np.ndarray, *, bodies: Sequence[int], coordinates: Sequence[int], inside: np.ndarray
+    tree: Tree,
+    q: np.ndarray,
+    v: np.ndarray,
+    *,
+    bodies: Sequence[int],
+    coordinates: Sequence[int],
+    inside: np.ndarray,
 ) -> SegmentMotion:
     """Motion of `bodies` and `coordinates` at the states q, v (n, coordinates); inside (B,) bool."""
     n = len(q)
     motion = SegmentMotion(
-        twist=np.zeros((n, len(bodies), 6)), joints=np.zeros((n, len(coordinates), 6)), momentum=np.zeros((n, 6)),
-        mass=float(tree.inertias[inside, 0].sum()), mass_moment=np.zeros((n, 3)), kinetic_j=np.zeros(n),
-        R_WB=np.zeros((n, 3, 3)), p_WB=np.zeros((n, 3)))
-    _follow(rb.tree_arrays(tree), np.ascontiguousarray(q), np.ascontiguousarray(v), rb.work_space(tree),
-            np.array(bodies, dtype=np.int64), np.array(coordinates, dtype=np.int64), np.asarray(inside, dtype=np.bool_),
-            motion)
+        twist=np.zeros((n, len(bodies), 6)),
+        joints=np.zeros((n, len(coordinates), 6)),
+        momentum=np.zeros((n, 6)),
+        mass=float(tree.inertias[inside, 0].sum()),
+        mass_moment=np.zeros((n, 3)),
+        kinetic_j=np.zeros(n),
+        R_WB=np.zeros((n, 3, 3)),
+        p_WB=np.zeros((n, 3)),
+    )
+    _follow(
+        rb.tree_arrays(tree),
+        np.ascontiguousarray(q),
+        np.ascontiguousarray(v),
+        rb.work_space(tree),
+        np.array(bodies, dtype=np.int64),
+        np.array(coordinates, dtype=np.int64),
+        np.asarray(inside, dtype=np.bool_),
+        motion,
+    )
     return motion
 
 
 @compiled
 def _follow(
-    tree: TreeArrays, q: np.ndarray, v: np.ndarray, motion: Motion, bodies: np.ndarray, coordinates: np.ndarray,
-    inside: np.ndarray, out: SegmentMotion
+    tree: TreeArrays,
+    q: np.ndarray,
+    v: np.ndarray,
+    motion: Motion,
+    bodies: np.ndarray,
+    coordinates: np.ndarray,
+    inside: np.ndarray,
+    out: SegmentMotion,
 ) -> None:
     last = bodies[bodies.shape[0] - 1]
     for k in range(q.shape[0]):
@@ -223,18 +278,25 @@ def energy_ledger(
     `driven` are indices of the prescribed coordinates, fulcrum_m (n + 1,) the support's position, start included.
     """
     h = np.diff(record.time_s, prepend=2 * record.time_s[0] - record.time_s[1])
-    ledger = {"driver_work": work(_driver_power(mechanism, record, driven, h), h) + _applied_work(record, driven, h)}
+    ledger = {
+        "driver_work": work(_driver_power(mechanism, record, driven, h), h)
+        + _applied_work(record, driven, h)
+    }
     ledger["gravity_work"], ledger["kinetic"] = _plant_energies(mechanism, record)
     of_keel = np.isin(mechanism.spring_index, mechanism.keel_coordinates)
     for name, rows in (("keel", of_keel), ("socket", ~of_keel)):
-        ledger[f"{name}_strain"] = (
-            spring_strain(mechanism, record.q, rows) - spring_strain(mechanism, record.q0[None], rows))
+        ledger[f"{name}_strain"] = spring_strain(mechanism, record.q, rows) - spring_strain(
+            mechanism, record.q0[None], rows
+        )
         ledger[f"{name}_loss"] = work(spring_loss(mechanism, record, rows), h)
     ledger |= _fulcrum_terms(mechanism, record, h, fulcrum_m)
     strain, foam, friction = contact_terms(mechanism, record, len(mechanism.sites))
     first = record.site("depth")[0] - h[0] * record.site("depth_rate")[0]
-    ledger |= {"contact_strain": strain - _foam_strain(mechanism.sites, first[None]), "contact_loss": work(foam, h),
-               "friction_loss": work(friction, h)}
+    ledger |= {
+        "contact_strain": strain - _foam_strain(mechanism.sites, first[None]),
+        "contact_loss": work(foam, h),
+        "friction_loss": work(friction, h),
+    }
     ledger["remainder"] = total(ledger, INPUTS) - total(ledger, STORED) - total(ledger, LOST)
     return ledger
 
@@ -265,18 +327,37 @@ def spring_strain(mechanism: Mechanism, q: np.ndarray, rows: np.ndarray) -> np.n
 def spring_loss(mechanism: Mechanism, record: Record, rows: np.ndarray) -> np.ndarray:
     """(n,) W that the damping of the springs `rows` (a mask of them) takes."""
     s, rate = mechanism.springs[rows], record.v[:, mechanism.spring_index[rows]]
-    return np.asarray(np.sum(s[:, 2] * (rate + s[:, 5] * excess(rate, s[:, 4])) * central(rate), axis=1))
+    return np.asarray(
+        np.sum(s[:, 2] * (rate + s[:, 5] * excess(rate, s[:, 4])) * central(rate), axis=1)
+    )
 
 
-def contact_terms(mechanism: Mechanism, record: Record, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def contact_terms(
+    mechanism: Mechanism, record: Record, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of the first `count` sites: strain of the foam (n,) J, and (n,) W that its damping (what its force exceeds the
     elastic one by) and that friction takes."""
     sites = mechanism.sites[:count]
-    depth, normal, rate, fx, fy, x, y = (record.site(name)[:, :count] for name in (
-        "depth", "normal_force", "depth_rate", "friction_x", "friction_y", "slip_x", "slip_y"))
-    damping = np.where(normal > 0, normal - sites[:, 4] * np.maximum(depth, 0.0) ** sites[:, 5], 0.0)
-    return (_foam_strain(sites, depth), np.sum(damping * central(rate), axis=1),
-            -np.sum(fx * central(x) + fy * central(y), axis=1))
+    depth, normal, rate, fx, fy, x, y = (
+        record.site(name)[:, :count]
+        for name in (
+            "depth",
+            "normal_force",
+            "depth_rate",
+            "friction_x",
+            "friction_y",
+            "slip_x",
+            "slip_y",
+        )
+    )
+    damping = np.where(
+        normal > 0, normal - sites[:, 4] * np.maximum(depth, 0.0) ** sites[:, 5], 0.0
+    )
+    return (
+        _foam_strain(sites, depth),
+        np.sum(damping * central(rate), axis=1),
+        -np.sum(fx * central(x) + fy * central(y), axis=1),
+    )
 
 
 def _foam_strain(sites: np.ndarray, depth: np.ndarray) -> np.ndarray:
@@ -286,19 +367,37 @@ def _foam_strain(sites: np.ndarray, depth: np.ndarray) -> np.ndarray:
 
 def _plant_energies(mechanism: Mechanism, record: Record) -> tuple[np.ndarray, np.ndarray]:
     tree = mechanism.tree
-    motion = follow(tree, np.vstack([record.q0, record.q]), np.vstack([record.v0, central(record.v)]), bodies=(0,),
-                    coordinates=(), inside=np.ones(len(tree.body_names), dtype=bool))
+    motion = follow(
+        tree,
+        np.vstack([record.q0, record.q]),
+        np.vstack([record.v0, central(record.v)]),
+        bodies=(0,),
+        coordinates=(),
+        inside=np.ones(len(tree.body_names), dtype=bool),
+    )
     potential, kinetic = -motion.mass_moment @ tree.gravity, motion.kinetic_j
     return potential[0] - potential[1:], kinetic[1:] - kinetic[0]
 
 
-def _driver_power(mechanism: Mechanism, record: Record, driven: np.ndarray, h: np.ndarray) -> np.ndarray:
+def _driver_power(
+    mechanism: Mechanism, record: Record, driven: np.ndarray, h: np.ndarray
+) -> np.ndarray:
     """(n,) W of what prescribes the coordinates `driven`."""
     tree, power = mechanism.tree, np.zeros(len(record.q))
     a = np.diff(record.v, axis=0) / h[1:, None]
-    _sum_driver_power(rb.tree_arrays(tree), record.q, central(record.v), np.vstack([a, a[-1:]]),
-                      np.isin(np.arange(tree.num_coordinates), driven), record.sites, mechanism.site_bodies,
-                      mechanism.ground_height, rb.work_space(tree), np.zeros(tree.num_coordinates), power)
+    _sum_driver_power(
+        rb.tree_arrays(tree),
+        record.q,
+        central(record.v),
+        np.vstack([a, a[-1:]]),
+        np.isin(np.arange(tree.num_coordinates), driven),
+        record.sites,
+        mechanism.site_bodies,
+        mechanism.ground_height,
+        rb.work_space(tree),
+        np.zeros(tree.num_coordinates),
+        power,
+    )
     return power
 
 
@@ -320,14 +419,26 @@ def _fulcrum_terms(
     jump = np.concatenate(([0.0], before[1:] - deflection[:-1]))
     carriage = np.where(moved, 0.5 * stiffness * (before**2 - (before - jump) ** 2), 0.0)
     start = 0.5 * stiffness * before[0] ** 2
-    return {"fulcrum_strain": strain - start, "fulcrum_loss": work(damping * rate * central(rate), h),
-            "carriage_work": np.cumsum(carriage)}
+    return {
+        "fulcrum_strain": strain - start,
+        "fulcrum_loss": work(damping * rate * central(rate), h),
+        "carriage_work": np.cumsum(carriage),
+    }
 
 
 @compiled
 def _sum_driver_power(
-    tree: TreeArrays, q: np.ndarray, u: np.ndarray, a: np.ndarray, driven: np.ndarray, sites: np.ndarray,
-    site_bodies: np.ndarray, ground_height: float, motion: Motion, load: np.ndarray, power: np.ndarray
+    tree: TreeArrays,
+    q: np.ndarray,
+    u: np.ndarray,
+    a: np.ndarray,
+    driven: np.ndarray,
+    sites: np.ndarray,
+    site_bodies: np.ndarray,
+    ground_height: float,
+    motion: Motion,
+    load: np.ndarray,
+    power: np.ndarray,
 ) -> None:
     """Writes P of the heading above at n instants; driven (coordinates,) bool, sites (n, S, 9) SITE_RECORD; load
     (coordinates,) is work space."""
@@ -345,7 +456,13 @@ def _sum_driver_power(
             V_p = rb.six(V, parent)
             rb.put(V, b, rb.plus(V_p, rb.six(S, c), u[k, c]) if c >= 0 and driven[c] else V_p)
         for s in range(sites.shape[1]):
-            fx, fy, fz, x, y = sites[k, s, 2], sites[k, s, 3], sites[k, s, 1], sites[k, s, 7], sites[k, s, 8]
+            fx, fy, fz, x, y = (
+                sites[k, s, 2],
+                sites[k, s, 3],
+                sites[k, s, 1],
+                sites[k, s, 7],
+                sites[k, s, 8],
+            )
             if fz > 0.0:
                 z = ground_height - sites[k, s, 0]
                 power[k] -= rb.dot(rb.six(V, site_bodies[s]), rb.wrench(x, y, z, fx, fy, fz))

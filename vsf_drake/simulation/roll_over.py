@@ -25,7 +25,9 @@ from vsf_drake.simulation.mechanism import roll_over_mechanism
 from vsf_drake.simulation.reactions import energy_ledger, foot_reaction
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
 
-FOLLOWS_WITHIN = 0.01  # share of the largest force by which a run that follows its profile may be off (a choice)
+FOLLOWS_WITHIN = (
+    0.01  # share of the largest force by which a run that follows its profile may be off (a choice)
+)
 COARSE_STEPS, COARSE_TOLERANCE_N = 60, 0.1
 KNOTS, DEGREE = 120, 3
 APART = 7
@@ -47,7 +49,9 @@ class Following:
 
     wanted_n: np.ndarray  # (n,) N along the fixed line
     force_n: np.ndarray
-    deflection_m: np.ndarray  # (n,) how much lower the mount is than where the unloaded foot would touch at that tilt
+    deflection_m: (
+        np.ndarray
+    )  # (n,) how much lower the mount is than where the unloaded foot would touch at that tilt
 
     @property
     def residual_n(self) -> float:
@@ -61,8 +65,14 @@ class Following:
 
 
 def _follow_coarsely(
-    stepper: Stepper, first: Inputs, q0: np.ndarray, *, time_s: np.ndarray, tilt_rad: np.ndarray, force_n: np.ndarray,
-    start_height_m: float
+    stepper: Stepper,
+    first: Inputs,
+    q0: np.ndarray,
+    *,
+    time_s: np.ndarray,
+    tilt_rad: np.ndarray,
+    force_n: np.ndarray,
+    start_height_m: float,
 ) -> np.ndarray:
     """(n + 1,) heights (m) of the mount above the tilt axis at which the foot bears `force_n`, step by step.
 
@@ -76,26 +86,37 @@ def _follow_coarsely(
         last: list[Record] = []
 
         def force(
-            height: float, k: int = k, now: np.ndarray = now, q: np.ndarray = q, v: np.ndarray = v,
-            last: list[Record] = last
+            height: float,
+            k: int = k,
+            now: np.ndarray = now,
+            q: np.ndarray = q,
+            v: np.ndarray = v,
+            last: list[Record] = last,
         ) -> float:
             then = mount_path(tilt_rad[k + 1 : k + 2], np.array([height]))
             path = np.column_stack([np.vstack([now, then]), first.prescribed_q[:, 3:]])
-            record = stepper.run(dataclasses.replace(first, time_s=time_s[k : k + 2], prescribed_q=path), q, v)
+            record = stepper.run(
+                dataclasses.replace(first, time_s=time_s[k : k + 2], prescribed_q=path), q, v
+            )
             last[:] = [record]
             normal, along = record.site("normal_force").sum(), record.site("friction_x").sum()
             return float(np.cos(then[0, 2]) * normal - np.sin(then[0, 2]) * along)
 
         step = float(time_s[k + 1] - time_s[k])
-        heights[k + 1], stiffness = _root(force, heights[k] + rate * step, float(force_n[k + 1]), stiffness)
+        heights[k + 1], stiffness = _root(
+            force, heights[k] + rate * step, float(force_n[k + 1]), stiffness
+        )
         rate = (heights[k + 1] - heights[k]) / step
         q, v = last[0].q[-1], last[0].v[-1]
     return heights
 
 
 def _smooth_path(
-    coarse_s: np.ndarray, coarse_m: np.ndarray, time_s: np.ndarray, force_along: Callable[[np.ndarray], np.ndarray],
-    wanted_n: np.ndarray
+    coarse_s: np.ndarray,
+    coarse_m: np.ndarray,
+    time_s: np.ndarray,
+    force_along: Callable[[np.ndarray], np.ndarray],
+    wanted_n: np.ndarray,
 ) -> np.ndarray:
     """(n + 1,) heights (m) at `time_s` on a spline, on which the force is as near the wanted one (n,) as it comes.
 
@@ -117,7 +138,9 @@ def _smooth_path(
     for _ in range(MOST_IMPROVEMENTS):
         if np.abs(residual).max() <= _GOOD_ENOUGH * np.max(wanted_n):
             break
-        slopes = csr_array(_slopes(basis, knots, coefficients, time_s, force_along, residual + wanted_n))
+        slopes = csr_array(
+            _slopes(basis, knots, coefficients, time_s, force_along, residual + wanted_n)
+        )
         matrix = (slopes.T @ slopes + weight * (bending.T @ bending)).tocsc()
         downhill = -(slopes.T @ residual) - weight * (bending.T @ (bending @ coefficients))
         change = spsolve(matrix[1:, 1:], downhill[1:])
@@ -135,8 +158,12 @@ def _smooth_path(
 
 
 def _slopes(
-    basis: csr_array, knots: np.ndarray, coefficients: np.ndarray, time_s: np.ndarray,
-    force_along: Callable[[np.ndarray], np.ndarray], force_n: np.ndarray
+    basis: csr_array,
+    knots: np.ndarray,
+    coefficients: np.ndarray,
+    time_s: np.ndarray,
+    force_along: Callable[[np.ndarray], np.ndarray],
+    force_n: np.ndarray,
 ) -> np.ndarray:
     """(n, coefficients) derivatives (N/m) of the force by the spline's coefficients, by differences."""
     slopes = np.zeros((len(time_s) - 1, len(coefficients)))
@@ -152,9 +179,15 @@ def _slopes(
     return slopes
 
 
-def _root(force: Callable[[float], float], guess: float, wanted: float, stiffness: float) -> tuple[float, float]:
+def _root(
+    force: Callable[[float], float], guess: float, wanted: float, stiffness: float
+) -> tuple[float, float]:
     """The height with the wanted force, and the slope -dF/dh (N/m) there; `force` is last called at that height."""
-    height, low, high = guess, -np.inf, np.inf  # the force is too large at `low`, too small at `high`
+    height, low, high = (
+        guess,
+        -np.inf,
+        np.inf,
+    )  # the force is too large at `low`, too small at `high`
     before: tuple[float, float] | None = None
     for trial in range(_MOST_TRIALS):
         excess = force(height) - wanted
@@ -229,8 +262,12 @@ class RollOver:
         self.parameters, self.friction = parameters, friction
         sites, plant = self.machine.foot.sites, self.machine.plant
         straight = plant.CreateDefaultContext()
-        self._centres = np.array([plant.get_body(body).EvalPoseInWorld(straight) @ p
-                                  for body, p in zip(sites.body_indices, sites.p_BS, strict=True)])[:, [0, 2]]
+        self._centres = np.array(
+            [
+                plant.get_body(body).EvalPoseInWorld(straight) @ p
+                for body, p in zip(sites.body_indices, sites.p_BS, strict=True)
+            ]
+        )[:, [0, 2]]
 
     def touch_height(self, pitch_rad: float | np.ndarray) -> np.ndarray:
         """Height (m) of the mount's origin over the ground at which the unloaded foot touches it."""
@@ -240,41 +277,68 @@ class RollOver:
         return np.asarray(-(x * np.sin(pitch) + z * np.cos(pitch) - radius).min(axis=1))
 
     def follow(self, *, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray) -> RollOverRun:
-        """Moves the mount along `mount` (n + 1, 3: MOUNT_COORDINATES) at `time_s` (n + 1,), the foot at rest at first.
-        """
+        """Moves the mount along `mount` (n + 1, 3: MOUNT_COORDINATES) at `time_s` (n + 1,), the foot at rest at first."""
         stepper, inputs, q0 = self._begin(fulcrum_m, time_s, mount)
         record, columns = stepper.run(inputs, q0, np.zeros_like(q0)), inputs.prescribed[:3]
         reaction = foot_reaction(record, slice(0, None))
         return RollOverRun(
-            time_s=record.time_s, mount=record.q[:, columns], load=record.load[:, columns], grf_W=reaction.grf_W,
-            cop_W=reaction.cop_W, sphere_normal_n=record.site("normal_force"),
-            energy=energy_ledger(stepper.mechanism, record, driven=inputs.prescribed, fulcrum_m=inputs.fulcrum),
-            unconverged_steps=record.counts()["unconverged_steps"])
+            time_s=record.time_s,
+            mount=record.q[:, columns],
+            load=record.load[:, columns],
+            grf_W=reaction.grf_W,
+            cop_W=reaction.cop_W,
+            sphere_normal_n=record.site("normal_force"),
+            energy=energy_ledger(
+                stepper.mechanism, record, driven=inputs.prescribed, fulcrum_m=inputs.fulcrum
+            ),
+            unconverged_steps=record.counts()["unconverged_steps"],
+        )
 
     def press(
-        self, *, fulcrum_m: float, pitch_rad: float, max_load_n: float, speed_m_per_s: float, steps_per_mm: float
+        self,
+        *,
+        fulcrum_m: float,
+        pitch_rad: float,
+        max_load_n: float,
+        speed_m_per_s: float,
+        steps_per_mm: float,
     ) -> RollOverRun:
         """Lowers the pitched foot from first touch at constant speed until the vertical load is reached, and raises it.
 
         SimulationError if the foot gives way before, or the run diverges.
         """
-        for value, where, most in ((max_load_n, "max_load_n", 5000.0), (speed_m_per_s, "speed_m_per_s", 1.0),
-                                   (steps_per_mm, "steps_per_mm", 1e4)):
+        for value, where, most in (
+            (max_load_n, "max_load_n", 5000.0),
+            (speed_m_per_s, "speed_m_per_s", 1.0),
+            (steps_per_mm, "steps_per_mm", 1e4),
+        ):
             if not 0.0 < value <= most:
-                raise InputError(f"is {value:g}", where=where, right=f"It must be above 0 and at most {most:g}")
+                raise InputError(
+                    f"is {value:g}", where=where, right=f"It must be above 0 and at most {most:g}"
+                )
         if not abs(pitch_rad) <= LARGEST_PITCH_RAD:
-            raise InputError(f"is {pitch_rad:g} rad", where="pitch_rad", right="It must be within 60 degrees")
+            raise InputError(
+                f"is {pitch_rad:g} rad", where="pitch_rad", right="It must be within 60 degrees"
+            )
         top = float(self.touch_height(pitch_rad)[0])
 
         def lowered(travel: np.ndarray) -> np.ndarray:
-            return np.column_stack([np.zeros_like(travel), top - travel, np.full_like(travel, pitch_rad)])
+            return np.column_stack(
+                [np.zeros_like(travel), top - travel, np.full_like(travel, pitch_rad)]
+            )
 
         steps = int(np.ceil(min(LONGEST_TRAVEL_M, top) * 1e3 * steps_per_mm))
         travel = 1e-3 / steps_per_mm * np.arange(steps + 1)
         stepper, down, q0 = self._begin(fulcrum_m, travel / speed_m_per_s, lowered(travel))
         _, count = advance_to_load(
-            stepper, down, q0, max_load_n, travel, foot="foot",
-            where=f"at {np.degrees(pitch_rad):g} degrees with the fulcrum at {1e3 * fulcrum_m:g} mm")
+            stepper,
+            down,
+            q0,
+            max_load_n,
+            travel,
+            foot="foot",
+            where=f"at {np.degrees(pitch_rad):g} degrees with the fulcrum at {1e3 * fulcrum_m:g} mm",
+        )
         path = np.concatenate([travel[: count + 1], travel[count - 1 :: -1]])
         moments = 1e-3 / steps_per_mm / speed_m_per_s * np.arange(2 * count + 1)
         return self.follow(fulcrum_m=fulcrum_m, time_s=moments, mount=lowered(path))
@@ -290,27 +354,43 @@ class RollOver:
         # Height above T along the line of force at which the unloaded foot touches the tilted platform.
         touch = self.touch_height(-tilt_rad) / np.cos(tilt_rad)
         start = mount_path(tilt_rad[:1], touch[:1])
-        stepper, first, q0 = self._begin(fulcrum_m, np.asarray(time_s[:2]), np.repeat(start, 2, axis=0))
+        stepper, first, q0 = self._begin(
+            fulcrum_m, np.asarray(time_s[:2]), np.repeat(start, 2, axis=0)
+        )
         coarse_s = np.linspace(time_s[0], time_s[-1], COARSE_STEPS + 1)
         coarse = _follow_coarsely(
-            stepper, first, q0, time_s=coarse_s, tilt_rad=np.interp(coarse_s, time_s, tilt_rad),
-            force_n=np.interp(coarse_s, time_s, force_n), start_height_m=float(touch[0]))
+            stepper,
+            first,
+            q0,
+            time_s=coarse_s,
+            tilt_rad=np.interp(coarse_s, time_s, tilt_rad),
+            force_n=np.interp(coarse_s, time_s, force_n),
+            start_height_m=float(touch[0]),
+        )
         line = line_of_force(-tilt_rad[1:])
 
         def force_along(height: np.ndarray) -> np.ndarray:
             mount = mount_path(tilt_rad, height)
-            record = stepper.run(self._inputs(stepper, fulcrum_m, time_s, mount), q0, np.zeros_like(q0))
-            return np.asarray(line[:, 0] * record.site("friction_x").sum(axis=1)
-                              + line[:, 2] * record.site("normal_force").sum(axis=1))
+            record = stepper.run(
+                self._inputs(stepper, fulcrum_m, time_s, mount), q0, np.zeros_like(q0)
+            )
+            return np.asarray(
+                line[:, 0] * record.site("friction_x").sum(axis=1)
+                + line[:, 2] * record.site("normal_force").sum(axis=1)
+            )
 
         height = _smooth_path(coarse_s, coarse, time_s, force_along, force_n[1:])
         mount = mount_path(tilt_rad, height)
         run = self.follow(fulcrum_m=fulcrum_m, time_s=time_s, mount=mount)
         return run, Following(
-            wanted_n=np.asarray(force_n[1:], dtype=float), force_n=np.sum(run.grf_W * line, axis=1),
-            deflection_m=touch[1:] - height[1:])
+            wanted_n=np.asarray(force_n[1:], dtype=float),
+            force_n=np.sum(run.grf_W * line, axis=1),
+            deflection_m=touch[1:] - height[1:],
+        )
 
-    def _begin(self, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray) -> tuple[Stepper, Inputs, np.ndarray]:
+    def _begin(
+        self, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray
+    ) -> tuple[Stepper, Inputs, np.ndarray]:
         """The machine along `mount`, and where it is at rest at first."""
         check_fulcrum(fulcrum_m, self.parameters)
         stepper = Stepper(roll_over_mechanism(self.machine, self.context))
@@ -320,9 +400,15 @@ class RollOver:
         q0[inputs.prescribed] = inputs.prescribed_q[0]
         return stepper, inputs, q0
 
-    def _inputs(self, stepper: Stepper, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray) -> Inputs:
+    def _inputs(
+        self, stepper: Stepper, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray
+    ) -> Inputs:
         names = (*MOUNT_COORDINATES, self.machine.foot.carriage_joint_name)
         fulcrum = np.full(len(time_s), fulcrum_m)
         return Inputs(
-            time_s=time_s, prescribed=np.array([stepper.mechanism.tree.index(name) for name in names]),
-            prescribed_q=np.column_stack([mount, fulcrum]), fulcrum=fulcrum, ground=np.zeros(len(time_s)))
+            time_s=time_s,
+            prescribed=np.array([stepper.mechanism.tree.index(name) for name in names]),
+            prescribed_q=np.column_stack([mount, fulcrum]),
+            fulcrum=fulcrum,
+            ground=np.zeros(len(time_s)),
+        )

@@ -36,8 +36,14 @@ LONGEST_S = 120.0  # longest time (s) to stand: the record of every step stays i
 
 
 def simulate_standing(
-    subject: Subject, model: ModelParameters, *, fulcrum_m: float = 0.108, duration_s: float = 10.0,
-    step_s: float = DEFAULT_STEP_S, angles: Mapping[str, float] | None = None, upright: bool = False,
+    subject: Subject,
+    model: ModelParameters,
+    *,
+    fulcrum_m: float = 0.108,
+    duration_s: float = 10.0,
+    step_s: float = DEFAULT_STEP_S,
+    angles: Mapping[str, float] | None = None,
+    upright: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Standing:
     """Stands the person on both feet for `duration_s`.
@@ -49,30 +55,47 @@ def simulate_standing(
         progress: called with the finished fraction of a run.
     """
     if not 0.0 < duration_s <= LONGEST_S:
-        raise InputError(f"{duration_s:g} s is no time to stand", where="duration_s",
-                         right=f"It must be above 0 and at most {LONGEST_S:g} s")
+        raise InputError(
+            f"{duration_s:g} s is no time to stand",
+            where="duration_s",
+            right=f"It must be above 0 and at most {LONGEST_S:g} s",
+        )
     posture = StandingPosture(subject, model, angles or {}, fulcrum_m=fulcrum_m)
     tilt = posture.angles["pelvis_tilt"]
     notes: list[str] = []
     for balance in () if upright else _balances(posture, tilt, notes):
         walker = Walker(subject, model, free=TRANSLATIONS + balance.freed)
         try:
-            walk, rest_speed = _let_go(posture, walker, balance.tilt, balance.list, duration_s, step_s, progress)
+            walk, rest_speed = _let_go(
+                posture, walker, balance.tilt, balance.list, duration_s, step_s, progress
+            )
         except SimulationError as error:
             notes += say("standing", "failed", free=balance.free, error=error, turn_deg=0.0)
             continue
         standing = _result(posture, walk, balance, rest_speed, [*notes])
         if standing.turn_rad < LARGEST_SWAY_RAD:
             return standing
-        notes += say("standing", "failed", free=balance.free, error=None, turn_deg=np.degrees(standing.turn_rad))
+        notes += say(
+            "standing",
+            "failed",
+            free=balance.free,
+            error=None,
+            turn_deg=np.degrees(standing.turn_rad),
+        )
     walk, rest_speed = _let_go(
-        posture, posture.walker, tilt, posture.level_list(tilt), duration_s, step_s, progress)
+        posture, posture.walker, tilt, posture.level_list(tilt), duration_s, step_s, progress
+    )
     return _result(posture, walk, None, rest_speed, notes)
 
 
 def _let_go(
-    posture: StandingPosture, walker: Walker, tilt: float, list_: float, duration_s: float, step_s: float,
-    progress: Callable[[float], None] | None
+    posture: StandingPosture,
+    walker: Walker,
+    tilt: float,
+    list_: float,
+    duration_s: float,
+    step_s: float,
+    progress: Callable[[float], None] | None,
 ) -> tuple[Walk, float]:
     """Settles the person at an attitude, nudges what is free and lets go; also the largest speed left when settled."""
     q, rest_speed = posture.settled(tilt, list_)
@@ -80,7 +103,9 @@ def _let_go(
     towards = 1.0 if walker.subject.prosthetic_side == "right" else -1.0
     for name, sign in zip(ROTATIONS, (1.0, towards, towards), strict=True):
         q[name] += sign * NUDGE_RAD if name in walker.free else 0.0
-    return posture.run(walker, q, duration_s=duration_s, step_s=step_s, progress=progress), rest_speed
+    return posture.run(
+        walker, q, duration_s=duration_s, step_s=step_s, progress=progress
+    ), rest_speed
 
 
 def _balances(posture: StandingPosture, tilt: float, notes: list[str]) -> list[Equilibrium]:
@@ -94,35 +119,63 @@ def _balances(posture: StandingPosture, tilt: float, notes: list[str]) -> list[E
     except SimulationError as error:
         notes += say("standing", "unknown", error=error)
         return []
-    notes += say("standing", "balances", sideways=sideways, full=full, tilt=np.degrees(least[0]),
-                 ahead_m=least[1] / posture.weight_n)
+    notes += say(
+        "standing",
+        "balances",
+        sideways=sideways,
+        full=full,
+        tilt=np.degrees(least[0]),
+        ahead_m=least[1] / posture.weight_n,
+    )
     return [balance for balance in (full, sideways) if balance is not None and balance.stable]
 
 
 def _result(
-    posture: StandingPosture, walk: Walk, balance: Equilibrium | None, rest_speed: float, notes: list[str]
+    posture: StandingPosture,
+    walk: Walk,
+    balance: Equilibrium | None,
+    rest_speed: float,
+    notes: list[str],
 ) -> Standing:
     tree, record = walk.mechanism.tree, walk.record
     columns = [tree.index(name) for name in PELVIS_COORDINATES]
     free = TRANSLATIONS + (balance.freed if balance else ())
-    held = {name: float(record.load[-1, tree.index(name)]) for name in ROTATIONS if name not in free}
+    held = {
+        name: float(record.load[-1, tree.index(name)]) for name in ROTATIONS if name not in free
+    }
     prosthetic, intact = walk.prosthetic.grf_W[:, 2], walk.intact.grf_W[:, 2]
     share = float(prosthetic.sum() / max((prosthetic + intact).sum(), 1e-9))
-    to_prosthesis = (held.get("pelvis_list", 0.0) < 0.0) == (posture.walker.subject.prosthetic_side == "left")
+    to_prosthesis = (held.get("pelvis_list", 0.0) < 0.0) == (
+        posture.walker.subject.prosthetic_side == "left"
+    )
     notes += say(
-        "standing", "result", tilt_nm=held.get("pelvis_tilt"), list_nm=held.get("pelvis_list"),
-        towards="prosthetic" if to_prosthesis else "intact", weight_n=posture.weight_n,
+        "standing",
+        "result",
+        tilt_nm=held.get("pelvis_tilt"),
+        list_nm=held.get("pelvis_list"),
+        towards="prosthetic" if to_prosthesis else "intact",
+        weight_n=posture.weight_n,
         share=None if LEAST_SHARE < share < 1.0 - LEAST_SHARE else share,
-        rest_speed=rest_speed if rest_speed > AT_REST else 0.0)
+        rest_speed=rest_speed if rest_speed > AT_REST else 0.0,
+    )
     notes += step_notes(record, stop=".")
     body = posture.walker.gait.person.body
     return Standing(
-        time_s=record.time_s, prosthetic_n=prosthetic, intact_n=intact,
-        pelvis=np.vstack([record.q0[columns], record.q[:, columns]]), weight_n=posture.weight_n,
-        fulcrum_m=posture.fulcrum_m, side=posture.walker.subject.prosthetic_side, name=posture.walker.subject.name,
-        free=free, held_nm=held,
+        time_s=record.time_s,
+        prosthetic_n=prosthetic,
+        intact_n=intact,
+        pelvis=np.vstack([record.q0[columns], record.q[:, columns]]),
+        weight_n=posture.weight_n,
+        fulcrum_m=posture.fulcrum_m,
+        side=posture.walker.subject.prosthetic_side,
+        name=posture.walker.subject.name,
+        free=free,
+        held_nm=held,
         stiffness_nm_per_rad=None if balance is None else balance.least_nm_per_rad,
-        leg_lengths_m=(body.prosthetic_leg_length, body.leg_length), notes=tuple(notes), **record.counts())
+        leg_lengths_m=(body.prosthetic_leg_length, body.leg_length),
+        notes=tuple(notes),
+        **record.counts(),
+    )
 
 
 # Whether a person with stiff joints can balance, and how the pelvis must be turned for it.
@@ -154,7 +207,9 @@ class Equilibrium:
     tilt: float
     list: float
     free: tuple[str, ...]
-    stiffness: np.ndarray  # (k, k) N m/rad in the directions of `free`; the feet's less the weight's
+    stiffness: (
+        np.ndarray
+    )  # (k, k) N m/rad in the directions of `free`; the feet's less the weight's
 
     @property
     def least_nm_per_rad(self) -> float:
@@ -179,7 +234,12 @@ class StandingPosture:
     """
 
     def __init__(
-        self, subject: Subject, model: ModelParameters, angles: Mapping[str, float], *, fulcrum_m: float
+        self,
+        subject: Subject,
+        model: ModelParameters,
+        angles: Mapping[str, float],
+        *,
+        fulcrum_m: float,
     ) -> None:
         self.walker = Walker(subject, model, free=TRANSLATIONS)
         self.fulcrum_m = fulcrum_m
@@ -187,27 +247,45 @@ class StandingPosture:
         names = self.walker.gait.person.coordinate_names
         for name, value in angles.items():
             if name not in names:
-                raise InputError("is not a coordinate of this person", where=f"angles[{name!r}]",
-                                 right=f"Known are: {', '.join(names)}")
+                raise InputError(
+                    "is not a coordinate of this person",
+                    where=f"angles[{name!r}]",
+                    right=f"Known are: {', '.join(names)}",
+                )
             if not np.isfinite(value):
-                raise InputError(f"{value} is not a finite angle", where=f"angles[{name!r}]", right="Give radians")
-        self.angles = {name: float(angles.get(name, 0.0)) for name in names if name not in TRANSLATIONS}
+                raise InputError(
+                    f"{value} is not a finite angle",
+                    where=f"angles[{name!r}]",
+                    right="Give radians",
+                )
+        self.angles = {
+            name: float(angles.get(name, 0.0)) for name in names if name not in TRANSLATIONS
+        }
 
     def coordinates(self, tilt: float, list_: float) -> dict[str, float]:
         """Every anatomical coordinate; the lower sole's lowest point touches the ground, the pelvis is at x = y = 0."""
-        q = {**dict.fromkeys(TRANSLATIONS, 0.0), **self.angles, "pelvis_tilt": tilt, "pelvis_list": list_}
+        q = {
+            **dict.fromkeys(TRANSLATIONS, 0.0),
+            **self.angles,
+            "pelvis_tilt": tilt,
+            "pelvis_list": list_,
+        }
         return {**q, "pelvis_ty": -min(self._sole_heights(q))}
 
     def level_list(self, tilt: float) -> float:
         """The list (rad) at which both unloaded soles touch the floor, 0 for equal legs; InputError if none does."""
+
         def difference(list_: float) -> float:
             prosthetic, intact = self._sole_heights(self.coordinates(tilt, list_))
             return prosthetic - intact
 
         ends = -0.5, 0.5
         if difference(ends[0]) * difference(ends[1]) > 0.0:
-            raise InputError("in this posture the two feet cannot stand on the ground together", where="angles",
-                             right="Check the angles and the lengths of the two legs")
+            raise InputError(
+                "in this posture the two feet cannot stand on the ground together",
+                where="angles",
+                right="Check the angles and the lengths of the two legs",
+            )
         exact = abs(difference(0.0)) < 1e-12
         return 0.0 if exact else float(brentq(difference, *ends, xtol=1e-12))
 
@@ -227,36 +305,62 @@ class StandingPosture:
         return {name: float(walk.record.q0[tree.index(name)]) for name in q}, walk.rest_speed
 
     def _settle(self, tilt: float, list_: float) -> Walk:
-        return self.run(self.walker, self.coordinates(tilt, list_), duration_s=DEFAULT_STEP_S, settle=TRANSLATIONS)
+        return self.run(
+            self.walker,
+            self.coordinates(tilt, list_),
+            duration_s=DEFAULT_STEP_S,
+            settle=TRANSLATIONS,
+        )
 
     def run(
-        self, walker: Walker, q: Mapping[str, float], *, duration_s: float, settle: tuple[str, ...] = (),
-        step_s: float = DEFAULT_STEP_S, progress: Callable[[float], None] | None = None
+        self,
+        walker: Walker,
+        q: Mapping[str, float],
+        *,
+        duration_s: float,
+        settle: tuple[str, ...] = (),
+        step_s: float = DEFAULT_STEP_S,
+        progress: Callable[[float], None] | None = None,
     ) -> Walk:
         """`walker` let go at rest at the coordinates `q`; those in `settle` come to rest under the load before."""
         moments = np.linspace(0.0, max(duration_s, 1e-2), 8)
         still = CoordinateTrajectory(moments, np.tile([*q.values()], (len(moments), 1)), tuple(q))
-        return walker.walk(still, fulcrum_m=self.fulcrum_m, start_s=0.0, end_s=duration_s, step_s=step_s,
-                           initial={name: q[name] for name in settle}, progress=progress)
+        return walker.walk(
+            still,
+            fulcrum_m=self.fulcrum_m,
+            start_s=0.0,
+            end_s=duration_s,
+            step_s=step_s,
+            initial={name: q[name] for name in settle},
+            progress=progress,
+        )
 
     def sideways_equilibrium(self, tilt: float) -> Equilibrium | None:
         """Balanced sideways with the tilt held: both feet loaded, stable if there is such, nearest to level."""
         level = self.level_list(tilt)
-        balances = [Equilibrium(tilt, list_, ("pelvis_list",), self._stiffness(tilt, list_)[1:, 1:])
-                    for list_ in self._zeros(lambda x: self.hold(tilt, x), 1, level)]
+        balances = [
+            Equilibrium(tilt, list_, ("pelvis_list",), self._stiffness(tilt, list_)[1:, 1:])
+            for list_ in self._zeros(lambda x: self.hold(tilt, x), 1, level)
+        ]
         return min(balances, key=lambda e: (not e.stable, abs(e.list - level)), default=None)
 
     def equilibrium(self, sideways: Equilibrium) -> Equilibrium | None:
         """Balanced in every direction, looked for from a sideways balance: stable if any is, else the nearest."""
         start, balances = np.array([sideways.tilt, sideways.list]), []
         for tilt in self._zeros(lambda x: self.hold(x, sideways.list), 0, sideways.tilt):
-            solved = root(lambda x: self.hold(*x).moments_nm / self.weight_n, [tilt, start[1]], options={"eps": 1e-5})
+            solved = root(
+                lambda x: self.hold(*x).moments_nm / self.weight_n,
+                [tilt, start[1]],
+                options={"eps": 1e-5},
+            )
             exact = np.abs(solved.fun).max() < MOMENT_TOLERANCE
             near = np.abs(solved.x - start).max() < LARGEST_TURN_RAD
             if exact and near and self.hold(*solved.x).on_both_feet:
                 x, y = map(float, solved.x)
                 balances.append(Equilibrium(x, y, ROTATIONS[:2], self._stiffness(x, y)))
-        return min(balances, key=lambda e: (not e.stable, abs(e.tilt - sideways.tilt)), default=None)
+        return min(
+            balances, key=lambda e: (not e.stable, abs(e.tilt - sideways.tilt)), default=None
+        )
 
     def least_tilt_moment(self, tilt: float, list_: float) -> tuple[float, float]:
         """The tilt (rad) at which holding it takes least, and that moment (N m)."""
@@ -278,8 +382,12 @@ class StandingPosture:
 
     def _stiffness(self, tilt: float, list_: float, step: float = 1e-4) -> np.ndarray:
         at = np.array([tilt, list_])
-        return np.column_stack([(self.hold(*(at + d)).moments_nm - self.hold(*(at - d)).moments_nm) / (2 * step)
-                                for d in step * np.eye(2)])
+        return np.column_stack(
+            [
+                (self.hold(*(at + d)).moments_nm - self.hold(*(at - d)).moments_nm) / (2 * step)
+                for d in step * np.eye(2)
+            ]
+        )
 
     def _sole_heights(self, q: Mapping[str, float]) -> tuple[float, float]:
         """Heights (m) of the lowest points of the unloaded prosthetic and intact foot."""
@@ -291,8 +399,10 @@ class StandingPosture:
         gait.plant.SetPositions(context, positions)
         lowest = []
         for foot in (gait.person.foot.sites, gait.person.intact_sites):
-            centres = [(gait.plant.get_body(BodyIndex(int(body))).EvalPoseInWorld(context) @ p)[2]
-                       for body, p in zip(foot.body_indices, foot.p_BS, strict=True)]
+            centres = [
+                (gait.plant.get_body(BodyIndex(int(body))).EvalPoseInWorld(context) @ p)[2]
+                for body, p in zip(foot.body_indices, foot.p_BS, strict=True)
+            ]
             lowest.append(float(np.min(np.array(centres) - foot.radius)))
         return lowest[0], lowest[1]
 

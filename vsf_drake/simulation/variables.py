@@ -89,7 +89,9 @@ def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variabl
         unit[spheres, _SITE[column]] = 1.0
         return ParameterTangent(sites=unit)
 
-    def scaled(name: str, unit: str, value: float, by_unit: ParameterTangent, minimum: float = 1e-3) -> Variable:
+    def scaled(
+        name: str, unit: str, value: float, by_unit: ParameterTangent, minimum: float = 1e-3
+    ) -> Variable:
         return Variable(name, unit, value, value / _FOLD, value * _FOLD, minimum, by_unit, _LARGEST)
 
     for z, zone in enumerate(foot.sites.zone_names):
@@ -97,50 +99,139 @@ def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variabl
         k, n, b, full = map(float, rows[of[0], 4:8])
         variables += [
             scaled(f"contact.{zone}.stiffness", "N/m^exponent", k, by_unit(of, "stiffness")),
-            Variable(f"contact.{zone}.exponent", "1", n, 1.0, 2.0, 1.0, by_unit(of, "exponent"), 20.0),
+            Variable(
+                f"contact.{zone}.exponent", "1", n, 1.0, 2.0, 1.0, by_unit(of, "exponent"), 20.0
+            ),
             scaled(f"contact.{zone}.damping", "N s/m", b, by_unit(of, "damping"), minimum=0.0),
-            Variable(f"contact.{zone}.full_damping_depth", "m", full, 2e-4, 5e-3, 1e-6, by_unit(of,
-                                                                                                "full_damping_depth"),
-                     0.1),
-            Variable(f"contact.{zone}.rise", "m", 0.0, -0.01, 0.01, -0.1, by_unit(of, "rise"), 0.1, added=True)]
+            Variable(
+                f"contact.{zone}.full_damping_depth",
+                "m",
+                full,
+                2e-4,
+                5e-3,
+                1e-6,
+                by_unit(of, "full_damping_depth"),
+                0.1,
+            ),
+            Variable(
+                f"contact.{zone}.rise",
+                "m",
+                0.0,
+                -0.01,
+                0.01,
+                -0.1,
+                by_unit(of, "rise"),
+                0.1,
+                added=True,
+            ),
+        ]
     for name, unit, low, high, minimum, maximum in (
-            ("mu_static", "1", 0.1, 1.5, 0.0, 5.0), ("mu_kinetic", "1", 0.1, 1.0, 0.0, 5.0),
-            ("threshold_velocity", "m/s", 0.02, 0.5, 1e-6, 10.0)):
-        variables.append(Variable(f"friction.{name}", unit, float(rows[0, _SITE[name]]), low, high, minimum,
-                                  by_unit(slice(len(foot.sites.radius)), name), maximum))
+        ("mu_static", "1", 0.1, 1.5, 0.0, 5.0),
+        ("mu_kinetic", "1", 0.1, 1.0, 0.0, 5.0),
+        ("threshold_velocity", "m/s", 0.02, 0.5, 1e-6, 10.0),
+    ):
+        variables.append(
+            Variable(
+                f"friction.{name}",
+                unit,
+                float(rows[0, _SITE[name]]),
+                low,
+                high,
+                minimum,
+                by_unit(slice(len(foot.sites.radius)), name),
+                maximum,
+            )
+        )
     keel, modulus = np.zeros_like(springs), foot.parameters.keel.flexural_modulus_pa
     keel[:-6, :3] = springs[:-6, :3] / modulus
-    variables.append(Variable("keel.flexural_modulus", "Pa", modulus, modulus / 2, 2 * modulus, 1e6,
-                              ParameterTangent(springs=keel), 1e12))
+    variables.append(
+        Variable(
+            "keel.flexural_modulus",
+            "Pa",
+            modulus,
+            modulus / 2,
+            2 * modulus,
+            1e6,
+            ParameterTangent(springs=keel),
+            1e12,
+        )
+    )
     k = float(mechanism.fulcrum[0])
-    variables.append(scaled("fulcrum.stiffness", "N/m", k, ParameterTangent(fulcrum=mechanism.fulcrum / k)))
+    variables.append(
+        scaled("fulcrum.stiffness", "N/m", k, ParameterTangent(fulcrum=mechanism.fulcrum / k))
+    )
     reach = foot.parameters.fulcrum.foremost_m - foot.parameters.fulcrum.rearmost_m
     variables.append(
-        Variable("fulcrum.shift", "m", 0.0, -reach, reach, -1.0, ParameterTangent(fulcrum_shift=1.0), 1.0, added=True))
+        Variable(
+            "fulcrum.shift",
+            "m",
+            0.0,
+            -reach,
+            reach,
+            -1.0,
+            ParameterTangent(fulcrum_shift=1.0),
+            1.0,
+            added=True,
+        )
+    )
     for row, axis in enumerate(SOCKET_AXES, start=len(springs) - 6):
         rate, k = np.zeros_like(springs), float(springs[row, 0])
         rate[row, :2] = springs[row, :2] / k
-        variables.append(scaled(f"socket.{axis}.stiffness", "N/m" if row < len(springs) - 3 else "N m/rad", k,
-                                ParameterTangent(springs=rate)))
+        variables.append(
+            scaled(
+                f"socket.{axis}.stiffness",
+                "N/m" if row < len(springs) - 3 else "N m/rad",
+                k,
+                ParameterTangent(springs=rate),
+            )
+        )
     # For searches, and the largest that a manifest takes (`motion.manifest.GeometricOffsets`).
     turn = math.radians(15.0), 0.53
     bounds = (0.03, 0.2), (0.06, 0.2), turn, turn, turn
     for i, (name, (bound, most)) in enumerate(zip(OFFSETS, bounds, strict=True)):
-        by = ParameterTangent(mount=np.eye(len(OFFSETS))[i], mirrored=gait.person.foot.side == "left")
-        variables.append(Variable(f"offset.{name}", "rad" if i > 1 else "m", 0.0, -bound, bound, -most, by, most,
-                                  added=True))
+        by = ParameterTangent(
+            mount=np.eye(len(OFFSETS))[i], mirrored=gait.person.foot.side == "left"
+        )
+        variables.append(
+            Variable(
+                f"offset.{name}",
+                "rad" if i > 1 else "m",
+                0.0,
+                -bound,
+                bound,
+                -most,
+                by,
+                most,
+                added=True,
+            )
+        )
     variables += [_shift(f"coordinate.{name}", name) for name in gait.prescribed]
     return {variable.name: variable for variable in variables}
 
 
 def _shift(
-    name: str, coordinate: str, perturbation: np.ndarray | None = None, perturbation_rate: float = 0.0
+    name: str,
+    coordinate: str,
+    perturbation: np.ndarray | None = None,
+    perturbation_rate: float = 0.0,
 ) -> Variable:
     """What shifts a coordinate, in m or rad, by 0 at first."""
     length = coordinate.endswith(("_tx", "_ty", "_tz"))
     bound = 0.03 if length else math.radians(15.0)
-    by_unit = ParameterTangent(coordinate=coordinate, perturbation=perturbation, perturbation_rate=perturbation_rate)
-    return Variable(name, "m" if length else "rad", 0.0, -bound, bound, -_MOST_SHIFT, by_unit, _MOST_SHIFT, added=True)
+    by_unit = ParameterTangent(
+        coordinate=coordinate, perturbation=perturbation, perturbation_rate=perturbation_rate
+    )
+    return Variable(
+        name,
+        "m" if length else "rad",
+        0.0,
+        -bound,
+        bound,
+        -_MOST_SHIFT,
+        by_unit,
+        _MOST_SHIFT,
+        added=True,
+    )
 
 
 def perturbation_variables(
@@ -148,39 +239,65 @@ def perturbation_variables(
 ) -> dict[str, Variable]:
     """The variables of a walk with these perturbations at the moments (n + 1,), by name; InputError for what is no
     perturbation."""
-    if isinstance(perturbations, (MotionPerturbation, str, Mapping)) or not isinstance(perturbations, Sequence):
-        raise InputError(f"is a {type(perturbations).__name__}, no list of perturbations", where="perturbations",
-                         right="Give a list, also for one perturbation")
+    if isinstance(perturbations, (MotionPerturbation, str, Mapping)) or not isinstance(
+        perturbations, Sequence
+    ):
+        raise InputError(
+            f"is a {type(perturbations).__name__}, no list of perturbations",
+            where="perturbations",
+            right="Give a list, also for one perturbation",
+        )
     variables: dict[str, Variable] = {}
     step = min(_RATE_STEP_S, (moments[-1] - moments[0]) / 4.0)
     for i, perturbation in enumerate(perturbations):
         if not isinstance(perturbation, MotionPerturbation):
-            raise InputError(f"is a {type(perturbation).__name__}, no MotionPerturbation", where=f"perturbations[{i}]")
+            raise InputError(
+                f"is a {type(perturbation).__name__}, no MotionPerturbation",
+                where=f"perturbations[{i}]",
+            )
         if not isinstance(perturbation.name, str) or not perturbation.name.strip():
             raise InputError(f"{perturbation.name!r} is no name", where=f"perturbations[{i}].name")
         name = f"perturbation.{perturbation.name}"
         if name in variables:
             raise InputError("two perturbations have this name", where=name)
         if perturbation.coordinate not in prescribed:
-            raise InputError(f"{perturbation.coordinate!r} is not a prescribed coordinate", where=name,
-                             right=_nearest(perturbation.coordinate, prescribed, "Prescribed are"))
+            raise InputError(
+                f"{perturbation.coordinate!r} is not a prescribed coordinate",
+                where=name,
+                right=_nearest(perturbation.coordinate, prescribed, "Prescribed are"),
+            )
         if not callable(perturbation.shape):
-            raise InputError(f"its shape is a {type(perturbation.shape).__name__}, no function of time", where=name)
+            raise InputError(
+                f"its shape is a {type(perturbation.shape).__name__}, no function of time",
+                where=name,
+            )
         early = _sampled(perturbation.shape, moments[0] + step * np.arange(5), name)
-        variables[name] = _shift(name, perturbation.coordinate, _sampled(perturbation.shape, moments, name),
-                                 float(_RATE @ (early[1:] - early[0])) / step)
+        variables[name] = _shift(
+            name,
+            perturbation.coordinate,
+            _sampled(perturbation.shape, moments, name),
+            float(_RATE @ (early[1:] - early[0])) / step,
+        )
     return variables
 
 
-def _sampled(shape: Callable[[np.ndarray], np.ndarray], times: np.ndarray, where: str) -> np.ndarray:
+def _sampled(
+    shape: Callable[[np.ndarray], np.ndarray], times: np.ndarray, where: str
+) -> np.ndarray:
     """Values (n,) at the times (n,), which the shape gets as a copy of its own."""
     given = np.asarray(shape(times.copy()))
     if given.dtype.kind not in "iuf" or given.shape != times.shape:
-        raise InputError(f"its shape gives {given.dtype} numbers of shape {given.shape} for {len(times)} times",
-                         where=where, right="It must give one real number for each time")
+        raise InputError(
+            f"its shape gives {given.dtype} numbers of shape {given.shape} for {len(times)} times",
+            where=where,
+            right="It must give one real number for each time",
+        )
     if not np.isfinite(given).all():
-        raise InputError(f"its shape is {given[~np.isfinite(given)][0]} at {times[~np.isfinite(given)][0]:g} s",
-                         where=where, right="It must be finite from the start of the walk to its end")
+        raise InputError(
+            f"its shape is {given[~np.isfinite(given)][0]} at {times[~np.isfinite(given)][0]:g} s",
+            where=where,
+            right="It must be finite from the start of the walk to its end",
+        )
     return np.array(given, dtype=float)
 
 
@@ -189,22 +306,31 @@ def _nearest(name: Any, names: Iterable[str], all_are: str) -> str:
     return f"Did you mean {near[0]}?" if near else f"{all_are}: {', '.join(names)}"
 
 
-def check_names(names: Iterable[str], variables: Mapping[str, Variable], *, where: str) -> tuple[str, ...]:
+def check_names(
+    names: Iterable[str], variables: Mapping[str, Variable], *, where: str
+) -> tuple[str, ...]:
     """The names; InputError if one is not in `variables` or comes twice, or for one name in place of several."""
     if isinstance(names, (str, bytes)) or not isinstance(names, Iterable):
-        raise InputError(f"{names!r} is no list of names", where=where, right="Give a list, also for one name")
+        raise InputError(
+            f"{names!r} is no list of names", where=where, right="Give a list, also for one name"
+        )
     checked: list[str] = []
     for name in names:
         if not isinstance(name, str) or name not in variables:
-            raise InputError(f"there is no variable {name!r}", where=where,
-                             right=_nearest(name, variables, "There are"))
+            raise InputError(
+                f"there is no variable {name!r}",
+                where=where,
+                right=_nearest(name, variables, "There are"),
+            )
         if name in checked:
             raise InputError(f"the variable {name} stands twice", where=where)
         checked.append(str(name))
     return tuple(checked)
 
 
-def check_values(values: Mapping[str, float] | None, variables: Mapping[str, Variable]) -> dict[str, float]:
+def check_values(
+    values: Mapping[str, float] | None, variables: Mapping[str, Variable]
+) -> dict[str, float]:
     """The values as floats by name, none for None; InputError for those with which the model has no meaning."""
     if not isinstance(values, Mapping | None):
         raise InputError(f"{values!r} is no mapping of names to numbers", where="values")
@@ -213,9 +339,12 @@ def check_values(values: Mapping[str, float] | None, variables: Mapping[str, Var
     for name, value in values.items():
         variable = variables[name]
         if not is_number(value) or not variable.minimum <= value <= variable.maximum:
-            raise InputError(f"{value!r} is not usable", where=f"values[{name!r}]",
-                             right=f"It must be a number from {variable.minimum:g} to {variable.maximum:g} "
-                                   f"{variable.unit}")
+            raise InputError(
+                f"{value!r} is not usable",
+                where=f"values[{name!r}]",
+                right=f"It must be a number from {variable.minimum:g} to {variable.maximum:g} "
+                f"{variable.unit}",
+            )
     return {name: float(value) for name, value in values.items()}
 
 
@@ -224,7 +353,9 @@ def check_number(value: Any, where: str) -> float:
     with contextlib.suppress(OverflowError):  # an integer beyond any float
         if is_number(value) and math.isfinite(value):
             return float(value)
-    raise InputError(f"{shown(value)} is not usable", where=where, right="It must be a finite number")
+    raise InputError(
+        f"{shown(value)} is not usable", where=where, right="It must be a finite number"
+    )
 
 
 def check_whole(value: Any, where: str, least: int) -> int:
@@ -232,8 +363,11 @@ def check_whole(value: Any, where: str, least: int) -> int:
     with contextlib.suppress(TypeError):
         if not isinstance(value, bool) and operator.index(value) >= least:
             return operator.index(value)
-    raise InputError(f"{shown(value)} is not usable", where=where,
-                     right=f"It must be a whole number, {least} or more")
+    raise InputError(
+        f"{shown(value)} is not usable",
+        where=where,
+        right=f"It must be a whole number, {least} or more",
+    )
 
 
 def is_number(value: Any) -> bool:
@@ -250,12 +384,19 @@ def shown(value: Any) -> str:
 
 
 def added(
-    variables: Mapping[str, Variable], values: Mapping[str, float], prescribed: Sequence[str], count: int = 1
+    variables: Mapping[str, Variable],
+    values: Mapping[str, float],
+    prescribed: Sequence[str],
+    count: int = 1,
 ) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
     """What `values` add outside the mechanism: (5,) to the mount, m to the fulcrum, to the prescribed coordinates (p,)
     and by perturbations (count, p) at the moments of the walk (m, rad), and (p,) to their rates at the first one."""
     mount, slide = np.zeros(len(OFFSETS)), 0.0
-    shift, perturbation, rate = np.zeros(len(prescribed)), np.zeros((count, len(prescribed))), np.zeros(len(prescribed))
+    shift, perturbation, rate = (
+        np.zeros(len(prescribed)),
+        np.zeros((count, len(prescribed))),
+        np.zeros(len(prescribed)),
+    )
     for name, value in values.items():
         by_unit = variables[name].by_unit
         mount += value * by_unit.mount

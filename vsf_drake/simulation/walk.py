@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.model_file import FOAM_LOADS_N, check_fulcrum, check_model, foam_under_load, secant_stiffness
+from vsf_drake.model_file import (
+    FOAM_LOADS_N,
+    check_fulcrum,
+    check_model,
+    foam_under_load,
+    secant_stiffness,
+)
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
@@ -58,7 +64,9 @@ class Walker:
     InputError if a parameter is out of range or the segments do not fit.
     """
 
-    def __init__(self, subject: Subject, model: ModelParameters, *, free: Sequence[str] = ()) -> None:
+    def __init__(
+        self, subject: Subject, model: ModelParameters, *, free: Sequence[str] = ()
+    ) -> None:
         check(subject)
         check_model(model)
         self.subject, self.model = subject, model
@@ -69,11 +77,21 @@ class Walker:
         self.variables = gait_variables(self.gait, gait_mechanism(self.gait, self.context))
 
     def walk(
-        self, trajectory: CoordinateTrajectory, *, fulcrum_m: float | Callable[[np.ndarray], np.ndarray],
-        start_s: float, end_s: float, step_s: float = DEFAULT_STEP_S, offsets: GeometricOffsets | None = None,
-        perturbations: Sequence[MotionPerturbation] = (), values: Mapping[str, float] | None = None,
-        with_respect_to: Sequence[str] = (), with_loads: bool = False, support_width_m: float = 0.0,
-        initial: dict[str, float] | None = None, progress: Callable[[float], None] | None = None
+        self,
+        trajectory: CoordinateTrajectory,
+        *,
+        fulcrum_m: float | Callable[[np.ndarray], np.ndarray],
+        start_s: float,
+        end_s: float,
+        step_s: float = DEFAULT_STEP_S,
+        offsets: GeometricOffsets | None = None,
+        perturbations: Sequence[MotionPerturbation] = (),
+        values: Mapping[str, float] | None = None,
+        with_respect_to: Sequence[str] = (),
+        with_loads: bool = False,
+        support_width_m: float = 0.0,
+        initial: dict[str, float] | None = None,
+        progress: Callable[[float], None] | None = None,
     ) -> Walk:
         """Follows `trajectory` from `start_s` to `end_s` in steps of `step_s`.
 
@@ -108,49 +126,89 @@ class Walker:
         tangents = tuple(variables[name].by_unit for name in with_respect_to)
         for name, by_unit in zip(with_respect_to, tangents, strict=True):
             if with_loads and by_unit.coordinate is not None:
-                raise InputError(f"loads are not differentiated by {name}: it moves a prescribed coordinate",
-                                 where="with_respect_to", right="Leave it out, or walk without with_loads")
-        geometry, slide, shift, perturbation, perturbation_rate = added(variables, values, names, len(moments))
+                raise InputError(
+                    f"loads are not differentiated by {name}: it moves a prescribed coordinate",
+                    where="with_respect_to",
+                    right="Leave it out, or walk without with_loads",
+                )
+        geometry, slide, shift, perturbation, perturbation_rate = added(
+            variables, values, names, len(moments)
+        )
         fulcrum = slide + fulcrum_on_grid(fulcrum_m, moments)
         for position in (fulcrum.min(), fulcrum.max()):
             check_fulcrum(float(position), self.model.foot)
         with self._reading:
             own = mount_of(offsets)
-            set_mount(self.gait.plant_context(self.context), self.gait.person.foot,
-                      **{name: own[name] + more for name, more in zip(OFFSETS, geometry, strict=True)})
+            set_mount(
+                self.gait.plant_context(self.context),
+                self.gait.person.foot,
+                **{name: own[name] + more for name, more in zip(OFFSETS, geometry, strict=True)},
+            )
             mechanism = edited(gait_mechanism(self.gait, self.context), variables, values)
         trajectory.sample(moments[[0, -1]])  # a window outside the recording is told as that
-        _check_memory(moments, bytes_a_step(mechanism, by=len(tangents), loads=with_loads), len(trajectory.time_s))
+        _check_memory(
+            moments,
+            bytes_a_step(mechanism, by=len(tangents), loads=with_loads),
+            len(trajectory.time_s),
+        )
         stepper = Stepper(supported_over(mechanism, support_width_m))
         mechanism = stepper.mechanism
         tree = mechanism.tree
         q = trajectory.ordered(names).sample(moments)[0] + shift + perturbation
         inputs = Inputs(
-            time_s=moments, prescribed=np.array([tree.index(name) for name in (*names, "fulcrum")]),
-            prescribed_q=np.column_stack([q, fulcrum]), fulcrum=np.array(fulcrum),
-            ground=np.full(len(moments), mechanism.ground_height))
+            time_s=moments,
+            prescribed=np.array([tree.index(name) for name in (*names, "fulcrum")]),
+            prescribed_q=np.column_stack([q, fulcrum]),
+            fulcrum=np.array(fulcrum),
+            ground=np.full(len(moments), mechanism.ground_height),
+        )
         compile_s = stepper.warm_up(sensitivities=bool(tangents))
-        q0, v0, rest_speed, by = self._start(stepper, inputs, trajectory, initial or {}, perturbation_rate, tangents)
+        q0, v0, rest_speed, by = self._start(
+            stepper, inputs, trajectory, initial or {}, perturbation_rate, tangents
+        )
         count = len(self.gait.person.foot.sites.radius)
         measured = np.arange(len(mechanism.sites)) < count
         forward = None
         if tangents:
-            forward = ForwardSensitivity(tangents=tangents, measured=measured, q0=by, loads=with_loads)
+            forward = ForwardSensitivity(
+                tangents=tangents, measured=measured, q0=by, loads=with_loads
+            )
         record = stepper.run(inputs, q0, v0, forward=forward, progress=progress)
-        prosthetic, intact = (reactions.foot_reaction(record, rows, mechanism.ground_height)
-                              for rows in (slice(0, count), slice(count, None)))
+        prosthetic, intact = (
+            reactions.foot_reaction(record, rows, mechanism.ground_height)
+            for rows in (slice(0, count), slice(count, None))
+        )
         return Walk(
-            mechanism=mechanism, record=record, prosthetic=prosthetic, intact=intact,
-            sensitivity=reactions.reaction_sensitivity(record, prosthetic, with_respect_to) if tangents else None,
-            load_sensitivity=reactions.load_sensitivity(mechanism, record, with_respect_to, tangents)
-            if tangents and with_loads else None,
-            commanded=q[1:], fulcrum_m=np.array(fulcrum), values=values, step_s=step_s,
+            mechanism=mechanism,
+            record=record,
+            prosthetic=prosthetic,
+            intact=intact,
+            sensitivity=reactions.reaction_sensitivity(record, prosthetic, with_respect_to)
+            if tangents
+            else None,
+            load_sensitivity=reactions.load_sensitivity(
+                mechanism, record, with_respect_to, tangents
+            )
+            if tangents and with_loads
+            else None,
+            commanded=q[1:],
+            fulcrum_m=np.array(fulcrum),
+            values=values,
+            step_s=step_s,
             perturbations={f"perturbation.{item.name}": item.coordinate for item in perturbations},
-            wall_s=time.perf_counter() - started - compile_s, compile_s=compile_s, rest_speed=rest_speed)
+            wall_s=time.perf_counter() - started - compile_s,
+            compile_s=compile_s,
+            rest_speed=rest_speed,
+        )
 
     def _start(
-        self, stepper: Stepper, inputs: Inputs, trajectory: CoordinateTrajectory, initial: Mapping[str, float],
-        rate: np.ndarray, tangents: tuple[ParameterTangent, ...]
+        self,
+        stepper: Stepper,
+        inputs: Inputs,
+        trajectory: CoordinateTrajectory,
+        initial: Mapping[str, float],
+        rate: np.ndarray,
+        tangents: tuple[ParameterTangent, ...],
     ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
         """q0, v0 (coordinates,) at the start of `inputs`, the largest speed that was taken for rest, and dq0 (n, P).
 
@@ -161,19 +219,27 @@ class Walker:
         tree, prescribed = stepper.mechanism.tree, self.gait.prescribed
         for name in initial:
             if name not in self.free:
-                raise InputError("is not a free coordinate", where=f"initial[{name!r}]",
-                                 right=f"Free are: {', '.join(self.free)}")
+                raise InputError(
+                    "is not a free coordinate",
+                    where=f"initial[{name!r}]",
+                    right=f"Free are: {', '.join(self.free)}",
+                )
         recorded = [name for name in self.free if name not in initial]
         unknown = [name for name in recorded if name not in trajectory.names]
         if unknown:
-            raise InputError(f"the free coordinate {unknown[0]} has no start", where="initial",
-                             right="Give it there, or a recording that holds it")
+            raise InputError(
+                f"the free coordinate {unknown[0]} has no start",
+                where="initial",
+                right="Give it there, or a recording that holds it",
+            )
         known = [*prescribed, *recorded]
         q, v, _ = trajectory.ordered(known).sample(float(inputs.time_s[0]))
         rows = np.array([tree.index(name) for name in known], dtype=np.int64)
         held = dataclasses.replace(
-            inputs, prescribed=np.concatenate([inputs.prescribed, rows[len(prescribed):]]),
-            prescribed_q=np.concatenate([inputs.prescribed_q[0], q[0, len(prescribed):]])[None, :])
+            inputs,
+            prescribed=np.concatenate([inputs.prescribed, rows[len(prescribed) :]]),
+            prescribed_q=np.concatenate([inputs.prescribed_q[0], q[0, len(prescribed) :]])[None, :],
+        )
         q0 = np.zeros(tree.num_coordinates)
         q0[held.prescribed] = held.prescribed_q[0]
         for name, value in initial.items():
@@ -181,52 +247,92 @@ class Walker:
         q0, rest_speed = stepper.settle(held, q0)
         v0 = np.zeros_like(q0)
         v0[rows] = v[0]
-        v0[rows[:len(prescribed)]] += rate
-        by = rest_sensitivity(tree, stepper.mechanism.forces, held.prescribed, q0, tangents,
-                              fulcrum=float(inputs.fulcrum[0]), ground=float(inputs.ground[0])
-                              ) if tangents else np.zeros((len(q0), 0))
+        v0[rows[: len(prescribed)]] += rate
+        by = (
+            rest_sensitivity(
+                tree,
+                stepper.mechanism.forces,
+                held.prescribed,
+                q0,
+                tangents,
+                fulcrum=float(inputs.fulcrum[0]),
+                ground=float(inputs.ground[0]),
+            )
+            if tangents
+            else np.zeros((len(q0), 0))
+        )
         return q0, v0, rest_speed, by
 
-    def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True) -> WalkResult:
-        """Packs a run with all that it takes to understand and repeat it; the energy ledger takes as long as the run.
-        """
+    def result(
+        self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True
+    ) -> WalkResult:
+        """Packs a run with all that it takes to understand and repeat it; the energy ledger takes as long as the run."""
         record, tree = walk.record, walk.mechanism.tree
         sites = self.gait.person.foot.sites
         count, prescribed = len(sites.radius), np.isin(tree.coordinate_names, self.gait.prescribed)
         ledger, counts = self.energies(walk) if energy else {}, record.counts()
         used = {  # contact, springs and support as the run used them, whatever the model file says
-            "site_columns": list(SITE_COLUMNS), "sites": walk.mechanism.sites.tolist(),
-            "spring_columns": list(SPRING_COLUMNS), "springs": walk.mechanism.springs.tolist(),
+            "site_columns": list(SITE_COLUMNS),
+            "sites": walk.mechanism.sites.tolist(),
+            "spring_columns": list(SPRING_COLUMNS),
+            "springs": walk.mechanism.springs.tolist(),
             "fulcrum_stiffness_and_damping": walk.mechanism.fulcrum.tolist(),
-            "support_width_m": walk.mechanism.support_width}
+            "support_width_m": walk.mechanism.support_width,
+        }
         friction = np.stack([record.site("friction_x"), record.site("friction_y")], axis=2)
         return WalkResult(
-            time_s=record.time_s, coordinate_names=tree.coordinate_names, q=record.q, v=record.v,
-            generalized_force=np.where(prescribed, record.load, 0.0), grf_W=walk.prosthetic.grf_W,
-            cop_W=walk.prosthetic.cop_W, free_moment_nm=walk.prosthetic.free_moment_nm, intact_grf_W=walk.intact.grf_W,
-            intact_cop_W=walk.intact.cop_W, sphere_normal_n=record.site("normal_force")[:, :count].copy(),
-            sphere_depth_m=np.maximum(record.site("depth")[:, :count], 0.0), sphere_friction_W=friction[:, :count],
-            socket_wrench=walk.socket_wrench, fulcrum_m=walk.fulcrum_m[1:],
-            prescribed_q=walk.commanded, prescribed_names=self.gait.prescribed,
+            time_s=record.time_s,
+            coordinate_names=tree.coordinate_names,
+            q=record.q,
+            v=record.v,
+            generalized_force=np.where(prescribed, record.load, 0.0),
+            grf_W=walk.prosthetic.grf_W,
+            cop_W=walk.prosthetic.cop_W,
+            free_moment_nm=walk.prosthetic.free_moment_nm,
+            intact_grf_W=walk.intact.grf_W,
+            intact_cop_W=walk.intact.cop_W,
+            sphere_normal_n=record.site("normal_force")[:, :count].copy(),
+            sphere_depth_m=np.maximum(record.site("depth")[:, :count], 0.0),
+            sphere_friction_W=friction[:, :count],
+            socket_wrench=walk.socket_wrench,
+            fulcrum_m=walk.fulcrum_m[1:],
+            prescribed_q=walk.commanded,
+            prescribed_names=self.gait.prescribed,
             energy_names=tuple(ledger),
-            energy_j=np.stack([*ledger.values()], axis=1) if ledger else np.zeros((len(record.time_s), 0)),
-            sphere_zones=tuple(sites.zone_names[i] for i in sites.zone), **counts,
+            energy_j=np.stack([*ledger.values()], axis=1)
+            if ledger
+            else np.zeros((len(record.time_s), 0)),
+            sphere_zones=tuple(sites.zone_names[i] for i in sites.zone),
+            **counts,
             converged=counts["unconverged_steps"] == 0,
-            simulated_s=float(record.time_s[-1] - record.time_s[0] + walk.step_s), wall_s=walk.wall_s,
-            compile_s=walk.compile_s, step_s=walk.step_s, subject_mass_kg=self.subject.mass_kg,
-            foot_length_m=self.model.foot.length_m, side=self.subject.prosthetic_side, trial_name=trial.name,
+            simulated_s=float(record.time_s[-1] - record.time_s[0] + walk.step_s),
+            wall_s=walk.wall_s,
+            compile_s=walk.compile_s,
+            step_s=walk.step_s,
+            subject_mass_kg=self.subject.mass_kg,
+            foot_length_m=self.model.foot.length_m,
+            side=self.subject.prosthetic_side,
+            trial_name=trial.name,
             synthetic=trial.synthetic,
-            parameters={"subject": to_plain(self.subject), "model": to_plain(self.model),
-                        "offsets": to_plain(offsets), "values": dict(walk.values),
-                        "perturbations": dict(walk.perturbations),
-                        "fulcrum_m": [float(walk.fulcrum_m.min()), float(walk.fulcrum_m.max())],
-                        "stepper": used},
-            provenance=provenance(trial.inputs), notes=(*trial.notes, *walk_notes(walk, self.subject, self.model)))
+            parameters={
+                "subject": to_plain(self.subject),
+                "model": to_plain(self.model),
+                "offsets": to_plain(offsets),
+                "values": dict(walk.values),
+                "perturbations": dict(walk.perturbations),
+                "fulcrum_m": [float(walk.fulcrum_m.min()), float(walk.fulcrum_m.max())],
+                "stepper": used,
+            },
+            provenance=provenance(trial.inputs),
+            notes=(*trial.notes, *walk_notes(walk, self.subject, self.model)),
+        )
 
     def energies(self, walk: Walk) -> dict[str, np.ndarray]:
         """The terms of `reactions.energy_ledger` of a walk, each (n,) J."""
         driven = [walk.mechanism.tree.index(name) for name in (*self.gait.prescribed, "fulcrum")]
-        return reactions.energy_ledger(walk.mechanism, walk.record, driven=np.array(driven), fulcrum_m=walk.fulcrum_m)
+        return reactions.energy_ledger(
+            walk.mechanism, walk.record, driven=np.array(driven), fulcrum_m=walk.fulcrum_m
+        )
 
 
 def bytes_a_step(mechanism: Mechanism, *, by: int = 0, loads: bool = False) -> float:
@@ -238,26 +344,42 @@ def bytes_a_step(mechanism: Mechanism, *, by: int = 0, loads: bool = False) -> f
 def _check_memory(moments: np.ndarray, step_bytes: float, rows: int) -> None:
     """InputError for a walk that would take more than MOST_BYTES."""
     # Measured on walks of 10 and 60 s and on a recording of ten minutes: 0.41 GB for the programs, 2.5 kB for each row.
-    left, taken, step_s = MOST_BYTES - 4.1e8 - 2.5e3 * rows, len(moments) * step_bytes, moments[1] - moments[0]
+    left, taken, step_s = (
+        MOST_BYTES - 4.1e8 - 2.5e3 * rows,
+        len(moments) * step_bytes,
+        moments[1] - moments[0],
+    )
     if taken > left:
         raise InputError(
             f"{moments[-1] - moments[0]:.0f} s in steps of {1e3 * step_s:g} ms would take "
             f"{1e-9 * (MOST_BYTES - left + taken):.1f} GB of memory, more than {1e-9 * MOST_BYTES:g} GB",
             where="window",
-            right=f"Choose at most {left / step_bytes * step_s:.0f} s of this recording, a part at a time" if left > 0.0
-            else f"Its files have {rows} rows, which take all of it: cut them into shorter ones")
+            right=f"Choose at most {left / step_bytes * step_s:.0f} s of this recording, a part at a time"
+            if left > 0.0
+            else f"Its files have {rows} rows, which take all of it: cut them into shorter ones",
+        )
 
 
 def simulate_trial(
-    trial: Trial, *, step_s: float = DEFAULT_STEP_S, offsets: GeometricOffsets | None = None,
-    progress: Callable[[float], None] | None = None
+    trial: Trial,
+    *,
+    step_s: float = DEFAULT_STEP_S,
+    offsets: GeometricOffsets | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> WalkResult:
     """Simulates a recorded trial, with `offsets` instead of the manifest's: the person follows the recording, the
     prosthesis and the ground respond. Raises what `Walker.walk` does."""
     walker = Walker(trial.subject, trial.model)
     offsets = offsets or trial.offsets
-    walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                       step_s=step_s, offsets=offsets, progress=progress)
+    walk = walker.walk(
+        trial.trajectory,
+        fulcrum_m=trial.fulcrum_m,
+        start_s=trial.start_s,
+        end_s=trial.end_s,
+        step_s=step_s,
+        offsets=offsets,
+        progress=progress,
+    )
     return walker.result(walk, trial, offsets)
 
 
@@ -300,15 +422,22 @@ MOST_STEPS = 10_000_000  # longer walks are mistakes in a unit
 
 def walk_grid(start_s: float, end_s: float, step_s: float) -> tuple[np.ndarray, float]:
     """The n + 1 instants (s) from `start_s` to `end_s`, and the step (s) as a float; InputError if there are none."""
-    start_s, end_s, step_s = (check_number(value, where) for value, where in
-                              ((start_s, "start_s"), (end_s, "end_s"), (step_s, "step_s")))
+    start_s, end_s, step_s = (
+        check_number(value, where)
+        for value, where in ((start_s, "start_s"), (end_s, "end_s"), (step_s, "step_s"))
+    )
     if not 0.0 < step_s <= MAX_STEP_S:
-        raise InputError(f"{step_s:g} s is not a usable step", where="step_s",
-                         right=f"It must be above 0 and at most {MAX_STEP_S:g} s")
+        raise InputError(
+            f"{step_s:g} s is not a usable step",
+            where="step_s",
+            right=f"It must be above 0 and at most {MAX_STEP_S:g} s",
+        )
     if not 0.0 < end_s - start_s <= MOST_STEPS * step_s:
-        raise InputError(f"{start_s:g} to {end_s:g} s in steps of {step_s:g} s is no time to walk",
-                         where="start_s, end_s, step_s",
-                         right=f"It must end after it starts, and have at most {MOST_STEPS:,} steps")
+        raise InputError(
+            f"{start_s:g} to {end_s:g} s in steps of {step_s:g} s is no time to walk",
+            where="start_s, end_s, step_s",
+            right=f"It must end after it starts, and have at most {MOST_STEPS:,} steps",
+        )
     steps = max(1, round((end_s - start_s) / step_s))
     moments = start_s + step_s * np.arange(steps + 1)
     moments[-1] = min(moments[-1], end_s)
@@ -324,24 +453,38 @@ def check_offsets(offsets: GeometricOffsets | None) -> GeometricOffsets:
     return offsets
 
 
-def fulcrum_on_grid(fulcrum_m: float | Callable[[np.ndarray], np.ndarray], moments: np.ndarray) -> np.ndarray:
+def fulcrum_on_grid(
+    fulcrum_m: float | Callable[[np.ndarray], np.ndarray], moments: np.ndarray
+) -> np.ndarray:
     """Positions (n,) at the moments (n,)."""
     right = "Give a finite number (m), or a function with one for each time"
     try:
         given = np.asarray(fulcrum_m(moments.copy()) if callable(fulcrum_m) else fulcrum_m)
     except Exception as error:  # the caller's function can raise anything
-        raise InputError(f"the function raises {type(error).__name__}: {error}", where="fulcrum_m",
-                         right=right) from None
-    if given.dtype.kind not in "iuf" or given.shape not in ((), moments.shape) or not np.isfinite(given).all():
-        raise InputError(f"gives {given.dtype} numbers of shape {given.shape} for {len(moments)} times, or not finite "
-                         "ones", where="fulcrum_m", right=right)
+        raise InputError(
+            f"the function raises {type(error).__name__}: {error}", where="fulcrum_m", right=right
+        ) from None
+    if (
+        given.dtype.kind not in "iuf"
+        or given.shape not in ((), moments.shape)
+        or not np.isfinite(given).all()
+    ):
+        raise InputError(
+            f"gives {given.dtype} numbers of shape {given.shape} for {len(moments)} times, or not finite "
+            "ones",
+            where="fulcrum_m",
+            right=right,
+        )
     return np.broadcast_to(given.astype(float), moments.shape)
 
 
 # What a reader of a walk's numbers has to know about the run.
 
 
-PLAUSIBLE_PEAK_BW = (0.6, 2.5)  # peak vertical force of walking, in body weights, with a wide margin
+PLAUSIBLE_PEAK_BW = (
+    0.6,
+    2.5,
+)  # peak vertical force of walking, in body weights, with a wide margin
 FOAM_AGREEMENT = 0.05  # share by which the foam may differ between bench and walk before a note says so (a choice)
 AT_REST = 1e-5  # speed (m/s, rad/s) below which free coordinates count as at rest at the start
 
@@ -349,21 +492,38 @@ AT_REST = 1e-5  # speed (m/s, rad/s) below which free coordinates count as at re
 def step_notes(record: Record, stop: str = "") -> list[str]:
     """Sentences on steps that did not converge or were cut; `stop` ends them."""
     counts = record.counts()
-    return say("walk", "steps", unconverged=counts["unconverged_steps"], refined=counts["refined_steps"],
-               steps=len(record.time_s), most=record.parts.max(), stop=stop)
+    return say(
+        "walk",
+        "steps",
+        unconverged=counts["unconverged_steps"],
+        refined=counts["refined_steps"],
+        steps=len(record.time_s),
+        most=record.parts.max(),
+        stop=stop,
+    )
 
 
 def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str]:
     """Sentences on convergence, plausibility and the start of `walk`."""
     vertical, foam = walk.prosthetic.grf_W[:, 2], foam_under_load(model.foot)
-    peak, bench = vertical.max() / (subject.mass_kg * GRAVITY), (
-        model.foot.series_stiffness_n_per_m, model.foot.series_exponent)
+    peak, bench = (
+        vertical.max() / (subject.mass_kg * GRAVITY),
+        (model.foot.series_stiffness_n_per_m, model.foot.series_exponent),
+    )
     walk_k, bench_k = (secant_stiffness(*law, FOAM_LOADS_N[1]) for law in (foam or bench, bench))
-    return [*step_notes(walk.record), *say(
-        "walk", "notes", peak_bw=None if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1] else peak,
-        deep=_too_deep(walk, model), start_n=vertical[0] if vertical[0] > reactions.LOADED_N else 0.0,
-        spheres=walk_k if abs(walk_k / bench_k - 1) > FOAM_AGREEMENT else 0.0, foam=bench_k,
-        rest_speed=walk.rest_speed if walk.rest_speed > AT_REST else 0.0)]
+    return [
+        *step_notes(walk.record),
+        *say(
+            "walk",
+            "notes",
+            peak_bw=None if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1] else peak,
+            deep=_too_deep(walk, model),
+            start_n=vertical[0] if vertical[0] > reactions.LOADED_N else 0.0,
+            spheres=walk_k if abs(walk_k / bench_k - 1) > FOAM_AGREEMENT else 0.0,
+            foam=bench_k,
+            rest_speed=walk.rest_speed if walk.rest_speed > AT_REST else 0.0,
+        ),
+    ]
 
 
 def _too_deep(walk: Walk, model: ModelParameters) -> list[tuple[str, float, float | None, float]]:
@@ -371,10 +531,15 @@ def _too_deep(walk: Walk, model: ModelParameters) -> list[tuple[str, float, floa
     count, depth = sum(len(zone.x_mm) for zone in model.foot.zones), walk.record.site("depth")
     feet = []
     for foot, depths, limit in (
-            ("prosthetic", depth[:, :count], model.foot.foam_thickness_m),
-            ("intact", depth[:, count:], float(walk.mechanism.sites[count:, 3].max(initial=0.0)))):
+        ("prosthetic", depth[:, :count], model.foot.foam_thickness_m),
+        ("intact", depth[:, count:], float(walk.mechanism.sites[count:, 3].max(initial=0.0))),
+    ):
         deepest = depths.max(axis=1, initial=0.0)
         if deepest.max() > limit:
-            since = None if deepest[0] > limit else float(walk.record.time_s[int(np.argmax(deepest > limit))])
+            since = (
+                None
+                if deepest[0] > limit
+                else float(walk.record.time_s[int(np.argmax(deepest > limit))])
+            )
             feet.append((foot, float(deepest.max()), since, limit))
     return feet

@@ -67,10 +67,21 @@ class ReferenceWalk:
 
 
 def walk_over(
-    subject: Subject, model: ModelParameters, trajectory: CoordinateTrajectory, ground: Ground, *,
-    fulcrum_m: float | Callable[[np.ndarray], np.ndarray], start_s: float, end_s: float, free: Sequence[str] = (),
-    offsets: GeometricOffsets | None = None, integrator: str = "radau3", accuracy: float = 1e-3,
-    max_step_s: float = 5e-3, sample_s: float = 1e-3, progress: Callable[[float], None] | None = None
+    subject: Subject,
+    model: ModelParameters,
+    trajectory: CoordinateTrajectory,
+    ground: Ground,
+    *,
+    fulcrum_m: float | Callable[[np.ndarray], np.ndarray],
+    start_s: float,
+    end_s: float,
+    free: Sequence[str] = (),
+    offsets: GeometricOffsets | None = None,
+    integrator: str = "radau3",
+    accuracy: float = 1e-3,
+    max_step_s: float = 5e-3,
+    sample_s: float = 1e-3,
+    progress: Callable[[float], None] | None = None,
 ) -> ReferenceWalk:
     """Follows `trajectory` over `ground` from `start_s` to `end_s`.
 
@@ -89,8 +100,11 @@ def walk_over(
         SimulationError: socket and keel find no rest at the start, or the integrator gives up.
     """
     if integrator not in INTEGRATORS:
-        raise InputError(f"{integrator!r} does not suit this system", where="integrator",
-                         right=f"Choose one of {', '.join(INTEGRATORS)}")
+        raise InputError(
+            f"{integrator!r} does not suit this system",
+            where="integrator",
+            right=f"Choose one of {', '.join(INTEGRATORS)}",
+        )
     check(subject)
     check_model(model)
     moments, _ = walk_grid(start_s, end_s, sample_s)
@@ -104,13 +118,21 @@ def walk_over(
     set_mount(gait.plant_context(context), gait.person.foot, **mount_of(offsets))
     _start(gait, diagram, context, whole, motion, float(fulcrum.value(start_s)[0, 0]))
     config = SimulatorConfig(
-        integration_scheme=integrator, accuracy=accuracy, max_step_size=max_step_s, start_time=start_s)
+        integration_scheme=integrator,
+        accuracy=accuracy,
+        max_step_size=max_step_s,
+        start_time=start_s,
+    )
     return recorded(diagram, context, gait, motion, moments, config, progress)
 
 
 def _start(
-    gait: GaitDiagram, diagram: Diagram, context: Context, trajectory: CoordinateTrajectory,
-    motion: PiecewisePolynomial, fulcrum_m: float
+    gait: GaitDiagram,
+    diagram: Diagram,
+    context: Context,
+    trajectory: CoordinateTrajectory,
+    motion: PiecewisePolynomial,
+    fulcrum_m: float,
 ) -> None:
     """Writes the state at the time of `context`: on the motion, but for what the servos must be off to bear their load.
 
@@ -131,13 +153,15 @@ def _start(
     gain = gait.driver.GetParameter(gait.driver.GetMyContextFromRoot(context), "position_gain")
     for _ in range(LOAD_ROUNDS):
         plant.SetPositionsAndVelocities(plant_context, np.concatenate((q, v)))
-        accelerations = diagram.EvalTimeDerivatives(context).CopyToVector()[len(q):]
+        accelerations = diagram.EvalTimeDerivatives(context).CopyToVector()[len(q) :]
         yielding = np.linalg.inv(plant.CalcMassMatrix(plant_context))[np.ix_(held, held)]
         q[held] -= np.linalg.solve(yielding, wanted - accelerations[held]) / gain
     plant.SetPositionsAndVelocities(plant_context, np.concatenate((q, v)))
 
 
-def _settle(gait: GaitDiagram, diagram: Diagram, context: Context, q: np.ndarray, known: list[int]) -> None:
+def _settle(
+    gait: GaitDiagram, diagram: Diagram, context: Context, q: np.ndarray, known: list[int]
+) -> None:
     """Brings `q` (coordinates,) to rest in all but `known`, these held: no force is left on the others."""
     plant, plant_context = gait.plant, gait.plant_context(context)
     loose = np.setdiff1d(np.arange(len(q)), known)
@@ -145,17 +169,22 @@ def _settle(gait: GaitDiagram, diagram: Diagram, context: Context, q: np.ndarray
     def unbalanced(x: np.ndarray) -> np.ndarray:
         q[loose] = x
         plant.SetPositionsAndVelocities(plant_context, np.concatenate((q, np.zeros(len(q)))))
-        rates = diagram.EvalTimeDerivatives(context).CopyToVector()[len(q):]
+        rates = diagram.EvalTimeDerivatives(context).CopyToVector()[len(q) :]
         return np.asarray(plant.CalcMassMatrix(plant_context) @ rates)[loose]
 
     left = np.abs(unbalanced(root(unbalanced, q[loose]).x)).max()
     if not left < REST_N:
-        raise SimulationError(f"socket and keel find no rest: {left:.3g} N or N m are left", time_s=context.get_time())
+        raise SimulationError(
+            f"socket and keel find no rest: {left:.3g} N or N m are left", time_s=context.get_time()
+        )
 
 
 def driven(
-    gait: GaitDiagram, trajectory: CoordinateTrajectory, fulcrum_m: float | Callable[[np.ndarray], np.ndarray],
-    start_s: float, end_s: float
+    gait: GaitDiagram,
+    trajectory: CoordinateTrajectory,
+    fulcrum_m: float | Callable[[np.ndarray], np.ndarray],
+    start_s: float,
+    end_s: float,
 ) -> tuple[PiecewisePolynomial, PiecewisePolynomial, Diagram, Context]:
     """`gait` in a diagram that moves it: paths of its prescribed coordinates (rad, m) and of its fulcrum (1,) m from A,
     the diagram and its Context at `start_s`."""
@@ -175,31 +204,71 @@ def driven(
 
 
 def recorded(
-    diagram: Diagram, context: Context, gait: GaitDiagram, motion: PiecewisePolynomial,
-    moments: np.ndarray, config: SimulatorConfig, progress: Callable[[float], None] | None
+    diagram: Diagram,
+    context: Context,
+    gait: GaitDiagram,
+    motion: PiecewisePolynomial,
+    moments: np.ndarray,
+    config: SimulatorConfig,
+    progress: Callable[[float], None] | None,
 ) -> ReferenceWalk:
     """Advances `diagram`, in which the prescribed coordinates of `gait` are to follow `motion`, through `moments` (n,)
     s; SimulationError where the integrator gives up."""
-    names = ("state", "driver_force", "grf", "cop", "intact_grf", "intact_cop", "normal_force", "socket_wrench")
+    names = (
+        "state",
+        "driver_force",
+        "grf",
+        "cop",
+        "intact_grf",
+        "intact_cop",
+        "normal_force",
+        "socket_wrench",
+    )
     ports = [gait.diagram.GetOutputPort(name) for name in names]
     gait_context = gait.diagram.GetMyContextFromRoot(context)
     started = time.perf_counter()
     kept, steps = advance(
-        diagram, context, moments, lambda: [port.Eval(gait_context) for port in ports], config, progress)
-    rows, n = dict(zip(names, map(np.array, zip(*kept, strict=True)), strict=True)), gait.plant.num_positions()
-    cop, intact_cop = (np.where(rows[grf][:, 2:] > LOADED_N, rows[cop], np.nan)
-                       for cop, grf in (("cop", "grf"), ("intact_cop", "intact_grf")))
+        diagram,
+        context,
+        moments,
+        lambda: [port.Eval(gait_context) for port in ports],
+        config,
+        progress,
+    )
+    rows, n = (
+        dict(zip(names, map(np.array, zip(*kept, strict=True)), strict=True)),
+        gait.plant.num_positions(),
+    )
+    cop, intact_cop = (
+        np.where(rows[grf][:, 2:] > LOADED_N, rows[cop], np.nan)
+        for cop, grf in (("cop", "grf"), ("intact_cop", "intact_grf"))
+    )
     return ReferenceWalk(
-        time_s=moments, coordinate_names=tree_of(gait.plant, gait.plant_context(context)).coordinate_names,
-        q=rows["state"][:, :n], v=rows["state"][:, n:], driver_force=rows["driver_force"], grf_W=rows["grf"], cop_W=cop,
-        intact_grf_W=rows["intact_grf"], intact_cop_W=intact_cop, normal_n=rows["normal_force"],
-        socket_wrench=rows["socket_wrench"], prescribed=gait.prescribed,
-        commanded=motion.vector_values(moments.tolist()).T, steps=steps, wall_s=time.perf_counter() - started)
+        time_s=moments,
+        coordinate_names=tree_of(gait.plant, gait.plant_context(context)).coordinate_names,
+        q=rows["state"][:, :n],
+        v=rows["state"][:, n:],
+        driver_force=rows["driver_force"],
+        grf_W=rows["grf"],
+        cop_W=cop,
+        intact_grf_W=rows["intact_grf"],
+        intact_cop_W=intact_cop,
+        normal_n=rows["normal_force"],
+        socket_wrench=rows["socket_wrench"],
+        prescribed=gait.prescribed,
+        commanded=motion.vector_values(moments.tolist()).T,
+        steps=steps,
+        wall_s=time.perf_counter() - started,
+    )
 
 
 def advance(
-    diagram: Diagram, context: Context, moments: np.ndarray, record: Callable[[], Any], config: SimulatorConfig,
-    progress: Callable[[float], None] | None
+    diagram: Diagram,
+    context: Context,
+    moments: np.ndarray,
+    record: Callable[[], Any],
+    config: SimulatorConfig,
+    progress: Callable[[float], None] | None,
 ) -> tuple[list[Any], int]:
     """Advances to each of `moments` (n,) s, at the first of which `config` starts; what `record` returns there, and the
     integrator's steps. SimulationError if it gives up."""
@@ -209,15 +278,19 @@ def advance(
         try:
             simulator.AdvanceTo(float(moment))
         except RuntimeError as error:
-            raise SimulationError(f"{config.integration_scheme} gave up: {error}",
-                                  time_s=simulator.get_context().get_time()) from error
+            raise SimulationError(
+                f"{config.integration_scheme} gave up: {error}",
+                time_s=simulator.get_context().get_time(),
+            ) from error
         rows.append(record())
         if progress:
             progress(float((moment - moments[0]) / max(moments[-1] - moments[0], 1e-12)))
     return rows, simulator.get_integrator().get_num_steps_taken()
 
 
-def drive(builder: DiagramBuilder, name: str, path: PiecewisePolynomial, order: int, port: InputPort) -> None:
+def drive(
+    builder: DiagramBuilder, name: str, path: PiecewisePolynomial, order: int, port: InputPort
+) -> None:
     """Feeds `port` from `path` and its first `order` derivatives."""
     source = builder.AddNamedSystem(name, TrajectorySource(path, output_derivative_order=order))
     builder.Connect(source.get_output_port(), port)

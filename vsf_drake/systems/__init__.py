@@ -20,7 +20,12 @@ from vsf_drake.systems.contact import (
     TestingMachine_,
 )
 from vsf_drake.systems.foot_forces import FootForces, FootForces_
-from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumActuator_, FulcrumSupport, FulcrumSupport_
+from vsf_drake.systems.fulcrum import (
+    FulcrumActuator,
+    FulcrumActuator_,
+    FulcrumSupport,
+    FulcrumSupport_,
+)
 from vsf_drake.systems.joint_forces import (
     GaitDriver,
     GaitDriver_,
@@ -39,9 +44,30 @@ from vsf_drake.systems.swing_controller import (
 )
 
 __all__ = [
-    "AdjustmentRecorder", "AdjustmentRecorder_", "FootForces", "FootForces_", "FulcrumActuator", "FulcrumActuator_",
-    "FulcrumSupport", "FulcrumSupport_", "GaitDriver", "GaitDriver_", "GroundReaction", "GroundReaction_",
-    "KeelElasticity", "KeelElasticity_", "KelvinVoigtContact", "KelvinVoigtContact_", "ShankAngle", "ShankAngle_",
-    "SocketBushing", "SocketBushing_", "StickSlipFriction", "StickSlipFriction_", "SwingController", "SwingController_",
-    "TestingMachine", "TestingMachine_",
+    "AdjustmentRecorder",
+    "AdjustmentRecorder_",
+    "FootForces",
+    "FootForces_",
+    "FulcrumActuator",
+    "FulcrumActuator_",
+    "FulcrumSupport",
+    "FulcrumSupport_",
+    "GaitDriver",
+    "GaitDriver_",
+    "GroundReaction",
+    "GroundReaction_",
+    "KeelElasticity",
+    "KeelElasticity_",
+    "KelvinVoigtContact",
+    "KelvinVoigtContact_",
+    "ShankAngle",
+    "ShankAngle_",
+    "SocketBushing",
+    "SocketBushing_",
+    "StickSlipFriction",
+    "StickSlipFriction_",
+    "SwingController",
+    "SwingController_",
+    "TestingMachine",
+    "TestingMachine_",
 ]

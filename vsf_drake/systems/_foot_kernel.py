@@ -26,11 +26,25 @@ from vsf_drake.laws.scalar import friction_per_speed, normal_force
 from vsf_drake.laws.smooth_contact import normal_force as smooth_force
 from vsf_drake.laws.stick_slip import coefficient_per_speed
 
-SCALARS = ("threshold_velocity", "depth_width", "rate_width", "fulcrum_stiffness", "fulcrum_damping", "carriage_gain",
-           "carriage_rate_gain")
+SCALARS = (
+    "threshold_velocity",
+    "depth_width",
+    "rate_width",
+    "fulcrum_stiffness",
+    "fulcrum_damping",
+    "carriage_gain",
+    "carriage_rate_gain",
+)
 SITE_COLUMNS = ("radius", "stiffness", "exponent", "damping", "full_damping_depth", "dissipation")
-PATCH_COLUMNS = ("ground_reference_x", "ground_height", "ground_slope", "ground_bank", "ground_compliance",
-                 "mu_static", "mu_kinetic")
+PATCH_COLUMNS = (
+    "ground_reference_x",
+    "ground_height",
+    "ground_slope",
+    "ground_bank",
+    "ground_compliance",
+    "mu_static",
+    "mu_kinetic",
+)
 SMOOTH, HUNT_CROSSLEY = 1, 2
 """Numbers of these contact laws; 0 is kelvin_voigt."""
 HEAD = 15
@@ -39,11 +53,26 @@ HEAD = 15
 
 def slices(joints: int, sites: int, velocities: int) -> dict[str, slice]:
     """Where each output lies in the vector of `foot_vector`, for a plant of so many `velocities`."""
-    sizes = {"wrench": 6, "carriage": 1, "support_force": 1, "grf": 3, "cop": 3, "free_moment": 1, "moment": joints,
-             "joint_moment": joints, "normal_force": sites, "depth": sites, "depth_rate": sites,
-             "friction_force": 3 * sites, "generalized_force": velocities}
+    sizes = {
+        "wrench": 6,
+        "carriage": 1,
+        "support_force": 1,
+        "grf": 3,
+        "cop": 3,
+        "free_moment": 1,
+        "moment": joints,
+        "joint_moment": joints,
+        "normal_force": sites,
+        "depth": sites,
+        "depth_rate": sites,
+        "friction_force": 3 * sites,
+        "generalized_force": velocities,
+    }
     ends = np.cumsum(list(sizes.values()))
-    return {name: slice(int(end) - size, int(end)) for (name, size), end in zip(sizes.items(), ends, strict=True)}
+    return {
+        name: slice(int(end) - size, int(end))
+        for (name, size), end in zip(sizes.items(), ends, strict=True)
+    }
 
 
 @internal
@@ -59,24 +88,32 @@ def _rounded(x: float, width: float) -> float:
 
 @internal
 def _press(
-    law: int, signed: float, rate: float, site: np.ndarray, compliance: float, depth_width: float, rate_width: float
+    law: int,
+    signed: float,
+    rate: float,
+    site: np.ndarray,
+    compliance: float,
+    depth_width: float,
+    rate_width: float,
 ) -> float:
     """Normal force (N) of one sphere."""
     depth = _rounded(signed, depth_width) if law == SMOOTH else max(signed, 0.0)
     if compliance > 0.0 and depth > 0.0:  # foam and ground in series: `ground.foam_depth`
         softness = compliance * site[1]
         depth = foam_root(depth, softness, site[2])
-        rate /= 1.0 + site[2] * softness * depth**site[2] / depth
+        rate /= 1.0 + site[2] * softness * depth ** site[2] / depth
     if law == SMOOTH:
         rate = _rounded(rate, rate_width)
     elif law == HUNT_CROSSLEY:
-        force: float = site[1] * depth**site[2] * max(1.0 + site[5] * rate, 0.0)
+        force: float = site[1] * depth ** site[2] * max(1.0 + site[5] * rate, 0.0)
         return force
     return normal_force(depth, rate, site[1], site[2], site[3], site[4])[0]
 
 
 @internal
-def _stick(law: int, squared: float, mu_static: float, mu_kinetic: float, threshold: float) -> float:
+def _stick(
+    law: int, squared: float, mu_static: float, mu_kinetic: float, threshold: float
+) -> float:
     """mu(V) / V (s/m), of V^2."""
     speed = math.sqrt(squared)
     if law != SMOOTH:
@@ -90,9 +127,21 @@ def _stick(law: int, squared: float, mu_static: float, mu_kinetic: float, thresh
 
 @partial(compiled, allocates=True)
 def foot_vector(
-    law: int, starts: np.ndarray, site_keel: np.ndarray, p_BS: np.ndarray, sites: np.ndarray, patches: np.ndarray,
-    bounds: np.ndarray, joints: np.ndarray, scalars: np.ndarray, at: np.ndarray, velocities: int, X: np.ndarray,
-    V: np.ndarray, state: np.ndarray, position: float
+    law: int,
+    starts: np.ndarray,
+    site_keel: np.ndarray,
+    p_BS: np.ndarray,
+    sites: np.ndarray,
+    patches: np.ndarray,
+    bounds: np.ndarray,
+    joints: np.ndarray,
+    scalars: np.ndarray,
+    at: np.ndarray,
+    velocities: int,
+    X: np.ndarray,
+    V: np.ndarray,
+    state: np.ndarray,
+    position: float,
 ) -> np.ndarray:
     """All outputs of one foot, see `slices`.
 
@@ -106,8 +155,11 @@ def foot_vector(
     kind = state.dtype
     out = np.zeros(HEAD + 2 * m + 6 * count + velocities, kind)
     sin, cos, rates = np.zeros(m, kind), np.zeros(m, kind), np.zeros(m, kind)
-    place, moving = np.zeros((m, 2), kind), np.zeros((m, 2), kind)  # x and z in K of the joints, and their velocities
-    moment, spring = out[HEAD:HEAD + m], out[HEAD + m:HEAD + 2 * m]
+    place, moving = (
+        np.zeros((m, 2), kind),
+        np.zeros((m, 2), kind),
+    )  # x and z in K of the joints, and their velocities
+    moment, spring = out[HEAD : HEAD + m], out[HEAD + m : HEAD + 2 * m]
 
     # The planar chain in K: a keel body at the angle sum(q_0..q_i), positive toe up, and each joint a length further
     # along the body before it; velocities are those formulas' time derivatives, relative to the frame.
@@ -117,7 +169,10 @@ def foot_vector(
             place[0, 0] = starts[0]
         else:
             length = starts[i] - starts[i - 1]
-            place[i, 0], place[i, 1] = place[i - 1, 0] + length * cos[i - 1], place[i - 1, 1] + length * sin[i - 1]
+            place[i, 0], place[i, 1] = (
+                place[i - 1, 0] + length * cos[i - 1],
+                place[i - 1, 1] + length * sin[i - 1],
+            )
             moving[i, 0] = moving[i - 1, 0] - length * rates[i - 1] * sin[i - 1]
             moving[i, 1] = moving[i - 1, 1] + length * rates[i - 1] * cos[i - 1]
         q, v = state[at[0, i]], state[at[1, i]]
@@ -140,7 +195,9 @@ def foot_vector(
     out[6] = scalars[5] * (position - state[at[0, m]]) - scalars[6] * state[at[1, m]]
     out[7] = support
 
-    load = mx = my = mz = ux = uy = uz = wx = wy = wz = 0.0  # weighted sums: contact point, normal; moment about Fo
+    load = mx = my = mz = ux = uy = uz = wx = wy = wz = (
+        0.0  # weighted sums: contact point, normal; moment about Fo
+    )
     for s in range(count):
         # The centre S from Fo in K, its velocity relative to the frame, and its body's spin about -y_K
         k = site_keel[s]
@@ -170,7 +227,11 @@ def foot_vector(
         approach = -(nx * wfx + ny * wfy + nz * wfz)
         force = _press(law, signed, approach, sites[s], patches[patch, 4], scalars[1], scalars[2])
         first = HEAD + 2 * m
-        out[first + s], out[first + count + s], out[first + 2 * count + s] = force, max(signed, 0.0), approach
+        out[first + s], out[first + count + s], out[first + 2 * count + s] = (
+            force,
+            max(signed, 0.0),
+            approach,
+        )
         if force == 0.0:
             continue
 
@@ -181,8 +242,10 @@ def foot_vector(
         cz = wfz - radius * (ox * ny - oy * nx)
         lift = nx * cx + ny * cy + nz * cz
         cx, cy, cz = cx - lift * nx, cy - lift * ny, cz - lift * nz
-        grip = -force * _stick(law, cx * cx + cy * cy + cz * cz, patches[patch, 5], patches[patch, 6], scalars[0])
-        f = out[first + 3 * count + 3 * s:first + 3 * count + 3 * s + 3]
+        grip = -force * _stick(
+            law, cx * cx + cy * cy + cz * cz, patches[patch, 5], patches[patch, 6], scalars[0]
+        )
+        f = out[first + 3 * count + 3 * s : first + 3 * count + 3 * s + 3]
         f[0], f[1], f[2] = grip * cx, grip * cy, grip * cz
 
         # The whole force acts at C = S - radius n: sums of force, of moment about Fo, and of what is weighted by the
@@ -193,7 +256,11 @@ def foot_vector(
         out[8], out[9], out[10] = out[8] + fx, out[9] + fy, out[10] + fz
         depth = max(signed, 0.0)
         load, ux, uy, uz = load + force, ux + force * nx, uy + force * ny, uz + force * nz
-        mx, my, mz = mx + force * (rx + depth * nx), my + force * (ry + depth * ny), mz + force * (rz + depth * nz)
+        mx, my, mz = (
+            mx + force * (rx + depth * nx),
+            my + force * (ry + depth * ny),
+            mz + force * (rz + depth * nz),
+        )
 
         # Moments in the joints that carry the sphere, of C and force in K, positive about -y_K
         if k >= 0:
@@ -204,7 +271,9 @@ def foot_vector(
             for j in range(k + 1):
                 moment[j] += (kx - place[j, 0]) * gz - (kz - place[j, 1]) * gx
 
-    shift = len(out) - len(state)  # from places in the state, whose end the velocities are, to places in `out`
+    shift = len(out) - len(
+        state
+    )  # from places in the state, whose end the velocities are, to places in `out`
     for j in range(m):
         out[shift + at[1, j]] = moment[j]
     out[shift + at[1, m]] = out[6]
@@ -217,7 +286,15 @@ def foot_vector(
 
 @internal
 def _pressure_centre(
-    out: np.ndarray, X: np.ndarray, load: float, mx: float, my: float, mz: float, ux: float, uy: float, uz: float
+    out: np.ndarray,
+    X: np.ndarray,
+    load: float,
+    mx: float,
+    my: float,
+    mz: float,
+    ux: float,
+    uy: float,
+    uz: float,
 ) -> None:
     """Centre of pressure and free moment, see `FootForces`, from sums weighted by the normal forces."""
     # p: the mean point, from Fo; u: the mean normal; a: the moment about p. The centre of pressure is p + t with
@@ -226,24 +303,53 @@ def _pressure_centre(
     size = math.sqrt(ux * ux + uy * uy + uz * uz)
     ux, uy, uz = ux / size, uy / size, uz / size
     fx, fy, fz = out[8], out[9], out[10]
-    ax, ay, az = out[0] - (py * fz - pz * fy), out[1] - (pz * fx - px * fz), out[2] - (px * fy - py * fx)
+    ax, ay, az = (
+        out[0] - (py * fz - pz * fy),
+        out[1] - (pz * fx - px * fz),
+        out[2] - (px * fy - py * fx),
+    )
     across = fx * ux + fy * uy + fz * uz
-    tx, ty, tz = (uy * az - uz * ay) / across, (uz * ax - ux * az) / across, (ux * ay - uy * ax) / across
+    tx, ty, tz = (
+        (uy * az - uz * ay) / across,
+        (uz * ax - ux * az) / across,
+        (ux * ay - uy * ax) / across,
+    )
     out[11], out[12], out[13] = X[0, 3] + px + tx, X[1, 3] + py + ty, X[2, 3] + pz + tz
-    out[14] = ux * (ax - (ty * fz - tz * fy)) + uy * (ay - (tz * fx - tx * fz)) + uz * (az - (tx * fy - ty * fx))
+    out[14] = (
+        ux * (ax - (ty * fz - tz * fy))
+        + uy * (ay - (tz * fx - tx * fz))
+        + uz * (az - (tx * fy - ty * fx))
+    )
 
 
 # The same for AutoDiffXd: the functions above in Python, with the array laws in place of their scalar forms.
 
 
-def _press_by_law(law: int, signed: Any, rate: Any, site: np.ndarray, compliance: Any, depth_width: Any,
-                  rate_width: Any) -> Any:
+def _press_by_law(
+    law: int,
+    signed: Any,
+    rate: Any,
+    site: np.ndarray,
+    compliance: Any,
+    depth_width: Any,
+    rate_width: Any,
+) -> Any:
     _, k, n, damping, full_depth, dissipation = site
-    elastic, damped = {"stiffness": k, "exponent": n}, {"damping": damping, "full_damping_depth": full_depth}
+    elastic, damped = (
+        {"stiffness": k, "exponent": n},
+        {"damping": damping, "full_damping_depth": full_depth},
+    )
     depth, share = foam_depth(positive_part(signed), **elastic, compliance=compliance)
     if law == SMOOTH:
-        force = smooth_force(signed, rate, **elastic, **damped, depth_width=depth_width, rate_width=rate_width,
-                             compliance=compliance)
+        force = smooth_force(
+            signed,
+            rate,
+            **elastic,
+            **damped,
+            depth_width=depth_width,
+            rate_width=rate_width,
+            compliance=compliance,
+        )
     elif law == HUNT_CROSSLEY:
         force = hunt_crossley_force(depth, share * rate, **elastic, dissipation=dissipation)
     else:
@@ -252,16 +358,28 @@ def _press_by_law(law: int, signed: Any, rate: Any, site: np.ndarray, compliance
 
 
 def _stick_by_law(law: int, squared: Any, mu_static: Any, mu_kinetic: Any, threshold: Any) -> Any:
-    return coefficient_per_speed(squared, mu_static=mu_static, mu_kinetic=mu_kinetic, threshold_velocity=threshold,
-                                 smooth=law == SMOOTH).item()
+    return coefficient_per_speed(
+        squared,
+        mu_static=mu_static,
+        mu_kinetic=mu_kinetic,
+        threshold_velocity=threshold,
+        smooth=law == SMOOTH,
+    ).item()
 
 
 def _in_python(function: Compiled[..., Any], **names: Any) -> Any:
     """The function that was compiled, with `names` in place of what it calls."""
     python: Any = function.py_func
-    return FunctionType(python.__code__, {**python.__globals__, "math": pydrake.math, **names}, python.__name__)
+    return FunctionType(
+        python.__code__, {**python.__globals__, "math": pydrake.math, **names}, python.__name__
+    )
 
 
-foot_vector_in_python = _in_python(foot_vector, _press=_press_by_law, _stick=_stick_by_law,
-                                   patch_under=_in_python(patch_under), _pressure_centre=_in_python(_pressure_centre))
+foot_vector_in_python = _in_python(
+    foot_vector,
+    _press=_press_by_law,
+    _stick=_stick_by_law,
+    patch_under=_in_python(patch_under),
+    _pressure_centre=_in_python(_pressure_centre),
+)
 """`foot_vector` of arrays of AutoDiffXd."""

@@ -41,8 +41,10 @@ FARTHEST_M = 10.0
 
 def _of(schema: type, before: str = "", **names: str) -> dict[str, tuple[str, float, float]]:
     metadata = {field.name: field.metadata for field in fields(schema)}
-    return {name: (metadata[field]["unit"], metadata[field]["low"], metadata[field]["high"])
-            for name, field in (names or {f"{before}{field}": field for field in metadata}).items()}
+    return {
+        name: (metadata[field]["unit"], metadata[field]["low"], metadata[field]["high"])
+        for name, field in (names or {f"{before}{field}": field for field in metadata}).items()
+    }
 
 
 def _positive(unit: str, *names: str, low: float = 0.0) -> dict[str, tuple[str, float, float]]:
@@ -51,23 +53,47 @@ def _positive(unit: str, *names: str, low: float = 0.0) -> dict[str, tuple[str, 
 
 BOUNDS: dict[str, tuple[str, float, float]] = {
     **_of(parameters.ContactZone, exponent="exponent", full_damping_depth="full_damping_depth_m"),
-    "radius": ("m", 0.0, 0.2), **_positive("N s/m", "damping"), **_positive("N/m^exponent", "stiffness"),
-    **_of(parameters.FrictionParameters, mu_static="mu_static", mu_kinetic="mu_kinetic",
-          threshold_velocity="threshold_velocity_m_per_s"),
-    **_of(GroundPatch, ground_bounds="to_x_m", ground_reference_x="reference_x_m", ground_height="height_m"),
-    **dict.fromkeys(("ground_slope", "ground_bank"), ("1", -1.0, 1.0)), "ground_compliance": ("m/N", 0.0, 1.0),
-    **_of(parameters.FulcrumParameters, fulcrum_m="foremost_m", rearmost="rearmost_m", foremost="foremost_m",
-          carriage_mass="carriage_mass_kg"),
-    **_of(parameters.BushingAxis, "socket_"), **_of(parameters.SocketParameters, socket_stop_ratio="stop_ratio"),
+    "radius": ("m", 0.0, 0.2),
+    **_positive("N s/m", "damping"),
+    **_positive("N/m^exponent", "stiffness"),
+    **_of(
+        parameters.FrictionParameters,
+        mu_static="mu_static",
+        mu_kinetic="mu_kinetic",
+        threshold_velocity="threshold_velocity_m_per_s",
+    ),
+    **_of(
+        GroundPatch,
+        ground_bounds="to_x_m",
+        ground_reference_x="reference_x_m",
+        ground_height="height_m",
+    ),
+    **dict.fromkeys(("ground_slope", "ground_bank"), ("1", -1.0, 1.0)),
+    "ground_compliance": ("m/N", 0.0, 1.0),
+    **_of(
+        parameters.FulcrumParameters,
+        fulcrum_m="foremost_m",
+        rearmost="rearmost_m",
+        foremost="foremost_m",
+        carriage_mass="carriage_mass_kg",
+    ),
+    **_of(parameters.BushingAxis, "socket_"),
+    **_of(parameters.SocketParameters, socket_stop_ratio="stop_ratio"),
     **_of(parameters.ActuatorParameters),
-    "p_BS": ("m", -math.inf, math.inf), **_positive("s/m", "dissipation"),
-    **_positive("m", "depth_width", "reached", low=1e-9), **_positive("m/s", "rate_width", low=1e-9),
-    **_positive("N m/rad", "joint_stiffness"), **_positive("N m s/rad", "joint_damping"),
+    "p_BS": ("m", -math.inf, math.inf),
+    **_positive("s/m", "dissipation"),
+    **_positive("m", "depth_width", "reached", low=1e-9),
+    **_positive("m/s", "rate_width", low=1e-9),
+    **_positive("N m/rad", "joint_stiffness"),
+    **_positive("N m s/rad", "joint_damping"),
     **_positive("N/m", "fulcrum_stiffness", "carriage_gain"),
     **_positive("N s/m", "fulcrum_damping", "carriage_rate_gain"),
-    **_positive("N/m or N m/rad", "position_gain"), **_positive("N s/m or N m s/rad", "velocity_gain"),
-    **_positive("N", "unload_force", "load_force"), **_positive("rad/s", "swing_rate", "stop_rate"),
-    "least_lean": ("rad", -math.pi, math.pi), **_positive("s", "debounce", "least_stance"),
+    **_positive("N/m or N m/rad", "position_gain"),
+    **_positive("N s/m or N m s/rad", "velocity_gain"),
+    **_positive("N", "unload_force", "load_force"),
+    **_positive("rad/s", "swing_rate", "stop_rate"),
+    "least_lean": ("rad", -math.pi, math.pi),
+    **_positive("s", "debounce", "least_stance"),
 }
 """Unit, least and largest value of every parameter in a Context: the schemas' where they have it, else what its law
 bears. Keel, fulcrum and socket have joint_, fulcrum_ and socket_ before the names of their own systems."""
@@ -128,11 +154,18 @@ class System(_Leaf):
             try:
                 vector = checked[index] = np.broadcast_to(value, shape).ravel()
             except ValueError:
-                raise ValueError(f"{name} has shape {shape}, but was given {np.shape(value)}") from None
-            numbers = all(item is not None for item in vector) if vector.dtype == object else (
-                vector.dtype.kind in "biuf" and np.isfinite(vector).all())
+                raise ValueError(
+                    f"{name} has shape {shape}, but was given {np.shape(value)}"
+                ) from None
+            numbers = (
+                all(item is not None for item in vector)
+                if vector.dtype == object
+                else (vector.dtype.kind in "biuf" and np.isfinite(vector).all())
+            )
             if not numbers:
-                raise ValueError(f"{name} must be a finite number or numbers, but was given {value!r}")
+                raise ValueError(
+                    f"{name} must be a finite number or numbers, but was given {value!r}"
+                )
         for index, vector in checked.items():
             context.get_mutable_numeric_parameter(index).SetFromVector(vector)
 
@@ -141,13 +174,20 @@ class System(_Leaf):
         try:
             self.ValidateContext(context)
         except (RuntimeError, TypeError):
-            raise InputError("belongs to another system than this", where=f"context of {self.get_name()!r}",
-                             right="Take system.GetMyMutableContextFromRoot(root_context)") from None
+            raise InputError(
+                "belongs to another system than this",
+                where=f"context of {self.get_name()!r}",
+                right="Take system.GetMyMutableContextFromRoot(root_context)",
+            ) from None
         for name in names:
             if name not in self.parameter_index:
-                raise ValueError(f"there is no parameter {name!r}; known are {', '.join(self.parameter_index)}")
+                raise ValueError(
+                    f"there is no parameter {name!r}; known are {', '.join(self.parameter_index)}"
+                )
 
-    def _declare_parameters(self, of: str = "", /, **constants: tuple[Any, tuple[int, ...]]) -> None:
+    def _declare_parameters(
+        self, of: str = "", /, **constants: tuple[Any, tuple[int, ...]]
+    ) -> None:
         """Declares name=(value, shape); in BOUNDS `of` is before the names. `self._constants(context)` reads and checks
         them."""
         self._bounds = {name: BOUNDS[f"{of}{name}"] for name in constants}
@@ -155,20 +195,31 @@ class System(_Leaf):
             try:
                 vector = np.broadcast_to(np.asarray(value, dtype=float), shape).ravel()
             except ValueError:
-                raise ValueError(f"{name} must have shape {shape}, but has {np.shape(value)}") from None
-            self.parameter_index[name] = self.DeclareNumericParameter(framework.BasicVector_[self._T](vector))
+                raise ValueError(
+                    f"{name} must have shape {shape}, but has {np.shape(value)}"
+                ) from None
+            self.parameter_index[name] = self.DeclareNumericParameter(
+                framework.BasicVector_[self._T](vector)
+            )
             self._shapes[name] = shape
-        self._constants = self._declare_cached("constants", self._read_parameters, self.all_parameters_ticket())
+        self._constants = self._declare_cached(
+            "constants", self._read_parameters, self.all_parameters_ticket()
+        )
 
     def _read_parameters(self, context: framework.Context) -> dict[str, np.ndarray]:
-        read = {name: context.get_numeric_parameter(index).CopyToVector()
-                for name, index in self.parameter_index.items()}
+        read = {
+            name: context.get_numeric_parameter(index).CopyToVector()
+            for name, index in self.parameter_index.items()
+        }
         for name, (unit, low, high) in self._bounds.items() if self._T is not Expression else ():
             outside = [value for value in read[name] if not low <= value <= high]
             if outside:
                 worst = outside[0].value() if isinstance(outside[0], AutoDiffXd) else outside[0]
-                raise InputError(f"is {worst:g} {unit}", where=f"{name} of {self.get_name()!r}",
-                                 right=f"It must be from {low:g} to {high:g} {unit}")
+                raise InputError(
+                    f"is {worst:g} {unit}",
+                    where=f"{name} of {self.get_name()!r}",
+                    right=f"It must be from {low:g} to {high:g} {unit}",
+                )
         return {name: value.reshape(self._shapes[name])[()] for name, value in read.items()}
 
     def _declare_inputs(self, **sizes: int) -> None:
@@ -179,30 +230,46 @@ class System(_Leaf):
         """The inputs that take MultibodyPlant's ports `body_poses` and `body_spatial_velocities`, or those `names`."""
         kinds = {"body_poses": RigidTransform_, "body_spatial_velocities": SpatialVelocity_}
         for name in names or kinds:
-            self._ports[name] = self.DeclareAbstractInputPort(name, AbstractValue.Make([kinds[name][self._T]()]))
+            self._ports[name] = self.DeclareAbstractInputPort(
+                name, AbstractValue.Make([kinds[name][self._T]()])
+            )
 
     def _value(self, context: framework.Context, name: str) -> Any:
         return self._ports[name].Eval(context)
 
     def _fulcrum_place(self, context: framework.Context) -> Any:
         """The input `fulcrum_position`, or the parameter fulcrum_m where it is not connected (m from A)."""
-        given = "fulcrum_m" not in self.parameter_index or self._ports["fulcrum_position"].HasValue(context)
-        position = self._value(context, "fulcrum_position")[0] if given else self._constants(context)["fulcrum_m"]
+        given = "fulcrum_m" not in self.parameter_index or self._ports["fulcrum_position"].HasValue(
+            context
+        )
+        position = (
+            self._value(context, "fulcrum_position")[0]
+            if given
+            else self._constants(context)["fulcrum_m"]
+        )
         if self._T is not Expression and not -FARTHEST_M <= position <= FARTHEST_M:
-            raise InputError(f"the fulcrum at {position} m from A is under no foot",
-                             where=f"fulcrum_position of {self.get_name()!r}",
-                             right="It is in metres: 0.066 to 0.151 for the nominal foot")
+            raise InputError(
+                f"the fulcrum at {position} m from A is under no foot",
+                where=f"fulcrum_position of {self.get_name()!r}",
+                right="It is in metres: 0.066 to 0.151 for the nominal foot",
+            )
         return position
 
     def _declare_output(
-        self, name: str, size: int, calc: Callable[[framework.Context], Any], *sources: framework.DependencyTicket
+        self,
+        name: str,
+        size: int,
+        calc: Callable[[framework.Context], Any],
+        *sources: framework.DependencyTicket,
     ) -> None:
         value = _weakly(calc)
 
         def write(context: framework.Context, out: Any) -> None:
             out.SetFromVector(value(context))
 
-        if self._T is Expression:  # which Drake stores as numbers that are not: numpy would warn of each
+        if (
+            self._T is Expression
+        ):  # which Drake stores as numbers that are not: numpy would warn of each
             write = np.errstate(invalid="ignore")(write)
         self.DeclareVectorOutputPort(name, size, write, *([set(sources)] if sources else []))
 
@@ -211,14 +278,24 @@ class System(_Leaf):
             self._declare_part(name, size, entry, name)
 
     def _declare_part(
-        self, name: str, size: int, entry: Callable[[framework.Context], Any], key: object,
-        *sources: framework.DependencyTicket
+        self,
+        name: str,
+        size: int,
+        entry: Callable[[framework.Context], Any],
+        key: object,
+        *sources: framework.DependencyTicket,
     ) -> None:
         self._declare_output(name, size, lambda context: entry(context)[key], *sources)
 
-    def _declare_spatial_forces(self, calc: Callable[[framework.Context], Iterable[tuple[int, np.ndarray]]]) -> None:
+    def _declare_spatial_forces(
+        self, calc: Callable[[framework.Context], Iterable[tuple[int, np.ndarray]]]
+    ) -> None:
         """An output of the pairs that `calc(context)` returns: body, (6,) moment and force in W at its origin."""
-        pairs, applied, force = _weakly(calc), ExternallyAppliedSpatialForce_[self._T], SpatialForce_[self._T]
+        pairs, applied, force = (
+            _weakly(calc),
+            ExternallyAppliedSpatialForce_[self._T],
+            SpatialForce_[self._T],
+        )
 
         def packed(body: int, F_Bo_W: np.ndarray) -> Any:
             one = applied()
@@ -228,10 +305,15 @@ class System(_Leaf):
         def write(context: Any, out: Any) -> None:
             out.set_value([packed(*pair) for pair in pairs(context)])
 
-        self.DeclareAbstractOutputPort("spatial_forces", lambda: AbstractValue.Make([applied()]), write)
+        self.DeclareAbstractOutputPort(
+            "spatial_forces", lambda: AbstractValue.Make([applied()]), write
+        )
 
     def _declare_cached(
-        self, name: str, calc: Callable[[framework.Context], R], *sources: framework.DependencyTicket
+        self,
+        name: str,
+        calc: Callable[[framework.Context], R],
+        *sources: framework.DependencyTicket,
     ) -> Callable[[framework.Context], R]:
         """What the method `calc(context)` returns, kept until a source changes, by default inputs and parameters."""
         compute = _weakly(calc)
@@ -241,8 +323,10 @@ class System(_Leaf):
             value.set_value(compute(context))
 
         index = self.DeclareCacheEntry(
-            name, framework.ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=write),
-            set(sources or (self.all_input_ports_ticket(), self.all_parameters_ticket()))).cache_index()
+            name,
+            framework.ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=write),
+            set(sources or (self.all_input_ports_ticket(), self.all_parameters_ticket())),
+        ).cache_index()
         return lambda context: owner().get_cache_entry(index).Eval(context)
 
     def _declare_periodic(
@@ -275,10 +359,14 @@ S = TypeVar("S", bound=System)
 
 def system_template(*others: type) -> Callable[[type[S]], type[S]]:
     """A System becomes the class for float; those for float and `others`, by default AutoDiffXd, are its `template`."""
+
     def decorate(cls: type[S]) -> type[S]:
         define: Any = TemplateSystem.define
-        cls.template = define(f"{cls.__name__}_", T_list=[float, *(others or [AutoDiffXd])],
-                              scope=sys.modules[cls.__module__])(lambda T: _instantiation(cls, T))
+        cls.template = define(
+            f"{cls.__name__}_",
+            T_list=[float, *(others or [AutoDiffXd])],
+            scope=sys.modules[cls.__module__],
+        )(lambda T: _instantiation(cls, T))
         for_float: type[S] = cls.template[float]
         return for_float
 
@@ -298,6 +386,14 @@ def _instantiation(cls: type[S], T: type) -> type:
     def _construct_copy(self: Any, other: S, converter: Any = None) -> None:
         _construct(self, converter=converter, **other._arguments_for(T))
 
-    return type(cls.__name__, (cls, leaf), {
-        "__doc__": cls.__doc__, "__slots__": (PEERS, "_ports"), "_T": T, "_construct": _construct,
-        "_construct_copy": _construct_copy})
+    return type(
+        cls.__name__,
+        (cls, leaf),
+        {
+            "__doc__": cls.__doc__,
+            "__slots__": (PEERS, "_ports"),
+            "_T": T,
+            "_construct": _construct,
+            "_construct_copy": _construct_copy,
+        },
+    )

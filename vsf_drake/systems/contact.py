@@ -23,8 +23,12 @@ class _AtSites(System):
     """
 
     def _declare_sites(
-        self, body_indices: Sequence[SupportsInt], *kinematics: str, p_BS: np.ndarray, each: dict[str, np.ndarray],
-        **alone: float
+        self,
+        body_indices: Sequence[SupportsInt],
+        *kinematics: str,
+        p_BS: np.ndarray,
+        each: dict[str, np.ndarray],
+        **alone: float,
     ) -> int:
         """The sites with their parameters: p_BS (N, 3), `each` (N,), and those that stand `alone`; returns N."""
         bodies, self._row = np.unique([int(index) for index in body_indices], return_inverse=True)
@@ -32,21 +36,28 @@ class _AtSites(System):
         self._sum = (np.arange(len(bodies))[:, None] == self._row).astype(float)
         self._declare_kinematics(*kinematics)
         count = len(self._row)
-        self._declare_parameters(p_BS=(p_BS, (count, 3)), **{name: (value, (count,)) for name, value in each.items()},
-                                 **{name: (value, ()) for name, value in alone.items()})
+        self._declare_parameters(
+            p_BS=(p_BS, (count, 3)),
+            **{name: (value, (count,)) for name, value in each.items()},
+            **{name: (value, ()) for name, value in alone.items()},
+        )
         return count
 
     def _positions(self, context: Context, p_BS: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """p_WS and p_BoS_W, each (N, 3)."""
         poses = self._value(context, "body_poses")
-        X_WB = np.array([poses[body].GetAsMatrix34() for body in self._bodies]).take(self._row, axis=0)
+        X_WB = np.array([poses[body].GetAsMatrix34() for body in self._bodies]).take(
+            self._row, axis=0
+        )
         p_BoS_W = (X_WB[:, :, :3] @ p_BS[:, :, None])[:, :, 0]
         return X_WB[:, :, 3] + p_BoS_W, p_BoS_W
 
     def _velocities(self, context: Context, p_BoS_W: np.ndarray) -> np.ndarray:
         """(N, 3) m/s."""
         velocities = self._value(context, "body_spatial_velocities")
-        V_WB = np.array([velocities[body].get_coeffs() for body in self._bodies]).take(self._row, axis=0)
+        V_WB = np.array([velocities[body].get_coeffs() for body in self._bodies]).take(
+            self._row, axis=0
+        )
         v_WS: np.ndarray = V_WB[:, 3:] + cross(V_WB[:, :3], p_BoS_W)
         return v_WS
 
@@ -58,7 +69,9 @@ class _AtSites(System):
             p_BoQ_W, f_Q_W = entry(context)["applied"]
             if f_Q_W.ndim == 1:
                 f_Q_W = f_Q_W[:, None] * np.array([0.0, 0.0, 1.0])
-            return zip(bodies, sums @ np.concatenate((cross(p_BoQ_W, f_Q_W), f_Q_W), axis=1), strict=True)
+            return zip(
+                bodies, sums @ np.concatenate((cross(p_BoQ_W, f_Q_W), f_Q_W), axis=1), strict=True
+            )
 
         self._declare_spatial_forces(summed)
 
@@ -82,16 +95,37 @@ class KelvinVoigtContact(_AtSites):
     """
 
     def __init__(
-        self, *, body_indices: Sequence[SupportsInt], p_BS: np.ndarray, radius: np.ndarray, stiffness: np.ndarray,
-        exponent: np.ndarray, damping: np.ndarray, full_damping_depth: np.ndarray, ground_height: float = 0.0,
-        unloading: str = "continuous"
+        self,
+        *,
+        body_indices: Sequence[SupportsInt],
+        p_BS: np.ndarray,
+        radius: np.ndarray,
+        stiffness: np.ndarray,
+        exponent: np.ndarray,
+        damping: np.ndarray,
+        full_damping_depth: np.ndarray,
+        ground_height: float = 0.0,
+        unloading: str = "continuous",
     ) -> None:
         if unloading not in UNLOADING_BRANCHES:
-            raise ValueError(f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}")
-        self._unloading, count = unloading, self._declare_sites(
-            body_indices, p_BS=p_BS, ground_height=ground_height, each={
-                "radius": radius, "stiffness": stiffness, "exponent": exponent, "damping": damping,
-                "full_damping_depth": full_damping_depth})
+            raise ValueError(
+                f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}"
+            )
+        self._unloading, count = (
+            unloading,
+            self._declare_sites(
+                body_indices,
+                p_BS=p_BS,
+                ground_height=ground_height,
+                each={
+                    "radius": radius,
+                    "stiffness": stiffness,
+                    "exponent": exponent,
+                    "damping": damping,
+                    "full_damping_depth": full_damping_depth,
+                },
+            ),
+        )
         contact = self._declare_cached("contact", self._calc_contact)
         self._declare_parts(contact, normal_force=count, depth=count, depth_rate=count)
         self._declare_forces(contact)
@@ -103,8 +137,12 @@ class KelvinVoigtContact(_AtSites):
         v_WS = self._velocities(context, p_BoS_W)
         depth, depth_rate = penetration_depth(p_WS[:, 2] - ground_height, radius), -v_WS[:, 2]
         force = normal_force(depth, depth_rate, **law, unloading=self._unloading)
-        return {"normal_force": force, "depth": depth, "depth_rate": depth_rate,
-                "applied": (p_BoS_W, force)}  # S, C: one line of action
+        return {
+            "normal_force": force,
+            "depth": depth,
+            "depth_rate": depth_rate,
+            "applied": (p_BoS_W, force),
+        }  # S, C: one line of action
 
 
 @system_template()
@@ -128,12 +166,27 @@ class StickSlipFriction(_AtSites):
     """
 
     def __init__(
-        self, *, body_indices: Sequence[SupportsInt], p_BS: np.ndarray, radius: np.ndarray, mu_static: float,
-        mu_kinetic: float, threshold_velocity: float, smooth: bool = False
+        self,
+        *,
+        body_indices: Sequence[SupportsInt],
+        p_BS: np.ndarray,
+        radius: np.ndarray,
+        mu_static: float,
+        mu_kinetic: float,
+        threshold_velocity: float,
+        smooth: bool = False,
     ) -> None:
-        self._smooth, count = smooth, self._declare_sites(
-            body_indices, p_BS=p_BS, each={"radius": radius}, mu_static=mu_static, mu_kinetic=mu_kinetic,
-            threshold_velocity=threshold_velocity)
+        self._smooth, count = (
+            smooth,
+            self._declare_sites(
+                body_indices,
+                p_BS=p_BS,
+                each={"radius": radius},
+                mu_static=mu_static,
+                mu_kinetic=mu_kinetic,
+                threshold_velocity=threshold_velocity,
+            ),
+        )
         self._declare_inputs(normal_force=count)
         friction = self._declare_cached("friction", self._calc_friction)
         self._declare_parts(friction, friction_force=3 * count)
@@ -145,7 +198,9 @@ class StickSlipFriction(_AtSites):
         p_BoC_W[:, 2] -= law.pop("radius")
         v_WC = self._velocities(context, p_BoC_W)
         f_C_W = 0.0 * v_WC
-        f_C_W[:, :2] = friction_force(v_WC[:, :2], self._value(context, "normal_force"), **law, smooth=self._smooth)
+        f_C_W[:, :2] = friction_force(
+            v_WC[:, :2], self._value(context, "normal_force"), **law, smooth=self._smooth
+        )
         return {"friction_force": f_C_W.ravel(), "applied": (p_BoC_W, f_C_W)}
 
 
@@ -175,10 +230,20 @@ class GroundReaction(_AtSites):
     """
 
     def __init__(
-        self, *, body_indices: Sequence[SupportsInt], p_BS: np.ndarray, radius: np.ndarray, ground_height: float = 0.0
+        self,
+        *,
+        body_indices: Sequence[SupportsInt],
+        p_BS: np.ndarray,
+        radius: np.ndarray,
+        ground_height: float = 0.0,
     ) -> None:
         count = self._declare_sites(
-            body_indices, "body_poses", p_BS=p_BS, each={"radius": radius}, ground_height=ground_height)
+            body_indices,
+            "body_poses",
+            p_BS=p_BS,
+            each={"radius": radius},
+            ground_height=ground_height,
+        )
         self._declare_inputs(normal_force=count, friction_force=3 * count)
         reaction = self._declare_cached("reaction", self._calc_reaction)
         self._declare_parts(reaction, grf=3, cop=3, free_moment=1)
@@ -189,7 +254,9 @@ class GroundReaction(_AtSites):
         p_WC[:, 2] -= constants["radius"]
         force = self._value(context, "friction_force").reshape(-1, 3).copy()
         force[:, 2] += self._value(context, "normal_force")
-        return _on_plane(force.sum(axis=0), cross(p_WC, force).sum(axis=0), constants["ground_height"])
+        return _on_plane(
+            force.sum(axis=0), cross(p_WC, force).sum(axis=0), constants["ground_height"]
+        )
 
 
 @system_template()
@@ -210,36 +277,52 @@ class DrakeReaction(System):
         geometry_ids: the collision geometries on them.
     """
 
-    def __init__(self, *, body_indices: Sequence[SupportsInt], geometry_ids: Iterable[GeometryId | int]) -> None:
+    def __init__(
+        self, *, body_indices: Sequence[SupportsInt], geometry_ids: Iterable[GeometryId | int]
+    ) -> None:
         self._bodies = frozenset(int(i) for i in body_indices)
         self._geometries = frozenset(_number(id) for id in geometry_ids)
         self._arguments["geometry_ids"] = self._geometries
         self._ports["contact_results"] = self.DeclareAbstractInputPort(
-            "contact_results", AbstractValue.Make(ContactResults_[self._T]()))
+            "contact_results", AbstractValue.Make(ContactResults_[self._T]())
+        )
         reaction = self._declare_cached("reaction", self._calc_reaction)
         self._declare_parts(reaction, grf=3, cop=3, free_moment=1)
 
     def _calc_reaction(self, context: Context) -> dict[str, np.ndarray]:
         F, M, size, height = np.zeros(3), np.zeros(3), 0.0, 0.0
-        for point, touched, force, moment in self._contacts(self._value(context, "contact_results")):
+        for point, touched, force, moment in self._contacts(
+            self._value(context, "contact_results")
+        ):
             F, M = F + force, M + moment + cross(point, force)
             weight = np.sqrt(force @ force)
             size, height = size + weight, height + weight * touched[2]
         return _on_plane(F, M, height / size if F[2] > 0 else height)
 
-    def _contacts(self, results: ContactResults) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    def _contacts(
+        self, results: ContactResults
+    ) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
         """Point in W, point of the other's surface, force and moment on the foot of each contact with another."""
         for i in range(results.num_point_pair_contacts()):
             info = results.point_pair_contact_info(i)
-            on_A, on_B = int(info.bodyA_index()) in self._bodies, int(info.bodyB_index()) in self._bodies
+            on_A, on_B = (
+                int(info.bodyA_index()) in self._bodies,
+                int(info.bodyB_index()) in self._bodies,
+            )
             if on_A != on_B:
                 force, pair = info.contact_force(), info.point_pair()
-                yield (info.contact_point(), pair.p_WCa if on_B else pair.p_WCb, force if on_B else -force,
-                       np.zeros(3))
+                yield (
+                    info.contact_point(),
+                    pair.p_WCa if on_B else pair.p_WCb,
+                    force if on_B else -force,
+                    np.zeros(3),
+                )
         for i in range(results.num_hydroelastic_contacts()):
             pressed = results.hydroelastic_contact_info(i)
             surface, F_Ac_W = pressed.contact_surface(), pressed.F_Ac_W()
-            on_M, on_N = (_number(id) in self._geometries for id in (surface.id_M(), surface.id_N()))
+            on_M, on_N = (
+                _number(id) in self._geometries for id in (surface.id_M(), surface.id_N())
+            )
             if on_M != on_N:
                 sign = 1.0 if on_M else -1.0
                 centroid = surface.centroid()
@@ -251,8 +334,11 @@ def _on_plane(F: np.ndarray, M: np.ndarray, height: Any) -> dict[str, np.ndarray
     if not F[2] > 0:
         return {"grf": F, "cop": 0.0 * F, "free_moment": 0.0 * F[2:]}
     cop_x, cop_y = (height * F[0] - M[1]) / F[2], (height * F[1] + M[0]) / F[2]
-    return {"grf": F, "cop": np.array([cop_x, cop_y, height]),
-            "free_moment": np.array([M[2] - (cop_x * F[1] - cop_y * F[0])])}
+    return {
+        "grf": F,
+        "cop": np.array([cop_x, cop_y, height]),
+        "free_moment": np.array([M[2] - (cop_x * F[1] - cop_y * F[0])]),
+    }
 
 
 def _number(geometry_id: GeometryId | int) -> int:
@@ -282,11 +368,25 @@ class TestingMachine(_AtSites):
     __test__ = False  # not a test class, whatever pytest thinks of its name
 
     def __init__(
-        self, *, body_indices: Sequence[SupportsInt], p_BS: np.ndarray, stiffness: np.ndarray, exponent: np.ndarray,
-        damping: np.ndarray, full_damping_depth: np.ndarray
+        self,
+        *,
+        body_indices: Sequence[SupportsInt],
+        p_BS: np.ndarray,
+        stiffness: np.ndarray,
+        exponent: np.ndarray,
+        damping: np.ndarray,
+        full_damping_depth: np.ndarray,
     ) -> None:
-        count = self._declare_sites(body_indices, p_BS=p_BS, each={
-            "stiffness": stiffness, "exponent": exponent, "damping": damping, "full_damping_depth": full_damping_depth})
+        count = self._declare_sites(
+            body_indices,
+            p_BS=p_BS,
+            each={
+                "stiffness": stiffness,
+                "exponent": exponent,
+                "damping": damping,
+                "full_damping_depth": full_damping_depth,
+            },
+        )
         self._declare_inputs(platen=2)
         contact = self._declare_cached("contact", self._calc_contact)
         self._declare_parts(contact, load=1, depth=count)

@@ -17,10 +17,15 @@ CONTACT_LAWS = ("kelvin_voigt", "smooth", "hunt_crossley")
 """In the order of their numbers in the kernel."""
 PER_JOINT = ("joint_stiffness", "joint_damping")
 DEVICE = dict.fromkeys(PER_JOINT, "m") | dict.fromkeys(
-    ("fulcrum_stiffness", "fulcrum_damping", "fulcrum_m", "carriage_gain", "carriage_rate_gain"), "")
-CONTACT = {"p_BS": "N3", **dict.fromkeys(kernel.SITE_COLUMNS, "N"), "ground_bounds": "M4",
-           **dict.fromkeys(kernel.PATCH_COLUMNS, "M"),
-           **dict.fromkeys(("threshold_velocity", "depth_width", "rate_width"), "")}
+    ("fulcrum_stiffness", "fulcrum_damping", "fulcrum_m", "carriage_gain", "carriage_rate_gain"), ""
+)
+CONTACT = {
+    "p_BS": "N3",
+    **dict.fromkeys(kernel.SITE_COLUMNS, "N"),
+    "ground_bounds": "M4",
+    **dict.fromkeys(kernel.PATCH_COLUMNS, "M"),
+    **dict.fromkeys(("threshold_velocity", "depth_width", "rate_width"), ""),
+}
 """Parameters and their shapes, of m keel joints, N spheres and M patches."""
 Constant = float | np.ndarray
 """One value, or one for each joint, sphere or patch."""
@@ -76,31 +81,57 @@ class FootForces(System):
     """
 
     def __init__(
-        self, *, num_positions: int, num_velocities: int, position_indices: Sequence[int],
-        velocity_indices: Sequence[int], frame_body_index: SupportsInt, keel_starts: np.ndarray,
-        site_keel: Sequence[int], law: str | None, constants: dict[str, Constant], grip_limit: np.ndarray | None = None
+        self,
+        *,
+        num_positions: int,
+        num_velocities: int,
+        position_indices: Sequence[int],
+        velocity_indices: Sequence[int],
+        frame_body_index: SupportsInt,
+        keel_starts: np.ndarray,
+        site_keel: Sequence[int],
+        law: str | None,
+        constants: dict[str, Constant],
+        grip_limit: np.ndarray | None = None,
     ) -> None:
         if law is not None and law not in CONTACT_LAWS:
-            raise ValueError(f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None")
+            raise ValueError(
+                f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None"
+            )
         self._grip_limit = grip_limit
         self._frame, self._count = int(frame_body_index), num_velocities
-        self._at = np.array([position_indices, num_positions + np.array(velocity_indices)], dtype=np.int64)
-        self._law, self._starts = CONTACT_LAWS.index(law or CONTACT_LAWS[0]), np.array(keel_starts, dtype=float)
+        self._at = np.array(
+            [position_indices, num_positions + np.array(velocity_indices)], dtype=np.int64
+        )
+        self._law, self._starts = (
+            CONTACT_LAWS.index(law or CONTACT_LAWS[0]),
+            np.array(keel_starts, dtype=float),
+        )
         self._site_keel = np.array(site_keel if law else [], dtype=np.int64)
         m, sites = len(self._starts), len(self._site_keel)
         if self._at.shape != (2, m + 1):
-            raise ValueError(f"{m} keel joints and the carriage have {m + 1} indices, not {self._at.shape[1]}")
+            raise ValueError(
+                f"{m} keel joints and the carriage have {m + 1} indices, not {self._at.shape[1]}"
+            )
         self._slices = kernel.slices(m, sites, num_velocities)
         self._declare_kinematics()
         self._declare_inputs(state=num_positions + num_velocities, fulcrum_position=1)
         known = DEVICE | (CONTACT if law else {})
         wrong = known.keys() ^ constants.keys()
         if wrong:
-            raise ValueError(f"missing or unknown: {', '.join(sorted(wrong))}; known are {', '.join(known)}")
+            raise ValueError(
+                f"missing or unknown: {', '.join(sorted(wrong))}; known are {', '.join(known)}"
+            )
         patches = len(np.atleast_1d(constants.get("ground_height", 0.0)))
-        self._declare_parameters(**{
-            name: (constants[name], _shape(code, m=m, N=sites, M=patches)) for name, code in known.items()})
-        self._packed = self._declare_cached("packed", self._pack_constants, self.all_parameters_ticket())
+        self._declare_parameters(
+            **{
+                name: (constants[name], _shape(code, m=m, N=sites, M=patches))
+                for name, code in known.items()
+            }
+        )
+        self._packed = self._declare_cached(
+            "packed", self._pack_constants, self.all_parameters_ticket()
+        )
         self._values = values = self._declare_cached("values", self._calc_values)
         self._declare_spatial_forces(self._spatial_forces)
         for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
@@ -109,15 +140,34 @@ class FootForces(System):
 
     def _pack_constants(self, context: Context) -> tuple[Any, ...]:
         c = _NO_CONTACT | self._constants(context)
-        sites, patches, joints = (np.column_stack([c[name] for name in names])
-                                  for names in (kernel.SITE_COLUMNS, kernel.PATCH_COLUMNS, PER_JOINT))
-        return (self._law, self._starts, self._site_keel, c["p_BS"], sites, patches, c["ground_bounds"], joints,
-                np.array([c[name] for name in kernel.SCALARS]), self._at, self._count)
+        sites, patches, joints = (
+            np.column_stack([c[name] for name in names])
+            for names in (kernel.SITE_COLUMNS, kernel.PATCH_COLUMNS, PER_JOINT)
+        )
+        return (
+            self._law,
+            self._starts,
+            self._site_keel,
+            c["p_BS"],
+            sites,
+            patches,
+            c["ground_bounds"],
+            joints,
+            np.array([c[name] for name in kernel.SCALARS]),
+            self._at,
+            self._count,
+        )
 
     def _calc_values(self, context: Context) -> np.ndarray:
         X_WF = self._value(context, "body_poses")[self._frame].GetAsMatrix34()
         V_WF = self._value(context, "body_spatial_velocities")[self._frame].get_coeffs()
-        arguments = (*self._packed(context), X_WF, V_WF, self._value(context, "state"), self._fulcrum_place(context))
+        arguments = (
+            *self._packed(context),
+            X_WF,
+            V_WF,
+            self._value(context, "state"),
+            self._fulcrum_place(context),
+        )
         values: np.ndarray
         if self._T is AutoDiffXd:
             values = kernel.foot_vector_in_python(*arguments) + AutoDiffXd(0.0)  # not ints either
@@ -130,14 +180,18 @@ class FootForces(System):
     def _check_grip(self, context: Context, normal_force: np.ndarray) -> None:
         constants, on = self._constants(context), self._site_keel
         load = np.bincount(on[on >= 0], normal_force[on >= 0], len(self._starts))
-        share = load * constants["mu_static"].max() / constants["threshold_velocity"] / self._grip_limit
+        share = (
+            load * constants["mu_static"].max() / constants["threshold_velocity"] / self._grip_limit
+        )
         worst = int(np.argmax(share))
         if share[worst] > 1.0:
             raise InputError(
                 f"{self.get_name()!r}: friction under {load[worst]:.0f} N on keel body {worst}, at "
                 f"{context.get_time():.4g} s, is an explicit force and diverges in steps of this length",
-                where="time_step", right=f"This step bears {load[worst] / share[worst]:.0f} N there: take one "
-                "shorter in proportion to the load, contact drake_point or hydroelastic, or a continuous plant")
+                where="time_step",
+                right=f"This step bears {load[worst] / share[worst]:.0f} N there: take one "
+                "shorter in proportion to the load, contact drake_point or hydroelastic, or a continuous plant",
+            )
 
     def _spatial_forces(self, context: Context) -> Iterable[tuple[int, np.ndarray]]:
         return [(self._frame, self._values(context)[self._slices["wrench"]])]

@@ -47,12 +47,20 @@ class FulcrumSupport(System):
     """
 
     def __init__(
-        self, *, frame_body_index: SupportsInt, X_FK: RigidTransform, keel_body_indices: Sequence[SupportsInt],
-        keel_body_starts: np.ndarray, stiffness: float, damping: float
+        self,
+        *,
+        frame_body_index: SupportsInt,
+        X_FK: RigidTransform,
+        keel_body_indices: Sequence[SupportsInt],
+        keel_body_starts: np.ndarray,
+        stiffness: float,
+        damping: float,
     ) -> None:
         starts = np.array(keel_body_starts, dtype=float)
         if starts.shape != (len(keel_body_indices),) or np.any(np.diff(starts) <= 0):
-            raise ValueError(f"keel_body_starts must be {len(keel_body_indices)} increasing numbers")
+            raise ValueError(
+                f"keel_body_starts must be {len(keel_body_indices)} increasing numbers"
+            )
         self._frame, self._keel = int(frame_body_index), [int(index) for index in keel_body_indices]
         self._starts, self._X_FK = starts, X_FK.GetAsMatrix34()
         self._declare_kinematics()
@@ -64,7 +72,10 @@ class FulcrumSupport(System):
 
     def _calc_support(self, context: Context) -> dict[str, Any]:
         constants = self._constants(context)
-        poses, velocities = self._value(context, "body_poses"), self._value(context, "body_spatial_velocities")
+        poses, velocities = (
+            self._value(context, "body_poses"),
+            self._value(context, "body_spatial_velocities"),
+        )
         position = self._fulcrum_place(context)
         at = position if self._T is float else position.value()
         keel = int(np.searchsorted(self._starts, at, side="right")) - 1
@@ -116,12 +127,16 @@ class FulcrumCommand(System):
         self._declare_output("position", 1, self._position)
 
     def _arguments_for(self, T: type) -> dict[str, Any]:
-        if T is Expression:  # Drake asks for it at every Build, to see which outputs depend on which inputs
+        if (
+            T is Expression
+        ):  # Drake asks for it at every Build, to see which outputs depend on which inputs
             return self._arguments
         raise InputError(
             "cannot be converted or cloned: of a plant with a time step Drake drops the gains of the actuators, "
-            "which here are the keel's springs", where=self.get_name(),
-            right="Build the diagram again for a second one, and take a continuous plant for derivatives")
+            "which here are the keel's springs",
+            where=self.get_name(),
+            right="Build the diagram again for a second one, and take a continuous plant for derivatives",
+        )
 
     def _position(self, context: Context) -> np.ndarray:
         return np.array([self._fulcrum_place(context)])
@@ -175,8 +190,13 @@ class FulcrumActuator(System):
     """
 
     def __init__(
-        self, *, parameters: ActuatorParameters | None = None, carriage_mass: float = 0.1, rearmost: float = 0.066,
-        foremost: float = 0.151, initial_position: float = 0.108
+        self,
+        *,
+        parameters: ActuatorParameters | None = None,
+        carriage_mass: float = 0.1,
+        rearmost: float = 0.066,
+        foremost: float = 0.151,
+        initial_position: float = 0.108,
     ) -> None:
         parameters = check(ActuatorParameters() if parameters is None else parameters)
         travel = {"carriage_mass": carriage_mass, "rearmost": rearmost, "foremost": foremost}
@@ -188,7 +208,12 @@ class FulcrumActuator(System):
         self._declare_parameters(**{name: (value, ()) for name, value in constants.items()})
         state = BasicVector_[self._T](np.array([initial_position, 0.0, 0.0, 0.0, 0.0]))
         self.DeclareContinuousState(model_vector=state, num_q=1, num_v=1, num_z=3)
-        q, v, z, given = self.q_ticket(), self.v_ticket(), self.z_ticket(), self.all_parameters_ticket()
+        q, v, z, given = (
+            self.q_ticket(),
+            self.v_ticket(),
+            self.z_ticket(),
+            self.all_parameters_ticket(),
+        )
         sources = (q, v, self.all_input_ports_ticket(), given)
         self._drive = self._declare_cached("drive", self._calc_drive, *sources)
         self._declare_part("fulcrum_position", 1, _state, slice(0, 1), q)
@@ -212,7 +237,13 @@ class FulcrumActuator(System):
     def _position_error(self, context: Context) -> np.ndarray:
         constants, desired = self._constants(context), self._value(context, "desired_position")[0]
         low, high = constants["rearmost"], constants["foremost"]
-        within = low + 0.0 * desired if desired < low else high + 0.0 * desired if desired > high else desired
+        within = (
+            low + 0.0 * desired
+            if desired < low
+            else high + 0.0 * desired
+            if desired > high
+            else desired
+        )
         return np.array([within - _state(context)[0]])
 
     def _calc_drive(self, context: Context) -> tuple[Any, np.ndarray]:
@@ -224,31 +255,61 @@ class FulcrumActuator(System):
         turns = 2.0 * math.pi / c["screw_lead_m"]  # screw angle per metre
         speed = c["gear_ratio"] * turns * v
         limit = law.limited_voltage(
-            c["supply_voltage_v"], c["speed_limit_m_per_s"], lead=c["screw_lead_m"], gear_ratio=c["gear_ratio"],
-            torque_constant=c["torque_constant_n_m_per_a"])
+            c["supply_voltage_v"],
+            c["speed_limit_m_per_s"],
+            lead=c["screw_lead_m"],
+            gear_ratio=c["gear_ratio"],
+            torque_constant=c["torque_constant_n_m_per_a"],
+        )
         voltage = self._value(context, "enabled")[0] * law.servo_voltage(
-            self._position_error(context)[0], limit=limit, band=c["servo_band_m"], tolerance=c["tolerance_m"])
+            self._position_error(context)[0],
+            limit=limit,
+            band=c["servo_band_m"],
+            tolerance=c["tolerance_m"],
+        )
         current = (voltage - c["torque_constant_n_m_per_a"] * speed) / c["winding_resistance_ohm"]
 
         # Screw and carriage together, everything as force and mass at the carriage
         tangent, friction = law.thread(*(c[name] for name in THREAD))
         sense = np.tanh(v / c["creep_speed_m_per_s"])
         torque = c["torque_constant_n_m_per_a"] * current - c["motor_friction_n_m"] * sense
-        stop = law.stop_force(x, v, low=c["rearmost"], high=c["foremost"], stiffness=c["stop_stiffness_n_per_m"],
-                              dissipation=c["stop_dissipation_s_per_m"])
+        stop = law.stop_force(
+            x,
+            v,
+            low=c["rearmost"],
+            high=c["foremost"],
+            stiffness=c["stop_stiffness_n_per_m"],
+            dissipation=c["stop_dissipation_s_per_m"],
+        )
         drag = c["rail_drag_n"] + c["rail_friction"] * abs(self._value(context, "support_force")[0])
-        axial = self._value(context, "axial_load")[0] if self._ports["axial_load"].HasValue(context) else 0.0
-        inertia = c["rotor_inertia_kg_m2"] * c["gear_ratio"] * c["gear_ratio"] + c["screw_inertia_kg_m2"]
+        axial = (
+            self._value(context, "axial_load")[0]
+            if self._ports["axial_load"].HasValue(context)
+            else 0.0
+        )
+        inertia = (
+            c["rotor_inertia_kg_m2"] * c["gear_ratio"] * c["gear_ratio"] + c["screw_inertia_kg_m2"]
+        )
         motion = law.carriage_motion(
-            torque * c["gear_ratio"] * turns, drag * sense - stop - axial, sense,
-            rotor_mass=inertia * turns * turns, carriage_mass=c["carriage_mass"], tangent=tangent,
-            friction=friction)
+            torque * c["gear_ratio"] * turns,
+            drag * sense - stop - axial,
+            sense,
+            rotor_mass=inertia * turns * turns,
+            carriage_mass=c["carriage_mass"],
+            tangent=tangent,
+            friction=friction,
+        )
 
         # V i = i^2 R + k i w; what the driver takes is max(V i, 0), and what it burns of V i < 0 is lost
         power = voltage * current
         taken = power if power > 0.0 else 0.0 * power
-        losses = (current * current * c["winding_resistance_ohm"] + c["motor_friction_n_m"] * sense * speed
-                  + motion.thread_loss * v + taken - power)
+        losses = (
+            current * current * c["winding_resistance_ohm"]
+            + c["motor_friction_n_m"] * sense * speed
+            + motion.thread_loss * v
+            + taken
+            - power
+        )
         return current, np.array([v, motion.acceleration, taken, motion.nut_force * v, losses])
 
     def DoCalcTimeDerivatives(self, context: Context, derivatives: ContinuousState) -> None:
@@ -261,26 +322,54 @@ def _state(context: Context) -> np.ndarray:
 
 def _check_screw(p: ActuatorParameters, carriage_mass: float) -> None:
     tangent, friction = law.thread(*(getattr(p, name) for name in THREAD))
-    require(tangent < friction, f"the screw gives way under the keel's load: its friction "
-            f"{friction:.3f} (thread_friction / cos of the flank angle) is not above the tangent {tangent:.3f} of its "
-            "lead angle", "thread_friction",
-            "Take a smaller screw_lead_m, a larger screw_mean_diameter_m or more thread_friction")
-    require(friction * tangent < 1.0, "no torque turns this screw", "thread_friction",
-            "Take a smaller screw_lead_m or less thread_friction")
-    rotor = (p.rotor_inertia_kg_m2 * p.gear_ratio**2 + p.screw_inertia_kg_m2) * (2.0 * math.pi / p.screw_lead_m) ** 2
-    require(carriage_mass > 0.0, f"the carriage weighs {carriage_mass} kg", "carriage_mass", "It must be above 0")
-    require(rotor > -carriage_mass * law.returning_efficiency(tangent, friction),
-            f"rotor and screw, {rotor:.3g} kg as seen at the carriage, are too light against its {carriage_mass:.3g} "
-            "kg for a screw that locks itself: it would jam at once", "rotor_inertia_kg_m2",
-            "Give rotor_inertia_kg_m2 or screw_inertia_kg_m2 their real, larger values")
+    require(
+        tangent < friction,
+        f"the screw gives way under the keel's load: its friction "
+        f"{friction:.3f} (thread_friction / cos of the flank angle) is not above the tangent {tangent:.3f} of its "
+        "lead angle",
+        "thread_friction",
+        "Take a smaller screw_lead_m, a larger screw_mean_diameter_m or more thread_friction",
+    )
+    require(
+        friction * tangent < 1.0,
+        "no torque turns this screw",
+        "thread_friction",
+        "Take a smaller screw_lead_m or less thread_friction",
+    )
+    rotor = (p.rotor_inertia_kg_m2 * p.gear_ratio**2 + p.screw_inertia_kg_m2) * (
+        2.0 * math.pi / p.screw_lead_m
+    ) ** 2
+    require(
+        carriage_mass > 0.0,
+        f"the carriage weighs {carriage_mass} kg",
+        "carriage_mass",
+        "It must be above 0",
+    )
+    require(
+        rotor > -carriage_mass * law.returning_efficiency(tangent, friction),
+        f"rotor and screw, {rotor:.3g} kg as seen at the carriage, are too light against its {carriage_mass:.3g} "
+        "kg for a screw that locks itself: it would jam at once",
+        "rotor_inertia_kg_m2",
+        "Give rotor_inertia_kg_m2 or screw_inertia_kg_m2 their real, larger values",
+    )
 
 
 def _check_travel(rearmost: Any, foremost: Any, position: Any) -> None:
-    low, high = (end.value() if isinstance(end, AutoDiffXd) else end for end in (rearmost, foremost))
-    require(low < high, f"the travel from {low} to {high} m has no length", "rearmost",
-            "rearmost must be less than foremost")
-    require(low <= position <= high, f"{position} m is outside the carriage's travel", "initial_position",
-            f"It must be between {low:g} and {high:g} m from A")
+    low, high = (
+        end.value() if isinstance(end, AutoDiffXd) else end for end in (rearmost, foremost)
+    )
+    require(
+        low < high,
+        f"the travel from {low} to {high} m has no length",
+        "rearmost",
+        "rearmost must be less than foremost",
+    )
+    require(
+        low <= position <= high,
+        f"{position} m is outside the carriage's travel",
+        "initial_position",
+        f"It must be between {low:g} and {high:g} m from A",
+    )
 
 
 FulcrumSupport_ = FulcrumSupport.template

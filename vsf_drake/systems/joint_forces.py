@@ -55,7 +55,12 @@ class KeelElasticity(_JointForces):
     """
 
     def __init__(
-        self, *, num_velocities: int, velocity_indices: Sequence[int], stiffness: np.ndarray, damping: np.ndarray
+        self,
+        *,
+        num_velocities: int,
+        velocity_indices: Sequence[int],
+        stiffness: np.ndarray,
+        damping: np.ndarray,
     ) -> None:
         m = self._declare_joints(num_velocities, velocity_indices)
         self._declare_parameters("joint_", stiffness=(stiffness, (m,)), damping=(damping, (m,)))
@@ -86,17 +91,29 @@ class SocketBushing(_JointForces):
     """
 
     def __init__(
-        self, *, num_velocities: int, velocity_indices: Sequence[int], stiffness: np.ndarray,
-        stiffness_negative: np.ndarray, damping: np.ndarray, limit: np.ndarray, rate_limit: np.ndarray,
-        stop_ratio: float
+        self,
+        *,
+        num_velocities: int,
+        velocity_indices: Sequence[int],
+        stiffness: np.ndarray,
+        stiffness_negative: np.ndarray,
+        damping: np.ndarray,
+        limit: np.ndarray,
+        rate_limit: np.ndarray,
+        stop_ratio: float,
     ) -> None:
         if len(velocity_indices) != 6:
             raise ValueError(f"velocity_indices must be 6, but are {len(velocity_indices)}")
         self._declare_joints(num_velocities, velocity_indices)
         self._declare_parameters(
-            "socket_", stiffness=(stiffness, (6,)), stiffness_negative=(stiffness_negative, (6,)),
-            damping=(damping, (6,)), limit=(limit, (6,)), rate_limit=(rate_limit, (6,)),
-            stop_ratio=(stop_ratio, ()))
+            "socket_",
+            stiffness=(stiffness, (6,)),
+            stiffness_negative=(stiffness_negative, (6,)),
+            damping=(damping, (6,)),
+            limit=(limit, (6,)),
+            rate_limit=(rate_limit, (6,)),
+            stop_ratio=(stop_ratio, ()),
+        )
         self._declare_output("wrench", 6, self._force)
 
     def _force(self, context: Context) -> np.ndarray:
@@ -119,17 +136,26 @@ class GaitDriver(_JointForces):
     """
 
     def __init__(
-        self, *, num_velocities: int, velocity_indices: Sequence[int], position_gain: np.ndarray,
-        velocity_gain: np.ndarray
+        self,
+        *,
+        num_velocities: int,
+        velocity_indices: Sequence[int],
+        position_gain: np.ndarray,
+        velocity_gain: np.ndarray,
     ) -> None:
         p = self._declare_joints(num_velocities, velocity_indices)
         self._declare_inputs(desired_state=2 * p)
-        self._declare_parameters(position_gain=(position_gain, (p,)), velocity_gain=(velocity_gain, (p,)))
+        self._declare_parameters(
+            position_gain=(position_gain, (p,)), velocity_gain=(velocity_gain, (p,))
+        )
         self._declare_output("tracking_error", p, self._tracking_error)
 
     def _errors(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
         """q_d - q and v_d - v, each (p,)."""
-        (q, v), (q_d, v_d) = self._motion(context), self._value(context, "desired_state").reshape(2, -1)
+        (q, v), (q_d, v_d) = (
+            self._motion(context),
+            self._value(context, "desired_state").reshape(2, -1),
+        )
         return q_d - q, v_d - v
 
     def _tracking_error(self, context: Context) -> np.ndarray:
@@ -137,7 +163,9 @@ class GaitDriver(_JointForces):
 
     def _force(self, context: Context) -> np.ndarray:
         constants, (error, rate_error) = self._constants(context), self._errors(context)
-        force: np.ndarray = constants["position_gain"] * error + constants["velocity_gain"] * rate_error
+        force: np.ndarray = (
+            constants["position_gain"] * error + constants["velocity_gain"] * rate_error
+        )
         return force
 
 

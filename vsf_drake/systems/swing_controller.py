@@ -54,26 +54,54 @@ class SwingController(System):
     """
 
     def __init__(
-        self, *, signal: str = "contact", initial_position: float = 0.108, period: float = 5e-3,
-        unload_force: float = 20.0, load_force: float = 30.0, swing_rate: float = 1.0, stop_rate: float = 0.3,
-        least_lean: float = math.radians(20.0), debounce: float = 0.02, least_stance: float = 0.2
+        self,
+        *,
+        signal: str = "contact",
+        initial_position: float = 0.108,
+        period: float = 5e-3,
+        unload_force: float = 20.0,
+        load_force: float = 30.0,
+        swing_rate: float = 1.0,
+        stop_rate: float = 0.3,
+        least_lean: float = math.radians(20.0),
+        debounce: float = 0.02,
+        least_stance: float = 0.2,
     ) -> None:
-        constants = {"unload_force": unload_force, "load_force": load_force, "swing_rate": swing_rate,
-                     "stop_rate": stop_rate, "least_lean": least_lean, "debounce": debounce,
-                     "least_stance": least_stance}
-        require(signal in SIGNALS, f"{signal!r} is not known", "signal", f"Known are: {', '.join(SIGNALS)}")
+        constants = {
+            "unload_force": unload_force,
+            "load_force": load_force,
+            "swing_rate": swing_rate,
+            "stop_rate": stop_rate,
+            "least_lean": least_lean,
+            "debounce": debounce,
+            "least_stance": least_stance,
+        }
+        require(
+            signal in SIGNALS,
+            f"{signal!r} is not known",
+            "signal",
+            f"Known are: {', '.join(SIGNALS)}",
+        )
         require(period > 0.0, f"{period} s is no sampling period", "period", "It must be above 0 s")
         for low, high in (("unload_force", "load_force"), ("stop_rate", "swing_rate")):
-            require(constants[low] < constants[high], f"{constants[high]:g} leaves no hysteresis above the "
-                    f"{constants[low]:g} of {low}", high, f"It must be above {low}")
+            require(
+                constants[low] < constants[high],
+                f"{constants[high]:g} leaves no hysteresis above the {constants[low]:g} of {low}",
+                high,
+                f"It must be above {low}",
+            )
         self._signal, self._period = signal, float(period)
         self._declare_inputs(desired_position=1, grf=3, shank_angle=2)
         self._declare_parameters(**{name: (value, ()) for name, value in constants.items()})
-        self.DeclareDiscreteState(BasicVector_[self._T](np.array([STANCE, least_stance, initial_position])))
+        self.DeclareDiscreteState(
+            BasicVector_[self._T](np.array([STANCE, least_stance, initial_position]))
+        )
         self._declare_periodic(self._period, self._update)
         state = self.xd_ticket()
         scalar = self._T
-        self._declare_output("enabled", 1, lambda context: [scalar(_state(context)[0] == SWING)], state)
+        self._declare_output(
+            "enabled", 1, lambda context: [scalar(_state(context)[0] == SWING)], state
+        )
         self._declare_part("phase", 1, _state, slice(1), state)
         self._declare_part("commanded_position", 1, _state, slice(2, None), state)
 
@@ -88,9 +116,17 @@ class SwingController(System):
         elif phase == UNCONFIRMED and not begins:
             phase, held = self._T(STANCE), self._T(c["least_stance"])
         if phase == UNCONFIRMED and held > c["debounce"] - 1e-9:
-            phase, held, commanded = self._T(SWING), self._T(0.0), self._value(context, "desired_position")[0]
-            require(abs(commanded) <= FARTHEST_M, f"is {commanded} at {context.get_time()} s", "desired_position",
-                    "It must be a position in m from A")
+            phase, held, commanded = (
+                self._T(SWING),
+                self._T(0.0),
+                self._value(context, "desired_position")[0],
+            )
+            require(
+                abs(commanded) <= FARTHEST_M,
+                f"is {commanded} at {context.get_time()} s",
+                "desired_position",
+                "It must be a position in m from A",
+            )
         discrete.set_value(np.array([phase, held, commanded]))
 
     def _sign(self, context: Context) -> tuple[bool, bool]:
@@ -174,7 +210,9 @@ class AdjustmentRecorder(System):
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         ended, last_energy, last_swings, start, swings, before, energy_before = _state(context)
-        enabled, energy, error = (self._value(context, name)[0] for name in ("enabled", "energy", "position_error"))
+        enabled, energy, error = (
+            self._value(context, name)[0] for name in ("enabled", "energy", "position_error")
+        )
         reached = abs(error) <= self._constants(context)["reached"]
         if enabled > 0.5 and swings == 0.0 and not reached:
             start, swings = energy_before, self._T(1.0)
@@ -183,7 +221,9 @@ class AdjustmentRecorder(System):
         elif enabled < 0.5 and swings > 0.0 and reached:
             ended, last_energy, last_swings = ended + 1.0, energy - start, swings
             swings = self._T(0.0)
-        discrete.set_value(np.array([ended, last_energy, last_swings, start, swings, enabled, energy]))
+        discrete.set_value(
+            np.array([ended, last_energy, last_swings, start, swings, enabled, energy])
+        )
 
 
 SwingController_ = SwingController.template

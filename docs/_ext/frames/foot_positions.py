@@ -75,8 +75,13 @@ class DrawnFoot:
         return foot_positions(self.plant, self.foot, self.context, fulcrum_m, angles)
 
 
-def foot_positions(plant: MultibodyPlant, foot: FootHandles, context: Context, fulcrum_m: float,
-                   angles: np.ndarray | None = None) -> FootPositions:
+def foot_positions(
+    plant: MultibodyPlant,
+    foot: FootHandles,
+    context: Context,
+    fulcrum_m: float,
+    angles: np.ndarray | None = None,
+) -> FootPositions:
     """The positions of `foot` after moving it in `context`; see `DrawnFoot.positions`."""
     q = np.zeros(len(foot.keel)) if angles is None else angles
     for name, angle in zip(foot.keel_joint_names, q, strict=True):
@@ -89,16 +94,27 @@ def foot_positions(plant: MultibodyPlant, foot: FootHandles, context: Context, f
         return foot.keel[j].EvalPoseInWorld(context) @ np.array([x - foot.keel_starts[j], 0.0, 0.0])
 
     sites, parameters = foot.sites, foot.parameters
-    spheres = [plant.get_body(body).EvalPoseInWorld(context) @ centre
-               for body, centre in zip(sites.body_indices, sites.p_BS, strict=True)]
+    spheres = [
+        plant.get_body(body).EvalPoseInWorld(context) @ centre
+        for body, centre in zip(sites.body_indices, sites.p_BS, strict=True)
+    ]
     joints = [body.EvalPoseInWorld(context).translation() for body in foot.keel]
     return FootPositions(
-        parameters=parameters, fulcrum_m=fulcrum_m, X_WK=foot.frame.EvalPoseInWorld(context),
-        X_WM=foot.mount.CalcPoseInWorld(context), A=on_keel(0.0), B=on_keel(fulcrum_m),
-        C=on_keel(parameters.load_point_m), tip=on_keel(sum(parameters.keel.element_lengths_m)),
+        parameters=parameters,
+        fulcrum_m=fulcrum_m,
+        X_WK=foot.frame.EvalPoseInWorld(context),
+        X_WM=foot.mount.CalcPoseInWorld(context),
+        A=on_keel(0.0),
+        B=on_keel(fulcrum_m),
+        C=on_keel(parameters.load_point_m),
+        tip=on_keel(sum(parameters.keel.element_lengths_m)),
         joints=np.array(joints),
-        carriage=slide.child_body().EvalPoseInWorld(context).translation(), spheres=np.array(spheres),
-        radius=sites.radius, zone=sites.zone, zone_names=sites.zone_names)
+        carriage=slide.child_body().EvalPoseInWorld(context).translation(),
+        spheres=np.array(spheres),
+        radius=sites.radius,
+        zone=sites.zone,
+        zone_names=sites.zone_names,
+    )
 
 
 # What the foot's coordinates, forces and ground slopes do where they are positive, asked of the systems themselves.
@@ -156,13 +172,17 @@ def foot_signs(parameters: FootParameters) -> FootSigns:
     lifted[0] = 0.0
     shape = keel_shape(parameters, fulcrum_m=FULCRUM_M, load_n=LOAD_N)
     return FootSigns(
-        rest=drawn.positions(FULCRUM_M), lifted=drawn.positions(FULCRUM_M, lifted),
-        rear=drawn.positions(fulcrum.rearmost_m), front=drawn.positions(fulcrum.foremost_m),
+        rest=drawn.positions(FULCRUM_M),
+        lifted=drawn.positions(FULCRUM_M, lifted),
+        rear=drawn.positions(fulcrum.rearmost_m),
+        front=drawn.positions(fulcrum.foremost_m),
         loaded=drawn.positions(FULCRUM_M, shape.angles),
         support_force=support_force(parameters, FULCRUM_M, shape.angles),
         sliding=ground_forces(parameters, speed=SLIDING_M_PER_S),
         turning=ground_forces(parameters, turning=TURNING_RAD_PER_S),
-        sloping=ground_forces(parameters, slope_deg=SLOPE_DEG), banked=ground_forces(parameters, bank_deg=SLOPE_DEG))
+        sloping=ground_forces(parameters, slope_deg=SLOPE_DEG),
+        banked=ground_forces(parameters, bank_deg=SLOPE_DEG),
+    )
 
 
 def support_force(parameters: FootParameters, fulcrum_m: float, angles: np.ndarray) -> float:
@@ -176,8 +196,14 @@ def support_force(parameters: FootParameters, fulcrum_m: float, angles: np.ndarr
     return float(bench.diagram.GetOutputPort("support_force").Eval(context)[0])
 
 
-def ground_forces(parameters: FootParameters, *, speed: float = 0.0, turning: float = 0.0, slope_deg: float = 0.0,
-                  bank_deg: float = 0.0) -> GroundForces:
+def ground_forces(
+    parameters: FootParameters,
+    *,
+    speed: float = 0.0,
+    turning: float = 0.0,
+    slope_deg: float = 0.0,
+    bank_deg: float = 0.0,
+) -> GroundForces:
     """The straight foot, its sole parallel to the ground and SUNK_M below it, moving along +x and turning about +z.
 
     Args:
@@ -186,9 +212,13 @@ def ground_forces(parameters: FootParameters, *, speed: float = 0.0, turning: fl
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
     instance = plant.AddModelInstance("holder")
-    carrier, holder = (plant.AddRigidBody(name, instance, SpatialInertia.SolidSphereWithMass(1.0, 0.1))
-                       for name in ("carrier", "holder"))
-    slide = plant.AddJoint(PrismaticJoint("slide", plant.world_frame(), carrier.body_frame(), FORWARD))
+    carrier, holder = (
+        plant.AddRigidBody(name, instance, SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+        for name in ("carrier", "holder")
+    )
+    slide = plant.AddJoint(
+        PrismaticJoint("slide", plant.world_frame(), carrier.body_frame(), FORWARD)
+    )
     turn = plant.AddJoint(RevoluteJoint("turn", carrier.body_frame(), holder.body_frame(), UPWARD))
     slope, bank = np.tan(np.radians([slope_deg, bank_deg]))
     normal = np.array([-slope, -bank, 1.0]) / np.sqrt(1.0 + slope**2 + bank**2)
@@ -207,5 +237,7 @@ def ground_forces(parameters: FootParameters, *, speed: float = 0.0, turning: fl
     turn.set_angular_rate(own, turning)
     positions = foot_positions(plant, foot, own, FULCRUM_M)
     seen = wired.forces.GetMyContextFromRoot(context)
-    grf, cop, free = (np.array(wired.GetOutputPort(name).Eval(seen)) for name in ("grf", "cop", "free_moment"))
+    grf, cop, free = (
+        np.array(wired.GetOutputPort(name).Eval(seen)) for name in ("grf", "cop", "free_moment")
+    )
     return GroundForces(foot=positions, grf=grf, cop=cop, free_moment=float(free[0]), normal=normal)

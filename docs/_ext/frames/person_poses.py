@@ -108,7 +108,9 @@ class DrawnPerson:
         side = own[-1] if own.endswith(("_r", "_l")) else ""
         if axis == 1 and side and self.is_angle(name):
             word = "inward" if (moved[1] > 0) == (side == "r") else "outward"
-        prosthetic = point == "ankle" and f"pylon_{own[-1]}" in self._points and name.startswith("socket")
+        prosthetic = (
+            point == "ankle" and f"pylon_{own[-1]}" in self._points and name.startswith("socket")
+        )
         said = "pylon's lower end" if prosthetic else {"hip_r": "right hip"}.get(point, point)
         return Effect(name, "rad" if self.is_angle(name) else "m", positive, said, word)
 
@@ -125,7 +127,10 @@ class DrawnPerson:
         person, body = self.person, self.person.body
         origin = np.zeros(3)
         hips = np.array([body.hip_forward, 0.0, body.hip_up])
-        places = {"pelvis": (person.pelvis, hips), "trunk": (person.pelvis, hips + np.array([0.0, 0.0, _TRUNK_M]))}
+        places = {
+            "pelvis": (person.pelvis, hips),
+            "trunk": (person.pelvis, hips + np.array([0.0, 0.0, _TRUNK_M])),
+        }
         for side in ("right", "left"):
             s = side[0]
             places[f"hip_{s}"] = (person.segments[f"thigh_{side}"], origin)
@@ -135,26 +140,55 @@ class DrawnPerson:
                 places |= self._prosthesis(s, inner)
             else:
                 foot, low = person.segments[f"foot_{side}"], -body.ankle_height
-                rear, front, half = -0.25 * body.foot_length, 0.75 * body.foot_length, 0.16 * body.foot_length
+                rear, front, half = (
+                    -0.25 * body.foot_length,
+                    0.75 * body.foot_length,
+                    0.16 * body.foot_length,
+                )
                 corners = {
-                    "heel": (rear, 0.0), "toe": (front, 0.0), "rear inner": (rear, half),
-                    "rear outer": (rear, -half), "front inner": (front, half), "front outer": (front, -half)}
-                places |= {f"ankle_{s}": (foot, origin), f"inner edge_{s}": (foot, np.array([0.0, inner * half, 0.0]))}
-                places |= {f"{name}_{s}": (foot, np.array([x, inner * y, low])) for name, (x, y) in corners.items()}
+                    "heel": (rear, 0.0),
+                    "toe": (front, 0.0),
+                    "rear inner": (rear, half),
+                    "rear outer": (rear, -half),
+                    "front inner": (front, half),
+                    "front outer": (front, -half),
+                }
+                places |= {
+                    f"ankle_{s}": (foot, origin),
+                    f"inner edge_{s}": (foot, np.array([0.0, inner * half, 0.0])),
+                }
+                places |= {
+                    f"{name}_{s}": (foot, np.array([x, inner * y, low]))
+                    for name, (x, y) in corners.items()
+                }
         return places
 
     def _prosthesis(self, s: str, inner: float) -> dict[str, tuple[RigidBody, np.ndarray]]:
         """Points of the prosthesis and of the limb's end in it; its ankle is the pylon's lower end."""
-        foot, socket, shank = self.person.foot, self.person.socket, self.person.segments[f"shank_{self.side}"]
+        foot, socket, shank = (
+            self.person.foot,
+            self.person.socket,
+            self.person.segments[f"shank_{self.side}"],
+        )
         X_mount = foot.mount.GetFixedPoseInBodyFrame().translation()
-        tip = foot.keel[-1], np.array([sum(foot.parameters.keel.element_lengths_m) - foot.keel_starts[-1], 0.0, 0.0])
+        tip = (
+            foot.keel[-1],
+            np.array(
+                [sum(foot.parameters.keel.element_lengths_m) - foot.keel_starts[-1], 0.0, 0.0]
+            ),
+        )
         half = np.array([0.0, 0.5 * inner * foot.parameters.keel.width_m, 0.0])
         return {
             f"limb_{s}": (shank, np.array([0.0, 0.0, -self.person.body.residual_length])),
-            f"ankle_{s}": (foot.frame, X_mount), f"pylon_{s}": (socket.pylon, np.zeros(3)),
-            f"heel_{s}": (foot.frame, np.zeros(3)), f"toe_{s}": tip,
-            f"rear inner_{s}": (foot.frame, half), f"rear outer_{s}": (foot.frame, -half),
-            f"front inner_{s}": (tip[0], tip[1] + half), f"front outer_{s}": (tip[0], tip[1] - half)}
+            f"ankle_{s}": (foot.frame, X_mount),
+            f"pylon_{s}": (socket.pylon, np.zeros(3)),
+            f"heel_{s}": (foot.frame, np.zeros(3)),
+            f"toe_{s}": tip,
+            f"rear inner_{s}": (foot.frame, half),
+            f"rear outer_{s}": (foot.frame, -half),
+            f"front inner_{s}": (tip[0], tip[1] + half),
+            f"front outer_{s}": (tip[0], tip[1] - half),
+        }
 
 
 def effects() -> tuple[Effect, ...]:
@@ -165,6 +199,10 @@ def effects() -> tuple[Effect, ...]:
         for name in person.coordinates:
             effect = person.effect(name)
             if found.setdefault(name, effect) != effect:
-                raise ValueError(f"{name} does one thing on the right and another on the left: {effect}, {found[name]}")
+                raise ValueError(
+                    f"{name} does one thing on the right and another on the left: {effect}, {found[name]}"
+                )
     kinds = list(KINDS)
-    return tuple(sorted(found.values(), key=lambda e: (kinds.index(kind_of(e.name)), e.name[-1] != "r")))
+    return tuple(
+        sorted(found.values(), key=lambda e: (kinds.index(kind_of(e.name)), e.name[-1] != "r"))
+    )

@@ -27,14 +27,35 @@ def bare(axes: Axes, title: str) -> None:
     axes.set_title(title, loc="left")
 
 
-def arrow(axes: Axes, start: Any, end: Any, colour: Any, width: float = 1.8, **options: Any) -> None:
+def arrow(
+    axes: Axes, start: Any, end: Any, colour: Any, width: float = 1.8, **options: Any
+) -> None:
     """From `start` to `end` (mm)."""
-    axes.add_patch(FancyArrowPatch(tuple(start), tuple(end), arrowstyle="-|>", mutation_scale=6.0 + 3.0 * width,
-                                   linewidth=width, color=colour, shrinkA=0.0, shrinkB=0.0, zorder=6, **options))
+    axes.add_patch(
+        FancyArrowPatch(
+            tuple(start),
+            tuple(end),
+            arrowstyle="-|>",
+            mutation_scale=6.0 + 3.0 * width,
+            linewidth=width,
+            color=colour,
+            shrinkA=0.0,
+            shrinkB=0.0,
+            zorder=6,
+            **options,
+        )
+    )
 
 
-def triad(axes: Axes, X_WF: RigidTransform, view: tuple[int, int], length: float, letter: str, *,
-          offset: tuple[float, float] = (-8.0, -8.0)) -> None:
+def triad(
+    axes: Axes,
+    X_WF: RigidTransform,
+    view: tuple[int, int],
+    length: float,
+    letter: str,
+    *,
+    offset: tuple[float, float] = (-8.0, -8.0),
+) -> None:
     """The axes of frame F that `view` shows, `length` mm long, with its letter at `offset` points from the origin."""
     turned = X_WF.rotation().matrix()
     base = MM * X_WF.translation()[list(view)]
@@ -43,10 +64,20 @@ def triad(axes: Axes, X_WF: RigidTransform, view: tuple[int, int], length: float
         if np.linalg.norm(along) < 1e-6 * length:
             continue
         arrow(axes, base, base + along, colour)
-        axes.annotate(name, base + 1.13 * along, color=colour, ha="center", va="center", fontsize=8, zorder=7)
+        axes.annotate(
+            name, base + 1.13 * along, color=colour, ha="center", va="center", fontsize=8, zorder=7
+        )
     axes.plot(*base, "o", color="black", markersize=4, zorder=8)
-    axes.annotate(letter, base, xytext=offset, textcoords="offset points", ha="center", va="center",
-                  fontweight="bold", zorder=8)
+    axes.annotate(
+        letter,
+        base,
+        xytext=offset,
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        fontweight="bold",
+        zorder=8,
+    )
 
 
 def keel(axes: Axes, foot: FootPositions, colour: Any = KEEL_COLOUR, **options: Any) -> None:
@@ -54,8 +85,17 @@ def keel(axes: Axes, foot: FootPositions, colour: Any = KEEL_COLOUR, **options: 
     line = MM * np.vstack([foot.joints, foot.tip])[:, list(SIDE)]
     up = np.array([0.0, MM * foot.half_thickness])
     outline = np.vstack([line + up, (line - up)[::-1]])
-    axes.fill(*outline.T, facecolor=to_rgba(colour, 0.35), edgecolor=colour, linewidth=1.0, zorder=3, **options)
-    axes.plot(*line[:-1].T, "o", markersize=3.2, markerfacecolor="white", markeredgecolor=colour, zorder=4)
+    axes.fill(
+        *outline.T,
+        facecolor=to_rgba(colour, 0.35),
+        edgecolor=colour,
+        linewidth=1.0,
+        zorder=3,
+        **options,
+    )
+    axes.plot(
+        *line[:-1].T, "o", markersize=3.2, markerfacecolor="white", markeredgecolor=colour, zorder=4
+    )
 
 
 def spheres(axes: Axes, foot: FootPositions, view: tuple[int, int], *, faint: bool = False) -> None:
@@ -63,14 +103,24 @@ def spheres(axes: Axes, foot: FootPositions, view: tuple[int, int], *, faint: bo
     for centre, radius, zone in zip(foot.spheres, foot.radius, foot.zone, strict=True):
         colour = ZONE_COLOURS[zone % len(ZONE_COLOURS)]
         at = MM * centre[list(view)]
-        axes.add_patch(Circle(tuple(at), MM * radius, facecolor=to_rgba(colour, 0.06 if faint else 0.16),
-                              edgecolor=to_rgba(colour, 0.4 if faint else 0.9), linewidth=0.8, zorder=2))
+        axes.add_patch(
+            Circle(
+                tuple(at),
+                MM * radius,
+                facecolor=to_rgba(colour, 0.06 if faint else 0.16),
+                edgecolor=to_rgba(colour, 0.4 if faint else 0.9),
+                linewidth=0.8,
+                zorder=2,
+            )
+        )
 
 
 def dimension(axes: Axes, start: float, end: float, level: float, text: str) -> None:
     """A horizontal dimension line (mm) with its text above."""
     _between(axes, (start, level), (end, level))
-    axes.text(0.5 * (start + end), level + 1.5, text, ha="center", va="bottom", fontsize=7.5, color="0.25")
+    axes.text(
+        0.5 * (start + end), level + 1.5, text, ha="center", va="bottom", fontsize=7.5, color="0.25"
+    )
 
 
 def height(axes: Axes, x: float, level: float, text: str) -> None:
@@ -80,8 +130,19 @@ def height(axes: Axes, x: float, level: float, text: str) -> None:
 
 
 def _between(axes: Axes, start: tuple[float, float], end: tuple[float, float]) -> None:
-    axes.annotate("", end, start, arrowprops={"arrowstyle": "<|-|>", "color": "0.35", "linewidth": 0.8, "shrinkA": 0,
-                                              "shrinkB": 0, "mutation_scale": 7})
+    axes.annotate(
+        "",
+        end,
+        start,
+        arrowprops={
+            "arrowstyle": "<|-|>",
+            "color": "0.35",
+            "linewidth": 0.8,
+            "shrinkA": 0,
+            "shrinkB": 0,
+            "mutation_scale": 7,
+        },
+    )
 
 
 def roller(axes: Axes, foot: FootPositions, colour: Any = "0.1") -> None:

@@ -42,11 +42,18 @@ def bench_curves():
 @pytest.fixture(scope="session")
 def few_free(fit_walker, soft):
     """A fit of the standard parameters, of which only the named ones are free."""
+
     def make(*names, trials=(soft,), bench=None, labels=None, **options):
         labels = labels or [trial.path.stem for trial in trials]
         parameters = standard_parameters(fit_walker.variables, "right", labels)
         frozen = [name for name in parameters.by_name if name not in names]
-        return ContactFit(trials, walker=fit_walker, bench=bench, labels=labels, options=ContactFitOptions(**options),
-                          parameters=parameters.changed(frozen, frozen=True))
+        return ContactFit(
+            trials,
+            walker=fit_walker,
+            bench=bench,
+            labels=labels,
+            options=ContactFitOptions(**options),
+            parameters=parameters.changed(frozen, frozen=True),
+        )
 
     return make

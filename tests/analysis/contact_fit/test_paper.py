@@ -33,19 +33,31 @@ from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.parameters import GRAVITY
 
 NAMES = ("a", "b", "c")
-SPACE = PaperSpace(NAMES, np.array([0.5, 0.3, 0.1]), np.array([0.1, 0.1, 0.02]), np.array([1.5, 1.0, 0.5]))
+SPACE = PaperSpace(
+    NAMES, np.array([0.5, 0.3, 0.1]), np.array([0.1, 0.1, 0.02]), np.array([1.5, 1.0, 0.5])
+)
 TRUTH = np.array([0.9, 0.5, 0.05])
 INSTANTS = 50
 
 
 def distance(values):
-    return Score(INSTANTS * 1e6 * float(np.sum((np.array([values[name] for name in NAMES]) - TRUTH) ** 2)), 1)
+    return Score(
+        INSTANTS * 1e6 * float(np.sum((np.array([values[name] for name in NAMES]) - TRUTH) ** 2)), 1
+    )
 
 
 def begin():
     first = distance(dict(zip(NAMES, SPACE.start, strict=True))).objective_n2
-    return PaperState(stiffness=1.0, initial_objective_n2=first, objective_n2=first, best=tuple(SPACE.start),
-                      instants=INSTANTS, simulations=1, failed_simulations=0, wall_s=0.0)
+    return PaperState(
+        stiffness=1.0,
+        initial_objective_n2=first,
+        objective_n2=first,
+        best=tuple(SPACE.start),
+        instants=INSTANTS,
+        simulations=1,
+        failed_simulations=0,
+        wall_s=0.0,
+    )
 
 
 def all_of(one):
@@ -67,13 +79,16 @@ def test_the_best_scenario_is_carried_on_and_drawn_round_and_never_lost():
         seen.append((scenarios, [item.objective_n2 for item in found]))
         return found
 
-    state, *_ = search(PaperOptions(scenarios=30, settled=30, iterations=30, restarts=0), score=noted)
+    state, *_ = search(
+        PaperOptions(scenarios=30, settled=30, iterations=30, restarts=0), score=noted
+    )
     best, point = state.initial_objective_n2, SPACE.start
     assert len(seen) == len(state.history) == 30
     for (scenarios, objectives), (_, objective, change) in zip(seen, state.history, strict=True):
         before = point
-        assert np.mean([[values[name] for name in NAMES] for values in scenarios], axis=0) == pytest.approx(
-            before, rel=0.05)
+        assert np.mean(
+            [[values[name] for name in NAMES] for values in scenarios], axis=0
+        ) == pytest.approx(before, rel=0.05)
         if min(objectives) < best:
             best = min(objectives)
             point = np.array([scenarios[objectives.index(best)][name] for name in NAMES])
@@ -97,12 +112,17 @@ def test_search_ends_when_objective_and_parameters_change_less_than_their_tolera
     converged, words = verdict(history((99.95, 0.5e-3)), options)
     assert converged and "0.1 N" in words and "0.001" in words
     first, still, moved = (50.0, 0.1), (50.0, 0.0), (40.0, 0.1)
-    assert verdict(history(first, still), twice) is None and verdict(history(first, still, moved), twice) is None
+    assert (
+        verdict(history(first, still), twice) is None
+        and verdict(history(first, still, moved), twice) is None
+    )
     assert verdict(history(first, still, still), twice)[0]
     worse = all_of(lambda values: Score(1e12, 1))
     state, converged, words = search(PaperOptions(scenarios=5), score=worse)
     assert converged and "iteration 1" in words, "nothing better was found"
-    assert state.best == tuple(SPACE.start) and state.history == ((1, state.initial_objective_n2, 0.0),)
+    assert state.best == tuple(SPACE.start) and state.history == (
+        (1, state.initial_objective_n2, 0.0),
+    )
 
 
 def test_search_that_does_not_converge_is_restarted_as_often_as_allowed_and_says_so():
@@ -117,8 +137,10 @@ def test_search_that_does_not_converge_is_restarted_as_often_as_allowed_and_says
 
 def test_scenario_that_fails_loses_and_an_iteration_of_failures_is_a_failed_fit():
     failed = Score(math.inf, 1, SimulationError("broke", time_s=0.1))
-    state, *_ = search(PaperOptions(scenarios=10),
-                       score=all_of(lambda values: failed if values["a"] > 0.5 else distance(values)))
+    state, *_ = search(
+        PaperOptions(scenarios=10),
+        score=all_of(lambda values: failed if values["a"] > 0.5 else distance(values)),
+    )
     assert state.failed_simulations > 0 and state.best[0] <= 0.5 and np.isfinite(state.objective_n2)
     with pytest.raises(SimulationError, match="broke"):
         iterate(begin(), SPACE, all_of(lambda values: failed), PaperOptions(scenarios=3))
@@ -127,13 +149,19 @@ def test_scenario_that_fails_loses_and_an_iteration_of_failures_is_a_failed_fit(
 LAW = ("stiffness", "exponent", "damping", "full_damping_depth")
 
 
-def test_initial_guess_is_the_papers_and_a_sphere_a_millimetre_deep_carries_its_stiffness(fit_walker):
+def test_initial_guess_is_the_papers_and_a_sphere_a_millimetre_deep_carries_its_stiffness(
+    fit_walker,
+):
     """n = 1, full damping at 1 mm, b in N s/mm half of k in N/mm, one stiffness for all zones; k in N/mm^n."""
     zones, space = zones_of(fit_walker.variables), paper_space(fit_walker.variables, 3.0)
-    assert len(zones) == 5 and space.names == tuple(f"contact.{zone}.{name}" for zone in zones for name in LAW)
+    assert len(zones) == 5 and space.names == tuple(
+        f"contact.{zone}.{name}" for zone in zones for name in LAW
+    )
     values = space.values(space.start)
     for zone in zones:
-        assert [values[f"contact.{zone}.{name}"] for name in LAW] == pytest.approx([3e3, 1.0, 1.5e3, 1e-3])
+        assert [values[f"contact.{zone}.{name}"] for name in LAW] == pytest.approx(
+            [3e3, 1.0, 1.5e3, 1e-3]
+        )
     for exponent in (1.0, 1.5, 2.0):
         values = space.values(np.tile([4.0, exponent, 2.5, 0.8], 5))
         own = {name: values[f"contact.midfoot.{name}"] for name in LAW}
@@ -148,7 +176,9 @@ def test_each_slice_of_equal_probability_is_met_once(count, seed, place):
     """The probability of what is drawn, from the definition of the normal distribution cut off at the bounds."""
     low, high = np.array([1.0, 0.2]), np.array([2.0, 30.0])
     centre = low + place * (high - low)
-    drawn = PaperSpace(("a", "b"), low, low, high).sample(centre, count, np.random.default_rng(seed))
+    drawn = PaperSpace(("a", "b"), low, low, high).sample(
+        centre, count, np.random.default_rng(seed)
+    )
     assert drawn.shape == (count, 2) and np.all((drawn >= low) & (drawn <= high))
     below, above, at = (norm.cdf((end - centre) / (SPREAD * centre)) for end in (low, high, drawn))
     share = (at - below) / (above - below)
@@ -160,7 +190,9 @@ def test_each_slice_of_equal_probability_is_met_once(count, seed, place):
 def test_columns_are_drawn_independently():
     """The correlation of 4000 independent pairs is below 4 / sqrt(4000)."""
     space = PaperSpace(("a", "b"), np.ones(2), np.full(2, 0.5), np.full(2, 1.5))
-    assert abs(np.corrcoef(space.sample(space.start, 4000, np.random.default_rng(3)).T)[0, 1]) < 4 / np.sqrt(4000)
+    assert abs(
+        np.corrcoef(space.sample(space.start, 4000, np.random.default_rng(3)).T)[0, 1]
+    ) < 4 / np.sqrt(4000)
 
 
 # On recordings.
@@ -179,13 +211,24 @@ def kept():
 
 @pytest.fixture(scope="module")
 def short(soft, fit_walker, kept):
-    return fitted([soft], SHORT, fit_walker, checkpoint=lambda state: kept.append(json.dumps(state)))
+    return fitted(
+        [soft], SHORT, fit_walker, checkpoint=lambda state: kept.append(json.dumps(state))
+    )
 
 
 def metrics(walker, trial, values, step_s):
-    walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                       step_s=step_s, offsets=trial.offsets, values=values)
-    return walk, walk_metrics(walker.result(walk, trial, trial.offsets, energy=False), trial.prosthetic_plate)
+    walk = walker.walk(
+        trial.trajectory,
+        fulcrum_m=trial.fulcrum_m,
+        start_s=trial.start_s,
+        end_s=trial.end_s,
+        step_s=step_s,
+        offsets=trial.offsets,
+        values=values,
+    )
+    return walk, walk_metrics(
+        walker.result(walk, trial, trial.offsets, energy=False), trial.prosthetic_plate
+    )
 
 
 def same(end):
@@ -194,23 +237,43 @@ def same(end):
 
 
 def test_objective_is_the_resultants_error_of_the_metrics_and_the_initial_guess_just_carries_the_person(
-        soft, fit_walker, short):
+    soft, fit_walker, short
+):
     """Its vertical impulse is the plate's, one step of the stiffness before it is less: of the unfiltered forces, which
     a filter without phase lag keeps, but for what passes the ends of stance."""
     values, state = short.initial_values, short.state
-    walks = [metrics(fit_walker, soft, each, SHORT.step_s) for each in (values, short.values, {
-        name: value / RAISE if name.endswith((".stiffness", ".damping")) else value for name, value in values.items()})]
-    for (_, found), objective in zip(walks, (state.initial_objective_n2, state.objective_n2), strict=False):
+    walks = [
+        metrics(fit_walker, soft, each, SHORT.step_s)
+        for each in (
+            values,
+            short.values,
+            {
+                name: value / RAISE if name.endswith((".stiffness", ".damping")) else value
+                for name, value in values.items()
+            },
+        )
+    ]
+    for (_, found), objective in zip(
+        walks, (state.initial_objective_n2, state.objective_n2), strict=False
+    ):
         weight = soft.subject.mass_kg * GRAVITY
         assert state.rms_n(objective) == pytest.approx(weight * found.grf_rmse_bw, rel=1e-9)
     assert state.objective_n2 < state.initial_objective_n2
     plate, stance = soft.prosthetic_plate, walks[0][1].stances[0]
     measured = (plate.time_s >= stance.measured_start_s) & (plate.time_s <= stance.measured_end_s)
-    impulse = np.trapezoid(plate.force_W[measured, 2], plate.time_s[measured])  # the plate also has the next stance
+    impulse = np.trapezoid(
+        plate.force_W[measured, 2], plate.time_s[measured]
+    )  # the plate also has the next stance
     first, softer = (
-        walk.prosthetic.grf_W[(walk.record.time_s >= stance.measured_start_s)
-                              & (walk.record.time_s <= stance.measured_end_s), 2].sum() * SHORT.step_s / impulse
-        for walk, _ in (walks[0], walks[2]))
+        walk.prosthetic.grf_W[
+            (walk.record.time_s >= stance.measured_start_s)
+            & (walk.record.time_s <= stance.measured_end_s),
+            2,
+        ].sum()
+        * SHORT.step_s
+        / impulse
+        for walk, _ in (walks[0], walks[2])
+    )
     assert softer < 1.005 and first > 0.995 and 1.0 < first / softer < RAISE
 
 
@@ -228,7 +291,9 @@ def test_threads_do_not_change_the_result_nor_does_an_interruption(soft, fit_wal
 
     with pytest.raises(KeyboardInterrupt):
         fitted([soft], SHORT, fit_walker, progress=interrupt, checkpoint=left.append)
-    assert [state["history"] for state in left] == [tuple(map(tuple, json.loads(kept[0])["history"]))]
+    assert [state["history"] for state in left] == [
+        tuple(map(tuple, json.loads(kept[0])["history"]))
+    ]
     longer = dataclasses.replace(SHORT, iterations=3)  # than it was begun for
     assert len(fitted([soft], longer, fit_walker, resume=json.loads(kept[-1])).state.history) == 3
 
@@ -255,7 +320,9 @@ class Broken:
         raise self.error
 
 
-def test_objective_of_two_trials_is_the_sum_and_a_walk_that_fails_loses(soft, stiff, fit_walker, short):
+def test_objective_of_two_trials_is_the_sum_and_a_walk_that_fails_loses(
+    soft, stiff, fit_walker, short
+):
     def score(*trials, walker=fit_walker):
         return scores(ContactFit(trials, walker=walker, options=SHORT), [short.values])[0]
 
@@ -285,7 +352,9 @@ def test_person_far_above_the_ground_is_refused(soft, fit_walker):
 
 
 @pytest.mark.slow
-def test_one_trial_is_fitted_as_well_as_the_paper_did_and_does_not_transfer(soft, stiff, fit_walker):
+def test_one_trial_is_fitted_as_well_as_the_paper_did_and_does_not_transfer(
+    soft, stiff, fit_walker
+):
     """Published: 5.3 % body weight and R² 0.98 on the fitted trial, about twice the error at another stiffness; here
     half as much again, on the nominal foot. The procedure in full: a quarter of the scenarios in twice the step
     leaves 6 %."""

@@ -67,12 +67,16 @@ def test_every_solver_finds_the_same_minimum_in_few_walks(fit, minimum, solver):
     found = search(problem, problem.parameters.start)
     assert found.success, found.message
     assert found.evaluations == problem.evaluations <= MOST[solver] and found.failed == 0
-    assert found.start_cost == pytest.approx(problem.evaluate(problem.parameters.start).cost, rel=1e-12)
+    assert found.start_cost == pytest.approx(
+        problem.evaluate(problem.parameters.start).cost, rel=1e-12
+    )
     at = problem.evaluate(found.u)
     assert at.cost == pytest.approx(found.cost, rel=1e-12)
     gradient, curvature = at.jacobian.T @ at.residual, at.jacobian.T @ at.jacobian
     # Beside the minimum the cost jumps by 0.007 in steps of 2 ms: a search may end on either side.
-    assert 0.5 * gradient @ np.linalg.solve(curvature, gradient) < 7e-3, "what a last step would gain"
+    assert 0.5 * gradient @ np.linalg.solve(curvature, gradient) < 7e-3, (
+        "what a last step would gain"
+    )
     minimum.setdefault("cost", found.cost), minimum.setdefault("u", found.u)
     assert found.cost == pytest.approx(minimum["cost"], abs=0.01)
     apart = found.u - minimum["u"]
@@ -99,10 +103,21 @@ def test_a_walk_that_fails_beside_a_start_on_a_bound_is_survived(fit, monkeypatc
 def test_more_noise_and_coarser_steps_come_first_and_the_end_is_without(fit, monkeypatch):
     problem, seen = fit(), []
     evaluate = problem.evaluate
-    monkeypatch.setattr(problem, "evaluate", lambda u, **how: (
-        seen.append((how.get("noise", 1.0), how.get("step_s"))), evaluate(u, **how))[1])
+    monkeypatch.setattr(
+        problem,
+        "evaluate",
+        lambda u, **how: (
+            seen.append((how.get("noise", 1.0), how.get("step_s"))),
+            evaluate(u, **how),
+        )[1],
+    )
     assert search(problem, problem.parameters.start).success
-    assert [*dict.fromkeys(seen)] == [(1.0, None), (30.0, 4e-3), (10.0, 4e-3), (3.0, 4e-3)] and seen[-1] == (1.0, None)
+    assert [*dict.fromkeys(seen)] == [
+        (1.0, None),
+        (30.0, 4e-3),
+        (10.0, 4e-3),
+        (3.0, 4e-3),
+    ] and seen[-1] == (1.0, None)
     seen.clear()
     search(problem, problem.parameters.start, near=True)
     assert set(seen) == {(1.0, None)}, "near a minimum there is nothing to go round"
@@ -135,12 +150,14 @@ def test_a_kink_is_a_minimum_and_a_search_says_so(fit, monkeypatch):
 
 def test_the_time_limit_ends_a_fit_where_it_is(fit):
     problem = fit(starts=3, time_limit_s=1e-6)
-    found, = run_searches(problem)
+    (found,) = run_searches(problem)
     assert not found.success and "time limit" in found.message and np.isfinite(found.cost)
 
 
 @pytest.mark.parametrize("solver", ["gauss_newton", pytest.param("snopt", marks=pytest.mark.slow)])
-def test_a_search_that_a_failing_region_keeps_from_the_minimum_has_not_converged(fit, monkeypatch, halfway, solver):
+def test_a_search_that_a_failing_region_keeps_from_the_minimum_has_not_converged(
+    fit, monkeypatch, halfway, solver
+):
     """The best that is found lies on the good side, near the edge; it is no minimum."""
     problem = failing(fit(solver=solver), monkeypatch, lambda u, _: u[1] / halfway > 1.0)
     found = search(problem, problem.parameters.start)
@@ -152,10 +169,16 @@ def test_a_search_that_a_failing_region_keeps_from_the_minimum_has_not_converged
 def test_a_minimum_beyond_a_bound_is_found_on_it(fit, soft, fit_walker, halfway, solver):
     free = fit(solver=solver)
     edge = free.parameters.by_name[FREE[1]].from_u(halfway)
-    problem = ContactFit([soft], walker=fit_walker, options=free.options, parameters=free.parameters.changed(
-        [FREE[1]], **{"low" if halfway < 0.0 else "high": edge}))
+    problem = ContactFit(
+        [soft],
+        walker=fit_walker,
+        options=free.options,
+        parameters=free.parameters.changed([FREE[1]], **{"low" if halfway < 0.0 else "high": edge}),
+    )
     found = search(problem, np.array([0.0, -100.0 * np.sign(halfway), 0.0]))
-    assert found.start[1] in [bound[1] for bound in problem.parameters.bounds], "a start beyond them is moved there"
+    assert found.start[1] in [bound[1] for bound in problem.parameters.bounds], (
+        "a start beyond them is moved there"
+    )
     assert found.start[1] != pytest.approx(halfway) and found.success, found.message
     assert found.u[1] == pytest.approx(halfway, abs=1e-2)
 
@@ -195,8 +218,11 @@ def brief(few_free):
 def ended(few_free):
     """The short fit: its searches, its state after each as it would stand in a file, and what it told."""
     states, told = [], []
-    searches = run_searches(few_free(*FREE[:2], **SHORT), progress=lambda *what: told.append(what),
-                            checkpoint=lambda state: states.append(json.dumps(state)))
+    searches = run_searches(
+        few_free(*FREE[:2], **SHORT),
+        progress=lambda *what: told.append(what),
+        checkpoint=lambda state: states.append(json.dumps(state)),
+    )
     return SimpleNamespace(searches=searches, states=states, told=told)
 
 
@@ -213,7 +239,9 @@ def test_samples_are_stratified_and_follow_the_prior_within_the_bounds():
 
     u = prior_samples(FitParameters([normal("a"), normal("b", low=-0.5, high=2.0)]), 200, [3, 1])
     assert u.shape == (200, 2)
-    assert sorted(np.floor(200 * norm.cdf(u[:, 0]))) == [*range(200)], "one in each part of equal probability"
+    assert sorted(np.floor(200 * norm.cdf(u[:, 0]))) == [*range(200)], (
+        "one in each part of equal probability"
+    )
     assert np.all((u[:, 1] >= -0.5) & (u[:, 1] <= 2.0))
     inside = (norm.cdf(u[:, 1]) - norm.cdf(-0.5)) / (norm.cdf(2.0) - norm.cdf(-0.5))
     assert sorted(np.floor(200 * inside)) == [*range(200)]
@@ -221,7 +249,8 @@ def test_samples_are_stratified_and_follow_the_prior_within_the_bounds():
 
 
 def test_the_first_search_starts_as_the_parameters_say_and_others_at_the_best_of_their_samples(
-        brief, ended, monkeypatch):
+    brief, ended, monkeypatch
+):
     problem = brief()
     first, *others = ended.searches
     np.testing.assert_array_equal(first.start, problem.parameters.start)
@@ -232,7 +261,9 @@ def test_the_first_search_starts_as_the_parameters_say_and_others_at_the_best_of
         assert found.start_cost == pytest.approx(min(costs), rel=1e-9)
     failing(problem, monkeypatch, lambda u, _: np.array_equal(u, ended.searches[1].start))
     again = run_searches(problem, resume={"key": problem.key} | json.loads(ended.states[0]))
-    assert not np.array_equal(again[1].start, ended.searches[1].start), "a sample at which the walk fails"
+    assert not np.array_equal(again[1].start, ended.searches[1].start), (
+        "a sample at which the walk fails"
+    )
 
 
 @pytest.mark.parametrize("after", [0, 2])
@@ -240,10 +271,13 @@ def test_a_fit_resumed_from_a_file_ends_as_if_never_interrupted(brief, ended, af
     problem, again = brief(), []
     found = run_searches(problem, resume=json.loads(ended.states[after]), checkpoint=again.append)
     same(found, ended.searches)
-    assert [json.dumps(state) for state in again] == ended.states[after + 1:]
+    assert [json.dumps(state) for state in again] == ended.states[after + 1 :]
     assert (problem.evaluations == 0) == (after == 2), "nothing is left to do"
     fewer = brief(starts=2)
-    same(run_searches(fewer, resume=json.loads(ended.states[2]) | {"key": fewer.key}), ended.searches[:2])
+    same(
+        run_searches(fewer, resume=json.loads(ended.states[2]) | {"key": fewer.key}),
+        ended.searches[:2],
+    )
 
 
 def test_an_interrupted_search_is_begun_anew(brief, ended):
@@ -256,24 +290,36 @@ def test_an_interrupted_search_is_begun_anew(brief, ended):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_searches(brief(), progress=interrupt, checkpoint=lambda state: states.append(json.dumps(state)))
+        run_searches(
+            brief(), progress=interrupt, checkpoint=lambda state: states.append(json.dumps(state))
+        )
     assert states == ended.states[:1]
 
 
 def valleys():
     """A cost with a valley at every whole number of the first parameter, the one at 1 the deepest."""
-    items = [FitParameter(name=name, unit="m", start=start, mean=0.0, low=-4.0, high=4.0, scale=1.0)
-             for name, start in (("contact.heel.rise", -0.1), ("offset.height", 0.5))]
+    items = [
+        FitParameter(name=name, unit="m", start=start, mean=0.0, low=-4.0, high=4.0, scale=1.0)
+        for name, start in (("contact.heel.rise", -0.1), ("offset.height", 0.5))
+    ]
 
     def evaluate(u, *, noise=1.0, **_):
         a, b = u
         fit.evaluations += 1
         residual = np.array([8.0 * np.sin(np.pi * a) / noise, 3.0 * (a - 1.0) / noise, a, b])
-        jacobian = np.array([[8.0 * np.pi * np.cos(np.pi * a) / noise, 0.0], [3.0 / noise, 0.0], [1.0, 0.0],
-                             [0.0, 1.0]])
+        jacobian = np.array(
+            [
+                [8.0 * np.pi * np.cos(np.pi * a) / noise, 0.0],
+                [3.0 / noise, 0.0],
+                [1.0, 0.0],
+                [0.0, 1.0],
+            ]
+        )
         return FitEvaluation(residual=residual, jacobian=jacobian, terms=())
 
-    fit = SimpleNamespace(parameters=FitParameters(items), joint=ContactFitOptions(), evaluations=0, evaluate=evaluate)
+    fit = SimpleNamespace(
+        parameters=FitParameters(items), joint=ContactFitOptions(), evaluations=0, evaluate=evaluate
+    )
     return fit
 
 
@@ -282,16 +328,22 @@ def test_a_search_hops_from_the_valley_where_it_ended_into_a_deeper_one_beside_i
     assert found.success and found.u[0] == pytest.approx(1.0, abs=0.02)
     assert found.cost == pytest.approx(0.5, rel=0.01), "of the prior alone"
     cost, *there = found.beside[0]
-    assert round(there[0]) in (0, 2) and cost > found.cost, "the valley that it hopped over is remembered"
+    assert round(there[0]) in (0, 2) and cost > found.cost, (
+        "the valley that it hopped over is remembered"
+    )
     stays = search(valleys(), np.array([0.1, 0.5]), near=True)
-    assert stays.success and stays.u[0] == pytest.approx(0.0, abs=0.02), "no hops where it is to stay near"
+    assert stays.success and stays.u[0] == pytest.approx(0.0, abs=0.02), (
+        "no hops where it is to stay near"
+    )
 
 
 def test_a_search_whose_limit_leaves_no_hops_says_so_and_a_resumed_search_hops():
     few = valleys()
     few.joint = ContactFitOptions(iterations=8)
     found = search(few, np.array([-0.1, 0.5]))
-    assert found.success and found.cost > 4.0 and "the limit of 8 iterations ended it" in found.message
+    assert (
+        found.success and found.cost > 4.0 and "the limit of 8 iterations ended it" in found.message
+    )
     resumed = search(valleys(), np.array([0.1, 0.5]), near=True, hops=True)
     assert resumed.success and resumed.cost == pytest.approx(0.5, rel=0.01) and len(resumed.beside)
 
@@ -301,24 +353,46 @@ def test_searches_that_meet_while_the_prior_decides_are_one():
     met = search(valleys(), np.array([1.7, -2.0]), others=[first])
     assert met.success and met.cost == first.cost and met.met == 1 and first.met == 0
     np.testing.assert_array_equal(met.u, first.u)
-    assert met.start[0] == 1.7 and met.start_cost > first.start_cost and met.evaluations < 0.5 * first.evaluations
-    for other in (replace(first, smooth=first.smooth + 0.1), replace(first, success=False, cost=50.0)):
+    assert (
+        met.start[0] == 1.7
+        and met.start_cost > first.start_cost
+        and met.evaluations < 0.5 * first.evaluations
+    )
+    for other in (
+        replace(first, smooth=first.smooth + 0.1),
+        replace(first, success=False, cost=50.0),
+    ):
         alone = search(valleys(), np.array([1.7, -2.0]), others=[other])
         assert alone.met == 0 and alone.cost == pytest.approx(0.5, rel=0.01), "elsewhere, or failed"
 
 
-def test_state_of_another_problem_or_a_damaged_one_is_refused(brief, few_free, ended, soft, stiff, measured_bench):
+def test_state_of_another_problem_or_a_damaged_one_is_refused(
+    brief, few_free, ended, soft, stiff, measured_bench
+):
     state = json.loads(ended.states[0])
     moved = replace(soft, offsets=GeometricOffsets(height_m=1e-3))
     elsewhere = replace(soft, fulcrum_m=soft.fulcrum_m + 1e-3)
-    for other in (brief(seed=6), brief(step_s=2e-3), brief(solver="snopt"), brief(trials=[stiff], labels=["low_1"]),
-                  brief(trials=[moved]), brief(trials=[elsewhere]), brief(bench=measured_bench),
-                  brief(labels=["another"]), few_free("offset.height", **SHORT)):
+    for other in (
+        brief(seed=6),
+        brief(step_s=2e-3),
+        brief(solver="snopt"),
+        brief(trials=[stiff], labels=["low_1"]),
+        brief(trials=[moved]),
+        brief(trials=[elsewhere]),
+        brief(bench=measured_bench),
+        brief(labels=["another"]),
+        few_free("offset.height", **SHORT),
+    ):
         with pytest.raises(InputError, match="other trials, parameters or options") as caught:
             run_searches(other, resume=state)
         assert caught.value.where == "resume"
     row = state["searches"][0]
-    for damage in ({}, {"searches": 3}, {"searches": [{"u": [1.0]}]}, {"searches": [row | {"start": [0.0]}]}):
+    for damage in (
+        {},
+        {"searches": 3},
+        {"searches": [{"u": [1.0]}]},
+        {"searches": [row | {"start": [0.0]}]},
+    ):
         with pytest.raises(InputError, match="no state of such a fit"):
             run_searches(brief(), resume={"key": state["key"]} | damage)
 
@@ -328,7 +402,9 @@ def test_a_start_at_which_the_walk_fails_is_a_search_that_failed_and_is_kept(bri
     with monkeypatch.context() as patch:
         failing(problem, patch, lambda *_: True)
         states = []
-        failed, = run_searches(problem, checkpoint=lambda state: states.append(json.dumps(state, allow_nan=False)))
+        (failed,) = run_searches(
+            problem, checkpoint=lambda state: states.append(json.dumps(state, allow_nan=False))
+        )
     assert (failed.success, failed.cost, failed.start_cost) == (False, np.inf, np.inf)
     assert "fails where the search starts" in failed.message and "broke" in failed.message
     assert failed.evaluations == failed.failed == 1
@@ -336,13 +412,21 @@ def test_a_start_at_which_the_walk_fails_is_a_search_that_failed_and_is_kept(bri
     same(run_searches(problem, resume=json.loads(states[0])), [failed])
 
 
-searches = importlib.import_module("vsf_drake.analysis.contact_fit.solve")  # the package has a function of this name
+searches = importlib.import_module(
+    "vsf_drake.analysis.contact_fit.solve"
+)  # the package has a function of this name
 
 
-def test_progress_tells_search_lowest_cost_and_the_share_by_the_time_of_those_that_ended(ended, fit, monkeypatch):
-    assert list(dict.fromkeys(what.split(",")[0] for what, _ in ended.told)) == [f"search {i} of 3" for i in (1, 2, 3)]
+def test_progress_tells_search_lowest_cost_and_the_share_by_the_time_of_those_that_ended(
+    ended, fit, monkeypatch
+):
+    assert list(dict.fromkeys(what.split(",")[0] for what, _ in ended.told)) == [
+        f"search {i} of 3" for i in (1, 2, 3)
+    ]
     costs = [float(what.rsplit(" ", 1)[1]) for what, _ in ended.told]
-    assert costs == sorted(costs, reverse=True) and costs[-1] == round(min(s.cost for s in ended.searches), 1)
+    assert costs == sorted(costs, reverse=True) and costs[-1] == round(
+        min(s.cost for s in ended.searches), 1
+    )
     shares = [share for what, share in ended.told if what.startswith("search 1")]
     assert shares == sorted(shares) and 0.0 < shares[0] and shares[-1] < 1 / 3
     clock, told = SimpleNamespace(now=0.0), []

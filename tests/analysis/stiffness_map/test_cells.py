@@ -17,8 +17,13 @@ FOOT = FootParameters()
 
 
 def cell(mass_kg=80.0, slope_deg=0.0, fulcrum_mm=108.0, alignment_deg=0.0, heel_ratio=1.0):
-    return Cell(mass_kg=mass_kg, slope_deg=slope_deg, fulcrum_mm=fulcrum_mm, alignment_deg=alignment_deg,
-                heel_ratio=heel_ratio)
+    return Cell(
+        mass_kg=mass_kg,
+        slope_deg=slope_deg,
+        fulcrum_mm=fulcrum_mm,
+        alignment_deg=alignment_deg,
+        heel_ratio=heel_ratio,
+    )
 
 
 def rolled(*cells, foot=FOOT):
@@ -27,10 +32,18 @@ def rolled(*cells, foot=FOOT):
 
 def test_under_equal_load_a_softer_setting_bends_more_stores_more_and_reaches_less_far():
     soft, middle, stiff = rolled(*(cell(fulcrum_mm=x) for x in (66.0, 108.0, 151.0)))
-    for name, sign in (("radius", 1), ("eflr", 1), ("moment_arm", 1), ("stored", -1), ("returned", -1)):
+    for name, sign in (
+        ("radius", 1),
+        ("eflr", 1),
+        ("moment_arm", 1),
+        ("stored", -1),
+        ("returned", -1),
+    ):
         assert sign * soft[name] < sign * middle[name] < sign * stiff[name], name
     assert soft["loading_rate"] == stiff["loading_rate"], "the force is given"
-    assert all(0.0 < each["returned"] < each["stored"] for each in (soft, middle, stiff)), "energy is never created"
+    assert all(0.0 < each["returned"] < each["stored"] for each in (soft, middle, stiff)), (
+        "energy is never created"
+    )
 
 
 def test_more_mass_stores_more_and_its_loading_rate_is_in_proportion():
@@ -50,8 +63,9 @@ def test_the_loading_rate_is_the_given_forces():
 def test_uphill_loads_the_forefoot_longer_and_a_toe_turned_up_undoes_it():
     """The ground turned by 4 degrees and the foot turned up by 4 meet at the same angle. The line of force does not: at
     the second peak, 20 degrees, the ground's force is larger by cos 20 / cos 24, 3 %, and energy by twice that."""
-    down, level, up, undone = rolled(cell(slope_deg=-4.0), cell(), cell(slope_deg=4.0),
-                                     cell(slope_deg=4.0, alignment_deg=4.0))
+    down, level, up, undone = rolled(
+        cell(slope_deg=-4.0), cell(), cell(slope_deg=4.0), cell(slope_deg=4.0, alignment_deg=4.0)
+    )
     assert down["moment_arm"] < level["moment_arm"] < up["moment_arm"]
     assert down["returned"] < level["returned"] < up["returned"]
     for name, apart in (("radius", 0.03), ("eflr", 0.03), ("stored", 0.07), ("returned", 0.07)):
@@ -62,7 +76,9 @@ def test_only_the_heel_takes_the_heels_ratio():
     softer = with_heel(FOOT, 0.5)
     for zone, own in zip(softer.zones, FOOT.zones, strict=True):
         assert zone.stiffness == own.stiffness * (0.5 if own.name.startswith("heel") else 1.0)
-    bare = dataclasses.replace(FOOT, zones=tuple(zone for zone in FOOT.zones if not zone.name.startswith("heel")))
+    bare = dataclasses.replace(
+        FOOT, zones=tuple(zone for zone in FOOT.zones if not zone.name.startswith("heel"))
+    )
     with pytest.raises(InputError, match="heel_ratio: the model has no contact zone"):
         with_heel(bare, 0.5)
 
@@ -70,26 +86,39 @@ def test_only_the_heel_takes_the_heels_ratio():
 def test_the_profile_of_the_standard_written_to_a_file_is_the_same_load(tmp_path):
     iso = iso_22675(STEP_S)
     path = tmp_path / "load.csv"
-    rows = [f"{t},{np.degrees(tilt)},{force}" for t, tilt, force in zip(
-        iso.time_s, iso.tilt_rad, iso.force_bw, strict=True)]
+    rows = [
+        f"{t},{np.degrees(tilt)},{force}"
+        for t, tilt, force in zip(iso.time_s, iso.tilt_rad, iso.force_bw, strict=True)
+    ]
     path.write_text("# mine\ntime_s,tilt_deg,force_bw\n" + "\n".join(rows))
     own = load_profile(path, STEP_S)
     np.testing.assert_allclose(own.force_bw, iso.force_bw, atol=1e-9)
     np.testing.assert_allclose(own.tilt_rad, iso.tilt_rad, atol=1e-9)
-    assert own.shape_ends_s == pytest.approx(iso.shape_ends_s, abs=STEP_S) and own.name == "load.csv"
+    assert (
+        own.shape_ends_s == pytest.approx(iso.shape_ends_s, abs=STEP_S) and own.name == "load.csv"
+    )
 
 
-@pytest.mark.parametrize(("change", "said"), [
-    (lambda t, a, f: (t, a, 800.0 * f), "divide newtons"), (lambda t, a, f: (1e3 * t, a, f), "lasts 600 s"),
-    (lambda t, a, f: (t[::-1], a, f), "does not rise"), (lambda t, a, f: (t, 10.0 * a, f), "tilt_deg"),
-    (lambda t, a, f: (t, a, f + 0.2), "begins with 0.2"), (lambda t, a, f: (t[:5], a[:5], f[:5]), "5 rows"),
-    (lambda t, a, f: (t, a, f * np.nan), "blank")])
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t, a, f: (t, a, 800.0 * f), "divide newtons"),
+        (lambda t, a, f: (1e3 * t, a, f), "lasts 600 s"),
+        (lambda t, a, f: (t[::-1], a, f), "does not rise"),
+        (lambda t, a, f: (t, 10.0 * a, f), "tilt_deg"),
+        (lambda t, a, f: (t, a, f + 0.2), "begins with 0.2"),
+        (lambda t, a, f: (t[:5], a[:5], f[:5]), "5 rows"),
+        (lambda t, a, f: (t, a, f * np.nan), "blank"),
+    ],
+)
 def test_what_is_no_stance_is_refused_in_one_line(tmp_path, change, said):
     iso = iso_22675(0.01)
     columns = change(iso.time_s, np.degrees(iso.tilt_rad), iso.force_bw)
     path = tmp_path / "load.csv"
-    path.write_text("time_s,tilt_deg,force_bw\n" + "\n".join(
-        ",".join(map(str, row)) for row in zip(*columns, strict=True)))
+    path.write_text(
+        "time_s,tilt_deg,force_bw\n"
+        + "\n".join(",".join(map(str, row)) for row in zip(*columns, strict=True))
+    )
     with pytest.raises(InputError, match=said) as refused:
         load_profile(path)
     assert "\n" not in str(refused.value)

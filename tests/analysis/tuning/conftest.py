@@ -29,14 +29,25 @@ def shared_walker(tuned_trials: dict[str, Trial]) -> Walker:
 
 
 @pytest.fixture(scope="session")
-def made_tuning(tuned_trials: dict[str, Trial], shared_walker: Walker) -> Callable[..., StiffnessTuning]:
+def made_tuning(
+    tuned_trials: dict[str, Trial], shared_walker: Walker
+) -> Callable[..., StiffnessTuning]:
     """Makes a tuning to trials, labels or the trials themselves, in steps of 2 ms; other words are options."""
+
     def make(
         *trials: str | Trial, cost: str = "joint_load", tasks: list[str] | None = None, **options
     ) -> StiffnessTuning:
-        given = [tuned_trials[trial] if isinstance(trial, str) else trial for trial in trials or ("medium_2",)]
+        given = [
+            tuned_trials[trial] if isinstance(trial, str) else trial
+            for trial in trials or ("medium_2",)
+        ]
         chosen = {"step_s": 2e-3, "draws": 0, "same_load": False, "confirm": ()} | options
-        return StiffnessTuning(given, cost=cost, options=TuningOptions(**chosen), tasks=tasks,
-                               walkers=[shared_walker] * len(given))
+        return StiffnessTuning(
+            given,
+            cost=cost,
+            options=TuningOptions(**chosen),
+            tasks=tasks,
+            walkers=[shared_walker] * len(given),
+        )
 
     return make

@@ -9,10 +9,30 @@ from scipy.interpolate import CubicSpline
 
 from vsf_drake.analysis.tuning.common import FREE_COSTS
 from vsf_drake.analysis.tuning.level1 import TuningOptions
-from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, normal, solve, stride_arrays, stride_table
-from vsf_drake.analysis.tuning.level2.outcomes import MEASURES, muscle_energy, outcomes, published_signs, steady_signs
+from vsf_drake.analysis.tuning.level2 import (
+    StrideOptions,
+    StrideTuning,
+    normal,
+    solve,
+    stride_arrays,
+    stride_table,
+)
+from vsf_drake.analysis.tuning.level2.outcomes import (
+    MEASURES,
+    muscle_energy,
+    outcomes,
+    published_signs,
+    steady_signs,
+)
 from vsf_drake.analysis.tuning.level2.saved import as_good
-from vsf_drake.analysis.tuning.level2.search import Fixed, Held, StrideSearch, StrideSolution, swept, tracked
+from vsf_drake.analysis.tuning.level2.search import (
+    Fixed,
+    Held,
+    StrideSearch,
+    StrideSolution,
+    swept,
+    tracked,
+)
 from vsf_drake.analysis.tuning.level2.stride import MM, STEADY, TYPICAL_ACTIVATION, WORK
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
@@ -51,38 +71,60 @@ def tracked_stride(tuning):
 def test_a_stride_begins_in_balance_and_its_derivatives_equal_central_differences(stride):
     start = stride.start(stride.own_m / MM)
     y, by_z, by_p = stride.function.linearise(start.z, start.p)
-    balance = [i for i in stride.function.starting_with("balance_") if "pelvis" not in stride.function.names[i]]
+    balance = [
+        i
+        for i in stride.function.starting_with("balance_")
+        if "pelvis" not in stride.function.names[i]
+    ]
     assert np.abs(y[:, balance]).max() < 1e-6 * stride.model.weight, "of keel and socket"
     rng = np.random.default_rng(3)
     dz, dp = rng.standard_normal(start.z.shape), np.array([1e-2, 0.3, 0.1, 0.2, 0.3])
     dz[:, stride.function.layout.w] *= 1e-2
     h, p = 1e-6, np.append(start.p[:-1], 1.1)
     y, by_z, by_p = stride.function.linearise(start.z, p)
-    ahead, behind = (stride.function.evaluate(start.z + s * h * dz, p + s * h * dp) for s in (1.0, -1.0))
+    ahead, behind = (
+        stride.function.evaluate(start.z + s * h * dz, p + s * h * dp) for s in (1.0, -1.0)
+    )
     exact = np.einsum("nmz,nz->nm", by_z, dz) + by_p @ dp
     scale = np.abs(exact).max(axis=0) + 1.0
-    assert np.abs((ahead - behind) / (2.0 * h) - exact).max(axis=0) / scale == pytest.approx(0.0, abs=1e-4)
+    assert np.abs((ahead - behind) / (2.0 * h) - exact).max(axis=0) / scale == pytest.approx(
+        0.0, abs=1e-4
+    )
 
 
-def test_a_stride_that_takes_longer_is_the_same_curve_with_slower_rates_at_the_recorded_speed(tuning, stride):
+def test_a_stride_that_takes_longer_is_the_same_curve_with_slower_rates_at_the_recorded_speed(
+    tuning, stride
+):
     """The other way: what is handed over meets the collocation of a grid of the longer time, with its advance."""
     pace, grid, layout = 1.1, stride.grid, stride.function.layout
     z, p = np.zeros((grid.instants, layout.size)), np.array([0.1, 1.0, 0.0, 1.0, pace])
     t, T = grid.times_s[:, None], grid.duration_s
     w = 2.0 * np.pi / T * np.arange(1, layout.n + 1)
-    z[:, layout.q], z[:, layout.v], z[:, layout.a] = np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)
+    z[:, layout.q], z[:, layout.v], z[:, layout.a] = (
+        np.sin(w * t),
+        w * np.cos(w * t),
+        -(w**2) * np.sin(w * t),
+    )
     z[:, 1] += stride.speed * t[:, 0]
     z[:, layout.v][:, 1] += stride.speed
-    end = SimpleNamespace(problem=stride.problem([], (66.0, 151.0)), z=z, p=p,
-                          y=lambda: np.zeros((grid.instants, len(stride.function.names))))
+    end = SimpleNamespace(
+        problem=stride.problem([], (66.0, 151.0)),
+        z=z,
+        p=p,
+        y=lambda: np.zeros((grid.instants, len(stride.function.names))),
+    )
     given = solved_trajectory(end, tuning.walker, outputs=stride.function.names)
-    assert given.period_s == pytest.approx(pace * T) and given.advance[1] == pytest.approx(stride.speed * pace * T)
+    assert given.period_s == pytest.approx(pace * T) and given.advance[1] == pytest.approx(
+        stride.speed * pace * T
+    )
     _, v, a, *_ = stride.function.parts(z, p)
     np.testing.assert_allclose(given.v[:-1], v.T)
     np.testing.assert_allclose(given.a[:-1], a.T)
     spline = CubicSpline(given.time_s, given.q, axis=0)
     inner = slice(4, -4)
-    np.testing.assert_allclose(spline(given.time_s, 1)[inner, :4], given.v[inner, :4], rtol=1e-3, atol=0.02)
+    np.testing.assert_allclose(
+        spline(given.time_s, 1)[inner, :4], given.v[inner, :4], rtol=1e-3, atol=0.02
+    )
     assert given.v[:-1, 1].mean() == pytest.approx(stride.speed, rel=1e-9)
 
 
@@ -91,8 +133,9 @@ def test_constant_joint_power_costs_its_work_over_the_efficiencies(stride):
     powers = stride.function.starting_with("power_")
     y[:, powers[0]], y[:, powers[1]] = 1000.0, -1000.0
     work = 1000.0 * stride.grid.duration_s / stride.model.subject.mass_kg
-    assert stride.value("metabolic", y) == pytest.approx(work * (1.0 / 0.25 + 1.0 / 1.2),
-                                                         rel=stride.options.smooth_power_w / 1000.0)
+    assert stride.value("metabolic", y) == pytest.approx(
+        work * (1.0 / 0.25 + 1.0 / 1.2), rel=stride.options.smooth_power_w / 1000.0
+    )
 
 
 def test_work_comes_with_half_a_joint_load_and_no_other_cost_does(stride):
@@ -100,8 +143,11 @@ def test_work_comes_with_half_a_joint_load_and_no_other_cost_does(stride):
     y = np.random.default_rng(5).standard_normal((stride.grid.instants, len(stride.function.names)))
 
     def total(cost, name):
-        return sum(float(stride.grid.weights @ part.values(y)) for part in stride.minimised(cost, sizes)
-                   if part.name == name)
+        return sum(
+            float(stride.grid.weights @ part.values(y))
+            for part in stride.minimised(cost, sizes)
+            if part.name == name
+        )
 
     for cost in WORK:
         assert total(cost, "steady") == pytest.approx(STEADY * stride.value("joint_load", y) / 2.0)
@@ -111,7 +157,8 @@ def test_work_comes_with_half_a_joint_load_and_no_other_cost_does(stride):
 
 
 def test_able_bodied_walking_deviates_by_nothing_from_itself_and_by_a_half_if_every_angle_is_a_standard_deviation_off(
-        stride):
+    stride,
+):
     """Angles and forces count a half each; where the pelvis is does not count."""
     target, function = stride.able_bodied, stride.function
     y = np.zeros((stride.grid.instants, len(function.names)))
@@ -149,7 +196,10 @@ def test_a_stride_at_another_speed_is_the_same_curves_longer_and_faster(stride):
 def test_a_recording_that_is_met_deviates_by_nothing(stride):
     reference, function = stride.reference, stride.function
     y = np.zeros((stride.grid.instants, len(function.names)))
-    y[:, function.starting_with("q_")], y[:, function.starting_with("a_")] = reference.q, reference.a
+    y[:, function.starting_with("q_")], y[:, function.starting_with("a_")] = (
+        reference.q,
+        reference.a,
+    )
     for foot, force in reference.force.items():
         y[:, function.index(f"{foot}_fx", f"{foot}_fz")] = force
     assert stride.value("deviation", y) == pytest.approx(0.0, abs=1e-12)
@@ -159,20 +209,30 @@ def test_a_recording_that_is_met_deviates_by_nothing(stride):
 
 
 @pytest.mark.slow
-def test_the_tracked_stride_is_the_recorded_one_and_the_full_model_confirms_its_force(tuning, stride, tracked_stride):
+def test_the_tracked_stride_is_the_recorded_one_and_the_full_model_confirms_its_force(
+    tuning, stride, tracked_stride
+):
     assert tracked_stride.success and tracked_stride.violation < 1e-6
     y, reference = tracked_stride.y(), stride.reference
-    angles = np.degrees(y[:, stride.function.starting_with("q_")] - reference.q)[:, [0, 3, 4, 5, 6, 7]]
+    angles = np.degrees(y[:, stride.function.starting_with("q_")] - reference.q)[
+        :, [0, 3, 4, 5, 6, 7]
+    ]
     assert np.sqrt(np.mean(angles**2, axis=0)).max() < 2.0
     for foot, force in reference.force.items():
         size = np.linalg.norm(y[:, stride.function.index(f"{foot}_fx", f"{foot}_fz")], axis=1)
-        assert np.sqrt(np.mean((size - np.linalg.norm(force, axis=1)) ** 2)) < 0.06 * stride.model.weight
-    trajectory = solved_trajectory(tracked_stride, tuning.walker, outputs=stride.function.names,
-                                   offsets=tuning.trial.offsets)
+        assert (
+            np.sqrt(np.mean((size - np.linalg.norm(force, axis=1)) ** 2))
+            < 0.06 * stride.model.weight
+        )
+    trajectory = solved_trajectory(
+        tracked_stride, tuning.walker, outputs=stride.function.names, offsets=tuning.trial.offsets
+    )
     assert resimulate_prescribed(tuning.walker, trajectory).percent_bw < 3.0
 
 
-def test_a_foot_works_on_the_centre_of_mass_by_its_force_at_the_velocity_that_both_feet_s_forces_make(stride):
+def test_a_foot_works_on_the_centre_of_mass_by_its_force_at_the_velocity_that_both_feet_s_forces_make(
+    stride,
+):
     """80 sin(w t) N forward and the weight times 1 + 0.2 cos(w t) up, in a stride that takes 1.1 times as long: the
     velocity is the speed less 80 / (m w) cos(w t) forward and 0.2 g / w sin(w t) up."""
     grid, mass, pace = stride.grid, stride.model.subject.mass_kg, 1.1
@@ -183,7 +243,9 @@ def test_a_foot_works_on_the_centre_of_mass_by_its_force_at_the_velocity_that_bo
     start = stride.start(stride.own_m / MM)
     slower = Start(z=start.z, p=np.append(start.p[:-1], pace))
     found = outcomes(SimpleNamespace(last=slower, last_y=lambda: y), stride)
-    power = (along * (stride.speed - 80.0 / (mass * w) * np.cos(phase)) + up * 0.2 * GRAVITY / w * np.sin(phase))
+    power = along * (
+        stride.speed - 80.0 / (mass * w) * np.cos(phase)
+    ) + up * 0.2 * GRAVITY / w * np.sin(phase)
     late = stride.reference.late & stride.reference.stance["prosthetic"]
     by_hand = pace * grid.weights @ (late * np.maximum(power, 0.0)) / mass
     assert by_hand > 0.01 and found["com_push_off_work"] == pytest.approx(by_hand, rel=5e-3)
@@ -198,7 +260,9 @@ def coarsely(stride):
 @pytest.mark.slow
 def test_a_free_fulcrum_is_at_least_as_good_as_where_it_was_freed(stride, coarsely):
     own = dataclasses.replace(stride, grid=coarsely.problem.grid, consistent=coarsely)
-    search = StrideSearch(own, "joint_load", {name: own.value(name, coarsely.y()) for name in FREE_COSTS})
+    search = StrideSearch(
+        own, "joint_load", {name: own.value(name, coarsely.y()) for name in FREE_COSTS}
+    )
     fixed = search.at(120.0, coarsely.last, "fixed")
     free = search.free(fixed.last, "free")
     assert fixed.success and free.success
@@ -216,10 +280,14 @@ def test_outcomes_have_the_signs_of_walking_and_those_of_a_slower_stride_its_tim
     assert 1.0 < found["dorsiflexion"] < 30.0 and 0.5 < found["ankle_moment"] < 2.5
     assert found["push_off_power"] > 0.0 and found["push_off_work"] > 0.0
     assert found["stride_time"] == pytest.approx(stride.recorded.period_s)
-    knee = -np.degrees(coarsely.last.z[own.reference.late & own.reference.stance["prosthetic"], 4].min())
+    knee = -np.degrees(
+        coarsely.last.z[own.reference.late & own.reference.stance["prosthetic"], 4].min()
+    )
     assert -40.0 < knee < 5.0 and knee + 1.0 < found["knee_extension"] < knee + 6.0
     start = Start(z=coarsely.last.z, p=np.append(coarsely.last.p[:-1], 1.1))
-    slower = outcomes(SimpleNamespace(last=start, last_y=lambda: own.function.evaluate(start.z, start.p)), own)
+    slower = outcomes(
+        SimpleNamespace(last=start, last_y=lambda: own.function.evaluate(start.z, start.p)), own
+    )
     for name in ("stride_time", "stride_length"):
         assert slower[name] == pytest.approx(1.1 * found[name])
     for name in ("dorsiflexion", "knee_extension"):
@@ -235,18 +303,31 @@ def test_energy_of_the_muscles_is_their_power_over_real_time_and_length(stride, 
     y = own.function.evaluate(start.z, start.p)
     joints = stride.model.coordinates[3:]
     time_s = 1.1 * np.append(own.grid.times_s, own.grid.duration_s)
-    angle = CubicSpline(time_s, np.vstack([start.z, start.z[:1]])[:, 3:3 + len(joints)], bc_type="periodic")
+    angle = CubicSpline(
+        time_s, np.vstack([start.z, start.z[:1]])[:, 3 : 3 + len(joints)], bc_type="periodic"
+    )
     active = y[:, own.function.index(*(f"activation_{joint}" for joint in joints))].T
-    power = Muscles([joint.split("_")[0] for joint in joints], subject.sex, subject.mass_kg * 9.81 * subject.stature_m
-                    ).metabolic_power(active, angle(time_s[:-1]).T, angle(time_s[:-1], 1).T).sum(0)
+    power = (
+        Muscles(
+            [joint.split("_")[0] for joint in joints],
+            subject.sex,
+            subject.mass_kg * 9.81 * subject.stature_m,
+        )
+        .metabolic_power(active, angle(time_s[:-1]).T, angle(time_s[:-1], 1).T)
+        .sum(0)
+    )
     mass_length = subject.mass_kg * 1.1 * own.advance_m
     found = muscle_energy(SimpleNamespace(last=start, last_y=lambda: y), own)
-    assert found == pytest.approx(np.trapezoid(np.append(power, power[0]), time_s) / mass_length, rel=0.03)
+    assert found == pytest.approx(
+        np.trapezoid(np.append(power, power[0]), time_s) / mass_length, rel=0.03
+    )
     work = np.maximum(y[:, own.function.starting_with("power_")], 0.0).sum(1)
     assert found > np.trapezoid(np.append(work, work[0]), time_s) / mass_length
 
 
-def test_a_consistent_stride_is_what_it_was_made_of_and_both_feet_s_forces_are_known(stride, coarsely):
+def test_a_consistent_stride_is_what_it_was_made_of_and_both_feet_s_forces_are_known(
+    stride, coarsely
+):
     """The other way: its motion and forces are the solution's, on its own grid and, between strikes, on a finer one."""
     solution = coarsely
     coarse = dataclasses.replace(stride, grid=solution.problem.grid, consistent=solution)
@@ -279,14 +360,20 @@ def test_a_consistent_stride_that_is_tracked_finds_its_own_fulcrum(stem):
 
 def test_the_interval_holds_what_is_as_good_and_the_end_of_every_search_that_converged():
     def ended(mm, cost, success=True):
-        return SimpleNamespace(last=Start(z=np.zeros(0), p=np.array([mm * MM])), last_cost=cost, success=success)
+        return SimpleNamespace(
+            last=Start(z=np.zeros(0), p=np.array([mm * MM])), last_cost=cost, success=success
+        )
 
     result = StrideSolution(tuning=None, tracked=ended(108.0, 1.0), search=None)
-    result.sweep = [Fixed(mm, ended(mm, cost)) for mm, cost in ((66.0, 1.2), (108.0, 1.005), (151.0, 1.3))]
+    result.sweep = [
+        Fixed(mm, ended(mm, cost)) for mm, cost in ((66.0, 1.2), (108.0, 1.005), (151.0, 1.3))
+    ]
     assert as_good(result) is None, "no search with the fulcrum free converged"
     result.free = [(66.0, ended(100.0, 1.0)), (151.0, ended(140.0, 1.2, success=False))]
     # 1 % above 1.0 is reached on the lines from the optimum to 1.2 and from 1.005 to 1.3.
-    assert as_good(result) == pytest.approx((100.0 - 34.0 * 0.01 / 0.2, 108.0 + 43.0 * 0.005 / 0.295))
+    assert as_good(result) == pytest.approx(
+        (100.0 - 34.0 * 0.01 / 0.2, 108.0 + 43.0 * 0.005 / 0.295)
+    )
     result.drawn, result.held = [(ended(120.0, 1.0), None)], [Held(0.1, (), ended(90.0, 0.5))]
     assert as_good(result) == pytest.approx((90.0, 120.0))
 
@@ -294,8 +381,11 @@ def test_the_interval_holds_what_is_as_good_and_the_end_of_every_search_that_con
 def test_the_interval_reaches_to_where_the_cost_is_known_to_be_more():
     """From the optimum, where no fixed position is as good: 1 % is reached after a tenth of the way to 10 % more. Over
     a position without a stride to the next one that has one, at the end of the range to that position itself."""
+
     def ended(mm, cost):
-        return SimpleNamespace(last=Start(z=np.zeros(0), p=np.array([mm * MM])), last_cost=cost, success=True)
+        return SimpleNamespace(
+            last=Start(z=np.zeros(0), p=np.array([mm * MM])), last_cost=cost, success=True
+        )
 
     result = StrideSolution(tuning=None, tracked=ended(108.0, 1.0), search=None)
     result.free = [(110.0, ended(110.0, 1.0))]
@@ -311,7 +401,10 @@ def test_published_signs_of_the_foot_itself_turn_with_the_order_of_stiffness():
     """Seven, of which those of dorsiflexion, push-off and energy are negative (Nichols 2023); what changes by less than
     1 % has none, nor has what is not known. A middle beyond both ends does not turn what they say, but it is known."""
     falls = {"dorsiflexion", "push_off_power", "stored_energy", "returned_energy"}
-    rows = [{name: 10.0 + (-step if name in falls else step) for name in MEASURES.values()} for step in (0.0, 1.0, 2.0)]
+    rows = [
+        {name: 10.0 + (-step if name in falls else step) for name in MEASURES.values()}
+        for step in (0.0, 1.0, 2.0)
+    ]
     assert len(MEASURES) == 7 and all(published_signs(rows).values())
     assert set(published_signs(rows[::-1]).values()) == {False}
     assert set(published_signs([rows[0], rows[0], rows[0]]).values()) == {None}
@@ -323,7 +416,9 @@ def test_published_signs_of_the_foot_itself_turn_with_the_order_of_stiffness():
 
 
 def test_a_tuning_that_was_interrupted_keeps_its_stride_and_cannot_be_read_as_an_optimum(trial):
-    tuning = StrideTuning([trial], cost="metabolic", options=StrideOptions(confirm=(), intervals=20))
+    tuning = StrideTuning(
+        [trial], cost="metabolic", options=StrideOptions(confirm=(), intervals=20)
+    )
 
     def stop(what, share):
         if "iteration 2" in what:
@@ -339,22 +434,35 @@ def test_a_tuning_that_was_interrupted_keeps_its_stride_and_cannot_be_read_as_an
 
 def test_two_trials_an_unknown_cost_and_a_range_out_of_reach_are_refused(trial):
     for trials, cost, options, message in (
-            ([trial, trial], "metabolic", None, "2 trials"), ([trial], "comfort", None, "no 'comfort'"),
-            ([trial], "metabolic", StrideOptions(bounds_mm=(10.0, 300.0)), "reach"),
-            ([trial], "metabolic", StrideOptions(speed_m_per_s=9.0), "able-bodied walking"),
-            ([trial], "tracking", StrideOptions(speed_m_per_s=1.3), "to be tracked"),
-            ([trial], "weighted", StrideOptions(speed_m_per_s=1.3, weights={"tracking": 0.1, "metabolic": 1.0}),
-             "to be tracked")):
+        ([trial, trial], "metabolic", None, "2 trials"),
+        ([trial], "comfort", None, "no 'comfort'"),
+        ([trial], "metabolic", StrideOptions(bounds_mm=(10.0, 300.0)), "reach"),
+        ([trial], "metabolic", StrideOptions(speed_m_per_s=9.0), "able-bodied walking"),
+        ([trial], "tracking", StrideOptions(speed_m_per_s=1.3), "to be tracked"),
+        (
+            [trial],
+            "weighted",
+            StrideOptions(speed_m_per_s=1.3, weights={"tracking": 0.1, "metabolic": 1.0}),
+            "to be tracked",
+        ),
+    ):
         with pytest.raises(InputError, match=message):
             StrideTuning(trials, cost=cost, options=options)
 
 
-def test_a_recording_slower_than_what_was_published_can_be_tracked_or_solved_for_faster(trial, stride, monkeypatch):
+def test_a_recording_slower_than_what_was_published_can_be_tracked_or_solved_for_faster(
+    trial, stride, monkeypatch
+):
     """The recorded speed is 1.0 m/s; as if nothing were known of able-bodied walking below 1.5 m/s."""
     monkeypatch.setattr(normal, "REACH", (0.5, 0.56))
     tuning = StrideTuning([trial], cost="tracking")
     tuning.stride.problem(tuning.stride.minimised("tracking", {}), tuning.stride.reach_mm)
-    assert StrideTuning([trial], cost="activation", options=StrideOptions(speed_m_per_s=1.6)).speed_m_per_s == 1.6
+    assert (
+        StrideTuning(
+            [trial], cost="activation", options=StrideOptions(speed_m_per_s=1.6)
+        ).speed_m_per_s
+        == 1.6
+    )
     with pytest.raises(InputError, match="able-bodied walking") as refused:
         StrideTuning([trial], cost="activation")
     assert refused.value.where == "the recorded speed"
@@ -368,21 +476,40 @@ def test_the_recorded_speed_as_it_is_printed_is_the_recorded_speed(trial, stride
 def test_activation_has_a_weight_where_the_motion_adapts_and_none_where_it_does_not(stride):
     weights = {"activation": 1.0, "joint_load": 3.0}
     mixed = dataclasses.replace(stride, options=StrideOptions(weights=weights))
-    y = np.random.default_rng(11).standard_normal((stride.grid.instants, len(stride.function.names)))
+    y = np.random.default_rng(11).standard_normal(
+        (stride.grid.instants, len(stride.function.names))
+    )
     terms = mixed.minimised("weighted", dict.fromkeys(FREE_COSTS, 2.0))
-    by_name = {name: sum(float(stride.grid.weights @ part.values(y)) for part in terms if part.name == name)
-               for name in weights}
-    assert by_name == pytest.approx({"activation": 0.25 * stride.value("activation", y) / TYPICAL_ACTIVATION,
-                                     "joint_load": 0.75 * stride.value("joint_load", y) / 2.0})
+    by_name = {
+        name: sum(
+            float(stride.grid.weights @ part.values(y)) for part in terms if part.name == name
+        )
+        for name in weights
+    }
+    assert by_name == pytest.approx(
+        {
+            "activation": 0.25 * stride.value("activation", y) / TYPICAL_ACTIVATION,
+            "joint_load": 0.75 * stride.value("joint_load", y) / 2.0,
+        }
+    )
     with pytest.raises(InputError, match="activation"):
         TuningOptions(weights=weights)
 
 
 @pytest.mark.slow
-def test_a_stride_at_another_speed_is_solved_for_there_and_the_recorded_one_stays_what_it_was(trial, stride):
+def test_a_stride_at_another_speed_is_solved_for_there_and_the_recorded_one_stays_what_it_was(
+    trial, stride
+):
     """Speed is length over time. A larger weight of able-bodied walking brings the stride nearer to it."""
-    options = StrideOptions(intervals=12, positions=2, starts=1, confirm=(), draws=2, hold_factors=(4.0,),
-                            speed_m_per_s=1.3)
+    options = StrideOptions(
+        intervals=12,
+        positions=2,
+        starts=1,
+        confirm=(),
+        draws=2,
+        hold_factors=(4.0,),
+        speed_m_per_s=1.3,
+    )
     result = solve(StrideTuning([trial], cost="activation", options=options))
     table, (held,), best = stride_table(result), result.held, result.best
     rows = {row.name: row for row in table.outcomes}
@@ -391,29 +518,42 @@ def test_a_stride_at_another_speed_is_solved_for_there_and_the_recorded_one_stay
         assert length / time == pytest.approx(1.3)
     assert rows["stride_time"].recorded == pytest.approx(stride.recorded.period_s)
     assert rows["stride_length"].recorded == pytest.approx(stride.recorded.advance_m)
-    assert rows["motion_change"].optimum is None and rows["motion_change"].recorded == pytest.approx(0.0, abs=1e-9)
+    assert rows["motion_change"].optimum is None and rows[
+        "motion_change"
+    ].recorded == pytest.approx(0.0, abs=1e-9)
     assert "1.30 m/s" in table.notes[0] and f"{stride.speed:.2f} m/s" in table.notes[0]
     assert rows["motion_change"].matters is None, "of nothing recorded"
     assert all(drawn.success and other.speed == pytest.approx(1.3) for drawn, other in result.drawn)
     costs = [drawn.last_cost for drawn, _ in result.drawn]
     assert table.cost_outcome.uncertainty == pytest.approx(np.std(costs, ddof=1))
     arrays = stride_arrays(result)
-    for foot in ("prosthetic", "intact"):  # the full model carries out a stride on twice as many intervals
+    for foot in (
+        "prosthetic",
+        "intact",
+    ):  # the full model carries out a stride on twice as many intervals
         off = arrays[f"grf_{foot}_resimulated_prescribed"] - arrays[f"grf_{foot}"]
         assert np.sqrt(np.nanmean(off**2)) < 0.05 * stride.model.weight
-    off = [result.search.stride.value("normal", solution.last_y()) for solution in (best, held.free)]
+    off = [
+        result.search.stride.value("normal", solution.last_y()) for solution in (best, held.free)
+    ]
     assert held.weight == 4.0 * options.normal_weight and off[1] < off[0]
 
 
 def fake_search(reach_mm, own_m, positions, asked, converges=lambda mm: True, cost="activation"):
     """Of which each search ends with its position, and those of an easier problem with "easy" before it."""
+
     def at(mm, start, what, fraction=0.0, easier=""):
         asked.append((f"{easier}{mm:g}", start))
-        return SimpleNamespace(success=converges(mm), status="optimal", last_cost=1.0, last=f"{easier}{mm:g}")
+        return SimpleNamespace(
+            success=converges(mm), status="optimal", last_cost=1.0, last=f"{easier}{mm:g}"
+        )
 
     def changed(**changes):
-        return SimpleNamespace(at=lambda mm, start, what: at(mm, start, what, easier="easy " if "bend_rad" in changes
-                                                             else "stage "))
+        return SimpleNamespace(
+            at=lambda mm, start, what: at(
+                mm, start, what, easier="easy " if "bend_rad" in changes else "stage "
+            )
+        )
 
     options = SimpleNamespace(positions=positions, stages=("soft", "last"))
     stride = SimpleNamespace(reach_mm=reach_mm, own_m=own_m, options=options)
@@ -425,17 +565,33 @@ def test_a_sweep_comes_to_every_position_from_easier_problems_outward_and_from_a
     """Recorded at 71 mm; each search begins where that of the neighbour ended."""
     asked, rows = [], []
     swept(fake_search((60.0, 80.0), 0.071, 3, asked), "tracked", rows, chains=chains)
-    easier = [("easy 60", "tracked"), ("stage 60", "easy 60"), ("60", "stage 60"),
-              ("easy 70", "easy 60"), ("stage 70", "easy 70"), ("70", "stage 70"),
-              ("easy 80", "easy 70"), ("stage 80", "easy 80"), ("80", "stage 80")]
+    easier = [
+        ("easy 60", "tracked"),
+        ("stage 60", "easy 60"),
+        ("60", "stage 60"),
+        ("easy 70", "easy 60"),
+        ("stage 70", "easy 70"),
+        ("70", "stage 70"),
+        ("easy 80", "easy 70"),
+        ("stage 80", "easy 80"),
+        ("80", "stage 80"),
+    ]
     sides = [("70", "60"), ("80", "70"), ("70", "80"), ("60", "70")]
-    assert asked == [*easier, ("70", "tracked"), ("80", "70"), ("60", "70"), *(sides if chains else [])]
+    assert asked == [
+        *easier,
+        ("70", "tracked"),
+        ("80", "70"),
+        ("60", "70"),
+        *(sides if chains else []),
+    ]
     assert all(row.solution.last == f"{row.fulcrum_mm:g}" for row in rows)
 
 
 def test_a_recording_is_tracked_from_itself_alone_and_over_a_position_without_a_stride_a_sweep_goes_on():
     asked, rows = [], []
-    search = fake_search((60.0, 80.0), 0.08, 3, asked, converges=lambda mm: mm != 70.0, cost="tracking")
+    search = fake_search(
+        (60.0, 80.0), 0.08, 3, asked, converges=lambda mm: mm != 70.0, cost="tracking"
+    )
     swept(search, "tracked", rows, chains=False)
     assert asked == [("80", "tracked"), ("70", "80"), ("60", "80")]
     assert rows[1].solution is None and np.isnan(rows[1].tried["outward"])
@@ -450,13 +606,20 @@ def test_a_more_bent_knee_is_asked_of_the_prosthetic_side_alone(stride):
     y[:, stride.function.index("q_knee_angle_r")] += np.radians(10.0)
     bent = dataclasses.replace(stride, bend_rad=np.radians(10.0))
     assert stride.model.subject.prosthetic_side == "right"
-    assert stride.value("normal", y) > 0.01 and bent.value("normal", y) == pytest.approx(0.0, abs=1e-12)
+    assert stride.value("normal", y) > 0.01 and bent.value("normal", y) == pytest.approx(
+        0.0, abs=1e-12
+    )
 
 
-def test_activation_counts_alike_for_all_persons_and_other_costs_by_what_they_are_in_the_tracked_stride(stride):
+def test_activation_counts_alike_for_all_persons_and_other_costs_by_what_they_are_in_the_tracked_stride(
+    stride,
+):
     y = np.random.default_rng(7).standard_normal((stride.grid.instants, len(stride.function.names)))
     for cost, size in (("activation", TYPICAL_ACTIVATION), ("joint_load", 3.0)):
         sizes = dict.fromkeys(FREE_COSTS, 3.0)
-        own = sum(float(stride.grid.weights @ part.values(y)) for part in stride.minimised(cost, sizes)
-                  if part.name == cost)
+        own = sum(
+            float(stride.grid.weights @ part.values(y))
+            for part in stride.minimised(cost, sizes)
+            if part.name == cost
+        )
         assert own == pytest.approx(stride.value(cost, y) / size)

@@ -23,9 +23,27 @@ def at(dimensionless_speed):
     return normal_gait(dimensionless_speed * np.sqrt(GRAVITY * LEG_M), LEG_M)
 
 
-@pytest.mark.parametrize(("speed", "extremes"), [
-    (0.290, {"hip_flexion": (-2.4, 34.3), "knee_flexion": (3.6, 55.2), "ankle_dorsiflexion": (-13.6, 13.8)}),
-    (0.429, {"hip_flexion": (-5.8, 36.7), "knee_flexion": (4.0, 59.1), "ankle_dorsiflexion": (-19.8, 11.8)})])
+@pytest.mark.parametrize(
+    ("speed", "extremes"),
+    [
+        (
+            0.290,
+            {
+                "hip_flexion": (-2.4, 34.3),
+                "knee_flexion": (3.6, 55.2),
+                "ankle_dorsiflexion": (-13.6, 13.8),
+            },
+        ),
+        (
+            0.429,
+            {
+                "hip_flexion": (-5.8, 36.7),
+                "knee_flexion": (4.0, 59.1),
+                "ankle_dorsiflexion": (-19.8, 11.8),
+            },
+        ),
+    ],
+)
 def test_angles_reach_what_was_published_of_the_slow_and_the_free_group(speed, extremes):
     """Schwartz 2008, degrees; six harmonics leave up to a degree at the ankle's narrow peak."""
     for angle, (least, most) in extremes.items():
@@ -38,14 +56,20 @@ def test_both_feet_carry_the_body_and_the_peaks_are_the_published_ones(speed, fi
     """The mean of a periodic stride: body weight up, nothing forward, but for what averaging over persons leaves; peaks
     of Schwartz 2008 in body weights."""
     force, forward = (at(speed).at(name, PHASE[:-1]) for name in ("force_up", "force_forward"))
-    assert 2.0 * force.mean() == pytest.approx(1.0, abs=0.015) and forward.mean() == pytest.approx(0.0, abs=2e-3)
-    assert force[:150].max() == pytest.approx(first, abs=0.03) and force[150:].max() == pytest.approx(second, abs=0.03)
+    assert 2.0 * force.mean() == pytest.approx(1.0, abs=0.015) and forward.mean() == pytest.approx(
+        0.0, abs=2e-3
+    )
+    assert force[:150].max() == pytest.approx(first, abs=0.03) and force[
+        150:
+    ].max() == pytest.approx(second, abs=0.03)
 
 
 def test_rates_are_the_derivatives_of_the_curves():
     for rank in (1, 2):
         rates = np.gradient(at(0.35).at("knee_flexion", PHASE, rank - 1), PHASE)[2:-2]
-        assert rates == pytest.approx(at(0.35).at("knee_flexion", PHASE, rank)[2:-2], rel=0.01, abs=5.0)
+        assert rates == pytest.approx(
+            at(0.35).at("knee_flexion", PHASE, rank)[2:-2], rel=0.01, abs=5.0
+        )
 
 
 def test_between_the_groups_walking_is_between_them_and_out_of_reach_it_is_refused():
@@ -58,7 +82,9 @@ def test_between_the_groups_walking_is_between_them_and_out_of_reach_it_is_refus
 
 @pytest.fixture(scope="module")
 def tuning(tuned_trials):
-    return StrideTuning([tuned_trials["medium_1"]], cost="joint_load", options=StrideOptions(confirm=()))
+    return StrideTuning(
+        [tuned_trials["medium_1"]], cost="joint_load", options=StrideOptions(confirm=())
+    )
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +105,11 @@ def test_able_bodied_reference_turns_the_joints_as_the_recording_does(stride):
     """A person one published standard deviation s off correlates by A / sqrt(A^2 + s^2), A that of the curve: 0.92 to
     0.95 for hips and knees, 0.81 for the ankle. Found: 0.970 to 0.994, 0.867, and 0.6 to 0.9 s off; half a stride later
     or with swapped legs below -0.2."""
-    normal, recorded, sd = stride.able_bodied.q, stride.reference.q, stride.gait.angle_sd(stride.model.coordinates)
+    normal, recorded, sd = (
+        stride.able_bodied.q,
+        stride.reference.q,
+        stride.gait.angle_sd(stride.model.coordinates),
+    )
     for i, name in enumerate(stride.model.coordinates[3:], 3):
         least = 0.81 if name.startswith("ankle") else 0.95
         assert np.corrcoef(normal[:, i], recorded[:, i])[0, 1] > least, name
@@ -93,7 +123,9 @@ def test_able_bodied_reference_loads_the_feet_as_the_recording_does(stride):
     for foot in FEET:
         for part, least in ((0, 0.95), (1, 0.97)):
             assert np.corrcoef(normal[foot][:, part], recorded[foot][:, part])[0, 1] > least, foot
-    forward, up = sum(normal[foot] for foot in FEET).mean(axis=0) / (stride.model.subject.mass_kg * GRAVITY)
+    forward, up = sum(normal[foot] for foot in FEET).mean(axis=0) / (
+        stride.model.subject.mass_kg * GRAVITY
+    )
     assert up == pytest.approx(1.0, abs=0.015) and forward == pytest.approx(0.0, abs=4e-3)
 
 
@@ -101,7 +133,9 @@ def test_able_bodied_reference_has_the_tilt_of_the_person_and_the_thighs_as_publ
     """A thigh's angle in the world is tilt and hip flexion together, of the published angles flexion less anterior
     tilt."""
     phase, own = stride.grid.times_s / stride.grid.duration_s, stride.able_bodied.q
-    thigh = np.radians(stride.gait.at("hip_flexion", phase) - stride.gait.at("pelvis_anterior_tilt", phase))
+    thigh = np.radians(
+        stride.gait.at("hip_flexion", phase) - stride.gait.at("pelvis_anterior_tilt", phase)
+    )
     for tilt in (-0.3, 0.1):
         q = dataclasses.replace(stride, tilt_rad=tilt).able_bodied.q
         assert q[:, TILT].mean() == pytest.approx(tilt)
@@ -118,7 +152,7 @@ def test_able_bodied_reference_stands_on_the_ground_with_the_foot_that_does_not_
     higher than over the keel that gives way."""
     normal, function = stride.able_bodied, stride.function
     z = np.zeros((stride.grid.instants, function.layout.size))
-    z[:, :3 * function.layout.n] = np.column_stack([normal.q, normal.v, normal.a])
+    z[:, : 3 * function.layout.n] = np.column_stack([normal.q, normal.v, normal.a])
     device = np.array([stride.own_m, 1.0, 0.0, 1.0, 1.0])
     soles = function.evaluate(z, device)[:, function.index("prosthetic_sole", "intact_sole")]
     assert -0.015 < soles.min(axis=1).min() and soles.min(axis=1).max() < 0.01
@@ -132,13 +166,23 @@ def test_able_bodied_reference_stands_and_swings_when_the_recording_does(stride)
     normal, recorded = stride.able_bodied, stride.reference
     for foot, strike in zip(FEET, (0, stride.grid.instants // 2), strict=True):
         stance, clear = normal.stance[foot], normal.clear[foot]
-        assert np.flatnonzero(stance & ~np.roll(stance, 1)) == [strike] and 0.55 < stance.mean() < 0.70
+        assert (
+            np.flatnonzero(stance & ~np.roll(stance, 1)) == [strike] and 0.55 < stance.mean() < 0.70
+        )
         assert clear.any() and not (clear & stance).any()
-        assert np.sum(stance != recorded.stance[foot]) <= 3 and np.sum(clear != recorded.clear[foot]) <= 3
-    assert not (normal.late & ~normal.stance["prosthetic"]).any() and np.sum(normal.late != recorded.late) <= 3
+        assert (
+            np.sum(stance != recorded.stance[foot]) <= 3
+            and np.sum(clear != recorded.clear[foot]) <= 3
+        )
+    assert (
+        not (normal.late & ~normal.stance["prosthetic"]).any()
+        and np.sum(normal.late != recorded.late) <= 3
+    )
 
 
-def test_able_bodied_reference_of_two_intact_legs_does_the_same_with_both_half_a_stride_apart(tuning, stride):
+def test_able_bodied_reference_of_two_intact_legs_does_the_same_with_both_half_a_stride_apart(
+    tuning, stride
+):
     model = SagittalModel(tuning.walker, able_bodied=True)
     normal, half = dataclasses.replace(stride, model=model).able_bodied, stride.grid.instants // 2
     for joint in ("hip_flexion", "knee_angle", "ankle_angle"):
@@ -152,11 +196,16 @@ def test_able_bodied_reference_of_the_mirrored_person_is_mirrored(tuning, stride
     walker = Walker(dataclasses.replace(trial.subject, prosthetic_side="left"), trial.model)
     other = dataclasses.replace(stride, model=SagittalModel(walker, offsets=trial.offsets))
     swapped = {"_r": "_l", "_l": "_r"}
-    places = [other.model.coordinates.index(name[:-2] + swapped.get(name[-2:], name[-2:]))
-              for name in stride.model.coordinates]
+    places = [
+        other.model.coordinates.index(name[:-2] + swapped.get(name[-2:], name[-2:]))
+        for name in stride.model.coordinates
+    ]
     for name in "qva":
-        np.testing.assert_allclose(getattr(other.able_bodied, name)[:, places], getattr(stride.able_bodied, name),
-                                   atol=1e-9)
+        np.testing.assert_allclose(
+            getattr(other.able_bodied, name)[:, places],
+            getattr(stride.able_bodied, name),
+            atol=1e-9,
+        )
 
 
 def test_a_start_at_another_speed_is_a_motion_of_which_nothing_was_recorded(stride):
@@ -166,5 +215,7 @@ def test_a_start_at_another_speed_is_a_motion_of_which_nothing_was_recorded(stri
     assert other.advance_m / other.grid.duration_s == pytest.approx(1.44 * stride.speed)
     assert other.advance_m / stride.advance_m == pytest.approx(1.2)
     check_motion(*(begun.z[:, part] for part in (layout.q, layout.v, layout.a)), other)
-    np.testing.assert_allclose(begun.z[:, layout.u], other.grid.rates() @ begun.z[:, layout.w], atol=1e-9)
+    np.testing.assert_allclose(
+        begun.z[:, layout.u], other.grid.rates() @ begun.z[:, layout.w], atol=1e-9
+    )
     assert other.reference is other.able_bodied

@@ -20,7 +20,9 @@ def test_embedded_trials_are_repeated_walks_at_the_middle_setting():
     paths = embedded_tuning_trials(level=1)
     assert [path.stem for path in paths] == ["medium_1", "medium_2", "medium_3"]
     assert {load_trial(path).fulcrum_m for path in paths} == {0.108}
-    assert embedded_tuning_trials(level=1, quick=True) == embedded_tuning_trials(level=2) == (MEDIUM,)
+    assert (
+        embedded_tuning_trials(level=1, quick=True) == embedded_tuning_trials(level=2) == (MEDIUM,)
+    )
 
 
 def test_embedded_trials_come_with_the_contact_that_was_fitted_to_their_person():
@@ -40,20 +42,28 @@ def test_without_a_contact_offsets_go_to_the_trial_and_progress_runs_forward(mon
     def fit_offsets(trial, progress):
         for count in (1, 10, 30):
             progress(count, 5.0)
-        return SimpleNamespace(success=False, at_bound=(), message="too many evaluations",
-                               offsets=type(trial.offsets)(height_m=0.004))
+        return SimpleNamespace(
+            success=False,
+            at_bound=(),
+            message="too many evaluations",
+            offsets=type(trial.offsets)(height_m=0.004),
+        )
 
     monkeypatch.setattr(inputs, "fit_offsets", fit_offsets)
     given = load_tuning_trials([LOW, HIGH], progress=lambda what, share: shares.append(share))
     assert [trial.offsets.height_m for trial in given.trials] == [0.004, 0.004]
     assert given.notes[0].startswith("UNFITTED") and "no prediction" in given.notes[0]
-    assert given.notes[1:] == tuple(f"{label}: the fit of its offsets failed: too many evaluations."
-                                    for label in ("low_2", "high_2"))
+    assert given.notes[1:] == tuple(
+        f"{label}: the fit of its offsets failed: too many evaluations."
+        for label in ("low_2", "high_2")
+    )
     assert shares == sorted(shares) and 0.0 < shares[0] and shares[-1] < 1.0
 
 
 def test_a_trial_that_is_named_twice_or_not_there_is_refused():
     with pytest.raises(InputError, match="is named twice"):
-        load_tuning_trials([LOW, LOW.parent / ".." / LOW.parent.name / LOW.name], contact=embedded_contact())
+        load_tuning_trials(
+            [LOW, LOW.parent / ".." / LOW.parent.name / LOW.name], contact=embedded_contact()
+        )
     with pytest.raises(InputError, match="there is no such file"):
         load_tuning_trials([LOW.with_name("none.yaml")])

@@ -22,7 +22,12 @@ from vsf_drake.analysis.validation.bench_section import (
 from vsf_drake.bench_curves import BenchCurves, MeasuredCurve
 from vsf_drake.errors import SimulationError
 from vsf_drake.files import resource
-from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, overhung_stiffness, section_inertia
+from vsf_drake.laws.beam import (
+    combined_stiffness,
+    lumped_stiffness,
+    overhung_stiffness,
+    section_inertia,
+)
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import FOAM_DAMPING_TIME_S
 from vsf_drake.plants.foot import with_elements
@@ -34,7 +39,9 @@ FULCRUMS = (0.066, 0.151)
 
 
 def study(curves=None, **changes):
-    given = None if curves is None else BenchCurves(name="made", synthetic=True, curves=tuple(curves))
+    given = (
+        None if curves is None else BenchCurves(name="made", synthetic=True, curves=tuple(curves))
+    )
     return dataclasses.replace(embedded_study(), bench=given, **changes)
 
 
@@ -45,7 +52,11 @@ def made(foot, settings, *, load_n=600.0, draw=None, repeats=1):
         x, load, _ = machine.press(fulcrum, load_n)
         for repeat in range(1, repeats + 1):
             noise = 0.0 if draw is None else draw.normal(0.0, 1.0, len(load)) * (load > 0.0)
-            curves.append(MeasuredCurve(fulcrum_m=fulcrum, repeat=repeat, displacement_m=1e-3 * x, load_n=load + noise))
+            curves.append(
+                MeasuredCurve(
+                    fulcrum_m=fulcrum, repeat=repeat, displacement_m=1e-3 * x, load_n=load + noise
+                )
+            )
     return curves
 
 
@@ -66,7 +77,9 @@ def line(section, key):
     return next(one for one in section.table.lines if one.key == key)
 
 
-def test_the_paper_s_mid_range_figure_is_reached_where_two_curves_were_given_and_judged_honestly_elsewhere(reference):
+def test_the_paper_s_mid_range_figure_is_reached_where_two_curves_were_given_and_judged_honestly_elsewhere(
+    reference,
+):
     """The stored fit has seen stiffness only; its offset counts, whatever it is."""
     assert reference.table.lines[0].statistics.n == 5
     assert line(reference, "nominal").statistics.stiffness_rmse_n_per_mm <= 1.37
@@ -75,7 +88,9 @@ def test_the_paper_s_mid_range_figure_is_reached_where_two_curves_were_given_and
     assert reference.table.within_limits == dict.fromkeys(reference.table.limits, True)
 
 
-def test_without_curves_the_values_are_those_of_the_bench_command_beside_the_published_end_points(compared_only):
+def test_without_curves_the_values_are_those_of_the_bench_command_beside_the_published_end_points(
+    compared_only,
+):
     """Stiffness and mid-range displacement by another route: `run_bench` and NumPy. No statistic is made up."""
     model = load_model(resource("models/nominal.yaml"))
     section = bench_section(study(model=model, contact=None, bench_problem="bench.csv: bad"))
@@ -87,10 +102,15 @@ def test_without_curves_the_values_are_those_of_the_bench_command_beside_the_pub
         assert own.mid_range_mm == pytest.approx(middle, rel=1e-3)
         if row.published_n_per_mm:
             assert own.stiffness_n_per_mm == pytest.approx(row.published_n_per_mm, abs=0.5)
-    assert {row.fulcrum_mm: row.published_n_per_mm for row in table.settings if row.published_n_per_mm} == {
-        66.0: 10.0, 151.0: 32.0, None: 65.0}
+    assert {
+        row.fulcrum_mm: row.published_n_per_mm for row in table.settings if row.published_n_per_mm
+    } == {66.0: 10.0, 151.0: 32.0, None: 65.0}
     assert [one.key for one in table.lines] == ["model", "soft_support", "refined"]
-    assert (table.stiffness_r2, table.stiffness_rmse_n_per_mm, table.mid_range_rmse_mm) == (None, None, None)
+    assert (table.stiffness_r2, table.stiffness_rmse_n_per_mm, table.mid_range_rmse_mm) == (
+        None,
+        None,
+        None,
+    )
     assert table.lines[0].statistics is table.measured_name is None
     assert any("no R²" in sentence for sentence in section.missing)
 
@@ -100,9 +120,14 @@ def chain(foot, fulcrum_m):
     k, n = foot.series_stiffness_n_per_m, foot.series_exponent
     low, high = ((load / k) ** (1.0 / n) for load in (200.0, 600.0))
     return 1e-3 * lumped_stiffness(
-        bending_stiffness=foot.keel.flexural_modulus_pa * section_inertia(foot.keel.width_m, foot.keel.thickness_m),
-        element_lengths=foot.keel.element_lengths_m, support=fulcrum_m, load_point=foot.load_point_m,
-        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m, series_stiffness=400.0 / (high - low))
+        bending_stiffness=foot.keel.flexural_modulus_pa
+        * section_inertia(foot.keel.width_m, foot.keel.thickness_m),
+        element_lengths=foot.keel.element_lengths_m,
+        support=fulcrum_m,
+        load_point=foot.load_point_m,
+        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m,
+        series_stiffness=400.0 / (high - low),
+    )
 
 
 def test_a_finer_keel_differs_by_what_the_chain_of_sprung_joints_differs_from_itself(reference):
@@ -110,8 +135,12 @@ def test_a_finer_keel_differs_by_what_the_chain_of_sprung_joints_differs_from_it
     foot = embedded_study().model.foot
     finer = with_elements(foot, FINER * len(foot.keel.element_lengths_m))
     rows = reference.table.settings[:-1]
-    fine, coarse = (BenchStiffness(one, fulcrums_m=[1e-3 * row.fulcrum_mm for row in rows], heel=False).evaluate({})[0]
-                    for one in (finer, foot))
+    fine, coarse = (
+        BenchStiffness(
+            one, fulcrums_m=[1e-3 * row.fulcrum_mm for row in rows], heel=False
+        ).evaluate({})[0]
+        for one in (finer, foot)
+    )
     for row, expected in zip(rows, fine / coarse, strict=True):
         found = row.lines["refined"].stiffness_n_per_mm / row.lines["model"].stiffness_n_per_mm
         assert found == pytest.approx(expected, abs=1e-3)
@@ -132,8 +161,11 @@ def test_the_calibration_finds_the_foot_that_was_measured():
     foot = embedded_study().model.foot
     modulus = 0.9 * foot.keel.flexural_modulus_pa
     true = dataclasses.replace(
-        foot, keel=dataclasses.replace(foot.keel, flexural_modulus_pa=modulus),
-        series_stiffness_n_per_m=300.0 / 0.005**1.6, series_exponent=1.6)
+        foot,
+        keel=dataclasses.replace(foot.keel, flexural_modulus_pa=modulus),
+        series_stiffness_n_per_m=300.0 / 0.005**1.6,
+        series_exponent=1.6,
+    )
     machine = Machine(true)
     found, at_bound = calibrated(foot, {x: machine.press(x)[:2] for x in FULCRUMS})
     assert found.keel.flexural_modulus_pa == pytest.approx(modulus, rel=5e-3) and not at_bound
@@ -145,20 +177,34 @@ def test_the_calibration_finds_the_foot_that_was_measured():
 def test_partial_benches_say_what_they_lack(compared_only):
     foot = embedded_study().model.foot
     heel = bench_section(study(made(foot, (None,))))
-    assert heel.table.lines[0].statistics is None and any("heel only" in sentence for sentence in heel.missing)
+    assert heel.table.lines[0].statistics is None and any(
+        "heel only" in sentence for sentence in heel.missing
+    )
     assert heel.table.settings[-1].lines["measured"] is not None
     weak = [
-        *made(foot, (0.066,)), dataclasses.replace(made(foot, (0.108,))[0], displacement_m=np.linspace(0.0, 0.012, 20),
-                            load_n=np.linspace(0.0, 150.0, 20), fulcrum_m=0.108),
-        dataclasses.replace(made(foot, (0.108,))[0], fulcrum_m=0.180)]
+        *made(foot, (0.066,)),
+        dataclasses.replace(
+            made(foot, (0.108,))[0],
+            displacement_m=np.linspace(0.0, 0.012, 20),
+            load_n=np.linspace(0.0, 150.0, 20),
+            fulcrum_m=0.108,
+        ),
+        dataclasses.replace(made(foot, (0.108,))[0], fulcrum_m=0.180),
+    ]
     section = bench_section(study(weak))
     said = " ".join(section.missing)
     assert section.table.lines[0].statistics.n == 1 and section.table.stiffness_r2 is None
     assert "108 mm: at most 150 N" in said and "no curve of the heel" in said
     assert "180 mm, which this foot does not reach" in said
     rows = {row.fulcrum_mm: row for row in section.table.settings}
-    assert rows[108.0].lines["measured"].stiffness_n_per_mm is None and rows[108.0].lines["model"].mid_range_mm > 0.0
-    assert rows[180.0].lines["model"] is None and rows[180.0].lines["measured"].stiffness_n_per_mm > 0.0
+    assert (
+        rows[108.0].lines["measured"].stiffness_n_per_mm is None
+        and rows[108.0].lines["model"].mid_range_mm > 0.0
+    )
+    assert (
+        rows[180.0].lines["model"] is None
+        and rows[180.0].lines["measured"].stiffness_n_per_mm > 0.0
+    )
 
 
 @pytest.fixture(scope="module")
@@ -178,13 +224,24 @@ def viscous_loss_j(foot, fulcrum_m: float, top_m: float, speed_m_per_s: float) -
     s k tau v, so 2 s k tau v x_top is lost there and back, and half of that where it damps while it is compressed only.
     """
     ei = foot.keel.flexural_modulus_pa * section_inertia(foot.keel.width_m, foot.keel.thickness_m)
-    k = float(combined_stiffness(
-        bending_stiffness=ei, support=fulcrum_m, load_point=foot.load_point_m,
-        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m, series_stiffness=foot.series_stiffness_n_per_m))
-    bent = k / float(overhung_stiffness(bending_stiffness=ei, support=fulcrum_m, load_point=foot.load_point_m))
+    k = float(
+        combined_stiffness(
+            bending_stiffness=ei,
+            support=fulcrum_m,
+            load_point=foot.load_point_m,
+            fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m,
+            series_stiffness=foot.series_stiffness_n_per_m,
+        )
+    )
+    bent = k / float(
+        overhung_stiffness(bending_stiffness=ei, support=fulcrum_m, load_point=foot.load_point_m)
+    )
     foam = k / foot.series_stiffness_n_per_m
-    ways = (2.0 * bent * foot.keel.damping_time_s + 2.0 * (1.0 - bent - foam) * foot.fulcrum.damping_time_s
-            + foam * FOAM_DAMPING_TIME_S)
+    ways = (
+        2.0 * bent * foot.keel.damping_time_s
+        + 2.0 * (1.0 - bent - foam) * foot.fulcrum.damping_time_s
+        + foam * FOAM_DAMPING_TIME_S
+    )
     return ways * k * speed_m_per_s * top_m
 
 
@@ -196,9 +253,17 @@ def test_the_loss_is_that_of_viscous_springs_in_series(loops, nominal):
     top = {x: 1e-3 * Machine(nominal.foot).press(x)[0][-1] for x in FULCRUMS}
     for row in rows:
         fulcrum = 1e-3 * row.fulcrum_mm
-        expected = viscous_loss_j(nominal.foot, fulcrum, top[fulcrum], 1e-3 * row.speed_mm_per_min / 60.0)
-        stiffer = row.stiffness_n_per_mm / (1e-3 * float(closed_form_stiffness(to_plain(nominal.foot), fulcrum))) - 1.0
-        assert row.lost_j == pytest.approx(expected, rel=abs(stiffer) + 1.02 - row.return_ratio), row
+        expected = viscous_loss_j(
+            nominal.foot, fulcrum, top[fulcrum], 1e-3 * row.speed_mm_per_min / 60.0
+        )
+        stiffer = (
+            row.stiffness_n_per_mm
+            / (1e-3 * float(closed_form_stiffness(to_plain(nominal.foot), fulcrum)))
+            - 1.0
+        )
+        assert row.lost_j == pytest.approx(expected, rel=abs(stiffer) + 1.02 - row.return_ratio), (
+            row
+        )
 
 
 def test_the_loss_grows_with_the_speed_and_never_gives_energy(loops):
@@ -220,9 +285,13 @@ def test_what_gives_way_is_named_and_the_rest_is_there(nominal):
 
 def test_a_hardly_bent_keel_is_the_chain_of_its_closed_form(nominal):
     """A keel 50 times as stiff, pressed slowly: large deflection and damping play no part, and the chain is left."""
-    keel = dataclasses.replace(nominal.foot.keel, flexural_modulus_pa=50.0 * nominal.foot.keel.flexural_modulus_pa)
+    keel = dataclasses.replace(
+        nominal.foot.keel, flexural_modulus_pa=50.0 * nominal.foot.keel.flexural_modulus_pa
+    )
     fulcrum = dataclasses.replace(nominal.foot.fulcrum, stiffness_n_per_m=1e8)
-    foot = dataclasses.replace(nominal.foot, keel=keel, fulcrum=fulcrum, series_stiffness_n_per_m=1e6)
+    foot = dataclasses.replace(
+        nominal.foot, keel=keel, fulcrum=fulcrum, series_stiffness_n_per_m=1e6
+    )
     for fulcrum in FULCRUMS:
         x, load, _ = Machine(foot).press(fulcrum, 600.0, 1e-6)
         low, high = np.interp([200.0, 600.0], load, x)

@@ -31,8 +31,14 @@ def walker():
 @cache
 def walked(step_s, *, which=0, fulcrum_m=None):
     trial = embedded_study().walks[which].trial
-    return walker().walk(trial.trajectory, fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m,
-                         start_s=trial.start_s, end_s=trial.end_s, step_s=step_s, offsets=trial.offsets)
+    return walker().walk(
+        trial.trajectory,
+        fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m,
+        start_s=trial.start_s,
+        end_s=trial.end_s,
+        step_s=step_s,
+        offsets=trial.offsets,
+    )
 
 
 @cache
@@ -62,8 +68,10 @@ def test_energy_that_a_step_makes_counts_in_what_is_missing_as_energy_that_it_lo
     own, trial = energy(1e-3), embedded_study().walks[0].trial
     [found] = [s for s in find_stances(own.time_s, own.vertical_n) if s.complete]
     made = dataclasses.replace(own, terms=own.terms | {"remainder": -own.terms["remainder"]})
-    lost, gained = (stance_energy(of, found, foot=trial.model.foot, fulcrum_m=trial.fulcrum_m).row
-                    for of in (own, made))
+    lost, gained = (
+        stance_energy(of, found, foot=trial.model.foot, fulcrum_m=trial.fulcrum_m).row
+        for of in (own, made)
+    )
     for key in ("remainder_max_j", "remainder_share"):
         assert getattr(gained, key) == getattr(lost, key) > 0.0
 
@@ -75,8 +83,10 @@ def test_what_is_lost_never_comes_back():
     (Cauchy and Schwarz), hence 8 tau / T times its strain. A stiff support hardly moves and loses little.
     """
     row, foot = stance(5e-4).row, embedded_study().walks[0].trial.model.foot
-    least = {"keel": foot.keel.damping_time_s * row.keel_at_most_j,
-             "fulcrum": foot.fulcrum.damping_time_s * row.fulcrum_at_most_j}
+    least = {
+        "keel": foot.keel.damping_time_s * row.keel_at_most_j,
+        "fulcrum": foot.fulcrum.damping_time_s * row.fulcrum_at_most_j,
+    }
     for name in LOST:
         assert np.diff(energy(5e-4).terms[name]).min() > -1e-6, name
         if name != "fulcrum_loss":
@@ -88,12 +98,22 @@ def test_what_is_lost_never_comes_back():
 def test_a_support_that_yields_and_damps_takes_what_closes_the_ledger():
     """An eighth of what is stored; the stiff support loses too little for the balance to tell."""
     trial = embedded_study().walks[0].trial
-    support = dataclasses.replace(trial.model.foot.fulcrum, stiffness_n_per_m=2e5, damping_time_s=0.02)
+    support = dataclasses.replace(
+        trial.model.foot.fulcrum, stiffness_n_per_m=2e5, damping_time_s=0.02
+    )
     foot = dataclasses.replace(trial.model.foot, fulcrum=support)
     yielding = Walker(trial.subject, dataclasses.replace(trial.model, foot=foot))
-    own = prosthesis_energy(yielding, yielding.walk(
-        trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s, step_s=5e-4,
-        offsets=trial.offsets))
+    own = prosthesis_energy(
+        yielding,
+        yielding.walk(
+            trial.trajectory,
+            fulcrum_m=trial.fulcrum_m,
+            start_s=trial.start_s,
+            end_s=trial.end_s,
+            step_s=5e-4,
+            offsets=trial.offsets,
+        ),
+    )
     [found] = [s for s in find_stances(own.time_s, own.vertical_n) if s.complete]
     row = stance_energy(own, found, foot=foot, fulcrum_m=trial.fulcrum_m).row
     assert row.remainder_share < 0.01
@@ -117,7 +137,9 @@ def test_second_methods_agree_with_the_ledger():
 def test_what_is_stored_is_the_strain_and_more_is_never_given_back():
     for which in range(3):
         row = stance(1e-3, which).row
-        assert row.keel_at_most_j + row.foam_at_most_j + row.fulcrum_at_most_j == pytest.approx(row.stored_j)
+        assert row.keel_at_most_j + row.foam_at_most_j + row.fulcrum_at_most_j == pytest.approx(
+            row.stored_j
+        )
         assert 0.0 < row.returned_j < row.stored_j
         # gone at toe-off: what was stored less what is left, and of that a part is lost
         left = sum(row.terms_j[f"{name}_j"] for name in FOOT_STRAINS)
@@ -163,18 +185,27 @@ def test_distal_power_is_force_times_the_velocity_of_the_segment_at_the_centre_o
     that, its points move by omega x r = 2 (r_z, 0, -r_x) = (-1, 0, -0.2) m/s."""
     omega, center = np.array([0.0, 2.0, 0.0]), np.array([0.0, 0.0, 0.5])
     twist = np.concatenate([omega, -np.cross(omega, center)])[None]
-    reaction = FootReaction(grf_W=np.array([[50.0, 0.0, 700.0]]), cop_W=np.array([[0.1, 0.0, 0.0]]),
-                            free_moment_nm=np.array([3.0]))
+    reaction = FootReaction(
+        grf_W=np.array([[50.0, 0.0, 700.0]]),
+        cop_W=np.array([[0.1, 0.0, 0.0]]),
+        free_moment_nm=np.array([3.0]),
+    )
     assert distal_power(reaction, twist)[0] == pytest.approx(50.0 * -1.0 + 700.0 * -0.2)
 
 
 def test_free_moment_works_on_a_segment_that_turns_about_the_vertical():
-    reaction = FootReaction(grf_W=np.array([[0.0, 0.0, 700.0]]), cop_W=np.zeros((1, 3)), free_moment_nm=np.array([3.0]))
-    assert distal_power(reaction, np.array([[0.0, 0.0, 0.5, 0.0, 0.0, 0.0]]))[0] == pytest.approx(1.5)
+    reaction = FootReaction(
+        grf_W=np.array([[0.0, 0.0, 700.0]]), cop_W=np.zeros((1, 3)), free_moment_nm=np.array([3.0])
+    )
+    assert distal_power(reaction, np.array([[0.0, 0.0, 0.5, 0.0, 0.0, 0.0]]))[0] == pytest.approx(
+        1.5
+    )
 
 
 def test_no_power_passes_where_the_foot_is_in_the_air():
-    reaction = FootReaction(grf_W=np.zeros((1, 3)), cop_W=np.full((1, 3), np.nan), free_moment_nm=np.zeros(1))
+    reaction = FootReaction(
+        grf_W=np.zeros((1, 3)), cop_W=np.full((1, 3), np.nan), free_moment_nm=np.zeros(1)
+    )
     assert distal_power(reaction, np.ones((1, 6)))[0] == 0.0
 
 

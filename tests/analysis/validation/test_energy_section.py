@@ -11,7 +11,13 @@ from made_study import embedded_study, saved_section
 
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.analysis.validation import energy_section as energy
-from vsf_drake.analysis.validation.energy_section import ASKED_SHARE, EnergyCase, _judged, energy_section, walk_cases
+from vsf_drake.analysis.validation.energy_section import (
+    ASKED_SHARE,
+    EnergyCase,
+    _judged,
+    energy_section,
+    walk_cases,
+)
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
 from vsf_drake.motion.trial import load_trial
@@ -38,13 +44,24 @@ def test_ledger_closes_within_one_percent_of_stored_energy_in_every_trial(table)
     assert table.ledger_closes is True
 
 
-@pytest.mark.parametrize(("model", "least", "most"), [("nominal", 0.0, 0.1), ("soft_support", 0.3, 0.7)])
-def test_a_stiff_support_holds_less_than_a_tenth_of_what_the_foot_stores_at_every_setting(model, least, most):
+@pytest.mark.parametrize(
+    ("model", "least", "most"), [("nominal", 0.0, 0.1), ("soft_support", 0.3, 0.7)]
+)
+def test_a_stiff_support_holds_less_than_a_tenth_of_what_the_foot_stores_at_every_setting(
+    model, least, most
+):
     """The devices as calibrated; a support that yields under R = F x_load / x_fulcrum holds R²/2k, a third or more."""
     device = load_model(resource(f"models/{model}.yaml"))
-    trials = [dataclasses.replace(load_trial(path), model=device) for path in embedded_trials(quick=True)]
-    walks = walk_cases([EnergyCase(label=trial.name, trial=trial, fulcrum_m=trial.fulcrum_m, step_s=1e-3)
-                        for trial in trials], workers=1)
+    trials = [
+        dataclasses.replace(load_trial(path), model=device) for path in embedded_trials(quick=True)
+    ]
+    walks = walk_cases(
+        [
+            EnergyCase(label=trial.name, trial=trial, fulcrum_m=trial.fulcrum_m, step_s=1e-3)
+            for trial in trials
+        ],
+        workers=1,
+    )
     for walk in walks:
         row = walk.stances[0].row
         assert least <= row.fulcrum_at_most_j / row.stored_j <= most
@@ -82,20 +99,27 @@ def test_conditions_are_means_of_their_stances_and_twice_the_step_leaves_twice_t
     assert [c.fulcrum_mm for c in table.conditions] == [66.0, 108.0, 151.0]
     for c, row in zip(table.conditions, table.trials, strict=True):
         assert c.means["stored_j"] == row.stored_j and c.means["stored_j_sd"] is None
-        assert 1.7 < row.coarse_remainder_max_j / row.remainder_max_j < 2.6  # first order, with some of the second
+        assert (
+            1.7 < row.coarse_remainder_max_j / row.remainder_max_j < 2.6
+        )  # first order, with some of the second
 
 
 def test_walk_without_a_whole_stance_is_missing_and_stops_no_other():
     study = embedded_study()
     cut = dataclasses.replace(study.walks[0].trial, end_s=0.6)
-    section = energy_section(dataclasses.replace(study, walks=(dataclasses.replace(study.walks[0], trial=cut),)))
+    section = energy_section(
+        dataclasses.replace(study, walks=(dataclasses.replace(study.walks[0], trial=cut),))
+    )
     assert section.table.trials == () and section.table.ledger_remainder_share_max is None
     assert any("no whole stance" in sentence for sentence in section.missing)
 
 
 def test_numbers_do_not_depend_on_the_number_of_threads():
-    cases = [EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=x, step_s=2e-3)
-             for walk in embedded_study().walks for x in (0.066, 0.151)]
+    cases = [
+        EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=x, step_s=2e-3)
+        for walk in embedded_study().walks
+        for x in (0.066, 0.151)
+    ]
     one, two = (walk_cases(cases, workers=count) for count in (1, 2))
     for a, b in zip(one, two, strict=True):
         assert a.stances[0].row == b.stances[0].row
@@ -116,11 +140,19 @@ def test_what_the_results_own_ledger_misses_is_that_of_the_arrays_that_are_kept(
 
 def test_trial_that_lacks_a_position_and_a_single_setting_give_no_verdict():
     """Two positions skipped over by a failed walk are no step of the fulcrum."""
-    rows = [SimpleNamespace(label=label, fulcrum_mm=x, stored_j=e) for label, energies in (
-        ("whole", (15.0, 12.0, 8.0)), ("holed", (15.0, None, 20.0))) for x, e in zip(
-            (66.0, 108.0, 151.0), energies, strict=True) if e is not None]
+    rows = [
+        SimpleNamespace(label=label, fulcrum_mm=x, stored_j=e)
+        for label, energies in (("whole", (15.0, 12.0, 8.0)), ("holed", (15.0, None, 20.0)))
+        for x, e in zip((66.0, 108.0, 151.0), energies, strict=True)
+        if e is not None
+    ]
     found = _judged(rows, [], [], "stored_j")
-    assert (found.same_load, found.same_load_against, found.recorded, found.both) == (True, (), None, None)
+    assert (found.same_load, found.same_load_against, found.recorded, found.both) == (
+        True,
+        (),
+        None,
+        None,
+    )
     other = SimpleNamespace(label="other", fulcrum_mm=108.0, stored_j=12.0)
     assert _judged([*rows[3:], other], [], [], "stored_j").same_load is None
     rising = [SimpleNamespace(label="odd", fulcrum_mm=x, stored_j=x) for x in (66.0, 108.0, 151.0)]
@@ -131,14 +163,35 @@ def test_trial_that_lacks_a_position_and_a_single_setting_give_no_verdict():
 def test_settings_of_two_persons_are_not_compared_as_recorded(monkeypatch):
     study = embedded_study()
     trial = study.walks[0].trial
-    walked = walk_cases([EnergyCase(label="", trial=trial, fulcrum_m=trial.fulcrum_m, step_s=2e-3)], workers=1)[0]
+    walked = walk_cases(
+        [EnergyCase(label="", trial=trial, fulcrum_m=trial.fulcrum_m, step_s=2e-3)], workers=1
+    )[0]
     stance = walked.stances[0]
-    monkeypatch.setattr(energy, "walk_cases", lambda cases, **_: [
-        dataclasses.replace(walked, case=case, stances=(dataclasses.replace(
-            stance, row=dataclasses.replace(stance.row, fulcrum_mm=1e3 * case.fulcrum_m)),)) for case in cases])
+    monkeypatch.setattr(
+        energy,
+        "walk_cases",
+        lambda cases, **_: [
+            dataclasses.replace(
+                walked,
+                case=case,
+                stances=(
+                    dataclasses.replace(
+                        stance, row=dataclasses.replace(stance.row, fulcrum_mm=1e3 * case.fulcrum_m)
+                    ),
+                ),
+            )
+            for case in cases
+        ],
+    )
     other = dataclasses.replace(trial.subject, mass_kg=60.0)
-    walks = (dataclasses.replace(study.walks[0], trial=dataclasses.replace(trial, subject=other)), *study.walks[1:])
+    walks = (
+        dataclasses.replace(study.walks[0], trial=dataclasses.replace(trial, subject=other)),
+        *study.walks[1:],
+    )
     section = energy_section(dataclasses.replace(study, walks=walks))
-    assert section.table.softer["stored_j"].recorded is None and section.table.softer_stores_more is None
+    assert (
+        section.table.softer["stored_j"].recorded is None
+        and section.table.softer_stores_more is None
+    )
     assert any("more than one person" in sentence for sentence in section.missing)
     assert energy_section(study).table.softer["stored_j"].recorded is False

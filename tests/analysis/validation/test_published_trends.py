@@ -26,21 +26,33 @@ from vsf_drake.report.validation.output import PUBLISHED, write_published
 def table():
     """Without strides that adapt, which take longest."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trends_of_a_study, "level_2_evidence", lambda study, progress: ([], ["medium_1: not asked."]))
+        patch.setattr(
+            trends_of_a_study,
+            "level_2_evidence",
+            lambda study, progress: ([], ["medium_1: not asked."]),
+        )
         return published_trends(embedded_study())
 
 
 def test_every_row_names_its_way_and_the_synthetic_walks_are_called_so(table):
-    assert table.synthetic and table.settings_mm == table.walked_mm == (66.0, 108.0, 151.0) and table.walks == 3
+    assert (
+        table.synthetic
+        and table.settings_mm == table.walked_mm == (66.0, 108.0, 151.0)
+        and table.walks == 3
+    )
     own = [row for row in table.rows if row.way == OWN_MOTION]
     assert own and all("SYNTHETIC" in row.reason for row in own)
-    assert any(row.way == LOAD for row in table.rows) and sum(table.counts.values()) == len(table.rows)
+    assert any(row.way == LOAD for row in table.rows) and sum(table.counts.values()) == len(
+        table.rows
+    )
     assert "keeps the motion" in table.level_1
 
 
 def test_own_motion_is_each_walk_at_its_own_setting(table):
     """What is stored in a stance is what the energy section finds of the same walk: some joules over the weight."""
-    stored = next(row for row in table.rows if row.way == OWN_MOTION and row.measure == "energy stored")
+    stored = next(
+        row for row in table.rows if row.way == OWN_MOTION and row.measure == "energy stored"
+    )
     assert len(stored.values) == 3 and all(0.02 < value < 0.4 for value in stored.values)
 
 
@@ -73,13 +85,16 @@ def test_a_walk_is_one_repetition_however_often_it_is_asked_and_what_failed_is_t
         return [dict.fromkeys(ADAPTED.values(), 1.0) | {"stored_energy": value} for value in stored]
 
     first, second, third = study.walks
-    adapted |= {first.trial.name: [rows((8.0, 6.0, 4.0)), rows((10.0, 8.0, 6.0)), []],
-                third.trial.name: [rows((7.0, 6.0, 5.0))] * 3}
+    adapted |= {
+        first.trial.name: [rows((8.0, 6.0, 4.0)), rows((10.0, 8.0, 6.0)), []],
+        third.trial.name: [rows((7.0, 6.0, 5.0))] * 3,
+    }
     evidence, missing = level_2_evidence(study)
     stored = next(one for one in evidence if one.measure == "energy stored")
     mass = study.walks[0].recorded.subject.mass_kg
     assert stored.unit == "J/kg" and stored.values == pytest.approx(
-        np.array([(9.0, 7.0), (7.0, 6.0), (5.0, 5.0)]) / mass)
+        np.array([(9.0, 7.0), (7.0, 6.0), (5.0, 5.0)]) / mass
+    )
     assert {one.measure for one in evidence} == set(ADAPTED) and "5 of 9, walks: 2" in stored.stands
     assert any(line.startswith(second.label) and "could not be tracked" in line for line in missing)
     assert any(line.startswith(first.label) and "1 of 3 weights" in line for line in missing)
@@ -87,8 +102,10 @@ def test_a_walk_is_one_repetition_however_often_it_is_asked_and_what_failed_is_t
 
 def test_strides_that_adapt_are_those_of_one_person(adapted):
     study = embedded_study()
-    other = dataclasses.replace(study.walks[1].trial, subject=dataclasses.replace(
-        study.walks[1].trial.subject, mass_kg=90.0))
+    other = dataclasses.replace(
+        study.walks[1].trial,
+        subject=dataclasses.replace(study.walks[1].trial.subject, mass_kg=90.0),
+    )
     walks = (study.walks[0], dataclasses.replace(study.walks[1], trial=other))
     evidence, missing = level_2_evidence(dataclasses.replace(study, walks=walks))
     assert not evidence and "one person" in missing[0]
@@ -102,7 +119,9 @@ def test_own_motion_of_one_setting_says_what_it_needs():
 
 def test_the_knees_moment_is_that_of_flexion_late_in_stance(table):
     """Late in stance the ground's force passes the knee by centimetres: below 1.5 N m/kg."""
-    row = next(row for row in table.rows if row.way == OWN_MOTION and row.measure == "knee flexor moment")
+    row = next(
+        row for row in table.rows if row.way == OWN_MOTION and row.measure == "knee flexor moment"
+    )
     assert np.all(np.abs(row.values) < 1.5)
 
 
@@ -116,11 +135,16 @@ def test_the_page_begins_with_counts_and_comes_back_from_its_table(table, tmp_pa
 
 def test_against_anything_else_is_refused(tmp_path, capsys):
     assert exit_code("validate", "--against", "nothing", "--out", tmp_path / "out") == 2
-    assert "--against: 'nothing' is nothing to be held against. Give published" in capsys.readouterr().err
+    assert (
+        "--against: 'nothing' is nothing to be held against. Give published"
+        in capsys.readouterr().err
+    )
 
 
 @pytest.mark.slow
-def test_the_command_writes_what_the_study_stores_and_a_stride_that_adapts_goes_the_way_of_equal_load(tmp_path, capsys):
+def test_the_command_writes_what_the_study_stores_and_a_stride_that_adapts_goes_the_way_of_equal_load(
+    tmp_path, capsys
+):
     """A softer setting turns farther and stores more, whether the load is given or the person's."""
     assert exit_code("validate", "--against", "published", "--quick", "--out", tmp_path) == 0
     assert "comparisons with published effects" in capsys.readouterr().out

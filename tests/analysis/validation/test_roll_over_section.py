@@ -62,9 +62,15 @@ def test_fit_is_the_least_sum_of_squared_distances_wherever_the_arc_lies_and_how
     assert fit_arc(turned)[2] == pytest.approx(best[2], rel=1e-9)
 
 
-@pytest.mark.parametrize("points", [
-    np.column_stack([np.linspace(0, 0.2, 30), np.full(30, -0.08)]), np.full((30, 2), np.nan), np.zeros((30, 2)),
-    arc(0.3)[:3]])
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.column_stack([np.linspace(0, 0.2, 30), np.full(30, -0.08)]),
+        np.full((30, 2), np.nan),
+        np.zeros((30, 2)),
+        arc(0.3)[:3],
+    ],
+)
 def test_a_straight_line_a_point_or_nothing_has_no_radius(points):
     assert fit_arc(points) is None
 
@@ -102,7 +108,10 @@ PROFILE_S = np.linspace(0.0, DURATION_S, 6001)
 def test_peaks_and_valley_have_the_published_instants_forces_and_tilts():
     """Between nothing at both ends; the tilt runs from -20 to +40 degrees."""
     for low, high, sign, at_s, share, tilt_deg in (
-            (0.0, 0.3, 1, 0.151, 1.0, -15.0), (0.3, 0.6, 1, 0.4475, 0.987, 19.8), (0.2, 0.4, -1, 0.3, 0.668, -0.1)):
+        (0.0, 0.3, 1, 0.151, 1.0, -15.0),
+        (0.3, 0.6, 1, 0.4475, 0.987, 19.8),
+        (0.2, 0.4, -1, 0.3, 0.668, -0.1),
+    ):
         time = PROFILE_S[(PROFILE_S > low) & (PROFILE_S < high)]
         at = time[np.argmax(sign * force_share(time))]
         assert at == pytest.approx(at_s, abs=2e-3 if sign < 0 else 1e-3)
@@ -140,9 +149,16 @@ def test_friction_changes_what_is_lost_and_hardly_the_shape(section):
 
 
 def test_softer_settings_deflect_more_store_more_and_roll_on_a_smaller_arc(section):
-    for name, sign in (("deflection_forefoot_mm", -1), ("stored_forefoot_j", -1), ("radius_m", 1),
-                       ("effective_foot_length_ratio", 1), ("dorsiflexing_moment_nm", 1)):
-        assert np.all(sign * np.diff([getattr(row, name) for row in section.table.iso.positions]) > 0.0), name
+    for name, sign in (
+        ("deflection_forefoot_mm", -1),
+        ("stored_forefoot_j", -1),
+        ("radius_m", 1),
+        ("effective_foot_length_ratio", 1),
+        ("dorsiflexing_moment_nm", 1),
+    ):
+        assert np.all(
+            sign * np.diff([getattr(row, name) for row in section.table.iso.positions]) > 0.0
+        ), name
     forefoot = [row for row in section.table.inclined if row.angle_deg > 0.0]
     assert np.all(np.diff([row.stiffness_n_per_mm for row in forefoot]) > 0.0)
     assert np.all(np.diff([row.energy_stored_j for row in forefoot]) < 0.0)
@@ -150,8 +166,14 @@ def test_softer_settings_deflect_more_store_more_and_roll_on_a_smaller_arc(secti
 
 def test_fulcrum_has_hardly_a_part_at_the_heel(section):
     """Foam on the heel block carries the load; what of it is under the keel's rear end bends that a little."""
-    heel, toe = ([row for row in section.table.inclined if (row.angle_deg < 0.0) == rear] for rear in (True, False))
-    apart = [np.ptp(values) / np.mean(values) for values in ([row.displacement_mm for row in of] for of in (heel, toe))]
+    heel, toe = (
+        [row for row in section.table.inclined if (row.angle_deg < 0.0) == rear]
+        for rear in (True, False)
+    )
+    apart = [
+        np.ptp(values) / np.mean(values)
+        for values in ([row.displacement_mm for row in of] for of in (heel, toe))
+    ]
     assert apart[0] < 0.01 and apart[1] > 0.5
     assert all(set(row.zones_loaded) <= {"heel_posterior", "heel", "heel_anterior"} for row in heel)
 
@@ -168,13 +190,17 @@ def test_with_friction_the_grounds_moment_about_the_mount_is_what_the_drive_hold
     """But for the foot's own weight, at most at the foot's length, and an inertia with accelerations below g."""
     foot, time = embedded_study().model.foot, np.linspace(0.0, DURATION_S, 301)
     machine = RollOver(foot, friction=True)
-    run, following = machine.roll(fulcrum_m=0.108, time_s=time, tilt_rad=tilt_rad(time),
-                                  force_n=765.0 * force_share(time))
-    moment = rolled_row(machine, run, following, 0.108, duration_s=DURATION_S,
-                        shape_ends_s=SECOND_PEAK_S)[1]["moment_nm"]
+    run, following = machine.roll(
+        fulcrum_m=0.108, time_s=time, tilt_rad=tilt_rad(time), force_n=765.0 * force_share(time)
+    )
+    moment = rolled_row(
+        machine, run, following, 0.108, duration_s=DURATION_S, shape_ends_s=SECOND_PEAK_S
+    )[1]["moment_nm"]
     loaded, most = following.wanted_n > 100.0, 2.0 * foot.mass_kg * GRAVITY * foot.length_m
     np.testing.assert_allclose(-run.load[loaded, 2], moment[loaded], atol=most)
-    assert np.abs(run.mount[:, 1] * run.grf_W[:, 0]).max() > 10.0 * most, "friction has a part in it"
+    assert np.abs(run.mount[:, 1] * run.grf_W[:, 0]).max() > 10.0 * most, (
+        "friction has a part in it"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +210,9 @@ def walk():
 
 def with_plates(walk, plates):
     recorded = replace(walk.recorded, plates=plates)
-    return replace(walk, recorded=recorded, comparison=compare(walk.result, recorded.prosthetic_plate))
+    return replace(
+        walk, recorded=recorded, comparison=compare(walk.result, recorded.prosthetic_plate)
+    )
 
 
 def test_a_plate_that_recorded_the_models_own_load_has_the_models_shape(walk):
@@ -224,7 +252,10 @@ def test_without_a_centre_of_pressure_only_the_model_has_a_shape(walk):
 
 
 def test_a_walk_without_a_whole_stance_has_no_shape(walk):
-    cut = replace(walk.comparison, stances=tuple(replace(item, inside=False) for item in walk.comparison.stances))
+    cut = replace(
+        walk.comparison,
+        stances=tuple(replace(item, inside=False) for item in walk.comparison.stances),
+    )
     shapes, missing = walked_shapes(replace(walk, comparison=cut))
     assert not shapes and walk.label in missing[0]
 
@@ -234,8 +265,14 @@ def test_load_runs_under_the_foot_from_heel_to_toe(walk):
     (_, seen), foot = walked_shapes(walk)[0][0], walk.trial.model.foot
     forward, up = seen["model"][np.isfinite(seen["model"][:, 0])].T
     heel = _shank(walk)[1]  # with the fitted place of the foot
-    assert heel == pytest.approx(foot.heel_x_m - foot.pylon_x_m + walk.trial.offsets.fore_aft_m, abs=2e-3)
-    assert heel < forward.min() and forward.max() < heel + foot.length_m and forward[-1] - forward[0] > 0.15
+    assert heel == pytest.approx(
+        foot.heel_x_m - foot.pylon_x_m + walk.trial.offsets.fore_aft_m, abs=2e-3
+    )
+    assert (
+        heel < forward.min()
+        and forward.max() < heel + foot.length_m
+        and forward[-1] - forward[0] > 0.15
+    )
     assert np.all((up < -0.02) & (up > -foot.build_height_m - 0.01))
 
 
@@ -245,18 +282,35 @@ def test_model_and_virtual_laboratory_agree_on_the_moment_arm():
     for side in ("model", "measured"):
         assert np.all(np.diff([getattr(row, side).mean_moment_arm_m for row in rows]) > 0.0)
     for row in rows:
-        assert row.model.mean_moment_arm_m == pytest.approx(row.measured.mean_moment_arm_m, abs=5e-3)
+        assert row.model.mean_moment_arm_m == pytest.approx(
+            row.measured.mean_moment_arm_m, abs=5e-3
+        )
 
 
 def test_a_free_moment_counts_as_the_two_forces_that_make_it():
     """Forces of 350 N that push 200 mm apart in opposite directions across: at their middle 700 N and a moment of 8 N m
     about the vertical, which turns a shank that leans sideways by half a radian forward or back as well."""
-    lean = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.5), -np.sin(0.5)], [0.0, np.sin(0.5), np.cos(0.5)]])
-    ankle, middle, apart = np.array([0.0, 0.02, 0.1]), np.array([0.05, 0.0, 0.0]), np.array([0.1, 0.0, 0.0])
-    pair = ((middle + apart, np.array([30.0, 40.0, 350.0])), (middle - apart, np.array([30.0, -40.0, 350.0])))
+    lean = np.array(
+        [[1.0, 0.0, 0.0], [0.0, np.cos(0.5), -np.sin(0.5)], [0.0, np.sin(0.5), np.cos(0.5)]]
+    )
+    ankle, middle, apart = (
+        np.array([0.0, 0.02, 0.1]),
+        np.array([0.05, 0.0, 0.0]),
+        np.array([0.1, 0.0, 0.0]),
+    )
+    pair = (
+        (middle + apart, np.array([30.0, 40.0, 350.0])),
+        (middle - apart, np.array([30.0, -40.0, 350.0])),
+    )
     moment = sum(np.cross(place - ankle, force) for place, force in pair)
     time = np.array([0.0, 0.5, 1.0])
     shank = RollOverFrames(time, np.tile(ankle, (3, 1)), np.tile(lean, (3, 1, 1)))
-    arm = _arm(shank, SimpleNamespace(measured=Stance(0.0, 1.0)), time, np.tile([60.0, 0.0, 700.0], (3, 1)),
-               np.tile(middle, (3, 1)), np.full(3, 8.0))
+    arm = _arm(
+        shank,
+        SimpleNamespace(measured=Stance(0.0, 1.0)),
+        time,
+        np.tile([60.0, 0.0, 700.0], (3, 1)),
+        np.tile(middle, (3, 1)),
+        np.full(3, 8.0),
+    )
     assert arm == pytest.approx(-moment @ lean[:, 1] / 700.0, rel=1e-12)

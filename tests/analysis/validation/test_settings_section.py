@@ -35,8 +35,9 @@ SESSION, RECORDING, SLOPE = 0.7, 0.2, 1.5
 def linear_outcomes(trials: int, draws: int, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
     """y(x1) = s + r, y(x2) = SLOPE (s + r) of trials with different means: all variances are known."""
     random = np.random.default_rng(seed)
-    noise = SESSION * random.standard_normal((trials, draws, 1, 1)) \
-        + RECORDING * random.standard_normal((trials, draws, 2, 1))
+    noise = SESSION * random.standard_normal(
+        (trials, draws, 1, 1)
+    ) + RECORDING * random.standard_normal((trials, draws, 2, 1))
     mean = 10.0 * random.standard_normal((trials, 1, 1, 1))
     return mean + noise, mean + SLOPE * noise
 
@@ -44,13 +45,16 @@ def linear_outcomes(trials: int, draws: int, seed: int = 3) -> tuple[np.ndarray,
 VARIANCES = {
     "same_recording": (SLOPE - 1.0) ** 2 * (SESSION**2 + RECORDING**2),
     "same_session": (SLOPE - 1.0) ** 2 * SESSION**2 + (SLOPE**2 + 1.0) * RECORDING**2,
-    "two_sessions": (SLOPE**2 + 1.0) * (SESSION**2 + RECORDING**2)}
+    "two_sessions": (SLOPE**2 + 1.0) * (SESSION**2 + RECORDING**2),
+}
 
 
 @pytest.mark.parametrize("design", DESIGNS)
 def test_variance_of_a_difference_is_that_of_the_design(design):
     found = noise_variance(design, *linear_outcomes(8, 400))
-    assert found.value[0] == pytest.approx(VARIANCES[design], rel=0.1)  # four standard errors of 3200 draws
+    assert found.value[0] == pytest.approx(
+        VARIANCES[design], rel=0.1
+    )  # four standard errors of 3200 draws
     assert found.freedom == 8 * 399
 
 
@@ -75,7 +79,9 @@ def test_too_few_held_out_walks_leave_the_sum_unknown():
     assert np.isnan(found.sd).all() and found.count.tolist() == [2, 2]
     noise = NoiseVariance(np.ones(2), 100.0)
     assert np.isnan(detectable(noise, found)).all()
-    assert detectable(noise) == pytest.approx([1.984, 1.984], abs=1e-3)  # t tables, 100 degrees of freedom
+    assert detectable(noise) == pytest.approx(
+        [1.984, 1.984], abs=1e-3
+    )  # t tables, 100 degrees of freedom
 
 
 def test_limits_are_students_and_add_as_squares():
@@ -94,7 +100,11 @@ def test_without_an_effect_at_most_one_in_twenty_is_called_one(walks):
     noise = NoiseVariance(np.array([2.0 * spread**2]), 1e6)
     errors = model_sd * random.standard_normal((walks, cases)) + 3.0
     limit = detectable(noise, model_error(errors))
-    two = spread * random.standard_normal((2, cases)) + model_sd * random.standard_normal((2, cases)) + 3.0
+    two = (
+        spread * random.standard_normal((2, cases))
+        + model_sd * random.standard_normal((2, cases))
+        + 3.0
+    )
     assert np.mean(np.abs(two[1] - two[0]) > limit) < 0.053
 
 
@@ -113,10 +123,15 @@ AT = (66.0, 108.0, 151.0)
 
 def bases(measured, simulated, role=HELD_OUT):
     """A walk for each row of (walks, 3 settings), all outcomes alike."""
-    return [SimpleNamespace(walk=SimpleNamespace(fulcrum_mm=x, role=role),
-                            measured=SimpleNamespace(values=np.full(len(NAMES), measured[i, j])),
-                            simulated=SimpleNamespace(values=np.full(len(NAMES), simulated[i, j])))
-            for j, x in enumerate(AT) for i in range(len(measured))]
+    return [
+        SimpleNamespace(
+            walk=SimpleNamespace(fulcrum_mm=x, role=role),
+            measured=SimpleNamespace(values=np.full(len(NAMES), measured[i, j])),
+            simulated=SimpleNamespace(values=np.full(len(NAMES), simulated[i, j])),
+        )
+        for j, x in enumerate(AT)
+        for i in range(len(measured))
+    ]
 
 
 def ends(found):
@@ -130,7 +145,9 @@ def test_without_a_difference_of_settings_at_most_one_in_twenty_is_told_apart(er
     told = 0
     for _ in range(400):
         measured = random.standard_normal((3, 3))
-        told += ends(walked_rows(bases(measured, measured + error * random.standard_normal((3, 3))))).told_apart
+        told += ends(
+            walked_rows(bases(measured, measured + error * random.standard_normal((3, 3))))
+        ).told_apart
     assert told <= 0.05 * 400 + 3.0 * np.sqrt(400 * 0.05 * 0.95)
 
 
@@ -140,7 +157,9 @@ def test_half_widths_are_t_times_the_standard_errors_within_settings():
     row = ends(walked_rows(bases(measured, measured + error)))
     width = student.ppf(0.975, 6) * np.sqrt(2.0 / 3.0)
     assert row.error_half_width == pytest.approx(width * np.sqrt(error.var(axis=0, ddof=1).mean()))
-    assert row.stride_half_width == pytest.approx(width * np.sqrt((measured + error).var(axis=0, ddof=1).mean()))
+    assert row.stride_half_width == pytest.approx(
+        width * np.sqrt((measured + error).var(axis=0, ddof=1).mean())
+    )
     assert row.measured == pytest.approx(measured[:, 2].mean() - measured[:, 0].mean())
 
 
@@ -154,8 +173,10 @@ def test_difference_far_beyond_strides_and_error_is_told_apart_unless_the_model_
 
 def test_one_walk_a_setting_or_walks_that_the_fit_has_seen_tell_nothing():
     measured = np.array([[0.0, 5.0, 10.0]])
-    assert all(row.told_apart is None and row.beyond_strides is None
-               for row in walked_rows(bases(measured, measured)))
+    assert all(
+        row.told_apart is None and row.beyond_strides is None
+        for row in walked_rows(bases(measured, measured))
+    )
     three = np.repeat(measured, 3, axis=0) + 0.1 * np.random.default_rng(1).standard_normal((3, 3))
     assert all(row.told_apart is None for row in walked_rows(bases(three, three, role=FITTED)))
 
@@ -177,15 +198,23 @@ def test_same_seed_gives_the_same_numbers_on_one_worker_and_on_two(monkeypatch):
     assert np.array_equal(one.arrays["effects"], two.arrays["effects"])
     other = settings_section(with_options(study, seed=1)).table.outcomes[0]
     assert other.effect == one.table.outcomes[0].effect
-    assert other.limits["noise_sdd_two_sessions"] != one.table.outcomes[0].limits["noise_sdd_two_sessions"]
+    assert (
+        other.limits["noise_sdd_two_sessions"]
+        != one.table.outcomes[0].limits["noise_sdd_two_sessions"]
+    )
 
 
-def test_the_section_counts_its_walks_and_answers_of_noise_alone_where_the_model_s_error_is_not_known(table):
+def test_the_section_counts_its_walks_and_answers_of_noise_alone_where_the_model_s_error_is_not_known(
+    table,
+):
     assert table.walks == 3 * 3 * (1 + 2 * table.draws) and table.failed_walks == 0
     assert [row.name for row in table.outcomes] == list(NAMES)
     assert len(table.pairs) == 3 * len(NAMES) and table.held_out_trials == 3
     assert table.answer.startswith("With the same motion") and "as far as noise" not in table.answer
-    unknown = [dataclasses.replace(row, limits={**row.limits, "sdd_same_recording": None}) for row in table.outcomes]
+    unknown = [
+        dataclasses.replace(row, limits={**row.limits, "sdd_same_recording": None})
+        for row in table.outcomes
+    ]
     words = settings.answer(table.positions_mm, unknown, table.pairs, table.as_walked)
     assert words.startswith("With the same motion, as far as noise alone goes, ")
 
@@ -204,16 +233,24 @@ def test_a_stiffer_setting_carries_more_under_the_same_motion(table):
     assert rows["cop_mid_stance_fl"].effect_ends > 0.05
     assert [*table.stiffness_n_per_mm] == sorted(table.stiffness_n_per_mm)
     for row in table.outcomes[-2:]:  # energy has no plate
-        assert row.unit == "J" and row.model_error_sd is None and row.limits["sdd_two_sessions"] is None
+        assert (
+            row.unit == "J"
+            and row.model_error_sd is None
+            and row.limits["sdd_two_sessions"] is None
+        )
         assert row.limits["noise_sdd_two_sessions"] > 0.0
 
 
 def test_pairs_are_held_against_noise_alone_where_the_model_s_error_is_not_known(table):
-    ends = {row.outcome: row.limits for row in table.pairs if (row.from_mm, row.to_mm) == (66.0, 151.0)}
+    ends = {
+        row.outcome: row.limits for row in table.pairs if (row.from_mm, row.to_mm) == (66.0, 151.0)
+    }
     for row in table.outcomes:
         for design in DESIGNS:
             alone, both = (row.limits[f"{prefix}sdd_{design}"] for prefix in ("noise_", ""))
-            assert ends[row.name][f"limit_{design}"] > 0.0 and (both is None) == (row.model_error_sd is None)
+            assert ends[row.name][f"limit_{design}"] > 0.0 and (both is None) == (
+                row.model_error_sd is None
+            )
             if row.model_error_sd is not None:  # the model's part is the same at any two positions
                 assert ends[row.name][f"limit_{design}"] > (both**2 - alone**2) ** 0.5
 
@@ -232,12 +269,21 @@ def test_monte_carlo_agrees_with_linear_propagation_of_each_error_but_for_the_ce
     sigma = {i: np.radians(size.recording_deg) for i in noise.angles}
     sigma |= {i: 1e-3 * size.recording_mm for i in noise.place}
 
-    def walked(errors):  # in steps that resolve strike and lift-off four times finer than the section's
-        cases = [WalkCase(trial=noise.perturbed(error), fulcrum_m=0.108, step_s=STEP_S / 4) for error in errors]
-        return np.array([base.record(outcome).values for outcome in simulate_batch(cases, keep=KEEP, workers=1)])
+    def walked(
+        errors,
+    ):  # in steps that resolve strike and lift-off four times finer than the section's
+        cases = [
+            WalkCase(trial=noise.perturbed(error), fulcrum_m=0.108, step_s=STEP_S / 4)
+            for error in errors
+        ]
+        return np.array(
+            [base.record(outcome).values for outcome in simulate_batch(cases, keep=KEEP, workers=1)]
+        )
 
     alone = walked([np.zeros(count)])[0]
-    ends = walked([sign * value * np.eye(count)[i] for i, value in sigma.items() for sign in (1.0, -1.0)])
+    ends = walked(
+        [sign * value * np.eye(count)[i] for i, value in sigma.items() for sign in (1.0, -1.0)]
+    )
     slopes = 0.5 * (ends[::2] - ends[1::2])  # of one standard deviation of each error
     random, draws = np.random.default_rng(4), 60
     drawn = np.array([noise.recording(random) for _ in range(draws)])
@@ -254,9 +300,13 @@ def test_monte_carlo_agrees_with_linear_propagation_of_each_error_but_for_the_ce
 def test_one_trial_without_contact_fit_still_says_what_noise_allows(monkeypatch):
     monkeypatch.setattr(settings, "QUICK_NOISY_WALKS", 24)
     study = embedded_study()
-    section = settings_section(with_walks(study, dataclasses.replace(study.walks[0], role=OFFSETS_FITTED)))
-    assert all(row.limits["sdd_same_session"] is None and row.limits["noise_sdd_same_session"] > 0.0
-               for row in section.table.outcomes)
+    section = settings_section(
+        with_walks(study, dataclasses.replace(study.walks[0], role=OFFSETS_FITTED))
+    )
+    assert all(
+        row.limits["sdd_same_session"] is None and row.limits["noise_sdd_same_session"] > 0.0
+        for row in section.table.outcomes
+    )
     assert section.table.as_walked == ()
     said = " ".join(section.missing)
     assert "offsets of every walk" in said and "one setting" in said

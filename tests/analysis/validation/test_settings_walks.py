@@ -36,8 +36,16 @@ def made(*, angle: float = 0.0, shift_s: float = 0.0, place_m: float = 0.0):
 
 
 def values_of(force, cop, heading, stance, energy=None):
-    record = stance_record(TIME, force, cop, near=stance, heading=heading, weight_n=WEIGHT, foot_length_m=FOOT,
-                           energy=energy)
+    record = stance_record(
+        TIME,
+        force,
+        cop,
+        near=stance,
+        heading=heading,
+        weight_n=WEIGHT,
+        foot_length_m=FOOT,
+        energy=energy,
+    )
     return dict(zip(NAMES, record.values, strict=True))
 
 
@@ -47,7 +55,9 @@ def test_peaks_trough_and_impulse_are_those_of_the_curve():
     curve = np.sin(np.pi * phase) + 0.4 * np.sin(3.0 * np.pi * phase)
     assert found["vertical_first_bw"] == pytest.approx(curve.max(), abs=4e-3)
     assert found["vertical_second_bw"] == pytest.approx(found["vertical_first_bw"], abs=1e-3)
-    assert found["vertical_trough_bw"] == pytest.approx(0.6, abs=4e-3)  # sin(pi/2) + 0.4 sin(3 pi/2)
+    assert found["vertical_trough_bw"] == pytest.approx(
+        0.6, abs=4e-3
+    )  # sin(pi/2) + 0.4 sin(3 pi/2)
     assert found["propulsion_bw"] == pytest.approx(0.2, abs=3e-3)
     assert found["propulsion_impulse_bws"] == pytest.approx(0.2 * LONG / np.pi, rel=0.02)
     resultant = np.hypot(curve, 0.2 * np.sin(2.0 * np.pi * phase))
@@ -66,14 +76,18 @@ def test_time_place_and_heading_do_not_enter():
     reference = values_of(*made())
     moved = values_of(*made(angle=0.6, shift_s=0.2, place_m=1.7))
     known = [name for name in NAMES if not name.startswith("energy")]
-    assert [moved[name] for name in known] == pytest.approx([reference[name] for name in known], abs=2e-3)
+    assert [moved[name] for name in known] == pytest.approx(
+        [reference[name] for name in known], abs=2e-3
+    )
 
 
 def test_energy_counts_from_touch_down_and_pays_for_damping():
     strain = np.interp(TIME, [START, START + 0.5 * LONG, START + LONG], [0.5, 6.5, 1.0])
     loss = np.interp(TIME, [0.0, START + 0.5 * LONG, START + LONG], [0.0, 1.0, 1.3])
     found = values_of(*made(), energy={"keel_strain": strain, "keel_loss": loss})
-    assert found["energy_stored_j"] == pytest.approx(6.0, abs=0.15)  # the foot counts as loaded from 20 N on
+    assert found["energy_stored_j"] == pytest.approx(
+        6.0, abs=0.15
+    )  # the foot counts as loaded from 20 N on
     assert found["energy_returned_j"] == pytest.approx(6.5 - 1.0 - 0.3, abs=0.15)
 
 
@@ -83,7 +97,11 @@ def test_what_a_record_does_not_tell_is_not_a_number_and_no_stance_is_none():
     record = stance_record(TIME, force, None, **known)
     told = dict(zip(NAMES, np.isfinite(record.values), strict=True))
     assert [name for name, known_ in told.items() if not known_] == [
-        "cop_excursion_fl", "cop_mid_stance_fl", "energy_stored_j", "energy_returned_j"]
+        "cop_excursion_fl",
+        "cop_mid_stance_fl",
+        "energy_stored_j",
+        "energy_returned_j",
+    ]
     assert stance_record(TIME, 0.0 * force, cop, **known) is None
     cut = TIME < START + 0.5 * LONG
     assert stance_record(TIME[cut], force[cut], cop[cut], **known) is None
@@ -113,7 +131,9 @@ def test_draws_have_the_stated_standard_deviations(trial):
     assert hip[:, in_cycle].mean(axis=1).std() == pytest.approx(1.2, rel=0.12)
     assert np.sqrt(np.mean(hip[:, in_cycle].var(axis=1))) == pytest.approx(0.5, rel=0.1)
     recordings = np.array([noise.recording(random) for _ in range(2000)])
-    assert np.degrees(recordings[:, names.index("pelvis_tilt")].std()) == pytest.approx(0.1, rel=0.08)
+    assert np.degrees(recordings[:, names.index("pelvis_tilt")].std()) == pytest.approx(
+        0.1, rel=0.08
+    )
     assert 1e3 * recordings[:, names.index("pelvis_ty")].std() == pytest.approx(0.4, rel=0.08)
 
 
@@ -122,7 +142,9 @@ def test_the_other_leg_stays_and_no_noise_changes_nothing(trial):
     noise = KinematicNoise(trial)
     other = [i for i, name in enumerate(names) if name.endswith("_l")]
     assert not noise.session(random)[:, other].any() and not noise.recording(random)[other].any()
-    none = KinematicNoise(trial, NoiseSizes(session_deg=0.0, session_smooth_deg=0.0, recording_deg=0.0,
-                                            recording_mm=0.0))
+    none = KinematicNoise(
+        trial,
+        NoiseSizes(session_deg=0.0, session_smooth_deg=0.0, recording_deg=0.0, recording_mm=0.0),
+    )
     same = none.perturbed(none.session(random) + none.recording(random)).trajectory
     assert np.array_equal(same.values, trial.trajectory.values)

@@ -36,7 +36,11 @@ def test_null_model_of_a_held_out_walk_is_a_fitted_trials_curve():
     """Of low_1, the only fitted one here: its curve over low_3's stance errs by 4.7 % BW, as a fit to both says too."""
     study = make_study([*embedded_trials()[:3]], contact=embedded_contact(), options=QUICK)
     walks = {walk.label: walk for walk in study.walks}
-    assert [walks[name].role for name in ("low_1", "low_2", "low_3")] == [FITTED, HELD_OUT, HELD_OUT]
+    assert [walks[name].role for name in ("low_1", "low_2", "low_3")] == [
+        FITTED,
+        HELD_OUT,
+        HELD_OUT,
+    ]
     assert walks["low_1"].metrics.null_model_grf_rmse_bw is None
     low_1, low_3 = (walks[name] for name in ("low_1", "low_3"))
     ours = low_3.comparison
@@ -48,8 +52,12 @@ def test_null_model_of_a_held_out_walk_is_a_fitted_trials_curve():
     share = (ours.time_s[rows] - stance.start_s) / stance.duration_s
     stretched = np.zeros(len(ours.time_s))
     stretched[rows] = np.interp(other.start_s + share * other.duration_s, theirs.time_s, curve)
-    error = (stretched - np.linalg.norm(ours.measured, axis=1))[ours.scored] / low_3.metrics.body_weight_n
-    assert low_3.metrics.null_model_grf_rmse_bw == pytest.approx(float(np.sqrt(np.mean(error**2))), rel=0.01)
+    error = (stretched - np.linalg.norm(ours.measured, axis=1))[
+        ours.scored
+    ] / low_3.metrics.body_weight_n
+    assert low_3.metrics.null_model_grf_rmse_bw == pytest.approx(
+        float(np.sqrt(np.mean(error**2))), rel=0.01
+    )
 
 
 def test_without_a_contact_agreement_is_called_fitted_and_offsets_are_the_fits():

@@ -50,7 +50,7 @@ def without_spm(monkeypatch):
 def test_planted_difference_is_found_where_it_was_planted():
     table, _ = differing_regions(made_ensemble(9, step=1.0), seed=(0,))
     assert table.method == SPM
-    region, = table.regions
+    (region,) = table.regions
     assert region.start_percent == pytest.approx(40.0, abs=1.0)
     assert region.end_percent == pytest.approx(60.0, abs=1.0)
     assert region.mean_difference == pytest.approx(1.0, abs=0.1)
@@ -60,7 +60,10 @@ def test_planted_difference_is_found_where_it_was_planted():
 
 @with_spm
 def test_smooth_noise_alone_crosses_the_threshold_of_the_curve_in_one_of_twenty_sets():
-    found = sum(bool(differing_regions(made_ensemble(9, seed=seed), seed=(0,))[0].regions) for seed in range(40))
+    found = sum(
+        bool(differing_regions(made_ensemble(9, seed=seed), seed=(0,))[0].regions)
+        for seed in range(40)
+    )
     assert found <= 6  # binomial of 40 at 0.05: above with a probability of 0.3 %
 
 
@@ -106,7 +109,10 @@ def test_points_that_a_walk_does_not_know_and_points_that_do_not_vary_are_left_o
     model[2, :3] = np.nan
     model[:, 99:] = measured[:, 99:]
     _, arrays = differing_regions(np.array([measured, model]), seed=(0,))
-    assert np.isnan(arrays["difference_mean"][:3]).all() and np.isnan(arrays["difference_low"][99:]).all()
+    assert (
+        np.isnan(arrays["difference_mean"][:3]).all()
+        and np.isnan(arrays["difference_low"][99:]).all()
+    )
     assert np.isfinite(arrays["difference_low"][3:99]).all()
 
 
@@ -130,7 +136,9 @@ def test_force_curves_are_the_loads_at_each_percent_of_the_measured_stance():
     for i, name in ((0, "fore_aft"), (1, "medio_lateral"), (2, "vertical")):
         assert found[name][0][INNER] == pytest.approx(exact[INNER, i], abs=2e-3)
         assert found[name][1][INNER] == pytest.approx(1.1 * exact[INNER, i], abs=2e-3)
-    assert found["resultant"][0][INNER] == pytest.approx(np.linalg.norm(exact, axis=1)[INNER], abs=2e-3)
+    assert found["resultant"][0][INNER] == pytest.approx(
+        np.linalg.norm(exact, axis=1)[INNER], abs=2e-3
+    )
 
 
 def test_curves_do_not_depend_on_the_direction_of_walking():
@@ -162,8 +170,9 @@ def test_walk_of_two_stances_counts_once_with_their_mean():
     result = make_walk(end_s=2.6, stances=spans)
     force = result.grf_W.copy()
     force[result.time_s > 1.4] *= 1.2
-    walk = made_study_walk(plate=make_plate(end_s=3.0, stances=spans),
-                           result=dataclasses.replace(result, grf_W=force))
+    walk = made_study_walk(
+        plate=make_plate(end_s=3.0, stances=spans), result=dataclasses.replace(result, grf_W=force)
+    )
     assert len(walk.comparison.stances) == 2
     measured, model = walk_curves(walk)["vertical"]
     assert model[INNER] == pytest.approx(1.1 * measured[INNER], abs=3e-3)
@@ -171,11 +180,17 @@ def test_walk_of_two_stances_counts_once_with_their_mean():
 
 def test_stance_that_the_window_cuts_is_left_out():
     spans = ((0.4, 1.1), (1.6, 2.3))
-    walk = made_study_walk(plate=make_plate(end_s=3.0, stances=spans), result=make_walk(end_s=1.9, stances=spans))
-    whole = made_study_walk(plate=make_plate(end_s=3.0, stances=spans[:1]),
-                            result=make_walk(end_s=1.9, stances=spans[:1]))
+    walk = made_study_walk(
+        plate=make_plate(end_s=3.0, stances=spans), result=make_walk(end_s=1.9, stances=spans)
+    )
+    whole = made_study_walk(
+        plate=make_plate(end_s=3.0, stances=spans[:1]),
+        result=make_walk(end_s=1.9, stances=spans[:1]),
+    )
     assert [stance.inside for stance in walk.comparison.stances] == [True, False]
-    assert walk_curves(walk)["vertical"][1] == pytest.approx(walk_curves(whole)["vertical"][1], abs=1e-3)
+    assert walk_curves(walk)["vertical"][1] == pytest.approx(
+        walk_curves(whole)["vertical"][1], abs=1e-3
+    )
     cut = made_study_walk(result=make_walk(end_s=1.0))
     assert walk_curves(cut) == {}
 
@@ -187,7 +202,9 @@ def test_ensemble_is_the_mean_and_sample_deviation_of_the_walks_that_have_the_qu
     found = ensembles([*walks, {}])
     arrays = mean_curves(found["vertical"])
     assert arrays["model_mean"] == pytest.approx(np.mean([0.9, 1.0, 1.3]) * shape, abs=1e-9)
-    assert arrays["model_sd"] == pytest.approx(np.std([0.9, 1.0, 1.3], ddof=1) * np.abs(shape), abs=1e-9)
+    assert arrays["model_sd"] == pytest.approx(
+        np.std([0.9, 1.0, 1.3], ddof=1) * np.abs(shape), abs=1e-9
+    )
     assert arrays["measured_sd"] == pytest.approx(0.0, abs=1e-12)
     found = ensembles([*walks, blind, {}])
     assert found["cop"].shape == (2, 3, 101) and found["vertical"].shape == (2, 4, 101)
@@ -220,12 +237,14 @@ def test_moment_is_not_compared_outside_the_simulated_time():
     stance = compare(walk, plate).stances[0]
     measured, model = stance_free_moments(walk, plate, stance)
     percent = 100.0 * (1.0 - stance.measured.start_s) / stance.measured.duration_s
-    assert np.isnan(model[int(np.ceil(percent)) + 1:]).all()
+    assert np.isnan(model[int(np.ceil(percent)) + 1 :]).all()
     assert np.isfinite(measured[5:95]).all()
 
 
 def test_moment_that_nobody_measured_has_no_error():
     walk, plate = pair(3.0, 2.0)
-    for changes in ({"free_moment_nm": np.zeros(len(plate.time_s))},
-                    {"has_cop": False, "cop_W": np.full_like(plate.cop_W, np.nan)}):
+    for changes in (
+        {"free_moment_nm": np.zeros(len(plate.time_s))},
+        {"has_cop": False, "cop_W": np.full_like(plate.cop_W, np.nan)},
+    ):
         assert moment_rmse(walk, dataclasses.replace(plate, **changes)) is None

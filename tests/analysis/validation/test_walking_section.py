@@ -46,26 +46,56 @@ def test_joints_follow_the_recording_within_a_hundredth_of_a_degree():
 def test_what_a_fit_corrected_is_told_apart_from_tracking():
     walk = embedded_study().walks[0]
     found = corrected_deg(walk.result, walk.recorded.trajectory)
-    shift = walk.trial.trajectory.ordered(("hip_adduction_r",)).values - walk.recorded.trajectory.ordered(
-        ("hip_adduction_r",)).values
+    shift = (
+        walk.trial.trajectory.ordered(("hip_adduction_r",)).values
+        - walk.recorded.trajectory.ordered(("hip_adduction_r",)).values
+    )
     assert found["hip_adduction_r"] == pytest.approx(np.degrees(abs(shift).mean()), rel=0.2)
     assert found["hip_flexion_l"] < 0.01
 
 
 def row(label, role="held out", **known):
-    return SimpleNamespace(**{"label": label, "role": role, "beats_null": None, "null_model_grf_rmse_bw": None}
-                           | dict.fromkeys(SCORED) | known)
+    return SimpleNamespace(
+        **{"label": label, "role": role, "beats_null": None, "null_model_grf_rmse_bw": None}
+        | dict.fromkeys(SCORED)
+        | known
+    )
 
 
-ROWS = [row("a", grf_rmse_bw=0.02, stance_measured_s=0.70, stance_model_s=0.71, stance_error_s=0.01, beats_null=True),
-        row("b", grf_rmse_bw=0.05, stance_measured_s=0.74, stance_model_s=0.72, stance_error_s=-0.02, beats_null=False),
-        row("c", "fitted", grf_rmse_bw=0.01, stance_measured_s=0.78, stance_model_s=0.79, stance_error_s=0.01)]
+ROWS = [
+    row(
+        "a",
+        grf_rmse_bw=0.02,
+        stance_measured_s=0.70,
+        stance_model_s=0.71,
+        stance_error_s=0.01,
+        beats_null=True,
+    ),
+    row(
+        "b",
+        grf_rmse_bw=0.05,
+        stance_measured_s=0.74,
+        stance_model_s=0.72,
+        stance_error_s=-0.02,
+        beats_null=False,
+    ),
+    row(
+        "c",
+        "fitted",
+        grf_rmse_bw=0.01,
+        stance_measured_s=0.78,
+        stance_model_s=0.79,
+        stance_error_s=0.01,
+    ),
+]
 
 
 def test_spread_is_the_mean_and_the_sample_standard_deviation_of_what_is_known():
     values = [0.02, 0.05, None, 0.01]
     known = [0.02, 0.05, 0.01]
-    assert spread(values) == Spread(pytest.approx(statistics.mean(known)), pytest.approx(statistics.stdev(known)), 3)
+    assert spread(values) == Spread(
+        pytest.approx(statistics.mean(known)), pytest.approx(statistics.stdev(known)), 3
+    )
     assert spread([0.02]) == Spread(0.02, None, 1) and spread([None, None]) == Spread(None, None, 0)
 
 
@@ -78,9 +108,16 @@ def test_correlation_of_stance_times_is_pearsons_and_not_known_of_two_walks_or_o
 
 def test_worst_is_the_largest_in_size_with_its_sign_and_its_walk():
     found = summary(ROWS)
-    assert (found.scores["grf_rmse_bw_worst"], found.scores["grf_rmse_bw_worst_trial"]) == (0.05, "b")
-    assert summary([row("d", impulse_rmse_bws=0.1), row("e", impulse_rmse_bws=-0.2)]).scores[
-        "impulse_rmse_bws_worst"] == -0.2
+    assert (found.scores["grf_rmse_bw_worst"], found.scores["grf_rmse_bw_worst_trial"]) == (
+        0.05,
+        "b",
+    )
+    assert (
+        summary([row("d", impulse_rmse_bws=0.1), row("e", impulse_rmse_bws=-0.2)]).scores[
+            "impulse_rmse_bws_worst"
+        ]
+        == -0.2
+    )
     assert (found.beats_null, found.beats_null_of) == (1, 2)
     assert found.scores["cop_rmse_fl_worst"] is None and found.scores["cop_rmse_fl"] is None
     assert summary([]) is None
@@ -88,13 +125,17 @@ def test_worst_is_the_largest_in_size_with_its_sign_and_its_walk():
 
 def test_condition_tells_fitted_and_held_out_walks_apart():
     found = condition(66.0, ROWS).scores
-    assert list(found) == ["all", "held out", "fitted"] and found["all"].spreads["grf_rmse_bw"].n == 3
+    assert (
+        list(found) == ["all", "held out", "fitted"] and found["all"].spreads["grf_rmse_bw"].n == 3
+    )
     assert found["held out"].spreads["grf_rmse_bw"].mean == pytest.approx(0.035)
     assert found["fitted"].spreads["grf_rmse_bw"] == Spread(0.01, None, 1)
     assert list(condition(66.0, ROWS[:2]).scores) == ["held out"]
 
 
-@pytest.mark.parametrize(("fulcrum_mm", "name"), [(66.0, "low"), (108.0, "medium"), (150.4, "high"), (87.0, None)])
+@pytest.mark.parametrize(
+    ("fulcrum_mm", "name"), [(66.0, "low"), (108.0, "medium"), (150.4, "high"), (87.0, None)]
+)
 def test_only_the_papers_three_settings_have_its_numbers(fulcrum_mm, name):
     found = condition(fulcrum_mm, ROWS)
     assert found.name == name and (found.paper is None) == (name is None)
@@ -114,54 +155,103 @@ def test_error_is_least_where_the_fulcrum_stood_in_every_walk(section):
     assert [row.label for row in section.table.rows] == ["low_2", "medium_2", "high_2"]
     assert [row.sweep.at_end for row in section.table.rows] == [True, False, True]
     for row in section.table.rows:
-        assert row.sweep.right is True and max(row.sweep.grf_rmse_bw) > 5.0 * min(row.sweep.grf_rmse_bw)
+        assert row.sweep.right is True and max(row.sweep.grf_rmse_bw) > 5.0 * min(
+            row.sweep.grf_rmse_bw
+        )
 
 
 def test_error_of_a_position_is_that_of_a_walk_made_by_hand(section):
     trial, sweep, i = embedded_study().walks[1].trial, section.table.rows[1].sweep, 4
     walker = Walker(trial.subject, trial.model)
-    made = walker.result(walker.walk(
-        trial.trajectory, fulcrum_m=1e-3 * sweep.fulcrum_mm[i], start_s=trial.start_s, end_s=trial.end_s,
-        step_s=2e-3, offsets=trial.offsets), trial, trial.offsets, energy=False)
+    made = walker.result(
+        walker.walk(
+            trial.trajectory,
+            fulcrum_m=1e-3 * sweep.fulcrum_mm[i],
+            start_s=trial.start_s,
+            end_s=trial.end_s,
+            step_s=2e-3,
+            offsets=trial.offsets,
+        ),
+        trial,
+        trial.offsets,
+        energy=False,
+    )
     c = compare(made, trial.prosthetic_plate)
     sizes = [np.linalg.norm(force, axis=1)[c.scored] for force in (c.model, c.measured)]
-    assert sweep.grf_rmse_bw[i] == pytest.approx(rmse(*sizes) / (trial.subject.mass_kg * 9.81), rel=1e-6)
+    assert sweep.grf_rmse_bw[i] == pytest.approx(
+        rmse(*sizes) / (trial.subject.mass_kg * 9.81), rel=1e-6
+    )
 
 
 def test_the_shown_walk_s_keel_rests_on_its_fulcrum_and_a_stiffer_setting_bears_more(section):
     """Moved over the carriage, motion kept: the keel's pieces keep their lengths, the support holds it there."""
-    shown, moved = section.table.shown, {
-        key.removeprefix("moved_"): value for key, value in section.arrays.items() if key.startswith("moved_")}
-    assert (shown.label, shown.fulcrum_mm) == ("medium_2", 108.0) and shown.null_label in ("low_2", "high_2")
+    shown, moved = (
+        section.table.shown,
+        {
+            key.removeprefix("moved_"): value
+            for key, value in section.arrays.items()
+            if key.startswith("moved_")
+        },
+    )
+    assert (shown.label, shown.fulcrum_mm) == ("medium_2", 108.0) and shown.null_label in (
+        "low_2",
+        "high_2",
+    )
     row = next(row for row in section.table.rows if row.label == shown.label)
     own = moved["fulcrum_mm"].tolist().index(108.0)
     assert own == np.argmin(moved["grf_rmse_bw"]) and moved["grf_rmse_bw"][own] == row.grf_rmse_bw
-    assert moved["grf_rmse_bw"][[0, -1]] == pytest.approx([row.sweep.grf_rmse_bw[0], row.sweep.grf_rmse_bw[-1]])
+    assert moved["grf_rmse_bw"][[0, -1]] == pytest.approx(
+        [row.sweep.grf_rmse_bw[0], row.sweep.grf_rmse_bw[-1]]
+    )
     pieces = np.linalg.norm(np.diff(moved["keel_mm"], axis=1), axis=2)
-    np.testing.assert_allclose(pieces, [[33.0, 44.644, *[23.286] * 6, 11.643]] * len(pieces), atol=2e-3)
+    np.testing.assert_allclose(
+        pieces, [[33.0, 44.644, *[23.286] * 6, 11.643]] * len(pieces), atol=2e-3
+    )
     for x, keel in zip(moved["fulcrum_mm"], moved["keel_mm"], strict=True):
         assert abs(np.interp(x, *keel.T)) < 2.0 < keel[-1, 1]
     assert (np.diff(moved["load"][:, 0]) > 0.0).all()
-    group = section.table.conditions.index(next(c for c in section.table.conditions if c.fulcrum_mm == 108.0))
-    np.testing.assert_array_equal(moved["cop_model"][own], section.arrays[f"group_{group}_cop_model_mean"])
-    np.testing.assert_array_equal(moved["cop_measured"], section.arrays[f"group_{group}_cop_measured_mean"])
+    group = section.table.conditions.index(
+        next(c for c in section.table.conditions if c.fulcrum_mm == 108.0)
+    )
+    np.testing.assert_array_equal(
+        moved["cop_model"][own], section.arrays[f"group_{group}_cop_model_mean"]
+    )
+    np.testing.assert_array_equal(
+        moved["cop_measured"], section.arrays[f"group_{group}_cop_measured_mean"]
+    )
 
 
-@pytest.mark.parametrize(("errors", "known"), [
-    ((0.3, 0.1, 0.2, 0.4), True), ((0.1, 0.2, 0.3, np.nan), True), ((np.nan, 0.1, 0.2, 0.3), False),
-    ((np.nan, np.nan, 0.1, np.nan), False), ((np.nan,) * 4, False)])
+@pytest.mark.parametrize(
+    ("errors", "known"),
+    [
+        ((0.3, 0.1, 0.2, 0.4), True),
+        ((0.1, 0.2, 0.3, np.nan), True),
+        ((np.nan, 0.1, 0.2, 0.3), False),
+        ((np.nan, np.nan, 0.1, np.nan), False),
+        ((np.nan,) * 4, False),
+    ],
+)
 def test_least_error_beside_a_walk_that_failed_names_no_position(errors, known):
     """It might be lower there: a number would be the failure's, not the foot's."""
     found = sweep_entry(swept(np.array([0.066, 0.087, 0.108, 0.129]), errors, true_m=0.087))
-    assert [value is not None for value in (found.best_mm, found.off_mm, found.right)] == [known] * 3
+    assert [value is not None for value in (found.best_mm, found.off_mm, found.right)] == [
+        known
+    ] * 3
     assert [error is None for error in found.grf_rmse_bw] == [np.isnan(error) for error in errors]
 
 
 def test_walks_of_a_sweep_that_failed_are_unknown_and_said_with_the_reason(monkeypatch):
     real = walking.simulate_batch
-    monkeypatch.setattr(walking, "simulate_batch", lambda cases, **options: [
-        WalkOutcome(case=o.case, failure="the worker runs other software") if o.case.fulcrum_m < 0.08 else o
-        for o in real(cases, **options)])
+    monkeypatch.setattr(
+        walking,
+        "simulate_batch",
+        lambda cases, **options: [
+            WalkOutcome(case=o.case, failure="the worker runs other software")
+            if o.case.fulcrum_m < 0.08
+            else o
+            for o in real(cases, **options)
+        ],
+    )
     found = of_one(embedded_study().walks[0])
     sweep = found.table.rows[0].sweep
     assert found.table.sweeps == 0 and sweep.right is None
@@ -174,12 +264,19 @@ def test_walks_of_a_sweep_that_failed_are_unknown_and_said_with_the_reason(monke
 def test_walks_stand_in_layers_where_the_contact_keeps_what_its_plates_taught(section):
     study = embedded_study()
     bare = dataclasses.replace(study.contact, momentum=None, discrepancy=None)
-    fitted = [load_trial(study.walks[0].recorded.path.with_name(f"{one.name}.yaml")) for one in bare.trials]
+    fitted = [
+        load_trial(study.walks[0].recorded.path.with_name(f"{one.name}.yaml"))
+        for one in bare.trials
+    ]
     first = study.walks[0].trial
-    taught = learned(bare, fitted, walker=Walker(first.subject, first.model), step_s=study.options.step_s)
+    taught = learned(
+        bare, fitted, walker=Walker(first.subject, first.model), step_s=study.options.step_s
+    )
     table = walking.layers_section(dataclasses.replace(study, contact=taught)).table
     rows = table.rows
-    assert [(row.label, row.role) for row in rows] == [(walk.label, walk.role) for walk in study.walks]
+    assert [(row.label, row.role) for row in rows] == [
+        (walk.label, walk.role) for walk in study.walks
+    ]
     for row, walk in zip(rows, study.walks, strict=True):
         assert row.physics_grf_rmse_bw == pytest.approx(walk.metrics.grf_rmse_bw, rel=1e-9)
         assert row.null_model_grf_rmse_bw > 0.0 and row.null_model_predicted_times_grf_rmse_bw > 0.0
@@ -202,9 +299,17 @@ def test_rows_hold_the_walks_metrics_and_the_summary_their_mean(section):
     assert table.held_out.scores["grf_rmse_bw_worst"] == max(errors)
     assert table.fitted is None and table.offsets_fitted is None
     assert table.stance_n == 3 and table.stance_r > 0.99
-    assert table.angle_recording_rmse_deg == pytest.approx(np.sqrt(np.mean([
-        error**2 for walk in embedded_study().walks
-        for error in corrected_deg(walk.result, walk.recorded.trajectory).values()])))
+    assert table.angle_recording_rmse_deg == pytest.approx(
+        np.sqrt(
+            np.mean(
+                [
+                    error**2
+                    for walk in embedded_study().walks
+                    for error in corrected_deg(walk.result, walk.recorded.trajectory).values()
+                ]
+            )
+        )
+    )
 
 
 def test_one_bare_trial_has_its_numbers_and_names_what_is_not_there(monkeypatch):
@@ -213,19 +318,45 @@ def test_one_bare_trial_has_its_numbers_and_names_what_is_not_there(monkeypatch)
     walk = embedded_study().walks[0]
     plate = walk.recorded.prosthetic_plate
     force = plate.force_W * [1.0, 0.0, 1.0]
-    found = of_one(with_plate(walk, force_W=force, has_cop=False, cop_W=np.full_like(plate.cop_W, np.nan),
-                              free_moment_nm=np.zeros_like(plate.free_moment_nm)))
-    row, = found.table.rows
-    for key in ("cop_rmse_fl", "cop_ml_rmse_fl", "cop_r2", "free_moment_rmse_nm", "free_moment_r2",
-                "medio_lateral_rmse_bw", "beats_null"):
+    found = of_one(
+        with_plate(
+            walk,
+            force_W=force,
+            has_cop=False,
+            cop_W=np.full_like(plate.cop_W, np.nan),
+            free_moment_nm=np.zeros_like(plate.free_moment_nm),
+        )
+    )
+    (row,) = found.table.rows
+    for key in (
+        "cop_rmse_fl",
+        "cop_ml_rmse_fl",
+        "cop_r2",
+        "free_moment_rmse_nm",
+        "free_moment_r2",
+        "medio_lateral_rmse_bw",
+        "beats_null",
+    ):
         assert getattr(row, key) is None, key
     assert row.grf_rmse_bw == pytest.approx(walk.metrics.grf_rmse_bw, rel=0.1)
     assert found.table.stance_r is None and found.table.stance_n == 1
-    assert {d.quantity for d in found.table.differences} == {"resultant", "vertical", "fore_aft", "impulse"}
+    assert {d.quantity for d in found.table.differences} == {
+        "resultant",
+        "vertical",
+        "fore_aft",
+        "impulse",
+    }
     assert {d.group for d in found.table.differences} == {0}
     text = " ".join(found.missing)
-    for part in ("no centre of pressure", "medio-lateral", "free moment", "medium (108 mm) or high (151 mm)",
-                 "null model", "correlation of stance times", "One walk only"):
+    for part in (
+        "no centre of pressure",
+        "medio-lateral",
+        "free moment",
+        "medium (108 mm) or high (151 mm)",
+        "null model",
+        "correlation of stance times",
+        "One walk only",
+    ):
         assert part in text
 
 
@@ -234,9 +365,13 @@ def test_laboratory_trials_that_the_fit_has_not_seen_are_predicted_as_the_fit_fo
     """The fit judged itself on these trials by its own code when it was made; the contact file keeps its words."""
     study = embedded_study(quick=False)
     said = next(text for text in study.contact.verdict if "held-out trials" in text)
-    mean, worst = (float(number) / 100.0 for number in re.findall(r"([0-9.]+) %", said)[:1] + re.findall(
-        r"at worst ([0-9.]+)", said))
-    few = dataclasses.replace(study, options=StudyOptions(quick=True, workers=1))  # positions in the sweep
+    mean, worst = (
+        float(number) / 100.0
+        for number in re.findall(r"([0-9.]+) %", said)[:1] + re.findall(r"at worst ([0-9.]+)", said)
+    )
+    few = dataclasses.replace(
+        study, options=StudyOptions(quick=True, workers=1)
+    )  # positions in the sweep
     table = walking_section(few).table
     assert table.held_out.n == 7 and table.fitted.n == 2
     assert table.held_out.scores["grf_rmse_bw"] == pytest.approx(mean, abs=0.00051)

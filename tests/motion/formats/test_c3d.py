@@ -34,18 +34,36 @@ def test_a_second_reader_finds_the_same(walking2, shared_data):
     """ezc3d on the same file: every marker, force, centre of pressure and free moment."""
     other = ezc3d.c3d(str(walking2.path), extract_forceplat_data=True)
     points = other["data"]["points"][:3].transpose(2, 1, 0)
-    np.testing.assert_allclose(np.stack(list(walking2.markers.values()), axis=1), 1e-3 * points, atol=1e-12)
+    np.testing.assert_allclose(
+        np.stack(list(walking2.markers.values()), axis=1), 1e-3 * points, atol=1e-12
+    )
     for plate, theirs in zip(walking2.plates, other["data"]["platform"], strict=True):
         loaded = plate.force_n[:, 2] > 20.0
         np.testing.assert_allclose(plate.force_n, theirs["force"].T, atol=1e-9)
-        np.testing.assert_allclose(plate.cop_m[loaded], 1e-3 * theirs["center_of_pressure"].T[loaded], atol=1e-9)
-        np.testing.assert_allclose(plate.free_moment_nm[loaded], 1e-3 * theirs["Tz"][2][loaded], atol=1e-9)
+        np.testing.assert_allclose(
+            plate.cop_m[loaded], 1e-3 * theirs["center_of_pressure"].T[loaded], atol=1e-9
+        )
+        np.testing.assert_allclose(
+            plate.free_moment_nm[loaded], 1e-3 * theirs["Tz"][2][loaded], atol=1e-9
+        )
         assert np.isnan(plate.cop_m[~loaded]).all() and not plate.free_moment_nm[~loaded].any()
 
 
-@pytest.mark.parametrize(("unit", "length"), [
-    ("mm", 1e-3), ("m", 1.0), ("cm", 1e-2), ("Meters", 1.0), ("mete", 1.0), ("mill", 1e-3), ("cent", 1e-2)])
-def test_markers_come_in_metres_whatever_the_unit_and_cut_to_the_fields_width(tmp_path, unit, length):
+@pytest.mark.parametrize(
+    ("unit", "length"),
+    [
+        ("mm", 1e-3),
+        ("m", 1.0),
+        ("cm", 1e-2),
+        ("Meters", 1.0),
+        ("mete", 1.0),
+        ("mill", 1e-3),
+        ("cent", 1e-2),
+    ],
+)
+def test_markers_come_in_metres_whatever_the_unit_and_cut_to_the_fields_width(
+    tmp_path, unit, length
+):
     markers = body()
     path = write_c3d(tmp_path / "walk.c3d", markers, unit=unit, length=length)
     read = read_trial(path.rename(tmp_path / "Walk.C3D"))
@@ -60,7 +78,9 @@ def test_a_missing_or_ambiguous_unit_is_asked_for(tmp_path):
     assert read_trial(path, length_unit="mm").markers["M1"][0, 2] == pytest.approx(1.72)
     for unit in ("me", "mi", "metric", "cents", "inc", "x"):
         other = write_c3d(tmp_path / "other.c3d", body(), unit=unit)
-        assert f"POINT:UNITS: the unit '{unit}' is unknown" in message(lambda other=other: read_trial(other))
+        assert f"POINT:UNITS: the unit '{unit}' is unknown" in message(
+            lambda other=other: read_trial(other)
+        )
 
 
 def test_a_marker_that_was_not_seen_is_a_gap_and_time_runs_from_the_trials_first_frame(tmp_path):
@@ -68,11 +88,15 @@ def test_a_marker_that_was_not_seen_is_a_gap_and_time_runs_from_the_trials_first
     markers["M3"][10:20] = np.nan
     read = read_trial(write_c3d(tmp_path / "walk.c3d", markers, first_frame=51))
     assert np.isnan(read.markers["M3"][10:20]).all() and np.isfinite(read.markers["M3"][20:]).all()
-    assert read.marker_start_s == pytest.approx(0.5) and read.marker_time_s[-1] == pytest.approx(1.49)
+    assert read.marker_start_s == pytest.approx(0.5) and read.marker_time_s[-1] == pytest.approx(
+        1.49
+    )
 
 
 def test_points_without_a_label_are_no_markers(tmp_path):
-    nameless = write_c3d(tmp_path / "b.c3d", {f"*{k}": place for k, place in enumerate(body().values())})
+    nameless = write_c3d(
+        tmp_path / "b.c3d", {f"*{k}": place for k, place in enumerate(body().values())}
+    )
     assert "neither labelled markers nor force plates" in message(lambda: read_trial(nameless))
 
 
@@ -114,7 +138,10 @@ def test_a_truncated_file_is_refused(tmp_path):
 
 def test_recording_of_more_frames_than_16_bits_count(tmp_path):
     frames = 70_000
-    markers = {"a": np.tile([0.1, 0.2, 0.3], (frames, 1)), "b": np.tile([0.4, 0.2, 0.9], (frames, 1))}
+    markers = {
+        "a": np.tile([0.1, 0.2, 0.3], (frames, 1)),
+        "b": np.tile([0.4, 0.2, 0.9], (frames, 1)),
+    }
     assert read_trial(write_c3d(tmp_path / "long.c3d", markers, rate=1000.0)).frames == frames
 
 
@@ -122,14 +149,20 @@ def test_recording_of_more_frames_than_16_bits_count(tmp_path):
 
 
 PHASE = np.linspace(0.0, 1.0, SAMPLES)
-FORCE = np.column_stack([60 * np.sin(6 * PHASE), 20 * np.cos(3 * PHASE), 700 + 100 * np.cos(9 * PHASE)])
+FORCE = np.column_stack(
+    [60 * np.sin(6 * PHASE), 20 * np.cos(3 * PHASE), 700 + 100 * np.cos(9 * PHASE)]
+)
 TWIST = 5.0 * np.sin(4 * PHASE)
 PLATE_AT = (0.45, 0.25)
 
 
 def load(centre=PLATE_AT, turn_deg=0.0, kind=2, height=0.0, **options):
-    path = np.column_stack([0.1 * PHASE - 0.05, 0.05 * PHASE, np.full(SAMPLES, height)]) + np.array([*centre, 0.0])
-    return MadePlate(kind, FORCE, path, TWIST, rectangle(centre, turn_deg=turn_deg, height=height), **options)
+    path = np.column_stack([0.1 * PHASE - 0.05, 0.05 * PHASE, np.full(SAMPLES, height)]) + np.array(
+        [*centre, 0.0]
+    )
+    return MadePlate(
+        kind, FORCE, path, TWIST, rectangle(centre, turn_deg=turn_deg, height=height), **options
+    )
 
 
 def written(tmp_path, *plates, way=(1.2, 0.0, 0.0), **options):
@@ -146,16 +179,22 @@ def check(read, made, rotation=np.eye(3)):  # noqa: B008 (it is not changed)
 
 
 @pytest.mark.parametrize("origin_sign", [-1.0, 1.0])
-@pytest.mark.parametrize(("kind", "turn_deg"), [(1, 30.0), (2, 30.0), (3, 30.0), (4, 30.0), (2, 90.0), (2, 180.0)])
+@pytest.mark.parametrize(
+    ("kind", "turn_deg"), [(1, 30.0), (2, 30.0), (3, 30.0), (4, 30.0), (2, 90.0), (2, 180.0)]
+)
 def test_load_comes_back_from_each_type_of_plate(tmp_path, kind, turn_deg, origin_sign):
     """The channels follow from the load by cross products over the sensors, not from the reader's formulas."""
     plate = load(turn_deg=turn_deg, kind=kind, origin_sign=origin_sign)
     check(read_trial(written(tmp_path, plate)), [plate])
 
 
-@pytest.mark.parametrize(("of_plate", "of_file", "words"), [
-    ({"on_plate": True}, {}, "points down"), ({}, {"moment_unit": "Nm"}, "far off the plate")])
-def test_forces_on_the_plate_and_moments_in_another_unit_than_stated_are_put_right(tmp_path, of_plate, of_file, words):
+@pytest.mark.parametrize(
+    ("of_plate", "of_file", "words"),
+    [({"on_plate": True}, {}, "points down"), ({}, {"moment_unit": "Nm"}, "far off the plate")],
+)
+def test_forces_on_the_plate_and_moments_in_another_unit_than_stated_are_put_right(
+    tmp_path, of_plate, of_file, words
+):
     plate = load(**of_plate)
     read = read_trial(written(tmp_path, plate, **of_file))
     check(read, [plate])
@@ -166,7 +205,9 @@ def test_floor_is_where_the_plates_lie(tmp_path):
     plates = (load((0.4, 0.2), height=0.35), load((1.1, 0.2), height=0.35))
     markers = {label: place + np.array([0, 0, 0.35]) for label, place in body().items()}
     read = read_trial(write_c3d(tmp_path / "a.c3d", markers, plates=plates))
-    np.testing.assert_allclose(read.plates[0].cop_m, plates[0].cop - np.array([0, 0, 0.35]), atol=1e-6)
+    np.testing.assert_allclose(
+        read.plates[0].cop_m, plates[0].cop - np.array([0, 0, 0.35]), atol=1e-6
+    )
     assert read.markers["M0"][0, 2] == pytest.approx(0.02, abs=1e-6)
     assert any("350 mm" in note for note in read.notes)
 
@@ -183,17 +224,29 @@ def test_stairs_and_ramps_are_refused(tmp_path):
 
 
 def test_a_plate_of_an_unknown_type_or_without_its_channels_is_left_out_and_said(tmp_path):
-    read = read_trial(with_parameters(written(tmp_path, load((0.4, 0)), load((0.81, 0))), "FORCE_PLATFORM",
-                                      TYPE=[2, 21]))
-    assert [plate.name for plate in read.plates] == ["1"] and any("type 21" in note for note in read.notes)
+    read = read_trial(
+        with_parameters(
+            written(tmp_path, load((0.4, 0)), load((0.81, 0))), "FORCE_PLATFORM", TYPE=[2, 21]
+        )
+    )
+    assert [plate.name for plate in read.plates] == ["1"] and any(
+        "type 21" in note for note in read.notes
+    )
     plates = (load(), load((1.2, 0.25)))
     path = written(tmp_path, *plates)
     absent, there = np.arange(13, 19), np.arange(1, 7)
-    read = read_trial(with_parameters(path, "FORCE_PLATFORM", CHANNEL=np.column_stack([there, absent])))
+    read = read_trial(
+        with_parameters(path, "FORCE_PLATFORM", CHANNEL=np.column_stack([there, absent]))
+    )
     check(read, plates[:1])
-    assert any("Force plate 2 of a.c3d was left out" in note and "channels 13 to 18" in note for note in read.notes)
+    assert any(
+        "Force plate 2 of a.c3d was left out" in note and "channels 13 to 18" in note
+        for note in read.notes
+    )
     with_parameters(path, "FORCE_PLATFORM", CHANNEL=np.column_stack([absent, absent]))
-    assert "FORCE_PLATFORM:CHANNEL: force plate 1 uses analog channels 13 to 18" in message(lambda: read_trial(path))
+    assert "FORCE_PLATFORM:CHANNEL: force plate 1 uses analog channels 13 to 18" in message(
+        lambda: read_trial(path)
+    )
 
 
 @pytest.mark.parametrize("header", [7, 12, 0])
@@ -207,4 +260,6 @@ def test_samples_a_frame_are_those_on_which_channels_and_rates_agree(tmp_path, h
     path.write_bytes(bytes(data))
     read = read_trial(path)
     check(read, [plate])
-    assert read.force_rate_hz == 1000.0 and any(f"says {header} analog samples a frame" in n for n in read.notes)
+    assert read.force_rate_hz == 1000.0 and any(
+        f"says {header} analog samples a frame" in n for n in read.notes
+    )

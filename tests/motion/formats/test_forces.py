@@ -57,7 +57,9 @@ def test_tables_of_opensims_c3d_adapter(tmp_path, unit):
     assert "Give laboratory.up (--up)" in message(lambda: read_trial(path, length_unit=unit))
     check(read_trial(path, up="z", length_unit=unit))
     if unit == "mm":
-        assert "Give laboratory.length_unit (--length-unit), perhaps mm" in message(lambda: read_trial(path, up="z"))
+        assert "Give laboratory.length_unit (--length-unit), perhaps mm" in message(
+            lambda: read_trial(path, up="z")
+        )
 
 
 def csv(path, labels, blocks, separator=",", units=None, lead="", comma=False):
@@ -69,8 +71,12 @@ def csv(path, labels, blocks, separator=",", units=None, lead="", comma=False):
     return path
 
 
-SPELLINGS = ("Fx1 Fy1 Fz1 COPx1 COPy1 COPz1 Mx1 My1 Mz1", "FX1 FY1 FZ1 X1 Y1 Z1 Tx1 Ty1 Tz1",
-             "F1X F1Y F1Z COP1X COP1Y COP1Z M1X M1Y M1Z", "Fx Fy Fz COPx COPy COPz Mx My Mz")
+SPELLINGS = (
+    "Fx1 Fy1 Fz1 COPx1 COPy1 COPz1 Mx1 My1 Mz1",
+    "FX1 FY1 FZ1 X1 Y1 Z1 Tx1 Ty1 Tz1",
+    "F1X F1Y F1Z COP1X COP1Y COP1Z M1X M1Y M1Z",
+    "Fx Fy Fz COPx COPy COPz Mx My Mz",
+)
 
 
 def test_csv_with_opensims_labels_and_others(tmp_path):
@@ -98,21 +104,32 @@ def test_decimal_commas_are_read_between_semicolons_and_refused_between_commas(t
     assert "decimal point, not a comma" in message(lambda: read_trial(path))
 
 
-@pytest.mark.parametrize(("prefix", "suffix", "other"), [("FP1_", "", "FP2_"), ("Plate 1.", "", "Plate 2."),
-                                                       ("", "_R", "_L"), ("", "_1", "_2")])
+@pytest.mark.parametrize(
+    ("prefix", "suffix", "other"),
+    [("FP1_", "", "FP2_"), ("Plate 1.", "", "Plate 2."), ("", "_R", "_L"), ("", "_1", "_2")],
+)
 def test_csv_with_plates_by_name(tmp_path, prefix, suffix, other):
-    words = [f"{kind}{'_' * (kind[0] != kind)}{a}" for kind in ("Force", "COP", "Moment") for a in "XYZ"]
-    words = words if prefix.startswith("Plate") or suffix == "_1" else [
-        f"{kind}{a}" for kind in ("F", "COP", "M") for a in "xyz"]
+    words = [
+        f"{kind}{'_' * (kind[0] != kind)}{a}" for kind in ("Force", "COP", "Moment") for a in "XYZ"
+    ]
+    words = (
+        words
+        if prefix.startswith("Plate") or suffix == "_1"
+        else [f"{kind}{a}" for kind in ("F", "COP", "M") for a in "xyz"]
+    )
     style = [prefix + word + suffix for word in words]
     other = [(other if prefix else "") + word + ("" if prefix else other) for word in words]
     blocks = [FORCE, COP, TWIST[:, None] * UP]
-    path = csv(tmp_path / "grf.csv", [*style, *other, "EMG"], [*blocks, *(0 * b for b in blocks), TIME])
+    path = csv(
+        tmp_path / "grf.csv", [*style, *other, "EMG"], [*blocks, *(0 * b for b in blocks), TIME]
+    )
     recording = read_trial(path, up="y")
     assert len(recording.plates) == 2
     check(dataclasses.replace(recording, plates=recording.plates[:1]))
     assert not recording.plates[1].force_n.any()
-    assert any("EMG" in note and "left out" in note for note in recording.notes), "nothing is dropped without a word"
+    assert any("EMG" in note and "left out" in note for note in recording.notes), (
+        "nothing is dropped without a word"
+    )
 
 
 def test_millimetres_said_to_be_metres_are_refused_with_the_remedy(tmp_path):
@@ -122,10 +139,17 @@ def test_millimetres_said_to_be_metres_are_refused_with_the_remedy(tmp_path):
 
 
 def forces_text(count=COUNT, stated=None):
-    lines = ["[Force Data]", "NumberOfForcePlates=1", "SampleRate=100.000000",
-             f"NumberOfSamples={stated or count}", "#Sample\tFX1\tFY1\tFZ1\tX1\tY1\tZ1\tMZ1"]
+    lines = [
+        "[Force Data]",
+        "NumberOfForcePlates=1",
+        "SampleRate=100.000000",
+        f"NumberOfSamples={stated or count}",
+        "#Sample\tFX1\tFY1\tFZ1\tX1\tY1\tZ1\tMZ1",
+    ]
     rows = np.column_stack([FORCE, 1e3 * COP, 1e3 * TWIST])[:count]
-    return "\n".join(lines + ["\t".join([str(i + 1), *map(repr, map(float, row))]) for i, row in enumerate(rows)])
+    return "\n".join(
+        lines + ["\t".join([str(i + 1), *map(repr, map(float, row))]) for i, row in enumerate(rows)]
+    )
 
 
 def test_cortex_forces(tmp_path):
@@ -136,15 +160,22 @@ def test_cortex_forces(tmp_path):
     assert "the header says 60 samples, the file has 50" in message(lambda: read_trial(path))
     path.write_text("\n".join(line for i, line in enumerate(forces_text().splitlines()) if i != 20))
     assert "the header says 50 samples, the file has 49" in message(lambda: read_trial(path))
-    path.write_text("\n".join(line for i, line in enumerate(forces_text(stated=40).splitlines()) if i != 20))
+    path.write_text(
+        "\n".join(line for i, line in enumerate(forces_text(stated=40).splitlines()) if i != 20)
+    )
     assert "line 21: samples are missing" in message(lambda: read_trial(path))
 
 
 def trc(path, start=0.0, frames=30):
     at = {"a": (0.5, 0.9, -0.2), "b": (0.6, 0.1, -0.1), "c": (0.4, 1.5, -0.2)}
-    head = f"PathFileType\t4\nDataRate\tNumFrames\tUnits\n50\t{frames}\tm\nFrame#\tTime\t" + "\t\t\t".join(at)
-    rows = ["\t".join([str(i + 1), f"{start + i / 50:.2f}", *(repr(c) for p in at.values() for c in p)])
-            for i in range(frames)]
+    head = (
+        f"PathFileType\t4\nDataRate\tNumFrames\tUnits\n50\t{frames}\tm\nFrame#\tTime\t"
+        + "\t\t\t".join(at)
+    )
+    rows = [
+        "\t".join([str(i + 1), f"{start + i / 50:.2f}", *(repr(c) for p in at.values() for c in p)])
+        for i in range(frames)
+    ]
     path.write_text(head + "\n\n" + "\n".join(rows) + "\n")
     return path
 

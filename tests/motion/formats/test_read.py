@@ -34,7 +34,11 @@ def message(call):
 
 
 def rotation_of(ahead, up):
-    axes = {s + n: sign * np.eye(3)[i] for i, n in enumerate("xyz") for s, sign in (("+", 1.0), ("-", -1.0))}
+    axes = {
+        s + n: sign * np.eye(3)[i]
+        for i, n in enumerate("xyz")
+        for s, sign in (("+", 1.0), ("-", -1.0))
+    }
     return np.array([axes[ahead], np.cross(axes[up], axes[ahead]), axes[up]])
 
 
@@ -42,7 +46,9 @@ def rotation_of(ahead, up):
 def test_any_laboratory_comes_into_the_world_frame(tmp_path, up):
     for ahead in (sign + axis for sign in "+-" for axis in "xyz" if axis != up[1]):
         rotation = rotation_of(ahead, up)
-        read = read_trial(write_c3d(tmp_path / "a.c3d", seen_in(rotation, walk()), screen=("+X", up.upper())))
+        read = read_trial(
+            write_c3d(tmp_path / "a.c3d", seen_in(rotation, walk()), screen=("+X", up.upper()))
+        )
         np.testing.assert_array_equal(read.rotation_W, rotation)
         for label, place in walk().items():
             np.testing.assert_allclose(read.markers[label], place, atol=1e-6)
@@ -50,7 +56,9 @@ def test_any_laboratory_comes_into_the_world_frame(tmp_path, up):
 
 def test_forward_is_as_stated_or_the_laboratorys_axis_nearest_to_the_way(tmp_path):
     path = write_c3d(tmp_path / "a.c3d", walk())
-    np.testing.assert_array_equal(read_trial(path, forward="-y").rotation_W, rotation_of("-y", "+z"))
+    np.testing.assert_array_equal(
+        read_trial(path, forward="-y").rotation_W, rotation_of("-y", "+z")
+    )
     assert "lies along the vertical" in message(lambda: read_trial(path, forward="z"))
     assert "'w' is no axis" in message(lambda: read_trial(path, forward="w"))
     angle = np.radians(20.0)
@@ -63,8 +71,13 @@ def test_up_is_the_screens_or_across_the_plates_or_asked_for(tmp_path):
     assert "Give laboratory.up (--up): x, y or z" in message(lambda: read_trial(path))
     np.testing.assert_array_equal(read_trial(path, up="z").rotation_W, np.eye(3))
     count = 10 * FRAMES
-    plate = MadePlate(2, np.tile([0.0, 0.0, 700.0], (count, 1)), np.tile([0.4, 0.1, 0.0], (count, 1)), np.zeros(count),
-                      rectangle((0.4, 0.1)))
+    plate = MadePlate(
+        2,
+        np.tile([0.0, 0.0, 700.0], (count, 1)),
+        np.tile([0.4, 0.1, 0.0], (count, 1)),
+        np.zeros(count),
+        rectangle((0.4, 0.1)),
+    )
     for screen in (None, ("+X", "+Y")):
         read = read_trial(write_c3d(tmp_path / "a.c3d", walk(), screen=screen, plates=(plate,)))
         np.testing.assert_array_equal(read.rotation_W, np.eye(3))
@@ -76,26 +89,47 @@ def test_a_person_who_lies_or_stands_on_the_head_is_refused_with_the_remedy(tmp_
     assert "Give laboratory.up (--up), probably z" in message(lambda: read_trial(lying))
     upside = write_c3d(tmp_path / "b.c3d", walk(), screen=("+X", "-Z"))
     assert "below the floor" in message(lambda: read_trial(upside))
-    write_trc(tmp_path / "a.trc", walk(), rate_hz=50.0)  # which is y up unless its markers say otherwise
-    np.testing.assert_array_equal(read_trial(tmp_path / "a.trc").rotation_W, rotation_of("+x", "+y"))
+    write_trc(
+        tmp_path / "a.trc", walk(), rate_hz=50.0
+    )  # which is y up unless its markers say otherwise
+    np.testing.assert_array_equal(
+        read_trial(tmp_path / "a.trc").rotation_W, rotation_of("+x", "+y")
+    )
     write_trc(tmp_path / "b.trc", seen_in(rotation_of("+x", "+y").T, walk()), rate_hz=50.0)
-    assert "Give laboratory.up (--up), probably z" in message(lambda: read_trial(tmp_path / "b.trc"))
-    np.testing.assert_allclose(read_trial(tmp_path / "b.trc", up="z").markers["M3"], walk()["M3"], atol=1e-12)
+    assert "Give laboratory.up (--up), probably z" in message(
+        lambda: read_trial(tmp_path / "b.trc")
+    )
+    np.testing.assert_allclose(
+        read_trial(tmp_path / "b.trc", up="z").markers["M3"], walk()["M3"], atol=1e-12
+    )
 
 
 def test_what_is_written_reads_back_bit_for_bit(tmp_path):
     rng, count = np.random.default_rng(5), 300
-    markers = {name: rng.uniform([0, -0.3, 0.05], [0.3, 0.3, 1.7], (40, 3)) for name in ("Ferse_für", "R.ASIS", "c")}
+    markers = {
+        name: rng.uniform([0, -0.3, 0.05], [0.3, 0.3, 1.7], (40, 3))
+        for name in ("Ferse_für", "R.ASIS", "c")
+    }
     markers["c"][3:9] = np.nan
-    write_trc(tmp_path / "a.trc", Recording(tmp_path / "x.c3d", markers, 119.88012, marker_start_s=0.4))
+    write_trc(
+        tmp_path / "a.trc", Recording(tmp_path / "x.c3d", markers, 119.88012, marker_start_s=0.4)
+    )
     read = read_trial(tmp_path / "a.trc")
-    assert list(read.markers) == list(markers) and (read.marker_rate_hz, read.marker_start_s) == (119.88012, 0.4)
+    assert list(read.markers) == list(markers) and (read.marker_rate_hz, read.marker_start_s) == (
+        119.88012,
+        0.4,
+    )
     for label, place in markers.items():
         np.testing.assert_array_equal(read.markers[label], place)
     plates = {}
     for key in ("r", "l"):
-        force = np.column_stack([rng.normal(0, 40, count), rng.normal(0, 20, count), rng.uniform(400, 900, count)])
-        cop, moment = np.column_stack([rng.uniform(0, 1, (count, 2)), np.zeros(count)]), rng.normal(0, 3, count)
+        force = np.column_stack(
+            [rng.normal(0, 40, count), rng.normal(0, 20, count), rng.uniform(400, 900, count)]
+        )
+        cop, moment = (
+            np.column_stack([rng.uniform(0, 1, (count, 2)), np.zeros(count)]),
+            rng.normal(0, 3, count),
+        )
         force[:50] *= 0.001
         cop[:50], moment[:50] = np.nan, 0.0
         plates[key] = Plate(key, force, cop, moment)

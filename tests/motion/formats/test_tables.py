@@ -8,9 +8,11 @@ from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.tables import read_storage, write_storage
 
 TABLE = "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n0\t1\t2\n0.1\t3\t4\n"
-SIMM = ("first trial\t\t\nnRows=2\t\t\nnColumns=3\t\t\n\t\t\n# SIMM Motion File Header:\t\t\nname first trial\t\t\n"
-        "datacolumns 3\t\t\ndatarows 2\t\t\notherdata 1\t\t\nrange 0.400000 0.417000\t\t\nendheader\t\t\n"
-        "time\ta\tb\n0.4\t1\t2\n0.417\t3\t4\n\n")
+SIMM = (
+    "first trial\t\t\nnRows=2\t\t\nnColumns=3\t\t\n\t\t\n# SIMM Motion File Header:\t\t\nname first trial\t\t\n"
+    "datacolumns 3\t\t\ndatarows 2\t\t\notherdata 1\t\t\nrange 0.400000 0.417000\t\t\nendheader\t\t\n"
+    "time\ta\tb\n0.4\t1\t2\n0.417\t3\t4\n\n"
+)
 
 
 @pytest.fixture
@@ -38,22 +40,38 @@ def test_opensim_and_simm_headers(table):
     simm = read_storage(table(SIMM))
     assert simm.names == ("a", "b") and simm.in_degrees is None
     np.testing.assert_array_equal(simm.time_s, [0.4, 0.417])
-    text = TABLE.replace("\t", "   ").replace("nRows=2", "nRows = 2").replace("inDegrees=no", "inDegrees = Yes")
+    text = (
+        TABLE.replace("\t", "   ")
+        .replace("nRows=2", "nRows = 2")
+        .replace("inDegrees=no", "inDegrees = Yes")
+    )
     spaced = read_storage(table(text))
     assert spaced.in_degrees is True
     np.testing.assert_array_equal(spaced.values, [[1, 2], [3, 4]])
 
 
-@pytest.mark.parametrize(("old", "new", "wanted"), [
-    ("nRows=2", "nRows=3", "line 3: the header says 3 rows, the file has 2. Is the file truncated?"),
-    ("nRows=2", "nRows=1", "line 3: the header says 1 rows, the file has 2"),
-    ("endheader\n", "", "header: there is no line `endheader`"),
-    ("time\ta\tb\n0\t1\t2\n0.1\t3\t4\n", "", "line 6: there are no column labels"),
-    ("\t3\t4", "\t3", "line 9: the row has 2 cells, there are 3 labels. Is the file truncated?"),
-    ("\t3\t4", "\t3\t4\t5", "line 9: the row has 4 cells, there are 3 labels"),
-    ("time\ta\tb", "time\t\tb", "line 7: column 2 has no label"),
-    ("time\ta\tb", "t\ta\tb", "line 7: the first column is 't'. It must be time"),
-    ("0.1\t3", "x\t3", "line 9, column time: the time 'x' is not a number")])
+@pytest.mark.parametrize(
+    ("old", "new", "wanted"),
+    [
+        (
+            "nRows=2",
+            "nRows=3",
+            "line 3: the header says 3 rows, the file has 2. Is the file truncated?",
+        ),
+        ("nRows=2", "nRows=1", "line 3: the header says 1 rows, the file has 2"),
+        ("endheader\n", "", "header: there is no line `endheader`"),
+        ("time\ta\tb\n0\t1\t2\n0.1\t3\t4\n", "", "line 6: there are no column labels"),
+        (
+            "\t3\t4",
+            "\t3",
+            "line 9: the row has 2 cells, there are 3 labels. Is the file truncated?",
+        ),
+        ("\t3\t4", "\t3\t4\t5", "line 9: the row has 4 cells, there are 3 labels"),
+        ("time\ta\tb", "time\t\tb", "line 7: column 2 has no label"),
+        ("time\ta\tb", "t\ta\tb", "line 7: the first column is 't'. It must be time"),
+        ("0.1\t3", "x\t3", "line 9, column time: the time 'x' is not a number"),
+    ],
+)
 def test_broken_table_is_named(table, old, new, wanted):
     assert old in TABLE
     path = table(TABLE.replace(old, new))
@@ -61,32 +79,56 @@ def test_broken_table_is_named(table, old, new, wanted):
     assert wanted in refusal and str(path) in refusal
 
 
-@pytest.mark.parametrize(("cells", "kept", "where"), [("1\t2\t3", [1, 3], 2), ("nan\t2\t3", [2, 3], 3)])
-def test_of_a_column_that_stands_twice_the_first_with_numbers_is_read_and_said(table, cells, kept, where):
+@pytest.mark.parametrize(
+    ("cells", "kept", "where"), [("1\t2\t3", [1, 3], 2), ("nan\t2\t3", [2, 3], 3)]
+)
+def test_of_a_column_that_stands_twice_the_first_with_numbers_is_read_and_said(
+    table, cells, kept, where
+):
     """The number in another column that is none is still named as it stands there."""
-    storage = read_storage(table(f"walk\nendheader\ntime\ta\ta\tb\n0\t{cells}\n0.1\t{cells[:-1]}x\n"))
+    storage = read_storage(
+        table(f"walk\nendheader\ntime\ta\ta\tb\n0\t{cells}\n0.1\t{cells[:-1]}x\n")
+    )
     assert storage.names == ("a", "b")
     np.testing.assert_array_equal(storage.values[0], kept)
     assert storage.notes == (
-        f"The column a stands twice: the first that holds anything was used (column {where} of 4).",)
+        f"The column a stands twice: the first that holds anything was used (column {where} of 4).",
+    )
     assert "line 5, time 0.1 s, column b: 'x' is not" in message(lambda: storage.column("b"))
 
 
-@pytest.mark.parametrize(("cell", "wanted"), [
-    ("nan", "'nan' is not a finite number"), ("", "the cell is empty"), ("-1.#IND", "'-1.#IND'"), ("inf", "'inf'"),
-    ("3,5", "'3,5' is not a finite number. Numbers need a decimal point"), ("1e10", "'1e+10' is not a believable")])
+@pytest.mark.parametrize(
+    ("cell", "wanted"),
+    [
+        ("nan", "'nan' is not a finite number"),
+        ("", "the cell is empty"),
+        ("-1.#IND", "'-1.#IND'"),
+        ("inf", "'inf'"),
+        ("3,5", "'3,5' is not a finite number. Numbers need a decimal point"),
+        ("1e10", "'1e+10' is not a believable"),
+    ],
+)
 def test_bad_cell_is_named_only_where_it_is_needed(table, cell, wanted):
-    path = table(TABLE.replace("0.1\t3", f"0.1\t{cell}").replace("nColumns=3", "nColumns=5").replace("\tb", "\tknee_r"))
+    path = table(
+        TABLE.replace("0.1\t3", f"0.1\t{cell}")
+        .replace("nColumns=3", "nColumns=5")
+        .replace("\tb", "\tknee_r")
+    )
     storage = read_storage(path)
     np.testing.assert_array_equal(storage.column("knee_r"), [2, 4])
     np.testing.assert_array_equal(storage.column("a", rows=np.array([True, False]))[:1], [1])
     assert f"{path}: line 9, time 0.1 s, column a: {wanted}" in message(lambda: storage.column("a"))
-    assert "column kne_r: there is no such column. Did you mean knee_r?" in message(lambda: storage.column("kne_r"))
+    assert "column kne_r: there is no such column. Did you mean knee_r?" in message(
+        lambda: storage.column("kne_r")
+    )
 
 
 def test_write_then_read_keeps_every_bit(tmp_path):
     rng = np.random.default_rng(1)
-    time, values = np.cumsum(rng.random(20)) / 3.0, rng.normal(size=(20, 3)) * 10.0 ** rng.integers(-12, 12, (20, 3))
+    time, values = (
+        np.cumsum(rng.random(20)) / 3.0,
+        rng.normal(size=(20, 3)) * 10.0 ** rng.integers(-12, 12, (20, 3)),
+    )
     values[4, 1] = np.nan
     path, names = tmp_path / "out.sto", ("x", "/jointset/knee/value", "z")
     write_storage(path, time_s=time, names=names, values=values, in_degrees=True)
@@ -94,7 +136,13 @@ def test_write_then_read_keeps_every_bit(tmp_path):
     assert storage.names == names and storage.in_degrees is True
     np.testing.assert_array_equal(storage.time_s, time)
     np.testing.assert_array_equal(storage.values, values)
-    assert path.read_text().splitlines()[1:6] == ["version=1", "nRows=20", "nColumns=4", "inDegrees=yes", "endheader"]
+    assert path.read_text().splitlines()[1:6] == [
+        "version=1",
+        "nRows=20",
+        "nColumns=4",
+        "inDegrees=yes",
+        "endheader",
+    ]
 
 
 # TRC as laboratories write it.
@@ -103,19 +151,34 @@ def test_write_then_read_keeps_every_bit(tmp_path):
 TIMES = [f"{i / 50:.3f}" for i in range(6)]
 
 
-def trc_text(labels=("heel", "toe", "knee"), times=None, units="mm", rate="50.00", markers=None, frames=None, gap="",
-             tabs="\t\t\t", cells=None, tail=""):
+def trc_text(
+    labels=("heel", "toe", "knee"),
+    times=None,
+    units="mm",
+    rate="50.00",
+    markers=None,
+    frames=None,
+    gap="",
+    tabs="\t\t\t",
+    cells=None,
+    tail="",
+):
     """A TRC file in which marker k stands at (100 k, 200 k, 300 k) in frame 0 and goes 1 along x a frame."""
     times = TIMES if times is None else times
     frames = len(times) if frames is None else frames
     count = len(labels) if markers is None else markers
-    lines = ["PathFileType\t4\t(X/Y/Z)\twalk.trc",
-             "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
-             f"{rate}\t{rate}\t{frames}\t{count}\t{units}\t{rate}\t1\t{frames}",
-             "Frame#\tTime\t" + tabs.join(labels) + "\t\t" + tail,
-             "\t\t" + "\t".join(f"{a}{k + 1}" for k in range(len(labels)) for a in "XYZ"), gap]
+    lines = [
+        "PathFileType\t4\t(X/Y/Z)\twalk.trc",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        f"{rate}\t{rate}\t{frames}\t{count}\t{units}\t{rate}\t1\t{frames}",
+        "Frame#\tTime\t" + tabs.join(labels) + "\t\t" + tail,
+        "\t\t" + "\t".join(f"{a}{k + 1}" for k in range(len(labels)) for a in "XYZ"),
+        gap,
+    ]
     for i, time in enumerate(times):
-        row = [f"{100 * k + i * (a == 0) + 100 * k * a}" for k in range(len(labels)) for a in range(3)]
+        row = [
+            f"{100 * k + i * (a == 0) + 100 * k * a}" for k in range(len(labels)) for a in range(3)
+        ]
         lines.append("\t".join([str(i + 1), time, *(cells or {}).get(i, row)]) + tail)
     return "\n".join(lines) + "\n"
 
@@ -126,6 +189,7 @@ def trc(tmp_path):
         path = tmp_path / "walk.trc"
         path.write_bytes((trc_text(**options) if text is None else text).encode(encoding))
         return path
+
     return write
 
 
@@ -133,32 +197,55 @@ def check(read, labels=("heel", "toe", "knee")):
     """Marker k of `trc_text` in W: y up in the file, so W is (x, -z, y), in metres."""
     assert tuple(read.markers) == labels and read.marker_rate_hz == 50.0
     for k, label in enumerate(labels):
-        np.testing.assert_allclose(read.markers[label], 1e-3 * np.array(
-            [[100 * k + i, -300 * k, 200 * k] for i in range(6)], dtype=float), atol=1e-12)
+        np.testing.assert_allclose(
+            read.markers[label],
+            1e-3 * np.array([[100 * k + i, -300 * k, 200 * k] for i in range(6)], dtype=float),
+            atol=1e-12,
+        )
 
 
-@pytest.mark.parametrize("options", [
-    {}, {"tabs": "\t"}, {"gap": "\t"}, {"tail": "\t"}, {"tail": "\t\t\t"}, {"rate": "  50.0"}, {"units": " mm"}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"tabs": "\t"},
+        {"gap": "\t"},
+        {"tail": "\t"},
+        {"tail": "\t\t\t"},
+        {"rate": "  50.0"},
+        {"units": " mm"},
+    ],
+)
 def test_layouts_that_programs_write(trc, options):
     check(read_trial(trc(**options)))
 
 
 def test_spellings_of_a_gap_and_rows_that_end_early(trc):
-    for cells in (*((cell,) * 3 for cell in ("", "NaN", "-nan", "1.#QNAN", "-1.#IND", " ")), ("1", "", "3")):
+    for cells in (
+        *((cell,) * 3 for cell in ("", "NaN", "-nan", "1.#QNAN", "-1.#IND", " ")),
+        ("1", "", "3"),
+    ):
         read = read_trial(trc(cells={2: ["0", "0", "0", *cells, "200", "400", "600"]}))
         assert np.isnan(read.markers["toe"][2]).all() and np.isfinite(read.markers["toe"][3]).all()
         assert np.isfinite(read.markers["knee"]).all()
     read = read_trial(trc(cells={2: ["0", "0", "0", "101", "200", "300"]}))
-    assert np.isnan(read.markers["knee"][2]).all() and any("end before the last marker" in n for n in read.notes)
+    assert np.isnan(read.markers["knee"][2]).all() and any(
+        "end before the last marker" in n for n in read.notes
+    )
 
 
 def test_what_header_and_rows_say_differently_is_noted_or_refused(trc):
     text = trc_text()
-    for broken, wanted in (("\n".join(text.splitlines()[:-2]) + "\n", "the header says 6 frames, the file has 4"),
-                           (text[:-18], "line 12"), ("\n".join(text.splitlines()[:3]), "labels"), ("", "labels"),
-                           (trc_text(cells={0: ["1"] * 12}), "Is there a label for every marker?"),
-                           (trc_text(frames=10**12), "truncated"), (trc_text(times=["0"] * 6), "They must increase"),
-                           (trc_text(times=["5", "4", "3", "2", "1", "0"]), "They must increase")):
+    for broken, wanted in (
+        ("\n".join(text.splitlines()[:-2]) + "\n", "the header says 6 frames, the file has 4"),
+        (text[:-18], "line 12"),
+        ("\n".join(text.splitlines()[:3]), "labels"),
+        ("", "labels"),
+        (trc_text(cells={0: ["1"] * 12}), "Is there a label for every marker?"),
+        (trc_text(frames=10**12), "truncated"),
+        (trc_text(times=["0"] * 6), "They must increase"),
+        (trc_text(times=["5", "4", "3", "2", "1", "0"]), "They must increase"),
+    ):
         path = trc(broken)
         assert wanted in message(lambda path=path: read_trial(path))
     check(read_trial(trc(frames=4, markers=10**9)))
@@ -173,14 +260,21 @@ def test_a_missing_row_is_named(trc):
 
 
 def test_real_files(shared_data):
-    for name, markers, gaps in (("dataWithEformat", 14, 0), ("exampleFormat", 3, 2),
-                                ("dataWithNaNsOfDifferentCases", 14, None)):
+    for name, markers, gaps in (
+        ("dataWithEformat", 14, 0),
+        ("exampleFormat", 3, 2),
+        ("dataWithNaNsOfDifferentCases", 14, None),
+    ):
         read = read_trial(shared_data / "opensim_core" / "trc_edge_cases" / f"{name}.trc")
         assert (len(read.markers), read.frames) == (markers, 5)
         missing = sum(np.isnan(place).any(axis=1).sum() for place in read.markers.values())
         assert missing == gaps if gaps is not None else missing > 0
     bmc = read_trial(shared_data / "bmc_gait" / "walk1.trc")
     assert (len(bmc.markers), bmc.frames, bmc.marker_rate_hz) == (28, 364, 150.0)
-    np.testing.assert_allclose(bmc.markers["R.ASIS"][0], [-0.14801762, 0.47970297, 1.03982568], atol=1e-12)
-    made = read_trial(shared_data / "opensim_core" / "ik_reference" / "subject01_synthetic_marker_data.trc")
+    np.testing.assert_allclose(
+        bmc.markers["R.ASIS"][0], [-0.14801762, 0.47970297, 1.03982568], atol=1e-12
+    )
+    made = read_trial(
+        shared_data / "opensim_core" / "ik_reference" / "subject01_synthetic_marker_data.trc"
+    )
     assert made.marker_start_s == 0.4 and made.marker_rate_hz == 60.0 and "Sternum" in made.markers

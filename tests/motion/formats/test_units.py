@@ -35,19 +35,24 @@ def test_equal_times_are_explained_where_the_last_place_is_ten_rows(tmp_path):
     assert np.count_nonzero(np.diff(times) == 0.0) > 10_000
     rate, start, warnings = even_rate(times, np.arange(len(times)), tmp_path / "grf.sto")
     assert (rate, start) == (pytest.approx(1000.0, rel=1e-12), 0.0)
-    assert "written to 0.01 s where rows are 0.001 s apart" in warnings[0] and "missing row" in warnings[0]
+    assert (
+        "written to 0.01 s where rows are 0.001 s apart" in warnings[0]
+        and "missing row" in warnings[0]
+    )
     even, more = checked(tmp_path, times)
     np.testing.assert_allclose(even, np.arange(120_000) / 1000.0, atol=1e-9)
     assert more == [warnings[0].replace("grf.sto", "walk.mot")]
 
 
 @pytest.mark.parametrize("style", ["%.5g", "%.6g", "%.3f", "%.4f"])
-@pytest.mark.parametrize(("rate", "start"), [(60, 0.0), (100, 10.017), (250, 3.0), (1000, 0.0), (1000, 10.017),
-                                             (1000, 98.3), (2000, 98.3)])
+@pytest.mark.parametrize(
+    ("rate", "start"),
+    [(60, 0.0), (100, 10.017), (250, 3.0), (1000, 0.0), (1000, 10.017), (1000, 98.3), (2000, 98.3)],
+)
 @pytest.mark.parametrize("missing", [1, 3, 40])
 def test_missing_rows_are_not_taken_for_rounding(tmp_path, style, rate, start, missing):
     """Wherever the gap is wider than the last place, and even where one row of many is missing."""
-    times = written(style, np.delete(start + np.arange(4000) / rate, np.s_[1700:1700 + missing]))
+    times = written(style, np.delete(start + np.arange(4000) / rate, np.s_[1700 : 1700 + missing]))
     with pytest.raises(InputError, match="evenly spaced, without a missing one"):
         even_rate(times, np.arange(len(times)), tmp_path / "grf.sto")
 

@@ -16,8 +16,17 @@ from vsf_drake.motion.markers.calibration import PersonFacts, calibrate
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.tracking import track
 
-SAGITTAL = ("pelvis_tilt", "hip_flexion_r", "hip_flexion_l", "knee_angle_r", "knee_angle_l", "ankle_angle_r",
-            "ankle_angle_l")
+SAGITTAL = (
+    "pelvis_tilt",
+    "hip_flexion_r",
+    "hip_flexion_l",
+    "knee_angle_r",
+    "knee_angle_l",
+    "ankle_angle_r",
+    "ankle_angle_l",
+)
+
+
 @pytest.fixture(scope="module")
 def session(shared_data):
     """Calibration and recording."""
@@ -37,7 +46,9 @@ def walk(session):
 @pytest.fixture(scope="module")
 def truth(shared_data):
     """Angles of the model in degrees by name, knee flexion positive."""
-    table = read_storage(shared_data / "opensim_core" / "ik_reference" / "std_subject01_walk1_ik.mot")
+    table = read_storage(
+        shared_data / "opensim_core" / "ik_reference" / "std_subject01_walk1_ik.mot"
+    )
     angles = {name: np.asarray(table.values[:, k]) for k, name in enumerate(table.names)}
     return {name: -a if name.startswith("knee") else a for name, a in angles.items()}
 

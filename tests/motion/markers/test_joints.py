@@ -25,8 +25,14 @@ BY_HAND = {
 
 @pytest.mark.parametrize("method", joints.HIP_METHODS)
 def test_hip_regressions_give_what_their_formulas_give_by_hand(method):
-    offset = joints.hip_offset(method, pelvis_width=0.25, pelvis_depth=0.16, leg_length=0.9, marker_radius=0.007,
-                               base_plate=0.002)
+    offset = joints.hip_offset(
+        method,
+        pelvis_width=0.25,
+        pelvis_depth=0.16,
+        leg_length=0.9,
+        marker_radius=0.007,
+        base_plate=0.002,
+    )
     assert 1e3 * offset == pytest.approx(BY_HAND[method], abs=5e-3)
 
 
@@ -55,7 +61,9 @@ def test_the_hinge_axis_is_found_in_a_segment_mounted_at_any_angle():
 
 
 def test_the_pelvis_frame_lies_in_the_plane_of_its_spines():
-    R, origin = joints.pelvis_frame(*np.array([[0.1, -0.12, 1.0], [0.1, 0.12, 1.0], [-0.05, 0.0, 1.06]]))
+    R, origin = joints.pelvis_frame(
+        *np.array([[0.1, -0.12, 1.0], [0.1, 0.12, 1.0], [-0.05, 0.0, 1.06]])
+    )
     assert origin == pytest.approx([0.1, 0, 1.0])
     tilt = np.arctan2(0.06, 0.15)
     assert R == pytest.approx(Rotation.from_rotvec([0, tilt, 0]).as_matrix(), abs=1e-12)
@@ -114,7 +122,10 @@ def test_coordinates_are_those_of_the_simulated_person(prosthetic_side):
         for name in person.coordinate_names:
             q[plant.GetJointByName(name).position_start()] = values[joints.COORDINATES.index(name)]
         plant.SetPositions(context, q)
-        R_W = {name: body.EvalPoseInWorld(context).rotation().matrix()[None] for name, body in person.segments.items()}
+        R_W = {
+            name: body.EvalPoseInWorld(context).rotation().matrix()[None]
+            for name, body in person.segments.items()
+        }
         turned = values[[joints.COORDINATES.index(name) for name in missing]]
         ankle = joints.joint_rotation(turned, "ankle", prosthetic_side)
         R_W[f"foot_{prosthetic_side}"] = R_W[f"shank_{prosthetic_side}"] @ ankle

@@ -54,11 +54,14 @@ def test_prefix_and_letter_case_do_not_matter():
     assert tuple(labelled.rename(recording).markers) == PIG
 
 
-@pytest.mark.parametrize("text, message", [
-    ("right: {asi: A}", "Did you mean asis"),
-    ("right: {asis: A}\nleft: {asis: A}", "asis_right and for asis_left"),
-    ("right: {asis: ''}", "label or a list"),
-])
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("right: {asi: A}", "Did you mean asis"),
+        ("right: {asis: A}\nleft: {asis: A}", "asis_right and for asis_left"),
+        ("right: {asis: ''}", "label or a list"),
+    ],
+)
 def test_a_broken_map_is_refused_with_a_reason(text, message):
     with pytest.raises(InputError, match=message) as caught:
         read_map(text)
@@ -73,8 +76,24 @@ def test_a_map_started_from_a_files_labels_finds_what_the_shipped_one_finds(shar
 
 
 def test_a_started_map_guesses_from_words_and_says_so():
-    labels = ["R_ASIS", "L_ASIS", "SACRUM", "R Knee Lateral", "L Knee Lateral", "Ankle_Lat_R", "Ankle_Lat_L",
-              "Right Heel", "Left Heel", "R_MT2", "L_MT2", "RSHO", "C7", "Tête", "RThigh1", "L_HJC"]
+    labels = [
+        "R_ASIS",
+        "L_ASIS",
+        "SACRUM",
+        "R Knee Lateral",
+        "L Knee Lateral",
+        "Ankle_Lat_R",
+        "Ankle_Lat_L",
+        "Right Heel",
+        "Left Heel",
+        "R_MT2",
+        "L_MT2",
+        "RSHO",
+        "C7",
+        "Tête",
+        "RThigh1",
+        "L_HJC",
+    ]
     text = suggest_map(labels)
     labelled = read_map(text).find(labels)
     assert labelled.roles["knee_lateral_right"] == "R Knee Lateral"

@@ -9,7 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from vsf_drake.motion.markers.segments import cluster_width, determines, mean_shape, rigid_poses
 
-CLUSTER = np.array([[0.05, 0.02, -0.1], [-0.03, 0.06, -0.25], [0.02, -0.07, -0.3], [0.08, 0.01, -0.2]])
+CLUSTER = np.array(
+    [[0.05, 0.02, -0.1], [-0.03, 0.06, -0.25], [0.02, -0.07, -0.3], [0.08, 0.01, -0.2]]
+)
 
 
 def moved(cluster, seed=0, frames=40):
@@ -38,11 +40,17 @@ def test_noisy_clusters_get_the_least_squares_of_a_general_minimiser():
     seen += 0.01 * np.random.default_rng(1).normal(size=seen.shape)
     poses = rigid_poses(CLUSTER, seen)
     for n in range(5):
+
         def residual(x, n=n):
             fitted = CLUSTER @ (Rotation.from_rotvec(x[:3]).as_matrix() @ R[n]).T + x[3:]
             return (fitted - seen[n]).ravel()
-        best = least_squares(residual, np.r_[np.zeros(3), p[n]], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-        np.testing.assert_allclose(poses.R_WB[n], Rotation.from_rotvec(best[:3]).as_matrix() @ R[n], atol=1e-7)
+
+        best = least_squares(
+            residual, np.r_[np.zeros(3), p[n]], xtol=1e-15, ftol=1e-15, gtol=1e-15
+        ).x
+        np.testing.assert_allclose(
+            poses.R_WB[n], Rotation.from_rotvec(best[:3]).as_matrix() @ R[n], atol=1e-7
+        )
         np.testing.assert_allclose(poses.p_WB[n], best[3:], atol=1e-8)
         own = np.linalg.norm(poses.R_WB[n] @ CLUSTER.T + poses.p_WB[n][:, None] - seen[n].T, axis=0)
         np.testing.assert_allclose(poses.residual_m[n], own, atol=1e-14)
@@ -62,22 +70,31 @@ def test_markers_out_of_sight_are_left_out_of_their_frames_only():
     assert poses.known.tolist() == [n != 5 for n in range(40)]
     np.testing.assert_allclose(poses.R_WB[poses.known], R[poses.known], atol=1e-12)
     assert np.isnan(poses.R_WB[5]).all() and np.isnan(poses.p_WB[5]).all()
-    assert np.isnan(poses.residual_m[3:7, 1]).all() and not np.isnan(poses.residual_m[3, [0, 2, 3]]).any()
+    assert (
+        np.isnan(poses.residual_m[3:7, 1]).all()
+        and not np.isnan(poses.residual_m[3, [0, 2, 3]]).any()
+    )
 
 
-@pytest.mark.parametrize("cluster", [CLUSTER[:2], np.outer([0, 1, 2, 5], [0.1, 0.2, -0.1]), np.zeros((4, 3))])
+@pytest.mark.parametrize(
+    "cluster", [CLUSTER[:2], np.outer([0, 1, 2, 5], [0.1, 0.2, -0.1]), np.zeros((4, 3))]
+)
 def test_markers_on_a_line_give_no_pose(cluster):
     poses = rigid_poses(cluster, moved(cluster)[2])
     assert not poses.known.any() and np.isnan(poses.R_WB).all()
     assert cluster_width(cluster) < 1e-9
-    assert not determines("pelvis", CLUSTER[:2]) and determines("foot_left", CLUSTER[:2]), "with the joint's centre"
+    assert not determines("pelvis", CLUSTER[:2]) and determines("foot_left", CLUSTER[:2]), (
+        "with the joint's centre"
+    )
 
 
 def test_mean_shape_is_that_of_the_markers_in_motion():
     """Two positions of a marker, in turn, about the place where the mean is to be, and gaps."""
     cluster = CLUSTER - CLUSTER.mean(axis=0)
     R, _, seen = moved(cluster)
-    np.testing.assert_allclose(rigid_poses(mean_shape(cluster * 1.05, seen), seen).residual_m, 0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        rigid_poses(mean_shape(cluster * 1.05, seen), seen).residual_m, 0.0, atol=1e-12
+    )
     spread = np.where(np.arange(40) % 2, 2e-4, -2e-4)[:, None] * np.array([0.0, 0.0, 1.0])
     seen[:, 0] += np.einsum("nij,nj->ni", R, spread)
     seen[3:7, 1] = np.nan

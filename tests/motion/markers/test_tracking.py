@@ -40,8 +40,9 @@ def test_the_angles_that_the_markers_were_made_from_come_back(label_set, medial)
     np.testing.assert_allclose(motion.time_s, TIME)
     assert max(motion.residual_rms_m.values()) < 1e-9 and max(motion.joint_gap_m.values()) < 1e-9
     assert max(motion.cluster_motion_m.values()) < 1e-9
-    assert set(motion.joint_gap_m) == {f"{joint}_{side}" for joint in ("hip", "knee", "ankle")
-                                       for side in ("right", "left")}
+    assert set(motion.joint_gap_m) == {
+        f"{joint}_{side}" for joint in ("hip", "knee", "ankle") for side in ("right", "left")
+    }
 
 
 @LABEL_SETS
@@ -60,7 +61,10 @@ def test_skin_motion_shows_in_residual_and_cluster_motion_not_in_rigid_segments(
     wobble = 0.01 * np.sin(2 * np.pi * 2 * TIME)[:, None] * [0.0, 0.0, 1.0]
     motion = track(made(RTH1=path("RTH1") + wobble), true_calibration(), cutoff_hz=None)
     assert motion.residual_rms_m["RTH1"] > 2e-3 and motion.residual_rms_m["LTH1"] < 1e-9
-    assert motion.cluster_motion_m["thigh_right"] > 1e-3 and motion.cluster_motion_m["thigh_left"] < 1e-9
+    assert (
+        motion.cluster_motion_m["thigh_right"] > 1e-3
+        and motion.cluster_motion_m["thigh_left"] < 1e-9
+    )
     assert motion.joint_gap_m["knee_right"] > 1e-3 and motion.joint_gap_m["knee_left"] < 1e-9
 
 
@@ -81,15 +85,25 @@ def test_a_standing_trial_of_another_person_is_refused(scale):
 @pytest.mark.parametrize("scale", [1000.0, 0.001, 1 / 25.4])
 def test_a_wrong_unit_is_told_from_another_person(scale):
     with pytest.raises(InputError, match="another unit"):
-        track(recording_of({label: scale * p for label, p in made().markers.items()}), true_calibration())
+        track(
+            recording_of({label: scale * p for label, p in made().markers.items()}),
+            true_calibration(),
+        )
 
 
 def test_real_walks_of_four_laboratories_are_tracked(shared_data):
     """Knees flex by 55 to 75 degrees in swing and end near straight; clusters keep their shape within millimetres."""
     core = shared_data / "opensim_core"
-    walks = [(core / "gait2354" / "subject01_static.trc", core / "gait2354" / "subject01_walk1.trc", "rajagopal"),
-             (core / "example3DWalking" / "markers_walk.trc", None, "rajagopal"),
-             (core / "c3d" / "walking2.c3d", None, "rajagopal"), (shared_data / "bmc_gait" / "walk1.trc", None, "ior")]
+    walks = [
+        (
+            core / "gait2354" / "subject01_static.trc",
+            core / "gait2354" / "subject01_walk1.trc",
+            "rajagopal",
+        ),
+        (core / "example3DWalking" / "markers_walk.trc", None, "rajagopal"),
+        (core / "c3d" / "walking2.c3d", None, "rajagopal"),
+        (shared_data / "bmc_gait" / "walk1.trc", None, "ior"),
+    ]
     for standing, walk, name in walks:
         marker_map = load_marker_map(name)
         person = PersonFacts(mass_kg=75.0, stature_m=1.8, sex="male", prosthetic_side="left")
@@ -98,7 +112,10 @@ def test_real_walks_of_four_laboratories_are_tracked(shared_data):
         for side in ("r", "l"):
             knee = np.degrees(motion.values[:, motion.names.index(f"knee_angle_{side}")])
             assert 55 < knee.max() < 75 and knee.min() > -10
-        assert max(motion.cluster_motion_m.values()) < 0.006 and max(motion.joint_gap_m.values()) < 0.02
+        assert (
+            max(motion.cluster_motion_m.values()) < 0.006
+            and max(motion.joint_gap_m.values()) < 0.02
+        )
 
 
 SWAP_FRAMES = 200
@@ -106,12 +123,17 @@ SWAP_FRAMES = 200
 
 def exchanged(recording, a, b, start, stop):
     paths = {label: path.copy() for label, path in recording.markers.items()}
-    paths[a][start:stop], paths[b][start:stop] = recording.markers[b][start:stop], recording.markers[a][start:stop]
+    paths[a][start:stop], paths[b][start:stop] = (
+        recording.markers[b][start:stop],
+        recording.markers[a][start:stop],
+    )
     return dataclasses.replace(recording, markers=paths)
 
 
 def walk_of(label_set="rajagopal"):
-    return recording_of(markers(walking_angles(np.arange(SWAP_FRAMES) / 100.0), label_set=label_set, medial=False))
+    return recording_of(
+        markers(walking_angles(np.arange(SWAP_FRAMES) / 100.0), label_set=label_set, medial=False)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -120,22 +142,33 @@ def session(shared_data):
     folder = shared_data / "opensim_core" / "gait2354"
     person = PersonFacts(mass_kg=72.6, stature_m=1.803, sex="male", prosthetic_side="right")
     standing = read_trial(folder / "subject01_static.trc")
-    return read_trial(folder / "subject01_walk1.trc"), calibrate(standing, load_marker_map("rajagopal"), person)
+    return read_trial(folder / "subject01_walk1.trc"), calibrate(
+        standing, load_marker_map("rajagopal"), person
+    )
 
 
-@pytest.mark.parametrize(("a", "b", "start", "stop"), [("RTH1", "RTH2", 80, 95), ("LTB1", "LTB3", 0, 30)])
+@pytest.mark.parametrize(
+    ("a", "b", "start", "stop"), [("RTH1", "RTH2", 80, 95), ("LTB1", "LTB3", 0, 30)]
+)
 def test_markers_that_change_places_for_a_while_are_named(a, b, start, stop):
     time = f"{start / 100:.3f} s" if start else r"0\.\d+ s"
-    with pytest.raises(InputError, match=rf"made\.c3d: markers ({a} and {b}|{b} and {a}) .*exchange places at {time}"):
+    with pytest.raises(
+        InputError,
+        match=rf"made\.c3d: markers ({a} and {b}|{b} and {a}) .*exchange places at {time}",
+    ):
         track(exchanged(walk_of(), a, b, start, stop), true_calibration())
 
 
-@pytest.mark.parametrize(("a", "b", "frames"), [
-    ("R.Shank.Upper", "R.Shank.Front", 3), ("L.Thigh.Rear", "L.Thigh.Front", 20)])
+@pytest.mark.parametrize(
+    ("a", "b", "frames"),
+    [("R.Shank.Upper", "R.Shank.Front", 3), ("L.Thigh.Rear", "L.Thigh.Front", 20)],
+)
 def test_two_of_three_markers_are_named_though_their_mirror_image_fits(session, a, b, frames):
     walk, calibration = session
     time = walk.marker_time_s[60]
-    with pytest.raises(InputError, match=rf"({a} and {b}|{b} and {a}) .*exchange places at {time:.3f} s") as refused:
+    with pytest.raises(
+        InputError, match=rf"({a} and {b}|{b} and {a}) .*exchange places at {time:.3f} s"
+    ) as refused:
         track(exchanged(walk, a, b, 60, 60 + frames), calibration)
     assert f"{frames} frames" in refused.value.what
 
@@ -143,29 +176,42 @@ def test_two_of_three_markers_are_named_though_their_mirror_image_fits(session, 
 @pytest.mark.parametrize("a, b", [("R.Shank.Upper", "L.Shank.Upper"), ("R.ASIS", "V.Sacral")])
 def test_markers_exchanged_throughout_are_named(session, a, b):
     walk, calibration = session
-    with pytest.raises(InputError, match=rf"markers {a} and {b} are exchanged with respect to the standing trial"):
+    with pytest.raises(
+        InputError, match=rf"markers {a} and {b} are exchanged with respect to the standing trial"
+    ):
         track(exchanged(walk, a, b, 0, walk.frames), calibration)
 
 
-@pytest.mark.parametrize("pairs", [
-    [("R.Heel", "R.Midfoot.Sup"), ("R.Toe.Lat", "R.Toe.Tip")],
-    [("L.ASIS", "V.Sacral"), ("R.Thigh.Upper", "R.Thigh.Rear")]])
-def test_two_exchanged_pairs_are_both_named_and_no_other_with_what_undoing_them_leaves(session, pairs):
+@pytest.mark.parametrize(
+    "pairs",
+    [
+        [("R.Heel", "R.Midfoot.Sup"), ("R.Toe.Lat", "R.Toe.Tip")],
+        [("L.ASIS", "V.Sacral"), ("R.Thigh.Upper", "R.Thigh.Rear")],
+    ],
+)
+def test_two_exchanged_pairs_are_both_named_and_no_other_with_what_undoing_them_leaves(
+    session, pairs
+):
     """Undone by hand, the walk is as it was: the residuals that the message promises are those of the right walk."""
     walk, calibration = session
     right = track(walk, calibration).residual_rms_m
     wrong = walk
     for pair in pairs:
         wrong = exchanged(wrong, *pair, 0, walk.frames)
-    with pytest.raises(InputError, match="are exchanged with respect to the standing trial") as refused:
+    with pytest.raises(
+        InputError, match="are exchanged with respect to the standing trial"
+    ) as refused:
         track(wrong, calibration)
     named, shown = refused.value.what.split(" are exchanged")
-    assert {frozenset(words.split(" and ")) for words in named.removeprefix("markers ").split(", ")} == {
-        frozenset(pair) for pair in pairs}
+    assert {
+        frozenset(words.split(" and ")) for words in named.removeprefix("markers ").split(", ")
+    } == {frozenset(pair) for pair in pairs}
     for words in shown.split("(mm RMS): ")[1].split(", "):
         label, before, _, after = words.split()
         assert float(after) < float(before) or float(before) < 10
-        assert float(after) == pytest.approx(1e3 * right[label], abs=1.0), "the walk as it is filtered"
+        assert float(after) == pytest.approx(1e3 * right[label], abs=1.0), (
+            "the walk as it is filtered"
+        )
 
 
 LONG = np.arange(300) / 100.0
@@ -185,7 +231,9 @@ def fill(recording, label_set="rajagopal", **options):
     return fill_gaps(recording, true_calibration(label_set=label_set).segments, **options)
 
 
-@pytest.mark.parametrize(("start", "stop"), [(100, 105), (100, 110), (100, 180), (0, 60), (250, 300)])
+@pytest.mark.parametrize(
+    ("start", "stop"), [(100, 105), (100, 110), (100, 180), (0, 60), (250, 300)]
+)
 def test_a_rigid_cluster_knows_where_its_lost_marker_is(start, stop):
     """RTH1 is one of four on the thigh: exactly restored, however long the gap, and at either end."""
     filled = fill(lacking([("RTH1", start, stop)]))
@@ -220,10 +268,14 @@ def test_short_gaps_without_a_cluster_are_splined(length):
 
 
 def test_longer_gaps_are_refused_by_name_and_interval():
-    with pytest.raises(InputError, match=r"made\.c3d: marker RTOE is missing from 1\.000 to 1\.100 s") as error:
+    with pytest.raises(
+        InputError, match=r"made\.c3d: marker RTOE is missing from 1\.000 to 1\.100 s"
+    ) as error:
         fill(lacking([("RTOE", 100, 111)], PLUG_IN_GAIT), "plug_in_gait")
     assert "0.1 s" in str(error.value)
-    assert fill(lacking([("RTOE", 100, 111)], PLUG_IN_GAIT), "plug_in_gait", longest_gap_s=0.11).gaps
+    assert fill(
+        lacking([("RTOE", 100, 111)], PLUG_IN_GAIT), "plug_in_gait", longest_gap_s=0.11
+    ).gaps
     with pytest.raises(InputError, match=r"marker RTOE is missing from 1\.000 to 1\.000 s"):
         fill(lacking([("RTOE", 100, 101)], PLUG_IN_GAIT), "plug_in_gait", longest_gap_s=0.0)
 
@@ -239,8 +291,9 @@ def test_two_others_and_the_joint_centre_know_where_a_lost_marker_is(start, stop
 
 def test_ends_without_markers_are_trimmed():
     """A person walks into the volume and out of it: everything appears and disappears bit by bit."""
-    gaps = [(label, 0, 20 + k) for k, label in enumerate(TRUTH)] + [(label, 250 + k, 300) for k, label in enumerate(
-        TRUTH)]
+    gaps = [(label, 0, 20 + k) for k, label in enumerate(TRUTH)] + [
+        (label, 250 + k, 300) for k, label in enumerate(TRUTH)
+    ]
     filled = fill(lacking(gaps))
     assert 20 < filled.start_frame <= 20 + len(TRUTH)
     assert all(np.isfinite(path).all() for path in filled.markers.values())
@@ -251,7 +304,9 @@ def test_ends_without_markers_are_trimmed():
 
 
 def test_segments_without_enough_markers_are_refused_by_name():
-    with pytest.raises(InputError, match=r"RASI, LASI never appear.*the pelvis \(left: RPSI, LPSI\)"):
+    with pytest.raises(
+        InputError, match=r"RASI, LASI never appear.*the pelvis \(left: RPSI, LPSI\)"
+    ):
         fill(lacking([("RASI", 0, 300), ("LASI", 0, 300)]))
     with pytest.raises(InputError, match=r"RTOE never appears.*the foot right \(left: RHEE\)"):
         fill(lacking([("RTOE", 0, 300)], PLUG_IN_GAIT), "plug_in_gait")
@@ -260,15 +315,23 @@ def test_segments_without_enough_markers_are_refused_by_name():
 
 
 def test_markers_that_never_appear_together_are_named():
-    with pytest.raises(InputError, match=r"no frame shows every needed marker: RHEE in 50% of the frames, RTOE in 50% "
-                       "of the frames$"):
+    with pytest.raises(
+        InputError,
+        match=r"no frame shows every needed marker: RHEE in 50% of the frames, RTOE in 50% "
+        "of the frames$",
+    ):
         fill(lacking([("RTOE", 0, 150), ("RHEE", 150, 300)], PLUG_IN_GAIT), "plug_in_gait")
     with pytest.raises(InputError, match=r"only 4 frames show every needed marker; RTOE"):
         fill(lacking([("RTOE", 0, 296)], PLUG_IN_GAIT), "plug_in_gait")
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.lists(st.tuples(st.sampled_from(sorted(TRUTH)), st.integers(0, 299), st.integers(1, 60)), max_size=12))
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(sorted(TRUTH)), st.integers(0, 299), st.integers(1, 60)),
+        max_size=12,
+    )
+)
 def test_any_gaps_are_filled_well_or_refused(gaps):
     """Exactly by clusters; a spline across a quick swing, a tenth of a second long, may be centimetres off."""
     try:
@@ -278,6 +341,6 @@ def test_any_gaps_are_filled_well_or_refused(gaps):
     start, count = filled.start_frame, len(filled.markers["RTH1"])
     exact = all(gap.how != "spline" for gap in filled.gaps)
     for label, path in filled.markers.items():
-        truth, seen = TRUTH[label][start:start + count], filled.seen[label]
+        truth, seen = TRUTH[label][start : start + count], filled.seen[label]
         np.testing.assert_array_equal(path[seen], truth[seen])
         np.testing.assert_allclose(path, truth, atol=1e-9 if exact else 0.06)

@@ -55,8 +55,11 @@ from vsf_drake.report.tuning.figures import (
 from vsf_drake.report.tuning.reading import excess, root_mean_squares
 
 HARDLY = "THE SETTING HARDLY MATTERS"
-MADE = {"level_1": (made_table, made_arrays), "level_2": (made_stride_table, made_stride_arrays),
-        "failed": (failed_table, dict)}
+MADE = {
+    "level_1": (made_table, made_arrays),
+    "level_2": (made_stride_table, made_stride_arrays),
+    "failed": (failed_table, dict),
+}
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +73,11 @@ def folders(tmp_path_factory):
 
 
 def files(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 def body(folder):
@@ -83,21 +90,36 @@ def rows(path):
 
 
 def test_everything_is_written_and_read_back_in_every_digit(folders):
-    assert {"figures/cost.png", "figures/outcomes.png", "figures/force.png", "figures/tasks.png",
-            "figures/pareto.png", "figures/robustness.png", "tables/sweep.csv", "tables/outcomes.csv",
-            "tables/checks.csv", "tables/confirmed_by.csv"} <= set(files(folders / "level_1"))
-    stride = tuning_page(plain(made_stride_table()), made_stride_arrays(), lenient=False)["chapters"]
+    assert {
+        "figures/cost.png",
+        "figures/outcomes.png",
+        "figures/force.png",
+        "figures/tasks.png",
+        "figures/pareto.png",
+        "figures/robustness.png",
+        "tables/sweep.csv",
+        "tables/outcomes.csv",
+        "tables/checks.csv",
+        "tables/confirmed_by.csv",
+    } <= set(files(folders / "level_1"))
+    stride = tuning_page(plain(made_stride_table()), made_stride_arrays(), lenient=False)[
+        "chapters"
+    ]
     shown = {name for chapter in stride for name in chapter.figures}
-    assert {"motion", "torque", "stride_force"} <= shown and "force" not in shown, "of a stride, both feet are shown"
+    assert {"motion", "torque", "stride_force"} <= shown and "force" not in shown, (
+        "of a stride, both feet are shown"
+    )
     for kind, (table, arrays) in (pair for pair in MADE.items() if pair[0] != "level_2"):
         saved, read = TUNING.read(folders / kind)
         assert tuning_of(saved) == table()
         assert list(plain(table())) == [key for key in saved if key != "arrays_sha256"]
         assert {name: values.tolist() for name, values in read.items()} == {
-            name: values.tolist() for name, values in arrays().items()}
+            name: values.tolist() for name, values in arrays().items()
+        }
     sweep = rows(folders / "level_1" / "tables" / "sweep.csv")
     assert [(float(row["cost"]), float(row["term_knee"])) for row in sweep] == [
-        (point.cost, point.terms["knee"]) for point in made_table().sweep]
+        (point.cost, point.terms["knee"]) for point in made_table().sweep
+    ]
 
 
 def test_the_report_made_again_is_the_same_to_the_byte_and_its_tags_close(run, folders, tmp_path):
@@ -114,11 +136,17 @@ def test_the_report_made_again_is_the_same_to_the_byte_and_its_tags_close(run, f
 
 @pytest.mark.parametrize("kind", ["level_1", "level_2", "not optimal", "schedule"])
 def test_every_figure_can_be_read_on_a_telephone(kind):
-    tables = {"level_1": made_table(), "level_2": made_stride_table(), "not optimal": made_table(optimal=False),
-              "schedule": made_schedule()}
+    tables = {
+        "level_1": made_table(),
+        "level_2": made_stride_table(),
+        "not optimal": made_table(optimal=False),
+        "schedule": made_schedule(),
+    }
     arrays = made_stride_arrays() if kind == "level_2" else made_arrays()
     page = schedule_page if kind == "schedule" else tuning_page
-    chapters = page(plain(tables[kind]), {} if kind == "schedule" else arrays, lenient=False)["chapters"]
+    chapters = page(plain(tables[kind]), {} if kind == "schedule" else arrays, lenient=False)[
+        "chapters"
+    ]
     figures = {name: figure for chapter in chapters for name, figure in chapter.figures.items()}
     assert len(figures) == {"level_1": 7, "level_2": 8, "not optimal": 7, "schedule": 3}[kind]
     for name, figure in figures.items():
@@ -126,36 +154,60 @@ def test_every_figure_can_be_read_on_a_telephone(kind):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
+@pytest.mark.skipif(
+    chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)"
+)
 @pytest.mark.parametrize("kind", ["level_1", "schedule"])
 def test_page_reads_on_a_desk_and_on_a_telephone(folders, tmp_path, kind):
     for width in (1280, 390):
         (tmp_path / str(width)).mkdir()
         seen = look(folders / kind / "report.html", tmp_path / str(width), width=width)
-        assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == ([], [], [], 0, 0)
+        assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == (
+            [],
+            [],
+            [],
+            0,
+            0,
+        )
         assert seen.scroll <= width and 150 < seen.words <= 600
         assert seen.images == {"level_1": 7, "schedule": 3}[kind]
 
 
 def test_what_is_no_optimum_is_marked_above_everything_and_recommends_nothing(folders):
     page = body(folders / "failed")
-    assert '<p class="alarm" role="alert">NOT OPTIMAL: the iteration limit was reached.' in page.partition("<h1>")[0]
-    assert "<h1>NOT OPTIMAL: stiffness tuned: load of the intact knee</h1>" in page and "has the least" not in page
+    assert (
+        '<p class="alarm" role="alert">NOT OPTIMAL: the iteration limit was reached.'
+        in page.partition("<h1>")[0]
+    )
+    assert (
+        "<h1>NOT OPTIMAL: stiffness tuned: load of the intact knee</h1>" in page
+        and "has the least" not in page
+    )
     assert "alarm" not in body(folders / "level_1")
-    for table in (failed_table(), failed_table(fulcrum_mm=None, cost=None), made_table(optimal=False)):
+    for table in (
+        failed_table(),
+        failed_table(fulcrum_mm=None, cost=None),
+        made_table(optimal=False),
+    ):
         words = " ".join(answer(table))
         assert "least" not in words and "less than" not in words
     stopped = made_table(optimal=False, tasks=(), pareto=(), robustness=())
     page, _ = chapter_page(**tuning_page(plain(stopped), {}, lenient=False))
-    assert "NOT OPTIMAL: the last iterate is at 104.2 mm" in page, "the alternative text of the figure"
+    assert "NOT OPTIMAL: the last iterate is at 104.2 mm" in page, (
+        "the alternative text of the figure"
+    )
     assert "The optimum is at" not in page and ">optimum</th>" not in page
     figure = cost_curve_figure(made_table(optimal=False), {})
     labels = [str(line.get_label()) for line in figure.axes[0].get_lines()]
-    assert "last iterate, NOT OPTIMAL" in labels and not any(name.startswith("optimum") for name in labels)
+    assert "last iterate, NOT OPTIMAL" in labels and not any(
+        name.startswith("optimum") for name in labels
+    )
     schedule = made_schedule(optimal=False, described=False)
     page = schedule_page(plain(schedule), {}, lenient=False)
     assert page["alarm"].startswith("NOT OPTIMAL: speed 1.2: the iteration limit was reached.")
-    assert "do not store it" in page["alarm"] and "To store:" not in " ".join(schedule_words(schedule))
+    assert "do not store it" in page["alarm"] and "To store:" not in " ".join(
+        schedule_words(schedule)
+    )
     assert "policy" not in page["chapters"][0].figures, "nothing tells its tasks apart"
 
 
@@ -178,12 +230,18 @@ def test_damaged_results_are_refused_with_file_and_reason_or_shown_as_far_as_the
             made_table(**change)
     path.write_text(json.dumps(table | {"checks": [{"label": "fine sweep"}]}), encoding="utf-8")
     assert any(sentence.startswith("Checks") for sentence in TUNING.remake(out))
-    assert "This version cannot show what the results hold of it (ValueError: checks[0].name is missing" in body(out)
+    assert (
+        "This version cannot show what the results hold of it (ValueError: checks[0].name is missing"
+        in body(out)
+    )
     assert "has the least" in body(out)
     for name, text, words in (
-            ("tuning.json", "{", "cannot be read as JSON"), ("tuning.json", '{"format": "fit"}', "not the table of"),
-            ("tuning.json", '{"format": "vsf_drake tuning 1"}', "level is missing"),
-            ("tuning.json", json.dumps(table), ""), ("tuning.npz", "other", "SHA-256")):
+        ("tuning.json", "{", "cannot be read as JSON"),
+        ("tuning.json", '{"format": "fit"}', "not the table of"),
+        ("tuning.json", '{"format": "vsf_drake tuning 1"}', "level is missing"),
+        ("tuning.json", json.dumps(table), ""),
+        ("tuning.npz", "other", "SHA-256"),
+    ):
         (out / name).write_text(text, encoding="utf-8")
         if words:
             with pytest.raises(InputError, match=words) as raised:
@@ -223,60 +281,114 @@ def test_setting_interval_and_savings_are_those_of_the_parabola():
     """2e-4 (66 - 104.2)² = 0.292 on 2: 12.7 % less than at the softest; 18.0 % less than at the stiffest."""
     soft, stiff = (100.0 * (1.0 - 2.0 / cost_of(mm)) for mm in (66.0, 151.0))
     words = said()
-    assert first_line(made_table())[0] == "Data are SYNTHETIC, not recorded: low_2, medium_2 and high_2."
+    assert (
+        first_line(made_table())[0]
+        == "Data are SYNTHETIC, not recorded: low_2, medium_2 and high_2."
+    )
     assert first_line(made_stride_table(synthetic=False))[0] == "Recorded trials: medium_2."
-    assert words.startswith("Of all settings between 66 and 151 mm, the fulcrum at 104.2 mm has the least cost: 2 BW "
-                            "(load of the intact knee). Its interval is 98 to 111 mm: cost within its uncertainty.")
+    assert words.startswith(
+        "Of all settings between 66 and 151 mm, the fulcrum at 104.2 mm has the least cost: 2 BW "
+        "(load of the intact knee). Its interval is 98 to 111 mm: cost within its uncertainty."
+    )
     assert f"{soft:.1f} % less than at the softest setting (66 mm, also recorded)" in words
     assert f"{stiff:.1f} % less than at the stiffest (151 mm, also recorded)" in words
     assert "another recorded one (108 mm)" in words
     assert "% MORE than at the recorded setting (108 mm)" in said(recorded_mm=(108.0,), cost=2.5)
     end = said(fulcrum_mm=66.0, cost=float(cost_of(66.0)), at_bound=("fulcrum",))
     assert "It is the softest setting itself." in end
-    assert end.startswith("THE RANGE DECIDES, not the cost: at the optimum fulcrum is at an end of its range")
+    assert end.startswith(
+        "THE RANGE DECIDES, not the cost: at the optimum fulcrum is at an end of its range"
+    )
 
 
 def test_level_2_recommends_an_interval_or_says_first_that_the_model_does_not_decide():
     assert answer(made_stride_table())[0] == "The recommendation is an interval, 98 to 111 mm."
-    assert "recommendation" not in " ".join(answer(made_stride_table(at_bound=("fulcrum",)))) + said()
-    wide = made_stride_table(undecided="70 to 140 mm, 82 % of the range, are as good as the model can tell.")
-    assert answer(wide)[0].startswith("THE MODEL DOES NOT DECIDE THIS SETTING: 70 to 140 mm, 82 % of the range")
+    assert (
+        "recommendation" not in " ".join(answer(made_stride_table(at_bound=("fulcrum",)))) + said()
+    )
+    wide = made_stride_table(
+        undecided="70 to 140 mm, 82 % of the range, are as good as the model can tell."
+    )
+    assert answer(wide)[0].startswith(
+        "THE MODEL DOES NOT DECIDE THIS SETTING: 70 to 140 mm, 82 % of the range"
+    )
     page, _ = chapter_page(**tuning_page(plain(wide), made_stride_arrays(), lenient=False))
     assert "Set no foot by this" in page
 
 
 def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
     """The whole parabola is such a term but for 1e-3 (mm - 66) BW: without it the softest setting is the best."""
-    sweep = tuple(SweepPoint(row.fulcrum_mm, row.cost, {
-        "knee": 1.0 + 1e-3 * (row.fulcrum_mm - 66.0),
-        "consistency": row.cost - 1.0 - 1e-3 * (row.fulcrum_mm - 66.0)}) for row in made_table().sweep)
-    terms = (Term("knee", "intact knee", 1.0382), Term("consistency", "change of the force", 2.0 - 1.0382))
+    sweep = tuple(
+        SweepPoint(
+            row.fulcrum_mm,
+            row.cost,
+            {
+                "knee": 1.0 + 1e-3 * (row.fulcrum_mm - 66.0),
+                "consistency": row.cost - 1.0 - 1e-3 * (row.fulcrum_mm - 66.0),
+            },
+        )
+        for row in made_table().sweep
+    )
+    terms = (
+        Term("knee", "intact knee", 1.0382),
+        Term("consistency", "change of the force", 2.0 - 1.0382),
+    )
     held = made_table(sweep=sweep, terms=terms, recorded_mm=())
     words = " ".join(answer(held))
     assert words.startswith(
         "THE DATA DO NOT DECIDE THIS SETTING. By itself the cost (load of the intact knee) is least at 66.0 mm, the "
         'softest setting; at 104.2 mm it is 3.8 % more. What puts the optimum at 104.2 mm is "change of the force", a '
-        "term that holds")
+        "term that holds"
+    )
     drawn = {line.get_label() for line in cost_curve_figure(held, {}).axes[0].get_lines()}
     assert {"cost by itself", "its least, 66.0 mm"} < drawn
     assert "12.7 % less than at the softest setting" in words
-    assert ('Without "change of the force", the part of the cost that only holds to the recording, it is 3.8 % MORE '
-            "than at the softest setting (66 mm) and 4.3 % less than at the stiffest (151 mm).") in words
-    walked = " ".join(answer(dataclasses.replace(held, level=2, terms=tuple(
-        dataclasses.replace(term, name=term.name.replace("consistency", "normal")) for term in terms), sweep=tuple(
-        dataclasses.replace(row, terms={name.replace("consistency", "normal"): value
-                                        for name, value in row.terms.items()}) for row in sweep))))
+    assert (
+        'Without "change of the force", the part of the cost that only holds to the recording, it is 3.8 % MORE '
+        "than at the softest setting (66 mm) and 4.3 % less than at the stiffest (151 mm)."
+    ) in words
+    walked = " ".join(
+        answer(
+            dataclasses.replace(
+                held,
+                level=2,
+                terms=tuple(
+                    dataclasses.replace(term, name=term.name.replace("consistency", "normal"))
+                    for term in terms
+                ),
+                sweep=tuple(
+                    dataclasses.replace(
+                        row,
+                        terms={
+                            name.replace("consistency", "normal"): value
+                            for name, value in row.terms.items()
+                        },
+                    )
+                    for row in sweep
+                ),
+            )
+        )
+    )
     assert "a term that holds the walk to able-bodied walking." in walked
     assert "the part of the cost that only holds to able-bodied walking, it is 3.8 % MORE" in walked
     assert "Without" not in said() and "DO NOT DECIDE" not in said()
-    less = dataclasses.replace(held, cost=held.cost - 0.1)  # another stride, better by itself than all of the sweep
-    assert held.held_from and less.held_from is None and "DO NOT DECIDE" not in " ".join(answer(less))
+    less = dataclasses.replace(
+        held, cost=held.cost - 0.1
+    )  # another stride, better by itself than all of the sweep
+    assert (
+        held.held_from and less.held_from is None and "DO NOT DECIDE" not in " ".join(answer(less))
+    )
     table = made_table()
-    assert table.cost_at(73.5) == pytest.approx(float(np.mean(cost_of(np.array([71.0, 76.0]))))), "a straight line"
+    assert table.cost_at(73.5) == pytest.approx(float(np.mean(cost_of(np.array([71.0, 76.0]))))), (
+        "a straight line"
+    )
     assert table.cost_at(60.0) is None and failed_table().cost_at(73.5) is None
     # 2e-4 · 14² and 2e-4 · 16² on 2: 1.96 and 2.56 %; the third lies on the common setting.
     assert [excess(row) for row in table.tasks] == pytest.approx([1.96, 0.0, 2.56])
-    assert (bought(table)["mean"], bought(table)["most"]) == (pytest.approx(4.52 / 3), pytest.approx(2.56))
+    assert (bought(table)["mean"], bought(table)["most"]) == (
+        pytest.approx(4.52 / 3),
+        pytest.approx(2.56),
+    )
 
 
 def test_a_setting_that_hardly_matters_is_called_so_before_anything_else():
@@ -284,7 +396,8 @@ def test_a_setting_that_hardly_matters_is_called_so_before_anything_else():
     assert first.startswith(HARDLY) and "± 0.05 BW" in first and HARDLY not in said()
     cost, push_off, peak = made_table().outcomes
     assert "changes by 0.4374 BW, more than its uncertainty (± 0.05 BW)." in said(
-        outcomes=(dataclasses.replace(cost, sentence=""),))
+        outcomes=(dataclasses.replace(cost, sentence=""),)
+    )
     assert f"{HARDLY}: none of the outcomes" in said(outcomes=matters(False, 1))
     assert HARDLY not in said(outcomes=(push_off, peak))
     assert "unknown" in said(outcomes=()), "nothing was compared with an uncertainty"
@@ -292,18 +405,32 @@ def test_a_setting_that_hardly_matters_is_called_so_before_anything_else():
 
 
 def test_figures_draw_the_sweep_the_trials_the_optimum_and_what_hardly_changes():
-    [left], [right] = cost_curve_figure(made_table(), made_arrays()).axes, terms_figure(made_table()).axes
+    [left], [right] = (
+        cost_curve_figure(made_table(), made_arrays()).axes,
+        terms_figure(made_table()).axes,
+    )
     named = {line.get_label(): line for line in left.get_lines()}
     np.testing.assert_allclose(named["cost"].get_ydata(), cost_of(named["cost"].get_xdata()))
     assert named["optimum, 104.2 mm"].get_xdata() == [BEST_MM]
     assert len([line for line in left.get_lines() if line.get_color() == "0.75"]) == 3
     parts = [line for line in right.get_lines() if len(line.get_xdata()) == 18]
-    np.testing.assert_allclose(sum(line.get_ydata() for line in parts), cost_of(parts[0].get_xdata()) - 2.0,
-                               atol=1e-12, err_msg="terms add up")
+    np.testing.assert_allclose(
+        sum(line.get_ydata() for line in parts),
+        cost_of(parts[0].get_xdata()) - 2.0,
+        atol=1e-12,
+        err_msg="terms add up",
+    )
     np.testing.assert_allclose(root_mean_squares(made_stride_arrays(), "q"), 0.02)
-    titles = [axes.get_title(loc="left").replace("\n", " ") for axes in outcomes_figure(made_table()).axes
-              if axes.axison]
-    assert titles == ["load of the intact knee", "push-off work", "first peak of the force: hardly changes"]
+    titles = [
+        axes.get_title(loc="left").replace("\n", " ")
+        for axes in outcomes_figure(made_table()).axes
+        if axes.axison
+    ]
+    assert titles == [
+        "load of the intact knee",
+        "push-off work",
+        "first peak of the force: hardly changes",
+    ]
 
 
 # What is said of a schedule.
@@ -313,20 +440,40 @@ def rising(slope, start=1.0):
     """The parabola, of which all but a line of this slope (1/mm), least `start`, holds to the recording."""
     line = start + abs(slope) * (POSITIONS - 66.0 if slope > 0.0 else 151.0 - POSITIONS)
     best = start + abs(slope) * (BEST_MM - 66.0 if slope > 0.0 else 151.0 - BEST_MM)
-    return made_table(recorded_mm=(), terms=(Term("knee", "knee", best), Term("consistency", "the hold", 2.0 - best)),
-                      sweep=tuple(SweepPoint(mm, float(cost_of(mm)), {"consistency": float(cost_of(mm) - own)})
-                                  for mm, own in zip(POSITIONS.tolist(), line, strict=True)))
+    return made_table(
+        recorded_mm=(),
+        terms=(Term("knee", "knee", best), Term("consistency", "the hold", 2.0 - best)),
+        sweep=tuple(
+            SweepPoint(mm, float(cost_of(mm)), {"consistency": float(cost_of(mm) - own)})
+            for mm, own in zip(POSITIONS.tolist(), line, strict=True)
+        ),
+    )
 
 
-@pytest.mark.parametrize(("tables", "first", "least"), [
-    ((rising(1e-3), rising(2e-3)), "A SETTING FOR EACH TASK BUYS NEXT TO NOTHING: by the cost itself it saves 0.0 % "
-     "on average over one for all (66.0 mm).", [66.0, 66.0]),
-    ((rising(1e-3), rising(-2e-3, 3.0)), "By the cost itself a setting for each task saves 2.1 % on average over one "
-     "for all (151.0 mm).", [66.0, 151.0])], ids=["one slope", "two"])
+@pytest.mark.parametrize(
+    ("tables", "first", "least"),
+    [
+        (
+            (rising(1e-3), rising(2e-3)),
+            "A SETTING FOR EACH TASK BUYS NEXT TO NOTHING: by the cost itself it saves 0.0 % "
+            "on average over one for all (66.0 mm).",
+            [66.0, 66.0],
+        ),
+        (
+            (rising(1e-3), rising(-2e-3, 3.0)),
+            "By the cost itself a setting for each task saves 2.1 % on average over one "
+            "for all (151.0 mm).",
+            [66.0, 151.0],
+        ),
+    ],
+    ids=["one slope", "two"],
+)
 def test_what_a_setting_for_each_task_saves_is_told_by_the_cost_itself(tables, first, least):
     """Lines to the same side agree on the softest setting. To both sides the steeper one wins: the other task has 0.085
     more, half of it on average, on least costs of 1 and 3."""
-    schedule = make_schedule([(task(str(i)), table) for i, table in enumerate(tables)], reach_mm=REACH)
+    schedule = make_schedule(
+        [(task(str(i)), table) for i, table in enumerate(tables)], reach_mm=REACH
+    )
     hardly, saves, decide, *_ = schedule_words(schedule)
     assert hardly.startswith(HARDLY), "the optima with the hold are one"
     assert saves.startswith(first) and [row.held_from_mm for row in schedule.tasks] == least
@@ -336,10 +483,16 @@ def test_what_a_setting_for_each_task_saves_is_told_by_the_cost_itself(tables, f
 def test_policy_is_written_for_the_controller_and_for_people(folders):
     """The parabolas' mean is 101.7 mm, 101.5 on half millimetres: 26.5² 1e-4 on 2 is 3.5 %, 3.5² and 23.5² less."""
     folder = folders / "schedule"
-    assert {"figures/policy.png", "figures/curves.png", "figures/tasks.png", "tables/policy.csv"} <= set(files(folder))
+    assert {
+        "figures/policy.png",
+        "figures/curves.png",
+        "figures/tasks.png",
+        "tables/policy.csv",
+    } <= set(files(folder))
     table = rows(folder / "policy.csv")
-    assert [(row["label"], float(row["speed_m_per_s"]), float(row["fulcrum_mm"])) for row in table] == [
-        (f"speed {speed}", speed, best) for speed, best in zip(SPEEDS, BEST, strict=True)]
+    assert [
+        (row["label"], float(row["speed_m_per_s"]), float(row["fulcrum_mm"])) for row in table
+    ] == [(f"speed {speed}", speed, best) for speed, best in zip(SPEEDS, BEST, strict=True)]
     assert table[0]["slope_deg"] == "" and table[0]["matters"] == "True"
     assert (float(table[0]["interval_low_mm"]), float(table[0]["interval_high_mm"])) == (71.0, 79.0)
     schedule = load_schedule(folder / "policy.json")
@@ -348,9 +501,14 @@ def test_policy_is_written_for_the_controller_and_for_people(folders):
     assert schedule_words(made_schedule(matters=False))[0].startswith(HARDLY)
     lost = [100.0 * 1e-4 * (101.5 - best) ** 2 / 2.0 for best in BEST]
     words = " ".join(schedule_words(schedule))
-    assert "To store: 75.0 mm for speed 0.8, 105.0 mm for speed 1.2, 125.0 mm for speed 1.6." in words
+    assert (
+        "To store: 75.0 mm for speed 0.8, 105.0 mm for speed 1.2, 125.0 mm for speed 1.6." in words
+    )
     assert words.startswith(
         f"A setting for each task saves {np.mean(lost):.4g} % on average and {max(lost):.4g} % at most. The tasks' own "
-        "settings lie between 75.0 and 125.0 mm; one for all is 101.5 mm.")
+        "settings lie between 75.0 and 125.0 mm; one for all is 101.5 mm."
+    )
     assert "Known to need a setting of its own: speed 0.8, speed 1.6." in words
-    assert "Not distinguishable from the one setting for all: speed 1.2." in words, "101.5 lies within 101 to 109 mm"
+    assert "Not distinguishable from the one setting for all: speed 1.2." in words, (
+        "101.5 lies within 101 to 109 mm"
+    )

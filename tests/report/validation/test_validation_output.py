@@ -47,8 +47,13 @@ def walking(table, arrays):
         axes.plot(arrays["force_bw"])
         label(axes, x="stance (%)", y="force (BW)")
     rows = [{"label": "low_1", "error_bw": table.error_bw, "cop_fl": None}]
-    return Chapter(name="walking", title="Walking", template="made_walking.html.j2", figures={"force": figure},
-                   facts={**vars(table), "keys": list(vars(table)), "rows": rows})
+    return Chapter(
+        name="walking",
+        title="Walking",
+        template="made_walking.html.j2",
+        figures={"force": figure},
+        facts={**vars(table), "keys": list(vars(table)), "rows": rows},
+    )
 
 
 def section(table, failure=""):
@@ -57,12 +62,19 @@ def section(table, failure=""):
 
 def content(**sections):
     return Validation(
-        title="Validation", verdict=("The model is closer.",), first_line="Walking data are SYNTHETIC.", notes=(),
+        title="Validation",
+        verdict=("The model is closer.",),
+        first_line="Walking data are SYNTHETIC.",
+        notes=(),
         synthetic=True,
-        failed=(("low_9", "there is no such file"),), summary=(), trials=(), contact="none",
+        failed=(("low_9", "there is no such file"),),
+        summary=(),
+        trials=(),
+        contact="none",
         options={"quick": True, "seed": 0, "step_s": 0.002},
         provenance={"versions": {"vsf-drake": "0.1.0"}, "inputs_sha256": {}},
-        sections=sections or {"walking": section(Found(tilt=2, list=1, error_bw=THIRD))})
+        sections=sections or {"walking": section(Found(tilt=2, list=1, error_bw=THIRD))},
+    )
 
 
 ARRAYS = {"walking/force_bw": np.array([0.0, THIRD, np.nan])}
@@ -75,8 +87,12 @@ def templates():
 
 @pytest.fixture(autouse=True)
 def one_chapter(monkeypatch, templates):
-    monkeypatch.setattr(page._PAGES, "loader", ChoiceLoader([DictLoader(templates), page._PAGES.loader]))
-    monkeypatch.setattr(chapters, "_MAKERS", {"walking": ("Walking", walking), "bench": ("Bench", walking)})
+    monkeypatch.setattr(
+        page._PAGES, "loader", ChoiceLoader([DictLoader(templates), page._PAGES.loader])
+    )
+    monkeypatch.setattr(
+        chapters, "_MAKERS", {"walking": ("Walking", walking), "bench": ("Bench", walking)}
+    )
     monkeypatch.setattr(output, "tables", lambda: {"walking": Found, "bench": Found})
 
 
@@ -84,27 +100,53 @@ def test_page_figures_tables_and_numbers_are_written(tmp_path):
     out = tmp_path / "out"
     write_validation(content(), ARRAYS, out)
     assert {path.relative_to(out).as_posix() for path in out.rglob("[!.]*") if path.is_file()} == {
-        "validation.json", "validation.npz", "report.html", "figures/force.png",
-        "tables/errors.csv", "tables/trials.csv", "tables/times.csv"}
+        "validation.json",
+        "validation.npz",
+        "report.html",
+        "figures/force.png",
+        "tables/errors.csv",
+        "tables/trials.csv",
+        "tables/times.csv",
+    }
     shown = (out / "report.html").read_text(encoding="utf-8")
-    for words in ("Error 0.333 BW.", "No CoP was measured.", "low_9 is not among the results",
-                  "Not among these results"):
+    for words in (
+        "Error 0.333 BW.",
+        "No CoP was measured.",
+        "low_9 is not among the results",
+        "Not among these results",
+    ):
         assert words in shown
 
 
 @pytest.mark.parametrize("synthetic", [True, False])
 def test_synthetic_numbers_share_no_table_with_the_paper_s(tmp_path, synthetic):
-    row = SummaryRow(what="Held-out walks", key="walking/x", value=0.02, unit="% BW", paper="10 to 14", shown="2.00",
-                     asked=None if synthetic else "at most 10", met=None if synthetic else True, synthetic=synthetic)
-    write_validation(replace(content(), summary=(row,), synthetic=synthetic), ARRAYS, tmp_path / "out")
+    row = SummaryRow(
+        what="Held-out walks",
+        key="walking/x",
+        value=0.02,
+        unit="% BW",
+        paper="10 to 14",
+        shown="2.00",
+        asked=None if synthetic else "at most 10",
+        met=None if synthetic else True,
+        synthetic=synthetic,
+    )
+    write_validation(
+        replace(content(), summary=(row,), synthetic=synthetic), ARRAYS, tmp_path / "out"
+    )
     shown = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     heads = re.search(r"<thead>.*?</thead>", shown)[0]
     assert re.findall(r">([^<>]+)</th>", heads) == (
-        ["what", "SYNTHETIC", "unit"] if synthetic else ["what", "here", "unit", "paper", "criterion", "met"])
+        ["what", "SYNTHETIC", "unit"]
+        if synthetic
+        else ["what", "here", "unit", "paper", "criterion", "met"]
+    )
     assert "Held-out walks: 10 to 14 % BW</li>" in shown, "folded, in a list of its own"
 
 
-def test_results_read_back_are_those_that_were_written_and_give_the_same_report_to_the_byte(tmp_path):
+def test_results_read_back_are_those_that_were_written_and_give_the_same_report_to_the_byte(
+    tmp_path,
+):
     out = tmp_path / "out"
     written = write_validation(content(), ARRAYS, out)
     table, arrays = VALIDATION.read(out)
@@ -127,12 +169,20 @@ def test_results_of_another_version_show_what_they_have_and_name_the_rest(tmp_pa
     table = json.loads((out / "validation.json").read_text())
     table["format"] = 7
     table["sections"]["walking"]["table"] = {"error_percent": 3.0}
-    table["sections"]["bench"] = {"table": {"error_bw": 0.5}, "missing": [], "wall_s": 1.0, "failure": "gave way"}
+    table["sections"]["bench"] = {
+        "table": {"error_bw": 0.5},
+        "missing": [],
+        "wall_s": 1.0,
+        "failure": "gave way",
+    }
     (out / "validation.json").write_text(json.dumps(table))
     missing = VALIDATION.remake(out)
     shown = (out / "report.html").read_text(encoding="utf-8")
     assert "These results have format 7" in shown
-    assert "This version cannot show what the results hold of it (ValueError: tilt is missing)" in shown
+    assert (
+        "This version cannot show what the results hold of it (ValueError: tilt is missing)"
+        in shown
+    )
     assert any(sentence.startswith("Walking: This version cannot show") for sentence in missing)
     assert not (out / "figures" / "force.png").exists(), "a figure of the earlier report"
 
@@ -151,8 +201,13 @@ def test_a_table_that_cannot_be_shown_leaves_the_rest_of_its_chapter(tmp_path, t
         <p>First.</p>
         {% call table("spoiled", rows, (("label", "trial"), ("error_bw", "GRF (BW)", "{:.3f}"))) %}Odd.{% endcall %}
         {% call table("errors", [{"error_bw": 0.5}], (("error_bw", "GRF (BW)", "{:.3f}"),)) %}Errors.{% endcall %}"""
-    missing, text = edited(tmp_path / "out", lambda table: table["sections"]["walking"]["table"].update(error_bw=[1]))
-    assert any("Walking: This version cannot show the table spoiled (TypeError" in sentence for sentence in missing)
+    missing, text = edited(
+        tmp_path / "out", lambda table: table["sections"]["walking"]["table"].update(error_bw=[1])
+    )
+    assert any(
+        "Walking: This version cannot show the table spoiled (TypeError" in sentence
+        for sentence in missing
+    )
     assert "First." in text and "0.500" in text
     assert not (tmp_path / "out" / "tables" / "spoiled.csv").exists()
 
@@ -177,7 +232,10 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_rest_of_its_chapter(tmp_path, 
         (lambda table: table["sections"].update(walking=3), "Not among these results"),
         (lambda table: table["sections"]["walking"].update(missing=None), "Error 0.333 BW."),
         (lambda table: table.update(notes=None, title=None), "<h1>Validation</h1>"),
-        (lambda table: table.pop("first_line"), "do not say whether their data are measured or synthetic"),
+        (
+            lambda table: table.pop("first_line"),
+            "do not say whether their data are measured or synthetic",
+        ),
         (lambda table: table.pop("format"), "These results have format unknown"),
         (lambda table: table.update(replay="low_1"), "replay.html is not there any more"),
     ],
@@ -189,12 +247,19 @@ def test_what_an_edited_table_lacks_is_said_and_the_rest_shown(tmp_path, change,
     assert 'href="replay.html"' not in shown
 
 
-def test_a_chapter_that_this_version_wrote_itself_must_not_fail_and_a_section_that_failed_says_why(tmp_path):
+def test_a_chapter_that_this_version_wrote_itself_must_not_fail_and_a_section_that_failed_says_why(
+    tmp_path,
+):
     with pytest.raises(ValueError, match="tilt is missing"):
         write_validation(content(walking=section({})), {}, tmp_path / "out")
     assert not (tmp_path / "out").exists()
-    write_validation(content(walking=section(None, failure="the keel gave way")), {}, tmp_path / "out")
-    assert "This could not be computed: the keel gave way" in (tmp_path / "out" / "report.html").read_text()
+    write_validation(
+        content(walking=section(None, failure="the keel gave way")), {}, tmp_path / "out"
+    )
+    assert (
+        "This could not be computed: the keel gave way"
+        in (tmp_path / "out" / "report.html").read_text()
+    )
 
 
 @pytest.mark.parametrize(
@@ -221,7 +286,9 @@ def test_damaged_results_are_refused_with_file_and_reason(tmp_path, name, text, 
     assert (out / "report.html").read_bytes() == shown
 
 
-@pytest.mark.parametrize(("name", "kind"), [("figures", "file"), ("tables", "file"), ("report.html", "folder")])
+@pytest.mark.parametrize(
+    ("name", "kind"), [("figures", "file"), ("tables", "file"), ("report.html", "folder")]
+)
 def test_what_stands_in_the_way_is_told_before_anything_is_computed_or_drawn(tmp_path, name, kind):
     out = tmp_path / "out"
     write_validation(content(), ARRAYS, out)
@@ -236,8 +303,12 @@ def test_what_stands_in_the_way_is_told_before_anything_is_computed_or_drawn(tmp
             check(out)
 
 
-def test_a_folder_that_may_not_be_written_to_is_told_before_anything_is_computed(tmp_path, monkeypatch):
-    monkeypatch.setattr(os, "access", lambda path, mode: False)  # a mode does not stop the superuser
+def test_a_folder_that_may_not_be_written_to_is_told_before_anything_is_computed(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(
+        os, "access", lambda path, mode: False
+    )  # a mode does not stop the superuser
     with pytest.raises(InputError, match="Permission denied"):
         VALIDATION.check(tmp_path)
 

@@ -26,9 +26,17 @@ def trial() -> Trial:
 @pytest.fixture(scope="session")
 def sweep(trial: Trial) -> Callable[..., list[WalkCase]]:
     """sweep(count): cases that differ in the forefoot's stiffness and in where the fulcrum stands."""
+
     def make(count: int) -> list[WalkCase]:
-        return [WalkCase(trial=trial, fulcrum_m=0.07 + 0.07 * i / count, label=f"member {i}",
-                         values={"contact.forefoot.stiffness": 2e4 * (1 + i)}) for i in range(count)]
+        return [
+            WalkCase(
+                trial=trial,
+                fulcrum_m=0.07 + 0.07 * i / count,
+                label=f"member {i}",
+                values={"contact.forefoot.stiffness": 2e4 * (1 + i)},
+            )
+            for i in range(count)
+        ]
 
     return make
 
@@ -44,6 +52,7 @@ def walks(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 @pytest.fixture(scope="session")
 def assert_same() -> Callable[[Sequence[WalkOutcome], Sequence[WalkOutcome]], None]:
     """assert_same(a, b): the same failures, arrays and columns, bit for bit."""
+
     def compare(a: Sequence[WalkOutcome], b: Sequence[WalkOutcome]) -> None:
         assert len(a) == len(b)
         for one, other in zip(a, b, strict=True):
@@ -52,6 +61,8 @@ def assert_same() -> Callable[[Sequence[WalkOutcome], Sequence[WalkOutcome]], No
                 assert one.arrays.keys() == other.arrays.keys()
                 for name, array in one.arrays.items():
                     assert array.dtype == other.arrays[name].dtype
-                    assert np.asarray(array).tobytes() == np.asarray(other.arrays[name]).tobytes(), name
+                    assert (
+                        np.asarray(array).tobytes() == np.asarray(other.arrays[name]).tobytes()
+                    ), name
 
     return compare

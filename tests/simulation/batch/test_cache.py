@@ -52,27 +52,35 @@ def test_a_sweep_that_was_stopped_goes_on_from_there(tmp_path, walks, sweep, ass
 
 def changed(trial):
     """Every way in which a member can differ in its numbers."""
+
     def with_trial(**fields):
         return WalkCase(trial=replace(trial, **fields))
 
     motion = trial.trajectory
     nudged = motion.values.copy()
     nudged[100, 3] = np.nextafter(nudged[100, 3], 1.0)
-    foot = replace(trial.model.foot, series_stiffness_n_per_m=trial.model.foot.series_stiffness_n_per_m + 1.0)
+    foot = replace(
+        trial.model.foot, series_stiffness_n_per_m=trial.model.foot.series_stiffness_n_per_m + 1.0
+    )
     yield from (
         with_trial(subject=replace(trial.subject, mass_kg=trial.subject.mass_kg + 1e-9)),
         with_trial(model=replace(trial.model, foot=foot)),
         with_trial(trajectory=CoordinateTrajectory(motion.time_s, nudged, motion.names)),
-        with_trial(trajectory=CoordinateTrajectory(motion.time_s + 1e-9, motion.values, motion.names)),
-        with_trial(start_s=trial.start_s + 1e-3), with_trial(end_s=trial.end_s + 1e-3),
+        with_trial(
+            trajectory=CoordinateTrajectory(motion.time_s + 1e-9, motion.values, motion.names)
+        ),
+        with_trial(start_s=trial.start_s + 1e-3),
+        with_trial(end_s=trial.end_s + 1e-3),
         with_trial(fulcrum_m=trial.fulcrum_m + 1e-9),
         with_trial(offsets=replace(trial.offsets, height_m=1e-9)),
         WalkCase(trial=trial, values={"friction.mu_static": 0.51}),
         WalkCase(trial=trial, values={"friction.mu_static": 0.52}),
         WalkCase(trial=trial, values={"friction.mu_kinetic": 0.51}),
-        WalkCase(trial=trial, step_s=2e-3), WalkCase(trial=trial, free=("knee_angle_r",)),
+        WalkCase(trial=trial, step_s=2e-3),
+        WalkCase(trial=trial, free=("knee_angle_r",)),
         WalkCase(trial=trial, fulcrum_m=lambda t: 0.1 + 0 * t),
-        WalkCase(trial=trial, fulcrum_m=lambda t: 0.1 + 1e-9 * t))
+        WalkCase(trial=trial, fulcrum_m=lambda t: 0.1 + 1e-9 * t),
+    )
 
 
 def test_whatever_changes_the_numbers_changes_the_key(monkeypatch, trial):
@@ -89,20 +97,35 @@ def test_whatever_changes_the_numbers_changes_the_key(monkeypatch, trial):
 def test_what_does_not_change_the_numbers_does_not_change_the_key(trial):
     values = {"friction.mu_static": 0.5, "friction.mu_kinetic": 0.3}
     motion = trial.trajectory
-    same = replace(trial, name="other", path=Path("other"), notes=("a",), plates={}, inputs={}, trajectory=
-                   CoordinateTrajectory(motion.time_s.copy(), np.asfortranarray(motion.values), motion.names))
+    same = replace(
+        trial,
+        name="other",
+        path=Path("other"),
+        notes=("a",),
+        plates={},
+        inputs={},
+        trajectory=CoordinateTrajectory(
+            motion.time_s.copy(), np.asfortranarray(motion.values), motion.names
+        ),
+    )
     plan = Planner(("grf_W", "time_s"))
     expected = plan.task(WalkCase(trial=trial, values=values)).key
-    for case in (WalkCase(trial=same, values=dict(reversed(values.items())), label="mine", offsets=trial.offsets),
-                 WalkCase(trial=trial, values=values, fulcrum_m=trial.fulcrum_m),
-                 WalkCase(trial=trial, values={name: np.float64(value) for name, value in values.items()})):
+    for case in (
+        WalkCase(
+            trial=same, values=dict(reversed(values.items())), label="mine", offsets=trial.offsets
+        ),
+        WalkCase(trial=trial, values=values, fulcrum_m=trial.fulcrum_m),
+        WalkCase(trial=trial, values={name: np.float64(value) for name, value in values.items()}),
+    ):
         assert plan.task(case).key == expected
     assert Planner(("time_s", "grf_W")).task(WalkCase(trial=trial, values=values)).key == expected
 
 
 def test_a_changed_law_or_wording_changes_the_digest_of_the_sources(tmp_path):
     for part in cases.SOURCES:
-        for file in [PACKAGE / part] if part.endswith(".py") else (PACKAGE / part).rglob("*.[pj][y2]"):
+        for file in (
+            [PACKAGE / part] if part.endswith(".py") else (PACKAGE / part).rglob("*.[pj][y2]")
+        ):
             target = tmp_path / file.relative_to(PACKAGE)
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(file.read_bytes())
@@ -126,18 +149,33 @@ for name, module in sorted(sys.modules.items()):
 
 def test_every_source_that_a_walk_imports_is_in_the_digest_or_makes_no_numbers(tmp_path):
     """Reading recordings makes the trajectory, whose numbers are in the key themselves."""
-    done = subprocess.run([sys.executable, "-c", IMPORTED], capture_output=True, text=True, check=True, cwd=tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTED], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
     files = done.stdout.split()
     covered = [PACKAGE / part for part in cases.SOURCES]
-    beside = [PACKAGE / name for name in (
-        "__init__.py", "errors.py", "files.py", "yaml_file.py", "text_table.py", "tables.py",
-        "motion", "bench_curves.py", "contact_file.py")]
+    beside = [
+        PACKAGE / name
+        for name in (
+            "__init__.py",
+            "errors.py",
+            "files.py",
+            "yaml_file.py",
+            "text_table.py",
+            "tables.py",
+            "motion",
+            "bench_curves.py",
+            "contact_file.py",
+        )
+    ]
     assert len(files) > 30
     for file in map(Path, files):
         assert any(file == part or part in file.parents for part in covered + beside), file
 
 
-def test_a_failed_simulation_is_kept_and_an_unusable_case_is_not(monkeypatch, tmp_path, trial, walks):
+def test_a_failed_simulation_is_kept_and_an_unusable_case_is_not(
+    monkeypatch, tmp_path, trial, walks
+):
     def diverge(walker, task):
         walks.append(1)
         if task.options["values"]:
@@ -154,7 +192,9 @@ def test_a_failed_simulation_is_kept_and_an_unusable_case_is_not(monkeypatch, tm
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5])
-def test_a_damaged_entry_is_noticed_computed_anew_and_replaced(tmp_path, walks, sweep, assert_same, share):
+def test_a_damaged_entry_is_noticed_computed_anew_and_replaced(
+    tmp_path, walks, sweep, assert_same, share
+):
     first = simulate_batch(sweep(1), workers=1, cache=tmp_path)
     [path] = entries(tmp_path)
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
@@ -172,16 +212,21 @@ def test_no_changed_byte_anywhere_changes_what_is_read(tmp_path, sweep):
     path, store = entries(tmp_path)[0], run.WalkCache(tmp_path)
     content, noticed = path.read_bytes(), 0
     for place in np.linspace(0, len(content) - 1, 400).astype(int):
-        path.write_bytes(content[:place] + bytes([content[place] ^ 0xFF]) + content[place + 1:])
+        path.write_bytes(content[:place] + bytes([content[place] ^ 0xFF]) + content[place + 1 :])
         reply, note = store.read(path.stem)
         noticed += bool(note)
         if reply is not None:  # the byte was one of the archive's own, a date for example
-            assert all(reply.arrays[name].tobytes() == array.tobytes() for name, array in outcome.arrays.items())
+            assert all(
+                reply.arrays[name].tobytes() == array.tobytes()
+                for name, array in outcome.arrays.items()
+            )
             assert reply.text == "" and reply.unconverged_steps == outcome.unconverged_steps
     assert noticed > 350
 
 
-def test_a_full_disk_ends_with_a_message_and_leaves_sound_entries_only(monkeypatch, tmp_path, walks, sweep):
+def test_a_full_disk_ends_with_a_message_and_leaves_sound_entries_only(
+    monkeypatch, tmp_path, walks, sweep
+):
     real = run.replaced
 
     @contextmanager
@@ -194,7 +239,9 @@ def test_a_full_disk_ends_with_a_message_and_leaves_sound_entries_only(monkeypat
 
     with monkeypatch.context() as patch:
         patch.setattr(run, "replaced", filling)
-        with pytest.raises(InputError, match=r"No space left on device.*Make room and run the same again"):
+        with pytest.raises(
+            InputError, match=r"No space left on device.*Make room and run the same again"
+        ):
             simulate_batch(sweep(5), workers=1, cache=tmp_path)
     assert len(entries(tmp_path)) == 2
     assert sorted(p for p in tmp_path.rglob("*") if p.is_file()) == entries(tmp_path)

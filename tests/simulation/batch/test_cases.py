@@ -24,12 +24,18 @@ UNUSABLE = {
     "offsets a word": ({"offsets": "x"}, "offsets: 'x'"),
     "offset a word": ({"offsets": GeometricOffsets(height_m="x")}, "offsets.height_m"),
     "no free": ({"free": None}, "free: None is no sequence of names"),
-    "free a word": ({"free": "pelvis_ty"}, "free: 'pelvis_ty' is one name, not a sequence of names. Give ("),
-    "step a word": ({"step_s": "short"}, "step_s")}
+    "free a word": (
+        {"free": "pelvis_ty"},
+        "free: 'pelvis_ty' is one name, not a sequence of names. Give (",
+    ),
+    "step a word": ({"step_s": "short"}, "step_s"),
+}
 
 
 @pytest.mark.parametrize("held", UNUSABLE)
-def test_a_member_that_holds_what_cannot_be_walked_is_refused_by_the_fields_name(trial, walks, held):
+def test_a_member_that_holds_what_cannot_be_walked_is_refused_by_the_fields_name(
+    trial, walks, held
+):
     fields, word = UNUSABLE[held]
     [outcome] = simulate_batch([WalkCase(trial=trial, label="odd", **fields)], workers=1)
     assert not outcome.ok and not walks
@@ -45,35 +51,54 @@ def test_what_is_no_trial_is_refused_before_anything_runs(sweep, walks):
 
 VARIABLES = {
     "stiffness": Variable("stiffness", "N/m", 1e4, 1e3, 1e5, 1.0, ParameterTangent()),
-    "height": Variable("height", "m", 0.0, -0.02, 0.06, -1.0, ParameterTangent(), added=True)}
+    "height": Variable("height", "m", 0.0, -0.02, 0.06, -1.0, ParameterTangent(), added=True),
+}
 
 
 def test_grid_holds_every_combination_with_the_last_axis_fastest():
     assert grid_values({"a": [1, 2], "b": [3, 4]}) == [
-        {"a": 1, "b": 3}, {"a": 1, "b": 4}, {"a": 2, "b": 3}, {"a": 2, "b": 4}]
+        {"a": 1, "b": 3},
+        {"a": 1, "b": 4},
+        {"a": 2, "b": 3},
+        {"a": 2, "b": 4},
+    ]
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 100])
 def test_each_slice_of_each_range_is_met_once(count):
     found = sample_values(VARIABLES, ["stiffness", "height"], count, seed=3)
-    share = {"stiffness": np.log([v["stiffness"] / 1e3 for v in found]) / np.log(100.0),
-             "height": (np.array([v["height"] for v in found]) + 0.02) / 0.08}
+    share = {
+        "stiffness": np.log([v["stiffness"] / 1e3 for v in found]) / np.log(100.0),
+        "height": (np.array([v["height"] for v in found]) + 0.02) / 0.08,
+    }
     for values in share.values():
         assert sorted(np.floor(count * values)) == list(range(count))
 
 
 def test_the_seed_decides_and_variables_are_independent():
-    first, again, other = (sample_values(VARIABLES, list(VARIABLES), 500, seed=s) for s in (1, 1, 2))
+    first, again, other = (
+        sample_values(VARIABLES, list(VARIABLES), 500, seed=s) for s in (1, 1, 2)
+    )
     assert first == again != other
     columns = np.array([list(v.values()) for v in first])
     assert abs(np.corrcoef(np.log(columns[:, 0]), columns[:, 1])[0, 1]) < 4 / np.sqrt(500)
 
 
-@pytest.mark.parametrize(("names", "count", "seed", "word"), [
-    (["weight"], 3, 0, "no variable 'weight'"), (["height", "height"], 3, 0, "stands twice"),
-    (["height"], 0, 0, "none"), ([], 3, 0, "none"), (["height"], 3.5, 0, "count: 3.5"),
-    (["height"], "3", 0, "count"), (["height"], 3, -1, "seed: -1"),
-    (["height"], 3, 0.5, "seed: 0.5"), ("height", 3, 0, "no list of names"), ([["height"]], 3, 0, "no variable")])
+@pytest.mark.parametrize(
+    ("names", "count", "seed", "word"),
+    [
+        (["weight"], 3, 0, "no variable 'weight'"),
+        (["height", "height"], 3, 0, "stands twice"),
+        (["height"], 0, 0, "none"),
+        ([], 3, 0, "none"),
+        (["height"], 3.5, 0, "count: 3.5"),
+        (["height"], "3", 0, "count"),
+        (["height"], 3, -1, "seed: -1"),
+        (["height"], 3, 0.5, "seed: 0.5"),
+        ("height", 3, 0, "no list of names"),
+        ([["height"]], 3, 0, "no variable"),
+    ],
+)
 def test_values_that_cannot_be_sampled_are_refused(names, count, seed, word):
     with pytest.raises(InputError, match=word):
         sample_values(VARIABLES, names, count, seed=seed)

@@ -23,8 +23,12 @@ from vsf_drake.simulation.batch.processes import ProcessWorkers
 
 def children() -> list[int]:
     """Processes that this one has started and that still live."""
-    found = subprocess.run(["ps", "-o", "pid=,comm=", "--ppid", str(os.getpid())], capture_output=True, text=True,
-                           check=False).stdout.splitlines()
+    found = subprocess.run(
+        ["ps", "-o", "pid=,comm=", "--ppid", str(os.getpid())],
+        capture_output=True,
+        text=True,
+        check=False,
+    ).stdout.splitlines()
     return [int(line.split()[0]) for line in found if line.split()[1] != "ps"]
 
 
@@ -52,13 +56,22 @@ def test_killed_worker_costs_only_its_own_task(sweep, assert_same):
 
 
 @pytest.mark.slow
-def test_tasks_that_kill_their_worker_once_or_twice_or_that_it_cannot_read(trial, sweep, tmp_path, assert_same):
+def test_tasks_that_kill_their_worker_once_or_twice_or_that_it_cannot_read(
+    trial, sweep, tmp_path, assert_same
+):
     """The first is tried again, the second reported and never cached, the third fails alone."""
     once, always, cache = tmp_path / "once", tmp_path / "always", tmp_path / "cache"
     motion = trial.trajectory
-    odd = replace(trial, trajectory=Unreadable(motion.ordered((*motion.names[1:], motion.names[0]))))
-    cases = [*sweep(2), killing(trial, once, 1), killing(trial, always, 99, fulcrum_m=0.1234, label="killer"),
-             WalkCase(trial=odd, fulcrum_m=0.11), *sweep(4)[2:]]
+    odd = replace(
+        trial, trajectory=Unreadable(motion.ordered((*motion.names[1:], motion.names[0])))
+    )
+    cases = [
+        *sweep(2),
+        killing(trial, once, 1),
+        killing(trial, always, 99, fulcrum_m=0.1234, label="killer"),
+        WalkCase(trial=odd, fulcrum_m=0.11),
+        *sweep(4)[2:],
+    ]
     with processes.ProcessWorkers(2) as pool:
         outcomes = simulate_batch(cases, executor=pool, workers=2, cache=cache)
     assert [path.read_text().count("died") for path in (once, always)] == [1, 2]
@@ -85,7 +98,10 @@ def test_this_process_works_before_the_others_are_ready_and_leaves_the_work_to_t
 def kill_one_that_is_not(own: int, pool: processes.ProcessWorkers) -> None:
     """Lets tasks kill the process they run in, unless it is `own`, until one has."""
     while True:
-        pool.submit(exec, f"import os, signal\nif os.getpid() != {own}: os.kill(os.getpid(), signal.SIGKILL)").result()
+        pool.submit(
+            exec,
+            f"import os, signal\nif os.getpid() != {own}: os.kill(os.getpid(), signal.SIGKILL)",
+        ).result()
 
 
 def test_a_sweep_that_is_over_does_not_wait_for_workers_that_still_start(monkeypatch, sweep):
@@ -96,7 +112,9 @@ def test_a_sweep_that_is_over_does_not_wait_for_workers_that_still_start(monkeyp
 
 
 def test_workers_that_cannot_start_end_the_sweep_with_a_message(monkeypatch, sweep, capfd):
-    monkeypatch.setattr(processes, "_CODE", "import sys; sys.exit('no such library')  # {path} {descriptor}")
+    monkeypatch.setattr(
+        processes, "_CODE", "import sys; sys.exit('no such library')  # {path} {descriptor}"
+    )
     with pytest.raises(processes.WorkerStartError, match="exit code 1"):
         simulate_batch(sweep(2000), workers=2)
     assert "no such library" in capfd.readouterr().err
@@ -124,7 +142,9 @@ def test_an_executor_that_is_shut_down_during_the_sweep_fails_what_it_did_not_do
 
     threads, found = ThreadPoolExecutor(1), []
     sweeping = threading.Thread(
-        target=lambda: found.extend(simulate_batch(sweep(6), executor=threads, progress=stop)), daemon=True)
+        target=lambda: found.extend(simulate_batch(sweep(6), executor=threads, progress=stop)),
+        daemon=True,
+    )
     sweeping.start()
     sweeping.join(60.0)
     assert not sweeping.is_alive(), "the sweep waits for ever"
@@ -173,8 +193,13 @@ print("simulated", sum(not o.from_cache for o in outcomes), "failed", sum(not o.
 
 
 def started(script: Path, *words: object) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, script, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                            text=True, start_new_session=True)
+    return subprocess.Popen(
+        [sys.executable, script, *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
 
 
 @pytest.mark.slow
@@ -221,9 +246,13 @@ def test_a_dask_cluster_of_two_processes_gives_the_same_numbers(sweep, assert_sa
     distributed = pytest.importorskip("distributed", reason="pip install 'vsf-drake[cluster]'")
     cases = sweep(10)
     cases[4] = type(cases[4])(trial=cases[4].trial, values={"nonsense": 1.0})
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    with (distributed.LocalCluster(**options) as cluster,
-          distributed.Client(cluster) as client):
+    options = {
+        "n_workers": 2,
+        "threads_per_worker": 1,
+        "processes": True,
+        "dashboard_address": None,
+    }
+    with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
         outcomes = simulate_batch(cases, executor=client.get_executor(), workers=2)
         pids = client.run(os.getpid)
     assert len(set(pids.values()) - {os.getpid()}) == 2
@@ -231,7 +260,18 @@ def test_a_dask_cluster_of_two_processes_gives_the_same_numbers(sweep, assert_sa
     assert_same(outcomes, simulate_batch(cases, workers=1))
 
 
-HOSTILE = ("signal", "numpy", "vsf_drake", "yaml", "scipy", "numba", "gc", "matplotlib", "usercustomize", "evil")
+HOSTILE = (
+    "signal",
+    "numpy",
+    "vsf_drake",
+    "yaml",
+    "scipy",
+    "numba",
+    "gc",
+    "matplotlib",
+    "usercustomize",
+    "evil",
+)
 LOADED = """
 import sys
 from pathlib import Path
@@ -249,8 +289,12 @@ def folder(tmp_path):
     place = tmp_path / "downloaded"
     place.mkdir()
     for name in HOSTILE:
-        (place / f"{name}.py").write_text(f"open({str(tmp_path / 'marks')!r}, 'a').write('{name} ')", encoding="utf-8")
-    (place / "matplotlibrc").write_text("backend: module://evil\ntext.usetex: True\n", encoding="utf-8")
+        (place / f"{name}.py").write_text(
+            f"open({str(tmp_path / 'marks')!r}, 'a').write('{name} ')", encoding="utf-8"
+        )
+    (place / "matplotlibrc").write_text(
+        "backend: module://evil\ntext.usetex: True\n", encoding="utf-8"
+    )
     (place / ".numba_config.yaml").write_text("cache_dir: machine_code\n", encoding="utf-8")
     return place
 
@@ -261,9 +305,13 @@ def marks(folder):
 
 
 @pytest.mark.parametrize("entry", ["", "its name"])
-def test_a_worker_imports_nothing_from_the_current_folder_but_what_is_nowhere_else(folder, monkeypatch, entry):
+def test_a_worker_imports_nothing_from_the_current_folder_but_what_is_nowhere_else(
+    folder, monkeypatch, entry
+):
     """As in a notebook, whose path begins with the current folder, and whose own modules lie there."""
-    (folder / "own_module_of_a_user.py").write_text("def twice(x):\n    return 2 * x\n", encoding="utf-8")
+    (folder / "own_module_of_a_user.py").write_text(
+        "def twice(x):\n    return 2 * x\n", encoding="utf-8"
+    )
     monkeypatch.chdir(folder)
     monkeypatch.setattr(sys, "path", [entry and str(folder), *sys.path])
     twice = importlib.import_module("own_module_of_a_user").twice
@@ -288,8 +336,13 @@ def test_a_worker_of_a_checkout_that_is_not_installed_takes_the_same_package(tmp
 
 @pytest.mark.slow
 def test_settings_that_lie_in_the_current_folder_run_nothing(folder):
-    done = subprocess.run([sys.executable, "-P", "-c", LOADED, folder.parent], cwd=folder, capture_output=True,
-                          text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", LOADED, folder.parent],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert marks(folder) == ""
     assert not (folder / "machine_code").exists()

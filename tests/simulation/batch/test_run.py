@@ -23,8 +23,14 @@ def test_a_member_is_the_same_walk_as_a_single_one(trial, sweep):
     keep = ("time_s", "grf_W", "q", "energy_j", "socket_wrench", "fulcrum_m")
     walker = Walker(trial.subject, trial.model)
     for case, outcome in zip(sweep(2), simulate_batch(sweep(2), keep=keep, workers=1), strict=True):
-        walk = walker.walk(trial.trajectory, fulcrum_m=case.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                           offsets=trial.offsets, values=case.values)
+        walk = walker.walk(
+            trial.trajectory,
+            fulcrum_m=case.fulcrum_m,
+            start_s=trial.start_s,
+            end_s=trial.end_s,
+            offsets=trial.offsets,
+            values=case.values,
+        )
         result = walker.result(walk, trial, trial.offsets)
         assert set(outcome.arrays) == set(keep)
         for name in keep:
@@ -51,16 +57,29 @@ def test_same_numbers_on_one_worker_on_two_and_on_threads_in_any_order(sweep, as
 
 def test_failing_members_are_reported_with_their_parameters_and_the_others_finish(trial, sweep):
     bad = [
-        (WalkCase(trial=trial, values={"contact.heel.stifness": 1e5}, label="misspelt"), "contact.heel.stiffness"),
+        (
+            WalkCase(trial=trial, values={"contact.heel.stifness": 1e5}, label="misspelt"),
+            "contact.heel.stiffness",
+        ),
         (WalkCase(trial=trial, fulcrum_m=0.5), "500 mm"),
-        (WalkCase(trial=trial, values={"friction.mu_static": float("nan")}), "friction.mu_static nan"),
-        (WalkCase(trial=trial, values=UNDER_GROUND, label="buried"), "pelvis_ty -0.6: the simulation failed"),
+        (
+            WalkCase(trial=trial, values={"friction.mu_static": float("nan")}),
+            "friction.mu_static nan",
+        ),
+        (
+            WalkCase(trial=trial, values=UNDER_GROUND, label="buried"),
+            "pelvis_ty -0.6: the simulation failed",
+        ),
         (WalkCase(trial=replace(trial, end_s=1e3)), "lies outside the recording"),
     ]
     outcomes = simulate_batch([*(case for case, _ in bad), *sweep(2)], workers=1)
     for (case, word), outcome in zip(bad, outcomes[:-2], strict=True):
         assert not outcome.ok and outcome.case is case
-        assert word in outcome.failure and trial.name in outcome.failure and case.label in outcome.failure
+        assert (
+            word in outcome.failure
+            and trial.name in outcome.failure
+            and case.label in outcome.failure
+        )
         assert outcome.unconverged_steps is None and outcome.wall_s is None
         with pytest.raises(VsfError, match="failed"):
             _ = outcome.arrays
@@ -111,11 +130,21 @@ def test_threads_never_share_a_walker(counted, sweep):
     assert counted.clashes == 0 and counted.built <= 3 and counted.walked == 9
 
 
-@pytest.mark.parametrize(("options", "word"), [
-    ({"keep": ["grf"]}, "There are: time_s"), ({"keep": []}, "no array"), ({"workers": 0}, "workers"),
-    ({"workers": 1.5}, "workers"), ({"workers": "2"}, "workers"), ({"workers": True}, "workers"),
-    ({"executor": 4}, "submit"), ({"executor": ThreadPoolExecutor}, "ThreadPoolExecutor is a class"),
-    ({"cache": 3}, "a int is no folder"), ({"cases": [3]}, "member 0 is a int")])
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"keep": ["grf"]}, "There are: time_s"),
+        ({"keep": []}, "no array"),
+        ({"workers": 0}, "workers"),
+        ({"workers": 1.5}, "workers"),
+        ({"workers": "2"}, "workers"),
+        ({"workers": True}, "workers"),
+        ({"executor": 4}, "submit"),
+        ({"executor": ThreadPoolExecutor}, "ThreadPoolExecutor is a class"),
+        ({"cache": 3}, "a int is no folder"),
+        ({"cases": [3]}, "member 0 is a int"),
+    ],
+)
 def test_misuse_is_refused_before_anything_runs(counted, sweep, options, word):
     with pytest.raises(InputError, match=word):
         simulate_batch(**({"cases": sweep(1)} | options))
@@ -137,7 +166,9 @@ def started(monkeypatch):
 
 
 def test_no_more_workers_are_started_than_there_are_walks_to_make(started, sweep, trial, tmp_path):
-    odd = WalkCase(trial=trial, step_s=0.0, fulcrum_m=lambda t: 0.1)  # is refused before it is a walk to make
+    odd = WalkCase(
+        trial=trial, step_s=0.0, fulcrum_m=lambda t: 0.1
+    )  # is refused before it is a walk to make
     assert simulate_batch([], workers=1000) == []
     simulate_batch([*sweep(1), *sweep(1), odd], workers=1000, cache=tmp_path)
     assert started == []
@@ -150,16 +181,26 @@ def test_no_more_workers_are_started_than_there_are_walks_to_make(started, sweep
 
 
 def test_a_pool_that_would_fork_is_refused(sweep):
-    with ProcessPoolExecutor(1, mp_context=get_context("fork")) as forking, pytest.raises(InputError, match="fork"):
+    with (
+        ProcessPoolExecutor(1, mp_context=get_context("fork")) as forking,
+        pytest.raises(InputError, match="fork"),
+    ):
         simulate_batch(sweep(1), executor=forking)
 
 
 HALF = SweepProgress(total=100, done=50, failed=1, from_cache=20, simulated=30, elapsed_s=10.0)
 
 
-@pytest.mark.parametrize(("elapsed_s", "left"), [
-    (10.0, "0:17"), (1800.0, "50:00"), (3600.0, "1:40:00"), (1.5 * 3600 * 15.0, "1 day, 13:30:00"),
-    (1.5 * 3600 * 9.7, "1 day, 0:15:00")])
+@pytest.mark.parametrize(
+    ("elapsed_s", "left"),
+    [
+        (10.0, "0:17"),
+        (1800.0, "50:00"),
+        (3600.0, "1:40:00"),
+        (1.5 * 3600 * 15.0, "1 day, 13:30:00"),
+        (1.5 * 3600 * 9.7, "1 day, 0:15:00"),
+    ],
+)
 def test_time_left_is_told_in_full(elapsed_s, left):
     assert str(replace(HALF, elapsed_s=elapsed_s)).endswith(f"walks/s, {left} left")
 
@@ -170,7 +211,11 @@ def test_lines_are_sparse_and_the_last_one_is_never_left_out():
     for done in range(101):
         now[0] = 1.0 * done
         show(replace(HALF, done=done))
-    assert [int(line.split()[0]) for line in lines] == [0, *range(int(LINE_EVERY_S), 100, int(LINE_EVERY_S)), 100]
+    assert [int(line.split()[0]) for line in lines] == [
+        0,
+        *range(int(LINE_EVERY_S), 100, int(LINE_EVERY_S)),
+        100,
+    ]
 
 
 def test_a_library_call_prints_nothing_and_true_prints_to_stderr(sweep, capsys):

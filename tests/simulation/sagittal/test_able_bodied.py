@@ -1,5 +1,4 @@
-"""The sagittal person with two intact legs: statics, symmetry, free fall, derivatives, nothing left of the prosthesis.
-"""
+"""The sagittal person with two intact legs: statics, symmetry, free fall, derivatives, nothing left of the prosthesis."""
 
 from __future__ import annotations
 
@@ -63,7 +62,9 @@ def test_derivatives_are_those_of_complex_steps(person):
     each = np.arange(sum(sizes))
     wide[each, each] += 1j * IMAGINARY_STEP
     known = person.evaluate(*np.split(wide, np.cumsum(sizes)[:-1]), SMOOTHING).imag / IMAGINARY_STEP
-    np.testing.assert_allclose(values, person.evaluate(*at, SMOOTHING), atol=1e-12 * np.abs(values).max())
+    np.testing.assert_allclose(
+        values, person.evaluate(*at, SMOOTHING), atol=1e-12 * np.abs(values).max()
+    )
     largest = np.abs(known).max(axis=(1, 2), keepdims=True)
     assert by.shape == known.shape == (len(person.outputs), 31, 40)
     assert (np.abs(by - known) / np.maximum(largest, 1.0)).max() < 1e-12
@@ -72,6 +73,7 @@ def test_derivatives_are_those_of_complex_steps(person):
 
 def test_standing_on_both_feet_each_carries_half_of_the_weight_under_the_centre_of_mass(person):
     """Straight on level feet, as deep in the ground and leaning so far forward that the pelvis needs no help."""
+
     def standing(x: np.ndarray) -> list[np.ndarray]:
         q = np.zeros((9, 1))
         q[0], q[2], q[[7, 8]] = x[1], x[0], -x[1]
@@ -89,7 +91,9 @@ def test_standing_on_both_feet_each_carries_half_of_the_weight_under_the_centre_
     assert 0.0 < -found.x[1] < 0.1
     for name in person.coordinates[:3]:
         assert y[f"balance_{name}"] == pytest.approx(0.0, abs=1e-8 * person.weight)
-    assert y["prosthetic_fz"] + y["intact_fz"] == pytest.approx(person.subject.mass_kg * GRAVITY, rel=1e-9)
+    assert y["prosthetic_fz"] + y["intact_fz"] == pytest.approx(
+        person.subject.mass_kg * GRAVITY, rel=1e-9
+    )
     assert y["prosthetic_fz"] == pytest.approx(y["intact_fz"], rel=1e-12)
     centre = person.motion(*at).H[0].sum() / person.subject.mass_kg
     assert -y["prosthetic_my"] / y["prosthetic_fz"] == pytest.approx(centre, abs=1e-8)
@@ -105,9 +109,15 @@ def test_mirrored_motion_swaps_the_legs(person):
     for name, values in y.items():
         if name in ("prosthesis_power", "stored_energy"):
             continue
-        swapped = name[:-2] + other[name[-2:]] if name[-2:] in other else (
-            name.replace("prosthetic", "intact") if name.startswith("prosthetic")
-            else name.replace("intact", "prosthetic"))
+        swapped = (
+            name[:-2] + other[name[-2:]]
+            if name[-2:] in other
+            else (
+                name.replace("prosthetic", "intact")
+                if name.startswith("prosthetic")
+                else name.replace("intact", "prosthetic")
+            )
+        )
         np.testing.assert_allclose(mirrored[swapped], values, rtol=1e-11, atol=1e-9)
     assert np.abs(y["prosthetic_fz"] - y["intact_fz"]).max() > 100.0
 
@@ -117,10 +127,19 @@ def test_intact_leg_is_that_of_the_person_with_the_prosthesis(person, walker):
     side = person.subject.prosthetic_side
     other = SagittalModel(walker(side))
     none = np.zeros((len(other.quasi_static), 20))
-    known = dict(zip(other.outputs, other.evaluate(*(x[:8] for x in at[:3]), none, none, at[5], SMOOTHING),
-                     strict=True))
-    names = [name for name in other.outputs if name.startswith("intact")
-             or (name.startswith(("torque", "power")) and not name.endswith(f"_{side[0]}"))]
+    known = dict(
+        zip(
+            other.outputs,
+            other.evaluate(*(x[:8] for x in at[:3]), none, none, at[5], SMOOTHING),
+            strict=True,
+        )
+    )
+    names = [
+        name
+        for name in other.outputs
+        if name.startswith("intact")
+        or (name.startswith(("torque", "power")) and not name.endswith(f"_{side[0]}"))
+    ]
     assert len(names) == 3 + 3 + 4
     for name, values in named(person, at).items():
         if name in names:
@@ -139,15 +158,23 @@ def test_whole_person_has_the_subjects_mass_and_nothing_of_the_prosthesis(walker
 
     heavy = replace(parameters, socket=replace(parameters.socket, socket_mass_kg=3.0))
     turned = replace(subject, prosthetic_side="left", prosthesis_toe_out_rad=0.1)
-    other = SagittalModel(Walker(turned, heavy), offsets=GeometricOffsets(height_m=0.01), able_bodied=True)
+    other = SagittalModel(
+        Walker(turned, heavy), offsets=GeometricOffsets(height_m=0.01), able_bodied=True
+    )
     at = drawn(right, 20, seed=4)
     known = right.evaluate(*at, SMOOTHING)
-    np.testing.assert_allclose(other.evaluate(*at, SMOOTHING), known, rtol=1e-9, atol=1e-11 * np.abs(known).max())
+    np.testing.assert_allclose(
+        other.evaluate(*at, SMOOTHING), known, rtol=1e-9, atol=1e-11 * np.abs(known).max()
+    )
 
 
 def test_falling_freely_takes_no_torque(person):
     """Nor has a body that falls a weight to be carried, at whatever angles."""
-    q, v, a = 0.5 * np.random.default_rng(5).standard_normal((9, 20)), np.zeros((9, 20)), np.zeros((9, 20))
+    q, v, a = (
+        0.5 * np.random.default_rng(5).standard_normal((9, 20)),
+        np.zeros((9, 20)),
+        np.zeros((9, 20)),
+    )
     q[2], v[1:3], a[2] = 10.0, 3.0, -GRAVITY
     y = person.evaluate(*whole(q, v, a), SMOOTHING)
     np.testing.assert_allclose(y[:-2], 0.0, atol=1e-9)
@@ -165,5 +192,7 @@ def test_power_below_the_shank_is_of_its_own_leg(person):
     lifted[2] += 10.0
     y, free = (named(person, [x, v, a, *rest]) for x in (q, lifted))
     knee = f"torque_{person.coordinates[4]}"
-    np.testing.assert_allclose(y["prosthesis_power"], v[4] * (free[knee] - y[knee]), rtol=1e-9, atol=1e-8)
+    np.testing.assert_allclose(
+        y["prosthesis_power"], v[4] * (free[knee] - y[knee]), rtol=1e-9, atol=1e-8
+    )
     assert np.abs(y["prosthesis_power"]).max() > 100.0

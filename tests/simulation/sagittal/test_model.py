@@ -60,8 +60,14 @@ def drawn(
     v, a = speed * rng.standard_normal((8, count)), 5.0 * speed * rng.standard_normal((8, count))
     w, u = 0.03 * rng.standard_normal((12, count)), 0.2 * speed * rng.standard_normal((12, count))
     w[:2] *= 0.1
-    p = np.stack([rng.uniform(*FULCRUMS, count), rng.uniform(0.5, 2.0, count), 0.03 * rng.standard_normal(count),
-                  rng.uniform(0.8, 1.2, count)])
+    p = np.stack(
+        [
+            rng.uniform(*FULCRUMS, count),
+            rng.uniform(0.5, 2.0, count),
+            0.03 * rng.standard_normal(count),
+            rng.uniform(0.8, 1.2, count),
+        ]
+    )
     q[4, ::2] -= 1.0
     q[6, 1::2] -= 1.0
     q[2] = 1.2
@@ -81,18 +87,34 @@ def person(request, walker) -> tuple[Walker, SagittalModel]:
     return walker(request.param), _model(walker(request.param), OFFSETS)
 
 
-def plant_state(walker: Walker, model: SagittalModel, at: Instants, i: int) -> tuple[Context, list[int]]:
+def plant_state(
+    walker: Walker, model: SagittalModel, at: Instants, i: int
+) -> tuple[Context, list[int]]:
     """The plant's context at instant i, prosthesis with OFFSETS and the instant's turn; velocity indices of q, w."""
     plant = walker.gait.plant
     context = plant.CreateDefaultContext()
-    set_mount(context, walker.gait.person.foot, height=OFFSETS.height_m, fore_aft=OFFSETS.fore_aft_m,
-              alignment=OFFSETS.alignment_rad + at.p[2, i])
-    joints = {plant.get_joint(index).name(): plant.get_joint(index) for index in plant.GetJointIndices()}
+    set_mount(
+        context,
+        walker.gait.person.foot,
+        height=OFFSETS.height_m,
+        fore_aft=OFFSETS.fore_aft_m,
+        alignment=OFFSETS.alignment_rad + at.p[2, i],
+    )
+    joints = {
+        plant.get_joint(index).name(): plant.get_joint(index) for index in plant.GetJointIndices()
+    }
     positions, velocities = plant.GetPositions(context), plant.GetVelocities(context)
     indices = []
-    for name, x, rate in zip((*model.coordinates, *model.quasi_static), (*at.q[:, i], *at.w[:, i]),
-                             (*at.v[:, i], *at.u[:, i]), strict=True):
-        positions[joints[name].position_start()], velocities[joints[name].velocity_start()] = x, rate
+    for name, x, rate in zip(
+        (*model.coordinates, *model.quasi_static),
+        (*at.q[:, i], *at.w[:, i]),
+        (*at.v[:, i], *at.u[:, i]),
+        strict=True,
+    ):
+        positions[joints[name].position_start()], velocities[joints[name].velocity_start()] = (
+            x,
+            rate,
+        )
         indices.append(joints[name].velocity_start())
     positions[joints["fulcrum"].position_start()] = at.p[0, i]
     plant.SetPositions(context, positions)
@@ -100,11 +122,15 @@ def plant_state(walker: Walker, model: SagittalModel, at: Instants, i: int) -> t
     return context, indices
 
 
-SHARP = Smoothing(depth_m=1e-6, rate_m_per_s=1e-6, friction_velocity_m_per_s=1e-6, friction_rise=0.0)
+SHARP = Smoothing(
+    depth_m=1e-6, rate_m_per_s=1e-6, friction_velocity_m_per_s=1e-6, friction_rise=0.0
+)
 
 
 def spheres_of(walker, foot):
-    return walker.gait.person.foot.sites if foot == "prosthetic" else walker.gait.person.intact_sites
+    return (
+        walker.gait.person.foot.sites if foot == "prosthetic" else walker.gait.person.intact_sites
+    )
 
 
 def test_inverse_dynamics_are_the_plants(person):
@@ -112,7 +138,9 @@ def test_inverse_dynamics_are_the_plants(person):
     walker, model = person
     at = drawn(model, 12, seed=1)
     motion = model.motion(*at)
-    found = model.dynamics.joint_forces(motion, model.dynamics.of_carried(model.dynamics.inertial(motion)))
+    found = model.dynamics.joint_forces(
+        motion, model.dynamics.of_carried(model.dynamics.inertial(motion))
+    )
     plant = walker.gait.plant
     for i in range(12):
         context, indices = plant_state(walker, model, at, i)
@@ -136,18 +164,34 @@ def test_ground_acts_as_the_laws_say_on_the_plants_spheres(person):
             sites = spheres_of(walker, foot)
             wrench = np.zeros(3)
             for index, p, radius, k, n, b, full in zip(
-                    sites.body_indices, sites.p_BS, sites.radius, sites.stiffness, sites.exponent, sites.damping,
-                    sites.full_damping_depth, strict=True):
+                sites.body_indices,
+                sites.p_BS,
+                sites.radius,
+                sites.stiffness,
+                sites.exponent,
+                sites.damping,
+                sites.full_damping_depth,
+                strict=True,
+            ):
                 body = plant.get_body(BodyIndex(int(index)))
                 X_WB, V_WB = body.EvalPoseInWorld(context), body.EvalSpatialVelocityInWorld(context)
                 x, _, z = X_WB @ p
                 velocity = V_WB.translational() + np.cross(V_WB.rotational(), X_WB.rotation() @ p)
                 slip = velocity[0] - V_WB.rotational()[1] * radius
-                fz = float(kelvin_voigt.normal_force(max(radius - z, 0.0), -velocity[2], stiffness=k, exponent=n,
-                                                     damping=b, full_damping_depth=full))
+                fz = float(
+                    kelvin_voigt.normal_force(
+                        max(radius - z, 0.0),
+                        -velocity[2],
+                        stiffness=k,
+                        exponent=n,
+                        damping=b,
+                        full_damping_depth=full,
+                    )
+                )
                 assert abs(slip) < 0.08 or fz == 0.0
                 fx = stick_slip.friction_force(
-                    np.array([slip, 0.0]), fz, mu_static=0.5, mu_kinetic=0.3, threshold_velocity=0.1)[0]
+                    np.array([slip, 0.0]), fz, mu_static=0.5, mu_kinetic=0.3, threshold_velocity=0.1
+                )[0]
                 wrench += [fx, fz, (z - radius) * fx - x * fz]
             found = np.array([y[f"{foot}_{part}"][i] for part in ("fx", "fz", "my")])
             # A micrometre at some 1e6 N/m in all.
@@ -197,7 +241,10 @@ def test_what_a_person_at_rest_lacks_is_weight_less_ground(person):
     for i in range(10):
         context, _ = plant_state(walker, model, at, i)
         weight = plant.CalcTotalMass(context) * 9.81
-        fx, fz, my = (sum(y[f"{foot}_{part}"][i] for foot in ("prosthetic", "intact")) for part in ("fx", "fz", "my"))
+        fx, fz, my = (
+            sum(y[f"{foot}_{part}"][i] for foot in ("prosthetic", "intact"))
+            for part in ("fx", "fz", "my")
+        )
         com = plant.CalcCenterOfMassPositionInWorld(context)
         assert y["balance_pelvis_ty"][i] == pytest.approx(weight - fz, abs=1e-9)
         assert y["balance_pelvis_tx"][i] == pytest.approx(-fx, abs=1e-9)
@@ -207,12 +254,25 @@ def test_what_a_person_at_rest_lacks_is_weight_less_ground(person):
         assert y["balance_pelvis_tilt"][i] == pytest.approx(axis * need, abs=1e-9)
 
 
-@pytest.mark.parametrize(("design", "values"), [
-    (("heel_stiffness", 1.7), lambda own: {name: 1.7 * value for name, value in own.items()
-                                           if name.startswith("contact.heel") and name.endswith(".stiffness")}),
-    (("alignment_rad", -0.05), lambda own: {"offset.alignment": -0.05}),
-    (("keel_thickness", 1.25), lambda own: {"keel.flexural_modulus": 1.25**3 * own["keel.flexural_modulus"]}),
-    (("fulcrum_m", 0.118), lambda own: {"fulcrum.shift": 0.01})])
+@pytest.mark.parametrize(
+    ("design", "values"),
+    [
+        (
+            ("heel_stiffness", 1.7),
+            lambda own: {
+                name: 1.7 * value
+                for name, value in own.items()
+                if name.startswith("contact.heel") and name.endswith(".stiffness")
+            },
+        ),
+        (("alignment_rad", -0.05), lambda own: {"offset.alignment": -0.05}),
+        (
+            ("keel_thickness", 1.25),
+            lambda own: {"keel.flexural_modulus": 1.25**3 * own["keel.flexural_modulus"]},
+        ),
+        (("fulcrum_m", 0.118), lambda own: {"fulcrum.shift": 0.01}),
+    ],
+)
 def test_design_is_that_of_the_walks_variables(person, design, values):
     """Stiffness of all zones at the heel, a turn of the mount, bending by the cube of a thickness, a place."""
     walker, model = person
@@ -227,7 +287,10 @@ def test_design_is_that_of_the_walks_variables(person, design, values):
     assert np.abs(found - model.evaluate(*at, Smoothing())).max() > 1.0
 
 
-SMOOTHINGS = [Smoothing(depth_m=0.002), Smoothing(depth_m=0.01, friction_velocity_m_per_s=0.5, damping=0.0)]
+SMOOTHINGS = [
+    Smoothing(depth_m=0.002),
+    Smoothing(depth_m=0.01, friction_velocity_m_per_s=0.5, damping=0.0),
+]
 SIZES = (8, 8, 8, 12, 12, 4)
 
 
@@ -244,7 +307,10 @@ def test_closed_form_is_that_of_complex_steps(person, smoothing):
     _, model = person
     at = drawn(model, 40, seed=4)
     values, by = linearise(model, *at, smoothing)
-    known = model.evaluate(*stepped(at, np.full(sum(SIZES), 1j * IMAGINARY_STEP)), smoothing).imag / IMAGINARY_STEP
+    known = (
+        model.evaluate(*stepped(at, np.full(sum(SIZES), 1j * IMAGINARY_STEP)), smoothing).imag
+        / IMAGINARY_STEP
+    )
     plain = model.evaluate(*at, smoothing)
     np.testing.assert_allclose(values, plain, atol=1e-12 * np.abs(plain).max())
     largest = np.abs(known).max(axis=(1, 2), keepdims=True)
@@ -257,13 +323,22 @@ def turns(model, count, seed):
 
 def test_deflection_is_the_height_of_the_plants_keel_at_the_fulcrum(person):
     walker, model = person
-    at, starts, foot, plant = drawn(model, 30, seed=7), model.support.starts, walker.gait.person.foot, walker.gait.plant
+    at, starts, foot, plant = (
+        drawn(model, 30, seed=7),
+        model.support.starts,
+        walker.gait.person.foot,
+        walker.gait.plant,
+    )
     for i in range(30):
         context, _ = plant_state(walker, model, at, i)
         position = at.p[0, i]
         keel = foot.keel_body_at(position)
-        point = plant.CalcPointsPositions(context, foot.keel[keel].body_frame(), [position - starts[keel], 0.0, 0.0],
-                                          foot.frame.body_frame())
+        point = plant.CalcPointsPositions(
+            context,
+            foot.keel[keel].body_frame(),
+            [position - starts[keel], 0.0, 0.0],
+            foot.frame.body_frame(),
+        )
         found = model.support.deflection(at.w[3:, i], position)[0]
         far = np.abs(position - starts[1:]).min() > SUPPORT_WIDTH
         near = 0.09 * SUPPORT_WIDTH * np.abs(at.w[3:, i]).max()
@@ -299,7 +374,10 @@ def test_support_gives_back_what_is_stored_in_it(person):
         step[i] = 1j * IMAGINARY_STEP
         slope = support.load(w + step, u, position)[1].imag / IMAGINARY_STEP
         np.testing.assert_allclose(elastic[i], slope, atol=1e-12 * np.abs(elastic).max())
-    rate = (support.deflection(w + 1e-7 * u, position)[0] - support.deflection(w - 1e-7 * u, position)[0]) / 2e-7
+    rate = (
+        support.deflection(w + 1e-7 * u, position)[0]
+        - support.deflection(w - 1e-7 * u, position)[0]
+    ) / 2e-7
     lost = ((support.load(w, u, position)[0] - elastic) * u).sum(axis=0)
     np.testing.assert_allclose(lost, support.damping * rate**2, rtol=1e-6, atol=1e-9)
 
@@ -311,11 +389,16 @@ def test_friction_is_the_law_up_to_four_fifths_of_the_threshold_and_rounded_abov
     slip = np.linspace(0.0, 0.1, 1001)
     spheres = SimpleNamespace(columns={name: np.array([value]) for name, value in FRICTION.items()})
     level = Smoothing(friction_velocity_m_per_s=0.01, friction_rise=0.0)
-    error = stick_slip.friction_coefficient(slip, **FRICTION) - friction(spheres, slip[None], level)[0]
+    error = (
+        stick_slip.friction_coefficient(slip, **FRICTION) - friction(spheres, slip[None], level)[0]
+    )
     np.testing.assert_allclose(error[slip <= 0.08], 0.0, atol=1e-15)
     assert error.min() >= -1e-15
     assert error.max() == pytest.approx(3.0 / 16.0 * 0.2 * 0.5, rel=1e-12)
-    fast, rising = np.array([[-0.3, 0.2, 0.3]]), Smoothing(friction_velocity_m_per_s=0.01, friction_rise=0.1)
+    fast, rising = (
+        np.array([[-0.3, 0.2, 0.3]]),
+        Smoothing(friction_velocity_m_per_s=0.01, friction_rise=0.1),
+    )
     np.testing.assert_allclose(friction(spheres, fast, level), [[-0.5, 0.5, 0.5]])
     np.testing.assert_allclose(friction(spheres, fast, rising), [[-0.6, 0.55, 0.6]])
 
@@ -324,18 +407,42 @@ def test_socket_is_the_bushing_up_to_its_corners():
     """Off by 3/16 of each corner: of tension and compression, of the stops, of the rate stops."""
     stiff, negative, damping, limit, rate_limit, stop = 1.2e5, 2e4, 1e3, 0.015, 0.5, 10.0
     row = np.array([[stiff, negative, damping, limit, rate_limit, stop]])
-    x, rate = (grid.ravel() for grid in np.meshgrid(np.linspace(-0.03, 0.03, 301), np.linspace(-1.0, 1.0, 101)))
+    x, rate = (
+        grid.ravel()
+        for grid in np.meshgrid(np.linspace(-0.03, 0.03, 301), np.linspace(-1.0, 1.0, 101))
+    )
     found, energy = spring_forces(row, x[None], rate[None], np.ones((1, len(x))))
-    known = bushing.axis_force(x, rate, stiffness=stiff, stiffness_negative=negative, damping=damping, limit=limit,
-                               rate_limit=rate_limit, stop_ratio=stop)
+    known = bushing.axis_force(
+        x,
+        rate,
+        stiffness=stiff,
+        stiffness_negative=negative,
+        damping=damping,
+        limit=limit,
+        rate_limit=rate_limit,
+        stop_ratio=stop,
+    )
     error, part = np.abs(found[0] - known), 3.0 / 16.0
-    bound = (part * (stiff - negative) * TENSION_WIDTH * (np.abs(x) < TENSION_WIDTH)
-             + part * stop * stiff * STOP_WIDTH * limit * (np.abs(np.abs(x) - limit) < STOP_WIDTH * limit)
-             + part * stop * damping * STOP_WIDTH * rate_limit
-             * (np.abs(np.abs(rate) - rate_limit) < STOP_WIDTH * rate_limit))
+    bound = (
+        part * (stiff - negative) * TENSION_WIDTH * (np.abs(x) < TENSION_WIDTH)
+        + part
+        * stop
+        * stiff
+        * STOP_WIDTH
+        * limit
+        * (np.abs(np.abs(x) - limit) < STOP_WIDTH * limit)
+        + part
+        * stop
+        * damping
+        * STOP_WIDTH
+        * rate_limit
+        * (np.abs(np.abs(rate) - rate_limit) < STOP_WIDTH * rate_limit)
+    )
     assert np.all(error <= bound + 1e-9)
     still = spring_forces(row, x[None], 0.0 * x[None], np.ones((1, len(x))))[0][0]
-    by = spring_forces(row, x[None] + 1j * IMAGINARY_STEP, rate[None], np.ones((1, len(x))))[1][0].imag
+    by = spring_forces(row, x[None] + 1j * IMAGINARY_STEP, rate[None], np.ones((1, len(x))))[1][
+        0
+    ].imag
     np.testing.assert_allclose(by / IMAGINARY_STEP, -still, atol=1e-9)
     assert energy.min() >= 0.0
 
@@ -356,13 +463,16 @@ def backward_rates(count):
     rates = sp.lil_matrix((count, count))
     rates[1, 0], rates[1, 1] = -1.0, 1.0
     for i in range(2, count):
-        rates[i, i - 2:i + 1] = [0.5, -2.0, 1.5]
+        rates[i, i - 2 : i + 1] = [0.5, -2.0, 1.5]
     return rates.tocsr() / STEP_S
 
 
 def planar(motion, names):
     """The motion without what leaves the sagittal plane."""
-    values = [motion.values[:, i] if name in names else 0.0 * motion.time_s for i, name in enumerate(motion.names)]
+    values = [
+        motion.values[:, i] if name in names else 0.0 * motion.time_s
+        for i, name in enumerate(motion.names)
+    ]
     return CoordinateTrajectory(motion.time_s, np.column_stack(values), motion.names)
 
 
@@ -372,8 +482,11 @@ def rolling(walker, motion):
     sagittal model, a planar roll-over and the instants at which it is looked at."""
     parameters, subject = ModelParameters(), walker("right").subject
     level = replace(parameters.foot.friction, mu_kinetic=parameters.foot.friction.mu_static)
-    parameters = replace(parameters, foot=replace(parameters.foot, friction=level),
-                         intact_foot=replace(parameters.intact_foot, friction=level))
+    parameters = replace(
+        parameters,
+        foot=replace(parameters.foot, friction=level),
+        intact_foot=replace(parameters.intact_foot, friction=level),
+    )
     person = Walker(subject, parameters)
     model = SagittalModel(person)
     path, time = planar(motion("right"), model.coordinates), np.arange(0.02, 0.9, STEP_S)
@@ -401,20 +514,30 @@ def test_ground_reaction_is_the_steppers_but_for_the_inertia_of_what_yields(roll
     w, u = balanced
     p = np.repeat(OWN[:, None], len(time), 1)
     y = dict(zip(model.outputs, model.evaluate(*state, w, u, p, SHARPER), strict=True))
-    coarse, fine = (person.walk(path, fulcrum_m=OWN[0], start_s=0.0, end_s=0.9, step_s=h) for h in (1e-3, 5e-4))
+    coarse, fine = (
+        person.walk(path, fulcrum_m=OWN[0], start_s=0.0, end_s=0.9, step_s=h) for h in (1e-3, 5e-4)
+    )
     own = (backward_rates(len(time)) @ u.T).T
     nil = np.zeros((2, len(time)))
     dynamics, still = model.dynamics, model.motion(*state, w, u, p)
-    moved = dynamics.move(np.concatenate([state[0], w, p[:1], p[2:3]]), np.concatenate([state[1], u, nil]),
-                          np.concatenate([state[2], own, nil]))
+    moved = dynamics.move(
+        np.concatenate([state[0], w, p[:1], p[2:3]]),
+        np.concatenate([state[1], u, nil]),
+        np.concatenate([state[2], own, nil]),
+    )
     left_out = (dynamics.inertial(moved) - dynamics.inertial(still)).sum(axis=1)
 
     def size(x):
         return np.sqrt((x * x).mean())
 
-    for name, column, missing in (("prosthetic_fx", 0, left_out[1]), ("prosthetic_fz", 2, left_out[2])):
-        known, other = (np.interp(time, walk.record.time_s, walk.prosthetic.grf_W[:, column])
-                        for walk in (fine, coarse))
+    for name, column, missing in (
+        ("prosthetic_fx", 0, left_out[1]),
+        ("prosthetic_fz", 2, left_out[2]),
+    ):
+        known, other = (
+            np.interp(time, walk.record.time_s, walk.prosthetic.grf_W[:, column])
+            for walk in (fine, coarse)
+        )
         assert size(y[name] - known) <= size(missing) + 2.0 * size(other - known)
         assert size(y[name] - known) < 0.005 * model.weight
     assert y["prosthetic_fz"].max() > 0.9 * model.weight

@@ -36,7 +36,9 @@ from vsf_drake.simulation.stepping.tree import (
     work_space,
 )
 
-place, inverse_dynamics, mass_matrix = (compiled(each.py_func) for each in (place, inverse_dynamics, mass_matrix))
+place, inverse_dynamics, mass_matrix = (
+    compiled(each.py_func) for each in (place, inverse_dynamics, mass_matrix)
+)
 """To be called from Python."""
 TOLERANCE = 1e-12
 STATES = 3
@@ -67,8 +69,14 @@ def askew(rng):
         body = plant.AddRigidBody(f"body{i}", SpatialInertia(rng.uniform(0.1, 20.0), p, G))
         parent = plant.world_body() if i == 0 else bodies[rng.integers(i)]
         joint, axis = (RevoluteJoint, PrismaticJoint, WeldJoint)[i % 3], rng.normal(size=3)
-        plant.AddJoint(joint(f"joint{i}", frame(parent), frame(body),
-                             RigidTransform() if joint is WeldJoint else axis / np.linalg.norm(axis)))
+        plant.AddJoint(
+            joint(
+                f"joint{i}",
+                frame(parent),
+                frame(body),
+                RigidTransform() if joint is WeldJoint else axis / np.linalg.norm(axis),
+            )
+        )
         bodies.append(body)
     plant.Finalize()
     return plant
@@ -80,9 +88,17 @@ class Case:
     def __init__(self, plant: MultibodyPlant, context, rng) -> None:
         self.plant, self.context, self.tree = plant, context, tree_of(plant, context)
         n = plant.num_velocities()
-        self.q, self.v, self.a = rng.uniform(-1.0, 1.0, n), rng.uniform(-5.0, 5.0, n), rng.uniform(-50.0, 50.0, n)
+        self.q, self.v, self.a = (
+            rng.uniform(-1.0, 1.0, n),
+            rng.uniform(-5.0, 5.0, n),
+            rng.uniform(-50.0, 50.0, n),
+        )
         plant.SetPositionsAndVelocities(context, np.concatenate([self.q, self.v]))
-        self.arrays, self.motion, self.tau = tree_arrays(self.tree), work_space(self.tree), np.zeros(n)
+        self.arrays, self.motion, self.tau = (
+            tree_arrays(self.tree),
+            work_space(self.tree),
+            np.zeros(n),
+        )
         place(self.arrays, self.q, self.motion)
         inverse_dynamics(self.arrays, self.v, self.a, self.motion, self.tau)
 
@@ -96,7 +112,9 @@ class Case:
         return [(b, self.plant.get_body(BodyIndex(b))) for b in range(1, self.plant.num_bodies())]
 
 
-@pytest.fixture(params=[(name, i) for name in PLANTS for i in range(STATES)], ids=lambda p: f"{p[0]}-{p[1]}")
+@pytest.fixture(
+    params=[(name, i) for name in PLANTS for i in range(STATES)], ids=lambda p: f"{p[0]}-{p[1]}"
+)
 def case(request, walker):
     name, seed = request.param
     rng = np.random.default_rng(seed)
@@ -114,24 +132,38 @@ def case(request, walker):
 
 def assert_equal(found, wanted):
     wanted = np.asarray(wanted)
-    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=TOLERANCE * max(np.abs(wanted).max(), 1e-3))
+    np.testing.assert_allclose(
+        found, wanted, rtol=0.0, atol=TOLERANCE * max(np.abs(wanted).max(), 1e-3)
+    )
 
 
 def test_poses_joint_motions_velocities_and_accelerations_are_drakes(case):
     """Spatial vectors are of the point at the world's origin: v - w x p, and for accelerations a - alpha x p - w x v,
     with gravity as one of the world."""
-    world, accelerations = case.plant.world_frame(), case.plant.CalcSpatialAccelerationsFromVdot(case.context, case.a)
+    world, accelerations = (
+        case.plant.world_frame(),
+        case.plant.CalcSpatialAccelerationsFromVdot(case.context, case.a),
+    )
     for b, body in case.bodies():
         X, V = body.EvalPoseInWorld(case.context), body.EvalSpatialVelocityInWorld(case.context)
         p, w, v = X.translation(), V.rotational(), V.translational()
         assert_equal(case.motion.R[b], X.rotation().matrix())
         assert_equal(case.motion.p[b], p)
         J = case.plant.CalcJacobianSpatialVelocity(
-            case.context, JacobianWrtVariable.kV, body.body_frame(), X.inverse().translation(), world, world)
+            case.context,
+            JacobianWrtVariable.kV,
+            body.body_frame(),
+            X.inverse().translation(),
+            world,
+            world,
+        )
         assert_equal(np.where(case.tree.ancestors[b], case.motion.S.T, 0.0), J)
         assert_equal(case.motion.V[b], [*w, *(v - np.cross(w, p))])
         alpha, a = accelerations[b].rotational(), accelerations[b].translational()
-        assert_equal(case.motion.A[b], [*alpha, *(a - np.cross(alpha, p) - np.cross(w, v) - case.tree.gravity)])
+        assert_equal(
+            case.motion.A[b],
+            [*alpha, *(a - np.cross(alpha, p) - np.cross(w, v) - case.tree.gravity)],
+        )
 
 
 def test_inverse_dynamics_with_gravity_are_drakes(case):
@@ -149,8 +181,14 @@ def test_mass_matrix_is_drakes(case):
 
 
 def test_energies_are_drakes(case):
-    motion = follow(case.tree, np.tile(case.q, (2, 1)), np.array([case.v, np.zeros_like(case.v)]), bodies=(0,),
-                    coordinates=(), inside=np.ones(len(case.tree.body_names), dtype=bool))
+    motion = follow(
+        case.tree,
+        np.tile(case.q, (2, 1)),
+        np.array([case.v, np.zeros_like(case.v)]),
+        bodies=(0,),
+        coordinates=(),
+        inside=np.ones(len(case.tree.body_names), dtype=bool),
+    )
     potential, kinetic = -motion.mass_moment @ case.tree.gravity, motion.kinetic_j
     assert_equal(kinetic, [case.plant.CalcKineticEnergy(case.context), 0.0])
     assert_equal(potential, [case.plant.CalcPotentialEnergy(case.context)] * 2)

@@ -14,9 +14,25 @@ from pydrake.multibody.tree import MultibodyForces_
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.plants.foot import mount_pose, set_mount
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
-from vsf_drake.simulation.stepping.assembly import find_sites, find_support, split_coordinates, step_workspace
-from vsf_drake.simulation.stepping.directions import ParameterTangent, make_directions, tangent_workspace
-from vsf_drake.simulation.stepping.newton import EXACT, FLAT, _residual, _velocities, step, tangent_matrix
+from vsf_drake.simulation.stepping.assembly import (
+    find_sites,
+    find_support,
+    split_coordinates,
+    step_workspace,
+)
+from vsf_drake.simulation.stepping.directions import (
+    ParameterTangent,
+    make_directions,
+    tangent_workspace,
+)
+from vsf_drake.simulation.stepping.newton import (
+    EXACT,
+    FLAT,
+    _residual,
+    _velocities,
+    step,
+    tangent_matrix,
+)
 from vsf_drake.simulation.stepping.sensitivity import linearise
 from vsf_drake.simulation.stepping.tree import inverse_dynamics, mass_matrix, place, tree_arrays
 from vsf_drake.simulation.variables import added
@@ -53,55 +69,96 @@ class Instant:
         names: variables. fulcrum, width: where the support is (m from A), and over which it passes a joint.
     """
 
-    def __init__(self, walker, seed, names, *, depth, speed, forces=True, fulcrum=FULCRUM_M, width=0.0):
+    def __init__(
+        self, walker, seed, names, *, depth, speed, forces=True, fulcrum=FULCRUM_M, width=0.0
+    ):
         self.walker, self.names, rng = walker, names, np.random.default_rng(seed)
         self.fulcrum, self.width = fulcrum, width
         mechanism = self._mechanism(np.zeros(len(MOUNT)))
         if not forces:
-            mechanism = dataclasses.replace(mechanism, springs=np.zeros_like(mechanism.springs), fulcrum=np.zeros(2))
+            mechanism = dataclasses.replace(
+                mechanism, springs=np.zeros_like(mechanism.springs), fulcrum=np.zeros(2)
+            )
         self.mechanism, tree = mechanism, mechanism.tree
         n = tree.num_coordinates
         self.held = np.array([tree.index(name) for name in HELD])
         self.dofs = split_coordinates(tree, mechanism.forces, self.held)
-        self.q = rng.uniform(-0.05, 0.05, n) * np.where(np.char.startswith(tree.coordinate_names, "socket_t"), 0.05, 1)
+        self.q = rng.uniform(-0.05, 0.05, n) * np.where(
+            np.char.startswith(tree.coordinate_names, "socket_t"), 0.05, 1
+        )
         self.q[tree.index("fulcrum")] = fulcrum
         self.v0 = rng.uniform(-speed, speed, n)
         self.workspace = step_workspace(tree, mechanism.forces, self.dofs)
         arrays = tree_arrays(tree)
         compiled(place.py_func)(arrays, self.q, self.workspace.motion)
         R, p, b = self.workspace.motion.R, self.workspace.motion.p, mechanism.site_bodies
-        bottoms = (p[b] + np.einsum("sij,sj->si", R[b], mechanism.sites[:, :3]))[:, 2] - mechanism.sites[:, 3]
+        bottoms = (p[b] + np.einsum("sij,sj->si", R[b], mechanism.sites[:, :3]))[
+            :, 2
+        ] - mechanism.sites[:, 3]
         self.ground = bottoms.min() + depth
         held_v = self.v0[self.held] + STEP_S * rng.uniform(-3.0, 3.0, len(self.held))
         q, self.v = self.q.copy(), self.v0.copy()
         sites, support = np.zeros((len(mechanism.sites), 9)), np.zeros(3)
         _, self.converged = step(
-            STEP_S, arrays, mechanism.forces, self.dofs, self.workspace, self.ground, 0.0, fulcrum,
-            self.q[self.held] + STEP_S * held_v, np.zeros((0, 0)), np.zeros(0), q, self.v, np.zeros(n), sites,
-            support)
+            STEP_S,
+            arrays,
+            mechanism.forces,
+            self.dofs,
+            self.workspace,
+            self.ground,
+            0.0,
+            fulcrum,
+            self.q[self.held] + STEP_S * held_v,
+            np.zeros((0, 0)),
+            np.zeros(0),
+            q,
+            self.v,
+            np.zeros(n),
+            sites,
+            support,
+        )
         tangents = [walker.variables[name].by_unit for name in names]
-        tangents += [ParameterTangent(coordinate=name, perturbation=np.ones(2)) for name in HELD[:-1]]
-        directions = make_directions(tree, mechanism.forces, self.dofs, tangents, measured=np.zeros(len(sites),
-                                                                                                    dtype=bool))
+        tangents += [
+            ParameterTangent(coordinate=name, perturbation=np.ones(2)) for name in HELD[:-1]
+        ]
+        directions = make_directions(
+            tree, mechanism.forces, self.dofs, tangents, measured=np.zeros(len(sites), dtype=bool)
+        )
         self.tangent = tangent_workspace(tree, self.dofs, directions)
         tangent_matrix(STEP_S, arrays, mechanism.forces, self.dofs, self.workspace, FLAT, sites)
         self.flat = self.workspace.A.copy()
         tangent_matrix(STEP_S, arrays, mechanism.forces, self.dofs, self.workspace, EXACT, sites)
         self.A, self.sites = self.workspace.A.copy(), sites
-        linearise(STEP_S, arrays, mechanism.forces, self.dofs, directions, self.workspace, self.tangent, self.q,
-                  self.v, sites, support)
+        linearise(
+            STEP_S,
+            arrays,
+            mechanism.forces,
+            self.dofs,
+            directions,
+            self.workspace,
+            self.tangent,
+            self.q,
+            self.v,
+            sites,
+            support,
+        )
         count = len(self.dofs.free)
-        self.by_variable = (self.tangent.Gq[:, count:] @ directions.unit[count:] + self.tangent.E)[:, : len(names)]
+        self.by_variable = (self.tangent.Gq[:, count:] @ directions.unit[count:] + self.tangent.E)[
+            :, : len(names)
+        ]
         self.by_q, self.by_v = self.tangent.Gq[:, :count].copy(), self.tangent.Gv[:, :count].copy()
         way = [directions.coordinate.tolist().index(c) for c in self.held[:-1]]
         self.by_held_q, self.by_held_v, self.by_held_end = (
-            matrix[:, way].copy() for matrix in (self.tangent.Gq, self.tangent.Gv, self.tangent.B))
+            matrix[:, way].copy() for matrix in (self.tangent.Gq, self.tangent.Gv, self.tangent.B)
+        )
 
     def _mechanism(self, change):
         """With the foot at MOUNT and `change` (5,); the Context is as it was afterwards."""
         gait, context = self.walker.gait, self.walker.context
         plant_context, foot = gait.plant_context(context), gait.person.foot
-        set_mount(plant_context, foot, **dict(zip(OFFSETS, MOUNT + np.asarray(change), strict=True)))
+        set_mount(
+            plant_context, foot, **dict(zip(OFFSETS, MOUNT + np.asarray(change), strict=True))
+        )
         mechanism = gait_mechanism(gait, context)
         set_mount(plant_context, foot)
         return dataclasses.replace(mechanism, support_width=self.width)
@@ -109,31 +166,62 @@ class Instant:
     def residual(self, *, dq=0.0, dv0=0.0, dv=0.0, values=None):
         """r / h, free end velocities unchanged, and which branch of its law each site is on."""
         values = values or {}
-        geometry, slide, shift, *_ = added(self.walker.variables, values, self.walker.gait.prescribed)
+        geometry, slide, shift, *_ = added(
+            self.walker.variables, values, self.walker.gait.prescribed
+        )
         mechanism = self.mechanism
         if geometry.any():
             mechanism = dataclasses.replace(mechanism, tree=self._mechanism(geometry).tree)
         mechanism = edited(mechanism, self.walker.variables, values)
-        tree, forces, workspace = mechanism.tree, mechanism.forces, step_workspace(mechanism.tree, mechanism.forces,
-                                                                                   self.dofs)
+        tree, forces, workspace = (
+            mechanism.tree,
+            mechanism.forces,
+            step_workspace(mechanism.tree, mechanism.forces, self.dofs),
+        )
         q, v0, v, a = self.q + dq, self.v0 + dv0, self.v + dv, np.zeros(len(self.q))
         for name, change in zip(self.walker.gait.prescribed, shift, strict=True):
             q[tree.index(name)] += change
         q[tree.index("fulcrum")] += slide
         sites = np.zeros((len(mechanism.sites), 9))
         a[self.held] = (v - v0)[self.held] / STEP_S
-        _residual_at(tree_arrays(tree), forces, self.dofs, workspace, self.ground, self.fulcrum + slide, q, v0, a, v,
-                     sites, np.zeros(3))
+        _residual_at(
+            tree_arrays(tree),
+            forces,
+            self.dofs,
+            workspace,
+            self.ground,
+            self.fulcrum + slide,
+            q,
+            v0,
+            a,
+            v,
+            sites,
+            np.zeros(3),
+        )
         loaded, law = sites[:, 1] > 0.0, mechanism.sites
         speed = np.hypot(sites[:, 5], sites[:, 6]) / law[:, 10]
-        kinds = [loaded, loaded & (sites[:, 4] > 0.0), loaded & (sites[:, 0] > law[:, 7]), loaded & (speed > 1.0),
-                 loaded & (speed > 1.5)]
+        kinds = [
+            loaded,
+            loaded & (sites[:, 4] > 0.0),
+            loaded & (sites[:, 0] > law[:, 7]),
+            loaded & (speed > 1.0),
+            loaded & (speed > 1.5),
+        ]
         return workspace.r / STEP_S, np.array(kinds)
 
     def difference(self, change, **unit):
         """Central difference of the residual along `unit`, and whether nothing changes its branch on the way."""
-        ends = [self.residual(**{key: {n: sign * change * x for n, x in value.items()} if key == "values"
-                                 else sign * change * value for key, value in unit.items()}) for sign in (1.0, -1.0)]
+        ends = [
+            self.residual(
+                **{
+                    key: {n: sign * change * x for n, x in value.items()}
+                    if key == "values"
+                    else sign * change * value
+                    for key, value in unit.items()
+                }
+            )
+            for sign in (1.0, -1.0)
+        ]
         return (ends[0][0] - ends[1][0]) / (2.0 * change), np.array_equal(ends[0][1], ends[1][1])
 
 
@@ -141,7 +229,9 @@ class Instant:
 def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed):
     """In the air, without springs: rows of free coordinates, by all of these, by held ones and by the mount."""
     person = walker(side)
-    variables = [f"coordinate.{name}" for name in HELD[:-1] if f"coordinate.{name}" in person.variables]
+    variables = [
+        f"coordinate.{name}" for name in HELD[:-1] if f"coordinate.{name}" in person.variables
+    ]
     variables += [*(f"offset.{name}" for name in OFFSETS), "fulcrum.shift"]
     at = Instant(person, seed, variables, depth=-1.0, speed=2.0, forces=False)
     tree, free, n = at.mechanism.tree, at.dofs.free, len(at.q)
@@ -151,10 +241,15 @@ def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed)
     context = plant.CreateDefaultContext()
     level = mount_pose(person.gait.person.foot.parameters).translation()
     turn, right = RotationMatrix_[AutoDiffXd], -1.0 if side == "left" else 1.0
-    R_KM = (turn.MakeZRotation(right * toe_out) @ turn.MakeXRotation(-right * inversion)
-            @ turn.MakeYRotation(alignment))
-    plant.GetFrameByName("vsf_mount").SetPoseInParentFrame(context, RigidTransform_[AutoDiffXd](
-        R_KM, level - np.array([fore_aft, AutoDiffXd(0.0), height])))
+    R_KM = (
+        turn.MakeZRotation(right * toe_out)
+        @ turn.MakeXRotation(-right * inversion)
+        @ turn.MakeYRotation(alignment)
+    )
+    plant.GetFrameByName("vsf_mount").SetPoseInParentFrame(
+        context,
+        RigidTransform_[AutoDiffXd](R_KM, level - np.array([fore_aft, AutoDiffXd(0.0), height])),
+    )
     plant.SetPositions(context, q)
     plant.SetVelocities(context, v0)
     gravity = MultibodyForces_[AutoDiffXd](plant)
@@ -164,19 +259,23 @@ def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed)
     assert at.converged
     scale = np.abs(wanted[:, :n]).max()
     np.testing.assert_allclose(at.by_q, wanted[:, free], rtol=0.0, atol=1e-10 * scale)
-    np.testing.assert_allclose(at.by_v, wanted[:, n + free], rtol=0.0, atol=1e-10 * np.abs(wanted[:, n + free]).max())
+    np.testing.assert_allclose(
+        at.by_v, wanted[:, n + free], rtol=0.0, atol=1e-10 * np.abs(wanted[:, n + free]).max()
+    )
     held = at.held[:-1]
     np.testing.assert_allclose(at.by_held_q, wanted[:, held], rtol=0.0, atol=1e-10 * scale)
-    np.testing.assert_allclose(at.by_held_v, wanted[:, n + held], rtol=0.0,
-                               atol=1e-10 * np.abs(wanted[:, n + held]).max())
+    np.testing.assert_allclose(
+        at.by_held_v, wanted[:, n + held], rtol=0.0, atol=1e-10 * np.abs(wanted[:, n + held]).max()
+    )
     mass = plant.CalcMassMatrix(context)
     mass = np.vectorize(lambda entry: entry.value())(mass)[np.ix_(free, held)]
     np.testing.assert_allclose(at.by_held_end, mass, rtol=0.0, atol=1e-10 * np.abs(mass).max())
     columns = [*(2 * n + i for i in range(len(MOUNT))), tree.index("fulcrum")]
-    columns = [*(tree.index(name[11:]) for name in variables[:-len(columns)]), *columns]
+    columns = [*(tree.index(name[11:]) for name in variables[: -len(columns)]), *columns]
     assert np.abs(wanted[:, columns]).max() > 1.0
-    np.testing.assert_allclose(at.by_variable, wanted[:, columns], rtol=0.0,
-                               atol=1e-10 * np.abs(wanted[:, columns]).max())
+    np.testing.assert_allclose(
+        at.by_variable, wanted[:, columns], rtol=0.0, atol=1e-10 * np.abs(wanted[:, columns]).max()
+    )
 
 
 @pytest.mark.parametrize(("side", "speed"), [("right", 0.02), ("left", 0.3), ("right", 1.0)])
@@ -184,20 +283,31 @@ def test_contact_springs_and_support_are_differentiated_too(walker, side, speed)
     """Stuck, on friction's falling branch, sliding: by coordinates, velocities at the start, those at the end, which is
     the tangent of Newton's method, and every variable."""
     person, checked, total = walker(side), 0, 0
-    variables = [name for name in person.variables if name[11:] not in np.setdiff1d(person.gait.prescribed, HELD)]
+    variables = [
+        name
+        for name in person.variables
+        if name[11:] not in np.setdiff1d(person.gait.prescribed, HELD)
+    ]
     variables = [name for name in variables if not name.endswith("exponent")]
     for seed in range(2):
         at = Instant(person, seed, variables, depth=0.012, speed=speed)
         assert at.converged and at.residual()[1][0].sum() > 3
         free, held = np.eye(len(at.q))[at.dofs.free], np.eye(len(at.q))[at.held[:-1]]
-        for matrix, key, along in ((at.by_q, "dq", free), (at.by_v, "dv0", free), (at.by_held_q, "dq", held),
-                                   (at.by_held_v, "dv0", held), (at.by_held_end / STEP_S, "dv", held),
-                                   (at.A / STEP_S, "dv", free)):
+        for matrix, key, along in (
+            (at.by_q, "dq", free),
+            (at.by_v, "dv0", free),
+            (at.by_held_q, "dq", held),
+            (at.by_held_v, "dv0", held),
+            (at.by_held_end / STEP_S, "dv", held),
+            (at.A / STEP_S, "dv", free),
+        ):
             for exact, unit in zip(matrix.T, along, strict=True):
                 found, smooth = at.difference(1e-6, **{key: unit})
                 total, checked = total + 1, checked + smooth
                 if smooth:
-                    np.testing.assert_allclose(exact, found, rtol=0.0, atol=1e-5 * np.abs(matrix).max(), err_msg=key)
+                    np.testing.assert_allclose(
+                        exact, found, rtol=0.0, atol=1e-5 * np.abs(matrix).max(), err_msg=key
+                    )
         for p, name in enumerate(variables):
             variable = person.variables[name]
             if variable.added:
@@ -205,11 +315,18 @@ def test_contact_springs_and_support_are_differentiated_too(walker, side, speed)
             else:
                 default, change = variable.default, 1e-5 * variable.default
                 ends = [at.residual(values={name: default + sign * change}) for sign in (1.0, -1.0)]
-                found, smooth = (ends[0][0] - ends[1][0]) / (2.0 * change), np.array_equal(ends[0][1], ends[1][1])
+                found, smooth = (
+                    (ends[0][0] - ends[1][0]) / (2.0 * change),
+                    np.array_equal(ends[0][1], ends[1][1]),
+                )
             total, checked = total + 1, checked + smooth
             if smooth:
-                scale = max(np.abs(at.by_variable[:, p]).max(), 1.0 / (abs(variable.default) or 0.01))
-                np.testing.assert_allclose(at.by_variable[:, p], found, rtol=0.0, atol=1e-5 * scale, err_msg=name)
+                scale = max(
+                    np.abs(at.by_variable[:, p]).max(), 1.0 / (abs(variable.default) or 0.01)
+                )
+                np.testing.assert_allclose(
+                    at.by_variable[:, p], found, rtol=0.0, atol=1e-5 * scale, err_msg=name
+                )
     assert checked > 0.9 * total
 
 
@@ -218,16 +335,24 @@ def test_contact_springs_and_support_are_differentiated_too(walker, side, speed)
 def test_support_on_two_pieces_is_differentiated_too(walker, joint, place):
     """Within a width of a joint, by keel and socket coordinates, by the support's place and by its stiffness."""
     names = ("fulcrum.shift", "fulcrum.stiffness")
-    at = Instant(walker("right"), 5, names, depth=-1.0, speed=0.5, fulcrum=joint + place * 0.006, width=0.006)
+    at = Instant(
+        walker("right"), 5, names, depth=-1.0, speed=0.5, fulcrum=joint + place * 0.006, width=0.006
+    )
     assert at.converged and 0.0 < at.workspace.fulcrum[1] < 1.0
     for exact, unit in zip(at.by_q.T, np.eye(len(at.q))[at.dofs.free], strict=True):
         found, _ = at.difference(1e-6, dq=unit)
         np.testing.assert_allclose(exact, found, rtol=0.0, atol=1e-6 * np.abs(at.by_q).max())
     stiffness = at.mechanism.fulcrum[0]
-    ends = [at.residual(values={"fulcrum.stiffness": (1.0 + sign * 1e-5) * stiffness})[0] for sign in (1.0, -1.0)]
+    ends = [
+        at.residual(values={"fulcrum.stiffness": (1.0 + sign * 1e-5) * stiffness})[0]
+        for sign in (1.0, -1.0)
+    ]
     by_stiffness = (ends[0] - ends[1]) / (2e-5 * stiffness)
-    for exact, found in zip(at.by_variable.T, (at.difference(1e-6, values={"fulcrum.shift": 1.0})[0], by_stiffness),
-                            strict=True):
+    for exact, found in zip(
+        at.by_variable.T,
+        (at.difference(1e-6, values={"fulcrum.shift": 1.0})[0], by_stiffness),
+        strict=True,
+    ):
         assert np.abs(exact).max() > 0.0
         np.testing.assert_allclose(exact, found, rtol=0.0, atol=1e-6 * np.abs(exact).max())
 

@@ -16,7 +16,12 @@ def test_steps_solve_drakes_equations_of_motion_with_the_forces_they_record(walk
     """M a + C - tau_g - sum J^T f = load, which is 0 for what is free: all but f and load from Drake and the laws."""
     person = walker(side)
     walk = person.walk(motion(side), fulcrum_m=0.108, start_s=0.0, end_s=0.94, step_s=2e-3)
-    plant, context, record, mechanism = person.gait.plant, walk.mechanism.context, walk.record, walk.mechanism
+    plant, context, record, mechanism = (
+        person.gait.plant,
+        walk.mechanism.context,
+        walk.record,
+        walk.mechanism,
+    )
     free = np.setdiff1d(np.arange(record.q.shape[1]), inputs_of(walk, person).prescribed)
     for k in range(60, 440, 20):
         q0, v0, q, v = record.q[k - 1], record.v[k - 1], record.q[k], record.v[k]
@@ -33,7 +38,9 @@ def test_steps_solve_drakes_equations_of_motion_with_the_forces_they_record(walk
         M = plant.CalcMassMatrix(context)[np.ix_(free, free)]
         assert np.sqrt(r @ np.linalg.solve(M, r)) < 2.0 * TOLERANCE
         held = np.setdiff1d(np.arange(len(q)), free)
-        np.testing.assert_allclose(record.load[k, held], need[held], rtol=0.0, atol=1e-9 * np.abs(need).max())
+        np.testing.assert_allclose(
+            record.load[k, held], need[held], rtol=0.0, atol=1e-9 * np.abs(need).max()
+        )
 
 
 def ground_on_coordinates(plant, context, mechanism, sites):
@@ -45,7 +52,8 @@ def ground_on_coordinates(plant, context, mechanism, sites):
             X = body.EvalPoseInWorld(context)
             p_B = X.inverse() @ (X @ row[:3] - [0.0, 0.0, row[3]])
             J = plant.CalcJacobianTranslationalVelocity(
-                context, JacobianWrtVariable.kV, body.body_frame(), p_B, world, world)
+                context, JacobianWrtVariable.kV, body.body_frame(), p_B, world, world
+            )
             total += J.T @ [site[2], site[3], site[1]]
     return total
 
@@ -54,6 +62,11 @@ def support_row(plant, context, foot, position):
     """(n,) rate of the keel's point at `position` in the foot's frame along its z, by each coordinate."""
     j = foot.keel_body_at(position)
     J = plant.CalcJacobianTranslationalVelocity(
-        context, JacobianWrtVariable.kV, foot.keel[j].body_frame(), [position - foot.keel_starts[j], 0.0, 0.0],
-        foot.frame.body_frame(), foot.frame.body_frame())
+        context,
+        JacobianWrtVariable.kV,
+        foot.keel[j].body_frame(),
+        [position - foot.keel_starts[j], 0.0, 0.0],
+        foot.frame.body_frame(),
+        foot.frame.body_frame(),
+    )
     return J[2]

@@ -26,9 +26,17 @@ from vsf_drake.simulation.walk import Walker
 END_S, STRIKE_S, MID_STANCE_S = 0.94, 0.1, 0.4
 GRID = np.array([0.0, 0.5, 1.0])
 COORDINATES = ("pelvis_tx", "pelvis_ty", "hip_flexion_{}", "knee_angle_{}")
-VALUES = {"offset.height": 2e-3, "offset.fore_aft": 4e-3, "offset.alignment": 0.02,
-          "offset.inversion": -0.06, "offset.toe_out": 0.09, "contact.forefoot.rise": 1e-3,
-          "coordinate.pelvis_list": 0.01, "fulcrum.shift": 0.004, "fulcrum.stiffness": 8e4}
+VALUES = {
+    "offset.height": 2e-3,
+    "offset.fore_aft": 4e-3,
+    "offset.alignment": 0.02,
+    "offset.inversion": -0.06,
+    "offset.toe_out": 0.09,
+    "contact.forefoot.rise": 1e-3,
+    "coordinate.pelvis_list": 0.01,
+    "fulcrum.shift": 0.004,
+    "fulcrum.stiffness": 8e4,
+}
 """Away from the defaults, so that nothing is right at zero only."""
 FOOT = FootParameters()
 JOINTS_M = np.cumsum(FOOT.keel.element_lengths_m) - 0.5 * np.array(FOOT.keel.element_lengths_m)
@@ -48,7 +56,9 @@ class Perturbed:
 
     @property
     def variables(self):
-        return self.person.variables | perturbation_variables(self.perturbations, self.person.gait.prescribed, GRID)
+        return self.person.variables | perturbation_variables(
+            self.perturbations, self.person.gait.prescribed, GRID
+        )
 
     def walk(self, motion, **options):
         return self.person.walk(motion, perturbations=self.perturbations, **options)
@@ -71,7 +81,10 @@ def moving(time):
 
 CASES = {
     "whole stance": ("right", {"fulcrum_m": 0.108, "start_s": STRIKE_S, "step_s": 2e-3}),
-    "fulcrum moving, from loaded rest": ("left", {"fulcrum_m": moving, "start_s": MID_STANCE_S, "step_s": 2e-3}),
+    "fulcrum moving, from loaded rest": (
+        "left",
+        {"fulcrum_m": moving, "start_s": MID_STANCE_S, "step_s": 2e-3},
+    ),
 }
 FAMILIES = ("contact", "friction", "keel", "fulcrum", "socket", "offset", "coordinate")
 
@@ -89,8 +102,12 @@ def case(walker, motion, name, prefix=""):
 def family(person, prefix):
     """Names of it, of coordinates those on which the force on the prosthetic foot depends."""
     other = "_l" if person.subject.prosthetic_side == "right" else "_r"
-    return [name for name in person.variables if name.startswith(prefix)
-            and (prefix == "perturbation" or not name.endswith(("_tx", "_tz", other)))]
+    return [
+        name
+        for name in person.variables
+        if name.startswith(prefix)
+        and (prefix == "perturbation" or not name.endswith(("_tx", "_tz", other)))
+    ]
 
 
 @pytest.mark.parametrize("prefix", [*FAMILIES, "perturbation"])
@@ -102,10 +119,15 @@ def test_central_differences_lead_to_the_sensitivity(walker, motion, name, prefi
     names = family(person, prefix)
     sensitivity = person.walk(recording, with_respect_to=names, **options).sensitivity
     for variable in names:
-        by = central(person, recording, variable, 3e-6 * size(person.variables[variable]), **options)
+        by = central(
+            person, recording, variable, 3e-6 * size(person.variables[variable]), **options
+        )
         assert by.alike.all(), variable
         for key, error in errors(person, sensitivity, variable, by):
-            assert error.max() < (5e-3 if options["start_s"] == MID_STANCE_S else 1e-3), (variable, key)
+            assert error.max() < (5e-3 if options["start_s"] == MID_STANCE_S else 1e-3), (
+                variable,
+                key,
+            )
             assert np.median(error) < 1e-6, (variable, key)
 
 
@@ -115,15 +137,27 @@ def test_steps_that_are_cut_carry_sensitivities_through_their_pieces(name):
     setting, values, step_s = SETTINGS[name]
     walker, trial = hard_walker(setting)
     person = perturbed(walker)
-    options = {"values": values, "fulcrum_m": trial.fulcrum_m, "start_s": trial.start_s, "end_s": trial.end_s,
-               "step_s": step_s}
-    names = ("offset.height", "contact.forefoot.stiffness", "friction.mu_static", "socket.ty.stiffness",
-             *family(person, "perturbation"))
+    options = {
+        "values": values,
+        "fulcrum_m": trial.fulcrum_m,
+        "start_s": trial.start_s,
+        "end_s": trial.end_s,
+        "step_s": step_s,
+    }
+    names = (
+        "offset.height",
+        "contact.forefoot.stiffness",
+        "friction.mu_static",
+        "socket.ty.stiffness",
+        *family(person, "perturbation"),
+    )
     walk = person.walk(trial.trajectory, with_respect_to=names, **options)
     assert walk.record.parts.max() > 1 and walk.record.converged.all()
     np.testing.assert_array_equal(walk.record.q, cut_walk(name).record.q)
     for variable in names:
-        by = central(person, trial.trajectory, variable, 1e-6 * size(person.variables[variable]), **options)
+        by = central(
+            person, trial.trajectory, variable, 1e-6 * size(person.variables[variable]), **options
+        )
         same = np.logical_and.accumulate(by.alike)
         assert same[np.flatnonzero(walk.record.parts > 1)[0]], variable
         for key, error in errors(person, walk.sensitivity, variable, by):
@@ -133,18 +167,28 @@ def test_steps_that_are_cut_carry_sensitivities_through_their_pieces(name):
 
 def test_person_who_walks_elsewhere_loads_the_ground_there_and_not_otherwise(walker, motion):
     """Shifted by a metre forward or to the right: the same force, a metre away (y_W is to the left)."""
-    walk = walker("right").walk(motion("right"), fulcrum_m=0.108, start_s=MID_STANCE_S, end_s=END_S, step_s=2e-3,
-                                with_respect_to=("coordinate.pelvis_tx", "coordinate.pelvis_tz"))
+    walk = walker("right").walk(
+        motion("right"),
+        fulcrum_m=0.108,
+        start_s=MID_STANCE_S,
+        end_s=END_S,
+        step_s=2e-3,
+        with_respect_to=("coordinate.pelvis_tx", "coordinate.pelvis_tz"),
+    )
     by, loaded = walk.sensitivity, ~np.isnan(walk.prosthetic.cop_W[:, 0])
     assert np.count_nonzero(loaded) > 200
     assert np.abs(by.grf_W).max() < 1e-8
-    np.testing.assert_allclose(by.cop_W[loaded], np.tile([[1.0, 0.0], [0.0, -1.0]], (loaded.sum(), 1, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        by.cop_W[loaded], np.tile([[1.0, 0.0], [0.0, -1.0]], (loaded.sum(), 1, 1)), atol=1e-9
+    )
     assert np.isnan(by.cop_W[~loaded]).all()
     assert np.abs(by.free_moment_nm).max() < 1e-8
 
 
-@pytest.mark.parametrize(("free", "settles"), [
-    (("hip_rotation_r", "pelvis_list"), ()), (("pelvis_ty", "knee_angle_l"), ("pelvis_ty",))])
+@pytest.mark.parametrize(
+    ("free", "settles"),
+    [(("hip_rotation_r", "pelvis_list"), ()), (("pelvis_ty", "knee_angle_l"), ("pelvis_ty",))],
+)
 def test_free_coordinates_respond_too(motion, free, settles):
     """A pelvis that is free to rise and fall and others above and below a perturbation: as recorded at the start, or at
     rest.
@@ -152,40 +196,78 @@ def test_free_coordinates_respond_too(motion, free, settles):
     That rest is not quite reached, since a sticking foot creeps: the same share of a percent at any change.
     """
     subject = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
-    person = Perturbed(Walker(subject, ModelParameters(), free=free),
-                       tuple(MotionPerturbation(name, name, wave) for name in ("hip_flexion_l", "pelvis_tx",
-                                                                               "knee_angle_r")))
-    start = dict(zip(motion("right").names, motion("right").sample(MID_STANCE_S)[0][0], strict=True))
-    options = {"fulcrum_m": 0.108, "start_s": MID_STANCE_S, "end_s": 0.55, "step_s": 1e-3,
-               "initial": {name: float(start[name]) for name in settles}}
-    names = ("contact.forefoot.stiffness", "keel.flexural_modulus", "fulcrum.shift", "offset.height",
-             "coordinate.hip_flexion_l", "coordinate.knee_angle_r", "socket.ty.stiffness", *family(person,
-                                                                                                   "perturbation"))
+    person = Perturbed(
+        Walker(subject, ModelParameters(), free=free),
+        tuple(
+            MotionPerturbation(name, name, wave)
+            for name in ("hip_flexion_l", "pelvis_tx", "knee_angle_r")
+        ),
+    )
+    start = dict(
+        zip(motion("right").names, motion("right").sample(MID_STANCE_S)[0][0], strict=True)
+    )
+    options = {
+        "fulcrum_m": 0.108,
+        "start_s": MID_STANCE_S,
+        "end_s": 0.55,
+        "step_s": 1e-3,
+        "initial": {name: float(start[name]) for name in settles},
+    }
+    names = (
+        "contact.forefoot.stiffness",
+        "keel.flexural_modulus",
+        "fulcrum.shift",
+        "offset.height",
+        "coordinate.hip_flexion_l",
+        "coordinate.knee_angle_r",
+        "socket.ty.stiffness",
+        *family(person, "perturbation"),
+    )
     walk = person.walk(motion("right"), with_respect_to=names, **options)
     for variable in names:
-        by = central(person, motion("right"), variable, 1e-5 * size(person.variables[variable]), **options)
+        by = central(
+            person, motion("right"), variable, 1e-5 * size(person.variables[variable]), **options
+        )
         for key, error in errors(person, walk.sensitivity, variable, by):
             assert np.abs(exact_series(walk.sensitivity, variable)[key]).max() > 0.0
             assert error.max() < (0.01 if settles else 3e-3), (variable, key)
 
 
 def test_run_is_the_same_bit_for_bit_whatever_it_is_differentiated_by(walker, motion):
-    person, options = walker("right"), {"fulcrum_m": 0.108, "start_s": STRIKE_S, "end_s": 0.5, "step_s": 1e-3}
+    person, options = (
+        walker("right"),
+        {"fulcrum_m": 0.108, "start_s": STRIKE_S, "end_s": 0.5, "step_s": 1e-3},
+    )
     names = ("offset.height", "fulcrum.shift", "contact.heel.stiffness")
     plain = person.walk(motion("right"), **options)
     assert plain.sensitivity is None
-    some, one = (person.walk(motion("right"), with_respect_to=n, **options) for n in (names, names[1:2]))
+    some, one = (
+        person.walk(motion("right"), with_respect_to=n, **options) for n in (names, names[1:2])
+    )
     assert some.sensitivity.names == names and one.sensitivity.names == names[1:2]
     for walk in (some, one):
         for key in ("q", "v", "load", "sites", "fulcrum", "iterations"):
-            np.testing.assert_array_equal(getattr(walk.record, key), getattr(plain.record, key), err_msg=key)
-    alone = one.sensitivity.grf_W  # three columns are summed in another order than one on some processors
-    np.testing.assert_allclose(some.sensitivity.grf_W[:, :, 1:2], alone, rtol=1e-12, atol=1e-14 * np.abs(alone).max())
+            np.testing.assert_array_equal(
+                getattr(walk.record, key), getattr(plain.record, key), err_msg=key
+            )
+    alone = (
+        one.sensitivity.grf_W
+    )  # three columns are summed in another order than one on some processors
+    np.testing.assert_allclose(
+        some.sensitivity.grf_W[:, :, 1:2], alone, rtol=1e-12, atol=1e-14 * np.abs(alone).max()
+    )
 
 
 def supported(walker: Walker, motion, fulcrum_m, width_m, **options):
-    return walker.walk(motion("right"), fulcrum_m=fulcrum_m, start_s=0.1, end_s=0.7, step_s=2e-3,
-                       support_width_m=width_m, **options)
+    return walker.walk(
+        motion("right"),
+        fulcrum_m=fulcrum_m,
+        start_s=0.1,
+        end_s=0.7,
+        step_s=2e-3,
+        support_width_m=width_m,
+        **options,
+    )
 
 
 def test_away_from_joints_a_width_changes_nothing(walker, motion):
@@ -204,11 +286,21 @@ def test_keel_gives_way_next_to_a_joint_as_castigliano_has_it(place):
     """
     load, fulcrum, share = 1.0, JOINT_M + place * WIDTH_M, 0.5 * (1.0 + place)
     modulus, reach = FOOT.keel.flexural_modulus_pa, FOOT.load_point_m
-    sharp, wide = (keel_at_rest.rises(FOOT, np.array([load]), fulcrum, width)[0] for width in (0.0, WIDTH_M))
-    stiffness = modulus * section_inertia(FOOT.keel.width_m, FOOT.keel.thickness_m) / FOOT.keel.element_lengths_m[2]
-    m_wide, m_sharp = (load * (reach - JOINT_M) - s * load * reach / fulcrum * (fulcrum - JOINT_M)
-                       for s in (share * share * (3.0 - 2.0 * share), float(place >= 0.0)))
-    assert wide - sharp == pytest.approx((m_wide**2 - m_sharp**2) / (load * stiffness), rel=1e-3, abs=1e-10)
+    sharp, wide = (
+        keel_at_rest.rises(FOOT, np.array([load]), fulcrum, width)[0] for width in (0.0, WIDTH_M)
+    )
+    stiffness = (
+        modulus
+        * section_inertia(FOOT.keel.width_m, FOOT.keel.thickness_m)
+        / FOOT.keel.element_lengths_m[2]
+    )
+    m_wide, m_sharp = (
+        load * (reach - JOINT_M) - s * load * reach / fulcrum * (fulcrum - JOINT_M)
+        for s in (share * share * (3.0 - 2.0 * share), float(place >= 0.0))
+    )
+    assert wide - sharp == pytest.approx(
+        (m_wide**2 - m_sharp**2) / (load * stiffness), rel=1e-3, abs=1e-10
+    )
     assert 0.0 <= wide - sharp + 1e-10
     assert wide - sharp < 0.175 * WIDTH_M * m_sharp / stiffness * reach / fulcrum * 1.05
 
@@ -219,10 +311,23 @@ def test_width_that_reaches_the_next_joint_is_refused(walker, motion, width):
         supported(walker("right"), motion, 0.108, width)
 
 
-NAMES = ("fulcrum.shift", "fulcrum.stiffness", "keel.flexural_modulus", "contact.forefoot.stiffness",
-         "contact.heel.stiffness", "contact.heel.damping", "contact.forefoot.rise", "friction.mu_static",
-         "friction.threshold_velocity", "socket.tz.stiffness", "socket.flexion.stiffness", "socket.tx.stiffness",
-         "offset.alignment", "offset.height", "offset.fore_aft")
+NAMES = (
+    "fulcrum.shift",
+    "fulcrum.stiffness",
+    "keel.flexural_modulus",
+    "contact.forefoot.stiffness",
+    "contact.heel.stiffness",
+    "contact.heel.damping",
+    "contact.forefoot.rise",
+    "friction.mu_static",
+    "friction.threshold_velocity",
+    "socket.tz.stiffness",
+    "socket.flexion.stiffness",
+    "socket.tx.stiffness",
+    "offset.alignment",
+    "offset.height",
+    "offset.fore_aft",
+)
 ROLLED = {"fulcrum_m": 0.1, "start_s": 0.1, "end_s": 0.8, "step_s": 1e-3, "support_width_m": 6e-3}
 """From just before touch-down to toe-off, the support on two pieces of the keel."""
 
@@ -235,7 +340,12 @@ def exact_steps(monkeypatch):
 
 def series(walk):
     """name -> (n, k) what a `LoadSensitivity` differentiates."""
-    return {"load": walk.record.load, "socket": walk.socket_wrench, "q": walk.record.q, "v": walk.record.v}
+    return {
+        "load": walk.record.load,
+        "socket": walk.socket_wrench,
+        "q": walk.record.q,
+        "v": walk.record.v,
+    }
 
 
 def driven(person, walk):
@@ -257,8 +367,12 @@ def assert_differences_agree(person, recording, names, options, *, change=3e-5):
     assert not found.load[:, ~loaded].any()
     for p, name in enumerate(names):
         step = change * size(person.variables[name])
-        ends = [person.walk(recording, values={name: person.variables[name].default + sign * step}, **options)
-                for sign in (-1.0, 1.0)]
+        ends = [
+            person.walk(
+                recording, values={name: person.variables[name].default + sign * step}, **options
+            )
+            for sign in (-1.0, 1.0)
+        ]
         alike = np.all(branches(ends[0]) == branches(ends[1]), axis=1)
         assert alike.mean() > 0.9, name
         low, high = (series(walk) for walk in ends)
@@ -288,18 +402,30 @@ def test_differences_of_walks_lead_to_the_derivatives(walker, motion):
 def test_load_of_a_step_that_was_cut_is_the_mean_of_its_pieces_derivatives_too(name):
     setting, values, step_s = SETTINGS[name]
     person, trial = hard_walker(setting)
-    options = {"values": values, "fulcrum_m": trial.fulcrum_m, "start_s": trial.start_s, "end_s": trial.end_s,
-               "step_s": step_s}
+    options = {
+        "values": values,
+        "fulcrum_m": trial.fulcrum_m,
+        "start_s": trial.start_s,
+        "end_s": trial.end_s,
+        "step_s": step_s,
+    }
     variable, change = "socket.ty.stiffness", 1e-6 * person.variables["socket.ty.stiffness"].default
     walk = person.walk(trial.trajectory, with_respect_to=(variable,), with_loads=True, **options)
     at = values.get(variable, person.variables[variable].default)
-    low, high = (person.walk(trial.trajectory, **options | {"values": values | {variable: at + sign * change}})
-                 for sign in (-1.0, 1.0))
+    low, high = (
+        person.walk(
+            trial.trajectory, **options | {"values": values | {variable: at + sign * change}}
+        )
+        for sign in (-1.0, 1.0)
+    )
     same = np.logical_and.accumulate(np.all(branches(low) == branches(high), axis=1))
     cut = same & (walk.record.parts > 1)
     assert cut.any()
     rows = driven(person, walk)
-    by, exact = (high.record.load - low.record.load)[:, rows] / (2.0 * change), walk.load_sensitivity.load[:, rows, 0]
+    by, exact = (
+        (high.record.load - low.record.load)[:, rows] / (2.0 * change),
+        walk.load_sensitivity.load[:, rows, 0],
+    )
     assert np.abs(by - exact)[cut].max() < 1e-4 * np.abs(exact[same]).max()
 
 
@@ -307,5 +433,10 @@ def test_variables_that_move_prescribed_coordinates_are_refused(walker, motion):
     perturbation = MotionPerturbation("bend", "knee_angle_r", lambda t: t)
     for name in ("coordinate.knee_angle_r", "perturbation.bend"):
         with pytest.raises(InputError, match=f"not differentiated by {name}"):
-            walker("right").walk(motion("right"), perturbations=(perturbation,), with_respect_to=(name,),
-                                 with_loads=True, **ROLLED)
+            walker("right").walk(
+                motion("right"),
+                perturbations=(perturbation,),
+                with_respect_to=(name,),
+                with_loads=True,
+                **ROLLED,
+            )

@@ -52,7 +52,9 @@ def test_pieces_cover_a_step_without_gap_or_overlap_whatever_converges():
         assert sizes.sum() == PARTS
         assert len(accepted) <= PARTS
         assert all(PARTS % size == 0 and begin % size == 0 for begin, size in accepted)
-        assert all(converged or size == 1 for begin, size, converged in tries if (begin, size) in accepted)
+        assert all(
+            converged or size == 1 for begin, size, converged in tries if (begin, size) in accepted
+        )
 
 
 def test_a_piece_that_fails_is_halved_and_its_size_grows_again_where_it_stood():
@@ -64,8 +66,14 @@ def test_a_piece_that_fails_is_halved_and_its_size_grows_again_where_it_stood():
 def test_ends_of_pieces_lie_on_straight_lines_between_the_grid_points():
     rng = np.random.default_rng(1)
     time = np.cumsum(rng.uniform(0.5e-3, 2e-3, 6))
-    drive = Drive(time_s=time, prescribed_q=rng.normal(size=(6, 3)), fulcrum=rng.uniform(0.06, 0.15, 6),
-                  ground=rng.normal(size=6), ground_rate=rng.normal(size=6), torques=no_torques(5))
+    drive = Drive(
+        time_s=time,
+        prescribed_q=rng.normal(size=(6, 3)),
+        fulcrum=rng.uniform(0.06, 0.15, 6),
+        ground=rng.normal(size=6),
+        ground_rate=rng.normal(size=6),
+        torques=no_torques(5),
+    )
     q_next = np.zeros(3)
     for k in range(5):
         for share in (0.1, 0.7, 0.9):
@@ -75,8 +83,11 @@ def test_ends_of_pieces_lie_on_straight_lines_between_the_grid_points():
                 h, fulcrum, ground, rate = substep(drive, k, begin, size, q_next)
                 t += h
                 assert h == pytest.approx((time[k + 1] - time[k]) * size / PARTS, rel=1e-14)
-                for found, column in ((fulcrum, drive.fulcrum), (ground, drive.ground), *zip(
-                        q_next, drive.prescribed_q.T, strict=True)):
+                for found, column in (
+                    (fulcrum, drive.fulcrum),
+                    (ground, drive.ground),
+                    *zip(q_next, drive.prescribed_q.T, strict=True),
+                ):
                     assert found == pytest.approx(np.interp(t, time, column), rel=1e-12, abs=1e-12)
                 assert rate == drive.ground_rate[k + 1]
             assert t == pytest.approx(time[k + 1], rel=1e-14)
@@ -100,8 +111,22 @@ def substeps_of(mechanism, inputs, q0, v0):
         def tried(done, size, k=k):
             h, fulcrum, ground, rate = substep(drive, k, done, size, q_next)
             before = q.copy(), v.copy()
-            iterations, converged = step(h, stepper.tree, forces, dofs, workspace, ground, rate, fulcrum, q_next, none,
-                                         nothing, q, v, *out)
+            iterations, converged = step(
+                h,
+                stepper.tree,
+                forces,
+                dofs,
+                workspace,
+                ground,
+                rate,
+                fulcrum,
+                q_next,
+                none,
+                nothing,
+                q,
+                v,
+                *out,
+            )
             spent[k] += iterations
             if not converged and size > 1:
                 q[:], v[:] = before
@@ -128,8 +153,12 @@ def test_run_whose_steps_are_cut_is_a_run_on_the_grid_of_its_pieces(name):
     np.testing.assert_array_equal(spent, record.iterations)
     assert record.parts.max() > 1 and record.converged.all()
     grid = np.concatenate([inputs.time_s[:1], ends])
-    q = np.column_stack([np.interp(grid, inputs.time_s, column) for column in inputs.prescribed_q.T])
-    fine = dataclasses.replace(inputs, time_s=grid, prescribed_q=q, fulcrum=q[:, -1], ground=np.zeros(len(grid)))
+    q = np.column_stack(
+        [np.interp(grid, inputs.time_s, column) for column in inputs.prescribed_q.T]
+    )
+    fine = dataclasses.replace(
+        inputs, time_s=grid, prescribed_q=q, fulcrum=q[:, -1], ground=np.zeros(len(grid))
+    )
     uncut = Stepper(walk.mechanism).run(fine, record.q0, record.v0)
     np.testing.assert_array_equal(uncut.parts, 1)
     last = np.cumsum(counts) - 1
@@ -137,15 +166,18 @@ def test_run_whose_steps_are_cut_is_a_run_on_the_grid_of_its_pieces(name):
     load = np.add.reduceat(share[:, None] * uncut.load, np.cumsum(counts) - counts, axis=0)
     for column in ("q", "v", "sites", "fulcrum", "load"):
         wanted = load if column == "load" else getattr(uncut, column)[last]
-        np.testing.assert_allclose(getattr(record, column), wanted, rtol=0.0, atol=1e-6 * np.abs(wanted).max())
+        np.testing.assert_allclose(
+            getattr(record, column), wanted, rtol=0.0, atol=1e-6 * np.abs(wanted).max()
+        )
 
 
 def test_step_that_converges_in_no_size_is_kept_and_counted():
     """A smallest piece has at least LEVELS others beside it."""
     walk = walked("lost")
     record = walk.record
-    _, counts, _, converges = substeps_of(walk.mechanism, inputs_of(walk, hard_walker(SETTINGS["lost"][0])[0]),
-                                          record.q0, record.v0)
+    _, counts, _, converges = substeps_of(
+        walk.mechanism, inputs_of(walk, hard_walker(SETTINGS["lost"][0])[0]), record.q0, record.v0
+    )
     assert not converges.all()
     np.testing.assert_array_equal(record.parts, counts)
     np.testing.assert_array_equal(record.converged, converges)
@@ -158,7 +190,10 @@ def test_speed_beyond_the_limit_either_way_and_what_is_no_number_have_diverged()
     ok = np.array([0.1, -2.0, 9.9])
     assert diverged(ok, -ok, 10.0) == -1
     for at, (q, v) in enumerate(((0.0, 10.0), (0.0, -10.0), (np.nan, 0.0))):
-        assert diverged(np.where(np.arange(3) == at, q, ok), np.where(np.arange(3) == at, v, ok), 10.0) == at
+        assert (
+            diverged(np.where(np.arange(3) == at, q, ok), np.where(np.arange(3) == at, v, ok), 10.0)
+            == at
+        )
     for q, v in ((np.inf, 0.0), (-np.inf, 0.0), (0.0, np.nan)):
         assert diverged(np.array([0.0, q]), np.array([0.0, v]), 10.0) == 1
 
@@ -168,10 +203,17 @@ def test_advance_goes_on_where_it_stopped():
     walk = walked("landing")
     inputs, record, mechanism = inputs_of(walk, hard_walker(1)[0]), walk.record, walk.mechanism
     first = int(np.argmax(record.parts > 1)) + 1
-    part = dataclasses.replace(inputs, **{name: getattr(inputs, name)[first:] for name in (
-        "time_s", "prescribed_q", "fulcrum", "ground")})
+    part = dataclasses.replace(
+        inputs,
+        **{
+            name: getattr(inputs, name)[first:]
+            for name in ("time_s", "prescribed_q", "fulcrum", "ground")
+        },
+    )
     shares = []
-    later = Stepper(mechanism).run(part, record.q[first - 1], record.v[first - 1], progress=shares.append)
+    later = Stepper(mechanism).run(
+        part, record.q[first - 1], record.v[first - 1], progress=shares.append
+    )
     assert shares == sorted(shares) and shares[0] > 0.0 and shares[-1] == 1.0
     assert advance.signatures
     np.testing.assert_array_equal(later.q, record.q[first:])
@@ -183,25 +225,48 @@ def test_torques_with_feedback_bring_a_displaced_knee_back_as_a_damped_oscillato
     knee of the leg in the air. The torques' work is found as energy."""
     w, e0, step_s = 60.0, 0.02, 2.5e-4
     q, _, _ = motion("right").sample(0.0)
-    still = CoordinateTrajectory(np.linspace(0.0, 1.0, 11), np.repeat(q, 11, axis=0), motion("right").names)
+    still = CoordinateTrajectory(
+        np.linspace(0.0, 1.0, 11), np.repeat(q, 11, axis=0), motion("right").names
+    )
     walk = walker("right").walk(still, fulcrum_m=0.108, start_s=0.0, end_s=0.15, step_s=step_s)
     inputs, record, mechanism = inputs_of(walk, walker("right")), walk.record, walk.mechanism
     knee, steps = mechanism.tree.index("knee_angle_l"), len(record.time_s)
     context = mechanism.plant.CreateDefaultContext()
     mechanism.plant.SetPositions(context, record.q0)
-    M, at, holding = mechanism.plant.CalcMassMatrix(context)[knee, knee], record.q0[knee], record.load[-1, knee]
-    torques = Torques(coordinates=np.array([knee]), sensed=np.array([knee]), feedforward=np.full((steps, 1), holding),
-                      gain=np.tile([w * w * M, 2.0 * w * M], (steps, 1, 1)), reference=np.tile([at, 0.0], (steps, 1)))
+    M, at, holding = (
+        mechanism.plant.CalcMassMatrix(context)[knee, knee],
+        record.q0[knee],
+        record.load[-1, knee],
+    )
+    torques = Torques(
+        coordinates=np.array([knee]),
+        sensed=np.array([knee]),
+        feedforward=np.full((steps, 1), holding),
+        gain=np.tile([w * w * M, 2.0 * w * M], (steps, 1, 1)),
+        reference=np.tile([at, 0.0], (steps, 1)),
+    )
     held = inputs.prescribed != knee
     q0, driven = record.q0.copy(), inputs.prescribed[held]
     q0[knee] += e0
-    swung = Stepper(mechanism).run(dataclasses.replace(
-        inputs, prescribed=driven, prescribed_q=inputs.prescribed_q[:, held], torques=torques), q0, np.zeros_like(q0))
+    swung = Stepper(mechanism).run(
+        dataclasses.replace(
+            inputs, prescribed=driven, prescribed_q=inputs.prescribed_q[:, held], torques=torques
+        ),
+        q0,
+        np.zeros_like(q0),
+    )
     t = swung.time_s
     # Gravity, some 10 N m/rad beside 700, and the hold over a step make the difference.
-    np.testing.assert_allclose(swung.q[:, knee] - at, e0 * (1.0 + w * t) * np.exp(-w * t), atol=0.03 * e0)
-    q, v = (np.append(start, series[:-1, knee]) for start, series in ((q0[knee], swung.q), (0.0, swung.v)))
-    np.testing.assert_allclose(swung.load[:, knee], holding - w * w * M * (q - at) - 2.0 * w * M * v, atol=1e-3)
+    np.testing.assert_allclose(
+        swung.q[:, knee] - at, e0 * (1.0 + w * t) * np.exp(-w * t), atol=0.03 * e0
+    )
+    q, v = (
+        np.append(start, series[:-1, knee])
+        for start, series in ((q0[knee], swung.q), (0.0, swung.v))
+    )
+    np.testing.assert_allclose(
+        swung.load[:, knee], holding - w * w * M * (q - at) - 2.0 * w * M * v, atol=1e-3
+    )
     ledger = energy_ledger(mechanism, swung, driven=driven, fulcrum_m=inputs.fulcrum)
     assert np.abs(ledger["remainder"]).max() < 0.05 * np.abs(ledger["driver_work"]).max()
 
@@ -212,7 +277,10 @@ TOLERANCE = 1e-9
 
 def both(mechanism, inputs, q0, v0):
     """Records of the same run; the mechanism's Context must still hold the foot's place of its walk."""
-    return [Stepper(mechanism, dynamics=dynamics).run(inputs, q0, v0) for dynamics in ("compiled", "drake")]
+    return [
+        Stepper(mechanism, dynamics=dynamics).run(inputs, q0, v0)
+        for dynamics in ("compiled", "drake")
+    ]
 
 
 def assert_same(inputs, compiled, drake):
@@ -229,7 +297,9 @@ def assert_same(inputs, compiled, drake):
 
 
 def test_whole_stance_is_the_same(walker, motion):
-    walk = walker("left").walk(motion("left"), fulcrum_m=0.108, start_s=0.0, end_s=0.94, step_s=2e-3)
+    walk = walker("left").walk(
+        motion("left"), fulcrum_m=0.108, start_s=0.0, end_s=0.94, step_s=2e-3
+    )
     inputs = inputs_of(walk, walker("left"))
     compiled, drake = both(walk.mechanism, inputs, walk.record.q0, walk.record.v0)
     assert np.abs(compiled.site("normal_force")).max() > 100.0

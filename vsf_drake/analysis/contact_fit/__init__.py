@@ -10,9 +10,25 @@ With `options=PaperOptions()` the fit is that of McGeehan et al. 2021, done as i
 
 from vsf_drake.analysis.contact_fit.assessment import Assessment, assess, verdict
 from vsf_drake.analysis.contact_fit.options import ContactFitOptions, FitNoise, PaperOptions
-from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters, standard_parameters
+from vsf_drake.analysis.contact_fit.parameters import (
+    FitParameter,
+    FitParameters,
+    standard_parameters,
+)
 from vsf_drake.analysis.contact_fit.problem import ContactFit
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, solve
 
-__all__ = ("Assessment", "ContactFit", "ContactFitOptions", "ContactFitSolution", "FitNoise", "FitParameter",
-           "FitParameters", "PaperOptions", "assess", "solve", "standard_parameters", "verdict")
+__all__ = (
+    "Assessment",
+    "ContactFit",
+    "ContactFitOptions",
+    "ContactFitSolution",
+    "FitNoise",
+    "FitParameter",
+    "FitParameters",
+    "PaperOptions",
+    "assess",
+    "solve",
+    "standard_parameters",
+    "verdict",
+)

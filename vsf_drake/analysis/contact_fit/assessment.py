@@ -17,7 +17,12 @@ from vsf_drake.analysis.angle_errors import AngleErrorRow, JudgedTrial, angle_er
 from vsf_drake.analysis.comparison import rmse
 from vsf_drake.analysis.contact_fit.parameters import owner
 from vsf_drake.analysis.contact_fit.problem import check_recordings, labels_with, side_by_side
-from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, JointEnd, far_parameters
+from vsf_drake.analysis.contact_fit.solution import (
+    ALIKE,
+    ContactFitSolution,
+    JointEnd,
+    far_parameters,
+)
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
 from vsf_drake.analysis.fulcrum_sweep import SWEEP_STEP_S, FulcrumSweep, sweep_positions, swept
 from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics
@@ -115,7 +120,9 @@ class BenchRow:
     max_load_n: float
     fulcrum_mm: tuple[float, ...]
     stiffness: Beside | None = None  # N/mm
-    mid_range: Beside | None = None  # mm, the platen's displacement at half of the largest load, where it was measured
+    mid_range: Beside | None = (
+        None  # mm, the platen's displacement at half of the largest load, where it was measured
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,9 +154,16 @@ class Assessment:
 
 
 def assess(
-    solution: ContactFitSolution, held_out: Sequence[Trial] = (), *, sweep: bool = True, leave_out: bool = True,
-    angle_errors: bool = True, layers: bool = True, own_height: bool = False,
-    floors: Mapping[str, float] | None = None, progress: Callable[[str, float], None] | None = None
+    solution: ContactFitSolution,
+    held_out: Sequence[Trial] = (),
+    *,
+    sweep: bool = True,
+    leave_out: bool = True,
+    angle_errors: bool = True,
+    layers: bool = True,
+    own_height: bool = False,
+    floors: Mapping[str, float] | None = None,
+    progress: Callable[[str, float], None] | None = None,
 ) -> Assessment:
     """Judges a fit that succeeded, by trials of the same subject that were not fitted, too.
 
@@ -173,77 +187,127 @@ def assess(
     names = labels_with(fit, held_out)
     unknown = set(floors) - set(names)
     if unknown:
-        raise InputError(f"there is no trial {min(unknown)}", where="floors", right=f"There are: {', '.join(names)}")
-    curves = [stance_curve(t.prosthetic_plate, subject_mass_kg=t.subject.mass_kg) for t in fit.trials]
+        raise InputError(
+            f"there is no trial {min(unknown)}",
+            where="floors",
+            right=f"There are: {', '.join(names)}",
+        )
+    curves = [
+        stance_curve(t.prosthetic_plate, subject_mass_kg=t.subject.mass_kg) for t in fit.trials
+    ]
     heights = [height_of(solution, trial) for trial in held_out] if own_height else []
     if own_height:
         held_out = [_raised(trial, height) for trial, height in zip(held_out, heights, strict=True)]
     scores = []
     for i, (trial, name) in enumerate(zip([*fit.trials, *held_out], names, strict=True)):
         tell(f"scoring {name}", i / len(names))
-        others = [c for t, c in zip(fit.trials, curves, strict=True) if c is not None and t is not trial]
+        others = [
+            c for t, c in zip(fit.trials, curves, strict=True) if c is not None and t is not trial
+        ]
         label = name if i < len(fit.trials) else None
         scores.append(_trial_score(solution, trial, label, name, others, sweep, floors.get(name)))
     for i, height in enumerate(heights, start=len(fit.trials)):
         scores[i] = replace(scores[i], own_height_m=height)
     joint = isinstance(solution.end, JointEnd)  # the paper's fit is of one trial
     left = _left_out(solution, tell) if leave_out and joint and len(fit.trials) > 1 else ()
-    table, rows, contact = None, tuple[AngleErrorRow, ...](), solution.contact() if angle_errors or layers else None
+    table, rows, contact = (
+        None,
+        tuple[AngleErrorRow, ...](),
+        solution.contact() if angle_errors or layers else None,
+    )
     if layers and contact:
         tell("predicting in layers", 1.0)
         table = layer_table(contact, fit.trials, held_out, names, step_s=fit.options.report_step_s)
     if angle_errors and contact:
         tell("walking with errors of hip and knee", 1.0)
         rows = angle_error_rows(
-            [JudgedTrial(trial_with(trial, contact), score.role, score.metrics.null_model_grf_rmse_bw)
-             for trial, score in zip([*fit.trials, *held_out], scores, strict=True)],
-            step_s=fit.options.report_step_s, seed=fit.options.seed, in_layers=HELD_OUT,
-            contact=None if table is None else table.teach(contact))
+            [
+                JudgedTrial(
+                    trial_with(trial, contact), score.role, score.metrics.null_model_grf_rmse_bw
+                )
+                for trial, score in zip([*fit.trials, *held_out], scores, strict=True)
+            ],
+            step_s=fit.options.report_step_s,
+            seed=fit.options.seed,
+            in_layers=HELD_OUT,
+            contact=None if table is None else table.teach(contact),
+        )
     bench = bench_score(solution)
-    return Assessment(scores=tuple(scores), left_out=left, bench=bench, angle_errors=rows, layers=table,
-                      simulated_bench=simulated_bench(solution) if joint and not bench else None)
+    return Assessment(
+        scores=tuple(scores),
+        left_out=left,
+        bench=bench,
+        angle_errors=rows,
+        layers=table,
+        simulated_bench=simulated_bench(solution) if joint and not bench else None,
+    )
 
 
 def height_of(solution: ContactFitSolution, trial: Trial) -> float:
     """The height (m, foot up +) at which the resultant of the fitted model is nearest to the trial's own plate."""
+
     def error(height_m: float) -> float:
         try:
             comparison, result = solution.predict(
-                _raised(trial, height_m), None, step_s=solution.fit.options.report_step_s)
+                _raised(trial, height_m), None, step_s=solution.fit.options.report_step_s
+            )
         except SimulationError:
             return np.inf
         found = walk_metrics(result, trial.prosthetic_plate, comparison=comparison).grf_rmse_bw
         return np.inf if found is None else found
 
-    found = minimize_scalar(error, bounds=(-OWN_HEIGHT_M, OWN_HEIGHT_M), method="bounded", options={"xatol": 1e-5})
+    found = minimize_scalar(
+        error, bounds=(-OWN_HEIGHT_M, OWN_HEIGHT_M), method="bounded", options={"xatol": 1e-5}
+    )
     return float(found.x)
 
 
 def _raised(trial: Trial, height_m: float) -> Trial:
-    return replace(trial, offsets=replace(trial.offsets, height_m=trial.offsets.height_m + height_m))
+    return replace(
+        trial, offsets=replace(trial.offsets, height_m=trial.offsets.height_m + height_m)
+    )
 
 
 def _trial_score(
-    solution: ContactFitSolution, trial: Trial, label: str | None, name: str, others: list[np.ndarray], sweep: bool,
-    floor: float | None
+    solution: ContactFitSolution,
+    trial: Trial,
+    label: str | None,
+    name: str,
+    others: list[np.ndarray],
+    sweep: bool,
+    floor: float | None,
 ) -> TrialScore:
     comparison, result = solution.predict(trial, label, step_s=solution.fit.options.report_step_s)
-    judged = [walk_metrics(result, trial.prosthetic_plate, comparison=comparison, null_curve=curve)
-              for curve in others or (None,)]
+    judged = [
+        walk_metrics(result, trial.prosthetic_plate, comparison=comparison, null_curve=curve)
+        for curve in others or (None,)
+    ]
     metrics = min(judged, key=lambda m: m.null_model_grf_rmse_bw or 0.0)
     weight, length, stance = metrics.body_weight_n, result.foot_length_m, comparison.stances[0]
     return TrialScore(
-        label=name, role=FITTED if label else HELD_OUT, metrics=metrics, floor_grf_rmse_bw=floor,
+        label=name,
+        role=FITTED if label else HELD_OUT,
+        metrics=metrics,
+        floor_grf_rmse_bw=floor,
         sweep=sweep_fulcrum(solution, trial, label) if sweep else None,
         curves=TrialCurves(
-            time_s=comparison.time_s, model_bw=comparison.model / weight, measured_bw=comparison.measured / weight,
-            cop_measured_fl=stance.measured_cop[:, 0] / length, cop_model_fl=stance.model_cop[:, 0] / length))
+            time_s=comparison.time_s,
+            model_bw=comparison.model / weight,
+            measured_bw=comparison.measured / weight,
+            cop_measured_fl=stance.measured_cop[:, 0] / length,
+            cop_model_fl=stance.model_cop[:, 0] / length,
+        ),
+    )
 
 
-def _left_out(solution: ContactFitSolution, tell: Callable[[str, float], None]) -> tuple[LeftOut, ...]:
+def _left_out(
+    solution: ContactFitSolution, tell: Callable[[str, float], None]
+) -> tuple[LeftOut, ...]:
     fit = solution.fit
     settings: dict[float, tuple[str, ...]] = {}
-    for trial, label in sorted(zip(fit.trials, fit.labels, strict=True), key=lambda pair: pair[0].fulcrum_m):
+    for trial, label in sorted(
+        zip(fit.trials, fit.labels, strict=True), key=lambda pair: pair[0].fulcrum_m
+    ):
         settings[trial.fulcrum_m] = (*settings.get(trial.fulcrum_m, ()), label)
     groups: list[tuple[str, tuple[str, ...]]] = [("trial", (label,)) for label in fit.labels]
     groups += [("stiffness", labels) for labels in settings.values() if len(settings) > 1]
@@ -260,13 +324,19 @@ def _without(solution: ContactFitSolution, kind: str, labels: tuple[str, ...]) -
     row = LeftOut(kind=kind, left_out=labels, grf_rmse_bw=None, cop_rmse_fl=None)
     try:
         fewer = solution.refitted_without(labels)
-        metrics = [_trial_score(fewer, trial, None, label, [], False, None).metrics
-                   for trial, label in zip(solution.fit.trials, solution.fit.labels, strict=True) if label in labels]
+        metrics = [
+            _trial_score(fewer, trial, None, label, [], False, None).metrics
+            for trial, label in zip(solution.fit.trials, solution.fit.labels, strict=True)
+            if label in labels
+        ]
     except (FitError, SimulationError) as error:
         return replace(row, failed=str(error))
-    return replace(row, grf_rmse_bw=_mean(m.grf_rmse_bw for m in metrics),
-                   cop_rmse_fl=_mean(m.cop_rmse_fl for m in metrics),
-                   cop_ml_rmse_fl=_mean(m.cop_ml_rmse_fl for m in metrics))
+    return replace(
+        row,
+        grf_rmse_bw=_mean(m.grf_rmse_bw for m in metrics),
+        cop_rmse_fl=_mean(m.cop_rmse_fl for m in metrics),
+        cop_ml_rmse_fl=_mean(m.cop_ml_rmse_fl for m in metrics),
+    )
 
 
 def _mean(values: Iterable[float | None]) -> float | None:
@@ -280,34 +350,59 @@ def bench_score(solution: ContactFitSolution) -> BenchRow | None:
     if bench is None or machine is None:
         return None
 
-    def beside(factor: float, sd: float, measured: Sequence[float], heel: float | None, model: np.ndarray) -> Beside:
+    def beside(
+        factor: float, sd: float, measured: Sequence[float], heel: float | None, model: np.ndarray
+    ) -> Beside:
         forefoot, shown = tuple(factor * x for x in measured), tuple((factor * model).tolist())
         return Beside(
-            uncertainty=factor * sd, measured=forefoot, model=shown[:len(forefoot)],
+            uncertainty=factor * sd,
+            measured=forefoot,
+            model=shown[: len(forefoot)],
             heel_measured=None if heel is None else factor * heel,
             heel_model=None if heel is None else shown[len(forefoot)],
-            rmse=rmse(np.array(shown[:len(forefoot)]), np.array(forefoot)))
+            rmse=rmse(np.array(shown[: len(forefoot)]), np.array(forefoot)),
+        )
 
     values, mid_range = solution.all_values(None), None
     if bench.mid_range_m is not None and bench.mid_range_uncertainty_m is not None:
-        mid_range = beside(1e3, bench.mid_range_uncertainty_m, bench.mid_range_m, bench.heel_mid_range_m,
-                           machine.displacement(values)[0])
-    return replace(bench_row(bench), mid_range=mid_range, stiffness=beside(
-        1e-3, bench.uncertainty_n_per_m, bench.stiffness_n_per_m, bench.heel_stiffness_n_per_m,
-        machine.evaluate(values)[0]))
+        mid_range = beside(
+            1e3,
+            bench.mid_range_uncertainty_m,
+            bench.mid_range_m,
+            bench.heel_mid_range_m,
+            machine.displacement(values)[0],
+        )
+    return replace(
+        bench_row(bench),
+        mid_range=mid_range,
+        stiffness=beside(
+            1e-3,
+            bench.uncertainty_n_per_m,
+            bench.stiffness_n_per_m,
+            bench.heel_stiffness_n_per_m,
+            machine.evaluate(values)[0],
+        ),
+    )
 
 
 def bench_row(bench: BenchMeasurement) -> BenchRow:
     """A bench that nothing was judged by."""
-    return BenchRow(name=bench.name, synthetic=bench.synthetic, max_load_n=bench.max_load_n,
-                    fulcrum_mm=tuple(1e3 * x for x in bench.fulcrum_m))
+    return BenchRow(
+        name=bench.name,
+        synthetic=bench.synthetic,
+        max_load_n=bench.max_load_n,
+        fulcrum_mm=tuple(1e3 * x for x in bench.fulcrum_m),
+    )
 
 
 def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None) -> FulcrumSweep:
     """Error of one trial over the carriage's range."""
+
     def error(position: float) -> float:
         try:
-            comparison, result = solution.predict(trial, label, step_s=SWEEP_STEP_S, fulcrum_m=float(position))
+            comparison, result = solution.predict(
+                trial, label, step_s=SWEEP_STEP_S, fulcrum_m=float(position)
+            )
         except SimulationError:
             return np.nan
         found = walk_metrics(result, trial.prosthetic_plate, comparison=comparison).grf_rmse_bw
@@ -328,24 +423,55 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
     for kind in ("trial", "stiffness"):
         own = [row for row in rows if row.kind == kind]
         if kind == "trial" or {row.left_out for row in own} != alone:
-            left_out.append((kind, [row.grf_rmse_bw for row in own if row.grf_rmse_bw is not None],
-                             [", ".join(row.left_out) for row in own if row.failed]))
+            left_out.append(
+                (
+                    kind,
+                    [row.grf_rmse_bw for row in own if row.grf_rmse_bw is not None],
+                    [", ".join(row.left_out) for row in own if row.failed],
+                )
+            )
     errors = [(s, s.metrics.grf_rmse_bw) for s in held_out if s.metrics.grf_rmse_bw is not None]
-    nulls = [(s, s.metrics.null_model_grf_rmse_bw) for s in held_out if s.metrics.null_model_grf_rmse_bw is not None]
+    nulls = [
+        (s, s.metrics.null_model_grf_rmse_bw)
+        for s in held_out
+        if s.metrics.null_model_grf_rmse_bw is not None
+    ]
     sentences = say(
-        "fit_verdict", message=solution.message, alone=assessment.simulated_bench,
-        contradiction=solution.contradiction, fitted=assessment.mean(FITTED, "grf_rmse_bw"),
-        paper=PUBLISHED, one_setting=len({trial.fulcrum_m for trial in solution.fit.trials}) == 1, held_out=held_out,
-        held=assessment.mean(HELD_OUT, "grf_rmse_bw"), own_height_mm=1e3 * OWN_HEIGHT_M,
+        "fit_verdict",
+        message=solution.message,
+        alone=assessment.simulated_bench,
+        contradiction=solution.contradiction,
+        fitted=assessment.mean(FITTED, "grf_rmse_bw"),
+        paper=PUBLISHED,
+        one_setting=len({trial.fulcrum_m for trial in solution.fit.trials}) == 1,
+        held_out=held_out,
+        held=assessment.mean(HELD_OUT, "grf_rmse_bw"),
+        own_height_mm=1e3 * OWN_HEIGHT_M,
         worst=max(errors, key=lambda pair: pair[1], default=(None, 0.0))[0],
-        disturbed=[row for row in assessment.angle_errors if row.role == HELD_OUT and row.sd_deg and row.walks
-                   and row.layer == (layer or PHYSICS)], layer=layer,
+        disturbed=[
+            row
+            for row in assessment.angle_errors
+            if row.role == HELD_OUT and row.sd_deg and row.walks and row.layer == (layer or PHYSICS)
+        ],
+        layer=layer,
         nulls=[null for _, null in nulls],
-        beaten=[s.label for s, null in nulls if s.metrics.grf_rmse_bw is not None and s.metrics.grf_rmse_bw >= null],
-        below=[s.label for s in scores if s.floor_grf_rmse_bw is not None and s.metrics.grf_rmse_bw is not None
-               and s.metrics.grf_rmse_bw < s.floor_grf_rmse_bw],
-        left_out=left_out, swept=[s for s in scores if s.sweep is not None], bench=assessment.bench,
-        joint=_own_worth(solution.end) if isinstance(solution.end, JointEnd) else None)
+        beaten=[
+            s.label
+            for s, null in nulls
+            if s.metrics.grf_rmse_bw is not None and s.metrics.grf_rmse_bw >= null
+        ],
+        below=[
+            s.label
+            for s in scores
+            if s.floor_grf_rmse_bw is not None
+            and s.metrics.grf_rmse_bw is not None
+            and s.metrics.grf_rmse_bw < s.floor_grf_rmse_bw
+        ],
+        left_out=left_out,
+        swept=[s for s in scores if s.sweep is not None],
+        bench=assessment.bench,
+        joint=_own_worth(solution.end) if isinstance(solution.end, JointEnd) else None,
+    )
     return (*sentences, *(layer_sentences(assessment.layers) if assessment.layers else ()))
 
 
@@ -360,8 +486,12 @@ def simulated_bench(solution: ContactFitSolution) -> SimulatedBench:
     except SimulationError:
         fitted, heel = None, None
     return SimulatedBench(
-        fulcrum_mm=tuple(1e3 * x for x in fulcrums), fitted_n_per_mm=None if fitted is None else tuple(fitted),
-        heel_n_per_mm=heel, model_n_per_mm=tuple(model), model_heel_n_per_mm=model_heel)
+        fulcrum_mm=tuple(1e3 * x for x in fulcrums),
+        fitted_n_per_mm=None if fitted is None else tuple(fitted),
+        heel_n_per_mm=heel,
+        model_n_per_mm=tuple(model),
+        model_heel_n_per_mm=model_heel,
+    )
 
 
 STEEPEST_FEW = 3
@@ -377,16 +507,30 @@ def failure(solution: ContactFitSolution) -> tuple[str, ...]:
     gradient = at.jacobian.T @ at.residual
     # what a step along one parameter alone would gain, were the residuals linear
     gain = 0.5 * gradient**2 / np.maximum(np.einsum("mp,mp->p", at.jacobian, at.jacobian), 1e-12)
-    steepest = sorted(zip(gain.tolist(), (item.name for item in free), strict=True), reverse=True)[:STEEPEST_FEW]
+    steepest = sorted(zip(gain.tolist(), (item.name for item in free), strict=True), reverse=True)[
+        :STEEPEST_FEW
+    ]
     best = end.searches[end.best]
-    return tuple(say(
-        "fit_failed", message=solution.message, cost=best.cost, start_cost=best.start_cost,
-        searches=len(end.searches), at_bound=end.uncertainty.at_bound, far=far_parameters(end),
-        steepest=[(name, value) for value, name in steepest if value > 0.0],
-        large=sorted((row for row in end.noise_ratios() if row.ratio > NOISE_TOO_SMALL), key=lambda row: -row.ratio),
-        cut=any(s.cut for s in end.searches), failed=sum(s.failed for s in end.searches),
-        iterations=solution.fit.joint.iterations,
-        ended=any("limit of" in s.message for s in end.searches)))
+    return tuple(
+        say(
+            "fit_failed",
+            message=solution.message,
+            cost=best.cost,
+            start_cost=best.start_cost,
+            searches=len(end.searches),
+            at_bound=end.uncertainty.at_bound,
+            far=far_parameters(end),
+            steepest=[(name, value) for value, name in steepest if value > 0.0],
+            large=sorted(
+                (row for row in end.noise_ratios() if row.ratio > NOISE_TOO_SMALL),
+                key=lambda row: -row.ratio,
+            ),
+            cut=any(s.cut for s in end.searches),
+            failed=sum(s.failed for s in end.searches),
+            iterations=solution.fit.joint.iterations,
+            ended=any("limit of" in s.message for s in end.searches),
+        )
+    )
 
 
 def _own_worth(end: JointEnd) -> dict[str, object]:
@@ -394,13 +538,23 @@ def _own_worth(end: JointEnd) -> dict[str, object]:
     u, ratios, cost = end.uncertainty, end.noise_ratios(), end.searches[end.best].cost
     shared = [name for name in u.names if owner(name) is None]
     return {
-        "ratios": [row.ratio for row in ratios], "large": [row for row in ratios if row.ratio > NOISE_TOO_SMALL],
-        "shared": len(shared), "known": sum(name not in u.unidentified for name in shared), "sure_share": SURE_SHARE,
-        "weak": sum(s < 1.0 for s in u.singular_values), "at_bound": u.at_bound,
-        "unidentified": [name for name in u.unidentified if not name.startswith(("curve.", "trial."))],
+        "ratios": [row.ratio for row in ratios],
+        "large": [row for row in ratios if row.ratio > NOISE_TOO_SMALL],
+        "shared": len(shared),
+        "known": sum(name not in u.unidentified for name in shared),
+        "sure_share": SURE_SHARE,
+        "weak": sum(s < 1.0 for s in u.singular_values),
+        "at_bound": u.at_bound,
+        "unidentified": [
+            name for name in u.unidentified if not name.startswith(("curve.", "trial."))
+        ],
         "pairs": [pair for pair in u.together if all(owner(name) is None for name in pair.names)],
-        "alike": sum(s.success for s in end.alike()), "alike_within": f"{ALIKE:g}",
-        "searches": sum(not s.met for s in end.searches), "met": sum(s.met > 0 for s in end.searches),
+        "alike": sum(s.success for s in end.alike()),
+        "alike_within": f"{ALIKE:g}",
+        "searches": sum(not s.met for s in end.searches),
+        "met": sum(s.met > 0 for s in end.searches),
         "untried": end.searches[end.best].success and "limit of" in end.searches[end.best].message,
-        "cost": cost, "lost": sum(not s.success for s in end.searches),
-        "better": [s.cost for s in end.searches if not s.success and s.cost < cost - ALIKE]}
+        "cost": cost,
+        "lost": sum(not s.success for s in end.searches),
+        "better": [s.cost for s in end.searches if not s.success and s.cost < cost - ALIKE],
+    }

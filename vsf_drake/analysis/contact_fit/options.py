@@ -37,7 +37,9 @@ class FitNoise:
     resultant: float = quantity(0.025, unit="body weights", low=_ABOVE_0, high=1.0, source=_HALF)
     cop_fore_aft: float = quantity(0.03, unit="foot lengths", low=_ABOVE_0, high=1.0, source=_HALF)
     cop_lateral: float = quantity(0.03, unit="foot lengths", low=_ABOVE_0, high=1.0, source=_HALF)
-    correlation_s: float = quantity(0.05, unit="s", low=_ABOVE_0, high=1.0, source="choice between 27 ms and a stance")
+    correlation_s: float = quantity(
+        0.05, unit="s", low=_ABOVE_0, high=1.0, source="choice between 27 ms and a stance"
+    )
 
     def weight(self, spacing_s: float) -> float:
         """What each of many residuals in units of its standard deviation counts for, at most 1."""
@@ -83,10 +85,17 @@ class ContactFitOptions:
     def __post_init__(self) -> None:
         check(self)
         if not self.series or len(set(self.series)) != len(self.series):
-            raise InputError("must name series, each once", where="series", right=f"There are: {', '.join(SERIES)}")
+            raise InputError(
+                "must name series, each once",
+                where="series",
+                right=f"There are: {', '.join(SERIES)}",
+            )
         if RESULTANT in self.series and any(name in FORCES for name in self.series):
-            raise InputError("the resultant and its components are the same data twice", where="series",
-                             right=f"Give {RESULTANT}, or some of {', '.join(FORCES)}")
+            raise InputError(
+                "the resultant and its components are the same data twice",
+                where="series",
+                right=f"Give {RESULTANT}, or some of {', '.join(FORCES)}",
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +115,13 @@ class PaperOptions:
 
     strategy: ClassVar[str] = PAPER
     only_ends: ClassVar[tuple[str, ...]] = (
-        "iterations", "objective_tolerance_n", "parameter_tolerance", "settled", "restarts", "workers")
+        "iterations",
+        "objective_tolerance_n",
+        "parameter_tolerance",
+        "settled",
+        "restarts",
+        "workers",
+    )
     series: ClassVar[tuple[str, ...]] = (RESULTANT,)
     report_step_s: ClassVar[float] = 1e-3
     scenarios: int = quantity(100, unit="1", low=1, source=_CHOICE)

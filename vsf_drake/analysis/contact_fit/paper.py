@@ -75,24 +75,46 @@ class PaperEnd:
 
 
 def search_like_the_paper(
-    fit: ContactFit, *, progress: Callable[[str, float], None] | None = None, resume: Mapping[str, Any] | None = None,
-    checkpoint: Callable[[dict[str, Any]], None] | None = None
+    fit: ContactFit,
+    *,
+    progress: Callable[[str, float], None] | None = None,
+    resume: Mapping[str, Any] | None = None,
+    checkpoint: Callable[[dict[str, Any]], None] | None = None,
 ) -> PaperEnd:
     """Searches for one trial's contact, as the paper did, or for that of several; see `solution.solve`."""
     options = fit.options
     assert isinstance(options, PaperOptions)
-    state = _initial(fit, options) if resume is None else fit.resumed(resume, lambda kept: PaperState(
-        **{**kept, "best": tuple(kept["best"]), "history": tuple(map(tuple, kept["history"]))}))
+    state = (
+        _initial(fit, options)
+        if resume is None
+        else fit.resumed(
+            resume,
+            lambda kept: PaperState(
+                **{
+                    **kept,
+                    "best": tuple(kept["best"]),
+                    "history": tuple(map(tuple, kept["history"])),
+                }
+            ),
+        )
+    )
     space = paper_space(fit.walker.variables, state.stiffness)
     began = time.perf_counter() - state.wall_s
     while True:
         done, end = len(state.history), verdict(state, options)
         if progress:
-            progress(f"iteration {done}, resultant {state.rms_n(state.objective_n2):.1f} N off",
-                     1.0 if end else done / (options.iterations * (1 + options.restarts)))
+            progress(
+                f"iteration {done}, resultant {state.rms_n(state.objective_n2):.1f} N off",
+                1.0 if end else done / (options.iterations * (1 + options.restarts)),
+            )
         if end:
-            return PaperEnd(state=state, values=space.values(np.array(state.best)), converged=end[0],
-                            initial_values=space.values(space.start), stopped_by=end[1])
+            return PaperEnd(
+                state=state,
+                values=space.values(np.array(state.best)),
+                converged=end[0],
+                initial_values=space.values(space.start),
+                stopped_by=end[1],
+            )
         state = iterate(state, space, lambda scenarios: scores(fit, scenarios), options)
         state = replace(state, wall_s=time.perf_counter() - began)
         if checkpoint:
@@ -100,43 +122,64 @@ def search_like_the_paper(
 
 
 def iterate(
-    state: PaperState, space: PaperSpace, score: Callable[[Sequence[Mapping[str, float]]], Sequence[Score]],
-    options: PaperOptions
+    state: PaperState,
+    space: PaperSpace,
+    score: Callable[[Sequence[Mapping[str, float]]], Sequence[Score]],
+    options: PaperOptions,
 ) -> PaperState:
     """One iteration: scenarios (values of variables of a walk) are drawn round the best so far and scored, and the best
     seen is carried on. Raises SimulationError if every scenario fails."""
     iteration, centre = len(state.history) + 1, np.array(state.best)
-    drawn = space.sample(centre, options.scenarios, np.random.default_rng([options.seed, iteration]))
+    drawn = space.sample(
+        centre, options.scenarios, np.random.default_rng([options.seed, iteration])
+    )
     scored = score([space.values(x) for x in drawn])
     failures = [item.error for item in scored if item.error is not None]
     if len(failures) == len(scored):
         raise failures[-1]
     first = int(np.argmin([item.objective_n2 for item in scored]))
-    best, objective = min((centre, state.objective_n2), (drawn[first], scored[first].objective_n2),
-                          key=lambda found: found[1])
+    best, objective = min(
+        (centre, state.objective_n2),
+        (drawn[first], scored[first].objective_n2),
+        key=lambda found: found[1],
+    )
     change = float(np.max(np.abs(best - centre) / (space.high - space.low)))
     return replace(
-        state, best=tuple(map(float, best)), objective_n2=objective,
+        state,
+        best=tuple(map(float, best)),
+        objective_n2=objective,
         history=(*state.history, (iteration, objective, change)),
         simulations=state.simulations + sum(item.simulations for item in scored),
-        failed_simulations=state.failed_simulations + len(failures))
+        failed_simulations=state.failed_simulations + len(failures),
+    )
 
 
 def verdict(state: PaperState, options: PaperOptions) -> tuple[bool, str] | None:
     """Whether the search converged, and why it ends, in words; None while it goes on."""
     done = len(state.history)
-    rms = [*map(state.rms_n, (state.initial_objective_n2, *(objective for _, objective, _ in state.history)))]
+    rms = [
+        *map(
+            state.rms_n,
+            (state.initial_objective_n2, *(objective for _, objective, _ in state.history)),
+        )
+    ]
     falls = [before - after for before, after in itertools.pairwise(rms)]
-    small = [fall < options.objective_tolerance_n and change < options.parameter_tolerance
-             for fall, (_, _, change) in zip(falls, state.history, strict=True)]
-    if done >= options.settled and all(small[-options.settled:]):
+    small = [
+        fall < options.objective_tolerance_n and change < options.parameter_tolerance
+        for fall, (_, _, change) in zip(falls, state.history, strict=True)
+    ]
+    if done >= options.settled and all(small[-options.settled :]):
         restarts = (done - 1) // options.iterations
-        return True, (f"converged in iteration {done}: objective and parameters changed by less than "
-                      f"{options.objective_tolerance_n:g} N and {options.parameter_tolerance:g} of their bounds"
-                      + (f", after {restarts} restarts" if restarts else ""))
+        return True, (
+            f"converged in iteration {done}: objective and parameters changed by less than "
+            f"{options.objective_tolerance_n:g} N and {options.parameter_tolerance:g} of their bounds"
+            + (f", after {restarts} restarts" if restarts else "")
+        )
     if done >= options.iterations * (1 + options.restarts):
-        return False, (f"not converged in {options.iterations} iterations, restarted {options.restarts} times: "
-                       f"the last one changed the objective by {falls[-1]:.3g} N")
+        return False, (
+            f"not converged in {options.iterations} iterations, restarted {options.restarts} times: "
+            f"the last one changed the objective by {falls[-1]:.3g} N"
+        )
     return None
 
 
@@ -172,13 +215,16 @@ def _score(fit: ContactFit, values: Mapping[str, float]) -> Score:
             c, _, _ = fit.walk(trial, values, step_s=fit.options.step_s)
         except SimulationError as error:
             return Score(np.inf, i, error)
-        model, measured = (np.linalg.norm(force[c.scored], axis=1) for force in (c.model, c.measured))
+        model, measured = (
+            np.linalg.norm(force[c.scored], axis=1) for force in (c.model, c.measured)
+        )
         total += float(np.sum((model - measured) ** 2))
     return Score(total, len(fit.trials))
 
 
 def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
     """The stiffness is raised until the model carries what the plates measured; a walk that fails does not carry."""
+
     def surplus_n(c: Comparison) -> float:
         rows = [c.within(stance.measured.start_s, stance.measured.end_s) for stance in c.stances]
         return sum(float(np.sum(c.model[own, 2] - c.measured[own, 2])) for own in rows)
@@ -189,14 +235,21 @@ def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
         space = paper_space(fit.walker.variables, stiffness)
         values, steps = space.values(space.start), steps + 1
         try:
-            comparisons = [fit.walk(trial, values, step_s=options.step_s)[0] for trial in fit.trials]
+            comparisons = [
+                fit.walk(trial, values, step_s=options.step_s)[0] for trial in fit.trials
+            ]
             if sum(map(surplus_n, comparisons)) >= 0.0:
                 first = _score(fit, values)
                 return PaperState(
-                    stiffness=stiffness, initial_objective_n2=first.objective_n2, objective_n2=first.objective_n2,
-                    best=tuple(map(float, space.start)), instants=sum(int(c.scored.sum()) for c in comparisons),
-                    simulations=(steps + 1) * len(fit.trials), failed_simulations=len(failures),
-                    wall_s=time.perf_counter() - began)
+                    stiffness=stiffness,
+                    initial_objective_n2=first.objective_n2,
+                    objective_n2=first.objective_n2,
+                    best=tuple(map(float, space.start)),
+                    instants=sum(int(c.scored.sum()) for c in comparisons),
+                    simulations=(steps + 1) * len(fit.trials),
+                    failed_simulations=len(failures),
+                    wall_s=time.perf_counter() - began,
+                )
         except SimulationError as error:
             failures.append(error)
         stiffness *= RAISE
@@ -204,8 +257,10 @@ def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
         raise failures[-1]
     raise InputError(
         f"the prosthetic foot does not carry the recorded load with spheres of up to {STIFFEST_N_PER_MM:g} N/mm",
-        file=fit.trials[0].path, where="offsets",
-        right="Check the height of the prosthesis, and that kinematics and forces share time and frame")
+        file=fit.trials[0].path,
+        where="offsets",
+        right="Check the height of the prosthesis, and that kinematics and forces share time and frame",
+    )
 
 
 # What is varied, in the paper's units, and how scenarios are drawn.
@@ -251,17 +306,26 @@ class PaperSpace:
         for value, low, high in zip(centre, self.low, self.high, strict=True):
             share = (random.permutation(count) + random.uniform(size=count)) / count
             scale = SPREAD * value
-            drawn = truncnorm.ppf(share, (low - value) / scale, (high - value) / scale, loc=value, scale=scale)
+            drawn = truncnorm.ppf(
+                share, (low - value) / scale, (high - value) / scale, loc=value, scale=scale
+            )
             columns.append(np.clip(drawn, low, high))
         return np.column_stack(columns)
 
 
 def paper_space(variables: Mapping[str, Variable], stiffness: float) -> PaperSpace:
     """The paper's initial guess with one stiffness (N/mm) for all zones, and bounds about it."""
+
     def tenfold(value: float) -> tuple[float, float, float]:
         return value, value / FOLD, FOLD * value
 
-    law = {"stiffness": tenfold(stiffness), "exponent": (1.0, 1.0, 2.0), "damping": tenfold(0.5 * stiffness),
-           "full_damping_depth": (1.0, 0.2, 5.0)}
-    rows = {f"contact.{zone}.{name}": row for zone in zones_of(variables) for name, row in law.items()}
+    law = {
+        "stiffness": tenfold(stiffness),
+        "exponent": (1.0, 1.0, 2.0),
+        "damping": tenfold(0.5 * stiffness),
+        "full_damping_depth": (1.0, 0.2, 5.0),
+    }
+    rows = {
+        f"contact.{zone}.{name}": row for zone in zones_of(variables) for name, row in law.items()
+    }
     return PaperSpace(tuple(rows), *np.array([*rows.values()]).T)

@@ -25,8 +25,20 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractValue
 from pydrake.solvers import MathematicalProgram
 
 from vsf_drake.analysis.comparison import Comparison, compare, compare_sensitivity
-from vsf_drake.analysis.contact_fit.options import COP, FORCES, PAPER, RESULTANT, ContactFitOptions, PaperOptions
-from vsf_drake.analysis.contact_fit.parameters import FitParameters, TrialMap, owner, standard_parameters
+from vsf_drake.analysis.contact_fit.options import (
+    COP,
+    FORCES,
+    PAPER,
+    RESULTANT,
+    ContactFitOptions,
+    PaperOptions,
+)
+from vsf_drake.analysis.contact_fit.parameters import (
+    FitParameters,
+    TrialMap,
+    owner,
+    standard_parameters,
+)
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import find_stances
@@ -72,7 +84,9 @@ class ResidualTerm:
 
     name: str  # of the series, as in `FitNoise`
     trial: str  # its label, or "bench" or "prior"
-    times_s: np.ndarray | None  # (n,) when each was measured; None where errors are independent of each other
+    times_s: (
+        np.ndarray | None
+    )  # (n,) when each was measured; None where errors are independent of each other
     residual: np.ndarray
     by: np.ndarray
     weight: float = 1.0
@@ -113,29 +127,46 @@ class ContactFit:
     """
 
     def __init__(
-        self, trials: Sequence[Trial], *, bench: BenchMeasurement | None = None,
-        parameters: FitParameters | None = None, options: ContactFitOptions | PaperOptions | None = None,
-        walker: Walker | None = None, labels: Sequence[str] | None = None
+        self,
+        trials: Sequence[Trial],
+        *,
+        bench: BenchMeasurement | None = None,
+        parameters: FitParameters | None = None,
+        options: ContactFitOptions | PaperOptions | None = None,
+        walker: Walker | None = None,
+        labels: Sequence[str] | None = None,
     ) -> None:
         self.options = options or ContactFitOptions()
         check_recordings(trials, series=self.options.series)
         self.trials, self.bench = tuple(trials), bench
         self.labels = labels_of(self.trials) if labels is None else tuple(labels)
         if len(self.labels) != len(self.trials):
-            raise InputError(f"{len(self.labels)} labels for {len(self.trials)} trials", where="labels")
+            raise InputError(
+                f"{len(self.labels)} labels for {len(self.trials)} trials", where="labels"
+            )
         subject, model = self.trials[0].subject, self.trials[0].model
         self.walker = walker or Walker(subject, model)
         if (self.walker.subject, self.walker.model) != (subject, model):
             raise InputError("is of another subject or model than the trials", where="walker")
-        self.parameters = parameters or standard_parameters(self.walker.variables, subject.prosthetic_side, self.labels,
-                                                            bench=bench is not None)
+        self.parameters = parameters or standard_parameters(
+            self.walker.variables, subject.prosthetic_side, self.labels, bench=bench is not None
+        )
         for name in self.parameters.by_name:
             if owner(name) not in (None, *self.labels):
-                raise InputError(f"{name} belongs to no trial of this fit", where="parameters",
-                                 right=f"The trials are: {', '.join(self.labels)}")
+                raise InputError(
+                    f"{name} belongs to no trial of this fit",
+                    where="parameters",
+                    right=f"The trials are: {', '.join(self.labels)}",
+                )
         self.evaluations = 0
-        self._terms = [] if self.options.strategy == PAPER else [
-            self.terms_of(trial, label) for trial, label in zip(self.trials, self.labels, strict=True)]
+        self._terms = (
+            []
+            if self.options.strategy == PAPER
+            else [
+                self.terms_of(trial, label)
+                for trial, label in zip(self.trials, self.labels, strict=True)
+            ]
+        )
         self.shared = TrialMap(self.parameters, self.walker.variables, None, None)
         self.machine = None if bench is None else bench_of(model.foot, bench)
         self._last: tuple[np.ndarray, tuple[float, float], bool, FitEvaluation] | None = None
@@ -149,19 +180,33 @@ class ContactFit:
     @property
     def key(self) -> str:
         """A hash of all that decides how the fit goes: recordings, parameters, options, model, bench."""
-        options = {name: value for name, value in to_plain(self.options).items() if name not in self.options.only_ends}
-        return digest({
-            "trials": [(label, fingerprint(trial), trial.fulcrum_m, to_plain(trial.offsets))
-                       for label, trial in zip(self.labels, self.trials, strict=True)],
-            "parameters": to_plain(self.parameters.items), "options": options,
-            "model": to_plain(self.walker.model), "subject": to_plain(self.walker.subject),
-            "bench": to_plain(self.bench)})
+        options = {
+            name: value
+            for name, value in to_plain(self.options).items()
+            if name not in self.options.only_ends
+        }
+        return digest(
+            {
+                "trials": [
+                    (label, fingerprint(trial), trial.fulcrum_m, to_plain(trial.offsets))
+                    for label, trial in zip(self.labels, self.trials, strict=True)
+                ],
+                "parameters": to_plain(self.parameters.items),
+                "options": options,
+                "model": to_plain(self.walker.model),
+                "subject": to_plain(self.walker.subject),
+                "bench": to_plain(self.bench),
+            }
+        )
 
     def resumed(self, state: Mapping[str, Any], read: Callable[[dict[str, Any]], T]) -> T:
         """What `read` makes of a checkpoint without its key; InputError if it is damaged or was left by another fit."""
         if state.get("key") != self.key:
-            raise InputError("was left by a fit of other trials, parameters or options", where="resume",
-                             right="Give the same ones again, or begin anew")
+            raise InputError(
+                "was left by a fit of other trials, parameters or options",
+                where="resume",
+                right="Give the same ones again, or begin anew",
+            )
         try:
             return read({name: value for name, value in state.items() if name != "key"})
         except (KeyError, TypeError, ValueError) as error:
@@ -169,30 +214,59 @@ class ContactFit:
 
     def with_parameters(self, parameters: FitParameters) -> ContactFit:
         """The same trials and bench with other parameters, or priors."""
-        return ContactFit(self.trials, bench=self.bench, parameters=parameters, options=self.options,
-                          walker=self.walker, labels=self.labels)
+        return ContactFit(
+            self.trials,
+            bench=self.bench,
+            parameters=parameters,
+            options=self.options,
+            walker=self.walker,
+            labels=self.labels,
+        )
 
     def walk(
-        self, trial: Trial, values: Mapping[str, float], *, step_s: float, fulcrum_m: float | None = None,
-        perturbations: Sequence[MotionPerturbation] = (), with_respect_to: Sequence[str] = ()
+        self,
+        trial: Trial,
+        values: Mapping[str, float],
+        *,
+        step_s: float,
+        fulcrum_m: float | None = None,
+        perturbations: Sequence[MotionPerturbation] = (),
+        with_respect_to: Sequence[str] = (),
     ) -> tuple[Comparison, WalkResult, Walk]:
         """A trial's walk with these values of its variables, beside its plate; SimulationError if it diverges."""
         walk = self.walker.walk(
-            trial.trajectory, fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m, start_s=trial.start_s,
-            end_s=trial.end_s, step_s=step_s, offsets=trial.offsets, values=values, with_respect_to=with_respect_to,
-            perturbations=perturbations)
+            trial.trajectory,
+            fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m,
+            start_s=trial.start_s,
+            end_s=trial.end_s,
+            step_s=step_s,
+            offsets=trial.offsets,
+            values=values,
+            with_respect_to=with_respect_to,
+            perturbations=perturbations,
+        )
         result = self.walker.result(walk, trial, trial.offsets, energy=False)
         return compare(result, trial.prosthetic_plate), result, walk
 
     def terms_of(self, trial: Trial, label: str | None) -> TrialTerms:
         """The comparison of any trial under this fit's parameters; `label` None if it has none of its own."""
-        if label is not None and (label not in self.labels or self.trials[self.labels.index(label)] is not trial):
-            raise InputError(f"{label!r} is not this trial's label", where="label",
-                             right="A trial that was not fitted has none: give None")
+        if label is not None and (
+            label not in self.labels or self.trials[self.labels.index(label)] is not trial
+        ):
+            raise InputError(
+                f"{label!r} is not this trial's label",
+                where="label",
+                right="A trial that was not fitted has none: give None",
+            )
         return TrialTerms(self, trial, label)
 
     def evaluate(
-        self, u: np.ndarray, *, derivatives: bool = True, noise: float = 1.0, step_s: float | None = None
+        self,
+        u: np.ndarray,
+        *,
+        derivatives: bool = True,
+        noise: float = 1.0,
+        step_s: float | None = None,
     ) -> FitEvaluation:
         """The residuals at u (P,); trials are walked side by side. SimulationError if a walk, or the bench, fails.
 
@@ -201,20 +275,38 @@ class ContactFit:
         """
         u, step_s = np.asarray(u, dtype=float), step_s or self.options.step_s
         how = (noise, step_s)
-        if self._last is not None and np.array_equal(self._last[0], u) and self._last[1] == how and (
-                self._last[2] >= derivatives):
+        if (
+            self._last is not None
+            and np.array_equal(self._last[0], u)
+            and self._last[1] == how
+            and (self._last[2] >= derivatives)
+        ):
             return self._last[3]
         self.evaluations += 1
         with side_by_side(min(len(self._terms), os.cpu_count() or 1)) as pool:
-            each = pool.map(lambda trial: trial.terms(u, derivatives=derivatives, step_s=step_s), self._terms)
+            each = pool.map(
+                lambda trial: trial.terms(u, derivatives=derivatives, step_s=step_s), self._terms
+            )
             terms = [term for of_trial in each for term in of_trial]
         prior = [p for p, item in enumerate(self.parameters.free) if item.prior]
-        terms = [replace(term, weight=term.weight / noise) for term in [*terms, *self._bench_terms(u, derivatives)]]
-        terms.append(ResidualTerm(name=PRIOR, trial=PRIOR, times_s=None, residual=u[prior],
-                                  by=np.eye(len(u))[prior] if derivatives else np.zeros((len(prior), 0))))
+        terms = [
+            replace(term, weight=term.weight / noise)
+            for term in [*terms, *self._bench_terms(u, derivatives)]
+        ]
+        terms.append(
+            ResidualTerm(
+                name=PRIOR,
+                trial=PRIOR,
+                times_s=None,
+                residual=u[prior],
+                by=np.eye(len(u))[prior] if derivatives else np.zeros((len(prior), 0)),
+            )
+        )
         evaluation = FitEvaluation(
             residual=np.concatenate([term.weight * term.residual for term in terms]),
-            jacobian=np.vstack([term.weight * term.by for term in terms]), terms=tuple(terms))
+            jacobian=np.vstack([term.weight * term.by for term in terms]),
+            terms=tuple(terms),
+        )
         self._last = (u.copy(), how, derivatives, evaluation)
         return evaluation
 
@@ -230,17 +322,36 @@ class ContactFit:
             return []
         at = self.shared.at(u)
         names = at.names if derivatives else ()
-        rows = [(BENCH, machine.evaluate, bench.stiffness_n_per_m, bench.heel_stiffness_n_per_m,
-                 bench.uncertainty_n_per_m),
-                (MID_RANGE, machine.displacement, bench.mid_range_m, bench.heel_mid_range_m,
-                 bench.mid_range_uncertainty_m)]
+        rows = [
+            (
+                BENCH,
+                machine.evaluate,
+                bench.stiffness_n_per_m,
+                bench.heel_stiffness_n_per_m,
+                bench.uncertainty_n_per_m,
+            ),
+            (
+                MID_RANGE,
+                machine.displacement,
+                bench.mid_range_m,
+                bench.heel_mid_range_m,
+                bench.mid_range_uncertainty_m,
+            ),
+        ]
         terms = []
         for name, press, forefoot, heel, sd in rows:
             if forefoot is not None and sd is not None:
                 model, by = press(at.values, names)
                 measured = np.array([*forefoot, *([] if heel is None else [heel])])
-                terms.append(ResidualTerm(name=name, trial=BENCH, times_s=None, residual=(model - measured) / sd,
-                                          by=(by @ at.by if derivatives else np.zeros((len(model), 0))) / sd))
+                terms.append(
+                    ResidualTerm(
+                        name=name,
+                        trial=BENCH,
+                        times_s=None,
+                        residual=(model - measured) / sd,
+                        by=(by @ at.by if derivatives else np.zeros((len(model), 0))) / sd,
+                    )
+                )
         return terms
 
     def program(self, evaluate: Callable[..., FitEvaluation] | None = None) -> MathematicalProgram:
@@ -271,20 +382,32 @@ class TrialTerms:
         self.map = TrialMap(fit.parameters, fit.walker.variables, label, trial)
 
     def walk(
-        self, u: np.ndarray, *, derivatives: bool = False, step_s: float | None = None, fulcrum_m: float | None = None
+        self,
+        u: np.ndarray,
+        *,
+        derivatives: bool = False,
+        step_s: float | None = None,
+        fulcrum_m: float | None = None,
     ) -> tuple[Comparison, WalkResult, np.ndarray | None, tuple[np.ndarray, ...]]:
         """The trial's walk at u beside its plate, and by u: (n, 3, P) N of the force and (101, 2, P) m of each CoP."""
         at = self.map.at(u)
         comparison, result, walk = self.fit.walk(
-            self.trial, at.values, step_s=step_s or self.fit.options.step_s, fulcrum_m=fulcrum_m,
-            perturbations=self.map.perturbations, with_respect_to=at.names if derivatives else ())
+            self.trial,
+            at.values,
+            step_s=step_s or self.fit.options.step_s,
+            fulcrum_m=fulcrum_m,
+            perturbations=self.map.perturbations,
+            with_respect_to=at.names if derivatives else (),
+        )
         if not derivatives:
             return comparison, result, None, ()
         assert walk.sensitivity is not None
         by = compare_sensitivity(comparison, result, walk.sensitivity)
         return comparison, result, by.model @ at.by, tuple(cop @ at.by for cop in by.cop)
 
-    def terms(self, u: np.ndarray, *, derivatives: bool, step_s: float | None = None) -> list[ResidualTerm]:
+    def terms(
+        self, u: np.ndarray, *, derivatives: bool, step_s: float | None = None
+    ) -> list[ResidualTerm]:
         """The residuals at u."""
         c, result, force_by, cop_by = self.walk(u, derivatives=derivatives, step_s=step_s)
         rows = np.flatnonzero(c.scored)[:: max(1, round(STRIDE * 2e-3 / c.step_s))]
@@ -295,35 +418,67 @@ class TrialTerms:
         for name in self.fit.options.series:
             if name in FORCES:
                 i = FORCES.index(name)
-                of_forces.append(self._term(name, c.time_s[rows], (model - measured)[:, i] / weight_n,
-                                            by[:, i] / weight_n))
+                of_forces.append(
+                    self._term(
+                        name,
+                        c.time_s[rows],
+                        (model - measured)[:, i] / weight_n,
+                        by[:, i] / weight_n,
+                    )
+                )
             elif name == RESULTANT:
                 size, wanted = np.linalg.norm(model, axis=1), np.linalg.norm(measured, axis=1)
-                direction = model / np.maximum(size, _LEAST_RESULTANT_N)[:, None]  # d|F| = F / |F| . dF
-                of_forces.append(self._term(name, c.time_s[rows], (size - wanted) / weight_n,
-                                            np.einsum("ni,nip->np", direction, by) / weight_n))
+                direction = (
+                    model / np.maximum(size, _LEAST_RESULTANT_N)[:, None]
+                )  # d|F| = F / |F| . dF
+                of_forces.append(
+                    self._term(
+                        name,
+                        c.time_s[rows],
+                        (size - wanted) / weight_n,
+                        np.einsum("ni,nip->np", direction, by) / weight_n,
+                    )
+                )
             else:
                 axis, length = COP.index(name), result.foot_length_m
                 for i, stance in enumerate(c.stances):
                     error = (stance.model_cop - stance.measured_cop)[::STRIDE, axis] / length
-                    slope = cop_by[i][::STRIDE, axis] / length if cop_by else np.zeros((len(error), 0))
-                    instants = np.linspace(stance.measured.start_s, stance.measured.end_s, len(error))
+                    slope = (
+                        cop_by[i][::STRIDE, axis] / length if cop_by else np.zeros((len(error), 0))
+                    )
+                    instants = np.linspace(
+                        stance.measured.start_s, stance.measured.end_s, len(error)
+                    )
                     # Where either foot is not loaded there is no centre to compare; the force says so.
-                    of_centres.append(self._term(name, instants, np.nan_to_num(error), np.nan_to_num(slope)))
+                    of_centres.append(
+                        self._term(name, instants, np.nan_to_num(error), np.nan_to_num(slope))
+                    )
         return of_forces + of_centres
 
-    def _term(self, name: str, times: np.ndarray, error: np.ndarray, by: np.ndarray) -> ResidualTerm:
+    def _term(
+        self, name: str, times: np.ndarray, error: np.ndarray, by: np.ndarray
+    ) -> ResidualTerm:
         noise = self.fit.joint.noise
         sd = getattr(noise, name)
         spacing = float(np.median(np.diff(times))) if len(times) > 1 else 2.0 * noise.correlation_s
-        return ResidualTerm(name=name, trial=self.label, times_s=times, residual=error / sd, by=by / sd,
-                            weight=noise.weight(spacing))
+        return ResidualTerm(
+            name=name,
+            trial=self.label,
+            times_s=times,
+            residual=error / sd,
+            by=by / sd,
+            weight=noise.weight(spacing),
+        )
 
 
 def bench_of(foot: FootParameters, bench: BenchMeasurement) -> BenchStiffness:
     """The machine that presses this foot as it was measured. Raises InputError where its carriage does not reach."""
-    return BenchStiffness(foot, fulcrums_m=bench.fulcrum_m, heel=bench.heel_stiffness_n_per_m is not None,
-                          max_load_n=bench.max_load_n)
+    return BenchStiffness(
+        foot,
+        fulcrums_m=bench.fulcrum_m,
+        heel=bench.heel_stiffness_n_per_m is not None,
+        max_load_n=bench.max_load_n,
+    )
 
 
 # Which recordings make one fit: one subject, one model, whole stances, each with what is compared.
@@ -343,10 +498,12 @@ def labels_of(trials: Sequence[Trial]) -> tuple[str, ...]:
 
 def labels_with(fit: ContactFit, held_out: Sequence[Trial]) -> tuple[str, ...]:
     """Names of the fitted trials, and of others that tell these from them."""
-    return (*fit.labels, *labels_of([*fit.trials, *held_out])[len(fit.trials):])
+    return (*fit.labels, *labels_of([*fit.trials, *held_out])[len(fit.trials) :])
 
 
-def check_recordings(trials: Sequence[Trial], held_out: Sequence[Trial] = (), *, series: Sequence[str]) -> None:
+def check_recordings(
+    trials: Sequence[Trial], held_out: Sequence[Trial] = (), *, series: Sequence[str]
+) -> None:
     """Makes sure that these can be fitted, and judged by `held_out`, together.
 
     Raises:
@@ -355,16 +512,26 @@ def check_recordings(trials: Sequence[Trial], held_out: Sequence[Trial] = (), *,
     """
     for name, given in (("trials", trials), ("held_out", held_out)):
         if isinstance(given, Trial) or not all(isinstance(trial, Trial) for trial in given):
-            raise InputError("is no list of trials", where=name, right="Give a list of what load_trial returns")
+            raise InputError(
+                "is no list of trials", where=name, right="Give a list of what load_trial returns"
+            )
     if not trials:
         raise InputError("there is no trial to fit", where="trials")
     known: dict[str, tuple[Trial, bool]] = {}
     for trial, out in [(t, False) for t in trials] + [(t, True) for t in held_out]:
         other, other_out = known.get(fingerprint(trial), (None, out))
         if other is not None:
-            what, right = ("is", "Give it once") if out == other_out else (
-                "is fitted and held out: it is", "A held-out trial must be one that the fit has not seen")
-            raise InputError(f"{what} the same recording as {other.path}", file=trial.path, right=right)
+            what, right = (
+                ("is", "Give it once")
+                if out == other_out
+                else (
+                    "is fitted and held out: it is",
+                    "A held-out trial must be one that the fit has not seen",
+                )
+            )
+            raise InputError(
+                f"{what} the same recording as {other.path}", file=trial.path, right=right
+            )
         known[fingerprint(trial)] = (trial, out)
     for trial in (*trials, *held_out):
         _check_recording(trials[0], trial, series)
@@ -375,25 +542,50 @@ def _check_recording(first: Trial, trial: Trial, series: Sequence[str]) -> None:
         return InputError(what, file=trial.path, where=where, right=right)
 
     if any(note.startswith(APPLIED) for note in trial.notes):
-        raise refused("has a fitted contact already", None,
-                      "Fit the trial as it was recorded: what one fit found would be lost in the next")
+        raise refused(
+            "has a fitted contact already",
+            None,
+            "Fit the trial as it was recorded: what one fit found would be lost in the next",
+        )
     a, b = vars(first.subject), vars(trial.subject)
     if a != b:
-        differences = "; ".join(f"{name} {value} and {a[name]}" for name, value in b.items() if value != a[name])
-        raise refused(f"is of another subject than {first.path}: {differences}", "subject", "Fit one subject at a time")
+        differences = "; ".join(
+            f"{name} {value} and {a[name]}" for name, value in b.items() if value != a[name]
+        )
+        raise refused(
+            f"is of another subject than {first.path}: {differences}",
+            "subject",
+            "Fit one subject at a time",
+        )
     if trial.model != first.model:
-        raise refused(f"has another model than {first.path}", "model",
-                      "Trials that are fitted together share the model of the foot")
+        raise refused(
+            f"has another model than {first.path}",
+            "model",
+            "Trials that are fitted together share the model of the foot",
+        )
     plate = trial.prosthetic_plate
-    stances = [s for s in find_stances(plate.time_s, plate.force_W[:, 2])
-               if s.end_s > trial.start_s and s.start_s < trial.end_s]
+    stances = [
+        s
+        for s in find_stances(plate.time_s, plate.force_W[:, 2])
+        if s.end_s > trial.start_s and s.start_s < trial.end_s
+    ]
     if not stances:
-        raise refused("its plate saw no stance of the prosthetic foot in the trial's window", "forces", None)
+        raise refused(
+            "its plate saw no stance of the prosthetic foot in the trial's window", "forces", None
+        )
     for stance in stances:
-        if not (stance.complete and stance.start_s >= trial.start_s and stance.end_s <= trial.end_s):
-            raise refused(f"the plate saw only part of the stance at {stance.start_s:.2f} to {stance.end_s:.2f} s, or "
-                          f"the window of {trial.start_s:.2f} to {trial.end_s:.2f} s cuts it", "window",
-                          "Choose a window that holds whole stances only")
+        if not (
+            stance.complete and stance.start_s >= trial.start_s and stance.end_s <= trial.end_s
+        ):
+            raise refused(
+                f"the plate saw only part of the stance at {stance.start_s:.2f} to {stance.end_s:.2f} s, or "
+                f"the window of {trial.start_s:.2f} to {trial.end_s:.2f} s cuts it",
+                "window",
+                "Choose a window that holds whole stances only",
+            )
     if any(name in COP for name in series) and not plate.has_cop:
-        raise refused("its plate has no centre of pressure, which is to be compared", "forces",
-                      "Leave the centre of pressure out of the comparison (--no-cop), or the trial")
+        raise refused(
+            "its plate has no centre of pressure, which is to be compared",
+            "forces",
+            "Leave the centre of pressure out of the comparison (--no-cop), or the trial",
+        )

@@ -15,7 +15,13 @@ from vsf_drake.analysis.contact_fit.options import JOINT
 from vsf_drake.analysis.contact_fit.paper import PaperEnd, search_like_the_paper
 from vsf_drake.analysis.contact_fit.parameters import OFFSET_HEIGHT, FitParameters, TrialMap, owner
 from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, FitEvaluation
-from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty, run_searches, search, uncertainty_at
+from vsf_drake.analysis.contact_fit.solve import (
+    FitSearch,
+    Uncertainty,
+    run_searches,
+    search,
+    uncertainty_at,
+)
 from vsf_drake.contact_file import (
     DEVICE,
     FORMAT,
@@ -56,7 +62,9 @@ class Contradiction:
     sd_away: Mapping[str, float]  # by name, in standard deviations of the prior as it was
     factor: float  # by which it was widened
     cost: float  # with the priors as they were
-    cost_widened: float | None  # None where that fit did not converge: it is not the one that is told
+    cost_widened: (
+        float | None
+    )  # None where that fit did not converge: it is not the one that is told
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,12 +105,19 @@ class JointEnd:
 
     def alike(self) -> list[FitSearch]:
         """The searches that went to the end themselves and fit as well as the best one (see ALIKE)."""
-        return [s for s in self.searches if not s.met and s.cost <= self.searches[self.best].cost + ALIKE]
+        return [
+            s
+            for s in self.searches
+            if not s.met and s.cost <= self.searches[self.best].cost + ALIKE
+        ]
 
     def noise_ratios(self) -> tuple[NoiseRatio, ...]:
         """Of each series of residuals."""
-        return tuple(NoiseRatio(term.trial, term.name, float(np.sqrt(np.mean(term.residual**2))))
-                     for term in self.evaluation.terms if term.name != PRIOR)
+        return tuple(
+            NoiseRatio(term.trial, term.name, float(np.sqrt(np.mean(term.residual**2))))
+            for term in self.evaluation.terms
+            if term.name != PRIOR
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +135,11 @@ class ContactFitSolution(Tabular):
     def values(self) -> dict[str, float]:
         """Fitted parameters by name, the frozen ones too; of the paper's fit the variables of a walk that it set."""
         self.check()
-        return dict(self.end.values) if isinstance(self.end, PaperEnd) else self.fit.parameters.values(self.end.u)
+        return (
+            dict(self.end.values)
+            if isinstance(self.end, PaperEnd)
+            else self.fit.parameters.values(self.end.u)
+        )
 
     @property
     def walk_values(self) -> dict[str, float]:
@@ -129,26 +148,47 @@ class ContactFitSolution(Tabular):
         on."""
         variables, shared = self.fit.walker.variables, self.all_values(None)
         return {name: variables[name].default for name in DEVICE} | {
-            name: value for name, value in shared.items() if isinstance(self.end, PaperEnd)
-            or (name in variables and value != variables[name].default)}
+            name: value
+            for name, value in shared.items()
+            if isinstance(self.end, PaperEnd)
+            or (name in variables and value != variables[name].default)
+        }
 
     def contact(self, verdict: tuple[str, ...] = ()) -> FittedContact:
         """The content of `contact.yaml`, with a verdict in words."""
         subject, shared = self.fit.walker.subject, self.all_values(None)
-        own = [(label, trial, self.all_values(label))
-               for label, trial in zip(self.fit.labels, self.fit.trials, strict=True)]
+        own = [
+            (label, trial, self.all_values(label))
+            for label, trial in zip(self.fit.labels, self.fit.trials, strict=True)
+        ]
         solver = {"solver": self.fit.joint.solver} if isinstance(self.end, JointEnd) else {}
         return FittedContact(
-            format=FORMAT, strategy=self.fit.options.strategy, converged=True, verdict=verdict, values=self.walk_values,
-            subject=FittedSubject(mass_kg=subject.mass_kg, stature_m=subject.stature_m,
-                                  prosthetic_side=subject.prosthetic_side),
-            curves=tuple(JointCurve(coordinate=name, coefficients=c) for name, c in _splines(shared, "curve").items()),
-            trials=tuple(FittedTrial(
-                name=label, fingerprint=fingerprint(trial), path=_splines(values, "path"),
-                curves=_splines(values, "slow"),
-                height_m=values.get(OFFSET_HEIGHT, 0.0) - shared.get(OFFSET_HEIGHT, 0.0))
-                for label, trial, values in own),
-            provenance={**provenance({}), "seed": self.fit.options.seed, **solver})
+            format=FORMAT,
+            strategy=self.fit.options.strategy,
+            converged=True,
+            verdict=verdict,
+            values=self.walk_values,
+            subject=FittedSubject(
+                mass_kg=subject.mass_kg,
+                stature_m=subject.stature_m,
+                prosthetic_side=subject.prosthetic_side,
+            ),
+            curves=tuple(
+                JointCurve(coordinate=name, coefficients=c)
+                for name, c in _splines(shared, "curve").items()
+            ),
+            trials=tuple(
+                FittedTrial(
+                    name=label,
+                    fingerprint=fingerprint(trial),
+                    path=_splines(values, "path"),
+                    curves=_splines(values, "slow"),
+                    height_m=values.get(OFFSET_HEIGHT, 0.0) - shared.get(OFFSET_HEIGHT, 0.0),
+                )
+                for label, trial, values in own
+            ),
+            provenance={**provenance({}), "seed": self.fit.options.seed, **solver},
+        )
 
     def predict(
         self, trial: Trial, label: str | None, *, step_s: float, fulcrum_m: float | None = None
@@ -157,74 +197,133 @@ class ContactFitSolution(Tabular):
         self.check()
         if isinstance(self.end, PaperEnd):
             return self.fit.walk(trial, self.end.values, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
-        return self.fit.terms_of(trial, label).walk(self.end.u, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
+        return self.fit.terms_of(trial, label).walk(self.end.u, step_s=step_s, fulcrum_m=fulcrum_m)[
+            :2
+        ]
 
     def parameter_rows(self) -> tuple[ParameterRow, ...]:
         """Every parameter with its value and what is known of it. FitError if the fit failed."""
         end, values = self.end, self.values
         if isinstance(end, PaperEnd):
-            return tuple(ParameterRow(name=name, unit=variable_unit(name), value=value,
-                                      start=end.initial_values.get(name)) for name, value in values.items())
+            return tuple(
+                ParameterRow(
+                    name=name,
+                    unit=variable_unit(name),
+                    value=value,
+                    start=end.initial_values.get(name),
+                )
+                for name, value in values.items()
+            )
         told, rows = end.uncertainty, []
         alike = [self.fit.parameters.values(s.u) for s in end.alike()]
         for item in self.fit.parameters.items:
             row = ParameterRow(
-                name=item.name, unit=item.unit, value=values[item.name], start=item.start, frozen=item.frozen,
-                low=item.low, high=item.high, prior_mean=item.mean, prior_scale=item.scale,
-                logarithmic=item.logarithmic)
+                name=item.name,
+                unit=item.unit,
+                value=values[item.name],
+                start=item.start,
+                frozen=item.frozen,
+                low=item.low,
+                high=item.high,
+                prior_mean=item.mean,
+                prior_scale=item.scale,
+                logarithmic=item.logarithmic,
+            )
             if not item.frozen:
                 i, ends = told.names.index(item.name), [one[item.name] for one in alike]
                 low, high = map(float, told.interval[i])
                 share = float(told.share_of_prior[i])
                 row = replace(
-                    row, interval_95=(low, high), share_of_prior=share if math.isfinite(share) else None,
+                    row,
+                    interval_95=(low, high),
+                    share_of_prior=share if math.isfinite(share) else None,
                     at_bound=item.name in told.at_bound,
                     spread_over_starts=float(np.ptp(ends)) if len(ends) > 1 else None,
-                    value_in_prior_sd=item.to_u(row.value), interval_in_prior_sd=(item.to_u(low), item.to_u(high)))
+                    value_in_prior_sd=item.to_u(row.value),
+                    interval_in_prior_sd=(item.to_u(low), item.to_u(high)),
+                )
             rows.append(row)
         return tuple(rows)
 
     def labelled(self) -> LabelledArrays:
         """One row a parameter: value, start and 95 % interval, each in the `unit` of its row."""
         text = {"name": "parameter", "unit": "of the numbers of the row"}
-        numbers = {"value": "fitted value", "start": "where the search began", "low_95": "95 % interval, lower end",
-                   "high_95": "95 % interval, upper end", "share_of_prior": "standard error over that of the prior"}
+        numbers = {
+            "value": "fitted value",
+            "start": "where the search began",
+            "low_95": "95 % interval, lower end",
+            "high_95": "95 % interval, upper end",
+            "share_of_prior": "standard error over that of the prior",
+        }
         flags = {"frozen": "whether it was not fitted", "at_bound": "whether it ended on a bound"}
-        rows = [{**vars(row), **dict(zip(("low_95", "high_95"), row.interval_95 or (None, None), strict=True))}
-                for row in self.parameter_rows()]
-        return record_arrays(rows, {
-            **{name: {"meaning": meaning} for name, meaning in text.items()},
-            **{name: {"unit": "1" if name == "share_of_prior" else "by row", "meaning": meaning}
-               for name, meaning in numbers.items()},
-            **{name: {"meaning": meaning} for name, meaning in flags.items()}},
-            {"strategy": self.fit.options.strategy, "synthetic": self._synthetic})
+        rows = [
+            {
+                **vars(row),
+                **dict(zip(("low_95", "high_95"), row.interval_95 or (None, None), strict=True)),
+            }
+            for row in self.parameter_rows()
+        ]
+        return record_arrays(
+            rows,
+            {
+                **{name: {"meaning": meaning} for name, meaning in text.items()},
+                **{
+                    name: {
+                        "unit": "1" if name == "share_of_prior" else "by row",
+                        "meaning": meaning,
+                    }
+                    for name, meaning in numbers.items()
+                },
+                **{name: {"meaning": meaning} for name, meaning in flags.items()},
+            },
+            {"strategy": self.fit.options.strategy, "synthetic": self._synthetic},
+        )
 
     def headline(self) -> Headline:
         """How many parameters were found, and which lie on a bound."""
         rows = self.parameter_rows() if self.success else ()
         return Headline(
-            kind="Contact fit", name=", ".join(self.fit.labels), synthetic=self._synthetic,
+            kind="Contact fit",
+            name=", ".join(self.fit.labels),
+            synthetic=self._synthetic,
             failure="" if self.success else self.message,
-            facts=(("Fitted parameters", sum(not row.frozen for row in rows), ""),
-                   *((f"On a bound: {row.name}", row.value, row.unit) for row in rows if row.at_bound),
-                   ("Time", self.wall_s, "s")))
+            facts=(
+                ("Fitted parameters", sum(not row.frozen for row in rows), ""),
+                *((f"On a bound: {row.name}", row.value, row.unit) for row in rows if row.at_bound),
+                ("Time", self.wall_s, "s"),
+            ),
+        )
 
     @property
     def _synthetic(self) -> bool:
         bench = self.fit.bench
-        return any(trial.synthetic for trial in self.fit.trials) or (bench is not None and bench.synthetic)
+        return any(trial.synthetic for trial in self.fit.trials) or (
+            bench is not None and bench.synthetic
+        )
 
     def refitted_without(self, labels: Sequence[str]) -> ContactFitSolution:
         """The same joint fit without these trials, searched once from this solution on. Raises FitError, too, where the
         search does not converge or no trial is left."""
         self.check()
         fit, began = self.fit, time.perf_counter()
-        left = [(trial, label) for trial, label in zip(fit.trials, fit.labels, strict=True) if label not in labels]
+        left = [
+            (trial, label)
+            for trial, label in zip(fit.trials, fit.labels, strict=True)
+            if label not in labels
+        ]
         if not left:
             raise FitError("no trial is left to fit")
-        parameters = FitParameters(item for item in fit.parameters.items if owner(item.name) not in labels)
-        fewer = ContactFit([trial for trial, _ in left], bench=fit.bench, parameters=parameters, options=fit.options,
-                           walker=fit.walker, labels=[label for _, label in left])
+        parameters = FitParameters(
+            item for item in fit.parameters.items if owner(item.name) not in labels
+        )
+        fewer = ContactFit(
+            [trial for trial, _ in left],
+            bench=fit.bench,
+            parameters=parameters,
+            options=fit.options,
+            walker=fit.walker,
+            labels=[label for _, label in left],
+        )
         solution = _finished(fewer, (search(fewer, parameters.u(self.values), near=True),), began)
         solution.check()
         return solution
@@ -243,7 +342,11 @@ class ContactFitSolution(Tabular):
         self.check()
         if isinstance(self.end, PaperEnd):
             return self.end.values
-        return TrialMap(self.fit.parameters, self.fit.walker.variables, label, None).at(self.end.u).values
+        return (
+            TrialMap(self.fit.parameters, self.fit.walker.variables, label, None)
+            .at(self.end.u)
+            .values
+        )
 
     def checked(self) -> ContactFitSolution:
         """The solution, or a failed one that says so where its walks are not sound in the step of the report."""
@@ -251,11 +354,17 @@ class ContactFitSolution(Tabular):
             try:
                 _, result = self.predict(trial, label, step_s=self.fit.options.report_step_s)
             except SimulationError as error:
-                return replace(self, success=False,
-                               message=f"the walk {label} fails at the step of the report: {error}")
+                return replace(
+                    self,
+                    success=False,
+                    message=f"the walk {label} fails at the step of the report: {error}",
+                )
             if not result.converged:
-                return replace(self, success=False,
-                               message=f"{result.unconverged_steps} steps of the walk {label} did not converge")
+                return replace(
+                    self,
+                    success=False,
+                    message=f"{result.unconverged_steps} steps of the walk {label} did not converge",
+                )
         return self
 
 
@@ -269,8 +378,11 @@ def _splines(values: Mapping[str, float], kind: str) -> dict[str, tuple[float, .
 
 
 def solve(
-    fit: ContactFit, *, progress: Callable[[str, float], None] | None = None, resume: Mapping[str, Any] | None = None,
-    checkpoint: Callable[[dict[str, Any]], None] | None = None
+    fit: ContactFit,
+    *,
+    progress: Callable[[str, float], None] | None = None,
+    resume: Mapping[str, Any] | None = None,
+    checkpoint: Callable[[dict[str, Any]], None] | None = None,
 ) -> ContactFitSolution:
     """Fits: from several starts, or by the paper's procedure, as the fit's options say.
 
@@ -289,14 +401,17 @@ def solve(
         searches = run_searches(fit, progress=progress, resume=resume, checkpoint=checkpoint)
         return _widened(_finished(fit, searches, began), began)
     end = search_like_the_paper(fit, progress=progress, resume=resume, checkpoint=checkpoint)
-    solution = ContactFitSolution(fit=fit, success=end.converged, message=end.stopped_by, end=end,
-                                  wall_s=end.state.wall_s)
+    solution = ContactFitSolution(
+        fit=fit, success=end.converged, message=end.stopped_by, end=end, wall_s=end.state.wall_s
+    )
     return solution.checked() if end.converged else solution
 
 
 def far_parameters(end: JointEnd) -> dict[str, float]:
     """Those further than FAR standard deviations from the centre of their prior, the furthest first."""
-    far = {name: float(u) for name, u in zip(end.uncertainty.names, end.u, strict=True) if abs(u) > FAR}
+    far = {
+        name: float(u) for name, u in zip(end.uncertainty.names, end.u, strict=True) if abs(u) > FAR
+    }
     return dict(sorted(far.items(), key=lambda item: -abs(item[1])))
 
 
@@ -313,23 +428,40 @@ def _widened(solution: ContactFitSolution, began: float) -> ContactFitSolution:
         wider = wider.changed([name], scale=WIDER * wider.by_name[name].scale)
     again = fit.with_parameters(wider)
     found = _finished(again, (search(again, wider.u(values), near=True, hops=True),), began)
-    told = Contradiction(sd_away=far, factor=WIDER, cost=end.evaluation.cost,
-                         cost_widened=found.end.evaluation.cost if found.success and isinstance(found.end, JointEnd)
-                         else None)
+    told = Contradiction(
+        sd_away=far,
+        factor=WIDER,
+        cost=end.evaluation.cost,
+        cost_widened=found.end.evaluation.cost
+        if found.success and isinstance(found.end, JointEnd)
+        else None,
+    )
     if not found.success or not isinstance(found.end, JointEnd):
         return replace(solution, contradiction=told, wall_s=found.wall_s)
-    return replace(found, end=replace(found.end, searches=(*end.searches, *found.end.searches), best=len(end.searches)),
-                   contradiction=told)
+    return replace(
+        found,
+        end=replace(
+            found.end, searches=(*end.searches, *found.end.searches), best=len(end.searches)
+        ),
+        contradiction=told,
+    )
 
 
 def _finished(fit: ContactFit, searches: tuple[FitSearch, ...], began: float) -> ContactFitSolution:
     """At the lowest converged search whose walks are sound; else a failed solution at the best."""
+
     def at(i: int, *, success: bool, message: str) -> ContactFitSolution:
         u = searches[i].u
-        end = JointEnd(u=u, evaluation=fit.evaluate(u), searches=searches, best=i,
-                       uncertainty=uncertainty_at(fit, u, searches[i].apart))
-        return ContactFitSolution(fit=fit, success=success, message=message, end=end,
-                                  wall_s=time.perf_counter() - began)
+        end = JointEnd(
+            u=u,
+            evaluation=fit.evaluate(u),
+            searches=searches,
+            best=i,
+            uncertainty=uncertainty_at(fit, u, searches[i].apart),
+        )
+        return ContactFitSolution(
+            fit=fit, success=success, message=message, end=end, wall_s=time.perf_counter() - began
+        )
 
     order = sorted(range(len(searches)), key=lambda i: (not searches[i].success, searches[i].cost))
     best = searches[order[0]]

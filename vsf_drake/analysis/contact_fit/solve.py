@@ -55,7 +55,9 @@ class FitSearch:
     failed: int  # so many of these ended in a SimulationError
     cut: bool = False  # by the time limit
     met: int = 0  # number of the search that it met on the way and ended with, 0 if it went to the end itself
-    smooth: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (P,) the end of the first stage, if it had one
+    smooth: np.ndarray = field(
+        default_factory=lambda: np.zeros(0)
+    )  # (P,) the end of the first stage, if it had one
     beside: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     """(k, 1 + P) other minima that it hopped into: cost and u of each."""
 
@@ -68,8 +70,11 @@ class FitSearch:
 
 
 def run_searches(
-    fit: ContactFit, *, progress: Callable[[str, float], None] | None = None, resume: Mapping[str, Any] | None = None,
-    checkpoint: Callable[[dict[str, Any]], None] | None = None
+    fit: ContactFit,
+    *,
+    progress: Callable[[str, float], None] | None = None,
+    resume: Mapping[str, Any] | None = None,
+    checkpoint: Callable[[dict[str, Any]], None] | None = None,
 ) -> tuple[FitSearch, ...]:
     """All searches of the options, in their order; see `solution.solve`.
 
@@ -80,37 +85,64 @@ def run_searches(
 
     def read(row: Mapping[str, Any]) -> FitSearch:
         ends: dict[str, np.ndarray] = {
-            name: np.array(row[name], dtype=float).reshape(size) for name in ("start", "u")}
+            name: np.array(row[name], dtype=float).reshape(size) for name in ("start", "u")
+        }
         ends["smooth"] = np.array(row["smooth"], dtype=float).reshape(-1, size).ravel()
         ends["beside"] = np.array(row["beside"], dtype=float).reshape(-1, 1 + size)
-        costs = {name: np.inf if row[name] is None else float(row[name]) for name in ("start_cost", "cost")}
+        costs = {
+            name: np.inf if row[name] is None else float(row[name])
+            for name in ("start_cost", "cost")
+        }
         return FitSearch(**{**row, **ends, **costs})
 
-    done, fewer = ([], 0) if resume is None else fit.resumed(
-        resume, lambda state: ([*map(read, state["searches"][:starts])], int(state["iterations"])))
+    done, fewer = (
+        ([], 0)
+        if resume is None
+        else fit.resumed(
+            resume,
+            lambda state: ([*map(read, state["searches"][:starts])], int(state["iterations"])),
+        )
+    )
     began, before, ended = time.perf_counter(), len(done), 0.0
     until = began + (np.inf if fit.joint.time_limit_s is None else fit.joint.time_limit_s)
-    goes_on = [i for i, s in enumerate(done) if not s.success and np.isfinite(s.cost)
-               and (s.cut or fewer < fit.joint.iterations)]
+    goes_on = [
+        i
+        for i, s in enumerate(done)
+        if not s.success and np.isfinite(s.cost) and (s.cut or fewer < fit.joint.iterations)
+    ]
     for i in [*goes_on, *range(len(done), starts)]:
+
         def tell(evaluations: int, cost: float, i: int = i, ended: float = ended) -> None:
             if progress:
                 best = min([cost, *(s.cost for s in done)])
                 share = (i + evaluations / (evaluations + _TYPICAL)) / starts
                 if i > before and not goes_on:  # by the time that the searches which ended took
-                    share = (time.perf_counter() - began) * (i - before) / (ended * (starts - before))
+                    share = (
+                        (time.perf_counter() - began) * (i - before) / (ended * (starts - before))
+                    )
                 progress(f"search {i + 1} of {starts}, best cost {best:.1f}", min(share, 1.0))
 
         if i < len(done):
             again = search(fit, done[i].u, tell, near=True, hops=True, until=until)
-            done[i] = replace(again, start=done[i].start, start_cost=done[i].start_cost, smooth=done[i].smooth,
-                              evaluations=done[i].evaluations + again.evaluations,
-                              failed=done[i].failed + again.failed)
+            done[i] = replace(
+                again,
+                start=done[i].start,
+                start_cost=done[i].start_cost,
+                smooth=done[i].smooth,
+                evaluations=done[i].evaluations + again.evaluations,
+                failed=done[i].failed + again.failed,
+            )
         else:
             done.append(search(fit, _start(fit, i), tell, until=until, others=done))
         ended = time.perf_counter() - began
         if checkpoint:
-            checkpoint({"key": fit.key, "iterations": fit.joint.iterations, "searches": plain([vars(s) for s in done])})
+            checkpoint(
+                {
+                    "key": fit.key,
+                    "iterations": fit.joint.iterations,
+                    "searches": plain([vars(s) for s in done]),
+                }
+            )
         if time.perf_counter() > until:
             break
     return tuple(done)
@@ -138,8 +170,14 @@ def _start(fit: ContactFit, i: int) -> np.ndarray:
 
 
 def search(
-    fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], None] | None = None, *, near: bool = False,
-    hops: bool = False, until: float = np.inf, others: Sequence[FitSearch] = ()
+    fit: ContactFit,
+    start: np.ndarray,
+    progress: Callable[[int, float], None] | None = None,
+    *,
+    near: bool = False,
+    hops: bool = False,
+    until: float = np.inf,
+    others: Sequence[FitSearch] = (),
 ) -> FitSearch:
     """Searches from `start` (P,) on; a start at which the simulation fails is a search that failed, not an error.
 
@@ -155,9 +193,17 @@ def search(
     try:
         first = tried.at(start)
         if first is None or not np.isfinite(first.cost):
-            return FitSearch(start=start, u=start, start_cost=np.inf, cost=np.inf, success=False,
-                             message=f"the walk fails where the search starts: {tried.failure}",
-                             evaluations=tried.count, failed=tried.failed, beside=beside)
+            return FitSearch(
+                start=start,
+                u=start,
+                start_cost=np.inf,
+                cost=np.inf,
+                success=False,
+                message=f"the walk fails where the search starts: {tried.failure}",
+                evaluations=tried.count,
+                failed=tried.failed,
+                beside=beside,
+            )
         start_cost = first.cost
         if fit.joint.solver != "gauss_newton":
             success, message = _drake(fit, tried, start)
@@ -168,8 +214,14 @@ def search(
             if not near:
                 smooth, met = _smoothed(tried, start, others)
                 if met is not None:
-                    return replace(others[met], start=start, start_cost=start_cost, evaluations=tried.count,
-                                   failed=tried.failed, met=met + 1)
+                    return replace(
+                        others[met],
+                        start=start,
+                        start_cost=start_cost,
+                        evaluations=tried.count,
+                        failed=tried.failed,
+                        met=met + 1,
+                    )
             success, message, beside = _hopped(tried)
         left, again = _left_to_gain(tried), AGAIN
         while success and left > ENOUGH and again:
@@ -177,33 +229,64 @@ def search(
             success, message = _descend(tried, tried.best)
             left, again = _left_to_gain(tried), again - 1
             if success and before - tried.best_cost < ENOUGH and tried.rough:
-                left, message = 0.0, (f"no step lowers the cost by more than {ENOUGH:g}, though its slope promises "
-                                      f"{left:.1f}: the cost is rough there")
+                left, message = (
+                    0.0,
+                    (
+                        f"no step lowers the cost by more than {ENOUGH:g}, though its slope promises "
+                        f"{left:.1f}: the cost is rough there"
+                    ),
+                )
         if success and left > ENOUGH:
-            success, message = False, f"it stopped where a step would still lower the cost by {left:.1f}; {message}"
+            success, message = (
+                False,
+                f"it stopped where a step would still lower the cost by {left:.1f}; {message}",
+            )
         elif not success and left <= ENOUGH:
-            success, message = True, f"no step would lower the cost by more than {ENOUGH:g} any more; {message}"
+            success, message = (
+                True,
+                f"no step would lower the cost by more than {ENOUGH:g} any more; {message}",
+            )
     except RuntimeError:  # Drake's solvers make it one of their own
         if not tried.late:
             raise
         success, message = False, f"the time limit of {fit.joint.time_limit_s:g} s ended it"
-    return FitSearch(start=start, u=tried.best, start_cost=start_cost, cost=tried.best_cost, success=success,
-                     message=message, evaluations=tried.count, failed=tried.failed, cut=tried.late, smooth=smooth,
-                     beside=beside)
+    return FitSearch(
+        start=start,
+        u=tried.best,
+        start_cost=start_cost,
+        cost=tried.best_cost,
+        success=success,
+        message=message,
+        evaluations=tried.count,
+        failed=tried.failed,
+        cut=tried.late,
+        smooth=smooth,
+        beside=beside,
+    )
 
 
-def _smoothed(tried: _Tried, start: np.ndarray, others: Sequence[FitSearch]) -> tuple[np.ndarray, int | None]:
-    """The end of the first stage, and which of the others it met there; unless it met one, all stages are gone through.
-    """
+def _smoothed(
+    tried: _Tried, start: np.ndarray, others: Sequence[FitSearch]
+) -> tuple[np.ndarray, int | None]:
+    """The end of the first stage, and which of the others it met there; unless it met one, all stages are gone through."""
     smooth = np.zeros(0)
     for noise, coarser, tolerance in STAGES:
-        _descend(tried, tried.last if smooth.size else start, noise=noise, step_s=coarser * tried.fit.joint.step_s,
-                 tolerance=tolerance)
+        _descend(
+            tried,
+            tried.last if smooth.size else start,
+            noise=noise,
+            step_s=coarser * tried.fit.joint.step_s,
+            tolerance=tolerance,
+        )
         if not smooth.size:
             smooth = tried.last
             for i, other in enumerate(others):
-                if other.success and not other.met and other.smooth.size and (
-                        np.abs(smooth - other.smooth).max() <= MET):
+                if (
+                    other.success
+                    and not other.met
+                    and other.smooth.size
+                    and (np.abs(smooth - other.smooth).max() <= MET)
+                ):
                     return smooth, i
     return smooth, None
 
@@ -228,8 +311,10 @@ def _hopped(tried: _Tried) -> tuple[bool, str, np.ndarray]:
         success, message = down(tried.best)
     apart, best = list[np.ndarray](), tried.at(tried.best)
     for end in sorted(ends, key=lambda end: float(end[0])):
-        if best is not None and all(0.5 * np.sum((best.jacobian @ (end[1:] - other)) ** 2) > ENOUGH
-                                    for other in (tried.best, *(known[1:] for known in apart))):
+        if best is not None and all(
+            0.5 * np.sum((best.jacobian @ (end[1:] - other)) ** 2) > ENOUGH
+            for other in (tried.best, *(known[1:] for known in apart))
+        ):
             apart.append(end)
     return success, message, np.array(apart).reshape(-1, 1 + len(tried.best))
 
@@ -241,13 +326,16 @@ def _left_to_gain(tried: _Tried) -> float:
     return _step(at.jacobian, at.residual, low - u, high - u)[1]
 
 
-def _step(jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float]:
-    """The s (P,) within low <= s <= high that minimises 1/2 |residual + jacobian s|^2, and by how much it lowers that.
-    """
+def _step(
+    jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """The s (P,) within low <= s <= high that minimises 1/2 |residual + jacobian s|^2, and by how much it lowers that."""
     triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]), mode="r"))
     R, y = triangle[:, :-1], triangle[:, -1]
     apart = 1e-12  # the solver wants room between its bounds
-    s = lsq_linear(R, -y, bounds=(np.minimum(low, -apart), np.maximum(high, apart)), method="bvls").x
+    s = lsq_linear(
+        R, -y, bounds=(np.minimum(low, -apart), np.maximum(high, apart)), method="bvls"
+    ).x
     s = np.clip(s, low, high)
     return s, 0.5 * float(y @ y - np.sum((y + R @ s) ** 2))
 
@@ -259,7 +347,9 @@ class _Late(RuntimeError):
 class _Tried:
     """Evaluates for a solver and keeps the best point; a failed simulation is None."""
 
-    def __init__(self, fit: ContactFit, progress: Callable[[int, float], None] | None, until: float) -> None:
+    def __init__(
+        self, fit: ContactFit, progress: Callable[[int, float], None] | None, until: float
+    ) -> None:
         self.fit, self.progress, self.until = fit, progress, until
         self.count = self.failed = 0
         self.failure, self.interrupted = "", False
@@ -267,7 +357,12 @@ class _Tried:
         self.last, self.rough, self.late = np.zeros(0), False, False
 
     def at(
-        self, u: np.ndarray, *, derivatives: bool = True, noise: float = 1.0, step_s: float | None = None
+        self,
+        u: np.ndarray,
+        *,
+        derivatives: bool = True,
+        noise: float = 1.0,
+        step_s: float | None = None,
     ) -> FitEvaluation | None:
         if time.perf_counter() > self.until and np.isfinite(self.best_cost):
             self.late = True
@@ -299,8 +394,13 @@ class _Tried:
 
 
 def _descend(
-    tried: _Tried, start: np.ndarray, *, noise: float = 1.0, step_s: float | None = None,
-    tolerance: float | None = None, most: int | None = None
+    tried: _Tried,
+    start: np.ndarray,
+    *,
+    noise: float = 1.0,
+    step_s: float | None = None,
+    tolerance: float | None = None,
+    most: int | None = None,
 ) -> tuple[bool, str]:
     """Gauss-Newton in a box as trust region (Conn, Gould & Toint 2000, Trust-Region Methods, ch. 6), within the bounds;
     whether it converged, and how it ended. Leaves the last point in `tried.last`. At a kink of the cost a step is
@@ -316,7 +416,9 @@ def _descend(
     if here is None:
         return False, f"the walk fails on the way: {tried.failure}"
     while tried.count < most:
-        s, promised = _step(here.jacobian, here.residual, np.maximum(low - u, -radius), np.minimum(high - u, radius))
+        s, promised = _step(
+            here.jacobian, here.residual, np.maximum(low - u, -radius), np.minimum(high - u, radius)
+        )
         size = float(np.abs(s).max())
         if promised < tolerance * here.cost and size < 0.99 * radius:
             return True, f"a step betters the cost by less than {tolerance:g} of it"
@@ -334,7 +436,10 @@ def _descend(
             tried.rough = there is not None
             if there is None:
                 return False, f"walks fail beside it: {tried.failure}"
-            return True, f"no step of {SMALLEST_RADIUS:g} standard deviations or more lowers the cost"
+            return (
+                True,
+                f"no step of {SMALLEST_RADIUS:g} standard deviations or more lowers the cost",
+            )
     return False, f"the limit of {fit.joint.iterations} iterations ended it"
 
 
@@ -342,15 +447,24 @@ def _drake(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str
     """SNOPT, IPOPT or NLopt on the mathematical program."""
     name, iterations = fit.joint.solver, fit.joint.iterations
     solvers: dict[str, tuple[SolverInterface, dict[str, int | float | str]]] = {
-        "snopt": (SnoptSolver(), {"Major iterations limit": iterations, "Major optimality tolerance": 1e-4}),
-        "ipopt": (IpoptSolver(), {"max_iter": iterations, "tol": 1e-4, "hessian_approximation": "limited-memory"}),
-        "nlopt": (NloptSolver(), {"algorithm": "GN_DIRECT_L", "max_eval": iterations})}
+        "snopt": (
+            SnoptSolver(),
+            {"Major iterations limit": iterations, "Major optimality tolerance": 1e-4},
+        ),
+        "ipopt": (
+            IpoptSolver(),
+            {"max_iter": iterations, "tol": 1e-4, "hessian_approximation": "limited-memory"},
+        ),
+        "nlopt": (NloptSolver(), {"algorithm": "GN_DIRECT_L", "max_eval": iterations}),
+    }
     (solver, settings), options = solvers[name], SolverOptions()
     for setting, value in settings.items():
         options.SetOption(solver.solver_id(), setting, value)
     result = solved(solver, fit.program(tried.evaluate), start, options, tried)
     if name == "nlopt":
-        return _descend(tried, tried.best, most=tried.count + iterations)  # its own limit is of the global part
+        return _descend(
+            tried, tried.best, most=tried.count + iterations
+        )  # its own limit is of the global part
     return bool(result.is_success()), f"{name}: {result.get_solution_result().name}"
 
 
@@ -394,7 +508,9 @@ class Uncertainty:
     """Of P free parameters, in their order."""
 
     names: tuple[str, ...]
-    standard_error: np.ndarray  # (P,) in the parameter's unit; of a logarithmic one its value times the relative error
+    standard_error: (
+        np.ndarray
+    )  # (P,) in the parameter's unit; of a logarithmic one its value times the relative error
     interval: np.ndarray  # (P, 2) 95 % interval in the parameter's unit, cut at the bounds
     share_of_prior: np.ndarray  # (P,) standard error over that of the prior
     correlation: np.ndarray  # (P, P)
@@ -412,14 +528,21 @@ def uncertainty_at(fit: ContactFit, u: np.ndarray, apart: np.ndarray | None = No
 
 
 def uncertainty(
-    parameters: FitParameters, u: np.ndarray, terms: Sequence[ResidualTerm], noise: FitNoise,
-    apart: np.ndarray | None = None
+    parameters: FitParameters,
+    u: np.ndarray,
+    terms: Sequence[ResidualTerm],
+    noise: FitNoise,
+    apart: np.ndarray | None = None,
 ) -> Uncertainty:
     """At the solution u (P,) with the terms of its evaluation, derivatives included: by the P, and by any number of
     those that the fit holds. Directions that neither data nor prior tell have infinite errors. `apart` (k, P) as of a
     `FitSearch`."""
     count, names = len(parameters), parameters.names
-    information, spread, data = np.zeros((count, count)), np.zeros((count, count)), [np.zeros((0, count))]
+    information, spread, data = (
+        np.zeros((count, count)),
+        np.zeros((count, count)),
+        [np.zeros((0, count))],
+    )
     by_held = np.zeros((count, terms[0].by.shape[1] - count))
     for term in terms:
         weighted, held = np.split(term.weight * term.by, [count], axis=1)
@@ -450,14 +573,27 @@ def uncertainty(
     # of the data alone, u being in standard deviations of the prior
     singular = np.linalg.svd(np.vstack(data), compute_uv=False)
     singular = np.concatenate([singular, np.zeros(count - len(singular))])
-    ends = [[item.from_u(float(x - NORMAL_95 * s)), item.from_u(float(x + NORMAL_95 * s))]
-            for item, x, s in zip(parameters.free, u, sd, strict=True)]
-    pairs = [Pair((names[i], names[j]), float(correlation[i, j]))
-             for i, j in zip(*np.triu_indices(count, 1), strict=True) if abs(correlation[i, j]) > CLOSE]
+    ends = [
+        [item.from_u(float(x - NORMAL_95 * s)), item.from_u(float(x + NORMAL_95 * s))]
+        for item, x, s in zip(parameters.free, u, sd, strict=True)
+    ]
+    pairs = [
+        Pair((names[i], names[j]), float(correlation[i, j]))
+        for i, j in zip(*np.triu_indices(count, 1), strict=True)
+        if abs(correlation[i, j]) > CLOSE
+    ]
     return Uncertainty(
-        names=names, standard_error=sd * parameters.slopes(u), interval=np.array(ends), share_of_prior=sd,
-        correlation=correlation, singular_values=singular,
-        at_bound=tuple(name for name, x, low, high in zip(names, u, *parameters.bounds, strict=True)
-                       if min(x - low, high - x) < 1e-3 * (high - low)),
+        names=names,
+        standard_error=sd * parameters.slopes(u),
+        interval=np.array(ends),
+        share_of_prior=sd,
+        correlation=correlation,
+        singular_values=singular,
+        at_bound=tuple(
+            name
+            for name, x, low, high in zip(names, u, *parameters.bounds, strict=True)
+            if min(x - low, high - x) < 1e-3 * (high - low)
+        ),
         unidentified=tuple(name for name, s in zip(names, sd, strict=True) if s > SURE_SHARE),
-        together=tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation))))
+        together=tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation))),
+    )

@@ -101,9 +101,14 @@ class FitTable:
 
 
 def fit_table(
-    fit: ContactFit, solution: ContactFitSolution | None = None, assessment: Assessment | None = None, *,
-    failed: str = "", held_out: Sequence[Trial] = (), options: Mapping[str, object] | None = None,
-    inputs: Mapping[str, str] | None = None
+    fit: ContactFit,
+    solution: ContactFitSolution | None = None,
+    assessment: Assessment | None = None,
+    *,
+    failed: str = "",
+    held_out: Sequence[Trial] = (),
+    options: Mapping[str, object] | None = None,
+    inputs: Mapping[str, str] | None = None,
 ) -> FitTable:
     """The table of a fit.
 
@@ -115,40 +120,72 @@ def fit_table(
         inputs: SHA-256 of files that were read beside the trials', by name.
     """
     every, labels = [*fit.trials, *held_out], labels_with(fit, held_out)
-    hashes = {f"{name}: {file}": digest for trial, name in zip(every, labels, strict=True)
-              for file, digest in trial.inputs.items()}
+    hashes = {
+        f"{name}: {file}": digest
+        for trial, name in zip(every, labels, strict=True)
+        for file, digest in trial.inputs.items()
+    }
     bench, end = fit.bench, None if solution is None else solution.end
     good = solution if solution is not None and solution.success and not failed else None
-    lost = solution.opened() if solution is not None and not solution.success and isinstance(end, JointEnd) else None
+    lost = (
+        solution.opened()
+        if solution is not None and not solution.success and isinstance(end, JointEnd)
+        else None
+    )
     told = good or lost
     judged = None if told is None else assessment
     scores: Sequence[TrialScore | None] = [None] * len(every) if judged is None else judged.scores
     table = FitTable(
-        strategy=fit.options.strategy, success=good is not None,
+        strategy=fit.options.strategy,
+        success=good is not None,
         message=failed or ("" if solution is None else solution.message),
-        verdict=failure(lost) if lost else () if good is None or judged is None else verdict(good, judged),
+        verdict=failure(lost)
+        if lost
+        else ()
+        if good is None or judged is None
+        else verdict(good, judged),
         contradiction=None if solution is None else solution.contradiction,
         simulated_bench=None if judged is None else judged.simulated_bench,
         left_out=() if judged is None else judged.left_out,
-        angle_errors=() if judged is None else judged.angle_errors, layers=None if judged is None else judged.layers,
-        trials=tuple(FitTrialRow(
-            label=name, file=trial.path.name, role=FITTED if i < len(fit.trials) else HELD_OUT,
-            synthetic=trial.synthetic, fulcrum_mm=round(1e3 * trial.fulcrum_m, 9), notes=tuple(trial.notes),
-            score=score) for i, (trial, name, score) in enumerate(zip(every, labels, scores, strict=True))),
-        synthetic=any(trial.synthetic for trial in every) or (bench is not None and bench.synthetic),
+        angle_errors=() if judged is None else judged.angle_errors,
+        layers=None if judged is None else judged.layers,
+        trials=tuple(
+            FitTrialRow(
+                label=name,
+                file=trial.path.name,
+                role=FITTED if i < len(fit.trials) else HELD_OUT,
+                synthetic=trial.synthetic,
+                fulcrum_mm=round(1e3 * trial.fulcrum_m, 9),
+                notes=tuple(trial.notes),
+                score=score,
+            )
+            for i, (trial, name, score) in enumerate(zip(every, labels, scores, strict=True))
+        ),
+        synthetic=any(trial.synthetic for trial in every)
+        or (bench is not None and bench.synthetic),
         subject=fit.walker.subject,
         bench=judged.bench if judged is not None else None if bench is None else bench_row(bench),
         parameters=() if told is None else told.parameter_rows(),
         options={**to_plain(dict(options or {})), **to_plain(fit.options)},
-        wall_s=None if solution is None else solution.wall_s, versions=provenance()["versions"],
-        inputs_sha256={**hashes, **(inputs or {})})
+        wall_s=None if solution is None else solution.wall_s,
+        versions=provenance()["versions"],
+        inputs_sha256={**hashes, **(inputs or {})},
+    )
     if isinstance(end, PaperEnd):
         return replace(table, paper=end.state)
     if end is None:
         return table
     table = replace(table, searches=end.searches, best_search=end.best)
-    return table if told is None else replace(table, uncertainty=end.uncertainty, curves=curve_rows(told.values),
-                                              noise_ratios=end.noise_ratios())
+    return (
+        table
+        if told is None
+        else replace(
+            table,
+            uncertainty=end.uncertainty,
+            curves=curve_rows(told.values),
+            noise_ratios=end.noise_ratios(),
+        )
+    )
 
 
 def curve_rows(values: Mapping[str, float]) -> tuple[SmoothErrorRow, ...]:
@@ -157,10 +194,14 @@ def curve_rows(values: Mapping[str, float]) -> tuple[SmoothErrorRow, ...]:
     for name, value in values.items():
         if name.startswith("curve."):
             coefficients.setdefault(name.split(".")[1], []).append(value)
-    curves = {name: np.degrees(periodic_bsplines(len(c))(np.linspace(0.0, 1.0, 201)) @ np.array(c))
-              for name, c in coefficients.items()}
-    return tuple(SmoothErrorRow(coordinate=name, largest_deg=float(curve[np.argmax(np.abs(curve))]))
-                 for name, curve in curves.items())
+    curves = {
+        name: np.degrees(periodic_bsplines(len(c))(np.linspace(0.0, 1.0, 201)) @ np.array(c))
+        for name, c in coefficients.items()
+    }
+    return tuple(
+        SmoothErrorRow(coordinate=name, largest_deg=float(curve[np.argmax(np.abs(curve))]))
+        for name, curve in curves.items()
+    )
 
 
 # On disk: names of quantities of the bench end in their unit, and what only one strategy knows stands among the rest.
@@ -177,21 +218,33 @@ def fit_json(table: FitTable) -> dict[str, Any]:
     values |= {"bench": None if table.bench is None else bench_json(table.bench), "history": []}
     if table.layers is not None:
         values["layers"] |= {"earned": table.layers.earned}
-        for curve in (values["layers"]["discrepancy"] or {}).get("curves", ()):  # whole in the contact file
+        for curve in (values["layers"]["discrepancy"] or {}).get(
+            "curves", ()
+        ):  # whole in the contact file
             for name in CURVES:
                 del curve[name]
     paper, known, ratios = table.paper, values.pop("uncertainty"), values.pop("noise_ratios")
     del values["paper"]
     if paper is not None:
         values |= {
-            "rms_n": paper.rms_n(paper.objective_n2), "initial_rms_n": paper.rms_n(paper.initial_objective_n2),
-            "history": [{"iteration": number, "rms_n": paper.rms_n(objective), "largest_change": change}
-                        for number, objective, change in paper.history],
-            "simulations": paper.simulations, "failed_simulations": paper.failed_simulations}
+            "rms_n": paper.rms_n(paper.objective_n2),
+            "initial_rms_n": paper.rms_n(paper.initial_objective_n2),
+            "history": [
+                {"iteration": number, "rms_n": paper.rms_n(objective), "largest_change": change}
+                for number, objective, change in paper.history
+            ],
+            "simulations": paper.simulations,
+            "failed_simulations": paper.failed_simulations,
+        }
     if known is not None:
-        values |= {"correlations": {"names": known["names"], "matrix": known["correlation"]},
-                   **{name: known[name] for name in ("singular_values", "unidentified", "together", "at_bound")},
-                   "noise": {"ratios": ratios}}
+        values |= {
+            "correlations": {"names": known["names"], "matrix": known["correlation"]},
+            **{
+                name: known[name]
+                for name in ("singular_values", "unidentified", "together", "at_bound")
+            },
+            "noise": {"ratios": ratios},
+        }
     return values
 
 
@@ -206,5 +259,9 @@ def bench_json(bench: BenchRow) -> dict[str, Any]:
 
 def fit_arrays(table: FitTable) -> dict[str, np.ndarray]:
     """The arrays of `fit.npz`: `trial_I_NAME` with the number I of the trial in the table, see `TrialCurves`."""
-    return {f"trial_{i}_{name}": values for i, trial in enumerate(table.trials) if trial.score is not None
-            for name, values in vars(trial.score.curves).items()}
+    return {
+        f"trial_{i}_{name}": values
+        for i, trial in enumerate(table.trials)
+        if trial.score is not None
+        for name, values in vars(trial.score.curves).items()
+    }

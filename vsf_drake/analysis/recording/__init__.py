@@ -20,10 +20,12 @@ curve merely stretched from another trial misses (2-3 %), the larger twice the p
 FITTED_HIP_BW_PER_DEG = 0.02
 """What is left of a constant error of hip flexion once the offsets are fitted. Measured, as the other FITTED ones, on
 three walks of the exact reference subject, spoiled in one thing at a time; they agree to a factor of two."""
-EXPECTED = ("The mark is that of the expected error: by so much, root mean square over stance, what the checks can see "
-            "would change the predicted force once the offsets are fitted (--fit-offsets). Good is below "
-            f"{100 * GOOD_BW:.0f} % of body weight, doubtful below {100 * DOUBTFUL_BW:.0f} %; a check that is unusable "
-            "makes the trial unusable, and a mass that cannot be told or a force beside its foot makes it doubtful.")
+EXPECTED = (
+    "The mark is that of the expected error: by so much, root mean square over stance, what the checks can see "
+    "would change the predicted force once the offsets are fitted (--fit-offsets). Good is below "
+    f"{100 * GOOD_BW:.0f} % of body weight, doubtful below {100 * DOUBTFUL_BW:.0f} %; a check that is unusable "
+    "makes the trial unusable, and a mass that cannot be told or a force beside its foot makes it doubtful."
+)
 """What the mark of a trial means, for reports."""
 
 
@@ -38,16 +40,33 @@ class Check:
     sentence: str  # what was found and what it means for a simulation
     side: str | None = None  # "right" or "left" where it is about one foot or leg
     stance: int | None = None  # number of the stance of that foot, from 1
-    cost_bw: float | None = None  # error of the force (root mean square over stance) left after a fit of the offsets
-    needed: bool = False  # a doubt here alone makes the recording doubtful: a good one cannot do without it
+    cost_bw: float | None = (
+        None  # error of the force (root mean square over stance) left after a fit of the offsets
+    )
+    needed: bool = (
+        False  # a doubt here alone makes the recording doubtful: a good one cannot do without it
+    )
 
 
 def checked(
-    part: str, name: str, mark: str, value: float | None, unit: str, *, side: str | None = None,
-    stance: int | None = None, cost_bw: float | None = None, needed: bool = False, **numbers: Any
+    part: str,
+    name: str,
+    mark: str,
+    value: float | None,
+    unit: str,
+    *,
+    side: str | None = None,
+    stance: int | None = None,
+    cost_bw: float | None = None,
+    needed: bool = False,
+    **numbers: Any,
 ) -> Check:
     """A check whose sentence the macro `part` of `wording/recording.txt.j2` makes of mark, value and `numbers`."""
-    [sentence] = say("recording", part, c={"mark": mark, "value": value, "side": side, "stance": stance, **numbers})
+    [sentence] = say(
+        "recording",
+        part,
+        c={"mark": mark, "value": value, "side": side, "stance": stance, **numbers},
+    )
     return Check(name, mark, value, unit, sentence, side, stance, cost_bw, needed)
 
 
@@ -88,5 +107,9 @@ def expected_error(checks: Iterable[Check]) -> float:
 def overall(checks: Iterable[Check]) -> str:
     """The mark of a recording: that of its expected error, but no better than an unusable or a needed check."""
     checks = list(checks)
-    return worst([grade(expected_error(checks), GOOD_BW, DOUBTFUL_BW),
-                  *(check.mark for check in checks if check.needed or check.mark == "unusable")])
+    return worst(
+        [
+            grade(expected_error(checks), GOOD_BW, DOUBTFUL_BW),
+            *(check.mark for check in checks if check.needed or check.mark == "unusable"),
+        ]
+    )

@@ -16,11 +16,20 @@ from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.person import PersonHandles, add_person
 
-FLAT_RAD = np.radians(1.5)  # of a flat sole from its usual angle in mid-stance (a choice): 3 mm at the foot's middle
-MIDDLE = (0.25, 0.45)  # shares of stance in which every foot is flat: forefoot down, heel not yet rising
+FLAT_RAD = np.radians(
+    1.5
+)  # of a flat sole from its usual angle in mid-stance (a choice): 3 mm at the foot's middle
+MIDDLE = (
+    0.25,
+    0.45,
+)  # shares of stance in which every foot is flat: forefoot down, heel not yet rising
 SEARCH = (0.10, 0.70)  # shares of stance in which flat instants are looked for
-TURNS_RAD = np.radians(3.0)  # a foot that turns by more in `MIDDLE` does not stand (a choice: twice `FLAT_RAD`)
-SHORTEST_FLAT_S = 0.10  # a foot that keeps its angle for less (a prosthesis under a turning shank): over `MIDDLE`
+TURNS_RAD = np.radians(
+    3.0
+)  # a foot that turns by more in `MIDDLE` does not stand (a choice: twice `FLAT_RAD`)
+SHORTEST_FLAT_S = (
+    0.10  # a foot that keeps its angle for less (a prosthesis under a turning shank): over `MIDDLE`
+)
 FEWEST_FRAMES = 3
 SLACK_S = 0.05  # by which mid-stance may reach over an end of the record (a choice: a third of it)
 BALL = 0.7  # heel to ball as a share of the foot's length, on which the heel turns when it rises (a usual figure)
@@ -39,7 +48,9 @@ class FootMotion:
     lowest_m: np.ndarray  # (n,) height of the foot's lowest point
     prosthetic: bool = False
     undeformed: bool = False
-    left_W: np.ndarray | None = None  # (n, 3) unit vectors across the sole, to the left; None where it is not known
+    left_W: np.ndarray | None = (
+        None  # (n, 3) unit vectors across the sole, to the left; None where it is not known
+    )
 
     @property
     def roll_rad(self) -> np.ndarray | None:
@@ -71,7 +82,9 @@ class FootMotion:
 
 def _shares(stance: Stance, share: tuple[float, float]) -> tuple[float, float]:
     """The instants (s) at two shares of a stance."""
-    return stance.start_s + share[0] * stance.duration_s, stance.start_s + share[1] * stance.duration_s
+    return stance.start_s + share[0] * stance.duration_s, stance.start_s + share[
+        1
+    ] * stance.duration_s
 
 
 def _whole(stance: Stance, usual_s: float | None) -> Stance | None:
@@ -85,7 +98,9 @@ def _whole(stance: Stance, usual_s: float | None) -> Stance | None:
     return Stance(min(stance.start_s, stance.end_s - usual_s), stance.end_s)
 
 
-def flat_phase(foot: FootMotion, stance: Stance, *, usual_s: float | None = None) -> np.ndarray | None:
+def flat_phase(
+    foot: FootMotion, stance: Stance, *, usual_s: float | None = None
+) -> np.ndarray | None:
     """Indices of the frames in which the foot stands flat in `stance`: the longest run within 1.5 degrees of the sole's
     usual angle in mid-stance; mid-stance for a foot that keeps none; None if that is not in the record."""
     laid_out = _whole(stance, usual_s)
@@ -93,22 +108,42 @@ def flat_phase(foot: FootMotion, stance: Stance, *, usual_s: float | None = None
         return None
     start, end = _shares(laid_out, MIDDLE)
     middle = np.flatnonzero(foot.rows(start, end))
-    if foot.time_s[0] > start + SLACK_S or foot.time_s[-1] < end - SLACK_S or len(middle) < FEWEST_FRAMES:
+    if (
+        foot.time_s[0] > start + SLACK_S
+        or foot.time_s[-1] < end - SLACK_S
+        or len(middle) < FEWEST_FRAMES
+    ):
         return None
     pitch = foot.pitch_rad
     usual = float(np.median(pitch[middle]))
-    longest = longest_run(foot.rows(*_shares(laid_out, SEARCH)) & (np.abs(pitch - usual) < FLAT_RAD))
-    if len(longest) < FEWEST_FRAMES or foot.time_s[longest[-1]] - foot.time_s[longest[0]] < SHORTEST_FLAT_S:
+    longest = longest_run(
+        foot.rows(*_shares(laid_out, SEARCH)) & (np.abs(pitch - usual) < FLAT_RAD)
+    )
+    if (
+        len(longest) < FEWEST_FRAMES
+        or foot.time_s[longest[-1]] - foot.time_s[longest[0]] < SHORTEST_FLAT_S
+    ):
         return middle
     return longest
 
 
-def turns_in_stance(foot: FootMotion, stances: Sequence[Stance], *, usual_s: float | None = None) -> bool:
+def turns_in_stance(
+    foot: FootMotion, stances: Sequence[Stance], *, usual_s: float | None = None
+) -> bool:
     """Whether the foot keeps turning through mid-stance, as markers on the stiff part of a bending foot do; a stance
     that the record cuts counts if its mid-stance is there, laid out to last `usual_s`."""
-    middles = [_shares(laid_out, MIDDLE) for stance in stances if (laid_out := _whole(stance, usual_s)) is not None]
-    ranges = [float(np.ptp(foot.pitch_rad[rows])) for start, end in middles
-              if foot.time_s[0] <= start and end <= foot.time_s[-1] and (rows := foot.rows(start, end)).any()]
+    middles = [
+        _shares(laid_out, MIDDLE)
+        for stance in stances
+        if (laid_out := _whole(stance, usual_s)) is not None
+    ]
+    ranges = [
+        float(np.ptp(foot.pitch_rad[rows]))
+        for start, end in middles
+        if foot.time_s[0] <= start
+        and end <= foot.time_s[-1]
+        and (rows := foot.rows(start, end)).any()
+    ]
     return bool(ranges) and float(np.median(ranges)) > TURNS_RAD
 
 
@@ -137,8 +172,11 @@ def floor_point(foot: FootMotion) -> np.ndarray:
 
 
 def model_motion(
-    subject: Subject, model: ModelParameters, trajectory: CoordinateTrajectory, *,
-    offsets: GeometricOffsets | None = None
+    subject: Subject,
+    model: ModelParameters,
+    trajectory: CoordinateTrajectory,
+    *,
+    offsets: GeometricOffsets | None = None,
 ) -> tuple[dict[str, FootMotion], CoordinateTrajectory]:
     """The feet of the model's person by side, and the body's centre of mass (x, y, z in W, m), at the trajectory's
     instants. `lowest_m` is that of the contact spheres; the heel and toe of the prosthesis, which sits under the person
@@ -156,20 +194,33 @@ def model_motion(
     columns = [plant.GetJointByName(name).position_start() for name in motion.names]
     q: np.ndarray = np.zeros(plant.num_positions())
     bodies = sorted({int(body) for of_foot, _, _ in points.values() for body in of_foot})
-    centre, poses = np.empty((len(motion.time_s), 3)), np.empty((len(motion.time_s), len(bodies), 3, 4))
+    centre, poses = (
+        np.empty((len(motion.time_s), 3)),
+        np.empty((len(motion.time_s), len(bodies), 3, 4)),
+    )
     for i, row in enumerate(motion.values):
         q[columns] = row
         plant.SetPositions(context, q)
         centre[i] = plant.CalcCenterOfMassPositionInWorld(context)
-        poses[i] = [plant.EvalBodyPoseInWorld(context, plant.get_body(BodyIndex(body))).GetAsMatrix34()
-                    for body in bodies]
+        poses[i] = [
+            plant.EvalBodyPoseInWorld(context, plant.get_body(BodyIndex(body))).GetAsMatrix34()
+            for body in bodies
+        ]
     feet = {}
     for side, (of_foot, p_BP, radius) in points.items():
         X = poses[:, [bodies.index(int(body)) for body in of_foot]]
         place = np.einsum("nkij,kj->nki", X[..., :3], p_BP) + X[..., 3]
-        feet[side] = FootMotion(side, motion.time_s, heel_W=place[:, 0], toe_W=place[:, 1], ankle_W=place[:, 2],
-                                lowest_m=(place[:, 3:, 2] - radius).min(axis=1), prosthetic=side == prosthetic,
-                                undeformed=side == prosthetic, left_W=X[:, 0, :, 1])
+        feet[side] = FootMotion(
+            side,
+            motion.time_s,
+            heel_W=place[:, 0],
+            toe_W=place[:, 1],
+            ankle_W=place[:, 2],
+            lowest_m=(place[:, 3:, 2] - radius).min(axis=1),
+            prosthetic=side == prosthetic,
+            undeformed=side == prosthetic,
+            left_W=X[:, 0, :, 1],
+        )
     return feet, CoordinateTrajectory(motion.time_s, centre, ("x", "y", "z"), source=motion.source)
 
 
@@ -181,13 +232,24 @@ def _prosthetic(person: PersonHandles) -> _Points:
     parameters, sites = person.foot.parameters, person.foot.sites
     x = [1e-3 * value for zone in parameters.zones for value in zone.x_mm]
     sole, frame = sole_height(parameters), person.foot.frame.index()
-    points = [[min(x), 0.0, sole], [max(x), 0.0, sole], [parameters.pylon_x_m, 0.0, sole + parameters.build_height_m]]
+    points = [
+        [min(x), 0.0, sole],
+        [max(x), 0.0, sole],
+        [parameters.pylon_x_m, 0.0, sole + parameters.build_height_m],
+    ]
     return [frame] * 3 + list(sites.body_indices), np.vstack([points, sites.p_BS]), sites.radius
 
 
 def _intact(person: PersonHandles, model: ModelParameters, side: str) -> _Points:
     body, sites = person.body, person.intact_sites
     rear = -model.intact_foot.ankle_x_ratio * body.foot_length
-    points = [[rear, 0.0, -body.ankle_height], [rear + body.foot_length, 0.0, -body.ankle_height], [0.0, 0.0, 0.0]]
-    return ([person.segments[f"foot_{side}"].index()] * 3 + list(sites.body_indices), np.vstack([points, sites.p_BS]),
-            sites.radius)
+    points = [
+        [rear, 0.0, -body.ankle_height],
+        [rear + body.foot_length, 0.0, -body.ankle_height],
+        [0.0, 0.0, 0.0],
+    ]
+    return (
+        [person.segments[f"foot_{side}"].index()] * 3 + list(sites.body_indices),
+        np.vstack([points, sites.p_BS]),
+        sites.radius,
+    )

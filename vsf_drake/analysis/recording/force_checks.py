@@ -20,7 +20,10 @@ ALIGNMENT_BW_PER_DEG, HEIGHT_BW_PER_MM = 0.037, 0.028
 FITTED_LAG_BW_PER_S, FITTED_SLIP_BW_PER_M_PER_S = 2.5, (0.6, 0.25)
 """What a fit of the offsets leaves of a lag, and of a slip of the whole person fore-aft and sideways."""
 MASS = (0.03, 0.10)  # error of the mass: a force is that share of body weight off
-MASS_ONE_FOOT = (0.06, 0.15)  # where only one foot is measured: a rigid trunk's acceleration is good to a few percent
+MASS_ONE_FOOT = (
+    0.06,
+    0.15,
+)  # where only one foot is measured: a rigid trunk's acceleration is good to a few percent
 LEAST_S = 0.25  # shortest measured time that tells a mass or a lag (a choice)
 LAG_S = (0.015, 0.030)
 """One and two frames at 67 Hz (choices): 10 ms at 100 deg/s of hip are 1 degree or 7.5 % body weight, but a rigid trunk
@@ -36,7 +39,10 @@ deviation (least squares of a shift; 2 LAG_CUTOFF_HZ T independent samples). Of 
 is 9 ms at 0.9, within TOLD_S, and 12 ms at 0.85. Nine synthetic walks without a lag show up to 9 ms above it and up to
 53 ms below (trunks that shift in the pelvis)."""
 EVENT_LAG_S = (0.040, 0.080)  # touch-down by the foot's motion is within 35 ms of 20 N on the plate
-OUTSIDE_M = (0.07, 0.14)  # beside the line from heel to toe: half a foot and as much as it curves; twice that (choices)
+OUTSIDE_M = (
+    0.07,
+    0.14,
+)  # beside the line from heel to toe: half a foot and as much as it curves; twice that (choices)
 LOADED_N = 50.0
 LEVER = (0.15, 0.03)
 """Spread of the load's place ahead of and behind the body, and its distance beside it, over the body's height, below
@@ -45,17 +51,26 @@ LEAST_SHEAR = 0.01  # sideways over vertical force below which its sign says not
 STRONG_N = 200.0
 
 
-def covered(time_s: np.ndarray, plates: Mapping[str, PlateRecording], measured: Mapping[str, Sequence[Stance]],
-            moving: Mapping[str, Sequence[Stance]], *, margin_s: float = 0.03) -> np.ndarray:
+def covered(
+    time_s: np.ndarray,
+    plates: Mapping[str, PlateRecording],
+    measured: Mapping[str, Sequence[Stance]],
+    moving: Mapping[str, Sequence[Stance]],
+    *,
+    margin_s: float = 0.03,
+) -> np.ndarray:
     """(n,) bool: the instants at which the plates feel every foot that is on the ground, by the stances of each foot
     that plates saw and that its motion tells; those that no plate saw are widened by the margin."""
+
     def around(s: Stance) -> np.ndarray:
         return (time_s >= s.start_s - margin_s) & (time_s <= s.end_s + margin_s)
 
     known = np.ones(len(time_s), dtype=bool)
     for side, stances in moving.items():
         seen = measured.get(side, ())
-        on_plate = np.any([around(s) for s in seen], axis=0) if seen else np.zeros(len(time_s), dtype=bool)
+        on_plate = (
+            np.any([around(s) for s in seen], axis=0) if seen else np.zeros(len(time_s), dtype=bool)
+        )
         for s in stances:
             if not any(min(m.end_s, s.end_s) > max(m.start_s, s.start_s) for m in seen):
                 known &= ~around(s) | on_plate
@@ -64,8 +79,15 @@ def covered(time_s: np.ndarray, plates: Mapping[str, PlateRecording], measured: 
     return known
 
 
-def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, known: np.ndarray, *,
-         mass_kg: float, feet: int) -> Check:
+def mass(
+    time_s: np.ndarray,
+    vertical_n: np.ndarray,
+    up_m_per_s: np.ndarray,
+    known: np.ndarray,
+    *,
+    mass_kg: float,
+    feet: int,
+) -> Check:
     """The mass that the plates felt, against the subject's: impulse = m (g T + change of vertical velocity).
 
     (n,) N on all `feet` with plates, (n,) vertical velocity of the body's centre of mass, (n,) bool from `covered`.
@@ -78,43 +100,87 @@ def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, kno
     felt_kg = impulse / (GRAVITY * duration + float(up_m_per_s[rows[-1]] - up_m_per_s[rows[0]]))
     error = felt_kg / mass_kg - 1.0
     limits = MASS if feet > 1 else MASS_ONE_FOOT
-    return checked("mass", name, grade(error, *limits), felt_kg, "kg", cost_bw=max(0.0, abs(error) - limits[0]),
-                mass_kg=mass_kg, error=error, duration=duration, feet=feet)
+    return checked(
+        "mass",
+        name,
+        grade(error, *limits),
+        felt_kg,
+        "kg",
+        cost_bw=max(0.0, abs(error) - limits[0]),
+        mass_kg=mass_kg,
+        error=error,
+        duration=duration,
+        feet=feet,
+    )
 
 
-def lag(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s2: np.ndarray, known: np.ndarray) -> Check | None:
+def lag(
+    time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s2: np.ndarray, known: np.ndarray
+) -> Check | None:
     """By how much the force comes after the motion (s), from the vertical acceleration of the body's centre: the shift
     at which both, at 6 Hz, correlate best, searched within 150 ms. None if untold."""
     rate, rows = 1.0 / float(np.median(np.diff(time_s))), longest_run(known)
     if len(rows) < 8 or time_s[rows[-1]] - time_s[rows[0]] < LEAST_S or rate <= 2.2 * LAG_CUTOFF_HZ:
         return None
-    force, motion = (low_pass(series, rate_hz=rate, cutoff_hz=LAG_CUTOFF_HZ) for series in (vertical_n, up_m_per_s2))
+    force, motion = (
+        low_pass(series, rate_hz=rate, cutoff_hz=LAG_CUTOFF_HZ)
+        for series in (vertical_n, up_m_per_s2)
+    )
 
     # The correlation of force(t) with acceleration(t - shift) for every shift that leaves most of the known time.
     steps = round(LARGEST_LAG_S * rate)
     shifts = np.arange(-steps, steps + 1)
     inside = [(rows - shift >= 0) & (rows - shift < len(motion)) for shift in shifts]
     with np.errstate(invalid="ignore", divide="ignore"):
-        values = np.nan_to_num([np.corrcoef(force[rows[i]], motion[rows[i] - shift])[0, 1] if i.mean() > MOST_OF_IT
-                                else -1.0 for i, shift in zip(inside, shifts, strict=True)], nan=-1.0)
+        values = np.nan_to_num(
+            [
+                np.corrcoef(force[rows[i]], motion[rows[i] - shift])[0, 1]
+                if i.mean() > MOST_OF_IT
+                else -1.0
+                for i, shift in zip(inside, shifts, strict=True)
+            ],
+            nan=-1.0,
+        )
     best = int(np.argmax(values))
     if values[best] < BELIEVABLE_R or best in (0, len(shifts) - 1):
         return None
     value = float(shifts[best] / rate)
-    return checked("lag", "lag of the forces", grade(value, *LAG_S), value, "s", touch_downs=0,
-                   correlation=values[best], cost_bw=FITTED_LAG_BW_PER_S * abs(value) * (abs(value) > TOLD_S))
+    return checked(
+        "lag",
+        "lag of the forces",
+        grade(value, *LAG_S),
+        value,
+        "s",
+        touch_downs=0,
+        correlation=values[best],
+        cost_bw=FITTED_LAG_BW_PER_S * abs(value) * (abs(value) > TOLD_S),
+    )
 
 
-def event_lag(measured: Mapping[str, Sequence[Stance]], moving: Mapping[str, Sequence[Stance]]) -> Check | None:
+def event_lag(
+    measured: Mapping[str, Sequence[Stance]], moving: Mapping[str, Sequence[Stance]]
+) -> Check | None:
     """Median of touch-down by the plates minus touch-down by the feet's motion (s): several times coarser than `lag`,
     for recordings in which that tells nothing. None without a pair."""
-    pairs = [m.start_s - k.start_s for side in measured for m in measured[side] for k in moving.get(side, ())
-             if m.start_seen and k.start_seen and min(m.end_s, k.end_s) > max(m.start_s, k.start_s)]
+    pairs = [
+        m.start_s - k.start_s
+        for side in measured
+        for m in measured[side]
+        for k in moving.get(side, ())
+        if m.start_seen and k.start_seen and min(m.end_s, k.end_s) > max(m.start_s, k.start_s)
+    ]
     if not pairs:
         return None
     value = float(np.median(pairs))
-    return checked("lag", "lag of the forces at touch-down", grade(value, *EVENT_LAG_S), value, "s",
-                touch_downs=len(pairs), cost_bw=FITTED_LAG_BW_PER_S * abs(value) * (abs(value) > EVENT_LAG_S[0]))
+    return checked(
+        "lag",
+        "lag of the forces at touch-down",
+        grade(value, *EVENT_LAG_S),
+        value,
+        "s",
+        touch_downs=len(pairs),
+        cost_bw=FITTED_LAG_BW_PER_S * abs(value) * (abs(value) > EVENT_LAG_S[0]),
+    )
 
 
 def cop_under_foot(foot: FootMotion, plate: PlateRecording, cop_W: np.ndarray) -> Check | None:
@@ -124,9 +190,20 @@ def cop_under_foot(foot: FootMotion, plate: PlateRecording, cop_W: np.ndarray) -
     rows = (load > LOADED_N) & np.isfinite(cop_W).all(axis=1)
     if not rows.any():
         return None
-    value = float(np.percentile(from_line(cop_W[rows, :2], foot.heel_W[rows, :2], foot.toe_W[rows, :2])[0], 90))
-    return checked("cop_under_foot", "centre of pressure under the foot", grade(value, *OUTSIDE_M), value, "m",
-                side=foot.side, needed=True)
+    value = float(
+        np.percentile(
+            from_line(cop_W[rows, :2], foot.heel_W[rows, :2], foot.toe_W[rows, :2])[0], 90
+        )
+    )
+    return checked(
+        "cop_under_foot",
+        "centre of pressure under the foot",
+        grade(value, *OUTSIDE_M),
+        value,
+        "m",
+        side=foot.side,
+        needed=True,
+    )
 
 
 def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
@@ -153,8 +230,15 @@ def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
     if not agreement:
         return None
     away = [name for name, value in agreement.items() if value < 0.0]
-    return checked("shear", "direction of the force", "unusable" if away else "good", min(agreement.values()), "1",
-                   side=side, away=away)
+    return checked(
+        "shear",
+        "direction of the force",
+        "unusable" if away else "good",
+        min(agreement.values()),
+        "1",
+        side=side,
+        away=away,
+    )
 
 
 # How well a foot stands: sole angle, height and its drift, slip, swing clearance.
@@ -164,7 +248,10 @@ def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
 # every joint is prescribed, so its errors are good up to 10 % body weight and warnings at most.
 
 
-ANGLE_DEG = (GOOD_BW / ALIGNMENT_BW_PER_DEG, 8.0)  # sole at foot-flat; the offsets' fit takes it out
+ANGLE_DEG = (
+    GOOD_BW / ALIGNMENT_BW_PER_DEG,
+    8.0,
+)  # sole at foot-flat; the offsets' fit takes it out
 ROLLING_DEG = (5.0, 8.0)
 """The same for a rigid prosthetic foot under a shank that turns by about 10 degrees in mid-stance. Choices."""
 ROLL_DEG = (3.0, 15.0)
@@ -183,43 +270,77 @@ STANDING_SLIP_M_PER_S = ((-0.08, -0.03), (0.0, 0.03))
 """Forward and inward velocities between which a rigid prosthetic foot seems to slip where a real one rests: its socket
 turns and its keel bends under the shank. What walks known not to slip show, at every stiffness."""
 OTHER_LEG = 0.5  # share of a slip of the intact foot that is expected in the prosthetic leg's angles (a choice)
-CLEARANCE_MM = (10.0, 0.0)  # lowest point in mid-swing: with 8 mm a prototype's foot dragged; below 0 it cuts
-INTACT_CLEARANCE_MM = 5.0  # its ankle is prescribed and does not sag (a choice: noise of its height)
+CLEARANCE_MM = (
+    10.0,
+    0.0,
+)  # lowest point in mid-swing: with 8 mm a prototype's foot dragged; below 0 it cuts
+INTACT_CLEARANCE_MM = (
+    5.0  # its ankle is prescribed and does not sag (a choice: noise of its height)
+)
 CUT_MM = -15.0  # a swing foot deeper in the ground than this makes a force that stops it
 SWING = (0.25, 0.75)  # shares of the swing in which a foot that clears the ground is up (a choice)
 TOUCH_DOWN_MM = (10.0, 50.0)
 """Height of the lowest point when the plate feels it: heels come down at 0.4 m/s, so 10 ms are 4 mm, and are rounder or
 longer than the model's: walks whose height is known to be right show up to 8 mm. The second is the fit's prior."""
-INTACT_DEPTH_MM = 25.0  # the intact foot's spheres sink by 10 to 17 mm; the rest is for other shapes
+INTACT_DEPTH_MM = (
+    25.0  # the intact foot's spheres sink by 10 to 17 mm; the rest is for other shapes
+)
 STIFFNESS_N_PER_MM = ((66.0, 10.0), (151.0, 32.0))
 """Forefoot stiffness at both ends of the carriage's reach (McGeehan 2021), straight in between."""
 PUSH_OFF_BW = 1.2  # load on the forefoot at push-off, at most (a choice)
 SOCKET_MM = 25.0  # what the nominal socket adds at the toe: 120 N m on 1000 N m/rad, 0.2 m away
-TOO_DEEP_MM = 50.0  # depth beyond what the foot gives that no fit of the offsets takes out (its prior)
+TOO_DEEP_MM = (
+    50.0  # depth beyond what the foot gives that no fit of the offsets takes out (its prior)
+)
 
 
-def foot_checks(foot: FootMotion, stances: Sequence[Stance], cop_W: np.ndarray | None = None, *,
-                usual_s: float | None = None) -> list[Check]:
+def foot_checks(
+    foot: FootMotion,
+    stances: Sequence[Stance],
+    cop_W: np.ndarray | None = None,
+    *,
+    usual_s: float | None = None,
+) -> list[Check]:
     """Every check of one foot in stance, with the centre of pressure (n, 3) m at the foot's times (NaN: none).
 
     `usual_s` is how long a stance of this walk lasts, for those that the record cuts; None: these are left out.
     """
-    flats = {number: rows for number, stance in enumerate(stances, start=1)
-             if (rows := flat_phase(foot, stance, usual_s=usual_s)) is not None}
+    flats = {
+        number: rows
+        for number, stance in enumerate(stances, start=1)
+        if (rows := flat_phase(foot, stance, usual_s=usual_s)) is not None
+    }
     if not flats:
-        return [_of(foot, "unseen", "foot-flat", "doubtful" if foot.prosthetic else "good", None, "")]
-    checks = [check(foot, rows, number) for number, rows in flats.items() for check in (sole_angle, drift)]
+        return [
+            _of(foot, "unseen", "foot-flat", "doubtful" if foot.prosthetic else "good", None, "")
+        ]
+    checks = [
+        check(foot, rows, number) for number, rows in flats.items() for check in (sole_angle, drift)
+    ]
     checks += [slip(foot, rows, number, cop_W) for number, rows in flats.items()]
     return checks + heights(foot, [*flats.values()])
 
 
-def _of(foot: FootMotion, part: str, name: str, mark: str, value: float | None, unit: str, **more: Any) -> Check:
+def _of(
+    foot: FootMotion, part: str, name: str, mark: str, value: float | None, unit: str, **more: Any
+) -> Check:
     """A check of a foot; an intact one's force is not what is asked for, and makes a doubt at most."""
-    return checked(part, name, mark if foot.prosthetic else at_most(mark, "doubtful"), value, unit, side=foot.side,
-                prosthetic=foot.prosthetic, undeformed=foot.undeformed, **more)
+    return checked(
+        part,
+        name,
+        mark if foot.prosthetic else at_most(mark, "doubtful"),
+        value,
+        unit,
+        side=foot.side,
+        prosthetic=foot.prosthetic,
+        undeformed=foot.undeformed,
+        **more,
+    )
 
 
-def _limits(foot: FootMotion, limits: tuple[float, float], intact_good: float) -> tuple[float, float]:
+def _limits(
+    foot: FootMotion, limits: tuple[float, float], intact_good: float
+) -> tuple[float, float]:
     """The limits of a foot: an intact one is good up to 10 % body weight of its own force."""
     return limits if foot.prosthetic else (intact_good, max(limits[1], intact_good))
 
@@ -227,25 +348,58 @@ def _limits(foot: FootMotion, limits: tuple[float, float], intact_good: float) -
 def sole_angle(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Check:
     """Mean angle of the sole against the floor at foot-flat."""
     angle = float(np.degrees(np.mean(foot.pitch_rad[rows])))
-    limits = ROLLING_DEG if foot.undeformed else _limits(foot, ANGLE_DEG, DOUBTFUL_BW / ALIGNMENT_BW_PER_DEG)
-    return _of(foot, "sole_angle", "sole angle at foot-flat", grade(angle, *limits), angle, "deg", stance=number,
-               share=ALIGNMENT_BW_PER_DEG * abs(angle))
+    limits = (
+        ROLLING_DEG
+        if foot.undeformed
+        else _limits(foot, ANGLE_DEG, DOUBTFUL_BW / ALIGNMENT_BW_PER_DEG)
+    )
+    return _of(
+        foot,
+        "sole_angle",
+        "sole angle at foot-flat",
+        grade(angle, *limits),
+        angle,
+        "deg",
+        stance=number,
+        share=ALIGNMENT_BW_PER_DEG * abs(angle),
+    )
 
 
-def sole_roll(foot: FootMotion, rows: np.ndarray, model_foot: FootMotion, number: int | None = None, *, seen: bool,
-              inversion_rad: float | None) -> Check | None:
+def sole_roll(
+    foot: FootMotion,
+    rows: np.ndarray,
+    model_foot: FootMotion,
+    number: int | None = None,
+    *,
+    seen: bool,
+    inversion_rad: float | None,
+) -> Check | None:
     """Mean roll of the prosthetic sole against the floor at foot-flat, as recorded (`seen` by markers) and as the
     model's foot, which is inverted against its pylon by `inversion_rad` (None: not stated); the larger counts. None
     where it is not known."""
     if foot.roll_rad is None or model_foot.roll_rad is None:
         return None
     recorded = float(np.degrees(np.mean(foot.roll_rad[rows])))
-    model = float(np.degrees(np.mean(np.interp(foot.time_s[rows], model_foot.time_s, model_foot.roll_rad))))
+    model = float(
+        np.degrees(np.mean(np.interp(foot.time_s[rows], model_foot.time_s, model_foot.roll_rad)))
+    )
     value = max((recorded, model), key=abs)
     level_rad = (inversion_rad or 0.0) - np.radians(model)
-    return _of(foot, "sole_roll", "sole roll at foot-flat", grade(value, *ROLL_DEG), value, "deg", stance=number,
-               recorded=recorded, model=model, seen=seen, stated=inversion_rad, level_rad=level_rad,
-               shift_mm=[abs(value) * each for each in ROLL_MM_PER_DEG])
+    return _of(
+        foot,
+        "sole_roll",
+        "sole roll at foot-flat",
+        grade(value, *ROLL_DEG),
+        value,
+        "deg",
+        stance=number,
+        recorded=recorded,
+        model=model,
+        seen=seen,
+        stated=inversion_rad,
+        level_rad=level_rad,
+        shift_mm=[abs(value) * each for each in ROLL_MM_PER_DEG],
+    )
 
 
 def drift(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Check:
@@ -255,11 +409,21 @@ def drift(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Chec
     height_m = foot.ankle_W[rows, 2] if foot.undeformed else foot.ball_m[rows]
     value = 1e3 * float(np.polyfit(time - time[0], height_m, 1)[0] * (time[-1] - time[0]))
     mark = "good" if foot.undeformed else grade(value, *_limits(foot, DRIFT_MM, INTACT_DRIFT_MM))
-    return _of(foot, "drift", "height drift through foot-flat", mark, value, "mm", stance=number,
-               share=HEIGHT_BW_PER_MM * abs(value))
+    return _of(
+        foot,
+        "drift",
+        "height drift through foot-flat",
+        mark,
+        value,
+        "mm",
+        stance=number,
+        share=HEIGHT_BW_PER_MM * abs(value),
+    )
 
 
-def slip(foot: FootMotion, rows: np.ndarray, number: int | None = None, cop_W: np.ndarray | None = None) -> Check:
+def slip(
+    foot: FootMotion, rows: np.ndarray, number: int | None = None, cop_W: np.ndarray | None = None
+) -> Check:
     """Mean slip of the sole at foot-flat, at the centre of pressure where it is known; m/s, and mm in the sentence."""
     point = floor_point(foot)
     if cop_W is not None:
@@ -269,22 +433,53 @@ def slip(foot: FootMotion, rows: np.ndarray, number: int | None = None, cop_W: n
     if foot.undeformed:
         velocity *= [1.0, 1.0 if foot.side == "right" else -1.0]
         velocity -= np.clip(velocity, *np.transpose(STANDING_SLIP_M_PER_S))
-    share = float(np.hypot(*(velocity * FITTED_SLIP_BW_PER_M_PER_S))) * (1.0 if foot.prosthetic else OTHER_LEG)
-    return _of(foot, "slip", "slip at foot-flat", grade(share, GOOD_BW, DOUBTFUL_BW), speed, "m/s", stance=number,
-               cost_bw=share, share=share, lasted=lasted, beyond=float(np.hypot(*velocity)))
+    share = float(np.hypot(*(velocity * FITTED_SLIP_BW_PER_M_PER_S))) * (
+        1.0 if foot.prosthetic else OTHER_LEG
+    )
+    return _of(
+        foot,
+        "slip",
+        "slip at foot-flat",
+        grade(share, GOOD_BW, DOUBTFUL_BW),
+        speed,
+        "m/s",
+        stance=number,
+        cost_bw=share,
+        share=share,
+        lasted=lasted,
+        beyond=float(np.hypot(*velocity)),
+    )
 
 
 def heights(foot: FootMotion, flats: Sequence[np.ndarray]) -> list[Check]:
     """Mean height of the sole at foot-flat over all stances, and its range where there are several."""
     means = 1e3 * np.array([foot.height_m[rows].mean() for rows in flats])
     value = float(np.mean(means))
-    checks = [_of(foot, "height", "sole height at foot-flat", "good" if foot.undeformed else grade(value, *HEIGHT_MM),
-                 value, "mm", share=HEIGHT_BW_PER_MM * abs(value))]
+    checks = [
+        _of(
+            foot,
+            "height",
+            "sole height at foot-flat",
+            "good" if foot.undeformed else grade(value, *HEIGHT_MM),
+            value,
+            "mm",
+            share=HEIGHT_BW_PER_MM * abs(value),
+        )
+    ]
     if len(flats) > 1:
         value, bends = float(np.ptp(means)), 5 if foot.undeformed else 1
         low, high = _limits(foot, DRIFT_MM, INTACT_DRIFT_MM)
-        checks.append(_of(foot, "height_between", "height between stances", grade(value, bends * low, bends * high),
-                         value, "mm", cost_bw=HEIGHT_BW_PER_MM * value / 2 / bends if foot.prosthetic else None))
+        checks.append(
+            _of(
+                foot,
+                "height_between",
+                "height between stances",
+                grade(value, bends * low, bends * high),
+                value,
+                "mm",
+                cost_bw=HEIGHT_BW_PER_MM * value / 2 / bends if foot.prosthetic else None,
+            )
+        )
     return checks
 
 
@@ -301,19 +496,36 @@ def clearance(foot: FootMotion, stances: Sequence[Stance]) -> Check | None:
     value, number = min(lowest)
     clear = value >= (CLEARANCE_MM[0] if foot.prosthetic else INTACT_CLEARANCE_MM)
     mark = "good" if clear else "doubtful" if value >= CUT_MM else "unusable"
-    return _of(foot, "clearance", "swing clearance", mark, value, "mm", stance=number, above=value >= CLEARANCE_MM[1])
+    return _of(
+        foot,
+        "clearance",
+        "swing clearance",
+        mark,
+        value,
+        "mm",
+        stance=number,
+        above=value >= CLEARANCE_MM[1],
+    )
 
 
 def touch_down(foot: FootMotion, stances: Sequence[Stance]) -> Check | None:
     """Mean height of the model foot's lowest point at the plate's touch-downs; None if none was seen."""
-    instants = [s.start_s for s in stances if s.start_seen and foot.time_s[0] <= s.start_s <= foot.time_s[-1]]
+    instants = [
+        s.start_s
+        for s in stances
+        if s.start_seen and foot.time_s[0] <= s.start_s <= foot.time_s[-1]
+    ]
     if not instants:
         return None
     value = 1e3 * float(np.mean(np.interp(instants, foot.time_s, foot.lowest_m)))
-    return _of(foot, "touch_down", "height at touch-down", grade(value, *TOUCH_DOWN_MM), value, "mm")
+    return _of(
+        foot, "touch_down", "height at touch-down", grade(value, *TOUCH_DOWN_MM), value, "mm"
+    )
 
 
-def depth(foot: FootMotion, stances: Sequence[Stance], *, mass_kg: float, fulcrum_m: float) -> Check | None:
+def depth(
+    foot: FootMotion, stances: Sequence[Stance], *, mass_kg: float, fulcrum_m: float
+) -> Check | None:
     """How deep the model's undeformed foot goes into the ground while the plate carries it, against what it gives."""
     rows = np.any([foot.rows(s.start_s, s.end_s) for s in stances], axis=0)
     if not rows.any():
@@ -321,9 +533,13 @@ def depth(foot: FootMotion, stances: Sequence[Stance], *, mass_kg: float, fulcru
     value, gives = -1e3 * float(foot.lowest_m[rows].min()), INTACT_DEPTH_MM
     if foot.prosthetic:
         position, stiffness = zip(*STIFFNESS_N_PER_MM, strict=True)
-        gives = SOCKET_MM + PUSH_OFF_BW * mass_kg * GRAVITY / float(np.interp(1e3 * fulcrum_m, position, stiffness))
+        gives = SOCKET_MM + PUSH_OFF_BW * mass_kg * GRAVITY / float(
+            np.interp(1e3 * fulcrum_m, position, stiffness)
+        )
     if value <= 0.0:
         mark = "doubtful" if -value < TOO_DEEP_MM else "unusable"
     else:
-        mark = "good" if value <= gives else "doubtful" if value < gives + TOO_DEEP_MM else "unusable"
+        mark = (
+            "good" if value <= gives else "doubtful" if value < gives + TOO_DEEP_MM else "unusable"
+        )
     return _of(foot, "depth", "depth in the ground", mark, value, "mm", gives=gives)

@@ -11,7 +11,12 @@ from vsf_drake.analysis.contact_fit.problem import labels_of
 from vsf_drake.analysis.metrics import unfitted_note
 from vsf_drake.analysis.offsets import fit_offsets
 from vsf_drake.analysis.tuning.common import Progress
-from vsf_drake.analysis.validation.study import SETTINGS, check_named_once, embedded_contact, embedded_trials
+from vsf_drake.analysis.validation.study import (
+    SETTINGS,
+    check_named_once,
+    embedded_contact,
+    embedded_trials,
+)
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.motion.fitted_trial import trial_with
@@ -40,14 +45,19 @@ class TuningTrials:
     @property
     def inputs(self) -> dict[str, str]:
         """SHA-256 by trial and file."""
-        return {f"{label}: {file}": digest for label, trial in zip(self.labels, self.trials, strict=True)
-                for file, digest in trial.inputs.items()}
+        return {
+            f"{label}: {file}": digest
+            for label, trial in zip(self.labels, self.trials, strict=True)
+            for file, digest in trial.inputs.items()
+        }
 
     @property
     def reach_mm(self) -> tuple[float, float]:
         """Positions (mm from A) that every trial's carriage can take."""
         feet = [trial.model.foot.fulcrum for trial in self.trials]
-        return 1e3 * max(foot.rearmost_m for foot in feet), 1e3 * min(foot.foremost_m for foot in feet)
+        return 1e3 * max(foot.rearmost_m for foot in feet), 1e3 * min(
+            foot.foremost_m for foot in feet
+        )
 
 
 def embedded_tuning_trials(*, level: int, quick: bool = False) -> tuple[Path, ...]:
@@ -58,23 +68,33 @@ def embedded_tuning_trials(*, level: int, quick: bool = False) -> tuple[Path, ..
 
 
 def load_tuning_trials(
-    manifests: Sequence[str | Path], *, contact: str | Path | None = None, level: int = 1,
-    quick: bool = False, progress: Progress | None = None
+    manifests: Sequence[str | Path],
+    *,
+    contact: str | Path | None = None,
+    level: int = 1,
+    quick: bool = False,
+    progress: Progress | None = None,
 ) -> TuningTrials:
     """Reads trials of one person; without any, the `embedded_tuning_trials` with the contact that was fitted to them.
     Without a contact file, height, fore-aft position and alignment of the prosthesis are fitted to each trial's plate.
     """
     if not manifests:
-        manifests, contact = embedded_tuning_trials(level=level, quick=quick), contact or embedded_contact()
+        manifests, contact = (
+            embedded_tuning_trials(level=level, quick=quick),
+            contact or embedded_contact(),
+        )
     check_named_once(manifests)
     trials = tuple(load_trial(manifest) for manifest in manifests)
     check_one_person(trials)
     labels = labels_of(trials)
     if contact is not None:
         fitted = load_contact(contact)
-        return TuningTrials(tuple(trial_with(trial, fitted, file=contact) for trial in trials), labels, ())
+        return TuningTrials(
+            tuple(trial_with(trial, fitted, file=contact) for trial in trials), labels, ()
+        )
     fitted_trials, notes = [], [unfitted_note(trials[0], offsets_fitted=True)]
     for i, (trial, label) in enumerate(zip(trials, labels, strict=True)):
+
         def show(count: int, cost: float, label: str = label, i: int = i) -> None:
             if progress:
                 share = count / (count + _TYPICAL_EVALUATIONS)
@@ -82,7 +102,11 @@ def load_tuning_trials(
 
         fit = fit_offsets(trial, progress=show)
         if not fit.success or fit.at_bound:
-            ended = f"ended on a bound ({', '.join(fit.at_bound)})" if fit.at_bound else f"failed: {fit.message}"
+            ended = (
+                f"ended on a bound ({', '.join(fit.at_bound)})"
+                if fit.at_bound
+                else f"failed: {fit.message}"
+            )
             notes.append(f"{label}: the fit of its offsets {ended}.")
         fitted_trials.append(dataclasses.replace(trial, offsets=fit.offsets))
     return TuningTrials(tuple(fitted_trials), labels, tuple(notes))
@@ -92,5 +116,9 @@ def check_one_person(trials: Sequence[Trial]) -> None:
     """Raises InputError unless all trials are of one subject, with the prosthesis on one side."""
     for trial in trials[1:]:
         if trial.subject != trials[0].subject:
-            raise InputError(f"is of another subject than {trials[0].path}", file=trial.path, where="subject",
-                             right="A setting is one person's: tune one subject at a time")
+            raise InputError(
+                f"is of another subject than {trials[0].path}",
+                file=trial.path,
+                where="subject",
+                right="A setting is one person's: tune one subject at a time",
+            )

@@ -46,17 +46,28 @@ class PeriodicCurves:
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Values, rates and second derivatives (n, m) at any times (n,) s."""
         times = np.atleast_1d(np.asarray(times, dtype=float))
-        q, v, a = (basis @ self.coefficients for basis in _harmonics(times, self.period_s, self.order))
-        return q + np.outer(times / self.period_s, self.advance), v + self.advance / self.period_s, a
+        q, v, a = (
+            basis @ self.coefficients for basis in _harmonics(times, self.period_s, self.order)
+        )
+        return (
+            q + np.outer(times / self.period_s, self.advance),
+            v + self.advance / self.period_s,
+            a,
+        )
 
 
-def _harmonics(times: np.ndarray, period_s: float, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _harmonics(
+    times: np.ndarray, period_s: float, order: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(n, 2 order + 1) of 1, cosines and sines, and their first and second derivatives by time."""
     rate = 2.0 * np.pi * np.arange(1, order + 1) / period_s
     turn = np.outer(times, rate)
     cos, sin, one = np.cos(turn), np.sin(turn), np.ones((len(times), 1))
-    return (np.hstack([one, cos, sin]), np.hstack([0.0 * one, -rate * sin, rate * cos]),
-            np.hstack([0.0 * one, -(rate**2) * cos, -(rate**2) * sin]))
+    return (
+        np.hstack([one, cos, sin]),
+        np.hstack([0.0 * one, -rate * sin, rate * cos]),
+        np.hstack([0.0 * one, -(rate**2) * cos, -(rate**2) * sin]),
+    )
 
 
 def closing_weights(times: np.ndarray, start: float, end: float, period_s: float) -> np.ndarray:
@@ -83,12 +94,21 @@ def one_stride(record: Span, middle: float, period_s: float) -> Span:
     return start, start + length
 
 
-def fit_periodic(times: np.ndarray, values: np.ndarray, weights: np.ndarray, *, period_s: float, advance: np.ndarray,
-                 order: int = HARMONICS) -> PeriodicCurves:
+def fit_periodic(
+    times: np.ndarray,
+    values: np.ndarray,
+    weights: np.ndarray,
+    *,
+    period_s: float,
+    advance: np.ndarray,
+    order: int = HARMONICS,
+) -> PeriodicCurves:
     """The least-squares curves through (n,) times, (n, m) values with (n,) weights."""
     basis = _harmonics(times, period_s, order)[0]
     root = np.sqrt(weights)[:, None]
-    coefficients = np.linalg.lstsq(root * basis, root * (values - np.outer(times / period_s, advance)), rcond=None)[0]
+    coefficients = np.linalg.lstsq(
+        root * basis, root * (values - np.outer(times / period_s, advance)), rcond=None
+    )[0]
     return PeriodicCurves(period_s, advance, coefficients)
 
 
@@ -111,7 +131,9 @@ def advance_of(times: np.ndarray, values: np.ndarray, period_s: float) -> float:
     return float(np.average(advances, weights=x**2 * (1.0 - x) ** 2 + 1e-9))
 
 
-def periodic_acceleration(times: np.ndarray, rates: np.ndarray, weights: np.ndarray, period_s: float) -> PeriodicCurves:
+def periodic_acceleration(
+    times: np.ndarray, rates: np.ndarray, weights: np.ndarray, period_s: float
+) -> PeriodicCurves:
     """Accelerations (n, 2) m/s^2 at (n,) s, with weights (n,), as periodic curves without a mean: it is accelerations
     that are blended where a recording's ends meet, not places."""
     curves = fit_periodic(times, rates, weights, period_s=period_s, advance=np.zeros(2))
@@ -148,8 +170,14 @@ ACCELERATION = 0.02 * GRAVITY
 """Standard deviation of its acceleration, m/s^2 (a choice: what plates and body models agree to)."""
 
 
-def close(misfit: Misfit, curves: PeriodicCurves, times: np.ndarray, weights: np.ndarray,
-          acceleration: PeriodicCurves, shift: complex) -> tuple[PeriodicCurves, complex, bool]:
+def close(
+    misfit: Misfit,
+    curves: PeriodicCurves,
+    times: np.ndarray,
+    weights: np.ndarray,
+    acceleration: PeriodicCurves,
+    shift: complex,
+) -> tuple[PeriodicCurves, complex, bool]:
     """The closed curves, the constant d, and whether they moved no more: damped Newton steps from `curves` and `shift`.
 
     times (n,) are those of the misfit's instants, s since phase 0, with `closing_weights` (n,); values (., 2) of
@@ -180,11 +208,20 @@ def close(misfit: Misfit, curves: PeriodicCurves, times: np.ndarray, weights: np
 class _Squares:
     """The sum of squares and its derivatives by x: the curves' coefficients row by row, the advance, d in two parts."""
 
-    def __init__(self, misfit: Misfit, curves: PeriodicCurves, times: np.ndarray, weights: np.ndarray,
-                 acceleration: PeriodicCurves) -> None:
+    def __init__(
+        self,
+        misfit: Misfit,
+        curves: PeriodicCurves,
+        times: np.ndarray,
+        weights: np.ndarray,
+        acceleration: PeriodicCurves,
+    ) -> None:
         along, height = misfit.along.copy(), misfit.height.copy()
         along[:, -1] = height[:, -1] = MASS_PLACE_M**-2
-        self.chain, self.misfit = misfit.chain, dataclasses.replace(misfit, along=along, height=height)
+        self.chain, self.misfit = (
+            misfit.chain,
+            dataclasses.replace(misfit, along=along, height=height),
+        )
         self.times, self.weights, self.period_s = times, weights, curves.period_s
         self.size, self.last = len(curves.coefficients), curves.coefficients.size
         basis = _harmonics(times, self.period_s, curves.order)[0]
@@ -196,16 +233,22 @@ class _Squares:
         self.pairs_on_grid = _pairs(self.on_grid, np.ones(count))
         rate = 2.0 * np.pi * np.fft.fftfreq(count, self.period_s / count)
         slow = np.abs(np.fft.fftfreq(count, 1.0 / count)) <= curves.order
-        self.twice = np.fft.ifft((-(rate**2) * slow)[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0).real
+        self.twice = np.fft.ifft(
+            (-(rate**2) * slow)[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0
+        ).real
         self.wanted = acceleration.sample(self.grid)[0] @ np.array([1.0, 1j])
         self.scale = weights.sum() / count / ACCELERATION**2
 
     def curves(self, x: np.ndarray) -> PeriodicCurves:
-        return PeriodicCurves(self.period_s, x[self.last] * np.eye(8)[TX], x[: self.last].reshape(self.size, 8))
+        return PeriodicCurves(
+            self.period_s, x[self.last] * np.eye(8)[TX], x[: self.last].reshape(self.size, 8)
+        )
 
     def _off(self, x: np.ndarray, places: np.ndarray) -> np.ndarray:
         """r'' - a on the grid."""
-        return np.asarray(self.twice @ (places[:, -1] - x[self.last] * self.grid / self.period_s) - self.wanted)
+        return np.asarray(
+            self.twice @ (places[:, -1] - x[self.last] * self.grid / self.period_s) - self.wanted
+        )
 
     def cost(self, x: np.ndarray) -> float:
         now, d = self.curves(x), complex(*x[self.last + 1 :])
@@ -230,15 +273,21 @@ class _Squares:
         N[last + 1 :, last + 1 :] = np.diag(weights @ D)
         N[last:, :last] = N[:last, last:].T
         N[last + 1 :, last] = N[last, last + 1 :]
-        g = np.concatenate([(self.weighted.T @ b).ravel(), [(weights * gone) @ b[:, TX]], weights @ e])
+        g = np.concatenate(
+            [(self.weighted.T @ b).ravel(), [(weights * gone) @ b[:, TX]], weights @ e]
+        )
 
         # The acceleration: r'' - a on the grid is linear in the places there, its curvature that of the mass's path.
         places, J = map(self.chain.with_mass, self.chain.linearised(now.sample(self.grid)[0]))
         r, J_mass = self._off(x, places), J[:, -1]
         bent = self.chain.curvature(J_mass[:, None], self.scale * (self.twice.T @ r)[:, None])
-        J_r = self.twice @ (self.on_grid[:, :, None] * J_mass[:, None, :]).reshape(len(self.grid), last)
+        J_r = self.twice @ (self.on_grid[:, :, None] * J_mass[:, None, :]).reshape(
+            len(self.grid), last
+        )
         B = np.zeros(N.shape)
-        B[:last, :last] = self._spread(bent_places, self.pairs) + self._spread(bent, self.pairs_on_grid)
+        B[:last, :last] = self._spread(bent_places, self.pairs) + self._spread(
+            bent, self.pairs_on_grid
+        )
         N[:last, :last] += self.scale * (J_r.conj().T @ J_r).real
         g[:last] += self.scale * (J_r.conj().T @ r).real
         return self.cost(x), g, N, B
@@ -251,7 +300,9 @@ class _Squares:
 
 def _pairs(basis: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(n, b b) weighted products of the columns of a basis (n, b)."""
-    return np.asarray(weights[:, None, None] * basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
+    return np.asarray(weights[:, None, None] * basis[:, :, None] * basis[:, None, :]).reshape(
+        len(basis), -1
+    )
 
 
 # The ground's forces over a recorded stride, both feet, seen from the side and made periodic.
@@ -262,7 +313,9 @@ def _pairs(basis: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 GRID_S = 0.001
-LEAST_WEIGHT = 1e-9  # of what was recorded in another stride: it counts only where there is nothing else
+LEAST_WEIGHT = (
+    1e-9  # of what was recorded in another stride: it counts only where there is nothing else
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +324,9 @@ class FootForce:
 
     time_s: np.ndarray  # (g,) s since phase 0, from 0 to the period, both included
     force: np.ndarray  # (g, 2) N, along the way of walking and up; NaN where not known
-    cop: np.ndarray  # (g,) m along the way, less `advance_m` t / period; NaN where not known or not loaded
+    cop: (
+        np.ndarray
+    )  # (g,) m along the way, less `advance_m` t / period; NaN where not known or not loaded
     period_s: float
     advance_m: float  # see `RecordedStride`
 
@@ -280,8 +335,10 @@ class FootForce:
         at the nearest centre of pressure known."""
         times = np.atleast_1d(np.asarray(times, dtype=float))
         phase = np.mod(times, self.period_s)
-        along, up, cop, held = (np.interp(phase, self.time_s, column)
-                                for column in (*self.force.T, self.cop, _held(self.cop)))
+        along, up, cop, held = (
+            np.interp(phase, self.time_s, column)
+            for column in (*self.force.T, self.cop, _held(self.cop))
+        )
         gone = self.advance_m * times / self.period_s
         return np.column_stack([along, up, -(held + gone) * up]), cop + gone
 
@@ -292,12 +349,17 @@ def forced_acceleration(forces: Mapping[str, FootForce], mass_kg: float) -> Peri
     feet = tuple(forces.values())
     if len(feet) < 2 or not all(np.isfinite(force.force).all() for force in feet):
         return None
-    rates = np.sum([force.force for force in feet], axis=0) / mass_kg - np.array([0.0, GRAVITY])  # F / m - g
-    return periodic_acceleration(feet[0].time_s[1:], rates[1:], np.ones(len(rates) - 1), feet[0].period_s)
+    rates = np.sum([force.force for force in feet], axis=0) / mass_kg - np.array(
+        [0.0, GRAVITY]
+    )  # F / m - g
+    return periodic_acceleration(
+        feet[0].time_s[1:], rates[1:], np.ones(len(rates) - 1), feet[0].period_s
+    )
 
 
-def plate_series(plate: PlateRecording, forward: np.ndarray,
-                 unknown: Sequence[Span] = ()) -> tuple[np.ndarray, np.ndarray]:
+def plate_series(
+    plate: PlateRecording, forward: np.ndarray, unknown: Sequence[Span] = ()
+) -> tuple[np.ndarray, np.ndarray]:
     """Times (j,) s and forces (j, 2) N along the way and up; NaN in the spans `unknown`."""
     force = np.column_stack([plate.force_W[:, :2] @ forward, plate.force_W[:, 2]])
     for a, b in unknown:
@@ -305,8 +367,17 @@ def plate_series(plate: PlateRecording, forward: np.ndarray,
     return plate.time_s, force
 
 
-def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span: Span, start_s: float,
-               period_s: float, advance_m: float, unknown: Sequence[Span] = ()) -> FootForce:
+def foot_force(
+    plate: PlateRecording,
+    forward: np.ndarray,
+    *,
+    record: Span,
+    span: Span,
+    start_s: float,
+    period_s: float,
+    advance_m: float,
+    unknown: Sequence[Span] = (),
+) -> FootForce:
     """What one foot's plate says of a stride that begins at `start_s` on its clock and goes along `forward` (2,): its
     part `span`, the rest of `record` where there is nothing else; nobody knows of what lies outside, or in
     `unknown`."""
@@ -314,7 +385,9 @@ def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span
     count = max(2, round(period_s / GRID_S))
     grid = np.linspace(0.0, period_s, count + 1)
     first, last = max(plate.time_s[0], record[0]), min(plate.time_s[-1], record[1])
-    cycles = np.arange(np.floor((first - start_s) / period_s), np.ceil((last - start_s) / period_s) + 1)
+    cycles = np.arange(
+        np.floor((first - start_s) / period_s), np.ceil((last - start_s) / period_s) + 1
+    )
     t = start_s + grid + period_s * cycles[:, None]
     seen = (t >= first - 1e-9) & (t <= last + 1e-9)
     for a, b in unknown:
@@ -327,10 +400,16 @@ def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span
     c = _places(plate, forward, t) - advance_m * (t - start_s) / period_s
     total = w.sum(axis=0)
     known = total > 0.0
-    force = np.where(known[:, None], np.einsum("kg,kgc->gc", w, f) / np.where(known, total, 1.0)[:, None], np.nan)
+    force = np.where(
+        known[:, None], np.einsum("kg,kgc->gc", w, f) / np.where(known, total, 1.0)[:, None], np.nan
+    )
     carried = w * np.maximum(f[:, :, 1], 0.0) * np.isfinite(c)
     on = carried.sum(axis=0) > 0.0
-    cop = np.where(on, np.sum(carried * np.nan_to_num(c), axis=0) / np.where(on, carried.sum(axis=0), 1.0), np.nan)
+    cop = np.where(
+        on,
+        np.sum(carried * np.nan_to_num(c), axis=0) / np.where(on, carried.sum(axis=0), 1.0),
+        np.nan,
+    )
     force[-1], cop[-1] = force[0], cop[0]
     return FootForce(grid, force, cop, period_s, advance_m)
 

@@ -31,20 +31,26 @@ from vsf_drake.simulation.walk import Walker
 FEET = {"P": "prosthetic", "I": "intact"}  # in this order wherever both appear
 SEGMENTS = ("pelvis", "thigh_P", "shank_P", "thigh_I", "shank_I", "foot_I")
 """Rigid segments of the sagittal model; socket, pylon and prosthetic foot belong to "shank_P"."""
-TILT, TX, TY, HIP_P, KNEE_P, HIP_I, KNEE_I, ANKLE_I = range(8)  # places of the coordinates in `sagittal_coordinates`
+TILT, TX, TY, HIP_P, KNEE_P, HIP_I, KNEE_I, ANKLE_I = range(
+    8
+)  # places of the coordinates in `sagittal_coordinates`
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Points:
     """k points of the person: by foot hip, knee, ankle and contact spheres, then the centres of mass of all bodies."""
 
-    labels: tuple[str, ...]  # (k,) "hip P", "knee P", "ankle P", "sphere P", the same with I, "mass"
+    labels: tuple[
+        str, ...
+    ]  # (k,) "hip P", "knee P", "ankle P", "sphere P", the same with I, "mass"
     segment: np.ndarray  # (k,) index into SEGMENTS of what carries the point
     mass: np.ndarray  # (k,) kg where the point is a centre of mass, else 0
     radius: np.ndarray  # (k,) m where it is the centre of a contact sphere, else 0
 
     def rows(self, start: str) -> np.ndarray:
-        return np.array([k for k, label in enumerate(self.labels) if label.startswith(start)], dtype=int)
+        return np.array(
+            [k for k, label in enumerate(self.labels) if label.startswith(start)], dtype=int
+        )
 
 
 # Where the points are in the 3-D model. Keel and socket are undeformed: what the recording prescribes is all that is
@@ -68,34 +74,68 @@ class BodyPoints(_Points):
         return along + 1j * self.places[..., 2]
 
 
-def body_points(walker: Walker, offsets: GeometricOffsets, names: Sequence[str], values: np.ndarray,
-                *, fulcrum_m: float) -> BodyPoints:
+def body_points(
+    walker: Walker,
+    offsets: GeometricOffsets,
+    names: Sequence[str],
+    values: np.ndarray,
+    *,
+    fulcrum_m: float,
+) -> BodyPoints:
     """The points for n sets of values (n, m), rad and m, of m named coordinates; the others are zero. The walker's
     Context is not changed."""
     gait, person, root = walker.gait, walker.gait.person, walker.context.Clone()
     plant, context = gait.plant, gait.plant_context(root)
     set_mount(context, person.foot, **mount_of(offsets))
-    mechanism, own, segments = gait_mechanism(gait, root), person.subject.prosthetic_side, person.segments
+    mechanism, own, segments = (
+        gait_mechanism(gait, root),
+        person.subject.prosthetic_side,
+        person.segments,
+    )
     side = {"P": own, "I": "left" if own == "right" else "right"}
     count, points, nil = len(person.foot.sites.radius), [], np.zeros(3)
-    spheres = [(plant.get_body(BodyIndex(int(body))).body_frame(), site[:3], site[3])
-               for body, site in zip(mechanism.site_bodies, mechanism.sites, strict=True)]
+    spheres = [
+        (plant.get_body(BodyIndex(int(body))).body_frame(), site[:3], site[3])
+        for body, site in zip(mechanism.site_bodies, mechanism.sites, strict=True)
+    ]
     for s, foot, distal, own_spheres in (
-            ("P", "shank_P", person.socket.distal, spheres[:count]),
-            ("I", "foot_I", segments[f"foot_{side['I']}"].body_frame(), spheres[count:])):
-        points += [(segments[f"thigh_{side[s]}"].body_frame(), nil, f"hip {s}", f"thigh_{s}", 0.0, 0.0),
-                   (segments[f"shank_{side[s]}"].body_frame(), nil, f"knee {s}", f"shank_{s}", 0.0, 0.0),
-                   (distal, nil, f"ankle {s}", foot, 0.0, 0.0),
-                   *((frame, p_BS, f"sphere {s}", foot, 0.0, radius) for frame, p_BS, radius in own_spheres)]
-    carriers = {segments["pelvis"].index(): "pelvis", segments[f"thigh_{side['P']}"].index(): "thigh_P",
-                **{segments[f"{part}_{side['I']}"].index(): f"{part}_I" for part in ("thigh", "shank", "foot")}}
+        ("P", "shank_P", person.socket.distal, spheres[:count]),
+        ("I", "foot_I", segments[f"foot_{side['I']}"].body_frame(), spheres[count:]),
+    ):
+        points += [
+            (segments[f"thigh_{side[s]}"].body_frame(), nil, f"hip {s}", f"thigh_{s}", 0.0, 0.0),
+            (segments[f"shank_{side[s]}"].body_frame(), nil, f"knee {s}", f"shank_{s}", 0.0, 0.0),
+            (distal, nil, f"ankle {s}", foot, 0.0, 0.0),
+            *(
+                (frame, p_BS, f"sphere {s}", foot, 0.0, radius)
+                for frame, p_BS, radius in own_spheres
+            ),
+        ]
+    carriers = {
+        segments["pelvis"].index(): "pelvis",
+        segments[f"thigh_{side['P']}"].index(): "thigh_P",
+        **{
+            segments[f"{part}_{side['I']}"].index(): f"{part}_I"
+            for part in ("thigh", "shank", "foot")
+        },
+    }
     for body in (plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies())):
         if (mass := body.get_mass(context)) > 0.0:
-            points.append((body.body_frame(), body.CalcCenterOfMassInBodyFrame(context), "mass",
-                           carriers.get(body.index(), "shank_P"), mass, 0.0))
+            points.append(
+                (
+                    body.body_frame(),
+                    body.CalcCenterOfMassInBodyFrame(context),
+                    "mass",
+                    carriers.get(body.index(), "shank_P"),
+                    mass,
+                    0.0,
+                )
+            )
     columns = [plant.GetJointByName(name).position_start() for name in names]
     q = np.zeros(plant.num_positions())
-    q[plant.GetJointByName(person.foot.carriage_joint_name, person.foot.instance).position_start()] = fulcrum_m
+    q[
+        plant.GetJointByName(person.foot.carriage_joint_name, person.foot.instance).position_start()
+    ] = fulcrum_m
     pelvis, places = np.empty((len(values), 3)), np.empty((len(values), len(points), 3))
     for i, row in enumerate(np.asarray(values, dtype=float)):
         q[columns] = row
@@ -103,9 +143,15 @@ def body_points(walker: Walker, offsets: GeometricOffsets, names: Sequence[str],
         pelvis[i] = segments["pelvis"].body_frame().CalcPoseInWorld(context).translation()
         places[i] = [frame.CalcPoseInWorld(context) @ p_FP for frame, p_FP, *_ in points]
     _, _, labels, carrier, masses, radii = zip(*points, strict=True)
-    return BodyPoints(labels=labels, segment=np.array([SEGMENTS.index(name) for name in carrier]),
-                      mass=np.array(masses), radius=np.array(radii), pelvis=pelvis, places=places,
-                      ground=float(mechanism.ground_height))
+    return BodyPoints(
+        labels=labels,
+        segment=np.array([SEGMENTS.index(name) for name in carrier]),
+        mass=np.array(masses),
+        radius=np.array(radii),
+        pelvis=pelvis,
+        places=places,
+        ground=float(mechanism.ground_height),
+    )
 
 
 # The sagittal model's geometry: a planar tree of rigid segments, for many instants at once.
@@ -128,17 +174,31 @@ _TURNS["thigh_I"] = (*_TURNS["pelvis"], (HIP_I, 1.0))
 _TURNS["shank_I"] = (*_TURNS["thigh_I"], (KNEE_I, -1.0))
 _TURNS["foot_I"] = (*_TURNS["shank_I"], (ANKLE_I, 1.0))
 _ORDERS = (_TURNS["shank_P"], _TURNS["foot_I"])  # the joints down either leg, with their signs
-_PARENT = {"thigh_P": "pelvis", "shank_P": "thigh_P", "thigh_I": "pelvis", "shank_I": "thigh_I", "foot_I": "shank_I"}
+_PARENT = {
+    "thigh_P": "pelvis",
+    "shank_P": "thigh_P",
+    "thigh_I": "pelvis",
+    "shank_I": "thigh_I",
+    "foot_I": "shank_I",
+}
 
 
-_JOINT_OF = {"thigh_P": "hip P", "shank_P": "knee P", "thigh_I": "hip I", "shank_I": "knee I", "foot_I": "ankle I"}
+_JOINT_OF = {
+    "thigh_P": "hip P",
+    "shank_P": "knee P",
+    "thigh_I": "hip I",
+    "shank_I": "knee I",
+    "foot_I": "ankle I",
+}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SagittalChain(_Points):
     """A planar person with the points on it."""
 
-    joints: dict[str, complex]  # by segment, its proximal joint in its parent's axes (m); the pelvis's is 0
+    joints: dict[
+        str, complex
+    ]  # by segment, its proximal joint in its parent's axes (m); the pelvis's is 0
     local: np.ndarray  # (k,) complex, the points from their segments' joints (m)
 
     def points(self, q: np.ndarray) -> np.ndarray:
@@ -147,13 +207,17 @@ class SagittalChain(_Points):
     def _placed(self, q: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """The points, and by segment its proximal joint (n,)."""
         origin = {"pelvis": q[:, TX] + 1j * q[:, TY]}
-        turn = {name: np.exp(1j * sum(sign * q[:, c] for c, sign in _TURNS[name])) for name in SEGMENTS}
+        turn = {
+            name: np.exp(1j * sum(sign * q[:, c] for c, sign in _TURNS[name])) for name in SEGMENTS
+        }
         for name in SEGMENTS[1:]:
             parent = _PARENT[name]
             origin[name] = origin[parent] + self.joints[name] * turn[parent]
         names = [SEGMENTS[s] for s in self.segment]
-        return np.stack([origin[name] + r * turn[name] for name, r in zip(names, self.local, strict=True)],
-                        axis=1), origin
+        return np.stack(
+            [origin[name] + r * turn[name] for name, r in zip(names, self.local, strict=True)],
+            axis=1,
+        ), origin
 
     def linearised(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The points, and their derivatives (n, k, 8), complex: a turn by a joint moves a point p about the joint's
@@ -161,8 +225,14 @@ class SagittalChain(_Points):
         places, origin = self._placed(q)
         J = np.zeros((*places.shape, 8), dtype=complex)
         J[:, :, TX], J[:, :, TY] = 1.0, 1j
-        pivot = {TILT: "pelvis", HIP_P: "thigh_P", KNEE_P: "shank_P", HIP_I: "thigh_I", KNEE_I: "shank_I",
-                 ANKLE_I: "foot_I"}
+        pivot = {
+            TILT: "pelvis",
+            HIP_P: "thigh_P",
+            KNEE_P: "shank_P",
+            HIP_I: "thigh_I",
+            KNEE_I: "shank_I",
+            ANKLE_I: "foot_I",
+        }
         for k, segment in enumerate(self.segment):
             for c, sign in _TURNS[SEGMENTS[segment]]:
                 J[:, k, c] = 1j * sign * (places[:, k] - origin[pivot[c]])
@@ -204,8 +274,13 @@ def sagittal_chain(walker: Walker, offsets: GeometricOffsets, *, fulcrum_m: floa
     base |= {name: places[zero.labels.index(label)] for name, label in _JOINT_OF.items()}
     joints = {"pelvis": 0j} | {name: base[name] - base[parent] for name, parent in _PARENT.items()}
     return SagittalChain(
-        labels=zero.labels, segment=zero.segment, mass=zero.mass, radius=zero.radius, joints=joints,
-        local=places - np.array([base[SEGMENTS[s]] for s in zero.segment]))
+        labels=zero.labels,
+        segment=zero.segment,
+        mass=zero.mass,
+        radius=zero.radius,
+        joints=joints,
+        local=places - np.array([base[SEGMENTS[s]] for s in zero.segment]),
+    )
 
 
 ITERATIONS = 50
@@ -215,8 +290,14 @@ LOADED_HEIGHT, LOADED_ALONG, SWINGING = 1e-4, 5e-4, 5e-3
 """Of a contact sphere near the floor, and of one far from it, both ways."""
 JOINTS = {"hip": 2e-2, "knee": 5e-3, "ankle": 5e-3}
 MASS = 2e-4  # of the whole body's centre of mass
-ANGLE, PELVIS_TILT = 0.03, 0.01  # of hip, knee and ankle angles from the recorded ones, and of the pelvis's
-FLOOR_M, FADE_M = 0.01, 0.002  # gap under a sphere at which it counts half, and over which that fades
+ANGLE, PELVIS_TILT = (
+    0.03,
+    0.01,
+)  # of hip, knee and ankle angles from the recorded ones, and of the pelvis's
+FLOOR_M, FADE_M = (
+    0.01,
+    0.002,
+)  # gap under a sphere at which it counts half, and over which that fades
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,8 +315,10 @@ class Misfit:
     def cost(self, q: np.ndarray, d: complex) -> np.ndarray:
         """(n,)"""
         r = self.chain.with_mass(self.chain.points(q)) - self.wanted - d * self.shifted
-        return np.asarray(np.sum(self.along * r.real**2 + self.height * r.imag**2, axis=1)
-                          + (q - self.recorded) ** 2 @ self.turned)
+        return np.asarray(
+            np.sum(self.along * r.real**2 + self.height * r.imag**2, axis=1)
+            + (q - self.recorded) ** 2 @ self.turned
+        )
 
     def normal(self, q: np.ndarray, d: complex) -> tuple[np.ndarray, ...]:
         """Newton's blocks per instant: A (n, 8, 8), b (n, 8), C (n, 8, 2), D (n, 2), e (n, 2), B (n, 8, 8).
@@ -248,17 +331,24 @@ class Misfit:
         r, moved = places - self.wanted - d * self.shifted, self.shifted
         B = self.chain.curvature(J, self.along * r.real + 1j * self.height * r.imag)
         parts = ((self.along, r.real, J.real), (self.height, r.imag, J.imag))
-        A = np.sum([np.einsum("nkc,nkd->ncd", weight[:, :, None] * j, j) for weight, _, j in parts], axis=0)
+        A = np.sum(
+            [np.einsum("nkc,nkd->ncd", weight[:, :, None] * j, j) for weight, _, j in parts], axis=0
+        )
         A[:, range(8), range(8)] += self.turned
         along, height = (np.einsum("nk,nkc->nc", weight * off, j) for weight, off, j in parts)
         b = along + (height + self.turned * (q - self.recorded))
-        C = -np.stack([np.einsum("nk,nkc->nc", weight[:, moved], j[:, moved]) for weight, _, j in parts], axis=2)
+        C = -np.stack(
+            [np.einsum("nk,nkc->nc", weight[:, moved], j[:, moved]) for weight, _, j in parts],
+            axis=2,
+        )
         D = np.stack([weight[:, moved].sum(axis=1) for weight, _, _ in parts], axis=1)
         e = -np.stack([(weight * off)[:, moved].sum(axis=1) for weight, off, _ in parts], axis=1)
         return A, b, C, D, e, B
 
 
-def make_misfit(chain: SagittalChain, wanted: np.ndarray, recorded: np.ndarray, *, ground: float = 0.0) -> Misfit:
+def make_misfit(
+    chain: SagittalChain, wanted: np.ndarray, recorded: np.ndarray, *, ground: float = 0.0
+) -> Misfit:
     """What `project` minimises: wanted (n, k) is where the chain's points are in 3-D, see `BodyPoints.seen`, recorded
     (n, 8) the coordinates of the same names, ground the floor's z (m)."""
     turned = np.full(8, 1.0 / ANGLE**2)
@@ -270,7 +360,9 @@ def make_misfit(chain: SagittalChain, wanted: np.ndarray, recorded: np.ndarray, 
             along[:, chain.rows(f"{name} {s}")] = height[:, chain.rows(f"{name} {s}")] = sigma**-2
         rows = chain.rows(f"sphere {s}")
         for weight, sigma in ((along, LOADED_ALONG), (height, LOADED_HEIGHT)):
-            weight[:, rows] = (share[:, rows] / sigma**2 + (1.0 - share[:, rows]) / SWINGING**2) / len(rows)
+            weight[:, rows] = (
+                share[:, rows] / sigma**2 + (1.0 - share[:, rows]) / SWINGING**2
+            ) / len(rows)
     along[:, -1] = height[:, -1] = MASS**-2
     shifted = np.append([label.startswith("hip") for label in chain.labels], True)
     return Misfit(chain, chain.with_mass(wanted), along, height, shifted, recorded, turned)

@@ -136,7 +136,9 @@ class Provenance:
     versions: Mapping[str, str] = field(default_factory=dict)
     inputs_sha256: Mapping[str, str] = field(default_factory=dict)
     seed: int | None = None
-    options: Mapping[str, Any] = field(default_factory=dict)  # of the analysis and as they were given
+    options: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # of the analysis and as they were given
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,15 +189,20 @@ class TuningTable:
         """Positions (s,) in mm, rising, and the cost (s,) at each, of the points of the sweep where it is known; or one
         of the "terms" or "outcomes" (`part`)."""
         values = [getattr(point, part).get(name) if part else point.cost for point in self.sweep]
-        known = sorted((point.fulcrum_mm, value) for point, value in zip(self.sweep, values, strict=True)
-                       if value is not None)
+        known = sorted(
+            (point.fulcrum_mm, value)
+            for point, value in zip(self.sweep, values, strict=True)
+            if value is not None
+        )
         table = np.array(known, dtype=float).reshape(-1, 2)
         return table[:, 0], table[:, 1]
 
     def cost_at(self, fulcrum_mm: float) -> float | None:
         """By straight lines between the points of the sweep; None outside of them."""
         x, y = self.swept()
-        return float(np.interp(fulcrum_mm, x, y)) if len(x) and x[0] <= fulcrum_mm <= x[-1] else None
+        return (
+            float(np.interp(fulcrum_mm, x, y)) if len(x) and x[0] <= fulcrum_mm <= x[-1] else None
+        )
 
     @property
     def common_fulcrum_mm(self) -> float | None:
@@ -209,7 +216,9 @@ class TuningTable:
     @property
     def holding(self) -> tuple[Term, ...]:
         """The terms of HOLDING, if the cost has others besides and all are known over the range; else none."""
-        terms = tuple(term for term in self.terms if term.name in HOLDING and term.value is not None)
+        terms = tuple(
+            term for term in self.terms if term.name in HOLDING and term.value is not None
+        )
         count = len(self.swept()[0])
         known = all(len(self.swept("terms", term.name)[0]) == count for term in terms)
         return terms if count and known and len(terms) < len(self.terms) else ()
@@ -219,33 +228,70 @@ class TuningTable:
         whole, holding = None if fulcrum_mm is None else self.cost_at(fulcrum_mm), self.holding
         if fulcrum_mm is None or whole is None or not holding:
             return None
-        return whole - sum(float(np.interp(fulcrum_mm, *self.swept("terms", term.name))) for term in holding)
-
+        return whole - sum(
+            float(np.interp(fulcrum_mm, *self.swept("terms", term.name))) for term in holding
+        )
 
     def least_rest(self) -> tuple[float, float] | None:
         """Where in the sweep (mm) the cost without `holding` is least, and that cost; None without such terms."""
-        return min(((mm, rest) for mm in self.swept()[0].tolist() if (rest := self.rest_at(mm)) is not None),
-                   key=lambda pair: pair[1], default=None)
+        return min(
+            (
+                (mm, rest)
+                for mm in self.swept()[0].tolist()
+                if (rest := self.rest_at(mm)) is not None
+            ),
+            key=lambda pair: pair[1],
+            default=None,
+        )
 
     @property
     def rest(self) -> float | None:
         """The cost at the optimum without `holding`."""
-        return None if self.cost is None else self.cost - sum(term.value or 0.0 for term in self.holding)
+        return (
+            None
+            if self.cost is None
+            else self.cost - sum(term.value or 0.0 for term in self.holding)
+        )
 
     @property
     def held_from(self) -> tuple[float, float] | None:
         """`least_rest` if it is less than `rest` and farther from the optimum than its interval and the sweep's
         spacing: if the terms of HOLDING, not the rest of the cost, make the optimum."""
         least, x, rest = self.least_rest(), self.swept()[0], self.rest
-        if least is None or self.fulcrum_mm is None or not self.optimal or rest is None or rest <= least[1]:
+        if (
+            least is None
+            or self.fulcrum_mm is None
+            or not self.optimal
+            or rest is None
+            or rest <= least[1]
+        ):
             return None
-        (low, high), step = self.fulcrum_interval_mm or (self.fulcrum_mm,) * 2, float(np.diff(x).max(initial=0.0))
+        (low, high), step = (
+            self.fulcrum_interval_mm or (self.fulcrum_mm,) * 2,
+            float(np.diff(x).max(initial=0.0)),
+        )
         return None if low - step <= least[0] <= high + step else least
 
 
 PARTS: dict[str, tuple[()] | None] = {
-    **dict.fromkeys(("design", "terms", "sweep", "outcomes", "confirmed_by", "starts", "checks", "tasks", "pareto",
-                     "robustness"), ()), "solver": None, "provenance": None}
+    **dict.fromkeys(
+        (
+            "design",
+            "terms",
+            "sweep",
+            "outcomes",
+            "confirmed_by",
+            "starts",
+            "checks",
+            "tasks",
+            "pareto",
+            "robustness",
+        ),
+        (),
+    ),
+    "solver": None,
+    "provenance": None,
+}
 """Parts of a table that a chapter can do without, and what stands for them then."""
 
 
@@ -254,8 +300,13 @@ def tuning_of(values: Mapping[str, Any], parts: Collection[str] = PARTS) -> Tuni
 
     ValueError, with its place, for what lacks or is of another kind.
     """
-    return record(TuningTable, {name: PARTS[name] if name in PARTS and name not in parts else value
-                                for name, value in values.items()})
+    return record(
+        TuningTable,
+        {
+            name: PARTS[name] if name in PARTS and name not in parts else value
+            for name, value in values.items()
+        },
+    )
 
 
 def as_saved(table: TuningTable) -> TuningTable:

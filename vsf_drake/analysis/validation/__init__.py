@@ -4,17 +4,27 @@
 """
 
 from vsf_drake.analysis.validation.study import (
-           Section,
-           Study,
-           StudyOptions,
-           StudyWalk,
-           ValidatedWalk,
-           embedded_bench,
-           embedded_contact,
-           embedded_trials,
-           make_study,
-           validate_walk,
+    Section,
+    Study,
+    StudyOptions,
+    StudyWalk,
+    ValidatedWalk,
+    embedded_bench,
+    embedded_contact,
+    embedded_trials,
+    make_study,
+    validate_walk,
 )
 
-__all__ = ["Section", "Study", "StudyOptions", "StudyWalk", "ValidatedWalk", "embedded_bench", "embedded_contact",
-           "embedded_trials", "make_study", "validate_walk"]
+__all__ = [
+    "Section",
+    "Study",
+    "StudyOptions",
+    "StudyWalk",
+    "ValidatedWalk",
+    "embedded_bench",
+    "embedded_contact",
+    "embedded_trials",
+    "make_study",
+    "validate_walk",
+]

@@ -16,7 +16,13 @@ from scipy.stats import t as student
 from vsf_drake.analysis.bench_metrics import LOAD_N, at_loads, mean_slope
 from vsf_drake.analysis.comparison import r_squared, rmse
 from vsf_drake.analysis.validation.study import finite
-from vsf_drake.bench_curves import STIFFNESS_ABOVE_N, BenchCurves, BenchMeasurement, load_bench_curves, load_bench_file
+from vsf_drake.bench_curves import (
+    STIFFNESS_ABOVE_N,
+    BenchCurves,
+    BenchMeasurement,
+    load_bench_curves,
+    load_bench_file,
+)
 from vsf_drake.errors import InputError
 from vsf_drake.files import flat
 from vsf_drake.parameters import FootParameters
@@ -42,7 +48,9 @@ class CurveValues:
     """One rising curve; of a model where there is a measured one also by what it differs."""
 
     stiffness_n_per_mm: float | None  # mean slope above 200 N; None without 250 N
-    stiffness_n_per_mm_half_width: float | None = None  # of the 95 % confidence interval of the mean over passes
+    stiffness_n_per_mm_half_width: float | None = (
+        None  # of the 95 % confidence interval of the mean over passes
+    )
     mid_range_mm: float  # at half of the largest load
     max_displacement_mm: float
     curvature_share: float  # largest distance of the curve from its chord, along the displacement, over the travel
@@ -59,7 +67,9 @@ class SettingRow:
     repeats: int
     published_n_per_mm: float | None
     tuned_joints_n_per_mm: float | None  # of the authors' public model, derived from its scripts
-    lines: Mapping[str, CurveValues | None] = flat()  # MEASURED and the models' keys; None where there is none
+    lines: Mapping[str, CurveValues | None] = (
+        flat()
+    )  # MEASURED and the models' keys; None where there is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +118,10 @@ class SettingLines:
             return values
         mean, half = mean_and_half_width(np.array([mean_slope(*one) for one in self.passes]))
         return dataclasses.replace(
-            values, stiffness_n_per_mm=float(mean), stiffness_n_per_mm_half_width=finite(float(half)))
+            values,
+            stiffness_n_per_mm=float(mean),
+            stiffness_n_per_mm_half_width=finite(float(half)),
+        )
 
 
 def where_of(fulcrum_m: float | None) -> str:
@@ -125,13 +138,20 @@ def settings_of(bench: BenchCurves | None, fulcrums_m: Sequence[float]) -> list[
     """The measured settings, or `fulcrums_m` where none was measured, and the heel in any case, last."""
     measured: dict[float | None, list[Curve]] = {}
     for curve in bench.curves if bench is not None else ():
-        measured.setdefault(curve.fulcrum_m, []).append(rising(1e3 * curve.displacement_m, curve.load_n))
+        measured.setdefault(curve.fulcrum_m, []).append(
+            rising(1e3 * curve.displacement_m, curve.load_n)
+        )
     settings = []
     for position in [*(sorted(x for x in measured if x is not None) or fulcrums_m), None]:
         passes = measured.get(position, [])
         largest = min([MOST_LOAD_N, *(float(load[-1]) for _, load in passes)]) if passes else LOAD_N
-        settings.append(SettingLines(fulcrum_m=position, load_n=largest,
-                                     passes=tuple(up_to(*one, largest) for one in passes)))
+        settings.append(
+            SettingLines(
+                fulcrum_m=position,
+                load_n=largest,
+                passes=tuple(up_to(*one, largest) for one in passes),
+            )
+        )
     return settings
 
 
@@ -141,21 +161,31 @@ def curve_values(curve: Curve, measured: Curve | None = None) -> CurveValues:
     middle = float(at_loads(x, load, 0.5 * load[-1]))
     values = CurveValues(
         stiffness_n_per_mm=mean_slope(x, load) if load[-1] >= LEAST_LOAD_N * (1.0 - 1e-9) else None,
-        mid_range_mm=middle, max_displacement_mm=float(x[-1]),
-        curvature_share=float(np.max(np.abs(x / x[-1] - load / load[-1]))))
+        mid_range_mm=middle,
+        max_displacement_mm=float(x[-1]),
+        curvature_share=float(np.max(np.abs(x / x[-1] - load / load[-1]))),
+    )
     if measured is None:
         return values
     loads = np.linspace(0.0, min(load[-1], measured[1][-1]), GRID)[1:]
     return dataclasses.replace(
-        values, mid_range_offset_mm=middle - float(at_loads(*measured, 0.5 * measured[1][-1])),
-        curve_rmse_mm=rmse(at_loads(x, load, loads), at_loads(*measured, loads)))
+        values,
+        mid_range_offset_mm=middle - float(at_loads(*measured, 0.5 * measured[1][-1])),
+        curve_rmse_mm=rmse(at_loads(x, load, loads), at_loads(*measured, loads)),
+    )
 
 
 def judged_pairs(rows: Sequence[SettingRow], line: str) -> list[tuple[CurveValues, CurveValues]]:
     """A line's values and the measured ones at the forefoot's settings where both have a stiffness."""
     pairs = [(row.lines[line], row.lines[MEASURED]) for row in rows if row.fulcrum_mm is not None]
-    return [(own, measured) for own, measured in pairs if own is not None and measured is not None
-            and own.stiffness_n_per_mm is not None and measured.stiffness_n_per_mm is not None]
+    return [
+        (own, measured)
+        for own, measured in pairs
+        if own is not None
+        and measured is not None
+        and own.stiffness_n_per_mm is not None
+        and measured.stiffness_n_per_mm is not None
+    ]
 
 
 def statistics(rows: Sequence[SettingRow], line: str) -> Statistics | None:
@@ -163,15 +193,24 @@ def statistics(rows: Sequence[SettingRow], line: str) -> Statistics | None:
     pairs = judged_pairs(rows, line)
     if not pairs:
         return None
-    k, mid = (np.array([[getattr(values, key) for values in pair] for pair in pairs], dtype=float).T
-              for key in ("stiffness_n_per_mm", "mid_range_mm"))
+    k, mid = (
+        np.array([[getattr(values, key) for values in pair] for pair in pairs], dtype=float).T
+        for key in ("stiffness_n_per_mm", "mid_range_mm")
+    )
     return Statistics(
-        n=len(pairs), stiffness_r2=finite(r_squared(*k)), stiffness_rmse_n_per_mm=rmse(*k),
+        n=len(pairs),
+        stiffness_r2=finite(r_squared(*k)),
+        stiffness_rmse_n_per_mm=rmse(*k),
         mid_range_rmse_mm=rmse(*mid),
-        curve_rmse_mm=float(np.sqrt(np.mean([(own.curve_rmse_mm or 0.0) ** 2 for own, _ in pairs]))))
+        curve_rmse_mm=float(
+            np.sqrt(np.mean([(own.curve_rmse_mm or 0.0) ** 2 for own, _ in pairs]))
+        ),
+    )
 
 
-def curve_arrays(settings: Sequence[SettingLines], by_line: dict[str, list[Curve | None]]) -> dict[str, np.ndarray]:
+def curve_arrays(
+    settings: Sequence[SettingLines], by_line: dict[str, list[Curve | None]]
+) -> dict[str, np.ndarray]:
     """Curves on shared loads, (settings, 201): `load_n`, `measured_mm` with `measured_half_width_mm` (95 %), and for
     each line `<key>_mm`."""
     loads = np.array([np.linspace(0.0, setting.load_n, GRID) for setting in settings])
@@ -179,10 +218,15 @@ def curve_arrays(settings: Sequence[SettingLines], by_line: dict[str, list[Curve
     for i, setting in enumerate(settings):
         if setting.passes:
             arrays["measured_half_width_mm"][i] = mean_and_half_width(
-                np.array([at_loads(*one, loads[i]) for one in setting.passes]))[1]
+                np.array([at_loads(*one, loads[i]) for one in setting.passes])
+            )[1]
     for key, curves in ({MEASURED: [setting.curve for setting in settings]} | by_line).items():
-        arrays[f"{key}_mm"] = np.array([np.full(GRID, np.nan) if curve is None else at_loads(*curve, loads[i])
-                                        for i, curve in enumerate(curves)])
+        arrays[f"{key}_mm"] = np.array(
+            [
+                np.full(GRID, np.nan) if curve is None else at_loads(*curve, loads[i])
+                for i, curve in enumerate(curves)
+            ]
+        )
     return arrays
 
 
@@ -194,12 +238,16 @@ class Machine:
         self._bench = functools.cache(lambda heel: Bench(foot, heel=heel))
 
     def press(
-        self, fulcrum_m: float | None, load_n: float = LOAD_N, speed_m_per_s: float = PUBLISHED_SPEED_M_PER_S
+        self,
+        fulcrum_m: float | None,
+        load_n: float = LOAD_N,
+        speed_m_per_s: float = PUBLISHED_SPEED_M_PER_S,
     ) -> tuple[np.ndarray, np.ndarray, int]:
         """Displacement (mm) and load (N) from (0, 0) to exactly `load_n` with the fulcrum there (m from A; None for
         the heel), and how many steps did not converge; raises what `Bench.press` does."""
         setting = self._bench(fulcrum_m is None).press(
-            fulcrum_m=self._carriage_m(fulcrum_m), max_load_n=load_n, speed_m_per_s=speed_m_per_s)
+            fulcrum_m=self._carriage_m(fulcrum_m), max_load_n=load_n, speed_m_per_s=speed_m_per_s
+        )
         x, load = np.append(0.0, 1e3 * setting.platen_m), np.append(0.0, setting.load_n)
         return *up_to(x, load, load_n), setting.unconverged_steps
 
@@ -215,8 +263,10 @@ class Machine:
         steps = int(np.ceil(top * 1e3 * steps_per_mm))
         way = np.linspace(0.0, top, steps + 1)
         setting = self._bench(fulcrum_m is None).follow(
-            fulcrum_m=self._carriage_m(fulcrum_m), platen_m=np.concatenate((way, way[-2::-1])),
-            time_s=np.linspace(0.0, 2.0 * top / speed_m_per_s, 2 * steps + 1))
+            fulcrum_m=self._carriage_m(fulcrum_m),
+            platen_m=np.concatenate((way, way[-2::-1])),
+            time_s=np.linspace(0.0, 2.0 * top / speed_m_per_s, 2 * steps + 1),
+        )
         x, load = np.append(0.0, 1e3 * setting.platen_m), np.append(0.0, setting.load_n)
         load[steps] = 2.0 * load[steps - 1] - load[steps - 2]
         return x, load, setting.unconverged_steps
@@ -243,7 +293,9 @@ def mean_and_half_width(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     count, mean = len(values), values.mean(axis=0)
     if count < 2:
         return mean, np.full_like(mean, np.nan)
-    return mean, student.ppf(0.5 + 0.5 * LEVEL, count - 1) * values.std(axis=0, ddof=1) / math.sqrt(count)
+    return mean, student.ppf(0.5 + 0.5 * LEVEL, count - 1) * values.std(axis=0, ddof=1) / math.sqrt(
+        count
+    )
 
 
 def load_measured_bench(path: str | Path) -> BenchMeasurement:
@@ -258,23 +310,47 @@ def load_measured_bench(path: str | Path) -> BenchMeasurement:
     curves = load_bench_curves(path)
     settings = [setting for setting in settings_of(curves, ()) if setting.passes]
     if all(setting.fulcrum_m is None for setting in settings):
-        raise InputError("holds the heel only", file=path, where="column fulcrum",
-                         right="A fit needs the forefoot at one position or more")
+        raise InputError(
+            "holds the heel only",
+            file=path,
+            where="column fulcrum",
+            right="A fit needs the forefoot at one position or more",
+        )
     for setting in settings:
         if not setting.judged:
-            raise InputError(f"is pressed to {setting.load_n:.4g} N, too little for a stiffness above "
-                             f"{STIFFNESS_ABOVE_N:g} N", file=path, where=f"{setting.where}, column load",
-                             right="Press further, or leave this setting out of the file")
-    load, at_setting = min(setting.load_n for setting in settings), dict[float | None, tuple[float, float]]()
+            raise InputError(
+                f"is pressed to {setting.load_n:.4g} N, too little for a stiffness above "
+                f"{STIFFNESS_ABOVE_N:g} N",
+                file=path,
+                where=f"{setting.where}, column load",
+                right="Press further, or leave this setting out of the file",
+            )
+    load, at_setting = (
+        min(setting.load_n for setting in settings),
+        dict[float | None, tuple[float, float]](),
+    )
     for setting in settings:
-        cut = dataclasses.replace(setting, load_n=load, passes=tuple(up_to(*one, load) for one in setting.passes))
+        cut = dataclasses.replace(
+            setting, load_n=load, passes=tuple(up_to(*one, load) for one in setting.passes)
+        )
         measured = cut.measured()
-        assert measured is not None and measured.stiffness_n_per_mm is not None  # it has passes, and is judged
-        at_setting[setting.fulcrum_m] = 1e3 * measured.stiffness_n_per_mm, 1e-3 * measured.mid_range_mm
+        assert (
+            measured is not None and measured.stiffness_n_per_mm is not None
+        )  # it has passes, and is judged
+        at_setting[setting.fulcrum_m] = (
+            1e3 * measured.stiffness_n_per_mm,
+            1e-3 * measured.mid_range_mm,
+        )
     heel = at_setting.pop(None, (None, None))
     return BenchMeasurement(
-        name=curves.name, synthetic=curves.synthetic, fulcrum_m=tuple(x for x in at_setting if x is not None),
-        stiffness_n_per_m=tuple(stiffness for stiffness, _ in at_setting.values()), heel_stiffness_n_per_m=heel[0],
-        uncertainty_n_per_m=curves.stiffness_sd_n_per_m, max_load_n=load,
-        mid_range_m=tuple(displacement for _, displacement in at_setting.values()), heel_mid_range_m=heel[1],
-        mid_range_uncertainty_m=curves.displacement_sd_m)
+        name=curves.name,
+        synthetic=curves.synthetic,
+        fulcrum_m=tuple(x for x in at_setting if x is not None),
+        stiffness_n_per_m=tuple(stiffness for stiffness, _ in at_setting.values()),
+        heel_stiffness_n_per_m=heel[0],
+        uncertainty_n_per_m=curves.stiffness_sd_n_per_m,
+        max_load_n=load,
+        mid_range_m=tuple(displacement for _, displacement in at_setting.values()),
+        heel_mid_range_m=heel[1],
+        mid_range_uncertainty_m=curves.displacement_sd_m,
+    )

@@ -24,7 +24,14 @@ from vsf_drake.analysis.bench_metrics import (
     tuned_joints_stiffness,
 )
 from vsf_drake.analysis.validation import bench_lines as lines
-from vsf_drake.analysis.validation.bench_lines import Curve, Machine, SettingLines, SettingRow, Statistics, in_mm
+from vsf_drake.analysis.validation.bench_lines import (
+    Curve,
+    Machine,
+    SettingLines,
+    SettingRow,
+    Statistics,
+    in_mm,
+)
 from vsf_drake.analysis.validation.study import Progress, Section, Study, reached
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.files import resource
@@ -91,7 +98,9 @@ class BenchSectionTable:
     measured_name: str | None  # None without curves
     measured_synthetic: bool | None
     touch_down_extrapolated: int  # passes that begin under load
-    contact_on_bench: tuple[str, ...] | None  # what the contact file says of a bench; None without one
+    contact_on_bench: (
+        tuple[str, ...] | None
+    )  # what the contact file says of a bench; None without one
     lines: tuple[PressedModel, ...]  # the study's model first
     settings: tuple[SettingRow, ...]  # softest first, the heel last
     rates: tuple[LoopRow, ...]
@@ -112,12 +121,25 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
 
     foot, bench, quick = study.model.foot, study.bench, study.options.quick
     settings = lines.settings_of(bench, PUBLISHED_FULCRUMS_M)
-    missing = say("bench", "inputs", given=bench, weak=[s for s in settings if s.passes and not s.judged],
-                  forefoot=any(s.passes for s in settings[:-1]), heel=settings[-1].passes,
-                  repeated=any(len(s.passes) > 1 for s in settings))
-    fulcrums = reached(foot, [setting.fulcrum_m for setting in settings if setting.fulcrum_m is not None])
-    missing += say("roll_over", "unreached", positions_m=[
-        x for setting in settings if (x := setting.fulcrum_m) is not None and x not in fulcrums])
+    missing = say(
+        "bench",
+        "inputs",
+        given=bench,
+        weak=[s for s in settings if s.passes and not s.judged],
+        forefoot=any(s.passes for s in settings[:-1]),
+        heel=settings[-1].passes,
+        repeated=any(len(s.passes) > 1 for s in settings),
+    )
+    fulcrums = reached(
+        foot, [setting.fulcrum_m for setting in settings if setting.fulcrum_m is not None]
+    )
+    missing += say(
+        "roll_over",
+        "unreached",
+        positions_m=[
+            x for setting in settings if (x := setting.fulcrum_m) is not None and x not in fulcrums
+        ],
+    )
     show("calibration", 0.1)
     feet, uncalibrated = _feet(study, settings)
     missing += uncalibrated
@@ -128,36 +150,71 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
         curves[line.key], steps, failures = _press(line, own_foot, settings, fulcrums)
         unconverged += steps
         missing += failures
-    rows = tuple(SettingRow(
-        fulcrum_mm=in_mm(setting.fulcrum_m), max_load_n=setting.load_n, repeats=len(setting.passes),
-        published_n_per_mm=in_n_per_mm(published_stiffness(setting.fulcrum_m)),
-        tuned_joints_n_per_mm=in_n_per_mm(tuned_joints_stiffness(setting.fulcrum_m)),
-        lines={lines.MEASURED: setting.measured()} | {
-            key: None if (curve := own[i]) is None else lines.curve_values(curve, setting.curve)
-            for key, own in curves.items()}) for i, setting in enumerate(settings))
-    models = tuple(dataclasses.replace(
-        line, statistics=lines.statistics(rows, line.key), held_out=None if line.fitted_mm is None else
-        lines.statistics([row for row in rows if row.fulcrum_mm not in line.fitted_mm], line.key))
-        for line, _ in feet)
+    rows = tuple(
+        SettingRow(
+            fulcrum_mm=in_mm(setting.fulcrum_m),
+            max_load_n=setting.load_n,
+            repeats=len(setting.passes),
+            published_n_per_mm=in_n_per_mm(published_stiffness(setting.fulcrum_m)),
+            tuned_joints_n_per_mm=in_n_per_mm(tuned_joints_stiffness(setting.fulcrum_m)),
+            lines={lines.MEASURED: setting.measured()}
+            | {
+                key: None if (curve := own[i]) is None else lines.curve_values(curve, setting.curve)
+                for key, own in curves.items()
+            },
+        )
+        for i, setting in enumerate(settings)
+    )
+    models = tuple(
+        dataclasses.replace(
+            line,
+            statistics=lines.statistics(rows, line.key),
+            held_out=None
+            if line.fitted_mm is None
+            else lines.statistics(
+                [row for row in rows if row.fulcrum_mm not in line.fitted_mm], line.key
+            ),
+        )
+        for line, _ in feet
+    )
     arrays = lines.curve_arrays(settings, curves)
     own = models[0].statistics
     show("speeds", 0.5)
     if quick and len(fulcrums) > QUICK_FULCRUMS:
         fulcrums = [fulcrums[0], fulcrums[len(fulcrums) // 2], fulcrums[-1]]
     loops, failed_loops = rates(
-        Machine(foot), (*fulcrums, None), QUICK_SPEEDS_MM_PER_MIN if quick else SPEEDS_MM_PER_MIN,
-        progress=lambda f: show("speeds", 0.5 + 0.4 * f))
-    points, failed_points = load_points(study.model, fulcrums, lambda f: show("load points", 0.9 + 0.1 * f))
+        Machine(foot),
+        (*fulcrums, None),
+        QUICK_SPEEDS_MM_PER_MIN if quick else SPEEDS_MM_PER_MIN,
+        progress=lambda f: show("speeds", 0.5 + 0.4 * f),
+    )
+    points, failed_points = load_points(
+        study.model, fulcrums, lambda f: show("load points", 0.9 + 0.1 * f)
+    )
     found = {name: None if own is None else getattr(own, name) for name in PAPER}
     table = BenchSectionTable(
-        **found, limits=PAPER, within_limits={
-            name: None if (value := found[name]) is None else
-            bool(value >= limit if name == "stiffness_r2" else value <= limit) for name, limit in PAPER.items()},
-        measured_name=bench.name if bench else None, measured_synthetic=bench.synthetic if bench else None,
-        touch_down_extrapolated=sum(curve.first_load_n > 0.0 for curve in bench.curves) if bench else 0,
-        contact_on_bench=tuple(text for text in study.contact.verdict if "bench" in text) if study.contact else None,
-        lines=models, settings=rows, rates=tuple(loops), load_points=tuple(points),
-        unconverged_steps=unconverged + sum(row.unconverged_steps for row in loops))
+        **found,
+        limits=PAPER,
+        within_limits={
+            name: None
+            if (value := found[name]) is None
+            else bool(value >= limit if name == "stiffness_r2" else value <= limit)
+            for name, limit in PAPER.items()
+        },
+        measured_name=bench.name if bench else None,
+        measured_synthetic=bench.synthetic if bench else None,
+        touch_down_extrapolated=sum(curve.first_load_n > 0.0 for curve in bench.curves)
+        if bench
+        else 0,
+        contact_on_bench=tuple(text for text in study.contact.verdict if "bench" in text)
+        if study.contact
+        else None,
+        lines=models,
+        settings=rows,
+        rates=tuple(loops),
+        load_points=tuple(points),
+        unconverged_steps=unconverged + sum(row.unconverged_steps for row in loops),
+    )
     return Section(table=table, arrays=arrays, missing=(*missing, *failed_loops, *failed_points))
 
 
@@ -173,33 +230,60 @@ def _feet(
         feet.append((PressedModel(key="nominal", name="nominal"), nominal))
     if (other := load_model(resource("models/soft_support.yaml")).foot) != foot:
         feet.append((PressedModel(key="soft_support", name="laminate on a soft support"), other))
-    feet.append((PressedModel(key="refined", name=f"{own}, {elements} elements"), with_elements(foot, elements)))
-    curves = {s.fulcrum_m: s.curve for s in settings if s.judged and s.fulcrum_m is not None and s.curve is not None
-              and reached(foot, [s.fulcrum_m])}
+    feet.append(
+        (
+            PressedModel(key="refined", name=f"{own}, {elements} elements"),
+            with_elements(foot, elements),
+        )
+    )
+    curves = {
+        s.fulcrum_m: s.curve
+        for s in settings
+        if s.judged
+        and s.fulcrum_m is not None
+        and s.curve is not None
+        and reached(foot, [s.fulcrum_m])
+    }
     if len(curves) < 3:
         return feet, say("bench", "uncalibrated", error=None) if curves else []
     try:
         tuned, at_bound = calibrated(foot, curves)
     except (InputError, SimulationError) as error:
         return feet, say("bench", "uncalibrated", error=error)
-    feet.append((PressedModel(
-        key="calibrated", name="calibrated to two curves", at_bound=tuple(at_bound),
-        fitted_mm=(round(1e3 * min(curves), 6), round(1e3 * max(curves), 6))), tuned))
+    feet.append(
+        (
+            PressedModel(
+                key="calibrated",
+                name="calibrated to two curves",
+                at_bound=tuple(at_bound),
+                fitted_mm=(round(1e3 * min(curves), 6), round(1e3 * max(curves), 6)),
+            ),
+            tuned,
+        )
+    )
     return feet, []
 
 
 def _press(
-    line: PressedModel, foot: FootParameters, settings: Sequence[SettingLines], fulcrums_m: Container[float]
+    line: PressedModel,
+    foot: FootParameters,
+    settings: Sequence[SettingLines],
+    fulcrums_m: Container[float],
 ) -> tuple[list[Curve | None], int, list[str]]:
     """The foot's curves by setting, its unconverged steps, and what could not be done."""
     machine, curves, unconverged, missing = Machine(foot), list[Curve | None](), 0, []
     for setting in settings:
         curve = None
         # finer keel and calibration are the forefoot's: at the heel those feet are the study's
-        if (fulcrum in fulcrums_m if (fulcrum := setting.fulcrum_m) is not None else
-                line.key not in ("refined", "calibrated")):
+        if (
+            fulcrum in fulcrums_m
+            if (fulcrum := setting.fulcrum_m) is not None
+            else line.key not in ("refined", "calibrated")
+        ):
             try:
-                x, load, steps = machine.press(setting.fulcrum_m, max(setting.load_n, lines.LEAST_LOAD_N))
+                x, load, steps = machine.press(
+                    setting.fulcrum_m, max(setting.load_n, lines.LEAST_LOAD_N)
+                )
                 curve = lines.up_to(*lines.rising(x, load), setting.load_n)
                 unconverged += steps
             except (InputError, SimulationError) as error:
@@ -236,8 +320,11 @@ def calibrated(
     def trial(values: np.ndarray) -> FootParameters:
         exponent, depth = float(values[2]), math.exp(values[1])
         return dataclasses.replace(
-            foot, keel=dataclasses.replace(foot.keel, flexural_modulus_pa=math.exp(values[0])),
-            series_stiffness_n_per_m=MIDDLE_N / depth**exponent, series_exponent=exponent)
+            foot,
+            keel=dataclasses.replace(foot.keel, flexural_modulus_pa=math.exp(values[0])),
+            series_stiffness_n_per_m=MIDDLE_N / depth**exponent,
+            series_exponent=exponent,
+        )
 
     def residuals(values: np.ndarray) -> np.ndarray:
         machine = Machine(trial(values))
@@ -245,15 +332,32 @@ def calibrated(
         return np.concatenate([(pressed[x] - measured[x]) / measured[x][-1] for x in ends])
 
     k, n = foot.series_stiffness_n_per_m, foot.series_exponent
-    start = np.array([math.log(foot.keel.flexural_modulus_pa),
-                      math.log(MIDDLE_N / secant_stiffness(k, n, MIDDLE_N)), max(n, 1.0 + 10 * _STEP)])
+    start = np.array(
+        [
+            math.log(foot.keel.flexural_modulus_pa),
+            math.log(MIDDLE_N / secant_stiffness(k, n, MIDDLE_N)),
+            max(n, 1.0 + 10 * _STEP),
+        ]
+    )
     start = np.clip(start, np.array(_LOW) + 10 * _STEP, np.array(_HIGH) - 10 * _STEP)
-    fit = least_squares(residuals, start, bounds=(_LOW, _HIGH), diff_step=_STEP, xtol=1e-5, ftol=1e-6,
-                        max_nfev=_EVALUATIONS)
+    fit = least_squares(
+        residuals,
+        start,
+        bounds=(_LOW, _HIGH),
+        diff_step=_STEP,
+        xtol=1e-5,
+        ftol=1e-6,
+        max_nfev=_EVALUATIONS,
+    )
     if not fit.success:
         raise InputError(f"the calibration to the measured curves found no end: {fit.message}")
-    return trial(fit.x), [name for name, state in zip((
-        "keel modulus", "foam stiffness", "foam exponent"), fit.active_mask, strict=True) if state]
+    return trial(fit.x), [
+        name
+        for name, state in zip(
+            ("keel modulus", "foam stiffness", "foam exponent"), fit.active_mask, strict=True
+        )
+        if state
+    ]
 
 
 # What the paper's bench did not do: other speeds, the way back with its energy, other points of the load.
@@ -264,8 +368,11 @@ LOAD_POINT_SHIFTS_M = (-0.020, -0.010, 0.0, 0.010)
 
 
 def rates(
-    machine: Machine, fulcrums_m: Sequence[float | None], speeds_mm_per_min: Sequence[float],
-    *, progress: Callable[[float], None] | None = None
+    machine: Machine,
+    fulcrums_m: Sequence[float | None],
+    speeds_mm_per_min: Sequence[float],
+    *,
+    progress: Callable[[float], None] | None = None,
 ) -> tuple[list[LoopRow], list[str]]:
     """Loading to 600 N and unloading at the same speed, at every position and speed.
 
@@ -279,26 +386,39 @@ def rates(
     for i, (fulcrum, speed) in enumerate(cases, start=1):
         try:
             (x, load, unconverged), (x_coarse, load_coarse, more) = (
-                machine.loop(fulcrum, 1e-3 * speed / 60.0, steps_per_mm=share * STEPS_PER_MM) for share in (1.0, 0.5))
+                machine.loop(fulcrum, 1e-3 * speed / 60.0, steps_per_mm=share * STEPS_PER_MM)
+                for share in (1.0, 0.5)
+            )
         except (InputError, SimulationError) as error:
-            missing.append(f"Loading and unloading at {speed:g} mm/min, {lines.where_of(fulcrum)}: {error}.")
+            missing.append(
+                f"Loading and unloading at {speed:g} mm/min, {lines.where_of(fulcrum)}: {error}."
+            )
             continue
         steps = len(x) // 2 + 1
         stored = 1e-3 * float(np.trapezoid(load[:steps], x[:steps]))
         # of first order in the step: Richardson's extrapolation to none, 2 L(h) - L(2 h)
         lost = 1e-3 * float(2.0 * np.trapezoid(load, x) - np.trapezoid(load_coarse, x_coarse))
-        rows.append(LoopRow(
-            fulcrum_mm=in_mm(fulcrum), speed_mm_per_min=speed, stored_j=stored, lost_j=lost,
-            return_ratio=1.0 - lost / stored, unconverged_steps=unconverged + more,
-            # at high speed the keel rings at first touch
-            stiffness_n_per_mm=mean_slope(*lines.rising(x[:steps], load[:steps]))))
+        rows.append(
+            LoopRow(
+                fulcrum_mm=in_mm(fulcrum),
+                speed_mm_per_min=speed,
+                stored_j=stored,
+                lost_j=lost,
+                return_ratio=1.0 - lost / stored,
+                unconverged_steps=unconverged + more,
+                # at high speed the keel rings at first touch
+                stiffness_n_per_mm=mean_slope(*lines.rising(x[:steps], load[:steps])),
+            )
+        )
         if progress:
             progress(i / len(cases))
     return rows, missing
 
 
 def load_points(
-    model: ModelParameters, fulcrums_m: Sequence[float], progress: Callable[[float], None] | None = None
+    model: ModelParameters,
+    fulcrums_m: Sequence[float],
+    progress: Callable[[float], None] | None = None,
 ) -> tuple[list[LoadPoint], list[str]]:
     """Stiffness above 200 N with the load elsewhere on the keel, beside the closed form of the overhung beam: one row
     for every load point and fulcrum position, and what could not be done."""
@@ -308,19 +428,28 @@ def load_points(
         point = round(model.foot.load_point_m + shift, 9)
         foot = dataclasses.replace(model.foot, load_point_m=point)
         if not foot.fulcrum.foremost_m < point <= sum(foot.keel.element_lengths_m) + 1e-12:
-            missing.append(f"A load at {1e3 * point:g} mm from the keel's end is not on the free part of this keel.")
+            missing.append(
+                f"A load at {1e3 * point:g} mm from the keel's end is not on the free part of this keel."
+            )
             continue
         machine = Machine(foot)
         for fulcrum in fulcrums_m:
             try:
                 x, load, _ = machine.press(fulcrum)
             except (InputError, SimulationError) as error:
-                missing.append(f"Stiffness with the load at {1e3 * point:g} mm, {lines.where_of(fulcrum)}: {error}.")
+                missing.append(
+                    f"Stiffness with the load at {1e3 * point:g} mm, {lines.where_of(fulcrum)}: {error}."
+                )
                 continue
-            rows.append(LoadPoint(
-                load_point_mm=round(1e3 * point, 6), fulcrum_mm=round(1e3 * fulcrum, 6),
-                stiffness_n_per_mm=mean_slope(x, load),
-                closed_form_n_per_mm=1e-3 * float(closed_form_stiffness(to_plain(foot), fulcrum))))
+            rows.append(
+                LoadPoint(
+                    load_point_mm=round(1e3 * point, 6),
+                    fulcrum_mm=round(1e3 * fulcrum, 6),
+                    stiffness_n_per_mm=mean_slope(x, load),
+                    closed_form_n_per_mm=1e-3
+                    * float(closed_form_stiffness(to_plain(foot), fulcrum)),
+                )
+            )
         if progress:
             progress(i / len(LOAD_POINT_SHIFTS_M))
     return rows, missing
@@ -385,31 +514,59 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
     missing = []
     conditions = study.conditions()
     for i, (fulcrum, (walk, *_)) in enumerate(conditions.items()):
+
         def show(fraction: float, i: int = i, fulcrum: float = fulcrum) -> None:
             if progress:
                 progress(f"standing, fulcrum at {fulcrum:g} mm", (i + fraction) / len(conditions))
 
         subject = walk.trial.subject
         try:
-            stood = standing_table(simulate_standing(
-                subject, study.model, fulcrum_m=walk.trial.fulcrum_m, duration_s=duration, progress=show))
+            stood = standing_table(
+                simulate_standing(
+                    subject,
+                    study.model,
+                    fulcrum_m=walk.trial.fulcrum_m,
+                    duration_s=duration,
+                    progress=show,
+                )
+            )
         except (InputError, SimulationError) as error:
-            rows.append(FallenRow(fulcrum_mm=fulcrum, mass_known_kg=subject.mass_kg, failure=str(error)))
+            rows.append(
+                FallenRow(fulcrum_mm=fulcrum, mass_known_kg=subject.mass_kg, failure=str(error))
+            )
             missing.append(f"Standing with the fulcrum at {fulcrum:g} mm failed: {error}")
             continue
-        arrays |= {f"standing_{i}_{name}": getattr(stood.series, name)
-                   for name in ("time_s", "prosthetic_n", "intact_n")}
+        arrays |= {
+            f"standing_{i}_{name}": getattr(stood.series, name)
+            for name in ("time_s", "prosthetic_n", "intact_n")
+        }
         predicted = stood.mean_vertical_n / GRAVITY
-        rows.append(StoodRow(
-            fulcrum_mm=fulcrum, mass_known_kg=subject.mass_kg, mass_predicted_kg=predicted,
-            mass_error=predicted / subject.mass_kg - 1.0, weight_n=stood.weight_n,
-            mean_vertical_n=stood.mean_vertical_n, prosthetic_share=stood.prosthetic_share, drift_mm=stood.drift_mm,
-            turn_deg=stood.turn_deg, held_nm=stood.held_nm, stands=stood.stands, notes=stood.notes))
+        rows.append(
+            StoodRow(
+                fulcrum_mm=fulcrum,
+                mass_known_kg=subject.mass_kg,
+                mass_predicted_kg=predicted,
+                mass_error=predicted / subject.mass_kg - 1.0,
+                weight_n=stood.weight_n,
+                mean_vertical_n=stood.mean_vertical_n,
+                prosthetic_share=stood.prosthetic_share,
+                drift_mm=stood.drift_mm,
+                turn_deg=stood.turn_deg,
+                held_nm=stood.held_nm,
+                stands=stood.stands,
+                notes=stood.notes,
+            )
+        )
     if study.options.quick:
         missing.append(f"The short form stands for {QUICK_DURATION_S:g} s, not {DURATION_S:g} s.")
     standing = [row for row in rows if isinstance(row, StoodRow)]
     table = StoodTable(
-        rows=tuple(rows), worst_mass_error=max((row.mass_error for row in standing), key=abs, default=None),
-        paper_mass_error=PAPER_MASS_ERROR, duration_s=duration,
-        all_stand=len(standing) == len(rows) and all(row.stands for row in standing) if standing else None)
+        rows=tuple(rows),
+        worst_mass_error=max((row.mass_error for row in standing), key=abs, default=None),
+        paper_mass_error=PAPER_MASS_ERROR,
+        duration_s=duration,
+        all_stand=len(standing) == len(rows) and all(row.stands for row in standing)
+        if standing
+        else None,
+    )
     return Section(table=table, arrays=arrays, missing=tuple(missing))

@@ -61,11 +61,15 @@ class ProsthesisEnergy:
 
     time_s: np.ndarray  # (n,) ends of the steps
     terms: dict[str, np.ndarray]  # TERMS, each (n,) J; differences between two instants count
-    balance_work: np.ndarray  # (n,) J, the limb's work without the bushing's law: of ground wrench and momentum's rate
+    balance_work: (
+        np.ndarray
+    )  # (n,) J, the limb's work without the bushing's law: of ground wrench and momentum's rate
     pylon_power: np.ndarray  # (n,) W, `distal_power` of the pylon
     shank_power: np.ndarray  # (n,) W, the same of the residual shank
     vertical_n: np.ndarray  # (n,) force of the ground on the prosthetic foot
-    keel_load: np.ndarray  # (n, 2) N and m: load across the keel, and where it acts, from A; NaN for the place unloaded
+    keel_load: (
+        np.ndarray
+    )  # (n, 2) N and m: load across the keel, and where it acts, from A; NaN for the place unloaded
 
 
 def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
@@ -78,8 +82,14 @@ def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
     keel = [tree.index(name) for name in foot.keel_joint_names]
     shank = person.segments[f"shank_{person.subject.prosthetic_side}"]
     bodies = [int(body.index()) for body in (shank, person.socket.pylon, foot.frame)]
-    motion = follow(tree, record.q, central(record.v), bodies=bodies, coordinates=socket,
-                    inside=tree.ancestors[:, socket[-1]])
+    motion = follow(
+        tree,
+        record.q,
+        central(record.v),
+        bodies=bodies,
+        coordinates=socket,
+        inside=tree.ancestors[:, socket[-1]],
+    )
     shank_twist, pylon_twist = motion.twist[:, 0], motion.twist[:, 1]
     count = len(foot.sites.radius)
 
@@ -91,29 +101,43 @@ def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
     force = axis_force(record.q[:, socket], record.v[:, socket], **constants)
     limb: np.ndarray = np.linalg.solve(motion.joints, force[..., None])[..., 0]
 
-    terms = {INPUT: worked(limb, shank_twist), "kinetic": motion.kinetic_j, "gravity": -(motion.mass_moment @ gravity)}
+    terms = {
+        INPUT: worked(limb, shank_twist),
+        "kinetic": motion.kinetic_j,
+        "gravity": -(motion.mass_moment @ gravity),
+    }
     for name, own in (("keel", keel), ("bushing", socket)):
         rows = np.isin(m.spring_index, own)
         terms[f"{name}_strain"] = spring_strain(m, record.q, rows)
         terms[f"{name}_loss"] = work(spring_loss(m, record, rows), step)
     terms["foam_strain"], foam, friction = contact_terms(m, record, count)
     _, deflection, closing = record.fulcrum.T
-    terms |= {"foam_loss": work(foam, step), "friction_loss": work(friction, step),
-              "fulcrum_strain": 0.5 * m.fulcrum[0] * deflection**2,
-              "fulcrum_loss": work(m.fulcrum[1] * closing * central(closing), step)}
+    terms |= {
+        "foam_loss": work(foam, step),
+        "friction_loss": work(friction, step),
+        "fulcrum_strain": 0.5 * m.fulcrum[0] * deflection**2,
+        "fulcrum_loss": work(m.fulcrum[1] * closing * central(closing), step),
+    }
     terms[REMAINDER] = terms[INPUT] - np.sum([terms[name] for name in (*STORED, *LOST)], axis=0)
 
     ground = sum_sites(record.sites[:, :count])
-    ground[:, 0] -= m.ground_height * ground[:, 4]  # `sum_sites` has moments about the ground's height
+    ground[:, 0] -= (
+        m.ground_height * ground[:, 4]
+    )  # `sum_sites` has moments about the ground's height
     ground[:, 1] += m.ground_height * ground[:, 3]
-    weight = np.column_stack([np.cross(motion.mass_moment, gravity),
-                              np.tile(motion.mass * gravity, (len(record.q), 1))])
+    weight = np.column_stack(
+        [np.cross(motion.mass_moment, gravity), np.tile(motion.mass * gravity, (len(record.q), 1))]
+    )
     balance = np.gradient(motion.momentum, step, axis=0) - ground - weight
     return ProsthesisEnergy(
-        time_s=record.time_s, terms={name: terms[name] - terms[name][0] for name in TERMS},
+        time_s=record.time_s,
+        terms={name: terms[name] - terms[name][0] for name in TERMS},
         balance_work=worked(balance, shank_twist),
-        pylon_power=distal_power(walk.prosthetic, pylon_twist), shank_power=distal_power(walk.prosthetic, shank_twist),
-        vertical_n=walk.prosthetic.grf_W[:, 2], keel_load=_keel_load(walk, walker, motion))
+        pylon_power=distal_power(walk.prosthetic, pylon_twist),
+        shank_power=distal_power(walk.prosthetic, shank_twist),
+        vertical_n=walk.prosthetic.grf_W[:, 2],
+        keel_load=_keel_load(walk, walker, motion),
+    )
 
 
 def _keel_load(walk: Walk, walker: Walker, motion: SegmentMotion) -> np.ndarray:
@@ -121,9 +145,18 @@ def _keel_load(walk: Walk, walker: Walker, motion: SegmentMotion) -> np.ndarray:
     sites, foot = walk.record, walker.gait.person.foot
     keel = {int(body.index()) for body in foot.keel}
     on_keel = np.flatnonzero([int(body) in keel for body in foot.sites.body_indices])
-    force = np.stack([sites.site(name)[:, on_keel] for name in ("friction_x", "friction_y", "normal_force")], axis=2)
-    point = np.stack([sites.site("x")[:, on_keel], sites.site("y")[:, on_keel],
-                      walk.mechanism.ground_height - sites.site("depth")[:, on_keel]], axis=2)
+    force = np.stack(
+        [sites.site(name)[:, on_keel] for name in ("friction_x", "friction_y", "normal_force")],
+        axis=2,
+    )
+    point = np.stack(
+        [
+            sites.site("x")[:, on_keel],
+            sites.site("y")[:, on_keel],
+            walk.mechanism.ground_height - sites.site("depth")[:, on_keel],
+        ],
+        axis=2,
+    )
     in_K = np.einsum("nsi,nij->nsj", point - motion.p_WB[:, None], motion.R_WB)
     force_K = np.einsum("nsi,nij->nsj", force, motion.R_WB)
     across = force_K[..., 2].sum(1)
@@ -194,20 +227,38 @@ def walk_with_same_load(
 ) -> SameLoad:
     """Walks `trial` with the fulcrum at `fulcrum_m` (m from A) under the load that it has with its own, in steps of
     `step_s` after a search for the height in steps of `search_step_s`; raises what `Walker.walk` does."""
-    weight = walker.subject.mass_kg * float(np.linalg.norm(walker.gait.plant.gravity_field().gravity_vector()))
+    weight = walker.subject.mass_kg * float(
+        np.linalg.norm(walker.gait.plant.gravity_field().gravity_vector())
+    )
 
     def walked(x: float, step: float, height: np.ndarray | None = None) -> Walk:
-        perturbations = [] if height is None else [
-            MotionPerturbation(name="height", coordinate=_HEIGHT, shape=make_interp_spline(grid, height, k=3))]
+        perturbations = (
+            []
+            if height is None
+            else [
+                MotionPerturbation(
+                    name="height", coordinate=_HEIGHT, shape=make_interp_spline(grid, height, k=3)
+                )
+            ]
+        )
         return walker.walk(
-            trial.trajectory, fulcrum_m=x, start_s=trial.start_s, end_s=trial.end_s, step_s=step, offsets=trial.offsets,
-            perturbations=perturbations, values={"perturbation.height": 1.0} if perturbations else {})
+            trial.trajectory,
+            fulcrum_m=x,
+            start_s=trial.start_s,
+            end_s=trial.end_s,
+            step_s=step,
+            offsets=trial.offsets,
+            perturbations=perturbations,
+            values={"perturbation.height": 1.0} if perturbations else {},
+        )
 
     def smooth(height: np.ndarray) -> np.ndarray:
         return low_pass(height, rate_hz=1.0 / search_step_s, cutoff_hz=_HEIGHT_CUTOFF_HZ)
 
     def vertical(walk: Walk) -> np.ndarray:
-        return low_pass(walk.prosthetic.grf_W[:, 2], rate_hz=1.0 / walk.step_s, cutoff_hz=_FORCE_CUTOFF_HZ)
+        return low_pass(
+            walk.prosthetic.grf_W[:, 2], rate_hz=1.0 / walk.step_s, cutoff_hz=_FORCE_CUTOFF_HZ
+        )
 
     def off_bw(values: np.ndarray) -> float:
         return float(np.sqrt(np.mean(values[inside] ** 2))) / weight if inside.any() else 0.0
@@ -225,7 +276,9 @@ def walk_with_same_load(
         if off_bw(too_much) <= _CLOSE_ENOUGH:
             break
         # A second walk tells the slope without the machine code of derivatives, which nothing needs before.
-        falling = smooth((found - vertical(walked(fulcrum_m, search_step_s, height + _PROBE_M))) / _PROBE_M)
+        falling = smooth(
+            (found - vertical(walked(fulcrum_m, search_step_s, height + _PROBE_M))) / _PROBE_M
+        )
         height[1:] += smooth(too_much / np.maximum(falling, _LEAST_N_PER_M))
     final = walked(fulcrum_m, step_s, height)
     off = np.interp(time, final.record.time_s, vertical(final)) - wanted
@@ -258,7 +311,9 @@ class StanceNumbers:
     lost_j: float  # by the foot
     remainder_max_j: float  # at any instant
     remainder_share: float | None
-    balance_share: float | None  # by what the limb's work without the bushing's law is off from the ledger's at most
+    balance_share: (
+        float | None
+    )  # by what the limb's work without the bushing's law is off from the ledger's at most
     distal_peak_w: float  # of the distal segment power, of the pylon
     distal_lowest_w: float
     distal_share: float | None  # by what its work is off from strain and losses of the foot at most
@@ -277,10 +332,14 @@ class StanceEnergy:
     curves: dict[str, np.ndarray]
 
 
-def stance_energy(energy: ProsthesisEnergy, stance: Stance, *, foot: FootParameters, fulcrum_m: float) -> StanceEnergy:
+def stance_energy(
+    energy: ProsthesisEnergy, stance: Stance, *, foot: FootParameters, fulcrum_m: float
+) -> StanceEnergy:
     """The ledger from the last instant before touch-down to the first after toe-off."""
     first = max(int(np.searchsorted(energy.time_s, stance.start_s)) - 1, 0)
-    cut = slice(first, min(int(np.searchsorted(energy.time_s, stance.end_s)), len(energy.time_s) - 1) + 1)
+    cut = slice(
+        first, min(int(np.searchsorted(energy.time_s, stance.end_s)), len(energy.time_s) - 1) + 1
+    )
     time = energy.time_s[cut]
     step = float(time[1] - time[0])
     terms = {name: energy.terms[name][cut] - energy.terms[name][first] for name in TERMS}
@@ -297,32 +356,65 @@ def stance_energy(energy: ProsthesisEnergy, stance: Stance, *, foot: FootParamet
     def share(part: float) -> float | None:
         return part / stored if stored > 0.0 else None
 
-    pylon, shank = (cumulative_integral(power[cut], step) for power in (energy.pylon_power, energy.shank_power))
+    pylon, shank = (
+        cumulative_integral(power[cut], step) for power in (energy.pylon_power, energy.shank_power)
+    )
     grid = time[0] + 0.01 * PERCENT * (time[-1] - time[0])
-    pylon_w, shank_w = (np.diff(np.interp(grid, time, work)) / np.diff(grid) for work in (pylon, shank))
+    pylon_w, shank_w = (
+        np.diff(np.interp(grid, time, work)) / np.diff(grid) for work in (pylon, shank)
+    )
     load, lever = energy.keel_load[cut][top]
     keel, foam, support = (float(terms[name][top]) for name in FOOT_STRAINS)
     row = StanceNumbers(
-        fulcrum_mm=round(1e3 * fulcrum_m, 6), stored_j=stored, stored_at_percent=100.0 * top / (len(time) - 1),
-        keel_at_most_j=keel, foam_at_most_j=foam, fulcrum_at_most_j=support, returned_j=returned,
-        return_ratio=share(returned), lost_j=float(lost[-1]), remainder_max_j=missed, remainder_share=share(missed),
-        balance_share=share(float(np.abs(balance - terms[INPUT]).max())), distal_peak_w=float(pylon_w.max()),
-        distal_lowest_w=float(pylon_w.min()), distal_share=share(float(np.abs(pylon + strain + lost).max())),
-        late_load_n=float(energy.vertical_n[cut][int(_LATE * len(time)):].max()),
+        fulcrum_mm=round(1e3 * fulcrum_m, 6),
+        stored_j=stored,
+        stored_at_percent=100.0 * top / (len(time) - 1),
+        keel_at_most_j=keel,
+        foam_at_most_j=foam,
+        fulcrum_at_most_j=support,
+        returned_j=returned,
+        return_ratio=share(returned),
+        lost_j=float(lost[-1]),
+        remainder_max_j=missed,
+        remainder_share=share(missed),
+        balance_share=share(float(np.abs(balance - terms[INPUT]).max())),
+        distal_peak_w=float(pylon_w.max()),
+        distal_lowest_w=float(pylon_w.min()),
+        distal_share=share(float(np.abs(pylon + strain + lost).max())),
+        late_load_n=float(energy.vertical_n[cut][int(_LATE * len(time)) :].max()),
         beam_j=_beam_energy(foot, fulcrum_m, float(load), float(lever)),
-        terms_j={f"{name}_j": float(terms[name][-1]) for name in TERMS})
-    return StanceEnergy(stance=stance, row=row, curves={
-        "terms_j": np.array([np.interp(grid, time, terms[name]) for name in TERMS]),
-        "pylon_power_w": pylon_w, "shank_power_w": shank_w})
+        terms_j={f"{name}_j": float(terms[name][-1]) for name in TERMS},
+    )
+    return StanceEnergy(
+        stance=stance,
+        row=row,
+        curves={
+            "terms_j": np.array([np.interp(grid, time, terms[name]) for name in TERMS]),
+            "pylon_power_w": pylon_w,
+            "shank_power_w": shank_w,
+        },
+    )
 
 
-def _beam_energy(foot: FootParameters, fulcrum_m: float, load_n: float, place_m: float) -> float | None:
+def _beam_energy(
+    foot: FootParameters, fulcrum_m: float, load_n: float, place_m: float
+) -> float | None:
     """F²/2k of keel and support in closed form under one load across the keel; None if it is not ahead of the fulcrum.
 
     A second method: small deflections, one load in place of the spheres', no time.
     """
     keel = foot.keel
-    return 0.5 * load_n**2 / lumped_stiffness(
-        bending_stiffness=keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m),
-        element_lengths=keel.element_lengths_m, support=fulcrum_m, load_point=place_m,
-        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m) if place_m > fulcrum_m else None
+    return (
+        0.5
+        * load_n**2
+        / lumped_stiffness(
+            bending_stiffness=keel.flexural_modulus_pa
+            * section_inertia(keel.width_m, keel.thickness_m),
+            element_lengths=keel.element_lengths_m,
+            support=fulcrum_m,
+            load_point=place_m,
+            fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m,
+        )
+        if place_m > fulcrum_m
+        else None
+    )

@@ -16,7 +16,15 @@ from vsf_drake.analysis.comparison import (
     percent_instants,
     resample,
 )
-from vsf_drake.analysis.validation.study import Progress, Section, Spread, Study, StudyWalk, reached, spread
+from vsf_drake.analysis.validation.study import (
+    Progress,
+    Section,
+    Spread,
+    Study,
+    StudyWalk,
+    reached,
+    spread,
+)
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.manifest import mount_of
@@ -119,24 +127,47 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
     """Everything about rolling over; InputError if the force of the profile is no force to test a foot with."""
     given, quick, foot = study.options.iso_force_n, study.options.quick, study.model.foot
     if given is not None and not LEAST_FORCE_N <= given <= MOST_FORCE_N:
-        raise InputError(f"{given:g} N is no force to roll a foot over with", where="iso_force_n",
-                         right=f"Give the level's largest force, {LEAST_FORCE_N:g} to {MOST_FORCE_N:g} N")
+        raise InputError(
+            f"{given:g} N is no force to roll a foot over with",
+            where="iso_force_n",
+            right=f"Give the level's largest force, {LEAST_FORCE_N:g} to {MOST_FORCE_N:g} N",
+        )
     force = float(study.walks[0].recorded.subject.mass_kg * GRAVITY if given is None else given)
     wanted = QUICK_POSITIONS_M if quick else PUBLISHED_FULCRUMS_M
     fulcrums = reached(foot, wanted)
 
     def part(start: float, share: float, more: str = "") -> Progress:
-        return lambda what, fraction: progress(what + more, start + share * fraction) if progress else None
+        return lambda what, fraction: (
+            progress(what + more, start + share * fraction) if progress else None
+        )
 
     inclined, curves, failed = _inclined_loading(
-        foot, fulcrums, steps_per_mm=QUICK_STEPS_PER_MM if quick else STEPS_PER_MM, progress=part(0.0, 0.3))
+        foot,
+        fulcrums,
+        steps_per_mm=QUICK_STEPS_PER_MM if quick else STEPS_PER_MM,
+        progress=part(0.0, 0.3),
+    )
     rolled, more, failed_rolls = iso_roll_over(
-        foot, fulcrums, force_n=force, steps=QUICK_ISO_STEPS if quick else ISO_STEPS, progress=part(0.3, 0.4))
+        foot,
+        fulcrums,
+        force_n=force,
+        steps=QUICK_ISO_STEPS if quick else ISO_STEPS,
+        progress=part(0.3, 0.4),
+    )
     rough, _, failed_rough = iso_roll_over(
-        foot, fulcrums, force_n=force, steps=QUICK_ISO_STEPS, friction=True,
-        progress=part(0.7, 0.1, " with friction"))
-    missing = [*say("roll_over", "unreached", positions_m=[x for x in wanted if x not in fulcrums]),
-               *failed, *failed_rolls, *failed_rough]
+        foot,
+        fulcrums,
+        force_n=force,
+        steps=QUICK_ISO_STEPS,
+        friction=True,
+        progress=part(0.7, 0.1, " with friction"),
+    )
+    missing = [
+        *say("roll_over", "unreached", positions_m=[x for x in wanted if x not in fulcrums]),
+        *failed,
+        *failed_rolls,
+        *failed_rough,
+    ]
     rows: list[Footfall] = []
     for i, walk in enumerate(study.walks):
         part(0.8, 0.2)("roll-over shapes", i / len(study.walks))
@@ -144,28 +175,51 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
         missing += unknown
         for row, seen in shapes:
             for side, points in seen.items():
-                curves |= {f"walk_{len(rows)}_{side}_{axis}_m": column
-                           for axis, column in zip(("forward", "up"), points.T, strict=True)}
+                curves |= {
+                    f"walk_{len(rows)}_{side}_{axis}_m": column
+                    for axis, column in zip(("forward", "up"), points.T, strict=True)
+                }
             rows.append(row)
-    conditions = tuple(_condition(x, [row for row in rows if row.fulcrum_mm == x])
-                       for x in sorted({row.fulcrum_mm for row in rows}))
-    iso = Iso(force_n=force, force_from="weight" if given is None else "given", positions=tuple(rolled),
-              follows=bool(rolled) and all(row.follows for row in rolled), with_friction=tuple(rough))
+    conditions = tuple(
+        _condition(x, [row for row in rows if row.fulcrum_mm == x])
+        for x in sorted({row.fulcrum_mm for row in rows})
+    )
+    iso = Iso(
+        force_n=force,
+        force_from="weight" if given is None else "given",
+        positions=tuple(rolled),
+        follows=bool(rolled) and all(row.follows for row in rolled),
+        with_friction=tuple(rough),
+    )
     return Section(
         table=RollOverTable(
-            inclined=tuple(inclined), iso=iso, walks=tuple(rows), conditions=conditions, synthetic=study.synthetic),
-        arrays={**curves, **more}, missing=tuple(missing))
+            inclined=tuple(inclined),
+            iso=iso,
+            walks=tuple(rows),
+            conditions=conditions,
+            synthetic=study.synthetic,
+        ),
+        arrays={**curves, **more},
+        missing=tuple(missing),
+    )
 
 
 def _condition(fulcrum_mm: float, rows: Sequence[Footfall]) -> RollOverCondition:
     def means(shapes: Sequence[RollShape]) -> dict[str, Spread]:
-        radii = [None if (r := shape.radius_m) is None else r / row.leg_length_m
-                 for row, shape in zip(rows, shapes, strict=True)]
+        radii = [
+            None if (r := shape.radius_m) is None else r / row.leg_length_m
+            for row, shape in zip(rows, shapes, strict=True)
+        ]
         return {"radius_leg_lengths": spread(radii)} | {
-            field.name: spread(getattr(shape, field.name) for shape in shapes) for field in fields(RollShape)}
+            field.name: spread(getattr(shape, field.name) for shape in shapes)
+            for field in fields(RollShape)
+        }
 
-    return RollOverCondition(fulcrum_mm=fulcrum_mm, model=means([row.model for row in rows]),
-                             measured=means([row.measured for row in rows]))
+    return RollOverCondition(
+        fulcrum_mm=fulcrum_mm,
+        model=means([row.model for row in rows]),
+        measured=means([row.measured for row in rows]),
+    )
 
 
 # The foot pressed at an angle, as structural tests press feet: the peaks of the ISO 22675 profile, rounded.
@@ -195,21 +249,40 @@ def _inclined_loading(
     for i, (angle, fulcrum) in enumerate(cases):
         progress("pressing the inclined foot", i / len(cases))
         try:
-            run = machine.press(fulcrum_m=fulcrum, pitch_rad=-np.radians(angle), max_load_n=LARGEST_LOAD_N,
-                                speed_m_per_s=PUBLISHED_SPEED_M_PER_S, steps_per_mm=steps_per_mm)
+            run = machine.press(
+                fulcrum_m=fulcrum,
+                pitch_rad=-np.radians(angle),
+                max_load_n=LARGEST_LOAD_N,
+                speed_m_per_s=PUBLISHED_SPEED_M_PER_S,
+                steps_per_mm=steps_per_mm,
+            )
         except SimulationError as error:
-            missing.append(f"Inclined loading at {angle:+g} degrees, fulcrum {1e3 * fulcrum:g} mm: {error}.")
+            missing.append(
+                f"Inclined loading at {angle:+g} degrees, fulcrum {1e3 * fulcrum:g} mm: {error}."
+            )
             continue
-        displacement = np.append(0.0, float(machine.touch_height(-np.radians(angle))[0]) - run.mount[:, 1])
+        displacement = np.append(
+            0.0, float(machine.touch_height(-np.radians(angle))[0]) - run.mount[:, 1]
+        )
         load = np.append(0.0, run.grf_W[:, 2])
         peak = int(np.argmax(load))
         x, f = displacement[: peak + 1], load[: peak + 1]
         bearing = run.sphere_normal_n[peak - 1] > BORNE_N
-        rows.append(InclinedRow(
-            angle_deg=angle, fulcrum_mm=1e3 * fulcrum, stiffness_n_per_mm=1e-3 * stiffness(x, f),
-            displacement_mm=1e3 * float(np.interp(LARGEST_LOAD_N, f, x)), energy_stored_j=float(np.trapezoid(f, x)),
-            zones_loaded=tuple(name for i, name in enumerate(sites.zone_names) if bearing[sites.zone == i].any()),
-            unconverged_steps=run.unconverged_steps))
+        rows.append(
+            InclinedRow(
+                angle_deg=angle,
+                fulcrum_mm=1e3 * fulcrum,
+                stiffness_n_per_mm=1e-3 * stiffness(x, f),
+                displacement_mm=1e3 * float(np.interp(LARGEST_LOAD_N, f, x)),
+                energy_stored_j=float(np.trapezoid(f, x)),
+                zones_loaded=tuple(
+                    name
+                    for i, name in enumerate(sites.zone_names)
+                    if bearing[sites.zone == i].any()
+                ),
+                unconverged_steps=run.unconverged_steps,
+            )
+        )
         at = np.union1d(np.round(np.linspace(0, len(load) - 1, CURVE_POINTS)).astype(int), [peak])
         name = f"inclined_{'minus' if angle < 0 else 'plus'}{abs(angle):.0f}_{1e3 * fulcrum:.0f}"
         curves |= {f"{name}_displacement_m": displacement[at], f"{name}_load_n": load[at]}
@@ -224,9 +297,17 @@ def _inclined_loading(
 # heel loading.
 
 DURATION_S = 0.6
-_FORCE = 1e-6 * np.array([
-    5.12306842296552e-9, -9.2037374110419e-6, 5.98882225167948e-3, -1.67101914899229, 164.651497111425,
-    3624.95690883228, 0.0])
+_FORCE = 1e-6 * np.array(
+    [
+        5.12306842296552e-9,
+        -9.2037374110419e-6,
+        5.98882225167948e-3,
+        -1.67101914899229,
+        164.651497111425,
+        3624.95690883228,
+        0.0,
+    ]
+)
 _TILT_DEG = 1e-3 * np.array([2.45074e-9, -3.75984e-6, 1.77519e-3, -0.108409, 20.7217, -20041.0])
 
 
@@ -257,7 +338,9 @@ class RollOverFrames(NamedTuple):
 
     def at(self, time_s: np.ndarray) -> RollOverFrames:
         """The same at other times, on straight lines between the known ones."""
-        poses = resample(time_s, self.time_s, np.column_stack([self.origin, self.axes.reshape(-1, 9)]))
+        poses = resample(
+            time_s, self.time_s, np.column_stack([self.origin, self.axes.reshape(-1, 9)])
+        )
         return RollOverFrames(time_s, poses[:, :3], poses[:, 3:].reshape(-1, 3, 3))
 
     def seen(self, points_W: np.ndarray) -> np.ndarray:
@@ -279,17 +362,37 @@ def walked_shapes(walk: StudyWalk) -> tuple[list[tuple[Footfall, Curves]], list[
         instants = percent_instants(item.measured)
         seen, sides = Curves(), dict[str, RollShape]()
         for name, time, force, cop, free in (
-                ("model", result.time_s, result.grf_W, result.cop_W, result.free_moment_nm),
-                ("measured", plate.time_s, plate.force_W, plate.cop_W, plate.free_moment_nm)):
+            ("model", result.time_s, result.grf_W, result.cop_W, result.free_moment_nm),
+            ("measured", plate.time_s, plate.force_W, plate.cop_W, plate.free_moment_nm),
+        ):
             smooth = filtered_while_loaded(cop[:, :2], time, force[:, 2], cop, instants)
             smooth[instants > end + 1e-9] = np.nan
             seen[name] = shank.at(instants).seen(np.column_stack([smooth, np.zeros(len(smooth))]))
-            sides[name] = described(seen[name], heel_m=heel, foot_length_m=result.foot_length_m,
-                                    arm_m=_arm(shank, item, time, force, cop, free))
-        shapes.append((Footfall(label=walk.label, fulcrum_mm=walk.fulcrum_mm, ends_at=kind, leg_length_m=leg, **sides),
-                       seen))
-    return shapes, say("roll_over", "partly", label=walk.label, has_cop=plate.has_cop,
-                       until_toe_off=sum(row.ends_at == TOE_OFF for row, _ in shapes))
+            sides[name] = described(
+                seen[name],
+                heel_m=heel,
+                foot_length_m=result.foot_length_m,
+                arm_m=_arm(shank, item, time, force, cop, free),
+            )
+        shapes.append(
+            (
+                Footfall(
+                    label=walk.label,
+                    fulcrum_mm=walk.fulcrum_mm,
+                    ends_at=kind,
+                    leg_length_m=leg,
+                    **sides,
+                ),
+                seen,
+            )
+        )
+    return shapes, say(
+        "roll_over",
+        "partly",
+        label=walk.label,
+        has_cop=plate.has_cop,
+        until_toe_off=sum(row.ends_at == TOE_OFF for row, _ in shapes),
+    )
 
 
 def _shank(walk: StudyWalk) -> tuple[RollOverFrames, float, float]:
@@ -302,15 +405,20 @@ def _shank(walk: StudyWalk) -> tuple[RollOverFrames, float, float]:
     ankle = np.array([0.0, 0.0, -person.body.residual_length - person.body.pylon_length])
     shank = person.segments[f"shank_{trial.subject.prosthetic_side}"]
     p_KHeel = [trial.model.foot.heel_x_m, 0.0, sole_height(trial.model.foot)]
-    X_PK = plant.CalcRelativeTransform(context, person.socket.distal, person.foot.frame.body_frame())
+    X_PK = plant.CalcRelativeTransform(
+        context, person.socket.distal, person.foot.frame.body_frame()
+    )
     origin, axes = [], []
     for q in walk.result.q:
         plant.SetPositions(context, q)
         X_WS = shank.EvalPoseInWorld(context)
         origin.append(X_WS @ ankle)
         axes.append(X_WS.rotation().matrix())
-    return (RollOverFrames(walk.result.time_s, np.array(origin), np.array(axes)), float((X_PK @ p_KHeel)[0]),
-            person.body.prosthetic_leg_length)
+    return (
+        RollOverFrames(walk.result.time_s, np.array(origin), np.array(axes)),
+        float((X_PK @ p_KHeel)[0]),
+        person.body.prosthetic_leg_length,
+    )
 
 
 def _end(walk: StudyWalk, item: StanceComparison) -> tuple[float, str]:
@@ -325,15 +433,21 @@ def _end(walk: StudyWalk, item: StanceComparison) -> tuple[float, str]:
 
 
 def _arm(
-    shank: RollOverFrames, item: StanceComparison, time: np.ndarray, force: np.ndarray, cop: np.ndarray,
-    free: np.ndarray
+    shank: RollOverFrames,
+    item: StanceComparison,
+    time: np.ndarray,
+    force: np.ndarray,
+    cop: np.ndarray,
+    free: np.ndarray,
 ) -> float | None:
     """Mean moment arm (m) over the measured stance: moment of the ground's force about the ankle, toe up."""
     rows = (time >= item.measured.start_s) & (time <= item.measured.end_s)
     frames = shank.at(time[rows])
     moment = np.cross(cop[rows] - frames.origin, force[rows])
     moment[:, 2] += free[rows]
-    return mean_moment_arm(time[rows], -np.einsum("ni,ni->n", moment, frames.axes[:, :, 1]), force[rows, 2])
+    return mean_moment_arm(
+        time[rows], -np.einsum("ni,ni->n", moment, frames.axes[:, :, 1]), force[rows, 2]
+    )
 
 
 # The foot rolled over by the loading profile of ISO 22675, at each fulcrum position (`simulation.roll_over`), with the
@@ -345,8 +459,13 @@ ROLL_CURVE_POINTS = 301
 
 
 def iso_roll_over(
-    foot: FootParameters, fulcrums_m: Sequence[float], *, force_n: float, steps: int, friction: bool = False,
-    progress: Progress | None = None
+    foot: FootParameters,
+    fulcrums_m: Sequence[float],
+    *,
+    force_n: float,
+    steps: int,
+    friction: bool = False,
+    progress: Progress | None = None,
 ) -> tuple[list[IsoRow], Curves, list[str]]:
     """Rolls the foot at every fulcrum position (m), to F_1cmax = `force_n` (N), the profile's first peak, in as many
     steps: rows, curves by name, and sentences on what failed and, without friction, on what does not follow.
@@ -358,7 +477,11 @@ def iso_roll_over(
     time = np.linspace(0.0, DURATION_S, steps + 1)
     tilt, force = tilt_rad(time), force_n * force_share(time)
     kept = np.unique(np.round(np.linspace(1, steps, ROLL_CURVE_POINTS)).astype(int)) - 1
-    curves = {"iso_time_s": time[1:][kept], "iso_tilt_deg": np.degrees(tilt[1:][kept]), "iso_wanted_n": force[1:][kept]}
+    curves = {
+        "iso_time_s": time[1:][kept],
+        "iso_tilt_deg": np.degrees(tilt[1:][kept]),
+        "iso_wanted_n": force[1:][kept],
+    }
     rows: list[IsoRow] = []
     missing: list[str] = []
     for i, fulcrum in enumerate(fulcrums_m):
@@ -366,11 +489,15 @@ def iso_roll_over(
             progress("rolling the foot over", i / len(fulcrums_m))
         place = f"The ISO 22675 profile, fulcrum {1e3 * fulcrum:g} mm{', with friction' if friction else ''}"
         try:
-            run, following = machine.roll(fulcrum_m=fulcrum, time_s=time, tilt_rad=tilt, force_n=force)
+            run, following = machine.roll(
+                fulcrum_m=fulcrum, time_s=time, tilt_rad=tilt, force_n=force
+            )
         except SimulationError as error:
             missing.append(f"{place}: {error}.")
             continue
-        row, own = rolled_row(machine, run, following, fulcrum, duration_s=DURATION_S, shape_ends_s=SECOND_PEAK_S)
+        row, own = rolled_row(
+            machine, run, following, fulcrum, duration_s=DURATION_S, shape_ends_s=SECOND_PEAK_S
+        )
         rows.append(row)
         if not row.follows and not friction:
             missing += say("roll_over", "not_followed", place=place, residual_n=row.residual_n)
@@ -382,15 +509,21 @@ def energy_taken(run: RollOverRun) -> tuple[np.ndarray, np.ndarray]:
     """(n,) J that keel, fulcrum and foam hold as strain, and that they have taken in, what they lost included."""
     e = run.energy
     strain = e["keel_strain"] + e["fulcrum_strain"] + e["contact_strain"]
-    return strain, strain + (e["keel_loss"] + e["fulcrum_loss"] + e["contact_loss"] + e["friction_loss"])
+    return strain, strain + (
+        e["keel_loss"] + e["fulcrum_loss"] + e["contact_loss"] + e["friction_loss"]
+    )
 
 
 def rolled_row(
-    machine: RollOver, run: RollOverRun, following: Following, fulcrum: float, *, duration_s: float,
-    shape_ends_s: float
+    machine: RollOver,
+    run: RollOverRun,
+    following: Following,
+    fulcrum: float,
+    *,
+    duration_s: float,
+    shape_ends_s: float,
 ) -> tuple[IsoRow, Curves]:
-    """The row of a foot that was rolled under a profile of this duration, its shape up to `shape_ends_s`; its curves.
-    """
+    """The row of a foot that was rolled under a profile of this duration, its shape up to `shape_ends_s`; its curves."""
     foot = machine.parameters
     cop = in_mount_frame(run.cop_W, run.mount)
     arm = run.cop_W - np.column_stack([run.mount[:, 0], np.zeros(len(cop)), run.mount[:, 1]])
@@ -401,18 +534,33 @@ def rolled_row(
     half = run.time_s <= 0.5 * duration_s
     rolled = run.time_s <= shape_ends_s
     shape = described(
-        np.where(rolled[:, None], cop, np.nan), heel_m=foot.heel_x_m - foot.pylon_x_m, foot_length_m=foot.length_m,
-        arm_m=mean_moment_arm(run.time_s, moment, following.force_n))
+        np.where(rolled[:, None], cop, np.nan),
+        heel_m=foot.heel_x_m - foot.pylon_x_m,
+        foot_length_m=foot.length_m,
+        arm_m=mean_moment_arm(run.time_s, moment, following.force_n),
+    )
     row = IsoRow(
-        **vars(shape), fulcrum_mm=1e3 * fulcrum, follows=bool(following.follows),
+        **vars(shape),
+        fulcrum_mm=1e3 * fulcrum,
+        follows=bool(following.follows),
         residual_n=float(following.residual_n),
         deflection_heel_mm=1e3 * float(following.deflection_m[half].max()),
         deflection_forefoot_mm=1e3 * float(following.deflection_m[~half].max()),
-        dorsiflexing_moment_nm=float(np.nanmax(moment)), plantarflexing_moment_nm=-float(np.nanmin(moment)),
-        stored_forefoot_j=float(strain[~half].max()), return_ratio=given / taken,
-        lost_by_sliding_j=float(run.energy["friction_loss"][-1]), unconverged_steps=run.unconverged_steps)
-    return row, {"force_n": following.force_n, "deflection_mm": 1e3 * following.deflection_m,
-                 "cop_forward_m": cop[:, 0], "cop_up_m": cop[:, 1], "moment_nm": moment, "strain_j": strain}
+        dorsiflexing_moment_nm=float(np.nanmax(moment)),
+        plantarflexing_moment_nm=-float(np.nanmin(moment)),
+        stored_forefoot_j=float(strain[~half].max()),
+        return_ratio=given / taken,
+        lost_by_sliding_j=float(run.energy["friction_loss"][-1]),
+        unconverged_steps=run.unconverged_steps,
+    )
+    return row, {
+        "force_n": following.force_n,
+        "deflection_mm": 1e3 * following.deflection_m,
+        "cop_forward_m": cop[:, 0],
+        "cop_up_m": cop[:, 1],
+        "moment_nm": moment,
+        "strain_j": strain,
+    }
 
 
 # The roll-over shape of a foot: its arc, its effective length, and the mean moment arm about the ankle.
@@ -443,7 +591,9 @@ def fit_arc(points_m: np.ndarray) -> np.ndarray | None:
     origin = points.mean(axis=0)
     p = (points - origin) / size
     # from the circle with the least sum of (d^2 - r^2)^2: 2 c.p + (r^2 - c^2) = p^2 is linear
-    start, _, rank, _ = np.linalg.lstsq(np.column_stack([2.0 * p, np.ones(len(p))]), np.sum(p**2, axis=1), rcond=None)
+    start, _, rank, _ = np.linalg.lstsq(
+        np.column_stack([2.0 * p, np.ones(len(p))]), np.sum(p**2, axis=1), rcond=None
+    )
     if rank < len(start):
         return None
     circle = np.append(start[:2], np.sqrt(start[2] + start[:2] @ start[:2]))
@@ -460,7 +610,9 @@ def fit_arc(points_m: np.ndarray) -> np.ndarray | None:
     return np.append(origin, 0.0) + size * circle
 
 
-def described(points_m: np.ndarray, *, heel_m: float, foot_length_m: float, arm_m: float | None) -> RollShape:
+def described(
+    points_m: np.ndarray, *, heel_m: float, foot_length_m: float, arm_m: float | None
+) -> RollShape:
     """What describes a roll-over shape, the centre of pressure (n, 2) forward and up in the shank's frame, NaN where
     there is none; `heel_m` is where the rear end of the foot, from which `foot_length_m` counts, is on the forward
     axis. None where it cannot be known."""
@@ -470,11 +622,16 @@ def described(points_m: np.ndarray, *, heel_m: float, foot_length_m: float, arm_
         at = np.linspace(0.0, along[-1], max(2, round(along[-1] / _SPACING_M) + 1))
         circle = fit_arc(np.column_stack([np.interp(at, along, column) for column in points.T]))
     ratio = (float(points[:, 0].max()) - heel_m) / foot_length_m if len(points) else None
-    return RollShape(radius_m=None if circle is None else float(circle[2]), effective_foot_length_ratio=ratio,
-                     mean_moment_arm_m=arm_m)
+    return RollShape(
+        radius_m=None if circle is None else float(circle[2]),
+        effective_foot_length_ratio=ratio,
+        mean_moment_arm_m=arm_m,
+    )
 
 
-def mean_moment_arm(time_s: np.ndarray, moment_nm: np.ndarray, vertical_n: np.ndarray) -> float | None:
+def mean_moment_arm(
+    time_s: np.ndarray, moment_nm: np.ndarray, vertical_n: np.ndarray
+) -> float | None:
     """Impulse of the moment about the ankle (toe up positive) over that of the vertical force (m); where the moment is
     NaN neither counts. None without load."""
     known = np.isfinite(moment_nm)

@@ -30,7 +30,12 @@ from vsf_drake.analysis.validation.roll_over_section import RollOverTable, roll_
 from vsf_drake.analysis.validation.sensitivity_section import SensitivityTable, sensitivity_section
 from vsf_drake.analysis.validation.settings_section import SettingsTable, settings_section
 from vsf_drake.analysis.validation.study import Progress, Section, Study
-from vsf_drake.analysis.validation.walking_section import LayersTable, WalkingTable, layers_section, walking_section
+from vsf_drake.analysis.validation.walking_section import (
+    LayersTable,
+    WalkingTable,
+    layers_section,
+    walking_section,
+)
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import plain, read_json, read_npz, record, replaced, sha256, write_json
 from vsf_drake.motion.fitted_trial import fingerprint
@@ -56,12 +61,15 @@ class Part(NamedTuple):
 
 
 _SECTIONS = {  # what a page needs first comes first
-    "bench": Part(bench_section, BenchSectionTable, 5.0), "walking": Part(walking_section, WalkingTable, 20.0),
-    "energy": Part(energy_section, EnergyTable, 30.0), "layers": Part(layers_section, LayersTable, 5.0),
+    "bench": Part(bench_section, BenchSectionTable, 5.0),
+    "walking": Part(walking_section, WalkingTable, 20.0),
+    "energy": Part(energy_section, EnergyTable, 30.0),
+    "layers": Part(layers_section, LayersTable, 5.0),
     "standing": Part(standing_section, StoodTable, 5.0),
     "roll_over": Part(roll_over_section, RollOverTable, 20.0),
     "settings": Part(settings_section, SettingsTable, 90.0, full=True),
-    "sensitivity": Part(sensitivity_section, SensitivityTable, 180.0, full=True)}
+    "sensitivity": Part(sensitivity_section, SensitivityTable, 180.0, full=True),
+}
 EXACT = {f"{name}_exact": _SECTIONS[name] for name in ("layers", "walking")}
 """Sections of a second study: the same walks without errors of measurement."""
 NAMES = (*_SECTIONS, *EXACT)
@@ -86,9 +94,14 @@ class Finished:
 
 
 def run_sections(
-    study: Study, *, exact: Study | None = None, folder: str | Path | None = None, shipped: SectionStore | None = None,
+    study: Study,
+    *,
+    exact: Study | None = None,
+    folder: str | Path | None = None,
+    shipped: SectionStore | None = None,
     names: Container[str] | None = None,
-    grown: Callable[[Mapping[str, Finished], list[str]], None] | None = None, progress: Progress | None = None
+    grown: Callable[[Mapping[str, Finished], list[str]], None] | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, Finished]:
     """Every section of the validation, or `names`, and of `exact`, the same walks without errors of measurement.
 
@@ -101,15 +114,24 @@ def run_sections(
     asked = {name: part for name, part in _SECTIONS.items() if names is None or name in names}
     if not (study.contact and (study.contact.momentum or study.contact.discrepancy)):
         asked.pop("layers", None)  # no plate taught it any
-    stored = {name: one for name, part in asked.items()
-              if shipped and part.full and (one := shipped.read(name, part.table))}
-    plan = [(name, part, study) for name, part in asked.items()
-            if name not in stored and (study.options.full or not part.full)]
+    stored = {
+        name: one
+        for name, part in asked.items()
+        if shipped and part.full and (one := shipped.read(name, part.table))
+    }
+    plan = [
+        (name, part, study)
+        for name, part in asked.items()
+        if name not in stored and (study.options.full or not part.full)
+    ]
     if exact is not None:
         plan += [(name, part, exact) for name, part in EXACT.items()]
     total, before, shown_s = sum(part.about_s for _, part, _ in plan), 0.0, -math.inf
     for i, (name, part, own) in enumerate(plan):
-        def show(what: str, fraction: float, name: str = name, before: float = before, part: Part = part) -> None:
+
+        def show(
+            what: str, fraction: float, name: str = name, before: float = before, part: Part = part
+        ) -> None:
             if progress:
                 share = part.about_s * min(max(fraction, 0.0), 1.0)
                 progress(f"{name.replace('_', ' ')}: {what}", (before + share) / total)
@@ -127,12 +149,14 @@ def run_sections(
             section = part.make(own, progress=show)
         except (InputError, SimulationError, FitError) as error:
             failure = str(error)
-        finished[name] = Finished(section=section, wall_s=time.perf_counter() - began, failure=failure)
+        finished[name] = Finished(
+            section=section, wall_s=time.perf_counter() - began, failure=failure
+        )
         if store:
             store.write(name, finished[name])
         if grown and i + 1 < len(plan) and time.perf_counter() > shown_s + EVERY_S:
             show("writing the page", 1.0)
-            grown(finished, [*(name for name, _, _ in plan[i + 1:]), *stored])
+            grown(finished, [*(name for name, _, _ in plan[i + 1 :]), *stored])
             shown_s = time.perf_counter()
     return finished | stored
 
@@ -142,24 +166,44 @@ def study_key(study: Study) -> str:
     sources = hashlib.sha256()
     for file in sorted((_PACKAGE / "analysis").rglob("*.py")):
         sources.update(f"\0{file.relative_to(_PACKAGE).as_posix()}\0".encode() + file.read_bytes())
-    return digest({
-        **_given(study), "full": study.options.full, "software": software(),
-        "spm1d": find_spec("spm1d") is not None, "analysis_sha256": sources.hexdigest()})
+    return digest(
+        {
+            **_given(study),
+            "full": study.options.full,
+            "software": software(),
+            "spm1d": find_spec("spm1d") is not None,
+            "analysis_sha256": sources.hexdigest(),
+        }
+    )
 
 
 def shipped_key(study: Study) -> str:
     """Of all that numbers of the full form that come with the package depend on: files, contact, options, and what the
     sources say, on any machine and with any version of others' packages."""
-    return digest({**_given(study), "sources": _sources_sha256(
-        [Path(inspect.getfile(part.make)) for part in _SECTIONS.values() if part.full])})
+    return digest(
+        {
+            **_given(study),
+            "sources": _sources_sha256(
+                [Path(inspect.getfile(part.make)) for part in _SECTIONS.values() if part.full]
+            ),
+        }
+    )
 
 
 def _given(study: Study) -> dict[str, object]:
-    return {"inputs": dict(study.inputs), "walks": [(walk.label, walk.role) for walk in study.walks],
-            "failed": [list(pair) for pair in study.failed], "model": to_plain(study.model),
-            "options": {name: value for name, value in to_plain(study.options).items() if name not in (
-                "workers", "full")},
-            "contact": None if study.contact is None else study.contact.values, "bench_problem": study.bench_problem}
+    return {
+        "inputs": dict(study.inputs),
+        "walks": [(walk.label, walk.role) for walk in study.walks],
+        "failed": [list(pair) for pair in study.failed],
+        "model": to_plain(study.model),
+        "options": {
+            name: value
+            for name, value in to_plain(study.options).items()
+            if name not in ("workers", "full")
+        },
+        "contact": None if study.contact is None else study.contact.values,
+        "bench_problem": study.bench_problem,
+    }
 
 
 def _sources_sha256(files: Iterable[Path]) -> str:
@@ -175,15 +219,27 @@ def _sources_sha256(files: Iterable[Path]) -> str:
                 within = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
                 names |= {within + alias.name for alias in node.names}
             elif isinstance(getattr(node, "body", None), list):
-                node.body = [line for line in node.body  # type: ignore[attr-defined]
-                             if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))]
+                node.body = [
+                    line
+                    for line in node.body  # type: ignore[attr-defined]
+                    if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))
+                ]
         said[path.relative_to(_PACKAGE.parent).as_posix()] = _said(tree)
-        stems = {_PACKAGE.parent.joinpath(*name.split(".")[:n + 1])
-                 for name in names for n in range(name.count(".") + 1)}
-        new = {file for stem in stems for file in (stem.with_suffix(".py"), stem / "__init__.py")
-               if file.is_relative_to(_PACKAGE) and file.is_file()} - seen
+        stems = {
+            _PACKAGE.parent.joinpath(*name.split(".")[: n + 1])
+            for name in names
+            for n in range(name.count(".") + 1)
+        }
+        new = {
+            file
+            for stem in stems
+            for file in (stem.with_suffix(".py"), stem / "__init__.py")
+            if file.is_relative_to(_PACKAGE) and file.is_file()
+        } - seen
         waiting, seen = [*waiting, *new], seen | new
-    return hashlib.sha256("\0".join(f"{name} {text}" for name, text in sorted(said.items())).encode()).hexdigest()
+    return hashlib.sha256(
+        "\0".join(f"{name} {text}" for name, text in sorted(said.items())).encode()
+    ).hexdigest()
 
 
 def _said(node: object) -> str:
@@ -207,11 +263,18 @@ class SectionStore:
         path = self.folder / f"{name}.json"
         try:
             saved = read_json(path)
-            if saved["key"] != self.key or saved["arrays_sha256"] != sha256(path.with_suffix(".npz")):
+            if saved["key"] != self.key or saved["arrays_sha256"] != sha256(
+                path.with_suffix(".npz")
+            ):
                 return None
-            section = Section(table=record(table, saved["table"]), arrays=read_npz(path.with_suffix(".npz")),
-                              missing=tuple(saved["missing"]))
-            return Finished(section=section, wall_s=float(saved["wall_s"]), computed=str(saved["computed"]))
+            section = Section(
+                table=record(table, saved["table"]),
+                arrays=read_npz(path.with_suffix(".npz")),
+                missing=tuple(saved["missing"]),
+            )
+            return Finished(
+                section=section, wall_s=float(saved["wall_s"]), computed=str(saved["computed"])
+            )
         except (ValueError, TypeError, KeyError, InputError):
             return None
 
@@ -224,12 +287,22 @@ class SectionStore:
             self.folder.mkdir(parents=True, exist_ok=True)
             with replaced(arrays, "wb", lasting=True) as stream:
                 np.savez_compressed(stream, allow_pickle=False, **section.arrays)
-            write_json(self.folder / f"{name}.json", {
-                "key": self.key, "computed": time.strftime("%Y-%m-%d", time.gmtime()), "wall_s": finished.wall_s,
-                "table": plain(section.table), "missing": list(section.missing), "arrays_sha256": sha256(arrays)},
-                sort=False)
+            write_json(
+                self.folder / f"{name}.json",
+                {
+                    "key": self.key,
+                    "computed": time.strftime("%Y-%m-%d", time.gmtime()),
+                    "wall_s": finished.wall_s,
+                    "table": plain(section.table),
+                    "missing": list(section.missing),
+                    "arrays_sha256": sha256(arrays),
+                },
+                sort=False,
+            )
         except OSError as error:
-            raise InputError(f"cannot be written ({error.strerror or error})", file=self.folder) from None
+            raise InputError(
+                f"cannot be written ({error.strerror or error})", file=self.folder
+            ) from None
 
     def remove(self, names: Iterable[str]) -> None:
         """Takes away these sections, and the folder if nothing else is in it."""
@@ -242,7 +315,10 @@ class SectionStore:
 
 def is_kept(path: Path, names: Container[str]) -> bool:
     """Whether a file of a store's folder is of one of these sections, complete or not."""
-    return path.suffix in (".json", ".npz", ".part") and path.name.lstrip(".").partition(".")[0] in names
+    return (
+        path.suffix in (".json", ".npz", ".part")
+        and path.name.lstrip(".").partition(".")[0] in names
+    )
 
 
 # What the files hold: a finished study as records and arrays.
@@ -310,42 +386,82 @@ def validation_content(
     study: Study, finished: Mapping[str, Finished], *, exact: Study | None = None
 ) -> tuple[Validation, dict[str, np.ndarray]]:
     """Content and arrays ("section/name") of a validation from its sections, of `run_sections`."""
-    trials = tuple(TrialRow(
-        height_mm=1e3 * walk.trial.offsets.height_m, fore_aft_mm=1e3 * walk.trial.offsets.fore_aft_m,
-        alignment_deg=math.degrees(walk.trial.offsets.alignment_rad), label=walk.label, role=walk.role,
-        fulcrum_mm=walk.fulcrum_mm, synthetic=walk.trial.synthetic, warnings=" ".join(walk.warnings) or None)
-        for walk in study.walks)
+    trials = tuple(
+        TrialRow(
+            height_mm=1e3 * walk.trial.offsets.height_m,
+            fore_aft_mm=1e3 * walk.trial.offsets.fore_aft_m,
+            alignment_deg=math.degrees(walk.trial.offsets.alignment_rad),
+            label=walk.label,
+            role=walk.role,
+            fulcrum_mm=walk.fulcrum_mm,
+            synthetic=walk.trial.synthetic,
+            warnings=" ".join(walk.warnings) or None,
+        )
+        for walk in study.walks
+    )
     sections = {name: one.section for name, one in finished.items()}
     found = {name: section.table for name, section in sections.items() if section}
     bench_synthetic = study.bench is not None and study.bench.synthetic
     summary = summary_rows(found, synthetic=study.synthetic, bench_synthetic=bench_synthetic)
     content = Validation(
-        title=f"Validation: {study.walks[0].trial.subject.name or 'a walking person'}", first_line=first_line(study),
-        verdict=tuple(say("validation", "verdict", walking=found.get("walking"), bench=found.get("bench"),
-                          layers=found.get("layers"),
-                          to_come="walking" not in finished,
-                          unmet=[row.what for row in summary if row.met is False])),
-        synthetic=study.synthetic or bench_synthetic, sections={
+        title=f"Validation: {study.walks[0].trial.subject.name or 'a walking person'}",
+        first_line=first_line(study),
+        verdict=tuple(
+            say(
+                "validation",
+                "verdict",
+                walking=found.get("walking"),
+                bench=found.get("bench"),
+                layers=found.get("layers"),
+                to_come="walking" not in finished,
+                unmet=[row.what for row in summary if row.met is False],
+            )
+        ),
+        synthetic=study.synthetic or bench_synthetic,
+        sections={
             name: SavedSection(
-                table=section.table if section else None, wall_s=finished[name].wall_s, failure=finished[name].failure,
-                missing=(*say("validation", "shipped", date=finished[name].computed),
-                         *(section.missing if section else ())))
-            for name, section in sections.items()},
+                table=section.table if section else None,
+                wall_s=finished[name].wall_s,
+                failure=finished[name].failure,
+                missing=(
+                    *say("validation", "shipped", date=finished[name].computed),
+                    *(section.missing if section else ()),
+                ),
+            )
+            for name, section in sections.items()
+        },
         options=to_plain(study.options) | {"step_s": study.options.step_s},
-        contact=say("validation", "contact", contact=study.contact, name=study.contact_name)[0], failed=study.failed,
-        notes=tuple(_notes(study, finished)), trials=trials,
+        contact=say("validation", "contact", contact=study.contact, name=study.contact_name)[0],
+        failed=study.failed,
+        notes=tuple(_notes(study, finished)),
+        trials=trials,
         provenance=provenance(
-            dict(study.inputs) | {f"exact, {name}": digest for name, digest in (exact.inputs if exact else {}).items()},
-            seed=study.options.seed), summary=summary)
-    return content, {f"{name}/{key}": array for name, section in sections.items() if section
-                     for key, array in section.arrays.items()}
+            dict(study.inputs)
+            | {
+                f"exact, {name}": digest for name, digest in (exact.inputs if exact else {}).items()
+            },
+            seed=study.options.seed,
+        ),
+        summary=summary,
+    )
+    return content, {
+        f"{name}/{key}": array
+        for name, section in sections.items()
+        if section
+        for key, array in section.arrays.items()
+    }
 
 
 def first_line(study: Study) -> str:
     """Where the data come from, in one sentence."""
     synthetic = [walk.label for walk in study.walks if walk.trial.synthetic]
-    return say("validation", "first_line", synthetic=synthetic, all_synthetic=len(synthetic) == len(study.walks),
-               bench=study.bench)[0]
+    return say(
+        "validation",
+        "first_line",
+        synthetic=synthetic,
+        all_synthetic=len(synthetic) == len(study.walks),
+        bench=study.bench,
+    )[0]
 
 
 def _notes(study: Study, finished: Mapping[str, Finished]) -> list[str]:
@@ -354,12 +470,16 @@ def _notes(study: Study, finished: Mapping[str, Finished]) -> list[str]:
     for walk in study.walks:
         prints.setdefault(fingerprint(walk.recorded), []).append(walk.label)
     return say(
-        "validation", "notes", contact=study.contact, bench_problem=study.bench_problem,
+        "validation",
+        "notes",
+        contact=study.contact,
+        bench_problem=study.bench_problem,
         persons=len({walk.trial.subject for walk in study.walks}),
         other_models_than=own[0] if len(own) < len(study.walks) else None,
         repeated=[labels for labels in prints.values() if len(labels) > 1],
         unconverged=[walk.label for walk in study.walks if not walk.result.converged],
-        failed=[(name, one.failure) for name, one in finished.items() if one.section is None])
+        failed=[(name, one.failure) for name, one in finished.items() if one.section is None],
+    )
 
 
 # What the validation comes to: its main figures beside the paper's and beside what is asked of this model.
@@ -382,29 +502,89 @@ class _InputLine(NamedTuple):
 
 _REMAINDER, _HELD_OUT = "energy/ledger_remainder_share_max", "walking/held_out/"
 _LINES = (
-    _InputLine("Bench: R² of stiffness over fulcrum positions", "bench/stiffness_r2", "", "{:.4f}", paper="0.98",
-               least=0.98),
-    _InputLine("Bench: RMSE of stiffness", "bench/stiffness_rmse_n_per_mm", "N/mm", paper="1.37", most=1.37),
-    _InputLine("Bench: RMSE of mid-range displacement", "bench/mid_range_rmse_mm", "mm", paper="0.45", most=0.45),
-    _InputLine("Fitted walks: resultant GRF, RMSE, mean", "walking/fitted/grf_rmse_bw", "% BW", scale=100.0,
-               paper="5.3",
-               most=0.053),
-    _InputLine("Held-out walks: resultant GRF, RMSE, mean", f"{_HELD_OUT}grf_rmse_bw", "% BW", scale=100.0,
-               paper="10 to 14", most=0.10),
-    _InputLine("Held-out walks: resultant GRF, RMSE, worst", f"{_HELD_OUT}grf_rmse_bw_worst", "% BW", scale=100.0,
-               paper="14", most=0.14),
-    _InputLine("Held-out walks: null model (another walk's plate curve), mean", f"{_HELD_OUT}null_model_grf_rmse_bw",
-               "% BW", scale=100.0),
-    _InputLine("Held-out walks: CoP along the foot, RMSE, mean", f"{_HELD_OUT}cop_rmse_fl", "% foot length",
-               scale=100.0, paper="5.7 to 9.5", most=0.095),
-    _InputLine("Held-out walks: CoP across the foot, RMSE, mean", f"{_HELD_OUT}cop_ml_rmse_fl", "% foot length",
-               scale=100.0),
-    _InputLine("Held-out walks: impulse, RMSE, mean", f"{_HELD_OUT}impulse_rmse_bws", "BW s", "{:.4f}",
-               paper="0.01 to 0.05", most=0.05),
+    _InputLine(
+        "Bench: R² of stiffness over fulcrum positions",
+        "bench/stiffness_r2",
+        "",
+        "{:.4f}",
+        paper="0.98",
+        least=0.98,
+    ),
+    _InputLine(
+        "Bench: RMSE of stiffness", "bench/stiffness_rmse_n_per_mm", "N/mm", paper="1.37", most=1.37
+    ),
+    _InputLine(
+        "Bench: RMSE of mid-range displacement",
+        "bench/mid_range_rmse_mm",
+        "mm",
+        paper="0.45",
+        most=0.45,
+    ),
+    _InputLine(
+        "Fitted walks: resultant GRF, RMSE, mean",
+        "walking/fitted/grf_rmse_bw",
+        "% BW",
+        scale=100.0,
+        paper="5.3",
+        most=0.053,
+    ),
+    _InputLine(
+        "Held-out walks: resultant GRF, RMSE, mean",
+        f"{_HELD_OUT}grf_rmse_bw",
+        "% BW",
+        scale=100.0,
+        paper="10 to 14",
+        most=0.10,
+    ),
+    _InputLine(
+        "Held-out walks: resultant GRF, RMSE, worst",
+        f"{_HELD_OUT}grf_rmse_bw_worst",
+        "% BW",
+        scale=100.0,
+        paper="14",
+        most=0.14,
+    ),
+    _InputLine(
+        "Held-out walks: null model (another walk's plate curve), mean",
+        f"{_HELD_OUT}null_model_grf_rmse_bw",
+        "% BW",
+        scale=100.0,
+    ),
+    _InputLine(
+        "Held-out walks: CoP along the foot, RMSE, mean",
+        f"{_HELD_OUT}cop_rmse_fl",
+        "% foot length",
+        scale=100.0,
+        paper="5.7 to 9.5",
+        most=0.095,
+    ),
+    _InputLine(
+        "Held-out walks: CoP across the foot, RMSE, mean",
+        f"{_HELD_OUT}cop_ml_rmse_fl",
+        "% foot length",
+        scale=100.0,
+    ),
+    _InputLine(
+        "Held-out walks: impulse, RMSE, mean",
+        f"{_HELD_OUT}impulse_rmse_bws",
+        "BW s",
+        "{:.4f}",
+        paper="0.01 to 0.05",
+        most=0.05,
+    ),
     _InputLine("Stance time: correlation over trials", "walking/stance_r", "", "{:.3f}"),
-    _InputLine("Energy balance: remainder over stored energy, worst trial", _REMAINDER, "%", scale=100.0, most=0.01))
-_ANSWERS = (("energy/softer_stores_more", "Energy: a softer setting stores more"),
-            ("energy/softer_returns_more", "Energy: a softer setting returns more"))
+    _InputLine(
+        "Energy balance: remainder over stored energy, worst trial",
+        _REMAINDER,
+        "%",
+        scale=100.0,
+        most=0.01,
+    ),
+)
+_ANSWERS = (
+    ("energy/softer_stores_more", "Energy: a softer setting stores more"),
+    ("energy/softer_returns_more", "Energy: a softer setting returns more"),
+)
 
 
 def summary_rows(
@@ -424,7 +604,9 @@ def summary_rows(
     fitted = bool(at("bench/contact_on_bench"))
     for line in _LINES:
         value, what = at(line.key), line.what
-        limit, relation = (line.most, "at most") if line.most is not None else (line.least, "at least")
+        limit, relation = (
+            (line.most, "at most") if line.most is not None else (line.least, "at least")
+        )
         of_bench = line.key.startswith("bench/")
         made = bench_synthetic if of_bench else synthetic
         if made or (fitted and of_bench):
@@ -434,15 +616,36 @@ def summary_rows(
         if line.key == _REMAINDER and value is not None:
             what += f" (in steps of {1e3 * at('energy/step_s'):g} ms)"
         text = None if value is None else line.form.format(line.scale * value)
-        rows.append(SummaryRow(
-            what=what, key=line.key, value=value, unit=line.unit, paper=line.paper, synthetic=made,
-            shown=line.form.format(0.0) if text and not float(text) else text,  # a zero has no sign
-            asked=None if limit is None else f"{relation} {line.scale * limit:g}",
-            met=None if value is None or limit is None else bool(
-                value <= limit if line.most is not None else value >= limit)))
+        rows.append(
+            SummaryRow(
+                what=what,
+                key=line.key,
+                value=value,
+                unit=line.unit,
+                paper=line.paper,
+                synthetic=made,
+                shown=line.form.format(0.0)
+                if text and not float(text)
+                else text,  # a zero has no sign
+                asked=None if limit is None else f"{relation} {line.scale * limit:g}",
+                met=None
+                if value is None or limit is None
+                else bool(value <= limit if line.most is not None else value >= limit),
+            )
+        )
     for key, what in _ANSWERS:
         value = at(key)
-        rows.append(SummaryRow(what=what, key=key, value=value, unit="", paper=None, asked=None if synthetic else "yes",
-                               synthetic=synthetic, met=None if synthetic else value,
-                               shown=None if value is None else "yes" if value else "no"))
+        rows.append(
+            SummaryRow(
+                what=what,
+                key=key,
+                value=value,
+                unit="",
+                paper=None,
+                asked=None if synthetic else "yes",
+                synthetic=synthetic,
+                met=None if synthetic else value,
+                shown=None if value is None else "yes" if value else "no",
+            )
+        )
     return tuple(rows)

@@ -55,7 +55,9 @@ class SamplingDesign:
 
     points: np.ndarray  # (rows, k) in the unit cube
     block: int  # rows of one trajectory or of one of Saltelli's blocks
-    labels: tuple[str, ...]  # what indices are of: the factors, or their groups in the order of first appearance
+    labels: tuple[
+        str, ...
+    ]  # what indices are of: the factors, or their groups in the order of first appearance
     problem: dict[str, Any]  # the same for SALib
 
     def whole(self, y: np.ndarray) -> np.ndarray:
@@ -64,8 +66,12 @@ class SamplingDesign:
 
 
 def _problem(names: Sequence[str], groups: Sequence[str] | None = None) -> dict[str, Any]:
-    return {"num_vars": len(names), "names": list(names), "bounds": [[0.0, 1.0]] * len(names),
-            "groups": groups and list(groups)}
+    return {
+        "num_vars": len(names),
+        "names": list(names),
+        "bounds": [[0.0, 1.0]] * len(names),
+        "groups": groups and list(groups),
+    }
 
 
 def morris_design(names: Sequence[str], trajectories: int, seed: int) -> SamplingDesign:
@@ -73,8 +79,12 @@ def morris_design(names: Sequence[str], trajectories: int, seed: int) -> Samplin
     from SALib.sample import morris  # noqa: PLC0415 (it takes half a second to import)
 
     problem = _problem(names)
-    return SamplingDesign(morris.sample(problem, trajectories, num_levels=LEVELS, seed=_seed(seed)), len(names) + 1,
-                          tuple(names), problem)
+    return SamplingDesign(
+        morris.sample(problem, trajectories, num_levels=LEVELS, seed=_seed(seed)),
+        len(names) + 1,
+        tuple(names),
+        problem,
+    )
 
 
 def sobol_design(
@@ -96,11 +106,19 @@ def morris_rows(design: SamplingDesign, y: np.ndarray, seed: int) -> tuple[Effec
     whole = design.whole(y)
     if np.count_nonzero(whole) < LEAST_TRAJECTORIES * design.block:
         return None
-    effects = morris.analyze(design.problem, design.points[whole], y[whole], num_resamples=RESAMPLES,
-                             num_levels=LEVELS, seed=_seed(seed))
+    effects = morris.analyze(
+        design.problem,
+        design.points[whole],
+        y[whole],
+        num_resamples=RESAMPLES,
+        num_levels=LEVELS,
+        seed=_seed(seed),
+    )
     keys = ("mu", "mu_star", "mu_star_conf", "sigma")
-    return tuple(Effect(name=name, **{key: float(effects[key][i]) for key in keys})
-                 for i, name in enumerate(design.labels))
+    return tuple(
+        Effect(name=name, **{key: float(effects[key][i]) for key in keys})
+        for i, name in enumerate(design.labels)
+    )
 
 
 def sobol_rows(design: SamplingDesign, y: np.ndarray, seed: int) -> tuple[Index, ...] | None:
@@ -109,14 +127,19 @@ def sobol_rows(design: SamplingDesign, y: np.ndarray, seed: int) -> tuple[Index,
     from SALib.analyze import sobol  # noqa: PLC0415
 
     whole = design.whole(y)
-    if (np.count_nonzero(whole) < LEAST_BLOCKS * design.block
-            or np.ptp(y[whole]) <= _FLAT * np.abs(y[whole]).max()):
+    if (
+        np.count_nonzero(whole) < LEAST_BLOCKS * design.block
+        or np.ptp(y[whole]) <= _FLAT * np.abs(y[whole]).max()
+    ):
         return None
-    indices = sobol.analyze(design.problem, y[whole], calc_second_order=False, num_resamples=RESAMPLES,
-                            seed=_seed(seed))
+    indices = sobol.analyze(
+        design.problem, y[whole], calc_second_order=False, num_resamples=RESAMPLES, seed=_seed(seed)
+    )
     keys = {"s1": "S1", "s1_conf": "S1_conf", "st": "ST", "st_conf": "ST_conf"}
-    return tuple(Index(name=name, **{own: float(indices[key][i]) for own, key in keys.items()})
-                 for i, name in enumerate(design.labels))
+    return tuple(
+        Index(name=name, **{own: float(indices[key][i]) for own, key in keys.items()})
+        for i, name in enumerate(design.labels)
+    )
 
 
 def dropped(design: SamplingDesign, y: np.ndarray) -> int:

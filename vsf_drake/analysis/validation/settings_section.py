@@ -146,7 +146,9 @@ class SettingsTable:
     trials_mm: tuple[float, ...] = ()  # where the fulcrum stood in the trials that were walked
     curves: tuple[CurveDifference, ...] = ()
     as_walked: tuple[WalkedPair, ...] = ()
-    as_walked_apart_bw: tuple[float, ...] = ()  # RMS between the mean measured resultants of two recorded settings
+    as_walked_apart_bw: tuple[
+        float, ...
+    ] = ()  # RMS between the mean measured resultants of two recorded settings
 
 
 def settings_section(study: Study, *, progress: Progress | None = None) -> Section[SettingsTable]:
@@ -155,7 +157,9 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
     bases, unusable, left_out = _bases(study)
     unused = say("settings", "unused", unusable=unusable, left_out=left_out)
     if not bases:
-        return Section(table=SettingsTable(answer="No walk of this study can tell."), missing=tuple(unused))
+        return Section(
+            table=SettingsTable(answer="No walk of this study can tell."), missing=tuple(unused)
+        )
     positions, foot = np.array(PUBLISHED_FULCRUMS_M), study.model.foot
     if len(reached(foot, positions)) < len(positions):  # then as many over the carriage's reach
         positions = np.linspace(foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m, len(positions))
@@ -164,28 +168,62 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
     clean = len(bases) * len(positions)
     requested = round((QUICK_NOISY_WALKS if quick else NOISY_WALKS) / (RECORDINGS * clean))
     draws = min(max(requested, FEWEST_DRAWS), MOST_DRAWS)
-    walked = walk_all(bases, positions.tolist(), draws=draws, seed=seed, workers=study.options.workers,
-                      progress=progress)
+    walked = walk_all(
+        bases,
+        positions.tolist(),
+        draws=draws,
+        seed=seed,
+        workers=study.options.workers,
+        progress=progress,
+    )
     held_out = [base for base in bases if base.walk.role == HELD_OUT]
-    model = model_error(np.array([base.simulated.values - base.measured.values for base in held_out]
-                                 ).reshape(-1, len(NAMES)))
+    model = model_error(
+        np.array([base.simulated.values - base.measured.values for base in held_out]).reshape(
+            -1, len(NAMES)
+        )
+    )
     stiffness, at_positions = _stiffness(foot, positions)
-    outcomes, pairs = outcome_rows(positions_mm, walked, model, stiffness), pair_rows(positions_mm, walked, model)
+    outcomes, pairs = (
+        outcome_rows(positions_mm, walked, model, stiffness),
+        pair_rows(positions_mm, walked, model),
+    )
     as_walked = walked_rows(bases)
     table = SettingsTable(
-        answer=answer(positions_mm.tolist(), outcomes, pairs, as_walked), outcomes=tuple(outcomes), pairs=tuple(pairs),
-        draws=draws, seed=seed, positions_mm=tuple(positions_mm.tolist()),
-        stiffness_n_per_mm=tuple(at_positions.tolist()), walks=clean * (1 + RECORDINGS * draws),
-        failed_walks=sum(w.failed for w in walked), synthetic=study.synthetic, held_out_trials=len(held_out),
+        answer=answer(positions_mm.tolist(), outcomes, pairs, as_walked),
+        outcomes=tuple(outcomes),
+        pairs=tuple(pairs),
+        draws=draws,
+        seed=seed,
+        positions_mm=tuple(positions_mm.tolist()),
+        stiffness_n_per_mm=tuple(at_positions.tolist()),
+        walks=clean * (1 + RECORDINGS * draws),
+        failed_walks=sum(w.failed for w in walked),
+        synthetic=study.synthetic,
+        held_out_trials=len(held_out),
         held_out_rmse_bw=spread(base.walk.metrics.grf_rmse_bw for base in held_out).mean,
-        trials_mm=tuple(base.walk.fulcrum_mm for base in bases), curves=tuple(curve_rows(positions_mm, walked)),
-        as_walked=tuple(as_walked), as_walked_apart_bw=tuple(_walked_apart(bases)))
-    return Section(table=table, arrays={"effects": _both(walked)[0]},
-                   missing=tuple(unused + say(
-        "settings", "missing", held_out=len(held_out), fewest=FEWEST, conditions=len(study.conditions()),
-        own_plates=any(base.walk.role == OFFSETS_FITTED for base in bases),
-        has_cop=any(base.walk.trial.prosthetic_plate.has_cop for base in bases),
-        failed=table.failed_walks, quick=quick)))
+        trials_mm=tuple(base.walk.fulcrum_mm for base in bases),
+        curves=tuple(curve_rows(positions_mm, walked)),
+        as_walked=tuple(as_walked),
+        as_walked_apart_bw=tuple(_walked_apart(bases)),
+    )
+    return Section(
+        table=table,
+        arrays={"effects": _both(walked)[0]},
+        missing=tuple(
+            unused
+            + say(
+                "settings",
+                "missing",
+                held_out=len(held_out),
+                fewest=FEWEST,
+                conditions=len(study.conditions()),
+                own_plates=any(base.walk.role == OFFSETS_FITTED for base in bases),
+                has_cop=any(base.walk.trial.prosthetic_plate.has_cop for base in bases),
+                failed=table.failed_walks,
+                quick=quick,
+            )
+        ),
+    )
 
 
 def _bases(study: Study) -> tuple[list[Base], list[tuple[str, str]], list[str]]:
@@ -204,21 +242,30 @@ def _bases(study: Study) -> tuple[list[Base], list[tuple[str, str]], list[str]]:
                 bases.append(base_of(walk))
             except InputError as error:
                 unusable.append((walk.label, error.what))
-    return sorted(bases, key=lambda base: (base.walk.fulcrum_mm, base.walk.label)), unusable, left_out
+    return (
+        sorted(bases, key=lambda base: (base.walk.fulcrum_mm, base.walk.label)),
+        unusable,
+        left_out,
+    )
 
 
-def _stiffness(foot: FootParameters, positions: np.ndarray) -> tuple[Callable[[float], float], np.ndarray]:
+def _stiffness(
+    foot: FootParameters, positions: np.ndarray
+) -> tuple[Callable[[float], float], np.ndarray]:
     """Stiffness of the model's foot on the bench (N/mm, mean slope from 200 to 600 N) at any position (mm), and at
     `positions` (m)."""
     dense = np.linspace(positions[0], positions[-1], 9)
     both = np.concatenate([dense, positions])
     stiffness = 1e-3 * BenchStiffness(foot, fulcrums_m=tuple(both), heel=False).evaluate({})[0]
-    curve = PchipInterpolator(1e3 * dense, stiffness[:len(dense)])
-    return lambda at: float(curve(at)), stiffness[len(dense):]
+    curve = PchipInterpolator(1e3 * dense, stiffness[: len(dense)])
+    return lambda at: float(curve(at)), stiffness[len(dense) :]
 
 
 def answer(
-    at: Sequence[float], outcomes: Sequence[OutcomeRow], pairs: Sequence[PairRow], as_walked: Sequence[WalkedPair]
+    at: Sequence[float],
+    outcomes: Sequence[OutcomeRow],
+    pairs: Sequence[PairRow],
+    as_walked: Sequence[WalkedPair],
 ) -> str:
     """Two sentences: with the motion held at positions `at` (mm), and as the settings were walked."""
     unsure = [row.name for row in outcomes if row.limits["sdd_same_recording"] is None]
@@ -227,28 +274,48 @@ def answer(
 
     def counts(wanted: Sequence[tuple[float, float]]) -> tuple[int, int]:
         """How many are told apart, of how many that are known."""
-        verdicts = [_exceeds(row.effect, row.limits["limit_same_recording"]) for row in pairs
-                    if (row.from_mm, row.to_mm) in wanted and not (known and row.outcome in unsure)]
+        verdicts = [
+            _exceeds(row.effect, row.limits["limit_same_recording"])
+            for row in pairs
+            if (row.from_mm, row.to_mm) in wanted and not (known and row.outcome in unsure)
+        ]
         return verdicts.count(True), len(verdicts) - verdicts.count(None)
 
     def best(design: str) -> tuple[float, str, float | None] | None:
         """The smallest travel (mm), of which outcome, and its change of stiffness in the same recording."""
-        rows = [(mm, row.title, row.limits["smallest_change_n_per_mm_same_recording"]) for row in outcomes
-                if (mm := row.limits[f"{travel}_travel_mm_{design}"]) is not None]
+        rows = [
+            (mm, row.title, row.limits["smallest_change_n_per_mm_same_recording"])
+            for row in outcomes
+            if (mm := row.limits[f"{travel}_travel_mm_{design}"]) is not None
+        ]
         return min(rows, key=lambda row: row[0], default=None)
 
     sharpest, apart = best("same_recording" if known else "same_session"), best("two_sessions")
-    far = [row for row in as_walked
-           if row.to_mm - row.from_mm == max(other.to_mm - other.from_mm for other in as_walked)]
+    far = [
+        row
+        for row in as_walked
+        if row.to_mm - row.from_mm == max(other.to_mm - other.from_mm for other in as_walked)
+    ]
     judged = [row for row in far if row.told_apart is not None]
     titles = {row.name: row.title for row in outcomes}
     return say(
-        "settings", "answer", low=at[0], high=at[-1], ends=counts([(at[0], at[-1])]),
-        neighbours=counts(list(pairwise(at))), with_error=known, sharpest=sharpest and sharpest[:2],
-        change=sharpest[2] if sharpest and known else None, apart_mm=apart and apart[0],
-        walked=judged and {"from_mm": judged[0].from_mm, "to_mm": judged[0].to_mm, "known": len(judged)},
+        "settings",
+        "answer",
+        low=at[0],
+        high=at[-1],
+        ends=counts([(at[0], at[-1])]),
+        neighbours=counts(list(pairwise(at))),
+        with_error=known,
+        sharpest=sharpest and sharpest[:2],
+        change=sharpest[2] if sharpest and known else None,
+        apart_mm=apart and apart[0],
+        walked=judged
+        and {"from_mm": judged[0].from_mm, "to_mm": judged[0].to_mm, "known": len(judged)},
         walked_names=[titles[row.outcome] for row in judged if row.told_apart],
-        energy_names=[titles[row.outcome] for row in far if row.told_apart is None and row.beyond_strides])[0]
+        energy_names=[
+            titles[row.outcome] for row in far if row.told_apart is None and row.beyond_strides
+        ],
+    )[0]
 
 
 # The statistics. What is not known is NaN; means, deviations and counts are of what is known.
@@ -276,22 +343,29 @@ def noise_variance(design: str, first: np.ndarray, second: np.ndarray) -> NoiseV
         squares = _squares(first) + _squares(second)
     else:
         squares = _squares(second - (first if design == "same_recording" else first[:, :, ::-1]))
-    return NoiseVariance(_mean(squares.reshape(-1, *squares.shape[2:]), fewest=2),
-                         float(first.shape[0] * (first.shape[1] - 1)))
+    return NoiseVariance(
+        _mean(squares.reshape(-1, *squares.shape[2:]), fewest=2),
+        float(first.shape[0] * (first.shape[1] - 1)),
+    )
 
 
 def model_error(errors: np.ndarray) -> ModelError:
     """Of (n, O) errors, NaN where a walk does not tell."""
     known = np.ma.masked_invalid(errors)
     count = known.count(axis=0)
-    return ModelError(np.where(count >= FEWEST, known.std(axis=0, ddof=1).filled(np.nan), np.nan), count)
+    return ModelError(
+        np.where(count >= FEWEST, known.std(axis=0, ddof=1).filled(np.nan), np.nan), count
+    )
 
 
 def detectable(noise: NoiseVariance, model: ModelError | None = None) -> np.ndarray:
     """(..., O) the smallest detectable difference: with the model's error, or by the noise alone without `model`."""
     alone = quantile(noise.freedom) * np.sqrt(noise.value)
-    return np.asarray(alone if model is None else np.hypot(
-        alone, quantile(model.count - 1) * np.sqrt(2.0) * model.sd))
+    return np.asarray(
+        alone
+        if model is None
+        else np.hypot(alone, quantile(model.count - 1) * np.sqrt(2.0) * model.sd)
+    )
 
 
 def quantile(freedom: float | np.ndarray) -> np.ndarray:
@@ -331,15 +405,20 @@ def _mean(values: np.ndarray, fewest: int = 1) -> np.ndarray:
 
 
 def outcome_rows(
-    positions_mm: np.ndarray, walked: Sequence[SettingWalk], model: ModelError, stiffness: Callable[[float], float]
+    positions_mm: np.ndarray,
+    walked: Sequence[SettingWalk],
+    model: ModelError,
+    stiffness: Callable[[float], float],
 ) -> list[OutcomeRow]:
     """What is detectable around the middle of the range; `stiffness` (N/mm) is that of the foot on the bench with the
     fulcrum at a position (mm)."""
     middle, reach = 0.5 * (positions_mm[0] + positions_mm[-1]), positions_mm[-1] - positions_mm[0]
     apart = np.unique(np.append(np.arange(1.0, reach, 1.0), [min(REFERENCE_MM, reach), reach]))
     reference = int(np.flatnonzero(apart == min(REFERENCE_MM, reach))[0])
-    ends = [[_between(positions_mm, values, middle + sign * apart / 2) for sign in (-1.0, 1.0)]
-            for values in _both(walked)]
+    ends = [
+        [_between(positions_mm, values, middle + sign * apart / 2) for sign in (-1.0, 1.0)]
+        for values in _both(walked)
+    ]
     effect = _mean(ends[0][1] - ends[0][0])
     noises = {design: noise_variance(design, *ends[1]) for design in DESIGNS}
     rows = []
@@ -349,21 +428,39 @@ def outcome_rows(
             for prefix, way, error in (("", "smallest", model), ("noise_", "noise", None)):
                 limit = detectable(noise, error)[:, o]
                 # in the same recording effect and noise vanish together: no travel is too small
-                travel = np.nan if (way, design) == ("noise", "same_recording") else smallest_travel(
-                    apart, effect[:, o], limit)
-                limits |= {f"{prefix}sdd_{design}": finite(limit[reference]),
-                           f"{way}_travel_mm_{design}": finite(travel)}
+                travel = (
+                    np.nan
+                    if (way, design) == ("noise", "same_recording")
+                    else smallest_travel(apart, effect[:, o], limit)
+                )
+                limits |= {
+                    f"{prefix}sdd_{design}": finite(limit[reference]),
+                    f"{way}_travel_mm_{design}": finite(travel),
+                }
                 if way == "smallest":
-                    limits[f"smallest_change_n_per_mm_{design}"] = None if np.isnan(travel) else (
-                        stiffness(middle + travel / 2) - stiffness(middle - travel / 2))
-        rows.append(OutcomeRow(
-            name=name, title=OUTCOMES[name][0], unit=OUTCOMES[name][1], effect=finite(effect[reference, o]),
-            effect_ends=finite(effect[-1, o]), model_error_sd=finite(model.sd[o]),
-            model_error_n=int(model.count[o]), limits=limits))
+                    limits[f"smallest_change_n_per_mm_{design}"] = (
+                        None
+                        if np.isnan(travel)
+                        else (stiffness(middle + travel / 2) - stiffness(middle - travel / 2))
+                    )
+        rows.append(
+            OutcomeRow(
+                name=name,
+                title=OUTCOMES[name][0],
+                unit=OUTCOMES[name][1],
+                effect=finite(effect[reference, o]),
+                effect_ends=finite(effect[-1, o]),
+                model_error_sd=finite(model.sd[o]),
+                model_error_n=int(model.count[o]),
+                limits=limits,
+            )
+        )
     return rows
 
 
-def pair_rows(positions_mm: np.ndarray, walked: Sequence[SettingWalk], model: ModelError) -> list[PairRow]:
+def pair_rows(
+    positions_mm: np.ndarray, walked: Sequence[SettingWalk], model: ModelError
+) -> list[PairRow]:
     """The effect of each pair of positions with the motion held, and what is detectable."""
     base, noisy = _both(walked)
     rows = []
@@ -371,20 +468,33 @@ def pair_rows(positions_mm: np.ndarray, walked: Sequence[SettingWalk], model: Mo
         effect, limits = _mean(base[:, j] - base[:, i]), {}
         for design in DESIGNS:
             noise = noise_variance(design, noisy[..., i, :], noisy[..., j, :])
-            limits[design] = np.where(np.isfinite(model.sd), detectable(noise, model), detectable(noise))
-        rows += [PairRow(outcome=name, from_mm=float(positions_mm[i]), to_mm=float(positions_mm[j]),
-                         effect=finite(effect[o]),
-                         limits={f"limit_{design}": finite(limit[o]) for design, limit in limits.items()})
-                 for o, name in enumerate(NAMES)]
+            limits[design] = np.where(
+                np.isfinite(model.sd), detectable(noise, model), detectable(noise)
+            )
+        rows += [
+            PairRow(
+                outcome=name,
+                from_mm=float(positions_mm[i]),
+                to_mm=float(positions_mm[j]),
+                effect=finite(effect[o]),
+                limits={f"limit_{design}": finite(limit[o]) for design, limit in limits.items()},
+            )
+            for o, name in enumerate(NAMES)
+        ]
     return rows
 
 
 def curve_rows(positions_mm: np.ndarray, walked: Sequence[SettingWalk]) -> list[CurveDifference]:
     """The difference of whole curves for each pair of positions."""
     curves = np.array([w.resultant for w in walked])
-    return [CurveDifference(from_mm=float(positions_mm[i]), to_mm=float(positions_mm[j]),
-                            rms_bw=finite(rms(_mean(curves[:, j] - curves[:, i]))))
-            for i, j in combinations(range(len(positions_mm)), 2)]
+    return [
+        CurveDifference(
+            from_mm=float(positions_mm[i]),
+            to_mm=float(positions_mm[j]),
+            rms_bw=finite(rms(_mean(curves[:, j] - curves[:, i]))),
+        )
+        for i, j in combinations(range(len(positions_mm)), 2)
+    ]
 
 
 def walked_rows(bases: Sequence[Base]) -> list[WalkedPair]:
@@ -401,8 +511,10 @@ def walked_rows(bases: Sequence[Base]) -> list[WalkedPair]:
     if len({base.walk.fulcrum_mm for base in used}) < 2:
         used = list(bases)
     settings = sorted({base.walk.fulcrum_mm for base in used})
-    measured, simulated = (np.array([getattr(base, kind).values for base in used])
-                           for kind in ("measured", "simulated"))
+    measured, simulated = (
+        np.array([getattr(base, kind).values for base in used])
+        for kind in ("measured", "simulated")
+    )
     member = [np.array([base.walk.fulcrum_mm == x for base in used]) for x in settings]
     freedom = len(used) - len(settings)
     error_sd, stride_sd = _pooled(simulated - measured, member), _pooled(simulated, member)
@@ -410,23 +522,36 @@ def walked_rows(bases: Sequence[Base]) -> list[WalkedPair]:
         error_sd = np.full_like(error_sd, np.nan)
     rows = []
     for i, j in combinations(range(len(settings)), 2):
-        of_model, of_plate = (_mean(x[member[j]]) - _mean(x[member[i]]) for x in (simulated, measured))
+        of_model, of_plate = (
+            _mean(x[member[j]]) - _mean(x[member[i]]) for x in (simulated, measured)
+        )
         width = quantile(freedom) * np.sqrt(1.0 / member[i].sum() + 1.0 / member[j].sum())
         for o, name in enumerate(NAMES):
             limit = width * np.maximum(error_sd, stride_sd)[o]
             verdicts = _exceeds(of_model[o], limit), _exceeds(of_plate[o], limit)
-            rows.append(WalkedPair(
-                outcome=name, from_mm=settings[i], to_mm=settings[j], simulated=finite(of_model[o]),
-                measured=finite(of_plate[o]), error_half_width=finite(width * error_sd[o]),
-                told_apart=None if None in verdicts else bool(all(verdicts) and of_model[o] * of_plate[o] > 0.0),
-                stride_half_width=finite(width * stride_sd[o]),
-                beyond_strides=_exceeds(of_model[o], width * stride_sd[o])))
+            rows.append(
+                WalkedPair(
+                    outcome=name,
+                    from_mm=settings[i],
+                    to_mm=settings[j],
+                    simulated=finite(of_model[o]),
+                    measured=finite(of_plate[o]),
+                    error_half_width=finite(width * error_sd[o]),
+                    told_apart=None
+                    if None in verdicts
+                    else bool(all(verdicts) and of_model[o] * of_plate[o] > 0.0),
+                    stride_half_width=finite(width * stride_sd[o]),
+                    beyond_strides=_exceeds(of_model[o], width * stride_sd[o]),
+                )
+            )
     return rows
 
 
 def _walked_apart(bases: Sequence[Base]) -> list[float]:
-    means = [np.mean([base.measured.resultant for base in bases if base.walk.fulcrum_mm == x], axis=0)
-             for x in sorted({base.walk.fulcrum_mm for base in bases})]
+    means = [
+        np.mean([base.measured.resultant for base in bases if base.walk.fulcrum_mm == x], axis=0)
+        for x in sorted({base.walk.fulcrum_mm for base in bases})
+    ]
     return [rms(b - a) for a, b in combinations(means, 2)]
 
 
@@ -446,7 +571,9 @@ def _pooled(values: np.ndarray, member: Sequence[np.ndarray]) -> np.ndarray:
     """(O,) standard deviation within settings; NaN without a setting that has two trials."""
     squares = sum(((values[m] - values[m].mean(axis=0)) ** 2).sum(axis=0) for m in member)
     freedom = len(values) - len(member)
-    return np.asarray(np.sqrt(squares / freedom) if freedom > 0 else np.full(values.shape[1], np.nan))
+    return np.asarray(
+        np.sqrt(squares / freedom) if freedom > 0 else np.full(values.shape[1], np.nan)
+    )
 
 
 def _exceeds(effect: float | None, limit: float | None) -> bool | None:

@@ -59,14 +59,19 @@ class Base:
         if not outcome.ok:
             return None
         time, grf, cop, energy = (outcome.arrays[name] for name in KEEP)
-        return stance_record(time, grf, cop, near=self.stance, **_units(self.walk),
-                             energy=dict(zip(outcome.columns["energy_j"], energy.T, strict=True)))
+        return stance_record(
+            time,
+            grf,
+            cop,
+            near=self.stance,
+            **_units(self.walk),
+            energy=dict(zip(outcome.columns["energy_j"], energy.T, strict=True)),
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class SettingWalk:
-    """Walks of one base trial at P positions, without noise and with D draws of R = 2 recordings; NaN where one failed.
-    """
+    """Walks of one base trial at P positions, without noise and with D draws of R = 2 recordings; NaN where one failed."""
 
     resultant: np.ndarray  # (P, 101) BW over the own stance, without noise
     alone: np.ndarray  # (P, O) outcomes in the order of NAMES, without noise
@@ -80,21 +85,42 @@ def base_of(walk: StudyWalk, sizes: NoiseSizes | None = None) -> Base:
     middle = 0.5 * (trial.start_s + trial.end_s)
     whole = [item.measured for item in walk.comparison.stances if item.inside]
     for stance in sorted(whole, key=lambda s: abs(0.5 * (s.start_s + s.end_s) - middle)):
-        near = (plate.time_s > stance.start_s - 4 * MARGIN_S) & (plate.time_s < stance.end_s + 4 * MARGIN_S)
-        measured = stance_record(plate.time_s[near], plate.force_W[near], plate.cop_W[near] if plate.has_cop else None,
-                                 near=stance, **_units(walk))
-        simulated = stance_record(result.time_s, result.grf_W, result.cop_W, near=stance, **_units(walk),
-                                  energy=dict(zip(result.energy_names, result.energy_j.T, strict=True)))
+        near = (plate.time_s > stance.start_s - 4 * MARGIN_S) & (
+            plate.time_s < stance.end_s + 4 * MARGIN_S
+        )
+        measured = stance_record(
+            plate.time_s[near],
+            plate.force_W[near],
+            plate.cop_W[near] if plate.has_cop else None,
+            near=stance,
+            **_units(walk),
+        )
+        simulated = stance_record(
+            result.time_s,
+            result.grf_W,
+            result.cop_W,
+            near=stance,
+            **_units(walk),
+            energy=dict(zip(result.energy_names, result.energy_j.T, strict=True)),
+        )
         if measured is not None and simulated is not None:
-            window = dataclasses.replace(trial, start_s=max(trial.start_s, stance.start_s - MARGIN_S),
-                                         end_s=min(trial.end_s, stance.end_s + MARGIN_S))
+            window = dataclasses.replace(
+                trial,
+                start_s=max(trial.start_s, stance.start_s - MARGIN_S),
+                end_s=min(trial.end_s, stance.end_s + MARGIN_S),
+            )
             return Base(walk, window, stance, KinematicNoise(window, sizes), measured, simulated)
     raise InputError("has no stance that both plate and model show as a whole", where=walk.label)
 
 
 def walk_all(
-    bases: Sequence[Base], positions_m: Sequence[float], *, draws: int, seed: int, workers: int | None,
-    progress: Progress | None = None
+    bases: Sequence[Base],
+    positions_m: Sequence[float],
+    *,
+    draws: int,
+    seed: int,
+    workers: int | None,
+    progress: Progress | None = None,
 ) -> list[SettingWalk]:
     """Walks every base at every position, without noise and with `draws` sessions of two recordings."""
     each = len(positions_m) * (1 + RECORDINGS * draws)
@@ -105,31 +131,56 @@ def walk_all(
             for draw in range(draws):
                 random = np.random.default_rng([seed, _STREAM, i, draw])
                 session = base.noise.session(random)
-                trials += [base.noise.perturbed(session + base.noise.recording(random)) for _ in range(RECORDINGS)]
-            cases = [WalkCase(trial=trial, fulcrum_m=x, step_s=STEP_S) for trial in trials for x in positions_m]
+                trials += [
+                    base.noise.perturbed(session + base.noise.recording(random))
+                    for _ in range(RECORDINGS)
+                ]
+            cases = [
+                WalkCase(trial=trial, fulcrum_m=x, step_s=STEP_S)
+                for trial in trials
+                for x in positions_m
+            ]
 
             def show(state: SweepProgress, i: int = i, base: Base = base) -> None:
                 if progress:
-                    progress(f"{base.walk.label} at {len(positions_m)} positions, with errors of its kinematics",
-                             (i + state.done / each) / len(bases))
+                    progress(
+                        f"{base.walk.label} at {len(positions_m)} positions, with errors of its kinematics",
+                        (i + state.done / each) / len(bases),
+                    )
 
-            records = [base.record(outcome) for outcome in simulate_batch(
-                cases, keep=KEEP, executor=pool, workers=max(1, most // 2), progress=show)]
-            values = _known(records, "values", len(NAMES)).reshape(1 + RECORDINGS * draws, len(positions_m), len(NAMES))
-            every.append(SettingWalk(
-                _known(records[: len(positions_m)], "resultant", len(PERCENT)), values[0],
-                values[1:].reshape(draws, RECORDINGS, *values.shape[1:]), records.count(None)))
+            records = [
+                base.record(outcome)
+                for outcome in simulate_batch(
+                    cases, keep=KEEP, executor=pool, workers=max(1, most // 2), progress=show
+                )
+            ]
+            values = _known(records, "values", len(NAMES)).reshape(
+                1 + RECORDINGS * draws, len(positions_m), len(NAMES)
+            )
+            every.append(
+                SettingWalk(
+                    _known(records[: len(positions_m)], "resultant", len(PERCENT)),
+                    values[0],
+                    values[1:].reshape(draws, RECORDINGS, *values.shape[1:]),
+                    records.count(None),
+                )
+            )
     return every
 
 
 def _known(records: Sequence[StanceRecord | None], name: str, size: int) -> np.ndarray:
-    return np.array([np.full(size, np.nan) if one is None else getattr(one, name) for one in records])
+    return np.array(
+        [np.full(size, np.nan) if one is None else getattr(one, name) for one in records]
+    )
 
 
 def _units(walk: StudyWalk) -> dict[str, Any]:
     """In what the outcomes of a walk are told."""
-    return {"heading": walk.comparison.heading, "weight_n": walk.result.subject_mass_kg * GRAVITY,
-            "foot_length_m": walk.result.foot_length_m}
+    return {
+        "heading": walk.comparison.heading,
+        "weight_n": walk.result.subject_mass_kg * GRAVITY,
+        "foot_length_m": walk.result.foot_length_m,
+    }
 
 
 # Outcome measures of one stance, the same for a simulated walk and for a force plate.
@@ -172,27 +223,41 @@ NAMES = tuple(OUTCOMES)
 class StanceRecord:
     """One stance in numbers."""
 
-    values: np.ndarray  # (12,) outcomes in the order of NAMES; NaN for what the record does not tell
+    values: (
+        np.ndarray
+    )  # (12,) outcomes in the order of NAMES; NaN for what the record does not tell
     resultant: np.ndarray  # (101,) BW at 0-100 % of the own stance
 
 
 def stance_record(
-    time_s: np.ndarray, grf_W: np.ndarray, cop_W: np.ndarray | None, *, near: Stance, heading: np.ndarray,
-    weight_n: float, foot_length_m: float, energy: Mapping[str, np.ndarray] | None = None
+    time_s: np.ndarray,
+    grf_W: np.ndarray,
+    cop_W: np.ndarray | None,
+    *,
+    near: Stance,
+    heading: np.ndarray,
+    weight_n: float,
+    foot_length_m: float,
+    energy: Mapping[str, np.ndarray] | None = None,
 ) -> StanceRecord | None:
     """Outcomes of the stance that overlaps `near` most; None if there is none as a whole.
 
     `time_s` (n,), `grf_W` (n, 3) N on the foot, `cop_W` (n, 3) m, NaN unloaded, None where nobody measured it;
     `heading` (2,) unit vector of progression in W; `energy` (n,) J by name: `keel_strain` and `keel_loss`.
     """
-    whole = [one for one in find_stances(time_s, grf_W[:, 2], threshold_n=THRESHOLD_N) if one.complete]
+    whole = [
+        one for one in find_stances(time_s, grf_W[:, 2], threshold_n=THRESHOLD_N) if one.complete
+    ]
     stance, axes = partner(near, whole), walk_axes(heading)
     if stance is None:
         return None
     grid = uniform_grid(time_s)
     step = float(grid[1] - grid[0])
     cutoff = min(FORCE_CUTOFF_HZ, 0.45 / step)
-    force = low_pass(resample(grid, time_s, grf_W @ axes.T), rate_hz=1.0 / step, cutoff_hz=cutoff) / weight_n
+    force = (
+        low_pass(resample(grid, time_s, grf_W @ axes.T), rate_hz=1.0 / step, cutoff_hz=cutoff)
+        / weight_n
+    )
     resultant = np.linalg.norm(force, axis=1)
     inside = (grid >= stance.start_s) & (grid <= stance.end_s)
     first = inside & (grid <= stance.start_s + 0.5 * stance.duration_s)
@@ -201,27 +266,41 @@ def stance_record(
     peaks = [int(np.argmax(np.where(half, up, -np.inf))) for half in (first, second)]
     values = dict.fromkeys(NAMES, np.nan)
     values |= {
-        "resultant_first_bw": resultant[first].max(), "resultant_second_bw": resultant[second].max(),
-        "vertical_first_bw": up[peaks[0]], "vertical_second_bw": up[peaks[1]],
-        "vertical_trough_bw": up[peaks[0]:peaks[1] + 1].min(), "propulsion_bw": along[second].max(),
+        "resultant_first_bw": resultant[first].max(),
+        "resultant_second_bw": resultant[second].max(),
+        "vertical_first_bw": up[peaks[0]],
+        "vertical_second_bw": up[peaks[1]],
+        "vertical_trough_bw": up[peaks[0] : peaks[1] + 1].min(),
+        "propulsion_bw": along[second].max(),
         "propulsion_impulse_bws": cumulative_integral(np.maximum(along[inside], 0.0), step)[-1],
-        "resultant_rms_bw": np.sqrt(np.mean(resultant[inside] ** 2))}
+        "resultant_rms_bw": np.sqrt(np.mean(resultant[inside] ** 2)),
+    }
     instants = percent_instants(stance)
     if cop_W is not None:
-        path = filtered_while_loaded((cop_W @ axes.T)[:, :1], time_s, grf_W[:, 2], cop_W, instants)[:, 0]
+        path = filtered_while_loaded((cop_W @ axes.T)[:, :1], time_s, grf_W[:, 2], cop_W, instants)[
+            :, 0
+        ]
         path /= foot_length_m
         if np.isfinite(path).any():
             cop = path - np.nanmin(path)
-            values |= {"cop_excursion_fl": np.nanmax(cop), "cop_mid_stance_fl": cop[len(PERCENT) // 2]}
+            values |= {
+                "cop_excursion_fl": np.nanmax(cop),
+                "cop_mid_stance_fl": cop[len(PERCENT) // 2],
+            }
     if energy is not None:
         strain, loss = energy["keel_strain"], energy["keel_loss"]
         rows = np.flatnonzero((time_s >= stance.start_s) & (time_s <= stance.end_s))
         top = rows[np.argmax(strain[rows])]
         start, end = np.interp([stance.start_s, stance.end_s], time_s, strain)
         lost = np.interp(stance.end_s, time_s, loss) - loss[top]
-        values |= {"energy_stored_j": strain[top] - start, "energy_returned_j": strain[top] - end - lost}
-    return StanceRecord(values=np.array([values[name] for name in NAMES]),
-                        resultant=np.interp(instants, grid, resultant))
+        values |= {
+            "energy_stored_j": strain[top] - start,
+            "energy_returned_j": strain[top] - end - lost,
+        }
+    return StanceRecord(
+        values=np.array([values[name] for name in NAMES]),
+        resultant=np.interp(instants, grid, resultant),
+    )
 
 
 # Errors that a gait laboratory makes in joint angles, drawn at random and added to a recording.
@@ -260,15 +339,19 @@ class KinematicNoise:
         self.trial, self.sizes = trial, sizes or NoiseSizes()
         names = trial.trajectory.names
         limb = [f"{joint}_{trial.subject.prosthetic_side[0]}" for joint in LIMB_ANGLES]
-        self.limb, pelvis, self.place = ([names.index(name) for name in wanted if name in names]
-                                         for wanted in (limb, PELVIS_ANGLES, PELVIS_PLACE))
+        self.limb, pelvis, self.place = (
+            [names.index(name) for name in wanted if name in names]
+            for wanted in (limb, PELVIS_ANGLES, PELVIS_PLACE)
+        )
         self.angles = self.limb + pelvis
         self._smooth = smooth_basis(gait_phase(trial)(trial.trajectory.time_s))
 
     def session(self, random: np.random.Generator) -> np.ndarray:
         """(n, m) rad: one session's error of every sample, as all recordings of this motion would have it."""
         constant = np.radians(self.sizes.session_deg) * random.standard_normal(len(self.limb))
-        waves = np.radians(self.sizes.session_smooth_deg) * random.standard_normal((SPLINES, len(self.limb)))
+        waves = np.radians(self.sizes.session_smooth_deg) * random.standard_normal(
+            (SPLINES, len(self.limb))
+        )
         error = np.zeros(self.trial.trajectory.values.shape)
         error[:, self.limb] = constant + self._smooth @ waves
         return error
@@ -276,14 +359,18 @@ class KinematicNoise:
     def recording(self, random: np.random.Generator) -> np.ndarray:
         """(m,) rad and m: one recording's own error."""
         error = np.zeros(self.trial.trajectory.values.shape[1])
-        error[self.angles] = np.radians(self.sizes.recording_deg) * random.standard_normal(len(self.angles))
+        error[self.angles] = np.radians(self.sizes.recording_deg) * random.standard_normal(
+            len(self.angles)
+        )
         error[self.place] = 1e-3 * self.sizes.recording_mm * random.standard_normal(len(self.place))
         return error
 
     def perturbed(self, error: np.ndarray) -> Trial:
         """The trial with an error, (n, m) or (m,), added to its samples."""
         motion = self.trial.trajectory
-        moved = CoordinateTrajectory(motion.time_s, motion.values + error, motion.names, source=motion.source)
+        moved = CoordinateTrajectory(
+            motion.time_s, motion.values + error, motion.names, source=motion.source
+        )
         return dataclasses.replace(self.trial, trajectory=moved)
 
 

@@ -44,8 +44,12 @@ class StudyOptions:
     quick: bool = False  # the short form: fewer walks, coarser steps, small samples
     full: bool = False  # with the sections that take longest, and energies in finer steps
     seed: int = 0  # of all that is random
-    workers: int | None = None  # processes for many walks; None for one a core. The numbers do not depend on it
-    iso_force_n: float | None = None  # largest of the ISO 22675 loading profile; None for the subject's weight
+    workers: int | None = (
+        None  # processes for many walks; None for one a core. The numbers do not depend on it
+    )
+    iso_force_n: float | None = (
+        None  # largest of the ISO 22675 loading profile; None for the subject's weight
+    )
 
     @property
     def step_s(self) -> float:
@@ -77,14 +81,18 @@ class Study:
     """Everything that the sections of the validation are computed from."""
 
     walks: tuple[StudyWalk, ...]  # at least one, by fulcrum position and name
-    failed: tuple[tuple[str, str], ...] = ()  # (label, why) of the trials that could not be read or walked
+    failed: tuple[
+        tuple[str, str], ...
+    ] = ()  # (label, why) of the trials that could not be read or walked
     model: ModelParameters  # the device, with the fitted contact where there is one
     contact: FittedContact | None = None
     contact_name: str = ""  # of its file
     bench: BenchCurves | None = None  # measured load-displacement curves
     bench_problem: str | None = None  # why a file that was given is not used
     options: StudyOptions
-    inputs: Mapping[str, str] = field(default_factory=dict)  # SHA-256 by name of every file that was read
+    inputs: Mapping[str, str] = field(
+        default_factory=dict
+    )  # SHA-256 by name of every file that was read
 
     @property
     def synthetic(self) -> bool:
@@ -109,7 +117,9 @@ class Section(Generic[Table_co]):
     """What one section of the validation found; names end in their unit."""
 
     table: Table_co  # a record; None in it for what is unknown
-    arrays: dict[str, np.ndarray] = field(default_factory=dict)  # curves, names without "/"; NaN where there is nothing
+    arrays: dict[str, np.ndarray] = field(
+        default_factory=dict
+    )  # curves, names without "/"; NaN where there is nothing
     missing: tuple[str, ...] = ()  # sentences on what is not there, and why
 
 
@@ -142,8 +152,11 @@ class Spread:
 def spread(values: Iterable[float | None]) -> Spread:
     """Over what is known of the numbers."""
     numbers = known(values)
-    return Spread(float(numbers.mean()) if numbers.size else None,
-                  float(numbers.std(ddof=1)) if numbers.size > 1 else None, numbers.size)
+    return Spread(
+        float(numbers.mean()) if numbers.size else None,
+        float(numbers.std(ddof=1)) if numbers.size > 1 else None,
+        numbers.size,
+    )
 
 
 def reached(foot: FootParameters, fulcrums_m: Iterable[float]) -> list[float]:
@@ -169,7 +182,11 @@ def embedded_trials(tier: str = TIERS[0], *, quick: bool = False) -> tuple[Path,
     if tier not in TIERS:
         raise ValueError(f"there is no tier {tier!r}; there are {', '.join(TIERS)}")
     numbers = (2,) if quick else range(1, REPEATS + 1)
-    return tuple(resource(f"{_EMBEDDED}/{tier}/{setting}_{number}.yaml") for setting in SETTINGS for number in numbers)
+    return tuple(
+        resource(f"{_EMBEDDED}/{tier}/{setting}_{number}.yaml")
+        for setting in SETTINGS
+        for number in numbers
+    )
 
 
 def embedded_contact(tier: str = TIERS[0]) -> Path:
@@ -180,7 +197,11 @@ def embedded_contact(tier: str = TIERS[0]) -> Path:
 def embedded_contact_beside(manifest: str | Path) -> Path | None:
     """The embedded contact of the tier that a manifest stands in; None where it is none of the embedded ones."""
     beside = Path(manifest).with_name("contact.yaml")
-    return beside if beside.is_file() and sha256(beside) in map(sha256, map(embedded_contact, TIERS)) else None
+    return (
+        beside
+        if beside.is_file() and sha256(beside) in map(sha256, map(embedded_contact, TIERS))
+        else None
+    )
 
 
 def embedded_bench() -> Path:
@@ -197,8 +218,12 @@ def check_named_once(manifests: Sequence[str | Path]) -> None:
 
 
 def make_study(
-    manifests: Sequence[str | Path], *, contact: str | Path | None = None, bench: str | Path | None = None,
-    options: StudyOptions | None = None, progress: Progress | None = None
+    manifests: Sequence[str | Path],
+    *,
+    contact: str | Path | None = None,
+    bench: str | Path | None = None,
+    options: StudyOptions | None = None,
+    progress: Progress | None = None,
 ) -> Study:
     """Reads and walks every trial.
 
@@ -213,46 +238,79 @@ def make_study(
     check_named_once(manifests)
     fitted = None if contact is None else load_contact(contact)
     curves, problem = (None, None) if bench is None else _bench(bench)
-    inputs = {f"{kind}: {Path(file).name}": sha256(file) for kind, file, used in (
-        ("contact", contact, fitted), ("bench", bench, curves)) if file is not None and used is not None}
+    inputs = {
+        f"{kind}: {Path(file).name}": sha256(file)
+        for kind, file, used in (("contact", contact, fitted), ("bench", bench, curves))
+        if file is not None and used is not None
+    }
     read: list[tuple[Trial, Trial]] = []
     failed: list[tuple[str, str]] = []
     for manifest in map(Path, manifests):
         try:
             recorded = load_trial(manifest)
-            read.append((recorded, recorded if fitted is None else trial_with(recorded, fitted, file=contact)))
+            read.append(
+                (
+                    recorded,
+                    recorded if fitted is None else trial_with(recorded, fitted, file=contact),
+                )
+            )
         except InputError as error:
             failed.append((manifest.stem, str(error)))
     walked: list[tuple[str, Trial, ValidatedWalk]] = []
-    for i, (label, (recorded, trial)) in enumerate(zip(labels_of([one for one, _ in read]), read, strict=True)):
+    for i, (label, (recorded, trial)) in enumerate(
+        zip(labels_of([one for one, _ in read]), read, strict=True)
+    ):
+
         def show(what: str, fraction: float, label: str = label, i: int = i) -> None:
             if progress:
                 progress(f"{label}: {what}", (i + fraction) / len(read))
 
         try:
-            walked.append((label, recorded, walk_trial(
-                trial, with_fit=fitted is None, step_s=options.step_s, progress=show)))
+            walked.append(
+                (
+                    label,
+                    recorded,
+                    walk_trial(
+                        trial, with_fit=fitted is None, step_s=options.step_s, progress=show
+                    ),
+                )
+            )
         except (InputError, SimulationError) as error:
             failed.append((label, str(error)))
             if isinstance(error, SimulationError) and len(manifests) == 1:
                 raise
     if not walked:
-        raise InputError("no trial can be used: " + "; ".join(f"{label}: {why}" for label, why in failed))
+        raise InputError(
+            "no trial can be used: " + "; ".join(f"{label}: {why}" for label, why in failed)
+        )
     walks = [_study_walk(i, walked, fitted) for i in range(len(walked))]
     return Study(
-        walks=tuple(sorted(walks, key=lambda walk: (walk.fulcrum_mm, walk.label))), failed=tuple(failed),
-        model=walked[0][2].trial.model, contact=fitted, contact_name="" if contact is None else Path(contact).name,
-        bench=curves, bench_problem=problem, options=options,
-        inputs=inputs | {f"{label}: {file}": digest for label, trial, _ in walked
-                         for file, digest in trial.inputs.items()})
+        walks=tuple(sorted(walks, key=lambda walk: (walk.fulcrum_mm, walk.label))),
+        failed=tuple(failed),
+        model=walked[0][2].trial.model,
+        contact=fitted,
+        contact_name="" if contact is None else Path(contact).name,
+        bench=curves,
+        bench_problem=problem,
+        options=options,
+        inputs=inputs
+        | {
+            f"{label}: {file}": digest
+            for label, trial, _ in walked
+            for file, digest in trial.inputs.items()
+        },
+    )
 
 
 def _bench(file: str | Path) -> tuple[BenchCurves | None, str | None]:
     """The curves of a file, or why it is not used."""
     try:
         if Path(file).suffix.lower() in (".yaml", ".yml"):
-            raise InputError("is what a fit takes of a bench; the validation compares whole curves", file=file,
-                             right="Give a CSV with fulcrum_mm, displacement_mm and load_n")
+            raise InputError(
+                "is what a fit takes of a bench; the validation compares whole curves",
+                file=file,
+                right="Give a CSV with fulcrum_mm, displacement_mm and load_n",
+            )
         return load_bench_curves(file), None
     except InputError as error:
         return None, str(error)
@@ -265,19 +323,31 @@ def _study_walk(
     label, recorded, walk = walked[i]
     prints = set() if fitted is None else {trial.fingerprint for trial in fitted.trials}
     seen = [fingerprint(trial) in prints for _, trial, _ in walked]
-    others = [trial for j, (_, trial, _) in enumerate(walked) if j != i and (seen[j] or not any(seen))]
+    others = [
+        trial for j, (_, trial, _) in enumerate(walked) if j != i and (seen[j] or not any(seen))
+    ]
     plate, result = recorded.prosthetic_plate, walk.result
     comparison = compare(result, plate)
     curves = [stance_curve(t.prosthetic_plate, subject_mass_kg=t.subject.mass_kg) for t in others]
-    candidates = [walk_metrics(result, plate, comparison=comparison, null_curve=curve)
-                  for curve in curves if curve is not None] or [walk_metrics(result, plate, comparison=comparison)]
+    candidates = [
+        walk_metrics(result, plate, comparison=comparison, null_curve=curve)
+        for curve in curves
+        if curve is not None
+    ] or [walk_metrics(result, plate, comparison=comparison)]
     errors = [metrics.null_model_grf_rmse_bw for metrics in candidates]
     metrics = candidates[int(np.argmin([np.inf if error is None else error for error in errors]))]
     return StudyWalk(
-        label=label, role=OFFSETS_FITTED if fitted is None else FITTED if seen[i] else HELD_OUT, recorded=recorded,
-        trial=walk.trial if walk.fit is None else dataclasses.replace(walk.trial, offsets=walk.fit.offsets),
-        result=result, comparison=comparison, metrics=metrics,
-        warnings=tuple(warnings(result, comparison, metrics, walk.fit)))
+        label=label,
+        role=OFFSETS_FITTED if fitted is None else FITTED if seen[i] else HELD_OUT,
+        recorded=recorded,
+        trial=walk.trial
+        if walk.fit is None
+        else dataclasses.replace(walk.trial, offsets=walk.fit.offsets),
+        result=result,
+        comparison=comparison,
+        metrics=metrics,
+        warnings=tuple(warnings(result, comparison, metrics, walk.fit)),
+    )
 
 
 @dataclass(frozen=True)
@@ -290,8 +360,12 @@ class ValidatedWalk:
 
 
 def validate_walk(
-    manifest: str | Path, *, with_fit: bool = True, contact: str | Path | None = None, step_s: float = DEFAULT_STEP_S,
-    progress: Progress | None = None
+    manifest: str | Path,
+    *,
+    with_fit: bool = True,
+    contact: str | Path | None = None,
+    step_s: float = DEFAULT_STEP_S,
+    progress: Progress | None = None,
 ) -> ValidatedWalk:
     """Simulates the trial of `manifest`, after fitting the geometric offsets if `with_fit`.
 
@@ -307,15 +381,30 @@ def validate_walk(
 
 
 def walk_trial(
-    trial: Trial, *, with_fit: bool, step_s: float = DEFAULT_STEP_S, progress: Progress | None = None
+    trial: Trial,
+    *,
+    with_fit: bool,
+    step_s: float = DEFAULT_STEP_S,
+    progress: Progress | None = None,
 ) -> ValidatedWalk:
     """Simulates a trial that was read, after fitting its geometric offsets if `with_fit`."""
     walker = Walker(trial.subject, trial.model)
     fit = None
     if with_fit:
-        fit = fit_offsets(trial, walker=walker, progress=progress and (
-            lambda n, _: progress("fitting offsets", min(0.99, n / _TYPICAL_EVALUATIONS))))
+        fit = fit_offsets(
+            trial,
+            walker=walker,
+            progress=progress
+            and (lambda n, _: progress("fitting offsets", min(0.99, n / _TYPICAL_EVALUATIONS))),
+        )
     offsets = fit.offsets if fit else trial.offsets
-    walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                       step_s=step_s, offsets=offsets, progress=progress and (lambda f: progress("walking", f)))
+    walk = walker.walk(
+        trial.trajectory,
+        fulcrum_m=trial.fulcrum_m,
+        start_s=trial.start_s,
+        end_s=trial.end_s,
+        step_s=step_s,
+        offsets=offsets,
+        progress=progress and (lambda f: progress("walking", f)),
+    )
     return ValidatedWalk(trial=trial, result=walker.result(walk, trial, offsets), fit=fit)

@@ -32,8 +32,14 @@ from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.results import WalkResult
 
 QUANTITIES = {
-    "resultant": "BW", "vertical": "BW", "fore_aft": "BW", "medio_lateral": "BW", "impulse": "BW s", "cop": "FL",
-    "free_moment": "N m"}
+    "resultant": "BW",
+    "vertical": "BW",
+    "fore_aft": "BW",
+    "medio_lateral": "BW",
+    "impulse": "BW s",
+    "cop": "FL",
+    "free_moment": "N m",
+}
 """Curves by name, with their unit: forces at 40 Hz; fore-aft forward +, medio-lateral left +; impulse of the resultant
 from heel strike; centre of pressure at 6 Hz, fore-aft, ahead of the plate's rearmost one; free moment up +, 6 Hz."""
 Curves = dict[str, np.ndarray]
@@ -43,12 +49,20 @@ Curves = dict[str, np.ndarray]
 def walk_curves(walk: StudyWalk) -> Curves:
     """Curves of a walk, the mean of its whole stances; without the quantities that were not measured."""
     parts = [_stance_curves(walk, stance) for stance in walk.comparison.stances if stance.inside]
-    return {name: np.mean([part[name] for part in parts], axis=0) for name in parts[0]} if parts else {}
+    return (
+        {name: np.mean([part[name] for part in parts], axis=0) for name in parts[0]}
+        if parts
+        else {}
+    )
 
 
 def ensembles(curves: Sequence[Curves]) -> dict[str, np.ndarray]:
     """(2, n, 101) by quantity, over the walks that have it; without the quantities that none has."""
-    return {name: np.stack(own, axis=1) for name in QUANTITIES if (own := [one[name] for one in curves if name in one])}
+    return {
+        name: np.stack(own, axis=1)
+        for name in QUANTITIES
+        if (own := [one[name] for one in curves if name in one])
+    }
 
 
 def mean_curves(both: np.ndarray) -> dict[str, np.ndarray]:
@@ -57,7 +71,9 @@ def mean_curves(both: np.ndarray) -> dict[str, np.ndarray]:
     arrays = {}
     for side, curves in zip(("measured", "model"), both, strict=True):
         arrays[f"{side}_mean"] = curves.mean(axis=0)
-        arrays[f"{side}_sd"] = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.full(len(PERCENT), np.nan)
+        arrays[f"{side}_sd"] = (
+            curves.std(axis=0, ddof=1) if len(curves) > 1 else np.full(len(PERCENT), np.nan)
+        )
     return arrays
 
 
@@ -96,21 +112,31 @@ def has_free_moment(plate: PlateRecording) -> bool:
     return bool(plate.has_cop and np.any(plate.free_moment_nm))
 
 
-def stance_free_moments(result: WalkResult, plate: PlateRecording, stance: StanceComparison) -> np.ndarray:
+def stance_free_moments(
+    result: WalkResult, plate: PlateRecording, stance: StanceComparison
+) -> np.ndarray:
     """(2, 101) measured and the model's, N m, at 0-100 % of a measured stance; NaN where there is nothing."""
     instants = percent_instants(stance.measured)
-    moments = np.array([
-        filtered_while_loaded(of.free_moment_nm[:, None], of.time_s, force[:, 2], of.cop_W, instants)[:, 0]
-        for of, force in ((plate, plate.force_W), (result, result.grf_W))])
+    moments = np.array(
+        [
+            filtered_while_loaded(
+                of.free_moment_nm[:, None], of.time_s, force[:, 2], of.cop_W, instants
+            )[:, 0]
+            for of, force in ((plate, plate.force_W), (result, result.grf_W))
+        ]
+    )
     moments[1, np.isnan(stance.model_cop[:, 0])] = np.nan
     return moments
 
 
-def free_moment_errors(result: WalkResult, plate: PlateRecording, comparison: Comparison
-                       ) -> tuple[float | None, float | None]:
+def free_moment_errors(
+    result: WalkResult, plate: PlateRecording, comparison: Comparison
+) -> tuple[float | None, float | None]:
     """Root mean square (N m) and R², over all stances."""
     stances = comparison.stances if has_free_moment(plate) else ()
-    pairs = np.hstack([np.empty((2, 0)), *(stance_free_moments(result, plate, stance) for stance in stances)])
+    pairs = np.hstack(
+        [np.empty((2, 0)), *(stance_free_moments(result, plate, stance) for stance in stances)]
+    )
     measured, model = pairs[:, np.isfinite(pairs).all(axis=0)]
     return finite(rmse(model, measured)), finite(r_squared(model, measured))
 
@@ -173,7 +199,9 @@ def spm_version() -> str | None:
         return None
 
 
-def differing_regions(both: np.ndarray, *, seed: tuple[int, ...]) -> tuple[Tested, dict[str, np.ndarray]]:
+def differing_regions(
+    both: np.ndarray, *, seed: tuple[int, ...]
+) -> tuple[Tested, dict[str, np.ndarray]]:
     """Where the mean difference of an ensemble's walks is not zero; `seed` is of the bootstrap.
 
     Arrays (101,): `difference_mean`, `difference_low` and `difference_high` (the pointwise bootstrap band, 95 %); NaN
@@ -183,17 +211,25 @@ def differing_regions(both: np.ndarray, *, seed: tuple[int, ...]) -> tuple[Teste
     difference = model - measured
     n, known = len(difference), np.isfinite(difference).all(axis=0)
     mean = np.where(known, difference.mean(axis=0), np.nan)
-    arrays = {"difference_mean": mean, **{
-        key: np.full(len(PERCENT), np.nan) for key in ("difference_low", "difference_high")}}
-    tested = Tested(n=n, largest_difference=float(max(mean[known], key=abs)) if known.any() else None)
+    arrays = {
+        "difference_mean": mean,
+        **{key: np.full(len(PERCENT), np.nan) for key in ("difference_low", "difference_high")},
+    }
+    tested = Tested(
+        n=n, largest_difference=float(max(mean[known], key=abs)) if known.any() else None
+    )
     if n < LEAST_WALKS:
-        return dataclasses.replace(tested, why=f"{n} walk{'s' * (n != 1)}: a test needs {LEAST_WALKS}"), arrays
+        return dataclasses.replace(
+            tested, why=f"{n} walk{'s' * (n != 1)}: a test needs {LEAST_WALKS}"
+        ), arrays
 
     # the longest run of points that all walks know and at which they vary
     sd = np.where(known, difference.std(axis=0, ddof=1), 0.0)
     used = longest_run(known & (sd > _FLAT * sd.max()))
     if len(used) < _LEAST_POINTS:
-        return dataclasses.replace(tested, why="there are too few points at which all walks differ"), arrays
+        return dataclasses.replace(
+            tested, why="there are too few points at which all walks differ"
+        ), arrays
     own, first = difference[:, used], int(used[0])
     low, high = bootstrap_band(own, seed=seed)
     arrays["difference_low"][used], arrays["difference_high"][used] = low, high
@@ -203,18 +239,24 @@ def differing_regions(both: np.ndarray, *, seed: tuple[int, ...]) -> tuple[Teste
         try:
             threshold, spans = _spm(model[:, used], measured[:, used])
             regions, share = _regions(spans, first, own)
-            return dataclasses.replace(tested, method=SPM, threshold=threshold, regions=regions, share=share), arrays
+            return dataclasses.replace(
+                tested, method=SPM, threshold=threshold, regions=regions, share=share
+            ), arrays
         except Exception as error:  # whatever the optional package dislikes, the bands remain
             raise_if_interrupted()
             why = f"spm1d refused the curves ({' '.join(str(error).split())[:120]})"
     bands: list[tuple[float, float, float | None]] = [
-        (float(start), float(stop - 1), None) for start, stop in runs((low > 0.0) | (high < 0.0))]
+        (float(start), float(stop - 1), None) for start, stop in runs((low > 0.0) | (high < 0.0))
+    ]
     regions, share = _regions(bands, first, own)
-    return dataclasses.replace(tested, method=BOOTSTRAP, why=why, regions=regions, share=share), arrays
+    return dataclasses.replace(
+        tested, method=BOOTSTRAP, why=why, regions=regions, share=share
+    ), arrays
 
 
-def bootstrap_band(samples: np.ndarray, *, seed: tuple[int, ...], resamples: int = RESAMPLES
-                   ) -> tuple[np.ndarray, np.ndarray]:
+def bootstrap_band(
+    samples: np.ndarray, *, seed: tuple[int, ...], resamples: int = RESAMPLES
+) -> tuple[np.ndarray, np.ndarray]:
     """(k,) ends of the percentile bootstrap interval (1 - ALPHA) of the mean of (n, k) samples, point by point; with
     three samples they are the least and the largest of the three."""
     n = len(samples)
@@ -223,26 +265,46 @@ def bootstrap_band(samples: np.ndarray, *, seed: tuple[int, ...], resamples: int
     return low, high
 
 
-def _spm(model: np.ndarray, measured: np.ndarray) -> tuple[float | None, list[tuple[float, float, float | None]]]:
+def _spm(
+    model: np.ndarray, measured: np.ndarray
+) -> tuple[float | None, list[tuple[float, float, float | None]]]:
     """Threshold of |t| (None where it cannot be exceeded) and regions (first, last point, p).
 
     With two degrees of freedom the theory can give a narrow region a p above ALPHA: such a one is none.
     """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
-        test = importlib.import_module("spm1d").stats.ttest_paired(model, measured).inference(ALPHA, two_tailed=True)
+        test = (
+            importlib.import_module("spm1d")
+            .stats.ttest_paired(model, measured)
+            .inference(ALPHA, two_tailed=True)
+        )
     return finite(test.zstar), [
-        (float(c.endpoints[0]), float(c.endpoints[1]), float(c.P)) for c in test.clusters if c.P <= ALPHA]
+        (float(c.endpoints[0]), float(c.endpoints[1]), float(c.P))
+        for c in test.clusters
+        if c.P <= ALPHA
+    ]
 
 
 def _regions(
     spans: list[tuple[float, float, float | None]], first: int, difference: np.ndarray
 ) -> tuple[tuple[Region, ...], float]:
     """The regions (first, last point, p) as records, and the share of the points in them."""
-    points, inside, regions = np.arange(difference.shape[1]), np.zeros(difference.shape[1], dtype=bool), []
+    points, inside, regions = (
+        np.arange(difference.shape[1]),
+        np.zeros(difference.shape[1], dtype=bool),
+        [],
+    )
     for start, end, p in sorted(spans):
         own = (points >= start - 1e-9) & (points <= end + 1e-9)
         inside |= own
         mean = difference[:, own].mean() if own.any() else difference[:, round(start)].mean()
-        regions.append(Region(start_percent=first + start, end_percent=first + end, p=p, mean_difference=float(mean)))
+        regions.append(
+            Region(
+                start_percent=first + start,
+                end_percent=first + end,
+                p=p,
+                mean_difference=float(mean),
+            )
+        )
     return tuple(regions), float(inside.mean())

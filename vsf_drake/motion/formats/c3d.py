@@ -31,7 +31,12 @@ LOADED_N, FAR_M = 50.0, 0.3
 SMALLEST_M2 = 1e-3
 _BLOCK = 512
 _INTEL, _DEC, _MIPS = 84, 85, 86
-_SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}  # bytes of each type of parameter: text, 8-bit and 16-bit integers, 32-bit floats
+_SIZES = {
+    -1: 1,
+    1: 1,
+    2: 2,
+    4: 4,
+}  # bytes of each type of parameter: text, 8-bit and 16-bit integers, 32-bit floats
 _CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}  # analog channels of each type of plate
 _NOT_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 """Parameters of POINT that list the labels of computed quantities stored as points (Vicon)."""
@@ -44,7 +49,9 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
     rate = c3d.number("POINT:RATE") or c3d.rate_hz
     if not (np.isfinite(rate) and 0.0 < rate < 1e6):
         raise InputError(f"the frame rate {rate:g} makes no sense", file=path, where="POINT:RATE")
-    factor = units.file_length_factor(" ".join(c3d.texts("POINT:UNITS")[:1]), length_unit, path, "POINT:UNITS")
+    factor = units.file_length_factor(
+        " ".join(c3d.texts("POINT:UNITS")[:1]), length_unit, path, "POINT:UNITS"
+    )
     notes: list[str] = []
     start, fast = (c3d.first_frame - 1) / rate, rate * c3d.subframes
     labels, kept = _labels(c3d, notes)
@@ -56,19 +63,44 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
         if len(first) < len(labels):
             labels, positions = [labels[i] for i in first], positions[:, first]
     if c3d.subframes != c3d.stated_subframes and c3d.channels:
-        notes += say("files", "said", file=path.name, said=f"{c3d.stated_subframes} analog samples a frame",
-                     used=f"its parameters say {c3d.subframes}, which was used")
+        notes += say(
+            "files",
+            "said",
+            file=path.name,
+            said=f"{c3d.stated_subframes} analog samples a frame",
+            used=f"its parameters say {c3d.subframes}, which was used",
+        )
     plates = _read_plates(c3d, factor, notes)
     if positions is None and not plates:
-        raise InputError("has neither labelled markers nor force plates that can be read", file=path,
-                         right=" ".join(notes) or "Export the trial with its marker labels")
+        raise InputError(
+            "has neither labelled markers nor force plates that can be read",
+            file=path,
+            right=" ".join(notes) or "Export the trial with its marker labels",
+        )
     stated = c3d.number("ANALOG:RATE")
     if plates and stated and abs(stated / fast - 1.0) > 1e-3:
-        notes += say("files", "analog_rate", file=path.name, stated=stated, subframes=c3d.subframes, rate=fast)
+        notes += say(
+            "files",
+            "analog_rate",
+            file=path.name,
+            stated=stated,
+            subframes=c3d.subframes,
+            rate=fast,
+        )
     screen = "".join(c3d.texts("POINT:Y_SCREEN")[:1]).strip().lower()
     screen = screen if screen[:1] in ("+", "-") else f"+{screen}"
-    return RawTrial(labels, positions, rate, start, plates, fast, start, notes=notes,
-                    up=screen if screen[1:] in ("x", "y", "z") else None, person=_person(c3d, notes))
+    return RawTrial(
+        labels,
+        positions,
+        rate,
+        start,
+        plates,
+        fast,
+        start,
+        notes=notes,
+        up=screen if screen[1:] in ("x", "y", "z") else None,
+        person=_person(c3d, notes),
+    )
 
 
 def c3d_labels(path: Path) -> list[str]:
@@ -77,21 +109,34 @@ def c3d_labels(path: Path) -> list[str]:
 
 
 def _labels(c3d: _C3d, notes: list[str]) -> tuple[list[str], list[int]]:
-    labels = c3d.all_texts("POINT:LABELS")[:c3d.points]
+    labels = c3d.all_texts("POINT:LABELS")[: c3d.points]
     computed = {label for name in _NOT_POSITIONS for label in c3d.all_texts(f"POINT:{name}")}
-    kept = [i for i, label in enumerate(labels) if label and not label.startswith("*") and label not in computed]
+    kept = [
+        i
+        for i, label in enumerate(labels)
+        if label and not label.startswith("*") and label not in computed
+    ]
     left_out = [label for label in labels if label in computed and label]
-    notes += say("files", "points", file=c3d.path.name, computed=left_out,
-                 nameless=c3d.points - len(kept) - len(left_out))
+    notes += say(
+        "files",
+        "points",
+        file=c3d.path.name,
+        computed=left_out,
+        nameless=c3d.points - len(kept) - len(left_out),
+    )
     return [labels[i] for i in kept], kept
 
 
 def _person(c3d: _C3d, notes: list[str]) -> dict[str, float]:
     facts = {}
-    for name, key, factors, (low, high) in (("BODYMASS", "mass_kg", (1.0,), MASSES_KG),
-                                            ("HEIGHT", "stature_m", (1e-3, 1e-2, 1.0), STATURES_M)):
+    for name, key, factors, (low, high) in (
+        ("BODYMASS", "mass_kg", (1.0,), MASSES_KG),
+        ("HEIGHT", "stature_m", (1e-3, 1e-2, 1.0), STATURES_M),
+    ):
         value = c3d.number(f"PROCESSING:{name}")
-        fitting = [value * factor for factor in factors if low <= value * factor <= high] if value else []
+        fitting = (
+            [value * factor for factor in factors if low <= value * factor <= high] if value else []
+        )
         if fitting:
             facts[key] = fitting[0]
         elif value:
@@ -107,8 +152,12 @@ def _read_plates(c3d: _C3d, length_m: float, notes: list[str]) -> list[RawPlate]
     if not used or used < 0 or not c3d.channels:
         return []
     if used > MOST_PLATES:
-        raise InputError(f"{used:g} force plates are stated", file=c3d.path, where="FORCE_PLATFORM:USED",
-                         right=_DAMAGED)
+        raise InputError(
+            f"{used:g} force plates are stated",
+            file=c3d.path,
+            where="FORCE_PLATFORM:USED",
+            right=_DAMAGED,
+        )
     plates, broken = list[RawPlate](), list[InputError]()
     for i in range(int(used)):
         try:
@@ -133,14 +182,24 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
     corners = _of_plate(c3d, "CORNERS", i, 12).reshape(4, 3) * length_m
     x, y = corners[0] - corners[1], corners[0] - corners[3]
     z = np.cross(x, y)
-    bent = float(np.linalg.norm(z)) < 0.1 * float(np.linalg.norm(x) * np.linalg.norm(y)) or not x.any()
-    if bent or np.linalg.norm(np.cross(corners[2] - corners[0], corners[3] - corners[1])) / 2.0 < SMALLEST_M2:
+    bent = (
+        float(np.linalg.norm(z)) < 0.1 * float(np.linalg.norm(x) * np.linalg.norm(y)) or not x.any()
+    )
+    if (
+        bent
+        or np.linalg.norm(np.cross(corners[2] - corners[0], corners[3] - corners[1])) / 2.0
+        < SMALLEST_M2
+    ):
         notes += say("files", "unread_plate", file=c3d.path.name, plate=i + 1, kind=None)
         return None
     channels = [int(c) - 1 for c in _of_plate(c3d, "CHANNEL", i, _CHANNELS[kind])]
     if min(channels) < 0 or max(channels) >= c3d.channels:
-        raise InputError(f"force plate {i + 1} uses analog channels {min(channels) + 1} to {max(channels) + 1}; there "
-                         f"are {c3d.channels}", file=c3d.path, where="FORCE_PLATFORM:CHANNEL")
+        raise InputError(
+            f"force plate {i + 1} uses analog channels {min(channels) + 1} to {max(channels) + 1}; there "
+            f"are {c3d.channels}",
+            file=c3d.path,
+            where="FORCE_PLATFORM:CHANNEL",
+        )
     raw = c3d.read_analog(channels)
     axes = np.column_stack([v / np.linalg.norm(v) for v in (x, np.cross(z, x), z)])
     centre = corners.mean(axis=0)
@@ -153,39 +212,61 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
             with np.errstate(invalid="ignore", over="ignore"):
                 raw = raw @ matrices[:6, :6, i].T
     if not (raw.max(initial=0.0) < LARGEST and raw.min(initial=0.0) > -LARGEST):
-        raise InputError("an analog sample is not a believable number", file=c3d.path, where=f"force plate {i + 1}")
+        raise InputError(
+            "an analog sample is not a believable number",
+            file=c3d.path,
+            where=f"force plate {i + 1}",
+        )
     stated = c3d.all_texts("ANALOG:UNITS")
     text = stated[channels[3]] if channels[3] < len(stated) else ""
     factor = units.length_factor(text) if kind == 1 else units.moment_factor(text)
     unit = length_m if factor is None or kind == 3 else factor
     half = np.abs((corners - centre) @ axes)[:, :2].max(axis=0)
     choices = [unit] + [other for other in (1.0, 1e-3) if not np.isclose(other, unit) and kind != 3]
-    choice = next((choice for choice in choices if _on_plate(kind, raw, origin, choice, half)), unit)
+    choice = next(
+        (choice for choice in choices if _on_plate(kind, raw, origin, choice, half)), unit
+    )
     if choice != unit:
         notes += say("files", "other_moments", plate=i + 1, used=choice, stated=unit)
     force, point, torque = (vectors @ axes.T for vectors in _load(kind, raw, origin, choice))
-    return RawPlate(str(i + 1), force, point + centre if kind == 1 else centre, torque, corners=corners)
+    return RawPlate(
+        str(i + 1), force, point + centre if kind == 1 else centre, torque, corners=corners
+    )
 
 
-def _load(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _load(
+    kind: int, raw: np.ndarray, origin: np.ndarray, unit: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Force, point from the surface's centre and torque about it in P, each (n, 3), from the channels of a plate."""
     zero = np.zeros(len(raw))
-    if kind == 1:  # Fx, Fy, Fz, the centre of pressure Px, Py and the free moment Mz there, in multiples of `unit`
-        return (raw[:, :3], np.column_stack([raw[:, 3] * unit, raw[:, 4] * unit, zero]),
-                np.column_stack([zero, zero, raw[:, 5] * unit]))
+    if (
+        kind == 1
+    ):  # Fx, Fy, Fz, the centre of pressure Px, Py and the free moment Mz there, in multiples of `unit`
+        return (
+            raw[:, :3],
+            np.column_stack([raw[:, 3] * unit, raw[:, 4] * unit, zero]),
+            np.column_stack([zero, zero, raw[:, 5] * unit]),
+        )
     if kind == 3:  # of sensors at (+-a, +-b) under the surface; `origin` is (a, b, depth)
         a, b = abs(origin[0]), abs(origin[1])
         x12, x34, y14, y23, z1, z2, z3, z4 = raw.T
         force = np.column_stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4])
         torque = np.column_stack(
-            [b * (z1 + z2 - z3 - z4), a * (z2 + z3 - z1 - z4), b * (x34 - x12) + a * (y14 - y23)])
+            [b * (z1 + z2 - z3 - z4), a * (z2 + z3 - z1 - z4), b * (x34 - x12) + a * (y14 - y23)]
+        )
         lead = np.array([0.0, 0.0, -abs(origin[2])])
     else:  # Fx to Mz about the sensor's origin, from which `origin` leads to the surface's centre
         force, torque, lead = raw[:, :3], raw[:, 3:6] * unit, -origin if origin[2] > 0.0 else origin
-    return force, np.zeros_like(force), torque - np.cross(lead, force)  # moved: M_centre = M_origin - lead x F
+    return (
+        force,
+        np.zeros_like(force),
+        torque - np.cross(lead, force),
+    )  # moved: M_centre = M_origin - lead x F
 
 
-def _on_plate(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half: np.ndarray) -> bool:
+def _on_plate(
+    kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half: np.ndarray
+) -> bool:
     """Whether most loaded samples press near the plate, of half sizes (2,) m; True where it is not loaded."""
     force, point, torque = _load(kind, raw, origin, unit)
     on = np.abs(force[:, 2]) > LOADED_N
@@ -197,9 +278,13 @@ def _on_plate(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half:
 def _of_plate(c3d: _C3d, name: str, i: int, size: int) -> np.ndarray:
     value = c3d.values(f"FORCE_PLATFORM:{name}")
     row = value.shape[0] if name == "CHANNEL" and value.ndim > 1 else size
-    flat = value.ravel(order="F")[i * row:i * row + size]
+    flat = value.ravel(order="F")[i * row : i * row + size]
     if len(flat) != size or not (np.abs(flat) < LARGEST).all():
-        raise InputError(f"says nothing usable of force plate {i + 1}", file=c3d.path, where=f"FORCE_PLATFORM:{name}")
+        raise InputError(
+            f"says nothing usable of force plate {i + 1}",
+            file=c3d.path,
+            where=f"FORCE_PLATFORM:{name}",
+        )
     return flat
 
 
@@ -207,8 +292,7 @@ def _of_plate(c3d: _C3d, name: str, i: int, size: int) -> np.ndarray:
 
 
 class _C3d:
-    """A C3D file: counts of points, channels, frames (from 1) and analog samples a frame; what its header says of them.
-    """
+    """A C3D file: counts of points, channels, frames (from 1) and analog samples a frame; what its header says of them."""
 
     def __init__(self, path: Path) -> None:
         """Reads header and parameters; refuses what is missing, empty, no C3D file, damaged in them or truncated."""
@@ -220,17 +304,29 @@ class _C3d:
                 if not head:
                     raise InputError("the file is empty", file=path)
                 if len(head) < _BLOCK or head[1] != 0x50:
-                    raise InputError("is not a C3D file", file=path, where="header",
-                                     right="Its second byte must be 0x50" if len(head) >= _BLOCK else "It is too short")
+                    raise InputError(
+                        "is not a C3D file",
+                        file=path,
+                        where="header",
+                        right="Its second byte must be 0x50"
+                        if len(head) >= _BLOCK
+                        else "It is too short",
+                    )
                 start = (max(head[0], 1) - 1) * _BLOCK
                 stream.seek(start)
                 lead = stream.read(4)
                 if len(lead) < 4:
-                    raise InputError("ends before its parameters", file=path, right="Is the file truncated?")
+                    raise InputError(
+                        "ends before its parameters", file=path, right="Is the file truncated?"
+                    )
                 self._processor = lead[3] if lead[3] in (_INTEL, _DEC, _MIPS) else lead[3] + 83
                 if self._processor not in (_INTEL, _DEC, _MIPS):
-                    raise InputError(f"the processor type {lead[3]} is unknown", file=path, where="parameters",
-                                     right="It must be 84, 85 or 86: is the file damaged?")
+                    raise InputError(
+                        f"the processor type {lead[3]} is unknown",
+                        file=path,
+                        where="parameters",
+                        right="It must be 84, 85 or 86: is the file damaged?",
+                    )
                 words = [int(word) for word in self._integers(head, signed=False)]
                 stream.seek(start)
                 section = stream.read(max(lead[2], words[8] - 1 - start // _BLOCK, 1) * _BLOCK)
@@ -239,13 +335,17 @@ class _C3d:
         except OSError as error:
             raise InputError(f"cannot be read ({error.strerror})", file=path) from None
         with np.errstate(all="ignore"):
-            self._scale, self.rate_hz = (float(self._floats(head[at:at + 4])[0]) for at in (12, 20))
+            self._scale, self.rate_hz = (
+                float(self._floats(head[at : at + 4])[0]) for at in (12, 20)
+            )
         self.points, self.stated_subframes = words[1], words[9]
         self._parameters = self._read_parameters(section)
         self._find_frames(words[2], words[3], words[4], words[8])
 
     def _integers(self, data: bytes, *, signed: bool = True) -> np.ndarray:
-        return np.frombuffer(data, (">" if self._processor == _MIPS else "<") + ("i2" if signed else "u2"))
+        return np.frombuffer(
+            data, (">" if self._processor == _MIPS else "<") + ("i2" if signed else "u2")
+        )
 
     def _floats(self, data: bytes) -> np.ndarray:
         """32-bit numbers; DEC's have their halves swapped and four times the value of IEEE's."""
@@ -262,19 +362,23 @@ class _C3d:
         for _ in range(MOST_RECORDS):
             if at + 2 > len(section) or section[at] == 0:
                 break
-            length, group = (int(byte) for byte in np.frombuffer(section[at:at + 2], np.int8))
+            length, group = (int(byte) for byte in np.frombuffer(section[at : at + 2], np.int8))
             name_end = at + 2 + abs(length)
-            name = section[at + 2:name_end].decode("latin-1").strip().upper()
+            name = section[at + 2 : name_end].decode("latin-1").strip().upper()
             fits = name_end + 2 <= len(section) and group != 0
             value = self._read_value(section, name_end + 2) if fits and group > 0 else []
             if not fits or value is None:
-                raise InputError("the parameter section is damaged", file=self.path, right="Export the trial again",
-                                 where=f"parameter {name}" if fits else f"parameters, byte {at}")
+                raise InputError(
+                    "the parameter section is damaged",
+                    file=self.path,
+                    right="Export the trial again",
+                    where=f"parameter {name}" if fits else f"parameters, byte {at}",
+                )
             if group < 0:
                 groups[-group] = name
             else:
                 parameters.append((group, name, value))
-            step = int(self._integers(section[name_end:name_end + 2], signed=False)[0])
+            step = int(self._integers(section[name_end : name_end + 2], signed=False)[0])
             if step == 0:
                 break
             at = name_end + step
@@ -285,18 +389,25 @@ class _C3d:
         if at + 2 > len(section):
             return None
         kind, count = section[at] - 256 * (section[at] > 127), section[at + 1]
-        shape = tuple(section[at + 2:at + 2 + count])
+        shape = tuple(section[at + 2 : at + 2 + count])
         if kind not in _SIZES or len(shape) != count or count > 7:
             return None
         items = int(np.prod(shape, dtype=object)) if shape else 1
-        data = section[at + 2 + count:at + 2 + count + items * _SIZES[kind]]
+        data = section[at + 2 + count : at + 2 + count + items * _SIZES[kind]]
         if len(data) != items * _SIZES[kind]:
             return None
         if kind == -1:
             width = shape[0] if shape else 1
-            texts = (data[i * width:(i + 1) * width].decode("latin-1") for i in range(items // width if width else 0))
+            texts = (
+                data[i * width : (i + 1) * width].decode("latin-1")
+                for i in range(items // width if width else 0)
+            )
             return [as_label(text).replace("\n", " ").replace("\t", " ") for text in texts]
-        values = np.frombuffer(data, np.int8) if kind == 1 else (self._integers if kind == 2 else self._floats)(data)
+        values = (
+            np.frombuffer(data, np.int8)
+            if kind == 1
+            else (self._integers if kind == 2 else self._floats)(data)
+        )
         return values.reshape(shape, order="F") if shape else values
 
     def texts(self, name: str) -> list[str]:
@@ -309,29 +420,48 @@ class _C3d:
 
     def _parts(self, name: str) -> Iterator[str]:
         yield name
-        yield from itertools.takewhile(lambda part: len(self._parameters.get(part, ())),
-                                       (f"{name}{i}" for i in itertools.count(2)))
+        yield from itertools.takewhile(
+            lambda part: len(self._parameters.get(part, ())),
+            (f"{name}{i}" for i in itertools.count(2)),
+        )
 
     def values(self, name: str) -> np.ndarray:
         """A parameter of numbers as float; empty where there is none."""
         value = self._parameters.get(name)
-        return np.zeros(0) if value is None or isinstance(value, list) else np.asarray(value, dtype=float)
+        return (
+            np.zeros(0)
+            if value is None or isinstance(value, list)
+            else np.asarray(value, dtype=float)
+        )
 
     def number(self, name: str) -> float | None:
         value = self.values(name).ravel(order="F")
         return float(value[0]) if value.size and np.isfinite(value[0]) else None
 
-    def _find_frames(self, analog_per_frame: int, first_frame: int, last_frame: int, data_block: int) -> None:
+    def _find_frames(
+        self, analog_per_frame: int, first_frame: int, last_frame: int, data_block: int
+    ) -> None:
         """Where and how many the frames are; header and parameters that disagree are settled by the file's size."""
         block = int(data_block or self.number("POINT:DATA_START") or 0)
-        scale = self._scale if self.points == 0 or self._scale else self.number("POINT:SCALE") or 0.0
+        scale = (
+            self._scale if self.points == 0 or self._scale else self.number("POINT:SCALE") or 0.0
+        )
         if block < 2 or not np.isfinite(scale):
-            raise InputError("the header does not say where the frames are", file=self.path, where="header",
-                             right=_DAMAGED)
+            raise InputError(
+                "the header does not say where the frames are",
+                file=self.path,
+                where="header",
+                right=_DAMAGED,
+            )
         self.subframes = self._subframes(analog_per_frame) if analog_per_frame else 0
         if analog_per_frame and not self.subframes:
-            raise InputError(f"{analog_per_frame} analog numbers a frame fit neither {self.stated_subframes} samples a "
-                             "frame nor ANALOG:USED and ANALOG:RATE", file=self.path, where="header", right=_DAMAGED)
+            raise InputError(
+                f"{analog_per_frame} analog numbers a frame fit neither {self.stated_subframes} samples a "
+                "frame nor ANALOG:USED and ANALOG:RATE",
+                file=self.path,
+                where="header",
+                right=_DAMAGED,
+            )
         self.channels = analog_per_frame // self.subframes if self.subframes else 0
         self._start, self._are_floats = (block - 1) * _BLOCK, scale < 0.0
         self._words = 4 * self.points + self.channels * self.subframes
@@ -342,27 +472,42 @@ class _C3d:
         trial = self._trial_frames()
         by_header = last_frame - first_frame + 1
         long = self.number("POINT:FRAMES") if last_frame == MOST_16_BITS else None
-        counts = [by_header, trial[1] - trial[0] + 1 if trial else 0,
-                  *(int(min(value, MOST_FRAMES)) for value in (long, self.number("POINT:LONG_FRAMES")) if value)]
+        counts = [
+            by_header,
+            trial[1] - trial[0] + 1 if trial else 0,
+            *(
+                int(min(value, MOST_FRAMES))
+                for value in (long, self.number("POINT:LONG_FRAMES"))
+                if value
+            ),
+        ]
         stated = [frames for frames in counts if 0 < frames < MOST_FRAMES]
         self.frames = max((frames for frames in stated if frames <= held), default=0)
         if not self.frames:
-            raise InputError(f"the header says {max(stated, default=0)} frames, the file holds {held}", file=self.path,
-                             right="Is the file truncated?")
+            raise InputError(
+                f"the header says {max(stated, default=0)} frames, the file holds {held}",
+                file=self.path,
+                right="Is the file truncated?",
+            )
         if self.frames == by_header and last_frame == MOST_16_BITS:
             self.frames = self._frames_held(held)
         own = trial and trial[0] % (MOST_16_BITS + 1) == first_frame
         self.first_frame = trial[0] if trial and own else max(first_frame, 1)
 
     def _subframes(self, total: int) -> int:
-        """Analog samples a frame of `total` numbers: as channels and rates agree, else the header's; 0 if none divides.
-        """
-        used, fast, slow = (self.number(name) or 0.0 for name in ("ANALOG:USED", "ANALOG:RATE", "POINT:RATE"))
+        """Analog samples a frame of `total` numbers: as channels and rates agree, else the header's; 0 if none divides."""
+        used, fast, slow = (
+            self.number(name) or 0.0 for name in ("ANALOG:USED", "ANALOG:RATE", "POINT:RATE")
+        )
         by_channels = total / used if used >= 1.0 else 0.0
         by_rate = fast / (slow or self.rate_hz or np.inf)
         agreed = by_channels if abs(by_rate - by_channels) < 1e-3 * by_channels else 0.0
         for subframes in (agreed, float(self.stated_subframes), by_channels, by_rate):
-            if 1.0 <= subframes <= total and subframes == round(subframes) and total % subframes == 0:
+            if (
+                1.0 <= subframes <= total
+                and subframes == round(subframes)
+                and total % subframes == 0
+            ):
                 return int(subframes)
         return 0
 
@@ -372,7 +517,7 @@ class _C3d:
         with open(self.path, "rb") as stream:
             stream.seek(self._start + max(held - 1 - _BLOCK // size, 0) * size)
             tail = stream.read()
-        tail = tail[:len(tail) // size * size]
+        tail = tail[: len(tail) // size * size]
         while held > 1 and tail and not any(tail[-size:]):
             tail, held = tail[:-size], held - 1
         return held
@@ -394,10 +539,16 @@ class _C3d:
         NaN where the residual is negative, or all three numbers are zero.
         """
         scale = 1.0 if self._are_floats else abs(self._scale or self.number("POINT:SCALE") or 1.0)
-        words = self._numbers()[:, :4 * self.points].reshape(self.frames, self.points, 4)[:, points]
+        words = self._numbers()[:, : 4 * self.points].reshape(self.frames, self.points, 4)[
+            :, points
+        ]
         with np.errstate(invalid="ignore"):
             place = words[..., :3].astype(float)
-        place[~(np.abs(place) < LARGEST).all(axis=-1) | (place == 0.0).all(axis=-1) | ~(words[..., 3] >= 0.0)] = np.nan
+        place[
+            ~(np.abs(place) < LARGEST).all(axis=-1)
+            | (place == 0.0).all(axis=-1)
+            | ~(words[..., 3] >= 0.0)
+        ] = np.nan
         place *= scale
         place *= length_m
         return place
@@ -406,11 +557,15 @@ class _C3d:
         """(samples, len(channels)) of the channels asked for (from 0), in their own units."""
         general = self.number("ANALOG:GEN_SCALE")
         unsigned = any(text.upper().startswith("UNSIGNED") for text in self.texts("ANALOG:FORMAT"))
-        scales = self._per_channel("ANALOG:SCALE", channels, 1.0) * (1.0 if general is None else general)
+        scales = self._per_channel("ANALOG:SCALE", channels, 1.0) * (
+            1.0 if general is None else general
+        )
         offsets = self._per_channel("ANALOG:OFFSET", channels, 0.0)
         if unsigned:
             offsets = np.where(offsets < 0.0, offsets + 65536.0, offsets)
-        samples = self._numbers(signed=not unsigned)[:, 4 * self.points:].reshape(-1, self.channels)[:, channels]
+        samples = self._numbers(signed=not unsigned)[:, 4 * self.points :].reshape(
+            -1, self.channels
+        )[:, channels]
         with np.errstate(invalid="ignore", over="ignore"):
             return np.asarray((samples - offsets) * scales)
 

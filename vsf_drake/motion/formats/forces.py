@@ -22,12 +22,33 @@ from vsf_drake.sentences import say
 
 FORCE_FILES = (".mot", ".sto", ".csv", ".forces")
 FARTHEST_M = 20.0  # a centre of pressure under load farther from the laboratory's origin than this is in another unit
-NEAREST_M = 0.02  # one that never leaves this distance from the origin, though in millimetres, is in metres
+NEAREST_M = (
+    0.02  # one that never leaves this distance from the origin, though in millimetres, is in metres
+)
 LARGEST_N = 20_000.0
-_POINTS = ("cop{a}{n}", "cop_{a}{n}", "cop{a}_{n}", "cop_{a}_{n}", "cop{n}_{a}", "cop{n}{a}", "p{a}{n}", "p{a}_{n}",
-           "{a}{n}")
-_TORQUES = ("m{a}{n}", "m{a}_{n}", "moment_{a}_{n}", "t{a}{n}", "t{a}_{n}", "torque_{a}_{n}", "m{n}{a}", "m{n}_{a}",
-            "t{n}{a}", "t{n}_{a}")
+_POINTS = (
+    "cop{a}{n}",
+    "cop_{a}{n}",
+    "cop{a}_{n}",
+    "cop_{a}_{n}",
+    "cop{n}_{a}",
+    "cop{n}{a}",
+    "p{a}{n}",
+    "p{a}_{n}",
+    "{a}{n}",
+)
+_TORQUES = (
+    "m{a}{n}",
+    "m{a}_{n}",
+    "moment_{a}_{n}",
+    "t{a}{n}",
+    "t{a}_{n}",
+    "torque_{a}_{n}",
+    "m{n}{a}",
+    "m{n}_{a}",
+    "t{n}{a}",
+    "t{n}_{a}",
+)
 
 
 @dataclass(frozen=True)
@@ -55,10 +76,17 @@ def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
         notes += warnings
     columns = _find_plates(table.names)
     if not columns:
-        raise InputError(f"has no force columns; its columns are {', '.join(table.names)[:300]}", file=path,
-                         right="Name them as OpenSim does: ground_force_r_vx, ..., ground_force_r_px, ..., "
-                               "ground_torque_r_x, ...")
-    used = {name for plate in columns for name in (*plate.force, *plate.point, *plate.torque, plate.twist)}
+        raise InputError(
+            f"has no force columns; its columns are {', '.join(table.names)[:300]}",
+            file=path,
+            right="Name them as OpenSim does: ground_force_r_vx, ..., ground_force_r_px, ..., "
+            "ground_torque_r_x, ...",
+        )
+    used = {
+        name
+        for plate in columns
+        for name in (*plate.force, *plate.point, *plate.torque, plate.twist)
+    }
     unused = [name for name in table.names if name not in used]
     if unused:
         notes += say("files", "unused", file=path.name, names=unused)
@@ -66,11 +94,18 @@ def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
     opensim = all(plate.force[0].endswith("_vx") for plate in columns)
     from_c3d = any(re.fullmatch(r"f\d*_1", plate.force[0].lower()) for plate in columns)
     z_up = from_c3d or (suffix == ".csv" and not opensim)
-    return RawTrial(plates=plates, force_rate_hz=rate, force_start_s=start, up_convention=None if z_up else "+y",
-                    notes=notes)
+    return RawTrial(
+        plates=plates,
+        force_rate_hz=rate,
+        force_start_s=start,
+        up_convention=None if z_up else "+y",
+        notes=notes,
+    )
 
 
-def _in_metres(table: Storage, columns: list[PlateColumns], wanted: str | None, notes: list[str]) -> list[RawPlate]:
+def _in_metres(
+    table: Storage, columns: list[PlateColumns], wanted: str | None, notes: list[str]
+) -> list[RawPlate]:
     convention = 1.0 if table.length_m is None else table.length_m
     units = [convention] if wanted is None else [wanted_length_factor(wanted), convention]
     for unit in units:
@@ -81,9 +116,12 @@ def _in_metres(table: Storage, columns: list[PlateColumns], wanted: str | None, 
                 notes += say("files", "force_unit", file=table.path.name, unit=unit)
             return plates
         row, name, far = wrong
-    raise InputError(f"a centre of pressure {far:.4g} m from the origin is not believable", file=table.path,
-                     where=f"line {table.lines[row]}, plate {name}",
-                     right="Give laboratory.length_unit (--length-unit), perhaps mm")
+    raise InputError(
+        f"a centre of pressure {far:.4g} m from the origin is not believable",
+        file=table.path,
+        where=f"line {table.lines[row]}, plate {name}",
+        right="Give laboratory.length_unit (--length-unit), perhaps mm",
+    )
 
 
 def _wrong_unit(plates: list[RawPlate], unit: float) -> tuple[int, str, float] | None:
@@ -98,7 +136,11 @@ def _wrong_unit(plates: list[RawPlate], unit: float) -> tuple[int, str, float] |
     if not reach:
         return None
     median, row, name = max(reach)
-    return (row, name, median) if median > FARTHEST_M or (unit < 1.0 and median < NEAREST_M * unit) else None
+    return (
+        (row, name, median)
+        if median > FARTHEST_M or (unit < 1.0 and median < NEAREST_M * unit)
+        else None
+    )
 
 
 def _read_load(table: Storage, plate: PlateColumns, length_m: float) -> RawPlate:
@@ -106,20 +148,34 @@ def _read_load(table: Storage, plate: PlateColumns, length_m: float) -> RawPlate
     size = np.linalg.norm(force, axis=1)
     if size.max(initial=0.0) > LARGEST_N:
         row = int(np.argmax(size))
-        raise InputError(f"a force of {size[row]:.4g} N is not believable", file=table.path,
-                         where=f"line {table.lines[row]}, plate {plate.name}", right="Newtons are needed")
+        raise InputError(
+            f"a force of {size[row]:.4g} N is not believable",
+            file=table.path,
+            where=f"line {table.lines[row]}, plate {plate.name}",
+            right="Newtons are needed",
+        )
     loaded = size > THRESHOLD_N
-    point, torque, twist = (length_m * table.vectors(names, loaded) for names in
-                            (plate.point, plate.torque, (plate.twist,)))
+    point, torque, twist = (
+        length_m * table.vectors(names, loaded)
+        for names in (plate.point, plate.torque, (plate.twist,))
+    )
     has_point = sum(name is not None for name in plate.point) >= 2
-    return RawPlate(plate.name, force, point if has_point else None, torque, twist[:, 0] if plate.twist else None)
+    return RawPlate(
+        plate.name,
+        force,
+        point if has_point else None,
+        torque,
+        twist[:, 0] if plate.twist else None,
+    )
 
 
 def _find_plates(names: tuple[str, ...]) -> list[PlateColumns]:
     """The plates whose three force columns stand among the names, in the order of their first column."""
     lower = {name.lower(): name for name in names}
     for name in names:  # "plate 1.force_x" as "force_x_plate_1"
-        if match := re.fullmatch(r"(.+?)[_. ]((?:f|force_?|cop_?|p|m|moment_?|t|torque_?)[xyz])", name.lower()):
+        if match := re.fullmatch(
+            r"(.+?)[_. ]((?:f|force_?|cop_?|p|m|moment_?|t|torque_?)[xyz])", name.lower()
+        ):
             lower.setdefault("_".join((match[2], re.sub(r"\W", "_", match[1]))), name)
     plates: dict[str, PlateColumns | None] = {}
     for spelling, name in lower.items():
@@ -128,26 +184,47 @@ def _find_plates(names: tuple[str, ...]) -> list[PlateColumns]:
         if name.endswith("_vx") and {name[:-1] + "y", name[:-1] + "z"} <= set(names):
             plates[name] = opensim_columns(name[:-3], names)
         elif match := re.fullmatch(r"f(\d*)_1", spelling):
-            plates[name] = _numbered(match.group(1), lower, "f{n}_{a}", ("p{n}_{a}",), ("m{n}_{a}", "t{n}_{a}"), "123")
+            plates[name] = _numbered(
+                match.group(1), lower, "f{n}_{a}", ("p{n}_{a}",), ("m{n}_{a}", "t{n}_{a}"), "123"
+            )
         elif match := re.fullmatch(r"(f|grf_?|force_?)x(_?)(\d*|(?<=_)\w+)", spelling):
-            plates[name] = _numbered(match[3], lower, match[1] + "{a}" + match[2] + "{n}", _POINTS, _TORQUES, "xyz")
+            plates[name] = _numbered(
+                match[3], lower, match[1] + "{a}" + match[2] + "{n}", _POINTS, _TORQUES, "xyz"
+            )
         elif match := re.fullmatch(r"f(\d+)(_?)x", spelling):
-            plates[name] = _numbered(match[1], lower, "f{n}" + match[2] + "{a}", _POINTS, _TORQUES, "xyz")
+            plates[name] = _numbered(
+                match[1], lower, "f{n}" + match[2] + "{a}", _POINTS, _TORQUES, "xyz"
+            )
     return [plate for name in names if (plate := plates.get(name)) is not None]
 
 
 def opensim_columns(prefix: str, names: tuple[str, ...]) -> PlateColumns:
     """The columns that begin with an OpenSim prefix, and the torque's in any spelling."""
     moment = prefix.replace("force", "moment")
-    torques = (f"{prefix.replace('force', 'torque')}_{{a}}", f"{moment}_m{{a}}", f"{moment}_{{a}}", f"{prefix}_m{{a}}")
+    torques = (
+        f"{prefix.replace('force', 'torque')}_{{a}}",
+        f"{moment}_m{{a}}",
+        f"{moment}_{{a}}",
+        f"{prefix}_m{{a}}",
+    )
     return PlateColumns(
-        prefix, tuple(f"{prefix}_v{a}" for a in "xyz"),
+        prefix,
+        tuple(f"{prefix}_v{a}" for a in "xyz"),
         tuple(name if (name := f"{prefix}_p{a}") in names else None for a in "xyz"),
-        tuple(next((name for t in torques if (name := t.format(a=a)) in names), None) for a in "xyz"))
+        tuple(
+            next((name for t in torques if (name := t.format(a=a)) in names), None) for a in "xyz"
+        ),
+    )
 
 
-def _numbered(n: str, lower: dict[str, str], force: str, points: tuple[str, ...], torques: tuple[str, ...],
-              axes: str) -> PlateColumns | None:
+def _numbered(
+    n: str,
+    lower: dict[str, str],
+    force: str,
+    points: tuple[str, ...],
+    torques: tuple[str, ...],
+    axes: str,
+) -> PlateColumns | None:
     def best(*patterns: str) -> tuple[str | None, ...]:
         spelled = [tuple(lower.get(pattern.format(n=n, a=a)) for a in axes) for pattern in patterns]
         return max(spelled, key=lambda columns: sum(name is not None for name in columns))

@@ -16,21 +16,36 @@ from vsf_drake.motion.formats.tables import read_trc, trc_labels
 from vsf_drake.sentences import say
 
 MARKER_FILES = (".c3d", ".trc")
-LARGEST_M, SMALLEST_M, SMALLEST_WHOLE_M, FARTHEST_M = 10.0, 0.02, 0.25, 200.0  # of one person's markers
+LARGEST_M, SMALLEST_M, SMALLEST_WHOLE_M, FARTHEST_M = (
+    10.0,
+    0.02,
+    0.25,
+    200.0,
+)  # of one person's markers
 AXES = "xyz"
 TRAVEL_M = 0.5  # a person whose markers travel farther than this walks through the laboratory
 LEVEL = 0.999  # cosine of the tilt (2.6 degrees) up to which a plate is level
 WHOLE_MARKERS = 12  # so many markers are taken for a person's (both legs at least), who extends most along the vertical
-NARROW = 0.6  # a person's height is never less than this share of their length or width (arms spread)
+NARROW = (
+    0.6  # a person's height is never less than this share of their length or width (arms spread)
+)
 BELOW_M = 0.3  # markers whose lowest lies this far below the floor, their middle below it too, stand on their head
 STRONG_N = 100.0
 BASELINE_N = 5.0  # an unloaded plate that shows more than this was not zeroed
 FLOOR_M = 0.02  # plates this near z = 0 lie in the floor at 0; farther ones show where the floor is
-VERTICAL_SHARE = 0.8  # of a walking person's ground reaction, at its strongest, this share at least is vertical
+VERTICAL_SHARE = (
+    0.8  # of a walking person's ground reaction, at its strongest, this share at least is vertical
+)
 
 
-def read_trial(path: str | Path, *, forces: str | Path | None = None, up: str | None = None,
-               forward: str | None = None, length_unit: str | None = None) -> Recording:
+def read_trial(
+    path: str | Path,
+    *,
+    forces: str | Path | None = None,
+    up: str | None = None,
+    forward: str | None = None,
+    length_unit: str | None = None,
+) -> Recording:
     """Reads markers and force plates of a trial into W (x forward, y left, z up, floor at z = 0), in m, N and N m.
 
     Args:
@@ -45,15 +60,22 @@ def read_trial(path: str | Path, *, forces: str | Path | None = None, up: str | 
     suffix = path.suffix.lower()
     if suffix in FORCE_FILES:
         if force_path is not None:
-            raise InputError("is a force file itself", file=path, right="Give the marker file (.c3d or .trc) first")
+            raise InputError(
+                "is a force file itself",
+                file=path,
+                right="Give the marker file (.c3d or .trc) first",
+            )
         trial, force_path = read_forces(path, length_unit=length_unit), path
     elif suffix in MARKER_FILES:
         trial = _read_markers(path, length_unit)
         if force_path is not None:
             _join(trial, path, force_path, length_unit)
     else:
-        raise InputError(f"files that end in {suffix or 'nothing'} are not read", file=path,
-                         right=f"Use {', '.join(MARKER_FILES + FORCE_FILES)}")
+        raise InputError(
+            f"files that end in {suffix or 'nothing'} are not read",
+            file=path,
+            right=f"Use {', '.join(MARKER_FILES + FORCE_FILES)}",
+        )
     return _in_world(trial, path, force_path, up=up, forward=forward)
 
 
@@ -90,42 +112,66 @@ def _check_size(trial: RawTrial, path: Path) -> None:
     reach, count = float(np.linalg.norm(_extents(trial.positions))), len(trial.labels)
     smallest = SMALLEST_WHOLE_M if count >= WHOLE_MARKERS else SMALLEST_M
     if np.isfinite(reach) and (reach > LARGEST_M or (count >= 3 and reach < smallest)):
-        raise InputError(f"the markers reach over {reach:.4g} m, which no person does", file=path,
-                         right="The stated unit is wrong: give laboratory.length_unit (--length-unit)")
-    farthest = max(np.fmax.reduce(trial.positions, axis=None, initial=0.0),
-                   -np.fmin.reduce(trial.positions, axis=None, initial=0.0))
+        raise InputError(
+            f"the markers reach over {reach:.4g} m, which no person does",
+            file=path,
+            right="The stated unit is wrong: give laboratory.length_unit (--length-unit)",
+        )
+    farthest = max(
+        np.fmax.reduce(trial.positions, axis=None, initial=0.0),
+        -np.fmin.reduce(trial.positions, axis=None, initial=0.0),
+    )
     if farthest > FARTHEST_M:
-        raise InputError(f"a marker lies {farthest:.4g} m from the origin", file=path,
-                         right="Is the unit right? Otherwise give laboratory.length_unit (--length-unit)")
+        raise InputError(
+            f"a marker lies {farthest:.4g} m from the origin",
+            file=path,
+            right="Is the unit right? Otherwise give laboratory.length_unit (--length-unit)",
+        )
 
 
 def _join(trial: RawTrial, path: Path, force_path: Path, length_unit: str | None) -> None:
     if trial.plates:
-        raise InputError(f"has {len(trial.plates)} force plates of its own", file=path, where="forces",
-                         right=f"Leave {force_path.name} out")
+        raise InputError(
+            f"has {len(trial.plates)} force plates of its own",
+            file=path,
+            where="forces",
+            right=f"Leave {force_path.name} out",
+        )
     if force_path.suffix.lower() not in FORCE_FILES:
         raise InputError("is no force file", file=force_path, right=f"Use {', '.join(FORCE_FILES)}")
     more = read_forces(force_path, length_unit=length_unit)
-    trial.plates, trial.force_rate_hz, trial.force_start_s = more.plates, more.force_rate_hz, more.force_start_s
+    trial.plates, trial.force_rate_hz, trial.force_start_s = (
+        more.plates,
+        more.force_rate_hz,
+        more.force_start_s,
+    )
     trial.notes += more.notes
     if trial.positions is None:
         return
     if trial.force_start_s is None:
         trial.force_start_s = trial.marker_start_s
         trial.notes += say("files", "untimed", file=force_path.name)
-    seen, felt = ((start, start + (samples - 1) / rate) for start, samples, rate in (
-        (trial.marker_start_s, len(trial.positions), trial.marker_rate_hz),
-        (trial.force_start_s, len(trial.plates[0].force), trial.force_rate_hz)))
+    seen, felt = (
+        (start, start + (samples - 1) / rate)
+        for start, samples, rate in (
+            (trial.marker_start_s, len(trial.positions), trial.marker_rate_hz),
+            (trial.force_start_s, len(trial.plates[0].force), trial.force_rate_hz),
+        )
+    )
     both = common(seen, felt)
     if both is None:
-        raise InputError(f"covers {felt[0]:g} to {felt[1]:g} s, the markers {seen[0]:g} to {seen[1]:g} s",
-                         file=force_path, right="Markers and forces must overlap in time: are they of one trial?")
+        raise InputError(
+            f"covers {felt[0]:g} to {felt[1]:g} s, the markers {seen[0]:g} to {seen[1]:g} s",
+            file=force_path,
+            right="Markers and forces must overlap in time: are they of one trial?",
+        )
     if max(abs(seen[0] - felt[0]), abs(seen[1] - felt[1])) > 1.0 / trial.marker_rate_hz:
         trial.notes += say("files", "cover", seen=seen, felt=felt, both=both)
 
 
-def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str | None,
-              forward: str | None) -> Recording:
+def _in_world(
+    trial: RawTrial, path: Path, force_path: Path | None, *, up: str | None, forward: str | None
+) -> Recording:
     notes = trial.notes
     rotation = _rotation_to_world(trial, path, up=up, forward=forward)
     raw = [_rotated(plate, rotation, force_path or path, notes) for plate in trial.plates]
@@ -136,15 +182,29 @@ def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str |
             if points is not None:
                 points[..., 2] -= floor
     plates = [_on_the_floor(plate, notes) for plate in raw]
-    notes += [note for one, other in combinations(plates, 2) if _overlap(one.corners_m, other.corners_m)
-              for note in say("files", "overlap", one=one.name, other=other.name)]
+    notes += [
+        note
+        for one, other in combinations(plates, 2)
+        if _overlap(one.corners_m, other.corners_m)
+        for note in say("files", "overlap", one=one.name, other=other.name)
+    ]
     markers: dict[str, np.ndarray] = {}
     if trial.positions is not None:
         for label, path_W in zip(trial.labels, trial.positions.transpose(1, 0, 2), strict=True):
             markers[label] = path_W @ rotation.T - [0.0, 0.0, floor]
-    return Recording(path, markers, None if trial.positions is None else trial.marker_rate_hz, tuple(plates),
-                     trial.force_rate_hz if plates else None, trial.marker_start_s,
-                     (trial.force_start_s or 0.0) if plates else 0.0, force_path, rotation, tuple(notes), trial.person)
+    return Recording(
+        path,
+        markers,
+        None if trial.positions is None else trial.marker_rate_hz,
+        tuple(plates),
+        trial.force_rate_hz if plates else None,
+        trial.marker_start_s,
+        (trial.force_start_s or 0.0) if plates else 0.0,
+        force_path,
+        rotation,
+        tuple(notes),
+        trial.person,
+    )
 
 
 # From a laboratory's axes to the world frame: which way is up, which way the person goes.
@@ -156,8 +216,11 @@ def _axis_vector(text: str, where: str) -> np.ndarray:
     sign = -1.0 if plain.startswith("-") else 1.0
     plain = plain[1:] if plain[:1] in ("+", "-") else plain
     if len(plain) != 1 or plain not in AXES:
-        raise InputError(f"{text!r} is no axis", where=where,
-                         right="Use x, y or z, with - in front where it points back")
+        raise InputError(
+            f"{text!r} is no axis",
+            where=where,
+            right="Use x, y or z, with - in front where it points back",
+        )
     return np.asarray(sign * np.eye(3)[AXES.index(plain)])
 
 
@@ -167,22 +230,32 @@ def axis_name(vector: np.ndarray) -> str:
     return ("-" if vector[i] < 0.0 else "+") + AXES[i]
 
 
-def _rotation_to_world(trial: RawTrial, path: Path, *, up: str | None, forward: str | None) -> np.ndarray:
+def _rotation_to_world(
+    trial: RawTrial, path: Path, *, up: str | None, forward: str | None
+) -> np.ndarray:
     """(3, 3) that takes a vector of the laboratory frame to W, with notes on how it was chosen."""
-    vertical = _axis_vector(up, "laboratory.up (--up)") if up is not None else _vertical(trial, path)
+    vertical = (
+        _axis_vector(up, "laboratory.up (--up)") if up is not None else _vertical(trial, path)
+    )
     if trial.positions is not None:
         _check_upright(trial.positions, vertical, path)
     where = "laboratory.forward (--forward)"
     ahead = _ahead(trial, vertical) if forward is None else _axis_vector(forward, where)
     if abs(ahead @ vertical) > 0.5:
-        raise InputError(f"forward ({axis_name(ahead)}) lies along the vertical ({axis_name(vertical)})",
-                         file=path, where=where, right="Give a horizontal axis")
+        raise InputError(
+            f"forward ({axis_name(ahead)}) lies along the vertical ({axis_name(vertical)})",
+            file=path,
+            where=where,
+            right="Give a horizontal axis",
+        )
     return np.array([ahead, np.cross(vertical, ahead), vertical])
 
 
 def _vertical(trial: RawTrial, path: Path) -> np.ndarray:
     """As the file states it, else normal to the plates, else by the format's convention."""
-    normals = np.abs([_normal(p.corners) for p in trial.plates if p.corners is not None]).reshape(-1, 3)
+    normals = np.abs([_normal(p.corners) for p in trial.plates if p.corners is not None]).reshape(
+        -1, 3
+    )
     axis = int(np.argmax(normals.sum(axis=0)))
     level = len(normals) > 0 and bool((normals[:, axis] > LEVEL).all())
     normal = np.asarray(np.eye(3)[axis]) if level else None
@@ -191,11 +264,17 @@ def _vertical(trial: RawTrial, path: Path) -> np.ndarray:
         if normal is None or abs(stated @ normal) > LEVEL:
             return stated
     if normal is not None:
-        trial.notes += say("files", "vertical", file=path.name, axis=axis_name(normal), screen=trial.up)
+        trial.notes += say(
+            "files", "vertical", file=path.name, axis=axis_name(normal), screen=trial.up
+        )
         return normal
     if trial.up_convention is not None:
         return _axis_vector(trial.up_convention, "up")
-    raise InputError("does not say which axis is vertical", file=path, right="Give laboratory.up (--up): x, y or z")
+    raise InputError(
+        "does not say which axis is vertical",
+        file=path,
+        right="Give laboratory.up (--up): x, y or z",
+    )
 
 
 def _normal(corners: np.ndarray) -> np.ndarray:
@@ -205,9 +284,13 @@ def _normal(corners: np.ndarray) -> np.ndarray:
 
 def _extents(positions: np.ndarray) -> np.ndarray:
     """(3,) m, the median over frames of how far the markers seen (at least 3) reach along each axis; NaN if none."""
-    some = positions[::max(1, len(positions) // 200)]
+    some = positions[:: max(1, len(positions) // 200)]
     some = some[(~np.isnan(some[..., 0])).sum(axis=1) >= 3]
-    return np.median(np.nanmax(some, axis=1) - np.nanmin(some, axis=1), axis=0) if len(some) else np.full(3, np.nan)
+    return (
+        np.median(np.nanmax(some, axis=1) - np.nanmin(some, axis=1), axis=0)
+        if len(some)
+        else np.full(3, np.nan)
+    )
 
 
 def _check_upright(positions: np.ndarray, vertical: np.ndarray, path: Path) -> None:
@@ -217,15 +300,21 @@ def _check_upright(positions: np.ndarray, vertical: np.ndarray, path: Path) -> N
     along = reach[int(np.argmax(np.abs(vertical)))]
     if along < NARROW * reach.max():
         tall = AXES[int(np.argmax(reach))]
-        raise InputError(f"the markers extend {reach.max():.2f} m along {tall} and only {along:.2f} m along "
-                         f"{axis_name(vertical)}, which was taken as up", file=path,
-                         right=f"Give laboratory.up (--up), probably {tall}")
-    heights = positions[::max(1, len(positions) // 200)] @ vertical
+        raise InputError(
+            f"the markers extend {reach.max():.2f} m along {tall} and only {along:.2f} m along "
+            f"{axis_name(vertical)}, which was taken as up",
+            file=path,
+            right=f"Give laboratory.up (--up), probably {tall}",
+        )
+    heights = positions[:: max(1, len(positions) // 200)] @ vertical
     seen = ~np.isnan(heights).all(axis=1)
     lowest, middle = np.median(np.nanmin(heights[seen], axis=1)), np.nanmedian(heights)
     if lowest < -BELOW_M and middle < 0.0:
-        raise InputError(f"the markers' middle lies {-middle:.2f} m below the floor, with {axis_name(vertical)} as up",
-                         file=path, right="Give laboratory.up (--up), with its sign")
+        raise InputError(
+            f"the markers' middle lies {-middle:.2f} m below the floor, with {axis_name(vertical)} as up",
+            file=path,
+            right="Give laboratory.up (--up), with its sign",
+        )
 
 
 def _ahead(trial: RawTrial, vertical: np.ndarray) -> np.ndarray:
@@ -243,7 +332,9 @@ def _ahead(trial: RawTrial, vertical: np.ndarray) -> np.ndarray:
     i = int(np.argmax(np.abs(way)))
     walks = np.linalg.norm(way) > TRAVEL_M
     ahead = np.asarray(np.sign(way[i]) * np.eye(3)[i]) if walks else own
-    trial.notes += say("files", "forward", axis=axis_name(ahead), travel_m=abs(way[i]) if walks else None)
+    trial.notes += say(
+        "files", "forward", axis=axis_name(ahead), travel_m=abs(way[i]) if walks else None
+    )
     return ahead
 
 
@@ -263,13 +354,19 @@ def _rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[st
         mean = force[strong].mean(axis=0)
         if abs(mean[2]) < VERTICAL_SHARE * size[strong].mean():
             along = AXES[int(np.argmax(np.abs(rotation_W.T @ mean)))]
-            raise InputError(f"the force of plate {plate.name} is mainly along the laboratory's {along}, which is not "
-                             "what was taken as vertical", file=path,
-                             right=f"Give laboratory.up (--up), probably {along}")
+            raise InputError(
+                f"the force of plate {plate.name} is mainly along the laboratory's {along}, which is not "
+                "what was taken as vertical",
+                file=path,
+                right=f"Give laboratory.up (--up), probably {along}",
+            )
         if corners is not None and abs(_normal(corners)[2]) < LEVEL:
             angle = np.degrees(np.arccos(min(1.0, abs(_normal(corners)[2]))))
-            raise InputError(f"plate {plate.name} is tilted by {angle:.1f} degrees: only level ground is modelled",
-                             file=path, right="Use a recording on level plates")
+            raise InputError(
+                f"plate {plate.name} is tilted by {angle:.1f} degrees: only level ground is modelled",
+                file=path,
+                right="Use a recording on level plates",
+            )
         if mean[2] < 0.0:
             np.negative(force, out=force)
             np.negative(torque, out=torque)
@@ -292,7 +389,10 @@ def _floor_height(plates: list[RawPlate], path: Path) -> float:
     low, high = (pick(heights, key=lambda name: heights[name]) for pick in (min, max))
     if heights[high] - heights[low] > FLOOR_M:
         step = 1e3 * (heights[high] - heights[low])
-        raise InputError(f"plate {high} lies {step:.0f} mm above plate {low}: only level ground is modelled", file=path)
+        raise InputError(
+            f"plate {high} lies {step:.0f} mm above plate {low}: only level ground is modelled",
+            file=path,
+        )
     middle = float(np.median(list(heights.values())))
     return middle if abs(middle) > FLOOR_M else 0.0
 
@@ -301,21 +401,39 @@ def _on_the_floor(plate: RawPlate, notes: list[str]) -> Plate:
     """Force, centre of pressure on z = 0 and free moment of a plate in W, with notes on what looks wrong."""
     vertical, corners = plate.force[:, 2], plate.corners
     loaded, strong = vertical > THRESHOLD_N, vertical > STRONG_N
-    cop, moment, height, outside = np.full((len(vertical), 3), np.nan), np.zeros(len(vertical)), 0.0, 0.0
+    cop, moment, height, outside = (
+        np.full((len(vertical), 3), np.nan),
+        np.zeros(len(vertical)),
+        0.0,
+        0.0,
+    )
     if plate.point is None:
         moment[loaded] = plate.torque[loaded, 2]
     else:
         point = np.broadcast_to(plate.point, plate.force.shape)
-        cop[loaded], moment[loaded] = floor_load(point[loaded], plate.force[loaded], plate.torque[loaded])
+        cop[loaded], moment[loaded] = floor_load(
+            point[loaded], plate.force[loaded], plate.torque[loaded]
+        )
         height = float(np.median(point[loaded, 2])) if loaded.any() else 0.0
     peak = vertical.max(initial=0.0)
     unloaded = vertical < (0.1 * peak if peak > STRONG_N else STRONG_N)
-    rest = np.median(plate.force[unloaded], axis=0) if unloaded.sum() >= max(1.0, 0.05 * len(vertical)) else np.zeros(3)
+    rest = (
+        np.median(plate.force[unloaded], axis=0)
+        if unloaded.sum() >= max(1.0, 0.05 * len(vertical))
+        else np.zeros(3)
+    )
     if corners is not None and strong.any():
         low, high = corners[:, :2].min(axis=0) - FLOOR_M, corners[:, :2].max(axis=0) + FLOOR_M
         outside = ((cop[strong, :2] < low) | (cop[strong, :2] > high)).any(axis=1).mean()
-    notes += say("files", "plate", name=plate.name, cop=plate.point is not None, height_m=height, outside=outside,
-                 rest=rest if np.linalg.norm(rest) > BASELINE_N else None)
+    notes += say(
+        "files",
+        "plate",
+        name=plate.name,
+        cop=plate.point is not None,
+        height_m=height,
+        outside=outside,
+        rest=rest if np.linalg.norm(rest) > BASELINE_N else None,
+    )
     return Plate(plate.name, plate.force, cop, moment, corners)
 
 

@@ -1,12 +1,12 @@
 """Tables of numbers over time: OpenSim's .sto and .mot, CSV, Cortex' .forces, and the TRC format of markers.
 
-    MOT, STO  lines of `key=value` (or `key value`, as SIMM wrote) to `endheader`, column labels of which the first is
-              `time`, rows; separated by tabs or blanks
-    CSV       a row of labels that begins with time, perhaps one of units; separated by comma, semicolon or tab; between
-              semicolons numbers may have decimal commas, as spreadsheets of many countries write them
-    FORCES    of Motion Analysis Cortex: N, mm, and N mm for the free moment about the vertical. No unit stands in the
-              file; this is the reading under which a walking foot has the few N m that it should have
-    TRC       of Motion Analysis and OpenSim: rows of Frame#, Time and three cells a marker
+MOT, STO  lines of `key=value` (or `key value`, as SIMM wrote) to `endheader`, column labels of which the first is
+          `time`, rows; separated by tabs or blanks
+CSV       a row of labels that begins with time, perhaps one of units; separated by comma, semicolon or tab; between
+          semicolons numbers may have decimal commas, as spreadsheets of many countries write them
+FORCES    of Motion Analysis Cortex: N, mm, and N mm for the free moment about the vertical. No unit stands in the
+          file; this is the reading under which a walking foot has the few N m that it should have
+TRC       of Motion Analysis and OpenSim: rows of Frame#, Time and three cells a marker
 """
 
 from __future__ import annotations
@@ -33,9 +33,20 @@ from vsf_drake.text_table import as_label, split_row, table_rows, text_lines
 
 MOST_MARKERS = 20_000
 _HEADER_LINES = 50  # lines that may stand above the labels of a CSV or Cortex file
-_AXES = re.compile(r"[xX]\S*(\s+[xyzXYZ]\S*)*")  # the line of X1 Y1 Z1 ... below the labels of a TRC file
+_AXES = re.compile(
+    r"[xX]\S*(\s+[xyzXYZ]\S*)*"
+)  # the line of X1 Y1 Z1 ... below the labels of a TRC file
 _UNIT = re.compile(r"^(.*?)\s*[(\[]([^)\]]*)[)\]]$")
-_FACTORS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3}
+_FACTORS = {
+    "n": 1.0,
+    "newton": 1.0,
+    "newtons": 1.0,
+    "kn": 1e3,
+    "s": 1.0,
+    "sec": 1.0,
+    "seconds": 1.0,
+    "ms": 1e-3,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,20 +56,34 @@ class Storage:
     path: Path
     names: tuple[str, ...]  # the m labels, without `time`
     time_s: np.ndarray  # (n,); not yet checked for order or gaps (see `formats.units`)
-    values: np.ndarray  # (n, m); NaN where the file has a blank, "nan" or something that is no number
+    values: (
+        np.ndarray
+    )  # (n, m); NaN where the file has a blank, "nan" or something that is no number
     in_degrees: bool | None  # what the header says about angles; None where it says nothing
     lines: np.ndarray  # (n,) the line of the file on which each row stands, from 1
-    oddities: dict[tuple[int, int], str] = field(default_factory=dict)  # cells not finite, as they stand, by place
+    oddities: dict[tuple[int, int], str] = field(
+        default_factory=dict
+    )  # cells not finite, as they stand, by place
     notes: tuple[str, ...] = ()  # what is odd in the file but does no harm
-    length_m: float | None = None  # metres in the unit of positions that the file or its format states
+    length_m: float | None = (
+        None  # metres in the unit of positions that the file or its format states
+    )
     rate_hz: float | None = None  # of a file that states it and has no clock of its own
 
-    def column(self, name: str, *, rows: np.ndarray | None = None, most: float = LARGEST) -> np.ndarray:
+    def column(
+        self, name: str, *, rows: np.ndarray | None = None, most: float = LARGEST
+    ) -> np.ndarray:
         """The (n,) values of a column, whose cells in `rows` (n,) bool, or all, must be finite numbers up to `most`."""
         if name not in self.names:
             near = difflib.get_close_matches(name, self.names, n=1)
-            raise InputError("there is no such column", file=self.path, where=f"column {name}",
-                             right=f"Did you mean {near[0]}?" if near else f"Columns are: {', '.join(self.names)}")
+            raise InputError(
+                "there is no such column",
+                file=self.path,
+                where=f"column {name}",
+                right=f"Did you mean {near[0]}?"
+                if near
+                else f"Columns are: {', '.join(self.names)}",
+            )
         index = self.names.index(name)
         values = self.values[:, index]
         bad = ~(np.abs(values) < most) & (True if rows is None else rows)
@@ -67,31 +92,59 @@ class Storage:
             text = self.oddities.get((row, index), f"{values[row]:g}")
             what = "a believable" if np.isfinite(values[row]) else "a finite"
             raise InputError(
-                f"{text!r} is not {what} number" if text else "the cell is empty", file=self.path,
-                where=self.place(row, name), right="Numbers need a decimal point" if "," in text else None)
+                f"{text!r} is not {what} number" if text else "the cell is empty",
+                file=self.path,
+                where=self.place(row, name),
+                right="Numbers need a decimal point" if "," in text else None,
+            )
         return values
 
     def vectors(self, names: Sequence[str | None], rows: np.ndarray) -> np.ndarray:
         """(n, len(names)): columns that are numbers in `rows`; zero elsewhere, and where there is no name."""
-        return np.column_stack([np.zeros(len(self.time_s)) if name is None else
-                                np.where(rows, self.column(name, rows=rows), 0.0) for name in names])
+        return np.column_stack(
+            [
+                np.zeros(len(self.time_s))
+                if name is None
+                else np.where(rows, self.column(name, rows=rows), 0.0)
+                for name in names
+            ]
+        )
 
     def place(self, row: int, name: str) -> str:
         return f"line {self.lines[row]}, time {self.time_s[row]:g} s, column {name}"
 
 
-def _table(path: Path, labels: list[str], numbers: np.ndarray, lines: np.ndarray, oddities: dict[tuple[int, int], str],
-           *, in_degrees: bool | None = None) -> Storage:
+def _table(
+    path: Path,
+    labels: list[str],
+    numbers: np.ndarray,
+    lines: np.ndarray,
+    oddities: dict[tuple[int, int], str],
+    *,
+    in_degrees: bool | None = None,
+) -> Storage:
     if not len(numbers):
         raise InputError("there are no rows of numbers", file=path)
     doubled: list[str] = []
-    first = first_of_each(labels, doubled, lambda i: not np.isfinite(numbers[:, i]).any(), what="column")
+    first = first_of_each(
+        labels, doubled, lambda i: not np.isfinite(numbers[:, i]).any(), what="column"
+    )
     if len(first) < len(labels):
         numbers = numbers[:, first]
-        oddities = {(row, first.index(i)): cell for (row, i), cell in oddities.items() if i in first}
+        oddities = {
+            (row, first.index(i)): cell for (row, i), cell in oddities.items() if i in first
+        }
     odd = {(row, i - 1): cell for (row, i), cell in oddities.items() if i}
-    return Storage(path, tuple(labels[i] for i in first[1:]), numbers[:, 0], numbers[:, 1:], in_degrees, lines, odd,
-                   tuple(doubled))
+    return Storage(
+        path,
+        tuple(labels[i] for i in first[1:]),
+        numbers[:, 0],
+        numbers[:, 1:],
+        in_degrees,
+        lines,
+        odd,
+        tuple(doubled),
+    )
 
 
 def read_storage(path: str | Path) -> Storage:
@@ -105,63 +158,97 @@ def read_storage(path: str | Path) -> Storage:
     in_degrees, rows, end = _storage_header(lines, path)
     start, line = next(((number, line) for number, line in lines if line.strip()), (0, ""))
     if not start:
-        raise InputError("there are no column labels after endheader", file=path, where=f"line {end}")
+        raise InputError(
+            "there are no column labels after endheader", file=path, where=f"line {end}"
+        )
     split = split_row if "\t" in line else str.split
     labels = [as_label(cell) for cell in split(line)]
     while labels and not labels[-1]:
         labels.pop()
     if not labels or labels[0].lower() != "time":
-        raise InputError(f"the first column is {labels[0] if labels else ''!r}", file=path, where=f"line {start}",
-                         right="It must be time")
+        raise InputError(
+            f"the first column is {labels[0] if labels else ''!r}",
+            file=path,
+            where=f"line {start}",
+            right="It must be time",
+        )
     if "" in labels:
-        raise InputError(f"column {labels.index('') + 1} has no label", file=path, where=f"line {start}")
+        raise InputError(
+            f"column {labels.index('') + 1} has no label", file=path, where=f"line {start}"
+        )
     oddities: dict[tuple[int, int], str] = {}
     numbers, places, _ = table_rows(lines, labels, path, split, oddities=oddities)
     bad = ~np.isfinite(numbers[:, 0])
     if bad.any():
         row = int(np.argmax(bad))
-        raise InputError(f"the time {oddities.get((row, 0), str(numbers[row, 0]))!r} is not a number", file=path,
-                         where=f"line {places[row]}, column time")
+        raise InputError(
+            f"the time {oddities.get((row, 0), str(numbers[row, 0]))!r} is not a number",
+            file=path,
+            where=f"line {places[row]}, column time",
+        )
     for number, stated in rows.items():
         if stated != len(numbers):
-            raise InputError(f"the header says {stated} rows, the file has {len(numbers)}", file=path,
-                             where=f"line {number}",
-                             right="Is the file truncated?" if stated > len(numbers) else None)
+            raise InputError(
+                f"the header says {stated} rows, the file has {len(numbers)}",
+                file=path,
+                where=f"line {number}",
+                right="Is the file truncated?" if stated > len(numbers) else None,
+            )
     return _table(path, labels, numbers, places, oddities, in_degrees=in_degrees)
 
 
-def _storage_header(lines: Iterator[tuple[int, str]], path: Path) -> tuple[bool | None, dict[int, int], int]:
+def _storage_header(
+    lines: Iterator[tuple[int, str]], path: Path
+) -> tuple[bool | None, dict[int, int], int]:
     """Whether angles are in degrees; how many rows are stated, by line; the line of `endheader`."""
     in_degrees, rows = None, dict[int, int]()
     for number, line in lines:
         if line.strip().lower() == "endheader":
             return in_degrees, rows, number
-        key, _, value = (part.strip().lower() for part in line.strip().replace("=", " ", 1).partition(" "))
+        key, _, value = (
+            part.strip().lower() for part in line.strip().replace("=", " ", 1).partition(" ")
+        )
         if key in ("nrows", "datarows") and value.isdecimal() and value.isascii():
             rows[number] = int(value[:18])
         elif key == "indegrees" and value in ("yes", "no"):
             in_degrees = value == "yes"
-    raise InputError("there is no line `endheader`", file=path, where="header",
-                     right="An OpenSim .mot or .sto file has one before its column labels")
+    raise InputError(
+        "there is no line `endheader`",
+        file=path,
+        where="header",
+        right="An OpenSim .mot or .sto file has one before its column labels",
+    )
 
 
-def write_storage(path: str | Path, *, time_s: np.ndarray, names: tuple[str, ...] | list[str], values: np.ndarray,
-                  in_degrees: bool = False, title: str | None = None) -> None:
+def write_storage(
+    path: str | Path,
+    *,
+    time_s: np.ndarray,
+    names: tuple[str, ...] | list[str],
+    values: np.ndarray,
+    in_degrees: bool = False,
+    title: str | None = None,
+) -> None:
     """Writes (n, m) values with m labels at times (n,) s as a table that OpenSim reads, in full precision.
 
     An existing file is replaced at the end; `title` is the first line."""
     if values.shape != (len(time_s), len(names)) or len({"time", *names}) != len(names) + 1:
-        raise ValueError(f"time {time_s.shape}, values {values.shape} and {len(names)} different names do not fit")
+        raise ValueError(
+            f"time {time_s.shape}, values {values.shape} and {len(names)} different names do not fit"
+        )
     with replaced(path, "w") as stream:
-        stream.write(f"{title or Path(path).name}\nversion=1\nnRows={len(time_s)}\nnColumns={len(names) + 1}\n"
-                     f"inDegrees={'yes' if in_degrees else 'no'}\nendheader\n")
+        stream.write(
+            f"{title or Path(path).name}\nversion=1\nnRows={len(time_s)}\nnColumns={len(names) + 1}\n"
+            f"inDegrees={'yes' if in_degrees else 'no'}\nendheader\n"
+        )
         stream.write("\t".join(["time", *names]) + "\n")
         for time, row in zip(time_s, values, strict=True):
             stream.write("\t".join(repr(float(cell)) for cell in (time, *row)) + "\n")
 
 
-def write_forces_mot(path: str | Path, *, time_s: np.ndarray, plates: Mapping[str, Plate],
-                     title: str | None = None) -> None:
+def write_forces_mot(
+    path: str | Path, *, time_s: np.ndarray, plates: Mapping[str, Plate], title: str | None = None
+) -> None:
     """Writes plates (by key, in W) as OpenSim's external loads, in N, m and N m: ground_force_<key>_vx, ...
 
     An unloaded plate's centre of pressure is 0; a plate that has none under load gets no such columns, and one whose
@@ -174,9 +261,16 @@ def write_forces_mot(path: str | Path, *, time_s: np.ndarray, plates: Mapping[st
             blocks[f"ground_force_{key}_p"] = plate.cop_m
         if not np.isnan(plate.free_moment_nm).all():
             blocks[f"ground_torque_{key}_"] = plate.free_moment_nm[:, None] * [0.0, 0.0, 1.0]
-    values = np.concatenate([np.nan_to_num(world_to_os(vectors)) + 0.0 for vectors in blocks.values()], axis=1)
-    write_storage(path, time_s=time_s, names=[stem + axis for stem in blocks for axis in "xyz"], values=values,
-                  title=title)
+    values = np.concatenate(
+        [np.nan_to_num(world_to_os(vectors)) + 0.0 for vectors in blocks.values()], axis=1
+    )
+    write_storage(
+        path,
+        time_s=time_s,
+        names=[stem + axis for stem in blocks for axis in "xyz"],
+        values=values,
+        title=title,
+    )
 
 
 def opensim_files(stem: str) -> tuple[str, str]:
@@ -185,19 +279,38 @@ def opensim_files(stem: str) -> tuple[str, str]:
 
 
 def write_opensim(
-    folder: Path, stem: str, *, time_s: np.ndarray, coordinates: Mapping[str, np.ndarray], metres: Collection[str],
-    force_time_s: np.ndarray, plates: Mapping[str, Plate], source: str
+    folder: Path,
+    stem: str,
+    *,
+    time_s: np.ndarray,
+    coordinates: Mapping[str, np.ndarray],
+    metres: Collection[str],
+    force_time_s: np.ndarray,
+    plates: Mapping[str, Plate],
+    source: str,
 ) -> tuple[str, str]:
     """Writes the two `opensim_files` of a walk, in OpenSim's frame; their names.
 
     `coordinates` by name, in m for those named in `metres`, else in rad, which stand in degrees in the file; `plates`
     by side; `source` ends each title."""
     kinematics, forces = opensim_files(stem)
-    shown = [column if name in metres else np.degrees(column) for name, column in coordinates.items()]
-    write_storage(folder / kinematics, time_s=time_s, names=list(coordinates), values=np.column_stack(shown),
-                  in_degrees=True, title=f"{stem} joint angles, {source}")
-    write_forces_mot(folder / forces, time_s=force_time_s, plates={side[0]: plate for side, plate in plates.items()},
-                     title=f"{stem} ground reaction forces, {source}")
+    shown = [
+        column if name in metres else np.degrees(column) for name, column in coordinates.items()
+    ]
+    write_storage(
+        folder / kinematics,
+        time_s=time_s,
+        names=list(coordinates),
+        values=np.column_stack(shown),
+        in_degrees=True,
+        title=f"{stem} joint angles, {source}",
+    )
+    write_forces_mot(
+        folder / forces,
+        time_s=force_time_s,
+        plates={side[0]: plate for side, plate in plates.items()},
+        title=f"{stem} ground reaction forces, {source}",
+    )
     return kinematics, forces
 
 
@@ -210,22 +323,34 @@ def read_csv(path: Path) -> Storage:
         if match := _UNIT.match(label):
             labels[i], units[i] = match.group(1).strip(), match.group(2)
     if "" in labels:
-        raise InputError(f"column {labels.index('') + 1} has no label", file=path, where=f"line {number}")
+        raise InputError(
+            f"column {labels.index('') + 1} has no label", file=path, where=f"line {number}"
+        )
     first = next((pair for pair in lines if pair[1].strip(separator + " ")), None)
     if first is not None:
         cells = [cell.strip().strip('"') for cell in first[1].split(separator)]
         if all(_is_unit(cell) for cell in cells):
-            units = [cell or unit for cell, unit in zip(cells + [""] * len(labels), units, strict=False)]
+            units = [
+                cell or unit for cell, unit in zip(cells + [""] * len(labels), units, strict=False)
+            ]
         else:
             lines = itertools.chain([first], lines)
     surplus = "Numbers need a decimal point, not a comma" if separator == "," else None
     oddities: dict[tuple[int, int], str] = {}
-    numbers, places, _ = table_rows(_with_points(lines, path) if separator == ";" else lines, labels, path,
-                                    lambda line: line.split(separator), surplus=surplus, oddities=oddities)
+    numbers, places, _ = table_rows(
+        _with_points(lines, path) if separator == ";" else lines,
+        labels,
+        path,
+        lambda line: line.split(separator),
+        surplus=surplus,
+        oddities=oddities,
+    )
     factors = [_csv_factor(unit, path, label) for unit, label in zip(units, labels, strict=True)]
     numbers *= [factor for factor, _ in factors]
     positions = any(length for _, length in factors)
-    return dataclasses.replace(_table(path, labels, numbers, places, oddities), length_m=1.0 if positions else None)
+    return dataclasses.replace(
+        _table(path, labels, numbers, places, oddities), length_m=1.0 if positions else None
+    )
 
 
 def _csv_labels(lines: Iterator[tuple[int, str]], path: Path) -> tuple[list[str], str, int]:
@@ -238,8 +363,11 @@ def _csv_labels(lines: Iterator[tuple[int, str]], path: Path) -> tuple[list[str]
                 return cells, separator, number
         if number > _HEADER_LINES:
             break
-    raise InputError("there is no row of labels that begins with time", file=path,
-                     right="The first column must be time, the cells separated by comma, semicolon or tab")
+    raise InputError(
+        "there is no row of labels that begins with time",
+        file=path,
+        right="The first column must be time, the cells separated by comma, semicolon or tab",
+    )
 
 
 def _is_unit(cell: str) -> bool:
@@ -259,8 +387,12 @@ def _csv_factor(unit: str, path: Path, label: str) -> tuple[float, bool]:
         if length is not None:
             return length, True
     if plain and label.lower() != "time":
-        raise InputError(f"the unit {unit!r} is unknown", file=path, where=f"column {label}",
-                         right="Use s, N, m, mm, Nm or Nmm")
+        raise InputError(
+            f"the unit {unit!r} is unknown",
+            file=path,
+            where=f"column {label}",
+            right="Use s, N, m, mm, Nm or Nmm",
+        )
     return 1.0, False
 
 
@@ -270,8 +402,12 @@ def _with_points(lines: Iterator[tuple[int, str]], path: Path) -> Iterator[tuple
     for number, line in lines:
         commas, points = commas or "," in line, points or "." in line
         if commas and points:
-            raise InputError("numbers have commas and points", file=path, where=f"line {number}",
-                             right="Numbers need a decimal point, not a comma, and no mark at thousands")
+            raise InputError(
+                "numbers have commas and points",
+                file=path,
+                where=f"line {number}",
+                right="Numbers need a decimal point, not a comma, and no mark at thousands",
+            )
         yield number, line.replace(",", ".")
 
 
@@ -298,17 +434,29 @@ def read_cortex(path: Path) -> Storage:
     if not 0.0 < rate < 1e6:
         raise InputError(f"a SampleRate of {rate:g} makes no sense", file=path, where="header")
     oddities: dict[tuple[int, int], str] = {}
-    numbers, places, _ = table_rows(lines, labels, path, lambda line: line.split("\t"), oddities=oddities)
+    numbers, places, _ = table_rows(
+        lines, labels, path, lambda line: line.split("\t"), oddities=oddities
+    )
     if samples > len(numbers):
-        raise InputError(f"the header says {samples:.0f} samples, the file has {len(numbers)}", file=path,
-                         where="NumberOfSamples", right="Is the file truncated?")
+        raise InputError(
+            f"the header says {samples:.0f} samples, the file has {len(numbers)}",
+            file=path,
+            where="NumberOfSamples",
+            right="Is the file truncated?",
+        )
     wrong = np.diff(numbers[:, 0]) != 1.0
     if len(numbers) < 2 or wrong.any():
         where = f"line {places[int(np.argmax(wrong)) + 1]}" if len(numbers) > 1 else None
-        raise InputError("samples are missing or out of order", file=path, where=where,
-                         right="Their numbers must follow each other")
+        raise InputError(
+            "samples are missing or out of order",
+            file=path,
+            where=where,
+            right="Their numbers must follow each other",
+        )
     numbers[:, 0] = np.arange(len(numbers)) / rate
-    return dataclasses.replace(_table(path, labels, numbers, places, oddities), length_m=1e-3, rate_hz=rate)
+    return dataclasses.replace(
+        _table(path, labels, numbers, places, oddities), length_m=1e-3, rate_hz=rate
+    )
 
 
 def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
@@ -320,26 +468,46 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
     factor = file_length_factor(header.get("units", ""), length_unit, path, "line 3, Units")
     columns = ["Frame#", "Time", *(f"{label} {axis}" for label in labels for axis in "XYZ")]
     table, places, cut = table_rows(
-        (pair for pair in lines if not _AXES.fullmatch(pair[1].strip())), columns, path, split_row, cut_by=3,
+        (pair for pair in lines if not _AXES.fullmatch(pair[1].strip())),
+        columns,
+        path,
+        split_row,
+        cut_by=3,
         needs=f"; Frame#, Time and {len(labels)} markers need {len(columns)}",
-        surplus="Is there a label for every marker?")
+        surplus="Is there a label for every marker?",
+    )
     if cut and cut == len(table):
-        raise InputError(f"no row has as many cells as {len(labels)} markers need", file=path,
-                         where=f"line {label_line}", right="Labels and columns must fit")
+        raise InputError(
+            f"no row has as many cells as {len(labels)} markers need",
+            file=path,
+            where=f"line {label_line}",
+            right="Labels and columns must fit",
+        )
     if cut:
         notes += say("files", "cut_rows", file=path.name, rows=cut)
     if frames is not None and frames > len(table):
-        raise InputError(f"the header says {frames:.0f} frames, the file has {len(table)}", file=path,
-                         where="line 3, NumFrames", right="Is the file truncated?")
+        raise InputError(
+            f"the header says {frames:.0f} frames, the file has {len(table)}",
+            file=path,
+            where="line 3, NumFrames",
+            right="Is the file truncated?",
+        )
     rate, start, warnings = even_rate(table[:, 1], places, path, stated_hz=stated)
     notes += warnings
     if stated is not None and rate != stated:
-        notes += say("files", "said", file=path.name, said=f"{stated:g} frames a second",
-                     used=f"the times say {rate:.6g}, which was used")
+        notes += say(
+            "files",
+            "said",
+            file=path.name,
+            said=f"{stated:g} frames a second",
+            used=f"the times say {rate:.6g}, which was used",
+        )
     positions = table[:, 2:].reshape(len(table), len(labels), 3)
     positions[~(abs(positions) < LARGEST).all(axis=2)] = math.nan
     positions *= factor
-    first = first_of_each(labels, notes, lambda i: bool(np.isnan(positions[:, i]).any(axis=1).all()))
+    first = first_of_each(
+        labels, notes, lambda i: bool(np.isnan(positions[:, i]).any(axis=1).all())
+    )
     if len(first) < len(labels):
         labels, positions = [labels[i] for i in first], positions[:, first]
     return RawTrial(labels, positions, rate, start, up_convention="+y", notes=notes)
@@ -350,7 +518,9 @@ def trc_labels(path: Path) -> list[str]:
     return _trc_header(text_lines(path), path)[1]
 
 
-def _trc_header(lines: Iterator[tuple[int, str]], path: Path) -> tuple[dict[str, str], list[str], int]:
+def _trc_header(
+    lines: Iterator[tuple[int, str]], path: Path
+) -> tuple[dict[str, str], list[str], int]:
     """Keys (lower case) and values of lines 2 and 3, the labels, and the line these stand on."""
     head: list[str] = []
     for number, line in itertools.islice(lines, 21):
@@ -359,16 +529,31 @@ def _trc_header(lines: Iterator[tuple[int, str]], path: Path) -> tuple[dict[str,
             head.append(line)
             continue
         labels = [cell for cell in cells[2:] if cell]
-        what = ("the second column is not Time" if len(cells) < 2 or cells[1].lower() not in
-                ("time", "time(s)", "time (s)", "time[s]") else "there are no marker labels" if not labels else
-                f"{len(labels)} markers are more than can be read" if len(labels) > MOST_MARKERS else "")
+        what = (
+            "the second column is not Time"
+            if len(cells) < 2 or cells[1].lower() not in ("time", "time(s)", "time (s)", "time[s]")
+            else "there are no marker labels"
+            if not labels
+            else f"{len(labels)} markers are more than can be read"
+            if len(labels) > MOST_MARKERS
+            else ""
+        )
         if what:
             raise InputError(what, file=path, where=f"line {number}")
-        keys = next(((above, below) for above, below in itertools.pairwise(head)
-                     if above.strip().lower().startswith("datarate")), ("", ""))
+        keys = next(
+            (
+                (above, below)
+                for above, below in itertools.pairwise(head)
+                if above.strip().lower().startswith("datarate")
+            ),
+            ("", ""),
+        )
         return dict(zip(keys[0].lower().split(), keys[1].split(), strict=False)), labels, number
-    raise InputError("there is no line of labels that begins with Frame# and Time", file=path,
-                     right="Is it a TRC file, and complete?")
+    raise InputError(
+        "there is no line of labels that begins with Frame# and Time",
+        file=path,
+        right="Is it a TRC file, and complete?",
+    )
 
 
 def _stated(header: dict[str, str], key: str) -> float | None:
@@ -377,5 +562,3 @@ def _stated(header: dict[str, str], key: str) -> float | None:
     except (KeyError, ValueError):
         return None
     return value if math.isfinite(value) and value > 0.0 else None
-
-

@@ -12,9 +12,23 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.sentences import say
 
-LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "dm": 1e-1, "in": 0.0254}  # metres in each unit of length
-_LONG = {"meter": "m", "metre": "m", "centimeter": "cm", "centimetre": "cm", "millimeter": "mm", "millimetre": "mm",
-         "inch": "in", "inches": "in"}
+LENGTHS_M = {
+    "m": 1.0,
+    "cm": 1e-2,
+    "mm": 1e-3,
+    "dm": 1e-1,
+    "in": 0.0254,
+}  # metres in each unit of length
+_LONG = {
+    "meter": "m",
+    "metre": "m",
+    "centimeter": "cm",
+    "centimetre": "cm",
+    "millimeter": "mm",
+    "millimetre": "mm",
+    "inch": "in",
+    "inches": "in",
+}
 
 
 def listed(labels: Sequence[str], *, most: int = 20) -> str:
@@ -24,22 +38,38 @@ def listed(labels: Sequence[str], *, most: int = 20) -> str:
     return f"{', '.join(labels[:most])} and {len(labels) - most} more"
 
 
-def first_of_each(labels: Sequence[str], notes: list[str], empty: Callable[[int], bool], *,
-                  what: str = "label") -> list[int]:
+def first_of_each(
+    labels: Sequence[str], notes: list[str], empty: Callable[[int], bool], *, what: str = "label"
+) -> list[int]:
     """Which of the labels to read, each once: the first that is not `empty`; `notes` gets what was left out."""
     places: dict[str, list[int]] = {}
     for i, label in enumerate(labels):
         places.setdefault(label, []).append(i)
-    chosen = {label: columns[0] if len(columns) == 1 else next((i for i in columns if not empty(i)), columns[0])
-            for label, columns in places.items()}
-    notes += [note for label, columns in places.items() if len(columns) > 1 for note in say(
-        "files", "doubled", what=what, label=label, times=len(columns), column=chosen[label] + 1, columns=len(labels))]
+    chosen = {
+        label: columns[0]
+        if len(columns) == 1
+        else next((i for i in columns if not empty(i)), columns[0])
+        for label, columns in places.items()
+    }
+    notes += [
+        note
+        for label, columns in places.items()
+        if len(columns) > 1
+        for note in say(
+            "files",
+            "doubled",
+            what=what,
+            label=label,
+            times=len(columns),
+            column=chosen[label] + 1,
+            columns=len(labels),
+        )
+    ]
     return sorted(chosen.values())
 
 
 def length_factor(unit: str) -> float | None:
-    """Metres in a unit of length as files spell it, cut to four letters or more too; None for an unknown or empty one.
-    """
+    """Metres in a unit of length as files spell it, cut to four letters or more too; None for an unknown or empty one."""
     plain = unit.strip().lower().strip("[]().\0 ")
     cut = {short for word, short in _LONG.items() if len(plain) >= 4 and word.startswith(plain)}
     plain = _LONG.get(plain.removesuffix("s"), cut.pop() if len(cut) == 1 else plain)
@@ -56,8 +86,11 @@ def wanted_length_factor(wanted: str) -> float:
     """Metres in the unit that the user demands; refused if it is none."""
     factor = length_factor(wanted)
     if factor is None:
-        raise InputError(f"{wanted!r} is no unit of length", where="laboratory.length_unit (--length-unit)",
-                         right=f"Use one of {', '.join(LENGTHS_M)}")
+        raise InputError(
+            f"{wanted!r} is no unit of length",
+            where="laboratory.length_unit (--length-unit)",
+            right=f"Use one of {', '.join(LENGTHS_M)}",
+        )
     return factor
 
 
@@ -67,19 +100,30 @@ def file_length_factor(stated: str, wanted: str | None, path: Path, where: str) 
         return wanted_length_factor(wanted)
     factor = length_factor(stated)
     if factor is None:
-        what = f"the unit {stated!r} is unknown" if stated.strip() else "no unit of length is stated"
-        raise InputError(what, file=path, where=where,
-                         right=f"Give laboratory.length_unit (--length-unit): {', '.join(LENGTHS_M)}")
+        what = (
+            f"the unit {stated!r} is unknown" if stated.strip() else "no unit of length is stated"
+        )
+        raise InputError(
+            what,
+            file=path,
+            where=where,
+            right=f"Give laboratory.length_unit (--length-unit): {', '.join(LENGTHS_M)}",
+        )
     return factor
 
 
 # The time column of a recording: increasing, without gaps, and freed from rounding.
 
 
-LONGEST_STEP_S, LONGEST_STEPS = 0.1, 5.0  # a step longer than this, or than so many median ones, is a gap
+LONGEST_STEP_S, LONGEST_STEPS = (
+    0.1,
+    5.0,
+)  # a step longer than this, or than so many median ones, is a gap
 LATEST_S = 1e7  # seconds; four months of recording
 RATE_SHARE = 2e-3  # a stated rate may differ from that of the times by this share (29.97 against 30 Hz is 1e-3)
-STEP_SHARE = 0.05  # a time may lie this share of a step off the even ones (clock jitter), or by its rounding
+STEP_SHARE = (
+    0.05  # a time may lie this share of a step off the even ones (clock jitter), or by its rounding
+)
 FINEST_S = 5e-10  # half the finest rounding that is told from a number in full
 TIE = 1e-6  # share of half a unit within which a time lies half-way between two
 MOST_PROBED = 100  # steps of a clock that are tried, each of which halves what is left; after 60 no number lies between
@@ -119,12 +163,16 @@ def even_clock(time_s: np.ndarray, *, jitter_s: float = 0.0) -> EvenClock | None
         slips = (np.abs(np.diff(time_s) - usual) > 0.9 * usual) & (unit[1:] <= usual * (1.0 + TIE))
         if np.count_nonzero(slips) == 1:
             continue
-        least, most = ((time_s[-1] - time_s[0] + sign * (unit[0] + unit[-1] + 2.0 * jitter_s)) / index[-1]
-                       for sign in (-1.0, 1.0))
+        least, most = (
+            (time_s[-1] - time_s[0] + sign * (unit[0] + unit[-1] + 2.0 * jitter_s)) / index[-1]
+            for sign in (-1.0, 1.0)
+        )
         for probe in range(MOST_PROBED):
             step = (whole, fitted, 0.5 * (least + most))[min(probe, 2)]
-            half = np.maximum(0.5 * unit * (1.0 + TIE * np.where(_whole(step, unit), -1.0, 1.0)),
-                              max(jitter_s, FINEST_S))
+            half = np.maximum(
+                0.5 * unit * (1.0 + TIE * np.where(_whole(step, unit), -1.0, 1.0)),
+                max(jitter_s, FINEST_S),
+            )
             first, last = time_s - half - index * step, time_s + half - index * step
             i, j = int(np.argmax(first)), int(np.argmin(last))
             if first[i] <= last[j]:
@@ -154,12 +202,19 @@ def _last_places(time_s: np.ndarray) -> Iterator[np.ndarray]:
     for place in (np.ones(len(time_s)), np.maximum(digits, FINEST_S)):
         units = (place * 10.0**-n for n in range(13))
         within = np.minimum(1e-10 * np.maximum(1.0, size), 0.01 * place)
-        yield next((unit for unit in units if (np.abs(time_s - np.round(time_s / unit) * unit) < within).all()),
-                   np.zeros(len(time_s)))
+        yield next(
+            (
+                unit
+                for unit in units
+                if (np.abs(time_s - np.round(time_s / unit) * unit) < within).all()
+            ),
+            np.zeros(len(time_s)),
+        )
 
 
-def check_clock(time_s: np.ndarray, lines: np.ndarray, path: Path, *, rows: int = 2
-                ) -> tuple[np.ndarray, list[str]]:
+def check_clock(
+    time_s: np.ndarray, lines: np.ndarray, path: Path, *, rows: int = 2
+) -> tuple[np.ndarray, list[str]]:
     """The instants of a recording, freed from rounding, and what is doubtful about them; refused if they are no clock.
 
     Times such as 0.4, 0.417, 0.433, differentiated twice, make accelerations of tens of rad/s^2. What is truly uneven,
@@ -174,35 +229,55 @@ def check_clock(time_s: np.ndarray, lines: np.ndarray, path: Path, *, rows: int 
         time = time if np.abs(instants - time).max() <= 1e-6 else instants
         warnings = even.warnings(path)
     step = np.diff(time)
-    back, gap = step <= 0.0, step > min(LONGEST_STEP_S, LONGEST_STEPS * float(np.median(step))) * (1.0 + 1e-9)
+    back, gap = (
+        step <= 0.0,
+        step > min(LONGEST_STEP_S, LONGEST_STEPS * float(np.median(step))) * (1.0 + 1e-9),
+    )
     wrong = back if back.any() else gap
     if wrong.any():
         row = int(np.argmax(wrong)) + 1
         where = f"line {lines[row]}, time {time_s[row]:g} s"
         if back.any():
-            raise InputError(f"time does not increase: {time[row]:g} s follows {time[row - 1]:g} s", file=path,
-                             where=where)
-        raise InputError(f"there is a gap of {step[row - 1]:.4g} s after {time[row - 1]:g} s (median step "
-                         f"{np.median(step):.4g} s)", file=path, where=where,
-                         right="Fill the gap in the recording, or cut it there")
+            raise InputError(
+                f"time does not increase: {time[row]:g} s follows {time[row - 1]:g} s",
+                file=path,
+                where=where,
+            )
+        raise InputError(
+            f"there is a gap of {step[row - 1]:.4g} s after {time[row - 1]:g} s (median step "
+            f"{np.median(step):.4g} s)",
+            file=path,
+            where=where,
+            right="Fill the gap in the recording, or cut it there",
+        )
     return time, warnings
 
 
-def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *,
-              stated_hz: float | None = None) -> tuple[float, float, list[str]]:
+def even_rate(
+    time_s: np.ndarray, lines: np.ndarray, path: Path, *, stated_hz: float | None = None
+) -> tuple[float, float, list[str]]:
     """Rate (1/s) and start (s) of rows that are evenly spaced but for rounding or jitter, and what is doubtful.
 
     The rate is `stated_hz`, which the header says, where the times agree; uneven times are refused.
     """
     if len(time_s) < 2:
-        raise InputError(f"has {len(time_s)} rows of numbers", file=path, right="At least 2 are needed")
+        raise InputError(
+            f"has {len(time_s)} rows of numbers", file=path, right="At least 2 are needed"
+        )
     bad = ~(np.abs(time_s) < LATEST_S)
     if bad.any():
-        raise InputError("the time is not a believable number", file=path,
-                         where=f"line {lines[int(np.argmax(bad))]}, column Time")
+        raise InputError(
+            "the time is not a believable number",
+            file=path,
+            where=f"line {lines[int(np.argmax(bad))]}, column Time",
+        )
     if time_s[-1] <= time_s[0]:
-        raise InputError(f"the times run from {time_s[0]:g} to {time_s[-1]:g} s", file=path, where="column Time",
-                         right="They must increase")
+        raise InputError(
+            f"the times run from {time_s[0]:g} to {time_s[-1]:g} s",
+            file=path,
+            where="column Time",
+            right="They must increase",
+        )
     step = _fitted_step(time_s)
     if not 0.0 < step < np.inf:
         raise InputError("the times do not increase evenly", file=path, where="column Time")
@@ -210,9 +285,13 @@ def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *,
     if even is None and even_clock(time_s, jitter_s=STEP_SHARE * step) is None:
         units, steps = np.max(list(_last_places(time_s)), axis=0), np.diff(time_s)
         jump = int(np.argmax(np.abs(steps - np.median(steps)) - (units[1:] + units[:-1]))) + 1
-        raise InputError(f"time {time_s[jump]:g} s follows {time_s[jump - 1]:g} s, where rows are "
-                         f"{np.median(steps):.6g} s apart", file=path, where=f"line {lines[jump]}",
-                         right="Rows must be evenly spaced, without a missing one")
+        raise InputError(
+            f"time {time_s[jump]:g} s follows {time_s[jump - 1]:g} s, where rows are "
+            f"{np.median(steps):.6g} s apart",
+            file=path,
+            where=f"line {lines[jump]}",
+            right="Rows must be evenly spaced, without a missing one",
+        )
     even = even or EvenClock(float(time_s[0]), step, 0.0)
     rate = 1.0 / even.step_s
     slack = RATE_SHARE + 2.0 * even.unit_s / (time_s[-1] - time_s[0])

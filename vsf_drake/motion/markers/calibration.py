@@ -21,8 +21,22 @@ from vsf_drake.motion.markers import posture as standing_of
 from vsf_drake.motion.markers.joints import COORDINATES, HIP_METHODS, Anatomy
 from vsf_drake.motion.markers.maps import MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts, body_mass, check_facts, stature
-from vsf_drake.motion.markers.posture import MID_FULCRUM_M, NOTE, Posture, facing, forefoot_labels, typical
-from vsf_drake.motion.markers.segments import PARENTS, SEGMENTS, Calibration, FootPoints, SegmentMarkers, from_line
+from vsf_drake.motion.markers.posture import (
+    MID_FULCRUM_M,
+    NOTE,
+    Posture,
+    facing,
+    forefoot_labels,
+    typical,
+)
+from vsf_drake.motion.markers.segments import (
+    PARENTS,
+    SEGMENTS,
+    Calibration,
+    FootPoints,
+    SegmentMarkers,
+    from_line,
+)
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.schema import check
 from vsf_drake.sentences import say
@@ -31,8 +45,13 @@ UNEQUAL = 0.05  # left and right lengths that differ by more than this are worth
 
 
 def calibrate(
-    standing: Recording, marker_map: MarkerMap, person: PersonFacts, *, hip: str = "harrington",
-    model: ModelParameters | None = None, fulcrum_m: float = MID_FULCRUM_M
+    standing: Recording,
+    marker_map: MarkerMap,
+    person: PersonFacts,
+    *,
+    hip: str = "harrington",
+    model: ModelParameters | None = None,
+    fulcrum_m: float = MID_FULCRUM_M,
 ) -> Calibration:
     """The person who stands in `standing`: lengths, joint centres and where the markers sit.
 
@@ -45,62 +64,117 @@ def calibrate(
     """
     sex, prosthetic = check_facts(person)
     if hip not in HIP_METHODS:
-        raise InputError(f"{hip!r} is not known", where="hip_centre (--hip)",
-                         right=f"Known are: {', '.join(HIP_METHODS)}")
+        raise InputError(
+            f"{hip!r} is not known",
+            where="hip_centre (--hip)",
+            right=f"Known are: {', '.join(HIP_METHODS)}",
+        )
     standing = standing_of.right_handed(marker_map.rename(standing), marker_map)
     seen = [label for label, x in standing.markers.items() if np.isfinite(x).all(axis=1).any()]
     posture = standing_of.find_posture(standing, marker_map.find(seen, standing.path))
     _check_labels(posture, standing.path)
     anatomy = Anatomy(posture, person, hip)
     segments = {name: _segment(name, posture, anatomy) for name in SEGMENTS}
-    feet = {side: _foot_points(side, segments[f"foot_{side}"], posture, anatomy, person) for side in SIDES}
+    feet = {
+        side: _foot_points(side, segments[f"foot_{side}"], posture, anatomy, person)
+        for side in SIDES
+    }
     lengths = _lengths(segments, feet, anatomy)
     _check_proportions(lengths, posture, standing.path)
 
     intact = "left" if prosthetic == "right" else "right"
     mass, mass_notes = body_mass(person, standing, posture.start_s, posture.end_s, posture.still)
     head = posture.at("head_top") if posture.still else None
-    height, height_notes = stature(person, lengths[f"thigh_{intact}"] + lengths[f"shank_{intact}"],
-                                   None if head is None else float(head[0, 2]))
-    hips = np.mean([segments[f"thigh_{side}"].p_PB * [1, -1 if side == "right" else 1, 1] for side in SIDES], axis=0)
-    subject = check(Subject(
-        mass_kg=mass, stature_m=height, sex=sex, prosthetic_side=prosthetic, name=person.name,
-        thigh_length_m=lengths[f"thigh_{intact}"], shank_length_m=lengths[f"shank_{intact}"],
-        ankle_height_m=lengths[f"ankle_height_{intact}"], foot_length_m=lengths[f"foot_{intact}"],
-        hip_forward_m=float(hips[0]), hip_lateral_m=float(hips[1]), hip_up_m=float(hips[2]),
-        prosthetic_thigh_length_m=lengths[f"thigh_{prosthetic}"],
-        **prosthesis_of(prosthetic, anatomy, feet[prosthetic])), file=standing.path)
+    height, height_notes = stature(
+        person,
+        lengths[f"thigh_{intact}"] + lengths[f"shank_{intact}"],
+        None if head is None else float(head[0, 2]),
+    )
+    hips = np.mean(
+        [segments[f"thigh_{side}"].p_PB * [1, -1 if side == "right" else 1, 1] for side in SIDES],
+        axis=0,
+    )
+    subject = check(
+        Subject(
+            mass_kg=mass,
+            stature_m=height,
+            sex=sex,
+            prosthetic_side=prosthetic,
+            name=person.name,
+            thigh_length_m=lengths[f"thigh_{intact}"],
+            shank_length_m=lengths[f"shank_{intact}"],
+            ankle_height_m=lengths[f"ankle_height_{intact}"],
+            foot_length_m=lengths[f"foot_{intact}"],
+            hip_forward_m=float(hips[0]),
+            hip_lateral_m=float(hips[1]),
+            hip_up_m=float(hips[2]),
+            prosthetic_thigh_length_m=lengths[f"thigh_{prosthetic}"],
+            **prosthesis_of(prosthetic, anatomy, feet[prosthetic]),
+        ),
+        file=standing.path,
+    )
 
     ankles = {side: np.nanmean(anatomy.p_W[f"foot_{side}"], axis=0) for side in SIDES}
     load, source = standing_of.measured_under(standing, posture, ankles, prosthetic, mass)
     more = standing_of.settling(load, model or ModelParameters(), fulcrum_m=fulcrum_m)
-    unloaded = dataclasses.replace(subject, prosthesis_length_m=float(subject.prosthesis_length_m or 0.0) + more)
+    unloaded = dataclasses.replace(
+        subject, prosthesis_length_m=float(subject.prosthesis_length_m or 0.0) + more
+    )
 
     used = {label for segment in segments.values() for label in segment.labels}
-    hidden = [label for labels in posture.labelled.segments.values() for label in labels if label not in used]
-    pairs = [(name.replace("_", " "), 1e3 * lengths[f"{name}_right"], 1e3 * lengths[f"{name}_left"])
-             for name in ("thigh", "shank", "ankle_height", "foot")]
-    notes = [*(note for note in standing.notes if note == NOTE), *posture.notes,
-             *say("markers", "hidden", labels=hidden), *dict.fromkeys(anatomy.notes), *mass_notes, *height_notes]
+    hidden = [
+        label
+        for labels in posture.labelled.segments.values()
+        for label in labels
+        if label not in used
+    ]
+    pairs = [
+        (name.replace("_", " "), 1e3 * lengths[f"{name}_right"], 1e3 * lengths[f"{name}_left"])
+        for name in ("thigh", "shank", "ankle_height", "foot")
+    ]
+    notes = [
+        *(note for note in standing.notes if note == NOTE),
+        *posture.notes,
+        *say("markers", "hidden", labels=hidden),
+        *dict.fromkeys(anatomy.notes),
+        *mass_notes,
+        *height_notes,
+    ]
     for name, right, left in pairs:
         if abs(right - left) > UNEQUAL * max(right, left):
             notes += say("markers", "unequal", name=name, right=right, left=left)
-    method = (*say("markers", "stretch", still=posture.still, start_s=posture.start_s, end_s=posture.end_s),
-              *dict.fromkeys(anatomy.method),
-              *say("markers", "lengths", pairs=pairs, load_n=load, source=source, longer_m=more))
+    method = (
+        *say(
+            "markers", "stretch", still=posture.still, start_s=posture.start_s, end_s=posture.end_s
+        ),
+        *dict.fromkeys(anatomy.method),
+        *say("markers", "lengths", pairs=pairs, load_n=load, source=source, longer_m=more),
+    )
     angles = np.nanmedian(joints.coordinates_of(anatomy.R_W, anatomy.p_W["pelvis"]), axis=0)
-    return Calibration(unloaded, segments, feet, dict(zip(COORDINATES, angles.tolist(), strict=True)), lengths, method,
-                       tuple(notes))
+    return Calibration(
+        unloaded,
+        segments,
+        feet,
+        dict(zip(COORDINATES, angles.tolist(), strict=True)),
+        lengths,
+        method,
+        tuple(notes),
+    )
 
 
 def _segment(name: str, posture: Posture, anatomy: Anatomy) -> SegmentMarkers:
     R, p = anatomy.R_W[name], anatomy.p_W[name]
-    local = {label: _average(posture.points[label] - p, R)
-             for label in posture.labelled.segments[name] if label in posture.points}
+    local = {
+        label: _average(posture.points[label] - p, R)
+        for label in posture.labelled.segments[name]
+        if label in posture.points
+    }
     labels = tuple(label for label, p_BM in local.items() if np.isfinite(p_BM).all())
     parent = PARENTS[name]
     p_PB = np.zeros(3) if parent is None else _average(p - anatomy.p_W[parent], anatomy.R_W[parent])
-    return SegmentMarkers(labels=labels, p_BM=np.array([local[label] for label in labels]).reshape(-1, 3), p_PB=p_PB)
+    return SegmentMarkers(
+        labels=labels, p_BM=np.array([local[label] for label in labels]).reshape(-1, 3), p_PB=p_PB
+    )
 
 
 def _average(vectors_W: np.ndarray, R_W: np.ndarray) -> np.ndarray:
@@ -110,14 +184,21 @@ def _average(vectors_W: np.ndarray, R_W: np.ndarray) -> np.ndarray:
     return vectors[there].mean(axis=0) if there.any() else np.full(3, np.nan)
 
 
-def _lengths(segments: dict[str, SegmentMarkers], feet: dict[str, FootPoints], anatomy: Anatomy) -> dict[str, float]:
+def _lengths(
+    segments: dict[str, SegmentMarkers], feet: dict[str, FootPoints], anatomy: Anatomy
+) -> dict[str, float]:
     lengths = anatomy.lengths_m | {
-        "hip_width": float(np.linalg.norm(segments["thigh_left"].p_PB - segments["thigh_right"].p_PB))}
+        "hip_width": float(
+            np.linalg.norm(segments["thigh_left"].p_PB - segments["thigh_right"].p_PB)
+        )
+    }
     for side, foot in feet.items():
-        lengths |= {f"thigh_{side}": float(np.linalg.norm(segments[f"shank_{side}"].p_PB)),
-                    f"shank_{side}": float(np.linalg.norm(segments[f"foot_{side}"].p_PB)),
-                    f"ankle_height_{side}": -float(foot.p_FHeel[2]),
-                    f"foot_{side}": float(foot.p_FToe[0] - foot.p_FHeel[0])}
+        lengths |= {
+            f"thigh_{side}": float(np.linalg.norm(segments[f"shank_{side}"].p_PB)),
+            f"shank_{side}": float(np.linalg.norm(segments[f"foot_{side}"].p_PB)),
+            f"ankle_height_{side}": -float(foot.p_FHeel[2]),
+            f"foot_{side}": float(foot.p_FToe[0] - foot.p_FHeel[0]),
+        }
     return lengths
 
 
@@ -130,25 +211,35 @@ SHORTEST_FOOT_M, LONGEST_FOOT_M = 0.12, 0.38  # shod feet of children and adults
 OVER_M = 0.05  # frames of a walk with the hip so near above the ankle, fore-aft, are like standing (a choice)
 
 
-def _foot_points(side: str, segment: SegmentMarkers, posture: Posture, anatomy: Anatomy, person: PersonFacts
-                 ) -> FootPoints:
+def _foot_points(
+    side: str, segment: SegmentMarkers, posture: Posture, anatomy: Anatomy, person: PersonFacts
+) -> FootPoints:
     places = dict(zip(segment.labels, segment.p_BM, strict=True))
-    at = {role: places[label] for role in ("heel", "toe_tip", *BALL_RATIO)
-          if (label := posture.labelled.roles.get(f"{role}_{side}")) in places}
-    rear = at["heel"][0] + 1e-3 * (person.marker_radius_mm + person.base_plate_mm)  # skin ahead of the marker's centre
+    at = {
+        role: places[label]
+        for role in ("heel", "toe_tip", *BALL_RATIO)
+        if (label := posture.labelled.roles.get(f"{role}_{side}")) in places
+    }
+    rear = at["heel"][0] + 1e-3 * (
+        person.marker_radius_mm + person.base_plate_mm
+    )  # skin ahead of the marker's centre
     if "toe_tip" in at:
         length = at["toe_tip"][0] - rear
     else:
         roles = ("toe",) if "toe" in at else ("met1", "met5")
         length = float(np.mean([(at[role][0] - rear) / BALL_RATIO[role] for role in roles]))
     if not SHORTEST_FOOT_M <= length <= LONGEST_FOOT_M:
-        raise InputError(f"heel and forefoot markers make the {side} foot {length:.3f} m long",
-                         where=f"markers {', '.join(segment.labels)}",
-                         right="Check the labels of heel and toe and the unit of the markers' file")
+        raise InputError(
+            f"heel and forefoot markers make the {side} foot {length:.3f} m long",
+            where=f"markers {', '.join(segment.labels)}",
+            right="Check the labels of heel and toe and the unit of the markers' file",
+        )
     flat = np.isfinite(anatomy.R_W[f"foot_{side}"]).all(axis=(1, 2))
     sole = -float(np.nanmean(anatomy.p_W[f"foot_{side}"][flat, 2]))
-    return FootPoints(p_FHeel=np.array([rear, at["heel"][1], sole]),
-                      p_FToe=np.array([rear + length, at["heel"][1], sole]))
+    return FootPoints(
+        p_FHeel=np.array([rear, at["heel"][1], sole]),
+        p_FToe=np.array([rear + length, at["heel"][1], sole]),
+    )
 
 
 def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, float]:
@@ -173,11 +264,17 @@ def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, 
     like_standing = ahead < OVER_M
     outward = -1.0 if side == "right" else 1.0
     values = {
-        "prosthesis_length_m": length, "prosthesis_fore_aft_m": place[:, 0],
-        "prosthesis_lateral_m": outward * place[:, 1], "prosthesis_alignment_rad": angles[:, 0],
-        "prosthesis_inversion_rad": angles[:, 1], "prosthesis_toe_out_rad": -angles[:, 2]}
-    return {name: float(np.nanmedian(value[like_standing] if like_standing.any() else value))
-            for name, value in values.items()}
+        "prosthesis_length_m": length,
+        "prosthesis_fore_aft_m": place[:, 0],
+        "prosthesis_lateral_m": outward * place[:, 1],
+        "prosthesis_alignment_rad": angles[:, 0],
+        "prosthesis_inversion_rad": angles[:, 1],
+        "prosthesis_toe_out_rad": -angles[:, 2],
+    }
+    return {
+        name: float(np.nanmedian(value[like_standing] if like_standing.any() else value))
+        for name, value in values.items()
+    }
 
 
 # Whether the markers of a standing trial are where their labels say: exchanged ones show by geometry.
@@ -185,8 +282,13 @@ def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, 
 
 ASTRAY_M = 0.05  # a marker so much nearer to another thigh or shank than to its own is on the other one (a choice)
 SAME_PLACE_M = 1e-3  # no two markers are nearer to each other than their own size; a millimetre is the same one twice
-ASKEW_RAD = np.radians(45.0)  # the lines over ASIS and PSIS are nearly parallel, the former nearly level (a choice)
-LEAST_RATIO, MOST_RATIO = 0.65, 1.6  # thigh / shank (a choice): de Leva (1996) has 0.84 for women, 0.96 for men
+ASKEW_RAD = np.radians(
+    45.0
+)  # the lines over ASIS and PSIS are nearly parallel, the former nearly level (a choice)
+LEAST_RATIO, MOST_RATIO = (
+    0.65,
+    1.6,
+)  # thigh / shank (a choice): de Leva (1996) has 0.84 for women, 0.96 for men
 _RIGHT = "Check the labels of these markers, or the marker map"
 
 
@@ -195,14 +297,21 @@ def _check_labels(posture: Posture, file: str | Path) -> None:
 
     def refuse(what: str, *roles: str, labels: Sequence[str] = (), right: str = _RIGHT) -> NoReturn:
         named = [labelled.roles[role] for role in roles if role in labelled.roles]
-        raise InputError(what, file=file, where=f"markers {', '.join((*named, *labels))}", right=right)
+        raise InputError(
+            what, file=file, where=f"markers {', '.join((*named, *labels))}", right=right
+        )
 
-    for a, b in combinations([label for label in dict.fromkeys(labelled.roles.values()) if label in points], 2):
+    for a, b in combinations(
+        [label for label in dict.fromkeys(labelled.roles.values()) if label in points], 2
+    ):
         apart = np.linalg.norm(points[a] - points[b], axis=1)
         apart = apart[np.isfinite(apart)]
         if len(apart) and np.median(apart) < SAME_PLACE_M:
-            refuse("lie in the same place", labels=(a, b),
-                   right="Each marker has one label; look for a doubled trajectory")
+            refuse(
+                "lie in the same place",
+                labels=(a, b),
+                right="Each marker has one label; look for a doubled trajectory",
+            )
     _check_pelvis(posture, refuse)
 
     up = np.array([0.0, 0.0, 1.0])
@@ -217,12 +326,20 @@ def _check_labels(posture: Posture, file: str | Path) -> None:
     names = [role.removesuffix("_right") for role in labelled.roles if role.endswith("_right")]
     wrong = [name for name in names if not ordered(f"{name}_right", f"{name}_left", left)]
     if wrong:
-        refuse("left and right seem exchanged", *(f"{name}_{side}" for name in wrong for side in SIDES))
+        refuse(
+            "left and right seem exchanged", *(f"{name}_{side}" for name in wrong for side in SIDES)
+        )
     for side, out in (("right", -left), ("left", left)):
-        for upper, lower in pairwise(f"{role}_{side}" for role in ("asis", "knee_lateral", "ankle_lateral")):
+        for upper, lower in pairwise(
+            f"{role}_{side}" for role in ("asis", "knee_lateral", "ankle_lateral")
+        ):
             if not ordered(lower, upper, up):
                 refuse(f"the {_words(upper)} is below the {_words(lower)}", upper, lower)
-        for pair in (("knee_medial", "knee_lateral"), ("ankle_medial", "ankle_lateral"), ("met1", "met5")):
+        for pair in (
+            ("knee_medial", "knee_lateral"),
+            ("ankle_medial", "ankle_lateral"),
+            ("met1", "met5"),
+        ):
             inner, outer = (f"{role}_{side}" for role in pair)
             if not ordered(inner, outer, out):
                 refuse(f"the {_words(inner)} is outside the {_words(outer)}", inner, outer)
@@ -234,8 +351,10 @@ def _check_pelvis(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
     front = posture.needed("asis_left") - posture.needed("asis_right")
     slope = float(np.nanmedian(np.arcsin(np.abs(front[:, 2]) / np.linalg.norm(front, axis=1))))
     if slope > ASKEW_RAD:
-        refuse(f"one ASIS is far above the other: the line over both slopes by {np.degrees(slope):.0f} degrees",
-               *roles[:2])
+        refuse(
+            f"one ASIS is far above the other: the line over both slopes by {np.degrees(slope):.0f} degrees",
+            *roles[:2],
+        )
     right, left = posture.at("psis_right"), posture.at("psis_left")
     if right is None or left is None:
         return
@@ -243,8 +362,11 @@ def _check_pelvis(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
     lengths = np.linalg.norm(front, axis=1) * np.linalg.norm(back, axis=1)
     cosine = float(np.nanmedian(np.sum(front * back, axis=1) / lengths))
     if abs(cosine) < np.cos(ASKEW_RAD):
-        refuse(f"the line over both ASIS and that over both PSIS make an angle of {np.degrees(np.arccos(cosine)):.0f} "
-               "degrees: an ASIS and a PSIS seem exchanged", *roles)
+        refuse(
+            f"the line over both ASIS and that over both PSIS make an angle of {np.degrees(np.arccos(cosine)):.0f} "
+            "degrees: an ASIS and a PSIS seem exchanged",
+            *roles,
+        )
 
 
 def _check_facing(posture: Posture, forward: np.ndarray, refuse: Callable[..., NoReturn]) -> None:
@@ -253,10 +375,20 @@ def _check_facing(posture: Posture, forward: np.ndarray, refuse: Callable[..., N
     toes = {side: forefoot_labels(posture.labelled, side) for side in SIDES}
     backwards = [side for side in SIDES if typical(fore[side] - heel[side], forward) < 0]
     if len(backwards) == len(SIDES):
-        refuse("both feet point backwards: front and back of the pelvis seem exchanged (or heel and toe of both feet)",
-               "asis_right", "asis_left", "psis_right", "psis_left", "sacrum")
+        refuse(
+            "both feet point backwards: front and back of the pelvis seem exchanged (or heel and toe of both feet)",
+            "asis_right",
+            "asis_left",
+            "psis_right",
+            "psis_left",
+            "sacrum",
+        )
     for side in backwards:
-        refuse("the foot points backwards: heel and toe seem exchanged", f"heel_{side}", labels=toes[side])
+        refuse(
+            "the foot points backwards: heel and toe seem exchanged",
+            f"heel_{side}",
+            labels=toes[side],
+        )
     for side in SIDES:
         ankle, along = posture.needed(f"ankle_lateral_{side}"), facing(fore[side], heel[side])
         if typical(ankle - heel[side], along) < 0:
@@ -266,27 +398,55 @@ def _check_facing(posture: Posture, forward: np.ndarray, refuse: Callable[..., N
 
 
 def _check_segments(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
-    ends = {f"{segment}_{side}": (f"{upper}_{side}", f"{lower}_{side}") for side in SIDES for segment, upper, lower
-            in (("thigh", "asis", "knee_lateral"), ("shank", "knee_lateral", "ankle_lateral"))}
+    ends = {
+        f"{segment}_{side}": (f"{upper}_{side}", f"{lower}_{side}")
+        for side in SIDES
+        for segment, upper, lower in (
+            ("thigh", "asis", "knee_lateral"),
+            ("shank", "knee_lateral", "ankle_lateral"),
+        )
+    }
     for segment, span in ends.items():
         for label in posture.labelled.segments[segment]:
-            away = {name: float(np.nanmedian(from_line(posture.points[label], *map(posture.needed, line))[0]))
-                    for name, line in ends.items()} if label in posture.points else {segment: 0.0}
+            away = (
+                {
+                    name: float(
+                        np.nanmedian(
+                            from_line(posture.points[label], *map(posture.needed, line))[0]
+                        )
+                    )
+                    for name, line in ends.items()
+                }
+                if label in posture.points
+                else {segment: 0.0}
+            )
             nearest = min(away, key=lambda name: away[name])
             if away[segment] > away[nearest] + ASTRAY_M:
-                refuse(f"{label} lies {1e3 * away[nearest]:.0f} mm from the {_words(nearest)} and "
-                       f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map gives it",
-                       labels=list(dict.fromkeys((label, *(posture.labelled.roles[role] for role in span)))),
-                       right=f"Check {label} and the markers that span this segment")
+                refuse(
+                    f"{label} lies {1e3 * away[nearest]:.0f} mm from the {_words(nearest)} and "
+                    f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map gives it",
+                    labels=list(
+                        dict.fromkeys((label, *(posture.labelled.roles[role] for role in span)))
+                    ),
+                    right=f"Check {label} and the markers that span this segment",
+                )
 
 
 def _check_proportions(lengths_m: dict[str, float], posture: Posture, file: str | Path) -> None:
     for side in SIDES:
         thigh, shank = lengths_m[f"thigh_{side}"], lengths_m[f"shank_{side}"]
         if not LEAST_RATIO * shank < thigh < MOST_RATIO * shank:
-            labels = [posture.labelled.roles[f"{role}_{side}"] for role in ("asis", "knee_lateral", "ankle_lateral")]
-            raise InputError(f"the {side} thigh of {1e3 * thigh:.0f} mm and the shank of {1e3 * shank:.0f} mm belong "
-                             "to nobody", file=file, where=f"markers {', '.join(labels)}", right=_RIGHT)
+            labels = [
+                posture.labelled.roles[f"{role}_{side}"]
+                for role in ("asis", "knee_lateral", "ankle_lateral")
+            ]
+            raise InputError(
+                f"the {side} thigh of {1e3 * thigh:.0f} mm and the shank of {1e3 * shank:.0f} mm belong "
+                "to nobody",
+                file=file,
+                where=f"markers {', '.join(labels)}",
+                right=_RIGHT,
+            )
 
 
 def _words(role: str) -> str:

@@ -26,7 +26,9 @@ from vsf_drake.motion.markers.segments import FEWEST_MARKERS, PARENTS, mean_shap
 from vsf_drake.parameters import PELVIS_COORDINATES, leg_coordinates
 from vsf_drake.sentences import say
 
-LEAST_HINGE_RAD = np.radians(30.0)  # a knee that turns less than this does not show its axis (a choice)
+LEAST_HINGE_RAD = np.radians(
+    30.0
+)  # a knee that turns less than this does not show its axis (a choice)
 ODD_HINGE_RAD = np.radians(30.0)
 """A functional knee axis that departs more than this from the pelvis' sideways one is doubtful (a choice)."""
 
@@ -37,7 +39,12 @@ class Anatomy:
     def __init__(self, posture: Posture, person: PersonFacts, hip: str) -> None:
         """`R_W` (n, 3, 3) and `p_W` (n, 3) m by segment, the feet's R NaN where they are not flat; `lengths_m` as the
         hip regression took them; `method` and `notes`, sentences."""
-        self.posture, self.person, self.at, self.needed = posture, person, posture.at, posture.needed
+        self.posture, self.person, self.at, self.needed = (
+            posture,
+            person,
+            posture.at,
+            posture.needed,
+        )
         self.R_W: dict[str, np.ndarray] = {}
         self.p_W: dict[str, np.ndarray] = {}
         self.method: list[str] = []
@@ -47,16 +54,28 @@ class Anatomy:
         for side in SIDES:
             hip_centre = self.p_W[f"thigh_{side}"]
             knee, knee_axis = self.joint("knee", side, hip_centre, self.R_W["pelvis"][..., :, 1])
-            self.R_W[f"thigh_{side}"], self.p_W[f"shank_{side}"] = frame_from(hip_centre - knee, knee_axis), knee
-            ankle, ankle_axis = self.joint("ankle", side, knee, self.R_W[f"thigh_{side}"][..., :, 1])
-            self.R_W[f"shank_{side}"], self.p_W[f"foot_{side}"] = frame_from(knee - ankle, ankle_axis), ankle
+            self.R_W[f"thigh_{side}"], self.p_W[f"shank_{side}"] = (
+                frame_from(hip_centre - knee, knee_axis),
+                knee,
+            )
+            ankle, ankle_axis = self.joint(
+                "ankle", side, knee, self.R_W[f"thigh_{side}"][..., :, 1]
+            )
+            self.R_W[f"shank_{side}"], self.p_W[f"foot_{side}"] = (
+                frame_from(knee - ankle, ankle_axis),
+                ankle,
+            )
             along = posture.forefoot(side) - posture.needed(f"heel_{side}")
             foot = frame_from(np.broadcast_to(up, along.shape), np.cross(up, along))
             foot[~posture.foot_flat[side]] = np.nan
             self.R_W[f"foot_{side}"] = foot
 
     def pelvis(self, hip: str) -> dict[str, float]:
-        asis_r, asis_l, back = self.needed("asis_right"), self.needed("asis_left"), self.posture.pelvis_back()
+        asis_r, asis_l, back = (
+            self.needed("asis_right"),
+            self.needed("asis_left"),
+            self.posture.pelvis_back(),
+        )
         if any(self.at(f"psis_{side}") is None for side in SIDES):
             self.notes += say("markers", "sacrum")
         self.R_W["pelvis"], self.p_W["pelvis"] = pelvis_frame(asis_r, asis_l, back)
@@ -64,10 +83,17 @@ class Anatomy:
         depth = float(np.nanmedian(np.linalg.norm(self.p_W["pelvis"] - back, axis=-1)))
         leg = self.leg_length(hip)
         forward, up, lateral = hip_offset(
-            hip, pelvis_width=width, pelvis_depth=depth, leg_length=leg, base_plate=1e-3 * self.person.base_plate_mm,
-            marker_radius=1e-3 * self.person.marker_radius_mm)
+            hip,
+            pelvis_width=width,
+            pelvis_depth=depth,
+            leg_length=leg,
+            base_plate=1e-3 * self.person.base_plate_mm,
+            marker_radius=1e-3 * self.person.marker_radius_mm,
+        )
         for side, out in (("right", -1.0), ("left", 1.0)):
-            self.p_W[f"thigh_{side}"] = self.p_W["pelvis"] + self.R_W["pelvis"] @ np.array([forward, out * lateral, up])
+            self.p_W[f"thigh_{side}"] = self.p_W["pelvis"] + self.R_W["pelvis"] @ np.array(
+                [forward, out * lateral, up]
+            )
         self.method += say("markers", "hips", method=hip, width=width, depth=depth, leg=leg)
         return {"pelvis_width": width, "pelvis_depth": depth, "leg_length": leg}
 
@@ -76,34 +102,59 @@ class Anatomy:
         if self.person.leg_length_mm is not None:
             return 1e-3 * self.person.leg_length_mm
         side = "left" if self.person.prosthetic_side == "right" else "right"
-        asis, knee, ankle = self.needed(f"asis_{side}"), self.at(f"knee_medial_{side}"), self.at(f"ankle_medial_{side}")
+        asis, knee, ankle = (
+            self.needed(f"asis_{side}"),
+            self.at(f"knee_medial_{side}"),
+            self.at(f"ankle_medial_{side}"),
+        )
         knee = self.needed(f"knee_lateral_{side}") if knee is None else knee
         if ankle is None:
             ankle = self.needed(f"ankle_lateral_{side}")
             if hip in NEEDS_LEG_LENGTH:
                 self.notes += say("markers", "lateral_leg")
-        return float(np.nanmedian(np.linalg.norm(asis - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1)))
+        return float(
+            np.nanmedian(
+                np.linalg.norm(asis - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1)
+            )
+        )
 
-    def joint(self, name: str, side: str, proximal: np.ndarray, sideways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def joint(
+        self, name: str, side: str, proximal: np.ndarray, sideways: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Centre of a knee or ankle under the `proximal` joint's, and its axis; all axes are to the left.
 
         Without a medial marker a knee's axis is through its centre, an ankle's is `sideways`.
         """
         left = 1.0 if side == "right" else -1.0
         role = f"{'thigh' if name == 'knee' else 'shank'}_plane_{side}"
-        lateral, medial, plane = self.needed(f"{name}_lateral_{side}"), self.at(f"{name}_medial_{side}"), self.at(role)
+        lateral, medial, plane = (
+            self.needed(f"{name}_lateral_{side}"),
+            self.at(f"{name}_medial_{side}"),
+            self.at(role),
+        )
         alone = name == "knee" and medial is None and plane is None
         hinge = self.hinge(side, left * sideways) if alone else None
         width, source = joint_width_m(self.person, name)
-        self.method += say("markers", name, side=side, width=source, medial=medial is not None,
-                           plane=plane is not None and self.posture.labelled.roles[role], hinge=hinge is not None)
+        self.method += say(
+            "markers",
+            name,
+            side=side,
+            width=source,
+            medial=medial is not None,
+            plane=plane is not None and self.posture.labelled.roles[role],
+            hinge=hinge is not None,
+        )
         if medial is not None:
             return 0.5 * (lateral + medial), left * (medial - lateral)
         distance = 0.5 * width + 1e-3 * self.person.marker_radius_mm
-        if plane is None:  # a chord whose plane holds the joint's axis: at a right angle to the proximal centre
+        if (
+            plane is None
+        ):  # a chord whose plane holds the joint's axis: at a right angle to the proximal centre
             medially = left * sideways if hinge is None else hinge
             centre = chord(proximal, lateral, lateral + medially, medially, distance)
-            self.notes += say("markers", "no_knee_axis", side=side) if alone and hinge is None else []
+            self.notes += (
+                say("markers", "no_knee_axis", side=side) if alone and hinge is None else []
+            )
         else:
             centre = chord(proximal, lateral, plane, left * sideways, distance)
         return centre, left * (centre - lateral) if name == "knee" else sideways
@@ -121,7 +172,9 @@ class Anatomy:
         axis = thigh @ a
         along = float(np.nanmedian(np.sum(axis * medially, axis=-1)))
         if abs(along) < np.cos(ODD_HINGE_RAD):
-            self.notes += say("markers", "odd_hinge", side=side, degrees=np.degrees(np.arccos(abs(along))))
+            self.notes += say(
+                "markers", "odd_hinge", side=side, degrees=np.degrees(np.arccos(abs(along)))
+            )
         return np.asarray(axis * np.sign(along))
 
     def cluster(self, segment: str) -> np.ndarray | None:
@@ -159,25 +212,47 @@ _DAVIS_THETA, _DAVIS_BETA = math.radians(28.4), math.radians(18.0)
 
 
 def hip_offset(
-    method: str, *, pelvis_width: float, pelvis_depth: float, leg_length: float, marker_radius: float,
-    base_plate: float
+    method: str,
+    *,
+    pelvis_width: float,
+    pelvis_depth: float,
+    leg_length: float,
+    marker_radius: float,
+    base_plate: float,
 ) -> np.ndarray:
     """(3,) m: forward, up and lateral coordinate of the hip centre from the midpoint of the ASIS markers."""
     pw, pd, ll = (1e3 * length for length in (pelvis_width, pelvis_depth, leg_length))
     skin = 1e3 * (marker_radius + base_plate)
-    c, depth, along = 0.115 * ll - 15.3, 0.1288 * ll - 48.56 + 1e3 * marker_radius, math.cos(_DAVIS_THETA)
+    c, depth, along = (
+        0.115 * ll - 15.3,
+        0.1288 * ll - 48.56 + 1e3 * marker_radius,
+        math.cos(_DAVIS_THETA),
+    )
     sin_b, cos_b = math.sin(_DAVIS_BETA), math.cos(_DAVIS_BETA)
     mm = {
-        "harrington": (-0.24 * pd - 9.9 - skin, -0.16 * pw - 0.04 * ll - 7.1, 0.28 * pd + 0.16 * pw + 7.9),
+        "harrington": (
+            -0.24 * pd - 9.9 - skin,
+            -0.16 * pw - 0.04 * ll - 7.1,
+            0.28 * pd + 0.16 * pw + 7.9,
+        ),
         "hara": (11 - 0.063 * ll - skin, -9 - 0.078 * ll, 8 + 0.086 * ll),
         "bell": (-0.19 * pw, -0.30 * pw, 0.36 * pw),
-        "davis": (c * along * sin_b - depth * cos_b, -c * along * cos_b - depth * sin_b,
-                  pw / 2 - c * math.sin(_DAVIS_THETA))}
+        "davis": (
+            c * along * sin_b - depth * cos_b,
+            -c * along * cos_b - depth * sin_b,
+            pw / 2 - c * math.sin(_DAVIS_THETA),
+        ),
+    }
     return 1e-3 * np.array(mm[method])
 
 
-def chord(proximal: np.ndarray, lateral: np.ndarray, plane: np.ndarray, medially: np.ndarray, distance: float
-          ) -> np.ndarray:
+def chord(
+    proximal: np.ndarray,
+    lateral: np.ndarray,
+    plane: np.ndarray,
+    medially: np.ndarray,
+    distance: float,
+) -> np.ndarray:
     """The joint centre C in the plane of the proximal joint centre P, the lateral marker L and a plane marker.
 
     |LC| is `distance` (half the joint's width and the marker's radius) and the angle PCL is a right one, so C lies on
@@ -228,7 +303,9 @@ def frame_from(z: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.stack([np.cross(e_y, e_z), e_y, e_z], axis=-1)
 
 
-def pelvis_frame(asis_right: np.ndarray, asis_left: np.ndarray, back: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def pelvis_frame(
+    asis_right: np.ndarray, asis_left: np.ndarray, back: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """R_WP (..., 3, 3) and origin (..., 3) after Wu et al. (2002): y to the left along the ASIS line, x forward in the
     plane of both ASIS and `back` (the midpoint of the PSIS or the sacrum), origin midway between the ASIS."""
     origin = 0.5 * (np.asarray(asis_right) + asis_left)
@@ -261,7 +338,9 @@ def _unit(vector: np.ndarray) -> np.ndarray:
 # sides. The pelvis turns against W likewise, unmirrored (tilt, list, rotation), after moving forward, up, to the right.
 
 
-COORDINATES = PELVIS_COORDINATES + tuple(name for side in SIDES for name in leg_coordinates(side, intact=True))
+COORDINATES = PELVIS_COORDINATES + tuple(
+    name for side in SIDES for name in leg_coordinates(side, intact=True)
+)
 """The 24 coordinates of pelvis and two intact legs, in the model's order."""
 NEAR_GIMBAL_RAD = np.radians(70.0)
 """Beyond this adduction flexion and rotation become one and the same: errors are amplified threefold."""
@@ -287,10 +366,15 @@ def joint_angles(R_PD: np.ndarray, joint: str, side: str) -> np.ndarray:
 def joint_rotation(angles: np.ndarray, joint: str, side: str) -> np.ndarray:
     """(..., 3, 3): R_PD from flexion, adduction, rotation (..., 3) rad; the inverse of `joint_angles`."""
     y, x, z = np.moveaxis(np.asarray(angles, dtype=float) * _signs(joint, side), -1, 0)
-    (sy, sx, sz), (cy, cx, cz) = (np.sin(y), np.sin(x), np.sin(z)), (np.cos(y), np.cos(x), np.cos(z))
-    rows = [[cy * cz + sy * sx * sz, -cy * sz + sy * sx * cz, sy * cx],
-            [cx * sz, cx * cz, -sx],
-            [-sy * cz + cy * sx * sz, sy * sz + cy * sx * cz, cy * cx]]
+    (sy, sx, sz), (cy, cx, cz) = (
+        (np.sin(y), np.sin(x), np.sin(z)),
+        (np.cos(y), np.cos(x), np.cos(z)),
+    )
+    rows = [
+        [cy * cz + sy * sx * sz, -cy * sz + sy * sx * cz, sy * cx],
+        [cx * sz, cx * cz, -sx],
+        [-sy * cz + cy * sx * sz, sy * sz + cy * sx * cz, cy * cx],
+    ]
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
@@ -322,15 +406,25 @@ def orientations_of(values: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarr
     """The inverse of `coordinates_of`: R_W by segment and p_WPelvis, from (n, 24) values of `COORDINATES`."""
     R_W: dict[str, np.ndarray] = {}
     for k, (segment, parent) in enumerate(PARENTS.items(), start=1):
-        R_PD = joint_rotation(values[..., 3 * k:3 * k + 3], *segment_joint(segment))
+        R_PD = joint_rotation(values[..., 3 * k : 3 * k + 3], *segment_joint(segment))
         R_W[segment] = R_PD if parent is None else R_W[parent] @ R_PD
     return R_W, os_to_world(values[..., :3])
 
 
 def gimbal_notes(values: np.ndarray) -> list[str]:
     """Sentences on the joints whose adduction (pelvis: list) in (n, 24) `values` comes near a right angle."""
-    triples = [COORDINATES[k:k + 3] for k in range(3, len(COORDINATES), 3)]
+    triples = [COORDINATES[k : k + 3] for k in range(3, len(COORDINATES), 3)]
     largest = np.nanmax(np.abs(values[:, 4::3]), axis=0)
-    return [note for (flexion, adduction, rotation), most in zip(triples, largest, strict=True)
-            if most > NEAR_GIMBAL_RAD for note in say("markers", "gimbal", adduction=adduction, flexion=flexion,
-                                                      rotation=rotation, degrees=np.degrees(most))]
+    return [
+        note
+        for (flexion, adduction, rotation), most in zip(triples, largest, strict=True)
+        if most > NEAR_GIMBAL_RAD
+        for note in say(
+            "markers",
+            "gimbal",
+            adduction=adduction,
+            flexion=flexion,
+            rotation=rotation,
+            degrees=np.degrees(most),
+        )
+    ]

@@ -16,8 +16,15 @@ import numpy as np
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import Subject
 
-PARENTS = {"pelvis": None, "thigh_right": "pelvis", "shank_right": "thigh_right", "foot_right": "shank_right",
-           "thigh_left": "pelvis", "shank_left": "thigh_left", "foot_left": "shank_left"}
+PARENTS = {
+    "pelvis": None,
+    "thigh_right": "pelvis",
+    "shank_right": "thigh_right",
+    "foot_right": "shank_right",
+    "thigh_left": "pelvis",
+    "shank_left": "thigh_left",
+    "foot_left": "shank_left",
+}
 """The segment from which each hangs, parents first."""
 SEGMENTS = tuple(PARENTS)
 
@@ -46,7 +53,9 @@ class Calibration:
     subject: Subject  # mass, stature and every measured length
     segments: dict[str, SegmentMarkers]  # all seven of `SEGMENTS`
     feet: dict[str, FootPoints]  # by side ("right", "left")
-    angles_rad: dict[str, float]  # the coordinates at standing, nothing zeroed; the pelvis's translations in m
+    angles_rad: dict[
+        str, float
+    ]  # the coordinates at standing, nothing zeroed; the pelvis's translations in m
     lengths_m: dict[str, float]  # for the report: thigh_right, ankle_height_left, hip_width, ...
     method: tuple[str, ...] = ()  # sentences on how each joint centre and axis was found
     notes: tuple[str, ...] = ()  # sentences on what was assumed or looks doubtful
@@ -76,17 +85,29 @@ class TrackedMotion:
     """Joint coordinates of a walk, from its markers."""
 
     time_s: np.ndarray  # (frames,) evenly spaced
-    names: tuple[str, ...]  # pelvis and both legs, *both* ankles included, as in OpenSim (`ankle_angle_r`, ...)
+    names: tuple[
+        str, ...
+    ]  # pelvis and both legs, *both* ankles included, as in OpenSim (`ankle_angle_r`, ...)
     values: np.ndarray  # (frames, m) m and rad, filtered once
     feet: dict[str, FootTrack]  # by side
-    residual_rms_m: dict[str, float]  # by label, RMS distance of a marker from where its segment's pose puts it
-    cluster_motion_m: dict[str, float]  # by segment, RMS over time of the markers' departure from a rigid body
-    joint_gap_m: dict[str, float]  # by joint, RMS distance between the two segments' ideas of the joint's centre
+    residual_rms_m: dict[
+        str, float
+    ]  # by label, RMS distance of a marker from where its segment's pose puts it
+    cluster_motion_m: dict[
+        str, float
+    ]  # by segment, RMS over time of the markers' departure from a rigid body
+    joint_gap_m: dict[
+        str, float
+    ]  # by joint, RMS distance between the two segments' ideas of the joint's centre
     gaps: tuple[Gap, ...] = ()
     notes: tuple[str, ...] = ()  # sentences on what was assumed, filled or looks doubtful
 
-    def trajectory(self, names: tuple[str, ...], *, source: str | None = None) -> CoordinateTrajectory:
-        return CoordinateTrajectory(self.time_s, self.values, self.names, source=source).ordered(names)
+    def trajectory(
+        self, names: tuple[str, ...], *, source: str | None = None
+    ) -> CoordinateTrajectory:
+        return CoordinateTrajectory(self.time_s, self.values, self.names, source=source).ordered(
+            names
+        )
 
 
 # Rigid pose of a cluster of markers in every frame, by least squares, and which markers determine a segment.
@@ -97,7 +118,9 @@ class TrackedMotion:
 
 FEWEST_MARKERS = 3
 LEAST_WIDTH_M = 1e-3  # markers nearer (RMS) to the straight line through them leave the turn about it to their noise
-NARROW_M = 0.015  # a narrower cluster cannot stand alone: 3 mm of skin motion would turn it by 7 degrees
+NARROW_M = (
+    0.015  # a narrower cluster cannot stand alone: 3 mm of skin motion would turn it by 7 degrees
+)
 NARROWEST_M = 0.005  # nor with the joint centre: those 3 mm turn it by 20 degrees
 
 
@@ -107,7 +130,9 @@ class RigidPoses:
 
     R_WB: np.ndarray  # (n, 3, 3)
     p_WB: np.ndarray  # (n, 3) m
-    residual_m: np.ndarray  # (n, k) m, distance of each marker from where the pose puts it; NaN where it was not seen
+    residual_m: (
+        np.ndarray
+    )  # (n, k) m, distance of each marker from where the pose puts it; NaN where it was not seen
     known: np.ndarray  # (n,) bool, False where the pose is NaN
 
     def points(self, p_BQ: np.ndarray) -> np.ndarray:
@@ -135,7 +160,9 @@ def rigid_poses(p_BM: np.ndarray, p_WM: np.ndarray) -> RigidPoses:
 
     R_WB[~known], p_WB[~known] = np.nan, np.nan
     residual = np.linalg.norm(p_BM @ R_WB.transpose(0, 2, 1) + p_WB[:, None, :] - p_WM, axis=2)
-    return RigidPoses(R_WB=R_WB, p_WB=p_WB, residual_m=np.where(seen, residual, np.nan), known=known)
+    return RigidPoses(
+        R_WB=R_WB, p_WB=p_WB, residual_m=np.where(seen, residual, np.nan), known=known
+    )
 
 
 def mean_shape(shape: np.ndarray, p_WM: np.ndarray) -> np.ndarray:
@@ -177,17 +204,26 @@ def determines(segment: str, p_BM: np.ndarray) -> bool:
         return True
     if PARENTS[segment] is None:
         return cluster_width(p_BM) >= NARROWEST_M
-    return len(p_BM) >= FEWEST_MARKERS - 1 and cluster_width(np.vstack([p_BM, np.zeros(3)])) >= NARROWEST_M
+    return (
+        len(p_BM) >= FEWEST_MARKERS - 1
+        and cluster_width(np.vstack([p_BM, np.zeros(3)])) >= NARROWEST_M
+    )
 
 
 def subset(markers: SegmentMarkers, labels: Collection[str]) -> SegmentMarkers:
     """The segment with only the markers `labels`, in the segment's order."""
     keep = [k for k, label in enumerate(markers.labels) if label in labels]
-    return SegmentMarkers(labels=tuple(markers.labels[k] for k in keep), p_BM=markers.p_BM[keep], p_PB=markers.p_PB)
+    return SegmentMarkers(
+        labels=tuple(markers.labels[k] for k in keep), p_BM=markers.p_BM[keep], p_PB=markers.p_PB
+    )
 
 
-def segment_pose(name: str, segment: SegmentMarkers, markers: Mapping[str, np.ndarray],
-                 poses: Mapping[str, RigidPoses]) -> RigidPoses:
+def segment_pose(
+    name: str,
+    segment: SegmentMarkers,
+    markers: Mapping[str, np.ndarray],
+    poses: Mapping[str, RigidPoses],
+) -> RigidPoses:
     """Poses of a segment from its markers by label, (n, 3) m, given its parent's.
 
     Where `needs_joint_centre`, the proximal joint centre, as the parent's pose has it, is one more and last marker.
@@ -197,10 +233,14 @@ def segment_pose(name: str, segment: SegmentMarkers, markers: Mapping[str, np.nd
     if parent is None or not needs_joint_centre(segment.p_BM):
         return rigid_poses(segment.p_BM, p_WM)
     centre = poses[parent].points(segment.p_PB)
-    return rigid_poses(np.vstack([segment.p_BM, np.zeros(3)]), np.concatenate([p_WM, centre[:, None, :]], axis=1))
+    return rigid_poses(
+        np.vstack([segment.p_BM, np.zeros(3)]), np.concatenate([p_WM, centre[:, None, :]], axis=1)
+    )
 
 
-def segment_poses(segments: Mapping[str, SegmentMarkers], markers: Mapping[str, np.ndarray]) -> dict[str, RigidPoses]:
+def segment_poses(
+    segments: Mapping[str, SegmentMarkers], markers: Mapping[str, np.ndarray]
+) -> dict[str, RigidPoses]:
     """Poses of every segment (`segments` has parents first), see `segment_pose`."""
     poses: dict[str, RigidPoses] = {}
     for name, segment in segments.items():

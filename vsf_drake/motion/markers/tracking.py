@@ -21,7 +21,14 @@ from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.formats.units import listed
 from vsf_drake.motion.markers import segments as rigid
 from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, gimbal_notes, segment_joint
-from vsf_drake.motion.markers.segments import PARENTS, Calibration, FootTrack, Gap, RigidPoses, SegmentMarkers
+from vsf_drake.motion.markers.segments import (
+    PARENTS,
+    Calibration,
+    FootTrack,
+    Gap,
+    RigidPoses,
+    SegmentMarkers,
+)
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.sentences import say
 
@@ -39,7 +46,9 @@ MOST_LISTED = 6
 class FilledMarkers:
     """The usable part of a recording without gaps."""
 
-    segments: dict[str, SegmentMarkers]  # the calibration's, with those markers that the recording has
+    segments: dict[
+        str, SegmentMarkers
+    ]  # the calibration's, with those markers that the recording has
     markers: dict[str, np.ndarray]  # (n, 3) m by label, without NaN
     seen: dict[str, np.ndarray]  # (n,) bool by label, False where filled
     start_frame: int  # first frame of the recording that is used; n frames from there are
@@ -66,8 +75,12 @@ class _Work:
         return words((self.seconds(start), self.seconds(stop - 1)))
 
 
-def fill_gaps(recording: Recording, segments: Mapping[str, SegmentMarkers], *,
-              longest_gap_s: float = LONGEST_GAP_S) -> FilledMarkers:
+def fill_gaps(
+    recording: Recording,
+    segments: Mapping[str, SegmentMarkers],
+    *,
+    longest_gap_s: float = LONGEST_GAP_S,
+) -> FilledMarkers:
     """The usable part of `recording` without gaps in the markers of `segments`, which alone count.
 
     A gap of any of them is closed by the first rule that applies:
@@ -85,15 +98,22 @@ def fill_gaps(recording: Recording, segments: Mapping[str, SegmentMarkers], *,
     A marker that is never seen is left out if its segment can do without it, else refused.
     """
     if not longest_gap_s >= 0.0:
-        raise InputError(f"the longest gap to fill is {longest_gap_s:g} s", where="longest_gap_s (--longest-gap-s)",
-                         right="It must be zero or more")
+        raise InputError(
+            f"the longest gap to fill is {longest_gap_s:g} s",
+            where="longest_gap_s (--longest-gap-s)",
+            right="It must be zero or more",
+        )
     rate = recording.marker_rate_hz
     if not recording.markers or not rate:
         raise InputError("there are no markers in this recording", file=recording.path)
     present, notes = _present(recording, segments)
     labels = dict.fromkeys(label for markers in present.values() for label in markers.labels)
-    work = _Work(recording, rate, int(np.floor(longest_gap_s * rate + 1e-9)),
-                 {label: np.array(recording.markers[label], dtype=float) for label in labels})
+    work = _Work(
+        recording,
+        rate,
+        int(np.floor(longest_gap_s * rate + 1e-9)),
+        {label: np.array(recording.markers[label], dtype=float) for label in labels},
+    )
     for path in work.markers.values():
         path[~np.isfinite(path).all(axis=1)] = np.nan
     for markers in present.values():
@@ -112,29 +132,51 @@ def fill_gaps(recording: Recording, segments: Mapping[str, SegmentMarkers], *,
         if first < last:
             gaps.append(Gap(label, work.seconds(first), work.seconds(last - 1), how))
             if last - first > work.longest:
-                notes += say("markers", "long_gap", label=label, interval=work.interval(first, last))
+                notes += say(
+                    "markers", "long_gap", label=label, interval=work.interval(first, last)
+                )
     return FilledMarkers(
-        segments=present, markers={label: path[start:stop] for label, path in work.markers.items()},
-        seen={label: np.isfinite(recording.markers[label][start:stop]).all(axis=1) for label in labels},
-        start_frame=start, time_s=recording.marker_time_s[start:stop], path=recording.path, gaps=tuple(gaps),
-        notes=tuple(notes))
+        segments=present,
+        markers={label: path[start:stop] for label, path in work.markers.items()},
+        seen={
+            label: np.isfinite(recording.markers[label][start:stop]).all(axis=1) for label in labels
+        },
+        start_frame=start,
+        time_s=recording.marker_time_s[start:stop],
+        path=recording.path,
+        gaps=tuple(gaps),
+        notes=tuple(notes),
+    )
 
 
-def _present(recording: Recording, segments: Mapping[str, SegmentMarkers]
-             ) -> tuple[dict[str, SegmentMarkers], list[str]]:
+def _present(
+    recording: Recording, segments: Mapping[str, SegmentMarkers]
+) -> tuple[dict[str, SegmentMarkers], list[str]]:
     """The segments with the markers that are seen at least once; refuses where those do not suffice."""
     present, notes = {}, []
     for name, markers in segments.items():
-        absent = [label for label in markers.labels if label not in recording.markers
-                  or not np.isfinite(recording.markers[label]).all(axis=1).any()]
-        present[name] = rigid.subset(markers, [label for label in markers.labels if label not in absent])
+        absent = [
+            label
+            for label in markers.labels
+            if label not in recording.markers
+            or not np.isfinite(recording.markers[label]).all(axis=1).any()
+        ]
+        present[name] = rigid.subset(
+            markers, [label for label in markers.labels if label not in absent]
+        )
         segment, one = name.replace("_", " "), len(absent) == 1
         if not rigid.determines(name, present[name].p_BM):
-            what = (f"{', '.join(absent)} never appear{'s' * one}, and without {'it' if one else 'them'} too few "
-                    "markers are left" if absent else "too few markers are mapped, or they lie on one line")
-            raise InputError(f"{what} to follow the {segment} (left: {', '.join(present[name].labels) or 'none'})",
-                             file=recording.path,
-                             right="Three markers that do not lie on a line are needed, or two and the joint centre")
+            what = (
+                f"{', '.join(absent)} never appear{'s' * one}, and without {'it' if one else 'them'} too few "
+                "markers are left"
+                if absent
+                else "too few markers are mapped, or they lie on one line"
+            )
+            raise InputError(
+                f"{what} to follow the {segment} (left: {', '.join(present[name].labels) or 'none'})",
+                file=recording.path,
+                right="Three markers that do not lie on a line are needed, or two and the joint centre",
+            )
         notes += say("markers", "absent", labels=absent, segment=segment) if absent else []
     return present, notes
 
@@ -145,13 +187,19 @@ def _joint_centre(work: _Work, segments: Mapping[str, SegmentMarkers], name: str
     while parent is not None:
         ancestors.insert(0, parent)
         parent = PARENTS[parent]
-    if not ancestors or all(np.isfinite(work.markers[label]).all() for label in segments[name].labels):
+    if not ancestors or all(
+        np.isfinite(work.markers[label]).all() for label in segments[name].labels
+    ):
         return np.full((work.recording.frames, 3), np.nan)
-    poses = rigid.segment_poses({ancestor: segments[ancestor] for ancestor in ancestors}, work.markers)
+    poses = rigid.segment_poses(
+        {ancestor: segments[ancestor] for ancestor in ancestors}, work.markers
+    )
     return poses[ancestors[-1]].points(segments[name].p_PB)
 
 
-def _fill_from_cluster(work: _Work, markers: SegmentMarkers, centre: np.ndarray | None = None) -> None:
+def _fill_from_cluster(
+    work: _Work, markers: SegmentMarkers, centre: np.ndarray | None = None
+) -> None:
     """Rule 1, or 2 with the joint centre (frames, 3); what is filled here does not serve to fill another."""
     p_BM, how = markers.p_BM, "rigid cluster"
     p_WM = np.stack([work.markers[label] for label in markers.labels], axis=1)
@@ -163,11 +211,13 @@ def _fill_from_cluster(work: _Work, markers: SegmentMarkers, centre: np.ndarray 
         for start, stop in runs(np.isnan(path[:, 0])):
             first, placed = _placed_by_cluster(p_BM, p_WM, own, start, stop)
             if len(placed):
-                path[first:first + len(placed)] = placed
+                path[first : first + len(placed)] = placed
                 work.gaps.append((label, first, first + len(placed), how))
 
 
-def _placed_by_cluster(p_BM: np.ndarray, p_WM: np.ndarray, own: int, start: int, stop: int) -> tuple[int, np.ndarray]:
+def _placed_by_cluster(
+    p_BM: np.ndarray, p_WM: np.ndarray, own: int, start: int, stop: int
+) -> tuple[int, np.ndarray]:
     """The first frame of a gap [start, stop) that could be filled, and (n, 3) m from there on, of a cluster's point."""
     frames, nothing = len(p_WM), np.empty((0, 3))
     first, last = max(start - 1, 0), min(stop + 1, frames)
@@ -191,7 +241,7 @@ def _placed_by_cluster(p_BM: np.ndarray, p_WM: np.ndarray, own: int, start: int,
     known, every = np.flatnonzero(np.isfinite(offset_B[:, 0])), np.arange(last - first)
     blended = np.stack([np.interp(every, known, offset_B[known, i]) for i in range(3)], axis=1)
     placed = np.einsum("nij,nj->ni", poses.R_WB, p_BM[own] + blended) + poses.p_WB
-    return start, placed[start - first:stop - first]
+    return start, placed[start - first : stop - first]
 
 
 def _enough(p_BM: np.ndarray, reach: np.ndarray, least: int) -> list[int]:
@@ -220,34 +270,58 @@ def _fill_by_spline(work: _Work, label: str) -> None:
 def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
     """Rules 4 and 5: the frames [start, stop) that have every marker."""
     file, frames = work.recording.path, work.recording.frames
-    missing = {label: flags for label, path in work.markers.items() if (flags := np.isnan(path[:, 0])).any()}
+    missing = {
+        label: flags
+        for label, path in work.markers.items()
+        if (flags := np.isnan(path[:, 0])).any()
+    }
     complete = runs(~np.any(list(missing.values()), axis=0)) if missing else [(0, frames)]
     if not complete:
         worst = sorted(missing, key=lambda label: -missing[label].sum())[:4]
-        seen = ", ".join(f"{label} in {1 - missing[label].mean():.0%} of the frames" for label in worst)
+        seen = ", ".join(
+            f"{label} in {1 - missing[label].mean():.0%} of the frames" for label in worst
+        )
         raise InputError(f"no frame shows every needed marker: {seen}", file=file)
     start, stop = max(complete, key=lambda run: run[1] - run[0])
     shortest = SHORTEST_STRETCH_S * work.rate_hz
     others = [run for run in complete if run != (start, stop)]
-    others = [run for run in others if run[1] - run[0] >= shortest] or (others if stop - start < shortest else [])
+    others = [run for run in others if run[1] - run[0] >= shortest] or (
+        others if stop - start < shortest else []
+    )
     if others:
         low, high = (others[0][1], start) if others[0][1] <= start else (stop, others[0][0])
         label, (first, last) = max(
-            ((label, gap) for label, flags in missing.items() for gap in runs(flags)
-             if gap[0] < high and gap[1] > low), key=lambda item: item[1][1] - item[1][0])
+            (
+                (label, gap)
+                for label, flags in missing.items()
+                for gap in runs(flags)
+                if gap[0] < high and gap[1] > low
+            ),
+            key=lambda item: item[1][1] - item[1][0],
+        )
         raise InputError(
             f"marker {label} is missing from {work.interval(first, last)}, longer than the "
             f"{work.longest / work.rate_hz:g} s that may be filled, and its segment has no three "
-            "others to stand in (nor two and the joint centre)", file=file,
+            "others to stand in (nor two and the joint centre)",
+            file=file,
             right="Fill the gap in the capture software, leave the marker out of the map, or allow longer gaps "
-                  "(--longest-gap-s)")
+            "(--longest-gap-s)",
+        )
     lacking = f"{listed(list(missing), most=MOST_LISTED)} {'is' if len(missing) == 1 else 'are'}"
     if stop - start < FEWEST_FRAMES:
-        raise InputError(f"only {stop - start} frames show every needed marker; {lacking} missing elsewhere", file=file,
-                         right=f"At least {FEWEST_FRAMES} are needed")
+        raise InputError(
+            f"only {stop - start} frames show every needed marker; {lacking} missing elsewhere",
+            file=file,
+            right=f"At least {FEWEST_FRAMES} are needed",
+        )
     if (start, stop) != (0, frames):
-        notes += say("markers", "trimmed", used=work.interval(start, stop), whole=work.interval(0, frames),
-                     lacking=lacking)
+        notes += say(
+            "markers",
+            "trimmed",
+            used=work.interval(start, stop),
+            whole=work.interval(0, frames),
+            lacking=lacking,
+        )
     return start, stop
 
 
@@ -257,8 +331,13 @@ def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
 CUTOFF_HZ = 6.0
 
 
-def track(recording: Recording, calibration: Calibration, *, cutoff_hz: float | None = CUTOFF_HZ,
-          longest_gap_s: float = LONGEST_GAP_S) -> rigid.TrackedMotion:
+def track(
+    recording: Recording,
+    calibration: Calibration,
+    *,
+    cutoff_hz: float | None = CUTOFF_HZ,
+    longest_gap_s: float = LONGEST_GAP_S,
+) -> rigid.TrackedMotion:
     """The coordinates of pelvis and both legs over the usable part of `recording`, a walk of the calibration's session.
 
     A segment with fewer than three markers of its own, or with markers near one line, takes the centre of its proximal
@@ -266,19 +345,34 @@ def track(recording: Recording, calibration: Calibration, *, cutoff_hz: float | 
     zero-phase Butterworth filter on the markers, None if they are filtered; for `longest_gap_s` see `fill_gaps`.
     Refused where gaps cannot be filled, or the markers are not those of the calibration (another person or unit,
     exchanged or moved)."""
-    filled, markers, poses = smooth_poses(recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)
+    filled, markers, poses = smooth_poses(
+        recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s
+    )
     values = coordinates_of({name: pose.R_WB for name, pose in poses.items()}, poses["pelvis"].p_WB)
-    helped = [note for name, segment in filled.segments.items()
-              if PARENTS[name] is not None and rigid.needs_joint_centre(segment.p_BM)
-              for note in say("markers", "helped", segment=name.replace("_", " "), labels=segment.labels,
-                              joint=segment_joint(name)[0])]
+    helped = [
+        note
+        for name, segment in filled.segments.items()
+        if PARENTS[name] is not None and rigid.needs_joint_centre(segment.p_BM)
+        for note in say(
+            "markers",
+            "helped",
+            segment=name.replace("_", " "),
+            labels=segment.labels,
+            joint=segment_joint(name)[0],
+        )
+    ]
     return describe(calibration, filled, markers, poses, values, notes=helped)
 
 
-def smooth_poses(recording: Recording, calibration: Calibration, *, cutoff_hz: float | None, longest_gap_s: float
-                 ) -> tuple[FilledMarkers, dict[str, np.ndarray], dict[str, RigidPoses]]:
+def smooth_poses(
+    recording: Recording, calibration: Calibration, *, cutoff_hz: float | None, longest_gap_s: float
+) -> tuple[FilledMarkers, dict[str, np.ndarray], dict[str, RigidPoses]]:
     """The markers without gaps, checked; the same filtered once (not at all without a cut-off); and their poses."""
-    filled = fill_gaps(recording, {name: calibration.segments[name] for name in PARENTS}, longest_gap_s=longest_gap_s)
+    filled = fill_gaps(
+        recording,
+        {name: calibration.segments[name] for name in PARENTS},
+        longest_gap_s=longest_gap_s,
+    )
     markers = filled.markers
     _check_scale(filled)
     _check_jumps(filled)
@@ -286,28 +380,56 @@ def smooth_poses(recording: Recording, calibration: Calibration, *, cutoff_hz: f
     _check_swaps(filled, poses)
     _check_places(filled, poses)
     if cutoff_hz is not None:
-        smooth = low_pass(np.hstack(list(markers.values())), rate_hz=recording.marker_rate_hz or 1.0,
-                          cutoff_hz=cutoff_hz)
+        smooth = low_pass(
+            np.hstack(list(markers.values())),
+            rate_hz=recording.marker_rate_hz or 1.0,
+            cutoff_hz=cutoff_hz,
+        )
         markers = dict(zip(markers, np.split(smooth, len(markers), axis=1), strict=True))
         poses = rigid.segment_poses(filled.segments, markers)
     return filled, markers, poses
 
 
-def describe(calibration: Calibration, filled: FilledMarkers, markers: Mapping[str, np.ndarray],
-             poses: Mapping[str, RigidPoses], values: np.ndarray, *, notes: Sequence[str] = ()) -> rigid.TrackedMotion:
+def describe(
+    calibration: Calibration,
+    filled: FilledMarkers,
+    markers: Mapping[str, np.ndarray],
+    poses: Mapping[str, RigidPoses],
+    values: np.ndarray,
+    *,
+    notes: Sequence[str] = (),
+) -> rigid.TrackedMotion:
     """`values` (n, 24) with what says how good they are, from `poses` of the segments."""
     segments = filled.segments
-    feet = {side: FootTrack(heel_W=poses[f"foot_{side}"].points(foot.p_FHeel),
-                            toe_W=poses[f"foot_{side}"].points(foot.p_FToe), ankle_W=poses[f"foot_{side}"].p_WB)
-            for side, foot in calibration.feet.items()}
+    feet = {
+        side: FootTrack(
+            heel_W=poses[f"foot_{side}"].points(foot.p_FHeel),
+            toe_W=poses[f"foot_{side}"].points(foot.p_FToe),
+            ankle_W=poses[f"foot_{side}"].p_WB,
+        )
+        for side, foot in calibration.feet.items()
+    }
     return rigid.TrackedMotion(
-        time_s=filled.time_s, names=COORDINATES, values=values, feet=feet,
-        residual_rms_m={label: rms for name, segment in segments.items()
-                        for label, rms in _residual_rms(segment, filled, poses[name]).items()},
-        cluster_motion_m={name: _cluster_motion(segment, markers) for name, segment in segments.items()},
-        joint_gap_m={"_".join(segment_joint(name)): float(_rms(_joint_gaps(name, segment, poses)))
-                     for name, segment in segments.items() if PARENTS[name] is not None},
-        gaps=filled.gaps, notes=(*filled.notes, *notes, *gimbal_notes(values)))
+        time_s=filled.time_s,
+        names=COORDINATES,
+        values=values,
+        feet=feet,
+        residual_rms_m={
+            label: rms
+            for name, segment in segments.items()
+            for label, rms in _residual_rms(segment, filled, poses[name]).items()
+        },
+        cluster_motion_m={
+            name: _cluster_motion(segment, markers) for name, segment in segments.items()
+        },
+        joint_gap_m={
+            "_".join(segment_joint(name)): float(_rms(_joint_gaps(name, segment, poses)))
+            for name, segment in segments.items()
+            if PARENTS[name] is not None
+        },
+        gaps=filled.gaps,
+        notes=(*filled.notes, *notes, *gimbal_notes(values)),
+    )
 
 
 def _cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) -> float:
@@ -315,10 +437,14 @@ def _cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) 
     p_WM = np.stack([markers[label] for label in segment.labels], axis=1)
     if len(segment.labels) < 2:
         return 0.0
-    if rigid.cluster_width(segment.p_BM) < rigid.NARROWEST_M:  # no pose of a line: how distances along it vary
+    if (
+        rigid.cluster_width(segment.p_BM) < rigid.NARROWEST_M
+    ):  # no pose of a line: how distances along it vary
         distance = np.linalg.norm(p_WM - p_WM.mean(axis=1, keepdims=True), axis=2)
         return float(_rms((distance - distance.mean(axis=0)).ravel()))
-    return float(_rms(rigid.rigid_poses(rigid.mean_shape(segment.p_BM, p_WM), p_WM).residual_m.ravel()))
+    return float(
+        _rms(rigid.rigid_poses(rigid.mean_shape(segment.p_BM, p_WM), p_WM).residual_m.ravel())
+    )
 
 
 def _rms(*errors: np.ndarray) -> np.ndarray:
@@ -331,9 +457,14 @@ def _joint_gaps(name: str, segment: SegmentMarkers, poses: Mapping[str, RigidPos
     return np.asarray(np.linalg.norm(apart, axis=1))
 
 
-def _residual_rms(segment: SegmentMarkers, filled: FilledMarkers, poses: RigidPoses) -> dict[str, float]:
-    return {label: float(_rms(poses.residual_m[filled.seen[label], k]))
-            for k, label in enumerate(segment.labels) if filled.seen[label].any()}
+def _residual_rms(
+    segment: SegmentMarkers, filled: FilledMarkers, poses: RigidPoses
+) -> dict[str, float]:
+    return {
+        label: float(_rms(poses.residual_m[filled.seen[label], k]))
+        for k, label in enumerate(segment.labels)
+        if filled.seen[label].any()
+    }
 
 
 # Whether the markers of a walk are those of the standing trial: same unit, same person, same places.
@@ -342,7 +473,9 @@ def _residual_rms(segment: SegmentMarkers, filled: FilledMarkers, poses: RigidPo
 # here is what no skin motion explains.
 
 
-OTHER_UNIT = 5.0  # a person is never five times as large as another: a scale beyond this is another unit
+OTHER_UNIT = (
+    5.0  # a person is never five times as large as another: a scale beyond this is another unit
+)
 OTHER_PERSON = 0.10
 """Skin motion changes distances of markers on one segment by some percent; a tenth over all of them is another body."""
 NEAR_M = 0.08  # distances below this say little about scale
@@ -366,32 +499,52 @@ def _check_scale(filled: FilledMarkers) -> None:
                 ratios.append(float(np.median(np.linalg.norm(one - other, axis=1))) / standing)
     scale = float(np.median(ratios)) if ratios else 1.0
     if not 1 / OTHER_UNIT < scale < OTHER_UNIT:
-        raise InputError(f"its markers lie {scale:.3g} times as far apart as in the standing trial: one of the two "
-                         "files is in another unit than it says", file=filled.path,
-                         right="Give laboratory.length_unit (--length-unit) where a file states the wrong one")
+        raise InputError(
+            f"its markers lie {scale:.3g} times as far apart as in the standing trial: one of the two "
+            "files is in another unit than it says",
+            file=filled.path,
+            right="Give laboratory.length_unit (--length-unit) where a file states the wrong one",
+        )
     if abs(scale - 1) > OTHER_PERSON:
-        raise InputError(f"its markers lie {scale:.2f} times as far apart as in the standing trial, which seems to be "
-                         "of another person", file=filled.path, right="Give the standing trial of the same session")
+        raise InputError(
+            f"its markers lie {scale:.2f} times as far apart as in the standing trial, which seems to be "
+            "of another person",
+            file=filled.path,
+            right="Give the standing trial of the same session",
+        )
 
 
 def _check_places(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None:
     segments = filled.segments
-    astray = sorted(((rms, name, label) for name, segment in segments.items()
-                     for label, rms in _residual_rms(segment, filled, poses[name]).items() if rms > ASTRAY_RMS_M),
-                    reverse=True)
-    gap, apart = max((float(_rms(_joint_gaps(name, segment, poses))), name) for name, segment in segments.items()
-                     if PARENTS[name] is not None)
+    astray = sorted(
+        (
+            (rms, name, label)
+            for name, segment in segments.items()
+            for label, rms in _residual_rms(segment, filled, poses[name]).items()
+            if rms > ASTRAY_RMS_M
+        ),
+        reverse=True,
+    )
+    gap, apart = max(
+        (float(_rms(_joint_gaps(name, segment, poses))), name)
+        for name, segment in segments.items()
+        if PARENTS[name] is not None
+    )
     segments_astray = {name for _, name, _ in astray}
     if len(segments_astray) > MOST_ASTRAY or (gap > LOST_JOINT_M and len(segments_astray) != 1):
         raise InputError(
             f"the segments do not fit together (the {apart.replace('_', ' ')} is {1e3 * gap:.0f} mm from its joint): "
             "the standing trial seems to be of another person or of another placement of the markers",
-            file=filled.path, right="Give the standing trial of the same session")
+            file=filled.path,
+            right="Give the standing trial of the same session",
+        )
     if not astray:
         return
     rms, name, _ = astray[0]
     words, without = name.replace("_", " "), dict[str, float]()
-    for label in segments[name].labels:  # largest RMS residual of the others; infinite where too few remain
+    for label in segments[
+        name
+    ].labels:  # largest RMS residual of the others; infinite where too few remain
         others = rigid.subset(segments[name], {*segments[name].labels} - {label})
         without[label] = np.inf
         if rigid.determines(name, others.p_BM):
@@ -400,14 +553,20 @@ def _check_places(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> Non
     label, left = min(without.items(), key=lambda item: item[1])
     if left > 0.5 * rms:
         shown = ", ".join(f"{each} {1e3 * far:.0f}" for far, _, each in astray)
-        raise InputError(f"markers of the {words} are not at their places in the standing trial (mm RMS: {shown}), "
-                         "and no single one of them, nor an exchange, explains it", file=filled.path,
-                         right="Check all labels of this segment in both files")
+        raise InputError(
+            f"markers of the {words} are not at their places in the standing trial (mm RMS: {shown}), "
+            "and no single one of them, nor an exchange, explains it",
+            file=filled.path,
+            right="Check all labels of this segment in both files",
+        )
     distance = _residual_rms(segments[name], filled, poses[name])[label]
     raise InputError(
         f"marker {label} is {1e3 * distance:.0f} mm (RMS) from its place on the {words} in the standing trial, and "
         f"without it the others are within {1e3 * left:.0f} mm: it was moved, or it is labelled wrongly in one of "
-        "the two files", file=filled.path, right="Correct its label, or leave it out of the marker map")
+        "the two files",
+        file=filled.path,
+        right="Correct its label, or leave it out of the marker map",
+    )
 
 
 # Markers that jump, and markers that exchange places, for a few frames or throughout.
@@ -416,12 +575,16 @@ def _check_places(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> Non
 FASTEST_M_S = 10.0  # twice what a foot in swing reaches in the fastest walk
 SMALLEST_JUMP_M = 0.05  # at a high frame rate noise alone is fast; what moves less than this is left to the residuals
 SWAP_M = 0.025  # a residual below this may still be skin motion
-SWAP_GAIN = 0.5  # markers are exchanged if exchanging them back halves the residual, to less than `SWAP_M`
+SWAP_GAIN = (
+    0.5  # markers are exchanged if exchanging them back halves the residual, to less than `SWAP_M`
+)
 PARTNER_M = 0.05
 """Right and left marker are partners if one lies as near as this to the other's mirror image (a choice)."""
 LOST_M = 1.0  # stands for a residual where the markers determine no pose
 MOST_SHOWN = 6  # markers whose residuals a message shows
-SWAPPED_THROUGHOUT = 0.8  # share of the frames beyond which the labels differ from the standing trial's
+SWAPPED_THROUGHOUT = (
+    0.8  # share of the frames beyond which the labels differ from the standing trial's
+)
 MOST_TRIED = 25  # frames, evenly spread over the suspect ones, on which exchanges are tried (a choice: they take time)
 RELABEL = "Correct the labels in the capture software"
 Exchange = tuple[tuple[str, str], ...]  # pairs of labels, no label twice
@@ -433,7 +596,9 @@ def _check_jumps(filled: FilledMarkers) -> None:
     for label, path in filled.markers.items():
         frames = np.flatnonzero(filled.seen[label])
         step = np.linalg.norm(np.diff(path[frames], axis=0), axis=1)
-        too_far = np.flatnonzero(step > np.maximum(FASTEST_M_S * np.diff(times[frames]), SMALLEST_JUMP_M))
+        too_far = np.flatnonzero(
+            step > np.maximum(FASTEST_M_S * np.diff(times[frames]), SMALLEST_JUMP_M)
+        )
         jumps += [(int(frames[k + 1]), int(frames[k]), label, float(step[k])) for k in too_far]
     if not jumps:
         return
@@ -442,10 +607,17 @@ def _check_jumps(filled: FilledMarkers) -> None:
     for other, path in filled.markers.items():
         crossed = (jumping[frame] - path[before], path[frame] - jumping[before])
         if other != label and max(np.linalg.norm(crossed, axis=1)) < step_m / 2:
-            raise InputError(f"markers {label} and {other} exchange places at {times[frame]:.3f} s",
-                             file=filled.path, right=RELABEL)
-    raise InputError(f"marker {label} jumps by {1e3 * step_m:.0f} mm at {times[frame]:.3f} s, faster than anybody "
-                     "walks", file=filled.path, right=f"{RELABEL}, or delete the marker there")
+            raise InputError(
+                f"markers {label} and {other} exchange places at {times[frame]:.3f} s",
+                file=filled.path,
+                right=RELABEL,
+            )
+    raise InputError(
+        f"marker {label} jumps by {1e3 * step_m:.0f} mm at {times[frame]:.3f} s, faster than anybody "
+        "walks",
+        file=filled.path,
+        right=f"{RELABEL}, or delete the marker there",
+    )
 
 
 def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None:
@@ -454,8 +626,15 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
     errors = _errors(segments, filled.markers, poses)
     apart = {name for name, error in errors.items() if error[:, 0].max() > LOST_JOINT_M}
     involved = {name for name, error in errors.items() if error[:, 1:].max() > SWAP_M} | apart
-    suspect = np.flatnonzero(np.any([(error[:, 1:] > SWAP_M).any(axis=1) | (error[:, 0] > LOST_JOINT_M)
-                                     for error in errors.values()], axis=0))
+    suspect = np.flatnonzero(
+        np.any(
+            [
+                (error[:, 1:] > SWAP_M).any(axis=1) | (error[:, 0] > LOST_JOINT_M)
+                for error in errors.values()
+            ],
+            axis=0,
+        )
+    )
     if not suspect.size:
         return
     involved |= {str(PARENTS[name]) for name in apart}
@@ -463,15 +642,26 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
     # Single exchanges of all markers of the segments that do not fit, two at once of neighbours and partners. Each is
     # judged by what it leaves: distances from the segments' poses, and gaps in joints, since of three markers on one
     # segment the mirror image fits by turning over.
-    search = _PoseSearch(filled, suspect[np.linspace(0, suspect.size - 1, min(MOST_TRIED, suspect.size)).astype(int)])
-    labels = {label: name for name, segment in segments.items() if name in involved for label in segment.labels}
+    search = _PoseSearch(
+        filled, suspect[np.linspace(0, suspect.size - 1, min(MOST_TRIED, suspect.size)).astype(int)]
+    )
+    labels = {
+        label: name
+        for name, segment in segments.items()
+        if name in involved
+        for label in segment.labels
+    }
     singles = list(combinations(labels, 2))
     best = search.best([(pair,) for pair in singles])
     if best is not None:
         more = search.best([(*best[0], pair) for pair in singles if not {*pair} & {*best[0][0]}])
         best = more if more is not None and more[1] < SWAP_GAIN * best[1] else best
     else:
-        likely = [(a, b) for a, b in singles if labels[a] == labels[b] or _partners(segments, labels, a, b)]
+        likely = [
+            (a, b)
+            for a, b in singles
+            if labels[a] == labels[b] or _partners(segments, labels, a, b)
+        ]
         best = search.best([(p, q) for p, q in combinations(likely, 2) if not {*p} & {*q}])
     if best is None:
         return
@@ -479,17 +669,33 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
     whole = _PoseSearch(filled, suspect)
     explained = whole.explains(exchange)
     after = whole.after(exchange)
-    changes = sorted(((1e3 * float(_rms(after[name][explained, k])), 1e3 * float(_rms(whole.own[name][explained, k])),
-                       label) for name, segment in segments.items() for k, label in enumerate(segment.labels, start=1)),
-                     key=lambda change: change[0] - change[1])[:MOST_SHOWN]
+    changes = sorted(
+        (
+            (
+                1e3 * float(_rms(after[name][explained, k])),
+                1e3 * float(_rms(whole.own[name][explained, k])),
+                label,
+            )
+            for name, segment in segments.items()
+            for k, label in enumerate(segment.labels, start=1)
+        ),
+        key=lambda change: change[0] - change[1],
+    )[:MOST_SHOWN]
     listed = ", ".join(f"{label} {before:.0f} to {now:.0f}" for now, before, label in changes)
     shown = f"; if undone, residuals change (mm RMS): {listed}"
     frames = suspect[explained]
     if frames.size > SWAPPED_THROUGHOUT * len(filled.time_s):
-        raise InputError(f"markers {_words(exchange)} are exchanged with respect to the standing trial{shown}",
-                         file=filled.path, right="Correct the labels in one of the two files")
-    raise InputError(f"markers {_words(exchange)} exchange places at {filled.time_s[frames[0]]:.3f} s (for "
-                     f"{frames.size} frames in all){shown}", file=filled.path, right=RELABEL)
+        raise InputError(
+            f"markers {_words(exchange)} are exchanged with respect to the standing trial{shown}",
+            file=filled.path,
+            right="Correct the labels in one of the two files",
+        )
+    raise InputError(
+        f"markers {_words(exchange)} exchange places at {filled.time_s[frames[0]]:.3f} s (for "
+        f"{frames.size} frames in all){shown}",
+        file=filled.path,
+        right=RELABEL,
+    )
 
 
 class _PoseSearch:
@@ -501,7 +707,9 @@ class _PoseSearch:
         self.own = self.after(())
 
     def after(self, exchange: Exchange) -> dict[str, np.ndarray]:
-        markers = self.markers | {a: self.markers[b] for pair in exchange for a, b in permutations(pair)}
+        markers = self.markers | {
+            a: self.markers[b] for pair in exchange for a, b in permutations(pair)
+        }
         return _errors(self.segments, markers, rigid.segment_poses(self.segments, markers))
 
     def explains(self, exchange: Exchange) -> np.ndarray:
@@ -509,33 +717,54 @@ class _PoseSearch:
         labels = {label for pair in exchange for label in pair}
         touched = {name for name, segment in self.segments.items() if labels & {*segment.labels}}
         touched |= {name for name, parent in PARENTS.items() if parent in touched}
-        before, after = (_rms(*(errors[name] for name in touched)) for errors in (self.own, self.after(exchange)))
+        before, after = (
+            _rms(*(errors[name] for name in touched)) for errors in (self.own, self.after(exchange))
+        )
         return np.asarray((after < SWAP_GAIN * before) & (after < SWAP_M))
 
     def best(self, exchanges: list[Exchange]) -> tuple[Exchange, float] | None:
         """The exchange that leaves least (RMS over all segments, m), if made only in the frames that it helps."""
         before = _rms(*self.own.values())
-        costs = {exchange: float(_rms(np.minimum(before, _rms(*self.after(exchange).values()))))
-                 for exchange in exchanges}
+        costs = {
+            exchange: float(_rms(np.minimum(before, _rms(*self.after(exchange).values()))))
+            for exchange in exchanges
+        }
         least = min(costs, key=lambda exchange: costs[exchange], default=None)
         return (least, costs[least]) if least is not None and self.explains(least).any() else None
 
 
-def _errors(segments: Mapping[str, SegmentMarkers], markers: Mapping[str, np.ndarray],
-            poses: Mapping[str, RigidPoses]) -> dict[str, np.ndarray]:
+def _errors(
+    segments: Mapping[str, SegmentMarkers],
+    markers: Mapping[str, np.ndarray],
+    poses: Mapping[str, RigidPoses],
+) -> dict[str, np.ndarray]:
     """By segment, (n, 1 + k) m: how far it is from its joint (zero for the pelvis), then its markers from its pose."""
     frames = len(next(iter(markers.values())))
-    return {name: np.nan_to_num(np.column_stack([
-        _joint_gaps(name, segment, poses) if PARENTS[name] else np.zeros(frames),
-        poses[name].residual_m[:, :len(segment.labels)]]), nan=LOST_M) for name, segment in segments.items()}
+    return {
+        name: np.nan_to_num(
+            np.column_stack(
+                [
+                    _joint_gaps(name, segment, poses) if PARENTS[name] else np.zeros(frames),
+                    poses[name].residual_m[:, : len(segment.labels)],
+                ]
+            ),
+            nan=LOST_M,
+        )
+        for name, segment in segments.items()
+    }
 
 
-def _partners(segments: Mapping[str, SegmentMarkers], labels: Mapping[str, str], a: str, b: str) -> bool:
+def _partners(
+    segments: Mapping[str, SegmentMarkers], labels: Mapping[str, str], a: str, b: str
+) -> bool:
     """Whether one of two markers on a right and a left segment lies in the mirror image of the other."""
     here, there = labels[a], labels[b]
     if here == there or here.rpartition("_")[0] != there.rpartition("_")[0]:
         return False
-    places = [segments[name].p_BM[segments[name].labels.index(label)] for name, label in ((here, a), (there, b))]
+    places = [
+        segments[name].p_BM[segments[name].labels.index(label)]
+        for name, label in ((here, a), (there, b))
+    ]
     return bool(np.linalg.norm(places[0] * [1.0, -1.0, 1.0] - places[1]) < PARTNER_M)
 
 

@@ -16,7 +16,11 @@ from vsf_drake.report.page import render
 
 RGB = tuple[float, float, float]
 FIELD_OF_VIEW_DEG, ASPECT, ENDLESS = 35.0, 1.6, 100_000
-_AXES = (Rgba(0.85, 0.10, 0.10), Rgba(0.10, 0.60, 0.15), Rgba(0.15, 0.25, 0.85))  # colours of x, y, z
+_AXES = (
+    Rgba(0.85, 0.10, 0.10),
+    Rgba(0.10, 0.60, 0.15),
+    Rgba(0.15, 0.25, 0.85),
+)  # colours of x, y, z
 _STROKES = {
     "W": [(0.0, 1.0), (0.25, 0.0), (0.5, 0.8), (0.75, 0.0), (1.0, 1.0)],
     "K": [(0.0, 0.0), (0.0, 1.0), (0.0, 0.45), (0.9, 1.0), (0.0, 0.45), (0.9, 0.0)],
@@ -35,7 +39,11 @@ def open_meshcat() -> Meshcat:
     level = log.level
     log.setLevel(logging.ERROR)
     try:
-        meshcat = Meshcat(MeshcatParams(host=host if sys.platform == "linux" else "localhost", show_stats_plot=False))
+        meshcat = Meshcat(
+            MeshcatParams(
+                host=host if sys.platform == "linux" else "localhost", show_stats_plot=False
+            )
+        )
     finally:
         log.setLevel(level)
     meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 1.2)
@@ -44,19 +52,31 @@ def open_meshcat() -> Meshcat:
     return meshcat
 
 
-def finish_page(meshcat: Meshcat, title: str, template: str, /, *, follow: str | None = None, inset: str | None = None,
-                **facts: object) -> str:
+def finish_page(
+    meshcat: Meshcat,
+    title: str,
+    template: str,
+    /,
+    *,
+    follow: str | None = None,
+    inset: str | None = None,
+    **facts: object,
+) -> str:
     """Meshcat as one HTML file with `title`, a time bar, switches and the caption of a template.
 
     The camera goes with what is at the path `follow` in Meshcat's tree; the foot whose frame is at `inset` is shown
     enlarged beside.
     """
     head = f'<meta name="viewport" content="width=device-width,initial-scale=1"><title>{escape(title)}</title>'
-    page, titles = re.subn(r"<title>.*?</title>", lambda _: head, meshcat.StaticHtml(), count=1, flags=re.DOTALL)
+    page, titles = re.subn(
+        r"<title>.*?</title>", lambda _: head, meshcat.StaticHtml(), count=1, flags=re.DOTALL
+    )
     start, tag, end = page.rpartition("</body>")
     if not titles or not tag:
         raise ValueError("Meshcat's page has no title or no body to write into")
-    rendered = render(template, title=title, follow=follow, inset=inset, field_of_view=FIELD_OF_VIEW_DEG, **facts)
+    rendered = render(
+        template, title=title, follow=follow, inset=inset, field_of_view=FIELD_OF_VIEW_DEG, **facts
+    )
     return f"{start}{rendered}{tag}{end}"
 
 
@@ -65,8 +85,16 @@ def shifted(x: float, y: float, z: float) -> RigidTransform:
     return RigidTransform(np.array([x, y, z]))
 
 
-def add_arrow(meshcat: Meshcat, path: str, colour: Rgba, *, shaft_radius: float, head: tuple[float, float],
-              shaft_from: float, order: int = 1) -> None:
+def add_arrow(
+    meshcat: Meshcat,
+    path: str,
+    colour: Rgba,
+    *,
+    shaft_radius: float,
+    head: tuple[float, float],
+    shaft_from: float,
+    order: int = 1,
+) -> None:
     """An arrow along z, of a shaft of length 1 m that begins at `shaft_from` and a `head` (length, radius in m).
 
     If not quite opaque, it is painted over what it passes through, and over arrows of lower `order`.
@@ -75,7 +103,9 @@ def add_arrow(meshcat: Meshcat, path: str, colour: Rgba, *, shaft_radius: float,
     meshcat.SetObject(f"{path}/shaft/rod", Cylinder(shaft_radius, 1.0), colour)
     meshcat.SetTransform(f"{path}/shaft/rod", shifted(0.0, 0.0, shaft_from + 0.5))
     meshcat.SetObject(f"{path}/head/cone", MeshcatCone(length, radius, radius), colour)
-    turned = RotationMatrix.MakeXRotation(np.pi)  # Drake's cone has its tip at the origin and opens along +z
+    turned = RotationMatrix.MakeXRotation(
+        np.pi
+    )  # Drake's cone has its tip at the origin and opens along +z
     meshcat.SetTransform(f"{path}/head/cone", RigidTransform(turned))
     for part in ("shaft/rod", "head/cone"):
         paint_last(meshcat, f"{path}/{part}", order)
@@ -90,10 +120,18 @@ def paint_last(meshcat: Meshcat, path: str, order: int = 1) -> None:
 def add_triad(meshcat: Meshcat, path: str, length: float) -> None:
     """Axes of `length` (m), x red, y green, z blue, with the frame's letter, which ends `path`, behind its origin."""
     radius = 0.02 * length
-    turns = (RotationMatrix.MakeYRotation(0.5 * np.pi), RotationMatrix.MakeXRotation(-0.5 * np.pi), RotationMatrix())
+    turns = (
+        RotationMatrix.MakeYRotation(0.5 * np.pi),
+        RotationMatrix.MakeXRotation(-0.5 * np.pi),
+        RotationMatrix(),
+    )
     for axis, turn, colour in zip("xyz", turns, _AXES, strict=True):
         meshcat.SetObject(f"{path}/{axis}", Cylinder(radius, length), colour)
-        meshcat.SetTransform(f"{path}/{axis}", RigidTransform(turn, turn @ np.array([0.0, 0.0, 0.5 * length])))
+        meshcat.SetTransform(
+            f"{path}/{axis}", RigidTransform(turn, turn @ np.array([0.0, 0.0, 0.5 * length]))
+        )
     strokes = np.array(_STROKES[path[-1]]) * 0.3 * length
-    points = np.array([strokes[:, 0] - 0.45 * length, np.zeros(len(strokes)), strokes[:, 1] + 0.1 * length])
+    points = np.array(
+        [strokes[:, 0] - 0.45 * length, np.zeros(len(strokes)), strokes[:, 1] + 0.1 * length]
+    )
     meshcat.SetLine(f"{path}/letter", np.asfortranarray(points), 3.0, Rgba(0.1, 0.1, 0.1, 1.0))

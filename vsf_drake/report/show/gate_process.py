@@ -37,8 +37,11 @@ class _Visit(http.server.BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         hosts, origins = (self.headers.get_all(name, []) for name in ("Host", "Origin"))
         # Of any port, for one that is handed on from another machine; no name that somebody bent to this one.
-        if (len(hosts) != 1 or not re.fullmatch(r"(localhost|127\.0\.0\.1):[0-9]+", hosts[0])
-                or origins not in ([], [f"http://{hosts[0]}"])):
+        if (
+            len(hosts) != 1
+            or not re.fullmatch(r"(localhost|127\.0\.0\.1):[0-9]+", hosts[0])
+            or origins not in ([], [f"http://{hosts[0]}"])
+        ):
             self.send_error(http.HTTPStatus.FORBIDDEN, "Only pages of this server may ask")
         elif self.headers.get("Upgrade", "").lower() == "websocket":
             self._join()
@@ -60,7 +63,9 @@ class _Visit(http.server.BaseHTTPRequestHandler):
     def _join(self) -> None:
         """Hands on all bytes of a web socket, both ways."""
         with socket.create_connection(self.server.behind) as inner:
-            inner.sendall(f"{self.requestline}\n{self.headers}".replace("\n", "\r\n").encode("latin-1"))
+            inner.sendall(
+                f"{self.requestline}\n{self.headers}".replace("\n", "\r\n").encode("latin-1")
+            )
             threading.Thread(target=_pass_on, args=(self.rfile.read1, inner), daemon=True).start()
             _pass_on(inner.recv, self.connection)
         self.close_connection = True
@@ -78,7 +83,9 @@ def _pass_on(read: Callable[[int], bytes], to: socket.socket) -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal; the first one decides
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # Ctrl-C reaches every process of a terminal; the first one decides
     try:
         server = _Gate(int(sys.argv[1]), (sys.argv[2], int(sys.argv[3])))
     except OSError as error:

@@ -14,9 +14,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Box, Cylinder, Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, Rgba, Role
+from pydrake.geometry import (
+    Box,
+    Cylinder,
+    Meshcat,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    Rgba,
+    Role,
+)
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.multibody.tree import FixedOffsetFrame, Frame, JointIndex, PrismaticJoint, SpatialInertia
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    Frame,
+    JointIndex,
+    PrismaticJoint,
+    SpatialInertia,
+)
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from vsf_drake.errors import InputError, SimulationError
@@ -31,23 +45,47 @@ from vsf_drake.report.show import drawing
 from vsf_drake.simulation.bench import KeelShape, keel_shape
 
 KINDS = ("foot", "bench", "person")
-MODEL, FRAMES, ARROW = "/model", "/frames", "/load"  # where bodies, triads and the load's arrow stand in Meshcat's tree
+MODEL, FRAMES, ARROW = (
+    "/model",
+    "/frames",
+    "/load",
+)  # where bodies, triads and the load's arrow stand in Meshcat's tree
 LOAD, FULCRUM = "load at the toe", "fulcrum"  # names of the two controls that bend the keel
 LARGEST_LOAD_N, ARROW_M_PER_N, _HEAD_M = 800.0, 2.5e-4, (0.018, 0.008)
 PLATEN: Colour = (0.35, 0.36, 0.40, 1.0)
 _PLATEN_THICKNESS_M = 0.010
-_CAMERAS = {"foot": ((0.32, -0.46, 0.20), (0.06, 0.0, 0.02)), "bench": ((0.38, -0.56, 0.12), (0.05, 0.0, -0.06)),
-            "person": ((2.3, -2.8, 1.3), (0.0, 0.0, 0.80))}
+_CAMERAS = {
+    "foot": ((0.32, -0.46, 0.20), (0.06, 0.0, 0.02)),
+    "bench": ((0.38, -0.56, 0.12), (0.05, 0.0, -0.06)),
+    "person": ((2.3, -2.8, 1.3), (0.0, 0.0, 0.80)),
+}
 """Where the camera stands and what it looks at in W (m)."""
 _SI = {"N": 1.0, "m": 1.0, "mm": 1e-3, "°": math.pi / 180.0, "° added": math.pi / 180.0}
 _STEPS = {"m": 1e-4, "mm": 0.1, "°": 0.5}
-_REACH = {kind: ("°", low, high) for kind, low, high in (
-    ("pelvis_tilt", -45, 45), ("pelvis_list", -30, 30), ("pelvis_rotation", -90, 90), ("hip_flexion", -30, 120),
-    ("hip_adduction", -45, 45), ("hip_rotation", -45, 45), ("knee_angle", -10, 140), ("knee_adduction", -20, 20),
-    ("knee_rotation", -30, 30), ("ankle_angle", -50, 30), ("ankle_adduction", -30, 30), ("ankle_rotation", -30, 30),
-    ("socket_flexion", -15, 15), ("socket_adduction", -15, 15), ("socket_rotation", -15, 15),
-)} | {"pelvis_tx": ("m", -1.0, 1.0), "pelvis_ty": ("m", 0.0, 1.5), "pelvis_tz": ("m", -0.5, 0.5)} | {
-    f"socket_t{axis}": ("mm", -30.0, 30.0) for axis in "xyz"}
+_REACH = (
+    {
+        kind: ("°", low, high)
+        for kind, low, high in (
+            ("pelvis_tilt", -45, 45),
+            ("pelvis_list", -30, 30),
+            ("pelvis_rotation", -90, 90),
+            ("hip_flexion", -30, 120),
+            ("hip_adduction", -45, 45),
+            ("hip_rotation", -45, 45),
+            ("knee_angle", -10, 140),
+            ("knee_adduction", -20, 20),
+            ("knee_rotation", -30, 30),
+            ("ankle_angle", -50, 30),
+            ("ankle_adduction", -30, 30),
+            ("ankle_rotation", -30, 30),
+            ("socket_flexion", -15, 15),
+            ("socket_adduction", -15, 15),
+            ("socket_rotation", -15, 15),
+        )
+    }
+    | {"pelvis_tx": ("m", -1.0, 1.0), "pelvis_ty": ("m", 0.0, 1.5), "pelvis_tz": ("m", -0.5, 0.5)}
+    | {f"socket_t{axis}": ("mm", -30.0, 30.0) for axis in "xyz"}
+)
 """The reach of a slider is a choice: enough to see what a coordinate does, and no limit of the model."""
 _KEEL_REACH_DEG = 20.0
 
@@ -76,14 +114,27 @@ class Scene:
     also each joint of the keel, added to what the load does; `frames` those that are drawn, by letter.
     """
 
-    def __init__(self, meshcat: Meshcat, what: str, model: ModelParameters, subject: Subject | None = None, *,
-                 keel_joints: bool = False) -> None:
+    def __init__(
+        self,
+        meshcat: Meshcat,
+        what: str,
+        model: ModelParameters,
+        subject: Subject | None = None,
+        *,
+        keel_joints: bool = False,
+    ) -> None:
         if what not in KINDS:
-            raise InputError(f"{what!r} is nothing that can be shown", where="--what",
-                             right=f"Say one of {', '.join(KINDS)}")
+            raise InputError(
+                f"{what!r} is nothing that can be shown",
+                where="--what",
+                right=f"Say one of {', '.join(KINDS)}",
+            )
         if what != "person" and subject is not None:
-            raise InputError(f"has no part in a {what} alone", where="--subject",
-                             right="Leave it out, or say --what person")
+            raise InputError(
+                f"has no part in a {what} alone",
+                where="--subject",
+                right="Leave it out, or say --what person",
+            )
         self.meshcat, self.what = meshcat, what
         builder = DiagramBuilder()
         self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
@@ -105,20 +156,35 @@ class Scene:
             if what == "bench":
                 self.platen = _add_machine(self.plant, model.foot)
         self.plant.Finalize()
-        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, MeshcatVisualizerParams(
-            role=Role.kIllustration, prefix=MODEL))
+        MeshcatVisualizer.AddToBuilder(
+            builder,
+            scene_graph,
+            meshcat,
+            MeshcatVisualizerParams(role=Role.kIllustration, prefix=MODEL),
+        )
         self._shapes = scene_graph.model_inspector()
         self.diagram: Diagram = builder.Build()
         self.context: Context = self.diagram.CreateDefaultContext()
         self.frames: dict[str, Frame] = {
-            "W": self.plant.world_frame(), "K": self.foot.frame.body_frame(), "M": self.foot.mount}
+            "W": self.plant.world_frame(),
+            "K": self.foot.frame.body_frame(),
+            "M": self.foot.mount,
+        }
         height = 0.0
-        if person is not None:  # how far the lowest contact sphere of both feet is below z = 0, all joints at zero
+        if (
+            person is not None
+        ):  # how far the lowest contact sphere of both feet is below z = 0, all joints at zero
             self.plant.SetPositions(self.plant_context, np.zeros(self.plant.num_positions()))
             height = -min(
-                float((self.plant.get_body(body).EvalPoseInWorld(self.plant_context) @ centre)[2] - radius)
+                float(
+                    (self.plant.get_body(body).EvalPoseInWorld(self.plant_context) @ centre)[2]
+                    - radius
+                )
                 for sites in (person.foot.sites, person.intact_sites)
-                for body, centre, radius in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True))
+                for body, centre, radius in zip(
+                    sites.body_indices, sites.p_BS, sites.radius, strict=True
+                )
+            )
         self.controls = _controls(self.foot, person, keel_joints, pelvis_height_m=height)
         self._furnish()
 
@@ -158,38 +224,64 @@ class Scene:
         self.context.SetTime(time_s or 0.0)
         self.diagram.ForcedPublish(self.context)
         for letter, frame in self.frames.items():
-            self.meshcat.SetTransform(f"{FRAMES}/{letter}", frame.CalcPoseInWorld(self.plant_context),
-                                      time_in_recording=time_s)
+            self.meshcat.SetTransform(
+                f"{FRAMES}/{letter}",
+                frame.CalcPoseInWorld(self.plant_context),
+                time_in_recording=time_s,
+            )
         # the arrow ends at the load point as it is drawn, with what single joints add
         foot, context = self.foot, self.plant_context
         piece = foot.keel_body_at(foot.parameters.load_point_m)
-        X_KB = foot.frame.EvalPoseInWorld(context).inverse() @ foot.keel[piece].EvalPoseInWorld(context)
-        x, _, z = X_KB @ np.array([foot.parameters.load_point_m - foot.keel_starts[piece], 0.0, 0.0])
+        X_KB = foot.frame.EvalPoseInWorld(context).inverse() @ foot.keel[piece].EvalPoseInWorld(
+            context
+        )
+        x, _, z = X_KB @ np.array(
+            [foot.parameters.load_point_m - foot.keel_starts[piece], 0.0, 0.0]
+        )
         length, head = ARROW_M_PER_N * values[LOAD], _HEAD_M[0]
         X_WC = self.frames["K"].CalcPoseInWorld(context) @ drawing.shifted(x, 0.0, z)
         for path, pose in ((ARROW, X_WC), (f"{ARROW}/shaft", drawing.shifted(0.0, 0.0, -head))):
             self.meshcat.SetTransform(path, pose, time_in_recording=time_s)
         self.meshcat.SetProperty(ARROW, "visible", length > head, time_in_recording=time_s)
-        self.meshcat.SetProperty(f"{ARROW}/shaft", "scale", [1.0, 1.0, max(length - head, 1e-3)],
-                                 time_in_recording=time_s)
+        self.meshcat.SetProperty(
+            f"{ARROW}/shaft",
+            "scale",
+            [1.0, 1.0, max(length - head, 1e-3)],
+            time_in_recording=time_s,
+        )
         return shape
 
     def show_spheres(self, shown: bool) -> None:
         """Shows the contact spheres and hides the soles, or the other way round."""
         for geometry in self._shapes.GetAllGeometryIds(Role.kIllustration):
-            frame, name = self._shapes.GetName(self._shapes.GetFrameId(geometry)), self._shapes.GetName(geometry)
+            frame, name = (
+                self._shapes.GetName(self._shapes.GetFrameId(geometry)),
+                self._shapes.GetName(geometry),
+            )
             if (sole := name.endswith("::sole")) or "site_" in name:
-                self.meshcat.SetProperty(f"{MODEL}/{frame}/{name}".replace("::", "/"), "visible", sole != shown)
+                self.meshcat.SetProperty(
+                    f"{MODEL}/{frame}/{name}".replace("::", "/"), "visible", sole != shown
+                )
 
     def _furnish(self) -> None:
         """Triads, arrow and camera, everything at rest."""
         self.meshcat.SetProperty("/Axes", "visible", False)
         self.meshcat.SetProperty("/Grid", "visible", self.what == "person")
         for letter in self.frames:
-            drawing.add_triad(self.meshcat, f"{FRAMES}/{letter}", 0.12 if self.what == "person" else 0.05)
-        drawing.add_arrow(self.meshcat, ARROW, Rgba(0.90, 0.38, 0.00, 0.99), shaft_radius=0.0035, head=_HEAD_M,
-                          shaft_from=-1.0)
-        self.meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=drawing.FIELD_OF_VIEW_DEG, aspect=drawing.ASPECT))
+            drawing.add_triad(
+                self.meshcat, f"{FRAMES}/{letter}", 0.12 if self.what == "person" else 0.05
+            )
+        drawing.add_arrow(
+            self.meshcat,
+            ARROW,
+            Rgba(0.90, 0.38, 0.00, 0.99),
+            shaft_radius=0.0035,
+            head=_HEAD_M,
+            shaft_from=-1.0,
+        )
+        self.meshcat.SetCamera(
+            Meshcat.PerspectiveCamera(fov=drawing.FIELD_OF_VIEW_DEG, aspect=drawing.ASPECT)
+        )
         self.meshcat.SetCameraPose(*map(np.array, _CAMERAS[self.what]))
         self.show_spheres(False)
         self.draw(self.rest)
@@ -205,8 +297,11 @@ def _add_machine(plant: MultibodyPlant, foot: FootParameters) -> PrismaticJoint:
     """The testing machine: a clamp at the mount, held at the origin of W, and a platen under the load point."""
     draw(plant, plant.world_body(), "clamp", Cylinder(0.02, 0.08), METAL, (0.0, 0.0, 0.04))
     place = drawing.shifted(foot.load_point_m - foot.pylon_x_m, 0.0, -foot.build_height_m)
-    body = plant.AddRigidBody("platen", plant.AddModelInstance("machine"),
-                              SpatialInertia.SolidBoxWithMass(1.0, 0.1, 0.1, 0.1))
+    body = plant.AddRigidBody(
+        "platen",
+        plant.AddModelInstance("machine"),
+        SpatialInertia.SolidBoxWithMass(1.0, 0.1, 0.1, 0.1),
+    )
     frame = plant.AddFrame(FixedOffsetFrame("platen_rest", plant.world_frame(), place))
     platen = plant.AddJoint(PrismaticJoint("platen", frame, body.body_frame(), UPWARD))
     size = (foot.series_patch_m, 1.3 * foot.keel.width_m, _PLATEN_THICKNESS_M)
@@ -215,17 +310,24 @@ def _add_machine(plant: MultibodyPlant, foot: FootParameters) -> PrismaticJoint:
     return platen
 
 
-def _controls(foot: FootHandles, person: PersonHandles | None, keel_joints: bool, *, pelvis_height_m: float
-              ) -> tuple[Control, ...]:
+def _controls(
+    foot: FootHandles, person: PersonHandles | None, keel_joints: bool, *, pelvis_height_m: float
+) -> tuple[Control, ...]:
     """Sliders of the fulcrum, at rest in the middle of its range, of the load, and of every joint that moves freely."""
     fulcrum = foot.parameters.fulcrum
     low, high = 1e3 * fulcrum.rearmost_m, 1e3 * fulcrum.foremost_m
-    controls = [Control(FULCRUM, "mm", low, high, round(0.5 * (low + high), 1), 0.5),
-             Control(LOAD, "N", 0.0, LARGEST_LOAD_N, 0.0, 5.0)]
+    controls = [
+        Control(FULCRUM, "mm", low, high, round(0.5 * (low + high), 1), 0.5),
+        Control(LOAD, "N", 0.0, LARGEST_LOAD_N, 0.0, 5.0),
+    ]
     if keel_joints:
-        controls += [Control(name, "° added", -_KEEL_REACH_DEG, _KEEL_REACH_DEG, 0.0, 0.1)
-                  for name in foot.keel_joint_names]
-    for name in () if person is None else (*person.coordinate_names, *person.socket.coordinate_names):
+        controls += [
+            Control(name, "° added", -_KEEL_REACH_DEG, _KEEL_REACH_DEG, 0.0, 0.1)
+            for name in foot.keel_joint_names
+        ]
+    for name in (
+        () if person is None else (*person.coordinate_names, *person.socket.coordinate_names)
+    ):
         unit, least, most = _REACH[name[:-2] if name.endswith(("_r", "_l")) else name]
         rest = round(pelvis_height_m, 4) if name == "pelvis_ty" else 0.0
         controls.append(Control(name, unit, least, most, rest, _STEPS[unit]))
@@ -250,12 +352,19 @@ def gate(meshcat: Meshcat, port: int | None = None) -> Iterator[str]:
     A request whose Host is another (a name that was bent to this machine) or whose Origin is another page is refused.
     """
     if port is not None and not LEAST_PORT <= port <= LAST_PORT:
-        raise InputError(f"{port} is no port that a page can be served on", where="--port",
-                         right=f"It must be between {LEAST_PORT} and {LAST_PORT}")
+        raise InputError(
+            f"{port} is no port that a page can be served on",
+            where="--port",
+            right=f"It must be between {LEAST_PORT} and {LAST_PORT}",
+        )
     host, _, inner = meshcat.web_url().removeprefix("http://").partition(":")
     script = Path(__file__).with_name("gate_process.py")
-    with subprocess.Popen([sys.executable, "-I", str(script), str(port or 0), host, inner], stdin=subprocess.PIPE,
-                          stdout=subprocess.PIPE, text=True) as server:
+    with subprocess.Popen(
+        [sys.executable, "-I", str(script), str(port or 0), host, inner],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as server:
         assert server.stdin is not None
         assert server.stdout is not None
         with server.stdin:  # whose end ends it, also when this process is killed
@@ -263,20 +372,33 @@ def gate(meshcat: Meshcat, port: int | None = None) -> Iterator[str]:
             if not answer.isdigit():
                 asked = "a free port" if port is None else f"port {port}"
                 raise InputError(
-                    f"{asked} could not be opened on this machine ({answer})", where="--port",
-                    right="Another program may use it: give another port, or leave it out for any free one")
+                    f"{asked} could not be opened on this machine ({answer})",
+                    where="--port",
+                    right="Another program may use it: give another port, or leave it out for any free one",
+                )
             yield f"http://localhost:{answer}"
 
 
-def show_model(what: str, model: ModelParameters, subject: Subject | None = None, *, port: int | None = None,
-               browser: bool = True, keel_joints: bool = False, say: Callable[[str], None] = print) -> None:
+def show_model(
+    what: str,
+    model: ModelParameters,
+    subject: Subject | None = None,
+    *,
+    port: int | None = None,
+    browser: bool = True,
+    keel_joints: bool = False,
+    say: Callable[[str], None] = print,
+) -> None:
     """Serves the scene with its sliders until Stop is pressed there, or Ctrl-C here.
 
     `browser`: whether to open the page in the desktop's, where there is one. `say` is told the address, and what goes
     wrong.
     """
     meshcat = drawing.open_meshcat()
-    with gate(meshcat, port) as address, contextlib.suppress(KeyboardInterrupt):  # the way it is meant to end
+    with (
+        gate(meshcat, port) as address,
+        contextlib.suppress(KeyboardInterrupt),
+    ):  # the way it is meant to end
         viewer = Viewer(Scene(meshcat, what, model, subject, keel_joints=keel_joints), say)
         say(f"{what}: {address}   (Open Controls; press Stop there or Ctrl-C here to end)")
         if browser and _has_desktop():
@@ -284,8 +406,14 @@ def show_model(what: str, model: ModelParameters, subject: Subject | None = None
         viewer.run()
 
 
-def write_model_page(what: str, model: ModelParameters, path: str | Path, subject: Subject | None = None, *,
-                     keel_joints: bool = False) -> None:
+def write_model_page(
+    what: str,
+    model: ModelParameters,
+    path: str | Path,
+    subject: Subject | None = None,
+    *,
+    keel_joints: bool = False,
+) -> None:
     """Writes the scene as one HTML file with an animation instead of sliders; nothing half-written is left.
 
     The load comes on with the fulcrum at its rearmost position, the fulcrum moves to its foremost one under it, the
@@ -299,15 +427,32 @@ def write_model_page(what: str, model: ModelParameters, path: str | Path, subjec
     told = []
     for i, values in enumerate(_line(scene, first, last)):
         shape = scene.draw(values, i / FRAMES_PER_SECOND)
-        told.append([round(values[FULCRUM], 1), round(values[LOAD]), round(1e3 * float(shape.load_point_K[1]), 1)])
+        told.append(
+            [
+                round(values[FULCRUM], 1),
+                round(values[LOAD]),
+                round(1e3 * float(shape.load_point_K[1]), 1),
+            ]
+        )
     meshcat.StopRecording()
     meshcat.get_mutable_recording().set_repetitions(drawing.ENDLESS)
     meshcat.PublishRecording()
     others = [control.name for control in scene.controls if control.name not in (FULCRUM, LOAD)]
-    write_text(path, drawing.finish_page(
-        meshcat, f"vsf_drake: {what}", "shown.html.j2", load_n=f"{SHOWN_LOAD_N:g}", first_mm=f"{first:g}",
-        last_mm=f"{last:g}", others=others, told=told, rate_hz=FRAMES_PER_SECOND,
-        inset=f"{MODEL}/vsf/vsf_frame" if what == "person" else None))
+    write_text(
+        path,
+        drawing.finish_page(
+            meshcat,
+            f"vsf_drake: {what}",
+            "shown.html.j2",
+            load_n=f"{SHOWN_LOAD_N:g}",
+            first_mm=f"{first:g}",
+            last_mm=f"{last:g}",
+            others=others,
+            told=told,
+            rate_hz=FRAMES_PER_SECOND,
+            inset=f"{MODEL}/vsf/vsf_frame" if what == "person" else None,
+        ),
+    )
 
 
 def _line(scene: Scene, first: float, last: float) -> Iterator[dict[str, float]]:
@@ -321,7 +466,9 @@ def _line(scene: Scene, first: float, last: float) -> Iterator[dict[str, float]]
         yield start | {FULCRUM: last, LOAD: load}
     for control in scene.controls:
         if control.name not in (FULCRUM, LOAD):
-            top = control.rest + min(control.high - control.rest, _LARGEST_SHARE * (control.high - control.low))
+            top = control.rest + min(
+                control.high - control.rest, _LARGEST_SHARE * (control.high - control.low)
+            )
             there = _ramp(control.rest, top, 0.5 * COORDINATE_S)
             for value in (*there, *there[::-1]):
                 yield start | {FULCRUM: last, control.name: value}
@@ -333,7 +480,9 @@ def _ramp(start: float, end: float, duration_s: float) -> list[float]:
 
 def _has_desktop() -> bool:
     """Whether a browser would have a window: Python's `webbrowser` would else start one in the terminal."""
-    return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    return sys.platform in ("darwin", "win32") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
 
 
 # A scene that follows its sliders in Meshcat until Stop or Ctrl-C. Drake's `pydrake.multibody.meshcat.JointSliders`
@@ -359,7 +508,9 @@ class Viewer:
         self._resets = self._spheres = 0
         foot = scene.foot.parameters
         for control in scene.controls:
-            self.meshcat.AddSlider(control.label, control.low, control.high, control.step, control.rest)
+            self.meshcat.AddSlider(
+                control.label, control.low, control.high, control.step, control.rest
+            )
         largest = 1.2 * LARGEST_LOAD_N * foot.load_point_m / foot.fulcrum.rearmost_m
         self.meshcat.AddSlider(RISE, 0.0, 1e3 * foot.load_point_m, 0.01, 0.0)
         self.meshcat.AddSlider(SUPPORT, -round(largest), 0.0, 1.0, 0.0)
@@ -368,7 +519,10 @@ class Viewer:
 
     def values(self) -> dict[str, float]:
         """Where the sliders stand, by the names of their controls."""
-        return {control.name: self.meshcat.GetSliderValue(control.label) for control in self.scene.controls}
+        return {
+            control.name: self.meshcat.GetSliderValue(control.label)
+            for control in self.scene.controls
+        }
 
     def poll(self) -> bool:
         """Follows what was moved or pressed since the last time; False once Stop was pressed."""
@@ -385,8 +539,13 @@ class Viewer:
             self._drawn = values
             try:
                 shape = self.scene.draw(values)
-                for name, value in ((RISE, 1e3 * float(shape.load_point_K[1])), (SUPPORT, shape.support_force_n)):
-                    self._readings[name] = self.meshcat.SetSliderValue(name, value)  # as rounded to the slider's step
+                for name, value in (
+                    (RISE, 1e3 * float(shape.load_point_K[1])),
+                    (SUPPORT, shape.support_force_n),
+                ):
+                    self._readings[name] = self.meshcat.SetSliderValue(
+                        name, value
+                    )  # as rounded to the slider's step
             except SimulationError as error:
                 if error.what != self._warned:
                     self._say(error.what)

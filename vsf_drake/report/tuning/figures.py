@@ -13,7 +13,17 @@ from matplotlib.figure import Figure
 
 from vsf_drake.analysis.tuning.schedule import Schedule, TaskSetting
 from vsf_drake.analysis.tuning.table import TaskOptimum, TuningTable
-from vsf_drake.report.style import MARKERS, MEASURED, NEUTRAL, PANEL, SHADE, colour_of, drawing, label, legend_below
+from vsf_drake.report.style import (
+    MARKERS,
+    MEASURED,
+    NEUTRAL,
+    PANEL,
+    SHADE,
+    colour_of,
+    drawing,
+    label,
+    legend_below,
+)
 from vsf_drake.report.tuning import reading
 from vsf_drake.report.tuning.reading import Arrays
 
@@ -26,14 +36,23 @@ _DASHES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5)), (0, (1, 1)))
 def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
     """`draw`, which fills a figure of a table, as a function that returns it, marked where there is no optimum or data
     are synthetic."""
+
     @wraps(draw)
     def drawn(table: TuningTable | Schedule, *others: Any) -> Figure:
         with drawing(PANEL[0], 1.0) as figure:
             draw(figure, table, *others)
-            said = NOT_OPTIMAL * (not table.optimal), "SYNTHETIC trials, not recorded" * bool(table.synthetic)
+            said = (
+                NOT_OPTIMAL * (not table.optimal),
+                "SYNTHETIC trials, not recorded" * bool(table.synthetic),
+            )
             if any(said):
-                figure.suptitle("; ".join(filter(None, said)), x=0.01, ha="left", fontsize=10.5,
-                                color="black" if table.optimal else _FAILED)
+                figure.suptitle(
+                    "; ".join(filter(None, said)),
+                    x=0.01,
+                    ha="left",
+                    fontsize=10.5,
+                    color="black" if table.optimal else _FAILED,
+                )
         return figure
 
     return drawn
@@ -43,7 +62,7 @@ def _panels(figure: Figure, count: int, across: int, x_label: str) -> list[Axes]
     panels = figure.subplots(-(-count // across), across, sharex=True, squeeze=False).ravel()
     for axes in panels[count:]:
         axes.set_axis_off()
-    for axes in panels[max(count - across, 0):count]:
+    for axes in panels[max(count - across, 0) : count]:
         axes.tick_params(labelbottom=True)
         axes.set_xlabel(textwrap.fill(x_label, 20))
     return list(panels[:count])
@@ -54,18 +73,37 @@ def _colour(fulcrum_mm: float | None) -> Any:
 
 
 def _point(axes: Axes, fulcrum_mm: float, x: float, y: float, **look: Any) -> None:
-    axes.plot(x, y, **{"marker": "o", "markersize": 8, "linestyle": "", "color": _colour(fulcrum_mm), **look})
+    axes.plot(
+        x,
+        y,
+        **{"marker": "o", "markersize": 8, "linestyle": "", "color": _colour(fulcrum_mm), **look},
+    )
 
 
 def _curve(axes: Axes, x: np.ndarray, y: np.ndarray, **look: Any) -> None:
-    axes.plot(x, y, **{"color": "black", "marker": "o", "markersize": 3.5, "markevery": max(1, round(len(x) / 20)),
-                       **look})
+    axes.plot(
+        x,
+        y,
+        **{
+            "color": "black",
+            "marker": "o",
+            "markersize": 3.5,
+            "markevery": max(1, round(len(x) / 20)),
+            **look,
+        },
+    )
 
 
 def _one_for_all(axes: Axes, table: TuningTable | Schedule) -> None:
     common = table.common_fulcrum_mm
     if common is not None:
-        axes.axvline(common, color=NEUTRAL, linestyle="--", linewidth=1.3, label=f"one for all, {common:.1f} mm")
+        axes.axvline(
+            common,
+            color=NEUTRAL,
+            linestyle="--",
+            linewidth=1.3,
+            label=f"one for all, {common:.1f} mm",
+        )
 
 
 def _mark_positions(axes: Axes, table: TuningTable, *, named: bool = True) -> None:
@@ -74,11 +112,21 @@ def _mark_positions(axes: Axes, table: TuningTable, *, named: bool = True) -> No
     if interval is not None and table.optimal:
         axes.axvspan(*interval, color=SHADE, zorder=0, label="its interval" if named else None)
     for i, mm in enumerate(reading.recorded_positions(table)):
-        axes.axvline(mm, color=NEUTRAL, linestyle=":", linewidth=1.2, zorder=1,
-                     label="recorded" if named and not i else None)
+        axes.axvline(
+            mm,
+            color=NEUTRAL,
+            linestyle=":",
+            linewidth=1.2,
+            zorder=1,
+            label="recorded" if named and not i else None,
+        )
     if table.fulcrum_mm is not None:
-        axes.axvline(table.fulcrum_mm, color=_colour(table.fulcrum_mm) if table.optimal else _FAILED,
-                     linewidth=1.0, zorder=1)
+        axes.axvline(
+            table.fulcrum_mm,
+            color=_colour(table.fulcrum_mm) if table.optimal else _FAILED,
+            linewidth=1.0,
+            zorder=1,
+        )
 
 
 @_drawn
@@ -92,24 +140,66 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
         own = np.asarray(trials, dtype=float).T
         at = int(np.argmin(np.abs(np.asarray(x_of) - (best or np.median(x_of)))))
         for i, values in enumerate(own):
-            axes.plot(x_of, values - values[at] + own[:, at].mean(), color="0.75", linewidth=0.9, zorder=1,
-                      label="one trial, shifted" if i == 0 else None)
+            axes.plot(
+                x_of,
+                values - values[at] + own[:, at].mean(),
+                color="0.75",
+                linewidth=0.9,
+                zorder=1,
+                label="one trial, shifted" if i == 0 else None,
+            )
     least, x = table.least_rest(), table.swept()[0]
     held = "cost, held to " + ("the recording" if table.level == 1 else "able-bodied walking")
     _curve(axes, *table.swept(), linewidth=1.8, label="cost" if least is None else held)
     if least is not None:
-        _curve(axes, x, np.array([table.rest_at(mm) for mm in x], dtype=float), linewidth=1.6, linestyle="--",
-               marker="", label="cost by itself")
-        _point(axes, *least[:1], *least, marker="D", color="white", markeredgecolor=_colour(least[0]),
-               markeredgewidth=1.6, zorder=5, label=f"its least, {least[0]:.1f} mm")
+        _curve(
+            axes,
+            x,
+            np.array([table.rest_at(mm) for mm in x], dtype=float),
+            linewidth=1.6,
+            linestyle="--",
+            marker="",
+            label="cost by itself",
+        )
+        _point(
+            axes,
+            *least[:1],
+            *least,
+            marker="D",
+            color="white",
+            markeredgecolor=_colour(least[0]),
+            markeredgewidth=1.6,
+            zorder=5,
+            label=f"its least, {least[0]:.1f} mm",
+        )
     if best is not None and table.cost is not None:
-        look = {"marker": "*", "markersize": 15, "color": "white", "markeredgecolor": _colour(best),
-                "markeredgewidth": 1.6, "label": f"optimum, {best:.1f} mm"} if table.optimal else {
-            "marker": "x", "markersize": 11, "color": _FAILED, "markeredgewidth": 2.4,
-            "label": f"last iterate, {NOT_OPTIMAL}"}
+        look = (
+            {
+                "marker": "*",
+                "markersize": 15,
+                "color": "white",
+                "markeredgecolor": _colour(best),
+                "markeredgewidth": 1.6,
+                "label": f"optimum, {best:.1f} mm",
+            }
+            if table.optimal
+            else {
+                "marker": "x",
+                "markersize": 11,
+                "color": _FAILED,
+                "markeredgewidth": 2.4,
+                "label": f"last iterate, {NOT_OPTIMAL}",
+            }
+        )
         _point(axes, best, best, table.cost, zorder=5, **look)
-    label(axes, x=FULCRUM, y="\n".join(textwrap.wrap(f"{table.cost_label} ({table.cost_unit})", 34)),
-          title="By itself the cost is least elsewhere" if table.held_from else "Cost over the whole range")
+    label(
+        axes,
+        x=FULCRUM,
+        y="\n".join(textwrap.wrap(f"{table.cost_label} ({table.cost_unit})", 34)),
+        title="By itself the cost is least elsewhere"
+        if table.held_from
+        else "Cost over the whole range",
+    )
     _mark_positions(axes, table)
     legend_below(figure, axes.get_legend_handles_labels()[0])
 
@@ -118,14 +208,29 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
 def terms_figure(figure: Figure, table: TuningTable) -> None:
     """What each term of the cost adds as the fulcrum leaves the optimum."""
     figure.set_size_inches(PANEL[0], 3.9)
-    axes, terms = figure.subplots(), [row for row in table.terms if len(table.swept("terms", row.name)[0])]
+    axes, terms = (
+        figure.subplots(),
+        [row for row in table.terms if len(table.swept("terms", row.name)[0])],
+    )
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     for i, row in enumerate(terms):
         x, y = table.swept("terms", row.name)
-        _curve(axes, x, y - (row.value if row.value is not None else float(y.min())),
-               color=f"{0.08 + 0.5 * i / len(terms):.2f}", linewidth=1.6, linestyle=_DASHES[i % 6],
-               marker=MARKERS[i % len(MARKERS)], label=row.label)
-    label(axes, x=FULCRUM, y=f"change from the optimum ({table.cost_unit})", title="What each term adds")
+        _curve(
+            axes,
+            x,
+            y - (row.value if row.value is not None else float(y.min())),
+            color=f"{0.08 + 0.5 * i / len(terms):.2f}",
+            linewidth=1.6,
+            linestyle=_DASHES[i % 6],
+            marker=MARKERS[i % len(MARKERS)],
+            label=row.label,
+        )
+    label(
+        axes,
+        x=FULCRUM,
+        y=f"change from the optimum ({table.cost_unit})",
+        title="What each term adds",
+    )
     _mark_positions(axes, table)
     legend_below(figure, axes.get_legend_handles_labels()[0])
 
@@ -144,49 +249,94 @@ def outcomes_figure(figure: Figure, table: TuningTable) -> None:
             axes.axhspan(here - error, here + error, color="0.8", alpha=0.5, zorder=0)
         _curve(axes, x, y, linewidth=1.5, markersize=3.0)
         if here is not None and best is not None and table.optimal:
-            _point(axes, best, best, here, marker="*", markersize=12, color="white", zorder=5,
-                   markeredgecolor=_colour(best), markeredgewidth=1.4)
+            _point(
+                axes,
+                best,
+                best,
+                here,
+                marker="*",
+                markersize=12,
+                color="white",
+                zorder=5,
+                markeredgecolor=_colour(best),
+                markeredgewidth=1.4,
+            )
         if np.ptp(y) == 0.0:
             axes.margins(y=0.5)
         axes.set_ylabel(row.unit if row.unit not in ("", "1") else "no unit")
         hardly = ": hardly changes" if row.matters is False else ""
-        axes.set_title(textwrap.fill(f"{row.label}{hardly}", 23, break_on_hyphens=False), loc="left")
+        axes.set_title(
+            textwrap.fill(f"{row.label}{hardly}", 23, break_on_hyphens=False), loc="left"
+        )
 
 
 _RECORDED: dict[str, Any] = {"label": "recorded", "color": "0.45", **MEASURED}
 _LINES: dict[str, dict[str, Any]] = {
     "_recorded": _RECORDED,
     "": {"label": "optimised", "color": "black", "linewidth": 1.5},
-    "_resimulated_prescribed": {"label": "simulated again, motion prescribed", "color": "#1f6f8b", "linewidth": 1.4,
-                                "linestyle": (0, (4, 1.6))},
-    "_resimulated_feedback": {"label": "simulated again, torques and feedback", "color": "#b35900", "linewidth": 1.4,
-                              "linestyle": (0, (1, 1))}}
+    "_resimulated_prescribed": {
+        "label": "simulated again, motion prescribed",
+        "color": "#1f6f8b",
+        "linewidth": 1.4,
+        "linestyle": (0, (4, 1.6)),
+    },
+    "_resimulated_feedback": {
+        "label": "simulated again, torques and feedback",
+        "color": "#b35900",
+        "linewidth": 1.4,
+        "linestyle": (0, (1, 1)),
+    },
+}
 
 
 def _forces(
-    figure: Figure, arrays: Arrays, rows: Mapping[str, str], time: Callable[[str], Any],
-    looks: Mapping[str, Mapping[str, Any]], *, vertical: int, x_label: str,
-    sharex: bool = False
+    figure: Figure,
+    arrays: Arrays,
+    rows: Mapping[str, str],
+    time: Callable[[str], Any],
+    looks: Mapping[str, Mapping[str, Any]],
+    *,
+    vertical: int,
+    x_label: str,
+    sharex: bool = False,
 ) -> None:
     """A row for each of `rows` (what its arrays begin with, by title), fore-aft (column 0 of arrays) and vertical."""
     panels = figure.subplots(len(rows), 2, sharex=sharex, squeeze=False)
     for row, (title, prefix) in zip(panels, rows.items(), strict=True):
-        for axes, column, direction in zip(row, (0, vertical), ("fore-aft", "vertical"), strict=True):
+        for axes, column, direction in zip(
+            row, (0, vertical), ("fore-aft", "vertical"), strict=True
+        ):
             for name, look in looks.items():
                 if f"{prefix}{name}" in arrays:
-                    axes.plot(time(prefix), np.asarray(arrays[f"{prefix}{name}"])[:, column], **look)
-            label(axes, x=x_label, y="force (N)",
-                  title=textwrap.fill(f"{title}{direction}", 23, break_on_hyphens=False))
+                    axes.plot(
+                        time(prefix), np.asarray(arrays[f"{prefix}{name}"])[:, column], **look
+                    )
+            label(
+                axes,
+                x=x_label,
+                y="force (N)",
+                title=textwrap.fill(f"{title}{direction}", 23, break_on_hyphens=False),
+            )
     legend_below(figure, panels[0, 0].get_legend_handles_labels()[0])
 
 
 @_drawn
 def stride_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> None:
     """Level 2: forces of both feet over the gait cycle, as far as `arrays` has them."""
-    rows = {f"{name}, ": f"grf_{foot}" for foot, name in reading.FEET.items() if f"grf_{foot}" in arrays}
+    rows = {
+        f"{name}, ": f"grf_{foot}" for foot, name in reading.FEET.items() if f"grf_{foot}" in arrays
+    }
     figure.set_size_inches(PANEL[0], 0.9 + 2.2 * len(rows))
-    _forces(figure, arrays, rows, lambda prefix: 100.0 * np.asarray(arrays["phase"]), _LINES, vertical=1,
-            x_label="gait cycle (%)", sharex=True)
+    _forces(
+        figure,
+        arrays,
+        rows,
+        lambda prefix: 100.0 * np.asarray(arrays["phase"]),
+        _LINES,
+        vertical=1,
+        x_label="gait cycle (%)",
+        sharex=True,
+    )
 
 
 @_drawn
@@ -197,11 +347,22 @@ def stance_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> N
     ends = (min(swept_mm, default=None), table.fulcrum_mm, max(swept_mm, default=None))
     for name, mm, dashes in zip(reading.SHOWN, ends, ((0, (1, 1)), "-", (0, (5, 2))), strict=True):
         called = name if table.optimal or name != "optimum" else "last iterate"
-        looks[name] = {"color": colour_of(mm), "linestyle": dashes,
-                       "linewidth": 1.4, "label": called if mm is None else f"{called}, {mm:.0f} mm"}
+        looks[name] = {
+            "color": colour_of(mm),
+            "linestyle": dashes,
+            "linewidth": 1.4,
+            "label": called if mm is None else f"{called}, {mm:.0f} mm",
+        }
     figure.set_size_inches(PANEL[0], 0.9 + 2.1 * len(shown))
-    _forces(figure, arrays, {f"{trial}: ": prefix for trial, prefix in shown.items()},
-            lambda prefix: arrays[f"{prefix}time"], looks, vertical=2, x_label="time (s)")
+    _forces(
+        figure,
+        arrays,
+        {f"{trial}: ": prefix for trial, prefix in shown.items()},
+        lambda prefix: arrays[f"{prefix}time"],
+        looks,
+        vertical=2,
+        x_label="time (s)",
+    )
 
 
 @_drawn
@@ -215,10 +376,18 @@ def stride_figure(figure: Figure, table: TuningTable, arrays: Arrays, key: str) 
         for suffix in ("_recorded", ""):
             if f"{key}{suffix}" in arrays:
                 values = np.asarray(arrays[f"{key}{suffix}"])[:, i]
-                axes.plot(100.0 * np.asarray(arrays["phase"]), values if key == "torque" else _line(name, values),
-                          **_LINES[suffix])
-        axes.set_ylabel("torque (N m)" if key == "torque" else
-                        "from its mean (mm)" if name in reading.LENGTHS else "angle (°)")
+                axes.plot(
+                    100.0 * np.asarray(arrays["phase"]),
+                    values if key == "torque" else _line(name, values),
+                    **_LINES[suffix],
+                )
+        axes.set_ylabel(
+            "torque (N m)"
+            if key == "torque"
+            else "from its mean (mm)"
+            if name in reading.LENGTHS
+            else "angle (°)"
+        )
         axes.set_title(name.replace("_", " "), loc="left")
     legend_below(figure, panels[0].get_legend_handles_labels()[0])
 
@@ -228,14 +397,19 @@ def _line(name: str, values: np.ndarray) -> np.ndarray:
     if name not in reading.LENGTHS:
         return np.asarray(np.degrees(values))
     i = np.arange(len(values))
-    return np.asarray(1e3 * (values - np.polyval(np.polyfit(i, values, 1 if name == "pelvis_tx" else 0), i)))
+    return np.asarray(
+        1e3 * (values - np.polyval(np.polyfit(i, values, 1 if name == "pelvis_tx" else 0), i))
+    )
 
 
 @_drawn
 def pareto_figure(figure: Figure, table: TuningTable) -> None:
     """The front of two costs."""
-    points = [(row.fulcrum_mm, (row.first, row.second)) for row in table.pareto
-              if row.fulcrum_mm is not None and row.first is not None and row.second is not None]
+    points = [
+        (row.fulcrum_mm, (row.first, row.second))
+        for row in table.pareto
+        if row.fulcrum_mm is not None and row.first is not None and row.second is not None
+    ]
     first, second = (f"{name.replace('_', ' ')} (in its unit)" for name in table.pareto_names)
     figure.set_size_inches(PANEL[0], 3.7)
     axes = figure.subplots()
@@ -246,9 +420,14 @@ def pareto_figure(figure: Figure, table: TuningTable) -> None:
     for mm, (at_x, at_y) in points:
         _point(axes, mm, at_x, at_y, markersize=7)
         # Points that are far enough from all named ones have a name of their own.
-        if all(np.hypot((at_x - other_x) / wide, (at_y - other_y) / tall) > 0.08 for other_x, other_y in named):
+        if all(
+            np.hypot((at_x - other_x) / wide, (at_y - other_y) / tall) > 0.08
+            for other_x, other_y in named
+        ):
             named.append((at_x, at_y))
-            axes.annotate(f"{mm:.0f} mm", (at_x, at_y), xytext=(7, 5), textcoords="offset points", fontsize=8)
+            axes.annotate(
+                f"{mm:.0f} mm", (at_x, at_y), xytext=(7, 5), textcoords="offset points", fontsize=8
+            )
     axes.margins(x=0.17, y=0.1)
     axes.locator_params(axis="x", nbins=5)
     label(axes, x=first, y=second, title="Less of one costs more of the other")
@@ -265,7 +444,14 @@ def tasks_figure(figure: Figure, table: TuningTable | Schedule) -> None:
         legend_below(figure, left.get_legend_handles_labels()[0])
     for place, row in enumerate(rows):
         if isinstance(row, TaskSetting) and row.interval_mm is not None:
-            left.plot(row.interval_mm, [place, place], color="0.75", linewidth=5.0, solid_capstyle="butt", zorder=1)
+            left.plot(
+                row.interval_mm,
+                [place, place],
+                color="0.75",
+                linewidth=5.0,
+                solid_capstyle="butt",
+                zorder=1,
+            )
         if row.fulcrum_mm is not None:
             _point(left, row.fulcrum_mm, row.fulcrum_mm, place, zorder=2)
         lost = reading.excess(row)
@@ -278,8 +464,12 @@ def tasks_figure(figure: Figure, table: TuningTable | Schedule) -> None:
     right.margins(x=0.15)
     right.set_xlim(left=0.0)
     label(left, x=FULCRUM, y="", title="Setting of each task")
-    label(right, x=f"more cost with one for all ({reading.excess_unit(table)})", y="",
-          title=textwrap.fill(f"What the one for all costs: {table.cost_label}", 38))
+    label(
+        right,
+        x=f"more cost with one for all ({reading.excess_unit(table)})",
+        y="",
+        title=textwrap.fill(f"What the one for all costs: {table.cost_label}", 38),
+    )
 
 
 @_drawn
@@ -310,39 +500,85 @@ def schedule_curves_figure(figure: Figure, table: Schedule) -> None:
     for i, row in enumerate(reading.curved(table)):
         x, y = np.array(row.sweep.fulcrum_mm), np.array(row.sweep.cost)
         least = row.cost_exact if row.cost_exact is not None else float(y.min())
-        axes.plot(x, y - least, color=_colour(row.fulcrum_mm), linestyle=_DASHES[i % len(_DASHES)], linewidth=1.6,
-                  label=row.label)
+        axes.plot(
+            x,
+            y - least,
+            color=_colour(row.fulcrum_mm),
+            linestyle=_DASHES[i % len(_DASHES)],
+            linewidth=1.6,
+            label=row.label,
+        )
         if row.fulcrum_mm is not None and row.cost is not None:
-            _point(axes, row.fulcrum_mm, row.fulcrum_mm, row.cost - least, markersize=7,
-                   marker="o" if row.optimal else "x")
+            _point(
+                axes,
+                row.fulcrum_mm,
+                row.fulcrum_mm,
+                row.cost - least,
+                markersize=7,
+                marker="o" if row.optimal else "x",
+            )
     _one_for_all(axes, table)
     legend_below(figure, axes.get_legend_handles_labels()[0])
-    label(axes, x=FULCRUM, y=f"cost above the task's least ({table.cost_unit})",
-          title="What a task loses off its own setting")
+    label(
+        axes,
+        x=FULCRUM,
+        y=f"cost above the task's least ({table.cost_unit})",
+        title="What a task loses off its own setting",
+    )
 
 
 @_drawn
 def policy_figure(figure: Figure, table: Schedule, name: str) -> None:
     """The setting over one descriptor, `name`, with its lookup."""
-    rows = sorted(((getattr(row, name), row.exact_mm, row) for row in table.tasks if row.exact_mm is not None),
-                  key=lambda row: row[0])
+    rows = sorted(
+        (
+            (getattr(row, name), row.exact_mm, row)
+            for row in table.tasks
+            if row.exact_mm is not None
+        ),
+        key=lambda row: row[0],
+    )
     x, y = [at for at, _, _ in rows], [exact_mm for _, exact_mm, _ in rows]
     beyond = 0.3 * (max(x) - min(x) or 1.0)
     figure.set_size_inches(PANEL[0], 3.8)
     axes = figure.subplots()
-    axes.plot([x[0] - beyond, *x, x[-1] + beyond], [y[0], *y, y[-1]], color="black", linewidth=1.2,
-              label="lookup, before rounding")
+    axes.plot(
+        [x[0] - beyond, *x, x[-1] + beyond],
+        [y[0], *y, y[-1]],
+        color="black",
+        linewidth=1.2,
+        label="lookup, before rounding",
+    )
     for i, (at, exact_mm, row) in enumerate(rows):
         stored_mm = exact_mm if row.fulcrum_mm is None else row.fulcrum_mm
         if row.interval_mm is not None:
-            axes.plot([at] * 2, row.interval_mm, color="0.8", linewidth=6.0, solid_capstyle="butt", zorder=0,
-                      label="interval" if i == 0 else None)
+            axes.plot(
+                [at] * 2,
+                row.interval_mm,
+                color="0.8",
+                linewidth=6.0,
+                solid_capstyle="butt",
+                zorder=0,
+                label="interval" if i == 0 else None,
+            )
         _point(axes, stored_mm, at, stored_mm, label="stored" if i == 0 else None)
         side = -1 if y[-1] > y[0] else 1  # where the lookup is below
-        axes.annotate(textwrap.fill(row.label, 12), (at, stored_mm), xytext=(8 * side, 6), textcoords="offset points",
-                      fontsize=8, ha="right" if side < 0 else "left")
+        axes.annotate(
+            textwrap.fill(row.label, 12),
+            (at, stored_mm),
+            xytext=(8 * side, 6),
+            textcoords="offset points",
+            fontsize=8,
+            ha="right" if side < 0 else "left",
+        )
     if table.common_fulcrum_mm is not None:
-        axes.axhline(table.common_fulcrum_mm, color=NEUTRAL, linestyle="--", linewidth=1.2, label="one for all")
+        axes.axhline(
+            table.common_fulcrum_mm,
+            color=NEUTRAL,
+            linestyle="--",
+            linewidth=1.2,
+            label="one for all",
+        )
     low, high = table.reach_mm
     axes.set_ylim(low - 2.0, high + 2.0)
     legend_below(figure, axes.get_legend_handles_labels()[0])

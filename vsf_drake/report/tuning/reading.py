@@ -15,7 +15,11 @@ Arrays = Mapping[str, np.ndarray]
 SHOWN = SETTINGS[:3]  # settings of a tuning beside the recorded one
 FEET = {"prosthetic": "prosthetic foot", "intact": "intact foot"}
 LENGTHS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")  # coordinates in metres, not radians
-DESCRIPTORS = {"speed_m_per_s": "speed (m/s)", "slope_deg": "slope (°, uphill +)", "carried_kg": "carried load (kg)"}
+DESCRIPTORS = {
+    "speed_m_per_s": "speed (m/s)",
+    "slope_deg": "slope (°, uphill +)",
+    "carried_kg": "carried load (kg)",
+}
 _NEAR_MM = 0.05  # positions that are nearer than this are one
 
 
@@ -54,15 +58,20 @@ class Compared:
     percent: float | None = None  # the same; None for costs that are not positive
 
 
-def compared(table: TuningTable, cost: Callable[[float], float | None], own: float) -> list[Compared]:
+def compared(
+    table: TuningTable, cost: Callable[[float], float | None], own: float
+) -> list[Compared]:
     """`own`, a cost at the optimum, against that at the ends and at recorded settings."""
     x, _ = table.swept()
     if not len(x):
         return []
     recorded = recorded_positions(table)
     inside = [mm for mm in recorded if x[0] < mm < x[-1]]
-    names = ["the softest setting", "the stiffest",
-             *["the recorded setting" if len(recorded) == 1 else "another recorded one"] * len(inside)]
+    names = [
+        "the softest setting",
+        "the stiffest",
+        *["the recorded setting" if len(recorded) == 1 else "another recorded one"] * len(inside),
+    ]
     places: list[Compared] = []
     for i, (name, mm) in enumerate(zip(names, [float(x[0]), float(x[-1]), *inside], strict=True)):
         there, also = cost(mm), i < 2 and mm in recorded
@@ -76,7 +85,9 @@ def compared(table: TuningTable, cost: Callable[[float], float | None], own: flo
 
 def telling(schedule: Schedule) -> str | None:
     """The one descriptor in which a schedule's tasks differ; None if there is none, or several."""
-    differing = [name for name in DESCRIPTORS if len({task.descriptors[name] for task in schedule.tasks}) > 1]
+    differing = [
+        name for name in DESCRIPTORS if len({task.descriptors[name] for task in schedule.tasks}) > 1
+    ]
     known = all(task.descriptors[name] is not None for name in differing for task in schedule.tasks)
     return differing[0] if len(differing) == 1 and known else None
 
@@ -88,10 +99,17 @@ def curved(schedule: Schedule) -> list[TaskSetting]:
 
 def drawn_trials(table: TuningTable, arrays: Arrays) -> dict[str, str]:
     """Up to three trials of a level 1 tuning whose forces there are: what their arrays begin with, by label."""
-    prefixes = {name: f"trial_{i}_" for i, name in enumerate(table.trials)
-                if any(f"trial_{i}_{setting}" in arrays for setting in SHOWN)}
+    prefixes = {
+        name: f"trial_{i}_"
+        for i, name in enumerate(table.trials)
+        if any(f"trial_{i}_{setting}" in arrays for setting in SHOWN)
+    }
     names = list(prefixes)
-    return {name: prefixes[name] for name in (names[0], names[len(names) // 2], names[-1])} if names else {}
+    return (
+        {name: prefixes[name] for name in (names[0], names[len(names) // 2], names[-1])}
+        if names
+        else {}
+    )
 
 
 def root_mean_squares(arrays: Arrays, key: str, other: str = "_recorded") -> np.ndarray | None:

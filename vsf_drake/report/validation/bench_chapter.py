@@ -38,43 +38,104 @@ _LEAST_TOLD = 1e-4
 def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
     """The chapter; `table` and `arrays` of the saved bench section."""
     points, forefoot = table.load_points, _forefoot(table)
-    rates = sorted((row for row in table.rates if row.fulcrum_mm is not None), key=lambda row: row.fulcrum_mm or 0.0)
+    rates = sorted(
+        (row for row in table.rates if row.fulcrum_mm is not None),
+        key=lambda row: row.fulcrum_mm or 0.0,
+    )
     speeds = {row.speed_mm_per_min for row in rates}
-    ends = {speed: [row for row in rates if row.speed_mm_per_min == speed] for speed in sorted(speeds, reverse=True)}
+    ends = {
+        speed: [row for row in rates if row.speed_mm_per_min == speed]
+        for speed in sorted(speeds, reverse=True)
+    }
     facts = {
         "line_of": {line.key: line for line in table.lines},
         "pressed": [row for row in forefoot if row.lines["model"]],
         "heel": next((row for row in table.settings if row.fulcrum_mm is None), None),
-        "comparison_rows": [{"of": line.name + more, **vars(own)} for line in table.lines for more, own in (
-            ("", line.statistics), (": settings not calibrated to", line.held_out)) if own],
-        "setting_rows": [{
-            **vars(row), "setting": _position(row.fulcrum_mm), "repeats": row.repeats or None,
-            **{f"{key}_{name}": value for key, curve in row.lines.items() if curve
-               for name, value in vars(curve).items()}} for row in table.settings],
-        "chord_shares": [(words, shares) for key, words in (
-            ("measured", _source(table)), ("model", f"simulated ({table.lines[0].name})"))
-            if (shares := [(row.fulcrum_mm, curve.curvature_share) for row in forefoot if (curve := row.lines[key])])],
+        "comparison_rows": [
+            {"of": line.name + more, **vars(own)}
+            for line in table.lines
+            for more, own in (
+                ("", line.statistics),
+                (": settings not calibrated to", line.held_out),
+            )
+            if own
+        ],
+        "setting_rows": [
+            {
+                **vars(row),
+                "setting": _position(row.fulcrum_mm),
+                "repeats": row.repeats or None,
+                **{
+                    f"{key}_{name}": value
+                    for key, curve in row.lines.items()
+                    if curve
+                    for name, value in vars(curve).items()
+                },
+            }
+            for row in table.settings
+        ],
+        "chord_shares": [
+            (words, shares)
+            for key, words in (
+                ("measured", _source(table)),
+                ("model", f"simulated ({table.lines[0].name})"),
+            )
+            if (
+                shares := [
+                    (row.fulcrum_mm, curve.curvature_share)
+                    for row in forefoot
+                    if (curve := row.lines[key])
+                ]
+            )
+        ],
         "loops": [(speed, own[0], own[-1]) for speed, own in ends.items() if len(own) > 1],
-        "rate_rows": [{**vars(row), "setting": _position(row.fulcrum_mm), "lost_share": 1.0 - row.return_ratio}
-                      for row in table.rates],
-        "moved_ends": [(own[0], own[-1]) for x in _ends(row.fulcrum_mm for row in points)
-                       if (own := [row for row in points if row.fulcrum_mm == x])],
-        "beam_off": max((abs(row.closed_form_n_per_mm / row.stiffness_n_per_mm - 1.0) for row in points),
-                        default=None)}
-    figures = {"bench_curves": _curves_figure(table, arrays), "bench_stiffness": _stiffness_figure(table)}
+        "rate_rows": [
+            {
+                **vars(row),
+                "setting": _position(row.fulcrum_mm),
+                "lost_share": 1.0 - row.return_ratio,
+            }
+            for row in table.rates
+        ],
+        "moved_ends": [
+            (own[0], own[-1])
+            for x in _ends(row.fulcrum_mm for row in points)
+            if (own := [row for row in points if row.fulcrum_mm == x])
+        ],
+        "beam_off": max(
+            (abs(row.closed_form_n_per_mm / row.stiffness_n_per_mm - 1.0) for row in points),
+            default=None,
+        ),
+    }
+    figures = {
+        "bench_curves": _curves_figure(table, arrays),
+        "bench_stiffness": _stiffness_figure(table),
+    }
     if table.lines[0].statistics is not None:
         figures["bench_errors"] = _errors_figure(table)
-    return Chapter(name="bench", title="Bench", template="validation/bench.html.j2", facts={**vars(table), **facts},
-                   figures=figures)
+    return Chapter(
+        name="bench",
+        title="Bench",
+        template="validation/bench.html.j2",
+        facts={**vars(table), **facts},
+        figures=figures,
+    )
 
 
 def standing_chapter(table: StoodTable, arrays: Arrays) -> Chapter:
     """What the ground carries of a standing person, and how the feet share it, per fulcrum position."""
     stood = [row for row in table.rows if row.failure is None]
-    facts = {"stood": stood, "shares": [100.0 * row.prosthetic_share for row in stood],
-             "tellable": abs(table.worst_mass_error or 0.0) >= _LEAST_TOLD}
-    return Chapter(name="standing", title="Standing", template="validation/standing.html.j2",
-                   facts={**vars(table), **facts})
+    facts = {
+        "stood": stood,
+        "shares": [100.0 * row.prosthetic_share for row in stood],
+        "tellable": abs(table.worst_mass_error or 0.0) >= _LEAST_TOLD,
+    }
+    return Chapter(
+        name="standing",
+        title="Standing",
+        template="validation/standing.html.j2",
+        facts={**vars(table), **facts},
+    )
 
 
 def _forefoot(table: BenchSectionTable) -> list[SettingRow]:
@@ -94,23 +155,56 @@ def _source(table: BenchSectionTable) -> str:
 def _stiffness_figure(table: BenchSectionTable) -> Figure:
     """Stiffness by fulcrum position: published, measured, simulated."""
     rows = _forefoot(table)
-    x, model = [row.fulcrum_mm or 0.0 for row in rows], _of_line(rows, "model", "stiffness_n_per_mm")
-    measured, half = (_of_line(rows, "measured", f"stiffness_n_per_mm{more}") for more in ("", "_half_width"))
+    x, model = (
+        [row.fulcrum_mm or 0.0 for row in rows],
+        _of_line(rows, "model", "stiffness_n_per_mm"),
+    )
+    measured, half = (
+        _of_line(rows, "measured", f"stiffness_n_per_mm{more}") for more in ("", "_half_width")
+    )
     with drawing(*PANEL) as figure:
         axes = figure.subplots()
         if np.isfinite(measured).any():
             axes.plot(x, measured, color=NEUTRAL, label=_source(table), **MEASURED)
         axes.plot(x, model, color=NEUTRAL, label=table.lines[0].name, **SIMULATED)
         for i, row in enumerate(rows):
-            look: dict[str, Any] = {"color": colour_of(x[i]), "linestyle": "", "marker": MARKERS[i % len(MARKERS)]}
+            look: dict[str, Any] = {
+                "color": colour_of(x[i]),
+                "linestyle": "",
+                "marker": MARKERS[i % len(MARKERS)],
+            }
             if row.published_n_per_mm is not None:
-                axes.plot(x[i], row.published_n_per_mm, **(look | {"marker": "_"}), markersize=20, markeredgewidth=3.0)
-            axes.errorbar(x[i], measured[i], yerr=half[i] if np.isfinite(half[i]) else None, capsize=4, **look)
-            axes.plot(x[i], model[i], markersize=10, markerfacecolor="none", markeredgewidth=1.4, **look)
-        axes.plot(x, [row.tuned_joints_n_per_mm or np.nan for row in rows], marker="x", color=NEUTRAL, linestyle="",
-                  label="tuned joints of the authors' model, small loads")
-        axes.plot([], [], marker="_", markersize=14, markeredgewidth=3.0, color=NEUTRAL, linestyle="",
-                  label="published end points")
+                axes.plot(
+                    x[i],
+                    row.published_n_per_mm,
+                    **(look | {"marker": "_"}),
+                    markersize=20,
+                    markeredgewidth=3.0,
+                )
+            axes.errorbar(
+                x[i], measured[i], yerr=half[i] if np.isfinite(half[i]) else None, capsize=4, **look
+            )
+            axes.plot(
+                x[i], model[i], markersize=10, markerfacecolor="none", markeredgewidth=1.4, **look
+            )
+        axes.plot(
+            x,
+            [row.tuned_joints_n_per_mm or np.nan for row in rows],
+            marker="x",
+            color=NEUTRAL,
+            linestyle="",
+            label="tuned joints of the authors' model, small loads",
+        )
+        axes.plot(
+            [],
+            [],
+            marker="_",
+            markersize=14,
+            markeredgewidth=3.0,
+            color=NEUTRAL,
+            linestyle="",
+            label="published end points",
+        )
         axes.set_ylim(bottom=0.0)
         axes.margins(x=0.1, y=0.12)
         axes.legend(loc="upper left")
@@ -124,18 +218,39 @@ def _errors_figure(table: BenchSectionTable) -> Figure:
     x = [row.fulcrum_mm for row in rows]
     with drawing(PANEL[0], 1.6 * PANEL[1]) as figure:
         for axes, key, unit, limit in zip(
-                figure.subplots(2, sharex=True), ("stiffness_n_per_mm", "mid_range_mm"), ("N/mm", "mm"),
-                ("stiffness_rmse_n_per_mm", "mid_range_rmse_mm"), strict=True):
+            figure.subplots(2, sharex=True),
+            ("stiffness_n_per_mm", "mid_range_mm"),
+            ("N/mm", "mm"),
+            ("stiffness_rmse_n_per_mm", "mid_range_rmse_mm"),
+            strict=True,
+        ):
             if not table.measured_synthetic:
-                axes.axhspan(-table.limits[limit], table.limits[limit], color=SHADE, zorder=0, label="paper's RMSE")
+                axes.axhspan(
+                    -table.limits[limit],
+                    table.limits[limit],
+                    color=SHADE,
+                    zorder=0,
+                    label="paper's RMSE",
+                )
             axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
             for line in table.lines:
                 own = line.key == "model"
-                axes.plot(x, _of_line(rows, line.key, key) - _of_line(rows, "measured", key), color="0.1",
-                          marker=_MARKERS[line.key], markerfacecolor="0.1" if own else "white", label=line.name,
-                          linewidth=0.8, linestyle="-" if own else ":")
-            label(axes, x="" if unit == "N/mm" else FULCRUM, y=f"less {_source(table)} ({unit})",
-                  title="Stiffness" if unit == "N/mm" else "Mid-range displacement")
+                axes.plot(
+                    x,
+                    _of_line(rows, line.key, key) - _of_line(rows, "measured", key),
+                    color="0.1",
+                    marker=_MARKERS[line.key],
+                    markerfacecolor="0.1" if own else "white",
+                    label=line.name,
+                    linewidth=0.8,
+                    linestyle="-" if own else ":",
+                )
+            label(
+                axes,
+                x="" if unit == "N/mm" else FULCRUM,
+                y=f"less {_source(table)} ({unit})",
+                title="Stiffness" if unit == "N/mm" else "Mid-range displacement",
+            )
         figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=2)
     return figure
 
@@ -146,8 +261,13 @@ def _curves_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
         axes = figure.subplots()
         for i, row in enumerate(table.settings):
             _setting(axes, i, row, table, arrays)
-        axes.plot([], [], color=NEUTRAL, label=_source(table) if table.measured_name else "published slope",
-                  **MEASURED)
+        axes.plot(
+            [],
+            [],
+            color=NEUTRAL,
+            label=_source(table) if table.measured_name else "published slope",
+            **MEASURED,
+        )
         axes.plot([], [], color=NEUTRAL, label=table.lines[0].name, **SIMULATED)
         axes.legend(loc="lower right", title="numbers: fulcrum (mm)", alignment="left")
         axes.set_xlim(left=0.0)
@@ -158,16 +278,31 @@ def _curves_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
 
 
 def _setting(axes: Axes, i: int, row: SettingRow, table: BenchSectionTable, arrays: Arrays) -> None:
-    colour, load, half = colour_of(row.fulcrum_mm), arrays["load_n"][i], arrays["measured_half_width_mm"][i]
+    colour, load, half = (
+        colour_of(row.fulcrum_mm),
+        arrays["load_n"][i],
+        arrays["measured_half_width_mm"][i],
+    )
     measured, model = arrays["measured_mm"][i], arrays["model_mm"][i]
     if np.isfinite(half).any():
-        axes.fill_betweenx(load, measured - half, measured + half, color=colour, alpha=0.2, linewidth=0)
+        axes.fill_betweenx(
+            load, measured - half, measured + half, color=colour, alpha=0.2, linewidth=0
+        )
     axes.plot(measured, load, color=colour, **MEASURED)
     axes.plot(model, load, color=colour, **SIMULATED)
-    if table.measured_name is None and row.published_n_per_mm is not None and np.isfinite(model).all():
+    if (
+        table.measured_name is None
+        and row.published_n_per_mm is not None
+        and np.isfinite(model).all()
+    ):
         above = load[load >= _SLOPE_ABOVE_N]
         start = float(np.interp(_SLOPE_ABOVE_N, load, model))
-        axes.plot(start + (above - _SLOPE_ABOVE_N) / row.published_n_per_mm, above, color=colour, **MEASURED)
+        axes.plot(
+            start + (above - _SLOPE_ABOVE_N) / row.published_n_per_mm,
+            above,
+            color=colour,
+            **MEASURED,
+        )
     ends = [curve[-1] for curve in (model, measured) if np.isfinite(curve[-1])]
     if ends:
         name = "heel" if row.fulcrum_mm is None else f"{row.fulcrum_mm:g}"

@@ -18,7 +18,11 @@ from vsf_drake.report.validation.energy_chapter import energy_chapter
 from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
 from vsf_drake.report.validation.sensitivity_chapter import sensitivity_chapter
 from vsf_drake.report.validation.settings_chapter import settings_chapter
-from vsf_drake.report.validation.walking_chapter import exact_chapter, layers_chapter, walking_chapter
+from vsf_drake.report.validation.walking_chapter import (
+    exact_chapter,
+    layers_chapter,
+    walking_chapter,
+)
 from vsf_drake.sentences import say
 
 Content = Mapping[str, Any]
@@ -26,13 +30,17 @@ Content = Mapping[str, Any]
 
 
 _MAKERS: dict[str, tuple[str, Callable[..., Chapter]]] = {
-    "bench": ("Bench", bench_chapter), "standing": ("Standing", standing_chapter),
-    "walking": ("Walking", walking_chapter), "layers": ("Prediction in layers", layers_chapter),
+    "bench": ("Bench", bench_chapter),
+    "standing": ("Standing", standing_chapter),
+    "walking": ("Walking", walking_chapter),
+    "layers": ("Prediction in layers", layers_chapter),
     "walking_exact": ("Without errors of measurement", exact_chapter),
     "layers_exact": ("Prediction in layers", partial(layers_chapter, exact=True)),
-    "energy": ("Energy storage and return", energy_chapter), "roll_over": ("Roll-over", roll_over_chapter),
+    "energy": ("Energy storage and return", energy_chapter),
+    "roll_over": ("Roll-over", roll_over_chapter),
     "settings": ("Can two settings be distinguished?", settings_chapter),
-    "sensitivity": ("Sensitivity", sensitivity_chapter)}
+    "sensitivity": ("Sensitivity", sensitivity_chapter),
+}
 """By section: what its chapter is called if it cannot be made, and what makes it."""
 
 
@@ -55,30 +63,56 @@ def make_chapters(
         elif section.get("failure") or section.get("table") is None:
             why = say("validation", "not_computed", why=section.get("failure") or "unknown")
         else:
-            own = {key.removeprefix(f"{name}/"): array for key, array in arrays.items() if key.startswith(f"{name}/")}
+            own = {
+                key.removeprefix(f"{name}/"): array
+                for key, array in arrays.items()
+                if key.startswith(f"{name}/")
+            }
 
-            def make(name: str = name, maker: Callable[..., Chapter] = maker, saved: object = section["table"],
-                     own: Arrays = own) -> Chapter:
+            def make(
+                name: str = name,
+                maker: Callable[..., Chapter] = maker,
+                saved: object = section["table"],
+                own: Arrays = own,
+            ) -> Chapter:
                 return maker(record(tables[name], saved), own)
 
             chapter = made_chapter(name, title, make, lenient)
             why = [*map(str, section.get("missing") or ()), *chapter.missing]
         chapters.append(replace(chapter, name=name, missing=why))
-    return [*chapters, made_chapter("made", "How this was made", partial(_making, content), lenient)]
+    return [
+        *chapters,
+        made_chapter("made", "How this was made", partial(_making, content), lenient),
+    ]
 
 
 def _summary(content: Content, arrays: Arrays) -> Chapter:
-    tables = {name: (content["sections"].get(name) or {}).get("table") or {}
-              for name in ("bench", "walking")}
+    tables = {
+        name: (content["sections"].get(name) or {}).get("table") or {}
+        for name in ("bench", "walking")
+    }
     shown = tables["walking"].get("shown") or {}
-    moved = {key.removeprefix("walking/moved_"): array for key, array in arrays.items() if "/moved_" in key}
+    moved = {
+        key.removeprefix("walking/moved_"): array
+        for key, array in arrays.items()
+        if "/moved_" in key
+    }
     return Chapter(
-        name="summary", title="", template="validation/summary.html.j2", missing=content.get("notes", ()),
-        facts={**content, "summary": [row for row in content["summary"] if row.get("value") is not None],
-               "verdict": content.get("verdict", ()), "failed": content.get("failed", ()),
-               "on_bench": tables["bench"].get("contact_on_bench"),
-               "walk": shown, "synthetic_walk": tables["walking"].get("synthetic"),
-               "moved": moved_walk(moved, shown["fulcrum_mm"]) if moved and shown else None})
+        name="summary",
+        title="",
+        template="validation/summary.html.j2",
+        missing=content.get("notes", ()),
+        facts={
+            **content,
+            "summary": [row for row in content["summary"] if row.get("value") is not None],
+            "verdict": content.get("verdict", ()),
+            "failed": content.get("failed", ()),
+            "on_bench": tables["bench"].get("contact_on_bench"),
+            "walk": shown,
+            "synthetic_walk": tables["walking"].get("synthetic"),
+            "moved": moved_walk(moved, shown["fulcrum_mm"]) if moved and shown else None,
+        },
+    )
 
 
 # The first screen: one walk with the fulcrum at each position that was computed, as SVG that a slider redraws.
@@ -103,7 +137,9 @@ class Panel:
         (x0, x1), (y0, y1) = self.x_range, self.y_range
         across = _LEFT + (x - x0) / (x1 - x0) * (_WIDE - _LEFT - _RIGHT)
         up = _HIGH - _BOTTOM - (y - y0) / (y1 - y0) * (_HIGH - _TOP - _BOTTOM)
-        return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True) if np.isfinite(a + b))
+        return " ".join(
+            f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True) if np.isfinite(a + b)
+        )
 
     @property
     def ticks(self) -> dict[str, list[tuple[str, str]]]:
@@ -112,8 +148,12 @@ class Panel:
         for i, (axis, span) in enumerate((("x", self.x_range), ("y", self.y_range))):
             values = [v for v in MaxNLocator(5).tick_values(*span) if span[0] <= v <= span[1]]
             at = (np.array(values), np.full(len(values), self.y_range[0]))
-            places = self.points(*(at if axis == "x" else (np.full(len(values), self.x_range[0]), at[0]))).split()
-            found[axis] = [(place.split(",")[i], f"{v:g}") for place, v in zip(places, values, strict=True)]
+            places = self.points(
+                *(at if axis == "x" else (np.full(len(values), self.x_range[0]), at[0]))
+            ).split()
+            found[axis] = [
+                (place.split(",")[i], f"{v:g}") for place, v in zip(places, values, strict=True)
+            ]
         return found
 
 
@@ -123,43 +163,88 @@ def moved_walk(arrays: Arrays, own_mm: float) -> dict[str, Any]:
     percent, keel = np.linspace(0.0, 100.0, 101), arrays["keel_mm"]
     panels, still = [], {}
     frames: list[dict[str, str]] = [
-        {"moved-mm": f"{x:.0f}", "moved-error": f"{100.0 * error:.1f}", "moved-load": f"{load:.0f}",
-         "moved-tip": f"{z:.0f}"} for x, error, (load, _), z in zip(
-             arrays["fulcrum_mm"], arrays["grf_rmse_bw"], arrays["load"], keel[:, -1, 1], strict=True)]
-    for name, title in (("resultant", "Resultant ground reaction force (body weights)"),
-                        ("cop", "Centre of pressure along the foot (% of its length)")):
+        {
+            "moved-mm": f"{x:.0f}",
+            "moved-error": f"{100.0 * error:.1f}",
+            "moved-load": f"{load:.0f}",
+            "moved-tip": f"{z:.0f}",
+        }
+        for x, error, (load, _), z in zip(
+            arrays["fulcrum_mm"], arrays["grf_rmse_bw"], arrays["load"], keel[:, -1, 1], strict=True
+        )
+    ]
+    for name, title in (
+        ("resultant", "Resultant ground reaction force (body weights)"),
+        ("cop", "Centre of pressure along the foot (% of its length)"),
+    ):
         if f"{name}_model" not in arrays:
             continue
         scale = 100.0 if name == "cop" else 1.0
-        lines = {key: scale * arrays[f"{name}_{key}"] for key in ("measured", "null") if f"{name}_{key}" in arrays}
+        lines = {
+            key: scale * arrays[f"{name}_{key}"]
+            for key in ("measured", "null")
+            if f"{name}_{key}" in arrays
+        }
         models = scale * arrays[f"{name}_model"]
-        low, high = (function([function(line) for line in (*lines.values(), models)])
-                     for function in (np.nanmin, np.nanmax))
-        panel = Panel(name, title, "stance on the plate (%)", (0.0, 100.0), (min(low, 0.0), 1.05 * high))
+        low, high = (
+            function([function(line) for line in (*lines.values(), models)])
+            for function in (np.nanmin, np.nanmax)
+        )
+        panel = Panel(
+            name, title, "stance on the plate (%)", (0.0, 100.0), (min(low, 0.0), 1.05 * high)
+        )
         panels.append(panel)
         still[name] = {key: panel.points(percent, line) for key, line in lines.items()}
         for frame, model in zip(frames, models, strict=True):
             frame[f"moved-{name}"] = panel.points(percent, model)
     tip = float(keel[0, -1, 0]) + 30.0
     scale_mm = tip * (_HIGH - _TOP - _BOTTOM) / (_WIDE - _LEFT - _RIGHT)  # equal scales
-    panel = Panel("keel", "Keel at its largest forefoot load (mm)", "from the keel's posterior end A (mm)", (0.0, tip),
-                  (-0.55 * scale_mm, 0.45 * scale_mm))
+    panel = Panel(
+        "keel",
+        "Keel at its largest forefoot load (mm)",
+        "from the keel's posterior end A (mm)",
+        (0.0, tip),
+        (-0.55 * scale_mm, 0.45 * scale_mm),
+    )
     panels.append(panel)
     still["keel"] = {"unbent": panel.points(np.array([0.0, tip - 20.0]), np.zeros(2))}
-    for frame, x, shape, (load, at) in zip(frames, arrays["fulcrum_mm"], keel, arrays["load"], strict=True):
+    for frame, x, shape, (load, at) in zip(
+        frames, arrays["fulcrum_mm"], keel, arrays["load"], strict=True
+    ):
         z, head = (float(np.interp(place, *shape.T)) for place in (x, at))
-        z, head = z + 2.5, head - 4.0  # the fulcrum bears on the keel from above, the load from below
+        z, head = (
+            z + 2.5,
+            head - 4.0,
+        )  # the fulcrum bears on the keel from above, the load from below
         foot = head - _LOAD_MM_PER_N * load
         frame |= {
             "moved-keel": panel.points(*shape.T),
-            "moved-fulcrum": panel.points(x + np.array([0.0, -7.0, 7.0]), z + np.array([0.0, 13.0, 13.0])),
-            "moved-arrow": panel.points(at + np.array([0.0, 0.0, -4.0, 4.0, 0.0]),
-                                        np.array([foot, head, head - 8.0, head - 8.0, head]))}
-    return {"panels": panels, "still": still, "frames": frames,
-            "own": int(np.argmin(np.abs(arrays["fulcrum_mm"] - own_mm)))}
+            "moved-fulcrum": panel.points(
+                x + np.array([0.0, -7.0, 7.0]), z + np.array([0.0, 13.0, 13.0])
+            ),
+            "moved-arrow": panel.points(
+                at + np.array([0.0, 0.0, -4.0, 4.0, 0.0]),
+                np.array([foot, head, head - 8.0, head - 8.0, head]),
+            ),
+        }
+    return {
+        "panels": panels,
+        "still": still,
+        "frames": frames,
+        "own": int(np.argmin(np.abs(arrays["fulcrum_mm"] - own_mm))),
+    }
 
 
 def _making(content: Content) -> Chapter:
-    return Chapter(name="made", title="How this was made", template="validation/made.html.j2", facts={
-        **content, "times": [{"section": name.replace("_", " "), "wall_s": section["wall_s"]}
-                             for name, section in content["sections"].items()]})
+    return Chapter(
+        name="made",
+        title="How this was made",
+        template="validation/made.html.j2",
+        facts={
+            **content,
+            "times": [
+                {"section": name.replace("_", " "), "wall_s": section["wall_s"]}
+                for name, section in content["sections"].items()
+            ],
+        },
+    )

@@ -14,22 +14,49 @@ from matplotlib.patches import Patch
 
 from vsf_drake.files import plain
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import NEUTRAL, PANEL, SIMULATED, Arrays, colour_of, drawing, label, name_of, say_synthetic
+from vsf_drake.report.style import (
+    NEUTRAL,
+    PANEL,
+    SIMULATED,
+    Arrays,
+    colour_of,
+    drawing,
+    label,
+    name_of,
+    say_synthetic,
+)
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.validation.energy_section import EnergyCondition, EnergyRow, EnergyTable, MovedRow
+    from vsf_drake.analysis.validation.energy_section import (
+        EnergyCondition,
+        EnergyRow,
+        EnergyTable,
+        MovedRow,
+    )
 
 _WORDS = {
-    "limb_work": "work of the limb", "kinetic": "kinetic", "gravity": "gravity",
-    "bushing_strain": "socket, strain", "keel_strain": "keel, strain", "foam_strain": "foam, strain",
-    "fulcrum_strain": "fulcrum, strain", "bushing_loss": "socket, damping", "keel_loss": "keel, damping",
-    "foam_loss": "foam, damping", "friction_loss": "friction", "fulcrum_loss": "fulcrum, damping",
-    "remainder": "remainder"}
+    "limb_work": "work of the limb",
+    "kinetic": "kinetic",
+    "gravity": "gravity",
+    "bushing_strain": "socket, strain",
+    "keel_strain": "keel, strain",
+    "foam_strain": "foam, strain",
+    "fulcrum_strain": "fulcrum, strain",
+    "bushing_loss": "socket, damping",
+    "keel_loss": "keel, damping",
+    "foam_loss": "foam, damping",
+    "friction_loss": "friction",
+    "fulcrum_loss": "fulcrum, damping",
+    "remainder": "remainder",
+}
 """Terms of the energy balance in words, in the order in which they are shown."""
 _KINDS = (("stored_j", "stored", True), ("returned_j", "returned", False))
 """Energies over the fulcrum's position: key, name, and whether its marks are full."""
-_STORES = (("keel_strain", "keel", 0.85, ""), ("fulcrum_strain", "fulcrum", 0.5, "////"),
-           ("foam_strain", "foam", 0.2, ""))
+_STORES = (
+    ("keel_strain", "keel", 0.85, ""),
+    ("fulcrum_strain", "fulcrum", 0.5, "////"),
+    ("foam_strain", "foam", 0.2, ""),
+)
 _LOSSES = ("keel_loss", "foam_loss", "friction_loss", "fulcrum_loss")
 
 
@@ -40,26 +67,65 @@ def energy_chapter(table: EnergyTable, arrays: Arrays) -> Chapter:
     if trials:
         facts |= {
             "firsts": [trials[i] for i in _first_of_each(table).values()],
-            "stored_at_ends": [(name, *ends) for name, stored in (
-                ("as recorded", [(c.fulcrum_mm, c.means["stored_j"] or 0.0) for c in table.conditions]),
-                ("under the same load", [(row.fulcrum_mm, row.stored_j) for row in table.same_load]),
-                ("with the same motion", [(row.fulcrum_mm, row.stored_j) for row in table.same_motion]))
-                if (ends := _at_ends(stored))],
-            "remainder_ratios": [row.coarse_remainder_max_j / row.remainder_max_j for row in trials
-                                 if row.coarse_remainder_max_j is not None and row.remainder_max_j > 0.0],
-            "lost_first_j": sum(trials[0].terms_j[f"{name}_j"] for name in table.terms if name.endswith("_loss")),
-            "beam_ratios": [(row.keel_at_most_j + row.fulcrum_at_most_j) / row.beam_j for row in trials if row.beam_j]}
-        figures = {"energy_stance": _stance_figure(table, arrays), "energy_position": _position_figure(table),
-                   "energy_balance": _balance_figure(trials[0]), "energy_power": _power_figure(table, arrays)}
-    return Chapter(name="energy", title="Energy storage and return", template="validation/energy.html.j2", facts=facts,
-                   figures=figures)
+            "stored_at_ends": [
+                (name, *ends)
+                for name, stored in (
+                    (
+                        "as recorded",
+                        [(c.fulcrum_mm, c.means["stored_j"] or 0.0) for c in table.conditions],
+                    ),
+                    (
+                        "under the same load",
+                        [(row.fulcrum_mm, row.stored_j) for row in table.same_load],
+                    ),
+                    (
+                        "with the same motion",
+                        [(row.fulcrum_mm, row.stored_j) for row in table.same_motion],
+                    ),
+                )
+                if (ends := _at_ends(stored))
+            ],
+            "remainder_ratios": [
+                row.coarse_remainder_max_j / row.remainder_max_j
+                for row in trials
+                if row.coarse_remainder_max_j is not None and row.remainder_max_j > 0.0
+            ],
+            "lost_first_j": sum(
+                trials[0].terms_j[f"{name}_j"] for name in table.terms if name.endswith("_loss")
+            ),
+            "beam_ratios": [
+                (row.keel_at_most_j + row.fulcrum_at_most_j) / row.beam_j
+                for row in trials
+                if row.beam_j
+            ],
+        }
+        figures = {
+            "energy_stance": _stance_figure(table, arrays),
+            "energy_position": _position_figure(table),
+            "energy_balance": _balance_figure(trials[0]),
+            "energy_power": _power_figure(table, arrays),
+        }
+    return Chapter(
+        name="energy",
+        title="Energy storage and return",
+        template="validation/energy.html.j2",
+        facts=facts,
+        figures=figures,
+    )
 
 
 def _at_ends(stored: Sequence[tuple[float, float]]) -> tuple[float, ...]:
     """Softest position (mm), mean energy stored there (J), and the same of the stiffest; nothing for one position."""
     places = sorted({at for at, _ in stored})
-    return tuple(number for x in (places[0], places[-1]) for number in (
-        x, float(np.mean([energy for at, energy in stored if at == x])))) if len(places) > 1 else ()
+    return (
+        tuple(
+            number
+            for x in (places[0], places[-1])
+            for number in (x, float(np.mean([energy for at, energy in stored if at == x])))
+        )
+        if len(places) > 1
+        else ()
+    )
 
 
 def _first_of_each(table: EnergyTable) -> dict[float, int]:
@@ -91,36 +157,69 @@ def _balance_figure(row: EnergyRow) -> Figure:
 
 
 def _position_figure(table: EnergyTable) -> Figure:
-    """Stored and returned energy over the fulcrum's position: as recorded, under the same load, with the same motion.
-    """
-    trials, moved = table.trials, [(rows, title) for rows, title in (
-        (table.same_load, "same load"), (table.same_motion, "same motion")) if rows]
+    """Stored and returned energy over the fulcrum's position: as recorded, under the same load, with the same motion."""
+    trials, moved = (
+        table.trials,
+        [
+            (rows, title)
+            for rows, title in ((table.same_load, "same load"), (table.same_motion, "same motion"))
+            if rows
+        ],
+    )
     with drawing(PANEL[0], 1.05 * PANEL[1]) as figure:
         panels = figure.subplots(1, 1 + len(moved), sharey=True, squeeze=False)[0]
         _recorded(panels[0], trials, table.conditions)
         for axes, (rows, _) in zip(panels[1:], moved, strict=True):
             _moved(axes, rows, trials)
-        for axes, title in zip(panels, ("as recorded", *(title for _, title in moved)), strict=True):
-            label(axes, x="fulcrum (mm)", y="energy of a stance (J)" if axes is panels[0] else "", title=title)
+        for axes, title in zip(
+            panels, ("as recorded", *(title for _, title in moved)), strict=True
+        ):
+            label(
+                axes,
+                x="fulcrum (mm)",
+                y="energy of a stance (J)" if axes is panels[0] else "",
+                title=title,
+            )
             axes.set_ylim(bottom=0.0)
-        handles = [Line2D([], [], color=NEUTRAL, marker="o", markerfacecolor=NEUTRAL if full else "white", label=name,
-                          **SIMULATED) for _, name, full in _KINDS]
-        handles += [Line2D([], [], color=colour_of(x), linewidth=2.0, label=f"recorded at {x:g} mm")
-                    for x in sorted({row.fulcrum_mm for row in trials})]
+        handles = [
+            Line2D(
+                [],
+                [],
+                color=NEUTRAL,
+                marker="o",
+                markerfacecolor=NEUTRAL if full else "white",
+                label=name,
+                **SIMULATED,
+            )
+            for _, name, full in _KINDS
+        ]
+        handles += [
+            Line2D([], [], color=colour_of(x), linewidth=2.0, label=f"recorded at {x:g} mm")
+            for x in sorted({row.fulcrum_mm for row in trials})
+        ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
         say_synthetic(figure, table.synthetic, "walks")
     return figure
 
 
-def _recorded(axes: Axes, trials: Sequence[EnergyRow], conditions: Sequence[EnergyCondition]) -> None:
+def _recorded(
+    axes: Axes, trials: Sequence[EnergyRow], conditions: Sequence[EnergyCondition]
+) -> None:
     places = [c.fulcrum_mm for c in conditions]
     for key, _, full in _KINDS:
         means = np.array([c.means[key] for c in conditions], dtype=float)
         axes.plot(places, means, color=NEUTRAL, zorder=1, **SIMULATED)
         for row in trials:
             colour = colour_of(row.fulcrum_mm)
-            axes.plot(row.fulcrum_mm, getattr(row, key), marker="o", linestyle="", markersize=5, color=colour,
-                      markerfacecolor=colour if full else "white")
+            axes.plot(
+                row.fulcrum_mm,
+                getattr(row, key),
+                marker="o",
+                linestyle="",
+                markersize=5,
+                color=colour,
+                markerfacecolor=colour if full else "white",
+            )
 
 
 def _moved(axes: Axes, rows: Sequence[MovedRow], trials: Sequence[EnergyRow]) -> None:
@@ -128,12 +227,22 @@ def _moved(axes: Axes, rows: Sequence[MovedRow], trials: Sequence[EnergyRow]) ->
     own = {row.label: row.fulcrum_mm for row in trials}
     for home in sorted(set(own.values())):
         mine = [row for row in rows if own.get(row.label) == home]
-        at = {x: [row for row in mine if row.fulcrum_mm == x] for x in sorted({row.fulcrum_mm for row in mine})}
+        at = {
+            x: [row for row in mine if row.fulcrum_mm == x]
+            for x in sorted({row.fulcrum_mm for row in mine})
+        }
         places = [x for x, of in at.items() if len(of) == len({row.label for row in mine})]
         colour = colour_of(home)
         for key, _, full in _KINDS:
-            axes.plot(places, [float(np.mean([getattr(row, key) for row in at[x]])) for x in places], color=colour,
-                      marker="o", markersize=5, markerfacecolor=colour if full else "white", **SIMULATED)
+            axes.plot(
+                places,
+                [float(np.mean([getattr(row, key) for row in at[x]])) for x in places],
+                color=colour,
+                marker="o",
+                markersize=5,
+                markerfacecolor=colour if full else "white",
+                **SIMULATED,
+            )
 
 
 def _power_figure(table: EnergyTable, arrays: Arrays) -> Figure:
@@ -144,10 +253,20 @@ def _power_figure(table: EnergyTable, arrays: Arrays) -> Figure:
         axes = figure.subplots()
         for home in sorted(set(homes)):
             colour = colour_of(home)
-            axes.plot(middle, arrays["pylon_power_w"][homes == home].mean(axis=0), color=colour, linewidth=1.8,
-                      label=name_of(home))
-            axes.plot(middle, arrays["shank_power_w"][homes == home].mean(axis=0), color=colour, linewidth=1.2,
-                      linestyle=(0, (1, 1)))
+            axes.plot(
+                middle,
+                arrays["pylon_power_w"][homes == home].mean(axis=0),
+                color=colour,
+                linewidth=1.8,
+                label=name_of(home),
+            )
+            axes.plot(
+                middle,
+                arrays["shank_power_w"][homes == home].mean(axis=0),
+                color=colour,
+                linewidth=1.2,
+                linestyle=(0, (1, 1)),
+            )
         axes.plot([], [], color=NEUTRAL, linestyle=(0, (1, 1)), label="foot and socket together")
         axes.axhline(0.0, color="0.3", linewidth=0.8)
         axes.set_xlim(0.0, 100.0)
@@ -167,20 +286,39 @@ def _stance_figure(table: EnergyTable, arrays: Arrays) -> Figure:
             colour, base = colour_of(fulcrum), np.zeros(len(percent))
             for name, _, alpha, hatch in _STORES:
                 top = base + terms[name]
-                axes.fill_between(percent, base, top, facecolor=(*colour[:3], alpha), edgecolor="white", hatch=hatch,
-                                  linewidth=0.0)
+                axes.fill_between(
+                    percent,
+                    base,
+                    top,
+                    facecolor=(*colour[:3], alpha),
+                    edgecolor="white",
+                    hatch=hatch,
+                    linewidth=0.0,
+                )
                 base = top
             axes.plot(percent, base, color=colour, **SIMULATED)
-            axes.plot(percent, np.sum([terms[name] for name in _LOSSES], axis=0), color="0.1", linestyle=(0, (1, 1)),
-                      linewidth=1.4)
+            axes.plot(
+                percent,
+                np.sum([terms[name] for name in _LOSSES], axis=0),
+                color="0.1",
+                linestyle=(0, (1, 1)),
+                linewidth=1.4,
+            )
             axes.set_xlim(0.0, 100.0)
             axes.set_ylim(bottom=0.0)
-            label(axes, x="stance (%)", y="energy (J)" if axes is panels[0] else "",
-                  title=f"{fulcrum:g} mm")
+            label(
+                axes,
+                x="stance (%)",
+                y="energy (J)" if axes is panels[0] else "",
+                title=f"{fulcrum:g} mm",
+            )
         handles: list[Artist] = [
             Patch(facecolor=("0.3", alpha), edgecolor="white", hatch=hatch, label=text)
-            for _, text, alpha, hatch in _STORES]
-        handles.append(Line2D([], [], color="0.1", linestyle=(0, (1, 1)), linewidth=1.4, label="lost so far"))
+            for _, text, alpha, hatch in _STORES
+        ]
+        handles.append(
+            Line2D([], [], color="0.1", linestyle=(0, (1, 1)), linewidth=1.4, label="lost so far")
+        )
         figure.legend(handles=handles, loc="lower center", ncols=4)
         say_synthetic(figure, table.synthetic, "walks")
     return figure

@@ -35,11 +35,15 @@ def _show(table: Content, arrays: Arrays, *, folder: Path, lenient: bool) -> dic
     if table.get("replay") and not replayed:
         notes += say("validation", "no_replay", file=REPLAY)
     content = {**table, "notes": notes, "replay_file": REPLAY if replayed else None}
-    return {"chapters": make_chapters(content, arrays, tables(), lenient=lenient),
-            "alarm": say("validation", "unfinished", to_come=table["to_come"])[0] if table.get("to_come") else "",
-            "title": str(table.get("title") or "Validation"),
-            "first_line": str(table.get("first_line") or say("validation", "no_first_line")[0]),
-            "synthetic": bool(table.get("synthetic", True))}
+    return {
+        "chapters": make_chapters(content, arrays, tables(), lenient=lenient),
+        "alarm": say("validation", "unfinished", to_come=table["to_come"])[0]
+        if table.get("to_come")
+        else "",
+        "title": str(table.get("title") or "Validation"),
+        "first_line": str(table.get("first_line") or say("validation", "no_first_line")[0]),
+        "synthetic": bool(table.get("synthetic", True)),
+    }
 
 
 def _holds_unfinished(out: Path) -> bool:
@@ -54,9 +58,17 @@ def _check(table: Content, path: Path) -> None:
 
 
 VALIDATION = ResultsFolder(
-    kind="validation", command="validate", table="validation.json", arrays="validation.npz", show=_show, valid=_check,
-    known=lambda table: table.get("kind") == "validation", unfinished=_holds_unfinished,
-    names=(REPLAY, f"{WALKS}/*"), stale=(f"{WALKS}/*/result.*",))
+    kind="validation",
+    command="validate",
+    table="validation.json",
+    arrays="validation.npz",
+    show=_show,
+    valid=_check,
+    known=lambda table: table.get("kind") == "validation",
+    unfinished=_holds_unfinished,
+    names=(REPLAY, f"{WALKS}/*"),
+    stale=(f"{WALKS}/*/result.*",),
+)
 
 
 def write_validation(
@@ -65,46 +77,88 @@ def write_validation(
     """Writes a validation, and arrays by "section/name"; see `ResultsFolder.write`. With the study that they were
     computed from also its walks, a folder each, and the replay of one."""
     more = {} if study is None else {"more": partial(_write_walks, study)}
-    return VALIDATION.write(out, {**plain(content), "kind": "validation", "format": FORMAT}, arrays, **more)
+    return VALIDATION.write(
+        out, {**plain(content), "kind": "validation", "format": FORMAT}, arrays, **more
+    )
 
 
-def write_unfinished(content: Validation, arrays: Arrays, out: Path, *, to_come: Sequence[str]) -> Path:
+def write_unfinished(
+    content: Validation, arrays: Arrays, out: Path, *, to_come: Sequence[str]
+) -> Path:
     """Writes the page of a validation of which sections are still to come, marked as such; returns its path."""
-    return VALIDATION.write_unfinished(out, {
-        **plain(content), "format": FORMAT, "to_come": [name.replace("_", " ") for name in to_come]}, arrays)
+    return VALIDATION.write_unfinished(
+        out,
+        {
+            **plain(content),
+            "format": FORMAT,
+            "to_come": [name.replace("_", " ") for name in to_come],
+        },
+        arrays,
+    )
 
 
 def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
     """Result, metrics and figure of each walk, and the replay of the study's shown one."""
     taken: list[str] = []
     for walk in study.walks:
-        name = walk.label.replace("/", "_").replace("..", "_")  # which folders may tell trials of one name apart
+        name = walk.label.replace("/", "_").replace(
+            "..", "_"
+        )  # which folders may tell trials of one name apart
         while name in taken:
             name += "_"
         taken.append(name)
         own = folder / WALKS / name
         own.mkdir(parents=True)
         save_walk(walk.result, own)
-        save_figure(walk_figure(walk.result, walk.recorded.prosthetic_plate, walk.metrics), own / "walk", svg=False)
-        write_json(own / "metrics.json", {**plain(walk.metrics), "role": walk.role, "warnings": walk.warnings,
-                                          "notes": walk.result.notes})
+        save_figure(
+            walk_figure(walk.result, walk.recorded.prosthetic_plate, walk.metrics),
+            own / "walk",
+            svg=False,
+        )
+        write_json(
+            own / "metrics.json",
+            {
+                **plain(walk.metrics),
+                "role": walk.role,
+                "warnings": walk.warnings,
+                "notes": walk.result.notes,
+            },
+        )
     shown = study.shown
-    write_replay(shown.result, folder / REPLAY, plate=shown.recorded.prosthetic_plate,
-                 intact_plate=shown.recorded.intact_plate)
+    write_replay(
+        shown.result,
+        folder / REPLAY,
+        plate=shown.recorded.prosthetic_plate,
+        intact_plate=shown.recorded.intact_plate,
+    )
     table["replay"] = shown.label
 
 
 # The model held against published effects.
 
 
-def _show_published(saved: Content, arrays: Arrays, *, folder: Path, lenient: bool) -> dict[str, Any]:
+def _show_published(
+    saved: Content, arrays: Arrays, *, folder: Path, lenient: bool
+) -> dict[str, Any]:
     table = record(TrendTable, saved)
     rows = [{**vars(row), "met": row.verdict != CONTRADICTED} for row in table.rows]
-    facts = {"t": table, "groups": [(verdict.replace("_", " "), [row for row in rows if row["verdict"] == verdict])
-                                    for verdict in (CONTRADICTED, REPRODUCED, CANNOT_SAY)]}
-    return {"title": "Against published effects of stiffness", "synthetic": table.synthetic,
-            "first_line": say("validation", "against_published", synthetic=table.synthetic)[0],
-            "chapters": [Chapter(name="published", title="", template="validation/published.html.j2", facts=facts)]}
+    facts = {
+        "t": table,
+        "groups": [
+            (verdict.replace("_", " "), [row for row in rows if row["verdict"] == verdict])
+            for verdict in (CONTRADICTED, REPRODUCED, CANNOT_SAY)
+        ],
+    }
+    return {
+        "title": "Against published effects of stiffness",
+        "synthetic": table.synthetic,
+        "first_line": say("validation", "against_published", synthetic=table.synthetic)[0],
+        "chapters": [
+            Chapter(
+                name="published", title="", template="validation/published.html.j2", facts=facts
+            )
+        ],
+    }
 
 
 def _check_published(table: Content, path: Path) -> None:
@@ -112,8 +166,13 @@ def _check_published(table: Content, path: Path) -> None:
 
 
 PUBLISHED = ResultsFolder(
-    kind="comparison with published effects", command="validate --against published", table="published_trends.json",
-    show=_show_published, known=lambda table: table.get("format") == TREND_FORMAT, valid=_check_published)
+    kind="comparison with published effects",
+    command="validate --against published",
+    table="published_trends.json",
+    show=_show_published,
+    known=lambda table: table.get("format") == TREND_FORMAT,
+    valid=_check_published,
+)
 
 
 def write_published(out: str | Path, table: TrendTable) -> None:

@@ -26,55 +26,107 @@ from vsf_drake.report.style import (
 if TYPE_CHECKING:
     from vsf_drake.analysis.validation.roll_over_section import InclinedRow, Iso, RollOverTable
 
-_PANELS = (("radius_m", 1e3, "radius", "(mm)"), ("effective_foot_length_ratio", 1.0, "effective /\nfoot length",
-             "(ratio)"),
-           ("mean_moment_arm_m", 1e3, "mean\nmoment arm", "(mm)"))
+_PANELS = (
+    ("radius_m", 1e3, "radius", "(mm)"),
+    ("effective_foot_length_ratio", 1.0, "effective /\nfoot length", "(ratio)"),
+    ("mean_moment_arm_m", 1e3, "mean\nmoment arm", "(mm)"),
+)
 
 
 def roll_over_chapter(table: RollOverTable, arrays: Arrays) -> Chapter:
     """The chapter of a saved section (`analysis.validation.roll_over_section`)."""
     iso, inclined = table.iso, table.inclined
-    pairs = [(row, other) for row in iso.positions for other in iso.with_friction if row.fulcrum_mm == other.fulcrum_mm]
+    pairs = [
+        (row, other)
+        for row in iso.positions
+        for other in iso.with_friction
+        if row.fulcrum_mm == other.fulcrum_mm
+    ]
     facts = {
         "condition_rows": [
-            {"fulcrum_mm": row.fulcrum_mm, "source": words, "footfalls": means["radius_m"].n,
-             **{f"{name}_{what}": getattr(own, what) for what in ("mean", "sd") for name, own in means.items()}}
-            for row in table.conditions for means, words in ((row.measured, "plate"), (row.model, "model"))],
+            {
+                "fulcrum_mm": row.fulcrum_mm,
+                "source": words,
+                "footfalls": means["radius_m"].n,
+                **{
+                    f"{name}_{what}": getattr(own, what)
+                    for what in ("mean", "sd")
+                    for name, own in means.items()
+                },
+            }
+            for row in table.conditions
+            for means, words in ((row.measured, "plate"), (row.model, "model"))
+        ],
         "iso_ends": [*iso.positions[:1], *iso.positions[1:][-1:]],
-        "followed": [{**vars(row), "follows": "yes" if row.follows else "NO"} for row in iso.positions],
-        "changes": {name: [100.0 * (getattr(other, name) / getattr(row, name) - 1.0) for row, other in pairs
-                           if getattr(row, name) is not None and getattr(other, name) is not None]
-                    for name in ("deflection_forefoot_mm", "radius_m", "dorsiflexing_moment_nm")},
+        "followed": [
+            {**vars(row), "follows": "yes" if row.follows else "NO"} for row in iso.positions
+        ],
+        "changes": {
+            name: [
+                100.0 * (getattr(other, name) / getattr(row, name) - 1.0)
+                for row, other in pairs
+                if getattr(row, name) is not None and getattr(other, name) is not None
+            ]
+            for name in ("deflection_forefoot_mm", "radius_m", "dorsiflexing_moment_nm")
+        },
         "sliding_j": [other.lost_by_sliding_j for _, other in pairs],
-        "inclined_ends": [(words, own[0], own[-1]) for angle, words in ((-15.0, "heel"), (20.0, "forefoot"))
-                          if (own := [row for row in inclined if row.angle_deg == angle])],
-        "inclined_rows": [{**vars(row), "zones": ", ".join(row.zones_loaded).replace("_", " ")} for row in inclined]}
+        "inclined_ends": [
+            (words, own[0], own[-1])
+            for angle, words in ((-15.0, "heel"), (20.0, "forefoot"))
+            if (own := [row for row in inclined if row.angle_deg == angle])
+        ],
+        "inclined_rows": [
+            {**vars(row), "zones": ", ".join(row.zones_loaded).replace("_", " ")}
+            for row in inclined
+        ],
+    }
     figures: dict[str, Figure] = {}
     if table.walks:
-        figures |= {"roll_over_shapes": _shape_figure(table, arrays), "roll_over_measures": _measures_figure(table)}
+        figures |= {
+            "roll_over_shapes": _shape_figure(table, arrays),
+            "roll_over_measures": _measures_figure(table),
+        }
     if iso.positions:
         figures["iso_22675_profile"] = _iso_figure(iso, arrays)
     if inclined:
         figures["inclined_loading"] = _inclined_figure(inclined, arrays)
-    return Chapter(name="roll-over", title="Roll-over and inclined loading", template="validation/roll_over.html.j2",
-                   facts={**vars(table), **facts}, figures=figures)
+    return Chapter(
+        name="roll-over",
+        title="Roll-over and inclined loading",
+        template="validation/roll_over.html.j2",
+        facts={**vars(table), **facts},
+        figures=figures,
+    )
 
 
 def _inclined_figure(rows: Sequence[InclinedRow], arrays: Arrays) -> Figure:
     """Load and displacement of the foot pressed at an angle."""
     with drawing(*PANEL) as figure:
-        for axes, sign, title in zip(figure.subplots(1, 2, width_ratios=(1.0, 1.6), sharey=True), ("minus", "plus"),
-                                     ("Heel, -15°", "Forefoot, +20°"), strict=True):
+        for axes, sign, title in zip(
+            figure.subplots(1, 2, width_ratios=(1.0, 1.6), sharey=True),
+            ("minus", "plus"),
+            ("Heel, -15°", "Forefoot, +20°"),
+            strict=True,
+        ):
             for i, row in enumerate(rows):
                 if (row.angle_deg > 0.0) == (sign == "plus"):
                     name = f"inclined_{sign}{abs(row.angle_deg):.0f}_{row.fulcrum_mm:.0f}"
                     load = arrays[f"{name}_load_n"]
                     loading = slice(0, int(np.argmax(load)) + 1)
-                    x, colour = 1e3 * arrays[f"{name}_displacement_m"][loading], colour_of(row.fulcrum_mm)
+                    x, colour = (
+                        1e3 * arrays[f"{name}_displacement_m"][loading],
+                        colour_of(row.fulcrum_mm),
+                    )
                     axes.plot(x, load[loading], color=colour, **SIMULATED)
                     if sign == "plus":
-                        tag(axes, f"{row.fulcrum_mm:g}", (x[-1], load[loading][-1]), colour, ha="center",
-                            offset=(0, 4 + 9 * (i % 2)))
+                        tag(
+                            axes,
+                            f"{row.fulcrum_mm:g}",
+                            (x[-1], load[loading][-1]),
+                            colour,
+                            ha="center",
+                            offset=(0, 4 + 9 * (i % 2)),
+                        )
             axes.set_xlim(left=0.0)
             axes.margins(y=0.15)
             axes.set_ylim(bottom=0.0)
@@ -89,17 +141,32 @@ def _iso_figure(iso: Iso, arrays: Arrays) -> Figure:
         time = 1e3 * arrays["iso_time_s"]
         force.plot(time, arrays["iso_wanted_n"], color=NEUTRAL, **MEASURED)
         for row in iso.positions:
-            for axes, what in ((force, "force_n"), (deflection, "deflection_mm"), (moment, "moment_nm"),
-                               (strain, "strain_j")):
-                axes.plot(time, arrays[f"iso_{row.fulcrum_mm:.0f}_{what}"], color=colour_of(row.fulcrum_mm),
-                          **SIMULATED)
+            for axes, what in (
+                (force, "force_n"),
+                (deflection, "deflection_mm"),
+                (moment, "moment_nm"),
+                (strain, "strain_j"),
+            ):
+                axes.plot(
+                    time,
+                    arrays[f"iso_{row.fulcrum_mm:.0f}_{what}"],
+                    color=colour_of(row.fulcrum_mm),
+                    **SIMULATED,
+                )
         for axes, x, y, title in (
-                (force, "", "(N)", "Force along the line"), (deflection, "", "(mm)", "Deflection"),
-                (moment, "time (ms)", "(N m)", "Moment, toe up +"), (strain, "time (ms)", "(J)", "Stored energy")):
+            (force, "", "(N)", "Force along the line"),
+            (deflection, "", "(mm)", "Deflection"),
+            (moment, "time (ms)", "(N m)", "Moment, toe up +"),
+            (strain, "time (ms)", "(J)", "Stored energy"),
+        ):
             label(axes, x=x, y=y, title=title)
         handles = [Line2D([], [], color=NEUTRAL, label="profile", **MEASURED)]
-        handles += [Line2D([], [], color=colour_of(row.fulcrum_mm), label=name_of(row.fulcrum_mm), **SIMULATED)
-                    for row in iso.positions]
+        handles += [
+            Line2D(
+                [], [], color=colour_of(row.fulcrum_mm), label=name_of(row.fulcrum_mm), **SIMULATED
+            )
+            for row in iso.positions
+        ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
     return figure
 
@@ -113,13 +180,21 @@ def _shape_figure(table: RollOverTable, arrays: Arrays) -> Figure:
             own = [f"walk_{i}" for i, row in enumerate(table.walks) if row.fulcrum_mm == fulcrum]
             for side, look in (("measured", MEASURED), ("model", SIMULATED)):
                 # where all are known, else NaN
-                forward, up = (1e3 * np.mean([arrays[f"{name}_{side}_{axis}_m"] for name in own], axis=0)
-                               for axis in ("forward", "up"))
+                forward, up = (
+                    1e3 * np.mean([arrays[f"{name}_{side}_{axis}_m"] for name in own], axis=0)
+                    for axis in ("forward", "up")
+                )
                 axes.plot(forward, up, color=colour_of(fulcrum), **look)
                 ends += [(x, y) for x, y in zip(forward, up, strict=True) if np.isfinite(x)][-1:]
             if ends:
                 tag(axes, f"{fulcrum:g}", max(ends), colour_of(fulcrum), offset=(4, 2))
-        axes.plot([], [], color=NEUTRAL, label="plate (SYNTHETIC)" if table.synthetic else "plate", **MEASURED)
+        axes.plot(
+            [],
+            [],
+            color=NEUTRAL,
+            label="plate (SYNTHETIC)" if table.synthetic else "plate",
+            **MEASURED,
+        )
         axes.plot([], [], color=NEUTRAL, label="model", **SIMULATED)
         axes.margins(x=0.1, y=0.5)
         axes.set_aspect("equal", adjustable="datalim")
@@ -137,12 +212,24 @@ def _measures_figure(table: RollOverTable) -> Figure:
                 for row in table.walks:
                     value, colour = getattr(getattr(row, side), name), colour_of(row.fulcrum_mm)
                     if value is not None:
-                        axes.plot(row.fulcrum_mm + shift, scale * value, marker, markersize=6, color=colour,
-                                  markerfacecolor=colour if side == "measured" else "white")
+                        axes.plot(
+                            row.fulcrum_mm + shift,
+                            scale * value,
+                            marker,
+                            markersize=6,
+                            color=colour,
+                            markerfacecolor=colour if side == "measured" else "white",
+                        )
             axes.margins(x=0.2, y=0.15)
             label(axes, x="fulcrum (mm)", y=unit, title=title)
-        handles = [Line2D([], [], color=NEUTRAL, marker=marker, linestyle="", markerfacecolor=face, label=said)
-                   for marker, face, said in (("o", NEUTRAL, "plate (SYNTHETIC)" if table.synthetic else "plate"),
-                                              ("D", "white", "model"))]
+        handles = [
+            Line2D(
+                [], [], color=NEUTRAL, marker=marker, linestyle="", markerfacecolor=face, label=said
+            )
+            for marker, face, said in (
+                ("o", NEUTRAL, "plate (SYNTHETIC)" if table.synthetic else "plate"),
+                ("D", "white", "model"),
+            )
+        ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
     return figure

@@ -50,19 +50,38 @@ def sensitivity_chapter(table: SensitivityTable, arrays: Arrays) -> Chapter:
     screened = [name for name in MAIN if rows[name].morris]
     by_output = _indices(table)
     indices = [(OUTPUTS[name], own) for name, own in by_output.items()]
-    stable = [(known, OUTPUTS[name].name) for name in screened if (known := rows[name].stability) is not None]
-    facts = {**vars(table), "screened": bool(screened),
-             "label": table.conditions[table.indexed].label,  # of the trial of indices and percentiles
-             "findings": [(OUTPUTS[name], rows[name], _strongest(rows[name].morris or ())[:_NAMED],
-                           _largest(rows[name].sobol or ())[:3]) for name in screened],
-             "least_stable": min(stable, default=None),
-             "indices": [(output, _largest(own)[:2]) for output, own in indices],
-             "interactions": [(OUTPUTS[name], row.interaction, row.interaction_conf) for name in MAIN
-                              if (row := rows[name]).interaction is not None],
-             "wide": [(row, output) for output, own in indices for row in own if 2.0 * row.st_conf > row.st],
-             "first_order_wide": [2.0 * row.s1_conf > row.s1 for _, own in indices for row in own],
-             "output_rows": [_output_row(name, row) for name, row in rows.items()],
-             "drops": [(OUTPUTS[name], row.dropped) for name, row in rows.items() if row.dropped]}
+    stable = [
+        (known, OUTPUTS[name].name)
+        for name in screened
+        if (known := rows[name].stability) is not None
+    ]
+    facts = {
+        **vars(table),
+        "screened": bool(screened),
+        "label": table.conditions[table.indexed].label,  # of the trial of indices and percentiles
+        "findings": [
+            (
+                OUTPUTS[name],
+                rows[name],
+                _strongest(rows[name].morris or ())[:_NAMED],
+                _largest(rows[name].sobol or ())[:3],
+            )
+            for name in screened
+        ],
+        "least_stable": min(stable, default=None),
+        "indices": [(output, _largest(own)[:2]) for output, own in indices],
+        "interactions": [
+            (OUTPUTS[name], row.interaction, row.interaction_conf)
+            for name in MAIN
+            if (row := rows[name]).interaction is not None
+        ],
+        "wide": [
+            (row, output) for output, own in indices for row in own if 2.0 * row.st_conf > row.st
+        ],
+        "first_order_wide": [2.0 * row.s1_conf > row.s1 for _, own in indices for row in own],
+        "output_rows": [_output_row(name, row) for name, row in rows.items()],
+        "drops": [(OUTPUTS[name], row.dropped) for name, row in rows.items() if row.dropped],
+    }
     figures = {}
     if screened:
         facts |= _screening_table(table, screened)
@@ -70,8 +89,13 @@ def sensitivity_chapter(table: SensitivityTable, arrays: Arrays) -> Chapter:
     if indices:
         facts |= _index_table(by_output)
         figures["sensitivity_indices"] = indices_figure(table)
-    return Chapter(name="sensitivity", title="Sensitivity", template="validation/sensitivity.html.j2", facts=facts,
-                   figures=figures)
+    return Chapter(
+        name="sensitivity",
+        title="Sensitivity",
+        template="validation/sensitivity.html.j2",
+        facts=facts,
+        figures=figures,
+    )
 
 
 def _indices(table: SensitivityTable) -> dict[str, Sequence[Index]]:
@@ -91,36 +115,68 @@ def _output_row(name: str, row: OutputRow) -> dict[str, object]:
     """An output as it is, over the uncertainty, and by what it is moved most; values in the output's unit."""
     output = OUTPUTS[name]
     values = {"baseline": row.baseline_indexed, "p05": row.p05, "p50": row.p50, "p95": row.p95}
-    return {"output": output.name, "unit": output.unit, "interaction": row.interaction,
-            "interaction_conf": row.interaction_conf, "stability": row.stability,
-            "strongest": ", ".join(one.name for one in _strongest(row.morris or ())[:3]) or None,
-            **{key: None if value is None else output.scale * value for key, value in values.items()}}
+    return {
+        "output": output.name,
+        "unit": output.unit,
+        "interaction": row.interaction,
+        "interaction_conf": row.interaction_conf,
+        "stability": row.stability,
+        "strongest": ", ".join(one.name for one in _strongest(row.morris or ())[:3]) or None,
+        **{key: None if value is None else output.scale * value for key, value in values.items()},
+    }
 
 
 def _screening_table(table: SensitivityTable, screened: Sequence[str]) -> dict[str, Any]:
     """All factors by all outputs: mu*, and of the main ones its interval, mu and sigma."""
     columns: list[tuple[Any, ...]] = [("factor", "factor"), ("group", "group")]
-    rows: dict[str, dict[str, object]] = {row.name: {"factor": row.name, "group": row.group} for row in table.factors}
+    rows: dict[str, dict[str, object]] = {
+        row.name: {"factor": row.name, "group": row.group} for row in table.factors
+    }
     for name, output in OUTPUTS.items():
         effects = table.outputs[name].morris
         if effects:
             parts = {"mu_star": f"{output.name} mu* ({output.unit})"}
             parts |= {"mu_star_conf": "±", "mu": "mu", "sigma": "sigma"} if name in screened else {}
-            columns += [(f"{name}_{key}", heading, "{:.2f}", output.scale) for key, heading in parts.items()]
+            columns += [
+                (f"{name}_{key}", heading, "{:.2f}", output.scale) for key, heading in parts.items()
+            ]
             for one in effects:
                 rows[one.name] |= {f"{name}_{key}": getattr(one, key) for key in parts}
-    return {"screening_columns": columns,
-            "screening_rows": [rows[one.name] for one in _strongest(table.outputs[screened[0]].morris or ())]}
+    return {
+        "screening_columns": columns,
+        "screening_rows": [
+            rows[one.name] for one in _strongest(table.outputs[screened[0]].morris or ())
+        ],
+    }
 
 
 def _index_table(by_output: Mapping[str, Sequence[Index]]) -> dict[str, Any]:
     """The indices of groups for the main outputs."""
     indices = {name: {row.name: row for row in own} for name, own in by_output.items()}
-    rows = [{"name": one.name, **{f"{name}_{part}": getattr(own[one.name], part) for name, own in indices.items()
-                                  for part in ("s1", "s1_conf", "st", "st_conf")}}
-            for one in _largest(next(iter(by_output.values())))]
-    columns = [("name", "group"), *((f"{name}_{part}", heading, "{:.2f}") for name in indices for part, heading in (
-        ("s1", f"{OUTPUTS[name].name}: first order"), ("s1_conf", "±"), ("st", "total"), ("st_conf", "±")))]
+    rows = [
+        {
+            "name": one.name,
+            **{
+                f"{name}_{part}": getattr(own[one.name], part)
+                for name, own in indices.items()
+                for part in ("s1", "s1_conf", "st", "st_conf")
+            },
+        }
+        for one in _largest(next(iter(by_output.values())))
+    ]
+    columns = [
+        ("name", "group"),
+        *(
+            (f"{name}_{part}", heading, "{:.2f}")
+            for name in indices
+            for part, heading in (
+                ("s1", f"{OUTPUTS[name].name}: first order"),
+                ("s1_conf", "±"),
+                ("st", "total"),
+                ("st_conf", "±"),
+            )
+        ),
+    ]
     return {"index_rows": rows, "index_columns": columns}
 
 
@@ -134,9 +190,21 @@ def indices_figure(table: SensitivityTable) -> Figure:
             for row in own:
                 place = names.index(row.name)
                 axes.barh(place, row.st, height=0.7, color="0.75")
-                axes.plot([max(row.st - row.st_conf, 0.0), row.st + row.st_conf], [place, place], color="0.1")
-                axes.plot(max(row.s1, 0.0), place, marker="D", markersize=4.5, color="0.1", markerfacecolor="white",
-                          linestyle="", clip_on=False)
+                axes.plot(
+                    [max(row.st - row.st_conf, 0.0), row.st + row.st_conf],
+                    [place, place],
+                    color="0.1",
+                )
+                axes.plot(
+                    max(row.s1, 0.0),
+                    place,
+                    marker="D",
+                    markersize=4.5,
+                    color="0.1",
+                    markerfacecolor="white",
+                    linestyle="",
+                    clip_on=False,
+                )
             _name_bars(axes, names)
             label(axes, x="share (1)", y="", title=OUTPUTS[name].short)
         panels[0].set_xlim(left=0.0)
@@ -154,7 +222,16 @@ def _name_bars(axes: Axes, names: Sequence[str]) -> None:
 
 
 def _mark(name: str) -> Line2D:
-    return Line2D([], [], color="0.1", marker="D", linestyle="", markersize=4.5, markerfacecolor="white", label=name)
+    return Line2D(
+        [],
+        [],
+        color="0.1",
+        marker="D",
+        linestyle="",
+        markersize=4.5,
+        markerfacecolor="white",
+        label=name,
+    )
 
 
 def _interval() -> Line2D:
@@ -163,20 +240,36 @@ def _interval() -> Line2D:
 
 def screening_figure(table: SensitivityTable) -> Figure:
     """mu* of the MOST strongest factors, one panel an output; at least one main output must have rows."""
-    shown = {name: _strongest(effects)[:MOST] for name in MAIN if (effects := table.outputs[name].morris)}
+    shown = {
+        name: _strongest(effects)[:MOST] for name in MAIN if (effects := table.outputs[name].morris)
+    }
     with drawing(PANEL[0], 0.8 + 1.75 * len(shown)) as figure:
-        for axes, (name, rows) in zip(figure.subplots(len(shown), squeeze=False)[:, 0], shown.items(), strict=True):
+        for axes, (name, rows) in zip(
+            figure.subplots(len(shown), squeeze=False)[:, 0], shown.items(), strict=True
+        ):
             output = OUTPUTS[name]
             for place, row in enumerate(rows):
                 size, half = output.scale * row.mu_star, output.scale * row.mu_star_conf
                 axes.barh(place, size, height=0.7, color="0.75")
                 axes.plot([max(size - half, 0.0), size + half], [place, place], color="0.1")
-                axes.plot(output.scale * abs(row.mu), place, marker="D", markersize=4.5, color="0.1",
-                          markerfacecolor="white", linestyle="", clip_on=False)
+                axes.plot(
+                    output.scale * abs(row.mu),
+                    place,
+                    marker="D",
+                    markersize=4.5,
+                    color="0.1",
+                    markerfacecolor="white",
+                    linestyle="",
+                    clip_on=False,
+                )
             _name_bars(axes, [row.name for row in rows])
             axes.set_xlim(left=0.0)
             label(axes, x=f"effect ({output.unit})", y="", title=output.name)
-        handles = [Patch(facecolor="0.75", label="mean size"), _mark("mean, signs kept"), _interval()]
+        handles = [
+            Patch(facecolor="0.75", label="mean size"),
+            _mark("mean, signs kept"),
+            _interval(),
+        ]
         figure.legend(handles=handles, loc="lower center", ncols=3)
         say_synthetic(figure, table.synthetic, "trials")
     return figure

@@ -19,9 +19,16 @@ if TYPE_CHECKING:
     from vsf_drake.analysis.validation.settings_section import OutcomeRow, PairRow, SettingsTable
 
 TITLE = "Can two settings be distinguished?"
-DESIGNS = {"same_recording": "same recording", "same_session": "two recordings, one session",
-           "two_sessions": "two sessions"}
-_MARKS = {"same_recording": ("o", "0.1", 10), "same_session": ("s", "white", 5), "two_sessions": ("^", "0.75", 7)}
+DESIGNS = {
+    "same_recording": "same recording",
+    "same_session": "two recordings, one session",
+    "two_sessions": "two sessions",
+}
+_MARKS = {
+    "same_recording": ("o", "0.1", 10),
+    "same_session": ("s", "white", 5),
+    "two_sessions": ("^", "0.75", 7),
+}
 """Marker, face and size of a design."""
 _BAND = "same_session"
 """The design whose limit is drawn about the changes of one outcome."""
@@ -32,24 +39,48 @@ def settings_chapter(table: SettingsTable, arrays: Arrays) -> Chapter:
     facts, figures = dict(vars(table)), {}
     if table.outcomes:
         facts |= _facts(table)
-        figures = {"settings_apart": _apart_figure(table), "settings_change": _change_figure(table, arrays)}
-    return Chapter(name="settings", title=TITLE, template="validation/settings.html.j2", facts=facts, figures=figures)
+        figures = {
+            "settings_apart": _apart_figure(table),
+            "settings_change": _change_figure(table, arrays),
+        }
+    return Chapter(
+        name="settings",
+        title=TITLE,
+        template="validation/settings.html.j2",
+        facts=facts,
+        figures=figures,
+    )
 
 
 def _facts(table: SettingsTable) -> dict[str, Any]:
     """What the chapter's sentences need besides the table."""
     outcomes, places = table.outcomes, table.positions_mm
     curves = {(row.from_mm, row.to_mm): row for row in table.curves if row.rms_bw is not None}
-    near = [row.rms_bw or 0.0 for (start, end), row in curves.items() if places.index(end) - places.index(start) == 1]
+    near = [
+        row.rms_bw or 0.0
+        for (start, end), row in curves.items()
+        if places.index(end) - places.index(start) == 1
+    ]
     known, ends = any(_limited(row) for row in outcomes), _ends(table)
     reached = []
     for design, title in DESIGNS.items():
-        travels = [(travel, row.title) for row in outcomes
-                   if (travel := row.limits[f"{'smallest' if known else 'noise'}_travel_mm_{design}"]) is not None]
+        travels = [
+            (travel, row.title)
+            for row in outcomes
+            if (travel := row.limits[f"{'smallest' if known else 'noise'}_travel_mm_{design}"])
+            is not None
+        ]
         reached += [(title, *min(travels), len(travels))] if travels else []
     pairs = dict.fromkeys((row.from_mm, row.to_mm) for row in table.pairs)
-    walked = [row for row in table.as_walked if (row.from_mm, row.to_mm) == max(
-        ((one.from_mm, one.to_mm) for one in table.as_walked), key=lambda pair: pair[1] - pair[0])]
+    walked = [
+        row
+        for row in table.as_walked
+        if (row.from_mm, row.to_mm)
+        == max(
+            ((one.from_mm, one.to_mm) for one in table.as_walked),
+            key=lambda pair: pair[1] - pair[0],
+        )
+    ]
     titles = {row.name: f"{row.title} ({row.unit})" for row in outcomes}
     words = {True: "yes", False: "no", None: None}
     return {
@@ -57,21 +88,60 @@ def _facts(table: SettingsTable) -> dict[str, Any]:
         "ends": curves[max(curves, key=lambda ends: ends[1] - ends[0])] if curves else None,
         "neighbours_percent": [100.0 * x for x in near],
         "walked_percent": [100.0 * apart_bw for apart_bw in table.as_walked_apart_bw],
-        "designs": tuple(DESIGNS.items()), "apart": {design: _count(
-            (ends[row.name] for row in outcomes if row.name in ends and _limited(row) == known), design)
-            for design in DESIGNS},
-        "ratios": [(row.title, over) for row in outcomes
-                   if (over := _over(ends.get(row.name), "same_recording")) is not None],
-        "best": _best(table), "known": known, "reached": reached, "poor_judge": poor_judge(table.pairs),
-        "pair_rows": [{"from_mm": low, "to_mm": high} | {design: "{} of {}".format(*_count(
-            (row for row in table.pairs if (row.from_mm, row.to_mm) == (low, high)), design)) for design in DESIGNS}
-            for low, high in pairs],
-        "outcome_rows": [{**vars(row), **row.limits, "basis": "model and noise" if _limited(row) else "noise alone",
-                          **{design: row.limits[("sdd_" if _limited(row) else "noise_sdd_") + design]
-                             for design in DESIGNS}} for row in outcomes],
-        "walked_ends": walked[:1], "walked_apart": [row.told_apart for row in walked if row.told_apart is not None],
-        "walked_rows": [{**vars(row), "title": titles[row.outcome], "told": words[row.told_apart],
-                         "strides": words[row.beyond_strides]} for row in table.as_walked]}
+        "designs": tuple(DESIGNS.items()),
+        "apart": {
+            design: _count(
+                (ends[row.name] for row in outcomes if row.name in ends and _limited(row) == known),
+                design,
+            )
+            for design in DESIGNS
+        },
+        "ratios": [
+            (row.title, over)
+            for row in outcomes
+            if (over := _over(ends.get(row.name), "same_recording")) is not None
+        ],
+        "best": _best(table),
+        "known": known,
+        "reached": reached,
+        "poor_judge": poor_judge(table.pairs),
+        "pair_rows": [
+            {"from_mm": low, "to_mm": high}
+            | {
+                design: "{} of {}".format(
+                    *_count(
+                        (row for row in table.pairs if (row.from_mm, row.to_mm) == (low, high)),
+                        design,
+                    )
+                )
+                for design in DESIGNS
+            }
+            for low, high in pairs
+        ],
+        "outcome_rows": [
+            {
+                **vars(row),
+                **row.limits,
+                "basis": "model and noise" if _limited(row) else "noise alone",
+                **{
+                    design: row.limits[("sdd_" if _limited(row) else "noise_sdd_") + design]
+                    for design in DESIGNS
+                },
+            }
+            for row in outcomes
+        ],
+        "walked_ends": walked[:1],
+        "walked_apart": [row.told_apart for row in walked if row.told_apart is not None],
+        "walked_rows": [
+            {
+                **vars(row),
+                "title": titles[row.outcome],
+                "told": words[row.told_apart],
+                "strides": words[row.beyond_strides],
+            }
+            for row in table.as_walked
+        ],
+    }
 
 
 def told_apart(row: PairRow, design: str) -> bool | None:
@@ -82,7 +152,11 @@ def told_apart(row: PairRow, design: str) -> bool | None:
 
 def poor_judge(pairs: Sequence[PairRow]) -> PairRow | None:
     """Stored energy between the ends, if with the motion held it cannot tell them apart and is largest in between."""
-    effects = [(row, row.effect) for row in pairs if row.outcome == "energy_stored_j" and row.effect is not None]
+    effects = [
+        (row, row.effect)
+        for row in pairs
+        if row.outcome == "energy_stored_j" and row.effect is not None
+    ]
     if not effects:
         return None
     ends, effect = max(effects, key=lambda item: item[0].to_mm - item[0].from_mm)
@@ -118,7 +192,9 @@ def _count(rows: Iterable[PairRow], design: str) -> tuple[int, int]:
 def _best(table: SettingsTable) -> OutcomeRow:
     """The outcome that tells the ends of the range apart best."""
     ends = _ends(table)
-    return max(table.outcomes, key=lambda row: (_limited(row), _over(ends.get(row.name), _BAND) or 0.0))
+    return max(
+        table.outcomes, key=lambda row: (_limited(row), _over(ends.get(row.name), _BAND) or 0.0)
+    )
 
 
 def _apart_figure(table: SettingsTable) -> Figure:
@@ -128,14 +204,35 @@ def _apart_figure(table: SettingsTable) -> Figure:
         axes = figure.subplots()
         for i, row in enumerate(rows):
             for design, (marker, face, size) in _MARKS.items():
-                axes.plot(_over(ends.get(row.name), design) or np.nan, i, marker=marker, color="0.1",
-                          markerfacecolor=face, markersize=size, linestyle="", clip_on=False)
+                axes.plot(
+                    _over(ends.get(row.name), design) or np.nan,
+                    i,
+                    marker=marker,
+                    color="0.1",
+                    markerfacecolor=face,
+                    markersize=size,
+                    linestyle="",
+                    clip_on=False,
+                )
         axes.axvline(1.0, color="0.1", linewidth=1.2)
         axes.set_xlim(left=0.0)
         axes.set_ylim(len(rows) - 0.4, -0.6)
-        axes.set_yticks(range(len(rows)), [row.title + ("" if _limited(row) else "*") for row in rows])
-        handles = [Line2D([], [], marker=marker, color="0.1", markerfacecolor=face, linestyle="", markersize=size,
-                          label=DESIGNS[design]) for design, (marker, face, size) in _MARKS.items()]
+        axes.set_yticks(
+            range(len(rows)), [row.title + ("" if _limited(row) else "*") for row in rows]
+        )
+        handles = [
+            Line2D(
+                [],
+                [],
+                marker=marker,
+                color="0.1",
+                markerfacecolor=face,
+                linestyle="",
+                markersize=size,
+                label=DESIGNS[design],
+            )
+            for design, (marker, face, size) in _MARKS.items()
+        ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
         label(axes, x="difference / detectable (1)", y="")
         say_synthetic(figure, table.synthetic, "trials")
@@ -147,19 +244,38 @@ def _change_figure(table: SettingsTable, arrays: Arrays) -> Figure:
     positions, row = np.array(table.positions_mm, dtype=float), _best(table)
     middle = int(np.argmin(np.abs(positions - 0.5 * (positions[0] + positions[-1]))))
     effects = arrays["effects"][:, :, [one.name for one in table.outcomes].index(row.name)]
-    change = effects - effects[:, middle:middle + 1]
+    change = effects - effects[:, middle : middle + 1]
     with drawing(*PANEL) as figure:
         axes = figure.subplots()
         _band(axes, [pair for pair in table.pairs if pair.outcome == row.name], positions[middle])
         for values, at in zip(change, table.trials_mm, strict=True):
             axes.plot(positions, values, color=colour_of(at), linewidth=1.0)
-        axes.plot(positions, np.nanmean(change, axis=0), color="black", linewidth=2.2, marker="o", markersize=4.5)
+        axes.plot(
+            positions,
+            np.nanmean(change, axis=0),
+            color="black",
+            linewidth=2.2,
+            marker="o",
+            markersize=4.5,
+        )
         axes.axhline(0.0, color="0.4", linewidth=0.8)
         axes.set_xticks(positions)
-        handles: list[Any] = [Line2D([], [], color="black", linewidth=2.2, marker="o", markersize=4.5,
-                                     label="mean of the trials"), Patch(facecolor="0.85", label="not distinguishable")]
-        handles += [Line2D([], [], color=colour_of(x), label=f"recorded at {x:g} mm")
-                    for x in sorted(set(table.trials_mm))]
+        handles: list[Any] = [
+            Line2D(
+                [],
+                [],
+                color="black",
+                linewidth=2.2,
+                marker="o",
+                markersize=4.5,
+                label="mean of the trials",
+            ),
+            Patch(facecolor="0.85", label="not distinguishable"),
+        ]
+        handles += [
+            Line2D([], [], color=colour_of(x), label=f"recorded at {x:g} mm")
+            for x in sorted(set(table.trials_mm))
+        ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
         label(axes, x=FULCRUM, y=f"change from {positions[middle]:g} mm ({row.unit})")
         say_synthetic(figure, table.synthetic, "trials")
@@ -168,10 +284,16 @@ def _change_figure(table: SettingsTable, arrays: Arrays) -> Figure:
 
 def _band(axes: Axes, pairs: Sequence[PairRow], here: float) -> None:
     """What is not distinguishable from the position `here`, to both sides; next to it as at its neighbour."""
-    limits = {row.to_mm if row.from_mm == here else row.from_mm: row.limits[f"limit_{_BAND}"]
-              for row in pairs if here in (row.from_mm, row.to_mm)}
+    limits = {
+        row.to_mm if row.from_mm == here else row.from_mm: row.limits[f"limit_{_BAND}"]
+        for row in pairs
+        if here in (row.from_mm, row.to_mm)
+    }
     if None in limits.values():
         return
-    for own in (sorted((x for x in limits if x < here), reverse=True), sorted(x for x in limits if x > here)):
+    for own in (
+        sorted((x for x in limits if x < here), reverse=True),
+        sorted(x for x in limits if x > here),
+    ):
         wide = np.array([limits[x] for x in (own[:1] + own)])
         axes.fill_between([here, *own], -wide, wide, color="0.85", linewidth=0.0, zorder=0)

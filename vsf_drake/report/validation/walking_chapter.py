@@ -28,21 +28,31 @@ from vsf_drake.report.style import (
 )
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.validation.walking_section import LayersTable, WalkingCondition, WalkingTable
+    from vsf_drake.analysis.validation.walking_section import (
+        LayersTable,
+        WalkingCondition,
+        WalkingTable,
+    )
 
 _ACROSS = 3
 """Conditions side by side in a figure."""
-_CURVES = (("walking_forces", ("vertical", "fore_aft", "cop")),
-           ("walking_others", ("resultant", "medio_lateral", "impulse", "free_moment")))
+_CURVES = (
+    ("walking_forces", ("vertical", "fore_aft", "cop")),
+    ("walking_others", ("resultant", "medio_lateral", "impulse", "free_moment")),
+)
 """The figures of curves: the first is shown, the other folded."""
 _POINTWISE = "pointwise bootstrap"
 """The method of a section that was made without spm1d, as it is saved."""
 _PERCENT = np.linspace(0.0, 100.0, 101)
 _NAMES = {
-    "resultant": ("resultant force", "BW"), "vertical": ("vertical force", "BW"),
-    "fore_aft": ("fore-aft force (forward +)", "BW"), "medio_lateral": ("medio-lateral force (left +)", "BW"),
-    "impulse": ("impulse of the resultant", "BW s"), "cop": ("centre of pressure, fore-aft", "foot lengths"),
-    "free_moment": ("free moment (up +)", "N m")}
+    "resultant": ("resultant force", "BW"),
+    "vertical": ("vertical force", "BW"),
+    "fore_aft": ("fore-aft force (forward +)", "BW"),
+    "medio_lateral": ("medio-lateral force (left +)", "BW"),
+    "impulse": ("impulse of the resultant", "BW s"),
+    "cop": ("centre of pressure, fore-aft", "foot lengths"),
+    "free_moment": ("free moment (up +)", "N m"),
+}
 """Quantities by key: how a sentence calls them, and their unit."""
 _MOST_NAMED = 24
 """Walks that an axis has room to name."""
@@ -57,7 +67,11 @@ def walking_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
     figures = {"walking_errors": walk_errors_figure(table)}
     ensembles = []
     for name, quantities in _CURVES:
-        conditions = [i for i in range(len(table.conditions)) if any(_has_curves(arrays, i, q) for q in quantities)]
+        conditions = [
+            i
+            for i in range(len(table.conditions))
+            if any(_has_curves(arrays, i, q) for q in quantities)
+        ]
         for part in range(0, len(conditions), _ACROSS):
             own = conditions[part : part + _ACROSS]
             shown = [q for q in quantities if any(_has_curves(arrays, i, q) for i in own)]
@@ -67,41 +81,81 @@ def walking_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
     drawn = any(_has_curves(arrays, group, quantity) for quantity in _NAMES)
     if drawn:
         figures["walking_differences"] = _difference_figure(table, arrays)
-    any_sweep = any(error is not None for row in rows if row.sweep for error in row.sweep.grf_rmse_bw)
+    any_sweep = any(
+        error is not None for row in rows if row.sweep for error in row.sweep.grf_rmse_bw
+    )
     if any_sweep:
-        figures["walking_sweep"] = fit_sweep_figure([
-            TrialSweep(label=row.label, role=row.role, fulcrum_mm=row.fulcrum_mm, synthetic=table.synthetic,
-                       sweep=row.sweep) for row in rows if row.sweep])
+        figures["walking_sweep"] = fit_sweep_figure(
+            [
+                TrialSweep(
+                    label=row.label,
+                    role=row.role,
+                    fulcrum_mm=row.fulcrum_mm,
+                    synthetic=table.synthetic,
+                    sweep=row.sweep,
+                )
+                for row in rows
+                if row.sweep
+            ]
+        )
     facts = {
-        "pointwise": table.difference_method == _POINTWISE, "drawn_differences": drawn,
-        "over_all": [{**vars(d), "curve": _NAMES[d.quantity][0], "unit": _NAMES[d.quantity][1]}
-                     for d in table.differences if d.group == group and d.largest_difference is not None],
+        "pointwise": table.difference_method == _POINTWISE,
+        "drawn_differences": drawn,
+        "over_all": [
+            {**vars(d), "curve": _NAMES[d.quantity][0], "unit": _NAMES[d.quantity][1]}
+            for d in table.differences
+            if d.group == group and d.largest_difference is not None
+        ],
         "ensembles": ensembles,
         "fewest_tested": min((n for n, _ in limits), default=None),
         "largest_threshold": max((threshold for _, threshold in limits), default=None),
-        "times_s": [(name, float(np.mean(known))) for name, key in (
-            ("heel strike", "heel_strike_error_s"), ("toe-off", "toe_off_error_s"), ("stance", "stance_error_s"))
-            if (known := [value for row in rows if (value := getattr(row, key)) is not None])],
+        "times_s": [
+            (name, float(np.mean(known)))
+            for name, key in (
+                ("heel strike", "heel_strike_error_s"),
+                ("toe-off", "toe_off_error_s"),
+                ("stance", "stance_error_s"),
+            )
+            if (known := [value for row in rows if (value := getattr(row, key)) is not None])
+        ],
         "paper": [c.paper for c in table.conditions if c.paper],
-        "any_sweep": any_sweep, "sweeps": len(swept), "sweeps_at_end": len(ends),
-        "off_inside_mm": max((abs(sweep.off_mm) for sweep in swept
-                              if not sweep.at_end and sweep.off_mm is not None), default=None),
-        "sweeps_unknown": [row.label for row in rows if row.sweep and row.sweep.right is None]}
-    return Chapter(name="walking", title="Walking", template="validation/walking.html.j2",
-                   facts={**vars(table), **_walks(table), **facts, "exact": False}, figures=figures)
+        "any_sweep": any_sweep,
+        "sweeps": len(swept),
+        "sweeps_at_end": len(ends),
+        "off_inside_mm": max(
+            (abs(sweep.off_mm) for sweep in swept if not sweep.at_end and sweep.off_mm is not None),
+            default=None,
+        ),
+        "sweeps_unknown": [row.label for row in rows if row.sweep and row.sweep.right is None],
+    }
+    return Chapter(
+        name="walking",
+        title="Walking",
+        template="validation/walking.html.j2",
+        facts={**vars(table), **_walks(table), **facts, "exact": False},
+        figures=figures,
+    )
 
 
 def exact_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
     """Table 3 and every walk whose motion and force belong together: what of an error is the model's own."""
-    return Chapter(name="walking_exact", title="Walking without errors of measurement",
-                   template="validation/walking.html.j2", facts={**vars(table), **_walks(table), "exact": True})
+    return Chapter(
+        name="walking_exact",
+        title="Walking without errors of measurement",
+        template="validation/walking.html.j2",
+        facts={**vars(table), **_walks(table), "exact": True},
+    )
 
 
 def layers_chapter(table: LayersTable, arrays: Arrays, *, exact: bool = False) -> Chapter:
     """Every walk in layers; `exact`: those without errors of measurement."""
     title = "Prediction in layers" + exact * " without errors of measurement"
-    return Chapter(name="layers_exact" if exact else "layers", title=title, template="validation/layers.html.j2",
-                   facts={**vars(table), "exact": exact})
+    return Chapter(
+        name="layers_exact" if exact else "layers",
+        title=title,
+        template="validation/layers.html.j2",
+        facts={**vars(table), "exact": exact},
+    )
 
 
 def _walks(table: WalkingTable) -> dict[str, Any]:
@@ -109,16 +163,32 @@ def _walks(table: WalkingTable) -> dict[str, Any]:
     return {
         "condition_rows": list(_condition_rows(table)),
         "repeated": [row for row in table.angle_errors if row.role == _told(table)],
-        "walk_rows": [{**vars(row), "sweep_best_mm": row.sweep and row.sweep.best_mm,
-                       "sweep_right": row.sweep and row.sweep.right} for row in table.rows],
-        "with_spread": lambda columns: tuple(one for own in columns for one in (
-            own, (f"{own[0]}_sd", "SD", own[2].replace("+", ""), *own[3:])))}
+        "walk_rows": [
+            {
+                **vars(row),
+                "sweep_best_mm": row.sweep and row.sweep.best_mm,
+                "sweep_right": row.sweep and row.sweep.right,
+            }
+            for row in table.rows
+        ],
+        "with_spread": lambda columns: tuple(
+            one
+            for own in columns
+            for one in (own, (f"{own[0]}_sd", "SD", own[2].replace("+", ""), *own[3:]))
+        ),
+    }
 
 
 def _told(table: WalkingTable) -> str | None:
     """The role of which the headline is: of walks that the fit has not seen if there are any."""
-    return next((name for name in ("held out", "offsets fitted", "fitted")
-                 if any(row.role == name for row in table.rows)), None)
+    return next(
+        (
+            name
+            for name in ("held out", "offsets fitted", "fitted")
+            if any(row.role == name for row in table.rows)
+        ),
+        None,
+    )
 
 
 def _condition_rows(table: WalkingTable) -> Iterable[dict[str, Any]]:
@@ -138,14 +208,23 @@ def _extremes(
     table: WalkingTable, arrays: Arrays, quantities: Sequence[str], groups: Sequence[int]
 ) -> Iterable[dict[str, Any]]:
     """The extreme of each measured curve, and where plate and model are furthest apart."""
-    for group, quantity in ((g, q) for g in groups for q in quantities if _has_curves(arrays, g, q)):
-        measured, model = (arrays[f"group_{group}_{quantity}_{side}_mean"] for side in ("measured", "model"))
+    for group, quantity in (
+        (g, q) for g in groups for q in quantities if _has_curves(arrays, g, q)
+    ):
+        measured, model = (
+            arrays[f"group_{group}_{quantity}_{side}_mean"] for side in ("measured", "model")
+        )
         known = np.flatnonzero(np.isfinite(measured) & np.isfinite(model))
         if known.size:
             at = int(known[np.argmax(np.abs(model - measured)[known])])
-            yield {"heading": _heading(table.conditions[group]), "name": _NAMES[quantity][0],
-                   "unit": _NAMES[quantity][1], "percent": at, "difference": model[at] - measured[at],
-                   "peak": measured[known][np.argmax(np.abs(measured[known]))]}
+            yield {
+                "heading": _heading(table.conditions[group]),
+                "name": _NAMES[quantity][0],
+                "unit": _NAMES[quantity][1],
+                "percent": at,
+                "difference": model[at] - measured[at],
+                "peak": measured[known][np.argmax(np.abs(measured[known]))],
+            }
 
 
 def _main_group(table: WalkingTable) -> int | str:
@@ -175,18 +254,26 @@ def _difference_figure(table: WalkingTable, arrays: Arrays) -> Figure:
         panels = figure.subplots(down, 2, sharex=True, squeeze=False).ravel()
         for axes, name in zip(panels, shown, strict=False):
             _panel(axes, table, arrays, name, group)
-        for axes in panels[len(shown):]:
+        for axes in panels[len(shown) :]:
             axes.set_axis_off()
-        for axes in panels[max(0, len(shown) - 2):len(shown)]:
+        for axes in panels[max(0, len(shown) - 2) : len(shown)]:
             axes.set_xlabel("stance (%)")
             axes.tick_params(labelbottom=True)
         panels[0].set_xlim(0.0, 100.0)
-        handles: list[Artist] = [Line2D([], [], color="black", linewidth=2.0, label="mean of all walks")]
+        handles: list[Artist] = [
+            Line2D([], [], color="black", linewidth=2.0, label="mean of all walks")
+        ]
         if any(d.method for d in table.differences if d.group == group):
-            handles += [Patch(facecolor=NEUTRAL, alpha=0.4, label="its 95 % band"),
-                        Line2D([], [], color="0.1", linewidth=4.0, label="different from zero")]
-        handles += [Line2D([], [], color=colour_of(c.fulcrum_mm), linewidth=1.3, label=name_of(c.fulcrum_mm))
-                    for c in (table.conditions if group == "all" else ())]
+            handles += [
+                Patch(facecolor=NEUTRAL, alpha=0.4, label="its 95 % band"),
+                Line2D([], [], color="0.1", linewidth=4.0, label="different from zero"),
+            ]
+        handles += [
+            Line2D(
+                [], [], color=colour_of(c.fulcrum_mm), linewidth=1.3, label=name_of(c.fulcrum_mm)
+            )
+            for c in (table.conditions if group == "all" else ())
+        ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
         say_synthetic(figure, table.synthetic, "walks")
     return figure
@@ -194,16 +281,28 @@ def _difference_figure(table: WalkingTable, arrays: Arrays) -> Figure:
 
 def _panel(axes: Axes, table: WalkingTable, arrays: Arrays, name: str, group: int | str) -> None:
     own = next(d for d in table.differences if d.group == group and d.quantity == name)
-    mean, low, high = (arrays[f"group_{group}_{name}_difference_{key}"] for key in ("mean", "low", "high"))
+    mean, low, high = (
+        arrays[f"group_{group}_{name}_difference_{key}"] for key in ("mean", "low", "high")
+    )
     axes.axhline(0.0, color="0.6", linewidth=0.8)
     for region in own.regions:
-        axes.plot((region.start_percent, region.end_percent), [0.02, 0.02], color="0.1", linewidth=4.0,
-                  solid_capstyle="butt", transform=axes.get_xaxis_transform())
+        axes.plot(
+            (region.start_percent, region.end_percent),
+            [0.02, 0.02],
+            color="0.1",
+            linewidth=4.0,
+            solid_capstyle="butt",
+            transform=axes.get_xaxis_transform(),
+        )
     axes.fill_between(_PERCENT, low, high, color=NEUTRAL, alpha=0.35, linewidth=0.0)
     for i, condition in enumerate(table.conditions if group == "all" else ()):
         if _has_curves(arrays, i, name):
-            axes.plot(_PERCENT, arrays[f"group_{i}_{name}_difference_mean"], linewidth=1.3,
-                      color=colour_of(condition.fulcrum_mm))
+            axes.plot(
+                _PERCENT,
+                arrays[f"group_{i}_{name}_difference_mean"],
+                linewidth=1.3,
+                color=colour_of(condition.fulcrum_mm),
+            )
     axes.plot(_PERCENT, mean, color="black", linewidth=2.0)
     title, unit = _NAMES[name]
     label(axes, x="", y=f"({unit})", title=_short(title))
@@ -220,18 +319,31 @@ def _ensemble_figure(
     """Curves over stance, experiment solid and simulation dashed, as in the paper's Figures 5 to 7: a row a quantity, a
     column a condition (indices in `table.conditions`); both must be among the arrays."""
     with drawing(PANEL[0], 0.8 + 1.35 * len(quantities)) as figure:
-        panels = figure.subplots(len(quantities), len(conditions), sharex=True, sharey="row", squeeze=False)
+        panels = figure.subplots(
+            len(quantities), len(conditions), sharex=True, sharey="row", squeeze=False
+        )
         for column, group in enumerate(conditions):
             fulcrum = table.conditions[group].fulcrum_mm
             for row, name in enumerate(quantities):
                 _draw(panels[row, column], arrays, f"group_{group}_{name}", colour_of(fulcrum))
                 title, unit = _NAMES[name]
-                label(panels[row, column], x="stance (%)" if row == len(quantities) - 1 else "",
-                      y=f"{_short(title).replace(' ', chr(10), 1)}\n({unit})" if column == 0 else "",
-                      title=name_of(fulcrum).removeprefix("fulcrum ") if row == 0 else "")
+                label(
+                    panels[row, column],
+                    x="stance (%)" if row == len(quantities) - 1 else "",
+                    y=f"{_short(title).replace(' ', chr(10), 1)}\n({unit})" if column == 0 else "",
+                    title=name_of(fulcrum).removeprefix("fulcrum ") if row == 0 else "",
+                )
         panels[0, 0].set_xlim(0.0, 100.0)
-        handles = [Line2D([], [], color=NEUTRAL, label="plate (SYNTHETIC)" if table.synthetic else "plate", **MEASURED),
-                   Line2D([], [], color="0.2", label="simulated", **SIMULATED)]
+        handles = [
+            Line2D(
+                [],
+                [],
+                color=NEUTRAL,
+                label="plate (SYNTHETIC)" if table.synthetic else "plate",
+                **MEASURED,
+            ),
+            Line2D([], [], color="0.2", label="simulated", **SIMULATED),
+        ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
     return figure
 
@@ -241,9 +353,13 @@ def _draw(axes: Axes, arrays: Arrays, key: str, colour: Any) -> None:
     if f"{key}_measured_mean" not in arrays:
         axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center", color="0.35")
         return
-    measured, spread, model = (arrays[f"{key}_{name}"] for name in ("measured_mean", "measured_sd", "model_mean"))
+    measured, spread, model = (
+        arrays[f"{key}_{name}"] for name in ("measured_mean", "measured_sd", "model_mean")
+    )
     if np.isfinite(spread).any():
-        axes.fill_between(_PERCENT, measured - spread, measured + spread, color=colour, alpha=0.22, linewidth=0.0)
+        axes.fill_between(
+            _PERCENT, measured - spread, measured + spread, color=colour, alpha=0.22, linewidth=0.0
+        )
     axes.plot(_PERCENT, measured, color=colour, **MEASURED)
     axes.plot(_PERCENT, model, color=colour, **SIMULATED)
 
@@ -254,22 +370,49 @@ def walk_errors_figure(table: WalkingTable) -> Figure:
     with drawing(PANEL[0], 1.2 + 0.24 * max(min(len(rows), _MOST_NAMED), 6)) as figure:
         axes = figure.subplots()
         for place, row in enumerate(rows):
-            colour, error, null = colour_of(row.fulcrum_mm), row.grf_rmse_bw, row.null_model_grf_rmse_bw
+            colour, error, null = (
+                colour_of(row.fulcrum_mm),
+                row.grf_rmse_bw,
+                row.null_model_grf_rmse_bw,
+            )
             if error is not None and null is not None:
-                axes.plot([100.0 * error, 100.0 * null], [place, place], color=colour, linewidth=1.0)
+                axes.plot(
+                    [100.0 * error, 100.0 * null], [place, place], color=colour, linewidth=1.0
+                )
             if null is not None:
                 axes.plot(100.0 * null, place, marker="x", color="0.1", markersize=6)
             if error is not None:
-                axes.plot(100.0 * error, place, marker="o", markersize=7, color=colour,
-                          markerfacecolor="white" if row.role == "held out" else colour)
+                axes.plot(
+                    100.0 * error,
+                    place,
+                    marker="o",
+                    markersize=7,
+                    color=colour,
+                    markerfacecolor="white" if row.role == "held out" else colour,
+                )
         axes.set_ylim(len(rows) - 0.4, -0.6)
-        axes.set_yticks(range(len(rows)), [f"{row.label}, {row.fulcrum_mm:g} mm" if len(rows) <= _MOST_NAMED else ""
-                                           for row in rows])
+        axes.set_yticks(
+            range(len(rows)),
+            [
+                f"{row.label}, {row.fulcrum_mm:g} mm" if len(rows) <= _MOST_NAMED else ""
+                for row in rows
+            ],
+        )
         axes.set_xlim(left=0.0)
         axes.grid(False, axis="y")
-        handles = [Line2D([], [], color="0.2", marker="o", linestyle="", markersize=7, label=role,
-                          markerfacecolor="white" if role == "held out" else "0.2")
-                   for role in dict.fromkeys(row.role for row in rows)]
+        handles = [
+            Line2D(
+                [],
+                [],
+                color="0.2",
+                marker="o",
+                linestyle="",
+                markersize=7,
+                label=role,
+                markerfacecolor="white" if role == "held out" else "0.2",
+            )
+            for role in dict.fromkeys(row.role for row in rows)
+        ]
         handles.append(Line2D([], [], color="0.1", marker="x", linestyle="", label="null model"))
         figure.legend(handles=handles, loc="lower center", ncols=len(handles))
         label(axes, x="resultant force, RMS error (% BW)", y="")

@@ -22,7 +22,14 @@ from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.results import WalkResult
-from vsf_drake.simulation.variables import Variable, check_names, check_number, check_whole, is_number, shown
+from vsf_drake.simulation.variables import (
+    Variable,
+    check_names,
+    check_number,
+    check_whole,
+    is_number,
+    shown,
+)
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, fulcrum_on_grid, walk_grid
 
 if TYPE_CHECKING:
@@ -56,7 +63,9 @@ class WalkCase:
     """Yours; it names the member in messages and does not enter its numbers."""
 
     def __post_init__(self) -> None:
-        if isinstance(self.values, Mapping):  # what is none is refused when it is walked, as one member of many
+        if isinstance(
+            self.values, Mapping
+        ):  # what is none is refused when it is walked, as one member of many
             object.__setattr__(self, "values", dict(self.values))
 
     def describe(self) -> str:
@@ -66,9 +75,18 @@ class WalkCase:
         offsets = {} if self.offsets is None else {"offsets": self.offsets}
         if isinstance(self.offsets, GeometricOffsets):
             offsets = vars(self.offsets)
-        numbers = {**offsets, **(self.values if isinstance(self.values, Mapping) else {"values": self.values})}
-        return ", ".join([f"{self.label}: " * (self.label != "") + self.trial.name, f"fulcrum {where}",
-                          f"step {_scaled(self.step_s, 'ms')}", *(f"{k} {shown(v)}" for k, v in numbers.items())])
+        numbers = {
+            **offsets,
+            **(self.values if isinstance(self.values, Mapping) else {"values": self.values}),
+        }
+        return ", ".join(
+            [
+                f"{self.label}: " * (self.label != "") + self.trial.name,
+                f"fulcrum {where}",
+                f"step {_scaled(self.step_s, 'ms')}",
+                *(f"{k} {shown(v)}" for k, v in numbers.items()),
+            ]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,17 +114,31 @@ class Planner:
         """The task of `case`; InputError if it holds what cannot be a number, a name or a time."""
         trial, free = case.trial, _names(case.free)
         if not isinstance(case.values, Mapping):
-            raise InputError(f"{shown(case.values)} is no mapping", where="values",
-                             right="Give numbers by the names of variables, or {} for none")
-        values = {str(name): check_number(value, f"values[{name!r}]") for name, value in case.values.items()}
+            raise InputError(
+                f"{shown(case.values)} is no mapping",
+                where="values",
+                right="Give numbers by the names of variables, or {} for none",
+            )
+        values = {
+            str(name): check_number(value, f"values[{name!r}]")
+            for name, value in case.values.items()
+        }
         moments, step_s = walk_grid(trial.start_s, trial.end_s, case.step_s)
         offsets = trial.offsets if case.offsets is None else case.offsets
         if not isinstance(offsets, GeometricOffsets):
-            raise InputError(f"{shown(offsets)} is not usable", where="offsets", right="Give GeometricOffsets, or None")
+            raise InputError(
+                f"{shown(offsets)} is not usable",
+                where="offsets",
+                right="Give GeometricOffsets, or None",
+            )
         for name in OFFSETS:
             check_number(getattr(offsets, name), f"offsets.{name}")
-        plain: dict[str, Any] = {"start_s": float(trial.start_s), "end_s": float(trial.end_s), "step_s": step_s,
-                                 "values": values}
+        plain: dict[str, Any] = {
+            "start_s": float(trial.start_s),
+            "end_s": float(trial.end_s),
+            "step_s": step_s,
+            "values": values,
+        }
         fulcrum: Any = trial.fulcrum_m if case.fulcrum_m is None else case.fulcrum_m
         position, arrays = fulcrum_on_grid(fulcrum, moments), {}
         if callable(fulcrum):
@@ -119,15 +151,35 @@ class Planner:
         person_key = self._key((id(trial.subject), id(trial.model), free), person, _person_key)
         motion_key = self._key((id(trial.trajectory),), trial.trajectory, _motion_key)
         made_by = software()
-        key = _finite_digest("offsets", {"person": person_key, "motion": motion_key, **plain,
-                                         "offsets": to_plain(offsets), "keep": sorted(self.keep),
-                                         "software": made_by}, arrays)
-        return WorkerTask(key=key, person_key=person_key, person=person, motion_key=motion_key, motion=trial.trajectory,
-                          options=options | {"offsets": offsets}, keep=self.keep, software=made_by)
+        key = _finite_digest(
+            "offsets",
+            {
+                "person": person_key,
+                "motion": motion_key,
+                **plain,
+                "offsets": to_plain(offsets),
+                "keep": sorted(self.keep),
+                "software": made_by,
+            },
+            arrays,
+        )
+        return WorkerTask(
+            key=key,
+            person_key=person_key,
+            person=person,
+            motion_key=motion_key,
+            motion=trial.trajectory,
+            options=options | {"offsets": offsets},
+            keep=self.keep,
+            software=made_by,
+        )
 
     def _key(self, identity: tuple[object, ...], part: Any, key_of: Callable[[Any], str]) -> str:
         if identity not in self._keys:
-            self._keys[identity] = key_of(part), part  # holding the part keeps its identity from being used again
+            self._keys[identity] = (
+                key_of(part),
+                part,
+            )  # holding the part keeps its identity from being used again
         return self._keys[identity][0]
 
 
@@ -136,17 +188,24 @@ def check_keep(keep: Iterable[str]) -> tuple[str, ...]:
     names = (keep,) if isinstance(keep, str) else tuple(dict.fromkeys(keep))
     unknown = [name for name in names if name not in ARRAYS]
     if unknown or not names:
-        raise InputError(f"{unknown[0]!r} is no array of a walk" if unknown else "names no array", where="keep",
-                         right=f"There are: {', '.join(ARRAYS)}")
+        raise InputError(
+            f"{unknown[0]!r} is no array of a walk" if unknown else "names no array",
+            where="keep",
+            right=f"There are: {', '.join(ARRAYS)}",
+        )
     return names
 
 
 def _person_key(part: Person) -> str:
-    return _finite_digest("subject or model", dict(zip(("subject", "model", "free"), to_plain(part), strict=True)))
+    return _finite_digest(
+        "subject or model", dict(zip(("subject", "model", "free"), to_plain(part), strict=True))
+    )
 
 
 def _motion_key(trajectory: Any) -> str:
-    return digest(list(trajectory.names), {"time_s": trajectory.time_s, "values": trajectory.values})
+    return digest(
+        list(trajectory.names), {"time_s": trajectory.time_s, "values": trajectory.values}
+    )
 
 
 def _finite_digest(where: str, plain: Any, arrays: Mapping[str, np.ndarray] | None = None) -> str:
@@ -171,8 +230,19 @@ def _scaled(value: Any, unit: str) -> str:
 
 
 PACKAGE = Path(__file__).resolve().parents[2]
-SOURCES = ("laws", "systems", "plants", "simulation", "motion/trajectory.py", "motion/events.py",
-           "ground.py", "model_file.py", "parameters.py", "schema.py", "sentences.py")
+SOURCES = (
+    "laws",
+    "systems",
+    "plants",
+    "simulation",
+    "motion/trajectory.py",
+    "motion/events.py",
+    "ground.py",
+    "model_file.py",
+    "parameters.py",
+    "schema.py",
+    "sentences.py",
+)
 """Parts of the package that the numbers and notes of a walk come from, once its recording is read."""
 
 
@@ -193,8 +263,11 @@ def software() -> dict[str, str]:
     A version number alone would let a changed law in a checkout return old numbers. Read when the package is
     imported, so that it describes the code that runs.
     """
-    return {**provenance()["versions"], "machine": platform.machine(),
-            "sources_sha256": sources_sha256(PACKAGE, SOURCES)}
+    return {
+        **provenance()["versions"],
+        "machine": platform.machine(),
+        "sources_sha256": sources_sha256(PACKAGE, SOURCES),
+    }
 
 
 software()
@@ -203,10 +276,19 @@ software()
 def _names(free: Any) -> tuple[str, ...]:
     """`WalkCase.free` as a tuple."""
     if isinstance(free, str):
-        raise InputError(f"{shown(free)} is one name, not a sequence of names", where="free", right=f"Give ({free!r},)")
-    if not isinstance(free, (Sequence, set, frozenset, np.ndarray)) or not all(isinstance(name, str) for name in free):
-        raise InputError(f"{shown(free)} is no sequence of names", where="free",
-                         right="Give names of coordinates, or () for none")
+        raise InputError(
+            f"{shown(free)} is one name, not a sequence of names",
+            where="free",
+            right=f"Give ({free!r},)",
+        )
+    if not isinstance(free, (Sequence, set, frozenset, np.ndarray)) or not all(
+        isinstance(name, str) for name in free
+    ):
+        raise InputError(
+            f"{shown(free)} is no sequence of names",
+            where="free",
+            right="Give names of coordinates, or () for none",
+        )
     return tuple(str(name) for name in free)
 
 
@@ -215,7 +297,9 @@ def _names(free: Any) -> tuple[str, ...]:
 
 def grid_values(axes: Mapping[str, Sequence[float]]) -> list[dict[str, float]]:
     """Every combination of the values in `axes` (by variable), the last one running fastest."""
-    return [dict(zip(axes, map(float, row), strict=True)) for row in itertools.product(*axes.values())]
+    return [
+        dict(zip(axes, map(float, row), strict=True)) for row in itertools.product(*axes.values())
+    ]
 
 
 def sample_values(
@@ -228,7 +312,9 @@ def sample_values(
 
     Gives `count` sets of values, the same ones for the same seed; `variables` are a walker's.
     """
-    names = check_names(list(names) if isinstance(names, np.ndarray) else names, variables, where="names")
+    names = check_names(
+        list(names) if isinstance(names, np.ndarray) else names, variables, where="names"
+    )
     count, seed = check_whole(count, "count", 0), check_whole(seed, "seed", 0)
     if count < 1 or not names:
         raise InputError(f"{count} sets of {len(names)} values are none", where="count, names")

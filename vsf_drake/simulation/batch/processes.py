@@ -33,8 +33,16 @@ from vsf_drake.simulation.variables import check_whole
 
 IN_FLIGHT = 256  # tasks that an executor of unknown size is given at a time
 LINE_EVERY_S = 30.0
-_ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
-                                      "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS")}
+_ONE_THREAD = {
+    name: "1"
+    for name in (
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "OMP_NUM_THREADS",
+        "VECLIB_MAXIMUM_THREADS",
+        "NUMBA_NUM_THREADS",
+    )
+}
 _CODE = """\
 import sys
 sys.path[:] = {path!r}
@@ -68,7 +76,9 @@ class ProcessWorkers(Executor):
     def __init__(self, workers: int, *, here: bool = False) -> None:
         workers = check_whole(workers, "workers", 1)
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="sweep")
-        self._places: queue.SimpleQueue[_Process | Callable[[_Job], _Reply] | None] = queue.SimpleQueue()
+        self._places: queue.SimpleQueue[_Process | Callable[[_Job], _Reply] | None] = (
+            queue.SimpleQueue()
+        )
         self._lock = threading.Lock()
         self._alive: set[_Process] = set()
         self._closed = self._lost = False
@@ -135,7 +145,9 @@ class ProcessWorkers(Executor):
                 if process.pipe.recv() == _READY:
                     return process
             cause = self._end(process)
-        raise WorkerStartError(f"the worker process {cause} before it took any work: see what it printed above")
+        raise WorkerStartError(
+            f"the worker process {cause} before it took any work: see what it printed above"
+        )
 
     def _end(self, process: _Process) -> str:
         """Makes sure that it has ended, and says how. It holds nothing that could be lost."""
@@ -143,7 +155,11 @@ class ProcessWorkers(Executor):
             self._alive.discard(process)
         process.child.kill()
         code = process.child.wait()
-        return f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+        return (
+            f"was killed by {signal.Signals(-code).name}"
+            if code < 0
+            else f"ended with exit code {code}"
+        )
 
 
 _Job = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
@@ -164,8 +180,11 @@ class _Process:
         with theirs:
             code = _CODE.format(path=_path(), descriptor=theirs.fileno())
             self.child = subprocess.Popen(
-                [sys.executable, "-I" if sys.flags.isolated else "-P", "-c", code], pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL, env=os.environ | _ONE_THREAD)
+                [sys.executable, "-I" if sys.flags.isolated else "-P", "-c", code],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                env=os.environ | _ONE_THREAD,
+            )
 
     def __call__(self, job: _Job) -> _Reply:
         self.pipe.send(job)
@@ -214,16 +233,27 @@ class _InProcess(Executor):
 def checked(workers: Any, executor: Any) -> int | None:
     """`workers` as a count, or None; InputError if it is none, or `executor` is no executor or would fork."""
     if isinstance(executor, type):
-        raise InputError(f"{executor.__name__} is a class", where="executor",
-                         right=f"Give one that is made: {executor.__name__}(...)")
+        raise InputError(
+            f"{executor.__name__} is a class",
+            where="executor",
+            right=f"Give one that is made: {executor.__name__}(...)",
+        )
     if executor is not None and not hasattr(executor, "submit"):
-        raise InputError(f"a {type(executor).__name__} has no submit()", where="executor",
-                         right="Give a concurrent.futures.Executor, or dask's Client.get_executor()")
-    context = getattr(executor, "_mp_context", None)  # of a ProcessPoolExecutor; there is no public way to ask
+        raise InputError(
+            f"a {type(executor).__name__} has no submit()",
+            where="executor",
+            right="Give a concurrent.futures.Executor, or dask's Client.get_executor()",
+        )
+    context = getattr(
+        executor, "_mp_context", None
+    )  # of a ProcessPoolExecutor; there is no public way to ask
     if context is not None and context.get_start_method() == "fork":
-        raise InputError("would fork this process, in which Drake and numba hold threads", where="executor",
-                         right="Give ProcessPoolExecutor(mp_context=multiprocessing.get_context('spawn')), or leave "
-                               "the executor out")
+        raise InputError(
+            "would fork this process, in which Drake and numba hold threads",
+            where="executor",
+            right="Give ProcessPoolExecutor(mp_context=multiprocessing.get_context('spawn')), or leave "
+            "the executor out",
+        )
     return None if workers is None else check_whole(workers, "workers", 1)
 
 
@@ -302,7 +332,9 @@ def reporting(progress: bool | Report | None) -> Iterator[Report]:
         yield sparse_lines(lambda line: print(line, file=sys.stderr, flush=True))
 
 
-def sparse_lines(write: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> Report:
+def sparse_lines(
+    write: Callable[[str], None], clock: Callable[[], float] = time.monotonic
+) -> Report:
     """Writes a line at the start, at the end, and every LINE_EVERY_S in between."""
     last = float("-inf")
 
@@ -320,8 +352,13 @@ def _bar() -> Iterator[Report]:
     from rich.console import Console  # noqa: PLC0415 (workers import this module, and show nothing)
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
 
-    columns = (TextColumn("walks"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"),
-               TimeElapsedColumn())
+    columns = (
+        TextColumn("walks"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task("walks", total=None, rate="")
 

@@ -33,19 +33,40 @@ from vsf_drake.simulation.batch.cases import (
     digest,
     software,
 )
-from vsf_drake.simulation.batch.processes import Report, SweepProgress, WorkerStartError, checked, chosen, reporting
+from vsf_drake.simulation.batch.processes import (
+    Report,
+    SweepProgress,
+    WorkerStartError,
+    checked,
+    chosen,
+    reporting,
+)
 from vsf_drake.simulation.results import walk_arrays
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.tables import Headline, LabelledArrays, Tabular
 
-TRIAL = ("name", "subject", "model", "trajectory", "start_s", "end_s", "fulcrum_m", "offsets",
-         "synthetic")
+TRIAL = (
+    "name",
+    "subject",
+    "model",
+    "trajectory",
+    "start_s",
+    "end_s",
+    "fulcrum_m",
+    "offsets",
+    "synthetic",
+)
 """What a sweep reads of a trial."""
 
 
 def simulate_batch(
-    cases: Iterable[WalkCase], *, keep: Iterable[str] = DEFAULT_KEEP, workers: int | None = None, executor: Any = None,
-    cache: str | Path | None = None, progress: bool | Report | None = None
+    cases: Iterable[WalkCase],
+    *,
+    keep: Iterable[str] = DEFAULT_KEEP,
+    workers: int | None = None,
+    executor: Any = None,
+    cache: str | Path | None = None,
+    progress: bool | Report | None = None,
 ) -> list[WalkOutcome]:
     """Simulates every case; each worker builds a person once and walks it often.
 
@@ -75,13 +96,18 @@ def simulate_batch(
         if not isinstance(case, WalkCase):
             raise InputError(f"member {i} is a {type(case).__name__}, no WalkCase", where="cases")
         if not all(hasattr(case.trial, name) for name in TRIAL):
-            raise InputError(f"the trial of member {i} is a {type(case.trial).__name__}, no Trial", where="cases",
-                             right="Give what load_trial() returns")
+            raise InputError(
+                f"the trial of member {i} is a {type(case.trial).__name__}, no Trial",
+                where="cases",
+                right="Give what load_trial() returns",
+            )
     with reporting(progress) as report:
         sweep, store = _BatchRun(cases, report), None if cache is None else WalkCache(cache)
         todo = sweep.plan(Planner(kept), store)
-        with (chosen(count, executor, len(todo)) as (pool, most),
-              closing(_dispatch(todo, pool, most)) as replies):
+        with (
+            chosen(count, executor, len(todo)) as (pool, most),
+            closing(_dispatch(todo, pool, most)) as replies,
+        ):
             for task, reply in replies:
                 if store is not None:
                     store.write(task, reply)
@@ -96,12 +122,16 @@ class WalkOutcome(Tabular):
     case: WalkCase
     failure: str | None = None  # what went wrong, with the member's parameters
     unconverged_steps: int | None = None  # that were accepted without convergence
-    refined_steps: int | None = None  # that were cut into smaller ones to converge, which is no fault
+    refined_steps: int | None = (
+        None  # that were cut into smaller ones to converge, which is no fault
+    )
     wall_s: float | None = None  # where the walk ran, also if it comes from the cache
     from_cache: bool = False
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Names of the columns of those kept arrays whose columns are coordinates or energies."""
-    notes: tuple[str, ...] = ()  # on the run (an implausible load, a loaded start) and on its cache entry
+    notes: tuple[
+        str, ...
+    ] = ()  # on the run (an implausible load, a loaded start) and on its cache entry
     _arrays: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
@@ -120,17 +150,33 @@ class WalkOutcome(Tabular):
     def labelled(self) -> LabelledArrays:
         """The kept arrays over time_s, as those of a `WalkResult`. VsfError if this member failed."""
         if "time_s" not in self.arrays:
-            raise InputError("is not among the arrays that were kept", where="time_s",
-                             right="Name it in `keep` of simulate_batch")
+            raise InputError(
+                "is not among the arrays that were kept",
+                where="time_s",
+                right="Name it in `keep` of simulate_batch",
+            )
         trial = self.case.trial
-        return walk_arrays(self.arrays, self.columns, {"trial": trial.name, "synthetic": trial.synthetic,
-                                                       "side": trial.subject.prosthetic_side, **self.case.values})
+        return walk_arrays(
+            self.arrays,
+            self.columns,
+            {
+                "trial": trial.name,
+                "synthetic": trial.synthetic,
+                "side": trial.subject.prosthetic_side,
+                **self.case.values,
+            },
+        )
 
     def headline(self) -> Headline:
         """What was varied, and how it went."""
-        return Headline(kind="Walk", name=self.case.trial.name, synthetic=self.case.trial.synthetic,
-                        failure=self.failure or "", unconverged_steps=self.unconverged_steps or 0,
-                        facts=[(name, value, "") for name, value in self.case.values.items()])
+        return Headline(
+            kind="Walk",
+            name=self.case.trial.name,
+            synthetic=self.case.trial.synthetic,
+            failure=self.failure or "",
+            unconverged_steps=self.unconverged_steps or 0,
+            facts=[(name, value, "") for name, value in self.case.values.items()],
+        )
 
 
 class _BatchRun:
@@ -167,15 +213,24 @@ class _BatchRun:
 
     def settle(self, key: str, reply: Reply) -> None:
         """Takes in what a worker answered to the task `key`."""
-        self._place(self._members[key], replace(reply, notes=tuple(filter(None, (*reply.notes, self._damage[key])))))
+        self._place(
+            self._members[key],
+            replace(reply, notes=tuple(filter(None, (*reply.notes, self._damage[key])))),
+        )
         self._tell()
 
     def _tell(self) -> None:
         cached = sum(outcome.from_cache for outcome in self.outcomes.values())
-        self._report(SweepProgress(
-            total=len(self._cases), done=len(self.outcomes), from_cache=cached,
-            failed=sum(not outcome.ok for outcome in self.outcomes.values()),
-            simulated=len(self.outcomes) - cached - self._refused, elapsed_s=time.monotonic() - self._started))
+        self._report(
+            SweepProgress(
+                total=len(self._cases),
+                done=len(self.outcomes),
+                from_cache=cached,
+                failed=sum(not outcome.ok for outcome in self.outcomes.values()),
+                simulated=len(self.outcomes) - cached - self._refused,
+                elapsed_s=time.monotonic() - self._started,
+            )
+        )
 
     def _place(self, members: list[int], reply: Reply, *, from_cache: bool = False) -> None:
         for array in reply.arrays.values():
@@ -184,9 +239,16 @@ class _BatchRun:
             case = self._cases[i]
             failure = None if reply.kind is Kind.DONE else f"{case.describe()}: {reply.text}"
             self.outcomes[i] = WalkOutcome(
-                case=case, failure=failure, unconverged_steps=reply.unconverged_steps,
-                refined_steps=reply.refined_steps, wall_s=reply.wall_s, from_cache=from_cache, columns=reply.columns,
-                notes=reply.notes, _arrays=reply.arrays)
+                case=case,
+                failure=failure,
+                unconverged_steps=reply.unconverged_steps,
+                refined_steps=reply.refined_steps,
+                wall_s=reply.wall_s,
+                from_cache=from_cache,
+                columns=reply.columns,
+                notes=reply.notes,
+                _arrays=reply.arrays,
+            )
 
 
 def _said(error: Exception) -> str:
@@ -198,7 +260,9 @@ def _said(error: Exception) -> str:
 # diagram with Python systems in it.
 
 
-_NAMELESS: Any = SimpleNamespace(name="", notes=(), synthetic=False, inputs={})  # in place of a trial
+_NAMELESS: Any = SimpleNamespace(
+    name="", notes=(), synthetic=False, inputs={}
+)  # in place of a trial
 _lock = threading.Lock()
 _idle: dict[str, list[Walker]] = {}
 
@@ -208,7 +272,9 @@ class Kind(enum.Enum):
 
     DONE = "done"
     FAILED = "failed"  # the simulation failed, and would again: as good a result as any
-    REFUSED = "refused"  # the case cannot be simulated, or a fault of the program kept it from being
+    REFUSED = (
+        "refused"  # the case cannot be simulated, or a fault of the program kept it from being
+    )
     MACHINE = "machine"  # memory, disk or the worker failed: says nothing of the case
 
 
@@ -231,14 +297,22 @@ def run_task(task: WorkerTask) -> Reply:
     try:
         here = software()
         if task.software != here:
-            differ = [f"{name} {here.get(name)} instead of {value}" for name, value in task.software.items()
-                      if here.get(name) != value]
+            differ = [
+                f"{name} {here.get(name)} instead of {value}"
+                for name, value in task.software.items()
+                if here.get(name) != value
+            ]
             return Reply(Kind.REFUSED, f"the worker runs other software: {', '.join(differ)}")
         with _walker(task) as walker:
             return _walked(walker, task)
     except Exception as error:  # whatever it is, it concerns this member only
-        kind = (Kind.FAILED if isinstance(error, SimulationError)
-                else Kind.MACHINE if isinstance(error, (MemoryError, OSError)) else Kind.REFUSED)
+        kind = (
+            Kind.FAILED
+            if isinstance(error, SimulationError)
+            else Kind.MACHINE
+            if isinstance(error, (MemoryError, OSError))
+            else Kind.REFUSED
+        )
         if kind is Kind.REFUSED:
             raise_if_interrupted()
         return Reply(kind, _said(error))
@@ -249,13 +323,27 @@ def _walked(walker: Walker, task: WorkerTask) -> Reply:
     result = walker.result(walk, _NAMELESS, task.options["offsets"], energy="energy_j" in task.keep)
     arrays = {name: np.array(getattr(result, name)) for name in task.keep}
     for name, array in arrays.items():
-        if not name.endswith("cop_W") and not np.isfinite(array).all():  # a foot in the air has no centre of pressure
+        if (
+            not name.endswith("cop_W") and not np.isfinite(array).all()
+        ):  # a foot in the air has no centre of pressure
             row = int(np.argwhere(~np.isfinite(array))[0][0])
-            raise SimulationError(f"{name} is not a finite number", time_s=float(result.time_s[row]))
-    columns = {name: tuple(getattr(result, named)) for name in task.keep
-               if isinstance(named := ARRAYS[name].get("columns"), str)}
-    return Reply(Kind.DONE, arrays=arrays, columns=columns, unconverged_steps=result.unconverged_steps,
-                 refined_steps=result.refined_steps, wall_s=result.wall_s, notes=tuple(result.notes))
+            raise SimulationError(
+                f"{name} is not a finite number", time_s=float(result.time_s[row])
+            )
+    columns = {
+        name: tuple(getattr(result, named))
+        for name in task.keep
+        if isinstance(named := ARRAYS[name].get("columns"), str)
+    }
+    return Reply(
+        Kind.DONE,
+        arrays=arrays,
+        columns=columns,
+        unconverged_steps=result.unconverged_steps,
+        refined_steps=result.refined_steps,
+        wall_s=result.wall_s,
+        notes=tuple(result.notes),
+    )
 
 
 @contextmanager
@@ -278,7 +366,9 @@ ATTEMPTS = 2  # how often a task is tried whose worker dies under it
 LOOK_EVERY_S = 0.2  # how often to look for tasks that were cancelled from outside: nobody tells
 
 
-def _dispatch(tasks: Iterable[WorkerTask], executor: Any, most: int) -> Generator[tuple[WorkerTask, Reply]]:
+def _dispatch(
+    tasks: Iterable[WorkerTask], executor: Any, most: int
+) -> Generator[tuple[WorkerTask, Reply]]:
     """Yields each task with its reply as they finish, with `most` kept submitted; closing it calls off the others."""
     queue = deque(tasks)
     tried: dict[str, int] = {}
@@ -290,7 +380,9 @@ def _dispatch(tasks: Iterable[WorkerTask], executor: Any, most: int) -> Generato
                 task = queue.popleft()
                 try:
                     running[executor.submit(run_task, task)] = task
-                except RuntimeError as error:  # broken or shut down; it was given, so it is not ours to replace
+                except (
+                    RuntimeError
+                ) as error:  # broken or shut down; it was given, so it is not ours to replace
                     closed = f"the executor takes no more work ({error})"
                     queue.appendleft(task)
             if closed:
@@ -332,7 +424,10 @@ def _reply(future: Future[Reply]) -> Reply:
 
 
 ABOUT = "about.json"
-LASTING = (Kind.DONE, Kind.FAILED)  # replies worth keeping: a simulation that failed will fail again; a machine may not
+LASTING = (
+    Kind.DONE,
+    Kind.FAILED,
+)  # replies worth keeping: a simulation that failed will fail again; a machine may not
 
 
 class WalkCache:
@@ -340,12 +435,16 @@ class WalkCache:
 
     def __init__(self, folder: str | Path) -> None:
         if not isinstance(folder, (str, Path)):
-            raise InputError(f"a {type(folder).__name__} is no folder", where="cache", right="Give its path")
+            raise InputError(
+                f"a {type(folder).__name__} is no folder", where="cache", right="Give its path"
+            )
         self.folder = user_path(folder)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(f"cannot be a folder ({error.strerror})", file=self.folder, where="cache") from None
+            raise InputError(
+                f"cannot be a folder ({error.strerror})", file=self.folder, where="cache"
+            ) from None
 
     def _path(self, key: str) -> Path:
         return self.folder / key[:2] / f"{key}.npz"
@@ -371,8 +470,12 @@ class WalkCache:
                 stream.write(_encoded(task, reply))
         except (OSError, InputError) as error:
             cause = error.strerror if isinstance(error, OSError) else error.what
-            raise InputError(f"a finished walk cannot be kept ({cause})", file=self.folder, where="cache",
-                             right="Make room and run the same again: it goes on from what is there") from None
+            raise InputError(
+                f"a finished walk cannot be kept ({cause})",
+                file=self.folder,
+                where="cache",
+                right="Make room and run the same again: it goes on from what is there",
+            ) from None
 
 
 _PLAIN = ("text", "unconverged_steps", "refined_steps", "wall_s", "notes", "columns")
@@ -382,10 +485,17 @@ _PLAIN = ("text", "unconverged_steps", "refined_steps", "wall_s", "notes", "colu
 def _encoded(task: WorkerTask, reply: Reply) -> bytes:
     options = {name: value for name, value in task.options.items() if not callable(value)}
     about: dict[str, Any] = {
-        "key": task.key, "kind": reply.kind.value, **{name: to_plain(getattr(reply, name)) for name in _PLAIN},
-        "made_with": {"person": task.person_key, "motion": task.motion_key, "keep": list(task.keep),
-                      **to_plain(options)},
-        "software": task.software}
+        "key": task.key,
+        "kind": reply.kind.value,
+        **{name: to_plain(getattr(reply, name)) for name in _PLAIN},
+        "made_with": {
+            "person": task.person_key,
+            "motion": task.motion_key,
+            "keep": list(task.keep),
+            **to_plain(options),
+        },
+        "software": task.software,
+    }
     about["content_sha256"] = digest(about, reply.arrays)
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **reply.arrays)
@@ -400,5 +510,8 @@ def _decoded(path: Path, key: str) -> Reply:
     expected = about.pop("content_sha256")
     if digest(about, arrays) != expected or about["key"] != key:
         raise ValueError("its SHA-256 differs")
-    about |= {"notes": tuple(about["notes"]), "columns": {name: tuple(of) for name, of in about["columns"].items()}}
+    about |= {
+        "notes": tuple(about["notes"]),
+        "columns": {name: tuple(of) for name, of in about["columns"].items()},
+    }
     return Reply(Kind(about["kind"]), arrays=arrays, **{name: about[name] for name in _PLAIN})

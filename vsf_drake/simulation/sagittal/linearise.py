@@ -36,7 +36,12 @@ from vsf_drake.simulation.sagittal.model import (
     touch,
     wrenches,
 )
-from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, PlanarMotion, cross, inertia_times
+from vsf_drake.simulation.sagittal.planar_dynamics import (
+    PlanarDynamics,
+    PlanarMotion,
+    cross,
+    inertia_times,
+)
 
 
 class _Columns:
@@ -45,26 +50,40 @@ class _Columns:
 
     def __init__(self, n: int, k: int, link: np.ndarray) -> None:
         self.n, self.k = n, k
-        self.of_q, self.of_w, self.of_placed = link[:n], link[n:n + k], link[n + k:]
+        self.of_q, self.of_w, self.of_placed = link[:n], link[n : n + k], link[n + k :]
         self.v, self.a, self.w, self.u = n, 2 * n, 3 * n, 3 * n + k
         self.fulcrum, self.heel, alignment, self.thickness = 3 * n + 2 * k + np.arange(4)
-        self.placed = np.array([self.fulcrum, alignment])[:len(self.of_placed)]
+        self.placed = np.array([self.fulcrum, alignment])[: len(self.of_placed)]
 
     def fill(self, by: np.ndarray, place: np.ndarray, rate: np.ndarray | None = None) -> None:
         """Into `by` (r, P, N) the derivatives (r, L, N) by the links' coordinates and by their rates."""
-        by[:, :self.n], by[:, self.w:self.u] = place[:, self.of_q], place[:, self.of_w]
+        by[:, : self.n], by[:, self.w : self.u] = place[:, self.of_q], place[:, self.of_w]
         by[:, self.placed] = place[:, self.of_placed]
         if rate is not None:
-            by[:, self.v:self.a], by[:, self.u:self.fulcrum] = rate[:, self.of_q], rate[:, self.of_w]
+            by[:, self.v : self.a], by[:, self.u : self.fulcrum] = (
+                rate[:, self.of_q],
+                rate[:, self.of_w],
+            )
 
 
 def linearise(
-    model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray,
-    smoothing: Smoothing
+    model: SagittalModel,
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    w: np.ndarray,
+    u: np.ndarray,
+    p: np.ndarray,
+    smoothing: Smoothing,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Values (m, N) of `SagittalModel.evaluate` at real arrays (n, N), and (m, P, N) derivatives by what is given, in
     order: P = 3 n + 2 k + 4."""
-    n, k, dynamics, at = len(q), len(w), model.dynamics, _Columns(len(q), len(w), model.dynamics.link)
+    n, k, dynamics, at = (
+        len(q),
+        len(w),
+        model.dynamics,
+        _Columns(len(q), len(w), model.dynamics.link),
+    )
     y = model.evaluate(q, v, a, w, u, p, smoothing)
     by = np.zeros((len(y), at.thickness + 1, q.shape[1]))
 
@@ -77,19 +96,21 @@ def linearise(
 
     # Forces S . f in the joints: balance of pelvis, socket and keel, then torques; links in the order of these rows.
     links = dynamics.link[np.concatenate([np.arange(3), np.arange(n, n + k), np.arange(3, n)])]
-    load = by[:n + k]
-    place, rate, acceleration = _load_change(dynamics, motion, joints, taken, feet[0] + feet[1], links)
+    load = by[: n + k]
+    place, rate, acceleration = _load_change(
+        dynamics, motion, joints, taken, feet[0] + feet[1], links
+    )
     at.fill(load, place, rate)
-    load[:, at.a:at.w] = acceleration[:, at.of_q]
+    load[:, at.a : at.w] = acceleration[:, at.of_q]
     load[:, at.heel] = -np.einsum("cln,cln->ln", motion.S[:, links], feet[0].by_heel[:, links])
 
     # Socket and keel have springs, the keel the support too: their balance is the joint's force less the spring's.
     torque, powers, ground = slice(3 + k, n + k), n + k + np.arange(n - 3), 2 * n + k - 3
     power = model.outputs.index("prosthesis_power")
     stored, soles = power + 1, power + 2
-    by[stored] = _add_support(model, w, u, p, by[3:3 + k], at)
+    by[stored] = _add_support(model, w, u, p, by[3 : 3 + k], at)
     by_spring = _add_springs(model, w, u, p, by[stored], at)
-    by[3:3 + k] -= by_spring
+    by[3 : 3 + k] -= by_spring
 
     # Power of a joint: torque v, so that d = d torque v + torque dv.
     by[powers] = by[torque] * v[3:, None]
@@ -98,18 +119,24 @@ def linearise(
     # The ground's wrench on a foot by all that moves it: place and twist of each link, S dq and (V_p x S) dq + S dv.
     for i, foot in enumerate(feet):
         change = np.zeros((3, *by.shape[1:]))
-        at.fill(change, _of(foot.by_place, motion.S) + _of(foot.by_twist, joints[0]), _of(foot.by_twist, motion.S))
+        at.fill(
+            change,
+            _of(foot.by_place, motion.S) + _of(foot.by_twist, joints[0]),
+            _of(foot.by_twist, motion.S),
+        )
         change[:, at.heel] = foot.by_heel[:, 0]
-        by[ground + 3 * i:ground + 3 * i + 3] = change[[1, 2, 0]]
-    by[ground + 6:power] = by_spring[:3]
-    by[power] = _power_below(model, motion, joints, feet[0].wrench[:, 0], by[ground:ground + 3], at)
+        by[ground + 3 * i : ground + 3 * i + 3] = change[[1, 2, 0]]
+    by[ground + 6 : power] = by_spring[:3]
+    by[power] = _power_below(
+        model, motion, joints, feet[0].wrench[:, 0], by[ground : ground + 3], at
+    )
 
     # Height of a sole, sum of part_s z_s: sphere s rises by z - x omega as a link that carries it moves.
     for i, rows in enumerate(model.feet):
         part = sole(spheres.depth[rows])[1]
         onto = dynamics.carries[:, model.spheres.link[rows]]
         lift = np.stack([onto @ (-part * spheres.x[rows]), np.zeros_like(motion.x), onto @ part])
-        at.fill(by[soles + i:soles + i + 1], np.einsum("cln,cln->ln", lift, motion.S)[None])
+        at.fill(by[soles + i : soles + i + 1], np.einsum("cln,cln->ln", lift, motion.S)[None])
     return y, by
 
 
@@ -123,8 +150,12 @@ def _joints(dynamics: PlanarDynamics, motion: PlanarMotion) -> tuple[np.ndarray,
 
 
 def _load_change(
-    dynamics: PlanarDynamics, motion: PlanarMotion, joints: tuple[np.ndarray, np.ndarray], taken: np.ndarray,
-    ground: GroundChange, rows: np.ndarray
+    dynamics: PlanarDynamics,
+    motion: PlanarMotion,
+    joints: tuple[np.ndarray, np.ndarray],
+    taken: np.ndarray,
+    ground: GroundChange,
+    rows: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(r, L, N) derivatives of the forces in the joints of links `rows` by all coordinates, rates, accelerations.
 
@@ -160,7 +191,9 @@ def _load_change(
 
     # Of joint i: what its own composites make of S_i, I S_i and -S_i P, -S_i T (left of the motions of a joint k).
     carried_momentum, here = inertia(S), S[:, rows]
-    onto_place, onto_twist = (np.einsum("cln,cdln->dln", S, matrix) for matrix in (place, ground.by_twist))
+    onto_place, onto_twist = (
+        np.einsum("cln,cdln->dln", S, matrix) for matrix in (place, ground.by_twist)
+    )
     left = np.concatenate([carried_momentum, -onto_place, -onto_twist])[:, rows]
 
     # Which of both carries the other; `turns` is S_i . B S_k where k carries i.
@@ -169,9 +202,13 @@ def _load_change(
     under = dynamics.carries.T[rows].astype(bool)[:, :, None]
     turns = (here * B[:, rows]).sum(0)[:, None] * S[0]
 
-    def chosen(mine: np.ndarray, theirs: np.ndarray, more: np.ndarray | float, right: np.ndarray) -> np.ndarray:
+    def chosen(
+        mine: np.ndarray, theirs: np.ndarray, more: np.ndarray | float, right: np.ndarray
+    ) -> np.ndarray:
         """Of a joint on a carrier of the other, from what that one feels; else from `mine`; 0 on different branches."""
-        return np.where(above, _times(here, theirs), np.where(under, _times(mine, right) + more, 0.0))
+        return np.where(
+            above, _times(here, theirs), np.where(under, _times(mine, right) + more, 0.0)
+        )
 
     by_q = chosen(left, below, 0.0, np.concatenate([E, S, D]))
     by_v = chosen(left[[0, 1, 2, 6, 7, 8]], below_rate, turns, np.concatenate([2.0 * D, S]))
@@ -179,7 +216,12 @@ def _load_change(
 
 
 def _add_support(
-    model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, by_load: np.ndarray, at: _Columns
+    model: SagittalModel,
+    w: np.ndarray,
+    u: np.ndarray,
+    p: np.ndarray,
+    by_load: np.ndarray,
+    at: _Columns,
 ) -> np.ndarray:
     """Adds to (k, P, N) what joints give against the support, by complex steps and, for rates, damping dw/dq_i
     dw/dq_k; (P, N) derivatives of its energy."""
@@ -192,32 +234,47 @@ def _add_support(
     load, energy, slope = model.support.load(turned, rates, positions)
     bent, stored, slope = load.imag / IMAGINARY_STEP, energy.imag / IMAGINARY_STEP, slope[:, 0].real
     rows = by_load[first:]
-    rows[:, at.w + first:at.u] += bent[:, :count]
-    rows[:, at.u + first:at.fulcrum] += model.support.damping * slope[:, None] * slope[None]
+    rows[:, at.w + first : at.u] += bent[:, :count]
+    rows[:, at.u + first : at.fulcrum] += model.support.damping * slope[:, None] * slope[None]
     rows[:, at.fulcrum] += bent[:, count]
     by = np.zeros(by_load.shape[1:])
-    by[at.w + first:at.u], by[at.fulcrum] = stored[:count], stored[count]
+    by[at.w + first : at.u], by[at.fulcrum] = stored[:count], stored[count]
     return by
 
 
 def _add_springs(
-    model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, by_energy: np.ndarray, at: _Columns
+    model: SagittalModel,
+    w: np.ndarray,
+    u: np.ndarray,
+    p: np.ndarray,
+    by_energy: np.ndarray,
+    at: _Columns,
 ) -> np.ndarray:
     """(k, P, N) derivatives of the springs' forces; adds those of the keel's energy: complex steps."""
     h, each = IMAGINARY_STEP, np.arange(len(w))
     steps = 1j * h * np.eye(3)[:, None, :, None]
     force, stored = spring_forces(
-        model.springs, w[:, None] + steps[0], u[:, None] + steps[1], model.spring_scale(p[3] + steps[2, 0]))
+        model.springs,
+        w[:, None] + steps[0],
+        u[:, None] + steps[1],
+        model.spring_scale(p[3] + steps[2, 0]),
+    )
     by = np.zeros((len(w), *by_energy.shape))
-    by[each, at.w + each], by[each, at.u + each], by[:, at.thickness] = np.moveaxis(force.imag / h, 1, 0)
-    by_energy[at.w + len(SOCKET):at.u] += stored[len(SOCKET):, 0].imag / h
+    by[each, at.w + each], by[each, at.u + each], by[:, at.thickness] = np.moveaxis(
+        force.imag / h, 1, 0
+    )
+    by_energy[at.w + len(SOCKET) : at.u] += stored[len(SOCKET) :, 0].imag / h
     by_energy[at.thickness] += stored[:, 2].imag.sum(0) / h
     return by
 
 
 def _power_below(
-    model: SagittalModel, motion: PlanarMotion, joints: tuple[np.ndarray, np.ndarray], wrench: np.ndarray,
-    by_wrench: np.ndarray, at: _Columns
+    model: SagittalModel,
+    motion: PlanarMotion,
+    joints: tuple[np.ndarray, np.ndarray],
+    wrench: np.ndarray,
+    by_wrench: np.ndarray,
+    at: _Columns,
 ) -> np.ndarray:
     """(P, N) of the ground's `wrench` (3, N) at the shank's twist; `by_wrench`: derivatives of fx, fz, my.
 
@@ -226,8 +283,13 @@ def _power_below(
     V, S = motion.V[:, model.shank], motion.S
     carries = model.dynamics.carries[:, model.shank, None]
     by = np.zeros((1, *by_wrench.shape[1:]))
-    at.fill(by, *(np.einsum("cn,cln->ln", wrench, m * carries)[None] for m in (
-        cross(S, V[:, None]) + joints[0], S)))
+    at.fill(
+        by,
+        *(
+            np.einsum("cn,cln->ln", wrench, m * carries)[None]
+            for m in (cross(S, V[:, None]) + joints[0], S)
+        ),
+    )
     return np.asarray(by[0] + np.einsum("cn,cdn->dn", V[[1, 2, 0]], by_wrench))
 
 
@@ -256,13 +318,21 @@ class GroundChange:
     by_heel: np.ndarray  # (3, L, N) by the heel's scale
 
     def __add__(self, other: GroundChange) -> GroundChange:
-        return GroundChange(self.wrench + other.wrench, self.by_place + other.by_place,
-                            self.by_twist + other.by_twist, self.by_heel + other.by_heel)
+        return GroundChange(
+            self.wrench + other.wrench,
+            self.by_place + other.by_place,
+            self.by_twist + other.by_twist,
+            self.by_heel + other.by_heel,
+        )
 
 
 def ground_changes(
-    spheres: Spheres, feet: tuple[slice, slice], carries: np.ndarray, at: Touch, heel: np.ndarray,
-    smoothing: Smoothing
+    spheres: Spheres,
+    feet: tuple[slice, slice],
+    carries: np.ndarray,
+    at: Touch,
+    heel: np.ndarray,
+    smoothing: Smoothing,
 ) -> list[GroundChange]:
     """Of each of the feet; `carries` (L, L) says which link carries which, `heel` (N,) scales the stiffness there.
 
@@ -277,7 +347,9 @@ def ground_changes(
     fz, mu = normal(spheres, at.depth, rate, heel, smoothing), friction(spheres, at.slip, smoothing)
     by_depth = normal(spheres, at.depth + h, rate, heel, smoothing).imag / IMAGINARY_STEP
     by_rate = normal(spheres, at.depth, rate + h, heel, smoothing).imag / IMAGINARY_STEP
-    fz_by_heel = np.where(tall(spheres.heel, fz), normal(spheres, at.depth, rate, heel + h, smoothing).imag, 0.0)
+    fz_by_heel = np.where(
+        tall(spheres.heel, fz), normal(spheres, at.depth, rate, heel + h, smoothing).imag, 0.0
+    )
     by_slip = -fz * friction(spheres, at.slip + h, smoothing).imag / IMAGINARY_STEP
     wrench = wrenches(at, fz, mu)
     fx, nil, one = wrench[1], np.zeros_like(fz), np.ones_like(fz)
@@ -289,12 +361,23 @@ def ground_changes(
         return np.stack([z * dfx + fx * dz - x * dfz - fz * dx, dfx, dfz])
 
     # By a unit turn and shifts along x, z of the link: of its place, which turns its velocity along; of its twist.
-    by_place = np.stack([change(centre_z, -x, at.vx, at.vz), change(one, nil, nil, nil), change(nil, one, nil, nil)], 1)
-    by_twist = np.stack([change(nil, nil, x, z), change(nil, nil, nil, one), change(nil, nil, -one, nil)], 1)
+    by_place = np.stack(
+        [
+            change(centre_z, -x, at.vx, at.vz),
+            change(one, nil, nil, nil),
+            change(nil, one, nil, nil),
+        ],
+        1,
+    )
+    by_twist = np.stack(
+        [change(nil, nil, x, z), change(nil, nil, nil, one), change(nil, nil, -one, nil)], 1
+    )
     by_heel = wrenches(at, fz_by_heel / IMAGINARY_STEP, mu)
 
     changes = []
     for foot in feet:  # sums over the spheres that each link carries
         onto = carries[:, spheres.link[foot]]
-        changes.append(GroundChange(*(onto @ y[..., foot, :] for y in (wrench, by_place, by_twist, by_heel))))
+        changes.append(
+            GroundChange(*(onto @ y[..., foot, :] for y in (wrench, by_place, by_twist, by_heel)))
+        )
     return changes

@@ -50,8 +50,17 @@ SOCKET = ("socket_tx", "socket_tz", "socket_flexion")
 def sagittal_coordinates(prosthetic_side: str, *, able_bodied: bool = False) -> tuple[str, ...]:
     """Names of q, in order, for "right" or "left"."""
     p, i = ("r", "l") if prosthetic_side == "right" else ("l", "r")
-    return ("pelvis_tilt", "pelvis_tx", "pelvis_ty", f"hip_flexion_{p}", f"knee_angle_{p}", f"hip_flexion_{i}",
-            f"knee_angle_{i}", f"ankle_angle_{i}", *((f"ankle_angle_{p}",) if able_bodied else ()))
+    return (
+        "pelvis_tilt",
+        "pelvis_tx",
+        "pelvis_ty",
+        f"hip_flexion_{p}",
+        f"knee_angle_{p}",
+        f"hip_flexion_{i}",
+        f"knee_angle_{i}",
+        f"ankle_angle_{i}",
+        *((f"ankle_angle_{p}",) if able_bodied else ()),
+    )
 
 
 MIRRORED = {5: 3, 6: 4, 7: 8}  # hip, knee and ankle among them: the intact one's, and its image's
@@ -72,8 +81,12 @@ class SagittalModel:
     """
 
     def __init__(
-        self, walker: Walker, *, offsets: GeometricOffsets | None = None, values: dict[str, float] | None = None,
-        able_bodied: bool = False
+        self,
+        walker: Walker,
+        *,
+        offsets: GeometricOffsets | None = None,
+        values: dict[str, float] | None = None,
+        able_bodied: bool = False,
     ) -> None:
         offsets = check_offsets(offsets)
         gait, context = walker.gait, walker.gait.diagram.CreateDefaultContext()
@@ -81,17 +94,32 @@ class SagittalModel:
         values, foot = check_values(values, walker.variables), gait.person.foot
         mount, self.shift, shifts, *_ = added(walker.variables, values, gait.prescribed)
         if np.any(shifts):
-            raise InputError("the sagittal model shifts no coordinate", where="values", right="Shift the motion itself")
+            raise InputError(
+                "the sagittal model shifts no coordinate",
+                where="values",
+                right="Shift the motion itself",
+            )
         own = mount_of(offsets)
-        set_mount(gait.plant_context(context), foot, **{  # the plane knows no inversion and no toe-out
-            name: own[name] + more for name, more in zip(OFFSETS[:3], mount[:3], strict=True)})
+        set_mount(
+            gait.plant_context(context),
+            foot,
+            **{  # the plane knows no inversion and no toe-out
+                name: own[name] + more for name, more in zip(OFFSETS[:3], mount[:3], strict=True)
+            },
+        )
         mechanism = edited(gait_mechanism(gait, context), walker.variables, values)
         tree, side, count = mechanism.tree, walker.subject.prosthetic_side, len(foot.sites.radius)
         self.subject, self.foot = walker.subject, walker.model.foot
         self.coordinates = sagittal_coordinates(side, able_bodied=able_bodied)
         self.quasi_static = () if able_bodied else (*SOCKET, *foot.keel_joint_names)
-        sites, bodies, heel = mechanism.sites, mechanism.site_bodies, np.zeros(len(mechanism.sites), dtype=bool)
-        heel[:count] = np.array([name.startswith("heel") for name in foot.sites.zone_names])[foot.sites.zone]
+        sites, bodies, heel = (
+            mechanism.sites,
+            mechanism.site_bodies,
+            np.zeros(len(mechanism.sites), dtype=bool),
+        )
+        heel[:count] = np.array([name.startswith("heel") for name in foot.sites.zone_names])[
+            foot.sites.zone
+        ]
         keel_starts, keel_bodies = mechanism.keel_starts, mechanism.keel_bodies
         names = sagittal_coordinates(side)
         if able_bodied:
@@ -112,21 +140,34 @@ class SagittalModel:
         lifts = np.array([-plane.links[link].turn for link in keel])
         self.support = Support(keel_starts, lifts, *mechanism.fulcrum)
         self.shank = int(self.dynamics.link[4])  # the knee's joint moves it
-        self.socket = self.shank if able_bodied else int(self.dynamics.link[names.index("socket_flexion")])
+        self.socket = (
+            self.shank if able_bodied else int(self.dynamics.link[names.index("socket_flexion")])
+        )
         self.socket_bends = plane.links[self.socket].turn * plane.links[self.shank].turn
         self.spheres, first = merged_spheres(plane, sites, bodies, heel)
         prosthetic = int(np.sum(first < count))
         self.feet = slice(0, prosthetic), slice(prosthetic, None)
         self.outputs = (
             *(f"balance_{name}" for name in (*self.coordinates[:3], *self.quasi_static)),
-            *(f"torque_{name}" for name in self.coordinates[3:]), *(f"power_{name}" for name in self.coordinates[3:]),
+            *(f"torque_{name}" for name in self.coordinates[3:]),
+            *(f"power_{name}" for name in self.coordinates[3:]),
             *(f"{foot}_{part}" for foot in ("prosthetic", "intact") for part in ("fx", "fz", "my")),
-            *(f"force_{name}" for name in self.quasi_static[:len(SOCKET)]), "prosthesis_power", "stored_energy",
-            "prosthetic_sole", "intact_sole")
+            *(f"force_{name}" for name in self.quasi_static[: len(SOCKET)]),
+            "prosthesis_power",
+            "stored_energy",
+            "prosthetic_sole",
+            "intact_sole",
+        )
 
     def evaluate(
-        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray,
-        smoothing: Smoothing
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        w: np.ndarray,
+        u: np.ndarray,
+        p: np.ndarray,
+        smoothing: Smoothing,
     ) -> np.ndarray:
         """(len(outputs), ...) at q, v, a (n, ...), w, u (k, ...), p (4, ...), real or complex.
 
@@ -139,28 +180,49 @@ class SagittalModel:
         n, k = len(q), len(w)
         motion = self.motion(q, v, a, w, u, p)
         at = touch(self.spheres, motion, self.ground)
-        wrench = wrenches(at, normal(self.spheres, at.depth, -at.vz, p[1], smoothing),
-                          friction(self.spheres, at.slip, smoothing))
+        wrench = wrenches(
+            at,
+            normal(self.spheres, at.depth, -at.vz, p[1], smoothing),
+            friction(self.spheres, at.slip, smoothing),
+        )
         taken = self.dynamics.inertial(motion)
         for sphere, link in enumerate(self.spheres.link):
             taken[:, link] -= wrench[:, sphere]
         load = self.dynamics.joint_forces(motion, self.dynamics.of_carried(taken))
-        support, held, _ = self.support.load(w[len(SOCKET):], u[len(SOCKET):], p[0] + self.shift)
-        load[n + len(SOCKET):n + k] += support
+        support, held, _ = self.support.load(w[len(SOCKET) :], u[len(SOCKET) :], p[0] + self.shift)
+        load[n + len(SOCKET) : n + k] += support
         spring, stored = spring_forces(self.springs, w, u, self.spring_scale(p[3]))
         prosthetic, intact = (wrench[:, foot].sum(1) for foot in self.feet)
-        held = held + stored[len(SOCKET):].sum(0)
+        held = held + stored[len(SOCKET) :].sum(0)
         torque, power = load[3:n], np.einsum("c...,c...->...", prosthetic, motion.V[:, self.shank])
-        return np.concatenate([
-            load[:3], load[n:n + k] - spring, torque, torque * v[3:], prosthetic[[1, 2, 0]], intact[[1, 2, 0]],
-            spring[:len(SOCKET)], np.stack([power, held, *(sole(at.depth[f])[0] for f in self.feet)])])
+        return np.concatenate(
+            [
+                load[:3],
+                load[n : n + k] - spring,
+                torque,
+                torque * v[3:],
+                prosthetic[[1, 2, 0]],
+                intact[[1, 2, 0]],
+                spring[: len(SOCKET)],
+                np.stack([power, held, *(sole(at.depth[f])[0] for f in self.feet)]),
+            ]
+        )
 
     def motion(
-        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        w: np.ndarray,
+        u: np.ndarray,
+        p: np.ndarray,
     ) -> PlanarMotion:
         still, nil = np.zeros_like(w), np.zeros_like(p[:2])
-        return self.dynamics.move(np.concatenate([q, w, p[:1] + self.shift, p[2:3]]), np.concatenate([v, u, nil]),
-                                  np.concatenate([a, still, nil]))
+        return self.dynamics.move(
+            np.concatenate([q, w, p[:1] + self.shift, p[2:3]]),
+            np.concatenate([v, u, nil]),
+            np.concatenate([a, still, nil]),
+        )
 
     def spring_scale(self, thickness: np.ndarray) -> np.ndarray:
         keel = thickness * thickness * thickness
@@ -200,13 +262,17 @@ class Support:
         x = np.concatenate([zero, np.cumsum(lengths * c[:-1], axis=0)])
         z = np.concatenate([zero, np.cumsum(lengths * s[:-1], axis=0)])
         along = position - starts
-        past = np.concatenate([zero + 1.0, smooth_step(0.5 * (along[1:] / SUPPORT_WIDTH + 1.0)), zero])
+        past = np.concatenate(
+            [zero + 1.0, smooth_step(0.5 * (along[1:] / SUPPORT_WIDTH + 1.0)), zero]
+        )
         share = past[:-1] - past[1:]
         # Of all beyond a joint: their share, and where they bear.
         ahead = np.cumsum((share * (x + along * c))[::-1], axis=0)[::-1]
         return (share * (z + along * s)).sum(axis=0), signs * (ahead - past[:-1] * x)
 
-    def load(self, w: np.ndarray, u: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def load(
+        self, w: np.ndarray, u: np.ndarray, position: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(K, ...) N m that the joints must give against the support, (...) J stored in it, the deflection's (K, ...)
         derivatives by w."""
         deflection, by = self.deflection(w, position)
@@ -235,15 +301,23 @@ def spring_forces(
             energy[i] += (stiff - negative) * positive_part_integral(w[i], TENSION_WIDTH)
         if limit < UNLIMITED:
             for sign, k in ((1.0, stop * stiff), (-1.0, stop * negative)):
-                elastic[i] += sign * k * rounded_positive_part(sign * w[i] - limit, STOP_WIDTH * limit)
+                elastic[i] += (
+                    sign * k * rounded_positive_part(sign * w[i] - limit, STOP_WIDTH * limit)
+                )
                 energy[i] += k * positive_part_integral(sign * w[i] - limit, STOP_WIDTH * limit)
         if rate_limit < UNLIMITED:
             for sign in (1.0, -1.0):
-                drag[i] += sign * stop * rounded_positive_part(sign * u[i] - rate_limit, STOP_WIDTH * rate_limit)
+                drag[i] += (
+                    sign
+                    * stop
+                    * rounded_positive_part(sign * u[i] - rate_limit, STOP_WIDTH * rate_limit)
+                )
     return -scale * (elastic + tall(rows[:, 2], w) * drag), scale * energy
 
 
-SOLE_BLEND = 2e-3  # m over which the lowest of a foot's spheres is blended from one to the next; a choice
+SOLE_BLEND = (
+    2e-3  # m over which the lowest of a foot's spheres is blended from one to the next; a choice
+)
 _ROUNDING = 9  # digits (m) to which two places are one
 _NORMAL = ("stiffness", "exponent", "damping", "full_damping_depth")
 FRICTION_CORNER = 0.2  # half-width of the corner at the threshold, over that
@@ -257,7 +331,9 @@ class Spheres:
     x: np.ndarray  # (s,) m, centres in the link's frame
     z: np.ndarray
     count: np.ndarray  # (s,)
-    columns: dict[str, np.ndarray]  # (s,) each, radius and constants of the laws by the stepper's names
+    columns: dict[
+        str, np.ndarray
+    ]  # (s,) each, radius and constants of the laws by the stepper's names
     heel: np.ndarray  # (s,) bool, of a zone whose stiffness is a design variable
 
 
@@ -287,20 +363,33 @@ def merged_spheres(
         merged.setdefault(key, []).append(i)
     first = np.array([alike[0] for alike in merged.values()])
     x, z = places[first].T
-    return Spheres(link=np.array(links)[first], x=x, z=z, heel=heel[first],
-                   count=np.array([float(len(alike)) for alike in merged.values()]),
-                   columns=dict(zip(SITE_COLUMNS, rows[first].T, strict=True))), first
+    return Spheres(
+        link=np.array(links)[first],
+        x=x,
+        z=z,
+        heel=heel[first],
+        count=np.array([float(len(alike)) for alike in merged.values()]),
+        columns=dict(zip(SITE_COLUMNS, rows[first].T, strict=True)),
+    ), first
 
 
 def touch(spheres: Spheres, motion: PlanarMotion, ground: float) -> Touch:
     """The spheres over the ground at height `ground` (m)."""
     link = spheres.link
-    px, pz, radius = (tall(values, motion.x) for values in (spheres.x, spheres.z, spheres.columns["radius"]))
+    px, pz, radius = (
+        tall(values, motion.x) for values in (spheres.x, spheres.z, spheres.columns["radius"])
+    )
     c, s, (omega, vx, vz) = motion.c[link], motion.s[link], motion.V[:, link]
     x, z = motion.x[link] + c * px + s * pz, motion.z[link] + c * pz - s * px
     bottom = z - radius
-    return Touch(x=x, z=bottom, depth=ground - bottom, slip=vx + omega * bottom, vx=vx + omega * z,
-                 vz=vz - omega * x)
+    return Touch(
+        x=x,
+        z=bottom,
+        depth=ground - bottom,
+        slip=vx + omega * bottom,
+        vx=vx + omega * z,
+        vz=vz - omega * x,
+    )
 
 
 def normal(
@@ -310,8 +399,11 @@ def normal(
     law: dict[str, Any] = {name: tall(spheres.columns[name], depth) for name in _NORMAL}
     law["stiffness"] = law["stiffness"] * np.where(tall(spheres.heel, depth), heel, 1.0)
     law["damping"] = smoothing.damping * law["damping"]
-    force = kelvin_voigt.normal_force(rounded_positive_part(depth, smoothing.depth_m),
-                                      rounded_positive_part(rate, smoothing.rate_m_per_s), **law)
+    force = kelvin_voigt.normal_force(
+        rounded_positive_part(depth, smoothing.depth_m),
+        rounded_positive_part(rate, smoothing.rate_m_per_s),
+        **law,
+    )
     return np.asarray(tall(spheres.count, depth) * force)
 
 
@@ -324,9 +416,13 @@ def friction(spheres: Spheres, slip: np.ndarray, smoothing: Smoothing) -> np.nda
     by gradients jumps between; a level one has no gradient at all, and a search that comes there ends with a foot that
     shuffles to and fro from instant to instant. A foot that slides faster is held too much.
     """
-    mu_static, threshold = (tall(spheres.columns[name], slip) for name in ("mu_static", "threshold_velocity"))
+    mu_static, threshold = (
+        tall(spheres.columns[name], slip) for name in ("mu_static", "threshold_velocity")
+    )
     u = slip / np.maximum(threshold, smoothing.friction_velocity_m_per_s)
-    beyond = rounded_positive_part(u - 1.0, FRICTION_CORNER) - rounded_positive_part(-u - 1.0, FRICTION_CORNER)
+    beyond = rounded_positive_part(u - 1.0, FRICTION_CORNER) - rounded_positive_part(
+        -u - 1.0, FRICTION_CORNER
+    )
     return np.asarray(mu_static * (u - (1.0 - smoothing.friction_rise) * beyond))
 
 
@@ -374,12 +470,16 @@ class Smoothing:
     """Half-width of the corner where a sphere touches the ground; largest error of the depth is 3/16 of it."""
     rate_m_per_s: float = quantity(0.02, unit="m/s", low=1e-6, high=10.0, source="choice")
     """The same of the corner where damping begins."""
-    friction_velocity_m_per_s: float = quantity(0.1, unit="m/s", low=1e-6, high=10.0, source="choice")
+    friction_velocity_m_per_s: float = quantity(
+        0.1, unit="m/s", low=1e-6, high=10.0, source="choice"
+    )
     """Slip at which friction reaches its static coefficient; never below the model's own."""
     friction_rise: float = quantity(0.1, unit="1", low=0.0, high=1.0, source="choice")
     """Slope of friction beyond that, over the one below: with 0.05 a search still ends in a shuffle now and then, 0.15
     does no better."""
-    damping: float = quantity(1.0, unit="1", low=0.0, high=1.0, source="choice")  # share of the contact's damping
+    damping: float = quantity(
+        1.0, unit="1", low=0.0, high=1.0, source="choice"
+    )  # share of the contact's damping
 
     def __post_init__(self) -> None:
         check(self, where="smoothing.")
@@ -390,4 +490,6 @@ def positive_part_integral(x: np.ndarray, width: float) -> np.ndarray:
     t = x / width + 1.0
     square = t * t
     inside = (width * width / 80.0) * square * square * (5.0 - t)
-    return np.where(x.real >= width, 0.5 * x * x + 0.1 * width * width, np.where(x.real <= -width, 0.0, inside))
+    return np.where(
+        x.real >= width, 0.5 * x * x + 0.1 * width * width, np.where(x.real <= -width, 0.0, inside)
+    )

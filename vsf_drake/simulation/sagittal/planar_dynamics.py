@@ -38,10 +38,21 @@ class PlanarDynamics:
 
     def __init__(self, tree: PlanarTree) -> None:
         self.gravity = tree.gravity
-        (self.parent, self.coordinate, self._turn, self._direction, self._offset, self._angle, self.mass, self._moment,
-         self._inertia) = (np.array(column).T for column in zip(*map(astuple, tree.links), strict=True))
+        (
+            self.parent,
+            self.coordinate,
+            self._turn,
+            self._direction,
+            self._offset,
+            self._angle,
+            self.mass,
+            self._moment,
+            self._inertia,
+        ) = (np.array(column).T for column in zip(*map(astuple, tree.links), strict=True))
         self.link = np.argsort(self.coordinate)  # (L,) of the coordinates
-        self.carries = np.eye(len(tree.links))  # (L, L), [i, j] is 1 where link i carries link j, or is it
+        self.carries = np.eye(
+            len(tree.links)
+        )  # (L, L), [i, j] is 1 where link i carries link j, or is it
         for j, link in enumerate(tree.links):
             if link.parent >= 0:
                 self.carries[:, j] += self.carries[:, link.parent]
@@ -97,7 +108,9 @@ def cross(m: np.ndarray, n: np.ndarray) -> np.ndarray:
 
 def inertia_times(J: np.ndarray, H: np.ndarray, mass: np.ndarray, m: np.ndarray) -> np.ndarray:
     """Momentum (3, ...) of what has moment J, first moments H and mass about W's origin, at the twist m."""
-    return np.stack([J * m[0] + H[1] * m[1] - H[0] * m[2], H[1] * m[0] + mass * m[1], mass * m[2] - H[0] * m[0]])
+    return np.stack(
+        [J * m[0] + H[1] * m[1] - H[0] * m[2], H[1] * m[0] + mass * m[1], mass * m[2] - H[0] * m[0]]
+    )
 
 
 def _product(M: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -106,7 +119,7 @@ def _product(M: np.ndarray, y: np.ndarray) -> np.ndarray:
     flat = np.ascontiguousarray(y).reshape(*lead, M.shape[1], -1)
     # As pairs of reals: complex products with a real matrix would do everything twice.
     product = np.asarray((M @ flat.view(float)).view(y.dtype))
-    return product.reshape(*lead, M.shape[0], *y.shape[len(lead) + 1:])
+    return product.reshape(*lead, M.shape[0], *y.shape[len(lead) + 1 :])
 
 
 # A plant's tree of joints, seen from the side: bodies that move and turn in the x-z plane only.
@@ -127,11 +140,15 @@ class Link:
     parent: int  # index of the link that carries it, -1 for the world
     coordinate: int  # its place among the coordinates asked for
     turn: float  # 1 or -1 if it is revolute, of its axis along +y; 0 if it is prismatic
-    direction: np.ndarray  # (2,) x, z of the way of a prismatic joint, in the frame of its parent; else 0
+    direction: (
+        np.ndarray
+    )  # (2,) x, z of the way of a prismatic joint, in the frame of its parent; else 0
     offset: np.ndarray  # (2,) m, its place in the frame of its parent
     angle: float  # rad, how its frame is turned there
     mass: float = 0.0  # kg
-    moment: np.ndarray = field(default_factory=lambda: np.zeros(2))  # first moments m c, kg m, in its frame
+    moment: np.ndarray = field(
+        default_factory=lambda: np.zeros(2)
+    )  # first moments m c, kg m, in its frame
     inertia: float = 0.0  # about its origin, kg m^2
 
 
@@ -160,13 +177,19 @@ def planar_tree(tree: Tree, names: Sequence[str], *, turning_weld: str | None = 
     """
     missing = [name for name in names if name not in tree.coordinate_names]
     if missing:
-        raise InputError(f"the plant has no coordinate {', '.join(missing)}", where="sagittal model")
+        raise InputError(
+            f"the plant has no coordinate {', '.join(missing)}", where="sagittal model"
+        )
     wanted = {tree.index(name): i for i, name in enumerate(names)}
     links: list[Link] = []
     bodies: dict[int, tuple[int, np.ndarray, float]] = {0: (-1, np.zeros(2), 0.0)}
     for (kind, parent, child, coordinate), frame in zip(tree.links, tree.frames, strict=True):
         on, at, angle = bodies[int(parent)]
-        name = tree.coordinate_names[coordinate] if coordinate >= 0 else f"weld of {tree.body_names[child]}"
+        name = (
+            tree.coordinate_names[coordinate]
+            if coordinate >= 0
+            else f"weld of {tree.body_names[child]}"
+        )
         place, turn = _then(at, angle, frame[9:12], frame[:9], name)
         new = None
         if kind == WELD and tree.body_names[child] == turning_weld:
@@ -174,9 +197,17 @@ def planar_tree(tree: Tree, names: Sequence[str], *, turning_weld: str | None = 
         elif kind != WELD and int(coordinate) in wanted:
             axis, revolute = frame[24:27], kind == REVOLUTE
             if abs(axis[1] if revolute else np.hypot(axis[0], axis[2])) < IN_PLANE:
-                raise InputError(f"{name} does not move in the sagittal plane", where="sagittal model")
-            new = Link(on, wanted[int(coordinate)], float(np.sign(axis[1])) if revolute else 0.0,
-                       np.zeros(2) if revolute else axis[[0, 2]], place, turn)
+                raise InputError(
+                    f"{name} does not move in the sagittal plane", where="sagittal model"
+                )
+            new = Link(
+                on,
+                wanted[int(coordinate)],
+                float(np.sign(axis[1])) if revolute else 0.0,
+                np.zeros(2) if revolute else axis[[0, 2]],
+                place,
+                turn,
+            )
         if new is not None:
             links.append(new)
             on, place, turn = len(links) - 1, np.zeros(2), 0.0
@@ -207,23 +238,35 @@ def with_mirror_image(tree: PlanarTree, images: Mapping[int, int], *, mass_kg: f
     for i, link in enumerate(tree.links):
         if link.coordinate in images:
             link_images[i] = len(links)
-            links.append(replace(link, coordinate=images[link.coordinate],
-                                 parent=link_images.get(link.parent, link.parent)))
+            links.append(
+                replace(
+                    link,
+                    coordinate=images[link.coordinate],
+                    parent=link_images.get(link.parent, link.parent),
+                )
+            )
     for body, (link_index, place, angle) in tree.bodies.items():
         if link_index in link_images:
             bodies[-body] = link_images[link_index], place, angle
     root = tree.links[min(link_images)].parent
     trunk = links[root]
     share = 1.0 + (mass_kg - sum(link.mass for link in links)) / trunk.mass
-    links[root] = replace(trunk, mass=share * trunk.mass, moment=share * trunk.moment, inertia=share * trunk.inertia)
+    links[root] = replace(
+        trunk, mass=share * trunk.mass, moment=share * trunk.moment, inertia=share * trunk.inertia
+    )
     return replace(tree, links=links, bodies=bodies)
 
 
-def _then(at: np.ndarray, angle: float, p: np.ndarray, R: np.ndarray, name: str) -> tuple[np.ndarray, float]:
+def _then(
+    at: np.ndarray, angle: float, p: np.ndarray, R: np.ndarray, name: str
+) -> tuple[np.ndarray, float]:
     R = R.reshape(3, 3)
     if abs(R[1, 1]) < IN_PLANE:
-        raise InputError(f"the frame of {name} is turned out of the sagittal plane by "
-                         f"{np.degrees(np.arccos(np.clip(R[1, 1], -1, 1))):.1f} deg", where="sagittal model",
-                         right="The sagittal model knows no toe-out and no inversion of the prosthesis: leave them out")
+        raise InputError(
+            f"the frame of {name} is turned out of the sagittal plane by "
+            f"{np.degrees(np.arccos(np.clip(R[1, 1], -1, 1))):.1f} deg",
+            where="sagittal model",
+            right="The sagittal model knows no toe-out and no inversion of the prosthesis: leave them out",
+        )
     x, z = turned(p[0], p[2], angle)
     return at + np.array([x, z]), angle + float(np.arctan2(R[0, 2], R[0, 0]))

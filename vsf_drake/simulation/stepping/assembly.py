@@ -20,12 +20,33 @@ from vsf_drake.simulation.stepping.tree import Motion, Six, Three, Tree
 if TYPE_CHECKING:
     from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
 
-SITE_COLUMNS = ("p_BS_x", "p_BS_y", "p_BS_z", "radius", "stiffness", "exponent", "damping", "full_damping_depth",
-                "mu_static", "mu_kinetic", "threshold_velocity")
+SITE_COLUMNS = (
+    "p_BS_x",
+    "p_BS_y",
+    "p_BS_z",
+    "radius",
+    "stiffness",
+    "exponent",
+    "damping",
+    "full_damping_depth",
+    "mu_static",
+    "mu_kinetic",
+    "threshold_velocity",
+)
 """Columns of a site, a sphere of the foot: centre in its body, radius, normal law, friction law."""
 SPRING_COLUMNS = ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit", "stop_ratio")
 """Columns of a sprung coordinate."""
-SITE_RECORD = ("depth", "normal_force", "friction_x", "friction_y", "depth_rate", "slip_x", "slip_y", "x", "y")
+SITE_RECORD = (
+    "depth",
+    "normal_force",
+    "friction_x",
+    "friction_y",
+    "depth_rate",
+    "slip_x",
+    "slip_y",
+    "x",
+    "y",
+)
 """Columns of a site's record at the end of a step; x, y place the contact point in W."""
 MAX_APPROACH = 5.0  # sites further above the ground than this speed (m/s) could close within a step are left out
 TOLERANCE = 1e-7
@@ -65,7 +86,12 @@ class ContactWorkspace(NamedTuple):
 
 @internal
 def find_sites(
-    h: float, forces: Forces, motion: Motion, ground: float, contact: ContactWorkspace, record: np.ndarray
+    h: float,
+    forces: Forces,
+    motion: Motion,
+    ground: float,
+    contact: ContactWorkspace,
+    record: np.ndarray,
 ) -> None:
     """Centres, depths and which sites are near the ground at height `ground` (m) at the end of the step.
 
@@ -75,8 +101,12 @@ def find_sites(
     for s in range(forces.sites.shape[0]):
         b, sites = forces.site_bodies[s], forces.sites
         for i in range(3):
-            contact.center[s, i] = (motion.p[b, i] + motion.R[b, i, 0] * sites[s, 0] + motion.R[b, i, 1] * sites[s, 1]
-                                    + motion.R[b, i, 2] * sites[s, 2])
+            contact.center[s, i] = (
+                motion.p[b, i]
+                + motion.R[b, i, 0] * sites[s, 0]
+                + motion.R[b, i, 1] * sites[s, 1]
+                + motion.R[b, i, 2] * sites[s, 2]
+            )
         depth = sites[s, 3] - (contact.center[s, 2] - ground)
         contact.depth0[s] = depth
         for i in range(9):
@@ -90,8 +120,12 @@ def find_sites(
 
 @internal
 def add_sites(
-    h: float, forces: Forces, contact: ContactWorkspace, ground_rate: float, wanted: np.ndarray,
-    record: np.ndarray
+    h: float,
+    forces: Forces,
+    contact: ContactWorkspace,
+    ground_rate: float,
+    wanted: np.ndarray,
+    record: np.ndarray,
 ) -> None:
     """Adds the ground's wrench on each body to F at the end velocities V, for the near sites that are wanted.
 
@@ -114,10 +148,13 @@ def add_sites(
         # Forces at the depth and the velocity that the step ends with.
         depth = contact.depth0[s] - h * vz
         fn, by_depth, by_rate = normal_force(
-            depth, ground_rate - vz, sites[s, 4], sites[s, 5], sites[s, 6], sites[s, 7])
+            depth, ground_rate - vz, sites[s, 4], sites[s, 5], sites[s, 6], sites[s, 7]
+        )
         fx, fy = 0.0, 0.0
         if fn > 0.0:
-            ratio, _ = friction_per_speed(math.sqrt(vx * vx + vy * vy), sites[s, 8], sites[s, 9], sites[s, 10])
+            ratio, _ = friction_per_speed(
+                math.sqrt(vx * vx + vy * vy), sites[s, 8], sites[s, 9], sites[s, 10]
+            )
             fx, fy = -ratio * fn * vx, -ratio * fn * vy
             rb.add(contact.F, b, rb.wrench(x, y, z, fx, fy, fn))
 
@@ -127,7 +164,9 @@ def add_sites(
 
 
 @internal
-def site_tangent(sites: np.ndarray, s: int, gain: float, record: np.ndarray, least_slope: float) -> Six:
+def site_tangent(
+    sites: np.ndarray, s: int, gain: float, record: np.ndarray, least_slope: float
+) -> Six:
     """K = -dforce/dvelocity of a loaded site as xx, xy, yy, xz, yz, zz (zx and zy are 0).
 
     Of friction -rho(V) fn u, with rho = mu / V, by u in the plane: fn (rho 1 + (mu' - rho) u u^T / V^2), as
@@ -146,8 +185,12 @@ def site_tangent(sites: np.ndarray, s: int, gain: float, record: np.ndarray, lea
 
 @internal
 def tangents(
-    forces: Forces, contact: ContactWorkspace, links: np.ndarray, dofs: FreePrescribed, least_slope: float,
-    record: np.ndarray
+    forces: Forces,
+    contact: ContactWorkspace,
+    links: np.ndarray,
+    dofs: FreePrescribed,
+    least_slope: float,
+    record: np.ndarray,
 ) -> None:
     """K (6, 6) = -dF/dV of every moving body with all that it carries.
 
@@ -166,11 +209,17 @@ def tangents(
         b = forces.site_bodies[s]
         contact.loaded[b] = True
         xx, xy, yy, xz, yz, zz = site_tangent(forces.sites, s, contact.gain[s], record, least_slope)
-        x, y, z = contact.center[s, 0], contact.center[s, 1], contact.center[s, 2] - forces.sites[s, 3]
+        x, y, z = (
+            contact.center[s, 0],
+            contact.center[s, 1],
+            contact.center[s, 2] - forces.sites[s, 3],
+        )
         # k X, row by row.
-        rows = ((xz * y - xy * z, xx * z - xz * x, xy * x - xx * y, xx, xy, xz),
-                (yz * y - yy * z, xy * z - yz * x, yy * x - xy * y, xy, yy, yz),
-                (zz * y, -zz * x, 0.0, 0.0, 0.0, zz))
+        rows = (
+            (xz * y - xy * z, xx * z - xz * x, xy * x - xx * y, xx, xy, xz),
+            (yz * y - yy * z, xy * z - yz * x, yy * x - xy * y, xy, yy, yz),
+            (zz * y, -zz * x, 0.0, 0.0, 0.0, zz),
+        )
         for k in range(6):
             rb.add_column(K, b, k, rb.wrench(x, y, z, rows[0][k], rows[1][k], rows[2][k]))
 
@@ -190,7 +239,8 @@ def add_springs(
     for k in range(forces.spring_index.shape[0]):
         c, s = forces.spring_index[k], forces.springs
         force, by_x, by_rate = spring_force(
-            q0[c] + h * v[c], v[c], s[k, 0], s[k, 1], s[k, 2], s[k, 3], s[k, 4], s[k, 5])
+            q0[c] + h * v[c], v[c], s[k, 0], s[k, 1], s[k, 2], s[k, 3], s[k, 4], s[k, 5]
+        )
         tau[c] += force
         record[k] = -(h * by_x + by_rate)
 
@@ -232,7 +282,9 @@ class Workspace(NamedTuple):
     L: np.ndarray
     A: np.ndarray
     springs: np.ndarray  # (k,)
-    fulcrum: np.ndarray  # (3,) where the support is (m from A), the weight of the foremost body under it, its slope
+    fulcrum: (
+        np.ndarray
+    )  # (3,) where the support is (m from A), the weight of the foremost body under it, its slope
     keel: np.ndarray  # (1,) which of the keel's bodies that is
     tolerance: float  # a step has converged when sqrt(r^T M^-1 r) is below it, in sqrt(kg) m/s
 
@@ -244,25 +296,57 @@ def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Fre
     place_of = np.full(tree.num_coordinates, -1)
     place_of[free] = np.arange(len(free))
     moves = np.asarray(tree.ancestors[:, free].any(axis=1))
-    return FreePrescribed(prescribed=np.asarray(prescribed, dtype=np.int64), free=free, above=above, counts=counts,
-                          place=place_of, body_moves=moves, site_moves=moves[forces.site_bodies],
-                          site_rests=~moves[forces.site_bodies],
-                 moving=np.flatnonzero(moves[tree.links[:, 2]]), still=np.flatnonzero(~moves[tree.links[:, 2]]))
+    return FreePrescribed(
+        prescribed=np.asarray(prescribed, dtype=np.int64),
+        free=free,
+        above=above,
+        counts=counts,
+        place=place_of,
+        body_moves=moves,
+        site_moves=moves[forces.site_bodies],
+        site_rests=~moves[forces.site_bodies],
+        moving=np.flatnonzero(moves[tree.links[:, 2]]),
+        still=np.flatnonzero(~moves[tree.links[:, 2]]),
+    )
 
 
-def step_workspace(tree: Tree, forces: Forces, dofs: FreePrescribed, tolerance: float = TOLERANCE) -> Workspace:
+def step_workspace(
+    tree: Tree, forces: Forces, dofs: FreePrescribed, tolerance: float = TOLERANCE
+) -> Workspace:
     """Workspace for a step of this tree."""
-    n, f, sites, bodies = tree.num_coordinates, len(dofs.free), len(forces.sites), len(tree.body_names)
+    n, f, sites, bodies = (
+        tree.num_coordinates,
+        len(dofs.free),
+        len(forces.sites),
+        len(tree.body_names),
+    )
     contact = ContactWorkspace(
-        near=np.zeros(sites + 1, dtype=np.int64), center=np.zeros((sites, 3)), loaded=np.zeros(bodies, dtype=np.bool_),
-        **{name: np.zeros(sites) for name in ("depth0", "gain", "elastic")}, V=np.zeros((bodies, 6)),
-        F=np.zeros((bodies, 6)), K=np.zeros((bodies, 6, 6)), W=np.zeros((1, 6)), support_jacobian=np.zeros(n))
+        near=np.zeros(sites + 1, dtype=np.int64),
+        center=np.zeros((sites, 3)),
+        loaded=np.zeros(bodies, dtype=np.bool_),
+        **{name: np.zeros(sites) for name in ("depth0", "gain", "elastic")},
+        V=np.zeros((bodies, 6)),
+        F=np.zeros((bodies, 6)),
+        K=np.zeros((bodies, 6, 6)),
+        W=np.zeros((1, 6)),
+        support_jacobian=np.zeros(n),
+    )
     return Workspace(
-        motion=rb.work_space(tree), contact=contact,
+        motion=rb.work_space(tree),
+        contact=contact,
         **{name: np.zeros(n) for name in ("v0", "acceleration", "bias", "applied", "tau", "trial")},
-        dA=np.zeros((bodies, 6)), r=np.zeros(f), dv=np.zeros((f, 1)), y=np.zeros(f), M=np.zeros((f, f)),
-        L=np.zeros((f, f)), A=np.zeros((f, f)), springs=np.zeros(len(forces.springs)), fulcrum=np.zeros(3),
-        keel=np.zeros(1, dtype=np.int64), tolerance=tolerance)
+        dA=np.zeros((bodies, 6)),
+        r=np.zeros(f),
+        dv=np.zeros((f, 1)),
+        y=np.zeros(f),
+        M=np.zeros((f, f)),
+        L=np.zeros((f, f)),
+        A=np.zeros((f, f)),
+        springs=np.zeros(len(forces.springs)),
+        fulcrum=np.zeros(3),
+        keel=np.zeros(1, dtype=np.int64),
+        tolerance=tolerance,
+    )
 
 
 # The fulcrum on the keel in one step, and its derivatives, compiled.
@@ -328,12 +412,23 @@ def find_support(
         c = forces.keel_coordinates[k]
         S = rb.six(motion.S, c)
         contact.support_jacobian[c] = rb.dot(S, W) if k < j else weight * rb.dot(S, front)
-    return j, weight, slope, R[F, 0, 2] * (x - p[F, 0]) + R[F, 1, 2] * (y - p[F, 1]) + R[F, 2, 2] * (z - p[F, 2])
+    return (
+        j,
+        weight,
+        slope,
+        R[F, 0, 2] * (x - p[F, 0]) + R[F, 1, 2] * (y - p[F, 1]) + R[F, 2, 2] * (z - p[F, 2]),
+    )
 
 
 @internal
 def add_support(
-    h: float, v: np.ndarray, forces: Forces, deflection0: float, row: np.ndarray, tau: np.ndarray, record: np.ndarray
+    h: float,
+    v: np.ndarray,
+    forces: Forces,
+    deflection0: float,
+    row: np.ndarray,
+    tau: np.ndarray,
+    record: np.ndarray,
 ) -> None:
     """Adds the two-sided support to tau (n,); record: force on the keel (N), deflection (m), its rate (m/s).
 
@@ -353,16 +448,31 @@ def add_support(
 
 @internal
 def add_support_tangent(
-    h: float, forces: Forces, dofs: FreePrescribed, directions: TangentDirections, workspace: Workspace,
-    tangent: Tangent, support: np.ndarray
+    h: float,
+    forces: Forces,
+    dofs: FreePrescribed,
+    directions: TangentDirections,
+    workspace: Workspace,
+    tangent: Tangent,
+    support: np.ndarray,
 ) -> None:
     """Adds the support to Gq and E: only keel coordinates up to it change its forces, and only they feel them.
 
     By a displacement x of a keel coordinate, or of the support along the keel: with tau = row f, f = -k w - d w' and
     w = w0 + h w', the residual changes by -d(row)/dx f - row df/dx, where df/dx = -k (dw0/dx + h dw'/dx) - d dw'/dx.
     """
-    motion, V, row, d_row = workspace.motion, workspace.contact.V, workspace.contact.support_jacobian, tangent.d_row
-    keel, front, weight, slope = forces.keel_coordinates, workspace.keel[0], workspace.fulcrum[1], workspace.fulcrum[2]
+    motion, V, row, d_row = (
+        workspace.motion,
+        workspace.contact.V,
+        workspace.contact.support_jacobian,
+        tangent.d_row,
+    )
+    keel, front, weight, slope = (
+        forces.keel_coordinates,
+        workspace.keel[0],
+        workspace.fulcrum[1],
+        workspace.fulcrum[2],
+    )
     for column in range(front + 2 if directions.slides else front + 1):
         sliding = column > front
         # Of w0, w' and row: sums over the one or two pieces that bear, each with its share, which slides too.
@@ -371,7 +481,17 @@ def add_support_tangent(
         for piece in range(front - 1 if weight < 1.0 else front, front + 1):
             share, turn = (weight, slope) if piece == front else (1.0 - weight, -slope)
             rise, by_rate, y, y_rate = _piece_change(
-                forces, motion, V, piece, workspace.fulcrum[0], column, front, share, turn if sliding else 0.0, d_row)
+                forces,
+                motion,
+                V,
+                piece,
+                workspace.fulcrum[0],
+                column,
+                front,
+                share,
+                turn if sliding else 0.0,
+                d_row,
+            )
             d_deflection += share * rise
             d_rate += share * by_rate
             if sliding:
@@ -399,13 +519,22 @@ def add_support_tangent(
         if i >= 0:
             for p in range(directions.support.shape[0]):
                 tangent.E[i, p] += row[keel[k]] * (
-                    directions.support[p, 0] * support[1] + directions.support[p, 1] * support[2])
+                    directions.support[p, 0] * support[1] + directions.support[p, 1] * support[2]
+                )
 
 
 @internal
 def _piece_change(
-    forces: Forces, motion: Motion, V: np.ndarray, piece: int, position: float, column: int, front: int, share: float,
-    turn: float, d_row: np.ndarray
+    forces: Forces,
+    motion: Motion,
+    V: np.ndarray,
+    piece: int,
+    position: float,
+    column: int,
+    front: int,
+    share: float,
+    turn: float,
+    d_row: np.ndarray,
 ) -> tuple[float, float, float, float]:
     """Of the support if one piece bore it alone, by a keel coordinate or, for a column beyond `front`, by its place.
 
@@ -445,4 +574,9 @@ def _piece_change(
         if column < k:
             change += rb.dot(rb.cross_motion(S_j, S_k), W)
         d_row[k] += share * change + turn * rb.dot(S_k, W)
-    return rise, rb.dot(dW, relative) + rb.dot(W, by_motion), ux * x + uy * y + uz * z, rb.dot(W, relative)
+    return (
+        rise,
+        rb.dot(dW, relative) + rb.dot(W, by_motion),
+        ux * x + uy * y + uz * z,
+        rb.dot(W, relative),
+    )

@@ -26,17 +26,29 @@ class TangentDirections(NamedTuple):
     coordinate: np.ndarray  # (C,) or -1 for the mount
     body: np.ndarray  # (C,) what moves, and parent (C,): relative to which body
     parent: np.ndarray
-    mount: np.ndarray  # (C, 6) motion about the body's origin in its frame, where there is no coordinate
-    rows: np.ndarray  # (r,) coordinates whose equations are differentiated: the free ones, then prescribed ones
-    relation: np.ndarray  # (r, C) whether it carries the row's coordinate (or is it), is carried by it, or neither
-    unit: np.ndarray  # (C, P) displacement by a unit of each parameter at the start, 0 for free coordinates
-    perturbation_direction: np.ndarray  # (K,) which direction a perturbation displaces, and which parameter it is
+    mount: (
+        np.ndarray
+    )  # (C, 6) motion about the body's origin in its frame, where there is no coordinate
+    rows: (
+        np.ndarray
+    )  # (r,) coordinates whose equations are differentiated: the free ones, then prescribed ones
+    relation: (
+        np.ndarray
+    )  # (r, C) whether it carries the row's coordinate (or is it), is carried by it, or neither
+    unit: (
+        np.ndarray
+    )  # (C, P) displacement by a unit of each parameter at the start, 0 for free coordinates
+    perturbation_direction: (
+        np.ndarray
+    )  # (K,) which direction a perturbation displaces, and which parameter it is
     perturbation_parameter: np.ndarray
     path: np.ndarray  # (n + 1, K) displacement by a unit of each perturbation on the grid
     path_rate: np.ndarray  # (K,) its rate at the start
     slide: np.ndarray  # (P,) of the fulcrum along the keel
     slides: bool  # whether any of them is not 0
-    site_start: np.ndarray  # (S + 1,) of the site's entries in the next three: what changes in its row
+    site_start: (
+        np.ndarray
+    )  # (S + 1,) of the site's entries in the next three: what changes in its row
     site_parameter: np.ndarray
     site_column: np.ndarray
     site_unit: np.ndarray
@@ -73,8 +85,13 @@ class Tangent(NamedTuple):
 
 
 def make_directions(
-    tree: Tree, forces: Forces, dofs: FreePrescribed, tangents: Sequence[ParameterTangent], *, measured: np.ndarray,
-    loads: bool = False
+    tree: Tree,
+    forces: Forces,
+    dofs: FreePrescribed,
+    tangents: Sequence[ParameterTangent],
+    *,
+    measured: np.ndarray,
+    loads: bool = False,
 ) -> TangentDirections:
     """The directions of a run with these `dofs`, for the parameters that `tangents` describe.
 
@@ -83,16 +100,22 @@ def make_directions(
     """
     parent_of = np.zeros(len(tree.body_names), dtype=np.int64)
     parent_of[tree.links[:, 2]] = tree.links[:, 1]
-    carriers = np.eye(len(parent_of), dtype=np.bool_)  # whether the second body carries the first, or is it
+    carriers = np.eye(
+        len(parent_of), dtype=np.bool_
+    )  # whether the second body carries the first, or is it
     for _, parent, child, _ in tree.links:
         carriers[child] |= carriers[parent]
-    direction_of = {int(c): place for place, c in enumerate(dofs.free)}  # by coordinate, or -1 - axis of the mount
+    direction_of = {
+        int(c): place for place, c in enumerate(dofs.free)
+    }  # by coordinate, or -1 - axis of the mount
     units: dict[tuple[int, int], float] = {}  # displacement by direction and parameter
     perturbations: list[tuple[int, int]] = []  # direction and parameter
     for p, by_unit in enumerate(tangents):
         shifts = {-1 - axis: amount for axis, amount in enumerate(by_unit.mount) if amount}
         if by_unit.coordinate is not None:
-            shifts[tree.index(by_unit.coordinate)] = 1.0 if by_unit.perturbation is None else by_unit.perturbation[0]
+            shifts[tree.index(by_unit.coordinate)] = (
+                1.0 if by_unit.perturbation is None else by_unit.perturbation[0]
+            )
         if by_unit.fulcrum_shift:
             shifts[tree.index("fulcrum")] = by_unit.fulcrum_shift
         for c, amount in shifts.items():
@@ -107,49 +130,91 @@ def make_directions(
     body = np.where(of_mount, forces.frame_body, tree.coordinate_bodies[coordinate])
     mount, unit = np.zeros((len(coordinate), 6)), np.zeros((len(coordinate), len(tangents)))
     mirrored = any(by_unit.mirrored for by_unit in tangents)
-    mount[of_mount] = _mount_motions(tree, forces.frame_body, mirrored=mirrored)[-1 - coordinate[of_mount]]
+    mount[of_mount] = _mount_motions(tree, forces.frame_body, mirrored=mirrored)[
+        -1 - coordinate[of_mount]
+    ]
     for place, amount in units.items():
         unit[place] = amount
-    entries = sorted((int(s), p, int(column), float(by_unit.sites[s, column])) for p, by_unit in enumerate(tangents)
-                     if by_unit.sites is not None for s, column in np.argwhere(by_unit.sites))
-    springs = [(p, int(row), by_unit.springs[row, :3]) for p, by_unit in enumerate(tangents)
-               if by_unit.springs is not None for row in np.flatnonzero(by_unit.springs.any(axis=1))]
+    entries = sorted(
+        (int(s), p, int(column), float(by_unit.sites[s, column]))
+        for p, by_unit in enumerate(tangents)
+        if by_unit.sites is not None
+        for s, column in np.argwhere(by_unit.sites)
+    )
+    springs = [
+        (p, int(row), by_unit.springs[row, :3])
+        for p, by_unit in enumerate(tangents)
+        if by_unit.springs is not None
+        for row in np.flatnonzero(by_unit.springs.any(axis=1))
+    ]
     return TangentDirections(
-        coordinate=np.maximum(coordinate, -1), body=body, parent=parent_of[body], mount=mount, rows=rows, unit=unit,
-        relation=np.where(carriers[joints][:, body], INBOARD,
-                          np.where(carriers[body][:, joints].T, OUTBOARD, UNRELATED)),
-        perturbation_direction=np.array([direction for direction, _ in perturbations], dtype=np.int64),
+        coordinate=np.maximum(coordinate, -1),
+        body=body,
+        parent=parent_of[body],
+        mount=mount,
+        rows=rows,
+        unit=unit,
+        relation=np.where(
+            carriers[joints][:, body],
+            INBOARD,
+            np.where(carriers[body][:, joints].T, OUTBOARD, UNRELATED),
+        ),
+        perturbation_direction=np.array(
+            [direction for direction, _ in perturbations], dtype=np.int64
+        ),
         perturbation_parameter=np.array([p for _, p in perturbations], dtype=np.int64),
-        path=np.ascontiguousarray(np.array([tangents[p].perturbation for _, p in perturbations], dtype=float).T)
-        if perturbations else np.zeros((0, 0)),
+        path=np.ascontiguousarray(
+            np.array([tangents[p].perturbation for _, p in perturbations], dtype=float).T
+        )
+        if perturbations
+        else np.zeros((0, 0)),
         path_rate=np.array([tangents[p].perturbation_rate for _, p in perturbations], dtype=float),
         slide=np.array([by_unit.fulcrum_shift for by_unit in tangents]),
         slides=any(by_unit.fulcrum_shift for by_unit in tangents),
-        site_start=np.searchsorted([s for s, *_ in entries], np.arange(len(forces.sites) + 1)).astype(np.int64),
+        site_start=np.searchsorted(
+            [s for s, *_ in entries], np.arange(len(forces.sites) + 1)
+        ).astype(np.int64),
         site_parameter=np.array([p for _, p, _, _ in entries], dtype=np.int64),
         site_column=np.array([column for _, _, column, _ in entries], dtype=np.int64),
         site_unit=np.array([amount for *_, amount in entries], dtype=float),
         spring_parameter=np.array([p for p, _, _ in springs], dtype=np.int64),
         spring_row=np.array([row for _, row, _ in springs], dtype=np.int64),
         spring_unit=np.array([amount for *_, amount in springs]).reshape(-1, 3),
-        support=np.array([np.zeros(2) if by_unit.fulcrum is None else by_unit.fulcrum
-                          for by_unit in tangents]).reshape(-1, 2),
-        measured=np.asarray(measured, dtype=np.bool_))
+        support=np.array(
+            [np.zeros(2) if by_unit.fulcrum is None else by_unit.fulcrum for by_unit in tangents]
+        ).reshape(-1, 2),
+        measured=np.asarray(measured, dtype=np.bool_),
+    )
 
 
 def tangent_workspace(tree: Tree, dofs: FreePrescribed, directions: TangentDirections) -> Tangent:
     """Workspace for these directions; the state's sensitivities are those of a start where only prescribed directions
     change."""
-    B, f, r, (C, P) = len(tree.body_names), len(dofs.free), len(directions.rows), directions.unit.shape
+    B, f, r, (C, P) = (
+        len(tree.body_names),
+        len(dofs.free),
+        len(directions.rows),
+        directions.unit.shape,
+    )
     v = np.zeros((C, P))
     v[directions.perturbation_direction, directions.perturbation_parameter] = directions.path_rate
     shapes: dict[str, tuple[int, ...]] = {
         **dict.fromkeys(("S", "rate", "second", "end"), (C, 6)),
-        **dict.fromkeys(("coriolis", "shift", "measured_shift", "measured_K"), (B, 6, 6)), "dF": (B, P, 6),
-        "dT": (P, 6), **dict.fromkeys(("Gq", "Gv", "B"), (r, C)), "E": (r, P), "v_end": (C, P), "rhs": (f, P),
-        "d_row": (len(dofs.place),)}
-    return Tangent(touched=np.zeros(B, dtype=np.bool_), q=directions.unit.copy(), v=v,
-                   **{name: np.zeros(shape) for name, shape in shapes.items()})
+        **dict.fromkeys(("coriolis", "shift", "measured_shift", "measured_K"), (B, 6, 6)),
+        "dF": (B, P, 6),
+        "dT": (P, 6),
+        **dict.fromkeys(("Gq", "Gv", "B"), (r, C)),
+        "E": (r, P),
+        "v_end": (C, P),
+        "rhs": (f, P),
+        "d_row": (len(dofs.place),),
+    }
+    return Tangent(
+        touched=np.zeros(B, dtype=np.bool_),
+        q=directions.unit.copy(),
+        v=v,
+        **{name: np.zeros(shape) for name, shape in shapes.items()},
+    )
 
 
 def _mount_motions(tree: Tree, frame_body: int, *, mirrored: bool) -> np.ndarray:
@@ -163,8 +228,13 @@ def _mount_motions(tree: Tree, frame_body: int, *, mirrored: bool) -> np.ndarray
     toes_up, upright = -R_MK[1], np.array([0.0, 0.0, 1.0])
     forward = np.cross(upright, toes_up)
     turns = [toes_up, right * forward / np.linalg.norm(forward), -right * upright]
-    return np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
-                     *([*axis, *-np.cross(axis, p_KM)] for axis in turns)])
+    return np.array(
+        [
+            [0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+            [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+            *([*axis, *-np.cross(axis, p_KM)] for axis in turns),
+        ]
+    )
 
 
 # How a parameter enters the arrays that a run works on.

@@ -30,17 +30,35 @@ from vsf_drake.simulation.stepping.tree import TreeArrays
 
 MAX_ITERATIONS = 30
 MAX_TRIALS = 12  # lengths of one Newton step that are tried
-OVERSHOOT = 0.5  # uphill slope after a step, relative to the downhill one before it, that is accepted
+OVERSHOOT = (
+    0.5  # uphill slope after a step, relative to the downhill one before it, that is accepted
+)
 EXACT_FROM = 4  # iteration from which the falling branch of the friction curve is in the tangent
-EXACT, FLAT = -math.inf, 0.0  # least slope of the friction curve in a tangent: any, or none that falls
+EXACT, FLAT = (
+    -math.inf,
+    0.0,
+)  # least slope of the friction curve in a tangent: any, or none that falls
 LENGTHEN = 4.0  # of a step along which the slope becomes steeper
 
 
 @compiled
 def step(
-    h: float, tree: TreeArrays, forces: Forces, dofs: FreePrescribed, workspace: Workspace, ground: float,
-    ground_rate: float, fulcrum: float, q_next: np.ndarray, M: np.ndarray, C: np.ndarray, q: np.ndarray, v: np.ndarray,
-    load: np.ndarray, sites: np.ndarray, support: np.ndarray
+    h: float,
+    tree: TreeArrays,
+    forces: Forces,
+    dofs: FreePrescribed,
+    workspace: Workspace,
+    ground: float,
+    ground_rate: float,
+    fulcrum: float,
+    q_next: np.ndarray,
+    M: np.ndarray,
+    C: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    load: np.ndarray,
+    sites: np.ndarray,
+    support: np.ndarray,
 ) -> tuple[int, bool]:
     """Advances q, v (n,) in place by h; returns (Newton iterations, converged).
 
@@ -49,8 +67,19 @@ def step(
     (S, 9) and support (3,), see `assembly`, and to load (n,) the forces that drive the coordinates: those that hold the
     prescribed ones, and in the others what `workspace` applies, but for the residual.
     """
-    free, prescribed, motion, contact = dofs.free, dofs.prescribed, workspace.motion, workspace.contact
-    nf, bias, r, dv, trial = free.shape[0], workspace.bias, workspace.r, workspace.dv, workspace.trial
+    free, prescribed, motion, contact = (
+        dofs.free,
+        dofs.prescribed,
+        workspace.motion,
+        workspace.contact,
+    )
+    nf, bias, r, dv, trial = (
+        free.shape[0],
+        workspace.bias,
+        workspace.r,
+        workspace.dv,
+        workspace.trial,
+    )
 
     # The pose q0, frozen over the step: motions S of the joints, centres and depths d0 of the spheres, and the support
     # with its deflection w0 and the power `row` of its force on each coordinate.
@@ -58,8 +87,9 @@ def step(
     assembly.find_sites(h, forces, motion, ground, contact, sites)
     deflection, workspace.fulcrum[0] = 0.0, fulcrum
     if forces.fulcrum[0] > 0.0:
-        workspace.keel[0], workspace.fulcrum[1], workspace.fulcrum[2], deflection = assembly.find_support(
-            forces, motion, fulcrum, contact)
+        workspace.keel[0], workspace.fulcrum[1], workspace.fulcrum[2], deflection = (
+            assembly.find_support(forces, motion, fulcrum, contact)
+        )
 
     # Prescribed coordinates c are known: v_c = (q_next - q0)_c / h and a_c = (v - v0)_c / h; a = 0 in all others.
     copy(v, workspace.v0)
@@ -100,7 +130,9 @@ def step(
         for _ in range(MAX_TRIALS):
             for i in range(nf):
                 trial[free[i]] = v[free[i]] + length * dv[i, 0]
-            _residual(h, tree.links, forces, dofs, workspace, deflection, ground_rate, q, sites, support)
+            _residual(
+                h, tree.links, forces, dofs, workspace, deflection, ground_rate, q, sites, support
+            )
             converged = scaled_norm(workspace.L, r, workspace.y) <= workspace.tolerance
             slope = 0.0
             for i in range(nf):
@@ -160,17 +192,32 @@ def _velocities(links: np.ndarray, S: np.ndarray, v: np.ndarray, V: np.ndarray) 
 
 @internal
 def _residual(
-    h: float, links: np.ndarray, forces: Forces, dofs: FreePrescribed, workspace: Workspace, deflection: float,
-    ground_rate: float, q: np.ndarray, sites: np.ndarray, support: np.ndarray
+    h: float,
+    links: np.ndarray,
+    forces: Forces,
+    dofs: FreePrescribed,
+    workspace: Workspace,
+    deflection: float,
+    ground_rate: float,
+    q: np.ndarray,
+    sites: np.ndarray,
+    support: np.ndarray,
 ) -> None:
     """r (f,) = M (v - v0) + h (bias - tau) at the trial velocity, over the free coordinates."""
-    motion, contact, tau, trial = workspace.motion, workspace.contact, workspace.tau, workspace.trial
+    motion, contact, tau, trial = (
+        workspace.motion,
+        workspace.contact,
+        workspace.tau,
+        workspace.trial,
+    )
     V, F, S, free, moving = contact.V, contact.F, motion.S, dofs.free, dofs.moving
 
     # End velocities of the bodies that move with it, and the ground's wrenches F on them.
     for k in range(moving.shape[0]):
         parent, b, c = links[moving[k], 1], links[moving[k], 2], links[moving[k], 3]
-        rb.put(V, b, rb.six(V, parent) if c < 0 else rb.plus(rb.six(V, parent), rb.six(S, c), trial[c]))
+        rb.put(
+            V, b, rb.six(V, parent) if c < 0 else rb.plus(rb.six(V, parent), rb.six(S, c), trial[c])
+        )
     F[:] = 0.0
     assembly.add_sites(h, forces, contact, ground_rate, dofs.site_moves, sites)
 
@@ -193,8 +240,13 @@ def _residual(
 
 @compiled
 def tangent_matrix(
-    h: float, tree: TreeArrays, forces: Forces, dofs: FreePrescribed, workspace: Workspace, least_slope: float,
-    sites: np.ndarray
+    h: float,
+    tree: TreeArrays,
+    forces: Forces,
+    dofs: FreePrescribed,
+    workspace: Workspace,
+    least_slope: float,
+    sites: np.ndarray,
 ) -> None:
     """Writes A (f, f) = dr/dv at the last residual; a friction curve that falls more counts as `least_slope` (s/m).
 
@@ -211,7 +263,10 @@ def tangent_matrix(
         c = free[i]
         b = tree.bodies[c]
         if contact.loaded[b]:
-            right, left = rb.times(contact.K, b, rb.six(S, c)), rb.transposed_times(contact.K, b, rb.six(S, c))
+            right, left = (
+                rb.times(contact.K, b, rb.six(S, c)),
+                rb.transposed_times(contact.K, b, rb.six(S, c)),
+            )
             for k in range(dofs.counts[i]):
                 j = dofs.above[i, k]
                 A[j, i] += h * rb.dot(rb.six(S, free[j]), right)
@@ -236,8 +291,14 @@ def tangent_matrix(
 
 @internal
 def _loads(
-    h: float, tree: TreeArrays, dofs: FreePrescribed, workspace: Workspace, given: bool, M: np.ndarray, v: np.ndarray,
-    load: np.ndarray
+    h: float,
+    tree: TreeArrays,
+    dofs: FreePrescribed,
+    workspace: Workspace,
+    given: bool,
+    M: np.ndarray,
+    v: np.ndarray,
+    load: np.ndarray,
 ) -> None:
     """Loads of all coordinates, and A and f of `workspace.motion` at the accelerations of the step, unless `given`.
 

@@ -43,8 +43,15 @@ if TYPE_CHECKING:
 
 @internal
 def carry(
-    h: float, k: int, end_share: float, share: float, dofs: FreePrescribed, directions: TangentDirections,
-    A: np.ndarray, tangent: Tangent, record: Record
+    h: float,
+    k: int,
+    end_share: float,
+    share: float,
+    dofs: FreePrescribed,
+    directions: TangentDirections,
+    A: np.ndarray,
+    tangent: Tangent,
+    record: Record,
 ) -> None:
     """Takes `tangent` from the start to the end of the step that was just linearised, and writes to `record`.
 
@@ -66,7 +73,11 @@ def carry(
         for p in range(P):
             rhs[i, p] = -h * tangent.E[i, p]
         for j in range(C):
-            by_q, by_v, by_end = -h * tangent.Gq[i, j], -h * tangent.Gv[i, j], -tangent.B[i, j] if j >= nf else 0.0
+            by_q, by_v, by_end = (
+                -h * tangent.Gq[i, j],
+                -h * tangent.Gv[i, j],
+                -tangent.B[i, j] if j >= nf else 0.0,
+            )
             for p in range(P):
                 rhs[i, p] += by_q * tangent.q[j, p] + by_v * tangent.v[j, p] + by_end * end[j, p]
     solve_columns(A, rhs)
@@ -96,7 +107,11 @@ def carry(
         for p in range(P):
             load[p] += share * tangent.E[i, p]
         for j in range(C):
-            by_q, by_v, by_end = share * tangent.Gq[i, j], share * tangent.Gv[i, j], share * tangent.B[i, j] / h
+            by_q, by_v, by_end = (
+                share * tangent.Gq[i, j],
+                share * tangent.Gv[i, j],
+                share * tangent.B[i, j] / h,
+            )
             for p in range(P):
                 load[p] += by_q * tangent.q[j, p] + by_v * tangent.v[j, p] + by_end * end[j, p]
 
@@ -142,16 +157,26 @@ class ForwardSensitivity:
             if self.loads and by_unit.coordinate is not None:
                 raise ValueError(f"loads are not differentiated by shifts of {by_unit.coordinate}")
             if by_unit.perturbation is not None and len(by_unit.perturbation) != steps + 1:
-                raise ValueError(f"a perturbation has {len(by_unit.perturbation)} instants, the run {steps + 1}")
-        directions = make_directions(tree, forces, dofs, self.tangents, measured=self.measured, loads=self.loads)
+                raise ValueError(
+                    f"a perturbation has {len(by_unit.perturbation)} instants, the run {steps + 1}"
+                )
+        directions = make_directions(
+            tree, forces, dofs, self.tangents, measured=self.measured, loads=self.loads
+        )
         tangent = tangent_workspace(tree, dofs, directions)
         tangent.q[: len(dofs.free)] = self.q0[dofs.free]
         return directions, tangent
 
 
 def rest_sensitivity(
-    tree: Tree, forces: Forces, prescribed: np.ndarray, q: np.ndarray, tangents: tuple[ParameterTangent, ...], *,
-    fulcrum: float, ground: float
+    tree: Tree,
+    forces: Forces,
+    prescribed: np.ndarray,
+    q: np.ndarray,
+    tangents: tuple[ParameterTangent, ...],
+    *,
+    fulcrum: float,
+    ground: float,
 ) -> np.ndarray:
     """(n, P) derivatives of a rest position q (n,) by the parameters, from the linearised balance of forces.
 
@@ -160,14 +185,32 @@ def rest_sensitivity(
     """
     h, dofs = 1e-3, assembly.split_coordinates(tree, forces, prescribed)
     workspace, arrays = assembly.step_workspace(tree, forces, dofs), rb.tree_arrays(tree)
-    directions = make_directions(tree, forces, dofs, tangents, measured=np.zeros(len(forces.sites), dtype=bool))
+    directions = make_directions(
+        tree, forces, dofs, tangents, measured=np.zeros(len(forces.sites), dtype=bool)
+    )
     tangent = tangent_workspace(tree, dofs, directions)
     end, v, support = q.copy(), np.zeros_like(q), np.zeros(3)
     sites = np.zeros((len(forces.sites), len(assembly.SITE_RECORD)))
 
     # At rest dv0 = dv = 0 over any step: the free directions must balance, Gq_free dq = -(Gq_prescribed unit + E).
-    step(h, arrays, forces, dofs, workspace, ground, 0.0, fulcrum, q[prescribed], np.zeros((0, 0)), np.zeros(0),
-         end, v, np.zeros_like(q), sites, support)
+    step(
+        h,
+        arrays,
+        forces,
+        dofs,
+        workspace,
+        ground,
+        0.0,
+        fulcrum,
+        q[prescribed],
+        np.zeros((0, 0)),
+        np.zeros(0),
+        end,
+        v,
+        np.zeros_like(q),
+        sites,
+        support,
+    )
     tangent_matrix(h, arrays, forces, dofs, workspace, EXACT, sites)
     linearise(h, arrays, forces, dofs, directions, workspace, tangent, q, v, sites, support)
     count = len(dofs.free)
@@ -177,8 +220,11 @@ def rest_sensitivity(
         by[dofs.free] = -np.linalg.solve(tangent.Gq[:, :count], moved)
     except np.linalg.LinAlgError:
         loose = dofs.free[np.argmin(np.abs(tangent.Gq[:, :count]).sum(axis=1))]
-        raise InputError(f"no force holds {tree.coordinate_names[loose]} at rest: where it starts has no derivative",
-                         where="with_respect_to", right="Let the recording say where it starts") from None
+        raise InputError(
+            f"no force holds {tree.coordinate_names[loose]} at rest: where it starts has no derivative",
+            where="with_respect_to",
+            right="Let the recording say where it starts",
+        ) from None
     shifted = directions.coordinate[count:] >= 0
     np.add.at(by, directions.coordinate[count:][shifted], directions.unit[count:][shifted])
     return by
@@ -196,8 +242,17 @@ def rest_sensitivity(
 
 @compiled
 def linearise(
-    h: float, tree: TreeArrays, forces: Forces, dofs: FreePrescribed, directions: TangentDirections,
-    workspace: Workspace, tangent: Tangent, q0: np.ndarray, v: np.ndarray, sites: np.ndarray, support: np.ndarray
+    h: float,
+    tree: TreeArrays,
+    forces: Forces,
+    dofs: FreePrescribed,
+    directions: TangentDirections,
+    workspace: Workspace,
+    tangent: Tangent,
+    q0: np.ndarray,
+    v: np.ndarray,
+    sites: np.ndarray,
+    support: np.ndarray,
 ) -> None:
     """Writes Gq, Gv, B, E and the measured wrench's composites of `tangent`, right after `step` and a `tangent_matrix`.
 
@@ -217,7 +272,9 @@ def linearise(
 
 
 @internal
-def _direction_motions(directions: TangentDirections, workspace: Workspace, tangent: Tangent) -> None:
+def _direction_motions(
+    directions: TangentDirections, workspace: Workspace, tangent: Tangent
+) -> None:
     """Motion S of a unit of each direction, rate V_p x S, second A_p x S + V_p x rate, and V_p x S at the end velocity.
 
     V_p and A_p are those of the body relative to which the direction moves. As it moves by S, the velocity V of what it
@@ -234,15 +291,38 @@ def _direction_motions(directions: TangentDirections, workspace: Workspace, tang
             wy = R[b, 1, 0] * m[j, 0] + R[b, 1, 1] * m[j, 1] + R[b, 1, 2] * m[j, 2]
             wz = R[b, 2, 0] * m[j, 0] + R[b, 2, 1] * m[j, 1] + R[b, 2, 2] * m[j, 2]
             x, y, z = p[b, 0], p[b, 1], p[b, 2]
-            S = (wx, wy, wz,
-                 R[b, 0, 0] * m[j, 3] + R[b, 0, 1] * m[j, 4] + R[b, 0, 2] * m[j, 5] + y * wz - z * wy,
-                 R[b, 1, 0] * m[j, 3] + R[b, 1, 1] * m[j, 4] + R[b, 1, 2] * m[j, 5] + z * wx - x * wz,
-                 R[b, 2, 0] * m[j, 3] + R[b, 2, 1] * m[j, 4] + R[b, 2, 2] * m[j, 5] + x * wy - y * wx)
+            S = (
+                wx,
+                wy,
+                wz,
+                R[b, 0, 0] * m[j, 3]
+                + R[b, 0, 1] * m[j, 4]
+                + R[b, 0, 2] * m[j, 5]
+                + y * wz
+                - z * wy,
+                R[b, 1, 0] * m[j, 3]
+                + R[b, 1, 1] * m[j, 4]
+                + R[b, 1, 2] * m[j, 5]
+                + z * wx
+                - x * wz,
+                R[b, 2, 0] * m[j, 3]
+                + R[b, 2, 1] * m[j, 4]
+                + R[b, 2, 2] * m[j, 5]
+                + x * wy
+                - y * wx,
+            )
         rate = rb.cross_motion(rb.six(motion.V, parent), S)
         rb.put(tangent.S, j, S)
         rb.put(tangent.rate, j, rate)
-        rb.put(tangent.second, j, rb.plus(rb.cross_motion(rb.six(motion.A, parent), S),
-                                    rb.cross_motion(rb.six(motion.V, parent), rate), 1.0))
+        rb.put(
+            tangent.second,
+            j,
+            rb.plus(
+                rb.cross_motion(rb.six(motion.A, parent), S),
+                rb.cross_motion(rb.six(motion.V, parent), rate),
+                1.0,
+            ),
+        )
         rb.put(tangent.end, j, rb.cross_motion(rb.six(workspace.contact.V, parent), S))
 
 
@@ -260,11 +340,22 @@ def _coriolis(tree: TreeArrays, dofs: FreePrescribed, motion: Motion, tangent: T
             v = rb.six(motion.V, b)
             momentum = rb.inertia_times(motion.own, b, v)
             for i in range(6):
-                e = (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0,
-                     1.0 if i == 3 else 0.0, 1.0 if i == 4 else 0.0, 1.0 if i == 5 else 0.0)
+                e = (
+                    1.0 if i == 0 else 0.0,
+                    1.0 if i == 1 else 0.0,
+                    1.0 if i == 2 else 0.0,
+                    1.0 if i == 3 else 0.0,
+                    1.0 if i == 4 else 0.0,
+                    1.0 if i == 5 else 0.0,
+                )
                 I_e = rb.inertia_times(motion.own, b, e)
                 column = rb.plus(rb.cross_force(v, I_e), rb.cross_force(e, momentum), 1.0)
-                rb.add_column(C, b, i, rb.plus(column, rb.inertia_times(motion.own, b, rb.cross_motion(v, e)), -1.0))
+                rb.add_column(
+                    C,
+                    b,
+                    i,
+                    rb.plus(column, rb.inertia_times(motion.own, b, rb.cross_motion(v, e)), -1.0),
+                )
     for k in range(dofs.moving.shape[0] - 1, -1, -1):
         parent, b = tree.links[dofs.moving[k], 1], tree.links[dofs.moving[k], 2]
         if dofs.body_moves[parent]:
@@ -272,7 +363,13 @@ def _coriolis(tree: TreeArrays, dofs: FreePrescribed, motion: Motion, tangent: T
 
 
 @internal
-def _rows(h: float, bodies: np.ndarray, directions: TangentDirections, workspace: Workspace, tangent: Tangent) -> None:
+def _rows(
+    h: float,
+    bodies: np.ndarray,
+    directions: TangentDirections,
+    workspace: Workspace,
+    tangent: Tangent,
+) -> None:
     """Inertial, gravity and contact terms of Gq, Gv and B; contact's of E.
 
     Of the row of joint i by direction j, with composites C (`_coriolis`), I, K (contact by velocity), P (by
@@ -292,8 +389,17 @@ def _rows(h: float, bodies: np.ndarray, directions: TangentDirections, workspace
             continue
         # What the direction changes in the wrench that a joint inboard of it must give: by displacement, by velocity,
         # by acceleration, and in contact by the end velocity.
-        b, S, rate, end = directions.body[j], rb.six(tangent.S, j), rb.six(tangent.rate, j), rb.six(tangent.end, j)
-        by_q = rb.plus(rb.times(coriolis, b, rate), rb.inertia_times(composite, b, rb.six(tangent.second, j)), 1.0)
+        b, S, rate, end = (
+            directions.body[j],
+            rb.six(tangent.S, j),
+            rb.six(tangent.rate, j),
+            rb.six(tangent.end, j),
+        )
+        by_q = rb.plus(
+            rb.times(coriolis, b, rate),
+            rb.inertia_times(composite, b, rb.six(tangent.second, j)),
+            1.0,
+        )
         by_q = rb.plus(by_q, rb.cross_force(S, rb.six(motion.f, b)), 1.0)
         by_v = rb.plus(rb.times(coriolis, b, S), rb.inertia_times(composite, b, rate), 2.0)
         momentum, by_end = rb.inertia_times(composite, b, S), rb.REST
@@ -318,14 +424,20 @@ def _rows(h: float, bodies: np.ndarray, directions: TangentDirections, workspace
         by_rate, by_second = rb.transposed_times(coriolis, b, S), rb.inertia_times(composite, b, S)
         by_shift, by_end = rb.REST, rb.REST
         if contact.loaded[b]:
-            by_shift = rb.plus(rb.transposed_times(shift, b, S), rb.cross_force(S, rb.six(contact.F, b)), 1.0)
+            by_shift = rb.plus(
+                rb.transposed_times(shift, b, S), rb.cross_force(S, rb.six(contact.F, b)), 1.0
+            )
             by_end = rb.transposed_times(K, b, S)
         for j in range(directions.body.shape[0]):
             if directions.relation[i, j] == INBOARD:
                 S_j, rate = rb.six(tangent.S, j), rb.six(tangent.rate, j)
                 mass = rb.dot(by_second, S_j)
-                tangent.Gq[i, j] = (rb.dot(by_rate, rate) + rb.dot(by_second, rb.six(tangent.second, j))
-                                    + rb.dot(by_end, rb.six(tangent.end, j)) - rb.dot(by_shift, S_j))
+                tangent.Gq[i, j] = (
+                    rb.dot(by_rate, rate)
+                    + rb.dot(by_second, rb.six(tangent.second, j))
+                    + rb.dot(by_end, rb.six(tangent.end, j))
+                    - rb.dot(by_shift, S_j)
+                )
                 tangent.Gv[i, j] = rb.dot(by_rate, S_j) + 2.0 * rb.dot(by_second, rate) - mass / h
                 tangent.B[i, j] = mass + h * rb.dot(by_end, S_j)
         if tangent.touched[b]:
@@ -335,8 +447,13 @@ def _rows(h: float, bodies: np.ndarray, directions: TangentDirections, workspace
 
 @internal
 def _springs(
-    h: float, forces: Forces, dofs: FreePrescribed, directions: TangentDirections, q0: np.ndarray, v: np.ndarray,
-    tangent: Tangent
+    h: float,
+    forces: Forces,
+    dofs: FreePrescribed,
+    directions: TangentDirections,
+    q0: np.ndarray,
+    v: np.ndarray,
+    tangent: Tangent,
 ) -> None:
     """Gq -= df/dx at q0 + h v, and E -= the force of a unit of the constants, in which the law is linear."""
     s = forces.springs
@@ -345,7 +462,8 @@ def _springs(
         i = dofs.place[c]
         if i >= 0:
             _, by_x, _ = spring_force(
-                q0[c] + h * v[c], v[c], s[k, 0], s[k, 1], s[k, 2], s[k, 3], s[k, 4], s[k, 5])
+                q0[c] + h * v[c], v[c], s[k, 0], s[k, 1], s[k, 2], s[k, 3], s[k, 4], s[k, 5]
+            )
             tangent.Gq[i, i] -= by_x
     for e in range(directions.spring_row.shape[0]):
         k = directions.spring_row[e]
@@ -353,8 +471,15 @@ def _springs(
         i = dofs.place[c]
         if i >= 0:
             force, _, _ = spring_force(
-                q0[c] + h * v[c], v[c], directions.spring_unit[e, 0], directions.spring_unit[e, 1],
-                directions.spring_unit[e, 2], s[k, 3], s[k, 4], s[k, 5])
+                q0[c] + h * v[c],
+                v[c],
+                directions.spring_unit[e, 0],
+                directions.spring_unit[e, 1],
+                directions.spring_unit[e, 2],
+                s[k, 3],
+                s[k, 4],
+                s[k, 5],
+            )
             tangent.E[i, directions.spring_parameter[e]] -= force
 
 
@@ -369,17 +494,32 @@ def _springs(
 # point and c the way that it goes.
 
 
-_CHANGED = ("p_BS_z", "stiffness", "exponent", "damping", "full_damping_depth", "mu_static", "mu_kinetic",
-            "threshold_velocity")
+_CHANGED = (
+    "p_BS_z",
+    "stiffness",
+    "exponent",
+    "damping",
+    "full_damping_depth",
+    "mu_static",
+    "mu_kinetic",
+    "threshold_velocity",
+)
 RISE, STIFFNESS, EXPONENT, DAMPING, FULL_DEPTH, MU_STATIC, MU_KINETIC, THRESHOLD = map(
-    assembly.SITE_COLUMNS.index, _CHANGED)
+    assembly.SITE_COLUMNS.index, _CHANGED
+)
 """Columns of a site that parameters change."""
 
 
 @internal
 def _add_site_tangents(
-    h: float, links: np.ndarray, forces: Forces, dofs: FreePrescribed, directions: TangentDirections,
-    workspace: Workspace, tangent: Tangent, sites: np.ndarray
+    h: float,
+    links: np.ndarray,
+    forces: Forces,
+    dofs: FreePrescribed,
+    directions: TangentDirections,
+    workspace: Workspace,
+    tangent: Tangent,
+    sites: np.ndarray,
 ) -> None:
     """Composites of P and of the measured wrench, and what parameters change directly."""
     contact, moving = workspace.contact, dofs.moving
@@ -416,8 +556,13 @@ def _add_site_tangents(
 
 @internal
 def _site(
-    h: float, s: int, forces: Forces, directions: TangentDirections, workspace: Workspace, tangent: Tangent,
-    sites: np.ndarray
+    h: float,
+    s: int,
+    forces: Forces,
+    directions: TangentDirections,
+    workspace: Workspace,
+    tangent: Tangent,
+    sites: np.ndarray,
 ) -> None:
     """One loaded site: six unit displacements, six unit velocities, and its parameters."""
     contact, b = workspace.contact, forces.site_bodies[s]
@@ -450,22 +595,60 @@ def _site(
         uy = sz * vx - sx * vz + radius * (wz * sy)
         uz = sx * vy - sy * vx - radius * (wx * sx + wy * sy)
         gx, gy, gz = site_force_derivative(K, along_x, along_y, by_depth, ux, uy, uz, cz)
-        rb.add_column(tangent.shift, b, i, rb.moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
+        rb.add_column(
+            tangent.shift, b, i, rb.moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz)
+        )
         if measured:
-            rb.add_column(tangent.measured_shift, b, i, rb.moved_wrench(
-                x1, y1, z1, gx, gy, gz, fx, fy, fn,
-                cx + h * (sy * vz - sz * oy), cy + h * (sz * ox - sx * vz), cz + h * uz))
+            rb.add_column(
+                tangent.measured_shift,
+                b,
+                i,
+                rb.moved_wrench(
+                    x1,
+                    y1,
+                    z1,
+                    gx,
+                    gy,
+                    gz,
+                    fx,
+                    fy,
+                    fn,
+                    cx + h * (sy * vz - sz * oy),
+                    cy + h * (sz * ox - sx * vz),
+                    cz + h * uz,
+                ),
+            )
 
             # Velocity u of the body: -K u, and the point's way over the step.
             ux, uy, uz = lx + sy * z - sz * y, ly + sz * x - sx * z, lz + sx * y - sy * x
             gx, gy, gz = site_force_derivative(K, 0.0, 0.0, 0.0, ux, uy, uz, 0.0)
-            rb.add_column(tangent.measured_K, b, i, rb.moved_wrench(
-                x1, y1, z1, -gx, -gy, -gz, fx, fy, fn,
-                -h * (lx + sy * top - sz * y), -h * (ly + sz * x - sx * top), -h * uz))
+            rb.add_column(
+                tangent.measured_K,
+                b,
+                i,
+                rb.moved_wrench(
+                    x1,
+                    y1,
+                    z1,
+                    -gx,
+                    -gy,
+                    -gz,
+                    fx,
+                    fy,
+                    fn,
+                    -h * (lx + sy * top - sz * y),
+                    -h * (ly + sz * x - sx * top),
+                    -h * uz,
+                ),
+            )
 
     # Parameters: a rise moves the centre up in its body's frame, others change friction or the normal force alone.
     for e in range(directions.site_start[s], directions.site_start[s + 1]):
-        p, column, unit = directions.site_parameter[e], directions.site_column[e], directions.site_unit[e]
+        p, column, unit = (
+            directions.site_parameter[e],
+            directions.site_column[e],
+            directions.site_unit[e],
+        )
         cx, cy, cz, ux, uy, uz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         if column == RISE:
             R = workspace.motion.R
@@ -473,25 +656,47 @@ def _site(
             ux, uy, uz = wy * cz - wz * cy, wz * cx - wx * cz, wx * cy - wy * cx
             gx, gy, gz = site_force_derivative(K, along_x, along_y, by_depth, ux, uy, uz, cz)
         elif column >= MU_STATIC:
-            change = -unit * fn * _friction_derivative(forces.sites, s, column, math.sqrt(vx * vx + vy * vy))
+            change = (
+                -unit
+                * fn
+                * _friction_derivative(forces.sites, s, column, math.sqrt(vx * vx + vy * vy))
+            )
             gx, gy, gz = change * vx, change * vy, 0.0
         else:
             gz = unit * _normal_derivative(forces.sites, s, column, sites[s, 0], sites[s, 4])
-            gx, gy = -ratio * vx * gz, -ratio * vy * gz  # friction is in proportion to the normal force
+            gx, gy = (
+                -ratio * vx * gz,
+                -ratio * vy * gz,
+            )  # friction is in proportion to the normal force
         rb.add(tangent.dF[b], p, rb.moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
         if measured:
-            rb.add(tangent.dT, p, rb.moved_wrench(
-                x1, y1, z1, gx, gy, gz, fx, fy, fn, cx + h * ux, cy + h * uy, cz + h * uz))
+            rb.add(
+                tangent.dT,
+                p,
+                rb.moved_wrench(
+                    x1, y1, z1, gx, gy, gz, fx, fy, fn, cx + h * ux, cy + h * uy, cz + h * uz
+                ),
+            )
 
 
 @internal
 def site_force_derivative(
-    K: Six, along_x: float, along_y: float, by_depth: float, ux: float, uy: float, uz: float, rise: float
+    K: Six,
+    along_x: float,
+    along_y: float,
+    by_depth: float,
+    ux: float,
+    uy: float,
+    uz: float,
+    rise: float,
 ) -> Three:
     """Of a site whose velocity changes by u and which rises: friction `along` goes with the normal force."""
     xx, xy, yy, xz, yz, zz = K
-    return (-(xx * ux + xy * uy + xz * uz) + along_x * rise, -(xy * ux + yy * uy + yz * uz) + along_y * rise,
-            -zz * uz - by_depth * rise)
+    return (
+        -(xx * ux + xy * uy + xz * uz) + along_x * rise,
+        -(xy * ux + yy * uy + yz * uz) + along_y * rise,
+        -zz * uz - by_depth * rise,
+    )
 
 
 @internal
@@ -537,4 +742,6 @@ def _friction_derivative(site: np.ndarray, s: int, column: int, speed: float) ->
         return (1.0 - share) / speed
     if column == MU_KINETIC:
         return share / speed
-    return 2.0 * (mu_static - mu_kinetic) / (threshold * threshold)  # d mu / d threshold, over the speed
+    return (
+        2.0 * (mu_static - mu_kinetic) / (threshold * threshold)
+    )  # d mu / d threshold, over the speed

@@ -28,7 +28,12 @@ from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
 from vsf_drake.simulation.stepping.directions import ParameterTangent, Tangent, TangentDirections
 from vsf_drake.simulation.stepping.newton import EXACT, copy, step, tangent_matrix
-from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, carry, linearise, write_state
+from vsf_drake.simulation.stepping.sensitivity import (
+    ForwardSensitivity,
+    carry,
+    linearise,
+    write_state,
+)
 from vsf_drake.simulation.stepping.tree import Tree, TreeArrays, tree_arrays, tree_of
 
 CHUNK = 32  # steps between looks for progress and interruption
@@ -87,21 +92,35 @@ class Stepper:
     """
 
     def __init__(
-        self, mechanism: Mechanism, *, dynamics: str = "compiled", tolerance: float = assembly.TOLERANCE
+        self,
+        mechanism: Mechanism,
+        *,
+        dynamics: str = "compiled",
+        tolerance: float = assembly.TOLERANCE,
     ) -> None:
         if dynamics not in DYNAMICS:
             raise ValueError(f"dynamics is {dynamics!r}, but must be one of {', '.join(DYNAMICS)}")
         if dynamics == "drake":
             now = tree_of(mechanism.plant, mechanism.context)
-            if not all(np.array_equal(getattr(now, name), getattr(mechanism.tree, name))
-                       for name in ("frames", "inertias", "gravity")):
-                raise ValueError("the plant's Context has changed since the mechanism was read from it; read it again")
+            if not all(
+                np.array_equal(getattr(now, name), getattr(mechanism.tree, name))
+                for name in ("frames", "inertias", "gravity")
+            ):
+                raise ValueError(
+                    "the plant's Context has changed since the mechanism was read from it; read it again"
+                )
         self.mechanism, self.dynamics, self.tolerance = mechanism, dynamics, tolerance
         self.tree = tree_arrays(mechanism.tree)
 
     def run(
-        self, inputs: Inputs, q0: np.ndarray, v0: np.ndarray, *, forward: ForwardSensitivity | None = None,
-        stop: Callable[[int, Record], bool] | None = None, progress: Callable[[float], None] | None = None
+        self,
+        inputs: Inputs,
+        q0: np.ndarray,
+        v0: np.ndarray,
+        *,
+        forward: ForwardSensitivity | None = None,
+        stop: Callable[[int, Record], bool] | None = None,
+        progress: Callable[[float], None] | None = None,
     ) -> Record:
         """Advances from `q0`, `v0` over the grid of `inputs`, with sensitivities to what `forward` holds.
 
@@ -114,35 +133,71 @@ class Stepper:
             raise ValueError("sensitivities need the compiled dynamics, and no torques")
         record = _empty_record(drive, q0, v0, sites=len(m.sites), forward=forward)
         q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
-        start = Start(q=np.empty_like(q), load=np.empty_like(q), q_next=np.empty(len(inputs.prescribed)),
-                      M=np.zeros((0, 0)), C=np.zeros(0))
-        dofs = assembly.split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
+        start = Start(
+            q=np.empty_like(q),
+            load=np.empty_like(q),
+            q_next=np.empty(len(inputs.prescribed)),
+            M=np.zeros((0, 0)),
+            C=np.zeros(0),
+        )
+        dofs = assembly.split_coordinates(
+            m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64)
+        )
         workspace = assembly.step_workspace(m.tree, forces, dofs, self.tolerance)
-        directions, tangent = (None, None) if forward is None else forward.prepare(m.tree, forces, dofs, steps)
-        go = advance if self.dynamics == "compiled" else partial(
-            advance.py_func, dynamics=_drakes_dynamics(m.plant, m.context))
+        directions, tangent = (
+            (None, None) if forward is None else forward.prepare(m.tree, forces, dofs, steps)
+        )
+        go = (
+            advance
+            if self.dynamics == "compiled"
+            else partial(advance.py_func, dynamics=_drakes_dynamics(m.plant, m.context))
+        )
         done = 0
         while done < steps:
             last = min(done + CHUNK, steps)
-            failed, coordinate = go(done, last, self.tree, forces, dofs, workspace, drive, MAX_SPEED, q, v, start,
-                                    record, directions, tangent)
+            failed, coordinate = go(
+                done,
+                last,
+                self.tree,
+                forces,
+                dofs,
+                workspace,
+                drive,
+                MAX_SPEED,
+                q,
+                v,
+                start,
+                record,
+                directions,
+                tangent,
+            )
             if failed >= 0:
-                raise SimulationError(f"coordinate {m.tree.coordinate_names[coordinate]} diverged (speed "
-                                      f"{v[coordinate]:.3g})", time_s=float(inputs.time_s[failed + 1]))
+                raise SimulationError(
+                    f"coordinate {m.tree.coordinate_names[coordinate]} diverged (speed "
+                    f"{v[coordinate]:.3g})",
+                    time_s=float(inputs.time_s[failed + 1]),
+                )
             done = last
             if progress:
                 progress(done / steps)
             if stop and stop(done, record):
                 break
         if done < steps:
-            record = record._replace(**{name: value[:done] for name, value in record._asdict().items()
-                                        if name not in ("q0", "v0")})
+            record = record._replace(
+                **{
+                    name: value[:done]
+                    for name, value in record._asdict().items()
+                    if name not in ("q0", "v0")
+                }
+            )
         beyond = np.abs(record.q) > m.limits
         if np.any(beyond):
             row, column = np.argwhere(beyond)[0]
             raise SimulationError(
                 f"coordinate {m.tree.coordinate_names[column]} reached {record.q[row, column]:.3g}, beyond the "
-                f"{m.limits[column]:g} (m or rad) to which the model means anything", time_s=float(record.time_s[row]))
+                f"{m.limits[column]:g} (m or rad) to which the model means anything",
+                time_s=float(record.time_s[row]),
+            )
         return record
 
     def warm_up(self, *, sensitivities: bool = False) -> float:
@@ -153,11 +208,22 @@ class Stepper:
         started, collecting = time.perf_counter(), gc.isenabled()
         gc.disable()  # looking through what the compiler makes, again and again, is a seventh of its time
         n = self.mechanism.tree.num_coordinates
-        held = Inputs(time_s=np.array([0.0, 1e-3]), prescribed=np.arange(n), prescribed_q=np.zeros((2, n)),
-                      fulcrum=np.zeros(2), ground=np.zeros(2))
-        forward = ForwardSensitivity(
-            tangents=(ParameterTangent(),), measured=np.ones(len(self.mechanism.sites), dtype=bool),
-            q0=np.zeros((n, 1))) if sensitivities else None
+        held = Inputs(
+            time_s=np.array([0.0, 1e-3]),
+            prescribed=np.arange(n),
+            prescribed_q=np.zeros((2, n)),
+            fulcrum=np.zeros(2),
+            ground=np.zeros(2),
+        )
+        forward = (
+            ForwardSensitivity(
+                tangents=(ParameterTangent(),),
+                measured=np.ones(len(self.mechanism.sites), dtype=bool),
+                q0=np.zeros((n, 1)),
+            )
+            if sensitivities
+            else None
+        )
         try:
             self.run(held, np.zeros(n), np.zeros(n), forward=forward)
         finally:
@@ -175,20 +241,35 @@ class Stepper:
         """
         m = self.mechanism
         sites, springs, fulcrum = m.sites.copy(), m.springs.copy(), m.fulcrum.copy()
-        columns = [assembly.SITE_COLUMNS.index(name) for name in ("damping", "mu_static", "mu_kinetic")]
-        sites[:, columns], springs[:, assembly.SPRING_COLUMNS.index("damping")], fulcrum[1] = 0.0, 0.0, 0.0
+        columns = [
+            assembly.SITE_COLUMNS.index(name) for name in ("damping", "mu_static", "mu_kinetic")
+        ]
+        sites[:, columns], springs[:, assembly.SPRING_COLUMNS.index("damping")], fulcrum[1] = (
+            0.0,
+            0.0,
+            0.0,
+        )
         undamped = dataclasses.replace(m, sites=sites, springs=springs, fulcrum=fulcrum)
         stepper = Stepper(undamped, dynamics=self.dynamics, tolerance=SETTLED_TOLERANCE)
         held = Inputs(
-            time_s=step_s * np.arange(steps + 1), prescribed=inputs.prescribed,
+            time_s=step_s * np.arange(steps + 1),
+            prescribed=inputs.prescribed,
             prescribed_q=np.repeat(inputs.prescribed_q[:1], steps + 1, axis=0),
-            fulcrum=np.full(steps + 1, inputs.fulcrum[0]), ground=np.full(steps + 1, inputs.ground[0]))
-        record = stepper.run(held, q0, np.zeros_like(q0),
-                             stop=lambda done, record: bool(np.abs(record.v[done - 1]).max() < SETTLED_SPEED))
+            fulcrum=np.full(steps + 1, inputs.fulcrum[0]),
+            ground=np.full(steps + 1, inputs.ground[0]),
+        )
+        record = stepper.run(
+            held,
+            q0,
+            np.zeros_like(q0),
+            stop=lambda done, record: bool(np.abs(record.v[done - 1]).max() < SETTLED_SPEED),
+        )
         return record.q[-1], float(np.abs(record.v[-1]).max())
 
 
-def _drakes_dynamics(plant: MultibodyPlant, context: Context) -> Callable[[np.ndarray, np.ndarray], Any]:
+def _drakes_dynamics(
+    plant: MultibodyPlant, context: Context
+) -> Callable[[np.ndarray, np.ndarray], Any]:
     """q, v -> M and C of `newton.step` from the plant, whose `context` they overwrite: Drake's own."""
     applied = MultibodyForces(plant)
 
@@ -223,7 +304,9 @@ class Record(NamedTuple):
     wrench_by: np.ndarray
     """(n, 6, P) derivatives of the measured sites' wrench, moment about W's origin at the ground's height, then force;
     P = 0 where none are carried."""
-    load_by: np.ndarray  # (n, coordinates, P) derivatives of load, or (0, coordinates, P) if not asked for
+    load_by: (
+        np.ndarray
+    )  # (n, coordinates, P) derivatives of load, or (0, coordinates, P) if not asked for
     q_by: np.ndarray  # likewise
     v_by: np.ndarray
 
@@ -233,8 +316,10 @@ class Record(NamedTuple):
 
     def counts(self, steps: int | None = None) -> dict[str, int]:
         """Of the first `steps`, how many were accepted without convergence, and how many were cut to converge."""
-        return {"unconverged_steps": int(np.sum(~self.converged[:steps])),
-                "refined_steps": int(np.sum(self.parts[:steps] > 1))}
+        return {
+            "unconverged_steps": int(np.sum(~self.converged[:steps])),
+            "refined_steps": int(np.sum(self.parts[:steps] > 1)),
+        }
 
 
 def _empty_record(
@@ -243,12 +328,26 @@ def _empty_record(
     """Workspace for a run from q0, v0 with so many sites."""
     steps, n, P = len(drive.time_s) - 1, len(q0), 0 if forward is None else len(forward.tangents)
     state = (steps if forward is not None and forward.loads else 0, n, P)
-    shapes = {"q": (steps, n), "v": (steps, n), "load": (steps, n), "sites": (steps, sites, len(assembly.SITE_RECORD)),
-              "fulcrum": (steps, 3), "wrench_by": (steps, 6, P), "load_by": state, "q_by": state, "v_by": state}
+    shapes = {
+        "q": (steps, n),
+        "v": (steps, n),
+        "load": (steps, n),
+        "sites": (steps, sites, len(assembly.SITE_RECORD)),
+        "fulcrum": (steps, 3),
+        "wrench_by": (steps, 6, P),
+        "load_by": state,
+        "q_by": state,
+        "v_by": state,
+    }
     return Record(
-        time_s=drive.time_s[1:].copy(), q0=np.array(q0), v0=np.array(v0), iterations=np.zeros(steps, dtype=np.int64),
-        parts=np.zeros(steps, dtype=np.int64), converged=np.zeros(steps, dtype=np.bool_),
-        **{name: np.zeros(shape) for name, shape in shapes.items()})
+        time_s=drive.time_s[1:].copy(),
+        q0=np.array(q0),
+        v0=np.array(v0),
+        iterations=np.zeros(steps, dtype=np.int64),
+        parts=np.zeros(steps, dtype=np.int64),
+        converged=np.zeros(steps, dtype=np.bool_),
+        **{name: np.zeros(shape) for name, shape in shapes.items()},
+    )
 
 
 # Steps one after the other, each halved where it does not converge (compiled).
@@ -283,9 +382,16 @@ def drive_of(inputs: Inputs) -> Drive:
     """The inputs as arrays for compiled code."""
     time_s, prescribed_q, fulcrum, ground = (
         np.ascontiguousarray(column, dtype=float)
-        for column in (inputs.time_s, inputs.prescribed_q, inputs.fulcrum, inputs.ground))
-    return Drive(time_s, prescribed_q, fulcrum, ground, np.gradient(ground, time_s),
-                 no_torques(len(time_s) - 1) if inputs.torques is None else inputs.torques)
+        for column in (inputs.time_s, inputs.prescribed_q, inputs.fulcrum, inputs.ground)
+    )
+    return Drive(
+        time_s,
+        prescribed_q,
+        fulcrum,
+        ground,
+        np.gradient(ground, time_s),
+        no_torques(len(time_s) - 1) if inputs.torques is None else inputs.torques,
+    )
 
 
 @compiled
@@ -300,9 +406,15 @@ def substep(
         return h, drive.fulcrum[k + 1], drive.ground[k + 1], drive.ground_rate[k + 1]
     share = (done + size) / PARTS
     for i in range(q_next.shape[0]):
-        q_next[i] = drive.prescribed_q[k, i] + share * (drive.prescribed_q[k + 1, i] - drive.prescribed_q[k, i])
-    return (h, drive.fulcrum[k] + share * (drive.fulcrum[k + 1] - drive.fulcrum[k]),
-            drive.ground[k] + share * (drive.ground[k + 1] - drive.ground[k]), drive.ground_rate[k + 1])
+        q_next[i] = drive.prescribed_q[k, i] + share * (
+            drive.prescribed_q[k + 1, i] - drive.prescribed_q[k, i]
+        )
+    return (
+        h,
+        drive.fulcrum[k] + share * (drive.fulcrum[k + 1] - drive.fulcrum[k]),
+        drive.ground[k] + share * (drive.ground[k + 1] - drive.ground[k]),
+        drive.ground_rate[k + 1],
+    )
 
 
 @compiled
@@ -327,10 +439,21 @@ def diverged(q: np.ndarray, v: np.ndarray, max_speed: float) -> int:
 
 @partial(compiled, nogil=True)
 def advance(
-    first: int, last: int, tree: TreeArrays, forces: Forces, dofs: FreePrescribed, workspace: Workspace, drive: Drive,
-    max_speed: float, q: np.ndarray, v: np.ndarray, start: Start, record: Record,
-    directions: TangentDirections | None = None, tangent: Tangent | None = None,
-    dynamics: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+    first: int,
+    last: int,
+    tree: TreeArrays,
+    forces: Forces,
+    dofs: FreePrescribed,
+    workspace: Workspace,
+    drive: Drive,
+    max_speed: float,
+    q: np.ndarray,
+    v: np.ndarray,
+    start: Start,
+    record: Record,
+    directions: TangentDirections | None = None,
+    tangent: Tangent | None = None,
+    dynamics: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None,
 ) -> tuple[int, int]:
     """Advances q, v (n,) in place over steps first ... last - 1; returns step and coordinate that diverged or -1.
 
@@ -354,8 +477,23 @@ def advance(
             if dynamics is not None:
                 M, C = dynamics(q, v)
             iterations, converged = step(
-                h, tree, forces, dofs, workspace, ground, ground_rate, fulcrum, q_next, M, C, q, v, load,
-                record.sites[k], record.fulcrum[k])
+                h,
+                tree,
+                forces,
+                dofs,
+                workspace,
+                ground,
+                ground_rate,
+                fulcrum,
+                q_next,
+                M,
+                C,
+                q,
+                v,
+                load,
+                record.sites[k],
+                record.fulcrum[k],
+            )
             share, end = size / PARTS, (done + size) / PARTS
             done, size, accepted = next_substep(done, size, converged)
 
@@ -367,8 +505,19 @@ def advance(
                     record.load[k, i] += share * load[i]
                 if directions is not None and tangent is not None:
                     tangent_matrix(h, tree, forces, dofs, workspace, EXACT, record.sites[k])
-                    linearise(h, tree, forces, dofs, directions, workspace, tangent, q0, v, record.sites[k],
-                              record.fulcrum[k])
+                    linearise(
+                        h,
+                        tree,
+                        forces,
+                        dofs,
+                        directions,
+                        workspace,
+                        tangent,
+                        q0,
+                        v,
+                        record.sites[k],
+                        record.fulcrum[k],
+                    )
                     carry(h, k, end, share, dofs, directions, workspace.A, tangent, record)
             else:
                 copy(q0, q)
@@ -403,12 +552,19 @@ class Torques(NamedTuple):
 def no_torques(steps: int) -> Torques:
     """None on that many steps."""
     none = np.zeros(0, dtype=np.int64)
-    return Torques(coordinates=none, sensed=none, feedforward=np.zeros((steps, 0)), gain=np.zeros((steps, 0, 0)),
-                   reference=np.zeros((steps, 0)))
+    return Torques(
+        coordinates=none,
+        sensed=none,
+        feedforward=np.zeros((steps, 0)),
+        gain=np.zeros((steps, 0, 0)),
+        reference=np.zeros((steps, 0)),
+    )
 
 
 @compiled
-def sample_torques(k: int, torques: Torques, q: np.ndarray, v: np.ndarray, force: np.ndarray) -> None:
+def sample_torques(
+    k: int, torques: Torques, q: np.ndarray, v: np.ndarray, force: np.ndarray
+) -> None:
     """Writes the forces of step k from the state q, v (n,) at its start to `force` (n,)."""
     s = torques.sensed.shape[0]
     for i in range(torques.coordinates.shape[0]):

@@ -18,7 +18,9 @@ from pydrake.systems.framework import Context
 from vsf_drake.laws.compiled import internal
 
 WELD, REVOLUTE, PRISMATIC = 0, 1, 2
-Six = tuple[float, float, float, float, float, float]  # a motion or a force, see the section on spatial algebra
+Six = tuple[
+    float, float, float, float, float, float
+]  # a motion or a force, see the section on spatial algebra
 Three = tuple[float, float, float]
 
 
@@ -78,13 +80,27 @@ def tree_of(plant: MultibodyPlant, context: Context) -> Tree:
         X_PF = joint.frame_on_parent().CalcPoseInBodyFrame(context)
         X_MB = joint.frame_on_child().CalcPoseInBodyFrame(context).inverse()
         links.append((kind, parent, child, coordinate))
-        frames.append(np.concatenate([X_PF.rotation().matrix().ravel(), X_PF.translation(),
-                                      X_MB.rotation().matrix().ravel(), X_MB.translation(), axis]))
+        frames.append(
+            np.concatenate(
+                [
+                    X_PF.rotation().matrix().ravel(),
+                    X_PF.translation(),
+                    X_MB.rotation().matrix().ravel(),
+                    X_MB.translation(),
+                    axis,
+                ]
+            )
+        )
     bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
-    return Tree(links=np.array(links, dtype=np.int64), frames=np.array(frames), ancestors=ancestors,
-                inertias=np.array([_inertia(body, context) for body in bodies]),
-                gravity=np.array(plant.gravity_field().gravity_vector()),
-                coordinate_names=tuple(names), body_names=tuple(body.name() for body in bodies))
+    return Tree(
+        links=np.array(links, dtype=np.int64),
+        frames=np.array(frames),
+        ancestors=ancestors,
+        inertias=np.array([_inertia(body, context) for body in bodies]),
+        gravity=np.array(plant.gravity_field().gravity_vector()),
+        coordinate_names=tuple(names),
+        body_names=tuple(body.name() for body in bodies),
+    )
 
 
 def _parents_first(plant: MultibodyPlant) -> list[tuple[Joint, int, int]]:
@@ -106,46 +122,85 @@ def _inertia(body: RigidBody, context: Context) -> np.ndarray:
         return np.zeros(10)
     M_BBo_B = body.CalcSpatialInertiaInBodyFrame(context)
     I = M_BBo_B.CalcRotationalInertia().CopyToFullMatrix3()  # noqa: E741
-    return np.array([M_BBo_B.get_mass(), *M_BBo_B.CalcComMoment(),
-                     I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]])
+    return np.array(
+        [
+            M_BBo_B.get_mass(),
+            *M_BBo_B.CalcComMoment(),
+            I[0, 0],
+            I[1, 1],
+            I[2, 2],
+            I[0, 1],
+            I[0, 2],
+            I[1, 2],
+        ]
+    )
 
 
 @internal
 def _product(R: np.ndarray, b: int, frames: np.ndarray, m: int, at: int) -> tuple[float, ...]:
     """R[b] times the rotation that begins at column `at` of row m, row by row."""
-    f = (frames[m, at], frames[m, at + 1], frames[m, at + 2], frames[m, at + 3], frames[m, at + 4], frames[m, at + 5],
-         frames[m, at + 6], frames[m, at + 7], frames[m, at + 8])
+    f = (
+        frames[m, at],
+        frames[m, at + 1],
+        frames[m, at + 2],
+        frames[m, at + 3],
+        frames[m, at + 4],
+        frames[m, at + 5],
+        frames[m, at + 6],
+        frames[m, at + 7],
+        frames[m, at + 8],
+    )
     x, y, z = R[b, 0, 0], R[b, 0, 1], R[b, 0, 2]
     u, v, w = R[b, 1, 0], R[b, 1, 1], R[b, 1, 2]
     r, s, t = R[b, 2, 0], R[b, 2, 1], R[b, 2, 2]
-    return (x * f[0] + y * f[3] + z * f[6], x * f[1] + y * f[4] + z * f[7], x * f[2] + y * f[5] + z * f[8],
-            u * f[0] + v * f[3] + w * f[6], u * f[1] + v * f[4] + w * f[7], u * f[2] + v * f[5] + w * f[8],
-            r * f[0] + s * f[3] + t * f[6], r * f[1] + s * f[4] + t * f[7], r * f[2] + s * f[5] + t * f[8])
+    return (
+        x * f[0] + y * f[3] + z * f[6],
+        x * f[1] + y * f[4] + z * f[7],
+        x * f[2] + y * f[5] + z * f[8],
+        u * f[0] + v * f[3] + w * f[6],
+        u * f[1] + v * f[4] + w * f[7],
+        u * f[2] + v * f[5] + w * f[8],
+        r * f[0] + s * f[3] + t * f[6],
+        r * f[1] + s * f[4] + t * f[7],
+        r * f[2] + s * f[5] + t * f[8],
+    )
 
 
 @internal
 def _moved(R: np.ndarray, p: np.ndarray, b: int, frames: np.ndarray, m: int, at: int) -> Three:
     """p[b] + R[b] times the vector that begins at column `at` of row m."""
     x, y, z = frames[m, at], frames[m, at + 1], frames[m, at + 2]
-    return (p[b, 0] + R[b, 0, 0] * x + R[b, 0, 1] * y + R[b, 0, 2] * z,
-            p[b, 1] + R[b, 1, 0] * x + R[b, 1, 1] * y + R[b, 1, 2] * z,
-            p[b, 2] + R[b, 2, 0] * x + R[b, 2, 1] * y + R[b, 2, 2] * z)
+    return (
+        p[b, 0] + R[b, 0, 0] * x + R[b, 0, 1] * y + R[b, 0, 2] * z,
+        p[b, 1] + R[b, 1, 0] * x + R[b, 1, 1] * y + R[b, 1, 2] * z,
+        p[b, 2] + R[b, 2, 0] * x + R[b, 2, 1] * y + R[b, 2, 2] * z,
+    )
 
 
 @internal
-def _turned(F: tuple[float, ...], ax: float, ay: float, az: float, s: float, c: float) -> tuple[float, ...]:
+def _turned(
+    F: tuple[float, ...], ax: float, ay: float, az: float, s: float, c: float
+) -> tuple[float, ...]:
     """The rotation F turned about the unit axis a by the angle with sine s and cosine c.
 
     Rodrigues' formula, f c + (a x f) s + a (a . f) (1 - c), for each column f of F; d holds (a . f) (1 - c).
     """
-    d0, d1, d2 = ((ax * F[0] + ay * F[3] + az * F[6]) * (1.0 - c), (ax * F[1] + ay * F[4] + az * F[7]) * (1.0 - c),
-                  (ax * F[2] + ay * F[5] + az * F[8]) * (1.0 - c))
-    return (F[0] * c + (ay * F[6] - az * F[3]) * s + ax * d0, F[1] * c + (ay * F[7] - az * F[4]) * s + ax * d1,
-            F[2] * c + (ay * F[8] - az * F[5]) * s + ax * d2,
-            F[3] * c + (az * F[0] - ax * F[6]) * s + ay * d0, F[4] * c + (az * F[1] - ax * F[7]) * s + ay * d1,
-            F[5] * c + (az * F[2] - ax * F[8]) * s + ay * d2,
-            F[6] * c + (ax * F[3] - ay * F[0]) * s + az * d0, F[7] * c + (ax * F[4] - ay * F[1]) * s + az * d1,
-            F[8] * c + (ax * F[5] - ay * F[2]) * s + az * d2)
+    d0, d1, d2 = (
+        (ax * F[0] + ay * F[3] + az * F[6]) * (1.0 - c),
+        (ax * F[1] + ay * F[4] + az * F[7]) * (1.0 - c),
+        (ax * F[2] + ay * F[5] + az * F[8]) * (1.0 - c),
+    )
+    return (
+        F[0] * c + (ay * F[6] - az * F[3]) * s + ax * d0,
+        F[1] * c + (ay * F[7] - az * F[4]) * s + ax * d1,
+        F[2] * c + (ay * F[8] - az * F[5]) * s + ax * d2,
+        F[3] * c + (az * F[0] - ax * F[6]) * s + ay * d0,
+        F[4] * c + (az * F[1] - ax * F[7]) * s + ay * d1,
+        F[5] * c + (az * F[2] - ax * F[8]) * s + ay * d2,
+        F[6] * c + (ax * F[3] - ay * F[0]) * s + az * d0,
+        F[7] * c + (ax * F[4] - ay * F[1]) * s + az * d1,
+        F[8] * c + (ax * F[5] - ay * F[2]) * s + az * d2,
+    )
 
 
 # Spatial algebra about the world's origin, compiled.
@@ -186,8 +241,14 @@ def add(array: np.ndarray, i: int, a: Six) -> None:
 @internal
 def plus(a: Six, b: Six, factor: float) -> Six:
     """a + factor b."""
-    return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2], a[3] + factor * b[3],
-            a[4] + factor * b[4], a[5] + factor * b[5])
+    return (
+        a[0] + factor * b[0],
+        a[1] + factor * b[1],
+        a[2] + factor * b[2],
+        a[3] + factor * b[3],
+        a[4] + factor * b[4],
+        a[5] + factor * b[5],
+    )
 
 
 @internal
@@ -201,12 +262,43 @@ def times(K: np.ndarray, b: int, a: Six) -> Six:
     """K[b] a of an array (n, 6, 6)."""
     p, q, r, x, y, z = a
     return (
-        K[b, 0, 0] * p + K[b, 0, 1] * q + K[b, 0, 2] * r + K[b, 0, 3] * x + K[b, 0, 4] * y + K[b, 0, 5] * z,
-        K[b, 1, 0] * p + K[b, 1, 1] * q + K[b, 1, 2] * r + K[b, 1, 3] * x + K[b, 1, 4] * y + K[b, 1, 5] * z,
-        K[b, 2, 0] * p + K[b, 2, 1] * q + K[b, 2, 2] * r + K[b, 2, 3] * x + K[b, 2, 4] * y + K[b, 2, 5] * z,
-        K[b, 3, 0] * p + K[b, 3, 1] * q + K[b, 3, 2] * r + K[b, 3, 3] * x + K[b, 3, 4] * y + K[b, 3, 5] * z,
-        K[b, 4, 0] * p + K[b, 4, 1] * q + K[b, 4, 2] * r + K[b, 4, 3] * x + K[b, 4, 4] * y + K[b, 4, 5] * z,
-        K[b, 5, 0] * p + K[b, 5, 1] * q + K[b, 5, 2] * r + K[b, 5, 3] * x + K[b, 5, 4] * y + K[b, 5, 5] * z)
+        K[b, 0, 0] * p
+        + K[b, 0, 1] * q
+        + K[b, 0, 2] * r
+        + K[b, 0, 3] * x
+        + K[b, 0, 4] * y
+        + K[b, 0, 5] * z,
+        K[b, 1, 0] * p
+        + K[b, 1, 1] * q
+        + K[b, 1, 2] * r
+        + K[b, 1, 3] * x
+        + K[b, 1, 4] * y
+        + K[b, 1, 5] * z,
+        K[b, 2, 0] * p
+        + K[b, 2, 1] * q
+        + K[b, 2, 2] * r
+        + K[b, 2, 3] * x
+        + K[b, 2, 4] * y
+        + K[b, 2, 5] * z,
+        K[b, 3, 0] * p
+        + K[b, 3, 1] * q
+        + K[b, 3, 2] * r
+        + K[b, 3, 3] * x
+        + K[b, 3, 4] * y
+        + K[b, 3, 5] * z,
+        K[b, 4, 0] * p
+        + K[b, 4, 1] * q
+        + K[b, 4, 2] * r
+        + K[b, 4, 3] * x
+        + K[b, 4, 4] * y
+        + K[b, 4, 5] * z,
+        K[b, 5, 0] * p
+        + K[b, 5, 1] * q
+        + K[b, 5, 2] * r
+        + K[b, 5, 3] * x
+        + K[b, 5, 4] * y
+        + K[b, 5, 5] * z,
+    )
 
 
 @internal
@@ -214,12 +306,43 @@ def transposed_times(K: np.ndarray, b: int, a: Six) -> Six:
     """K[b]^T a of an array (n, 6, 6)."""
     p, q, r, x, y, z = a
     return (
-        K[b, 0, 0] * p + K[b, 1, 0] * q + K[b, 2, 0] * r + K[b, 3, 0] * x + K[b, 4, 0] * y + K[b, 5, 0] * z,
-        K[b, 0, 1] * p + K[b, 1, 1] * q + K[b, 2, 1] * r + K[b, 3, 1] * x + K[b, 4, 1] * y + K[b, 5, 1] * z,
-        K[b, 0, 2] * p + K[b, 1, 2] * q + K[b, 2, 2] * r + K[b, 3, 2] * x + K[b, 4, 2] * y + K[b, 5, 2] * z,
-        K[b, 0, 3] * p + K[b, 1, 3] * q + K[b, 2, 3] * r + K[b, 3, 3] * x + K[b, 4, 3] * y + K[b, 5, 3] * z,
-        K[b, 0, 4] * p + K[b, 1, 4] * q + K[b, 2, 4] * r + K[b, 3, 4] * x + K[b, 4, 4] * y + K[b, 5, 4] * z,
-        K[b, 0, 5] * p + K[b, 1, 5] * q + K[b, 2, 5] * r + K[b, 3, 5] * x + K[b, 4, 5] * y + K[b, 5, 5] * z)
+        K[b, 0, 0] * p
+        + K[b, 1, 0] * q
+        + K[b, 2, 0] * r
+        + K[b, 3, 0] * x
+        + K[b, 4, 0] * y
+        + K[b, 5, 0] * z,
+        K[b, 0, 1] * p
+        + K[b, 1, 1] * q
+        + K[b, 2, 1] * r
+        + K[b, 3, 1] * x
+        + K[b, 4, 1] * y
+        + K[b, 5, 1] * z,
+        K[b, 0, 2] * p
+        + K[b, 1, 2] * q
+        + K[b, 2, 2] * r
+        + K[b, 3, 2] * x
+        + K[b, 4, 2] * y
+        + K[b, 5, 2] * z,
+        K[b, 0, 3] * p
+        + K[b, 1, 3] * q
+        + K[b, 2, 3] * r
+        + K[b, 3, 3] * x
+        + K[b, 4, 3] * y
+        + K[b, 5, 3] * z,
+        K[b, 0, 4] * p
+        + K[b, 1, 4] * q
+        + K[b, 2, 4] * r
+        + K[b, 3, 4] * x
+        + K[b, 4, 4] * y
+        + K[b, 5, 4] * z,
+        K[b, 0, 5] * p
+        + K[b, 1, 5] * q
+        + K[b, 2, 5] * r
+        + K[b, 3, 5] * x
+        + K[b, 4, 5] * y
+        + K[b, 5, 5] * z,
+    )
 
 
 @internal
@@ -245,51 +368,96 @@ def wrench(x: float, y: float, z: float, fx: float, fy: float, fz: float) -> Six
 
 @internal
 def moved_wrench(
-    x: float, y: float, z: float, gx: float, gy: float, gz: float, fx: float, fy: float, fz: float, px: float,
-    py: float, pz: float
+    x: float,
+    y: float,
+    z: float,
+    gx: float,
+    gy: float,
+    gz: float,
+    fx: float,
+    fy: float,
+    fz: float,
+    px: float,
+    py: float,
+    pz: float,
 ) -> Six:
     """What a force f at r = (x, y, z) changes in its wrench as it changes by g and r by p: (r x g + p x f, g)."""
-    return (y * gz - z * gy + py * fz - pz * fy, z * gx - x * gz + pz * fx - px * fz,
-            x * gy - y * gx + px * fy - py * fx, gx, gy, gz)
+    return (
+        y * gz - z * gy + py * fz - pz * fy,
+        z * gx - x * gz + pz * fx - px * fz,
+        x * gy - y * gx + px * fy - py * fx,
+        gx,
+        gy,
+        gz,
+    )
 
 
 @internal
 def cross_motion(a: Six, b: Six) -> Six:
     """a x b of two motions (crm): the rate of b where it is fixed to a body that moves with a."""
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0],
-            a[1] * b[5] - a[2] * b[4] + a[4] * b[2] - a[5] * b[1],
-            a[2] * b[3] - a[0] * b[5] + a[5] * b[0] - a[3] * b[2],
-            a[0] * b[4] - a[1] * b[3] + a[3] * b[1] - a[4] * b[0])
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+        a[1] * b[5] - a[2] * b[4] + a[4] * b[2] - a[5] * b[1],
+        a[2] * b[3] - a[0] * b[5] + a[5] * b[0] - a[3] * b[2],
+        a[0] * b[4] - a[1] * b[3] + a[3] * b[1] - a[4] * b[0],
+    )
 
 
 @internal
 def cross_force(a: Six, f: Six) -> Six:
     """a x* f of a motion and a force (crf), likewise."""
-    return (a[1] * f[2] - a[2] * f[1] + a[4] * f[5] - a[5] * f[4],
-            a[2] * f[0] - a[0] * f[2] + a[5] * f[3] - a[3] * f[5],
-            a[0] * f[1] - a[1] * f[0] + a[3] * f[4] - a[4] * f[3],
-            a[1] * f[5] - a[2] * f[4], a[2] * f[3] - a[0] * f[5], a[0] * f[4] - a[1] * f[3])
+    return (
+        a[1] * f[2] - a[2] * f[1] + a[4] * f[5] - a[5] * f[4],
+        a[2] * f[0] - a[0] * f[2] + a[5] * f[3] - a[3] * f[5],
+        a[0] * f[1] - a[1] * f[0] + a[3] * f[4] - a[4] * f[3],
+        a[1] * f[5] - a[2] * f[4],
+        a[2] * f[3] - a[0] * f[5],
+        a[0] * f[4] - a[1] * f[3],
+    )
 
 
 @internal
 def inertia_times(bodies: np.ndarray, b: int, a: Six) -> Six:
     """The inertia in row b of (n, 10) times a motion (w, v): the momentum (I w + h x v, m v - h x w), h = m c."""
     m, hx, hy, hz = bodies[b, 0], bodies[b, 1], bodies[b, 2], bodies[b, 3]
-    xx, yy, zz, xy, xz, yz = bodies[b, 4], bodies[b, 5], bodies[b, 6], bodies[b, 7], bodies[b, 8], bodies[b, 9]
+    xx, yy, zz, xy, xz, yz = (
+        bodies[b, 4],
+        bodies[b, 5],
+        bodies[b, 6],
+        bodies[b, 7],
+        bodies[b, 8],
+        bodies[b, 9],
+    )
     wx, wy, wz, vx, vy, vz = a
-    return (xx * wx + xy * wy + xz * wz + hy * vz - hz * vy, xy * wx + yy * wy + yz * wz + hz * vx - hx * vz,
-            xz * wx + yz * wy + zz * wz + hx * vy - hy * vx,
-            m * vx + wy * hz - wz * hy, m * vy + wz * hx - wx * hz, m * vz + wx * hy - wy * hx)
+    return (
+        xx * wx + xy * wy + xz * wz + hy * vz - hz * vy,
+        xy * wx + yy * wy + yz * wz + hz * vx - hx * vz,
+        xz * wx + yz * wy + zz * wz + hx * vy - hy * vx,
+        m * vx + wy * hz - wz * hy,
+        m * vy + wz * hx - wx * hz,
+        m * vz + wx * hy - wy * hx,
+    )
 
 
 @internal
-def inertia_in_world(bodies: np.ndarray, b: int, R: np.ndarray, p: np.ndarray, out: np.ndarray) -> None:
+def inertia_in_world(
+    bodies: np.ndarray, b: int, R: np.ndarray, p: np.ndarray, out: np.ndarray
+) -> None:
     """Moves the inertia in row b, about and in its body's frame, to the world's origin and axes; into row b of out.
 
     With h = R m c:  m c_W = h + m p,  I_W = R I R^T + (2 h . p + m p . p) 1 - m p p^T - h p^T - p h^T.
     """
     m, hx, hy, hz = bodies[b, 0], bodies[b, 1], bodies[b, 2], bodies[b, 3]
-    xx, yy, zz, xy, xz, yz = bodies[b, 4], bodies[b, 5], bodies[b, 6], bodies[b, 7], bodies[b, 8], bodies[b, 9]
+    xx, yy, zz, xy, xz, yz = (
+        bodies[b, 4],
+        bodies[b, 5],
+        bodies[b, 6],
+        bodies[b, 7],
+        bodies[b, 8],
+        bodies[b, 9],
+    )
     a, d, g = R[b, 0, 0], R[b, 0, 1], R[b, 0, 2]
     k, e, h = R[b, 1, 0], R[b, 1, 1], R[b, 1, 2]
     u, o, i = R[b, 2, 0], R[b, 2, 1], R[b, 2, 2]
@@ -354,8 +522,13 @@ def work_space(tree: Tree) -> Motion:
     """Workspace for one state of `tree`."""
     n, bodies = tree.num_coordinates, len(tree.body_names)
     return Motion(
-        R=np.zeros((bodies, 3, 3)), p=np.zeros((bodies, 3)), S=np.zeros((n, 6)), own=np.zeros((bodies, 10)),
-        composite=np.zeros((bodies, 10)), **{name: np.zeros((bodies, 6)) for name in ("V", "A", "f")})
+        R=np.zeros((bodies, 3, 3)),
+        p=np.zeros((bodies, 3)),
+        S=np.zeros((n, 6)),
+        own=np.zeros((bodies, 10)),
+        composite=np.zeros((bodies, 10)),
+        **{name: np.zeros((bodies, 6)) for name in ("V", "A", "f")},
+    )
 
 
 @internal
@@ -371,7 +544,12 @@ def place(tree: TreeArrays, q: np.ndarray, motion: Motion) -> None:
         for k in range(3):
             R[0, i, k] = 1.0 if i == k else 0.0
     for m in range(tree.links.shape[0]):
-        kind, parent, child, c = tree.links[m, 0], tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
+        kind, parent, child, c = (
+            tree.links[m, 0],
+            tree.links[m, 1],
+            tree.links[m, 2],
+            tree.links[m, 3],
+        )
         # R_WF and p_WF, which become R_WM and p_WM as the joint turns or shifts.
         F, pM = _product(R, parent, frames, m, 0), _moved(R, p, parent, frames, m, 9)
         if kind != WELD:
@@ -388,11 +566,15 @@ def place(tree: TreeArrays, q: np.ndarray, motion: Motion) -> None:
 
         # The frame M itself for now; X_MB then leads to the body.
         _write_pose(R, p, child, F, pM)
-        _write_pose(R, p, child, _product(R, child, frames, m, 12), _moved(R, p, child, frames, m, 21))
+        _write_pose(
+            R, p, child, _product(R, child, frames, m, 12), _moved(R, p, child, frames, m, 21)
+        )
 
 
 @internal
-def _write_pose(R: np.ndarray, p: np.ndarray, b: int, rotation: tuple[float, ...], position: Three) -> None:
+def _write_pose(
+    R: np.ndarray, p: np.ndarray, b: int, rotation: tuple[float, ...], position: Three
+) -> None:
     """The pose in row b."""
     for i in range(3):
         for k in range(3):
@@ -401,12 +583,21 @@ def _write_pose(R: np.ndarray, p: np.ndarray, b: int, rotation: tuple[float, ...
 
 
 @internal
-def inverse_dynamics(tree: TreeArrays, v: np.ndarray, a: np.ndarray, motion: Motion, tau: np.ndarray) -> None:
+def inverse_dynamics(
+    tree: TreeArrays, v: np.ndarray, a: np.ndarray, motion: Motion, tau: np.ndarray
+) -> None:
     """Forces tau (n,) for velocities v and accelerations a (n,) at the placed pose, gravity included.
 
     Leaves V, A, own and composite inertias and transmitted forces in `motion`.
     """
-    S, V, A, own, composite, f = motion.S, motion.V, motion.A, motion.own, motion.composite, motion.f
+    S, V, A, own, composite, f = (
+        motion.S,
+        motion.V,
+        motion.A,
+        motion.own,
+        motion.composite,
+        motion.f,
+    )
     put(V, 0, REST)
     put(A, 0, (0.0, 0.0, 0.0, -tree.gravity[0], -tree.gravity[1], -tree.gravity[2]))
     put(f, 0, REST)
@@ -424,7 +615,11 @@ def inverse_dynamics(tree: TreeArrays, v: np.ndarray, a: np.ndarray, motion: Mot
         put(A, b, A_b)
         if tree.inertias[b, 0] > 0.0:
             inertia_in_world(tree.inertias, b, motion.R, motion.p, own)
-            put(f, b, plus(inertia_times(own, b, A_b), cross_force(V_b, inertia_times(own, b, V_b)), 1.0))
+            put(
+                f,
+                b,
+                plus(inertia_times(own, b, A_b), cross_force(V_b, inertia_times(own, b, V_b)), 1.0),
+            )
         else:
             put(f, b, REST)
             for i in range(10):
@@ -444,7 +639,12 @@ def inverse_dynamics(tree: TreeArrays, v: np.ndarray, a: np.ndarray, motion: Mot
 
 @internal
 def mass_matrix(
-    tree: TreeArrays, motion: Motion, coordinates: np.ndarray, above: np.ndarray, counts: np.ndarray, M: np.ndarray
+    tree: TreeArrays,
+    motion: Motion,
+    coordinates: np.ndarray,
+    above: np.ndarray,
+    counts: np.ndarray,
+    M: np.ndarray,
 ) -> None:
     """Writes M (k, k), the rows and columns `coordinates` (k,) of the mass matrix, after `inverse_dynamics`.
 

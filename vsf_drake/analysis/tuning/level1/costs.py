@@ -24,18 +24,25 @@ from vsf_drake.simulation.walk import Walk, Walker
 
 CONSISTENCY, TRACKING = "consistency", "tracking"
 POSITIVE_EFFICIENCY, NEGATIVE_EFFICIENCY = 0.25, 1.2
-KINDS = {"joint_load": ("load on the prosthetic leg and residual limb", "1"),
-         "metabolic": ("joint-work estimate of energy", "J/kg"), "push_off": ("push-off work, with a minus", "J/kg"),
-         TRACKING: ("deviation from the recorded ground reaction force", "BW²"),
-         WEIGHTED: ("weighted sum of costs", "1")}
+KINDS = {
+    "joint_load": ("load on the prosthetic leg and residual limb", "1"),
+    "metabolic": ("joint-work estimate of energy", "J/kg"),
+    "push_off": ("push-off work, with a minus", "J/kg"),
+    TRACKING: ("deviation from the recorded ground reaction force", "BW²"),
+    WEIGHTED: ("weighted sum of costs", "1"),
+}
 """Label and unit of each cost."""
 LABELS = {
-    "fore_aft": "fore-aft force", "lateral": "lateral force", "vertical": "vertical force",
-    "joint_moments": "prosthetic hip and knee moments squared", "socket": "socket force and moment squared",
+    "fore_aft": "fore-aft force",
+    "lateral": "lateral force",
+    "vertical": "vertical force",
+    "joint_moments": "prosthetic hip and knee moments squared",
+    "socket": "socket force and moment squared",
     "push_off_work": "minus the work on the shank in late stance",
     "positive_work": f"positive work of the prosthetic joints / {POSITIVE_EFFICIENCY:g}",
     "negative_work": f"negative work of the prosthetic joints / {NEGATIVE_EFFICIENCY:g}",
-    CONSISTENCY: "change of the ground reaction force"} | {name: label for name, (label, _) in KINDS.items()}
+    CONSISTENCY: "change of the ground reaction force",
+} | {name: label for name, (label, _) in KINDS.items()}
 """Of terms, and of costs that are terms of a weighted one."""
 LEAST_TRACKING = 0.01**2
 """BW²: a recorded force is not known better than 1 % of body weight, so that tracking is not divided by less."""
@@ -48,8 +55,12 @@ class WalkLoads:
     """What a walk loads the prosthetic side with, at the n ends of its steps, low-passed."""
 
     ground: np.ndarray  # (n, 6, 1 + P) of the ground on the prosthetic foot: moment (N m) about W's origin, force (N)
-    joints: np.ndarray  # (n, J, 1 + P) N m, moments of the driver at the joints asked for, in the coordinates' signs
-    socket: np.ndarray  # (n, 6, 1 + P) N, N m of the bushing: tx, ty, tz, flexion, adduction, rotation
+    joints: (
+        np.ndarray
+    )  # (n, J, 1 + P) N m, moments of the driver at the joints asked for, in the coordinates' signs
+    socket: (
+        np.ndarray
+    )  # (n, 6, 1 + P) N, N m of the bushing: tx, ty, tz, flexion, adduction, rotation
 
     @property
     def grf(self) -> np.ndarray:
@@ -63,23 +74,31 @@ def walk_loads(
     `with_respect_to`, made `with_loads`, by the design variables, if any."""
     record, tree = walk.record, walk.mechanism.tree
     columns = [tree.index(name) for name in joints]
-    wrench = sum_sites(record.sites[:, :len(walker.gait.person.foot.sites.radius)])
+    wrench = sum_sites(record.sites[:, : len(walker.gait.person.foot.sites.radius)])
     parts = [value[:, :, None] for value in (wrench, record.load[:, columns], walk.socket_wrench)]
     if by is not None:
         loads = walk.load_sensitivity
         assert loads is not None
         slopes = (record.wrench_by, loads.load[:, columns], loads.socket)
-        parts = [np.concatenate([part, slope @ by], axis=2) for part, slope in zip(parts, slopes, strict=True)]
+        parts = [
+            np.concatenate([part, slope @ by], axis=2)
+            for part, slope in zip(parts, slopes, strict=True)
+        ]
 
     # From moments about the ground's height h to ones about W's origin: M_O = M_h + (0, 0, h) x F.
     parts[0][:, 0] -= walk.mechanism.ground_height * parts[0][:, 4]
     parts[0][:, 1] += walk.mechanism.ground_height * parts[0][:, 3]
 
     # One low-pass for all columns, then apart again.
-    flat = low_pass(np.column_stack([part.reshape(len(part), -1) for part in parts]), rate_hz=1.0 / walk.step_s,
-                    cutoff_hz=cutoff_hz)
+    flat = low_pass(
+        np.column_stack([part.reshape(len(part), -1) for part in parts]),
+        rate_hz=1.0 / walk.step_s,
+        cutoff_hz=cutoff_hz,
+    )
     smooth = np.split(flat, np.cumsum([part[0].size for part in parts])[:-1], axis=1)
-    return WalkLoads(*(series.reshape(part.shape) for series, part in zip(smooth, parts, strict=True)))
+    return WalkLoads(
+        *(series.reshape(part.shape) for series, part in zip(smooth, parts, strict=True))
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +107,12 @@ class StanceFrame:
 
     time_s: np.ndarray  # (n,)
     step_s: float
-    stances: tuple[Stance, ...]  # of the model's prosthetic foot at the trial's own setting, whole ones
-    inside: np.ndarray  # (n,) s, weight of each instant in an integral over stance, its margins included; 0 outside
+    stances: tuple[
+        Stance, ...
+    ]  # of the model's prosthetic foot at the trial's own setting, whole ones
+    inside: (
+        np.ndarray
+    )  # (n,) s, weight of each instant in an integral over stance, its margins included; 0 outside
     late: np.ndarray  # (n,) s, the same for push-off
     rates: np.ndarray  # (n, J) rad/s of the joints
     twist: np.ndarray  # (n, 6) of the residual shank about W's origin
@@ -97,7 +120,9 @@ class StanceFrame:
     mass_kg: float
     leg_m: float  # from hip centre to sole, of the intact leg
     own: WalkLoads  # at the trial's own setting
-    plate_W: np.ndarray | None  # (n, 3) N, recorded, low-passed likewise; None without, or if it saw no load
+    plate_W: (
+        np.ndarray | None
+    )  # (n, 3) N, recorded, low-passed likewise; None without, or if it saw no load
 
     @property
     def duration_s(self) -> float:
@@ -105,7 +130,12 @@ class StanceFrame:
 
 
 def stance_frame(
-    walker: Walker, trial: Trial, walk: Walk, own: WalkLoads, joints: Sequence[str], options: TuningOptions
+    walker: Walker,
+    trial: Trial,
+    walk: Walk,
+    own: WalkLoads,
+    joints: Sequence[str],
+    options: TuningOptions,
 ) -> StanceFrame:
     """Prepares `trial` from its `walk` at its own setting; InputError if the prosthetic foot has no whole stance."""
     record, tree, subject = walk.record, walk.mechanism.tree, trial.subject
@@ -114,10 +144,14 @@ def stance_frame(
     stances = tuple(stance for stance in seen if stance.complete)
     if not stances:
         cut = " (one is cut by the window)" if seen else ""
-        raise InputError(f"the prosthetic foot has no whole stance between {trial.start_s:g} and {trial.end_s:g} s"
-                         f"{cut}", file=trial.path, where="window",
-                         right="Tuning needs the foot on the ground from touch-down to toe-off: choose another window "
-                               "or motion, or fit the contact if the foot misses the ground")
+        raise InputError(
+            f"the prosthetic foot has no whole stance between {trial.start_s:g} and {trial.end_s:g} s"
+            f"{cut}",
+            file=trial.path,
+            where="window",
+            right="Tuning needs the foot on the ground from touch-down to toe-off: choose another window "
+            "or motion, or fit the contact if the foot misses the ground",
+        )
 
     # Weights of the instants in integrals over stance and over push-off.
     inside, late = np.zeros(len(time)), np.zeros(len(time))
@@ -131,19 +165,43 @@ def stance_frame(
     person = walker.gait.person
     shank = int(person.segments[f"shank_{subject.prosthetic_side}"].index())
     socket = tree.index(person.socket.coordinate_names[-1])
-    motion = follow(tree, record.q, rates, bodies=[shank], coordinates=[socket], inside=tree.ancestors[:, socket])
+    motion = follow(
+        tree,
+        record.q,
+        rates,
+        bodies=[shank],
+        coordinates=[socket],
+        inside=tree.ancestors[:, socket],
+    )
 
     # The plate's force, if that covers the walk and saw a load.
     body, plate, force = person.body, trial.plates.get(subject.prosthetic_side), None
-    if plate is not None and plate.time_s[0] <= time[0] + 1e-9 + step and plate.time_s[-1] >= time[-1] - 1e-9 - step:
-        force = low_pass(resample(time, plate.time_s, plate.force_W), rate_hz=1.0 / step, cutoff_hz=options.cutoff_hz)
+    if (
+        plate is not None
+        and plate.time_s[0] <= time[0] + 1e-9 + step
+        and plate.time_s[-1] >= time[-1] - 1e-9 - step
+    ):
+        force = low_pass(
+            resample(time, plate.time_s, plate.force_W),
+            rate_hz=1.0 / step,
+            cutoff_hz=options.cutoff_hz,
+        )
     if force is not None and not find_stances(time, force[:, 2]):
         force = None
     return StanceFrame(
-        time_s=time, step_s=step, stances=stances, inside=inside, late=late,
-        rates=rates[:, [tree.index(name) for name in joints]], twist=motion.twist[:, 0],
-        weight_n=subject.mass_kg * GRAVITY, mass_kg=subject.mass_kg,
-        leg_m=body.thigh_length + body.shank_length + body.ankle_height, own=own, plate_W=force)
+        time_s=time,
+        step_s=step,
+        stances=stances,
+        inside=inside,
+        late=late,
+        rates=rates[:, [tree.index(name) for name in joints]],
+        twist=motion.twist[:, 0],
+        weight_n=subject.mass_kg * GRAVITY,
+        mass_kg=subject.mass_kg,
+        leg_m=body.thigh_length + body.shank_length + body.ankle_height,
+        own=own,
+        plate_W=force,
+    )
 
 
 Terms = dict[str, np.ndarray]  # (1 + P,) by name of a term of a cost, in the cost's unit
@@ -156,8 +214,11 @@ def value_of(terms: Terms) -> float:
 
 def walk_terms(frame: StanceFrame, loads: WalkLoads, options: TuningOptions) -> dict[str, Terms]:
     """The terms of all costs of one walk, those of CONSISTENCY too; of TRACKING only where the trial has a plate."""
-    terms = {"joint_load": joint_load(frame, loads, socket_weight=options.socket_weight),
-             "metabolic": metabolic(frame, loads), "push_off": push_off(frame, loads)}
+    terms = {
+        "joint_load": joint_load(frame, loads, socket_weight=options.socket_weight),
+        "metabolic": metabolic(frame, loads),
+        "push_off": push_off(frame, loads),
+    }
     if frame.plate_W is not None:
         terms[TRACKING] = deviation(frame, loads, frame.plate_W)
     change = deviation(frame, loads, frame.own.grf[..., 0])
@@ -179,7 +240,7 @@ def mean_square(series: np.ndarray, weight_s: np.ndarray, duration_s: float) -> 
 def positive_part(power: np.ndarray, smooth_w: float) -> np.ndarray:
     """A max(power, 0) of (..., 1 + P) with a continuous derivative.
 
-        p+ = (p + e)^2 / 4 e        where |p| < e, exact elsewhere; e / 4 too much at 0
+    p+ = (p + e)^2 / 4 e        where |p| < e, exact elsewhere; e / 4 too much at 0
     """
     inside = np.clip(power[..., 0] + smooth_w, 0.0, 2.0 * smooth_w)
     positive = power * (inside / (2.0 * smooth_w))[..., None]
@@ -200,8 +261,10 @@ def deviation(frame: StanceFrame, loads: WalkLoads, from_W: np.ndarray) -> Terms
     """By component of the force in W, from another (n, 3) N."""
     away = loads.grf / frame.weight_n
     away[..., 0] -= from_W / frame.weight_n
-    return {name: mean_square(away[:, [i]], frame.inside, frame.duration_s)
-            for i, name in enumerate(("fore_aft", "lateral", "vertical"))}
+    return {
+        name: mean_square(away[:, [i]], frame.inside, frame.duration_s)
+        for i, name in enumerate(("fore_aft", "lateral", "vertical"))
+    }
 
 
 # Load on the prosthetic leg: moments at hip and knee, and what the socket passes to the residual limb.
@@ -218,8 +281,10 @@ def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) ->
     """Squared moments of the joints, and the weighted squared load of the socket."""
     force, moment = frame.weight_n, frame.weight_n * frame.leg_m
     socket = loads.socket / np.repeat([force, moment], 3)[:, None]
-    return {"joint_moments": mean_square(loads.joints / moment, frame.inside, frame.duration_s),
-            "socket": socket_weight * mean_square(socket, frame.inside, frame.duration_s)}
+    return {
+        "joint_moments": mean_square(loads.joints / moment, frame.inside, frame.duration_s),
+        "socket": socket_weight * mean_square(socket, frame.inside, frame.duration_s),
+    }
 
 
 # Push-off: the work that the prosthesis does on the residual shank in late stance, as a cost with a minus.
@@ -252,9 +317,15 @@ def metabolic(frame: StanceFrame, loads: WalkLoads) -> Terms:
     """Positive and negative work, over their efficiencies."""
     power = loads.joints * frame.rates[:, :, None]
     scale = frame.inside[:, None] / (frame.mass_kg * len(frame.stances))
-    return {name: _total(scale / efficiency, positive_part(sign * power, SMOOTH_W_PER_KG * frame.mass_kg))
-            for name, sign, efficiency in (("positive_work", 1.0, POSITIVE_EFFICIENCY),
-                                           ("negative_work", -1.0, NEGATIVE_EFFICIENCY))}
+    return {
+        name: _total(
+            scale / efficiency, positive_part(sign * power, SMOOTH_W_PER_KG * frame.mass_kg)
+        )
+        for name, sign, efficiency in (
+            ("positive_work", 1.0, POSITIVE_EFFICIENCY),
+            ("negative_work", -1.0, NEGATIVE_EFFICIENCY),
+        )
+    }
 
 
 @dataclass(frozen=True)
@@ -279,9 +350,14 @@ class Combination:
 
 def sizes(own: Sequence[Mapping[str, Terms]]) -> dict[str, float]:
     """Size of each cost that every trial has: its mean over the trials' own settings, without sign."""
-    return {name: max(abs(float(np.mean([value_of(terms[name]) for terms in own]))),
-                      LEAST_TRACKING if name == TRACKING else 1e-12)
-            for name in COSTS if all(name in terms for terms in own)}
+    return {
+        name: max(
+            abs(float(np.mean([value_of(terms[name]) for terms in own]))),
+            LEAST_TRACKING if name == TRACKING else 1e-12,
+        )
+        for name in COSTS
+        if all(name in terms for terms in own)
+    }
 
 
 def combine(name: str, size: Mapping[str, float], options: TuningOptions) -> Combination:

@@ -13,7 +13,14 @@ from vsf_drake.parameters import FootParameters
 from vsf_drake.schema import choice, quantity
 from vsf_drake.simulation.variables import Variable
 
-JOINTS = ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_adduction", "knee_rotation")
+JOINTS = (
+    "hip_flexion",
+    "hip_adduction",
+    "hip_rotation",
+    "knee_angle",
+    "knee_adduction",
+    "knee_rotation",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,33 +39,57 @@ class TuningOptions(CommonOptions):
     """
 
     design: tuple[str, ...] = choice((), options=DESIGN, source="choice")
-    confirm: tuple[str, ...] = choice(("ipopt", "nlopt"), options=("ipopt", "nlopt"), source="choice")
+    confirm: tuple[str, ...] = choice(
+        ("ipopt", "nlopt"), options=("ipopt", "nlopt"), source="choice"
+    )
     consistency_weight: float = quantity(0.2, unit="1", low=0.0, high=100.0, source="choice")
     consistency_bw: float = quantity(0.1, unit="BW", low=1e-4, high=1.0, source="choice")
-    joints: tuple[str, ...] = choice(JOINTS[:4], options=JOINTS, source="choice")  # of joint_load and of metabolic
-    cutoff_hz: float = quantity(40.0, unit="Hz", low=5.0, high=200.0, source="McGeehan 2021")  # of forces and moments
+    joints: tuple[str, ...] = choice(
+        JOINTS[:4], options=JOINTS, source="choice"
+    )  # of joint_load and of metabolic
+    cutoff_hz: float = quantity(
+        40.0, unit="Hz", low=5.0, high=200.0, source="McGeehan 2021"
+    )  # of forces and moments
     margin_s: float = quantity(0.05, unit="s", low=0.0, high=0.2, source="choice")
-    step_s: float = quantity(1e-3, unit="s", low=1e-5, high=0.01, source="choice")  # of walks whose numbers are given
-    search_step_s: float = quantity(2e-3, unit="s", low=1e-5, high=0.01, source="choice")  # that look for a start
+    step_s: float = quantity(
+        1e-3, unit="s", low=1e-5, high=0.01, source="choice"
+    )  # of walks whose numbers are given
+    search_step_s: float = quantity(
+        2e-3, unit="s", low=1e-5, high=0.01, source="choice"
+    )  # that look for a start
     support_width_m: float = quantity(4e-3, unit="m", low=0.0, high=0.05, source="choice")
     sweep_mm: float = quantity(1.0, unit="mm", low=0.1, high=20.0, source="choice")  # spacing
-    more_starts: int = quantity(3, unit="1", low=0, source="choice")  # random ones, on top where a design is tuned
-    tolerance: float = quantity(1e-6, unit="1", low=1e-12, high=1e-2, source="choice")  # optimality of a search
-    same_load: bool = True  # whether settings are compared under one load too, see `sweep.same_load_outcomes`
+    more_starts: int = quantity(
+        3, unit="1", low=0, source="choice"
+    )  # random ones, on top where a design is tuned
+    tolerance: float = quantity(
+        1e-6, unit="1", low=1e-12, high=1e-2, source="choice"
+    )  # optimality of a search
+    same_load: bool = (
+        True  # whether settings are compared under one load too, see `sweep.same_load_outcomes`
+    )
     pareto: tuple[str, ...] = choice(("joint_load", "push_off"), options=COSTS, source="choice")
-    workers: int | None = quantity(None, unit="1", low=1, source="choice")  # threads; None for one a core
+    workers: int | None = quantity(
+        None, unit="1", low=1, source="choice"
+    )  # threads; None for one a core
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.joints:
             raise InputError("is empty", where="joints", right=f"Give some of {', '.join(JOINTS)}")
         if len(self.pareto) not in (0, 2):
-            raise InputError(f"names {len(self.pareto)} cost{'s' * (len(self.pareto) != 1)}", where="pareto",
-                             right="Give two costs, or none")
+            raise InputError(
+                f"names {len(self.pareto)} cost{'s' * (len(self.pareto) != 1)}",
+                where="pareto",
+                right="Give two costs, or none",
+            )
         for step in (self.step_s, self.search_step_s):
             if self.cutoff_hz >= 0.5 / step:
-                raise InputError(f"{self.cutoff_hz:g} Hz cannot be told from steps of {1e3 * step:g} ms",
-                                 where="cutoff_hz", right=f"It must be below {0.5 / step:g} Hz")
+                raise InputError(
+                    f"{self.cutoff_hz:g} Hz cannot be told from steps of {1e3 * step:g} ms",
+                    where="cutoff_hz",
+                    right=f"It must be below {0.5 / step:g} Hz",
+                )
 
 
 MM = 1e-3
@@ -78,30 +109,49 @@ class DesignVariable:
     default: float  # the device as it is; NaN for the fulcrum, where every trial has its own
 
 
-def design_variables(options: TuningOptions, feet: list[FootParameters]) -> tuple[DesignVariable, ...]:
+def design_variables(
+    options: TuningOptions, feet: list[FootParameters]
+) -> tuple[DesignVariable, ...]:
     """The fulcrum, then the options' design, with bounds that every one of these feet can meet, or InputError."""
     low = max(foot.fulcrum.rearmost_m for foot in feet) / MM
     high = min(foot.fulcrum.foremost_m for foot in feet) / MM
     if not low < high:
-        raise InputError("the carriages of these trials' feet have no range in common", where="trials")
+        raise InputError(
+            "the carriages of these trials' feet have no range in common", where="trials"
+        )
     bounds = options.bounds_mm or (low, high)
     if bounds[0] < low - 1e-6 or bounds[1] > high + 1e-6:
-        raise InputError(f"{bounds[0]:g} to {bounds[1]:g} mm is out of the carriage's reach", where="bounds_mm",
-                         right=f"It must lie within {low:g} to {high:g} mm")
-    variables = [DesignVariable("fulcrum", "fulcrum position", "mm", float(bounds[0]), float(bounds[1]), float("nan"))]
+        raise InputError(
+            f"{bounds[0]:g} to {bounds[1]:g} mm is out of the carriage's reach",
+            where="bounds_mm",
+            right=f"It must lie within {low:g} to {high:g} mm",
+        )
+    variables = [
+        DesignVariable(
+            "fulcrum", "fulcrum position", "mm", float(bounds[0]), float(bounds[1]), float("nan")
+        )
+    ]
     t = feet[0].keel.thickness_m / MM
     known = {  # label, unit, the device as it is, bounds unless others are asked for, the widest ones
         "heel_stiffness": ("heel stiffness", "1", 1.0, 0.5, 2.0, 0.05, 20.0),
         "alignment": ("alignment, toe up +", "rad", 0.0, -0.07, 0.07, -0.26, 0.26),
-        "keel_thickness": ("keel thickness", "mm", t, 0.8 * t, 1.25 * t, 0.3 * t, 3.0 * t)}
+        "keel_thickness": ("keel thickness", "mm", t, 0.8 * t, 1.25 * t, 0.3 * t, 3.0 * t),
+    }
     for name in options.design:
-        if name == "heel_stiffness" and not any(zone.name.startswith(HEEL) for zone in feet[0].zones):
-            raise InputError("the model has no contact zone whose name begins with 'heel'", where="design")
+        if name == "heel_stiffness" and not any(
+            zone.name.startswith(HEEL) for zone in feet[0].zones
+        ):
+            raise InputError(
+                "the model has no contact zone whose name begins with 'heel'", where="design"
+            )
         label, unit, default, *own, least, most = known[name]
         low, high = options.design_bounds.get(name, own)
         if low < least or high > most:
-            raise InputError(f"{low:g} to {high:g} is out of range", where=f"design_bounds[{name!r}]",
-                             right=f"It must lie within {least:g} to {most:g} {unit}")
+            raise InputError(
+                f"{low:g} to {high:g} is out of range",
+                where=f"design_bounds[{name!r}]",
+                right=f"It must lie within {least:g} to {most:g} {unit}",
+            )
         variables.append(DesignVariable(name, label, unit, float(low), float(high), default))
     return tuple(variables)
 
@@ -120,15 +170,30 @@ def device_values(
     """
     if name == "alignment":
         return {ALIGNMENT: (base.get(ALIGNMENT, 0.0) + x, 1.0)}
-    power, changed = (3, [MODULUS]) if name == "keel_thickness" else (1, [
-        other for other in variables if other.startswith(f"contact.{HEEL}") and other.endswith(".stiffness")])
+    power, changed = (
+        (3, [MODULUS])
+        if name == "keel_thickness"
+        else (
+            1,
+            [
+                other
+                for other in variables
+                if other.startswith(f"contact.{HEEL}") and other.endswith(".stiffness")
+            ],
+        )
+    )
     own = {other: base.get(other, variables[other].default) for other in changed}
-    return {other: (value * x**power, power * value * x ** (power - 1)) for other, value in own.items()}
+    return {
+        other: (value * x**power, power * value * x ** (power - 1)) for other, value in own.items()
+    }
 
 
 def walk_setting(
-    design: tuple[DesignVariable, ...], x: np.ndarray, variables: Mapping[str, Variable], foot: FootParameters,
-    base: Mapping[str, float]
+    design: tuple[DesignVariable, ...],
+    x: np.ndarray,
+    variables: Mapping[str, Variable],
+    foot: FootParameters,
+    base: Mapping[str, float],
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
     """What a walk takes at x (P,), the values of `design` in their units, the fulcrum first; `base` as above: values of
     the walk's variables, and by name the derivatives (P,) of these and of the fulcrum's shift by x."""
@@ -136,7 +201,9 @@ def walk_setting(
     by[SHIFT][0] = MM
     for p, variable in enumerate(design[1:], start=1):
         unit = foot.keel.thickness_m / MM if variable.name == "keel_thickness" else 1.0
-        for name, (value, slope) in device_values(variable.name, x[p] / unit, variables, base).items():
+        for name, (value, slope) in device_values(
+            variable.name, x[p] / unit, variables, base
+        ).items():
             values[name] = value
             by.setdefault(name, np.zeros(len(design)))[p] = slope / unit
     return values, by

@@ -47,7 +47,9 @@ class TuningSolution(Tabular):
     searches: list[TuningSearch] = field(default_factory=list)  # of the fulcrum's range
     confirmed: list[TuningSearch] = field(default_factory=list)  # by other solvers
     sweep: SettingSweep | None = None  # through the best setting
-    compared: SettingSweep | None = None  # of SETTINGS, the recorded one each trial's own, the device as it is
+    compared: SettingSweep | None = (
+        None  # of SETTINGS, the recorded one each trial's own, the device as it is
+    )
     same_load: dict[str, np.ndarray] = field(default_factory=dict)  # SAME_LOAD by name, (T, 4)
     worth: Worth | None = None  # how well the position is known, and what it is worth
     draws: list[SettingSweep] = field(default_factory=list)  # by draw of the contact
@@ -64,7 +66,10 @@ class TuningSolution(Tabular):
         """What was tuned, by name, in the units of `tuning.design`. FitError if the tuning failed."""
         if not self.success:
             raise FitError(f"the tuning did not come to an optimum: {self.message}")
-        return {variable.name: float(x) for variable, x in zip(self.tuning.design, self.best.x, strict=True)}
+        return {
+            variable.name: float(x)
+            for variable, x in zip(self.tuning.design, self.best.x, strict=True)
+        }
 
     @property
     def fulcrum_mm(self) -> float:
@@ -78,8 +83,11 @@ class TuningSolution(Tabular):
     def at_bound(self) -> tuple[str, ...]:
         """Names of what ended on a bound, whether the tuning failed or not."""
         u = self.tuning.to_u(self.best.x)
-        return tuple(variable.name for variable, at in zip(self.tuning.design, u, strict=True)
-                     if at < AT_BOUND or at > 1.0 - AT_BOUND)
+        return tuple(
+            variable.name
+            for variable, at in zip(self.tuning.design, u, strict=True)
+            if at < AT_BOUND or at > 1.0 - AT_BOUND
+        )
 
     def labelled(self) -> LabelledArrays:
         """The sweep of the fulcrum through the optimum: the cost, its terms and the outcomes of each trial."""
@@ -88,26 +96,67 @@ class TuningSolution(Tabular):
             raise FitError("the tuning was ended before its sweep")
         dims = ("fulcrum_mm", "trial")
         quantities = [
-            Quantity(name="cost", values=swept.cost, dims=dims[:1], unit=combination.unit, meaning=combination.label),
-            *(Quantity(name=f"term_{name}", values=each.T, dims=dims, unit=combination.unit, meaning=LABELS[name])
-              for name, each in swept.terms.items()),
-            *(Quantity(name=name, values=each.T, dims=dims, unit=KINDS[name][1], meaning=KINDS[name][0])
-              for name, each in swept.outcomes.items())]
-        fulcrum = Quantity(name="fulcrum_mm", values=swept.fulcrum_mm, dims=dims[:1], unit="mm",
-                           meaning="fulcrum from the keel's posterior end")
-        return LabelledArrays(labels={"fulcrum_mm": fulcrum, "trial": self.tuning.labels}, quantities=quantities,
-                              about={"cost_name": self.tuning.cost_name, "optimum_mm": self.fulcrum_mm,
-                                     "synthetic": any(trial.synthetic for trial in self.tuning.trials)})
+            Quantity(
+                name="cost",
+                values=swept.cost,
+                dims=dims[:1],
+                unit=combination.unit,
+                meaning=combination.label,
+            ),
+            *(
+                Quantity(
+                    name=f"term_{name}",
+                    values=each.T,
+                    dims=dims,
+                    unit=combination.unit,
+                    meaning=LABELS[name],
+                )
+                for name, each in swept.terms.items()
+            ),
+            *(
+                Quantity(
+                    name=name, values=each.T, dims=dims, unit=KINDS[name][1], meaning=KINDS[name][0]
+                )
+                for name, each in swept.outcomes.items()
+            ),
+        ]
+        fulcrum = Quantity(
+            name="fulcrum_mm",
+            values=swept.fulcrum_mm,
+            dims=dims[:1],
+            unit="mm",
+            meaning="fulcrum from the keel's posterior end",
+        )
+        return LabelledArrays(
+            labels={"fulcrum_mm": fulcrum, "trial": self.tuning.labels},
+            quantities=quantities,
+            about={
+                "cost_name": self.tuning.cost_name,
+                "optimum_mm": self.fulcrum_mm,
+                "synthetic": any(trial.synthetic for trial in self.tuning.trials),
+            },
+        )
 
     def headline(self) -> Headline:
         """The optimum, its cost, and how well its position is known."""
         tuning, known = self.tuning, self.worth.interval_mm if self.worth else None
-        facts = [(variable.name, float(x), variable.unit) for variable, x in zip(tuning.design, self.best.x,
-                                                                                strict=True)]
+        facts = [
+            (variable.name, float(x), variable.unit)
+            for variable, x in zip(tuning.design, self.best.x, strict=True)
+        ]
         facts += [(tuning.combination.label, self.best.cost, tuning.combination.unit)]
-        facts += [("Fulcrum known from", known[0], "mm"), ("Fulcrum known to", known[1], "mm")] if known else []
-        return Headline(kind="Tuning", name=", ".join(tuning.labels), failure="" if self.success else self.message,
-                        synthetic=any(trial.synthetic for trial in tuning.trials), facts=facts if self.success else ())
+        facts += (
+            [("Fulcrum known from", known[0], "mm"), ("Fulcrum known to", known[1], "mm")]
+            if known
+            else []
+        )
+        return Headline(
+            kind="Tuning",
+            name=", ".join(tuning.labels),
+            failure="" if self.success else self.message,
+            synthetic=any(trial.synthetic for trial in tuning.trials),
+            facts=facts if self.success else (),
+        )
 
 
 def tuning_table(solution: TuningSolution) -> t.TuningTable:
@@ -115,34 +164,85 @@ def tuning_table(solution: TuningSolution) -> t.TuningTable:
     tuning, best, swept, worth = solution.tuning, solution.best, solution.sweep, solution.worth
     searched, combination = solution.searched, tuning.combination
     terms = {name: float(term[0]) for name, term in best.terms.items()}
-    inputs = {f"{label}: {file}": digest for label, trial in zip(tuning.labels, tuning.trials, strict=True)
-              for file, digest in trial.inputs.items()}
-    return t.as_saved(t.TuningTable(
-        format=t.FORMAT, level=1, cost_name=tuning.cost_name, cost_label=combination.label, cost_unit=combination.unit,
-        optimal=solution.success, status=solution.message, fulcrum_mm=float(best.x[0]), cost=best.cost,
-        at_bound=solution.at_bound, fulcrum_interval_mm=worth.interval_mm if worth else None,
-        interval_meaning=worth.interval_meaning if worth else "",
-        design=tuple(t.DesignValue(name=v.name, unit=v.unit, value=float(x), low=v.low, high=v.high, default=v.default)
-                     for v, x in zip(tuning.design, best.x, strict=True)),
-        terms=tuple(t.Term(name, LABELS[name], value) for name, value in terms.items()),
-        sweep=() if swept is None else tuple(
-            t.SweepPoint(fulcrum_mm=float(mm), cost=float(swept.cost[j]), terms=_means(swept.terms, j),
-                       outcomes=_means(swept.outcomes, j)) for j, mm in enumerate(swept.fulcrum_mm)),
-        outcomes=tuple(_outcomes(solution)),
-        solver=t.SolverEnd(
-            name=searched.solver if searched else None, message=searched.message if searched else solution.message,
-            iterations=searched.iterations if searched else None, evaluations=tuning.evaluations,
-            optimality=searched.optimality if searched else None),
-        confirmed_by=tuple(t.Confirmation(
-            solver=other.solver, fulcrum_mm=float(other.x[0]), cost=other.cost, success=other.success,
-            message=other.message) for other in solution.confirmed),
-        starts=tuple(t.SearchEnd(float(s.start[0]), float(s.x[0]), s.cost, s.success) for s in solution.searches),
-        checks=tuple(solution.checks), tasks=tuple(solution.tasks), pareto=tuple(solution.pareto),
-        pareto_names=tuning.options.pareto if solution.pareto else (), robustness=tuple(solution.robustness),
-        trials=tuning.labels, recorded_mm=tuple(float(part.own[0]) for part in tuning.parts),
-        synthetic=any(trial.synthetic for trial in tuning.trials), notes=tuple(solution.notes),
-        wall_s=solution.wall_s,
-        provenance=t.Provenance(options=to_plain(tuning.options), **provenance(inputs, tuning.options.seed))))
+    inputs = {
+        f"{label}: {file}": digest
+        for label, trial in zip(tuning.labels, tuning.trials, strict=True)
+        for file, digest in trial.inputs.items()
+    }
+    return t.as_saved(
+        t.TuningTable(
+            format=t.FORMAT,
+            level=1,
+            cost_name=tuning.cost_name,
+            cost_label=combination.label,
+            cost_unit=combination.unit,
+            optimal=solution.success,
+            status=solution.message,
+            fulcrum_mm=float(best.x[0]),
+            cost=best.cost,
+            at_bound=solution.at_bound,
+            fulcrum_interval_mm=worth.interval_mm if worth else None,
+            interval_meaning=worth.interval_meaning if worth else "",
+            design=tuple(
+                t.DesignValue(
+                    name=v.name,
+                    unit=v.unit,
+                    value=float(x),
+                    low=v.low,
+                    high=v.high,
+                    default=v.default,
+                )
+                for v, x in zip(tuning.design, best.x, strict=True)
+            ),
+            terms=tuple(t.Term(name, LABELS[name], value) for name, value in terms.items()),
+            sweep=()
+            if swept is None
+            else tuple(
+                t.SweepPoint(
+                    fulcrum_mm=float(mm),
+                    cost=float(swept.cost[j]),
+                    terms=_means(swept.terms, j),
+                    outcomes=_means(swept.outcomes, j),
+                )
+                for j, mm in enumerate(swept.fulcrum_mm)
+            ),
+            outcomes=tuple(_outcomes(solution)),
+            solver=t.SolverEnd(
+                name=searched.solver if searched else None,
+                message=searched.message if searched else solution.message,
+                iterations=searched.iterations if searched else None,
+                evaluations=tuning.evaluations,
+                optimality=searched.optimality if searched else None,
+            ),
+            confirmed_by=tuple(
+                t.Confirmation(
+                    solver=other.solver,
+                    fulcrum_mm=float(other.x[0]),
+                    cost=other.cost,
+                    success=other.success,
+                    message=other.message,
+                )
+                for other in solution.confirmed
+            ),
+            starts=tuple(
+                t.SearchEnd(float(s.start[0]), float(s.x[0]), s.cost, s.success)
+                for s in solution.searches
+            ),
+            checks=tuple(solution.checks),
+            tasks=tuple(solution.tasks),
+            pareto=tuple(solution.pareto),
+            pareto_names=tuning.options.pareto if solution.pareto else (),
+            robustness=tuple(solution.robustness),
+            trials=tuning.labels,
+            recorded_mm=tuple(float(part.own[0]) for part in tuning.parts),
+            synthetic=any(trial.synthetic for trial in tuning.trials),
+            notes=tuple(solution.notes),
+            wall_s=solution.wall_s,
+            provenance=t.Provenance(
+                options=to_plain(tuning.options), **provenance(inputs, tuning.options.seed)
+            ),
+        )
+    )
 
 
 def _means(values: dict[str, np.ndarray], position: int) -> dict[str, float | None]:
@@ -154,17 +254,37 @@ def _outcomes(solution: TuningSolution) -> list[t.Outcome]:
     tuning, swept, worth = solution.tuning, solution.sweep, solution.worth
     rows: list[t.Outcome] = []
     if swept is not None and worth is not None:
-        rows.append(t.Outcome(
-            name="cost", label=tuning.combination.label, unit=tuning.combination.unit, softest=float(swept.cost[0]),
-            optimum=solution.best.cost, stiffest=float(swept.cost[-1]), recorded=tuning.own_cost,
-            uncertainty=worth.uncertainty, matters=worth.matters, sentence=worth.sentence))
-    for name, each in (solution.compared.outcomes | solution.same_load if solution.compared else {}).items():
+        rows.append(
+            t.Outcome(
+                name="cost",
+                label=tuning.combination.label,
+                unit=tuning.combination.unit,
+                softest=float(swept.cost[0]),
+                optimum=solution.best.cost,
+                stiffest=float(swept.cost[-1]),
+                recorded=tuning.own_cost,
+                uncertainty=worth.uncertainty,
+                matters=worth.matters,
+                sentence=worth.sentence,
+            )
+        )
+    for name, each in (
+        solution.compared.outcomes | solution.same_load if solution.compared else {}
+    ).items():
         label, unit = (KINDS | SAME_LOAD)[name]
         at = dict(zip(SETTINGS, each.mean(axis=0).tolist(), strict=True))
         change = difference(swept.outcomes.get(name, each) if swept else each, tuning.groups)
         known = name in KINDS or bool(np.isfinite(each).all())
-        rows.append(t.Outcome(name=name, label=label, unit=unit, **at, uncertainty=change.spread,
-                            matters=change.matters(max(map(abs, at.values()))) if known else None))
+        rows.append(
+            t.Outcome(
+                name=name,
+                label=label,
+                unit=unit,
+                **at,
+                uncertainty=change.spread,
+                matters=change.matters(max(map(abs, at.values()))) if known else None,
+            )
+        )
     return rows
 
 
@@ -184,7 +304,11 @@ def tuning_arrays(solution: TuningSolution) -> dict[str, np.ndarray]:
     arrays: dict[str, np.ndarray] = {}
     if swept is not None:
         arrays |= {"sweep_mm": swept.fulcrum_mm, "sweep_cost_trials": swept.per_trial.T}
-        for kind, rows in (("term", swept.terms), ("cost", swept.costs), ("outcome", swept.outcomes)):
+        for kind, rows in (
+            ("term", swept.terms),
+            ("cost", swept.costs),
+            ("outcome", swept.outcomes),
+        ):
             arrays |= {f"sweep_{kind}_{name}": value.T for name, value in rows.items()}
     if solution.draws:
         arrays["draw_mm"] = solution.draws[0].fulcrum_mm
@@ -193,7 +317,9 @@ def tuning_arrays(solution: TuningSolution) -> dict[str, np.ndarray]:
     forces = solution.compared.forces if solution.compared else {}
     for i, part in enumerate(tuning.parts if forces else ()):
         frame = part.frame(tuning.options.step_s)
-        shown = {"time": frame.time_s} | {name: forces[i, s] for s, name in enumerate(SETTINGS) if (i, s) in forces}
+        shown = {"time": frame.time_s} | {
+            name: forces[i, s] for s, name in enumerate(SETTINGS) if (i, s) in forces
+        }
         shown |= {} if frame.plate_W is None else {RECORDED: frame.plate_W}
         for prefix in (f"trial_{i}_", *(["grf_"] if i == nearest else [])):
             arrays |= {f"{prefix}{name}": force for name, force in shown.items()}

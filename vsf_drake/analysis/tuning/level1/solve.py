@@ -22,7 +22,9 @@ from vsf_drake.analysis.tuning.level1.uncertainty import drawn_sweeps, fulcrum_u
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.sentences import say
 
-ENERGY_EVERY = 5  # positions from one with energies to the next: they take long and vary smoothly (a choice)
+ENERGY_EVERY = (
+    5  # positions from one with energies to the next: they take long and vary smoothly (a choice)
+)
 COARSE_MM = 5.0  # of the sweep that searches begin from (a choice)
 LOST = 10.0  # what a failed walk costs, in sizes of the cost, where a solver wants a number
 FLAT = 1e-3
@@ -62,7 +64,11 @@ class Run:
             return None
         if self.here is None or evaluated.cost < self.here.cost:
             self.here = evaluated
-        if self.best is None or self.best.step_s != evaluated.step_s or evaluated.cost < self.best.cost:
+        if (
+            self.best is None
+            or self.best.step_s != evaluated.step_s
+            or evaluated.cost < self.best.cost
+        ):
             self.best = evaluated
         self.tell()
         return evaluated
@@ -79,20 +85,44 @@ class Run:
 
 
 def search(
-    tuning: StiffnessTuning, start: np.ndarray, *, solver: str = "snopt", step_s: float, run: Run | None = None
+    tuning: StiffnessTuning,
+    start: np.ndarray,
+    *,
+    solver: str = "snopt",
+    step_s: float,
+    run: Run | None = None,
 ) -> TuningSearch:
     """Searches from `start` (P,); a walk that fails there makes a search that failed, not an error."""
     run, start = run or Run(tuning), np.clip(start, tuning.low, tuning.high)
     run.begin(step_s)
     if run.at(start) is None:
-        return TuningSearch(solver, step_s, start, x=start, cost=np.inf, success=False, iterations=run.count,
-                            message=f"the walk fails where the search starts: {run.failure}", optimality=np.inf)
+        return TuningSearch(
+            solver,
+            step_s,
+            start,
+            x=start,
+            cost=np.inf,
+            success=False,
+            iterations=run.count,
+            message=f"the walk fails where the search starts: {run.failure}",
+            optimality=np.inf,
+        )
     iterations, tolerance = tuning.options.iterations, tuning.options.tolerance
     kinds: dict[str, tuple[Any, dict[str, Any]]] = {
-        "snopt": (SnoptSolver, {"Major iterations limit": iterations, "Major optimality tolerance": tolerance,
-                                "Major step limit": 0.2}),
-        "ipopt": (IpoptSolver, {"max_iter": iterations, "tol": tolerance, "hessian_approximation": "limited-memory"}),
-        "nlopt": (NloptSolver, {"algorithm": "LD_SLSQP", "max_eval": iterations, "xtol_rel": 1e-5})}
+        "snopt": (
+            SnoptSolver,
+            {
+                "Major iterations limit": iterations,
+                "Major optimality tolerance": tolerance,
+                "Major step limit": 0.2,
+            },
+        ),
+        "ipopt": (
+            IpoptSolver,
+            {"max_iter": iterations, "tol": tolerance, "hessian_approximation": "limited-memory"},
+        ),
+        "nlopt": (NloptSolver, {"algorithm": "LD_SLSQP", "max_eval": iterations, "xtol_rel": 1e-5}),
+    }
     kind, settings = kinds[solver]
     options = SolverOptions()
     for name, value in settings.items():
@@ -103,8 +133,17 @@ def search(
     if not success and _is_minimum(run, run.here):
         success, message = True, f"{message}, but no neighbour is better"
     best = run.here
-    return TuningSearch(solver, step_s, start, x=best.x, cost=best.cost, success=success, message=message,
-                        iterations=run.count, optimality=_slope(tuning, tuning.evaluate(best.x, step_s=step_s)))
+    return TuningSearch(
+        solver,
+        step_s,
+        start,
+        x=best.x,
+        cost=best.cost,
+        success=success,
+        message=message,
+        iterations=run.count,
+        optimality=_slope(tuning, tuning.evaluate(best.x, step_s=step_s)),
+    )
 
 
 def _slope(tuning: StiffnessTuning, at: TuningEvaluation) -> float:
@@ -128,7 +167,10 @@ def _is_minimum(run: Run, at: TuningEvaluation) -> bool:
 
 
 def solve(
-    tuning: StiffnessTuning, *, progress: Progress | None = None, warm_start: Mapping[str, float] | None = None
+    tuning: StiffnessTuning,
+    *,
+    progress: Progress | None = None,
+    warm_start: Mapping[str, float] | None = None,
 ) -> TuningSolution:
     """Tunes. An interrupt (Ctrl-C) ends it early: the best point so far comes back in a solution that failed.
 
@@ -166,14 +208,22 @@ def _search(
 ) -> tuple[TuningSearch, TuningSearch]:
     """Coarse sweep and searches from it; their best, and that once more in the step of the numbers."""
     options, run.stage = tuning.options, "coarse sweep"
-    coarse = sweep(tuning, positions(tuning, tuning.start, COARSE_MM), step_s=options.search_step_s, progress=run.tell)
+    coarse = sweep(
+        tuning,
+        positions(tuning, tuning.start, COARSE_MM),
+        step_s=options.search_step_s,
+        progress=run.tell,
+    )
     minima = sweeps.local_minima(coarse.cost)[: options.starts]
     if not minima:
         raise FitError(f"the walks fail at every position: {coarse.failures[0]}")
     starts = [coarse.x[i] for i in minima]
     if len(tuning.design) > 1 and options.more_starts:
         rng = np.random.default_rng([options.seed, 1])
-        starts += map(tuning.from_u, qmc.LatinHypercube(len(tuning.design), rng=rng).random(options.more_starts))
+        starts += map(
+            tuning.from_u,
+            qmc.LatinHypercube(len(tuning.design), rng=rng).random(options.more_starts),
+        )
     starts += warm
     for k, start in enumerate(starts):
         run.stage = f"search {k + 1} of {len(starts)}"
@@ -184,11 +234,20 @@ def _search(
 
 
 def _judge(solution: TuningSolution, searched: TuningSearch, first: TuningSearch, run: Run) -> None:
-    tuning, options, size = solution.tuning, solution.tuning.options, solution.tuning.combination.size
+    tuning, options, size = (
+        solution.tuning,
+        solution.tuning.options,
+        solution.tuning.combination.size,
+    )
     for _ in range(2):
         run.stage = "sweep"
-        fine = solution.sweep = sweep(tuning, positions(tuning, searched.x, options.sweep_mm), step_s=options.step_s,
-                                   energies_every=ENERGY_EVERY, progress=run.tell)
+        fine = solution.sweep = sweep(
+            tuning,
+            positions(tuning, searched.x, options.sweep_mm),
+            step_s=options.step_s,
+            energies_every=ENERGY_EVERY,
+            progress=run.tell,
+        )
         i = int(np.nanargmin(fine.cost))
         if fine.cost[i] >= searched.cost - WORSE * size:
             break
@@ -198,21 +257,40 @@ def _judge(solution: TuningSolution, searched: TuningSearch, first: TuningSearch
             break
     best = tuning.evaluate(searched.x)
     at_mm, (low, high) = float(best.x[0]), positions(tuning, best.x, np.inf)
-    solution.compared = sweep(tuning, np.array([[low, best.x, high, part.own] for part in tuning.parts]),
-                           step_s=options.step_s, energies_every=1, forces=True)
+    solution.compared = sweep(
+        tuning,
+        np.array([[low, best.x, high, part.own] for part in tuning.parts]),
+        step_s=options.step_s,
+        energies_every=1,
+        forces=True,
+    )
     if options.same_load:
         run.stage = "settings under one load"
-        solution.same_load = sweeps.same_load_outcomes(tuning, solution.compared.fulcrum_mm, run.tell)
+        solution.same_load = sweeps.same_load_outcomes(
+            tuning, solution.compared.fulcrum_mm, run.tell
+        )
     for name in options.confirm:
         run.stage = f"confirming with {name.upper()}"
-        solution.confirmed.append(search(tuning, first.start, solver=name, step_s=options.step_s, run=run))
+        solution.confirmed.append(
+            search(tuning, first.start, solver=name, step_s=options.step_s, run=run)
+        )
     run.stage = "draws of the contact"
     if options.draws:
         solution.draws, solution.draw_failures = drawn_sweeps(tuning, best.x, run.tell)
     solution.worth = fulcrum_uncertainty(
-        fine, at_mm, solution.draws, tuning.groups, size=size, unit=tuning.combination.unit,
-        allowed_bw=options.consistency_bw, gain=(tuning.own_cost - best.cost) / size)
-    solution.tasks, solution.pareto = sweeps.tasks(fine, tuning.tasks, at_mm), sweeps.pareto(tuning, fine)
+        fine,
+        at_mm,
+        solution.draws,
+        tuning.groups,
+        size=size,
+        unit=tuning.combination.unit,
+        allowed_bw=options.consistency_bw,
+        gain=(tuning.own_cost - best.cost) / size,
+    )
+    solution.tasks, solution.pareto = (
+        sweeps.tasks(fine, tuning.tasks, at_mm),
+        sweeps.pareto(tuning, fine),
+    )
     solution.robustness = sweeps.other_optima(tuning, fine, solution.draws)
     run.stage = "checks"
     solution.checks = _checks(solution, fine, best, first)
@@ -223,8 +301,11 @@ def _warm(tuning: StiffnessTuning, values: Mapping[str, float] | None) -> list[n
         return []
     names = [variable.name for variable in tuning.design]
     if not set(names) <= values.keys():
-        raise InputError(f"does not hold {', '.join(names)}", where="warm_start",
-                         right="Give the content of a tuning.json of the same variables")
+        raise InputError(
+            f"does not hold {', '.join(names)}",
+            where="warm_start",
+            right="Give the content of a tuning.json of the same variables",
+        )
     return [np.clip([values[name] for name in names], tuning.low, tuning.high)]
 
 
@@ -244,12 +325,21 @@ def _fault(solution: TuningSolution) -> str:
 def _notes(solution: TuningSolution) -> list[str]:
     tuning, swept = solution.tuning, solution.sweep
     return say(
-        "level1", "notes", solution=solution, options=tuning.options, swept=swept, size=tuning.combination.size,
-        held=solution.best.terms.get(CONSISTENCY), support_mm=1e3 * tuning.parts[0].support_width_m,
+        "level1",
+        "notes",
+        solution=solution,
+        options=tuning.options,
+        swept=swept,
+        size=tuning.combination.size,
+        held=solution.best.terms.get(CONSISTENCY),
+        support_mm=1e3 * tuning.parts[0].support_width_m,
         believable=swept and swept.believable(tuning.options.consistency_bw)[1],
-        most_change=None if swept is None else np.nanmax(swept.force_change), tracked=tuning.cost_name == TRACKING,
+        most_change=None if swept is None else np.nanmax(swept.force_change),
+        tracked=tuning.cost_name == TRACKING,
         recorded=[float(part.own[0]) for part in tuning.parts],
-        synthetic=sum(trial.synthetic for trial in tuning.trials), trials=len(tuning.trials))
+        synthetic=sum(trial.synthetic for trial in tuning.trials),
+        trials=len(tuning.trials),
+    )
 
 
 NEAR_MM, NEAR_COST, SAME_COST, GRADIENT = 1.0, 5e-3, 1e-3, 0.01
@@ -262,40 +352,106 @@ AT = (0.31, 0.67)
 DIFFERENCE = 1e-4  # step of the central differences, share of a bound's width
 
 
-def _checks(solution: TuningSolution, fine: SettingSweep, best: TuningEvaluation,
-            first: TuningSearch) -> list[TuningCheck]:
+def _checks(
+    solution: TuningSolution, fine: SettingSweep, best: TuningEvaluation, first: TuningSearch
+) -> list[TuningCheck]:
     tuning, checks, at_mm = solution.tuning, list[TuningCheck](), float(best.x[0])
     size, own, options = "size of the cost", tuning.combination.size, tuning.options
 
-    def add(name: str, label: str, value: float | None, unit: str, target: float, met: bool | None = None, *,
-            part: str = "", **numbers: Any) -> None:
+    def add(
+        name: str,
+        label: str,
+        value: float | None,
+        unit: str,
+        target: float,
+        met: bool | None = None,
+        *,
+        part: str = "",
+        **numbers: Any,
+    ) -> None:
         """`met` is whether the value is at most the target, unless given."""
         met = value <= target if met is None and value is not None else met
-        checks.append(TuningCheck(name, label, None if value is None else float(value), unit, target,
-                           None if met is None else bool(met), say("level1", part or name, **numbers)[0]))
+        checks.append(
+            TuningCheck(
+                name,
+                label,
+                None if value is None else float(value),
+                unit,
+                target,
+                None if met is None else bool(met),
+                say("level1", part or name, **numbers)[0],
+            )
+        )
 
     # A sweep that is coarser than a millimetre can only tell whether one of its positions is better.
     where, least = fine.lowest()
     step = fine.fulcrum_mm[1] - fine.fulcrum_mm[0]
     is_fine = step <= NEAR_MM + 1e-9
     worse = (best.cost - (least if is_fine else float(np.nanmin(fine.cost)))) / own
-    add("brute_force_position", "distance from the sweep's minimum", abs(at_mm - where), "mm", NEAR_MM, step_mm=step,
-        swept_mm=where, best_mm=at_mm)
-    add("brute_force_cost", "difference from the sweep's minimum", worse, size, NEAR_COST,
-        (-NEAR_COST if is_fine else -np.inf) <= worse <= NEAR_COST, worse=worse)
+    add(
+        "brute_force_position",
+        "distance from the sweep's minimum",
+        abs(at_mm - where),
+        "mm",
+        NEAR_MM,
+        step_mm=step,
+        swept_mm=where,
+        best_mm=at_mm,
+    )
+    add(
+        "brute_force_cost",
+        "difference from the sweep's minimum",
+        worse,
+        size,
+        NEAR_COST,
+        (-NEAR_COST if is_fine else -np.inf) <= worse <= NEAR_COST,
+        worse=worse,
+    )
     for other in solution.confirmed:
-        away, apart, name = abs(other.x[0] - at_mm), abs(other.cost - best.cost) / own, other.solver.upper()
-        add(f"solver_{other.solver}", f"difference of the cost where {name} ends", apart, size, SAME_COST,
-            other.success and away <= NEAR_MM and apart <= SAME_COST, part="solver", name_of=name, end_mm=other.x[0],
-            away_mm=away, message=other.message)
+        away, apart, name = (
+            abs(other.x[0] - at_mm),
+            abs(other.cost - best.cost) / own,
+            other.solver.upper(),
+        )
+        add(
+            f"solver_{other.solver}",
+            f"difference of the cost where {name} ends",
+            apart,
+            size,
+            SAME_COST,
+            other.success and away <= NEAR_MM and apart <= SAME_COST,
+            part="solver",
+            name_of=name,
+            end_mm=other.x[0],
+            away_mm=away,
+            message=other.message,
+        )
     try:
         error, variable, at = _gradient_error(tuning)
-        add("gradient", "largest error of the gradient against central differences", error, "1", GRADIENT,
-            worst=error, label_of=variable.label, value_of=at, unit_of=variable.unit)
+        add(
+            "gradient",
+            "largest error of the gradient against central differences",
+            error,
+            "1",
+            GRADIENT,
+            worst=error,
+            label_of=variable.label,
+            value_of=at,
+            unit_of=variable.unit,
+        )
     except SimulationError as why:
         add("gradient", "error of the gradient", None, "1", GRADIENT, part="untried", error=why)
-    add("step", "shift of the optimum between the two steps", abs(at_mm - first.x[0]), "mm", NEAR_MM,
-        searched_ms=1e3 * first.step_s, searched_mm=first.x[0], best_ms=1e3 * best.step_s, best_mm=at_mm)
+    add(
+        "step",
+        "shift of the optimum between the two steps",
+        abs(at_mm - first.x[0]),
+        "mm",
+        NEAR_MM,
+        searched_ms=1e3 * first.step_s,
+        searched_mm=first.x[0],
+        best_ms=1e3 * best.step_s,
+        best_mm=at_mm,
+    )
     if options.support_width_m:
         label, sharp = "change of the cost without smoothing", tuning.without_smoothing()
         try:
@@ -303,32 +459,62 @@ def _checks(solution: TuningSolution, fine: SettingSweep, best: TuningEvaluation
             ended = search(sharp, best.x, step_s=options.step_s)
             away = abs(ended.x[0] - at_mm)
             add("smoothing", label, change, size, NEAR_COST, change=change)
-            add("smoothing_shift", "shift of the optimum without smoothing", away, "mm", NEAR_MM, away_mm=away,
-                message=ended.message)
+            add(
+                "smoothing_shift",
+                "shift of the optimum without smoothing",
+                away,
+                "mm",
+                NEAR_MM,
+                away_mm=away,
+                message=ended.message,
+            )
         except SimulationError as why:
             add("smoothing", label, None, size, NEAR_COST, part="untried", error=why)
     count = best.unconverged
     add("convergence", "steps of the walks that did not converge", count, "1", 0.0, count=count)
     change = float(np.mean([np.sqrt(value_of(walk.terms[CONSISTENCY])) for walk in best.walks]))
-    add("force_change", "change of the ground reaction force from the recorded setting", change, "BW",
-        options.consistency_bw, change=change, allowed=options.consistency_bw)
+    add(
+        "force_change",
+        "change of the ground reaction force from the recorded setting",
+        change,
+        "BW",
+        options.consistency_bw,
+        change=change,
+        allowed=options.consistency_bw,
+    )
     if all(TRACKING in terms for terms in tuning.own):
-        error, trial = max((np.sqrt(value_of(terms[TRACKING])), part.label)
-                           for terms, part in zip(tuning.own, tuning.parts, strict=True))
-        add("recorded_force", "error of the ground reaction force at the recorded setting", error, "BW", FORCE_BW,
-            error=error, trial=trial)
+        error, trial = max(
+            (np.sqrt(value_of(terms[TRACKING])), part.label)
+            for terms, part in zip(tuning.own, tuning.parts, strict=True)
+        )
+        add(
+            "recorded_force",
+            "error of the ground reaction force at the recorded setting",
+            error,
+            "BW",
+            FORCE_BW,
+            error=error,
+            trial=trial,
+        )
     return checks
 
 
 def _gradient_error(tuning: StiffnessTuning) -> tuple[float, DesignVariable, float]:
     """Largest error of the derivatives away from the optimum, its variable, where."""
-    worst, width, step_s = (-1.0, tuning.design[0], 0.0), tuning.high - tuning.low, tuning.options.search_step_s
+    worst, width, step_s = (
+        (-1.0, tuning.design[0], 0.0),
+        tuning.high - tuning.low,
+        tuning.options.search_step_s,
+    )
     for share in AT:
         x = tuning.low + share * width
         exact = tuning.evaluate(x, step_s=step_s).gradient * width
         for p, variable in enumerate(tuning.design):
             step = DIFFERENCE * width * (np.arange(len(x)) == p)
-            ahead, behind = (tuning.evaluate(x + s * step, derivatives=False, step_s=step_s).cost for s in (1.0, -1.0))
+            ahead, behind = (
+                tuning.evaluate(x + s * step, derivatives=False, step_s=step_s).cost
+                for s in (1.0, -1.0)
+            )
             central = (ahead - behind) / (2.0 * DIFFERENCE)
             error = abs(exact[p] - central) / max(abs(central), 1e-3 * tuning.combination.size)
             if error >= worst[0]:

@@ -12,7 +12,11 @@ import numpy as np
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, StanceFrame, value_of
 from vsf_drake.analysis.tuning.level1.problem import SettingOutcome, StiffnessTuning, TrialTuning
 from vsf_drake.analysis.tuning.table import ChangedOptimum, ParetoPoint, TaskOptimum
-from vsf_drake.analysis.validation.energy_ledger import prosthesis_energy, stance_energy, walk_with_same_load
+from vsf_drake.analysis.validation.energy_ledger import (
+    prosthesis_energy,
+    stance_energy,
+    walk_with_same_load,
+)
 from vsf_drake.errors import SimulationError
 from vsf_drake.motion.events import find_stances
 from vsf_drake.simulation.walk import Walk
@@ -32,7 +36,8 @@ KINDS = {
     "loading_rate": ("loading rate of the vertical force", "BW/s"),
     "socket_force": ("peak force on the residual limb", "BW"),
     "socket_moment": ("peak moment on the residual limb", "N m/kg"),
-    "force_change": ("change of the ground reaction force from the recorded setting, RMS", "BW")}
+    "force_change": ("change of the ground reaction force from the recorded setting, RMS", "BW"),
+}
 """What a person and a device would notice of a setting: label and unit."""
 RISE = (0.2, 0.8)  # shares of the first peak between which the loading rate is taken (a choice)
 
@@ -44,8 +49,12 @@ class SettingSweep:
     x: np.ndarray  # (m, P) or (T, m, P) the settings
     costs: dict[str, np.ndarray]  # by name of a cost, the consistency among them, (T, m)
     terms: dict[str, np.ndarray]  # of the tuned cost, by name, (T, m)
-    outcomes: dict[str, np.ndarray] = field(default_factory=dict)  # KINDS by name, (T, m), if asked for
-    forces: dict[tuple[int, int], np.ndarray] = field(default_factory=dict)  # (n, 3) N in W by trial and setting, too
+    outcomes: dict[str, np.ndarray] = field(
+        default_factory=dict
+    )  # KINDS by name, (T, m), if asked for
+    forces: dict[tuple[int, int], np.ndarray] = field(
+        default_factory=dict
+    )  # (n, 3) N in W by trial and setting, too
     failures: tuple[str, ...] = ()  # why a walk failed, in words
     unconverged: int = 0  # walks with steps that did not converge
 
@@ -75,8 +84,11 @@ class SettingSweep:
 
     def lowest(self, factors: Mapping[str, float] | None = None) -> tuple[float, float]:
         """Where the tuned cost, or the sum of factors times costs, is least, and its value there; see `lowest`."""
-        whole = self.per_trial if factors is None else np.sum(
-            [factor * self.costs[name] for name, factor in factors.items()], axis=0)
+        whole = (
+            self.per_trial
+            if factors is None
+            else np.sum([factor * self.costs[name] for name, factor in factors.items()], axis=0)
+        )
         return lowest(self.fulcrum_mm, whole.mean(axis=0))
 
 
@@ -88,7 +100,10 @@ def positions(tuning: StiffnessTuning, x: np.ndarray, spacing_mm: float) -> np.n
 
 
 def _each(
-    tuning: StiffnessTuning, work: Callable[[Job], Result], jobs: Sequence[Job], progress: Share | None
+    tuning: StiffnessTuning,
+    work: Callable[[Job], Result],
+    jobs: Sequence[Job],
+    progress: Share | None,
 ) -> Iterator[tuple[Job, Result]]:
     """What `work` makes of every job, in threads, in order."""
     pool = ThreadPoolExecutor(tuning.workers)
@@ -102,8 +117,14 @@ def _each(
 
 
 def sweep(
-    tuning: StiffnessTuning, x: np.ndarray, *, step_s: float, energies_every: int = 0, forces: bool = False,
-    base: Mapping[str, float] | None = None, progress: Share | None = None
+    tuning: StiffnessTuning,
+    x: np.ndarray,
+    *,
+    step_s: float,
+    energies_every: int = 0,
+    forces: bool = False,
+    base: Mapping[str, float] | None = None,
+    progress: Share | None = None,
 ) -> SettingSweep:
     """Walks every trial at settings x (m, P), or at its own of (T, m, P).
 
@@ -127,15 +148,18 @@ def sweep(
             grf[job] = walk.loads.grf[..., 0]
         energies = energies_every > 0 and (j % energies_every == 0 or j == shape[1] - 1)
         terms = tuning.combination.terms(walk.terms)
-        return {"costs": {name: value_of(parts) for name, parts in walk.terms.items()},
-                "terms": {name: float(term[0]) for name, term in terms.items()},
-                "outcomes": outcomes(part, walk, energies=energies) if energies_every else {},
-                }, bool(walk.walk.record.converged.all())
+        return {
+            "costs": {name: value_of(parts) for name, parts in walk.terms.items()},
+            "terms": {name: float(term[0]) for name, term in terms.items()},
+            "outcomes": outcomes(part, walk, energies=energies) if energies_every else {},
+        }, bool(walk.walk.record.converged.all())
 
     table: dict[str, dict[str, np.ndarray]] = {"costs": {}, "terms": {}, "outcomes": {}}
     failures: list[str] = []
     unconverged = 0
-    for job, result in _each(tuning, walked, [(i, j) for j in range(shape[1]) for i in range(shape[0])], progress):
+    for job, result in _each(
+        tuning, walked, [(i, j) for j in range(shape[1]) for i in range(shape[0])], progress
+    ):
         if isinstance(result, str):
             failures.append(result)
             continue
@@ -173,7 +197,9 @@ def local_minima(cost: np.ndarray) -> list[int]:
 # slope of the vertical force from 20 to 80 % of its first peak, the largest of the first half of stance.
 
 
-def outcomes(part: TrialTuning, result: SettingOutcome, *, energies: bool = True) -> dict[str, float]:
+def outcomes(
+    part: TrialTuning, result: SettingOutcome, *, energies: bool = True
+) -> dict[str, float]:
     """KINDS of one walk. Stored and returned energy take a third of a walk's time; they are NaN unless asked for."""
     frame, loads = result.frame, result.loads
     inside = frame.inside > 0.0
@@ -183,13 +209,19 @@ def outcomes(part: TrialTuning, result: SettingOutcome, *, energies: bool = True
     stored, returned = _energies(part, result.walk)[:2] if energies else (np.nan, np.nan)
     first, second, rate = _vertical_peaks(frame, loads.grf[:, 2, 0] / frame.weight_n)
     return {
-        "stored_energy": stored, "returned_energy": returned, "push_off_work": -value_of(result.terms["push_off"]),
-        "joint_work_energy": value_of(result.terms["metabolic"]), "hip_moment": peaks.get("hip_flexion", np.nan),
-        "knee_moment": peaks.get("knee_angle", np.nan), "first_peak": first, "second_peak": second,
+        "stored_energy": stored,
+        "returned_energy": returned,
+        "push_off_work": -value_of(result.terms["push_off"]),
+        "joint_work_energy": value_of(result.terms["metabolic"]),
+        "hip_moment": peaks.get("hip_flexion", np.nan),
+        "knee_moment": peaks.get("knee_angle", np.nan),
+        "first_peak": first,
+        "second_peak": second,
         "loading_rate": rate,
         "socket_force": float(np.linalg.norm(socket[:, :3], axis=1).max() / frame.weight_n),
         "socket_moment": float(np.linalg.norm(socket[:, 3:], axis=1).max() / frame.mass_kg),
-        "force_change": float(np.sqrt(value_of(result.terms[CONSISTENCY])))}
+        "force_change": float(np.sqrt(value_of(result.terms[CONSISTENCY]))),
+    }
 
 
 def _energies(part: TrialTuning, walk: Walk) -> tuple[float, float, float]:
@@ -198,8 +230,12 @@ def _energies(part: TrialTuning, walk: Walk) -> tuple[float, float, float]:
     time = energy.time_s
     for stance in find_stances(time, energy.vertical_n):
         if stance.complete:
-            row = stance_energy(energy, stance, foot=part.trial.model.foot, fulcrum_m=float(walk.fulcrum_m[0])).row
-            late = (time >= stance.start_s + part.options.late_share * stance.duration_s) & (time <= stance.end_s)
+            row = stance_energy(
+                energy, stance, foot=part.trial.model.foot, fulcrum_m=float(walk.fulcrum_m[0])
+            ).row
+            late = (time >= stance.start_s + part.options.late_share * stance.duration_s) & (
+                time <= stance.end_s
+            )
             work = np.sum(np.maximum(energy.shank_power[late], 0.0)) * (time[1] - time[0])
             rows.append((row.stored_j, row.returned_j, work / part.trial.subject.mass_kg))
     stored, returned, pushed = np.mean(rows, axis=0).tolist() if rows else [np.nan] * 3
@@ -216,7 +252,9 @@ def _vertical_peaks(frame: StanceFrame, vertical: np.ndarray) -> tuple[float, fl
         late = (time >= middle) & (time <= stance.end_s + margin)
         first, second = float(vertical[early].max()), float(vertical[late].max())
         rising = np.maximum.accumulate(vertical[early][: int(vertical[early].argmax()) + 1])
-        start, end = (float(np.interp(share * first, rising, time[early][: len(rising)])) for share in RISE)
+        start, end = (
+            float(np.interp(share * first, rising, time[early][: len(rising)])) for share in RISE
+        )
         rows.append((first, second, (RISE[1] - RISE[0]) * first / max(end - start, frame.step_s)))
     first, second, rate = np.mean(rows, axis=0).tolist()
     return first, second, rate
@@ -233,7 +271,8 @@ def _vertical_peaks(frame: StanceFrame, vertical: np.ndarray) -> tuple[float, fl
 SAME_LOAD = {
     "stored_energy_same_load": ("energy stored under the recorded setting's load", "J"),
     "returned_energy_same_load": ("energy returned under the recorded setting's load", "J"),
-    "push_off_work_same_load": ("push-off work under the recorded setting's load", "J/kg")}
+    "push_off_work_same_load": ("push-off work under the recorded setting's load", "J/kg"),
+}
 
 
 def same_load_outcomes(
@@ -241,11 +280,17 @@ def same_load_outcomes(
 ) -> dict[str, np.ndarray]:
     """SAME_LOAD at positions (T, k) of the fulcrum: by name, (T, k), NaN where no height keeps the load, or a walk
     fails."""
+
     def walked(job: tuple[int, float]) -> tuple[float, float, float]:
         part = tuning.parts[job[0]]
         try:
-            same = walk_with_same_load(part.walker, part.trial, fulcrum_m=1e-3 * job[1], step_s=part.options.step_s,
-                                       search_step_s=part.options.search_step_s)
+            same = walk_with_same_load(
+                part.walker,
+                part.trial,
+                fulcrum_m=1e-3 * job[1],
+                step_s=part.options.step_s,
+                search_step_s=part.options.search_step_s,
+            )
         except SimulationError:
             return np.nan, np.nan, np.nan
         return _energies(part, same.walk) if same.kept else (np.nan, np.nan, np.nan)
@@ -264,8 +309,14 @@ def tasks(swept: SettingSweep, names: Sequence[str], common_mm: float) -> list[T
     for label in dict.fromkeys(names):
         cost = swept.per_trial[[name == label for name in names]].mean(axis=0)
         where, least = lowest(swept.fulcrum_mm, cost)
-        rows.append(TaskOptimum(label, fulcrum_mm=where, cost=least, cost_common=max(
-            float(np.interp(common_mm, swept.fulcrum_mm, cost)), least)))
+        rows.append(
+            TaskOptimum(
+                label,
+                fulcrum_mm=where,
+                cost=least,
+                cost_common=max(float(np.interp(common_mm, swept.fulcrum_mm, cost)), least),
+            )
+        )
     return rows if len(rows) > 1 else []
 
 
@@ -277,19 +328,32 @@ def pareto(tuning: StiffnessTuning, swept: SettingSweep) -> list[ParetoPoint]:
     share = tuning.options.consistency_weight / tuning.options.consistency_bw**2
     rows = []
     for weight in np.linspace(0.0, 1.0, 11).tolist():
-        where, _ = swept.lowest({names[0]: weight / size[names[0]], names[1]: (1.0 - weight) / size[names[1]],
-                                 CONSISTENCY: share})
-        first, second = (float(np.interp(where, swept.fulcrum_mm, swept.costs[name].mean(axis=0))) for name in names)
+        where, _ = swept.lowest(
+            {
+                names[0]: weight / size[names[0]],
+                names[1]: (1.0 - weight) / size[names[1]],
+                CONSISTENCY: share,
+            }
+        )
+        first, second = (
+            float(np.interp(where, swept.fulcrum_mm, swept.costs[name].mean(axis=0)))
+            for name in names
+        )
         rows.append(ParetoPoint(weight, fulcrum_mm=where, first=first, second=second))
     return rows
 
 
-def other_optima(tuning: StiffnessTuning, swept: SettingSweep, draws: Sequence[SettingSweep]) -> list[ChangedOptimum]:
+def other_optima(
+    tuning: StiffnessTuning, swept: SettingSweep, draws: Sequence[SettingSweep]
+) -> list[ChangedOptimum]:
     """Where the cost is least with other weights of the consistency, and with each draw of the contact."""
     factors, optima = tuning.combination.factors, {}
     if CONSISTENCY in factors:
-        optima = {f"{what} the weight of the force's change": swept.lowest(
-            {**factors, CONSISTENCY: factor * factors[CONSISTENCY]})
-            for factor, what in ((0.0, "without"), (0.5, "with half"), (2.0, "with twice"))}
+        optima = {
+            f"{what} the weight of the force's change": swept.lowest(
+                {**factors, CONSISTENCY: factor * factors[CONSISTENCY]}
+            )
+            for factor, what in ((0.0, "without"), (0.5, "with half"), (2.0, "with twice"))
+        }
     optima |= {f"draw {k + 1} of the contact": draw.lowest() for k, draw in enumerate(draws)}
     return [ChangedOptimum(what, fulcrum_mm=at, cost=cost) for what, (at, cost) in optima.items()]

@@ -62,7 +62,9 @@ def difference(each: np.ndarray, groups: Groups) -> Difference:
         ranges.append(float(pair.mean()))
         squares += float(np.sum((pair - pair.mean()) ** 2))
     freedoms = _freedoms(groups)
-    return Difference(float(np.mean(ranges)), float(np.sqrt(squares / freedoms)) if freedoms else None)
+    return Difference(
+        float(np.mean(ranges)), float(np.sqrt(squares / freedoms)) if freedoms else None
+    )
 
 
 @dataclass(frozen=True)
@@ -77,8 +79,15 @@ class Worth:
 
 
 def fulcrum_uncertainty(
-    swept: SettingSweep, fulcrum_mm: float, draws: Sequence[SettingSweep], groups: Groups, *, size: float, unit: str,
-    allowed_bw: float, gain: float
+    swept: SettingSweep,
+    fulcrum_mm: float,
+    draws: Sequence[SettingSweep],
+    groups: Groups,
+    *,
+    size: float,
+    unit: str,
+    allowed_bw: float,
+    gain: float,
 ) -> Worth:
     """From the sweep of T trials of these groups, the optimum (mm), the draws and the cost's size; allowed_bw: change
     of force beyond which nobody would walk the given motion; gain: over the recorded settings, in sizes of the cost."""
@@ -89,7 +98,9 @@ def fulcrum_uncertainty(
 
     # The interval holds what is as good as the optimum, the optima of all draws, and the optimum moved by as much as
     # those of single trials are off the mean of their repetitions.
-    apart = [optima[i] - optima[rows].mean() for rows in _members(groups) for i in rows if len(rows) > 1]
+    apart = [
+        optima[i] - optima[rows].mean() for rows in _members(groups) for i in rows if len(rows) > 1
+    ]
     shifts = np.clip(fulcrum_mm + np.array(apart), swept.fulcrum_mm[0], swept.fulcrum_mm[-1])
     ends = [value for value in (fulcrum_mm, *flat, *drawn, *shifts) if np.isfinite(value)]
 
@@ -101,13 +112,34 @@ def fulcrum_uncertainty(
     matters = width.matters(size)
     near, believable = swept.believable(allowed_bw)
     rest = each - swept.terms.get(CONSISTENCY, 0.0)
-    meaning = say("level1", "interval", flat_share=FLAT, flat=flat, repeated=_freedoms(groups) >= FEWEST_FREEDOMS,
-                  optima=(np.nanmin(optima), np.nanmax(optima)) if len(optima) > 1 else None, drawn=drawn)
-    worth = say("level1", "worth", range=width.range, spread=width.spread, size=size, unit=unit, matters=matters,
-                by_draws=by_draws, allowed_bw=allowed_bw, near=believable if near.sum() > 1 else None,
-                near_range=difference(rest[:, near], groups).range, held=CONSISTENCY in swept.terms, gain=gain,
-                flat_share=FLAT)
-    return Worth((float(min(ends)), float(max(ends))), meaning[0], width.spread, matters, " ".join(worth))
+    meaning = say(
+        "level1",
+        "interval",
+        flat_share=FLAT,
+        flat=flat,
+        repeated=_freedoms(groups) >= FEWEST_FREEDOMS,
+        optima=(np.nanmin(optima), np.nanmax(optima)) if len(optima) > 1 else None,
+        drawn=drawn,
+    )
+    worth = say(
+        "level1",
+        "worth",
+        range=width.range,
+        spread=width.spread,
+        size=size,
+        unit=unit,
+        matters=matters,
+        by_draws=by_draws,
+        allowed_bw=allowed_bw,
+        near=believable if near.sum() > 1 else None,
+        near_range=difference(rest[:, near], groups).range,
+        held=CONSISTENCY in swept.terms,
+        gain=gain,
+        flat_share=FLAT,
+    )
+    return Worth(
+        (float(min(ends)), float(max(ends))), meaning[0], width.spread, matters, " ".join(worth)
+    )
 
 
 def flat_range(
@@ -118,7 +150,9 @@ def flat_range(
     allowed = np.full(len(fulcrum_mm), FLAT * size)
     freedoms = _freedoms(groups)
     if freedoms >= FEWEST_FREEDOMS:
-        left = np.concatenate([excess[rows] - excess[rows].mean(axis=0) for rows in _members(groups)])
+        left = np.concatenate(
+            [excess[rows] - excess[rows].mean(axis=0) for rows in _members(groups)]
+        )
         error = np.sqrt(np.sum(left**2, axis=0) / freedoms / len(each))
         allowed = np.maximum(allowed, student.ppf(CONFIDENCE, freedoms) * error)
     at = int(np.abs(fulcrum_mm - best_mm).argmin())
@@ -130,7 +164,9 @@ def flat_range(
 
 
 def _members(groups: Groups) -> list[list[int]]:
-    return [[i for i, other in enumerate(groups) if other == name] for name in dict.fromkeys(groups)]
+    return [
+        [i for i, other in enumerate(groups) if other == name] for name in dict.fromkeys(groups)
+    ]
 
 
 def _freedoms(groups: Groups) -> int:
@@ -150,11 +186,27 @@ SPACING_MM = 10.0  # of the sweep of each draw; a parabola finds the minimum bet
 
 def contact_draws(walker: Walker, side: str, count: int, seed: int) -> list[dict[str, float]]:
     """`count` sets of walk values: force and exponent of each zone's law, damping, friction, keel and support."""
-    spread = {item.name: SURE_SHARE * item.scale for item in standard_parameters(walker.variables, side, ()).items}
+    spread = {
+        item.name: SURE_SHARE * item.scale
+        for item in standard_parameters(walker.variables, side, ()).items
+    }
     own = {name: variable.default for name, variable in walker.variables.items()}
-    zones = [name.split(".")[1] for name in own if name.startswith("contact.") and name.endswith(".stiffness")]
-    plain = [name for name in ("keel.flexural_modulus", "fulcrum.stiffness", "friction.mu_static",
-                               "friction.mu_kinetic", "friction.threshold_velocity") if name in spread]
+    zones = [
+        name.split(".")[1]
+        for name in own
+        if name.startswith("contact.") and name.endswith(".stiffness")
+    ]
+    plain = [
+        name
+        for name in (
+            "keel.flexural_modulus",
+            "fulcrum.stiffness",
+            "friction.mu_static",
+            "friction.mu_kinetic",
+            "friction.threshold_velocity",
+        )
+        if name in spread
+    ]
     rng = np.random.default_rng([seed, 7])
 
     def factor(name: str) -> float:
@@ -166,7 +218,9 @@ def contact_draws(walker: Walker, side: str, count: int, seed: int) -> list[dict
         slower = factor("contact.damping_time")
         for zone in zones:
             # F = k d^n with drawn F and n has at the reference depth d_0 the force: k' = f k d_0^(n - n')
-            k, n, b = (own[f"contact.{zone}.{name}"] for name in ("stiffness", "exponent", "damping"))
+            k, n, b = (
+                own[f"contact.{zone}.{name}"] for name in ("stiffness", "exponent", "damping")
+            )
             force = factor(f"contact.{zone}.force")
             exponent = n + spread[f"contact.{zone}.exponent"] * rng.standard_normal()
             exponent = min(max(exponent, min(n, 1.0)), max(n, 2.0))
@@ -184,13 +238,21 @@ def drawn_sweeps(
     first = tuning.parts[0]
     if any(part.walker.model != first.walker.model for part in tuning.parts):
         return [], ["the trials' models differ, so that one draw cannot be for all"]
-    values = contact_draws(first.walker, first.trial.subject.prosthetic_side, tuning.options.draws, tuning.options.seed)
+    values = contact_draws(
+        first.walker, first.trial.subject.prosthetic_side, tuning.options.draws, tuning.options.seed
+    )
     sweeps: list[SettingSweep] = []
     failed: list[str] = []
     for k, base in enumerate(values):
         try:
-            sweeps.append(sweep(tuning, positions(tuning, x, SPACING_MM), step_s=tuning.options.search_step_s,
-                                base=base))
+            sweeps.append(
+                sweep(
+                    tuning,
+                    positions(tuning, x, SPACING_MM),
+                    step_s=tuning.options.search_step_s,
+                    base=base,
+                )
+            )
         except (InputError, SimulationError) as error:  # no stance at the trial's own setting
             failed.append(str(error))
         progress((k + 1) / len(values))

@@ -1,7 +1,7 @@
 """Stiffness tuning in which the motion adapts: trajectory optimisation of one stride in the sagittal plane.
 
-    solution = solve(StrideTuning([trial], cost="joint_load", options=StrideOptions(design=("alignment_rad",))))
-    solution.fulcrum_mm, stride_table(solution)
+solution = solve(StrideTuning([trial], cost="joint_load", options=StrideOptions(design=("alignment_rad",))))
+solution.fulcrum_mm, stride_table(solution)
 """
 
 from vsf_drake.analysis.tuning.level2.saved import stride_arrays, stride_table
@@ -9,4 +9,11 @@ from vsf_drake.analysis.tuning.level2.search import StrideSolution, StrideTuning
 from vsf_drake.analysis.tuning.level2.solve import solve
 from vsf_drake.analysis.tuning.level2.stride import StrideOptions
 
-__all__ = ["StrideOptions", "StrideSolution", "StrideTuning", "solve", "stride_arrays", "stride_table"]
+__all__ = [
+    "StrideOptions",
+    "StrideSolution",
+    "StrideTuning",
+    "solve",
+    "stride_arrays",
+    "stride_table",
+]

@@ -16,8 +16,15 @@ ITERATIONS, HALVINGS = 100, 25
 
 
 def quasi_static_motion(
-    model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, p: np.ndarray, rates: sp.spmatrix,
-    smoothing: Smoothing, *, start: np.ndarray | None = None
+    model: SagittalModel,
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    p: np.ndarray,
+    rates: sp.spmatrix,
+    smoothing: Smoothing,
+    *,
+    start: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """w, u (12, N) of a motion q, v, a (8, N) with the design p (4,), from the first guess `start` (12, N) or zeros on;
     SimulationError where no balance is found, with the instant and coordinate that lack most.
@@ -28,6 +35,7 @@ def quasi_static_motion(
     Undeformed, a stiff foot is pressed into the ground with many times the person's weight, and Newton's method may
     stall on the way from there; the motion is then lifted off the ground and set down step by step.
     """
+
     def lifted(height: float, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         return _balanced(model, q + height * LIFT, v, a, p, rates, smoothing, start)
 
@@ -53,12 +61,24 @@ def quasi_static_motion(
     return w, u
 
 
-LIFTED_M, SET_DOWN_M, LEAST_DOWN_M = 0.05, 0.005, 1e-4  # feet sink in by 3 cm at most; steps down, first and last
+LIFTED_M, SET_DOWN_M, LEAST_DOWN_M = (
+    0.05,
+    0.005,
+    1e-4,
+)  # feet sink in by 3 cm at most; steps down, first and last
 LIFT = (np.arange(8) == TY).astype(float)[:, None]
 
 
-def _balanced(model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, p: np.ndarray, rates: sp.spmatrix,
-              smoothing: Smoothing, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+def _balanced(
+    model: SagittalModel,
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    p: np.ndarray,
+    rates: sp.spmatrix,
+    smoothing: Smoothing,
+    start: np.ndarray | None,
+) -> tuple[np.ndarray, np.ndarray]:
     """`quasi_static_motion` from one first guess, by Newton's method."""
     k, N = len(model.quasi_static), q.shape[1]
     w = np.zeros((k, N)) if start is None else np.array(start)
@@ -71,7 +91,7 @@ def _balanced(model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray,
     first = 3 * len(q)
     for _ in range(ITERATIONS):
         y, by = linearise(model, q, v, a, w, (rates @ w.T).T, design, smoothing)
-        r, by = y[rows], by[rows, first:first + 2 * k]
+        r, by = y[rows], by[rows, first : first + 2 * k]
         if np.abs(r).max() <= BALANCED * model.weight:
             return w, (rates @ w.T).T
         if not np.isfinite(by).all():
@@ -90,8 +110,11 @@ def _balanced(model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray,
             break
         w = w + size * step
     at, instant = np.unravel_index(np.argmax(np.where(np.isfinite(r), np.abs(r), np.inf)), r.shape)
-    raise SimulationError(f"keel and socket find no balance under this motion's load: at instant {instant + 1} of {N} "
-                          f"{model.quasi_static[at]} is off by {abs(r[at, instant]):.3g} N or N m", time_s=0.0)
+    raise SimulationError(
+        f"keel and socket find no balance under this motion's load: at instant {instant + 1} of {N} "
+        f"{model.quasi_static[at]} is off by {abs(r[at, instant]):.3g} N or N m",
+        time_s=0.0,
+    )
 
 
 def _solved(by_w: np.ndarray, by_u: np.ndarray, rates: sp.coo_matrix, r: np.ndarray) -> np.ndarray:

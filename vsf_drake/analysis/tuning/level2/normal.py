@@ -20,11 +20,18 @@ from vsf_drake.files import MOST_JSON_BYTES, read_text, resource
 from vsf_drake.parameters import GRAVITY
 
 TABLE = "data/published/able_bodied_by_speed.csv"
-ANGLES = {"pelvis_tilt": ("pelvis_anterior_tilt", -1.0), "hip_flexion": ("hip_flexion", 1.0),
-          "knee_angle": ("knee_flexion", 1.0), "ankle_angle": ("ankle_dorsiflexion", 1.0)}
+ANGLES = {
+    "pelvis_tilt": ("pelvis_anterior_tilt", -1.0),
+    "hip_flexion": ("hip_flexion", 1.0),
+    "knee_angle": ("knee_flexion", 1.0),
+    "ankle_angle": ("ankle_dorsiflexion", 1.0),
+}
 """By coordinate without its side: the published angle, and the sign to it."""
 FORCES = ("force_forward", "force_up")
-REACH = 0.17, 0.56  # dimensionless speeds of the groups very slow and fast; beyond those of the table its lines go on
+REACH = (
+    0.17,
+    0.56,
+)  # dimensionless speeds of the groups very slow and fast; beyond those of the table its lines go on
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +50,12 @@ class NormalGait:
 
     def angle_sd(self, coordinates: Sequence[str]) -> np.ndarray:
         """(n,) rad, infinite of coordinates that are no angles of the source."""
-        return np.array([np.radians(self.sd[ANGLES[name][0]]) if name in ANGLES else np.inf
-                         for name in map(without_side, coordinates)])
+        return np.array(
+            [
+                np.radians(self.sd[ANGLES[name][0]]) if name in ANGLES else np.inf
+                for name in map(without_side, coordinates)
+            ]
+        )
 
 
 def without_side(coordinate: str) -> str:
@@ -55,15 +66,31 @@ def without_side(coordinate: str) -> str:
 @cache
 def _table() -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """By quantity: dimensionless speeds (G,), coefficients (G, 1 + 2 harmonics), standard deviations (G,)."""
-    lines = [line for line in read_text(resource(TABLE), most=MOST_JSON_BYTES).splitlines()
-             if not line.startswith("#")]
+    lines = [
+        line
+        for line in read_text(resource(TABLE), most=MOST_JSON_BYTES).splitlines()
+        if not line.startswith("#")
+    ]
     rows: dict[str, list[dict[str, str]]] = {}
     for row in csv.DictReader(lines):
         rows.setdefault(row["quantity"], []).append(row)
-    return {quantity: (np.array([float(row["speed"]) for row in own]),
-                       np.array([[float(row[name]) for name in row if name[0] in "ab" and name[1:].isdigit()
-                                  and row[name]] for row in own]),
-                       np.array([float(row["sd"]) for row in own])) for quantity, own in rows.items()}
+    return {
+        quantity: (
+            np.array([float(row["speed"]) for row in own]),
+            np.array(
+                [
+                    [
+                        float(row[name])
+                        for name in row
+                        if name[0] in "ab" and name[1:].isdigit() and row[name]
+                    ]
+                    for row in own
+                ]
+            ),
+            np.array([float(row["sd"]) for row in own]),
+        )
+        for quantity, own in rows.items()
+    }
 
 
 def normal_gait(speed_m_per_s: float, leg_m: float, where: str = "speed_m_per_s") -> NormalGait:
@@ -72,13 +99,18 @@ def normal_gait(speed_m_per_s: float, leg_m: float, where: str = "speed_m_per_s"
     unit = float(np.sqrt(GRAVITY * leg_m))
     speed, (low, high) = speed_m_per_s / unit, (unit * reach for reach in REACH)
     if not low <= speed_m_per_s <= high:
-        raise InputError(f"{speed_m_per_s:.2f} m/s is out of what was published of able-bodied walking",
-                         where=where, right=f"With a leg of {leg_m:.2f} m it must lie from {low:.2f} to {high:.2f} m/s")
+        raise InputError(
+            f"{speed_m_per_s:.2f} m/s is out of what was published of able-bodied walking",
+            where=where,
+            right=f"With a leg of {leg_m:.2f} m it must lie from {low:.2f} to {high:.2f} m/s",
+        )
 
     def between(speeds: np.ndarray, values: np.ndarray) -> np.ndarray:
         at = int(np.clip(np.searchsorted(speeds, speed) - 1, 0, len(speeds) - 2))
         share = (speed - speeds[at]) / (speeds[at + 1] - speeds[at])
         return np.asarray((1.0 - share) * values[at] + share * values[at + 1])
 
-    return NormalGait(series={name: between(speeds, series) for name, (speeds, series, _) in table.items()},
-                      sd={name: float(between(speeds, sd)) for name, (speeds, _, sd) in table.items()})
+    return NormalGait(
+        series={name: between(speeds, series) for name, (speeds, series, _) in table.items()},
+        sd={name: float(between(speeds, sd)) for name, (speeds, _, sd) in table.items()},
+    )

@@ -29,7 +29,10 @@ KINDS = {
     "prosthetic_hip_moment": ("peak prosthetic hip moment, either sign", "N m/kg"),
     "prosthetic_knee_moment": ("peak prosthetic knee moment, either sign", "N m/kg"),
     "knee_flexor_moment": ("largest prosthetic knee flexor moment late in stance", "N m/kg"),
-    "knee_extension": ("least prosthetic knee flexion late in stance, negative, by markers on the socket", "deg"),
+    "knee_extension": (
+        "least prosthetic knee flexion late in stance, negative, by markers on the socket",
+        "deg",
+    ),
     "socket_moment": ("peak moment on the residual limb", "N m/kg"),
     "metabolic": ("joint-work estimate of metabolic energy", "J/(kg m)"),
     "joint_load": ("squared joint and socket load", "1"),
@@ -37,20 +40,38 @@ KINDS = {
     "muscle_energy": ("metabolic energy of the muscles by their activation", "J/(kg m)"),
     "stride_time": ("time of a stride", "s"),
     "stride_length": ("length of a stride", "m"),
-    "motion_change": ("root mean square change of the joint angles from the consistent stride", "deg"),
-    "force_change": ("root mean square change of the ground reaction from the consistent stride, worse foot", "BW")}
+    "motion_change": (
+        "root mean square change of the joint angles from the consistent stride",
+        "deg",
+    ),
+    "force_change": (
+        "root mean square change of the ground reaction from the consistent stride, worse foot",
+        "BW",
+    ),
+}
 """Labels and units."""
 SIGNS_OF = "Nichols 2023"
 """The source, in the table of published effects, whose signs were measured on the variable-stiffness foot itself."""
-MEASURES = {"dorsiflexion": "dorsiflexion", "plantarflexor moment": "ankle_moment", "knee extension": "knee_extension",
-            "knee flexor moment": "knee_flexor_moment", "push-off power": "push_off_power",
-            "energy stored": "stored_energy", "energy returned": "returned_energy"}
+MEASURES = {
+    "dorsiflexion": "dorsiflexion",
+    "plantarflexor moment": "ankle_moment",
+    "knee extension": "knee_extension",
+    "knee flexor moment": "knee_flexor_moment",
+    "push-off power": "push_off_power",
+    "energy stored": "stored_energy",
+    "energy returned": "returned_energy",
+}
 """Its measures, and the outcome that stands for each."""
 
 
 def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
     """KINDS of a solved stride; the changes are from its reference, NaN where nothing was recorded."""
-    y, index, reference, model = solution.last_y(), stride.function.index, stride.reference, stride.model
+    y, index, reference, model = (
+        solution.last_y(),
+        stride.function.index,
+        stride.reference,
+        stride.model,
+    )
     mass, weight, last = model.subject.mass_kg, model.weight, solution.last
 
     def column(name: str) -> np.ndarray:
@@ -63,18 +84,19 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
         rows = np.flatnonzero(reference.stance[foot])
         # A stance that goes over the end of the period begins late in it.
         gap = np.flatnonzero(np.diff(rows) > 1)
-        rows = rows if not len(gap) else np.concatenate([rows[gap[0] + 1:], rows[:gap[0] + 1]])
-        half = rows[len(rows) // 2:] if late else rows[: len(rows) // 2]
+        rows = rows if not len(gap) else np.concatenate([rows[gap[0] + 1 :], rows[: gap[0] + 1]])
+        half = rows[len(rows) // 2 :] if late else rows[: len(rows) // 2]
         return float(column(f"{foot}_fz")[half].max() / weight) if len(half) else float("nan")
 
     # About the pylon's end, the origin of the link that the alignment turns: -M_y turns the toe up.
     layout, n, k = stride.function.layout, len(model.coordinates), len(model.quasi_static)
     motion = model.motion(*stride.function.parts(last.z, last.p)[:-1])
     pylon = model.dynamics.link[n + k + 1]
-    moment = column("prosthetic_my") - (motion.z[pylon] * column("prosthetic_fx")
-                                        - motion.x[pylon] * column("prosthetic_fz"))
+    moment = column("prosthetic_my") - (
+        motion.z[pylon] * column("prosthetic_fx") - motion.x[pylon] * column("prosthetic_fz")
+    )
     w = last.z[:, layout.w]
-    turn = w[:, len(SOCKET):] @ model.support.signs
+    turn = w[:, len(SOCKET) :] @ model.support.signs
 
     # A laboratory's markers are on the socket: what it calls shank turns with it against the residual limb.
     wrench = np.stack([column(f"prosthetic_{part}") for part in ("my", "fx", "fz")])
@@ -85,35 +107,57 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
     late = reference.late & reference.stance["prosthetic"]
     change = np.degrees(y[:, stride.function.starting_with("q_")][:, 3:] - reference.q[:, 3:])
     changed = np.nan if stride.recorded is None else float(np.sqrt(np.mean(change**2)))
-    force = [np.sum((y[:, index(f"{foot}_fx", f"{foot}_fz")] - known) ** 2, axis=1)[reference.known[foot]].mean()
-             for foot, known in reference.force.items() if reference.known[foot].any()]
+    force = [
+        np.sum((y[:, index(f"{foot}_fx", f"{foot}_fz")] - known) ** 2, axis=1)[
+            reference.known[foot]
+        ].mean()
+        for foot, known in reference.force.items()
+        if reference.known[foot].any()
+    ]
     pace = float(last.p[-1])
     return {
-        "push_off_work": -pace * stride.value("push_off", y), "com_push_off_work": _work_on_the_centre_of_mass(
-            y[:, index("prosthetic_fx", "prosthetic_fz")], y[:, index("intact_fx", "intact_fz")], late, stride, pace),
+        "push_off_work": -pace * stride.value("push_off", y),
+        "com_push_off_work": _work_on_the_centre_of_mass(
+            y[:, index("prosthetic_fx", "prosthetic_fz")],
+            y[:, index("intact_fx", "intact_fz")],
+            late,
+            stride,
+            pace,
+        ),
         "stored_energy": float(column("stored_energy").max()),
         "push_off_power": float(power[late].max() / mass),
         "returned_energy": pace * float(stride.grid.weights @ np.maximum(power, 0.0)),
-        "dorsiflexion": float(np.degrees(turn.max())), "ankle_moment": float(-moment.min() / mass),
-        "prosthetic_first_peak": peak("prosthetic", False), "prosthetic_second_peak": peak("prosthetic", True),
-        "intact_first_peak": peak("intact", False), "intact_knee_moment": largest(f"torque_{knee_i}"),
-        "prosthetic_hip_moment": largest(f"torque_{hip_p}"), "prosthetic_knee_moment": largest(f"torque_{knee_p}"),
+        "dorsiflexion": float(np.degrees(turn.max())),
+        "ankle_moment": float(-moment.min() / mass),
+        "prosthetic_first_peak": peak("prosthetic", False),
+        "prosthetic_second_peak": peak("prosthetic", True),
+        "intact_first_peak": peak("intact", False),
+        "intact_knee_moment": largest(f"torque_{knee_i}"),
+        "prosthetic_hip_moment": largest(f"torque_{hip_p}"),
+        "prosthetic_knee_moment": largest(f"torque_{knee_p}"),
         "knee_flexor_moment": float(column(f"torque_{knee_p}")[late].max() / mass),
         "knee_extension": float(-np.degrees((column(f"q_{knee_p}") + socket_bends)[late].min())),
-        "socket_moment": largest("force_socket_flexion"), "metabolic": stride.value("metabolic", y) / stride.advance_m,
-        "joint_load": stride.value("joint_load", y), "activation": stride.value("activation", y),
+        "socket_moment": largest("force_socket_flexion"),
+        "metabolic": stride.value("metabolic", y) / stride.advance_m,
+        "joint_load": stride.value("joint_load", y),
+        "activation": stride.value("activation", y),
         "muscle_energy": muscle_energy(solution, stride),
         "stride_time": pace * stride.grid.duration_s,
-        "stride_length": pace * stride.advance_m, "motion_change": changed,
-        "force_change": float(np.sqrt(max(force)) / weight) if force else float("nan")}
+        "stride_length": pace * stride.advance_m,
+        "motion_change": changed,
+        "force_change": float(np.sqrt(max(force)) / weight) if force else float("nan"),
+    }
 
 
-def _work_on_the_centre_of_mass(own: np.ndarray, other: np.ndarray, late: np.ndarray, stride: Stride, pace: float
-                                ) -> float:
+def _work_on_the_centre_of_mass(
+    own: np.ndarray, other: np.ndarray, late: np.ndarray, stride: Stride, pace: float
+) -> float:
     """J/kg, the positive work of a foot's force (N, 2) N late in its stance; the velocity follows from both forces, at
     the stride's speed and with no way up on average."""
     mass, grid = stride.model.subject.mass_kg, stride.grid
-    v = cumulative_trapezoid((own + other) / mass - [0.0, GRAVITY], pace * grid.times_s, axis=0, initial=0.0)
+    v = cumulative_trapezoid(
+        (own + other) / mass - [0.0, GRAVITY], pace * grid.times_s, axis=0, initial=0.0
+    )
     v += [stride.speed, 0.0] - grid.weights @ v / grid.duration_s
     return pace * float(grid.weights @ (late * np.maximum((own * v).sum(axis=1), 0.0))) / mass
 
@@ -140,7 +184,9 @@ def published_signs(strides: Sequence[dict[str, float]]) -> dict[str, bool | Non
         if effect.source == SIGNS_OF and effect.measure in MEASURES:
             first, last = (strides[i][MEASURES[effect.measure]] for i in (0, -1))
             little = not abs(last - first) > LEAST_CHANGE * max(abs(first), abs(last))
-            found[effect.measure] = None if little else ("+" if last > first else "-") == effect.effect
+            found[effect.measure] = (
+                None if little else ("+" if last > first else "-") == effect.effect
+            )
     return found
 
 

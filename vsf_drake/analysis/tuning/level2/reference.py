@@ -23,8 +23,13 @@ from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel, Smoothing
 
 SWING_MIDDLE = (0.3, 0.7)  # share of a swing in which the foot must clear the ground
 FEET = ("prosthetic", "intact")
-LOADED_BW = 0.05  # of body weight, under more of which a foot of able-bodied walking stands (a choice)
-SUNK_M, HEIGHT_HARMONICS = 0.005, 4  # how far a foot that stands is in the ground at first, smoothed over the stride
+LOADED_BW = (
+    0.05  # of body weight, under more of which a foot of able-bodied walking stands (a choice)
+)
+SUNK_M, HEIGHT_HARMONICS = (
+    0.005,
+    4,
+)  # how far a foot that stands is in the ground at first, smoothed over the stride
 LOADED_N = 1.0  # below, a centre of pressure says nothing (a choice)
 
 
@@ -36,7 +41,9 @@ class StrideReference:
     v: np.ndarray
     a: np.ndarray
     force: dict[str, np.ndarray]  # by foot (N, 2) fx, fz in N, 0 where not known
-    cop_x: dict[str, np.ndarray]  # by foot (N,) m, where the moment counts: the centre of pressure, if there is load
+    cop_x: dict[
+        str, np.ndarray
+    ]  # by foot (N,) m, where the moment counts: the centre of pressure, if there is load
     moment: dict[str, np.ndarray]  # by foot (N,) N m of the ground about +y there
     known: dict[str, np.ndarray]  # by foot (N,) whether the force was measured
     stance: dict[str, np.ndarray]  # by foot (N,)
@@ -44,14 +51,19 @@ class StrideReference:
     late: np.ndarray  # (N,) late prosthetic stance
 
 
-def stride_reference(recorded: RecordedStride, times: np.ndarray, late_share: float) -> StrideReference:
+def stride_reference(
+    recorded: RecordedStride, times: np.ndarray, late_share: float
+) -> StrideReference:
     """The recorded stride at instants (N,) s."""
     period, never = recorded.period_s, np.zeros(len(times), dtype=bool)
     names = ("force", "cop_x", "moment", "known", "stance", "clear")
     by_foot: dict[str, dict[str, np.ndarray]] = {name: {} for name in names}
     for foot, span in zip(FEET, (recorded.prosthetic_stance, recorded.intact_stance), strict=True):
         force, cop = recorded.measured(foot, times)
-        by_foot["force"][foot], by_foot["cop_x"][foot] = np.nan_to_num(force[:, :2]), np.nan_to_num(cop)
+        by_foot["force"][foot], by_foot["cop_x"][foot] = (
+            np.nan_to_num(force[:, :2]),
+            np.nan_to_num(cop),
+        )
         by_foot["moment"][foot] = np.zeros(len(times))
         by_foot["known"][foot] = np.isfinite(force[:, :2]).all(axis=1)
         by_foot["stance"][foot] = by_foot["clear"][foot] = never
@@ -60,8 +72,13 @@ def stride_reference(recorded: RecordedStride, times: np.ndarray, late_share: fl
             swing = _share(times, span[1], span[0] + period, period)
             by_foot["clear"][foot] = (swing >= SWING_MIDDLE[0]) & (swing <= SWING_MIDDLE[1])
     q, v, a = recorded.sample(times)
-    return StrideReference(q=q, v=v, a=a, **by_foot,
-                           late=_share(times, *recorded.prosthetic_stance, period) >= late_share)
+    return StrideReference(
+        q=q,
+        v=v,
+        a=a,
+        **by_foot,
+        late=_share(times, *recorded.prosthetic_stance, period) >= late_share,
+    )
 
 
 def _share(times_s: np.ndarray, start: float, end: float, period_s: float) -> np.ndarray:
@@ -70,8 +87,9 @@ def _share(times_s: np.ndarray, start: float, end: float, period_s: float) -> np
     return np.where(share <= 1.0, share, np.nan)
 
 
-def consistent_reference(recorded: StrideReference, solution: TrajectorySolution, grid: Grid, outputs: tuple[str, ...]
-                         ) -> StrideReference:
+def consistent_reference(
+    recorded: StrideReference, solution: TrajectorySolution, grid: Grid, outputs: tuple[str, ...]
+) -> StrideReference:
     """The stride of a solution whose function's first outputs have these names, both feet's forces known, at the
     instants of a grid of the same duration; by splines where these are not the solution's own."""
     y, old = solution.last_y(), solution.problem.grid
@@ -80,7 +98,9 @@ def consistent_reference(recorded: StrideReference, solution: TrajectorySolution
 
     def at(name: str) -> np.ndarray:
         values = y[:, outputs.index(name)]
-        return np.asarray(CubicSpline(times, np.append(values, values[0]), bc_type="periodic")(grid.times_s))
+        return np.asarray(
+            CubicSpline(times, np.append(values, values[0]), bc_type="periodic")(grid.times_s)
+        )
 
     force, cop, moment = {}, {}, {}
     for foot, recorded_x in recorded.cop_x.items():
@@ -88,12 +108,25 @@ def consistent_reference(recorded: StrideReference, solution: TrajectorySolution
         cop[foot] = np.where(fz > LOADED_N, -my / np.maximum(fz, LOADED_N), recorded_x)
         force[foot], moment[foot] = np.column_stack([fx, fz]), my + cop[foot] * fz
     return dataclasses.replace(
-        recorded, q=z[:, layout.q], v=z[:, layout.v], a=z[:, layout.a], force=force, cop_x=cop, moment=moment,
-        known={foot: np.ones(grid.instants, dtype=bool) for foot in force})
+        recorded,
+        q=z[:, layout.q],
+        v=z[:, layout.v],
+        a=z[:, layout.a],
+        force=force,
+        cop_x=cop,
+        moment=moment,
+        known={foot: np.ones(grid.instants, dtype=bool) for foot in force},
+    )
 
 
-def normal_reference(gait: NormalGait, model: SagittalModel, grid: Grid, advance_m: float, tilt_rad: float,
-                     late_share: float) -> StrideReference:
+def normal_reference(
+    gait: NormalGait,
+    model: SagittalModel,
+    grid: Grid,
+    advance_m: float,
+    tilt_rad: float,
+    late_share: float,
+) -> StrideReference:
     """Able-bodied walking of a person with this mean tilt of the pelvis, the prosthetic foot's strike at 0, the other's
     half a stride later; the pelvis at a steady speed, as high as puts the lower foot on the ground."""
     phase = grid.times_s / grid.duration_s
@@ -105,7 +138,9 @@ def normal_reference(gait: NormalGait, model: SagittalModel, grid: Grid, advance
             quantity, sign = ANGLES[kind]
             own = phases["intact" if name.endswith(f"_{other}") else "prosthetic"]
             for rank, values in enumerate((q, v, a)):
-                values[:, i] = sign * np.radians(gait.at(quantity, own, rank)) / grid.duration_s**rank
+                values[:, i] = (
+                    sign * np.radians(gait.at(quantity, own, rank)) / grid.duration_s**rank
+                )
     lean = tilt_rad - q[:, TILT].mean()
     q[:, TILT] += lean
     hips = [i for i, name in enumerate(model.coordinates) if name.startswith("hip_flexion")]
@@ -115,21 +150,41 @@ def normal_reference(gait: NormalGait, model: SagittalModel, grid: Grid, advance
 
     # Set down: of the soles' height the slow part, with its derivatives.
     still = np.zeros((len(model.quasi_static), grid.instants))
-    y = model.evaluate(q.T, v.T, a.T, still, still, np.repeat(np.eye(len(DESIGN))[1][:, None], grid.instants, 1),
-                       Smoothing())
+    y = model.evaluate(
+        q.T,
+        v.T,
+        a.T,
+        still,
+        still,
+        np.repeat(np.eye(len(DESIGN))[1][:, None], grid.instants, 1),
+        Smoothing(),
+    )
     height = SUNK_M + np.min([y[model.outputs.index(f"{foot}_sole")] for foot in FEET], axis=0)
     turn = 2.0j * np.pi * np.fft.rfftfreq(grid.instants, grid.duration_s / grid.instants)
     slow = np.fft.rfft(-height) * (np.arange(len(turn)) <= HEIGHT_HARMONICS)
     for rank, values in enumerate((q, v, a)):
         values[:, TY] = np.fft.irfft(slow * turn**rank, grid.instants)
 
-    force = {foot: np.column_stack([gait.at(name, own) for name in FORCES]) for foot, own in phases.items()}
+    force = {
+        foot: np.column_stack([gait.at(name, own) for name in FORCES])
+        for foot, own in phases.items()
+    }
     stance = {foot: own[:, 1] > LOADED_BW for foot, own in force.items()}
     ends = {foot: phases[foot][stance[foot]].max() for foot in FEET}
     swing = {foot: (phases[foot] - end) / (1.0 - end) for foot, end in ends.items()}
     nothing, never = np.zeros(grid.instants), np.zeros(grid.instants, dtype=bool)
     return StrideReference(
-        q=q, v=v, a=a, force={foot: model.weight * own for foot, own in force.items()},
-        cop_x=dict.fromkeys(FEET, nothing), moment=dict.fromkeys(FEET, nothing), known=dict.fromkeys(FEET, never),
-        stance=stance, late=stance["prosthetic"] & (phase >= late_share * ends["prosthetic"]),
-        clear={foot: (share >= SWING_MIDDLE[0]) & (share <= SWING_MIDDLE[1]) for foot, share in swing.items()})
+        q=q,
+        v=v,
+        a=a,
+        force={foot: model.weight * own for foot, own in force.items()},
+        cop_x=dict.fromkeys(FEET, nothing),
+        moment=dict.fromkeys(FEET, nothing),
+        known=dict.fromkeys(FEET, never),
+        stance=stance,
+        late=stance["prosthetic"] & (phase >= late_share * ends["prosthetic"]),
+        clear={
+            foot: (share >= SWING_MIDDLE[0]) & (share <= SWING_MIDDLE[1])
+            for foot, share in swing.items()
+        },
+    )

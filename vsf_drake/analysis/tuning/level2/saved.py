@@ -22,7 +22,9 @@ UNITS = ("m", "1", "rad", "1")
 SURE = 2.0  # standard deviations over the drawn contacts by which an outcome's range must exceed to matter (a choice)
 LITTLE = 0.01  # share of the cost below which what a setting gains is called little (a choice)
 APART = 1e-3  # share of the cost by which ends of searches differ that are not the same stride (a choice)
-DECIDED = 0.5  # share of the range that an interval may take and still be a recommendation (a choice)
+DECIDED = (
+    0.5  # share of the range that an interval may take and still be a recommendation (a choice)
+)
 
 
 def stride_table(result: StrideSolution) -> t.TuningTable:
@@ -30,50 +32,134 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
     tuning, best, stride = result.tuning, result.shown, result.search.stride
     names = tuning.options.weights if tuning.cost == WEIGHTED else (tuning.cost,)
     (low, high), p = stride.reach_mm, best.last.p
-    design = [t.DesignValue("fulcrum", "mm", position_mm(best), low=low, high=high, default=stride.own_m / MM)]
-    design += [t.DesignValue(name, UNITS[i], float(p[i]), low=float(best.problem.p_low[i]),
-                           high=float(best.problem.p_high[i]), default=float(OWN[i]))
-               for i, name in enumerate(DESIGN) if name in tuning.options.design]
+    design = [
+        t.DesignValue(
+            "fulcrum", "mm", position_mm(best), low=low, high=high, default=stride.own_m / MM
+        )
+    ]
+    design += [
+        t.DesignValue(
+            name,
+            UNITS[i],
+            float(p[i]),
+            low=float(best.problem.p_low[i]),
+            high=float(best.problem.p_high[i]),
+            default=float(OWN[i]),
+        )
+        for i, name in enumerate(DESIGN)
+        if name in tuning.options.design
+    ]
     if best.problem.p_low[-1] < best.problem.p_high[-1]:
         time_s = stride.grid.duration_s
-        low_s, high_s, found_s = (float(time_s * x[-1]) for x in (best.problem.p_low, best.problem.p_high, p))
-        design.append(t.DesignValue("stride time", "s", found_s, low=low_s, high=high_s,
-                                    default=time_s if tuning.speed_m_per_s is None else None))
+        low_s, high_s, found_s = (
+            float(time_s * x[-1]) for x in (best.problem.p_low, best.problem.p_high, p)
+        )
+        design.append(
+            t.DesignValue(
+                "stride time",
+                "s",
+                found_s,
+                low=low_s,
+                high=high_s,
+                default=time_s if tuning.speed_m_per_s is None else None,
+            )
+        )
     label, near = " and ".join(LABELS[name] for name in names), as_good(result)
     width = (near[1] - near[0]) / (high - low) if near else 0.0
     failed = sum(not solution.success for solution in result.asked_again)
     lost = [row.fulcrum_mm for row in result.sweep if row.solution is None and row.tried]
     ends = [[cost for cost in row.tried.values() if np.isfinite(cost)] for row in result.sweep]
     different = sum(max(costs) - min(costs) > APART * abs(min(costs)) for costs in ends if costs)
-    return t.as_saved(t.TuningTable(
-        format=t.FORMAT, level=2, cost_name=tuning.cost, cost_label=label,
-        cost_unit="1", optimal=result.success, status=result.message, fulcrum_mm=position_mm(best),
-        cost=best.last_cost, at_bound=best.at_bound if result.success else (), fulcrum_interval_mm=near,
-        interval_meaning=say("stride", "interval", little=LITTLE, result=result, failed=failed)[0] if near else "",
-        undecided=say("stride", "undecided", near=near, share=width, failed=failed, count=len(result.asked_again))[0]
-        if width > DECIDED or (near and failed) else "",
-        design=tuple(design),
-        terms=tuple(t.Term(name, LABELS[name], value) for name, value in best.terms.items()),
-        sweep=tuple(t.SweepPoint(row.fulcrum_mm, None) if row.solution is None else t.SweepPoint(
-            row.fulcrum_mm, row.solution.last_cost, row.solution.terms, outcomes(row.solution, stride))
-            for row in result.sweep),
-        outcomes=tuple(_outcomes(result, label)),
-        solver=t.SolverEnd(name="Gauss-Newton SQP", message=best.message, iterations=best.iterations,
-                         evaluations=best.evaluations, optimality=best.optimality),
-        confirmed_by=tuple(result.confirmed),
-        starts=tuple(t.SearchEnd(mm, position_mm(s), s.last_cost, s.success) for mm, s in result.free),
-        checks=tuple(result.checks), tasks=(), pareto=(), pareto_names=(),
-        robustness=tuple(
-            t.ChangedOptimum(what, position_mm(s) if s.success else None, s.last_cost if s.success else None)
-            for what, s in (*((f"drawn contact {i + 1}", s) for i, (s, _) in enumerate(result.drawn)),
-                            *((f"weight {held.weight:g} of able-bodied walking", held.free) for held in result.held))),
-        trials=(tuning.label,), recorded_mm=(stride.own_m / MM,), synthetic=tuning.trial.synthetic,
-        notes=(*(() if tuning.speed_m_per_s is None else say(
-                   "stride", "speed", asked=tuning.speed_m_per_s, recorded=tuning.stride.speed)),
-               *say("stride", "limits", tracks=tuning.cost == "tracking"), *tuning.recorded.notes,
-               *say("stride", "sweep", lost=lost, different=different, count=len(result.sweep))),
-        wall_s=result.wall_s,
-        provenance=t.Provenance(options=to_plain(tuning.options), **provenance(tuning.trial.inputs))))
+    return t.as_saved(
+        t.TuningTable(
+            format=t.FORMAT,
+            level=2,
+            cost_name=tuning.cost,
+            cost_label=label,
+            cost_unit="1",
+            optimal=result.success,
+            status=result.message,
+            fulcrum_mm=position_mm(best),
+            cost=best.last_cost,
+            at_bound=best.at_bound if result.success else (),
+            fulcrum_interval_mm=near,
+            interval_meaning=say("stride", "interval", little=LITTLE, result=result, failed=failed)[
+                0
+            ]
+            if near
+            else "",
+            undecided=say(
+                "stride",
+                "undecided",
+                near=near,
+                share=width,
+                failed=failed,
+                count=len(result.asked_again),
+            )[0]
+            if width > DECIDED or (near and failed)
+            else "",
+            design=tuple(design),
+            terms=tuple(t.Term(name, LABELS[name], value) for name, value in best.terms.items()),
+            sweep=tuple(
+                t.SweepPoint(row.fulcrum_mm, None)
+                if row.solution is None
+                else t.SweepPoint(
+                    row.fulcrum_mm,
+                    row.solution.last_cost,
+                    row.solution.terms,
+                    outcomes(row.solution, stride),
+                )
+                for row in result.sweep
+            ),
+            outcomes=tuple(_outcomes(result, label)),
+            solver=t.SolverEnd(
+                name="Gauss-Newton SQP",
+                message=best.message,
+                iterations=best.iterations,
+                evaluations=best.evaluations,
+                optimality=best.optimality,
+            ),
+            confirmed_by=tuple(result.confirmed),
+            starts=tuple(
+                t.SearchEnd(mm, position_mm(s), s.last_cost, s.success) for mm, s in result.free
+            ),
+            checks=tuple(result.checks),
+            tasks=(),
+            pareto=(),
+            pareto_names=(),
+            robustness=tuple(
+                t.ChangedOptimum(
+                    what, position_mm(s) if s.success else None, s.last_cost if s.success else None
+                )
+                for what, s in (
+                    *((f"drawn contact {i + 1}", s) for i, (s, _) in enumerate(result.drawn)),
+                    *(
+                        (f"weight {held.weight:g} of able-bodied walking", held.free)
+                        for held in result.held
+                    ),
+                )
+            ),
+            trials=(tuning.label,),
+            recorded_mm=(stride.own_m / MM,),
+            synthetic=tuning.trial.synthetic,
+            notes=(
+                *(
+                    ()
+                    if tuning.speed_m_per_s is None
+                    else say(
+                        "stride", "speed", asked=tuning.speed_m_per_s, recorded=tuning.stride.speed
+                    )
+                ),
+                *say("stride", "limits", tracks=tuning.cost == "tracking"),
+                *tuning.recorded.notes,
+                *say("stride", "sweep", lost=lost, different=different, count=len(result.sweep)),
+            ),
+            wall_s=result.wall_s,
+            provenance=t.Provenance(
+                options=to_plain(tuning.options), **provenance(tuning.trial.inputs)
+            ),
+        )
+    )
 
 
 def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
@@ -85,20 +171,31 @@ def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
     z, y = carried.last.z[::each], carried.last_y()[::each]
     function, recorded = stride.function, result.tuning.stride.reference
     torque = function.starting_with("torque_")
-    arrays = {"phase": grid.times_s / grid.duration_s, "names": np.array(function.layout.coordinates),
-              "q": z[:, function.layout.q], "q_recorded": recorded.q, "torque": y[:, torque],
-              "torque_recorded": result.tracked.last_y()[:, torque], "tracked_z": result.tracked.last.z,
-              "tracked_p": result.tracked.last.p, "best_z": best.z, "best_p": best.p}
+    arrays = {
+        "phase": grid.times_s / grid.duration_s,
+        "names": np.array(function.layout.coordinates),
+        "q": z[:, function.layout.q],
+        "q_recorded": recorded.q,
+        "torque": y[:, torque],
+        "torque_recorded": result.tracked.last_y()[:, torque],
+        "tracked_z": result.tracked.last.z,
+        "tracked_p": result.tracked.last.p,
+        "best_z": best.z,
+        "best_p": best.p,
+    }
     for foot, force in recorded.force.items():
         arrays[f"grf_{foot}"] = y[:, function.index(f"{foot}_fx", f"{foot}_fz")]
         if recorded.known[foot].all():
             arrays[f"grf_{foot}_recorded"] = force
-    return arrays | {name: value[::each][:grid.instants] for name, value in result.simulated.items()}
+    return arrays | {
+        name: value[::each][: grid.instants] for name, value in result.simulated.items()
+    }
 
 
 def _outcomes(result: StrideSolution, cost_label: str) -> list[t.Outcome]:
     """The cost and KINDS at four settings; `uncertainty`: standard deviation over the drawn contacts, None of fewer
     than two, and where nothing was recorded to compare with."""
+
     def of(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
         return {"cost": solution.last_cost, **outcomes(solution, stride)}
 
@@ -106,18 +203,37 @@ def _outcomes(result: StrideSolution, cost_label: str) -> list[t.Outcome]:
     over = [of(solution, stride) for _, solution in result.solved]
     if not over:
         return []
-    settings = (over[0], of(result.shown, stride), over[-1],
-                {"cost": np.nan, **outcomes(result.tracked, result.consistent)})  # it has another cost
+    settings = (
+        over[0],
+        of(result.shown, stride),
+        over[-1],
+        {"cost": np.nan, **outcomes(result.tracked, result.consistent)},
+    )  # it has another cost
     drawn = [of(solution, other) for solution, other in result.drawn if solution.success]
     rows = []
-    for name, (label, unit) in {"cost": (f"cost ({cost_label}, with what holds it)", "1"), **KINDS}.items():
-        at: dict[str, Any] = {setting: values[name] for setting, values in zip(SETTINGS, settings, strict=True)}
-        spread = float(np.std([values[name] for values in drawn], ddof=1)) if len(drawn) > 1 else np.nan
+    for name, (label, unit) in {
+        "cost": (f"cost ({cost_label}, with what holds it)", "1"),
+        **KINDS,
+    }.items():
+        at: dict[str, Any] = {
+            setting: values[name] for setting, values in zip(SETTINGS, settings, strict=True)
+        }
+        spread = (
+            float(np.std([values[name] for values in drawn], ddof=1)) if len(drawn) > 1 else np.nan
+        )
         error = spread if np.isfinite(spread) else None
         range_over = max(values[name] for values in over) - min(values[name] for values in over)
         known = error is not None and np.isfinite(range_over)
-        rows.append(t.Outcome(name=name, label=label, unit=unit, **at, uncertainty=error,
-                            matters=bool(range_over > SURE * spread) if known else None))
+        rows.append(
+            t.Outcome(
+                name=name,
+                label=label,
+                unit=unit,
+                **at,
+                uncertainty=error,
+                matters=bool(range_over > SURE * spread) if known else None,
+            )
+        )
     return rows
 
 
@@ -131,14 +247,23 @@ def as_good(result: StrideSolution) -> tuple[float, float] | None:
     least = result.best.last_cost
     most = least + LITTLE * abs(least)
     lost = [row.fulcrum_mm for row in result.sweep if row.solution is None]
-    over = sorted([(position_mm(result.best), least - most),
-                   *((mm, solution.last_cost - most) for mm, solution in result.solved)])
+    over = sorted(
+        [
+            (position_mm(result.best), least - most),
+            *((mm, solution.last_cost - most) for mm, solution in result.solved),
+        ]
+    )
     near = [mm for mm, more in over if more <= 0.0]
     for (a, c), (b, d) in pairwise(over):
         if c * d < 0.0:  # between them it is as much
             unknown = any(a < mm < b for mm in lost)
             near.append((a if c > 0.0 else b) if unknown else (a * d - b * c) / (d - c))
-    near += [mm for (end, more), way in ((over[0], -1.0), (over[-1], 1.0)) if more <= 0.0
-             for mm in lost if way * (mm - end) > 0.0]
+    near += [
+        mm
+        for (end, more), way in ((over[0], -1.0), (over[-1], 1.0))
+        if more <= 0.0
+        for mm in lost
+        if way * (mm - end) > 0.0
+    ]
     near += [position_mm(solution) for solution in result.asked_again if solution.success]
     return min(near), max(near)

@@ -26,8 +26,12 @@ from vsf_drake.simulation.walk import Walker
 
 NEAR_ENOUGH = {"violation": 1e-6, "optimality": 2e-3, "gain": 1e-5}
 """Where a search for another cost than tracking ends: the last part of a thousand of a cost takes most of its time."""
-EASIER: dict[str, Any] = {"bend_rad": np.radians(10.0), "smoothing": Smoothing(
-    depth_m=8e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.2, damping=1.0)}
+EASIER: dict[str, Any] = {
+    "bend_rad": np.radians(10.0),
+    "smoothing": Smoothing(
+        depth_m=8e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.2, damping=1.0
+    ),
+}
 """With what a sweep's first search begins at each position: the prosthetic knee is asked to bend 10 degrees more, and
 the ground is softer. Strides with a straighter and with a more bent knee late in stance are optima both, up to 5 %
 apart, and so are, up to 6 %, strides whose feet strike at other instants of the grid. Choices: of 5, 10 and 15 degrees
@@ -45,39 +49,69 @@ class StrideTuning:
     """
 
     def __init__(
-        self, trials: Sequence[Trial], *, cost: str, options: StrideOptions | None = None,
-        labels: Sequence[str] | None = None
+        self,
+        trials: Sequence[Trial],
+        *,
+        cost: str,
+        options: StrideOptions | None = None,
+        labels: Sequence[str] | None = None,
     ) -> None:
         if len(trials) != 1:
-            raise InputError(f"{len(trials)} trials are given", where="trials",
-                             right="A free motion is solved for one recorded stride at a time: give one")
-        self.trial, self.cost, self.options = trials[0], check_cost(cost, FREE_COSTS), options or StrideOptions()
+            raise InputError(
+                f"{len(trials)} trials are given",
+                where="trials",
+                right="A free motion is solved for one recorded stride at a time: give one",
+            )
+        self.trial, self.cost, self.options = (
+            trials[0],
+            check_cost(cost, FREE_COSTS),
+            options or StrideOptions(),
+        )
         self.label = labels[0] if labels else self.trial.name
         self.walker = Walker(self.trial.subject, self.trial.model)
         self.recorded, body = recorded_stride(self.trial, self.walker), self.walker.gait.person.body
         recorded = self.recorded
-        grid = Grid(method=self.options.method, intervals=self.options.intervals, duration_s=recorded.period_s,
-                    periodic=True)
+        grid = Grid(
+            method=self.options.method,
+            intervals=self.options.intervals,
+            duration_s=recorded.period_s,
+            periodic=True,
+        )
         self.stride = Stride(
-            model=SagittalModel(self.walker, offsets=self.trial.offsets), recorded=recorded,
-            own_m=self.trial.fulcrum_m, leg_m=body.thigh_length + body.shank_length,
-            hip_height_m=body.leg_length, advance_m=recorded.advance_m, options=self.options,
-            grid=grid, tilt_rad=float(recorded.sample(grid.times_s)[0][:, TILT].mean()),
-            smoothing=self.options.stages[-1])
+            model=SagittalModel(self.walker, offsets=self.trial.offsets),
+            recorded=recorded,
+            own_m=self.trial.fulcrum_m,
+            leg_m=body.thigh_length + body.shank_length,
+            hip_height_m=body.leg_length,
+            advance_m=recorded.advance_m,
+            options=self.options,
+            grid=grid,
+            tilt_rad=float(recorded.sample(grid.times_s)[0][:, TILT].mean()),
+            smoothing=self.options.stages[-1],
+        )
         asked, own = self.options.speed_m_per_s, self.stride.speed
         self.speed_m_per_s = None if asked is None or abs(asked - own) <= SAME_SPEED else asked
         tracks = "tracking" in (self.options.weighed if cost == WEIGHTED else (cost,))
         if tracks and self.speed_m_per_s is not None:
-            raise InputError(f"{asked:g} m/s is not the speed of the recording, {own:.2f} m/s, which is to be tracked",
-                             where="speed_m_per_s", right="Leave it out, or choose another cost than tracking")
+            raise InputError(
+                f"{asked:g} m/s is not the speed of the recording, {own:.2f} m/s, which is to be tracked",
+                where="speed_m_per_s",
+                right="Leave it out, or choose another cost than tracking",
+            )
         if cost != "tracking":  # InputError where nothing was published
-            normal_gait(own if self.speed_m_per_s is None else self.speed_m_per_s, self.stride.hip_height_m,
-                        "speed_m_per_s" if self.speed_m_per_s is not None else "the recorded speed")
+            normal_gait(
+                own if self.speed_m_per_s is None else self.speed_m_per_s,
+                self.stride.hip_height_m,
+                "speed_m_per_s" if self.speed_m_per_s is not None else "the recorded speed",
+            )
         low, high = self.stride.reach_mm
         fulcrum = self.trial.model.foot.fulcrum
         if not fulcrum.rearmost_m / MM - 1e-6 <= low < high <= fulcrum.foremost_m / MM + 1e-6:
-            raise InputError(f"{low:g} to {high:g} mm is out of the carriage's reach", where="bounds_mm",
-                             right=f"It must lie within {fulcrum.rearmost_m / MM:g} to {fulcrum.foremost_m / MM:g} mm")
+            raise InputError(
+                f"{low:g} to {high:g} mm is out of the carriage's reach",
+                where="bounds_mm",
+                right=f"It must lie within {fulcrum.rearmost_m / MM:g} to {fulcrum.foremost_m / MM:g} mm",
+            )
 
 
 def position_mm(solution: TrajectorySolution) -> float:
@@ -91,7 +125,9 @@ class Fixed:
 
     fulcrum_mm: float
     solution: TrajectorySolution | None = None  # the best of its searches, None if none converged
-    tried: dict[str, float] = field(default_factory=dict)  # how each search began and ended: cost, or NaN
+    tried: dict[str, float] = field(
+        default_factory=dict
+    )  # how each search began and ended: cost, or NaN
 
 
 @dataclass(eq=False)
@@ -103,7 +139,9 @@ class StrideSearch:
     sizes: Mapping[str, float] = field(default_factory=dict)  # of the costs in the tracked stride
     progress: Progress | None = None
 
-    def at(self, fulcrum_mm: float, start: Start, what: str, fraction: float = 0.0) -> TrajectorySolution:
+    def at(
+        self, fulcrum_mm: float, start: Start, what: str, fraction: float = 0.0
+    ) -> TrajectorySolution:
         return self._solve((fulcrum_mm, fulcrum_mm), (), start, what, fraction)
 
     def free(self, start: Start, what: str, fraction: float = 0.0) -> TrajectorySolution:
@@ -113,30 +151,52 @@ class StrideSearch:
         """The search of a stride with something else."""
         return dataclasses.replace(self, stride=dataclasses.replace(self.stride, **changes))
 
-    def _solve(self, fulcrum_mm: tuple[float, float], design: tuple[str, ...], start: Start, what: str,
-               fraction: float) -> TrajectorySolution:
+    def _solve(
+        self,
+        fulcrum_mm: tuple[float, float],
+        design: tuple[str, ...],
+        start: Start,
+        what: str,
+        fraction: float,
+    ) -> TrajectorySolution:
         stride, options = self.stride, self.stride.options
         free = (*design, PACE) if self.cost != "tracking" else design
 
         def report(iteration: Iteration) -> None:
             if self.progress:
-                self.progress(f"{what}, iteration {iteration.number}, cost {iteration.cost:.5g}", fraction)
+                self.progress(
+                    f"{what}, iteration {iteration.number}, cost {iteration.cost:.5g}", fraction
+                )
 
         ends = {} if self.cost == "tracking" else NEAR_ENOUGH
         return sqp.solve(
-            stride.problem(stride.minimised(self.cost, self.sizes), fulcrum_mm, free), start, sqp.CollocationOptions(
-                iterations=options.iterations, time_limit_s=options.time_limit_s, **ends), report)
+            stride.problem(stride.minimised(self.cost, self.sizes), fulcrum_mm, free),
+            start,
+            sqp.CollocationOptions(
+                iterations=options.iterations, time_limit_s=options.time_limit_s, **ends
+            ),
+            report,
+        )
 
 
-def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None = None) -> TrajectorySolution:
+def tracked(
+    stride: Stride, progress: Progress | None = None, warm: Start | None = None
+) -> TrajectorySolution:
     """The recorded stride as a possible motion, through the stages of smoothing, or in the last alone from `warm`
     on."""
-    own, stages = stride.own_m / MM, stride.options.stages if warm is None else stride.options.stages[-1:]
+    own, stages = (
+        stride.own_m / MM,
+        stride.options.stages if warm is None else stride.options.stages[-1:],
+    )
     solution: TrajectorySolution | None = None
     for i, smoothing in enumerate(stages):
-        search = StrideSearch(dataclasses.replace(stride, smoothing=smoothing), "tracking", progress=progress)
+        search = StrideSearch(
+            dataclasses.replace(stride, smoothing=smoothing), "tracking", progress=progress
+        )
         start = solution.last if solution else warm or search.stride.start(own)
-        solution = search.at(own, start, f"tracking, smoothing {i + 1} of {len(stages)}", i / len(stages))
+        solution = search.at(
+            own, start, f"tracking, smoothing {i + 1} of {len(stages)}", i / len(stages)
+        )
         if solution.status == "interrupted":
             break
     assert solution is not None
@@ -146,16 +206,26 @@ def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None
 def swept(search: StrideSearch, start: Start, rows: list[Fixed], *, chains: bool) -> None:
     """Fills `rows`: from EASIER problems, each from that of the softer neighbour; then outward from the position
     nearest to the recorded one, each from the neighbour before; with `chains`, each from its neighbours' best too."""
-    rows[:] = map(Fixed, np.linspace(*search.stride.reach_mm, search.stride.options.positions).tolist())
+    rows[:] = map(
+        Fixed, np.linspace(*search.stride.reach_mm, search.stride.options.positions).tolist()
+    )
     own = int(np.argmin([abs(row.fulcrum_mm - search.stride.own_m / MM) for row in rows]))
     count = (2 + 2 * chains) * len(rows)
 
     def tried(row: Fixed, kind: str, begin: Start) -> Start:
         """Where the search ended; where it began, if it did not converge."""
-        solution = unless_interrupted(search.at(row.fulcrum_mm, begin, f"{row.fulcrum_mm:.0f} mm, {kind}",
-                                                sum(len(other.tried) for other in rows) / count))
+        solution = unless_interrupted(
+            search.at(
+                row.fulcrum_mm,
+                begin,
+                f"{row.fulcrum_mm:.0f} mm, {kind}",
+                sum(len(other.tried) for other in rows) / count,
+            )
+        )
         row.tried[kind] = solution.last_cost if solution.success else float("nan")
-        if solution.success and (row.solution is None or solution.last_cost < row.solution.last_cost):
+        if solution.success and (
+            row.solution is None or solution.last_cost < row.solution.last_cost
+        ):
             row.solution = solution
         return solution.last if solution.success else begin
 
@@ -165,7 +235,7 @@ def swept(search: StrideSearch, start: Start, rows: list[Fixed], *, chains: bool
             before, begin = eased(search, row.fulcrum_mm, before)
             tried(row, "from softer contact", begin)
     middle = tried(rows[own], "outward", start)
-    for side in (rows[own + 1:], rows[:own][::-1]):
+    for side in (rows[own + 1 :], rows[:own][::-1]):
         begin = middle
         for row in side:
             begin = tried(row, "outward", begin)
@@ -181,16 +251,21 @@ def eased(search: StrideSearch, fulcrum_mm: float, start: Start) -> tuple[Start,
     easy = unless_interrupted(search.changed(**EASIER).at(fulcrum_mm, start, what))
     soft = begin = easy.last if easy.success else start
     for smoothing in search.stride.options.stages[:-1]:
-        begin = unless_interrupted(search.changed(smoothing=smoothing).at(fulcrum_mm, begin, what)).last
+        begin = unless_interrupted(
+            search.changed(smoothing=smoothing).at(fulcrum_mm, begin, what)
+        ).last
     return soft, begin
 
 
-def held_by(search: StrideSearch, weight: float, settings: Sequence[tuple[float, TrajectorySolution]]
-            ) -> tuple[StrideSearch, tuple[TrajectorySolution, ...]]:
+def held_by(
+    search: StrideSearch, weight: float, settings: Sequence[tuple[float, TrajectorySolution]]
+) -> tuple[StrideSearch, tuple[TrajectorySolution, ...]]:
     """The search with another weight of able-bodied walking, and its strides at fixed positions (mm) from others."""
     other = search.changed(options=dataclasses.replace(search.stride.options, normal_weight=weight))
-    return other, tuple(unless_interrupted(other.at(mm, solution.last, f"weight {weight:g}, {mm:.0f} mm", 0.85))
-                        for mm, solution in settings)
+    return other, tuple(
+        unless_interrupted(other.at(mm, solution.last, f"weight {weight:g}, {mm:.0f} mm", 0.85))
+        for mm, solution in settings
+    )
 
 
 def unless_interrupted(solution: TrajectorySolution) -> TrajectorySolution:
@@ -205,7 +280,9 @@ class Held:
     """The best strides with another weight of able-bodied walking."""
 
     weight: float
-    over: tuple[TrajectorySolution, ...]  # at the softest, a middle and the stiffest setting that the sweep solved
+    over: tuple[
+        TrajectorySolution, ...
+    ]  # at the softest, a middle and the stiffest setting that the sweep solved
     free: TrajectorySolution  # with the fulcrum free
 
 
@@ -217,12 +294,16 @@ class StrideSolution:
     tracked: TrajectorySolution  # the recorded stride as a possible motion
     search: StrideSearch
     sweep: list[Fixed] = field(default_factory=list)  # the best stride at each fixed position
-    free: list[tuple[float, TrajectorySolution]] = field(default_factory=list)  # from where (mm), the fulcrum free
+    free: list[tuple[float, TrajectorySolution]] = field(
+        default_factory=list
+    )  # from where (mm), the fulcrum free
     checks: list[TuningCheck] = field(default_factory=list)  # what the optimum was held against
     confirmed: list[t.Confirmation] = field(default_factory=list)  # by other solvers
     carried_out: TrajectorySolution | None = None  # the optimum, on a finer grid if that converged
     simulated: dict[str, np.ndarray] = field(default_factory=dict)
-    drawn: list[tuple[TrajectorySolution, Stride]] = field(default_factory=list)  # the optimum with drawn contacts
+    drawn: list[tuple[TrajectorySolution, Stride]] = field(
+        default_factory=list
+    )  # the optimum with drawn contacts
     held: list[Held] = field(default_factory=list)  # with other weights of able-bodied walking
     message: str = ""  # how it ended
     doing: str = "tracking the recording"  # what it was at last
@@ -246,13 +327,20 @@ class StrideSolution:
     @property
     def asked_again(self) -> list[TrajectorySolution]:
         """Every search with the fulcrum free: from all starts, with drawn contacts, with other weights."""
-        return [*(s for _, s in self.free), *(s for s, _ in self.drawn), *(held.free for held in self.held)]
+        return [
+            *(s for _, s in self.free),
+            *(s for s, _ in self.drawn),
+            *(held.free for held in self.held),
+        ]
 
     @property
     def settings(self) -> tuple[tuple[float, TrajectorySolution], ...]:
         """The softest, a middle and the stiffest position (mm) that the sweep solved, fewer if it solved no three."""
-        return tuple(self.solved[i] for i in sorted({0, len(self.solved) // 2, len(self.solved) - 1})
-                     ) if self.solved else ()
+        return (
+            tuple(self.solved[i] for i in sorted({0, len(self.solved) // 2, len(self.solved) - 1}))
+            if self.solved
+            else ()
+        )
 
     @property
     def success(self) -> bool:

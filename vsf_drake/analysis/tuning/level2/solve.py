@@ -13,7 +13,12 @@ import numpy as np
 from vsf_drake.analysis.tuning import table as t
 from vsf_drake.analysis.tuning.common import FREE_COSTS, Progress, TuningCheck
 from vsf_drake.analysis.tuning.level1.uncertainty import contact_draws
-from vsf_drake.analysis.tuning.level2.outcomes import SIGNS_OF, outcomes, published_signs, steady_signs
+from vsf_drake.analysis.tuning.level2.outcomes import (
+    SIGNS_OF,
+    outcomes,
+    published_signs,
+    steady_signs,
+)
 from vsf_drake.analysis.tuning.level2.search import (
     NEAR_ENOUGH,
     Held,
@@ -27,7 +32,10 @@ from vsf_drake.analysis.tuning.level2.search import (
     unless_interrupted,
 )
 from vsf_drake.analysis.tuning.level2.stride import FREE, MM, Stride
-from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed, resimulate_with_feedback
+from vsf_drake.analysis.tuning.resimulation.resimulate import (
+    resimulate_prescribed,
+    resimulate_with_feedback,
+)
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
 from vsf_drake.collocation.program import confirm
 from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
@@ -35,28 +43,46 @@ from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.sentences import say
 from vsf_drake.simulation.sagittal.model import SagittalModel
 
-ANGLE_DEG, FORCE_BW = 2.0, 0.06  # what a tracked stride may differ from its recording by, root mean square (a choice)
+ANGLE_DEG, FORCE_BW = (
+    2.0,
+    0.06,
+)  # what a tracked stride may differ from its recording by, root mean square (a choice)
 STARTS = 0.005  # share of the cost within which searches from several starts must end (a choice)
 FOUND_MM = 10.0  # how near to its own position a consistent stride, tracked with the fulcrum free, must end (a choice)
-SIGNS_LABEL = "signs as published of the variable-stiffness foot, at the worst weight of able-bodied walking"
+SIGNS_LABEL = (
+    "signs as published of the variable-stiffness foot, at the worst weight of able-bodied walking"
+)
 
 
 def solve(
-    tuning: StrideTuning, *, progress: Progress | None = None, warm_start: Mapping[str, np.ndarray] | None = None
+    tuning: StrideTuning,
+    *,
+    progress: Progress | None = None,
+    warm_start: Mapping[str, np.ndarray] | None = None,
 ) -> StrideSolution:
     """Tracks the recording, sweeps the fulcrum, frees it, and checks what comes out. `warm_start`: arrays of an earlier
     solution of the same stride and grid. SimulationError where keel and socket find no balance."""
     began, warm = time.perf_counter(), None
     if warm_start is not None:
         if not {"tracked_z", "tracked_p"} <= warm_start.keys():
-            raise InputError("holds no stride", where="warm_start", right="Give the result of a tuning at level 2")
+            raise InputError(
+                "holds no stride",
+                where="warm_start",
+                right="Give the result of a tuning at level 2",
+            )
         warm = Start(z=np.array(warm_start["tracked_z"]), p=np.array(warm_start["tracked_p"]))
         shapes = (tuning.stride.grid.instants, tuning.stride.function.layout.size), (len(FREE),)
         if (warm.z.shape, warm.p.shape) != shapes:
-            raise InputError("is of another number of intervals, or of an earlier version", where="warm_start",
-                             right="Leave it out, or give the same options")
-    result = StrideSolution(tuning=tuning, tracked=tracked(tuning.stride, progress, warm),
-                           search=StrideSearch(tuning.stride, tuning.cost, progress=progress))
+            raise InputError(
+                "is of another number of intervals, or of an earlier version",
+                where="warm_start",
+                right="Leave it out, or give the same options",
+            )
+    result = StrideSolution(
+        tuning=tuning,
+        tracked=tracked(tuning.stride, progress, warm),
+        search=StrideSearch(tuning.stride, tuning.cost, progress=progress),
+    )
     try:
         result.message = _search(result, progress)
     except KeyboardInterrupt:
@@ -95,13 +121,17 @@ def _search(result: StrideSolution, progress: Progress | None) -> str:
     return "first-order conditions hold"
 
 
-def _to_solve(tuning: StrideTuning, recorded: Stride, tracked: TrajectorySolution) -> tuple[Stride, Start]:
+def _to_solve(
+    tuning: StrideTuning, recorded: Stride, tracked: TrajectorySolution
+) -> tuple[Stride, Start]:
     """The consistent stride, or that at the speed asked for, and a start."""
     stride, speed = dataclasses.replace(recorded, consistent=tracked), tuning.speed_m_per_s
     return (stride, tracked.last) if speed is None else stride.at_speed(speed, tracked.last)
 
 
-def _spread(good: list[tuple[float, TrajectorySolution]], count: int) -> list[tuple[float, TrajectorySolution]]:
+def _spread(
+    good: list[tuple[float, TrajectorySolution]], count: int
+) -> list[tuple[float, TrajectorySolution]]:
     """The best of a sweep, then the ones farthest from all taken."""
     taken = [min(good, key=lambda row: row[1].last_cost)]
     while len(taken) < min(count, len(good)):
@@ -114,18 +144,26 @@ def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
     """The best stride with each drawn contact that the data would have allowed as well, see `level1.uncertainty`; costs
     count by their sizes in the consistent stride that it makes of the recording."""
     tuning = result.tuning
-    drawn = contact_draws(tuning.walker, tuning.trial.subject.prosthetic_side, tuning.options.draws,
-                          tuning.options.seed)
+    drawn = contact_draws(
+        tuning.walker,
+        tuning.trial.subject.prosthetic_side,
+        tuning.options.draws,
+        tuning.options.seed,
+    )
     rows = []
     for i, values in enumerate(drawn):
         drawn_stride = dataclasses.replace(
-            tuning.stride, model=SagittalModel(tuning.walker, offsets=tuning.trial.offsets, values=values))
+            tuning.stride,
+            model=SagittalModel(tuning.walker, offsets=tuning.trial.offsets, values=values),
+        )
         own = unless_interrupted(tracked(drawn_stride, warm=result.tracked.last))
         other = StrideSearch(drawn_stride, tuning.cost, progress=result.search.progress)
         if own.success:
             other.sizes = {name: drawn_stride.value(name, own.y()) for name in FREE_COSTS}
             other.stride = _to_solve(tuning, drawn_stride, own)[0]
-            solution = other.free(best.last, f"drawn contact {i + 1} of {len(drawn)}", i / len(drawn))
+            solution = other.free(
+                best.last, f"drawn contact {i + 1} of {len(drawn)}", i / len(drawn)
+            )
         else:
             solution = own
         rows.append((unless_interrupted(solution), other.stride))
@@ -143,72 +181,184 @@ def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
         other, over = held_by(search, weight, result.settings)
         free = unless_interrupted(other.free(best.last, f"weight {weight:g}", 0.88))
         result.held.append(Held(weight, over, free))
-    if len(result.settings) < 3 or not all(solution.success for held in result.held for solution in held.over):
-        result.checks.append(TuningCheck("signs", SIGNS_LABEL, None, "", None, None, say("stride", "no_signs")[0]))
+    if len(result.settings) < 3 or not all(
+        solution.success for held in result.held for solution in held.over
+    ):
+        result.checks.append(
+            TuningCheck("signs", SIGNS_LABEL, None, "", None, None, say("stride", "no_signs")[0])
+        )
         return
-    rows = [(options.normal_weight, tuple(solution for _, solution in result.settings)),
-            *((held.weight, held.over) for held in result.held)]
-    by_weight = {weight: [outcomes(solution, stride) for solution in over]
-                 for weight, over in sorted(rows, key=lambda row: row[0])}
+    rows = [
+        (options.normal_weight, tuple(solution for _, solution in result.settings)),
+        *((held.weight, held.over) for held in result.held),
+    ]
+    by_weight = {
+        weight: [outcomes(solution, stride) for solution in over]
+        for weight, over in sorted(rows, key=lambda row: row[0])
+    }
     signs = {weight: published_signs(over) for weight, over in by_weight.items()}
-    bent = {weight: [measure for measure, steady in steady_signs(over).items()
-                     if signs[weight][measure] and not steady] for weight, over in by_weight.items()}
+    bent = {
+        weight: [
+            measure
+            for measure, steady in steady_signs(over).items()
+            if signs[weight][measure] and not steady
+        ]
+        for weight, over in by_weight.items()
+    }
     least = min(sum(found is True for found in own.values()) for own in signs.values())
     most = len(next(iter(signs.values())))
-    result.checks.append(TuningCheck(
-        "signs", SIGNS_LABEL, float(least), f"of {most}", f">= {most}", least == most,
-        say("stride", "signs", signs=signs, bent=bent, source=SIGNS_OF, count=most)[0]))
+    result.checks.append(
+        TuningCheck(
+            "signs",
+            SIGNS_LABEL,
+            float(least),
+            f"of {most}",
+            f">= {most}",
+            least == most,
+            say("stride", "signs", signs=signs, bent=bent, source=SIGNS_OF, count=most)[0],
+        )
+    )
 
 
 def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress | None) -> None:
     tuning, search, stride = result.tuning, result.search, result.search.stride
 
-    def add(name: str, label: str, value: float | None, unit: str, target: str, met: bool | None, *, part: str = "",
-            **numbers: Any) -> None:
-        result.checks.append(TuningCheck(name, label, value, unit, target, met, say("stride", part or name,
-                                                                                    **numbers)[0]))
+    def add(
+        name: str,
+        label: str,
+        value: float | None,
+        unit: str,
+        target: str,
+        met: bool | None,
+        *,
+        part: str = "",
+        **numbers: Any,
+    ) -> None:
+        result.checks.append(
+            TuningCheck(
+                name, label, value, unit, target, met, say("stride", part or name, **numbers)[0]
+            )
+        )
 
     worst, force = _tracking_errors(result.tracked, tuning.stride)
-    add("tracking_motion", "tracked stride, worst angle", worst, "deg", f"<= {ANGLE_DEG:g}", worst <= ANGLE_DEG,
-        worst=worst)
-    add("tracking_force", "tracked stride, resultant force of the worse foot", 100.0 * force, "% body weight",
-        f"<= {100.0 * FORCE_BW:g}", force <= FORCE_BW, force=force)
+    add(
+        "tracking_motion",
+        "tracked stride, worst angle",
+        worst,
+        "deg",
+        f"<= {ANGLE_DEG:g}",
+        worst <= ANGLE_DEG,
+        worst=worst,
+    )
+    add(
+        "tracking_force",
+        "tracked stride, resultant force of the worse foot",
+        100.0 * force,
+        "% body weight",
+        f"<= {100.0 * FORCE_BW:g}",
+        force <= FORCE_BW,
+        force=force,
+    )
     fixed = min(solution.last_cost for _, solution in result.solved)
     # Neither search goes on for what is less than this.
     rest = 1e-9 if tuning.cost == "tracking" else NEAR_ENOUGH["gain"] * (1.0 + abs(fixed))
-    add("fixed_positions", "against the best fixed position", best.last_cost - fixed, "1", f"<= {rest:.1g}",
-        best.last_cost <= fixed + rest, cost=best.last_cost, count=len(result.solved), least=fixed)
-    ends = [(position_mm(solution), solution.last_cost) for _, solution in result.free if solution.success]
+    add(
+        "fixed_positions",
+        "against the best fixed position",
+        best.last_cost - fixed,
+        "1",
+        f"<= {rest:.1g}",
+        best.last_cost <= fixed + rest,
+        cost=best.last_cost,
+        count=len(result.solved),
+        least=fixed,
+    )
+    ends = [
+        (position_mm(solution), solution.last_cost)
+        for _, solution in result.free
+        if solution.success
+    ]
     if len(result.free) > 1:
-        (low_mm, high_mm), (least, most) = ((min(part), max(part)) for part in zip(*ends, strict=True))
+        (low_mm, high_mm), (least, most) = (
+            (min(part), max(part)) for part in zip(*ends, strict=True)
+        )
         more = (most - least) / abs(least)
-        add("starts", "how much more searches from several positions end with", 100.0 * more, "%",
-            f"<= {100.0 * STARTS:g}", more <= STARTS and len(ends) == len(result.free), converged=len(ends),
-            count=len(result.free), spread=high_mm - low_mm, more=more)
-    def changed(name: str, label: str, what: str, done: float, start: Start, **changes: Any) -> TrajectorySolution:
+        add(
+            "starts",
+            "how much more searches from several positions end with",
+            100.0 * more,
+            "%",
+            f"<= {100.0 * STARTS:g}",
+            more <= STARTS and len(ends) == len(result.free),
+            converged=len(ends),
+            count=len(result.free),
+            spread=high_mm - low_mm,
+            more=more,
+        )
+
+    def changed(
+        name: str, label: str, what: str, done: float, start: Start, **changes: Any
+    ) -> TrajectorySolution:
         other = unless_interrupted(search.changed(**changes).free(start, what, done))
         moved = position_mm(other) - position_mm(best) if other.success else None
-        add(name, label, moved, "mm", "", None, part="change", label_of=label, moved=moved, message=other.message,
-            change=(other.last_cost - best.last_cost) / abs(best.last_cost))
+        add(
+            name,
+            label,
+            moved,
+            "mm",
+            "",
+            None,
+            part="change",
+            label_of=label,
+            moved=moved,
+            message=other.message,
+            change=(other.last_cost - best.last_cost) / abs(best.last_cost),
+        )
         return other
 
     # What the full model carries out is the stride on a finer grid: an error of integration is no error of the model.
     grid = dataclasses.replace(stride.grid, intervals=2 * stride.grid.intervals)
-    fine = changed("mesh", "twice as many intervals", "finer mesh", 0.4, resampled(best, grid), grid=grid)
+    fine = changed(
+        "mesh", "twice as many intervals", "finer mesh", 0.4, resampled(best, grid), grid=grid
+    )
     if progress:
         progress("re-simulating", 0.5)
     result.carried_out = fine if fine.success else best
     mm, intervals = position_mm(result.carried_out), result.carried_out.problem.grid.intervals
-    add("carried_out", "fulcrum of the stride that the full model carries out", mm, "mm", "", None, mm=mm,
-        intervals=intervals)
-    trajectory = solved_trajectory(result.carried_out, tuning.walker, outputs=stride.function.names,
-                                   offsets=tuning.trial.offsets)
-    for kind, simulate in (("prescribed", resimulate_prescribed), ("feedback", resimulate_with_feedback)):
+    add(
+        "carried_out",
+        "fulcrum of the stride that the full model carries out",
+        mm,
+        "mm",
+        "",
+        None,
+        mm=mm,
+        intervals=intervals,
+    )
+    trajectory = solved_trajectory(
+        result.carried_out,
+        tuning.walker,
+        outputs=stride.function.names,
+        offsets=tuning.trial.offsets,
+    )
+    for kind, simulate in (
+        ("prescribed", resimulate_prescribed),
+        ("feedback", resimulate_with_feedback),
+    ):
         try:
             run = simulate(tuning.walker, trajectory)
         except (SimulationError, FitError) as error:
-            result.checks.append(TuningCheck(
-                f"resimulation_{kind}", f"re-simulation, {kind}", None, "% body weight", "", False, str(error)))
+            result.checks.append(
+                TuningCheck(
+                    f"resimulation_{kind}",
+                    f"re-simulation, {kind}",
+                    None,
+                    "% body weight",
+                    "",
+                    False,
+                    str(error),
+                )
+            )
         else:
             result.checks.append(run.as_check())
             result.simulated |= run.arrays()
@@ -219,10 +369,26 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         held = again.at(mm, result.tracked.last, f"tracked at {mm:.0f} mm", 0.55)
         found = unless_interrupted(again.free(held.last, f"tracked from {mm:.0f} mm", 0.55))
         off = position_mm(found) - stride.own_m / MM if found.success else None
-        add(f"found_from_{mm:.0f}", f"consistent stride, tracked from {mm:.0f} mm", off, "mm", f"<= {FOUND_MM:g}",
-            off is not None and abs(off) <= FOUND_MM, part="found", mm=mm, off=off, message=found.message)
-    changed("smoothing", "contact smoothed over twice the depth", "softer contact", 0.7, best.last,
-            smoothing=dataclasses.replace(stride.smoothing, depth_m=2.0 * stride.smoothing.depth_m))
+        add(
+            f"found_from_{mm:.0f}",
+            f"consistent stride, tracked from {mm:.0f} mm",
+            off,
+            "mm",
+            f"<= {FOUND_MM:g}",
+            off is not None and abs(off) <= FOUND_MM,
+            part="found",
+            mm=mm,
+            off=off,
+            message=found.message,
+        )
+    changed(
+        "smoothing",
+        "contact smoothed over twice the depth",
+        "softer contact",
+        0.7,
+        best.last,
+        smoothing=dataclasses.replace(stride.smoothing, depth_m=2.0 * stride.smoothing.depth_m),
+    )
 
 
 def _tracking_errors(solution: TrajectorySolution, stride: Stride) -> tuple[float, float]:
@@ -243,5 +409,10 @@ def _confirmed(best: TrajectorySolution, solver: str, time_limit_s: float) -> t.
         again = confirm(best.problem, best.last, solver, time_limit_s=time_limit_s)
     except (InputError, RuntimeError) as error:
         return t.Confirmation(solver, fulcrum_mm=None, cost=None, success=False, message=str(error))
-    return t.Confirmation(solver, fulcrum_mm=position_mm(again), cost=again.last_cost, success=again.success,
-                        message=again.message)
+    return t.Confirmation(
+        solver,
+        fulcrum_mm=position_mm(again),
+        cost=again.last_cost,
+        success=again.success,
+        message=again.message,
+    )

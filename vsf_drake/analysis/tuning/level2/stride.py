@@ -58,24 +58,41 @@ from vsf_drake.errors import InputError, require
 from vsf_drake.laws.joint_strength import GRAVITY_OF_SOURCE, Muscles
 from vsf_drake.schema import choice, quantity
 from vsf_drake.simulation.sagittal.linearise import linearise
-from vsf_drake.simulation.sagittal.model import DESIGN, IMAGINARY_STEP, SOCKET, SagittalModel, Smoothing
+from vsf_drake.simulation.sagittal.model import (
+    DESIGN,
+    IMAGINARY_STEP,
+    SOCKET,
+    SagittalModel,
+    Smoothing,
+)
 
 MM = 1e-3
 SAME_SPEED = 0.005  # m/s, half of the last digit in which a speed is given (a choice)
-LABELS = {"joint_load": "joint and socket load", "metabolic": "metabolic estimate",
-          "activation": "squared activations of the muscles",
-          "push_off": "push-off work, negative", "tracking": "deviation from the consistent stride",
-          "normal": "deviation from able-bodied walking", "smooth": "squared accelerations",
-          "steady": "half of the joint and socket load, for steady torques"}
+LABELS = {
+    "joint_load": "joint and socket load",
+    "metabolic": "metabolic estimate",
+    "activation": "squared activations of the muscles",
+    "push_off": "push-off work, negative",
+    "tracking": "deviation from the consistent stride",
+    "normal": "deviation from able-bodied walking",
+    "smooth": "squared accelerations",
+    "steady": "half of the joint and socket load, for steady torques",
+}
 Term = Residuals | Convex
 PACE = "stride_time"  # over the recorded one
 FREE = (*DESIGN, PACE)  # what all instants share
 OWN = np.array([np.nan, 1.0, 0.0, 1.0, 1.0])  # the device as it is, by FREE
-RANGE = {"heel_stiffness": (0.5, 2.0), "alignment_rad": (-0.07, 0.07), "keel_thickness": (0.8, 1.25), PACE: (0.8, 1.25)}
+RANGE = {
+    "heel_stiffness": (0.5, 2.0),
+    "alignment_rad": (-0.07, 0.07),
+    "keel_thickness": (0.8, 1.25),
+    PACE: (0.8, 1.25),
+}
 """Bounds of the design variables unless given."""
 STAGES = (
     Smoothing(depth_m=2e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0),
-    Smoothing(depth_m=1e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0))
+    Smoothing(depth_m=1e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0),
+)
 """Down to the fitted contact, but for its last millimetre; the optimum counts only at the end of them. From a recorded
 stride no softer ones are needed (a choice)."""
 
@@ -107,7 +124,9 @@ class StrideOptions(CommonOptions):
 
     design: tuple[str, ...] = choice((), options=DESIGN[1:], source="choice")
     iterations: int = quantity(200, unit="1", low=1, high=10000, source="choice")
-    confirm: tuple[str, ...] = choice(("snopt", "ipopt"), options=("snopt", "ipopt"), source="choice")
+    confirm: tuple[str, ...] = choice(
+        ("snopt", "ipopt"), options=("snopt", "ipopt"), source="choice"
+    )
     draws: int = quantity(3, unit="1", low=0, high=1000, source="choice")
     method: str = choice("hermite_simpson", options=collocation.METHODS, source="choice")
     intervals: int = quantity(40, unit="1", low=10, high=400, source="choice")
@@ -116,7 +135,9 @@ class StrideOptions(CommonOptions):
     place_m: float = quantity(0.01, unit="m", low=1e-4, high=0.2, source="choice")
     force_bw: float = quantity(0.05, unit="BW", low=1e-3, high=1.0, source="choice")
     cop_m: float = quantity(0.05, unit="m", low=1e-3, high=0.2, source="choice")
-    acceleration_rad_per_s2: float = quantity(20.0, unit="rad/s^2", low=0.1, high=1e4, source="choice")
+    acceleration_rad_per_s2: float = quantity(
+        20.0, unit="rad/s^2", low=0.1, high=1e4, source="choice"
+    )
     acceleration_m_per_s2: float = quantity(2.0, unit="m/s^2", low=0.01, high=1e3, source="choice")
     acceleration_weight: float = quantity(0.005, unit="1", low=0.0, high=10.0, source="choice")
     smooth_weight: float = quantity(0.0005, unit="1", low=0.0, high=10.0, source="choice")
@@ -138,9 +159,12 @@ class StrideOptions(CommonOptions):
         if not all(factor > 0.0 for factor in self.hold_factors):
             raise InputError(f"{self.hold_factors} are not all above 0", where="hold_factors")
         for factor in self.hold_factors:
-            require(1e-4 <= factor * self.normal_weight <= 1e3,
-                    f"{self.normal_weight:g} times {factor:g} of hold_factors is out of range", "normal_weight",
-                    "The product must be from 0.0001 to 1000")
+            require(
+                1e-4 <= factor * self.normal_weight <= 1e3,
+                f"{self.normal_weight:g} times {factor:g} of hold_factors is out of range",
+                "normal_weight",
+                "The product must be from 0.0001 to 1000",
+            )
 
 
 class StrideFunction:
@@ -152,19 +176,34 @@ class StrideFunction:
     (m,) of the outputs. muscles: of the joints, in the order of the coordinates.
     """
 
-    def __init__(self, model: SagittalModel, smoothing: Smoothing, cop_x: Mapping[str, np.ndarray], speed: float
-                 ) -> None:
+    def __init__(
+        self,
+        model: SagittalModel,
+        smoothing: Smoothing,
+        cop_x: Mapping[str, np.ndarray],
+        speed: float,
+    ) -> None:
         self.model, self.smoothing, self.speed = model, smoothing, speed
         self.layout = Layout(coordinates=model.coordinates, quasi_static=model.quasi_static)
-        joints = [name.removeprefix("torque_") for name in model.outputs if name.startswith("torque_")]
-        self.names = (*model.outputs, *(f"{foot}_cop_moment" for foot in cop_x),
-                      *(f"activation_{joint}" for joint in joints),
-                      *(f"{kind}_{name}" for kind in "qa" for name in model.coordinates))
-        self._feet = [(model.outputs.index(f"{foot}_my"), model.outputs.index(f"{foot}_fz"), x)
-                      for foot, x in cop_x.items()]
+        joints = [
+            name.removeprefix("torque_") for name in model.outputs if name.startswith("torque_")
+        ]
+        self.names = (
+            *model.outputs,
+            *(f"{foot}_cop_moment" for foot in cop_x),
+            *(f"activation_{joint}" for joint in joints),
+            *(f"{kind}_{name}" for kind in "qa" for name in model.coordinates),
+        )
+        self._feet = [
+            (model.outputs.index(f"{foot}_my"), model.outputs.index(f"{foot}_fz"), x)
+            for foot, x in cop_x.items()
+        ]
         subject = model.subject
-        self.muscles = Muscles([joint.split("_")[0] for joint in joints], subject.sex,
-                                subject.mass_kg * GRAVITY_OF_SOURCE * subject.stature_m)
+        self.muscles = Muscles(
+            [joint.split("_")[0] for joint in joints],
+            subject.sex,
+            subject.mass_kg * GRAVITY_OF_SOURCE * subject.stature_m,
+        )
         self._torques = [model.outputs.index(f"torque_{joint}") for joint in joints]
         self._moved = [model.coordinates.index(joint) for joint in joints]
 
@@ -186,31 +225,51 @@ class StrideFunction:
         size, n = layout.size, layout.n
         whole = self._whole(y, q, v, z, pace)
         moments_by = [by[my] + x * by[fz] for my, fz, x in self._feet]
-        by = np.concatenate([by, np.stack(moments_by), self._activation_by(y, by, q, v)]).transpose(2, 0, 1)
+        by = np.concatenate([by, np.stack(moments_by), self._activation_by(y, by, q, v)]).transpose(
+            2, 0, 1
+        )
         by_z = np.concatenate([by[:, :, :size], np.zeros((len(z), 2 * n, size))], axis=1)
-        by_z[:, -2 * n:-n, layout.q] = by_z[:, -n:, layout.a] = np.eye(n)
+        by_z[:, -2 * n : -n, layout.q] = by_z[:, -n:, layout.a] = np.eye(n)
 
         # r dv/dr = speed e_x - v, r da/dr = -2 a, r du/dr = -u, at given unknowns.
         v[TX] -= self.speed
-        by_pace = -sum(gain * np.einsum("nmi,in->nm", by_z[:, :, part], moved) / pace
-                       for gain, part, moved in ((1.0, layout.v, v), (2.0, layout.a, a), (1.0, layout.u, u)))
+        by_pace = -sum(
+            gain * np.einsum("nmi,in->nm", by_z[:, :, part], moved) / pace
+            for gain, part, moved in ((1.0, layout.v, v), (2.0, layout.a, a), (1.0, layout.u, u))
+        )
         for power, part in ((1, layout.v), (2, layout.a), (1, layout.u)):
             by_z[:, :, part] /= pace**power
-        by_device = np.concatenate([by[:, :, size:], np.zeros((len(z), 2 * n, len(DESIGN)))], axis=1)
+        by_device = np.concatenate(
+            [by[:, :, size:], np.zeros((len(z), 2 * n, len(DESIGN)))], axis=1
+        )
         return whole, by_z, np.concatenate([by_device, by_pace[:, :, None]], axis=2)
 
-    def _whole(self, y: np.ndarray, q: np.ndarray, v: np.ndarray, z: np.ndarray, pace: float) -> np.ndarray:
+    def _whole(
+        self, y: np.ndarray, q: np.ndarray, v: np.ndarray, z: np.ndarray, pace: float
+    ) -> np.ndarray:
         moments = [y[my] + x * y[fz] for my, fz, x in self._feet]
         active = self.muscles.activation(y[self._torques], q[self._moved], v[self._moved])
-        return np.concatenate([np.concatenate([y, np.stack(moments), active]).T, z[:, self.layout.q],
-                               z[:, self.layout.a] / pace**2], axis=1)
+        return np.concatenate(
+            [
+                np.concatenate([y, np.stack(moments), active]).T,
+                z[:, self.layout.q],
+                z[:, self.layout.a] / pace**2,
+            ],
+            axis=1,
+        )
 
-    def _activation_by(self, y: np.ndarray, by: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def _activation_by(
+        self, y: np.ndarray, by: np.ndarray, q: np.ndarray, v: np.ndarray
+    ) -> np.ndarray:
         """(joints, 52, N) by what `SagittalModel.evaluate` is given; of the law by complex steps."""
         of = np.stack([y[self._torques], q[self._moved], v[self._moved]])
         steps = of[:, None] + 1j * IMAGINARY_STEP * np.eye(3)[:, :, None, None]
         by_torque, by_angle, by_rate = self.muscles.activation(*steps).imag / IMAGINARY_STEP
-        rows, each, moved = by_torque[:, None] * by[self._torques], np.arange(len(self._moved)), np.array(self._moved)
+        rows, each, moved = (
+            by_torque[:, None] * by[self._torques],
+            np.arange(len(self._moved)),
+            np.array(self._moved),
+        )
         rows[each, moved] += by_angle
         rows[each, len(q) + moved] += by_rate
         return np.asarray(rows)
@@ -218,10 +277,20 @@ class StrideFunction:
     def parts(self, z: np.ndarray, p: np.ndarray) -> tuple[Any, ...]:
         """What `SagittalModel.evaluate` is to be given, but for the shift along the ground."""
         layout, (*device, pace) = self.layout, p
-        q, v, a, w, u = (np.ascontiguousarray(z[:, part].T)
-                         for part in (layout.q, layout.v, layout.a, layout.w, layout.u))
+        q, v, a, w, u = (
+            np.ascontiguousarray(z[:, part].T)
+            for part in (layout.q, layout.v, layout.a, layout.w, layout.u)
+        )
         v[TX] += (pace - 1.0) * self.speed
-        return q, v / pace, a / pace**2, w, u / pace, np.repeat(np.array(device)[:, None], len(z), 1), self.smoothing
+        return (
+            q,
+            v / pace,
+            a / pace**2,
+            w,
+            u / pace,
+            np.repeat(np.array(device)[:, None], len(z), 1),
+            self.smoothing,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,13 +307,20 @@ class Stride:
     options: StrideOptions
     grid: Grid
     smoothing: Smoothing
-    consistent: TrajectorySolution | None = None  # the tracked stride, which stands for the recording from then on
-    bend_rad: float = 0.0  # by which the prosthetic knee is to be more bent than able-bodied, for a start
+    consistent: TrajectorySolution | None = (
+        None  # the tracked stride, which stands for the recording from then on
+    )
+    bend_rad: float = (
+        0.0  # by which the prosthetic knee is to be more bent than able-bodied, for a start
+    )
 
     @cached_property
     def reference(self) -> StrideReference:
-        recorded = self.able_bodied if self.recorded is None else stride_reference(
-            self.recorded, self.grid.times_s, self.options.late_share)
+        recorded = (
+            self.able_bodied
+            if self.recorded is None
+            else stride_reference(self.recorded, self.grid.times_s, self.options.late_share)
+        )
         if self.consistent is None:
             return recorded
         return consistent_reference(recorded, self.consistent, self.grid, self.model.outputs)
@@ -256,8 +332,9 @@ class Stride:
     @cached_property
     def able_bodied(self) -> StrideReference:
         """Able-bodied walking at this speed."""
-        return normal_reference(self.gait, self.model, self.grid, self.advance_m, self.tilt_rad,
-                                self.options.late_share)
+        return normal_reference(
+            self.gait, self.model, self.grid, self.advance_m, self.tilt_rad, self.options.late_share
+        )
 
     @cached_property
     def function(self) -> StrideFunction:
@@ -284,17 +361,29 @@ class Stride:
         z[:, layout.v.start + TX] *= longer
         z[:, layout.a.start + TX] *= longer
         z[:, layout.u] *= longer
-        return dataclasses.replace(self, recorded=None, consistent=None, advance_m=longer * self.advance_m,
-                                   grid=dataclasses.replace(self.grid, duration_s=duration)), Start(z=z, p=before.p)
+        return dataclasses.replace(
+            self,
+            recorded=None,
+            consistent=None,
+            advance_m=longer * self.advance_m,
+            grid=dataclasses.replace(self.grid, duration_s=duration),
+        ), Start(z=z, p=before.p)
 
     def value(self, cost: str, y: np.ndarray) -> float:
         """A cost of the module's text by its name, of outputs y (N, m)."""
         return sum(float(self.grid.weights @ part.values(y)) for part in self.terms(cost))
 
     def terms(self, cost: str, factor: float = 1.0) -> list[Term]:
-        kinds = {"joint_load": self._joint_load, "metabolic": self._metabolic, "activation": self._activation,
-                 "push_off": self._push_off, "deviation": self._deviation, "tracking": self._tracking,
-                 "normal": self._normal, "smooth": self._smooth}
+        kinds = {
+            "joint_load": self._joint_load,
+            "metabolic": self._metabolic,
+            "activation": self._activation,
+            "push_off": self._push_off,
+            "deviation": self._deviation,
+            "tracking": self._tracking,
+            "normal": self._normal,
+            "smooth": self._smooth,
+        }
         return kinds[cost](factor)
 
     def minimised(self, cost: str, sizes: Mapping[str, float]) -> list[Term]:
@@ -305,51 +394,97 @@ class Stride:
             weights = self.options.weights if cost == WEIGHTED else {cost: 1.0}
             every = sum(weights.values())
             sizes = {**sizes, "activation": TYPICAL_ACTIVATION}
-            parts = {name: self.terms(name, weight / every / abs(sizes[name]))
-                     for name, weight in weights.items() if weight}
+            parts = {
+                name: self.terms(name, weight / every / abs(sizes[name]))
+                for name, weight in weights.items()
+                if weight
+            }
             hold = self.options.normal_weight * (UNBOUNDED if cost == "push_off" else 1.0)
-            parts |= {"normal": self.terms("normal", hold), "smooth": self.terms("smooth", self.options.smooth_weight)}
+            parts |= {
+                "normal": self.terms("normal", hold),
+                "smooth": self.terms("smooth", self.options.smooth_weight),
+            }
             work = sum(weights.get(name, 0.0) for name in WORK)
             if work:
-                parts["steady"] = self.terms("joint_load", STEADY * work / every / sizes["joint_load"])
-        return [dataclasses.replace(part, name=name) for name, terms in parts.items() for part in terms]
+                parts["steady"] = self.terms(
+                    "joint_load", STEADY * work / every / sizes["joint_load"]
+                )
+        return [
+            dataclasses.replace(part, name=name) for name, terms in parts.items() for part in terms
+        ]
 
     def _joint_load(self, factor: float) -> list[Term]:
-        weight, moment, each = self.model.weight, self.model.weight * self.leg_m, 2.0 * factor / self.grid.duration_s
+        weight, moment, each = (
+            self.model.weight,
+            self.model.weight * self.leg_m,
+            2.0 * factor / self.grid.duration_s,
+        )
         socket, scale = self.function.starting_with("force_"), np.array([weight, weight, moment])
-        return [Residuals(outputs=self.function.starting_with("torque_"), weight=each / moment**2),
-                Residuals(outputs=socket, weight=each * self.options.socket_weight / scale[:len(socket)]**2)]
+        return [
+            Residuals(outputs=self.function.starting_with("torque_"), weight=each / moment**2),
+            Residuals(
+                outputs=socket, weight=each * self.options.socket_weight / scale[: len(socket)] ** 2
+            ),
+        ]
 
     def _metabolic(self, factor: float) -> list[Term]:
         curve, weight = _work(self.options.smooth_power_w), factor / self.model.subject.mass_kg
-        return [Convex(output=i, function=curve, weight=weight) for i in self.function.starting_with("power_")]
+        return [
+            Convex(output=i, function=curve, weight=weight)
+            for i in self.function.starting_with("power_")
+        ]
 
     def _activation(self, factor: float) -> list[Term]:
-        return [Residuals(outputs=self.function.starting_with("activation_"),
-                          weight=2.0 * factor / self.grid.duration_s)]
+        return [
+            Residuals(
+                outputs=self.function.starting_with("activation_"),
+                weight=2.0 * factor / self.grid.duration_s,
+            )
+        ]
 
     def _push_off(self, factor: float) -> list[Term]:
         (power,) = self.function.index("prosthesis_power")
-        return [Convex(output=power, function=_gained(self.options.smooth_power_w),
-                       weight=factor / self.model.subject.mass_kg * self.reference.late)]
+        return [
+            Convex(
+                output=power,
+                function=_gained(self.options.smooth_power_w),
+                weight=factor / self.model.subject.mass_kg * self.reference.late,
+            )
+        ]
 
     def _normal(self, factor: float) -> list[Term]:
         target, each = self.able_bodied, factor / self.grid.duration_s  # twice the half
         angle_sd = self.gait.angle_sd(self.model.coordinates)
         force_sd = self.model.weight * np.array([self.gait.sd[name] for name in FORCES])
-        knee = [name.startswith("knee") and name.endswith(self.model.subject.prosthetic_side[0])
-                for name in self.model.coordinates]
-        angles = Residuals(outputs=self.function.starting_with("q_"),
-                           target=target.q + np.where(knee, self.bend_rad, 0.0),
-                           weight=each / np.isfinite(angle_sd).sum() / angle_sd**2)
-        return [angles, *(Residuals(outputs=self.function.index(f"{foot}_fx", f"{foot}_fz"), target=force,
-                                    weight=each / (2 * len(target.force)) / force_sd**2)
-                          for foot, force in target.force.items())]
+        knee = [
+            name.startswith("knee") and name.endswith(self.model.subject.prosthetic_side[0])
+            for name in self.model.coordinates
+        ]
+        angles = Residuals(
+            outputs=self.function.starting_with("q_"),
+            target=target.q + np.where(knee, self.bend_rad, 0.0),
+            weight=each / np.isfinite(angle_sd).sum() / angle_sd**2,
+        )
+        return [
+            angles,
+            *(
+                Residuals(
+                    outputs=self.function.index(f"{foot}_fx", f"{foot}_fz"),
+                    target=force,
+                    weight=each / (2 * len(target.force)) / force_sd**2,
+                )
+                for foot, force in target.force.items()
+            ),
+        ]
 
     def _smooth(self, factor: float) -> list[Term]:
         fast = self._fast
-        return [Residuals(outputs=self.function.starting_with("a_"),
-                          weight=2.0 * factor / self.grid.duration_s / len(fast) / fast**2)]
+        return [
+            Residuals(
+                outputs=self.function.starting_with("a_"),
+                weight=2.0 * factor / self.grid.duration_s / len(fast) / fast**2,
+            )
+        ]
 
     @property
     def _fast(self) -> np.ndarray:
@@ -364,59 +499,121 @@ class Stride:
         scale = np.full(n, np.radians(options.angle_deg))
         scale[1:3] = options.place_m
         each = 2.0 * factor / self.grid.duration_s
-        terms: list[Term] = [Residuals(outputs=self.function.starting_with("q_"), target=reference.q,
-                                       weight=0.5 * each / n / scale**2)]
-        terms.append(Residuals(outputs=self.function.starting_with("a_"), target=reference.a,
-                               weight=each * options.acceleration_weight / n / self._fast**2))
+        terms: list[Term] = [
+            Residuals(
+                outputs=self.function.starting_with("q_"),
+                target=reference.q,
+                weight=0.5 * each / n / scale**2,
+            )
+        ]
+        terms.append(
+            Residuals(
+                outputs=self.function.starting_with("a_"),
+                target=reference.a,
+                weight=each * options.acceleration_weight / n / self._fast**2,
+            )
+        )
         for foot, force in reference.force.items():
             outputs = self.function.index(f"{foot}_fx", f"{foot}_fz", f"{foot}_cop_moment")
-            scales = self.model.weight * np.array([options.force_bw, options.force_bw, options.cop_m])
-            terms.append(Residuals(outputs=outputs, target=np.column_stack([force, reference.moment[foot]]),
-                                   weight=0.5 * each / (3 * len(reference.force)) * reference.known[foot][:, None]
-                                   / scales**2))
+            scales = self.model.weight * np.array(
+                [options.force_bw, options.force_bw, options.cop_m]
+            )
+            terms.append(
+                Residuals(
+                    outputs=outputs,
+                    target=np.column_stack([force, reference.moment[foot]]),
+                    weight=0.5
+                    * each
+                    / (3 * len(reference.force))
+                    * reference.known[foot][:, None]
+                    / scales**2,
+                )
+            )
         return terms
 
     def _tracking(self, factor: float) -> list[Term]:
-        return self._deviation(factor) + self._joint_load(factor * self.options.torque_weight / TYPICAL_LOAD)
+        return self._deviation(factor) + self._joint_load(
+            factor * self.options.torque_weight / TYPICAL_LOAD
+        )
 
-    def problem(self, terms: Sequence[Term], fulcrum_mm: tuple[float, float], design: tuple[str, ...] = ()
-                ) -> collocation.TrajectoryProblem:
+    def problem(
+        self, terms: Sequence[Term], fulcrum_mm: tuple[float, float], design: tuple[str, ...] = ()
+    ) -> collocation.TrajectoryProblem:
         """The problem with the fulcrum within a range; equal ends fix it. design: of FREE, what else is free. Where the
         terms hold it to able-bodied walking, angles have the range of that beside their recorded one."""
         function, reference, options = self.function, self.reference, self.options
         layout, low, high = function.layout, OWN.copy(), OWN.copy()
         low[0], high[0] = fulcrum_mm[0] * MM, fulcrum_mm[1] * MM
         for name in design:
-            low[FREE.index(name)], high[FREE.index(name)] = options.design_bounds.get(name, RANGE[name])
+            low[FREE.index(name)], high[FREE.index(name)] = options.design_bounds.get(
+                name, RANGE[name]
+            )
         margin = np.radians(options.angle_margin_deg)
-        z_low, z_high = (np.full((self.grid.instants, layout.size), end) for end in (-np.inf, np.inf))
+        z_low, z_high = (
+            np.full((self.grid.instants, layout.size), end) for end in (-np.inf, np.inf)
+        )
         held = [self.able_bodied.q] if any(part.name == "normal" for part in terms) else []
         angles = np.concatenate([reference.q, *held])[:, 3:]
-        z_low[:, 3:layout.n], z_high[:, 3:layout.n] = angles.min(0) - margin, angles.max(0) + margin
-        z_low[0, TX] = z_high[0, TX] = reference.q[0, TX]  # where on level ground a stride begins nothing tells
+        z_low[:, 3 : layout.n], z_high[:, 3 : layout.n] = (
+            angles.min(0) - margin,
+            angles.max(0) + margin,
+        )
+        z_low[0, TX] = z_high[0, TX] = reference.q[
+            0, TX
+        ]  # where on level ground a stride begins nothing tells
         torque = options.torque_nm_per_kg * self.model.subject.mass_kg
-        limits = [collocation.Limits(outputs=function.starting_with("torque_"), low=-torque, high=torque)]
+        limits = [
+            collocation.Limits(outputs=function.starting_with("torque_"), low=-torque, high=torque)
+        ]
         for foot, swing in reference.clear.items():
-            limits.append(collocation.Limits(outputs=function.index(f"{foot}_sole"),
-                                 low=np.where(swing, options.clearance_m, -np.inf)[:, None]))
+            limits.append(
+                collocation.Limits(
+                    outputs=function.index(f"{foot}_sole"),
+                    low=np.where(swing, options.clearance_m, -np.inf)[:, None],
+                )
+            )
         advance = np.zeros(layout.n)
         advance[TX] = self.advance_m
         return collocation.TrajectoryProblem(
-            function, layout, self.grid, outputs=len(function.names), equations=function.starting_with("balance_"),
-            limits=limits, residuals=[part for part in terms if isinstance(part, Residuals)],
+            function,
+            layout,
+            self.grid,
+            outputs=len(function.names),
+            equations=function.starting_with("balance_"),
+            limits=limits,
+            residuals=[part for part in terms if isinstance(part, Residuals)],
             convex=[part for part in terms if isinstance(part, Convex)],
-            design=collocation.Design(names=FREE, low=low, high=high, scale=np.array([0.02, 0.2, 0.02, 0.1, 0.1])),
-            advance=advance, low=z_low, high=z_high, z_scale=_variable_scales(layout),
-            y_scale=_output_scales(function.names, self.model.weight, self.model.weight * self.leg_m))
+            design=collocation.Design(
+                names=FREE, low=low, high=high, scale=np.array([0.02, 0.2, 0.02, 0.1, 0.1])
+            ),
+            advance=advance,
+            low=z_low,
+            high=z_high,
+            z_scale=_variable_scales(layout),
+            y_scale=_output_scales(
+                function.names, self.model.weight, self.model.weight * self.leg_m
+            ),
+        )
 
     def start(self, fulcrum_mm: float) -> Start:
         """The recorded motion with keel and socket in balance: not yet a possible motion, but for them."""
-        reference, layout, p = self.reference, self.function.layout, np.array([fulcrum_mm * MM, *OWN[1:]])
+        reference, layout, p = (
+            self.reference,
+            self.function.layout,
+            np.array([fulcrum_mm * MM, *OWN[1:]]),
+        )
         z = np.zeros((self.grid.instants, layout.size))
         z[:, layout.q], z[:, layout.v], z[:, layout.a] = reference.q, reference.v, reference.a
         if layout.k:
-            w, u = quasi_static_motion(self.model, reference.q.T, reference.v.T, reference.a.T, p[:-1],
-                                       self.grid.rates(), self.smoothing)
+            w, u = quasi_static_motion(
+                self.model,
+                reference.q.T,
+                reference.v.T,
+                reference.a.T,
+                p[:-1],
+                self.grid.rates(),
+                self.smoothing,
+            )
             z[:, layout.w], z[:, layout.u] = w.T, u.T
         return Start(z=z, p=p)
 
@@ -430,7 +627,9 @@ held to its recording)."""
 UNBOUNDED = 10.0
 """How much more the cost push_off alone is held to able-bodied walking: work has no end that it could come near."""
 TYPICAL_LOAD = 0.05  # size of joint_load in walking, to which `torque_weight` refers
-TYPICAL_ACTIVATION = 0.5  # size of activation in walking, one for all persons: `normal_weight` is against it
+TYPICAL_ACTIVATION = (
+    0.5  # size of activation in walking, one for all persons: `normal_weight` is against it
+)
 
 
 def _work(smooth_w: float) -> Curve:
@@ -440,8 +639,11 @@ def _work(smooth_w: float) -> Curve:
 
     def curve(power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         root = np.sqrt(power**2 + smooth_w**2)
-        return (mean * (root - smooth_w) + difference * power, mean * power / root + difference,
-                mean * smooth_w**2 / root**3)
+        return (
+            mean * (root - smooth_w) + difference * power,
+            mean * power / root + difference,
+            mean * smooth_w**2 / root**3,
+        )
 
     return curve
 
@@ -464,8 +666,13 @@ def _output_scales(names: tuple[str, ...], weight_n: float, moment_nm: float) ->
     for i, name in enumerate(names):
         kind = name.split("_")[0]
         turning = not any(part in name for part in ("_tx", "_ty", "_tz", "_fx", "_fz"))
-        scale[i] = {"power": weight_n, "stored": weight_n, "prosthesis": weight_n, "q": 0.1, "a": 20.0}.get(
-            kind, moment_nm if turning else weight_n)
+        scale[i] = {
+            "power": weight_n,
+            "stored": weight_n,
+            "prosthesis": weight_n,
+            "q": 0.1,
+            "a": 20.0,
+        }.get(kind, moment_nm if turning else weight_n)
         if kind == "balance" and name not in BALANCE_OF_BODY and turning:
             scale[i] = 0.1 * moment_nm
         if name.endswith("_sole"):
@@ -480,6 +687,6 @@ def _variable_scales(layout: Layout) -> np.ndarray:
         scale[part] = angle
         scale[part][1:3] = length
     socket = np.array([5e-3, 5e-3, 0.05])
-    w = np.append(socket, np.full(max(layout.k - len(SOCKET), 0), 0.02))[:layout.k]
+    w = np.append(socket, np.full(max(layout.k - len(SOCKET), 0), 0.02))[: layout.k]
     scale[layout.w], scale[layout.u] = w, 10.0 * w
     return scale

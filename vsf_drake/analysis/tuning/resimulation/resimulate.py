@@ -72,8 +72,12 @@ class Resimulation:
     kind: str  # "prescribed" or "feedback"
     fell_after_s: float | None  # from the run's start
     why: str
-    grf: Mapping[str, np.ndarray]  # by foot (n, 2) N, low-passed at 40 Hz; NaN where the run has none
-    motion_rms: Mapping[str, float]  # by coordinate, deviation from the solution, deg or mm; {} if prescribed
+    grf: Mapping[
+        str, np.ndarray
+    ]  # by foot (n, 2) N, low-passed at 40 Hz; NaN where the run has none
+    motion_rms: Mapping[
+        str, float
+    ]  # by coordinate, deviation from the solution, deg or mm; {} if prescribed
     unconverged_steps: int  # of the run, accepted without convergence
     feedback: FeedbackUse | None  # None if prescribed
 
@@ -93,7 +97,9 @@ class Resimulation:
             raise SimulationError(f"the {self.label} fell: {self.why}", time_s=self.fell_after_s)
         weights = np.gradient(self.trajectory.time_s)
         weights[[0, -1]] *= 0.5
-        ours, theirs = (np.linalg.norm(grf[foot], axis=1) for grf in (self.grf, self.trajectory.grf))
+        ours, theirs = (
+            np.linalg.norm(grf[foot], axis=1) for grf in (self.grf, self.trajectory.grf)
+        )
         known = np.isfinite(ours)  # a single stride's run begins one step after the first instant
         mean_square = np.average((ours - theirs)[known] ** 2, weights=weights[known])
         return float(100.0 * np.sqrt(mean_square) / self.body_weight_n)
@@ -109,24 +115,52 @@ class Resimulation:
         return not self.fell and self.percent_bw <= TARGET_PERCENT_BW and little
 
     def as_check(self) -> TuningCheck:
-        return TuningCheck(f"resimulation_{self.kind}", self.label, None if self.fell else self.percent_bw,
-                           "% body weight", f"<= {TARGET_PERCENT_BW:g}", self.met, " ".join(self.sentences()))
+        return TuningCheck(
+            f"resimulation_{self.kind}",
+            self.label,
+            None if self.fell else self.percent_bw,
+            "% body weight",
+            f"<= {TARGET_PERCENT_BW:g}",
+            self.met,
+            " ".join(self.sentences()),
+        )
 
     def arrays(self) -> dict[str, np.ndarray]:
-        return {f"grf_{foot}_resimulated_{self.kind}": np.array(force) for foot, force in self.grf.items()}
+        return {
+            f"grf_{foot}_resimulated_{self.kind}": np.array(force)
+            for foot, force in self.grf.items()
+        }
 
     def sentences(self) -> list[str]:
-        angles = [(rms, name) for name, rms in self.motion_rms.items() if not name.endswith(("_tx", "_ty"))]
+        angles = [
+            (rms, name)
+            for name, rms in self.motion_rms.items()
+            if not name.endswith(("_tx", "_ty"))
+        ]
         peaks = self.feedback.feedback_peak if self.feedback else {}
         joint = max(peaks, key=lambda name: peaks[name], default=None)
         alternation = self.trajectory.alternation
-        return say("resimulation", "found", run=self, worst=max(angles, default=None), joint=joint,
-                   alternation=alternation if alternation > ALTERNATES else None)
+        return say(
+            "resimulation",
+            "found",
+            run=self,
+            worst=max(angles, default=None),
+            joint=joint,
+            alternation=alternation if alternation > ALTERNATES else None,
+        )
 
 
 def _assess(
-    walker: Walker, walk: Walk, trajectory: SagittalTrajectory, record: Record, *, kind: str, shift_s: float = 0.0,
-    fell_s: float | None = None, why: str = "", feedback: FeedbackUse | None = None
+    walker: Walker,
+    walk: Walk,
+    trajectory: SagittalTrajectory,
+    record: Record,
+    *,
+    kind: str,
+    shift_s: float = 0.0,
+    fell_s: float | None = None,
+    why: str = "",
+    feedback: FeedbackUse | None = None,
 ) -> Resimulation:
     """Lays a run, until `fell_s`, beside the solution, its clock ahead by `shift_s`, whole periods."""
     time, instants = record.time_s, np.asarray(trajectory.time_s, dtype=float) + shift_s
@@ -136,22 +170,38 @@ def _assess(
     count, weight_n = len(walker.gait.person.foot.sites.radius), walker.subject.mass_kg * GRAVITY
     grf = {}
     for foot, sites in zip(FEET, (slice(0, count), slice(count, None)), strict=True):
-        force = low_pass(foot_reaction(record, sites, walk.mechanism.ground_height).grf_W, rate_hz=1.0 / walk.step_s,
-                         cutoff_hz=CUTOFF_HZ)
-        grf[foot] = np.column_stack([np.interp(instants, time, column) for column in force[:, [0, 2]].T])
+        force = low_pass(
+            foot_reaction(record, sites, walk.mechanism.ground_height).grf_W,
+            rate_hz=1.0 / walk.step_s,
+            cutoff_hz=CUTOFF_HZ,
+        )
+        grf[foot] = np.column_stack(
+            [np.interp(instants, time, column) for column in force[:, [0, 2]].T]
+        )
         grf[foot][~counted] = np.nan
 
     motion_rms = {}
     if kind == FEEDBACK:
         columns = [walk.mechanism.tree.index(name) for name in trajectory.names]
         deviation = record.q[shown][:, columns] - SolutionMotion(trajectory).sample(time[shown])[0]
-        rms = np.sqrt(np.mean(deviation**2, axis=0)) if shown.any() else np.full(COORDINATES, np.nan)
-        motion_rms = {name: float(value) * (1e3 if coordinate_unit(name) == "m" else 180.0 / np.pi)
-                      for name, value in zip(trajectory.names, rms, strict=True)}
+        rms = (
+            np.sqrt(np.mean(deviation**2, axis=0)) if shown.any() else np.full(COORDINATES, np.nan)
+        )
+        motion_rms = {
+            name: float(value) * (1e3 if coordinate_unit(name) == "m" else 180.0 / np.pi)
+            for name, value in zip(trajectory.names, rms, strict=True)
+        }
     return Resimulation(
-        trajectory=trajectory, body_weight_n=weight_n, kind=kind, why=why, feedback=feedback, grf=grf,
-        motion_rms=motion_rms, fell_after_s=None if fell_s is None else fell_s - trajectory.start_s,
-        unconverged_steps=int(np.sum(~record.converged)))
+        trajectory=trajectory,
+        body_weight_n=weight_n,
+        kind=kind,
+        why=why,
+        feedback=feedback,
+        grf=grf,
+        motion_rms=motion_rms,
+        fell_after_s=None if fell_s is None else fell_s - trajectory.start_s,
+        unconverged_steps=int(np.sum(~record.converged)),
+    )
 
 
 def resimulate_prescribed(
@@ -163,26 +213,46 @@ def resimulate_prescribed(
     return _assess(walker, walk, trajectory, walk.record, kind=PRESCRIBED)
 
 
-def walk_prescribed(walker: Walker, trajectory: SagittalTrajectory, *, step_s: float = DEFAULT_STEP_S) -> Walk:
+def walk_prescribed(
+    walker: Walker, trajectory: SagittalTrajectory, *, step_s: float = DEFAULT_STEP_S
+) -> Walk:
     """The run behind `resimulate_prescribed`; the trajectory's start is one of its instants."""
     side, t = walker.subject.prosthetic_side, trajectory
     if tuple(t.names) != sagittal_coordinates(side):
-        raise InputError(f"are {', '.join(t.names)}", where="names",
-                         right=f"For a prosthesis on the {side}: {', '.join(sagittal_coordinates(side))}")
+        raise InputError(
+            f"are {', '.join(t.names)}",
+            where="names",
+            right=f"For a prosthesis on the {side}: {', '.join(sagittal_coordinates(side))}",
+        )
     if walker.free:
-        raise InputError(f"{', '.join(walker.free)} are free", where="walker",
-                         right="Give a walker that prescribes all")
+        raise InputError(
+            f"{', '.join(walker.free)} are free",
+            where="walker",
+            right="Give a walker that prescribes all",
+        )
     if 0.0 < step_s < t.period_s:
         step_s = t.period_s / round(t.period_s / step_s)  # of which a period is a whole number
     start_s, end_s = t.start_s - math.ceil(LEAD * t.period_s / step_s) * step_s, t.end_s + TAIL_S
     motion = whole_motion(SolutionMotion(t), walker.gait.prescribed, start_s, end_s)
-    return walker.walk(motion, fulcrum_m=t.fulcrum_m, start_s=start_s, end_s=end_s, step_s=step_s, values=t.values,
-                       offsets=t.offsets)
+    return walker.walk(
+        motion,
+        fulcrum_m=t.fulcrum_m,
+        start_s=start_s,
+        end_s=end_s,
+        step_s=step_s,
+        values=t.values,
+        offsets=t.offsets,
+    )
 
 
 def resimulate_with_feedback(
-    walker: Walker, trajectory: SagittalTrajectory, *, strides: int = 2, feedback: bool = True,
-    push: np.ndarray | None = None, step_s: float = DEFAULT_STEP_S
+    walker: Walker,
+    trajectory: SagittalTrajectory,
+    *,
+    strides: int = 2,
+    feedback: bool = True,
+    push: np.ndarray | None = None,
+    step_s: float = DEFAULT_STEP_S,
 ) -> Resimulation:
     """Drives the five joints with the solution's torques and a feedback of the eight coordinates and their rates.
 
@@ -201,7 +271,9 @@ def resimulate_with_feedback(
     walk = walk_prescribed(walker, trajectory, step_s=step_s)
     record, h = walk.record, walk.step_s
     times = np.concatenate([[record.time_s[0] - h], record.time_s])
-    first, last = (int(np.argmin(np.abs(times - end))) for end in (trajectory.start_s, trajectory.end_s))
+    first, last = (
+        int(np.argmin(np.abs(times - end))) for end in (trajectory.start_s, trajectory.end_s)
+    )
     q, v = np.vstack([record.q0, record.q]), np.vstack([record.v0, record.v])
     columns = [walk.mechanism.tree.index(name) for name in trajectory.names]
 
@@ -212,7 +284,9 @@ def resimulate_with_feedback(
     if feedback:
         Q = np.zeros((steps.A.shape[1],) * 2)
         Q[steps.person, steps.person] = h / STATE**2
-        K, _ = regulator(steps.A, steps.B[:, :, joints], Q, h / TORQUE_NM**2 * np.eye(COORDINATES - len(PELVIS)))
+        K, _ = regulator(
+            steps.A, steps.B[:, :, joints], Q, h / TORQUE_NM**2 * np.eye(COORDINATES - len(PELVIS))
+        )
         gains[:, joints] = K @ steps.whole
 
     # Stride after stride with the same gains; states to compare with move on by one advance each.
@@ -222,11 +296,23 @@ def resimulate_with_feedback(
     time_s, v0 = trajectory.start_s + h * np.arange(len(k) + 1), v[first].copy()
     v0[columns] += 0.0 if push is None else push
     feedforward = SolutionMotion(trajectory).loads(time_s[:-1] + 0.5 * h)
-    driven = drive(walk, trajectory.names, time_s=time_s, feedforward=feedforward, gains=gains[k], states=states,
-                   q0=q[first].copy(), v0=v0)
+    driven = drive(
+        walk,
+        trajectory.names,
+        time_s=time_s,
+        feedforward=feedforward,
+        gains=gains[k],
+        states=states,
+        q0=q[first].copy(),
+        v0=v0,
+    )
 
     # What the feedback did over the compared stride, and what the closed loop makes of a small disturbance in one.
-    fallen = strides if driven.fell_s is None else int((driven.fell_s - trajectory.start_s) // trajectory.period_s)
+    fallen = (
+        strides
+        if driven.fell_s is None
+        else int((driven.fell_s - trajectory.start_s) // trajectory.period_s)
+    )
     shift_s = min(fallen, strides - 1) * trajectory.period_s
     closed, run = steps.A.copy(), driven.record.time_s
     closed[:, :, steps.person] -= steps.B @ gains
@@ -236,10 +322,23 @@ def resimulate_with_feedback(
     whole = float(np.linalg.norm(feedforward[: len(run)][rows][:, joints]))
     use = FeedbackUse(
         share=float(np.linalg.norm(used)) / whole if whole else math.inf,
-        feedback_peak=dict(zip(trajectory.names[joints], np.abs(used).max(axis=0).tolist(), strict=True)),
-        multiplier=multiplier(closed), open_multiplier=multiplier(steps.A))
-    return _assess(walker, walk, trajectory, driven.record, kind=FEEDBACK, shift_s=shift_s, fell_s=driven.fell_s,
-                   why=driven.why, feedback=use)
+        feedback_peak=dict(
+            zip(trajectory.names[joints], np.abs(used).max(axis=0).tolist(), strict=True)
+        ),
+        multiplier=multiplier(closed),
+        open_multiplier=multiplier(steps.A),
+    )
+    return _assess(
+        walker,
+        walk,
+        trajectory,
+        driven.record,
+        kind=FEEDBACK,
+        shift_s=shift_s,
+        fell_s=driven.fell_s,
+        why=driven.why,
+        feedback=use,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,8 +352,15 @@ class Driven:
 
 
 def drive(
-    walk: Walk, names: Sequence[str], *, time_s: np.ndarray, feedforward: np.ndarray, gains: np.ndarray,
-    states: np.ndarray, q0: np.ndarray, v0: np.ndarray
+    walk: Walk,
+    names: Sequence[str],
+    *,
+    time_s: np.ndarray,
+    feedforward: np.ndarray,
+    gains: np.ndarray,
+    states: np.ndarray,
+    q0: np.ndarray,
+    v0: np.ndarray,
 ) -> Driven:
     """Runs the mechanism of `walk` with `names` free and what was prescribed beside them at rest; SimulationError where
     the first step fails or the run ends with it.
@@ -267,11 +373,21 @@ def drive(
     inside = np.concatenate([mechanism.spring_index, mechanism.keel_coordinates])
     held = np.setdiff1d(np.arange(tree.num_coordinates), np.concatenate([moving, inside]))
     n = len(time_s)
-    torques = Torques(coordinates=moving, sensed=moving, feedforward=np.ascontiguousarray(feedforward),
-                      gain=np.ascontiguousarray(gains), reference=np.ascontiguousarray(states))
+    torques = Torques(
+        coordinates=moving,
+        sensed=moving,
+        feedforward=np.ascontiguousarray(feedforward),
+        gain=np.ascontiguousarray(gains),
+        reference=np.ascontiguousarray(states),
+    )
     inputs = Inputs(
-        time_s=time_s, prescribed=held, prescribed_q=np.tile(q0[held], (n, 1)), torques=torques,
-        fulcrum=np.full(n, float(walk.fulcrum_m[0])), ground=np.full(n, mechanism.ground_height))
+        time_s=time_s,
+        prescribed=held,
+        prescribed_q=np.tile(q0[held], (n, 1)),
+        torques=torques,
+        fulcrum=np.full(n, float(walk.fulcrum_m[0])),
+        ground=np.full(n, mechanism.ground_height),
+    )
     tilt, up = 0, 2
 
     def down(record: Record, done: int) -> np.ndarray:
@@ -283,26 +399,44 @@ def drive(
     stepper.warm_up()
     fell_s, why = None, ""
     try:
-        record = stepper.run(inputs, q0, v0, stop=lambda done, record: bool(down(record, done).any()))
+        record = stepper.run(
+            inputs, q0, v0, stop=lambda done, record: bool(down(record, done).any())
+        )
     except SimulationError as error:
         # The run again as far as it went: the steps before the one in which it failed.
         fell_s, why = error.time_s, error.what
         done = int(np.sum(time_s[1:] < error.time_s - 1e-9))
         if done == 0:
             raise
-        rows = {name: getattr(inputs, name)[: done + 1] for name in ("time_s", "prescribed_q", "fulcrum", "ground")}
-        kept = {name: getattr(torques, name)[:done] for name in ("feedforward", "gain", "reference")}
-        record = stepper.run(dataclasses.replace(inputs, **rows, torques=torques._replace(**kept)), q0, v0)
+        rows = {
+            name: getattr(inputs, name)[: done + 1]
+            for name in ("time_s", "prescribed_q", "fulcrum", "ground")
+        }
+        kept = {
+            name: getattr(torques, name)[:done] for name in ("feedforward", "gain", "reference")
+        }
+        record = stepper.run(
+            dataclasses.replace(inputs, **rows, torques=torques._replace(**kept)), q0, v0
+        )
     m = len(record.time_s)
     fallen = down(record, m)
     if fallen.any():
         at = int(np.argmax(fallen))
         off = record.q[at, moving] - states[at, :COORDINATES]
-        fell_s, why = float(record.time_s[at]), say("resimulation", "down", tilt_deg=math.degrees(off[tilt]),
-                                                    lower_mm=1e3 * off[up])[0]
+        fell_s, why = (
+            float(record.time_s[at]),
+            say("resimulation", "down", tilt_deg=math.degrees(off[tilt]), lower_mm=1e3 * off[up])[
+                0
+            ],
+        )
     if fell_s is not None and m < 2:  # no force to low-pass
         raise SimulationError(f"the run ended after its first step: {why}", time_s=fell_s)
-    starts = np.hstack([np.vstack([start, values])[:m, moving] for start, values in ((q0, record.q), (v0, record.v))])
+    starts = np.hstack(
+        [
+            np.vstack([start, values])[:m, moving]
+            for start, values in ((q0, record.q), (v0, record.v))
+        ]
+    )
     return Driven(record, -np.einsum("kij,kj->ki", gains[:m], starts - states[:m]), fell_s, why)
 
 
@@ -316,8 +450,18 @@ def drive(
 MOST_PERIODS = 50
 REPEATS_WITHIN = 1e-6
 """Relative change of the cost-to-go from one period to the next at which the gains count as periodic."""
-STATE = np.array([
-    math.radians(5.0), 0.1, 0.05, *[math.radians(10.0)] * 5, math.radians(60.0), 0.3, 0.3, *[math.radians(200.0)] * 5])
+STATE = np.array(
+    [
+        math.radians(5.0),
+        0.1,
+        0.05,
+        *[math.radians(10.0)] * 5,
+        math.radians(60.0),
+        0.3,
+        0.3,
+        *[math.radians(200.0)] * 5,
+    ]
+)
 TORQUE_NM = 20.0
 """Deviations (rad, m, then rad/s, m/s, in the order of the sagittal coordinates) and the torque of any joint that weigh
 alike (Bryson's rule: each is divided by its largest acceptable value). They are choices. With a torque of 20 N m a
@@ -341,10 +485,14 @@ def regulator(
             P = Q + A[k].T @ (PA - PB @ K[k])
             P = 0.5 * (P + P.T)
         if not np.isfinite(P).all():
-            raise FitError("no feedback stabilises the linearised stride: its cost grows without bound")
+            raise FitError(
+                "no feedback stabilises the linearised stride: its cost grows without bound"
+            )
         if np.abs(P - before).max() <= REPEATS_WITHIN * np.abs(P).max():
             return K, P
-    raise FitError(f"the feedback's gains still change after {MOST_PERIODS} periods: the stride is hardly controllable")
+    raise FitError(
+        f"the feedback's gains still change after {MOST_PERIODS} periods: the stride is hardly controllable"
+    )
 
 
 def multiplier(A: np.ndarray) -> float:
@@ -395,11 +543,17 @@ def linear_steps(walk: Walk, names: Sequence[str], first: int, last: int) -> Lin
     held = np.setdiff1d(np.arange(tree.num_coordinates), np.concatenate([moving, inside]))
     dofs = split_coordinates(tree, forces, held)
     workspace, arrays = step_workspace(tree, forces, dofs), tree_arrays(tree)
-    directions = make_directions(tree, forces, dofs, (), measured=np.zeros(len(forces.sites), dtype=bool))
+    directions = make_directions(
+        tree, forces, dofs, (), measured=np.zeros(len(forces.sites), dtype=bool)
+    )
     tangent = tangent_workspace(tree, dofs, directions)
     f, place = len(dofs.free), dofs.place[moving]
     rest = np.setdiff1d(np.arange(f), place)
-    sites, support, load = np.zeros((len(forces.sites), len(SITE_RECORD))), np.zeros(3), np.zeros(tree.num_coordinates)
+    sites, support, load = (
+        np.zeros((len(forces.sites), len(SITE_RECORD))),
+        np.zeros(3),
+        np.zeros(tree.num_coordinates),
+    )
     A, B = np.zeros((last - first, 2 * f, 2 * f)), np.zeros((last - first, 2 * f, len(moving)))
     inner, eye = np.zeros((last - first, f, len(moving))), np.eye(f)
     for row, k in enumerate(range(first, last)):
@@ -407,18 +561,38 @@ def linear_steps(walk: Walk, names: Sequence[str], first: int, last: int) -> Lin
         q, v = q0.copy(), v0.copy()
         workspace.applied[:] = 0.0
         workspace.applied[moving] = record.load[k, moving]
-        step(h, arrays, forces, dofs, workspace, mechanism.ground_height, 0.0, float(walk.fulcrum_m[k + 1]),
-             record.q[k, held], np.zeros((0, 0)), np.zeros(0), q, v, load, sites, support)
+        step(
+            h,
+            arrays,
+            forces,
+            dofs,
+            workspace,
+            mechanism.ground_height,
+            0.0,
+            float(walk.fulcrum_m[k + 1]),
+            record.q[k, held],
+            np.zeros((0, 0)),
+            np.zeros(0),
+            q,
+            v,
+            load,
+            sites,
+            support,
+        )
         tangent_matrix(h, arrays, forces, dofs, workspace, FLAT, sites)
         linearise(h, arrays, forces, dofs, directions, workspace, tangent, q0, v, sites, support)
 
         # The step's equations G(q0, v0, v, u) = 0 give dv; then dq = dq0 + h dv, as the step is implicit.
-        answer = np.linalg.solve(workspace.A, np.hstack([-tangent.Gq[:, :f], -tangent.Gv[:, :f], eye[:, place]]))
+        answer = np.linalg.solve(
+            workspace.A, np.hstack([-tangent.Gq[:, :f], -tangent.Gv[:, :f], eye[:, place]])
+        )
         A[row, f:], B[row, f:] = h * answer[:, : 2 * f], h * answer[:, 2 * f :]
         A[row, :f], B[row, :f] = h * A[row, f:], h * B[row, f:]
         A[row, :f, :f] += eye
 
         # In balance, G is 0 at rest too: of socket and keel dq = -G_rr^-1 G_rp dq of the person's eight.
         inner[row, place] = np.eye(len(moving))
-        inner[row, rest] = -np.linalg.solve(tangent.Gq[np.ix_(rest, rest)], tangent.Gq[np.ix_(rest, place)])
+        inner[row, rest] = -np.linalg.solve(
+            tangent.Gq[np.ix_(rest, rest)], tangent.Gq[np.ix_(rest, place)]
+        )
     return LinearSteps(A=A, B=B, person=np.concatenate([place, f + place]), inner=inner)

@@ -34,13 +34,21 @@ class SagittalTrajectory:
     q: np.ndarray  # (n, 8) coordinates; below their first and second derivatives
     v: np.ndarray
     a: np.ndarray
-    torque: np.ndarray  # (n, 5) on the last five, as loads of a driver: positive increases the coordinate
-    grf: Mapping[str, np.ndarray]  # by "prosthetic" and "intact" (n, 2), fx forward and fz up, of the ground, in W
+    torque: (
+        np.ndarray
+    )  # (n, 5) on the last five, as loads of a driver: positive increases the coordinate
+    grf: Mapping[
+        str, np.ndarray
+    ]  # by "prosthetic" and "intact" (n, 2), fx forward and fz up, of the ground, in W
     advance: np.ndarray  # (8,)
     fulcrum_m: float  # from the keel's posterior end
-    values: Mapping[str, float] = field(default_factory=dict)  # of the walk's variables, see `design_values`
+    values: Mapping[str, float] = field(
+        default_factory=dict
+    )  # of the walk's variables, see `design_values`
     offsets: GeometricOffsets = GeometricOffsets()  # noqa: RUF009 (frozen: one default can serve all)
-    pelvis_load: np.ndarray | None = None  # (n, 3) on the first three: a recording's residual, an aid; None in walking
+    pelvis_load: np.ndarray | None = (
+        None  # (n, 3) on the first three: a recording's residual, an aid; None in walking
+    )
 
     @property
     def start_s(self) -> float:
@@ -72,7 +80,9 @@ class SolutionMotion:
         self.trajectory = t = trajectory
         spline = BPoly.from_derivatives(t.time_s, np.stack([t.q, t.v, t.a], axis=1))
         self._splines = (spline, spline.derivative(1), spline.derivative(2))
-        pelvis = np.zeros((len(t.time_s), 3)) if t.pelvis_load is None else np.asarray(t.pelvis_load)
+        pelvis = (
+            np.zeros((len(t.time_s), 3)) if t.pelvis_load is None else np.asarray(t.pelvis_load)
+        )
         loads = np.column_stack([pelvis, t.torque])
         # The end of a period is the start of the next one: their mean stands for both.
         loads[0] = loads[-1] = 0.5 * (loads[0] + loads[-1])
@@ -82,7 +92,10 @@ class SolutionMotion:
         """(m, 8) positions, velocities and accelerations at m times."""
         t, times = self.trajectory, np.asarray(times, dtype=float)
         turns = np.floor((times - t.start_s) / t.period_s)
-        q, v, a = (spline(np.clip(times - turns * t.period_s, t.start_s, t.end_s)) for spline in self._splines)
+        q, v, a = (
+            spline(np.clip(times - turns * t.period_s, t.start_s, t.end_s))
+            for spline in self._splines
+        )
         return q + turns[:, None] * t.advance, v, a
 
     def loads(self, times: np.ndarray) -> np.ndarray:
@@ -91,30 +104,48 @@ class SolutionMotion:
         return np.asarray(self._loads(times))
 
 
-def whole_motion(motion: SolutionMotion, names: Sequence[str], start_s: float, end_s: float) -> CoordinateTrajectory:
+def whole_motion(
+    motion: SolutionMotion, names: Sequence[str], start_s: float, end_s: float
+) -> CoordinateTrajectory:
     """The person's coordinates `names`: those out of the sagittal plane are zero."""
     count = max(8, int(np.ceil((end_s - start_s + 2 * BEYOND_S) / SAMPLE_S)) + 1)
     times = np.linspace(start_s - BEYOND_S, end_s + BEYOND_S, count)
     values = np.zeros((len(times), len(names)))
-    values[:, [list(names).index(name) for name in motion.trajectory.names]] = motion.sample(times)[0]
+    values[:, [list(names).index(name) for name in motion.trajectory.names]] = motion.sample(times)[
+        0
+    ]
     return CoordinateTrajectory(times, values, names)
 
 
 def design_values(
-    walker: Walker, *, heel_stiffness: float = 1.0, alignment_rad: float = 0.0, keel_thickness: float = 1.0
+    walker: Walker,
+    *,
+    heel_stiffness: float = 1.0,
+    alignment_rad: float = 0.0,
+    keel_thickness: float = 1.0,
 ) -> dict[str, float]:
     """Values for `Walker.walk` with which the full model has the device of `simulation.sagittal.model.DESIGN`: heel and
     keel over the walker's (see `level1.options.device_values`), the foot's turn, toes up, beyond the offsets."""
     values: dict[str, float] = {}
-    for name, x, own in (("heel_stiffness", heel_stiffness, 1.0), ("alignment", alignment_rad, 0.0),
-                         ("keel_thickness", keel_thickness, 1.0)):
+    for name, x, own in (
+        ("heel_stiffness", heel_stiffness, 1.0),
+        ("alignment", alignment_rad, 0.0),
+        ("keel_thickness", keel_thickness, 1.0),
+    ):
         if x != own:
-            values |= {changed: value for changed, (value, _) in device_values(name, x, walker.variables, {}).items()}
+            values |= {
+                changed: value
+                for changed, (value, _) in device_values(name, x, walker.variables, {}).items()
+            }
     return values
 
 
 def solved_trajectory(
-    solution: TrajectorySolution, walker: Walker, *, outputs: Sequence[str], offsets: GeometricOffsets | None = None
+    solution: TrajectorySolution,
+    walker: Walker,
+    *,
+    outputs: Sequence[str],
+    offsets: GeometricOffsets | None = None,
 ) -> SagittalTrajectory:
     """Motion, torques and ground reaction of a solution, with its fulcrum and its device; FitError where it is none.
     `outputs` names its function's outputs; the walker's device is what the design multiplies."""
@@ -138,8 +169,15 @@ def solved_trajectory(
     q, v, a = q + np.outer(grid.times_s / T, more), (v + more / T) / pace, a / pace**2
     advance = pace * problem.advance
     return SagittalTrajectory(
-        time_s=pace * closed(grid.times_s, T), names=coordinates, q=closed(q, advance), v=closed(v), a=closed(a),
-        torque=columns(*(f"torque_{name}" for name in coordinates[len(PELVIS):])),
-        advance=advance, fulcrum_m=design.pop("fulcrum_m"),
+        time_s=pace * closed(grid.times_s, T),
+        names=coordinates,
+        q=closed(q, advance),
+        v=closed(v),
+        a=closed(a),
+        torque=columns(*(f"torque_{name}" for name in coordinates[len(PELVIS) :])),
+        advance=advance,
+        fulcrum_m=design.pop("fulcrum_m"),
         grf={foot: columns(f"{foot}_fx", f"{foot}_fz") for foot in FEET},
-        values=design_values(walker, **design), offsets=offsets or GeometricOffsets())
+        values=design_values(walker, **design),
+        offsets=offsets or GeometricOffsets(),
+    )
