@@ -1,4 +1,5 @@
-"""Makes the animation of a walk that the README shows, from the replay page of a walk, in a headless Chromium.
+"""Makes the animation of a walk that the README shows, from the replay page of a walk, in a
+headless Chromium.
 
 vsf-drake simulate data/reference_subject/laboratory/medium_1.yaml --out walk
 python docs/make_animation.py walk/replay.html
@@ -15,14 +16,11 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw
 
-from vsf_drake.files import replaced
+from vsf_drake.base.files import replaced
 
 DOCS = Path(__file__).resolve().parent
-FRAMES, FROM, TO = (
-    40,
-    0.18,
-    0.74,
-)  # of the page's time bar: one stance of the prosthetic foot and what is around it
+# of the page's time bar: one stance of the prosthetic foot and what is around it
+FRAMES, FROM, TO = 40, 0.18, 0.74
 WIDTH, HEIGHT, DURATION_MS = 760, 640, 80
 SEEN = """
   const bar = document.getElementById("time"), frames = [];

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from vsf_drake.files import replaced
+from vsf_drake.base.files import replaced
 
 DOCS = Path(__file__).resolve().parent
 EXAMPLES = (

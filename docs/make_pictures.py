@@ -1,7 +1,9 @@
-"""Makes the pictures in docs/pictures (SVG) and the table of coordinates in docs/frames.md again from the model.
+"""Makes the pictures in docs/pictures (SVG) and the table of coordinates in docs/frames.md again
+from the model.
 
 python docs/make_pictures.py                  those of the documentation
-python docs/make_pictures.py --out FOLDER     pictures alone, as PNG and SVG, into an existing folder
+python docs/make_pictures.py --out FOLDER     pictures alone, as PNG and SVG, into an existing
+                                              folder
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from vsf_drake.files import replaced
+from vsf_drake.base.files import replaced
 
 DOCS = Path(__file__).resolve().parent
 

@@ -1,13 +1,19 @@
-"""What a stride that adapts (level 2 of a tuning) can be believed in, on the embedded walks (SYNTHETIC).
+"""What a stride that adapts (level 2 of a tuning) can be believed in, on the embedded walks
+(SYNTHETIC).
 
-    able_bodied  walking of an able-bodied person with the same model at three speeds, against published bands, for each
-                 weight of able-bodied walking: the least that meets them all is `StrideOptions.normal_weight`
-    found        a recorded stride is made consistent at its own fulcrum; tracked with the fulcrum free, from three
-                 starts, does it find that position? And the recording itself?
-    costs        of a stride at each setting, for each cost: how long a search takes, and how far the full model is off
+    able_bodied  walking of an able-bodied person with the same model at three speeds, against
+                 published bands, for each weight of able-bodied walking: the least that meets them
+                 all is `StrideOptions.normal_weight`
+    found        a recorded stride is made consistent at its own fulcrum; tracked with the fulcrum
+                 free, from three starts, does it find that position? And the recording itself?
+    costs        of a stride at each setting, for each cost: how long a search takes, and how far
+                 the full model is off
     speeds       nine positions at each of three speeds, and with the fulcrum free
-    signs        which published signs stiffness has, for each weight and each setting of the recording, and where
-                 searches from three settings end, fulcrum free
+    signs        which published signs stiffness has, for each weight and each setting of the
+                 recording, which of those that the foot alone lacks, and where searches from three
+                 settings end, fulcrum free
+    equal_load   the null of the signs: the foot alone under the ISO 22675 profile, with nobody on
+                 it
 
 The results are in studies/results/adaptive_stride.json; the whole takes some fifty minutes.
 """
@@ -29,61 +35,43 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from contact_fit_study.keeping import made_by
 from floor_of_the_reference_subject import RESULTS, hashes
 
-from vsf_drake.analysis.tuning.common import FREE_COSTS
-from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning
-from vsf_drake.analysis.tuning.level2.outcomes import (
+from vsf_drake.base.files import plain, write_json
+from vsf_drake.collocation.problem import Grid
+from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
+from vsf_drake.device.equal_load import at_equal_load
+from vsf_drake.model.contact_file import load_contact
+from vsf_drake.motion.fitted_trial import trial_with
+from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.optimal_control import StrideOptions, StrideTuning
+from vsf_drake.optimal_control.outcomes import (
     SIGNS_OF,
+    beyond_the_load,
     muscle_energy,
     outcomes,
     published_signs,
     steady_signs,
 )
-from vsf_drake.analysis.tuning.level2.search import (
-    Fixed,
-    StrideSearch,
-    eased,
-    position_mm,
-    swept,
-    tracked,
-)
-from vsf_drake.analysis.tuning.level2.stride import MM, Stride
-from vsf_drake.analysis.tuning.resimulation.resimulate import (
-    resimulate_prescribed,
-    resimulate_with_feedback,
-)
-from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
-from vsf_drake.analysis.validation import embedded_contact, embedded_trials
-from vsf_drake.collocation.problem import Grid
-from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
-from vsf_drake.contact_file import load_contact
-from vsf_drake.files import plain, write_json
-from vsf_drake.motion.fitted_trial import trial_with
-from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.optimal_control.resimulate import resimulate_prescribed, resimulate_with_feedback
+from vsf_drake.optimal_control.search import Fixed, StrideSearch, eased, position_mm, swept, tracked
+from vsf_drake.optimal_control.stride import MM, Stride
+from vsf_drake.optimal_control.trajectory import solved_trajectory
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing
 from vsf_drake.simulation.walk import Walker
+from vsf_drake.tuning.common import FREE_COSTS
+from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 
 BANDS = Path(__file__).resolve().parents[1] / "data" / "published" / "walking_bands.csv"
-COARSE, FINE = (
-    20,
-    40,
-)  # intervals, of the searches that are many and of those that are refined for the full model
+# intervals, of the searches that are many and of those that are refined for the full model
+COARSE, FINE = 20, 40
 STARTS_MM = (66.0, 108.0, 151.0)
 POSITIONS = 9
 SPEEDS = (0.9, 1.1, 1.4)  # m/s
-TRIED = (
-    0.0625,
-    0.125,
-    0.25,
-    0.5,
-    1.0,
-    2.0,
-    4.0,
-)  # weights of able-bodied walking, of which one is chosen
+# weights of able-bodied walking, of which one is chosen
+TRIED = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0)
 FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the chosen one, for the signs
-SOFT = Smoothing(
-    depth_m=6e-3, rate_m_per_s=0.1, friction_velocity_m_per_s=0.2
-)  # for a first stride without any known
+# for a first stride without any known
+SOFT = Smoothing(depth_m=6e-3, rate_m_per_s=0.1, friction_velocity_m_per_s=0.2)
 SDS = 2.0  # standard deviations between persons within which a peak is able-bodied (a choice)
 SHOWN = (
     "stored_energy",
@@ -109,8 +97,8 @@ def exact(path: Path) -> Trial:
 
 
 def able_bodied(trial: Trial, weights: tuple[float, ...]) -> dict[str, Any]:
-    """Strides of the person with two intact legs, for the largest weight first: by weight and speed, each with the
-    bands that it is held against."""
+    """Strides of the person with two intact legs, for the largest weight first: by weight and
+    speed, each with the bands that it is held against."""
     walker = Walker(trial.subject, trial.model)
     body, model = walker.gait.person.body, SagittalModel(walker, able_bodied=True)
     rows: dict[str, Any] = {}
@@ -236,8 +224,9 @@ def found(one: Recorded) -> dict[str, Any]:
 
 
 def carried_out(one: Recorded, cost: str) -> dict[str, Any]:
-    """The stride with the least of a cost, the fulcrum free, and what the full model makes of it on twice as many
-    intervals, in percent of body weight; `wall_s` of the search, `fine_wall_s` of that on the finer grid."""
+    """The stride with the least of a cost, the fulcrum free, and what the full model makes of it on
+    twice as many intervals, in percent of body weight; `wall_s` of the search, `fine_wall_s` of
+    that on the finer grid."""
     began, search, start, own = (
         time.perf_counter(),
         one.search(cost),
@@ -302,9 +291,27 @@ def speeds(one: Recorded) -> dict[str, Any]:
     }
 
 
-def signs(one: Recorded, weight: float) -> dict[str, Any]:
-    """The best strides at three settings and where searches with the fulcrum free end from each, squared activations
-    least, with one weight of able-bodied walking."""
+def equal_load(trial: Trial) -> dict[str, Any]:
+    """What stiffness does to the foot alone: by setting the outcomes, and which published signs
+    they have."""
+    rows = [
+        one.outcomes
+        for one in at_equal_load(trial.subject, trial.model, [MM * mm for mm in STARTS_MM])
+    ]
+    found = published_signs(rows)
+    return {
+        "settings_mm": STARTS_MM,
+        "signs": found,
+        "count": sum(value is True for value in found.values()),
+        "steady": steady_signs(rows),
+        "outcomes": {name: [row[name] for row in rows] for name in rows[0]},
+    }
+
+
+def signs(one: Recorded, weight: float, load: dict[str, Any]) -> dict[str, Any]:
+    """The best strides at three settings and where searches with the fulcrum free end from each,
+    squared activations least, with one weight of able-bodied walking; `beyond` of what `equal_load`
+    lacks."""
     search, sweep = one.search("activation", normal_weight=weight, positions=3), list[Fixed]()
     swept(search, one.solution.last, sweep, chains=True)
     over = [row.solution for row in sweep if row.solution is not None]
@@ -313,6 +320,10 @@ def signs(one: Recorded, weight: float) -> dict[str, Any]:
     published, steady = (
         (published_signs(rows), steady_signs(rows)) if len(over) == len(sweep) else ({}, {})
     )
+    null = [
+        {name: values[k] for name, values in load["outcomes"].items()}
+        for k in range(len(load["settings_mm"]))
+    ]
     return {
         "recorded_mm": one.recording.own_m / MM,
         "weight": weight,
@@ -320,6 +331,7 @@ def signs(one: Recorded, weight: float) -> dict[str, Any]:
         "signs": published,
         "count": sum(value is True for value in published.values()) if published else None,
         "steady": steady,
+        "beyond": beyond_the_load(rows, null) if published else {},
         "free": [
             {"status": end.status, "fulcrum_mm": position_mm(end), "cost": end.last_cost}
             for end in free
@@ -341,7 +353,7 @@ def main() -> None:
     paths = {path.stem: path for path in embedded_trials("exact")}
     quick = arguments.quick
     results: dict[str, Any] = {
-        "format": "vsf_drake adaptive stride 3",
+        "format": "vsf_drake adaptive stride 4",
         "synthetic": True,
         "signs_of": SIGNS_OF,
     }
@@ -364,13 +376,18 @@ def main() -> None:
         }
         print(name, results["costs"][name], flush=True)
     results["speeds"] = {} if quick else speeds(coarse["medium_1"])
+    results["equal_load"] = (
+        {} if quick else {name: equal_load(coarse[name].tuning.trial) for name in chosen}
+    )
     results["signs"] = [
-        signs(coarse[name], factor * own)
+        signs(coarse[name], factor * own, results["equal_load"][name])
         for name in chosen
         for factor in (() if quick else FACTORS)
     ]
     for row in results["signs"]:
-        print(row["recorded_mm"], row["weight"], row["count"], row["free"], flush=True)
+        print(
+            row["recorded_mm"], row["weight"], row["count"], row["beyond"], row["free"], flush=True
+        )
     inputs = {
         file: sha for path in paths.values() for file, sha in hashes(load_trial(path)).items()
     }

@@ -1,13 +1,14 @@
-"""The paper's bench: five fulcrum positions and the heel at 50 mm/min, and the same at half and double speed."""
+"""The paper's bench: five fulcrum positions and the heel at 50 mm/min, and the same at half and
+double speed."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from vsf_drake.analysis.bench_metrics import bench_table
-from vsf_drake.files import resource
-from vsf_drake.model_file import load_model
+from vsf_drake.base.files import resource
+from vsf_drake.device.bench_metrics import bench_table
+from vsf_drake.model.model_file import load_model
 from vsf_drake.report.outputs import write_bench
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, run_bench
 

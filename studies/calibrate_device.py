@@ -1,24 +1,29 @@
-"""Calibrates the foot's unknown compliances to the bench and writes models/nominal.yaml and models/soft_support.yaml.
+"""Calibrates the foot's unknown compliances to the bench and writes models/nominal.yaml and
+models/soft_support.yaml.
 
-The published modulus and section make a keel that is too stiff over its range by itself: 10 to 32 N/mm is a ratio of
-3.2, that of an ideal beam on rigid supports 7.7. Two explanations meet both published end points:
+The published modulus and section make a keel that is too stiff over its range by itself: 10 to
+32 N/mm is a ratio of 3.2, that of an ideal beam on rigid supports 7.7. Two explanations meet both
+published end points:
 
-    nominal         an effective keel on a stiff support (2 MN/m, a choice). "Effective": the modulus stands for all
-                    that yields between anchor and toe, 2.4 times less than the laminate's; the joints which the
-                    authors of the public model tuned on their bench are 2.4 to 6 times softer than the laminate
+    nominal         an effective keel on a stiff support (2 MN/m, a choice). "Effective": the
+                    modulus stands for all that yields between anchor and toe, 2.4 times less than
+                    the laminate's; the joints which the authors of the public model tuned on their
+                    bench are 2.4 to 6 times softer than the laminate
     soft_support    the laminate's modulus on a support that yields; it sinks 10 mm under 600 N
 
 In both a spring in series with the load, the foam, is calibrated too:
 
     minimise    sum over settings of ((k_bench(x) - k_measured) / k_measured)^2
-    over        x = logarithms of (modulus or support) and of series stiffness relative to the first guess, bounded
+    over        x = logarithms of (modulus or support) and of series stiffness relative to the first
+                guess, bounded
     where       k_bench is the mean slope above 200 N of the simulated, large-deflection bench
 
-soft_support is calibrated to the two published end points, which it meets. nominal is calibrated to the end points and,
-in between, to the authors' tuned joints at 87, 108 and 129 mm, with equal weight: the same relative error everywhere.
-Equal absolute errors would give 8.12 GPa and 10.36 N/mm at 66 mm, 4 % too stiff at the published end. The end points
-alone, without having seen the joints, give 7.42 GPa and are then 0.2, 0.7 and 0.9 N/mm below them: that is what an
-independent check of the middle shows. soft_support is 1.3, 1.9 and 1.6 N/mm above them. All four are printed.
+soft_support is calibrated to the two published end points, which it meets. nominal is calibrated to
+the end points and, in between, to the authors' tuned joints at 87, 108 and 129 mm, with equal
+weight: the same relative error everywhere. Equal absolute errors would give 8.12 GPa and 10.36 N/mm
+at 66 mm, 4 % too stiff at the published end. The end points alone, without having seen the joints,
+give 7.42 GPa and are then 0.2, 0.7 and 0.9 N/mm below them: that is what an independent check of
+the middle shows. soft_support is 1.3, 1.9 and 1.6 N/mm above them. All four are printed.
 """
 
 from __future__ import annotations
@@ -32,17 +37,17 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from vsf_drake.analysis.bench_metrics import (
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import replaced
+from vsf_drake.base.schema import dump_yaml
+from vsf_drake.device.bench_metrics import (
     PUBLISHED_STIFFNESS_N_PER_M,
     TUNED_JOINTS_N_PER_M,
     displacement,
     stiffness,
 )
-from vsf_drake.errors import InputError
-from vsf_drake.files import replaced
-from vsf_drake.model_file import spheres_under_load
-from vsf_drake.parameters import FootParameters, ModelParameters
-from vsf_drake.schema import dump_yaml
+from vsf_drake.model.model_file import spheres_under_load
+from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 
@@ -61,14 +66,14 @@ HEADERS = {
 # Adamczyk 2018, PMC6289620; McGeehan et al. 2021, doi 10.1115/1.4050456) and, at 87, 108 and 129 mm, the joints that
 # the authors of the GaitModel_VSF scripts tuned. The support's 2 MN/m is a choice. For everything else see
 # vsf_drake/parameters.py.
-""",
+""",  # noqa: E501
     "soft_support": """\
 # The other explanation of the bench, not the nominal model: the laminate's modulus (McGeehan 2021: G10/FR4, 18.6 GPa)
 # and a support that yields, by 10 mm under 600 N. Written by studies/calibrate_device.py; do not edit by hand.
 # Support and series stiffness: calibrated (4 digits) so that the simulated bench (mean slope above 200 N, 600 N,
 # 50 mm/min) gives the published 10.0 N/mm at 66 mm and 32.0 N/mm at 151 mm (Glanzer & Adamczyk 2018, PMC6289620;
 # McGeehan et al. 2021, doi 10.1115/1.4050456). For everything else see vsf_drake/parameters.py.
-""",
+""",  # noqa: E501
 }
 LARGEST_RATIO = 4.0
 """Bound on calibrated / first guess, both ways."""
@@ -77,11 +82,13 @@ LARGEST_RATIO = 4.0
 def with_compliances(
     foot: FootParameters, *, modulus_pa: float, support_n_per_m: float, series_n_per_m: float
 ) -> FootParameters:
-    """`foot` with this keel modulus (Pa) and these stiffnesses (N/m), its contact spheres in agreement with the latter.
+    """`foot` with this keel modulus (Pa) and these stiffnesses (N/m), its contact spheres in
+    agreement with the latter.
 
     The foam that the bench finds in series with the keel is the foam that carries the walker: the
-    linear zones with a sphere in the patch of `series_patch_m` about the load point, and those of the same
-    stiffness, get the stiffness with which the spheres in that patch together have `series_n_per_m`.
+    linear zones with a sphere in the patch of `series_patch_m` about the load point, and those of
+    the same stiffness, get the stiffness with which the spheres in that patch together have
+    `series_n_per_m`.
 
     Raises:
         InputError: no sphere lies in the patch, or one there has an exponent other than 1.
@@ -118,7 +125,8 @@ def with_compliances(
 def calibrate_device(
     foot: FootParameters, *, soft: str, measured: Mapping[float, float], absolute: bool = False
 ) -> FootParameters:
-    """`foot` with the compliances with which the bench measures `measured`, found by Gauss-Newton steps (scipy).
+    """`foot` with the compliances with which the bench measures `measured`, found by Gauss-Newton
+    steps (scipy).
 
     Args:
         foot: everything else, and the first guess.
@@ -207,14 +215,16 @@ def rounded(foot: FootParameters) -> FootParameters:
 
 
 def main() -> None:
-    """Calibrates both devices, writes the models, prints their bench and that of the calibrations not taken."""
+    """Calibrates both devices, writes the models, prints their bench and that of the calibrations
+    not taken."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--out", type=Path, default=Path(__file__).resolve().parents[1] / "models")
     parser.add_argument("--quick", action="store_true", help="only the two that are written")
     arguments = parser.parse_args()
-    # First guesses: the pairs with which the closed form, for small loads, has the published end points.
+    # First guesses: the pairs with which the closed form, for small loads, has the published end
+    # points.
     keel = with_compliances(
         FootParameters(),
         modulus_pa=10.2e9,
@@ -263,8 +273,11 @@ def main() -> None:
         print(
             f"{name:32}"
             + "".join(f"{1e-3 * stiffness(displacement(run), run.load_n):8.2f}" for run in passes)
-            + f"   modulus {1e-9 * foot.keel.flexural_modulus_pa:g} GPa, support "
-            f"{1e-3 * foot.fulcrum.stiffness_n_per_m:g} N/mm, series {1e-3 * foot.series_stiffness_n_per_m:g} N/mm"
+            + (
+                f"   modulus {1e-9 * foot.keel.flexural_modulus_pa:g} GPa, support "
+                f"{1e-3 * foot.fulcrum.stiffness_n_per_m:g} N/mm, series "
+                f"{1e-3 * foot.series_stiffness_n_per_m:g} N/mm"
+            )
         )
 
 

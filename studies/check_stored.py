@@ -1,9 +1,11 @@
-"""Whether the numbers in studies/results are those that today's sources and data give; if so, says so in them.
+"""Whether the numbers in studies/results are those that today's sources and data give; if so, says
+so in them.
 
-A stored result carries digests of the files that were read and of the sources that made it, comments aside
-(`contact_fit_study.keeping`). Where the sources are others, a small part of the study is made anew, in seconds, and has
-to give the stored numbers: then the digest of today's sources is written beside them, with the words "spot check".
-Where it does not, or a file is another, the numbers are stale and the study has to run again.
+A stored result carries digests of the files that were read and of the sources that made it,
+comments aside (`contact_fit_study.keeping`). Where the sources are others, a small part of the
+study is made anew, in seconds, and has to give the stored numbers: then the digest of today's
+sources is written beside them, with the words "spot check". Where it does not, a file is another,
+or something is `missing` in the result, the study has to run again.
 """
 
 from __future__ import annotations
@@ -18,9 +20,12 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import adaptive_stride as strides
+import angle_errors
 import contact_fit_study.inputs as contact_fit
 import contact_truth_recovery as truth
 import device_hypotheses as devices
+import numpy as np
+import published_trends as trends
 import session_fit
 from contact_fit_study.cases import TIERS
 from contact_fit_study.keeping import STUDIES, sources_sha256
@@ -29,14 +34,24 @@ from contact_truth_study.recovering import ROUNDS, row
 from floor_of_the_reference_subject import DATA, RESULTS, SEED
 from virtual_laboratory.floor import floor, floor_with_shared_errors_removed
 
-from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
-from vsf_drake.analysis.contact_fit.solve import search
-from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.files import resource, sha256, write_json
-from vsf_drake.model_file import load_model
+from vsf_drake.base.files import resource, sha256, write_json
+from vsf_drake.fit.assessment import FITTED, HELD_OUT
+from vsf_drake.fit.options import ContactFitOptions
+from vsf_drake.fit.problem import ContactFit
+from vsf_drake.fit.solve import search
+from vsf_drake.model.model_file import load_model
+from vsf_drake.optimal_control.outcomes import outcomes
+from vsf_drake.optimal_control.search import eased
+from vsf_drake.validation.published_trends import load_evidence
+from vsf_drake.validation.roll_over_section import ISO_STEPS, QUICK_POSITIONS_M
+from vsf_drake.validation.walking_section import layers_section
+from vsf_drake.walks.metrics import walk_metrics
+from vsf_drake.walks.prediction import LAYERS, PHYSICS
+from vsf_drake.walks.published import LOAD
 
 REPEATS = 1e-4
-"""Relative: on one machine the numbers come back to the last bit; what moves them by less shows in no table."""
+"""Relative: on one machine the numbers come back to the last bit; what moves them by less shows in
+no table."""
 CHECKED = (
     "made by other sources; the spot check of studies/check_stored.py finds them again with these"
 )
@@ -56,7 +71,8 @@ def floors(stored: dict[str, Any]) -> Numbers:
 
 
 def fitted_pair(stored: dict[str, Any]) -> Numbers:
-    """The reported pair's fitted values on a trial that was held out and on the bench, in both tiers."""
+    """The reported pair's fitted values on a trial that was held out and on the bench, in both
+    tiers."""
     for tier in TIERS:
         pair = stored[tier]["transfer"]
         fit = ContactFit(
@@ -101,7 +117,8 @@ def both_devices(stored: dict[str, Any]) -> Numbers:
 
 
 def fitted_session(stored: dict[str, Any]) -> Numbers:
-    """The first person's true values, the fitted ones on a trial of the same day that was held out."""
+    """The first person's true values, the fitted ones on a trial of the same day that was held
+    out."""
     case = session_fit.CASES[0]
     pair, fit = stored["cases"][case.name], session_fit.fit_of(case, session_fit.DATA)
     held = session_fit.read(session_fit.DATA, case, "medium_2")
@@ -116,15 +133,84 @@ def fitted_session(stored: dict[str, Any]) -> Numbers:
         yield f"{case.name} true {name}", true, known[name]["truth"]
 
 
-def consistent_stride(stored: dict[str, Any]) -> Numbers:
-    """One recorded stride, made consistent."""
-    one, was = (
-        strides.Recorded(DATA / "exact" / "medium_1.yaml", strides.COARSE),
-        stored["found"]["medium_1"],
+def foot_under_load(stored: dict[str, Any]) -> Numbers:
+    """What the foot alone does under an equal load; strides that adapt are `strides_of_one_walk`'s
+    to tell."""
+    study = trends.embedded(quick=True)
+    found, stiffness = load_evidence(
+        study.walks[0].recorded.subject, study.model, QUICK_POSITIONS_M, steps=ISO_STEPS
     )
-    yield "medium_1 deviation", one.recording.value("deviation", one.solution.y()), was["deviation"]
+    was = {one["measure"]: one["values"] for one in stored["evidence"] if one["way"] == LOAD}
+    for one in found:
+        for setting, (value,) in enumerate(one.values):
+            yield f"{one.measure} at setting {setting + 1}", value, was[one.measure][setting][0]
+    for setting, value in enumerate(stiffness):
+        yield f"stiffness at setting {setting + 1}", value, stored["stiffness"][LOAD][setting]
+
+
+def strides_of_one_walk(stored: dict[str, Any]) -> Numbers:
+    """A recorded stride, made consistent, and what comes out of one that adapts to the softest
+    setting: of the first row whose best stride there is that of its sweep's first search."""
+    rows = [
+        each
+        for each in stored["signs"]
+        if each["tried"][0]["from softer contact"]
+        == min(cost for cost in each["tried"][0].values() if cost is not None)
+    ]
+    if not rows:
+        yield (
+            "rows whose best stride at the softest setting is that of its sweep's first search",
+            0.0,
+            1.0,
+        )
+        return
+    told = rows[0]
+    (name,) = (
+        name for name in stored["costs"] if stored["found"][name]["own_mm"] == told["recorded_mm"]
+    )
+    one, was = (
+        strides.Recorded(DATA / "exact" / f"{name}.yaml", strides.COARSE),
+        stored["found"][name],
+    )
+    yield f"{name} deviation", one.recording.value("deviation", one.solution.y()), was["deviation"]
     for key, value in one.recording.recorded.errors.items():
-        yield f"medium_1 {key}", value, was["errors"][key]
+        yield f"{name} {key}", value, was["errors"][key]
+    mm, search = strides.STARTS_MM[0], one.search("activation", normal_weight=told["weight"])
+    _, begin = eased(search, mm, one.solution.last)
+    found = outcomes(search.at(mm, begin, "from softer contact"), search.stride)
+    for key, values in told["outcomes"].items():
+        yield f"{name} {key} at {mm:g} mm, weight {told['weight']:g}", found[key], values[0]
+
+
+def disturbed_walks(stored: dict[str, Any]) -> Numbers:
+    """The fitted walks and one that was held out with errors of their own, by the physics; those
+    held out without, in layers."""
+    study = angle_errors.embedded()
+    fitted = [walk.label for walk in study.walks if walk.role == FITTED]
+    was = {
+        (each["role"], each["layer"], each["sd_deg"]): each["grf_rmse_bw"]
+        for each in stored["rows"]
+    }
+    for one in angle_errors.disturbed(study, fitted):
+        assert one.grf_rmse_bw is not None
+        yield (
+            f"fitted with {one.sd_deg:g} degrees",
+            one.grf_rmse_bw,
+            was[FITTED, PHYSICS, one.sd_deg],
+        )
+    for one, alone in zip(
+        angle_errors.disturbed(study, (angle_errors.ONE,)), stored["one"], strict=True
+    ):
+        assert one.grf_rmse_bw is not None
+        yield (
+            f"{angle_errors.ONE} with {one.sd_deg:g} degrees",
+            one.grf_rmse_bw,
+            alone["grf_rmse_bw"],
+        )
+    held_out = [walk for walk in layers_section(study).table.rows if walk.role == HELD_OUT]
+    for layer in LAYERS:
+        error = float(np.mean([walk.number(f"{layer}_grf_rmse_bw") for walk in held_out]))
+        yield f"held out by {layer}", error, was[HELD_OUT, layer, 0.0]
 
 
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
@@ -133,7 +219,9 @@ CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "contact_truth_recovery": ("contact_truth_recovery.py", recovered_truth),
     "device_hypotheses": ("device_hypotheses.py", both_devices),
     "session_fit": ("session_fit.py", fitted_session),
-    "adaptive_stride": ("adaptive_stride.py", consistent_stride),
+    "adaptive_stride": ("adaptive_stride.py", strides_of_one_walk),
+    "published_trends": ("published_trends.py", foot_under_load),
+    "angle_errors": ("angle_errors.py", disturbed_walks),
 }
 """By result: the script that makes it and its spot check. `contact_fit` reads the floors."""
 
@@ -173,14 +261,18 @@ def differences(name: str, stored: dict[str, Any]) -> list[str]:
 
 
 def main() -> None:
-    """Checks every stored result whose sources are others now, and notes that they give the same numbers."""
+    """Checks every stored result whose sources are others now, and notes that they give the same
+    numbers."""
     argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     ).parse_args()
     stale = False
     for name, (script, _) in CHECKS.items():
         stored = read(name)
-        wrong = [f"{file} is another" for file in changed_files(name, stored)]
+        wrong = [
+            *(f"it lacks something: {why}" for why in stored.get("missing", ())),
+            *(f"{file} is another" for file in changed_files(name, stored)),
+        ]
         if not wrong and same_sources(name, stored):
             print(f"{name}.json: {stored['provenance']['sources']['numbers']}")
         elif wrong := wrong or differences(name, stored):

@@ -1,13 +1,15 @@
-"""What the contact fit is worth on the nine walks of the synthetic reference subject, whose truth is another model.
+"""What the contact fit is worth on the nine walks of the synthetic reference subject, whose truth
+is another model.
 
-In both tiers: the joint fit of one soft and one stiff trial, judged by the other seven, by a sweep of the fulcrum, by
-the bench, and by the other eight pairs like it; the joint fit of one trial, also without the bench, of a device that
-nobody calibrated, and by the resultant alone; and the paper's procedure. All are judged by all other trials. Beside
-each error stand the null model and the floor: what the true foot itself is left with on the recorded motion. The
-results are in studies/results/contact_fit.json.
+In both tiers: the joint fit of one soft and one stiff trial, judged by the other seven, by a sweep
+of the fulcrum, by the bench, and by the other eight pairs like it; the joint fit of one trial, also
+without the bench, of a device that nobody calibrated, and by the resultant alone; and the paper's
+procedure. All are judged by all other trials. Beside each error stand the null model and the floor:
+what the true foot itself is left with on the recorded motion. The results are in
+studies/results/contact_fit.json.
 
-Finished parts are kept in the folder for figures: after an interruption the same command goes on where it stopped. The
-whole takes half an hour on two free cores.
+Finished parts are kept in the folder for figures: after an interruption the same command goes on
+where it stopped. The whole takes half an hour on two free cores.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from contact_fit_study.running import SEED, run, warm_up
 from contact_fit_study.table import text_table
 from floor_of_the_reference_subject import RESULTS
 
-from vsf_drake.files import write_json
+from vsf_drake.base.files import write_json
 from vsf_drake.report import style as look
 from vsf_drake.simulation.archive import provenance
 
@@ -90,14 +92,16 @@ def whole(parts: Path) -> dict[str, Any]:
             began = time.perf_counter()
             part = done(case, parts)
             print(
-                f"{i:3d}/{len(every)} {case.name:<58} {told(part)} ({time.perf_counter() - began:.0f} s)",
+                f"{i:3d}/{len(every)} {case.name:<58} {told(part)} "
+                f"({time.perf_counter() - began:.0f} s)",
                 flush=True,
             )
     return {tier: tier_results(tier, lambda case: done(case, parts)) for tier in TIERS}
 
 
 def done(case: Case, parts: Path) -> dict[str, Any]:
-    """The case's part, made now unless it was made before with the same inputs and the same code."""
+    """The case's part, made now unless it was made before with the same inputs and the same
+    code."""
     part, _ = kept(parts, case.name, key(), lambda: run(case))
     return part
 
@@ -109,8 +113,9 @@ def told(part: dict[str, Any]) -> str:
     held = [part["trials"][name]["grf_rmse_bw"] for name in part["held_out"]]
     own = [part["trials"][name]["grf_rmse_bw"] for name in part["fitted"]]
     return (
-        f"fitted {100 * sum(own) / len(own):5.2f}, held out {100 * sum(held) / len(held):5.2f} % BW, "
-        f"bench {part['bench']['rmse_n_per_mm']:5.2f} N/mm, fit {part['time']['wall_s']:4.0f} s"
+        f"fitted {100 * sum(own) / len(own):5.2f}, held out {100 * sum(held) / len(held):5.2f} % "
+        f"BW, bench {part['bench']['rmse_n_per_mm']:5.2f} N/mm, fit "
+        f"{part['time']['wall_s']:4.0f} s"
     )
 
 

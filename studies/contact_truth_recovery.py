@@ -1,14 +1,16 @@
-"""Whether the contact fit finds the parameters that a recording was made with, and what its intervals are worth.
+"""Whether the contact fit finds the parameters that a recording was made with, and what its
+intervals are worth.
 
-The recordings are made by the model itself, with parameters drawn from the prior of the fit. Recovery: without noise,
-from five random starts each, on one trial and on two: are the parameters that the data identify back within two
-standard errors, is the ground reaction force back within 0.2 % body weight? Intervals: with the noise that the fit
-assumes, truth and noise drawn anew for each seed, from the middle of the prior: does the 95 % interval of each
-parameter that the data identify hold the truth in at least 17 of 20? The results are in
+The recordings are made by the model itself, with parameters drawn from the prior of the fit.
+Recovery: without noise, from five random starts each, on one trial and on two: are the parameters
+that the data identify back within two standard errors, is the ground reaction force back within
+0.2 % body weight? Intervals: with the noise that the fit assumes, truth and noise drawn anew for
+each seed, from the middle of the prior: does the 95 % interval of each parameter that the data
+identify hold the truth in at least 17 of 20? The results are in
 studies/results/contact_truth_recovery.json.
 
-Finished parts are kept: after an interruption the same command goes on where it stopped. The whole takes
-some ten minutes on two free cores.
+Finished parts are kept: after an interruption the same command goes on where it stopped. The whole
+takes some ten minutes on two free cores.
 """
 
 from __future__ import annotations
@@ -30,9 +32,9 @@ from contact_truth_study.summary import covered, definitions, recovered, text
 from floor_of_the_reference_subject import RESULTS, hashes
 from make_reference_subject import DATA
 
-from vsf_drake.analysis.contact_fit import ContactFitOptions
-from vsf_drake.bench_curves import load_bench_file
-from vsf_drake.files import sha256, write_json
+from vsf_drake.base.files import sha256, write_json
+from vsf_drake.fit.options import ContactFitOptions
+from vsf_drake.model.bench_curves import load_bench_file
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.archive import provenance
@@ -155,7 +157,8 @@ def done(parts: Path, name: str, make_part: Callable[[], dict[str, Any]]) -> dic
 
 @cache
 def trial(name: str) -> Trial:
-    """Until AFTER_S past lift-off: a drawn foot that sits low must not strike a second time within the window."""
+    """Until AFTER_S past lift-off: a drawn foot that sits low must not strike a second time within
+    the window."""
     whole = load_trial(DATA / "exact" / f"{name}.yaml")
     plate = whole.prosthetic_plate
     first = find_stances(plate.time_s, plate.force_W[:, 2])[0]
@@ -178,7 +181,8 @@ def input_hashes() -> dict[str, str]:
 
 @cache
 def key() -> str:
-    """Of everything that the study's numbers depend on: inputs, versions, sources of model, analysis and study."""
+    """Of everything that the study's numbers depend on: inputs, versions, sources of model,
+    analysis and study."""
     return digest({**provenance(input_hashes()), **made_by("contact_truth_recovery.py")})
 
 

@@ -1,4 +1,5 @@
-"""What a walk costs against how finely it is modelled: step size, spheres, keel elements, free coordinates.
+"""What a walk costs against how finely it is modelled: step size, spheres, keel elements, free
+coordinates.
 
 Walks an embedded trial, which is synthetic. Run it on a machine that does nothing else.
 """
@@ -18,16 +19,16 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from refined_spheres import with_spheres
 
-from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.files import replaced
+from vsf_drake.base.files import replaced
+from vsf_drake.model.parameters import GRAVITY, PELVIS_COORDINATES, FootParameters, leg_coordinates
 from vsf_drake.motion.events import runs
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import Trial, load_trial
-from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES, FootParameters, leg_coordinates
 from vsf_drake.plants.foot import with_elements
 from vsf_drake.report.style import NEUTRAL, colour_of, drawing, label, log_scale, save_figure
 from vsf_drake.simulation.reactions import LOADED_N
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
+from vsf_drake.walks.embedded import embedded_trials
 
 COLUMNS = (
     "family",
@@ -61,8 +62,8 @@ def main() -> None:
         )
     write_table(arguments.out / "cost_against_work.csv", costs)
     title = (
-        f"Cost against work. {trial.name}: {WALK_S:g} s, whole person, {1e3 * DEFAULT_STEP_S:g} ms unless said,\n"
-        "one core, without the settling before the start"
+        f"Cost against work. {trial.name}: {WALK_S:g} s, whole person, {1e3 * DEFAULT_STEP_S:g} "
+        "ms unless said,\none core, without the settling before the start"
     )
     save_figure(cost_figure(costs, title=title), arguments.out / "cost_against_work")
 
@@ -90,12 +91,14 @@ def write_table(path: Path, costs: Sequence[Cost]) -> None:
             )
 
 
-# What a walk costs against how finely it is modelled: step size, spheres, keel elements, free coordinates.
+# What a walk costs against how finely it is modelled: step size, spheres, keel elements, free
+# coordinates.
 #
-# Each family makes one thing finer and leaves the rest. A walk's cost is its wall time; beside it stands how far the
-# 40 Hz resultant of its ground reaction force on the prosthetic foot is from that of the finest of its family, since a
-# fast wrong number is worth nothing. Free coordinates change the motion itself: there each walk is compared with the
-# same one in the finest step. Times belong to the machine.
+# Each family makes one thing finer and leaves the rest. A walk's cost is its wall time; beside it
+# stands how far the 40 Hz resultant of its ground reaction force on the prosthetic foot is from
+# that of the finest of its family, since a fast wrong number is worth nothing. Free coordinates
+# change the motion itself: there each walk is compared with the same one in the finest step. Times
+# belong to the machine.
 
 
 WALK_S = 1.2
@@ -120,7 +123,8 @@ class Cost:
         family: "step", "spheres", "elements" or "free".
         size: what is varied: s for steps, else a count.
         label: the walk in words.
-        simulated_s: length of the walk. wall_s: of the whole run; settling_s: the part before the first step.
+        simulated_s: length of the walk. wall_s: of the whole run; settling_s: the part before the
+            first step.
         iterations: of Newton's method a step, mean. unconverged: steps.
         difference_bw: RMS of the difference of the 40 Hz resultants, fraction of body weight.
         against: what it is the difference from; empty where the walk is its own measure.
@@ -145,7 +149,8 @@ class Cost:
 
 @dataclass(eq=False)
 class _Job:
-    """One walk to measure; `measured` against another job, or against None if it is the finest itself."""
+    """One walk to measure; `measured` against another job, or against None if it is the finest
+    itself."""
 
     family: str
     size: float
@@ -161,12 +166,13 @@ class _Job:
 
 
 def measure_costs(trial: Trial, *, quick: bool = False, repeats: int = REPEATS) -> list[Cost]:
-    """All four families on `trial`, which must hold a stance of the prosthetic foot in its last `WALK_S`.
+    """All four families on `trial`, which must hold a stance of the prosthetic foot in its last
+    `WALK_S`.
 
     Args:
         quick: fewer members of each family.
-        repeats: rounds of all walks, in each of which a walk runs once, or for SHORTEST_ROUND_S if it is shorter. The
-            fastest counts; what else the machine does falls on all of them.
+        repeats: rounds of all walks, in each of which a walk runs once, or for SHORTEST_ROUND_S if
+            it is shorter. The fastest counts; what else the machine does falls on all of them.
 
     Raises:
         InputError, SimulationError: see `Walker`.
@@ -290,7 +296,8 @@ def _walked(walker: Walker, trial: Trial, window: tuple[float, float], step_s: f
 
 
 def _run(job: _Job, trial: Trial) -> None:
-    """The walk, and one of a single step, which takes as long as settling; short ones more than once."""
+    """The walk, and one of a single step, which takes as long as settling; short ones more than
+    once."""
     one = (job.window[0], job.window[0] + job.step_s)
     spent = 0.0
     while spent < SHORTEST_ROUND_S:
@@ -323,7 +330,8 @@ def _cost(trial: Trial, job: _Job) -> Cost:
 def resultant_40_hz(walk: Walk) -> np.ndarray:
     """(n,) N, every 4 ms from 4 ms after the start on: 40 Hz resultant on the prosthetic foot.
 
-    Filtered at the walk's own rate, but not above the 1 kHz of a force plate: where a filter begins depends on it.
+    Filtered at the walk's own rate, but not above the 1 kHz of a force plate: where a filter begins
+    depends on it.
     """
     plate_s = max(walk.step_s, _PLATE_S)
     force = walk.prosthetic.grf_W[round(plate_s / walk.step_s) - 1 :: round(plate_s / walk.step_s)]
@@ -331,7 +339,8 @@ def resultant_40_hz(walk: Walk) -> np.ndarray:
     return resultant[round(_COMPARED_S / plate_s) - 1 :: round(_COMPARED_S / plate_s)]
 
 
-# Cost against work in one figure: wall time per simulated second, with each walk's error written beside it.
+# Cost against work in one figure: wall time per simulated second, with each walk's error written
+# beside it.
 
 
 _PANELS = {
@@ -368,8 +377,9 @@ def cost_figure(costs: Sequence[Cost], *, title: str) -> Figure:
             axes.tick_params(labelbottom=True)
         axes.set_ylim(0.5 * min(heights), 2.0 * max(1.0, *heights))
         figure.suptitle(
-            f"{title}\nBeside each point: RMS of the difference of its 40 Hz resultant from the panel's finest, % of "
-            "body weight\n(free coordinates: from the same motion in the finest step)",
+            f"{title}\nBeside each point: RMS of the difference of its 40 Hz resultant from the "
+            "panel's finest, % of body weight\n(free coordinates: from the same motion in the "
+            "finest step)",
             x=0.01,
             ha="left",
             fontsize=9.5,

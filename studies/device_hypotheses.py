@@ -2,17 +2,18 @@
 
 Of each device:
 
-    bench       stiffness above 200 N at 66 to 151 mm, beside what is published, the tuned joints of the GaitModel_VSF
-                scripts for small loads and pressed from 200 to 600 N, the device's own closed form (an overhung beam,
-                small loads) and its keel in 64 elements
-    energy      strain of keel, support, foam and socket over a step, by part: embedded walks at three settings, the
-                foot's place fitted to each plate; and what one of them stores with the fulcrum elsewhere, its load kept
-                and its motion kept
+    bench       stiffness above 200 N at 66 to 151 mm, beside what is published, the tuned joints of
+                the GaitModel_VSF scripts for small loads and pressed from 200 to 600 N, the
+                device's own closed form (an overhung beam, small loads) and its keel in 64 elements
+    energy      strain of keel, support, foam and socket over a step, by part: embedded walks at
+                three settings, the foot's place fitted to each plate; and what one of them stores
+                with the fulcrum elsewhere, its load kept and its motion kept
     roll_over   radius and effective foot length under the loading profile of ISO 22675
-    fit         the joint fit of one soft and one stiff walk with the bench, keel or support free; errors of all walks
+    fit         the joint fit of one soft and one stiff walk with the bench, keel or support free;
+                errors of all walks
 
-The walks and the bench file of the fit are synthetic. The results are in studies/results/device_hypotheses.json. The
-whole takes a minute.
+The walks and the bench file of the fit are synthetic. The results are in
+studies/results/device_hypotheses.json. The whole takes a minute.
 """
 
 from __future__ import annotations
@@ -33,37 +34,32 @@ from contact_fit_study.cases import PAIR, TRIALS
 from contact_fit_study.keeping import made_by
 from floor_of_the_reference_subject import DATA, RESULTS, hashes
 
-from vsf_drake.analysis.bench_metrics import (
+from vsf_drake.base.errors import FitError, SimulationError
+from vsf_drake.base.files import resource, sha256, write_json
+from vsf_drake.base.schema import to_plain
+from vsf_drake.device.bench_metrics import (
     bench_table,
     closed_form_stiffness,
     tuned_joint_nm_per_rad,
 )
-from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, assess, solve
-from vsf_drake.analysis.offsets import fit_offsets
-from vsf_drake.analysis.validation.energy_ledger import (
-    FOOT_STRAINS,
-    REMAINDER,
-    prosthesis_energy,
-    stance_energy,
-)
-from vsf_drake.analysis.validation.energy_section import EnergyCase, walk_cases
-from vsf_drake.analysis.validation.roll_over_section import (
-    ISO_STEPS,
-    QUICK_ISO_STEPS,
-    iso_roll_over,
-)
-from vsf_drake.errors import FitError, SimulationError
-from vsf_drake.files import resource, sha256, write_json
+from vsf_drake.device.roll_over import iso_roll_over
+from vsf_drake.fit.assessment import assess
+from vsf_drake.fit.options import ContactFitOptions
+from vsf_drake.fit.problem import ContactFit
+from vsf_drake.fit.solution import solve
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
-from vsf_drake.model_file import load_model
+from vsf_drake.model.model_file import load_model
+from vsf_drake.model.parameters import GRAVITY, FootParameters, ModelParameters
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial import Trial
-from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
 from vsf_drake.plants.foot import with_elements
-from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, run_bench
 from vsf_drake.simulation.walk import Walker
+from vsf_drake.validation.energy_section import EnergyCase, walk_cases
+from vsf_drake.validation.roll_over_section import ISO_STEPS, QUICK_ISO_STEPS
+from vsf_drake.walks.energy_ledger import FOOT_STRAINS, REMAINDER, prosthesis_energy, stance_energy
+from vsf_drake.walks.offsets import fit_offsets
 
 SOFT = "../../models/soft_support.yaml"
 """By its path in the reference subject's folder, as the nominal model."""
@@ -73,7 +69,8 @@ TIER, WALKED = "laboratory", ("low_1", "medium_1", "high_1")
 POSITIONS_M = (*PUBLISHED_FULCRUMS_M[:-1], 0.150, PUBLISHED_FULCRUMS_M[-1])
 ELEMENTS = 64
 FINE_S, MOVED_S, SEARCH_S = 1.25e-4, 5e-4, 2e-3
-"""Steps: of the walks by part, of those with the fulcrum elsewhere, of the search for the height that keeps a load."""
+"""Steps: of the walks by part, of those with the fulcrum elsewhere, of the search for the height
+that keeps a load."""
 STARTS, SEED = 3, 0
 
 
@@ -126,8 +123,9 @@ def tell(name: str, found: dict[str, Any]) -> None:
     for row in found["energy"]["walks"]:
         parts = ", ".join(f"{part} {joule:.1f}" for part, joule in row["largest_j"].items())
         print(
-            f"{row['fulcrum_mm']:g} mm: stored {row['stored_j']:.1f} J, support {100 * row['support_share']:.1f} %, "
-            f"ledger within {100 * row['remainder_share']:.2f} %; largest {parts}"
+            f"{row['fulcrum_mm']:g} mm: stored {row['stored_j']:.1f} J, support "
+            f"{100 * row['support_share']:.1f} %, ledger within "
+            f"{100 * row['remainder_share']:.2f} %; largest {parts}"
         )
     if found["fit"]:
         print(
@@ -164,7 +162,8 @@ def bench(model: ModelParameters, *, quick: bool) -> dict[str, Any]:
 
 
 def _chain(foot: FootParameters, fulcrum_m: float) -> float:
-    """Stiffness (N/m) for small loads of the chain of elements as it is, with support and series spring."""
+    """Stiffness (N/m) for small loads of the chain of elements as it is, with support and series
+    spring."""
     keel = foot.keel
     return lumped_stiffness(
         bending_stiffness=keel.flexural_modulus_pa
@@ -178,8 +177,9 @@ def _chain(foot: FootParameters, fulcrum_m: float) -> float:
 
 
 def _pressed_joints(fulcrum_mm: float, *, series_n_per_m: float = 62.8e3) -> float:
-    """Stiffness (N/m) of the tuned joints as a bench tells it: mean slope from 200 to 600 N of a vertical load at
-    199 mm, rigid links between the joints, any deflection, with the series spring that small loads were given."""
+    """Stiffness (N/m) of the tuned joints as a bench tells it: mean slope from 200 to 600 N of a
+    vertical load at 199 mm, rigid links between the joints, any deflection, with the series spring
+    that small loads were given."""
     joints = [x for x in range(66, 199, 21) if x >= fulcrum_mm - 0.5]
     links, stiffness = 1e-3 * np.diff([*joints, 199]), tuned_joint_nm_per_rad(fulcrum_mm)
 
@@ -204,7 +204,8 @@ def on(trial: Trial, model: ModelParameters, *, quick: bool) -> Trial:
 
 
 def energy(model: ModelParameters, *, quick: bool) -> dict[str, Any]:
-    """By part over a step of each walk; and what the middle one stores with the fulcrum elsewhere."""
+    """By part over a step of each walk; and what the middle one stores with the fulcrum
+    elsewhere."""
     names = WALKED[1:2] if quick else WALKED
     trials = {name: on(inputs.trial(TIER, name), model, quick=quick) for name in names}
     middle = trials[WALKED[1]]
@@ -247,7 +248,8 @@ def energy(model: ModelParameters, *, quick: bool) -> dict[str, Any]:
 
 
 def by_part(trial: Trial, step_s: float) -> dict[str, Any]:
-    """The first stance: the foot's strain (J) by part when it is largest, and the largest of each part."""
+    """The first stance: the foot's strain (J) by part when it is largest, and the largest of each
+    part."""
     walker = Walker(trial.subject, trial.model)
     walk = walker.walk(
         trial.trajectory,

@@ -1,8 +1,10 @@
-"""The floor of the synthetic reference subject's trials: what the true foot itself gets wrong on noisy kinematics.
+"""The floor of the synthetic reference subject's trials: what the true foot itself gets wrong on
+noisy kinematics.
 
-The virtual prosthesis that made the plates walks once more with each trial's kinematics and is scored as a model is:
-on the exact tier (which must reproduce the plate), on the laboratory tier as recorded, with the errors taken off that
-all trials share, and with each trial's height fitted besides. A fit whose error lies below its floor fitted noise.
+The virtual prosthesis that made the plates walks once more with each trial's kinematics and is
+scored as a model is: on the exact tier (which must reproduce the plate), on the laboratory tier as
+recorded, with the errors taken off that all trials share, and with each trial's height fitted
+besides. A fit whose error lies below its floor fitted noise.
 """
 
 from __future__ import annotations
@@ -28,20 +30,28 @@ from virtual_laboratory.floor import (
     virtual_walk,
 )
 
-from vsf_drake.analysis.validation.study import REPEATS, SETTINGS
-from vsf_drake.files import sha256, write_json
+from vsf_drake.base.files import sha256, write_json
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.archive import provenance
+from vsf_drake.walks.embedded import REPEATS, SETTINGS
 
 RESULTS = Path(__file__).resolve().parent / "results"
 NOMINAL = "../../models/nominal.yaml"
 """Of trials that name no model, as the reference subject's; by its path in that folder."""
 KINDS = {
-    "exact": "the exact tier's kinematics and plate: zero but for the rounding of the files, or the route is wrong",
+    "exact": (
+        "the exact tier's kinematics and plate: zero but for the rounding of the files, or the "
+        "route is wrong"
+    ),
     "plate_noise": "the exact tier's kinematics, the laboratory tier's plate",
     "laboratory": "the laboratory tier's kinematics and plate, as recorded",
-    "shared_errors_removed": "the same without the errors that all trials share, for a fit that corrects those",
-    "height_fitted": "the same with the height of the trial fitted besides, for the very trial that a fit was given",
+    "shared_errors_removed": (
+        "the same without the errors that all trials share, for a fit that corrects those"
+    ),
+    "height_fitted": (
+        "the same with the height of the trial fitted besides, for the very trial that a fit was "
+        "given"
+    ),
 }
 LARGEST_ERROR_BW = 1e-3
 """In the exact tier, of the resultant: more means that this is not the walk that was recorded."""
@@ -110,7 +120,8 @@ def main() -> None:
 
 
 def hashes(trial: Trial) -> dict[str, str]:
-    """SHA-256 of the trial's files and of the nominal model by their path in the reference subject's folder."""
+    """SHA-256 of the trial's files and of the nominal model by their path in the reference
+    subject's folder."""
     folder = os.path.relpath(trial.path.parent, DATA)
     return {NOMINAL: sha256(DATA / NOMINAL)} | {
         Path(os.path.normpath(os.path.join(folder, name))).as_posix(): sha

@@ -1,9 +1,11 @@
-"""The resultant error of one walk over the whole travel of the fulcrum: is it smallest where the fulcrum stood?
+"""The resultant error of one walk over the whole travel of the fulcrum: is it smallest where the
+fulcrum stood?
 
-Without a manifest it walks the embedded trial at the middle setting, which is synthetic, with geometric offsets that
-were fitted to another trial, at the softest setting: no position of this one is favoured. `--quick` fits nothing.
-Finished walks are kept in the output folder: run it again after an interruption, or with more positions, and only what
-is missing is simulated. `vsf-drake sweep` does the same for any trials and variables.
+Without a manifest it walks the embedded trial at the middle setting, which is synthetic, with
+geometric offsets that were fitted to another trial, at the softest setting: no position of this one
+is favoured. `--quick` fits nothing. Finished walks are kept in the output folder: run it again
+after an interruption, or with more positions, and only what is missing is simulated. `vsf-drake
+sweep` does the same for any trials and variables.
 """
 
 from __future__ import annotations
@@ -14,16 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
-from vsf_drake.analysis.offsets import fit_offsets
-from vsf_drake.analysis.sweep_table import as_walk, scores
-from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.files import write_json
+from vsf_drake.base.files import write_json
+from vsf_drake.base.schema import to_plain
+from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trial import Trial, load_trial
-from vsf_drake.parameters import GRAVITY
 from vsf_drake.report import style as look
-from vsf_drake.schema import to_plain
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
+from vsf_drake.walks.comparison import PERCENT, Comparison, compare
+from vsf_drake.walks.embedded import embedded_trials
+from vsf_drake.walks.offsets import fit_offsets
+from vsf_drake.walks.sweep_table import as_walk, scores
 
 FIRST_MM, LAST_MM = 66.0, 151.0
 
@@ -60,13 +62,14 @@ def main() -> None:
             print(outcome.failure)
             continue
         compared.append((float(position), compare(as_walk(outcome), trial.prosthetic_plate)))
-        rows.append({"fulcrum_mm": round(1e3 * float(position), 6), **vars(scores(outcome))})
+        rows.append({"fulcrum_mm": round(1e3 * float(position), 6), **scores(outcome)})
         print("  ".join(f"{key} {value:.4g}" for key, value in rows[-1].items()))
     if not rows:
         raise SystemExit("every walk failed")
     best = min(rows, key=lambda row: row["grf_rmse_bw"])["fulcrum_mm"]
     print(
-        f"smallest resultant error at {best:g} mm; the fulcrum stood at {1e3 * trial.fulcrum_m:g} mm"
+        f"smallest resultant error at {best:g} mm; the fulcrum stood at "
+        f"{1e3 * trial.fulcrum_m:g} mm"
     )
     write_json(
         arguments.out / "fulcrum_sweep.json",
@@ -86,7 +89,8 @@ def main() -> None:
 
 
 def figure(trial: Trial, rows: list[dict], compared: list[tuple[float, Comparison]]) -> Any:
-    """Errors over the travel; vertical force and centre of pressure of a few positions beside what was measured."""
+    """Errors over the travel; vertical force and centre of pressure of a few positions beside what
+    was measured."""
     made = look.new_figure(10.0, 3.6)
     errors, force, cop = made.subplots(1, 3)
     place = [row["fulcrum_mm"] for row in rows]

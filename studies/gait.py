@@ -1,4 +1,5 @@
-"""One walk at several fulcrum positions: what would the same motion have done on a softer or a stiffer foot?
+"""One walk at several fulcrum positions: what would the same motion have done on a softer or a
+stiffer foot?
 
 Without a manifest it walks the embedded trial, which is synthetic.
 """
@@ -8,12 +9,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.analysis.offsets import fit_offsets
-from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.files import write_json
+from vsf_drake.base.files import write_json
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.walk import Walker
+from vsf_drake.walks.embedded import embedded_trials
+from vsf_drake.walks.metrics import walk_metrics
+from vsf_drake.walks.offsets import fit_offsets
 
 KEYS = (
     "grf_rmse_bw",

@@ -1,8 +1,10 @@
-"""Makes data/reference_subject: nine walks of a synthetic person in a virtual laboratory. Nobody walked them.
+"""Makes data/reference_subject: nine walks of a synthetic person in a virtual laboratory. Nobody
+walked them.
 
-Each trial is drawn at random (one seed), a whole-body motion is fitted to it whose force on a virtual prosthesis looks
-as people's does, and what that prosthesis then carries when the motion *as written* drives it is the recording.
-data/reference_subject/README.md says what the result is and is not. The same files come out again on the same machine.
+Each trial is drawn at random (one seed), a whole-body motion is fitted to it whose force on a
+virtual prosthesis looks as people's does, and what that prosthesis then carries when the motion *as
+written* drives it is the recording. data/reference_subject/README.md says what the result is and is
+not. The same files come out again on the same machine.
 """
 
 from __future__ import annotations
@@ -36,9 +38,9 @@ from virtual_laboratory.writing import (
     write_trial,
 )
 
+from vsf_drake.base.schema import load_yaml
+from vsf_drake.model.parameters import GRAVITY, Subject
 from vsf_drake.motion.trial import default_model
-from vsf_drake.parameters import GRAVITY, Subject
-from vsf_drake.schema import load_yaml
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "reference_subject"
 SEED = 1
@@ -107,7 +109,8 @@ def make(out: Path, wanted: list[Draw], draws: list[Draw], steps: int) -> None:
 
 
 def walk_trial(person: Person, prosthesis: Prosthesis, draw: Draw, steps: int) -> Recorded:
-    """One trial from its draw to its recording, whose draw is the one given that the forces suit the legs."""
+    """One trial from its draw to its recording, whose draw is the one given that the forces suit
+    the legs."""
     attempt = start(draw, base_motion)
     rise = rise_of_legs(person, attempt, set_stage(person, draw, prosthesis, attempt.time_s))
     draw = lifted(draw, rise)

@@ -1,10 +1,12 @@
-"""C3D files of the reference subject, to try `vsf-drake import` with: a standing trial, and a walk at each setting.
+"""C3D files of the reference subject, to try `vsf-drake import` with: a standing trial, and a walk
+at each setting.
 
     python studies/make_sample_c3d.py --out here
 
-They hold what markers/*.trc and exact/*_forces.mot of data/reference_subject hold, as a laboratory's system would write
-it: z up, mm, and two force plates in the floor (AMTI's kind: six channels, positive down), under the prosthetic foot's
-step and the intact foot's next one; what the feet do beside these plates no plate tells. SYNTHETIC: nobody walked.
+They hold what markers/*.trc and exact/*_forces.mot of data/reference_subject hold, as a
+laboratory's system would write it: z up, mm, and two force plates in the floor (AMTI's kind: six
+channels, positive down), under the prosthetic foot's step and the intact foot's next one; what the
+feet do beside these plates no plate tells. SYNTHETIC: nobody walked.
 """
 
 from __future__ import annotations
@@ -28,8 +30,8 @@ from vsf_drake.motion.trial import load_trial
 FOLDER = DATA / "c3d"
 WALKS = ("low_1", "medium_1", "high_1")
 DEPTH_M, MARGIN_M = 0.04, 0.12
-"""From a plate's surface to its sensors, and from the last place of the foot's centre of pressure to its edge (choices;
-the sole reaches 0.1 m beyond it)."""
+"""From a plate's surface to its sensors, and from the last place of the foot's centre of pressure
+to its edge (choices; the sole reaches 0.1 m beyond it)."""
 PLATE_CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
@@ -54,9 +56,8 @@ def write(name: str, folder: Path) -> Path:
     """One file; of a walk with the plates under the first whole stance of each foot."""
     recorded = read_trial(DATA / "markers" / f"{name}.trc")
     file = ezc3d.c3d()
-    points = 1e3 * np.stack([*recorded.markers.values()], axis=2).transpose(
-        1, 2, 0
-    )  # (3, markers, frames), mm
+    # (3, markers, frames), mm
+    points = 1e3 * np.stack([*recorded.markers.values()], axis=2).transpose(1, 2, 0)
     file["data"]["points"] = np.concatenate([points, np.ones((1, *points.shape[1:]))])
     point = file["parameters"]["POINT"]
     point["RATE"]["value"], point["UNITS"]["value"] = [recorded.marker_rate_hz], ["mm"]

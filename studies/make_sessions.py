@@ -1,10 +1,11 @@
-"""Makes data/sessions: what a gait laboratory would have recorded of three synthetic persons. Nobody walked.
+"""Makes data/sessions: what a gait laboratory would have recorded of three synthetic persons.
+Nobody walked.
 
-Each person (virtual_laboratory/people.py) walks with a foot of their own, moved and carried as the reference subject
-is; each session (virtual_laboratory/session.py) then gets wrong what laboratories do. Embedded are all persons at
-1.1 m/s; the other speeds are written on demand, with --out. data/sessions/README.md says what the result is and is not.
-The same files come out again on the same machine, however many processes make them; after Ctrl-C the same command goes
-on.
+Each person (virtual_laboratory/people.py) walks with a foot of their own, moved and carried as the
+reference subject is; each session (virtual_laboratory/session.py) then gets wrong what laboratories
+do. Embedded are all persons at 1.1 m/s; the other speeds are written on demand, with --out.
+data/sessions/README.md says what the result is and is not. The same files come out again on the
+same machine, however many processes make them; after Ctrl-C the same command goes on.
 """
 
 from __future__ import annotations
@@ -50,9 +51,9 @@ from virtual_laboratory.writing import (
     write_trial,
 )
 
+from vsf_drake.base.schema import to_plain
+from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trial import default_model
-from vsf_drake.parameters import GRAVITY
-from vsf_drake.schema import to_plain
 from vsf_drake.simulation.batch.cases import digest
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "sessions"
@@ -118,7 +119,8 @@ def main() -> None:
 
 
 def make(out: Path, wanted: list[Task], workers: int) -> None:
-    """Writes the trials `wanted` to `out`; finished ones of an interrupted run are not made again."""
+    """Writes the trials `wanted` to `out`; finished ones of an interrupted run are not made
+    again."""
     began = time.perf_counter()
     for person in dict.fromkeys(task.person for task in wanted):
         of_person(out / person.lower(), persons()[person])
@@ -129,7 +131,8 @@ def make(out: Path, wanted: list[Task], workers: int) -> None:
             for i, done in enumerate(as_completed(running), 1):
                 parts[running[done]] = done.result()
                 print(
-                    f"{i:3d}/{len(wanted)} {running[done].name} ({time.perf_counter() - began:.0f} s)",
+                    f"{i:3d}/{len(wanted)} {running[done].name} "
+                    f"({time.perf_counter() - began:.0f} s)",
                     flush=True,
                 )
         except BaseException:
@@ -140,10 +143,11 @@ def make(out: Path, wanted: list[Task], workers: int) -> None:
         out,
         {
             f"{table}.csv": {name: dict(sorted(row[table].items())) for name, row in rows.items()}
+            # sorted, as kept parts are
             for table in ("figures", "draws")
         },
         NOTICE,
-    )  # sorted, as kept parts are
+    )
     write_session_readme(out, rows)
     shutil.rmtree(out / ".made")
 

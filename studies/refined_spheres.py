@@ -1,7 +1,9 @@
-"""The same foot with more contact spheres (with more keel elements: `vsf_drake.plants.foot.with_elements`).
+"""The same foot with more contact spheres (with more keel elements:
+`vsf_drake.plants.foot.with_elements`).
 
-What tells a model of pieces from the foot that it stands for is that finer pieces change little. The refinement keeps
-what the foot is (what a zone bears, its outline, the contact laws) and only divides it further.
+What tells a model of pieces from the foot that it stands for is that finer pieces change little.
+The refinement keeps what the foot is (what a zone bears, its outline, the contact laws) and only
+divides it further.
 """
 
 from __future__ import annotations
@@ -10,21 +12,22 @@ import dataclasses
 
 import numpy as np
 
-from vsf_drake.errors import InputError
-from vsf_drake.parameters import ContactZone, FootParameters
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.parameters import ContactZone, FootParameters
 
 
 def with_spheres(foot: FootParameters, spheres: int) -> FootParameters:
-    """`foot` with `spheres` contact spheres, which fill the outline of each zone evenly instead of marking it.
+    """`foot` with `spheres` contact spheres, which fill the outline of each zone evenly instead of
+    marking it.
 
-    A zone's outline is the convex hull of its spheres' centres seen from above. The spheres are shared out in
-    proportion to what the zones have; a zone of one sphere keeps it, since a point has no inside. Stiffness and
-    damping of a zone are divided among its spheres, at any exponent. The pressure moves inwards, though: the few
-    spheres of a coarse zone stand on its outline.
+    A zone's outline is the convex hull of its spheres' centres seen from above. The spheres are
+    shared out in proportion to what the zones have; a zone of one sphere keeps it, since a point
+    has no inside. Stiffness and damping of a zone are divided among its spheres, at any exponent.
+    The pressure moves inwards, though: the few spheres of a coarse zone stand on its outline.
 
     Raises:
-        InputError: `spheres` is fewer than the foot has, or so few that a zone would lose a corner; the spheres of a
-            zone do not have one height.
+        InputError: `spheres` is fewer than the foot has, or so few that a zone would lose a corner;
+            the spheres of a zone do not have one height.
     """
     has = [len(zone.x_mm) for zone in foot.zones]
     if spheres == sum(has):
@@ -68,9 +71,11 @@ def _refined(zone: ContactZone, count: int) -> ContactZone:
 
 
 def fill(corners: np.ndarray, count: int) -> np.ndarray:
-    """(count, 2) points spread evenly over the convex hull of `corners` (m, 2), its corners among them.
+    """(count, 2) points spread evenly over the convex hull of `corners` (m, 2), its corners among
+    them.
 
-    They stand in rows along y, one through each corner, closest to squares; symmetric in y if the hull is.
+    They stand in rows along y, one through each corner, closest to squares; symmetric in y if the
+    hull is.
 
     Raises:
         InputError: `count` is too small to hold every corner.

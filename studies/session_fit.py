@@ -1,26 +1,36 @@
-"""What the contact fit, as it is, reaches on the synthetic persons of data/sessions, recorded as people are.
+"""What the contact fit, as it is, reaches on the synthetic persons of data/sessions, recorded as
+people are.
 
-Per person one fit of the softest and the stiffest first trial at 1.1 m/s with the person's own bench curves, nothing
-else told: judged by all other trials of the session, by the other speeds where they have been made (--data), and for A
-by the session of another day, measured anew. The passive foot of C is fitted to two trials of three without a bench.
-Every trial is predicted in three layers (physics, the person's own momentum, the fitted trials' discrepancy), the
-held-out ones of the session also with errors of hip and knee of their own. Beside each error stand the null model (the
-measured curve of a fitted trial, stretched to the measured times of stance, or to those that the physics predicts; or
-one interpolated between the fitted settings) and the floors of data/sessions/README.md. `code_scale` has A's and B's
-mean errors held out by the share of the model in the third layer, which was chosen by them. `third_person` has C's
-means by the layer that C's held-out trials earn, and by each.
+Per person one fit of the softest and the stiffest first trial at 1.1 m/s with the person's own
+bench curves, nothing else told: judged by all other trials of the session, by the other speeds
+where they have been made (--data), and for A by the session of another day, measured anew. The
+passive foot of C is fitted to two trials of three without a bench. Every trial is predicted in
+three layers (physics, the person's own momentum, the fitted trials' discrepancy), the held-out ones
+of the session also with errors of hip and knee of their own. Beside each error stand the null model
+(vsf_drake/walks/null_model.py: the measured curves of the fitted trials, interpolated between
+their settings and stretched to the measured times of stance; of the passive foot, which has one
+setting, the nearest single one), the same stretched to the times that the physics predicts, the
+nearest single curve, and the floors of data/sessions/README.md. `against_null` counts the walks and
+the sessions in which each layer is nearer than the null model. `code_scale` has A's and B's mean
+errors held out by the share of the model in the third layer, which was chosen by them.
+`third_person` has C's means by the layer that C's held-out trials earn, and by each.
 
-The first day's fits of A, B and C are made with ten seeds, which draw where the searches begin: `fits` of these
-`converged`. `ends` tells how far apart the ten end. `interval_coverage` is the share of true values in the 95 %
-intervals of the fits that converged: how the foot sits, and the constant errors of hip flexion, hip adduction and knee
-(virtual_laboratory/truth.py has what these are of, and what has no truth); under `intervals`, each by itself and those
-that a fit identifies (standard error at most half of the prior's). `as_found` counts instead what is wrong beyond what
-a session gives back: it lays the pelvis's path so that the ankle is right, and measures the foot in the shank as found,
-so that the recorded motion carries the foot nearly right where all its angles and joint centres are wrong. Ten seeds
-fit the same data: these are three persons, not thirty.
+The first day's fits of A, B and C are made with ten seeds, which draw where the searches begin:
+`fits` of these `converged`. `ends` tells how far apart the ten end. Ten seeds fit the same data, so
+that `intervals` counts three persons: how many true values lie in the 95 % intervals, of how the
+foot sits, and of the constant errors of hip flexion, hip adduction and knee
+(virtual_laboratory/truth.py has what these are of, and what has no truth), apart for those that a
+fit identifies (standard error at most half of the prior's) and those that it does not, where the
+interval is nearly the prior's. `binomial_95` takes the intervals for independent, which those of
+one person are not. `contained` is of the true segments; `contained_as_found` of what is wrong
+beyond what a session gives back: it lays the pelvis's path so that the ankle is right, and measures
+the foot in the shank as found, so that the recorded motion carries the foot nearly right where all
+its angles and joint centres are wrong.
 
-The results are in studies/results/session_fit.json; finished fits are kept beside the figures of the other study until
-the data or the sources change. About two minutes a fit that is judged, less of one that is not.
+The results are in studies/results/session_fit.json; finished fits are kept beside the figures of
+the other study until the data or the sources change. About two minutes a fit that is judged, less
+of one that is not. `--judge-again` keeps the stored fits and judges them anew, if the foot's
+physics gives the stored errors still.
 """
 
 from __future__ import annotations
@@ -31,7 +41,7 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
@@ -42,43 +52,39 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from contact_fit_study.binomial import counted
 from contact_fit_study.keeping import kept, made_by
 from floor_of_the_reference_subject import NOMINAL, RESULTS, hashes
 from make_reference_subject import DATA as REFERENCE
 from make_sessions import DATA, EMBEDDED, SPEEDS, draws, session
 from virtual_laboratory.truth import true_values
 
-from vsf_drake.analysis import discrepancy
-from vsf_drake.analysis.contact_fit import (
-    ContactFit,
-    ContactFitOptions,
-    ContactFitSolution,
-    assess,
-    solve,
-)
-from vsf_drake.analysis.contact_fit.assessment import HELD_OUT
-from vsf_drake.analysis.contact_fit.solution import JointEnd
-from vsf_drake.analysis.prediction import LAYERS, LayerScore, TrialLayers, layers_of
-from vsf_drake.analysis.validation.bench_lines import load_measured_bench
-from vsf_drake.contact_file import FittedContact
-from vsf_drake.errors import FitError, SimulationError
-from vsf_drake.files import plain, sha256, write_json
+from vsf_drake.base.errors import FitError, SimulationError
+from vsf_drake.base.files import plain, read_json, sha256, write_json
+from vsf_drake.device.bench_lines import load_measured_bench
+from vsf_drake.fit.assessment import HELD_OUT, assess
+from vsf_drake.fit.options import ContactFitOptions
+from vsf_drake.fit.problem import ContactFit
+from vsf_drake.fit.solution import ContactFitSolution, JointEnd, solve
+from vsf_drake.fit.solve import FitSearch, uncertainty_at
+from vsf_drake.model.contact_file import FittedContact
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.batch.cases import digest
 from vsf_drake.simulation.walk import Walker
+from vsf_drake.walks import discrepancy
+from vsf_drake.walks.prediction import LAYERS, SCORES, TrialLayers, layers_of
 
 PARTS = Path("results/session_fit")
 SEED, SEEDS = 0, 10
 NULLS = (
     "null_model_grf_rmse_bw",
     "null_model_predicted_times_grf_rmse_bw",
-    "null_model_interpolated_grf_rmse_bw",
+    "stretched_null_grf_rmse_bw",
 )
 CODE_SCALES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4)
 """Of the model in the third layer, tried on A and B."""
-SCORES = tuple(field.name for field in fields(LayerScore))
 THIRD = "c_day_1"
 QUICK = {"starts": 1, "tolerance": 0.01, "step_s": 4e-3, "report_step_s": 8e-3}
 FITTED, SAME, UNSEEN, SPEED, DAY = (
@@ -89,14 +95,15 @@ FITTED, SAME, UNSEEN, SPEED, DAY = (
     "another day",
 )
 FLOORS = ("floor_bw", "own_floor_bw")
-SEEN_ON_PEOPLE = {"held_out_grf_rmse_bw": (0.04, 0.09), "null_model_grf_rmse_bw": (0.02, 0.05)}
-"""What fits like these were left with on recordings of people, from and to; those recordings are not kept here."""
+SEEN_ON_PEOPLE = {"held_out_grf_rmse_bw": (0.04, 0.09), "stretched_null_grf_rmse_bw": (0.02, 0.05)}
+"""What fits like these were left with on recordings of people, from and to; those recordings are
+not kept here."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One fit: trials of a session by name in its folder of the embedded speed; the others judge it, but only with
-    SEED."""
+    """One fit: trials of a session by name in its folder of the embedded speed; the others judge
+    it, but only with SEED."""
 
     person: str
     day: int
@@ -151,11 +158,19 @@ def main() -> None:
     parser.add_argument(
         "--quick", action="store_true", help="one fit, coarsely, two trials judge; needs --out"
     )
+    parser.add_argument(
+        "--judge-again", action="store_true", help="judge the stored fits anew, without a search"
+    )
     arguments = parser.parse_args()
+    if arguments.judge_again and (arguments.quick or arguments.out or arguments.data != DATA):
+        parser.error("--judge-again is of the stored fits: give no other option but --workers")
     if not arguments.out and (arguments.quick or arguments.data != DATA):
         parser.error("a part of the study, or one of other data, must not replace it: give --out")
     out = arguments.out or RESULTS
     out.mkdir(parents=True, exist_ok=True)
+    if arguments.judge_again:
+        judge_again(out / "session_fit.json", arguments.workers)
+        return
     cases = CASES[:1] if arguments.quick else tuple(dict.fromkeys((*CASES, *REPEATED)))
     parts = (arguments.out or PARTS) / "parts"
     with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
@@ -166,26 +181,93 @@ def main() -> None:
     for part in found:
         inputs |= part.pop("inputs")
     by_case = dict(zip(cases, found, strict=True))
+    tell(
+        out / "session_fit.json",
+        by_case,
+        {**provenance(inputs, SEED), "sources": made_by("session_fit.py")},
+    )
+
+
+def tell(path: Path, by_case: dict[Case, dict[str, Any]], made: dict[str, Any]) -> None:
+    """Writes the results with their provenance, and prints a table."""
     fits = {case.name: part for case, part in by_case.items() if case.seed == SEED}
     repeated = {case: by_case[case] for case in REPEATED if case in by_case}
     write_json(
-        out / "session_fit.json",
+        path,
         {
             "synthetic": True,
             "definitions": __doc__,
             "seen_on_people": SEEN_ON_PEOPLE,
             "fits": len(repeated),
             "converged": sum(part["converged"] for part in repeated.values()),
-            **coverage(list(repeated.values())),
+            "intervals": coverage(repeated),
+            "against_null": against_null(fits),
             "ends": ends(repeated),
             "seeds": {case.name: part for case, part in repeated.items() if case.seed != SEED},
             "third_person": third_person(fits.get(THIRD, {})),
             "cases": fits,
-            "provenance": {**provenance(inputs, SEED), "sources": made_by("session_fit.py")},
+            "provenance": made,
         },
     )
     print(text_table(fits))
-    print(text_of_ends(ends(repeated), coverage(list(repeated.values()))))
+    print(text_of_ends(ends(repeated), coverage(repeated)))
+
+
+def judge_again(path: Path, workers: int) -> None:
+    """The stored fits, judged by today's sources; exits where the foot's physics gives other errors
+    than are stored."""
+    stored = read_json(path)
+    before = {**stored["cases"], **stored["seeds"]}
+    by_case = {case: before[case.name] for case in dict.fromkeys((*CASES, *REPEATED))}
+    judged = [case for case in by_case if case.seed == SEED and by_case[case]["converged"]]
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        for case, found in zip(
+            judged, pool.map(judged_anew, judged, [by_case[case] for case in judged]), strict=True
+        ):
+            for trial, row in found["trials"].items():
+                was, now = (
+                    of["layers"][LAYERS[0]]["grf_rmse_bw"]
+                    for of in (by_case[case]["trials"][trial], row)
+                )
+                if not abs(now - was) <= 1e-4 * was:
+                    sys.exit(
+                        f"{case.name}: {trial} has {now:.6g} by physics, stored {was:.6g}: fit "
+                        "again"
+                    )
+            by_case[case] = by_case[case] | found
+    numbers = "judged by these sources; the fits are of others, whose physics these give again"
+    tell(
+        path,
+        by_case,
+        {**stored["provenance"], "sources": {**made_by("session_fit.py"), "numbers": numbers}},
+    )
+
+
+def judged_anew(case: Case, stored: dict[str, Any]) -> dict[str, Any]:
+    """A stored fit's verdict at the values that it ended at."""
+    fit = fit_of(case, DATA)
+    u = fit.parameters.u(stored["values"])
+    at = fit.evaluate(u)
+    search = FitSearch(
+        start=u,
+        u=u,
+        start_cost=at.cost,
+        cost=at.cost,
+        success=True,
+        message=stored["ended"],
+        evaluations=1,
+        failed=0,
+    )
+    end = JointEnd(
+        u=u, evaluation=at, uncertainty=uncertainty_at(fit, u), searches=(search,), best=0
+    )
+    return judge(
+        case,
+        DATA,
+        ContactFitSolution(
+            fit=fit, success=True, message=stored["ended"], end=end, wall_s=stored["wall_s"]
+        ),
+    )
 
 
 def done(task: tuple[Case, Path, Path, bool]) -> dict[str, Any]:
@@ -227,39 +309,38 @@ def run(case: Case, data: Path, quick: bool) -> dict[str, Any]:
         if not solution.success:
             return {**told, "converged": False, "ended": solution.message}
         told["end"] = end_of(case, data, solution)
-        if case.seed != SEED:
-            return {**told, "converged": True, "ended": solution.message}
-        own = judging(case, data)[: 2 if quick else None]
-        here = [trial for trial in own if trial.subject == problem.trials[0].subject]
-        judged = assess(solution, here, sweep=False, leave_out=False, angle_errors=not quick)
-        assert judged.layers is not None
-        contact, step_s = judged.layers.teach(solution.contact()), problem.options.report_step_s
-        walkers = {trial.subject: walker_of(trial, contact) for trial in own if trial not in here}
-        layers = [
-            *judged.layers.trials,
-            *(
-                layers_of(
-                    trial,
-                    path_in(data, trial),
-                    contact,
-                    walker=walkers[trial.subject],
-                    step_s=step_s,
-                )
-                for trial in own
-                if trial not in here
-            ),
-        ]
+        told |= {"converged": True, "ended": solution.message}
+        return told if case.seed != SEED else told | judge(case, data, solution, quick)
     except (FitError, SimulationError) as error:
         return {**told, "converged": False, "ended": str(error)}
+
+
+def judge(
+    case: Case, data: Path, solution: ContactFitSolution, quick: bool = False
+) -> dict[str, Any]:
+    """What the fit is worth on all other trials."""
+    problem, own = solution.fit, judging(case, data)[: 2 if quick else None]
+    here = [trial for trial in own if trial.subject == problem.trials[0].subject]
+    judged = assess(solution, here, sweep=False, leave_out=False, angle_errors=not quick)
+    assert judged.layers is not None
+    contact, step_s = judged.layers.teach(solution.contact()), problem.options.report_step_s
+    walkers = {trial.subject: walker_of(trial, contact) for trial in own if trial not in here}
+    layers = [
+        *judged.layers.trials,
+        *(
+            layers_of(
+                trial, path_in(data, trial), contact, walker=walkers[trial.subject], step_s=step_s
+            )
+            for trial in own
+            if trial not in here
+        ),
+    ]
     every = [*problem.trials, *here, *(trial for trial in own if trial not in here)]
     trials = {
         path_in(data, trial): row(case, data, trial, found)
         for trial, found in zip(every, layers, strict=True)
     }
     return {
-        **told,
-        "converged": True,
-        "ended": solution.message,
         "values": solution.values,
         "bench_rmse_n_per_mm": judged.bench
         and judged.bench.stiffness
@@ -290,7 +371,7 @@ def scaled(
                 layers_of(trial, trial.name, contact, walker=walker, step_s=step_s)
                 for trial in trials
             ]
-        found[f"{scale:g}"] = mean_of(row.layers[LAYERS[-1]].grf_rmse_bw for row in rows)
+        found[f"{scale:g}"] = mean_of(row.error_in(LAYERS[-1]) for row in rows)
     return found
 
 
@@ -305,8 +386,8 @@ def fit_of(case: Case, data: Path, quick: bool = False) -> ContactFit:
 
 
 def end_of(case: Case, data: Path, solution: ContactFitSolution) -> dict[str, Any]:
-    """Where the searches ended, and the parameters with a truth; `cost_spread` is of those that converged, the highest
-    cost over the lowest less 1, with the priors as they were at first."""
+    """Where the searches ended, and the parameters with a truth; `cost_spread` is of those that
+    converged, the highest cost over the lowest less 1, with the priors as they were at first."""
     assert isinstance(solution.end, JointEnd)
     told, values = solution.end.uncertainty, solution.values
     costs = [one.cost for one in solution.end.searches[: solution.fit.joint.starts] if one.success]
@@ -347,49 +428,106 @@ def truths(case: Case, data: Path, as_found: bool = False) -> dict[str, float]:
     return true_values(session(person, case.day), trials, as_found=as_found)
 
 
-def coverage(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """How many 95 % intervals of the fits that converged hold the truth, over all and by parameter without its side;
-    None of no fit."""
-    rows: dict[str, list[dict[str, Any]]] = {}
-    for part in found:
-        for name, row in part["end"]["parameters"].items() if part["converged"] else ():
-            rows.setdefault(name.removesuffix("_r").removesuffix("_l"), []).append(row)
-    every = [row for of in rows.values() for row in of]
-    known = [row for row in every if row["identified"]]
+def coverage(repeated: dict[Case, dict[str, Any]]) -> dict[str, Any]:
+    """How many 95 % intervals hold the truth, of the segments and as found: once a person, by the
+    first seed that converged, since all seeds fit the same data; by whether the fit identifies the
+    parameter, and by parameter without its side."""
+    first: dict[str, dict[str, Any]] = {}
+    for case, part in repeated.items():
+        if part["converged"]:
+            first.setdefault(case.reported, part["end"]["parameters"])
+    told = [
+        (case.reported, part["end"]["parameters"])
+        for case, part in repeated.items()
+        if part["converged"]
+    ]
+    named: dict[str, list[dict[str, Any]]] = {}
+    for parameters in first.values():
+        for name, row in parameters.items():
+            named.setdefault(name.removesuffix("_r").removesuffix("_l"), []).append(row)
+    every = [row for of in named.values() for row in of]
+    groups = {
+        "identified": [row for row in every if row["identified"]],
+        "not_identified": [row for row in every if not row["identified"]],
+    }
     return {
-        "interval_coverage": mean_of(row["contained"] for row in every),
-        "interval_coverage_as_found": mean_of(row["contained_as_found"] for row in every),
-        "intervals": {
-            "parameters": {
-                name: {
-                    "n": len(of),
-                    "contained": sum(row["contained"] for row in of),
-                    "contained_as_found": sum(row["contained_as_found"] for row in of),
-                    "identified": sum(row["identified"] for row in of),
-                    "rms_off_in_standard_errors": float(
-                        np.sqrt(
-                            np.mean(
-                                [
-                                    ((row["value"] - row["truth"]) / row["standard_error"]) ** 2
-                                    for row in of
-                                ]
-                            )
-                        )
-                    ),
-                }
-                for name, of in rows.items()
-            },
-            "n": len(every),
-            "identified": len(known),
-            "share_contained_of_identified": mean_of(row["contained"] for row in known),
+        "persons": len(first),
+        **{
+            group: {
+                key: counted([row[key] for row in of])
+                for key in ("contained", "contained_as_found")
+            }
+            for group, of in groups.items()
         },
+        "parameters": {
+            name: {
+                "persons": len(of),
+                **{
+                    key: sum(row[key] for row in of)
+                    for key in ("contained", "contained_as_found", "identified")
+                },
+                "rms_off_in_standard_errors": float(
+                    np.sqrt(
+                        np.mean(
+                            [
+                                ((row["value"] - row["truth"]) / row["standard_error"]) ** 2
+                                for row in of
+                            ]
+                        )
+                    )
+                ),
+            }
+            for name, of in named.items()
+        },
+        "seeds_agree": all(
+            row[key] == first[reported][name][key]
+            for reported, parameters in told
+            for name, row in parameters.items()
+            for key in ("contained", "contained_as_found", "identified")
+        ),
     }
 
 
+def against_null(fits: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """In how many held-out walks of the sessions with two settings each layer is nearer to the
+    plate than the null model, and than the nearest single curve; in how many sessions on average;
+    on the persons' first days, and with the second day; at settings that were fitted and at those
+    that were not."""
+    sessions = {
+        name: fits[name]
+        for name in (case.name for case in CASES if not case.passive)
+        if fits.get(name, {}).get("mean")
+    }
+    told: dict[str, Any] = {}
+    for days, of in (
+        ("first_days", [part for name, part in sessions.items() if name.endswith("day_1")]),
+        ("with_second_day", [*sessions.values()]),
+    ):
+        told[days] = {"sessions": len(of)}
+        for role in (HELD_OUT, SAME, UNSEEN):
+            own = [part["mean"][role] for part in of if role in part["mean"]]
+            told[days][role.replace(" ", "_")] = {
+                "walks": sum(mean["n"] for mean in own),
+                **{
+                    layer: {
+                        "nearer": sum(mean["layers"][layer]["beats_null"] for mean in own),
+                        "nearer_than_single_curve": sum(
+                            mean["layers"][layer]["beats_stretched_null"] for mean in own
+                        ),
+                        "sessions_nearer_on_average": sum(
+                            mean["layers"][layer]["grf_rmse_bw"] < mean[NULLS[0]] for mean in own
+                        ),
+                    }
+                    for layer in LAYERS
+                },
+            }
+    return told
+
+
 def ends(repeated: dict[Case, dict[str, Any]]) -> dict[str, Any]:
-    """By person: how the ends of all seeds agree, of those that converged. `cost_spread` as of starts;
-    `largest_cost_spread_of_starts` within one fit; `largest_apart` by which two seeds differ in a parameter with a
-    truth, in the larger of their standard errors."""
+    """By person: how the ends of all seeds agree, of those that converged. `cost_spread` as of
+    starts; `largest_cost_spread_of_starts` within one fit; `largest_apart` by which two seeds
+    differ in a parameter with a truth, in the larger of their standard errors."""
     told: dict[str, Any] = {}
     for reported in dict.fromkeys(case.reported for case in repeated):
         parts = [part for case, part in repeated.items() if case.reported == reported]
@@ -423,7 +561,8 @@ def walker_of(trial: Trial, contact: FittedContact) -> Walker:
 
 
 def judging(case: Case, data: Path) -> list[Trial]:
-    """What judges: the other trials with this foot, of all days and speeds of this person that are there."""
+    """What judges: the other trials with this foot, of all days and speeds of this person that are
+    there."""
     files = sorted((data / case.person).glob("day_*/*/*.yaml"))
     own = {data / case.session / EMBEDDED / f"{name}.yaml" for name in case.fitted}
     return [
@@ -504,7 +643,7 @@ def means(trials: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
                         )
                         for of, null in (
                             ("beats_null", NULLS[0]),
-                            ("beats_interpolated_null", NULLS[2]),
+                            ("beats_stretched_null", NULLS[2]),
                         )
                     },
                 }
@@ -524,8 +663,8 @@ def mean_of(values: Iterable[float | None]) -> float | None:
 
 
 def third_person(part: dict[str, Any]) -> dict[str, Any] | None:
-    """What the person has on whom nothing was chosen, by the layer that the held-out trials earn and by each; None of
-    one without a fit."""
+    """What the person has on whom nothing was chosen, by the layer that the held-out trials earn
+    and by each; None of one without a fit."""
     mean = part.get("mean")
     if not mean:
         return None
@@ -558,7 +697,7 @@ def text_table(fits: dict[str, dict[str, Any]]) -> str:
         *(f"+ {layer}" for layer in LAYERS),
         "null",
         "null, pred.",
-        "null, between",
+        "single curve",
         "own floor",
         "CoP",
         "CoP lateral",
@@ -597,16 +736,26 @@ def text_of_ends(found: dict[str, Any], covered: dict[str, Any]) -> str:
             f"{100 * row['largest_cost_spread_of_starts']:.1f} % by start; values up to "
             f"{row['largest_apart']:.2f} standard errors"
         )
-    for name, row in covered["intervals"]["parameters"].items():
+    for name, row in covered["parameters"].items():
         lines.append(
-            f"{name:<28}truth in {row['contained']:>2} of {row['n']:>2} 95 % intervals, as found in "
-            f"{row['contained_as_found']:>2}; off by {row['rms_off_in_standard_errors']:.1f} standard errors"
+            f"{name:<28}truth in {row['contained']:>2} of {row['persons']:>2} 95 % intervals, as "
+            f"found in {row['contained_as_found']:>2}; off by "
+            f"{row['rms_off_in_standard_errors']:.1f} standard errors"
         )
-    if covered["interval_coverage"] is not None:
-        lines.append(
-            f"{'all':<28}{100 * covered['interval_coverage']:.0f} % of {covered['intervals']['n']}, as found "
-            f"{100 * covered['interval_coverage_as_found']:.0f} %"
-        )
+    for group in ("identified", "not_identified"):
+        for key, words in (("contained_as_found", "as found"), ("contained", "true segments")):
+            row = covered[group][key]
+            share = (
+                ""
+                if row["binomial_95"] is None
+                else " (binomial 95 %: {:.0f} to {:.0f} %)".format(
+                    *(100 * end for end in row["binomial_95"])
+                )
+            )
+            lines.append(
+                f"{group.replace('_', ' ') + ', ' + words:<30}{row['held']} of {row['n']} "
+                f"intervals of {covered['persons']} persons{share}"
+            )
     return "\n".join(lines)
 
 

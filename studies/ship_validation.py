@@ -1,13 +1,15 @@
-"""Makes data/validation again: the sections of the embedded study that take long, which come with the package."""
+"""Makes data/validation again: the sections of the embedded study that take long, which come with
+the package."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from vsf_drake.analysis import validation
-from vsf_drake.analysis.validation.run import LONG, SHIPPED, SectionStore, run_sections, shipped_key
-from vsf_drake.files import resource
+from vsf_drake import validation
+from vsf_drake.base.files import resource
+from vsf_drake.validation.run import LONG, SHIPPED, SectionStore, run_sections, shipped_key
+from vsf_drake.walks import embedded
 
 
 def main() -> None:
@@ -19,9 +21,9 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     study = validation.make_study(
-        validation.embedded_trials(),
-        contact=validation.embedded_contact(),
-        bench=validation.embedded_bench(),
+        embedded.embedded_trials(),
+        contact=embedded.embedded_contact(),
+        bench=embedded.embedded_bench(),
         options=validation.StudyOptions(full=not arguments.quick),
     )
     key = shipped_key(study)

@@ -1,7 +1,9 @@
-"""Standing still: does the ground carry the person's weight, and how much of it is under the prosthesis?
+"""Standing still: does the ground carry the person's weight, and how much of it is under the
+prosthesis?
 
-The subject of McGeehan et al. (2021) on either side at the softest and the stiffest setting, and with a prosthesis
-10 mm shorter and longer than the intact leg; the pelvis as free as stays up, and held upright.
+The subject of McGeehan et al. (2021) on either side at the softest and the stiffest setting, and
+with a prosthesis 10 mm shorter and longer than the intact leg; the pelvis as free as stays up, and
+held upright.
 """
 
 from __future__ import annotations
@@ -10,9 +12,9 @@ import argparse
 import dataclasses
 from pathlib import Path
 
-from vsf_drake.files import plain, resource, write_json
-from vsf_drake.model_file import load_model
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.base.files import plain, resource, write_json
+from vsf_drake.model.model_file import load_model
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.simulation.results import standing_table
 from vsf_drake.simulation.standing import simulate_standing
@@ -54,7 +56,8 @@ def main() -> None:
 
 
 def person(side: str, difference_m: float, model: ModelParameters) -> Subject:
-    """Male, 78.0 kg, 1.81 m, the prosthesis longer than the intact knee to sole by `difference_m`."""
+    """Male, 78.0 kg, 1.81 m, the prosthesis longer than the intact knee to sole by
+    `difference_m`."""
     subject = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side=side)
     length = scale_body(subject, model.foot, model.socket).prosthesis_length
     return dataclasses.replace(subject, prosthesis_length_m=length + difference_m)
@@ -66,9 +69,11 @@ def line(row: dict) -> str:
         f"{name.removeprefix('pelvis_')} {value:.0f}" for name, value in row["held_nm"].items()
     )
     return (
-        f"{row['prosthetic_side']:5s} {row['prosthesis_longer_mm']:+3.0f} mm  fulcrum {row['fulcrum_mm']:3.0f} mm  "
-        f"mean {row['mean_vertical_n']:.1f} of {row['weight_n']:.1f} N  prosthetic {row['prosthetic_share']:.0%}  "
-        f"list {row['pelvis_deg']['list']:+.1f} deg  drift {row['drift_mm']:.2f} mm  held (N m) {held or '-'}"
+        f"{row['prosthetic_side']:5s} {row['prosthesis_longer_mm']:+3.0f} mm  fulcrum "
+        f"{row['fulcrum_mm']:3.0f} mm  mean {row['mean_vertical_n']:.1f} of "
+        f"{row['weight_n']:.1f} N  prosthetic {row['prosthetic_share']:.0%}  list "
+        f"{row['pelvis_deg']['list']:+.1f} deg  drift {row['drift_mm']:.2f} mm  held (N m) "
+        f"{held or '-'}"
     )
 
 

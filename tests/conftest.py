@@ -5,17 +5,21 @@ from __future__ import annotations
 import contextlib
 import gc
 import io
+import itertools
 import os
 import re
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import checked
 import pytest
 from command_line import exit_code
 from made_trial import TrialFiles
 from once import once
 
-from vsf_drake.files import resource
+from vsf_drake.base.files import resource
 
 LONG = {
     "test_level2",
@@ -29,19 +33,85 @@ LONG = {
 """Files whose slow tests take a minute or more together."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Long files first, so that no worker waits for another's last one; xdist keeps that by --no-loadscope-reorder."""
+UNCHANGED = pytest.StashKey[set[str]]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """All slow tests, and note which passed."""
+    parser.addoption(
+        "--all",
+        action="store_true",
+        help="run slow tests whether or not anything that they stand on changed since they passed, "
+        "and note in tests/checked.json that they have",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Once in a run, before its workers start: which files are as they were when they passed."""
+    there = getattr(config, "workerinput", {}).get("unchanged")
+    if there is None and config.option.markexpr != "not slow":
+        now = checked.digests(checked.guarded(config.args))
+        there = set() if config.option.all else now.items() & checked.stored().items()
+        there = sorted(file for file, _ in there)
+        if config.option.all:
+            config.pluginmanager.register(checked.Passed(now))
+    config.stash[UNCHANGED] = set(there or ())
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node: Any) -> None:
+    """A worker of xdist is told."""
+    node.workerinput["unchanged"] = sorted(node.config.stash[UNCHANGED])
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    """What a plain `pytest` left out."""
+    if config.option.markexpr == "not slow":
+        terminalreporter.write_line(
+            "Not run: tests marked slow, which take minutes each (whole fits, studies, the "
+            "documentation, the browser). `pytest -m slow` runs those that stand on something that "
+            "changed since they passed; `pytest -m slow --all` runs all."
+        )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Slow tests that would do again what they did are skipped. Long files first, so that no worker
+    waits for another's last one; xdist keeps that by --no-loadscope-reorder."""
+    again = pytest.mark.skip(
+        reason="nothing that it stands on changed since it passed (tests/checked.json); "
+        "`pytest -m slow --all` runs it"
+    )
+    for item in items:
+        file, _, _ = item.nodeid.partition("::")
+        if file in config.stash[UNCHANGED] and item.get_closest_marker("slow"):
+            item.add_marker(again)
     items.sort(key=lambda item: item.path.stem not in LONG)
 
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
-    """The folder of public recordings: what VSF_DATA names, or `../shared/data` beside the checkout."""
+    """The folder of public recordings: what VSF_DATA names, or `../shared/data` beside the
+    checkout."""
     named = os.environ.get("VSF_DATA")
     folder = Path(named) if named else Path(__file__).resolve().parents[2] / "shared" / "data"
     if not folder.is_dir():
         pytest.skip(f"no recordings at {folder}: set VSF_DATA to the folder that holds them")
     return folder
+
+
+@pytest.fixture
+def hurried(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """From its call on every look at a clock is 10^6 s after the last one, as on a machine with far
+    too much to do."""
+
+    def hurry() -> None:
+        looks = itertools.count(1)
+        for clock in ("perf_counter", "monotonic", "time", "process_time"):
+            monkeypatch.setattr(time, clock, lambda: 1e6 * next(looks))
+
+    return hurry
 
 
 @pytest.fixture
@@ -52,7 +122,8 @@ def trial_files(tmp_path: Path) -> TrialFiles:
 
 @pytest.fixture(scope="session")
 def quick_fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A quick fit of the walk medium_1 and the measured curves of its foot; what it says stands in said.txt beside."""
+    """A quick fit of the walk medium_1 and the measured curves of its foot; what it says stands in
+    said.txt beside."""
     data = resource("data/reference_subject")
 
     def fit(folder: Path) -> None:
@@ -69,7 +140,8 @@ def quick_fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
-    """Runs the command line with words; returns exit code, standard output, and what it says of errors on one line."""
+    """Runs the command line with words; returns exit code, standard output, and what it says of
+    errors on one line."""
 
     def _run(*words: object) -> tuple[int, str, str]:
         code, captured = exit_code(*words), capsys.readouterr()
@@ -89,10 +161,9 @@ def quick_validation(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True, scope="module")
-def freed_on_this_thread() -> Iterator[None]:
-    """What earlier files left is freed here or not at all while a file's tests run: some objects of Drake's, a Meshcat
-    for one, end the process if the collector frees them on a thread that did not make them."""
+def freed_on_this_thread() -> None:
+    """What earlier files left is freed here or not at all: some objects of Drake's, a Meshcat for
+    one, end the process if the collector frees them on a thread that did not make them. What is
+    there now is not looked through again: it is millions of objects, for each of some 200 files."""
     gc.collect()
     gc.freeze()
-    yield
-    gc.unfreeze()

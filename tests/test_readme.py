@@ -1,4 +1,5 @@
-"""README and guide: Python runs outside the checkout with only the package installed, commands have these options."""
+"""README and guide: Python runs outside the checkout with only the package installed, commands have
+these options."""
 
 from __future__ import annotations
 
@@ -14,9 +15,18 @@ import pytest
 import typer
 from PIL import Image
 
-from vsf_drake.cli import device, doctor, fit, recordings, stiffness_map, study, sweep, tune  # noqa: F401
+from vsf_drake.cli import (  # noqa: F401
+    device,
+    doctor,
+    fit,
+    recordings,
+    stiffness_map,
+    study,
+    sweep,
+    tune,
+)
 from vsf_drake.cli.app import app
-from vsf_drake.parameters import FootParameters
+from vsf_drake.model.parameters import FootParameters
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -88,8 +98,9 @@ def test_bench_walk_and_validation_are_shown_and_what_it_imports_is_there():
 def test_blocks_run_outside_the_checkout_and_legs_come_to_rest_on_their_weight(tmp_path):
     """One process for all, each with names of its own.
 
-    Friction that creeps (in proportion to speed below its threshold) holds nothing at rest: what the landing bent in
-    hip and knee slides away, by one exponential of 0.8 s. Three equal steps of it tell where it ends (Aitken).
+    Friction that creeps (in proportion to speed below its threshold) holds nothing at rest: what
+    the landing bent in hip and knee slides away, by one exponential of 0.8 s. Three equal steps of
+    it tell where it ends (Aitken).
     """
     blocks = [block + LATER if block is LEG else block for block in BLOCKS]
     (tmp_path / "blocks.json").write_text(json.dumps(blocks), encoding="utf-8")

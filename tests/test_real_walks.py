@@ -1,9 +1,10 @@
 """Real walks of two laboratories, from joint angles or markers and force plates to the numbers.
 
-Nobody wears a prosthesis: one ankle is replaced by a foot that does not move at the ankle, so agreement with the plate
-is not the point; a plausible load of the right size, at the right time, from heel to toe, is. For joint angles the
-subject's lengths are measured on the recording's own markers (knee to ankle 0.42 m) and, where it shows none, rounded
-from OpenSim's generic model; for markers nothing is stated but body mass (where it is known), sex and side.
+Nobody wears a prosthesis: one ankle is replaced by a foot that does not move at the ankle, so
+agreement with the plate is not the point; a plausible load of the right size, at the right time,
+from heel to toe, is. For joint angles the subject's lengths are measured on the recording's own
+markers (knee to ankle 0.42 m) and, where it shows none, rounded from OpenSim's generic model; for
+markers nothing is stated but body mass (where it is known), sex and side.
 """
 
 from __future__ import annotations
@@ -17,16 +18,17 @@ import yaml
 from command_line import exit_code, read_json
 from scipy.signal import find_peaks
 
-from vsf_drake.analysis.metrics import OFFSETS_BW, UNFITTED_BW, walk_metrics
-from vsf_drake.analysis.offsets import fit_offsets
-from vsf_drake.files import resource
-from vsf_drake.model_file import load_model
+from vsf_drake.base.files import resource
+from vsf_drake.model.model_file import load_model
 from vsf_drake.motion.events import kinematic_stances, walking_direction
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.results import load_walk
 from vsf_drake.simulation.walk import simulate_trial
+from vsf_drake.walks.metrics import OFFSETS_BW, UNFITTED_BW, walk_metrics
+from vsf_drake.walks.null_model import KnownCurve
+from vsf_drake.walks.offsets import fit_offsets
 
 LENGTHS = {
     "stature_m": 1.80,
@@ -133,7 +135,8 @@ def test_walk_of_markers(simulated, name, side):
     )
     assert_events_agree(trial)
     assert abs(metrics["vertical_impulse_error"]) < 0.05 and metrics["unconverged_steps"] == 0
-    # An ankle that does not flex meets the ground a little early or late, as its angle was at that moment.
+    # An ankle that does not flex meets the ground a little early or late, as its angle was at that
+    # moment.
     assert abs(metrics["heel_strike_error_s"]) < 0.08 and abs(metrics["toe_off_error_s"]) < 0.08
     # The shear force stays near the plate's; a pelvis hung on loose joints made 0.16 BW of it.
     assert metrics["fore_aft_rmse_bw"] < 0.09
@@ -168,12 +171,14 @@ def test_unfitted_walks_are_worth_what_simulate_says(simulated):
 
 
 def assert_as_good_as_the_published_angles(simulated, side, trial, metrics, result):
-    """The same person and foot from OpenSim's own joint angles, a half sine and the support that yields beside it.
+    """The same person and foot from OpenSim's own joint angles, a half sine and the support that
+    yields beside it.
 
-    The foot has no ankle, the person had one: no foot follows the plate here, so what is asked is relative. A quarter
-    more is what 0.9 degrees of other errors in hip and knee make of it (as squares, 11.9 % of body weight a degree). A
-    half sine knows when the plate was loaded and how much, but not that the force has two humps. And a support that
-    sinks 10 mm under the forefoot's load gives way as an ankle does, where the stiff one does not.
+    The foot has no ankle, the person had one: no foot follows the plate here, so what is asked is
+    relative. A quarter more is what 0.9 degrees of other errors in hip and knee make of it (as
+    squares, 11.9 % of body weight a degree). A half sine knows when the plate was loaded and how
+    much, but not that the force has two humps. And a support that sinks 10 mm under the forefoot's
+    load gives way as an ankle does, where the stiff one does not.
     """
     by_angles = simulated("angles", side)[1]
     assert metrics["grf_rmse_bw"] < 1.25 * by_angles["grf_rmse_bw"]
@@ -185,7 +190,9 @@ def assert_as_good_as_the_published_angles(simulated, side, trial, metrics, resu
     )
     mean_bw = plate.force_W[on, 2].mean() / metrics["body_weight_n"]
     half_sine = walk_metrics(
-        result, plate, null_curve=0.5 * np.pi * mean_bw * np.sin(np.linspace(0.0, np.pi, 101))
+        result,
+        plate,
+        others=[KnownCurve(0.0, 0.5 * np.pi * mean_bw * np.sin(np.linspace(0.0, np.pi, 101)))],
     )
     assert metrics["grf_rmse_bw"] < half_sine.null_model_grf_rmse_bw
     yielding = dataclasses.replace(trial, model=load_model(resource("models/soft_support.yaml")))

@@ -16,13 +16,13 @@ from virtual_laboratory.polish import forward, polish, shank_poses
 from virtual_laboratory.prosthesis import prosthesis_of
 from virtual_laboratory.targets import draw_trials, prosthetic_force
 
+from vsf_drake.base.schema import load_yaml
+from vsf_drake.model.parameters import Subject
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import default_model, load_trial
-from vsf_drake.parameters import Subject
 from vsf_drake.plants.person import add_person
-from vsf_drake.schema import load_yaml
 
 FOLDER = Path(__file__).resolve().parents[1] / "data" / "reference_subject"
 SETTINGS = {"low": (66, 0.73, 0.02), "medium": (108, 0.79, 0.01), "high": (151, 0.71, 0.02)}
@@ -91,8 +91,9 @@ def test_everything_says_that_it_is_synthetic_and_the_folder_is_small(trials, me
 
 
 def test_stances_last_as_long_as_published_and_trials_of_one_setting_differ_as_real_ones_do(trials):
-    """Times within 2.5 standard deviations each (drawn within 1.6, walked within some ms of it), their mean within one;
-    one trial's resultant stretched to another's stance misses it by 2 % of body weight or more."""
+    """Times within 2.5 standard deviations each (drawn within 1.6, walked within some ms of it),
+    their mean within one; one trial's resultant stretched to another's stance misses it by 2 % of
+    body weight or more."""
     for setting, (_, mean, deviation) in SETTINGS.items():
         times, curves = [], []
         for trial in (trials[f"{setting}_{i}"] for i in (1, 2, 3)):
@@ -108,14 +109,14 @@ def test_stances_last_as_long_as_published_and_trials_of_one_setting_differ_as_r
             and len(set(np.round(times, 3))) == 3
         )
         for one, other in itertools.combinations(curves, 2):
-            assert (
-                np.sqrt(np.mean((one - other) ** 2)) > 0.02
-            )  # as little as two strides of one person
+            # as little as two strides of one person
+            assert np.sqrt(np.mean((one - other) ** 2)) > 0.02
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_forces_are_those_of_walking_on_a_prosthesis(trials, name):
-    """Two humps of the vertical force and nothing else; the load runs from heel to toe and never back."""
+    """Two humps of the vertical force and nothing else; the load runs from heel to toe and never
+    back."""
     trial = trials[name]
     force, part, cop = forces(trial), parts(trial), trial.prosthetic_plate.cop_W
     inside = force[(part > 0.03) & (part < 0.97), 2]
@@ -141,8 +142,8 @@ def test_forces_are_those_of_walking_on_a_prosthesis(trials, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_pelvis_and_joints_move_as_those_of_a_walker(trials, name):
-    """The pelvis keeps within 3 cm of a uniform speed from one prosthetic strike to the next; in this time the plates
-    make the walker faster or slower by no more than 3 % of the speed."""
+    """The pelvis keeps within 3 cm of a uniform speed from one prosthetic strike to the next; in
+    this time the plates make the walker faster or slower by no more than 3 % of the speed."""
     trial = trials[name]
     time, names = trial.prosthetic_plate.time_s, trial.trajectory.names
     values, _, acceleration = trial.trajectory.sample(time)
@@ -159,14 +160,16 @@ def test_pelvis_and_joints_move_as_those_of_a_walker(trials, name):
     assert abs(np.trapezoid(push[stride], time[stride])) / 78.0 < 0.03
     assert 0.02 < np.ptp(values[:, names.index("pelvis_ty")]) < 0.08
     part = parts(trial)
-    # At least what textbooks give, less than without a prosthesis (data/published/walking_bands.csv, Schwartz 2008).
+    # At least what textbooks give, less than without a prosthesis
+    # (data/published/walking_bands.csv, Schwartz 2008).
     assert 5.0 < q["knee_angle_r"][(part > 0.05) & (part < 0.4)].max() < 16.2
     for knee in (q["knee_angle_r"], q["knee_angle_l"]):
         assert 50.0 < knee.max() < 70.0 and knee.min() > -3.0
     assert 3.0 < np.ptp(q["pelvis_list"]) < 15.0 and 3.0 < np.ptp(q["pelvis_rotation"]) < 16.0
     for joint in ("knee_adduction_r", "knee_adduction_l", "hip_adduction_r", "hip_adduction_l"):
         assert np.abs(q[joint]).max() < 12.0, joint
-    # No angle is accelerated by more than a fast walker's knee, 150 rad/s²; no pelvis by more than 1 g.
+    # No angle is accelerated by more than a fast walker's knee, 150 rad/s²; no pelvis by more than
+    # 1 g.
     assert np.abs(acceleration).max() < 150.0
     moved = [names.index(n) for n in ("pelvis_tx", "pelvis_ty", "pelvis_tz")]
     assert np.abs(acceleration[:, moved]).max() < 9.81
@@ -188,8 +191,8 @@ def lowest(person, sites, trial, times):
 
 
 def test_intact_foot_carries_the_rest_a_step_width_beside_and_swings_clear_of_the_floor(trials):
-    """Over 5 mm from 0.1 s after its toe-off to 0.15 s before its strike, as `test_balance` asks of each speed;
-    later it comes down early, a known weakness. No deeper than 15 mm when it stands."""
+    """Over 5 mm from 0.1 s after its toe-off to 0.15 s before its strike, as `test_balance` asks of
+    each speed; later it comes down early, a known weakness. No deeper than 15 mm when it stands."""
     plant = MultibodyPlant(0.0)
     sites = add_person(plant, trials["low_1"].subject, trials["low_1"].model).intact_sites
     plant.Finalize()
@@ -229,7 +232,8 @@ def errors(trials, measured, names):
 def test_laboratory_misplaces_its_markers_once_for_all_trials_and_each_trial_a_little(
     trials, measured
 ):
-    """Constants of twelve angles of 1.2 degrees (standard deviation), curves of 0.5: as near as twelve draws come."""
+    """Constants of twelve angles of 1.2 degrees (standard deviation), curves of 0.5: as near as
+    twelve draws come."""
     curve = errors(trials, measured, PLACED)
     off = curve.mean(axis=1)
     assert off.mean(axis=0).std() == pytest.approx(1.2, rel=0.6)
@@ -255,7 +259,8 @@ def test_laboratory_plates_have_two_newtons_of_noise(trials, measured):
 
 
 def test_markers_are_where_the_coordinates_put_them(trials):
-    """The shank's markers stay as far apart as they are, walking or standing, to the rounding of the file."""
+    """The shank's markers stay as far apart as they are, walking or standing, to the rounding of
+    the file."""
     still = read_trial(FOLDER / "markers" / "static.trc")
     walk = read_trial(FOLDER / "markers" / "medium_1.trc")
     assert set(walk.markers) == set(still.markers) and walk.marker_rate_hz == pytest.approx(100.0)
@@ -280,7 +285,8 @@ def test_markers_are_where_the_coordinates_put_them(trials):
 
 
 def test_what_drove_the_prosthesis_gives_its_plate_again():
-    """Same machine, same force; on another processor the last digits may differ, the walk does not."""
+    """Same machine, same force; on another processor the last digits may differ, the walk does
+    not."""
     subject, trial = (
         load_yaml(FOLDER / "subject.yaml", Subject),
         load_trial(FOLDER / "exact" / "high_1.yaml"),
@@ -293,8 +299,9 @@ def test_what_drove_the_prosthesis_gives_its_plate_again():
 
 @pytest.mark.slow
 def test_a_motion_is_made_to_carry_the_wished_force():
-    """Each correction aims at seven tenths of the error and leaves four fifths or less; a recording has had eight.
-    In one call, as there: what balances the body at its end does not follow the force; a next call starts from it."""
+    """Each correction aims at seven tenths of the error and leaves four fifths or less; a recording
+    has had eight. In one call, as there: what balances the body at its end does not follow the
+    force; a next call starts from it."""
     draw, subject = (
         draw_trials(SEED)[NAMES.index("high_1")],
         load_yaml(FOLDER / "subject.yaml", Subject),

@@ -5,8 +5,8 @@
     foot       FootParameters, add_foot, wire_foot: the foot in a Drake diagram of your own
     bench      ModelParameters, run_bench, bench_table: load, displacement, stiffness
     a walk     load_trial, load_contact, trial_with, simulate_trial, walk_metrics
-    to data    fit_offsets; ContactFit and fit_contact (`vsf_drake.analysis.contact_fit.solve`)
-    stiffness  StiffnessTuning and tune_stiffness (`vsf_drake.analysis.tuning.level1.solve`)
+    to data    fit_offsets; ContactFit and fit_contact (`solve` of `vsf_drake.fit`)
+    stiffness  StiffnessTuning and tune_stiffness (`vsf_drake.tuning.solve`)
     studies    make_study; WalkCase and simulate_batch: many walks at once
     files      resource: a file that comes with the package
 
@@ -14,32 +14,33 @@ Each is loaded when it is first used. All else has its place in the modules belo
 """
 
 _HOMES = {
-    "ContactFit": "analysis.contact_fit",
-    "FootParameters": "parameters",
-    "ModelParameters": "parameters",
-    "StiffnessTuning": "analysis.tuning.level1",
+    "ContactFit": "fit.problem",
+    "FootParameters": "model.parameters",
+    "ModelParameters": "model.parameters",
+    "StiffnessTuning": "tuning.problem",
     "WalkCase": "simulation.batch",
     "add_foot": "plants",
-    "bench_table": "analysis.bench_metrics",
-    "fit_contact": "analysis.contact_fit:solve",
-    "fit_offsets": "analysis.offsets",
-    "load_contact": "contact_file",
+    "bench_table": "device.bench_metrics",
+    "fit_contact": "fit.solution:solve",
+    "fit_offsets": "walks.offsets",
+    "load_contact": "model.contact_file",
     "load_trial": "motion.trial",
-    "make_study": "analysis.validation",
-    "resource": "files",
+    "make_study": "validation",
+    "resource": "base.files",
     "run_bench": "simulation.bench",
     "simulate_batch": "simulation.batch",
     "simulate_trial": "simulation.walk",
     "trial_with": "motion.fitted_trial",
-    "tune_stiffness": "analysis.tuning.level1:solve",
-    "walk_metrics": "analysis.metrics",
+    "tune_stiffness": "tuning.solve:solve",
+    "walk_metrics": "walks.metrics",
     "wire_foot": "plants",
 }
 __all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> object:
-    from importlib import import_module, metadata  # noqa: PLC0415 (itself most of what an import would take)
+    # itself most of what an import would take
+    from importlib import import_module, metadata  # noqa: PLC0415
 
     if name == "__version__":
         value = metadata.version("vsf-drake")

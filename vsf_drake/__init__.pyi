@@ -1,21 +1,21 @@
 # What a type checker sees of `__init__.py`: the names, and no others.
-from vsf_drake.analysis.bench_metrics import bench_table
-from vsf_drake.analysis.contact_fit import ContactFit
-from vsf_drake.analysis.contact_fit.solution import solve as fit_contact
-from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.analysis.offsets import fit_offsets
-from vsf_drake.analysis.tuning.level1 import StiffnessTuning
-from vsf_drake.analysis.tuning.level1.solve import solve as tune_stiffness
-from vsf_drake.analysis.validation import make_study
-from vsf_drake.contact_file import load_contact
-from vsf_drake.files import resource
+from vsf_drake.base.files import resource
+from vsf_drake.device.bench_metrics import bench_table
+from vsf_drake.fit.problem import ContactFit
+from vsf_drake.fit.solution import solve as fit_contact
+from vsf_drake.model.contact_file import load_contact
+from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
 from vsf_drake.simulation.bench import run_bench
 from vsf_drake.simulation.walk import simulate_trial
+from vsf_drake.tuning.problem import StiffnessTuning
+from vsf_drake.tuning.solve import solve as tune_stiffness
+from vsf_drake.validation import make_study
+from vsf_drake.walks.metrics import walk_metrics
+from vsf_drake.walks.offsets import fit_offsets
 
 __all__ = [
     "ContactFit",

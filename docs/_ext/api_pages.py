@@ -19,16 +19,22 @@ LAYERS = {
     "motion": "Motion: recordings in, joint trajectories out",
     "simulation": "Simulation: the stepper, Drake's Simulator, results on disk",
     "collocation": "Collocation: optimal control of any trajectory problem",
-    "analysis": "Analysis: metrics, fits, tuning, validation",
+    "walks": "Walks: a recorded trial walked and compared",
+    "recording": "Recording: import and checks of a laboratory's files",
+    "fit": "Fit: contact, geometry and errors of motion to plates",
+    "device": "Device: the foot with nobody on it",
+    "tuning": "Tuning: stiffness for a person whose motion stays",
+    "optimal_control": "Optimal control: stiffness for a person who adapts",
+    "validation": "Validation: one module a chapter",
     "report": "Report: figures and pages of saved results",
     "cli": "Command line",
+    "model": "Model: device, person, contact, ground, bench, scenario",
+    "base": "Base: errors, files, records, tables, sentences",
 }
-OWN_PAGES = ("laws", "systems", "plants", "parameters")
+OWN_PAGES = ("laws", "systems", "plants", "model")
 """Layers whose modules have a page each; in the others a package is one page."""
 SHOWN_PRIVATE = ("vsf_drake.systems._system",)
 """Private modules whose class every system shows: `GetParameter`, `SetParameters`."""
-BESIDE = "parameters"
-BESIDE_TITLE = "Parameters, files, errors"
 
 
 def public_modules() -> list[ModuleType]:
@@ -40,12 +46,12 @@ def public_modules() -> list[ModuleType]:
 
 def layer(name: str) -> str:
     """The layer of the module `name`."""
-    part = name.split(".")[1]
-    return part if part in LAYERS else BESIDE
+    return name.split(".")[1]
 
 
 def page_of(name: str) -> str:
-    """The page that the module `name` stands on: its own where layers are to be composed, else its package's."""
+    """The page that the module `name` stands on: its own where layers are to be composed, else its
+    package's."""
     own = (
         layer(name) in OWN_PAGES
         or importlib.util.find_spec(name).submodule_search_locations is not None
@@ -105,8 +111,8 @@ def index(title: str, modules: list[str]) -> str:
 
 
 def write(folder: Path, modules: list[ModuleType], more: dict[str, str]) -> None:
-    """Writes pages and indices, and `more` by file name, into `folder`; what has not changed is left alone, what no
-    longer exists goes."""
+    """Writes pages and indices, and `more` by file name, into `folder`; what has not changed is
+    left alone, what no longer exists goes."""
     folder.mkdir(exist_ok=True)
     grouped: dict[str, list[ModuleType]] = {}
     for module in modules:
@@ -116,11 +122,10 @@ def write(folder: Path, modules: list[ModuleType], more: dict[str, str]) -> None
         for name, group in grouped.items()
         if any(m.__doc__ for m in group)
     }
-    titles = LAYERS | {BESIDE: BESIDE_TITLE}
     names = [name.removesuffix(".rst") for name in pages]
-    for key, title in titles.items():
+    for key, title in LAYERS.items():
         pages[f"{key}.rst"] = index(title, [name for name in names if layer(name) == key])
-    pages = pages | more | {"index.rst": index("API reference", list(titles))}
+    pages = pages | more | {"index.rst": index("API reference", list(LAYERS))}
     for old in folder.iterdir():
         if old.name not in pages:
             old.unlink() if old.is_file() else shutil.rmtree(old)

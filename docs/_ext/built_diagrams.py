@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydrake.systems.framework import PortDataType
 
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.plants.bench import BenchDiagram, RollOverDiagram, make_bench, make_roll_over_machine
 from vsf_drake.plants.gait import GaitDiagram, make_gait
 
@@ -13,7 +13,8 @@ SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="rig
 
 
 def build(cls: type) -> object:
-    """The diagram of the class `cls` with the model's default parameters and every coordinate prescribed.
+    """The diagram of the class `cls` with the model's default parameters and every coordinate
+    prescribed.
 
     Raises:
         KeyError: it is none of those.

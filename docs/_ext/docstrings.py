@@ -36,7 +36,8 @@ def template_systems(module: ModuleType) -> dict[str, TemplateSystem]:
 
 
 def show_what_is_wrapped(modules: list[ModuleType]) -> None:
-    """Gives template systems the name and the arguments they are used by; puts functions in place of compiled ones.
+    """Gives template systems the name and the arguments they are used by; puts functions in place
+    of compiled ones.
 
     For the process that builds the documentation, and no other.
     """
@@ -68,7 +69,8 @@ def role(
     options: Any = None,
     content: Any = (),
 ) -> tuple[list[nodes.Node], list[nodes.Node]]:
-    """`text` as code, and as a link where the module that is being shown knows a thing of this package by that name."""
+    """`text` as code, and as a link where the module that is being shown knows a thing of this
+    package by that name."""
     environment = inliner.document.settings.env
     shown = nodes.literal(rawtext, text, classes=["py"])
     target = known_name(text, environment.ref_context.get("py:module"))
@@ -87,7 +89,8 @@ def role(
 
 
 def known_name(text: str, module_name: str | None) -> str | None:
-    """Full name of what `text` means in a module: defined or imported there, a system or a builder, or a full name."""
+    """Full name of what `text` means in a module: defined or imported there, a system or a builder,
+    or a full name."""
     if not re.fullmatch(r"[A-Za-z_][\w.]*", text):
         return None
     if text.startswith("vsf_drake."):
@@ -106,13 +109,12 @@ def known_name(text: str, module_name: str | None) -> str | None:
 
 
 def process(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Indented paragraphs (equations, sketches) as they stand; scalar types of a system; a table of quantities."""
+    """Indented paragraphs (equations, sketches) as they stand; scalar types of a system; a table of
+    quantities."""
     lines[:] = with_literal_blocks(lines)
     if what in ("data", "attribute", "property"):
-        lines[:0] = [
-            "..",
-            "",
-        ]  # a comment: else napoleon takes what stands before a colon in the first line for a type
+        # a comment: else napoleon takes what stands before a colon in the first line for a type
+        lines[:0] = ["..", ""]
     if what == "class":
         if port_text.port_block(obj.__doc__):
             at = next(i for i, line in enumerate(lines) if line.startswith(("Inputs:", "Outputs:")))
@@ -123,14 +125,18 @@ def process(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[
             types = ", ".join(T[0].__name__ for T in template.param_list)
             lines += [
                 "",
-                f"Scalar types: {types}, as ``{obj.__name__}_[T]``; ``{obj.__name__}`` is that of float.",
+                (
+                    f"Scalar types: {types}, as ``{obj.__name__}_[T]``; ``{obj.__name__}`` is that "
+                    "of float."
+                ),
             ]
         if dataclasses.is_dataclass(obj):
             lines += quantity_table(obj)
 
 
 def skip(app: Any, what: str, name: str, obj: Any, skipped: bool, options: Any) -> bool | None:
-    """Leaves out the fields of a named tuple, which its signature shows, and the conversions that every system has."""
+    """Leaves out the fields of a named tuple, which its signature shows, and the conversions that
+    every system has."""
     field = (getattr(obj, "__doc__", None) or "").startswith("Alias for field number")
     return (
         True if field or name.startswith(("ToAutoDiffXd", "ToSymbolic", "ToScalarType")) else None
@@ -138,12 +144,11 @@ def skip(app: Any, what: str, name: str, obj: Any, skipped: bool, options: Any) 
 
 
 def with_literal_blocks(lines: list[str]) -> list[str]:
-    """Equations and sketches, which a docstring only indents, as literal blocks; elsewhere no sign is markup but `."""
+    """Equations and sketches, which a docstring only indents, as literal blocks; elsewhere no sign
+    is markup but `."""
     shown: list[str] = []
-    before, state = (
-        "",
-        "text",
-    )  # the last line at the margin, and where we are: text, kept or literal
+    # the last line at the margin, and where we are: text, kept or literal
+    before, state = "", "text"
     for line in lines:
         blank = not line.strip()
         if not blank and not line.startswith("  "):
@@ -163,7 +168,8 @@ def with_literal_blocks(lines: list[str]) -> list[str]:
 
 
 def _without_markup(line: str) -> str:
-    """Stars, bars and final underscores as they are, outside of backticks; a list keeps its bullet."""
+    """Stars, bars and final underscores as they are, outside of backticks; a list keeps its
+    bullet."""
     bullet = re.match(r"\s*\* ", line)
     start = bullet.end() if bullet else 0
     parts = re.split(r"(`+[^`]*`+)", line[start:])

@@ -1,4 +1,5 @@
-"""Two pages of reference: every key of every YAML file, from its schema, and every option of every command."""
+"""Two pages of reference: every key of every YAML file, from its schema, and every option of every
+command."""
 
 from __future__ import annotations
 
@@ -16,8 +17,6 @@ from typing import Any
 import typer
 import typer.main
 
-from vsf_drake.analysis.tuning.schedule import _TaskFile
-from vsf_drake.bench_curves import _BenchFile
 from vsf_drake.cli import (  # noqa: F401 (each adds its commands)
     device,
     doctor,
@@ -30,13 +29,14 @@ from vsf_drake.cli import (  # noqa: F401 (each adds its commands)
 )
 from vsf_drake.cli.app import app
 from vsf_drake.cli.guide import GUIDES
-from vsf_drake.contact_file import FittedContact
-from vsf_drake.ground import Ground
+from vsf_drake.model.bench_curves import _BenchFile
+from vsf_drake.model.contact_file import FittedContact
+from vsf_drake.model.ground import Ground
+from vsf_drake.model.parameters import ModelParameters, Subject
+from vsf_drake.model.scenario import Scenario
 from vsf_drake.motion.manifest import Manifest, StatedSubject
 from vsf_drake.motion.markers import maps
 from vsf_drake.motion.markers.maps import _MapFile
-from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.scenario import Scenario
 
 FILES: dict[str, tuple[type, str]] = {
     "Trial": (
@@ -63,7 +63,6 @@ FILES: dict[str, tuple[type, str]] = {
     "Contact": (FittedContact, "What `fit` found; `--contact` takes it."),
     "Scenario": (Scenario, "A station of Drake systems. Guide: [Drake](../guide/drake.md)."),
     "Ground": (Ground, "Patches that a foot meets; `ground:` of a scenario names it."),
-    "Tasks": (_TaskFile, "What `schedule` chooses settings for. Guide: [tune](../guide/tune.md)."),
 }
 _WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
 
@@ -128,7 +127,8 @@ def command_line() -> str:
                 else ("" if value is None or value is False or callable(value) else str(value))
             )
             text.append(
-                f"| `{_cell(taken)}` | {_cell(getattr(parameter, 'help', None) or '')} | {_cell(default)} |"
+                f"| `{_cell(taken)}` | {_cell(getattr(parameter, 'help', None) or '')} | "
+                f"{_cell(default)} |"
             )
         text.append("")
     return "\n".join(text)
@@ -159,8 +159,8 @@ def _keys(schema: type, before: str, above: tuple[type, ...]) -> Iterator[tuple[
 
 
 def _said(schema: type) -> dict[str, str]:
-    """What the sources say of each field of a dataclass and of those it inherits: the comment beside it, or the text
-    below it."""
+    """What the sources say of each field of a dataclass and of those it inherits: the comment
+    beside it, or the text below it."""
     said: dict[str, str] = {}
     for cls in reversed(schema.__mro__):
         try:
@@ -196,13 +196,14 @@ def _roles() -> dict[str, str]:
     text = inspect.getsource(maps)
     beside = dict(re.findall(r'^ {8}"(\w+)",  # (.+)$', text, flags=re.MULTILINE))
     for names in ("SIDED_CLUSTERS", "MIDDLE_CLUSTERS"):
-        said = re.findall(rf"^ {{8}}\*{names}\).*?  # (.+)$", text, flags=re.MULTILINE)
+        said = re.findall(rf"^ {{8}}\*{names},  # (.+)$", text, flags=re.MULTILINE)
         beside |= dict.fromkeys(getattr(maps, names), *said)
     return beside
 
 
 def _first_sentence(schema: type | None) -> str:
-    """What the docstring of a schema begins with, "" if there is no schema or it has none of its own."""
+    """What the docstring of a schema begins with, "" if there is no schema or it has none of its
+    own."""
     text = " ".join(((schema and schema.__doc__) or "").split())
     return (
         ""
@@ -212,7 +213,8 @@ def _first_sentence(schema: type | None) -> str:
 
 
 def _inside(kind: Any) -> tuple[type | None, str, str]:
-    """The schema within an annotation, "[]" or "{}" where there are several, and in words what else it takes."""
+    """The schema within an annotation, "[]" or "{}" where there are several, and in words what else
+    it takes."""
     schema, mark, words = None, "", list[str]()
     if dataclasses.is_dataclass(kind):
         return typing.cast(type, kind), "", ""

@@ -16,7 +16,8 @@ from sphinx.util.docutils import SphinxDirective
 
 
 class Ports(Directive):
-    """`port-block` with the path of a class: input ports on its left and output ports on its right."""
+    """`port-block` with the path of a class: input ports on its left and output ports on its
+    right."""
 
     required_arguments = 1
 
@@ -94,7 +95,8 @@ class SystemPorts(Directive):
 
 
 class DiagramPorts(Directive):
-    """`diagram-ports` with the class that holds a diagram: sizes from the diagram, the rest from its docstring."""
+    """`diagram-ports` with the class that holds a diagram: sizes from the diagram, the rest from
+    its docstring."""
 
     required_arguments = 1
 

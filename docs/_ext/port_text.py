@@ -1,14 +1,15 @@
 """Reads what a docstring says of a system: its ports, their sizes and meanings, its parameters.
 
-Used by the documentation, which shows it, and by the tests, which compare it with the ports that the system declares.
-A docstring says it so:
+Used by the documentation, which shows it, and by the tests, which compare it with the ports that
+the system declares. A docstring says it so:
 
     Inputs: body_poses, of all bodies. Outputs: normal_force (N,) N, >= 0; depth (N,) m.
 
     Parameters in the Context: stiffness, exponent. A scalar stands for N equal values.
 
-A vector's name is followed by its size in brackets, an abstract port's by what it is; names that share both may share
-them (`depth and depth_rate (N,)`). What follows, up to a semicolon or the end of the sentence, is its meaning.
+A vector's name is followed by its size in brackets, an abstract port's by what it is; names that
+share both may share them (`depth and depth_rate (N,)`). What follows, up to a semicolon or the end
+of the sentence, is its meaning.
 """
 
 from __future__ import annotations
@@ -19,13 +20,17 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-_HEADERS = "Inputs|Outputs|Wiring|Args|Parameters in the Context|Raises|Returns|Attributes|Example|Source|Validity"
+_HEADERS = (
+    "Inputs|Outputs|Wiring|Args|Parameters in the "
+    "Context|Raises|Returns|Attributes|Example|Source|Validity"
+)
 _SECTION = re.compile(rf"(?:^|(?<=[.\s]))({_HEADERS}):")
 
 
 @dataclass(frozen=True)
 class Port:
-    """A port as the docstring explains it; `size` is None where no size stands, `text` "" where nothing follows."""
+    """A port as the docstring explains it; `size` is None where no size stands, `text` "" where
+    nothing follows."""
 
     name: str
     size: str | None
@@ -51,7 +56,8 @@ def port_block(docstring: str | None) -> PortBlock | None:
 
 
 def _listed(text: str) -> tuple[str, ...]:
-    """Names at the beginning of the parts of the first sentence, which semicolons separate; two may share a part."""
+    """Names at the beginning of the parts of the first sentence, which semicolons separate; two may
+    share a part."""
     parts = re.split(r";(?![^\[\]]*\])", re.split(r"\.(?=\s|$)", text)[0])
     return tuple(
         name
@@ -73,7 +79,8 @@ def sections(docstring: str | None) -> dict[str, str]:
 
 
 def ports(text: str, names: tuple[str, ...]) -> dict[str, Port]:
-    """What `text` (a section) says of each of the ports `names`; those that it does not name are missing."""
+    """What `text` (a section) says of each of the ports `names`; those that it does not name are
+    missing."""
     any_name = "|".join(sorted(map(re.escape, names), key=len, reverse=True)) or "(?!)"
     found = {}
     for name in names:
@@ -88,7 +95,8 @@ def ports(text: str, names: tuple[str, ...]) -> dict[str, Port]:
 
 
 def _leading_bracket(text: str) -> tuple[str | None, str]:
-    """What stands in the bracket that `text` begins with, and the rest; None where it begins otherwise."""
+    """What stands in the bracket that `text` begins with, and the rest; None where it begins
+    otherwise."""
     stripped = text.lstrip()
     if not stripped.startswith("("):
         return None, text
@@ -101,7 +109,8 @@ def _leading_bracket(text: str) -> tuple[str | None, str]:
 
 
 def _size(bracket: str | None) -> str | None:
-    """The first thing in the bracket: `(3, N in W)` and `(3,)` are 3, `(2 p: positions, ...)` is 2 p."""
+    """The first thing in the bracket: `(3, N in W)` and `(3,)` are 3, `(2 p: positions, ...)` is
+    2 p."""
     return None if bracket is None else re.split(r"[,:]", bracket)[0].strip()
 
 
@@ -112,10 +121,12 @@ def _meaning(bracket: str | None, rest: str) -> str:
 
 
 def listed_parameters(text: str, known: Iterable[str]) -> set[str]:
-    """Which of the `known` names the section `Parameters in the Context` lists, and what it lists beside them.
+    """Which of the `known` names the section `Parameters in the Context` lists, and what it lists
+    beside them.
 
-    A plain list of names is taken literally. Where sizes and units stand between them, what is not known but has an
-    underscore is taken for a name; `laws.some_name` and what stands in brackets is not.
+    A plain list of names is taken literally. Where sizes and units stand between them, what is not
+    known but has an underscore is taken for a name; `laws.some_name` and what stands in brackets is
+    not.
     """
     first = re.split(r"\.(?=\s|$)", text)[0]
     if re.fullmatch(r"\w+(, \w+| and \w+)*", first):
@@ -132,7 +143,8 @@ def disagreements(
     A symbol (`N`) means the same number wherever it stands; which, its first use tells.
 
     Args:
-        declared: section (Inputs or Outputs), name, and size (None for an abstract port) of each port.
+        declared: section (Inputs or Outputs), name, and size (None for an abstract port) of each
+            port.
     """
     declared, texts, found = list(declared), sections(docstring), []
     sizes: list[tuple[str, str, int]] = []

@@ -1,13 +1,14 @@
-"""Runs a tutorial: its blocks in order, in one process and one folder, and compares what they print with the text.
+"""Runs a tutorial: its blocks in order, in one process and one folder, and compares what they print
+with the text.
 
     ```python   is executed, all of them in one namespace
     ```bash     lines of `vsf-drake ...`, executed as the command would be
-    ```text     what the block before it printed: words as they stand, numbers to their last written digit (one off
-                is equal), `...` for anything
+    ```text     what the block before it printed: words as they stand, numbers to their last written
+                digit (one off is equal), `...` for anything
     ```shell    and all others are only shown
 
-Pictures that a page shows lie in `pictures/` beside it under the names, and in the folders, that its code gives them;
-`python docs/_ext/tutorial.py PAGE...` runs pages and puts the pictures there.
+Pictures that a page shows lie in `pictures/` beside it under the names, and in the folders, that
+its code gives them; `python docs/_ext/tutorial.py PAGE...` runs pages and puts the pictures there.
 """
 
 from __future__ import annotations
@@ -68,7 +69,8 @@ def run(page: Path, folder: Path) -> list[str]:
             if block.language == "text":
                 if not same(printed, block.text):
                     wrong.append(
-                        f"{page.name}:{block.line}: the page says\n{block.text}\nbut printed was\n{printed}"
+                        f"{page.name}:{block.line}: the page says\n{block.text}\nbut printed "
+                        f"was\n{printed}"
                     )
                 continue
             output = io.StringIO()
@@ -84,7 +86,8 @@ def run(page: Path, folder: Path) -> list[str]:
 
 
 def commands(text: str) -> list[list[str]]:
-    """The words behind `vsf-drake` of each command; a backslash at the end of a line continues it."""
+    """The words behind `vsf-drake` of each command; a backslash at the end of a line continues
+    it."""
     lines = [line for line in text.replace("\\\n", " ").splitlines() if line.strip()]
     found = [shlex.split(line, comments=True) for line in lines]
     assert all(words[0] == "vsf-drake" for words in found), text
@@ -136,7 +139,8 @@ def _last_digit(number: str) -> float:
 
 
 def keep_pictures(page: Path, folder: Path) -> None:
-    """Copies the pictures that `page` shows from the `folder` it has run in to where it shows them."""
+    """Copies the pictures that `page` shows from the `folder` it has run in to where it shows
+    them."""
     for name in pictures(page):
         kept = page.parent / "pictures" / name
         kept.parent.mkdir(parents=True, exist_ok=True)

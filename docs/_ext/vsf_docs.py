@@ -1,4 +1,5 @@
-"""Sphinx extension: pages of API, commands and files; template systems under their own names; port blocks, tables."""
+"""Sphinx extension: pages of API, commands and files; template systems under their own names; port
+blocks, tables."""
 
 from __future__ import annotations
 

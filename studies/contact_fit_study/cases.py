@@ -13,8 +13,8 @@ PAIR = ("low_1", "high_1")
 """The soft and the stiff trial of the reported transfer."""
 STARTS, SETTLED = 5, 10
 WRONG_KEEL, KEEL_SPREAD = 1.4, 0.5
-"""Of an unknown keel and fulcrum: how much too stiff the first guess of the keel is, and the relative standard
-deviation of what is believed of both (choices)."""
+"""Of an unknown keel and fulcrum: how much too stiff the first guess of the keel is, and the
+relative standard deviation of what is believed of both (choices)."""
 JOINT, PAPER = "joint", "paper"
 
 
@@ -25,9 +25,10 @@ class Case:
     Attributes:
         tier: of the reference subject. strategy: JOINT or PAPER. fitted: trials.
         bench: whether the bench is fitted as well; without, and by PAPER, it only judges.
-        keel_known: whether the calibrated compliance of keel and fulcrum is given to JOINT; otherwise it begins with a
-            keel that is WRONG_KEEL times as stiff, and fits both.
-        resultant: whether JOINT compares the resultant alone, in place of components and centre of pressure.
+        keel_known: whether the calibrated compliance of keel and fulcrum is given to JOINT;
+            otherwise it begins with a keel that is WRONG_KEEL times as stiff, and fits both.
+        resultant: whether JOINT compares the resultant alone, in place of components and centre of
+            pressure.
         starts: searches of JOINT. settled: of PAPER, see its options.
         leave_out: whether to fit again without each trial and each stiffness.
     """
@@ -88,7 +89,8 @@ def without_bench(tier: str) -> list[Case]:
 
 
 def keel_unknown(tier: str) -> list[Case]:
-    """One soft trial, one stiff trial and both, by recordings alone, of a device that nobody has calibrated."""
+    """One soft trial, one stiff trial and both, by recordings alone, of a device that nobody has
+    calibrated."""
     return [
         Case(tier=tier, strategy=JOINT, fitted=fitted, bench=False, keel_known=False)
         for fitted in (PAIR[:1], PAIR[1:], PAIR)
@@ -96,7 +98,8 @@ def keel_unknown(tier: str) -> list[Case]:
 
 
 def resultant_alone(tier: str) -> list[Case]:
-    """One trial and the pair by the resultant force alone: neither components, centre of pressure nor bench."""
+    """One trial and the pair by the resultant force alone: neither components, centre of pressure
+    nor bench."""
     return [
         Case(tier=tier, strategy=JOINT, fitted=fitted, bench=False, resultant=True)
         for fitted in (ALONE[:1], PAIR)
@@ -109,7 +112,8 @@ def paper_literal(tier: str) -> list[Case]:
 
 
 def paper_settled(tier: str) -> list[Case]:
-    """The same on the reported trial, which ends when SETTLED iterations in a row found nothing better."""
+    """The same on the reported trial, which ends when SETTLED iterations in a row found nothing
+    better."""
     return [Case(tier=tier, strategy=PAPER, fitted=ALONE[:1], settled=SETTLED)]
 
 

@@ -123,14 +123,18 @@ def _sweeps(results: Mapping[str, Any], tiers: list[str]) -> Figure:
             axes,
             x="fulcrum from the keel's posterior end (mm)",
             y="resultant error (% BW)",
-            title=f"{tier} tier (synthetic): {results[tier]['fulcrum_sweep_correct']} of {len(TRIALS)} right",
+            title=(
+                f"{tier} tier (synthetic): {results[tier]['fulcrum_sweep_correct']} of "
+                f"{len(TRIALS)} right"
+            ),
         )
         axes.legend()
     return made
 
 
 def _matrix(results: Mapping[str, Any], tiers: list[str]) -> Figure:
-    """Fitted on one trial (rows), tested on all (columns): resultant error in percent of body weight."""
+    """Fitted on one trial (rows), tested on all (columns): resultant error in percent of body
+    weight."""
     made = look.new_figure(6.2 * len(tiers), 2.0 * len(_FITS) + 0.8)
     grid = made.subplots(len(_FITS), len(tiers), squeeze=False)
     for column, tier in enumerate(tiers):

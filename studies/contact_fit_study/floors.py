@@ -1,4 +1,5 @@
-"""What the true foot is left with on a trial's recorded motion, as far as a fit may correct that motion."""
+"""What the true foot is left with on a trial's recorded motion, as far as a fit may correct that
+motion."""
 
 from __future__ import annotations
 
@@ -26,13 +27,15 @@ def stored() -> dict[str, Any]:
 
 
 def floor_bw(tier: str, name: str, *, fitted: bool) -> float:
-    """Resultant error, BW, by the definition that belongs to the tier and to what became of the trial."""
+    """Resultant error, BW, by the definition that belongs to the tier and to what became of the
+    trial."""
     value: float = stored()["trials"][name][(FITTED if fitted else HELD_OUT)[tier]]["grf_rmse_bw"]
     return value
 
 
 def own_error(name: str) -> np.ndarray:
-    """(C,) rad or m: what the laboratory tier adds to each coordinate of this trial alone, constant in time."""
+    """(C,) rad or m: what the laboratory tier adds to each coordinate of this trial alone, constant
+    in time."""
     added: np.ndarray = (
         without_shared_errors(trial("laboratory", name), SEED).values[0]
         - trial("exact", name).trajectory.ordered(COORDINATES).values[0]
@@ -41,8 +44,9 @@ def own_error(name: str) -> np.ndarray:
 
 
 def floor_behind_fit_bw(name: str, fitted: tuple[str, ...]) -> float:
-    """Resultant error (BW) of the true foot on a laboratory trial's motion, once all that is taken off which a fit of
-    the trials `fitted` cannot tell from an error that all trials share: that one, and the mean of their own."""
+    """Resultant error (BW) of the true foot on a laboratory trial's motion, once all that is taken
+    off which a fit of the trials `fitted` cannot tell from an error that all trials share: that
+    one, and the mean of their own."""
     taken = np.mean([own_error(other) for other in fitted], axis=0)
     noisy = trial("laboratory", name)
     left = without_shared_errors(noisy, SEED)

@@ -1,6 +1,8 @@
-"""Finished parts of a long study, one file each: after an interruption only what is missing is done.
+"""Finished parts of a long study, one file each: after an interruption only what is missing is
+done.
 
-And what the numbers of a study come from: the digest of its sources knows what they do, not how they are written.
+And what the numbers of a study come from: the digest of its sources knows what they do, not how
+they are written.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.files import plain, write_json
+from vsf_drake.base.files import plain, write_json
 
 STUDIES = Path(__file__).resolve().parents[1]
 ONLY_SHOWS = (
@@ -25,34 +27,50 @@ MADE = "made by these sources"
 
 
 def made_by(script: str) -> dict[str, str]:
-    """For the provenance of what the study `script` made just now; see `studies/check_stored.py`."""
+    """For the provenance of what the study `script` made just now; see
+    `studies/check_stored.py`."""
     return {"sha256": sources_sha256(STUDIES / script), "numbers": MADE}
 
 
 def sources_sha256(script: Path) -> str:
-    """Of `script` and of all that it imports, however far, of studies and package, but for what only shows.
+    """Of `script` and of all that it imports, however far, of studies and package, but for what
+    only shows.
 
-    It changes with what the code says, not with comments, docstrings and format; with Python's minor version too.
+    It changes with what the code says, not with comments, docstrings and format; with Python's
+    minor version too.
     """
-    found: dict[Path, str] = {}
-    waiting = {script}
-    while waiting:
-        path = waiting.pop()
-        found[path], imported = meaning(path)
-        waiting |= {
-            file
-            for file in imported
-            if file not in found and not any(file.is_relative_to(part) for part in ONLY_SHOWS)
-        }
+    found = sources({script}, but=ONLY_SHOWS)
     named = [
         (path.relative_to(STUDIES.parent).as_posix(), said) for path, said in sorted(found.items())
     ]
     return hashlib.sha256(json.dumps(named).encode()).hexdigest()
 
 
+def sources(
+    start: set[Path],
+    roots: tuple[Path, ...] = (STUDIES, STUDIES.parent),
+    but: tuple[Path, ...] = (),
+) -> dict[Path, str]:
+    """What sources say, as digests: those of `start` and all that they import from `roots`, however
+    far, without what lies in `but`."""
+    found: dict[Path, str] = {}
+    waiting = set(start)
+    while waiting:
+        path = waiting.pop()
+        found[path], imported = meaning(path, roots)
+        waiting |= {
+            file
+            for file in imported
+            if file not in found and not any(file.is_relative_to(part) for part in but)
+        }
+    return found
+
+
 @cache
-def meaning(path: Path) -> tuple[str, set[Path]]:
-    """What a source says, as a digest, and the files of studies and package that it imports."""
+def meaning(
+    path: Path, roots: tuple[Path, ...] = (STUDIES, STUDIES.parent)
+) -> tuple[str, set[Path]]:
+    """What a source says, as a digest, and the files that it imports from `roots`."""
     tree, names = ast.parse(path.read_text(encoding="utf-8")), set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import | ast.ImportFrom):
@@ -67,8 +85,9 @@ def meaning(path: Path) -> tuple[str, set[Path]]:
     stems = {
         root.joinpath(*name.split(".")[: n + 1])
         for name in names
+        if name.partition(".")[0] in beginnings(roots)
         for n in range(name.count(".") + 1)
-        for root in (STUDIES, STUDIES.parent)
+        for root in roots
     }
     files = {
         file
@@ -77,6 +96,12 @@ def meaning(path: Path) -> tuple[str, set[Path]]:
         if file.is_file()
     }
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), files
+
+
+@cache
+def beginnings(roots: tuple[Path, ...]) -> frozenset[str]:
+    """What the name of a module in `roots` can begin with."""
+    return frozenset(path.stem for root in roots for path in root.iterdir())
 
 
 def kept(

@@ -33,9 +33,11 @@ HELD_OUT_KEYS = {
     "held_out_impulse_rmse_bws": "impulse_rmse_bws",
     "held_out_stance_time_error_s": "stance_time_error_s",
     "null_model_grf_rmse_bw": "null_model_grf_rmse_bw",
+    "stretched_null_grf_rmse_bw": "stretched_null_grf_rmse_bw",
     "floor_grf_rmse_bw": "floor_grf_rmse_bw",
 }
-"""Means over the held-out trials of the reported pair, by what they are means of; of a signed one, of its size."""
+"""Means over the held-out trials of the reported pair, by what they are means of; of a signed one,
+of its size."""
 ONE_TRIAL_KEYS = ("one_trial_grf_rmse_bw", "one_trial_grf_r2", "one_trial_wall_s")
 SWEEP_KEY, BENCH_KEY, WALL_KEY = "fulcrum_sweep_correct", "bench_rmse_n_per_mm", "wall_s"
 PAIR_KEYS = (
@@ -46,11 +48,12 @@ PAIR_KEYS = (
     "null_model_grf_rmse_bw",
 )
 BELOW = (
-    "A fit of few trials takes the mean of their own constant errors (0.1 degrees in every angle, 0.4 mm) for an "
-    "error that all trials share, and takes it off the held-out ones as well: a help where theirs happen to be "
-    "alike, which is chance, not knowledge. floor_behind_fit_bw is what the true foot is left with when the same "
-    "is taken off. Besides, a fitted trial has a height of its own and the smooth curves, which take up more of "
-    "its own errors than the height that its floor allows for."
+    "A fit of few trials takes the mean of their own constant errors (0.1 degrees in every "
+    "angle, 0.4 mm) for an error that all trials share, and takes it off the held-out ones as "
+    "well: a help where theirs happen to be alike, which is chance, not knowledge. "
+    "floor_behind_fit_bw is what the true foot is left with when the same is taken off. Besides, "
+    "a fitted trial has a height of its own and the smooth curves, which take up more of its own "
+    "errors than the height that its floor allows for."
 )
 
 
@@ -62,21 +65,39 @@ def definitions() -> dict[str, str]:
         + ", ".join(f"{tier} tier {name} ({words[name]})" for tier, name in HELD_OUT.items()),
         "floor of fitted trials": "studies/results/floor.json: "
         + ", ".join(f"{tier} tier {name} ({words[name]})" for tier, name in FITTED.items()),
-        "null model": "the measured resultant of a fitted trial stretched to the stance of this one; of two fitted "
-        "trials the one that does better",
-        "fulcrum sweep": "right where the error over the fulcrum's travel is lowest within 10.5 mm of its place, "
-        "one-sided where that was an end of its travel, so that an error outwards could not show",
-        "wall_s": "of the reported pair with all its starts, compiled before; load_before is the machine's load "
-        "average before it, cpu_s what the process used",
+        "null model": (
+            "the measured resultants of the other fitted trials, stretched to the stance of this "
+            "one and interpolated between their settings; of one setting the nearest of them"
+        ),
+        "stretched null": (
+            "the nearest single one of these curves, which only this trial's own plate can name"
+        ),
+        "fulcrum sweep": (
+            "right where the error over the fulcrum's travel is lowest within 10.5 mm of its "
+            "place, one-sided where that was an end of its travel, so that an error outwards could "
+            "not show"
+        ),
+        "wall_s": (
+            "of the reported pair with all its starts, compiled before; load_before is the "
+            "machine's load average before it, cpu_s what the process used"
+        ),
         "held_out": "means over the seven trials that the pair leaves, and the worst of them",
-        "without_bench": "by recordings alone, keel and fulcrum being calibrated: two of the bench's "
-        "stiffnesses are in the model all the same",
-        "keel_unknown": f"by recordings alone, of a device that nobody has calibrated: the search begins with a "
-        f"keel {WRONG_KEEL:g} times as stiff, and believes it and the fulcrum within "
-        f"{100 * KEEL_SPREAD:g} %",
-        "resultant_alone": "by the resultant force alone, without components, centre of pressure and bench",
-        "paper": f"literal: it ends at the first iteration that finds nothing better, as the paper's words say; "
-        f"settled_{SETTLED}: when {SETTLED} in a row found nothing better",
+        "without_bench": (
+            "by recordings alone, keel and fulcrum being calibrated: two of the bench's "
+            "stiffnesses are in the model all the same"
+        ),
+        "keel_unknown": (
+            "by recordings alone, of a device that nobody has calibrated: the search begins with a "
+            f"keel {WRONG_KEEL:g} times as stiff, and believes it and the fulcrum within "
+            f"{100 * KEEL_SPREAD:g} %"
+        ),
+        "resultant_alone": (
+            "by the resultant force alone, without components, centre of pressure and bench"
+        ),
+        "paper": (
+            "literal: it ends at the first iteration that finds nothing better, as the paper's "
+            f"words say; settled_{SETTLED}: when {SETTLED} in a row found nothing better"
+        ),
     }
 
 
@@ -137,7 +158,8 @@ def pair_results(pair: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _at_end(row: Mapping[str, Any]) -> bool:
-    """Whether the fulcrum stood at an end of its travel, so that an error outwards could not show."""
+    """Whether the fulcrum stood at an end of its travel, so that an error outwards could not
+    show."""
     swept = row["sweep"]["fulcrum_mm"]
     return bool(min(abs(row["fulcrum_mm"] - swept[0]), abs(row["fulcrum_mm"] - swept[-1])) < 1.0)
 
@@ -158,7 +180,8 @@ def spread(part: Mapping[str, Any], metric: str) -> dict[str, Any]:
 def all_pairs(
     reported: Mapping[str, Any], others: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """How the reported pair compares with the other pairs of a soft and a stiff trial: no lucky draw."""
+    """How the reported pair compares with the other pairs of a soft and a stiff trial: no lucky
+    draw."""
     rows = {name: _pair_row(pair) for name, pair in others.items()}
     sound = [row for row in rows.values() if "failed" not in row]
     told: dict[str, Any] = {"pairs": rows, "starts": 1}
@@ -200,7 +223,8 @@ def _pair_row(pair: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def below_floor(tier: str, pair: Mapping[str, Any]) -> dict[str, Any]:
-    """Which trials of the reported pair are below their floor, and what a fit of these trials could take off."""
+    """Which trials of the reported pair are below their floor, and what a fit of these trials could
+    take off."""
     if "failed" in pair:
         return {"trials": {}, "why": ""}
     found: dict[str, Any] = {}

@@ -10,23 +10,15 @@ from typing import Any
 from contact_fit_study.cases import KEEL_SPREAD, PAPER, WRONG_KEEL, Case, transfer
 from contact_fit_study.floors import floor_bw
 from contact_fit_study.inputs import bench, trial
-from vsf_drake.analysis.contact_fit import (
-    Assessment,
-    ContactFit,
-    ContactFitOptions,
-    ContactFitSolution,
-    PaperOptions,
-    assess,
-    solve,
-    verdict,
-)
-from vsf_drake.analysis.contact_fit.assessment import BenchRow, TrialScore, bench_score
-from vsf_drake.analysis.contact_fit.options import RESULTANT
-from vsf_drake.analysis.contact_fit.paper import PaperEnd
-from vsf_drake.analysis.contact_fit.solution import JointEnd
-from vsf_drake.analysis.contact_fit.table import bench_json
-from vsf_drake.analysis.fulcrum_sweep import SWEEP_STEP_S
-from vsf_drake.errors import FitError, SimulationError
+from vsf_drake.base.errors import FitError, SimulationError
+from vsf_drake.base.files import plain
+from vsf_drake.fit.assessment import Assessment, BenchRow, TrialScore, assess, bench_score
+from vsf_drake.fit.options import RESULTANT, ContactFitOptions, PaperOptions
+from vsf_drake.fit.paper import PaperEnd
+from vsf_drake.fit.problem import ContactFit
+from vsf_drake.fit.solution import ContactFitSolution, JointEnd, solve
+from vsf_drake.fit.table import bench_json
+from vsf_drake.walks.fulcrum_sweep import SWEEP_STEP_S
 
 SEED = 0
 KEEL, FULCRUM = "keel.flexural_modulus", "fulcrum.stiffness"
@@ -39,6 +31,7 @@ METRICS = (
     "cop_rmse_fl",
     "impulse_rmse_bws",
     "null_model_grf_rmse_bw",
+    "stretched_null_grf_rmse_bw",
     "stance_measured_s",
     "stance_model_s",
     "heel_strike_error_s",
@@ -92,9 +85,8 @@ def run(case: Case) -> dict[str, Any]:
     told |= {
         "time": times,
         "ended": solution.message,
-        "verdict": list(verdict(solution, found)),
-        "trials": {score.label: _trial(score) for score in found.scores},
         "left_out": _left_out(found),
+        "trials": {score.label: _trial(score) for score in found.scores},
     }
     told |= _paper(solution.end, case) if isinstance(solution.end, PaperEnd) else _joint(solution)
     measured = bench_json(found.bench or _bench_of(solution))
@@ -150,7 +142,7 @@ def _trial(score: TrialScore) -> dict[str, Any]:
 
 
 def _left_out(found: Assessment) -> list[dict[str, Any]]:
-    return [vars(row) for row in found.left_out]
+    return [plain(row) for row in found.left_out]
 
 
 def _joint(solution: ContactFitSolution) -> dict[str, Any]:

@@ -1,20 +1,21 @@
 """Recordings that the model itself made with known parameters.
 
-True parameters are drawn from the prior of the fit, all at once, within the bounds. With them the model walks the
-kinematics of the reference subject's exact trials in the step of the fit, and what the ground then does to the foot
-is the plate: force and centre of pressure at the instants of the walk (500 Hz), so that at the truth the fit's
-residuals vanish but for the prior's. Smooth errors of joint angles run over the gait cycle, which the fit reads off the
-plate that they made: the walk is repeated until strike and lift-off stay where they are. The bench is the model's own
-stiffness.
+True parameters are drawn from the prior of the fit, all at once, within the bounds. With them the
+model walks the kinematics of the reference subject's exact trials in the step of the fit, and what
+the ground then does to the foot is the plate: force and centre of pressure at the instants of the
+walk (500 Hz), so that at the truth the fit's residuals vanish but for the prior's. Smooth errors of
+joint angles run over the gait cycle, which the fit reads off the plate that they made: the walk is
+repeated until strike and lift-off stay where they are. The bench is the model's own stiffness.
 
-Noise is as the fit assumes it: Gaussian, with an exponential correlation, on each component of the force and on the
-centre of pressure both ways, in the walk's axes; independent on each stiffness of the bench. An unloaded plate
-reads nothing: there is none in swing, where the model's force is zero whatever the parameters.
+Noise is as the fit assumes it: Gaussian, with an exponential correlation, on each component of the
+force and on the centre of pressure both ways, in the walk's axes; independent on each stiffness of
+the bench. An unloaded plate reads nothing: there is none in swing, where the model's force is zero
+whatever the parameters.
 
-Not any drawn foot carries the person. A recording counts if the plate saw one whole stance in each trial, whose
-vertical impulse is within a part IMPULSE of what was recorded there; otherwise truth and noise are drawn again. That
-asks nothing but what the plate shows, noise included, so that it does not change what the plate tells about the
-parameters.
+Not any drawn foot carries the person. A recording counts if the plate saw one whole stance in each
+trial, whose vertical impulse is within a part IMPULSE of what was recorded there; otherwise truth
+and noise are drawn again. That asks nothing but what the plate shows, noise included, so that it
+does not change what the plate tells about the parameters.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vsf_drake.analysis.comparison import walk_axes
-from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, FitNoise
-from vsf_drake.analysis.contact_fit.options import FORCES, SERIES
-from vsf_drake.analysis.contact_fit.solve import prior_samples
-from vsf_drake.bench_curves import BenchMeasurement
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.fit.options import FORCES, SERIES, ContactFitOptions, FitNoise
+from vsf_drake.fit.problem import ContactFit
+from vsf_drake.fit.solve import prior_samples
+from vsf_drake.model.bench_curves import BenchMeasurement
+from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.events import THRESHOLD_N, find_stances
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trial import Trial
-from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.walk import Walker
+from vsf_drake.walks.comparison import walk_axes
 
 IMPULSE = 0.15
 MOST_DRAWS, MOST_WALKS = 1000, 8
@@ -47,7 +48,8 @@ class Made:
     """A problem whose solution is known.
 
     Attributes:
-        fit: of the made recordings. truth: (P,) the parameters that they were made with, in the fit's coordinates.
+        fit: of the made recordings. truth: (P,) the parameters that they were made with, in the
+            fit's coordinates.
         draws: how often truth and noise were drawn.
     """
 
@@ -57,7 +59,8 @@ class Made:
 
 
 def assuming(made: Made, scale: float) -> Made:
-    """The same recordings for a fit that assumes `scale` times the noise that `made.fit` does, on the bench too."""
+    """The same recordings for a fit that assumes `scale` times the noise that `made.fit` does, on
+    the bench too."""
     fit, bench = made.fit, made.fit.bench
     noise = replace(
         fit.options.noise, **{name: scale * getattr(fit.options.noise, name) for name in SERIES}
@@ -177,7 +180,8 @@ def _with_noise(
 
 
 def _correlated(times_s: np.ndarray, noise: FitNoise, rng: np.random.Generator) -> np.ndarray:
-    """(n,) of variance one, with the noise's exponential correlation, at evenly spaced times (n,)."""
+    """(n,) of variance one, with the noise's exponential correlation, at evenly spaced times
+    (n,)."""
     kept = np.exp(-np.median(np.diff(times_s)) / noise.correlation_s)
     values = rng.standard_normal(len(times_s))
     for i in range(1, len(values)):

@@ -10,28 +10,23 @@ from typing import Any
 import numpy as np
 
 from contact_truth_study.making import Made, assuming
-from vsf_drake.analysis.contact_fit.solution import ALIKE
-from vsf_drake.analysis.contact_fit.solve import (
-    NORMAL_95,
-    FitSearch,
-    prior_samples,
-    search,
-    uncertainty,
-)
-from vsf_drake.analysis.metrics import walk_metrics
+from vsf_drake.fit.solution import ALIKE
+from vsf_drake.fit.solve import NORMAL_95, FitSearch, prior_samples, search, uncertainty
+from vsf_drake.walks.metrics import walk_metrics
 
 WITHIN = 2.0
 """Standard errors."""
 ROUNDS = (1.0, 0.3, 0.08)
-"""Noise that is assumed one after the other, times the default: the last is 0.2 % body weight and 0.24 % foot length,
-as well as forces without noise are to come back."""
+"""Noise that is assumed one after the other, times the default: the last is 0.2 % body weight and
+0.24 % foot length, as well as forces without noise are to come back."""
 
 
 def recover(made: Made, *, starts: int, seed: int, direct: bool = True) -> dict[str, Any]:
-    """Searches from random starts, Latin hypercube samples of the prior, of recordings without noise.
+    """Searches from random starts, Latin hypercube samples of the prior, of recordings without
+    noise.
 
-    Each search goes through ROUNDS, from each round's end on: recordings without noise are fitted as such at last, but
-    from where a fit that allows for noise has come.
+    Each search goes through ROUNDS, from each round's end on: recordings without noise are fitted
+    as such at last, but from where a fit that allows for noise has come.
 
     Args:
         direct: also from the same starts with the last round's noise at once.
@@ -149,10 +144,12 @@ def cover(made: Made, scale: float) -> dict[str, Any]:
 
 
 def linear(made: Made) -> dict[str, float]:
-    """Errors of the estimate if the residuals were linear about the truth, against the covariance that is told there.
+    """Errors of the estimate if the residuals were linear about the truth, against the covariance
+    that is told there.
 
-    `chi_squared` is then a sum of as many squared standard normal numbers as there are parameters, if noise and
-    covariance are what they are said to be: what intervals miss beyond it is because the walk is not linear.
+    `chi_squared` is then a sum of as many squared standard normal numbers as there are parameters,
+    if noise and covariance are what they are said to be: what intervals miss beyond it is because
+    the walk is not linear.
     """
     fit, truth = made.fit, made.truth
     at = fit.evaluate(truth)

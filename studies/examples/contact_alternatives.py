@@ -1,13 +1,15 @@
 """Which contact runs under which integrator, at what cost, and how far it is from the fitted law.
 
-Five contacts (the paper's law, its smooth variant, Hunt-Crossley, Drake's point contact and hydroelastic pads) under
-Drake's Simulator: continuous plants under five integrators, discrete plants with three time steps. Each drops the same
-leg, 10 kg on a damped slide, its shank leaning 15 degrees so that the forefoot lands; each presses the same keel
-with dead loads of 200 and 600 N. Writes contact_alternatives.md, .csv, .json and the picture.
+Five contacts (the paper's law, its smooth variant, Hunt-Crossley, Drake's point contact and
+hydroelastic pads) under Drake's Simulator: continuous plants under five integrators, discrete
+plants with three time steps. Each drops the same leg, 10 kg on a damped slide, its shank leaning
+15 degrees so that the forefoot lands; each presses the same keel with dead loads of 200 and 600 N.
+Writes contact_alternatives.md, .csv, .json and the picture.
 
-Found on one core: at 1 ms a discrete plant with Drake's contact is the cheapest that is right. cenic is right with
-Drake's contact if its steps are kept to 1 ms, and with the paper's law, under this leg, if they are kept to 0.1 ms;
-longer ones it accepts and gets wrong, for of the support's force it keeps only the diagonal of the gradient.
+Found on one core: at 1 ms a discrete plant with Drake's contact is the cheapest that is right.
+cenic is right with Drake's contact if its steps are kept to 1 ms, and with the paper's law, under
+this leg, if they are kept to 0.1 ms; longer ones it accepts and gets wrong, for of the support's
+force it keeps only the diagonal of the gradient.
 """
 
 from __future__ import annotations
@@ -22,9 +24,9 @@ from contact_comparison import REFERENCE, WAYS, Advance, Comparison, Row, compar
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from vsf_drake.files import replaced, resource, write_json
-from vsf_drake.model_file import load_model
-from vsf_drake.parameters import FootParameters
+from vsf_drake.base.files import replaced, resource, write_json
+from vsf_drake.model.model_file import load_model
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.foot import CONTACTS
 from vsf_drake.report.style import label, log_scale, new_figure, save_figure, style
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
@@ -33,7 +35,8 @@ QUICK_CONTACTS = ("kelvin_voigt", "drake_point", "hydroelastic")
 QUICK_WAYS = tuple(way for way in WAYS if way.name in ("cenic, steps to 1 ms", "discrete 1 ms"))
 QUICK_REFERENCE = Advance("discrete 0.1 ms", time_step_s=1e-4)
 SETTLED, STIFF = 0.005, 0.02
-"""Differences of load from weight, and of stiffness from the bench's, beyond which a row says so."""
+"""Differences of load from weight, and of stiffness from the bench's, beyond which a row says
+so."""
 COLOURS = dict(
     zip(CONTACTS, ("0.1", "tab:orange", "tab:green", "tab:blue", "tab:red"), strict=True)
 )
@@ -52,7 +55,8 @@ COLUMNS = (
 
 
 def main(out: Path, quick: bool = False) -> dict[str, float]:
-    """Compares, writes table and picture, and returns the numbers of the discrete plant with 1 ms."""
+    """Compares, writes table and picture, and returns the numbers of the discrete plant with
+    1 ms."""
     foot = load_model(resource("models/nominal.yaml")).foot
     made = compare_contacts(
         foot,
@@ -120,9 +124,11 @@ def _write(stem: Path, made: Comparison, table: list[tuple[str, ...]], bench: fl
         (
             *lines,
             "",
-            f"Weight {made.weight_n:.1f} N, fulcrum at {1e3 * made.fulcrum_m:g} mm, bench "
-            f"{1e-3 * bench:.3f} N/mm (implicit stepper). RMS difference from kelvin_voigt, {made.reference_name}, whose "
-            f"peak is {made.reference_n.max():.0f} N.",
+            (
+                f"Weight {made.weight_n:.1f} N, fulcrum at {1e3 * made.fulcrum_m:g} mm, bench "
+                f"{1e-3 * bench:.3f} N/mm (implicit stepper). RMS difference from kelvin_voigt, "
+                f"{made.reference_name}, whose peak is {made.reference_n.max():.0f} N."
+            ),
             "",
         )
     )

@@ -24,9 +24,9 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
 from pydrake.systems.primitives import PassThrough
 
-from vsf_drake.errors import InputError
-from vsf_drake.model_file import secant_stiffness, spheres_under_load
-from vsf_drake.parameters import GRAVITY, FootParameters
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.model_file import secant_stiffness, spheres_under_load
+from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, REFERENCE_LOAD_N, add_ground_geometry
 from vsf_drake.plants.foot import CONTACTS, add_foot
 from vsf_drake.plants.foot_handles import FootHandles
@@ -35,21 +35,24 @@ from vsf_drake.plants.wiring import share_spatial_forces
 
 # One foot dropped under a leg, and pressed with dead loads, under Drake's own Simulator.
 #
-# The leg is a mass on a damped vertical slide with the foot under it, its shank leaning so that the forefoot lands,
-# dropped from DROP_M. The press has the bench's load point of a foot whose mount is held.
+# The leg is a mass on a damped vertical slide with the foot under it, its shank leaning so that the
+# forefoot lands, dropped from DROP_M. The press has the bench's load point of a foot whose mount is
+# held.
 
 
 LEG_KG, LEAN_RAD, DROP_M, RAIL_N_S_PER_M = 10.0, np.radians(15.0), 0.01, 150.0
-"""Of the dropped leg without foot; its shank's lean forward; height of the lowest sphere above the ground; damping of
-the slide, with which the leg is at rest at the end of the drop (choices)."""
+"""Of the dropped leg without foot; its shank's lean forward; height of the lowest sphere above the
+ground; damping of the slide, with which the leg is at rest at the end of the drop (choices)."""
 SAMPLE_S = 1e-3
 PRESS_LOADS_N, PRESS_S = (200.0, 600.0), 0.15
-"""Dead loads between which stiffness is the slope, as on the bench, and the time each is left to settle."""
+"""Dead loads between which stiffness is the slope, as on the bench, and the time each is left to
+settle."""
 
 
 @dataclass(frozen=True)
 class Advance:
-    """A way to advance a plant: name, time step (s; 0 is continuous), scheme and accuracy of a continuous one."""
+    """A way to advance a plant: name, time step (s; 0 is continuous), scheme and accuracy of a
+    continuous one."""
 
     name: str
     time_step_s: float = 0.0
@@ -112,7 +115,8 @@ def drop(
     drop_s: float,
     wall_limit_s: float,
 ) -> tuple[np.ndarray, float, str]:
-    """Vertical force (N) every SAMPLE_S as far as it came, wall time (s), and why it stopped early."""
+    """Vertical force (N) every SAMPLE_S as far as it came, wall time (s), and why it stopped
+    early."""
     try:
         diagram, _, _, context = make_leg(foot, contact, way.time_step_s, fulcrum_m)
     except InputError as error:
@@ -130,7 +134,8 @@ def drop(
 def press(
     foot: FootParameters, way: Advance, fulcrum_m: float, wall_limit_s: float = np.inf
 ) -> np.ndarray | None:
-    """(2,) rise (m) of the load point under PRESS_LOADS_N with the mount held; None if it does not get there."""
+    """(2,) rise (m) of the load point under PRESS_LOADS_N with the mount held; None if it does not
+    get there."""
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, way.time_step_s)
     plant.set_name("plant")
@@ -173,7 +178,8 @@ def _advance(
     *,
     every_s: float = SAMPLE_S,
 ) -> tuple[float, str]:
-    """Advances `context` by `duration_s` with a sample every `every_s`; wall time, and why it stopped early or ""."""
+    """Advances `context` by `duration_s` with a sample every `every_s`; wall time, and why it
+    stopped early or ""."""
     simulator = Simulator(diagram, context)
     if way.scheme:
         ApplySimulatorConfig(
@@ -210,7 +216,8 @@ def _advance(
 DROP_S, LAST_S = 0.8, 0.05
 """Length of a drop, and of its end over which the settled load is averaged."""
 REFERENCE = Advance("discrete 0.01 ms", time_step_s=1e-5)
-"""Explicit in contact, a tenth of what is stable: the stiff integrators need hours for the paper's law to this end."""
+"""Explicit in contact, a tenth of what is stable: the stiff integrators need hours for the paper's
+law to this end."""
 WAYS = (
     Advance("radau3", scheme="radau3"),
     Advance("implicit_euler", scheme="implicit_euler"),
@@ -234,10 +241,13 @@ class Row:
     Attributes:
         note: why it does not run; else "".
         simulated_s: how far the drop came.
-        real_time_factor: wall time / simulated time of the drop, its samples every SAMPLE_S included.
+        real_time_factor: wall time / simulated time of the drop, its samples every SAMPLE_S
+            included.
         settled: mean load over the last LAST_S / weight.
-        stiffness_n_per_m: of the forefoot with the foam of this contact in series, between PRESS_LOADS_N.
-        peak_n: largest vertical force. rms_n: difference from the reference's, root of mean square over the drop.
+        stiffness_n_per_m: of the forefoot with the foam of this contact in series, between
+            PRESS_LOADS_N.
+        peak_n: largest vertical force. rms_n: difference from the reference's, root of mean square
+            over the drop.
     """
 
     contact: str
@@ -253,7 +263,8 @@ class Row:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All rows, the vertical forces (N) by (contact, way) over `time_s`, and what they are held against."""
+    """All rows, the vertical forces (N) by (contact, way) over `time_s`, and what they are held
+    against."""
 
     rows: tuple[Row, ...]
     time_s: np.ndarray
@@ -278,8 +289,10 @@ def compare_contacts(
     """Drops the leg and presses the foot, for each of `contacts` under each of `ways`.
 
     Args:
-        reference: how the paper's law is advanced that all forces are held against, without a limit of wall time.
-        wall_limit_s: a drop or press that takes longer is stopped, and its row says how far it came.
+        reference: how the paper's law is advanced that all forces are held against, without a limit
+            of wall time.
+        wall_limit_s: a drop or press that takes longer is stopped, and its row says how far it
+            came.
         progress: called with what is done next.
 
     Raises:
@@ -314,10 +327,11 @@ def compare_contacts(
 
 
 def foam_stiffness(foot: FootParameters, contact: str) -> float:
-    """Secant stiffness (N/m) between PRESS_LOADS_N of the foam under the bench's load, as `contact` has it.
+    """Secant stiffness (N/m) between PRESS_LOADS_N of the foam under the bench's load, as `contact`
+    has it.
 
-    Of our laws and the bench itself: `series_stiffness_n_per_m`. Of Drake's: the spheres or pads in the patch of
-    `series_patch_m`, which are equally stiff.
+    Of our laws and the bench itself: `series_stiffness_n_per_m`. Of Drake's: the spheres or pads in
+    the patch of `series_patch_m`, which are equally stiff.
     """
     if contact not in DRAKE_CONTACTS:
         depth = (np.array(PRESS_LOADS_N) / foot.series_stiffness_n_per_m) ** (

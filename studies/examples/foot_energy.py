@@ -1,8 +1,8 @@
 """Energy in a foot and power that it loses, from its outputs and the constants in its Context.
 
-For the paper's contact law on rigid ground. A spring of stiffness k holds k x²/2, the foam of a sphere
-k d^(n + 1) / (n + 1); dampers lose what the force above the elastic one does in work; friction loses what remains of
-the power that `FootForces` gives to the plant.
+For the paper's contact law on rigid ground. A spring of stiffness k holds k x²/2, the foam of a
+sphere k d^(n + 1) / (n + 1); dampers lose what the force above the elastic one does in work;
+friction loses what remains of the power that `FootForces` gives to the plant.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ LOSSES = ("keel", "fulcrum", "foam", "friction")
 
 
 def foot_energy(wired: WiredFoot, plant: MultibodyPlant, root: Context) -> dict[str, float]:
-    """`stored` (J) in keel, fulcrum support and foam, and the power (W) of each of LOSSES, at one instant.
+    """`stored` (J) in keel, fulcrum support and foam, and the power (W) of each of LOSSES, at one
+    instant.
 
     Args:
         root: the diagram's Context. The fulcrum stands still in it.
@@ -61,7 +62,8 @@ def foot_energy(wired: WiredFoot, plant: MultibodyPlant, root: Context) -> dict[
 
 
 def _keel_at(starts: np.ndarray, q: np.ndarray, v: np.ndarray, x: float) -> tuple[float, float]:
-    """Height (m) of the keel's point at arc length `x` above its line at rest, and its rate, in the frame F."""
+    """Height (m) of the keel's point at arc length `x` above its line at rest, and its rate, in the
+    frame F."""
     arms = np.clip(x - starts, 0.0, np.append(np.diff(starts), np.inf))
     angle, rate = np.cumsum(q), np.cumsum(v)
     return float(np.sum(arms * np.sin(angle))), float(np.sum(arms * np.cos(angle) * rate))

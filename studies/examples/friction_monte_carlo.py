@@ -1,19 +1,23 @@
-"""How often does the foot slip on ground of uncertain friction? One diagram, a Context for each draw.
+"""How often does the foot slip on ground of uncertain friction? One diagram, a Context for each
+draw.
 
-The foot stands flat under a load of 40 kg that slides forward and up without turning, and is pulled forward with a
-quarter of its weight. Static friction is drawn from a normal distribution, 0.30 with a standard deviation of 0.08 and
-never below 0.05; kinetic friction is 0.6 of it (choices, no survey of floors). Nothing is built anew: each draw sets
-two parameters in a copy of the settled Context, so that draws repeat with the seed and can run side by side.
+The foot stands flat under a load of 40 kg that slides forward and up without turning, and is pulled
+forward with a quarter of its weight. Static friction is drawn from a normal distribution, 0.30 with
+a standard deviation of 0.08 and never below 0.05; kinetic friction is 0.6 of it (choices, no survey
+of floors). Nothing is built anew: each draw sets two parameters in a copy of the settled Context,
+so that draws repeat with the seed and can run side by side.
 
-Drake's MonteCarloSimulation is of no use here: it sets a random Context after its simulator is made, and this puts
-parameters without a declared distribution back to their defaults.
+Drake's MonteCarloSimulation is of no use here: it sets a random Context after its simulator is
+made, and this puts parameters without a declared distribution back to their defaults.
 
-Closed form. With all spheres at one speed v friction is mu(v) times the load, mu(v) = mu_static v / v_th up to v_th:
-the foot creeps at the speed where that is the pull, or slips for good if the pull exceeds mu_static times the load.
-The way follows from dv/dt = g (pull - mu(v)), one equation for what Drake solves with twelve coordinates. "Sticking" is
-creep in the paper's law: 14 to 26 mm in 0.3 s here, at up to v_th = 0.1 m/s.
+Closed form. With all spheres at one speed v friction is mu(v) times the load, mu(v) = mu_static v /
+v_th up to v_th: the foot creeps at the speed where that is the pull, or slips for good if the pull
+exceeds mu_static times the load. The way follows from dv/dt = g (pull - mu(v)), one equation for
+what Drake solves with twelve coordinates. "Sticking" is creep in the paper's law: 14 to 26 mm in
+0.3 s here, at up to v_th = 0.1 m/s.
 
-implicit_euler at accuracy 1e-3 runs five times faster than real time, since the sliding foot hardly bends.
+implicit_euler at accuracy 1e-3 runs five times faster than real time, since the sliding foot hardly
+bends.
 """
 
 from __future__ import annotations
@@ -30,9 +34,9 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from scipy.integrate import solve_ivp
 from scipy.stats import binomtest, norm
 
-from vsf_drake.files import resource
+from vsf_drake.base.files import resource
 from vsf_drake.laws.stick_slip import friction_coefficient
-from vsf_drake.model_file import load_model
+from vsf_drake.model.model_file import load_model
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.foot_wiring import WiredFoot
 from vsf_drake.report.style import drawing, label, save_figure
@@ -59,7 +63,8 @@ def make_sled() -> tuple[Diagram, MultibodyPlant, WiredFoot]:
 
 
 def main(out: Path, quick: bool = False) -> dict:
-    """Draws, slides, compares; returns what the closed form is compared with, arrays in the order of the draws."""
+    """Draws, slides, compares; returns what the closed form is compared with, arrays in the order
+    of the draws."""
     diagram, plant, wired = make_sled()
     settled, weight = _settled(diagram, plant, wired)
     count, random = (24 if quick else 200), np.random.default_rng(SEED)
@@ -191,8 +196,10 @@ def _draw(out: Path, found: dict) -> None:
             distances,
             x="static friction (1)",
             y=f"way in {DURATION_S:g} s (mm)",
-            title=f"{len(mu)} draws: {found['fraction']:.0%} slip, interval {found['fraction_low']:.0%} to "
-            f"{found['fraction_high']:.0%}",
+            title=(
+                f"{len(mu)} draws: {found['fraction']:.0%} slip, interval "
+                f"{found['fraction_low']:.0%} to {found['fraction_high']:.0%}"
+            ),
         )
         label(
             ratios,

@@ -1,13 +1,15 @@
-"""The fulcrum moves while the foot is in the air: five strides under Drake's Simulator, two adjustments.
+"""The fulcrum moves while the foot is in the air: five strides under Drake's Simulator, two
+adjustments.
 
-The fulcrum starts at its softest position, 66 mm from the keel's posterior end, and is told to go to the stiffest,
-151 mm, which takes three swings. After the fourth stance it is told to come back by 14 mm, which one swing does. In
-stance the motor is off and the screw holds. With every swing the ground meets a stiffer foot.
+The fulcrum starts at its softest position, 66 mm from the keel's posterior end, and is told to go
+to the stiffest, 151 mm, which takes three swings. After the fourth stance it is told to come back
+by 14 mm, which one swing does. In stance the motor is off and the screw holds. With every swing the
+ground meets a stiffer foot.
 
-The shank's angle and rate tell of swing, as of an inertial sensor, and of its end before the foot lands. With
-`--signal contact` the ground's force does; it enables the motor for longer, so that two swings are enough, but tells of
-a touch-down only when it has come. A second of walking takes about 1.5 s of computing (implicit_euler at accuracy 1e-2,
-with energies within 0.5 % of those at 1e-3).
+The shank's angle and rate tell of swing, as of an inertial sensor, and of its end before the foot
+lands. With `--signal contact` the ground's force does; it enables the motor for longer, so that two
+swings are enough, but tells of a touch-down only when it has come. A second of walking takes about
+1.5 s of computing (implicit_euler at accuracy 1e-2, with energies within 0.5 % of those at 1e-3).
 """
 
 from __future__ import annotations
@@ -23,8 +25,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from vsf_drake.files import resource
-from vsf_drake.model_file import load_model
+from vsf_drake.base.files import resource
+from vsf_drake.model.model_file import load_model
 from vsf_drake.plants.foot_wiring import FulcrumDrive, add_fulcrum_drive
 from vsf_drake.report.style import SHADE, colour_of, drawing, label, save_figure
 
@@ -46,7 +48,8 @@ FOOT = ("grf", "support_force")
 
 
 def make_diagram(strides: int, signal: str) -> tuple[Diagram, GuidedShank, FulcrumDrive]:
-    """Shank, foot and drive; the desired position steps to FAR_M at once and to BACK_M before the fourth swing."""
+    """Shank, foot and drive; the desired position steps to FAR_M at once and to BACK_M before the
+    fourth swing."""
     builder = DiagramBuilder()
     rig = add_guided_shank(builder, load_model(resource("models/nominal.yaml")).foot, strides)
     drive = add_fulcrum_drive(builder, rig.plant, rig.wired, signal=signal, initial_m=START_M)
@@ -153,13 +156,15 @@ def sample(rig: GuidedShank, drive: FulcrumDrive, root) -> dict:
 
 
 def stiffness(run: dict, stance: np.ndarray) -> tuple[float, int]:
-    """Load across the foot / deflection (N/m) of the keel's load point where that is deflected most, and when."""
+    """Load across the foot / deflection (N/m) of the keel's load point where that is deflected
+    most, and when."""
     i = int(np.flatnonzero(stance)[np.argmax(run["deflection"][stance])])
     return run["load_across"][i] / run["deflection"][i], i
 
 
 def draw(out: Path, run: dict, strides: int) -> None:
-    """Time series one below the other, the enabled times shaded; beside them load over deflection of each stance."""
+    """Time series one below the other, the enabled times shaded; beside them load over deflection
+    of each stance."""
     t = run["time"]
     with drawing(10.0, 7.0) as figure:
         figure.set_layout_engine("constrained")

@@ -1,4 +1,5 @@
-"""The picture of walking_over_grounds: the person, the prosthetic foot from near, and forces over time."""
+"""The picture of walking_over_grounds: the person, the prosthetic foot from near, and forces over
+time."""
 
 from __future__ import annotations
 
@@ -9,9 +10,9 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from pydrake.systems.framework import Context
 
-from vsf_drake.ground import Ground
+from vsf_drake.model.ground import Ground
+from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trial import Trial
-from vsf_drake.parameters import GRAVITY
 from vsf_drake.plants.foot_handles import ContactSites
 from vsf_drake.plants.gait import GaitDiagram, make_gait
 from vsf_drake.report.style import MEASURED, NEUTRAL, drawing, label

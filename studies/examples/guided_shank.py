@@ -1,11 +1,17 @@
-"""A shank led through strides of walking by three compliant guides, the foot under it free to answer.
+"""A shank led through strides of walking by three compliant guides, the foot under it free to
+answer.
 
-       knee: forward, up (slides), lean (hinge)       The shank's lean is a cycle of the shape of level walking; the
-         |                                            knee goes where a rigid foot would have it that rolls over heel
-         |  shank, leaning forward is positive        and forefoot without slipping. In stance the guides press with
-         |                                            the two humps of walking; their springs are weak against the
-       +-+----__                                      foot, so a softer keel sinks deeper. In swing they lift the
-    ------------------ ground, z = 0                  foot clear of the ground.
+    knee: forward, up (slides), lean (hinge)   The shank's lean is a cycle of the shape of level
+                                               walking; the
+      |                                        knee goes where a rigid foot would have it that rolls
+                                               over heel
+      |  shank, leaning forward is positive    and forefoot without slipping. In stance the guides
+                                               press with
+      |                                        the two humps of walking; their springs are weak
+                                               against the
+    +-+----__                                  foot, so a softer keel sinks deeper. In swing they
+                                               lift the
+    ------------------ ground, z = 0           foot clear of the ground.
 
 Every number of the cycle is a choice, near level walking at 1 m/s.
 """
@@ -23,7 +29,7 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, StackedTrajectory
 from scipy.interpolate import PchipInterpolator
 
-from vsf_drake.parameters import FootParameters
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants import FootHandles, WiredFoot, add_foot, share_generalized_forces, wire_foot
 from vsf_drake.plants.solids import FORWARD, LEFTWARD, UPWARD, add_chain, box
 from vsf_drake.systems import GaitDriver

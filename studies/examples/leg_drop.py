@@ -1,11 +1,14 @@
-"""A URDF leg with the foot under it, dropped on the ground: forces, energy, and where it comes to rest.
+"""A URDF leg with the foot under it, dropped on the ground: forces, energy, and where it comes to
+rest.
 
-The leg of `models/leg.urdf` (17.6 kg with the foot) hangs by its hip on a vertical rail. Springs of 300 N m/rad in hip
-and knee stand for its muscles, the shank is upright, the sole 30 mm above the ground.
+The leg of `models/leg.urdf` (17.6 kg with the foot) hangs by its hip on a vertical rail. Springs of
+300 N m/rad in hip and knee stand for its muscles, the shank is upright, the sole 30 mm above the
+ground.
 
-Integrators, for one second: velocity_implicit_euler at accuracy 1e-4 takes about 4 s of computing and loses 1 % of the
-energy to its own error; at 1e-3 2 s and 2 %. radau3 loses 0.4 %, but once needed minutes where the foot leaves the
-ground. Explicit runge_kutta3 needs steps of 60 ns: never under this foot.
+Integrators, for one second: velocity_implicit_euler at accuracy 1e-4 takes about 4 s of computing
+and loses 1 % of the energy to its own error; at 1e-3 2 s and 2 %. radau3 loses 0.4 %, but once
+needed minutes where the foot leaves the ground. Explicit runge_kutta3 needs steps of 60 ns: never
+under this foot.
 """
 
 from __future__ import annotations
@@ -22,8 +25,8 @@ from pydrake.multibody.tree import PrismaticJoint, RevoluteSpring
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from vsf_drake.files import resource
-from vsf_drake.model_file import load_model
+from vsf_drake.base.files import resource
+from vsf_drake.model.model_file import load_model
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.foot_wiring import WiredFoot
 from vsf_drake.report.style import drawing, label, save_figure

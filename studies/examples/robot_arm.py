@@ -1,7 +1,9 @@
-"""A six-axis arm that carries the foot under its tool: diagram, and joint angles from the path of the foot's mount.
+"""A six-axis arm that carries the foot under its tool: diagram, and joint angles from the path of
+the foot's mount.
 
-The arm stands 1.10 m behind the place of the test. Only its three bending axes are needed for a path in the sagittal
-plane, so that joint angles have a closed form; the other three are held at zero by the same controller.
+The arm stands 1.10 m behind the place of the test. Only its three bending axes are needed for a
+path in the sagittal plane, so that joint angles have a closed form; the other three are held at
+zero by the same controller.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from vsf_drake.parameters import FootParameters
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.foot_wiring import WiredFoot
 
@@ -31,7 +33,8 @@ SERVO_HZ = 15.0
 
 @dataclass(frozen=True)
 class ArmWithFoot:
-    """A finished diagram: the arm follows `joints` of time, the foot under its tool meets the ground."""
+    """A finished diagram: the arm follows `joints` of time, the foot under its tool meets the
+    ground."""
 
     diagram: Diagram
     plant: MultibodyPlant

@@ -1,13 +1,15 @@
-"""A robot arm tests the foot: it rolls the foot from heel to toe along a prescribed path, at two fulcrum settings.
+"""A robot arm tests the foot: it rolls the foot from heel to toe along a prescribed path, at two
+fulcrum settings.
 
-The path comes from the roll-over machine: the shank turns from 15 degrees back to 30 degrees forward in 0.7 s, at such
-heights that a foot at 108 mm bears two humps of 550 N along the shank. The arm of `arm.urdf` follows it by inverse
-dynamics, its joints' errors critically damped at 15 Hz; nothing tells it of the load, so it yields by up to a
-millimetre and the stiff heel bears 470 N instead: look at the tracking error before believing a stiffness. Work is that
-of force and moment in the mount.
+The path comes from the roll-over machine: the shank turns from 15 degrees back to 30 degrees
+forward in 0.7 s, at such heights that a foot at 108 mm bears two humps of 550 N along the shank.
+The arm of `arm.urdf` follows it by inverse dynamics, its joints' errors critically damped at 15 Hz;
+nothing tells it of the load, so it yields by up to a millimetre and the stiff heel bears 470 N
+instead: look at the tracking error before believing a stiffness. Work is that of force and moment
+in the mount.
 
-velocity_implicit_euler takes 3 to 4 s of computing for a second at accuracy 1e-3, 5 to 6 s at 1e-4; the peak force then
-changes by 0.05 %.
+velocity_implicit_euler takes 3 to 4 s of computing for a second at accuracy 1e-3, 5 to 6 s at 1e-4;
+the peak force then changes by 0.05 %.
 """
 
 from __future__ import annotations
@@ -24,8 +26,8 @@ from pydrake.systems.framework import Context
 from robot_arm import ArmWithFoot, make_arm
 from scipy.interpolate import PchipInterpolator
 
-from vsf_drake.files import resource
-from vsf_drake.model_file import load_model
+from vsf_drake.base.files import resource
+from vsf_drake.model.model_file import load_model
 from vsf_drake.report.style import colour_of, drawing, label, name_of, save_figure
 from vsf_drake.simulation.roll_over import RollOver
 
@@ -111,9 +113,8 @@ def _row(root: Context, arm: ArmWithFoot) -> dict:
     plant, foot = arm.plant, arm.wired.foot
     context, forces = plant.GetMyContextFromRoot(root), arm.wired.forces.GetMyContextFromRoot(root)
     weld = plant.GetJointByName(f"{foot.name}_mount_weld", foot.instance)
-    reaction = plant.get_reaction_forces_output_port().Eval(context)[
-        int(weld.index())
-    ]  # on the foot, at M, in M
+    # on the foot, at M, in M
+    reaction = plant.get_reaction_forces_output_port().Eval(context)[int(weld.index())]
     R_WM, V_WM = (
         foot.mount.CalcPoseInWorld(context).rotation(),
         foot.mount.CalcSpatialVelocityInWorld(context),

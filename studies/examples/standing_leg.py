@@ -1,9 +1,11 @@
-"""A person on one leg, in the sagittal plane, standing on the foot's keel: the model, and where it can stand still.
+"""A person on one leg, in the sagittal plane, standing on the foot's keel: the model, and where it
+can stand still.
 
-The leg of `models/leg.urdf` under a trunk of 50 kg, free to move in x and z and to pitch; torques in hip and knee, the
-prosthesis has no ankle. The foot is that of `models/soft_support.yaml`: on the nominal one, with the fulcrum at 66 mm,
-Newton's method finds no rest from the start taken here. It is mounted 0.1 rad toes-up, so that the shank leans forward
-over a flat foot. Contact is the "smooth" law: derivatives exist everywhere.
+The leg of `models/leg.urdf` under a trunk of 50 kg, free to move in x and z and to pitch; torques
+in hip and knee, the prosthesis has no ankle. The foot is that of `models/soft_support.yaml`: on the
+nominal one, with the fulcrum at 66 mm, Newton's method finds no rest from the start taken here. It
+is mounted 0.1 rad toes-up, so that the shank leans forward over a flat foot. Contact is the
+"smooth" law: derivatives exist everywhere.
 """
 
 from __future__ import annotations
@@ -24,8 +26,8 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import FirstOrderTaylorApproximation
 
-from vsf_drake.files import resource
-from vsf_drake.model_file import load_model
+from vsf_drake.base.files import resource
+from vsf_drake.model.model_file import load_model
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.foot_wiring import WiredFoot
@@ -33,12 +35,14 @@ from vsf_drake.plants.foot_wiring import WiredFoot
 TRUNK_KG, TRUNK_SIZE_M, TRUNK_ABOVE_HIP_M = 50.0, (0.2, 0.3, 0.5), 0.3
 KNEE_RAD, ALIGNMENT_RAD = 0.15, 0.1
 PRESSURE_M = 0.10
-"""Where the centre of pressure is to be, ahead of the keel's posterior end A: 45 mm ahead of the pylon (a choice)."""
+"""Where the centre of pressure is to be, ahead of the keel's posterior end A: 45 mm ahead of the
+pylon (a choice)."""
 
 
 @dataclass(frozen=True)
 class StandingLeg:
-    """A finished diagram. Input: torques in hip and knee (2, N m), unless a controller gives them."""
+    """A finished diagram. Input: torques in hip and knee (2, N m), unless a controller gives
+    them."""
 
     diagram: Diagram
     plant: MultibodyPlant
@@ -98,9 +102,9 @@ def make_standing_leg(fulcrum_m: float, controller: LeafSystem | None = None) ->
 def equilibrium(leg: StandingLeg, pressure_m: float = PRESSURE_M) -> tuple[Context, np.ndarray]:
     """A Context in which nothing moves or accelerates, and the torques (2,) that it takes.
 
-    Newton's method with derivatives by AutoDiff. Unknown are height, trunk lean, hip angle, keel, carriage and torques;
-    equations are all generalized forces but the one along x, which is friction and zero at rest, and that the centre of
-    mass is `pressure_m` ahead of A.
+    Newton's method with derivatives by AutoDiff. Unknown are height, trunk lean, hip angle, keel,
+    carriage and torques; equations are all generalized forces but the one along x, which is
+    friction and zero at rest, and that the centre of mass is `pressure_m` ahead of A.
 
     Raises:
         RuntimeError: there is no rest to be found.
@@ -160,10 +164,12 @@ def equilibrium(leg: StandingLeg, pressure_m: float = PRESSURE_M) -> tuple[Conte
 
 
 def inverted_pendulum(fulcrum_m: float, shift_m: float = 0.002) -> tuple[float, float, float]:
-    """Of the person with locked joints: stiffness of the foot against tilt, weight times height (N m/rad), inertia.
+    """Of the person with locked joints: stiffness of the foot against tilt, weight times height (N
+    m/rad), inertia.
 
-    From statics alone: between two states of rest, the centre of pressure `shift_m` to either side of PRESSURE_M, the
-    foot's stiffness is weight times the shift over the change of the foot's tilt. Inertia (kg m^2) about the pressure.
+    From statics alone: between two states of rest, the centre of pressure `shift_m` to either side
+    of PRESSURE_M, the foot's stiffness is weight times the shift over the change of the foot's
+    tilt. Inertia (kg m^2) about the pressure.
     """
     leg, tilts = make_standing_leg(fulcrum_m), []
     for pressure_m in (PRESSURE_M - shift_m, PRESSURE_M + shift_m):

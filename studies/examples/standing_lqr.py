@@ -1,14 +1,15 @@
 """Standing on the keel: equilibrium, linearisation by AutoDiff, LQR, and what the fulcrum changes.
 
-Three things to know before copying this. (1) The horizontal place is neutral and no torque can regulate it: friction is
-creep, so where the sole ends up depends on the impulse of friction, which is the change of momentum. That state is
-left out. (2) The keel's pieces ring and die away at rates up to 5e7 1/s. LQR acts on the slow modes only, those slower
-than SLOW, through their left eigenvectors; the fast ones hear the torques and feed nothing back, so closed-loop
-eigenvalues are the fast ones as they were and the slow ones as designed. (3) The gains use the keel's angles too; a
+Three things to know before copying this. (1) The horizontal place is neutral and no torque can
+regulate it: friction is creep, so where the sole ends up depends on the impulse of friction, which
+is the change of momentum. That state is left out. (2) The keel's pieces ring and die away at rates
+up to 5e7 1/s. LQR acts on the slow modes only, those slower than SLOW, through their left
+eigenvectors; the fast ones hear the torques and feed nothing back, so closed-loop eigenvalues are
+the fast ones as they were and the slow ones as designed. (3) The gains use the keel's angles too; a
 real controller would need an observer.
 
-implicit_euler at accuracy 1e-4 takes one to two seconds of computing for one of standing, a linearisation by AutoDiff
-40 ms, an equilibrium 1 to 2 s.
+implicit_euler at accuracy 1e-4 takes one to two seconds of computing for one of standing, a
+linearisation by AutoDiff 40 ms, an equilibrium 1 to 2 s.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ PUSH_RAD_PER_S, STEP_S = 0.10, 0.01
 
 
 def main(out: Path, quick: bool = False) -> dict:
-    """Linearises, regulates and pushes the person at each fulcrum; returns numbers by fulcrum position."""
+    """Linearises, regulates and pushes the person at each fulcrum; returns numbers by fulcrum
+    position."""
     found = {fulcrum_m: _stand(fulcrum_m, 1.0 if quick else 3.0) for fulcrum_m in FULCRUMS_M}
     _draw(out, found)
     return found
@@ -96,7 +98,8 @@ def _outline(leg: StandingLeg, context: Context, forces: Context) -> np.ndarray:
 
 
 def slow_lqr(leg: StandingLeg, A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, float]:
-    """Gain (2, n) on the state from LQR of the slow modes, and how far torques reach the neutral one (1, relative)."""
+    """Gain (2, n) on the state from LQR of the slow modes, and how far torques reach the neutral
+    one (1, relative)."""
     values, left, right = eig(A, left=True, right=True)
     neutral = np.abs(values) < NEUTRAL
     reach = np.abs(left[:, neutral].conj().T @ B).max() / np.abs(left[:, neutral]).max()
@@ -232,7 +235,8 @@ if __name__ == "__main__":
     arguments.out.mkdir(parents=True, exist_ok=True)
     for position, values in main(arguments.out, arguments.quick).items():
         print(
-            f"fulcrum {1e3 * position:g} mm: torques {values['torque']}, centre of pressure {values['cop'][0]:.4f} m"
+            f"fulcrum {1e3 * position:g} mm: torques {values['torque']}, centre of pressure "
+            f"{values['cop'][0]:.4f} m"
         )
         for which in ("open", "locked", "closed"):
             slow = values[which][np.abs(values[which]) < SLOW]

@@ -19,10 +19,11 @@ def _under_roller(
     P: np.ndarray,
     tangent: np.ndarray,
 ) -> tuple[int, float, float, float]:
-    """The keel's line `aside` (m) from its middle below the roller: a parabola from the middle of a bar to that of the
-    next, touching both, so that the roller meets no corner.
+    """The keel's line `aside` (m) from its middle below the roller: a parabola from the middle of a
+    bar to that of the next, touching both, so that the roller meets no corner.
 
-    Returns the bar and the weights of the parabola's points, which go to `P` (3, 3), as its direction to `tangent`.
+    Returns the bar and the weights of the parabola's points, which go to `P` (3, 3), as its
+    direction to `tangent`.
     """
     x = device.anchor[0] + device.fulcrum
     bar = 0
@@ -59,9 +60,11 @@ def add_fulcrum(
     H: np.ndarray,
     beyond: np.ndarray,
 ) -> None:
-    """Two ends of a roller above the keel, vertical in P; `beyond` (2,) m gets how far the keel is past each.
+    """Two ends of a roller above the keel, vertical in P; `beyond` (2,) m gets how far the keel is
+    past each.
 
-    Both ways, or where it is one-sided only while that presses them together. Adds to the lower half of H.
+    Both ways, or where it is one-sided only while that presses them together. Adds to the lower
+    half of H.
     """
     if device.fulcrum_stiffness <= 0.0:
         return
@@ -118,8 +121,8 @@ def assemble(
     rhs: np.ndarray,
     H: np.ndarray,
 ) -> None:
-    """Generalised forces and the lower half of the tangent from the bodies' wrenches, blocks and sums of r f^T, which
-    become those of composites."""
+    """Generalised forces and the lower half of the tangent from the bodies' wrenches, blocks and
+    sums of r f^T, which become those of composites."""
     bars = len(device.lengths)
     for i in range(bars - 1, -1, -1):
         wrench[i] += wrench[i + 1]
@@ -190,8 +193,8 @@ def _factorise(H: np.ndarray) -> bool:
 
 @compiled
 def solve(H: np.ndarray, b: np.ndarray) -> bool:
-    """Solves H x = b in place from H's lower half; False, and neither is left whole, where H is not positive
-    definite."""
+    """Solves H x = b in place from H's lower half; False, and neither is left whole, where H is not
+    positive definite."""
     if not _factorise(H):
         return False
     n = len(b)

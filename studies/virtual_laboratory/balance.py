@@ -1,8 +1,9 @@
 """Newton and Euler for the whole body without its prosthesis, as wishes for the fit.
 
-The body's mass points move by 27 functions of time (21 coordinates, the trunk's six); six more shape the intact foot's
-plate. What holds at an instant is asked of second differences of places over the samples' spacing h, with forces that
-are weighted by the triangle of half-width h: for these the two are exactly equal.
+The body's mass points move by 27 functions of time (21 coordinates, the trunk's six); six more
+shape the intact foot's plate. What holds at an instant is asked of second differences of places
+over the samples' spacing h, with forces that are weighted by the triangle of half-width h: for
+these the two are exactly equal.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ import numpy as np
 from virtual_laboratory.body import MassPoints
 from virtual_laboratory.fitting import Targets
 from virtual_laboratory.motion import MOVING, Linearised, cross
-from vsf_drake.parameters import GRAVITY
+from vsf_drake.model.parameters import GRAVITY
 
 PLATE = ("plate_forward", "plate_left", "plate_up", "plate_x", "plate_y", "plate_turn")
-"""What is added to the intact foot's designed force, per its vertical part: force along W's axes (1), then the centre
-of pressure (m, where the vertical force is the designed one) and the vertical moment (m)."""
+"""What is added to the intact foot's designed force, per its vertical part: force along W's axes
+(1), then the centre of pressure (m, where the vertical force is the designed one) and the vertical
+moment (m)."""
 FUNCTIONS = MOVING + len(PLATE)
 UP = np.array([0.0, 0.0, GRAVITY])
 
@@ -33,7 +35,8 @@ class Wrench:
 
 @dataclass(frozen=True)
 class IntactPlate:
-    """What the intact foot shall carry: force (N, 3) N and where, centre (N, 3) m, zero force in its swing."""
+    """What the intact foot shall carry: force (N, 3) N and where, centre (N, 3) m, zero force in
+    its swing."""
 
     force: np.ndarray
     centre: np.ndarray
@@ -46,7 +49,8 @@ class IntactPlate:
         return Wrench(force, np.cross(self.centre, force) + about)
 
     def sensitivity(self, origin: np.ndarray) -> np.ndarray:
-        """(N, 6, 6) change of force and of moment about `origin` (N, 3) m per function of `PLATE`."""
+        """(N, 6, 6) change of force and of moment about `origin` (N, 3) m per function of
+        `PLATE`."""
         found = np.zeros((len(origin), 6, 6))
         found[:, :3, :3] = np.eye(3)
         found[:, 3:, :3] = cross((self.centre - origin)[:, :, None], np.eye(3))
@@ -64,7 +68,8 @@ def ask_balance(
     added: np.ndarray,
     sigma: tuple[float, float],
 ) -> np.ndarray:
-    """Asks that the mass points' momenta change by gravity, the wrench `outer` and the intact plate's.
+    """Asks that the mass points' momenta change by gravity, the wrench `outer` and the intact
+    plate's.
 
     Args:
         outer: of the prosthesis on the body.
@@ -100,9 +105,11 @@ def steadying(
     added: np.ndarray,
     stride: np.ndarray,
 ) -> np.ndarray:
-    """(6,) constants which, added to the functions `PLATE`, leave the body the momenta it moves with over `stride`.
+    """(6,) constants which, added to the functions `PLATE`, leave the body the momenta it moves
+    with over `stride`.
 
-    Momentum and angular momentum change by the sum of what is missing, of these the plate takes over all.
+    Momentum and angular momentum change by the sum of what is missing, of these the plate takes
+    over all.
 
     Args:
         stride: (N,) bool, instants of one stride; the others as in `ask_balance`.
@@ -121,8 +128,8 @@ def _missing(
     plate: IntactPlate,
     added: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """What `ask_balance` returns; then the centre of mass (N, 3), the points (N, P, 3) and their accelerations less
-    gravity's."""
+    """What `ask_balance` returns; then the centre of mass (N, 3), the points (N, P, 3) and their
+    accelerations less gravity's."""
     places = points.places(body.R_WB, body.p_WB)
     origin = points.mass @ places / points.mass.sum()
     lever = places - origin[:, None]
@@ -139,7 +146,8 @@ def _missing(
 
 
 def triangle_mean(values: np.ndarray, every: int) -> np.ndarray:
-    """Every `every`-th of the rows `values` (n, m), each the mean over its neighbours with a triangle's weights.
+    """Every `every`-th of the rows `values` (n, m), each the mean over its neighbours with a
+    triangle's weights.
 
     A row of `values` is the mean over the time since the row before.
     """

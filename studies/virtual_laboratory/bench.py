@@ -1,12 +1,14 @@
-"""The virtual foot on the testing machine, and how its compliances were tuned to the published bench.
+"""The virtual foot on the testing machine, and how its compliances were tuned to the published
+bench.
 
-The mount is held still. Forefoot: a stiff load shoe as long as the bench's patch lies flush under the
-load point; the machine presses it vertically towards that point of the keel's centreline, so the shoe's
-foam is in series with the keel on its fulcrum. Heel: a flat platen presses the level heel block. Static:
-the machine is far slower than any damping here.
+The mount is held still. Forefoot: a stiff load shoe as long as the bench's patch lies flush under
+the load point; the machine presses it vertically towards that point of the keel's centreline, so
+the shoe's foam is in series with the keel on its fulcrum. Heel: a flat platen presses the level
+heel block. Static: the machine is far slower than any damping here.
 
     cd studies && python -m virtual_laboratory.bench            # the table
-    cd studies && python -m virtual_laboratory.bench --tune     # the moduli and stiffness for design.py
+    cd studies && python -m virtual_laboratory.bench --tune  # the moduli and stiffness for
+                                                             design.py
 """
 
 from __future__ import annotations
@@ -24,19 +26,22 @@ from virtual_laboratory.dynamics import chain
 from virtual_laboratory.laws import foam
 
 LOADS_N = (200.0, 600.0)
-"""Stiffness is the mean slope between these, as McGeehan 2021 (doi 10.1115/1.4050456) above 200 N."""
+"""Stiffness is the mean slope between these, as McGeehan 2021 (doi 10.1115/1.4050456) above
+200 N."""
 PUBLISHED_N_PER_M = {0.066: 10e3, 0.151: 32e3}
 PUBLISHED_HEEL_N_PER_M = 65e3
 _ITERATIONS = 60
 
 
 def bench_device(design: Design, fulcrum: float | None) -> Device:
-    """The foot with its fulcrum at `fulcrum` (m from A); the lengths above it do not matter on the bench."""
+    """The foot with its fulcrum at `fulcrum` (m from A); the lengths above it do not matter on the
+    bench."""
     return make_device(design, fulcrum=fulcrum, residual_length=0.3, pylon_length=0.1)
 
 
 def keel_under_load(device: Device, load_point: float, loads: np.ndarray) -> np.ndarray:
-    """Static hinge angles (len(loads), N) under vertical loads (N) at a point of the keel (m from A)."""
+    """Static hinge angles (len(loads), N) under vertical loads (N) at a point of the keel (m from
+    A)."""
     q, states = np.zeros(len(device.hinge_stiffness)), []
     for load in loads:
         q = _equilibrium(device, load_point, float(load), q)
@@ -45,7 +50,8 @@ def keel_under_load(device: Device, load_point: float, loads: np.ndarray) -> np.
 
 
 def point_height(device: Device, angles: np.ndarray, x: float) -> float:
-    """Height (m) above the unloaded keel of the point `x` (m from A along the keel) for absolute bar angles."""
+    """Height (m) above the unloaded keel of the point `x` (m from A along the keel) for absolute
+    bar angles."""
     starts = np.concatenate(([0.0], np.cumsum(device.lengths)[:-1]))
     within = np.clip(x - starts, 0.0, device.lengths)
     return float(np.sum(within * np.sin(angles)))
@@ -59,9 +65,8 @@ def _equilibrium(device: Device, load_point: float, load: float, q: np.ndarray) 
     loaded = starts < load_point
     later = np.maximum.outer(np.arange(count), np.arange(count))
     hinges, bars, axes = np.empty((count + 1, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
-    flat = device._replace(
-        twist_bars=device.twist_bars[:0]
-    )  # nothing twists in the plane of symmetry
+    # nothing twists in the plane of symmetry
+    flat = device._replace(twist_bars=device.twist_bars[:0])
     state = new_state(flat)
     q = q.copy()
     for _ in range(_ITERATIONS):
@@ -91,7 +96,8 @@ def shoe_compression(design: Design, load: float) -> float:
         device.bodies > 0, starts[np.maximum(device.bodies, 1) - 1] + device.points[:, 0], -1.0
     )
     cells = np.abs(x - frame.load_point_m) <= 0.5 * frame.patch_m
-    # the shoe lies flush: it follows the sole's line, so only the rounding of the edges leaves a gap
+    # the shoe lies flush: it follows the sole's line, so only the rounding of the edges leaves a
+    # gap
     lowest = np.array(
         [np.min(device.points[cells & (np.abs(x - at) < 1e-9), 2]) for at in x[cells]]
     )
@@ -109,7 +115,8 @@ def _compression(device: Device, cells: np.ndarray, gaps: np.ndarray, load: floa
 
 
 def forefoot_curve(design: Design, fulcrum: float | None, loads: np.ndarray) -> np.ndarray:
-    """Travel (m) of the machine at `loads` (N, increasing) with the fulcrum at `fulcrum` (m from A)."""
+    """Travel (m) of the machine at `loads` (N, increasing) with the fulcrum at `fulcrum` (m from
+    A)."""
     device, point = bench_device(design, fulcrum), design.frame.load_point_m
     keel = [
         point_height(device, np.cumsum(q), point) for q in keel_under_load(device, point, loads)
@@ -138,8 +145,8 @@ def heel_stiffness(design: Design) -> float:
 
 
 def tuned(design: Design) -> Design:
-    """`design` with the keel's modulus and the forefoot foam solved for the two published forefoot stiffnesses, heel
-    foam for the heel's; the support stays as stiff as it is."""
+    """`design` with the keel's modulus and the forefoot foam solved for the two published forefoot
+    stiffnesses, heel foam for the heel's; the support stays as stiff as it is."""
 
     def with_(keel: float, fore: float, heel: float) -> Design:
         return dataclasses.replace(
@@ -170,7 +177,8 @@ def main() -> None:
     design = tuned(Design()) if parser.parse_args().tune else Design()
     print(f"modulus_pa {design.keel.modulus_pa:.5g}")
     print(
-        f"foam_modulus_pa {design.sole.foam_modulus_pa:.5g}, heel_modulus_pa {design.sole.heel_modulus_pa:.5g}"
+        f"foam_modulus_pa {design.sole.foam_modulus_pa:.5g}, heel_modulus_pa "
+        f"{design.sole.heel_modulus_pa:.5g}"
     )
     for fulcrum in (0.066, 0.087, 0.108, 0.129, 0.150, 0.151):
         print(f"{1e3 * fulcrum:5.0f} mm {1e-3 * forefoot_stiffness(design, fulcrum):7.3f} N/mm")

@@ -1,8 +1,10 @@
-"""A virtual foot on its bench as a laboratory would hand it over: `bench.yaml` and `bench_curves.csv`.
+"""A virtual foot on its bench as a laboratory would hand it over: `bench.yaml` and
+`bench_curves.csv`.
 
-Static, from touch-down to 600 N, one pass a setting; this bench knows no unloading. The reference subject's is the
-virtual bench's own without an error: the uncertainty beside the stiffness is a choice, of the size of what two tests of
-one foot differ by. With a seed the files have the errors of a test, choices too.
+Static, from touch-down to 600 N, one pass a setting; this bench knows no unloading. The reference
+subject's is the virtual bench's own without an error: the uncertainty beside the stiffness is a
+choice, of the size of what two tests of one foot differ by. With a seed the files have the errors
+of a test, choices too.
 """
 
 from __future__ import annotations
@@ -14,8 +16,8 @@ import numpy as np
 from virtual_laboratory.bench import LOADS_N, forefoot_curve, heel_curve
 from virtual_laboratory.design import Design
 from virtual_laboratory.writing import NOTICE
-from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
-from vsf_drake.files import replaced
+from vsf_drake.base.files import replaced
+from vsf_drake.model.bench_curves import STIFFNESS_ABOVE_N
 
 FULCRUMS_MM = (66, 87, 108, 129, 151)
 """The paper's positions."""
@@ -23,7 +25,8 @@ UNCERTAINTY_N_PER_MM = 0.5
 LOADS = np.unique([0.0, 1.0, 2.0, 4.0, 6.0, 8.0, *np.arange(10.0, LOADS_N[1] + 5.0, 10.0)])
 """Of a curve (N): finer where the sole's rounding meets the platen."""
 FULCRUM_SD_M, TRAVEL_SD, LOAD_SD_N = 3e-4, 0.01, 1.0
-"""Errors of a test: of the fulcrum's place, of all travel of a setting (machine and fixture yield), of each load."""
+"""Errors of a test: of the fulcrum's place, of all travel of a setting (machine and fixture yield),
+of each load."""
 REFERENCE = "SYNTHETIC bench of the reference subject's foot"
 
 
@@ -82,14 +85,19 @@ def write_bench(
     )
     with replaced(folder / "bench.yaml") as stream:
         stream.write(
-            f"# {notice.replace('walked', 'measured')}.\n"
-            f"# The virtual foot on its bench (studies/virtual_laboratory/bench.py), pressed vertically "
-            f"{1e3 * design.frame.load_point_m:.0f} mm from\n"
-            f"# the keel's posterior end; static, {'no noise' if seed is None else 'with the errors of a test'}. "
-            f"Stiffness is the mean slope from {LOADS_N[0]:g} to {LOADS_N[1]:g} N.\n"
+            (
+                f"# {notice.replace('walked', 'measured')}.\n# The virtual foot on its bench "
+                "(studies/virtual_laboratory/bench.py), pressed vertically "
+                f"{1e3 * design.frame.load_point_m:.0f} mm from\n# the keel's posterior end; "
+                f"static, {'no noise' if seed is None else 'with the errors of a test'}. "
+                f"Stiffness is the mean slope from {LOADS_N[0]:g} to {LOADS_N[1]:g} N.\n"
+            )
             + (
-                "# That foot was tuned to 10 and 32 N/mm (Glanzer & Adamczyk 2018, PMC6289620) and to a heel of 65\n"
-                "# (McGeehan 2021, doi 10.1115/1.4050456); what lies between follows.\n"
+                (
+                    "# That foot was tuned to 10 and 32 N/mm (Glanzer & Adamczyk 2018, PMC6289620) "
+                    "and to a heel of 65\n# (McGeehan 2021, doi 10.1115/1.4050456); what lies "
+                    "between follows.\n"
+                )
                 if design == Design()
                 else ""
             )
@@ -112,19 +120,18 @@ def write_bench_curves(
     notice: str = NOTICE,
     seed: int | None = None,
 ) -> Path:
-    """`bench_curves.csv` in `folder`, of a foot with a support: the reference subject's where None."""
+    """`bench_curves.csv` in `folder`, of a foot with a support: the reference subject's where
+    None."""
     folder.mkdir(parents=True, exist_ok=True)
     design = design or Design()
     with replaced(folder / "bench_curves.csv") as stream:
         stream.write(
-            f"# {notice.replace('walked', 'measured')}.\n"
-            f"# The virtual foot on its bench (studies/virtual_laboratory/bench.py), pressed vertically "
-            f"{1e3 * design.frame.load_point_m:.0f} mm from the\n"
-            f"# keel's posterior end, or on the heel (no fulcrum); static, loading only, "
-            f"{'no noise' if seed is None else 'with the errors of a test'}, one pass a setting.\n"
-            f"# name: {name}\n"
-            "# synthetic: true\n"
-            "fulcrum_mm,displacement_mm,load_n\n"
+            f"# {notice.replace('walked', 'measured')}.\n# The virtual foot on its bench "
+            "(studies/virtual_laboratory/bench.py), pressed vertically "
+            f"{1e3 * design.frame.load_point_m:.0f} mm from the\n# keel's posterior end, or on "
+            "the heel (no fulcrum); static, loading only, "
+            f"{'no noise' if seed is None else 'with the errors of a test'}, one pass a "
+            f"setting.\n# name: {name}\n# synthetic: true\nfulcrum_mm,displacement_mm,load_n\n"
         )
         for fulcrum, (travel_m, load_n) in measured_curves(design, seed).items():
             for travel, load in zip(travel_m, load_n, strict=True):

@@ -1,8 +1,9 @@
-"""The synthetic person's masses: every segment as six mass points that have its mass, centre and inertia.
+"""The synthetic person's masses: every segment as six mass points that have its mass, centre and
+inertia.
 
-Not the model's table (de Leva 1996): Winter (2009, Biomechanics and Motor Control of Human Movement, 4th ed., Table
-4.1, after Dempster). Head, arms and trunk are one segment (HAT) of its own above the pelvis; arms do not swing by
-themselves.
+Not the model's table (de Leva 1996): Winter (2009, Biomechanics and Motor Control of Human
+Movement, 4th ed., Table 4.1, after Dempster). Head, arms and trunk are one segment (HAT) of its own
+above the pelvis; arms do not swing by themselves.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.parameters import IntactFootParameters
+from vsf_drake.model.parameters import IntactFootParameters
 from vsf_drake.plants.person import PersonHandles
 
 SEGMENTS = (
@@ -28,11 +29,11 @@ PELVIS, SHANK, DEVICE, INTACT_FOOT, HAT = (
     SEGMENTS.index(name) for name in ("pelvis", "shank_right", "vsf_frame", "foot_left", "hat")
 )
 THIGH_MASS, SHANK_MASS, FOOT_MASS, PELVIS_MASS = 0.100, 0.0465, 0.0145, 0.142
-"""Of body mass (Winter). The residual limb has the shank's in proportion to its length, as in the public GaitModel_VSF
-scripts; what is left is head, arms and trunk."""
+"""Of body mass (Winter). The residual limb has the shank's in proportion to its length, as in the
+public GaitModel_VSF scripts; what is left is head, arms and trunk."""
 CENTRE, FOOT_CENTRE = 0.433, 0.5
-"""Centre of mass of thigh and shank from the proximal joint, of the foot from the ankle to the second metatarsal head,
-in lengths (Winter)."""
+"""Centre of mass of thigh and shank from the proximal joint, of the foot from the ankle to the
+second metatarsal head, in lengths (Winter)."""
 THIGH_RADIUS, SHANK_RADIUS, FOOT_RADIUS = 0.323, 0.302, 0.475
 """Radius of gyration across, in the same lengths (Winter)."""
 THIGH_ROUND, SHANK_ROUND = 0.15, 0.10
@@ -40,19 +41,21 @@ THIGH_ROUND, SHANK_ROUND = 0.15, 0.10
 METATARSAL = 0.72
 """Second metatarsal head, in foot lengths from the heel (a choice)."""
 PELVIS_UP_M, PELVIS_RADIUS_M = 0.057, 0.080
-"""Centre of the pelvis above the hips, and its radius of gyration, as in de Leva's lower trunk; about every axis (a
-choice)."""
+"""Centre of the pelvis above the hips, and its radius of gyration, as in de Leva's lower trunk;
+about every axis (a choice)."""
 LUMBAR_UP_M = 0.11
 """Lumbar joint, about which the trunk turns, above the hips (a choice)."""
 HAT_UP, HAT_RADIUS, HAT_ROUND = 0.226, 0.137, 0.072
-"""Of head, arms and trunk without the pelvis, in statures: centre of mass above the hips and radius of gyration across,
-what is left of Winter's HAT (0.678 of body mass, centre 0.626 and radius 0.496 of the 0.288 statures from hip to
-shoulder) without the pelvis above; radius about the long axis with hanging arms (a choice)."""
+"""Of head, arms and trunk without the pelvis, in statures: centre of mass above the hips and radius
+of gyration across, what is left of Winter's HAT (0.678 of body mass, centre 0.626 and radius
+0.496 of the 0.288 statures from hip to shoulder) without the pelvis above; radius about the long
+axis with hanging arms (a choice)."""
 
 
 @dataclass(frozen=True)
 class MassPoints:
-    """P mass points: segment (P,) as index into `SEGMENTS`, p_B (P, 3) m in its frame, mass (P,) kg."""
+    """P mass points: segment (P,) as index into `SEGMENTS`, p_B (P, 3) m in its frame, mass (P,)
+    kg."""
 
     segment: np.ndarray
     p_B: np.ndarray
@@ -79,7 +82,8 @@ class MassPoints:
 def _six(
     segment: int, mass: float, centre: np.ndarray, radii: tuple[float, float, float]
 ) -> MassPoints:
-    """Two points on each of the axes x, y, z about the centre (3,) m; radii of gyration (m) about these."""
+    """Two points on each of the axes x, y, z about the centre (3,) m; radii of gyration (m) about
+    these."""
     squares = np.square(radii)
     apart = np.sqrt(np.maximum(1.5 * (squares.sum() - 2.0 * squares), 0.0))
     p_B = centre + np.concatenate([np.diag(apart), -np.diag(apart)])
@@ -89,7 +93,8 @@ def _six(
 def body_points(
     person: PersonHandles, intact_foot: IntactFootParameters, prosthesis_kg: float
 ) -> MassPoints:
-    """Of all but the prosthesis, whose mass is part of the subject's; the frame of "hat" is at the lumbar joint."""
+    """Of all but the prosthesis, whose mass is part of the subject's; the frame of "hat" is at the
+    lumbar joint."""
     subject, body = person.subject, person.body
     mass, residual = subject.mass_kg, body.residual_length / body.shank_length
 

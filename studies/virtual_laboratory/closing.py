@@ -1,9 +1,9 @@
 """The trunk's motion that makes a recorded walk obey Newton and Euler at every instant.
 
-Legs, the prosthesis's load on the residual limb and the intact foot's plate are given. The whole body's centre of mass
-then follows from integrating the forces twice, and with it the trunk's; its angular momentum follows from integrating
-the moments, and with it the trunk's turning. Where the trunk starts and how it moves there is chosen so that it stays
-nearest to the trunk of the fit.
+Legs, the prosthesis's load on the residual limb and the intact foot's plate are given. The whole
+body's centre of mass then follows from integrating the forces twice, and with it the trunk's; its
+angular momentum follows from integrating the moments, and with it the trunk's turning. Where the
+trunk starts and how it moves there is chosen so that it stays nearest to the trunk of the fit.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from virtual_laboratory.balance import Wrench
 from virtual_laboratory.body import HAT, MassPoints
 from virtual_laboratory.laws import rotation_matrix
 from virtual_laboratory.reaction import Reaction
-from vsf_drake.parameters import GRAVITY
+from vsf_drake.model.parameters import GRAVITY
 
 STARTS, PROBE = 3, 1e-4
-"""How often the trunk's start is corrected by where this led; changes of it (rad, kg m^2/s) that tell how it leads."""
+"""How often the trunk's start is corrected by where this led; changes of it (rad, kg m^2/s) that
+tell how it leads."""
 WEIGHT = np.array([0.0, 0.0, -GRAVITY])
 
 
@@ -46,8 +47,8 @@ def close(
 
     Args:
         time_s: (n,) s, evenly spaced.
-        points: of the whole body that `acting`, all but its weight, acts on; the trunk's have the segment HAT. Rows of
-            `acting` are means over the time since the row before.
+        points: of the whole body that `acting`, all but its weight, acts on; the trunk's have the
+            segment HAT. Rows of `acting` are means over the time since the row before.
         R_WB, p_WB: (n, S, 3, 3) and (n, S, 3) m, poses of the other segments.
     """
     own = points.segment == HAT
@@ -77,7 +78,8 @@ def close(
     trunk_x = (mass * body_x - np.einsum("p,npi->ni", rest.mass, x)) / trunk_kg
     trunk_v = (mass * body_v - np.einsum("p,npi->ni", rest.mass, v)) / trunk_kg
 
-    # Angular momentum about the body's centre of mass: all of it, and what the trunk must have about its own.
+    # Angular momentum about the body's centre of mass: all of it, and what the trunk must have
+    # about its own.
     moment = np.zeros_like(force)
     moment[1:] = acting.moment[1:] - np.cross(0.5 * (body_x[1:] + body_x[:-1]), acting.force[1:])
     spin = step_s * np.cumsum(moment, axis=0)
@@ -109,7 +111,8 @@ def _line(time_s: np.ndarray) -> np.ndarray:
 
 @numba.njit(cache=True)
 def _turn(R: np.ndarray, spin: np.ndarray, inertia: np.ndarray, step_s: float) -> np.ndarray:
-    """(n, 3, 3) of a rigid body with angular momentum `spin` (n, 3) about its centre, in W; second order in step_s."""
+    """(n, 3, 3) of a rigid body with angular momentum `spin` (n, 3) about its centre, in W; second
+    order in step_s."""
     found = np.empty((len(spin), 3, 3))
     found[0] = R
     inverse = np.linalg.inv(inertia)
@@ -124,14 +127,15 @@ def _turn(R: np.ndarray, spin: np.ndarray, inertia: np.ndarray, step_s: float) -
 def missing(
     reaction: Reaction, intact: Wrench, points: MassPoints, R_WB: np.ndarray, p_WB: np.ndarray
 ) -> Wrench:
-    """What both plates and weight do not explain of the whole person's motion: force (N) and moment (N m) about the
-    whole body's centre of mass, (n, 3); zero at both ends.
+    """What both plates and weight do not explain of the whole person's motion: force (N) and moment
+    (N m) about the whole body's centre of mass, (n, 3); zero at both ends.
 
-    From second differences of the mass points' places and the prosthesis's own momenta, for the mean force over the
-    samples before and after each instant.
+    From second differences of the mass points' places and the prosthesis's own momenta, for the
+    mean force over the samples before and after each instant.
 
     Args:
-        reaction: of the prosthesis; intact: the other foot's plate, each row the mean since the row before.
+        reaction: of the prosthesis; intact: the other foot's plate, each row the mean since the row
+            before.
         points, R_WB, p_WB: of the body without its prosthesis, poses (n, S, ...) of all segments.
     """
     time_s, places = reaction.time_s, points.places(R_WB, p_WB)

@@ -1,7 +1,8 @@
 """How this package compiles functions; the machine code is kept on disk for later processes.
 
-numba takes kept code for valid as long as the file of the function is the same, but that code also holds the functions
-of other files that it calls: so the folder is named after the content of all files with compiled functions.
+numba takes kept code for valid as long as the file of the function is the same, but that code also
+holds the functions of other files that it calls: so the folder is named after the content of all
+files with compiled functions.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Numbers of the virtual prosthesis: what it is made of, and how a maker makes it longer.
 
-Everything here is a choice, unless a source is named, and differs on purpose from the model under test. The default is
-the reference subject's foot, whose compliances come from `bench.py --tune`; `people.py` holds the others. Lengths
-along the foot count from A, the keel's posterior end.
+Everything here is a choice, unless a source is named, and differs on purpose from the model under
+test. The default is the reference subject's foot, whose compliances come from `bench.py --tune`;
+`people.py` holds the others. Lengths along the foot count from A, the keel's posterior end.
 """
 
 from __future__ import annotations
@@ -13,17 +13,19 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class KeelDesign:
-    """Leaf spring of `elements` rigid bars with sprung hinges at its nodes, thinner and narrower to the toe."""
+    """Leaf spring of `elements` rigid bars with sprung hinges at its nodes, thinner and narrower to
+    the toe."""
 
     elements: int = 36
     length_m: float = 0.229
     """Public GaitModel_VSF scripts."""
     modulus_pa: float = 7.3405e9
-    """Effective, with the two foams below tuned on the bench (`bench.py --tune`) to 10.000 N/mm at 66 mm, 32.000 at
-    151 mm and a heel of 65.000; then 12.57, 16.38, 22.18 and 31.44 N/mm at 87, 108, 129 and 150 mm. The joints that the
-    authors of the model tuned position by position (public GaitModel_VSF scripts: 13.839 - 0.0677 N m/deg per mm of
-    fulcrum, every 21 mm, a cantilever from the fulcrum on, one spring of 62.8 N/mm in series) give 12.6, 16.7, 22.9 and
-    32.0. McGeehan 2021 (doi 10.1115/1.4050456) has 18.6 GPa for the material, G10/FR4; with it the keel alone is too
+    """Effective, with the two foams below tuned on the bench (`bench.py --tune`) to 10.000 N/mm at
+    66 mm, 32.000 at 151 mm and a heel of 65.000; then 12.57, 16.38, 22.18 and 31.44 N/mm at 87,
+    108, 129 and 150 mm. The joints that the authors of the model tuned position by position (public
+    GaitModel_VSF scripts: 13.839 - 0.0677 N m/deg per mm of fulcrum, every 21 mm, a cantilever from
+    the fulcrum on, one spring of 62.8 N/mm in series) give 12.6, 16.7, 22.9 and 32.0. McGeehan 2021
+    (doi 10.1115/1.4050456) has 18.6 GPa for the material, G10/FR4; with it the keel alone is too
     stiff at 151 mm and only a support that sinks by 10 mm makes up for it."""
     density_kg_m3: float = 1850.0
     """G10/FR4 data sheets."""
@@ -43,12 +45,14 @@ class KeelDesign:
     shear_modulus_pa: float = 4.0e9
     """Of the torsional hinges."""
     clamp_nm_per_rad: float = 0.0
-    """Rotational stiffness of the anchor at A against bending; 0 is a pin. Against twist the anchor is rigid."""
+    """Rotational stiffness of the anchor at A against bending; 0 is a pin. Against twist the anchor
+    is rigid."""
 
 
 @dataclass(frozen=True)
 class SupportDesign:
-    """The fulcrum: a roller above the keel that holds it down where the toe is pushed up, at both ends of its width."""
+    """The fulcrum: a roller above the keel that holds it down where the toe is pushed up, at both
+    ends of its width."""
 
     stiffness_n_per_m: float = 2.0e6
     """Sinks 0.9 mm under the 1.8 kN that it carries at 66 mm when 600 N press the toe."""
@@ -85,7 +89,8 @@ class FrameDesign:
 
 @dataclass(frozen=True)
 class SoleDesign:
-    """Rounded sole on foam: a long rocker with a heel radius and a toe rise, round edges, `columns` x `rows` points."""
+    """Rounded sole on foam: a long rocker with a heel radius and a toe rise, round edges, `columns`
+    x `rows` points."""
 
     columns: int = 38
     rows: int = 7
@@ -120,16 +125,19 @@ class SoleDesign:
 
 @dataclass(frozen=True)
 class SocketDesign:
-    """Residual limb in the socket, hardening like soft tissue. Orders of magnitude from what limits the motion:
+    """Residual limb in the socket, hardening like soft tissue. Orders of magnitude from what limits
+    the motion:
 
-    30 and 18 mm, 15 degrees in gait (Childers & Siebert 2016, doi 10.1177/0309364615610660), 6 mm under a pull of
-    90 N (PMC4208197), 0.3 N m/kg about the long axis (Klute & Mulcahy 2024, doi 10.3389/fresc.2024.1354144).
+    30 and 18 mm, 15 degrees in gait (Childers & Siebert 2016, doi 10.1177/0309364615610660), 6 mm
+    under a pull of 90 N (PMC4208197), 0.3 N m/kg about the long axis (Klute & Mulcahy 2024, doi
+    10.3389/fresc.2024.1354144).
     """
 
     axial_force_n: float = 115.0
     axial_length_m: float = 4e-3
     axial_linear_n_per_m: float = 3e3
-    """Along the shank force_n (exp(u / length) - 1) + linear u, u onto the limb: 800 N at 8 mm, -90 N at -5 mm."""
+    """Along the shank force_n (exp(u / length) - 1) + linear u, u onto the limb: 800 N at 8 mm,
+    -90 N at -5 mm."""
     shear_stiffness_n_per_m: float = 3e4
     shear_length_m: float = 6e-3
     bending_stiffness_nm_per_rad: float = 800.0
@@ -160,8 +168,9 @@ class Design:
 def longer(design: Design, scale: float) -> Design:
     """The same foot in another size.
 
-    Frame, carriage and its travel, heel block, build height, foam thickness and the keel's section serve all sizes;
-    keel and sole are longer, the sole is wider, and the taper, the rocker, the toe and the point of load go along.
+    Frame, carriage and its travel, heel block, build height, foam thickness and the keel's section
+    serve all sizes; keel and sole are longer, the sole is wider, and the taper, the rocker, the toe
+    and the point of load go along.
     """
     keel, frame, sole = design.keel, design.frame, design.sole
     along = (

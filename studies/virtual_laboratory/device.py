@@ -1,8 +1,9 @@
 """The prosthesis as arrays for the compiled step, and its state.
 
-Frame P: the rigid part (socket, pylon, foot frame, heel block), origin at the end of the residual limb, parallel to
-the keel frame K of the undeformed foot. Body 0 is P; body i = 1..N is bar i of the keel. Frame E: origin there too,
-parallel to the shank's S where nothing is loaded; the foot's placement turns P against it.
+Frame P: the rigid part (socket, pylon, foot frame, heel block), origin at the end of the residual
+limb, parallel to the keel frame K of the undeformed foot. Body 0 is P; body i = 1..N is bar i of
+the keel. Frame E: origin there too, parallel to the shank's S where nothing is loaded; the foot's
+placement turns P against it.
 """
 
 from __future__ import annotations
@@ -14,17 +15,18 @@ import numpy as np
 from virtual_laboratory.design import Design
 from virtual_laboratory.keel import make_keel
 from virtual_laboratory.sole import make_sole
-from vsf_drake.parameters import GRAVITY
+from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.plants.anthropometry import FootPlacement
 
 
 class Device(NamedTuple):
-    """Constants, SI. M mass points of the rigid part, N bars, T torsional hinges, n foam cells (sorted by body).
+    """Constants, SI. M mass points of the rigid part, N bars, T torsional hinges, n foam cells
+    (sorted by body).
 
-    points: (n, 3) in P for cells on the rigid part; else in their bar, from its rear hinge along, left, up.
-    fulcrum: x from the anchor in P. fulcrum_stiffness: 0 where there is none.
-    socket: (9,) axial force, length, linear; shear stiffness, length; bending stiffness, angle; twist stiffness,
-    angle. socket_damping: (6,) along and about x, y, z. R_EP: (3, 3).
+    points: (n, 3) in P for cells on the rigid part; else in their bar, from its rear hinge along,
+    left, up. fulcrum: x from the anchor in P. fulcrum_stiffness: 0 where there is none. socket:
+    (9,) axial force, length, linear; shear stiffness, length; bending stiffness, angle; twist
+    stiffness, angle. socket_damping: (6,) along and about x, y, z. R_EP: (3, 3).
     """
 
     mass_points: np.ndarray
@@ -59,10 +61,10 @@ class Device(NamedTuple):
 class State(NamedTuple):
     """What the step carries on; arrays changed in place.
 
-    R, p: pose of P in W. q: (N + T,) hinge angles, bending (positive lifts the toe), then twist (about x to the toe).
-    increment: (6 + N + T,) last step's motion (rotation and translation of P in P, hinge angles); before: the same of
-    the step before. mass_x, mass_v: (M + N, 3) positions and velocities of the mass points. cell_x: (n, 3) cells in W.
-    shear: (n, 2) of the anchors.
+    R, p: pose of P in W. q: (N + T,) hinge angles, bending (positive lifts the toe), then twist
+    (about x to the toe). increment: (6 + N + T,) last step's motion (rotation and translation of P
+    in P, hinge angles); before: the same of the step before. mass_x, mass_v: (M + N, 3) positions
+    and velocities of the mass points. cell_x: (n, 3) cells in W. shear: (n, 2) of the anchors.
     socket: (6,) displacement. fulcrum: (2,) how far the keel is beyond the roller, left and right.
     """
 
@@ -113,7 +115,8 @@ def make_device(
         placement: of the foot under the pylon; standard where None.
 
     Raises:
-        ValueError: no fulcrum for a foot with one or conversely, out of reach, or nothing that holds the keel.
+        ValueError: no fulcrum for a foot with one or conversely, out of reach, or nothing that
+            holds the keel.
     """
     support, frame = design.support, design.frame
     if (fulcrum is None) != (support is None):
@@ -207,8 +210,8 @@ def _rigid_masses(
     pylon_length: float,
     node_masses: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mass points (x, y, z, kg) with the mass, centre and inertia of a thin-walled socket and a pylon, in E, and of
-    the foot frame and the carriage, in K.
+    """Mass points (x, y, z, kg) with the mass, centre and inertia of a thin-walled socket and a
+    pylon, in E, and of the foot frame and the carriage, in K.
 
     Two points at the Gauss abscissae of a segment have a homogeneous rod's inertia.
     """

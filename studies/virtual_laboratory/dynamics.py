@@ -1,9 +1,10 @@
 """One implicit step of the virtual prosthesis, compiled.
 
-Backward Euler on positions: every mass point obeys m ((x - x0) / h - v0) / h = m g + f(x, (x - x0) / h), all
-forces at the end of the step, written in the coordinates (pose of P, hinge angles) and solved by Newton. The
-tangent is assembled body by body as 6 x 6 blocks about P's origin and summed from the toe to A (a composite
-body for each hinge), so that the chain's rotations are exact however far it bends and twists.
+Backward Euler on positions: every mass point obeys m ((x - x0) / h - v0) / h = m g + f(x, (x - x0)
+/ h), all forces at the end of the step, written in the coordinates (pose of P, hinge angles) and
+solved by Newton. The tangent is assembled body by body as 6 x 6 blocks about P's origin and summed
+from the toe to A (a composite body for each hinge), so that the chain's rotations are exact however
+far it bends and twists.
 
 Spatial vectors are (about/moment, along/force) in P's axes about P's origin.
 """
@@ -35,7 +36,8 @@ LARGEST_CORRECTION = 0.05
 def chain(
     device: Device, q: np.ndarray, hinges: np.ndarray, bars: np.ndarray, axes: np.ndarray
 ) -> None:
-    """Hinge positions (N + 1, 3; the last is the tip), the bars' rotations (N, 3, 3) and hinge axes (N + T, 3) in P."""
+    """Hinge positions (N + 1, 3; the last is the tip), the bars' rotations (N, 3, 3) and hinge axes
+    (N + T, 3) in P."""
     count, t = len(device.lengths), 0
     R = np.eye(3)
     hinges[0] = device.anchor
@@ -82,7 +84,8 @@ def add_point(
     f: np.ndarray,
     D: np.ndarray,
 ) -> None:
-    """Adds force `f` (P axes) at r and its stiffness `D` (3, 3) to a body's wrench, 6 x 6 block and r f^T (3, 3)."""
+    """Adds force `f` (P axes) at r and its stiffness `D` (3, 3) to a body's wrench, 6 x 6 block and
+    r f^T (3, 3)."""
     x, y, z = r[0], r[1], r[2]
     wrench[0] += y * f[2] - z * f[1]
     wrench[1] += z * f[0] - x * f[2]
@@ -162,7 +165,8 @@ def add_ground(
     forces: np.ndarray,
     shear: np.ndarray,
 ) -> None:
-    """Contact of every foam cell; its force (W) goes to `forces`, the remaining shear of its anchor to `shear`."""
+    """Contact of every foam cell; its force (W) goes to `forces`, the remaining shear of its anchor
+    to `shear`."""
     fw, f, r, D, DW = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros((3, 3))
     for k in range(len(device.bodies)):
         forces[k, 0] = forces[k, 1] = forces[k, 2] = 0.0
@@ -187,7 +191,8 @@ def add_ground(
         DW[0, 1] = DW[1, 0] = 0.0
         DW[2, 2] = slope
         if slips:
-            # only across the direction of slip; how the cut force grows with the normal force is left out
+            # only across the direction of slip; how the cut force grows with the normal force is
+            # left out
             size = math.sqrt(ux * ux + uy * uy)
             ux, uy = ux / size, uy / size
             across = limit / size
@@ -216,7 +221,8 @@ def _rotate(D_W: np.ndarray, R: np.ndarray, D: np.ndarray) -> None:
 def socket_displacement(
     device: Device, R: np.ndarray, p: np.ndarray, R_S: np.ndarray, p_S: np.ndarray
 ) -> np.ndarray:
-    """(6,) displacement (m) and rotation vector (rad) of the socket (E) against the end of the residual limb, in S."""
+    """(6,) displacement (m) and rotation vector (rad) of the socket (E) against the end of the
+    residual limb, in S."""
     u = np.empty(6)
     gap = p - p_S + device.residual_length * R_S[:, 2]
     u[:3] = R_S.T @ gap
@@ -236,7 +242,8 @@ def add_socket(
     block: np.ndarray,
     load: np.ndarray,
 ) -> None:
-    """The limb's action on the socket; `load` gets the socket's action on the limb in S about its end."""
+    """The limb's action on the socket; `load` gets the socket's action on the limb in S about its
+    end."""
     s = device.socket
     force, slope = np.empty(6), np.empty(6)
     force[0], slope[0] = hardening(u[0], s[3], s[4])

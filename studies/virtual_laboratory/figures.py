@@ -1,4 +1,5 @@
-"""The achieved figures of a trial, what walking looks like, and how well one trial's curve predicts another's."""
+"""The achieved figures of a trial, what walking looks like, and how well one trial's curve predicts
+another's."""
 
 from __future__ import annotations
 
@@ -15,9 +16,9 @@ from virtual_laboratory.motion import COORDINATES, Person
 from virtual_laboratory.recording import Recorded, Truth
 from virtual_laboratory.supports import DEVICE_REAR_M
 from virtual_laboratory.targets import LEG_M
+from vsf_drake.model.parameters import GRAVITY, PELVIS_TRANSLATIONS
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trajectory import low_pass
-from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS
 
 CUTOFF_HZ = 40.0
 PERCENT = np.linspace(0.0, 1.0, 101)
@@ -46,7 +47,8 @@ def stance_of(trial: Recorded, foot: str = "right") -> tuple[float, float]:
     complete = [s for s in stances if s.complete]
     if len(complete) != 1:
         raise RuntimeError(
-            f"{trial.draw.name}: {len(complete)} whole stances of the {foot} foot where one was wanted"
+            f"{trial.draw.name}: {len(complete)} whole stances of the {foot} foot where one was "
+            "wanted"
         )
     return complete[0].start_s, complete[0].end_s
 
@@ -172,8 +174,9 @@ def _foot(trial: Recorded, side: str, weight_n: float) -> dict[str, float]:
 def _balance(truth: Truth, weight_n: float) -> dict[str, float]:
     """What both plates leave unexplained of the whole person's motion, and how the trunk moves.
 
-    Of the three components of each instant together; forces in body weights, moments about the centre of mass in body
-    weights times metres. `lumped_...`: with the trunk fixed in the pelvis, low-passed at 40 Hz.
+    Of the three components of each instant together; forces in body weights, moments about the
+    centre of mass in body weights times metres. `lumped_...`: with the trunk fixed in the pelvis,
+    low-passed at 40 Hz.
     """
     found = {}
     for name, left in (("residual", truth.missing), ("lumped", truth.lumped)):
@@ -225,8 +228,9 @@ def force_band(quantity: str, side: str, speed_m_per_s: float) -> tuple[float, f
 
 
 def stride_band(speed_m_per_s: float, leg_m: float) -> tuple[float, float]:
-    """s, of the slow and normal groups of adults of BANDS, linear between the middles of their speeds; of shorter legs
-    shorter at a relatively higher speed, both by the square root of the length (dynamic similarity)."""
+    """s, of the slow and normal groups of adults of BANDS, linear between the middles of their
+    speeds; of shorter legs shorter at a relatively higher speed, both by the square root of the
+    length (dynamic similarity)."""
     rows = [
         row for row in _bands() if row["quantity"] == "stride_time" and row["side"] == "able-bodied"
     ]
@@ -252,7 +256,8 @@ def band_of_person(quantity: str) -> tuple[float, float]:
 def against_bands(
     figures: Mapping[str, float], speed_m_per_s: float
 ) -> dict[str, tuple[float, float, float]]:
-    """What a trial has, and the band's ends, by what it is; `figures` of `trial_figures`, forces in BW."""
+    """What a trial has, and the band's ends, by what it is; `figures` of `trial_figures`, forces in
+    BW."""
     stride = stride_band(speed_m_per_s, figures["leg_m"])
     stance_ratio = figures["stance_s"] / figures["intact_stance_s"]
     found = {

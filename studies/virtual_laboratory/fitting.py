@@ -1,9 +1,9 @@
 """Least squares over the splines that are added to the base motion.
 
-The unknowns are the coefficients c (U, K) of u(t) = base(t) + splines(t) c, U smooth functions of time. Every wish is
-linearised about the present ones: a row of Jacobian J (U,) at an instant, how far the quantity is off, and how far off
-is tolerable (sigma). Wishes about poses touch one instant; those about accelerations three; `repeat` couples instants a
-stride apart.
+The unknowns are the coefficients c (U, K) of u(t) = base(t) + splines(t) c, U smooth functions of
+time. Every wish is linearised about the present ones: a row of Jacobian J (U,) at an instant, how
+far the quantity is off, and how far off is tolerable (sigma). Wishes about poses touch one instant;
+those about accelerations three; `repeat` couples instants a stride apart.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ BAND = DEGREE + 1
 
 
 class Targets:
-    """Normal equations of weighted wishes about a change of the coefficients of `size` functions."""
+    """Normal equations of weighted wishes about a change of the coefficients of `size`
+    functions."""
 
     def __init__(self, splines: Splines, size: int) -> None:
         self._splines, self._size = splines, size
@@ -30,7 +31,8 @@ class Targets:
         self._instant_gradient = np.zeros((len(splines.time_s), size))
 
     def pose(self, J: np.ndarray, off: np.ndarray, sigma: np.ndarray | float) -> None:
-        """Asks that J (N, m, u) du makes up for `off` (N, m), each to about sigma; infinite where nothing is asked.
+        """Asks that J (N, m, u) du makes up for `off` (N, m), each to about sigma; infinite where
+        nothing is asked.
 
         J is of the first u functions.
         """
@@ -45,7 +47,8 @@ class Targets:
         self._instant_gradient += off / np.square(sigma)
 
     def stencil(self, J: np.ndarray, off: np.ndarray, sigma: np.ndarray) -> None:
-        """Asks that J[n, 0] du(n - 1) + J[n, 1] du(n) + J[n, 2] du(n + 1) makes up for `off` (N, m), to sigma (m,).
+        """Asks that J[n, 0] du(n - 1) + J[n, 1] du(n) + J[n, 2] du(n + 1) makes up for `off` (N,
+        m), to sigma (m,).
 
         J (N, 3, m, U); the first and the last instant are left out.
         """
@@ -66,7 +69,8 @@ class Targets:
             self._gradient[:, i] -= cost @ c[i] / tolerated**2
 
     def smooth(self, c: np.ndarray, sigma: np.ndarray) -> None:
-        """Asks for small third derivatives of the whole correction c + dc, to about sigma (U,) per s³."""
+        """Asks for small third derivatives of the whole correction c + dc, to about sigma (U,) per
+        s³."""
         cost = self._splines.roughness * len(self._splines.time_s)
         for i, tolerated in enumerate(sigma):
             self._hessian[:, i, :, i] += cost / tolerated**2

@@ -1,8 +1,9 @@
-"""The floor of a trial: the error that the true prosthesis itself makes, driven by the kinematics as recorded.
+"""The floor of a trial: the error that the true prosthesis itself makes, driven by the kinematics
+as recorded.
 
-What remains is the recording's: misplaced markers, sliding skin, the plate's noise. A model whose error is below the
-floor has fitted noise. What a fit may rightly correct lowers its floor: the errors that all trials share, and in a
-trial that it is fitted to, the height.
+What remains is the recording's: misplaced markers, sliding skin, the plate's noise. A model whose
+error is below the floor has fitted noise. What a fit may rightly correct lowers its floor: the
+errors that all trials share, and in a trial that it is fitted to, the height.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from virtual_laboratory.prosthesis import Prosthesis, prosthesis_of
 from virtual_laboratory.recording import Recorded, in_radians
 from virtual_laboratory.session import Session, foot_in_shank
 from virtual_laboratory.tiers import PLACED, Tier, draw_placement, shared_error_deg
-from vsf_drake.analysis.metrics import walk_metrics
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial, default_model
-from vsf_drake.parameters import FootParameters
+from vsf_drake.walks.metrics import walk_metrics
 
 SCORES = (
     "grf_rmse_bw",
@@ -49,7 +50,8 @@ HIGHEST_M, HEIGHT_TOLERANCE_M = 5e-3, 5e-5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VirtualWalk:
-    """A walk of the virtual prosthesis with what `compare` and `walk_metrics` read of a `WalkResult`.
+    """A walk of the virtual prosthesis with what `compare` and `walk_metrics` read of a
+    `WalkResult`.
 
     Attributes:
         time_s: (n,) s; grf_W, cop_W: (n, 3) N and m, as there.
@@ -62,6 +64,7 @@ class VirtualWalk:
     trajectory: CoordinateTrajectory
     subject_mass_kg: float
     foot_length_m: float
+    fulcrum_m: np.ndarray
     trial_name: str
     synthetic: bool
     unconverged_steps: int
@@ -96,7 +99,8 @@ def virtual_walk(trial: Trial, trajectory: CoordinateTrajectory | None = None) -
     """
     if trial.subject.prosthetic_side != "right" or trial.offsets != GeometricOffsets():
         raise ValueError(
-            f"{trial.name}: the virtual prosthesis is the reference subject's: on the right, no offsets"
+            f"{trial.name}: the virtual prosthesis is the reference subject's: on the right, no "
+            "offsets"
         )
     path = (trajectory or trial.trajectory).ordered(COORDINATES)
     began = time.perf_counter()
@@ -118,6 +122,7 @@ def virtual_walk(trial: Trial, trajectory: CoordinateTrajectory | None = None) -
         synthetic=trial.synthetic,
         subject_mass_kg=trial.subject.mass_kg,
         foot_length_m=trial.model.foot.length_m,
+        fulcrum_m=np.array([trial.fulcrum_m]),
         unconverged_steps=reaction.unconverged,
         wall_s=time.perf_counter() - began,
     )
@@ -132,12 +137,14 @@ def scores(walk: VirtualWalk, plate: PlateRecording) -> dict[str, Any]:
 
 
 def floor(trial: Trial) -> dict[str, Any]:
-    """Scores of the virtual prosthesis on the trial's own kinematics, against the trial's own plate."""
+    """Scores of the virtual prosthesis on the trial's own kinematics, against the trial's own
+    plate."""
     return scores(virtual_walk(trial), trial.prosthetic_plate)
 
 
 def floor_with_shared_errors_removed(trial: Trial, seed: int) -> dict[str, Any]:
-    """The same with the errors taken off that all trials of the laboratory tier share; those of the trial remain.
+    """The same with the errors taken off that all trials of the laboratory tier share; those of the
+    trial remain.
 
     Args:
         trial: of the laboratory tier of the reference subject made with `seed`.
@@ -149,7 +156,8 @@ def floor_with_shared_errors_removed(trial: Trial, seed: int) -> dict[str, Any]:
 
 
 def floor_with_height_fitted(trial: Trial, seed: int) -> dict[str, Any]:
-    """As `floor_with_shared_errors_removed`, with the pelvis raised by what leaves the smallest resultant error.
+    """As `floor_with_shared_errors_removed`, with the pelvis raised by what leaves the smallest
+    resultant error.
 
     The floor of a fit with a height of its own for this very trial; `height_mm` says how much.
     """
@@ -195,10 +203,11 @@ def without_shared_errors(trial: Trial, seed: int) -> CoordinateTrajectory:
 def session_floor(
     prosthesis: Prosthesis, session: Session, trial: Recorded, tier: Tier
 ) -> dict[str, Any]:
-    """Scores of the true prosthesis of a session on a trial's coordinates as written, its foot where the written
-    subject has it, against the plate as written."""
+    """Scores of the true prosthesis of a session on a trial's coordinates as written, its foot
+    where the written subject has it, against the plate as written."""
     path = CoordinateTrajectory(trial.time_s, in_radians(tier.coordinates), COORDINATES)
-    # A true shank S such that the foot's place P is where the written one, S', has it: X_WS = X_WS' X_S'P X_PS.
+    # A true shank S such that the foot's place P is where the written one, S', has it: X_WS = X_WS'
+    # X_S'P X_PS.
     X_FS = foot_in_shank(session.written) @ foot_in_shank(session.person).inverse()
     R_FS, p_FS = X_FS.rotation().matrix(), X_FS.translation()
     R, p = shank_poses(
@@ -214,6 +223,7 @@ def session_floor(
         trial_name=trial.draw.name,
         subject_mass_kg=session.person.mass_kg,
         foot_length_m=FootParameters().length_m,
+        fulcrum_m=np.array([trial.draw.fulcrum_m], dtype=float),
         unconverged_steps=reaction.unconverged,
         wall_s=0.0,
     )

@@ -50,14 +50,15 @@ def bending_stiffness(design: KeelDesign, x: np.ndarray) -> np.ndarray:
 
 
 def torsional_stiffness(design: KeelDesign, x: np.ndarray) -> np.ndarray:
-    """G b h^3 (1 - 0.63 h / b) / 3 (N m^2) at `x`: Saint-Venant's for a flat rectangle (Timoshenko & Goodier)."""
+    """G b h^3 (1 - 0.63 h / b) / 3 (N m^2) at `x`: Saint-Venant's for a flat rectangle (Timoshenko
+    & Goodier)."""
     b, h = width(design, x), thickness(design, x)
     return np.asarray(design.shear_modulus_pa * b * h**3 * (1.0 - 0.63 * h / b) / 3.0)
 
 
 def make_keel(design: KeelDesign) -> Keel:
-    """Trapezoidal rule on the curvature, hence second order in the bar's length; twist lumped in the middle of
-    `twists` equal lengths."""
+    """Trapezoidal rule on the curvature, hence second order in the bar's length; twist lumped in
+    the middle of `twists` equal lengths."""
     nodes = np.linspace(0.0, design.length_m, design.elements + 1)
     lengths = np.diff(nodes)
     stiffness = bending_stiffness(design, nodes[:-1]) / lengths

@@ -1,8 +1,9 @@
 """Force laws of the virtual laboratory, compiled. None is shared with the model under test.
 
-Foam: progressive to densification, with hysteresis after Hunt & Crossley (1975, doi 10.1115/1.3423596).
-Friction: Coulomb with an elastic anchor (the bristle of Cundall & Strack 1979, doi 10.1680/geot.1979.29.1.47):
-below mu N the sole shears and does not creep. Socket: exponential, as soft tissue hardens.
+Foam: progressive to densification, with hysteresis after Hunt & Crossley (1975, doi
+10.1115/1.3423596). Friction: Coulomb with an elastic anchor (the bristle of Cundall & Strack 1979,
+doi 10.1680/geot.1979.29.1.47): below mu N the sole shears and does not creep. Socket: exponential,
+as soft tissue hardens.
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ import numpy as np
 from virtual_laboratory.compiled import compiled
 
 DENSE_FROM = 0.85
-"""Compression / densification depth beyond which the foam goes on with the stiffness it has there, so that a Newton
-iterate beyond densification still has a finite force."""
+"""Compression / densification depth beyond which the foam goes on with the stiffness it has there,
+so that a Newton iterate beyond densification still has a finite force."""
 
 
 @compiled
 def foam(depth: float, stiffness: float, dense_depth: float) -> tuple[float, float]:
-    """Elastic force (N) k d / (1 - (d / dense)^2) of a foam cell and its slope (N/m); zero out of contact."""
+    """Elastic force (N) k d / (1 - (d / dense)^2) of a foam cell and its slope (N/m); zero out of
+    contact."""
     if depth <= 0.0:
         return 0.0, 0.0
     u = min(depth / dense_depth, DENSE_FROM)
@@ -47,8 +49,8 @@ def friction(
 ) -> tuple[float, float, float, float, bool]:
     """Force (x, y) of an anchor sheared by (x, y), the shear that remains and whether it slips.
 
-    Sticking, the force is -k shear; where that exceeds `limit` (mu N) it is cut to it and the anchor
-    follows (radial return), which never gives energy back.
+    Sticking, the force is -k shear; where that exceeds `limit` (mu N) it is cut to it and the
+    anchor follows (radial return), which never gives energy back.
     """
     size = stiffness * math.sqrt(shear_x * shear_x + shear_y * shear_y)
     ratio = 1.0 if size <= limit else limit / size

@@ -1,9 +1,10 @@
 """Ideal markers on the synthetic person, by the names of the OpenSim gait models (Rajagopal 2016).
 
-They sit on the segments as the written coordinates move them, so on the prosthetic side too they tell the coordinates:
-shank markers follow the residual limb (no socket moves under them) and foot markers the undeformed prosthesis, on a
-shell as long as the intact foot. Pelvis dimensions are chosen such that Harrington's regression (2007) finds the
-model's hip centres within 4 mm. Standing, half of the weight shortens the virtual prosthesis; that hip is lower by it.
+They sit on the segments as the written coordinates move them, so on the prosthetic side too they
+tell the coordinates: shank markers follow the residual limb (no socket moves under them) and foot
+markers the undeformed prosthesis, on a shell as long as the intact foot. Pelvis dimensions are
+chosen such that Harrington's regression (2007) finds the model's hip centres within 4 mm. Standing,
+half of the weight shortens the virtual prosthesis; that hip is lower by it.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from virtual_laboratory.motion import COORDINATES, Person
 from virtual_laboratory.placing import RATE_HZ
 from virtual_laboratory.prosthesis import Prosthesis, prosthesis_of
 from virtual_laboratory.trc import write_trc
-from vsf_drake.files import replaced
-from vsf_drake.parameters import GRAVITY
+from vsf_drake.base.files import replaced
+from vsf_drake.model.parameters import GRAVITY
 
 MARKER_HZ, STANDING_S = 100, 1.0
 ASIS_WIDTH_M, PELVIS_DEPTH_M, PSIS_WIDTH_M = 0.260, 0.150, 0.100
@@ -93,7 +94,8 @@ def shortening(prosthesis: Prosthesis, load_n: float) -> float:
 
 
 def standing(person: Person, shorter_m: float) -> np.ndarray:
-    """(N, 21) upright on both feet for STANDING_S, knees straight, the right leg `shorter_m` under load."""
+    """(N, 21) upright on both feet for STANDING_S, knees straight, the right leg `shorter_m` under
+    load."""
     body = person.handles.body
     slope = float(np.arcsin(0.5 * shorter_m / body.hip_lateral))
     place = {

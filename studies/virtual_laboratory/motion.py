@@ -1,8 +1,9 @@
 """The synthetic person's body as the model has it, and the motion that everything starts from.
 
-Coordinates, in this order everywhere: `vsf_drake.parameters.person_coordinates("right")`, m and rad. Poses,
-Jacobians and the centre of mass come from the very plant that `vsf_drake` walks with, the prosthesis undeformed, so
-that what is written as joint angles is what the virtual prosthesis was driven by.
+Coordinates, in this order everywhere: `person_coordinates("right")` of
+`vsf_drake.model.parameters`, m and rad. Poses, Jacobians and the centre of mass come from the very
+plant that `vsf_drake` walks with, the prosthesis undeformed, so that what is written as joint
+angles is what the virtual prosthesis was driven by.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from virtual_laboratory.body import DEVICE, HAT, LUMBAR_UP_M, PELVIS, SEGMENTS, SHANK
 from virtual_laboratory.targets import LEG_M, Draw
-from vsf_drake.parameters import ModelParameters, Subject, person_coordinates
+from vsf_drake.model.parameters import ModelParameters, Subject, person_coordinates
 from vsf_drake.plants.foot import sole_height
 from vsf_drake.plants.person import add_person
 
@@ -36,13 +37,15 @@ LEG = {
 }
 COORDINATES = person_coordinates("right")
 TRUNK = ("trunk_tx", "trunk_ty", "trunk_tz", "trunk_list", "trunk_pitch", "trunk_turn")
-"""Of head, arms and trunk: the lumbar joint's shift from its place in the pelvis (m, along W's axes), then the angles
-about x, y and z of R = Rz Ry Rx in W (rad)."""
+"""Of head, arms and trunk: the lumbar joint's shift from its place in the pelvis (m, along W's
+axes), then the angles about x, y and z of R = Rz Ry Rx in W (rad)."""
 MOVING = len(COORDINATES) + len(TRUNK)
 PUBLISHED_STRIDE_M = 1.1 * 1.26
-"""Stride (m) at the 1.1 m/s of the published angles: on this subject's legs the soles then rest if it lasts 1.26 s."""
+"""Stride (m) at the 1.1 m/s of the published angles: on this subject's legs the soles then rest if
+it lasts 1.26 s."""
 LOADING_PEAK, LOADING_WIDTH = 0.14, 0.055
-"""Phase of the published knee's flexion under load and the width of the bump that is taken from it."""
+"""Phase of the published knee's flexion under load and the width of the bump that is taken from
+it."""
 KNEE_DEG_PER_SPEED = 15.7
 """How that flexion rises per m/s in the published groups."""
 SWAY_M = 0.022
@@ -53,7 +56,8 @@ DEGREE, KNOT_SPACING_S = 5, 0.04
 
 @dataclass(frozen=True)
 class Linearised:
-    """The body over N instants, S segments (`SEGMENTS`) and the 27 functions that move it: 21 coordinates, `TRUNK`.
+    """The body over N instants, S segments (`SEGMENTS`) and the 27 functions that move it: 21
+    coordinates, `TRUNK`.
 
     Attributes:
         R_WB, p_WB: (N, S, 3, 3) and (N, S, 3) m.
@@ -65,14 +69,16 @@ class Linearised:
     J_WB: np.ndarray
 
     def point(self, segment: int, p_B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A point fixed in a segment, p_B (N, 3) or (3,) m: where it is (N, 3) m in W, and its (N, 3, 27) Jacobian."""
+        """A point fixed in a segment, p_B (N, 3) or (3,) m: where it is (N, 3) m in W, and its (N,
+        3, 27) Jacobian."""
         lever = np.einsum(
             "nij,nj->ni", self.R_WB[:, segment], np.broadcast_to(p_B, self.p_WB[:, segment].shape)
         )
         return self.p_WB[:, segment] + lever, self.forward(segment, lever)
 
     def forward(self, segment: int, lever_W: np.ndarray) -> np.ndarray:
-        """(N, 3, 27) Jacobian of the segment's material point at `lever_W` (N, 3) m from its origin."""
+        """(N, 3, 27) Jacobian of the segment's material point at `lever_W` (N, 3) m from its
+        origin."""
         turn, shift = self.J_WB[:, segment, :3], self.J_WB[:, segment, 3:]
         return shift + cross(turn, lever_W[:, :, None])
 
@@ -116,7 +122,8 @@ class Person:
         self._plant.SetPositions(self._context, full)
 
     def leg_poses(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """R_WB (N, S - 1, 3, 3) and p_WB (N, S - 1, 3) m of all but the trunk for coordinates q (N, 21)."""
+        """R_WB (N, S - 1, 3, 3) and p_WB (N, S - 1, 3) m of all but the trunk for coordinates q (N,
+        21)."""
         X = np.empty((len(q), len(self._bodies), 3, 4))
         for k, row in enumerate(q):
             self._set(row)
@@ -126,7 +133,8 @@ class Person:
     def with_trunk(
         self, R_WB: np.ndarray, p_WB: np.ndarray, R_WH: np.ndarray, shift: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The legs' poses and the trunk's, turned R_WH (N, 3, 3) and shifted (N, 3) m from its place in the pelvis."""
+        """The legs' poses and the trunk's, turned R_WH (N, 3, 3) and shifted (N, 3) m from its
+        place in the pelvis."""
         lumbar = p_WB[:, PELVIS] + R_WB[:, PELVIS] @ self.p_PL + shift
         return np.concatenate([R_WB, R_WH[:, None]], axis=1), np.concatenate(
             [p_WB, lumbar[:, None]], axis=1
@@ -175,7 +183,8 @@ class Splines:
     Attributes:
         values: (N, K) of the K splines; each row has DEGREE + 1 non-zero ones from `first` (N,) on.
         roughness: (K, K) mean over time of products of third derivatives.
-        change: (M, K) over one stride, from each instant that is followed by another a stride later.
+        change: (M, K) over one stride, from each instant that is followed by another a stride
+            later.
     """
 
     time_s: np.ndarray
@@ -200,10 +209,11 @@ def make_splines(time_s: np.ndarray, stride_s: float) -> Splines:
 
 
 def base_motion(draw: Draw, time_s: np.ndarray) -> np.ndarray:
-    """(N, 27) published curves with the trial's own speed, cadence and amplitudes; heel strike of the right at 0 s.
+    """(N, 27) published curves with the trial's own speed, cadence and amplitudes; heel strike of
+    the right at 0 s.
 
-    The right knee gives way less under load. The pelvis goes at a steady speed at height zero: placing it over the
-    feet is up to the fit. The trunk is upright and turns against the pelvis.
+    The right knee gives way less under load. The pelvis goes at a steady speed at height zero:
+    placing it over the feet is up to the fit. The trunk is upright and turns against the pelvis.
     """
     series = _read_series()
     right, left = time_s / draw.stride_s, (time_s - draw.intact_strike_s) / draw.stride_s

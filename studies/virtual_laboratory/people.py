@@ -1,7 +1,9 @@
-"""The persons of the session tier as they truly are, and their feet. All synthetic; only who they are is set.
+"""The persons of the session tier as they truly are, and their feet. All synthetic; only who they
+are is set.
 
-Lengths, hip centres, placement and every foot are drawn about what the model under test would assume, so that it is
-wrong about each of them. Standard deviations are choices unless a source is named: nobody publishes most of them.
+Lengths, hip centres, placement and every foot are drawn about what the model under test would
+assume, so that it is wrong about each of them. Standard deviations are choices unless a source is
+named: nobody publishes most of them.
 """
 
 from __future__ import annotations
@@ -24,19 +26,20 @@ from virtual_laboratory.design import (
     longer,
 )
 from virtual_laboratory.prosthesis import STEP_S, Prosthesis, prosthesis_of
-from vsf_drake.parameters import FootParameters, SocketParameters, Subject
+from vsf_drake.model.parameters import FootParameters, SocketParameters, Subject
 from vsf_drake.plants.anthropometry import scale_body
 
 LENGTH_SD = 0.04
 """Of a segment's length at one stature, as a share of it."""
 FOOT_RATIO = 0.147
-"""Foot length / stature of men and of women (http://jcmad.com/allpapers/117h.php); the model has de Leva's."""
+"""Foot length / stature of men and of women (http://jcmad.com/allpapers/117h.php); the model has de
+Leva's."""
 HIP_SD_M = 7.6e-3
 """Of a hip centre about a regression, along each axis: the 13.2 mm of Fiorentino et al. 2016
 (doi 10.1007/s10439-015-1522-1) shared equally. The model's regression is another one."""
 THIGH_SD, SHORTER_M, SHORTER_SD_M, RESIDUAL_RATIO, RESIDUAL_SD = 0.01, 3e-3, 5e-3, 0.62, 0.04
-"""Of the prosthetic thigh's length to the intact one's; by how much the prosthesis is the shorter leg; residual shank
-to intact shank."""
+"""Of the prosthetic thigh's length to the intact one's; by how much the prosthesis is the shorter
+leg; residual shank to intact shank."""
 PLACEMENT = {
     "prosthesis_fore_aft_m": (0.0, 8e-3),
     "prosthesis_lateral_m": (0.0, 4e-3),
@@ -65,19 +68,23 @@ SPECIMEN_SD = {
 SOCKET_SD = 0.2
 """Of each stiffness and damping of a socket, and of its mass, as a share."""
 FOREFOOT_N_PER_M, HEEL_N_PER_M = (28e3, 76e3), (45e3, 68e3)
-"""Linear stiffness of commercial feet (abstract of an ASME Summer Bioengineering Conference 2012 paper: forefoot 28 to
-76, hindfoot 27 to 68 N/mm); a passive foot is drawn evenly from it. This level foam block is no softer than 41."""
+"""Linear stiffness of commercial feet (abstract of an ASME Summer Bioengineering Conference 2012
+paper: forefoot 28 to 76, hindfoot 27 to 68 N/mm); a passive foot is drawn evenly from it. This
+level foam block is no softer than 41."""
 
 
 @dataclass(frozen=True)
 class TruePerson:
-    """One person; the simulation is of a right-sided one, and what is written of a left-sided one is mirrored.
+    """One person; the simulation is of a right-sided one, and what is written of a left-sided one
+    is mirrored.
 
     Attributes:
-        subject: lengths, masses and the foot's placement as they are, prosthetic side "right" as simulated.
+        subject: lengths, masses and the foot's placement as they are, prosthetic side "right" as
+            simulated.
         side: which it is.
         residual_length_m: m, knee to the end of the residual limb.
-        foot: variable-stiffness foot and socket. passive: another foot in the same socket, if there is one.
+        foot: variable-stiffness foot and socket. passive: another foot in the same socket, if there
+            is one.
     """
 
     name: str
@@ -88,7 +95,8 @@ class TruePerson:
     passive: Design | None = None
 
     def prosthesis(self, fulcrum_m: float | None, step_s: float = STEP_S) -> Prosthesis:
-        """With the variable-stiffness foot set to `fulcrum_m` (m from A), or None with the passive foot."""
+        """With the variable-stiffness foot set to `fulcrum_m` (m from A), or None with the passive
+        foot."""
         design = self.foot if fulcrum_m is not None else self.passive
         if design is None:
             raise ValueError(f"{self.name} has no passive foot")
@@ -102,10 +110,11 @@ class TruePerson:
 
 
 def true_persons(seed: int) -> tuple[TruePerson, TruePerson, TruePerson]:
-    """A, as heavy and tall as the subject of McGeehan 2021; B, light, prosthesis on the left; C, heavy.
+    """A, as heavy and tall as the subject of McGeehan 2021; B, light, prosthesis on the left; C,
+    heavy.
 
-    Sizes of feet against the published 245 mm (choices): a tenth longer for A; B's own foot measures some 225 mm, so
-    hers is as short as the prototype is; C's is the longest.
+    Sizes of feet against the published 245 mm (choices): a tenth longer for A; B's own foot
+    measures some 225 mm, so hers is as short as the prototype is; C's is the longest.
     """
     return (
         _person(seed, "A", 78.0, 1.81, "male", "right", 1.10),
@@ -175,7 +184,8 @@ def _person(
 
 
 def _drawn(part: Any, random: np.random.Generator, sd: dict[str, float]) -> Any:
-    """`part` with each number of it that `sd` names drawn about itself (log-normally, so that none changes sign)."""
+    """`part` with each number of it that `sd` names drawn about itself (log-normally, so that none
+    changes sign)."""
     values = {
         name: getattr(part, name) * float(np.exp(share * random.normal()))
         for name, share in sd.items()
@@ -185,9 +195,11 @@ def _drawn(part: Any, random: np.random.Generator, sd: dict[str, float]) -> Any:
 
 
 def _specimen(mass_kg: float, size: float, random: np.random.Generator) -> Design:
-    """A foot of another make than the reference one: on a clamp, under a roller that it can leave, able to twist.
+    """A foot of another make than the reference one: on a clamp, under a roller that it can leave,
+    able to twist.
 
-    A maker takes a thicker keel for heavier users and longer feet, so that the toe yields alike under body weight.
+    A maker takes a thicker keel for heavier users and longer feet, so that the toe yields alike
+    under body weight.
     """
     thicker = (size**2 * mass_kg / REFERENCE_MASS_KG) ** (1.0 / 3.0)
     keel = KeelDesign(
@@ -207,7 +219,8 @@ def _specimen(mass_kg: float, size: float, random: np.random.Generator) -> Desig
 
 
 def _passive(size: float, random: np.random.Generator) -> Design:
-    """A foot without fulcrum: a stiff cantilever built in at A, keel and heel as stiff on the bench as drawn."""
+    """A foot without fulcrum: a stiff cantilever built in at A, keel and heel as stiff on the bench
+    as drawn."""
     forefoot, heel = random.uniform(*FOREFOOT_N_PER_M), random.uniform(*HEEL_N_PER_M)
     keel = KeelDesign(
         thickness_rear_m=9.5e-3,

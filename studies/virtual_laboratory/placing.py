@@ -1,8 +1,8 @@
 """Puts a motion on its feet, before anything is simulated.
 
-Each foot is two supports, heel and forefoot, that rest on the floor, sunk in by what they shall carry; both feet's
-forces and moments change the whole body's momenta; toes are clear of the floor in swing; everything stays near
-published curves.
+Each foot is two supports, heel and forefoot, that rest on the floor, sunk in by what they shall
+carry; both feet's forces and moments change the whole body's momenta; toes are clear of the floor
+in swing; everything stays near published curves.
 """
 
 from __future__ import annotations
@@ -41,12 +41,13 @@ from virtual_laboratory.targets import (
     prosthetic_force,
     roll_over,
 )
-from vsf_drake.parameters import GRAVITY
+from vsf_drake.model.parameters import GRAVITY
 
 RATE_HZ = 200
 """Of the kinematics."""
 MARGIN_S, AFTER_S = 0.34, 0.16
-"""Recorded before the prosthetic foot's strike, and after the end of the intact foot's next stance."""
+"""Recorded before the prosthetic foot's strike, and after the end of the intact foot's next
+stance."""
 PLACING = 5
 """Steps of the fit."""
 STANDARD = {
@@ -67,27 +68,30 @@ STANDARD = {
     "ankle_adduction": 0.04,
     "ankle_rotation": 0.04,
 }
-"""How far (m, rad) a coordinate may well be from its published curve; the pelvis, from its mean path."""
+"""How far (m, rad) a coordinate may well be from its published curve; the pelvis, from its mean
+path."""
 TRUNK_STANDARD, PLATE_STANDARD = (
     (0.001,) * 3 + (0.02, 0.03, 0.06),
     (0.008, 0.02, 0.005, 0.004, 0.006, 0.001),
 )
 """The same of the trunk (`motion.TRUNK`) and of the intact foot's plate (`balance.PLATE`)."""
 REPEATED = 0.05
-"""How far a correction may well be from itself a stride later, as a multiple of its standard: 0.06 to 0.3 degrees of
-an angle, 0.3 to 1.5 mm of the pelvis (a choice, below what people's strides differ by)."""
+"""How far a correction may well be from itself a stride later, as a multiple of its standard: 0.06
+to 0.3 degrees of an angle, 0.3 to 1.5 mm of the pelvis (a choice, below what people's strides
+differ by)."""
 ROUGHNESS_PER_S3, TRUNK_ROUGHNESS_PER_S3, PLATE_ROUGHNESS_PER_S3 = 6.0e3, 1.0e4, 5.0e3
 """Third derivative of a correction that goes with its standard, as a multiple of it."""
 SUPPORT_M, INTACT_SUPPORT_M, ROLL_RAD, CLEARANCE_M = 5e-4, 2e-3, 0.01, 2e-3
-"""Tolerated: place of a loaded support of either foot, roll and turn of a loaded foot, height of the sole in swing."""
+"""Tolerated: place of a loaded support of either foot, roll and turn of a loaded foot, height of
+the sole in swing."""
 INTACT_N = 30.0
 """Tolerated load on the intact foot's spheres (N)."""
 BALANCE, UNBALANCED = (5.0, 1.0), (1e6, 1e6)
-"""Tolerated force (N) and moment (N m) on the whole body that no plate explains; the recording has none. Without asking
-for a balance."""
+"""Tolerated force (N) and moment (N m) on the whole body that no plate explains; the recording has
+none. Without asking for a balance."""
 LIFT_M, HELD_M, AWAY_S, NEAR_S = 0.024, 0.012, 0.10, 0.035
-"""Wished height of the sole in swing and how far above it counts as near; so long after lift-off, so long before
-strike."""
+"""Wished height of the sole in swing and how far above it counts as near; so long after lift-off,
+so long before strike."""
 
 
 @dataclass
@@ -96,7 +100,8 @@ class Attempt:
 
     Attributes:
         time_s: (N,) s at RATE_HZ from the prosthetic foot's strike.
-        base: (N, 33) functions before the fit: coordinates, trunk, intact plate; c: (33, K) coefficients.
+        base: (N, 33) functions before the fit: coordinates, trunk, intact plate; c: (33, K)
+            coefficients.
     """
 
     draw: Draw
@@ -113,7 +118,8 @@ class Attempt:
 
     @property
     def stride(self) -> np.ndarray:
-        """(N,) whether an instant is of the stride that begins with the prosthetic foot's strike."""
+        """(N,) whether an instant is of the stride that begins with the prosthetic foot's
+        strike."""
         return (self.time_s >= 0.0) & (self.time_s < self.draw.stride_s)
 
     @property
@@ -160,7 +166,8 @@ class Stage:
     """What does not change while a motion is fitted.
 
     Attributes:
-        points: mass points of the body without its prosthesis; worn: the prosthesis's, undeformed, on the shank.
+        points: mass points of the body without its prosthesis; worn: the prosthesis's, undeformed,
+            on the shank.
         device, intact: supports; plate: the intact foot's as designed.
     """
 
@@ -234,7 +241,8 @@ def rise_of_legs(person: Person, attempt: Attempt, stage: Stage) -> np.ndarray:
 def wished_balance(
     person: Person, attempt: Attempt, stage: Stage, force: np.ndarray
 ) -> tuple[MassPoints, Wrench]:
-    """The body with its prosthesis undeformed, and the ground's wished force (N, 3) N on that at the wished place."""
+    """The body with its prosthesis undeformed, and the ground's wished force (N, 3) N on that at
+    the wished place."""
     spot = target_centre(person, attempt.draw, attempt.time_s)
     return stage.points.together(stage.worn), Wrench(
         force, np.cross(np.column_stack([spot, 0.0 * spot[:, 0]]), force)
@@ -263,8 +271,8 @@ def common_targets(
     outer: Wrench,
     balance: tuple[float, float] = BALANCE,
 ) -> Targets:
-    """What both stages ask: near the published curves, smooth, in balance with the wrench `outer` and the intact plate,
-    intact foot on the floor, toes up in swing."""
+    """What both stages ask: near the published curves, smooth, in balance with the wrench `outer`
+    and the intact plate, intact foot on the floor, toes up in swing."""
     draw, time, u = attempt.draw, attempt.time_s, attempt.u
     targets, sigma = Targets(attempt.splines, FUNCTIONS), standard_deviations()
     correction = attempt.splines.values @ attempt.c.T
@@ -317,7 +325,8 @@ def common_targets(
 
 
 def _bear(targets: Targets, person: Person, body: Linearised, load_n: np.ndarray) -> None:
-    """Asks that the intact foot's spheres, as springs, be pressed into the floor by what the foot shall carry."""
+    """Asks that the intact foot's spheres, as springs, be pressed into the floor by what the foot
+    shall carry."""
     sites = person.handles.intact_sites
     force, J = np.zeros(len(load_n)), np.zeros((len(load_n), MOVING))
     for p_BS, radius, stiffness in zip(sites.p_BS, sites.radius, sites.stiffness, strict=True):
@@ -337,7 +346,8 @@ def level(
     turn_rad: float,
     sigma: float,
 ) -> None:
-    """Asks that a loaded foot's transverse axis lies level, the foot turned by `turn_rad` about the vertical."""
+    """Asks that a loaded foot's transverse axis lies level, the foot turned by `turn_rad` about the
+    vertical."""
     lateral = body.R_WB[:, segment, :, 1]
     J = cross(body.J_WB[:, segment, :3], lateral[:, :, None])[:, [0, 2]]
     width = np.where(load_bw > 0.03, sigma, np.inf)
@@ -356,7 +366,8 @@ def _clear(
 ) -> None:
     """Asks for LIFT_M under the points `sole` of a foot between its lift-offs and its next strikes.
 
-    Points a little higher are asked to stay where they are, or they would sink again in the next step.
+    Points a little higher are asked to stay where they are, or they would sink again in the next
+    step.
     """
     swing = np.zeros(len(time_s), dtype=bool)
     for lift, strike in zip(lifts, strikes, strict=True):

@@ -1,8 +1,8 @@
 """Corrects a motion by what the virtual prosthesis carries when it walks with it.
 
-Where force and centre of pressure are off, the shank is moved by the error over the stiffness there (lower for more
-load, backward for more push, tilted forward to load the toe); the whole motion is fitted again to these wishes together
-with those of `placing`, and so on.
+Where force and centre of pressure are off, the shank is moved by the error over the stiffness there
+(lower for more load, backward for more push, tilted forward to load the toe); the whole motion is
+fitted again to these wishes together with those of `placing`, and so on.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from virtual_laboratory.prosthesis import Prosthesis
 from virtual_laboratory.reaction import Reaction
 from virtual_laboratory.supports import Support, target_centre
 from virtual_laboratory.targets import prosthetic_force
+from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import GRAVITY
 
 FORCE_HZ = 1000
 """Of the forces."""
@@ -40,7 +40,8 @@ MEASURED = (0, 2, 5)
 COARSE_S, FINE_STEPS = 1e-3, 2
 """Time step of the virtual walks but in the last steps."""
 BALANCING, HELD_M, HELD_RAD = 4, 1e-5, 2e-5
-"""Steps at the end that balance the body with what the prosthesis carries, and what the shank may move in them."""
+"""Steps at the end that balance the body with what the prosthesis carries, and what the shank may
+move in them."""
 CLOSE_BALANCE = (1.0, 0.2)
 """Force (N) and moment (N m) that they tolerate on the body."""
 STRIKE_S, STRIKE_M = 0.013, 2e-5
@@ -50,7 +51,8 @@ PROBE_M, PROBE_RAD = 1e-3, 0.005
 FORCE_N, SHEAR_N, CENTRE_M = 12.0, 4.0, 0.012
 """Tolerated: vertical and horizontal force, place of the centre of pressure."""
 LARGEST_N, LOADED_N, RELAXATION = 1000.0, 20.0, 0.7
-"""Largest error that is corrected at once; load that counts; share of the error that is corrected."""
+"""Largest error that is corrected at once; load that counts; share of the error that is
+corrected."""
 
 Moved = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Takes the shank's R (n, 3, 3) and p (n, 3) to others."""
@@ -58,8 +60,9 @@ Moved = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True)
 class ForwardSensitivity:
-    """What the virtual prosthesis carries at the instants of the kinematics: force (N, 3) N, cop (N, 2) m (or NaN);
-    load: its action on the residual limb, mean around the instant (`balance.triangle_mean`)."""
+    """What the virtual prosthesis carries at the instants of the kinematics: force (N, 3) N, cop
+    (N, 2) m (or NaN); load: its action on the residual limb, mean around the instant
+    (`balance.triangle_mean`)."""
 
     force: np.ndarray
     cop: np.ndarray
@@ -69,8 +72,8 @@ class ForwardSensitivity:
 def shank_poses(
     person: Person, time_s: np.ndarray, q: np.ndarray, instants: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """R (n, 3, 3) and p (n, 3) m of the shank at `instants` for coordinates q (N, 21) recorded at `time_s`, as
-    `vsf_drake` interpolates them."""
+    """R (n, 3, 3) and p (n, 3) m of the shank at `instants` for coordinates q (N, 21) recorded at
+    `time_s`, as `vsf_drake` interpolates them."""
     R_WB, p_WB = person.leg_poses(CoordinateTrajectory(time_s, q, COORDINATES).sample(instants)[0])
     return R_WB[:, SHANK], p_WB[:, SHANK]
 
@@ -138,7 +141,8 @@ def polish(
 
 
 def _balance(person: Person, attempt: Attempt, stage: Stage, load: Wrench) -> None:
-    """Brings the body in balance with what the prosthesis does to it, the shank and so that load held."""
+    """Brings the body in balance with what the prosthesis does to it, the shank and so that load
+    held."""
     wanted = person.linearise(attempt.u[:, :MOVING])
     attempt.base[:, MOVING:] += steadying(
         wanted,
@@ -168,7 +172,8 @@ def _strike(targets: Targets, body: Linearised, heel: Support, time_s: np.ndarra
 
 
 def _moment(now: ForwardSensitivity, spot: np.ndarray) -> np.ndarray:
-    """(N, 2) N m about W's x and y through `spot` (N, 2) m: zero where the centre of pressure lies there."""
+    """(N, 2) N m about W's x and y through `spot` (N, 2) m: zero where the centre of pressure lies
+    there."""
     arm = np.where(np.isfinite(now.cop), now.cop - spot, 0.0)
     return np.column_stack([arm[:, 1], -arm[:, 0]]) * now.force[:, 2:]
 
@@ -180,9 +185,11 @@ def _stiffness(
     now: ForwardSensitivity,
     spot: np.ndarray,
 ) -> np.ndarray:
-    """(N, 5, 6) change of force (3) and moment about the spot (2) per turn (3) and shift (3) of the shank there.
+    """(N, 5, 6) change of force (3) and moment about the spot (2) per turn (3) and shift (3) of the
+    shank there.
 
-    Height, pitch and roll by walking again with each a little changed; what shear does is a constant.
+    Height, pitch and roll by walking again with each a little changed; what shear does is a
+    constant.
     """
     K = np.zeros((len(attempt.time_s), 5, 6))
     K[:, 0, 3] = K[:, 1, 4] = -SHEAR_N_PER_M

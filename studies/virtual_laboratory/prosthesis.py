@@ -3,8 +3,8 @@
     p = prosthesis_of(subject, 0.108)
     reaction = p.walk(time_s, R_WS, p_WS)
 
-Frame S: origin at the knee, z up the shank, x forward, y left, as the model's shank. World W: x forward,
-y left, z up, ground z = 0.
+Frame S: origin at the knee, z up the shank, x forward, y left, as the model's shank. World W: x
+forward, y left, z up, ground z = 0.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from virtual_laboratory.device import Device, State, make_device, new_state
 from virtual_laboratory.dynamics import chain
 from virtual_laboratory.reaction import LOADED_ABOVE_N, Reaction
 from virtual_laboratory.stepping import measure, moving, place, run, step
-from vsf_drake.parameters import FootParameters, SocketParameters, Subject
+from vsf_drake.model.parameters import FootParameters, SocketParameters, Subject
 from vsf_drake.plants.anthropometry import FootPlacement, scale_body
 
 STEP_S = 5e-4
@@ -30,7 +30,8 @@ _SETTLING_STEPS, _SETTLING_STEP_S = 60, 0.02
 
 
 class Prosthesis:
-    """A right leg's prosthesis of `design`, with the fulcrum at `fulcrum_m` from A (m), None where it has none.
+    """A right leg's prosthesis of `design`, with the fulcrum at `fulcrum_m` from A (m), None where
+    it has none.
 
     Attributes:
         residual_length: m, knee to the end of the residual limb.
@@ -72,9 +73,11 @@ class Prosthesis:
         self._forces = np.zeros((len(self.device.bodies), 3))
 
     def walk(self, time_s: np.ndarray, R_WS: np.ndarray, p_WS: np.ndarray) -> Reaction:
-        """Reaction at the instants `time_s` (n, evenly spaced) to the shank's poses R_WS (n, 3, 3), p_WS (n, 3).
+        """Reaction at the instants `time_s` (n, evenly spaced) to the shank's poses R_WS (n, 3, 3),
+        p_WS (n, 3).
 
-        Between samples the shank follows a spline; the prosthesis starts settled, moving with the shank.
+        Between samples the shank follows a spline; the prosthesis starts settled, moving with the
+        shank.
         """
         time = np.asarray(time_s, dtype=float)
         spacing = np.diff(time)
@@ -137,7 +140,8 @@ class Prosthesis:
         angular_velocity: np.ndarray | None = None,
         step_s: float | None = None,
     ) -> None:
-        """Lowers the prosthesis onto the ground with the shank turned like this, settles it, then lets it move along.
+        """Lowers the prosthesis onto the ground with the shank turned like this, settles it, then
+        lets it move along.
 
         Args:
             velocity, angular_velocity: (3,) in W of the knee and the shank, at rest where None.
@@ -197,11 +201,13 @@ def prosthesis_of(
     residual_length: float | None = None,
     step_s: float = STEP_S,
 ) -> Prosthesis:
-    """The prosthesis of `subject`, right-sided, as long and with the foot placed as the subject says.
+    """The prosthesis of `subject`, right-sided, as long and with the foot placed as the subject
+    says.
 
     Args:
         design: the reference subject's where None.
-        residual_length: m, knee to the end of the residual limb; as the model under test has it where None.
+        residual_length: m, knee to the end of the residual limb; as the model under test has it
+            where None.
     """
     design = design or Design()
     body = scale_body(subject, FootParameters(), SocketParameters())
@@ -220,7 +226,8 @@ def prosthesis_of(
 
 
 def centre_of_pressure(force: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centre of pressure (n, 3) on z = 0 and free moment (n,) from force and moment (n, 3) about W's origin.
+    """Centre of pressure (n, 3) on z = 0 and free moment (n,) from force and moment (n, 3) about
+    W's origin.
 
     NaN where the vertical force is below 20 N.
     """

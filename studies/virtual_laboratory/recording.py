@@ -1,8 +1,10 @@
-"""From a fitted motion to what a laboratory would have recorded of it: coordinates and both feet's forces.
+"""From a fitted motion to what a laboratory would have recorded of it: coordinates and both feet's
+forces.
 
-The prosthetic foot's force is what the virtual prosthesis gives when driven by the coordinates *as written*: rounded,
-at 200 Hz, splined as `vsf_drake` splines them. The intact foot's is designed and then, together with the trunk's
-motion, fitted to what the prosthesis did to the body; the trunk's motion is closed by Newton's and Euler's equations.
+The prosthetic foot's force is what the virtual prosthesis gives when driven by the coordinates *as
+written*: rounded, at 200 Hz, splined as `vsf_drake` splines them. The intact foot's is designed and
+then, together with the trunk's motion, fitted to what the prosthesis did to the body; the trunk's
+motion is closed by Newton's and Euler's equations.
 """
 
 from __future__ import annotations
@@ -37,21 +39,22 @@ from virtual_laboratory.polish import FORCE_HZ, limb_load
 from virtual_laboratory.prosthesis import Prosthesis, centre_of_pressure
 from virtual_laboratory.reaction import Reaction
 from virtual_laboratory.targets import Draw
+from vsf_drake.model.parameters import PELVIS_TRANSLATIONS
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import PELVIS_TRANSLATIONS
 
 DECIMALS = 7
 """Of what is written: 1e-7 m and 1e-7 degrees."""
 MOVED_M = 0.5
 """How far ahead of the laboratory's origin the foot comes down."""
 CLOSING, RECORDED_BALANCE = 3, (0.3, 0.06)
-"""Steps of the last fit, of trunk and intact plate alone, and force (N) and moment (N m) that it tolerates: integrated,
-what is left sets the trunk adrift."""
+"""Steps of the last fit, of trunk and intact plate alone, and force (N) and moment (N m) that it
+tolerates: integrated, what is left sets the trunk adrift."""
 
 
 @dataclass(frozen=True)
 class Foot:
-    """One foot's plate in W: force (n, 3) N, cop (n, 3) m (NaN below 20 N), free_moment (n,) N m."""
+    """One foot's plate in W: force (n, 3) N, cop (n, 3) m (NaN below 20 N), free_moment (n,) N
+    m."""
 
     force: np.ndarray
     cop: np.ndarray
@@ -65,8 +68,8 @@ class Truth:
     Attributes:
         R_WB, p_WB: (n, S, 3, 3) and (n, S, 3) m, poses of `body.SEGMENTS`, the trunk's the last.
         shift: (n, 3) m, of the trunk's lumbar joint from its place in the pelvis, along W's axes.
-        missing, lumped: what both plates and weight do not explain of the whole person's motion (`closing.missing`);
-            lumped: if the trunk did not move in the pelvis.
+        missing, lumped: what both plates and weight do not explain of the whole person's motion
+            (`closing.missing`); lumped: if the trunk did not move in the pelvis.
     """
 
     R_WB: np.ndarray
@@ -112,7 +115,8 @@ def in_radians(q: np.ndarray) -> np.ndarray:
 
 
 def record(person: Person, prosthesis: Prosthesis, attempt: Attempt, stage: Stage) -> Recorded:
-    """Rounds the motion as it will be written, measures the prosthetic foot's force and closes the rest."""
+    """Rounds the motion as it will be written, measures the prosthetic foot's force and closes the
+    rest."""
     every = FORCE_HZ // RATE_HZ
     coordinates = in_degrees(attempt.q).round(DECIMALS)
     q = in_radians(coordinates)
@@ -159,9 +163,8 @@ def record(person: Person, prosthesis: Prosthesis, attempt: Attempt, stage: Stag
         )
         attempt.base[:, MOVING:] += level
         u[:, MOVING:] += level
-    between = np.maximum(
-        instants - 0.5 / FORCE_HZ, instants[0]
-    )  # as the prosthesis's: mean over the last step
+    # as the prosthesis's: mean over the last step
+    between = np.maximum(instants - 0.5 / FORCE_HZ, instants[0])
     smooth = CoordinateTrajectory(attempt.time_s, u[:, active], TRUNK + PLATE).sample(between)[0]
 
     plate = set_stage(person, attempt.draw, prosthesis, between).plate.wrench(

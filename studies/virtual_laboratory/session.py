@@ -1,14 +1,18 @@
-"""The tier `session`: what a laboratory would have recorded of a true person on one day, errors of measurement and all.
+"""The tier `session`: what a laboratory would have recorded of a true person on one day, errors of
+measurement and all.
 
-Errors belong to segments, as markers do: an angle's error is the difference of its two segments', so that what the
-thigh's markers get wrong is in hip and knee, and the shank below does not see it. Sizes are standard deviations of
-`data/published` (see there which of them are choices); a segment takes what the angles above it leave: thigh² =
-hip² - pelvis², shank² = knee² - thigh², so that every angle has its published size. Drawn for each session: markers
-placed anew, the shape of soft tissue's sway, joint centres, lengths and mass, the plates' places. For each trial: a
-constant, a slow error, the size of the sway. The prosthesis is measured as `vsf-drake import` does, standing: how its
-foot sits is told in the shank's axes as they were found, which takes a constant error of that shank out again.
+Errors belong to segments, as markers do: an angle's error is the difference of its two segments',
+so that what the thigh's markers get wrong is in hip and knee, and the shank below does not see it.
+Sizes are standard deviations of `data/published` (see there which of them are choices); a segment
+takes what the angles above it leave: thigh² = hip² - pelvis², shank² = knee² - thigh², so that
+every angle has its published size. Drawn for each session: markers placed anew, the shape of soft
+tissue's sway, joint centres, lengths and mass, the plates' places. For each trial: a constant, a
+slow error, the size of the sway. The prosthesis is measured as `vsf-drake import` does, standing:
+how its foot sits is told in the shank's axes as they were found, which takes a constant error of
+that shank out again.
 
-Everything is of a person with the prosthesis on the right; `writing` mirrors one who has it on the left.
+Everything is of a person with the prosthesis on the right; `writing` mirrors one who has it on the
+left.
 """
 
 from __future__ import annotations
@@ -26,11 +30,16 @@ from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.placing import MARGIN_S
 from virtual_laboratory.recording import Foot, Recorded, in_degrees, in_radians
 from virtual_laboratory.tiers import Tier, measured
+from vsf_drake.model.parameters import (
+    PELVIS_TRANSLATIONS,
+    FootParameters,
+    SocketParameters,
+    Subject,
+)
 from vsf_drake.motion.formats.recording import world_to_os
 from vsf_drake.motion.markers.joints import COORDINATES as BOTH_ANKLES
 from vsf_drake.motion.markers.joints import coordinates_of, joint_angles, orientations_of
 from vsf_drake.motion.markers.segments import PARENTS
-from vsf_drake.parameters import PELVIS_TRANSLATIONS, FootParameters, SocketParameters, Subject
 from vsf_drake.plants.anthropometry import Body, foot_placement, scale_body
 
 PUBLISHED = Path(__file__).resolve().parents[2] / "data" / "published"
@@ -40,38 +49,43 @@ ANGLES = {
     "shank": ("knee_adduction", "knee_angle", "knee_rotation"),
     "foot": ("", "ankle_angle", ""),
 }
-"""By kind of segment, the angles that it closes: about its axes forward, left and up. The published tables have no
-other angle of the ankle."""
+"""By kind of segment, the angles that it closes: about its axes forward, left and up. The published
+tables have no other angle of the ankle."""
 ZEROED = tuple(
     f"{name}_{side}"
     for name in ("hip_rotation", "knee_adduction", "knee_rotation")
     for side in "rl"
 )
-"""Whose mean over the walk is taken off: crosstalk of the knee's axis makes their zero doubtful, and laboratories that
-do not trust it report the change alone. The prosthetic foot's inversion is left out of the subject's file likewise."""
+"""Whose mean over the walk is taken off: crosstalk of the knee's axis makes their zero doubtful,
+and laboratories that do not trust it report the change alone. The prosthetic foot's inversion is
+left out of the subject's file likewise."""
 HARMONICS = 3
 PARTS = 3
-"""The variance between trials in equal parts (a choice): the person's own, which the plates see too; a constant error
-of the trial; a slow one within it. The first is not an error, and is in the walks already."""
+"""The variance between trials in equal parts (a choice): the person's own, which the plates see
+too; a constant error of the trial; a slow one within it. The first is not an error, and is in the
+walks already."""
 SWAY_SPREAD = 0.2
 """Standard deviation, from trial to trial, of the sway's size over its mean (a choice)."""
 SLOW_WAVES = 4
 """Half periods of the slowest to the fastest part of a slow error over the recording: 1 to 4."""
 KNEE_M, ANKLE_M, PLACE_M, FOOT_DEG = 5e-3, 5e-3, 2e-3, 1.0
-"""Standard deviations along each axis (choices): of knee and ankle centres, of heel and sole of the prosthetic foot in
-the shank, of that foot's turns (3 mm over 0.17 m from heel to forefoot marker)."""
+"""Standard deviations along each axis (choices): of knee and ankle centres, of heel and sole of the
+prosthetic foot in the shank, of that foot's turns (3 mm over 0.17 m from heel to forefoot
+marker)."""
 MASS_KG, STATURE_M, FOOT_LENGTH_M = 0.3, 5e-3, 3e-3
-"""Standard deviations (choices) of scales with clothes on, of the stadiometer, of a caliper over the shoe."""
+"""Standard deviations (choices) of scales with clothes on, of the stadiometer, of a caliper over
+the shoe."""
 MARKED_M = 0.4e-3
-"""Of the prosthetic ankle's place, constant and slow error of a trial, each axis: markers on a rigid shell, as in the
-laboratory tier."""
+"""Of the prosthetic ankle's place, constant and slow error of a trial, each axis: markers on a
+rigid shell, as in the laboratory tier."""
 DECIMALS = 5
 """Of m and degrees."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Standard deviations: of angles in rad by kind of segment, (3,) about its axes; of lengths in m.
+    """Standard deviations: of angles in rad by kind of segment, (3,) about its axes; of lengths in
+    m.
 
     Attributes:
         between_sessions, between_trials, sway: by kind of segment.
@@ -104,8 +118,9 @@ def published_sizes() -> Sizes:
         between_trials=_of_segments(repeated, "error", "between_trial_sd_deg"),
         sway=_of_segments(sway, "amplitude", "value"),
         hip_centre_m=hip,
+        # from the mean distance of a normal error in the plane
         plate_m=centre / np.sqrt(0.5 * np.pi),
-    )  # from the mean distance of a normal error in the plane
+    )
 
 
 def _rows(name: str) -> list[dict[str, str]]:
@@ -114,8 +129,8 @@ def _rows(name: str) -> list[dict[str, str]]:
 
 
 def _of_segments(rows: list[dict[str, str]], quantity: str, column: str) -> dict[str, np.ndarray]:
-    """(3,) rad by kind of segment: what the published angles leave it. ValueError where that is less than nothing, as
-    of no segments that err independently."""
+    """(3,) rad by kind of segment: what the published angles leave it. ValueError where that is
+    less than nothing, as of no segments that err independently."""
     angles = {row["coordinate"]: float(row[column]) for row in rows if row["quantity"] == quantity}
     sizes: dict[str, np.ndarray] = {}
     above = np.zeros(3)
@@ -128,7 +143,8 @@ def _of_segments(rows: list[dict[str, str]], quantity: str, column: str) -> dict
         )
         if squares.min() < 0.0:
             raise ValueError(
-                f"{column}: {names[int(squares.argmin())]} is less uncertain than the segment above it"
+                f"{column}: {names[int(squares.argmin())]} is less uncertain than the segment "
+                "above it"
             )
         above = np.sqrt(squares)
         sizes[kind] = np.radians(above)
@@ -142,8 +158,10 @@ class Session:
     Attributes:
         sizes: of what is drawn for each trial.
         person: the true one; written: as the laboratory measured.
-        ankle: (3,) m, the prosthetic ankle in the shank as it was found; true_ankle: in the true shank.
-        turned: (3,) rad by segment, constant. waves: (3, HARMONICS, 2) rad by segment, over the gait cycle.
+        ankle: (3,) m, the prosthetic ankle in the shank as it was found; true_ankle: in the true
+            shank.
+        turned: (3,) rad by segment, constant. waves: (3, HARMONICS, 2) rad by segment, over the
+            gait cycle.
         plates: (2,) m by foot, how far its centre of pressure is off.
         zeroed: angles whose mean over each walk is taken off.
         seed: of its trials.
@@ -170,7 +188,8 @@ class Session:
 
 
 def draw_session(person: Subject, *, seed: tuple[int, ...], name: str) -> Session:
-    """A session of `person`, whose measured lengths are all stated; `name` is that of the written subject."""
+    """A session of `person`, whose measured lengths are all stated; `name` is that of the written
+    subject."""
     random, sizes = np.random.default_rng(seed), published_sizes()
     turned = {
         segment: sizes.between_sessions[_kind(segment)] * random.standard_normal(3)
@@ -228,7 +247,8 @@ def draw_session(person: Subject, *, seed: tuple[int, ...], name: str) -> Sessio
 
 
 def foot_in_shank(person: Subject) -> RigidTransform:
-    """X_SP of the right leg: the foot's place (`FootPlacement`) in the shank, whose origin is the knee."""
+    """X_SP of the right leg: the foot's place (`FootPlacement`) in the shank, whose origin is the
+    knee."""
     body = scale_body(person, FootParameters(), SocketParameters())
     end = RigidTransform(np.array([0.0, 0.0, -body.residual_length - body.pylon_length]))
     return end @ foot_placement(person).pose(mirrored=False)
@@ -237,8 +257,8 @@ def foot_in_shank(person: Subject) -> RigidTransform:
 def _mount(
     person: Subject, body: Body, turned: np.ndarray, knee: np.ndarray, random: np.random.Generator
 ) -> dict[str, float]:
-    """Length of the prosthesis and how its foot sits, measured in a shank that is `turned` (rad) and begins at `knee`
-    (m from the true one); inversion is not told (see ZEROED)."""
+    """Length of the prosthesis and how its foot sits, measured in a shank that is `turned` (rad)
+    and begins at `knee` (m from the true one); inversion is not told (see ZEROED)."""
     X_SP = foot_in_shank(person)
     R = RotationMatrix(Rotation.from_rotvec(turned).inv().as_matrix())
     marked = Rotation.from_rotvec(np.radians(FOOT_DEG) * random.standard_normal(3)).as_matrix()
@@ -246,7 +266,8 @@ def _mount(
     end = R.multiply(X_SP.translation() - knee) + PLACE_M * random.standard_normal(3)
     alignment, _, rotation = joint_angles(R_found.matrix(), "ankle", "right")
 
-    # The sole's plane lies build_height below the foot's place; the prosthesis runs down the shank's axis to it.
+    # The sole's plane lies build_height below the foot's place; the prosthesis runs down the
+    # shank's axis to it.
     normal = R_found.matrix()[:, 2]
     length = (FootParameters().build_height_m - normal @ end) / normal[2]
     return {
@@ -316,8 +337,8 @@ def slow(time_s: np.ndarray, size: np.ndarray, random: np.random.Generator) -> n
 
 
 def ankle_of(values: np.ndarray, subject: Subject, p_SA: np.ndarray) -> np.ndarray:
-    """(N, 3) m in W: a point `p_SA` of the right shank under the pelvis of `values` (N, 24), with the subject's
-    lengths."""
+    """(N, 3) m in W: a point `p_SA` of the right shank under the pelvis of `values` (N, 24), with
+    the subject's lengths."""
     R_W, p_W = orientations_of(values)
     body = scale_body(subject, FootParameters(), SocketParameters())
     hip = p_W + R_W["pelvis"] @ np.array([body.hip_forward, -body.hip_lateral, body.hip_up])

@@ -30,7 +30,8 @@ class Sole:
 
 
 def rise(design: SoleDesign, x: np.ndarray) -> np.ndarray:
-    """Height (m) of the sole's middle line above its lowest point at `x` (m from A); smooth in slope."""
+    """Height (m) of the sole's middle line above its lowest point at `x` (m from A); smooth in
+    slope."""
     heel, toe, centre = design.heel_from_m, design.toe_from_m, design.rocker_centre_m
     middle = np.clip(x, heel, toe)
     height = (middle - centre) ** 2 / (2.0 * design.rocker_radius_m)

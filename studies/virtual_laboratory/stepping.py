@@ -35,7 +35,8 @@ def step(
     forces: np.ndarray,
     load: np.ndarray,
 ) -> int:
-    """Advances `state` by `h` (s) to the shank's pose; `forces` (n, 3) and `load` (6,) are of the end of the step."""
+    """Advances `state` by `h` (s) to the shank's pose; `forces` (n, 3) and `load` (6,) are of the
+    end of the step."""
     count, cells, unknowns = len(device.lengths), len(device.bodies), len(state.q)
     guess = 2.0 * state.increment - state.before
     R = state.R @ rotation_matrix(guess[:3])
@@ -152,7 +153,8 @@ def measure(
     h: float,
     out: np.ndarray,
 ) -> None:
-    """Fills `out` (8,): force, moment about W's origin on the ground's force plate, clearance, slip speed."""
+    """Fills `out` (8,): force, moment about W's origin on the ground's force plate, clearance, slip
+    speed."""
     out[:] = 0.0
     out[6] = np.inf
     weight = 0.0
@@ -177,7 +179,8 @@ def measure(
 
 @compiled
 def moving(device: Device, state: State, out: np.ndarray) -> None:
-    """Fills `out` (9,): linear momentum, angular momentum about W's origin and centre of mass of all mass points."""
+    """Fills `out` (9,): linear momentum, angular momentum about W's origin and centre of mass of
+    all mass points."""
     out[:] = 0.0
     total = 0.0
     rigid = len(device.masses)
@@ -205,9 +208,11 @@ def run(
     load: np.ndarray,
     momentum: np.ndarray,
 ) -> int:
-    """Steps through the shank's poses (s, 3, 3), (s, 3); every `every` steps a row of the outputs. Unsolved steps.
+    """Steps through the shank's poses (s, 3, 3), (s, 3); every `every` steps a row of the outputs.
+    Unsolved steps.
 
-    Forces and moments of a row are means over its steps, so that they are the change of momentum since the last row.
+    Forces and moments of a row are means over its steps, so that they are the change of momentum
+    since the last row.
     """
     forces = np.zeros((len(device.bodies), 3))
     now, ground, socket = np.zeros(6), np.zeros(8), np.zeros(6)

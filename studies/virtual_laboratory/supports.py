@@ -1,4 +1,5 @@
-"""Feet as two supports each, heel and forefoot, that stay where they are put while they carry load."""
+"""Feet as two supports each, heel and forefoot, that stay where they are put while they carry
+load."""
 
 from __future__ import annotations
 
@@ -12,11 +13,12 @@ from virtual_laboratory.motion import Linearised, Person
 from virtual_laboratory.targets import Draw, roll_over
 
 DEVICE_REAR_M, DEVICE_HEEL_M, DEVICE_FOREFOOT_M = -0.012, 0.018, 0.195
-"""The sole's rear end, and where the prosthesis's load passes from and to, from the keel's end A."""
+"""The sole's rear end, and where the prosthesis's load passes from and to, from the keel's end
+A."""
 HEEL_N_PER_M = 65e3
 FOREFOOT_N_PER_M = {"low": 10.0e3, "medium": 17.3e3, "high": 32.0e3, "passive": 45.0e3}
-"""Where the fit starts from, of the reference subject: bench stiffness, heel published, forefoot published at both ends
-and by beam theory between; of a passive foot a choice."""
+"""Where the fit starts from, of the reference subject: bench stiffness, heel published, forefoot
+published at both ends and by beam theory between; of a passive foot a choice."""
 SOCKET_N_PER_M, SOCKET_NM_PER_RAD = 1e5, 1e3
 INTACT_HEEL, INTACT_FOREFOOT = 0.14, 0.78
 """The same of the intact foot, in foot lengths from its heel."""
@@ -59,8 +61,8 @@ def _shares(
 def device_supports(
     person: Person, draw: Draw, load_n: np.ndarray, time_s: np.ndarray
 ) -> list[Support]:
-    """The prosthesis's in its stance and in the next, a stride apart; the sole's first rear end at x = 0, the middle
-    half a step width to the right; turned out."""
+    """The prosthesis's in its stance and in the next, a stride apart; the sole's first rear end at
+    x = 0, the middle half a step width to the right; turned out."""
     lever = DEVICE_FOREFOOT_M - person.model.foot.pylon_x_m
     toe_stiffness = 1.0 / (1.0 / FOREFOOT_N_PER_M[draw.condition] + lever**2 / SOCKET_NM_PER_RAD)
     found = []
@@ -74,9 +76,8 @@ def device_supports(
             (DEVICE_HEEL_M, heel_n, HEEL_N_PER_M),
             (DEVICE_FOREFOOT_M, toe_n, toe_stiffness),
         ):
-            sunk = (
-                load**2 / np.maximum(on, 1.0) / stiffness
-            )  # less between the two, where the keel is held
+            # less between the two, where the keel is held
+            sunk = load**2 / np.maximum(on, 1.0) / stiffness
             p_B = np.column_stack(
                 [
                     np.full(len(load), x),
@@ -132,7 +133,8 @@ def intact_supports(
 
 
 def target_centre(person: Person, draw: Draw, time_s: np.ndarray) -> np.ndarray:
-    """(N, 2) m, wished centre of pressure of the prosthesis on the floor; in swing it moves on to the next stance."""
+    """(N, 2) m, wished centre of pressure of the prosthesis on the floor; in swing it moves on to
+    the next stance."""
     rest = device_supports(person, draw, np.zeros(len(time_s)), time_s)
     paths = []
     for strike_s, heel, toe in ((0.0, *rest[:2]), (draw.stride_s, *rest[2:])):

@@ -1,9 +1,10 @@
 """What each trial aims at: random draws of how somebody walks, and the forces that go with them.
 
-Nothing here is measured. Ranges are those usually given for the prosthetic side of people with one transtibial
-prosthesis who walk at 1.0 to 1.2 m/s (vertical peaks 1.0 to 1.1 BW, trough 0.78 to 0.88, braking 0.10 to 0.14,
-propulsion 0.08 to 0.13, step width 0.12 to 0.16 m, stance knee flexion 5 to 12 degrees: textbook knowledge, not traced
-to one source). Stance times are published (McGeehan 2021, doi 10.1115/1.4050456).
+Nothing here is measured. Ranges are those usually given for the prosthetic side of people with one
+transtibial prosthesis who walk at 1.0 to 1.2 m/s (vertical peaks 1.0 to 1.1 BW, trough 0.78 to
+0.88, braking 0.10 to 0.14, propulsion 0.08 to 0.13, step width 0.12 to 0.16 m, stance knee flexion
+5 to 12 degrees: textbook knowledge, not traced to one source). Stance times are published (McGeehan
+2021, doi 10.1115/1.4050456).
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.stats import norm
 
-from vsf_drake.parameters import GRAVITY
+from vsf_drake.model.parameters import GRAVITY
 
 CONDITIONS: dict[str, float | None] = {"low": 66.0, "medium": 108.0, "high": 151.0, "passive": None}
 """Fulcrum position (mm) by name of the published condition; none of a passive foot."""
@@ -52,9 +53,10 @@ SPREAD = {
     "intact_second_peak_bw": (1.07, 0.05),
     "roll_over": (0.0, 0.02),
 }
-"""Mean and standard deviation between trials of one person, per `Draw`'s field: choices, of the size of what differs
-from stride to stride in people (a few per cent of body weight, of the cycle and of a step), not measured ones. The mean
-of intact_step makes steps of prosthetic / intact length 0.97 (doi 10.1097/PXR.0000000000000079)."""
+"""Mean and standard deviation between trials of one person, per `Draw`'s field: choices, of the
+size of what differs from stride to stride in people (a few per cent of body weight, of the cycle
+and of a step), not measured ones. The mean of intact_step makes steps of prosthetic / intact length
+0.97 (doi 10.1097/PXR.0000000000000079)."""
 SHAPING = (
     "duty",
     "intact_duty",
@@ -85,28 +87,34 @@ BY_SPEED = {
     "intact_trough_bw": -0.262,
     "intact_second_peak_bw": 0.119,
 }
-"""How these means change per m/s from REFERENCE_SPEED_M_PER_S on: as between the able-bodied groups slow (0.88 m/s) and
-free (1.30 m/s with a leg of 0.93 m) of Schwartz 2008 (doi 10.1016/j.jbiomech.2008.03.015); braking, propulsion and knee
-flexion in proportion to their smaller means here."""
+"""How these means change per m/s from REFERENCE_SPEED_M_PER_S on: as between the able-bodied groups
+slow (0.88 m/s) and free (1.30 m/s with a leg of 0.93 m) of Schwartz 2008 (doi
+10.1016/j.jbiomech.2008.03.015); braking, propulsion and knee flexion in proportion to their smaller
+means here."""
 REFERENCE_SPEED_M_PER_S = 1.1
 CADENCE = ((0.172, 0.290, 0.429, 0.560, 0.694), (0.337, 0.455, 0.565, 0.662, 0.758))
-"""Speed / sqrt(g L) and steps per s times sqrt(L / g), L the leg's length: groups of Schwartz 2008."""
+"""Speed / sqrt(g L) and steps per s times sqrt(L / g), L the leg's length: groups of Schwartz
+2008."""
 MORE_STEPS = 1.033
-"""Cadence of people with a prosthesis to theirs: 109.8 steps/min at 1.22 m/s (doi 10.1097/PXR.0000000000000079)."""
+"""Cadence of people with a prosthesis to theirs: 109.8 steps/min at 1.22 m/s (doi
+10.1097/PXR.0000000000000079)."""
 TIMED_SD = 0.015
 """Standard deviation (parts) of the stance time at a given speed (a choice)."""
 LEG_M, REFERENCE_STATURE_M = 0.93, 1.81
-"""Leg of the persons whose curves these are, taken for the reference subject's; longer and shorter ones step in
-proportion."""
+"""Leg of the persons whose curves these are, taken for the reference subject's; longer and shorter
+ones step in proportion."""
 LOADED_BW = 40.0 / (78.0 * 9.81)
-"""Vertical force at which a wished stance begins and ends: 40 N of the reference subject's weight, as a plate that is
-read from 20 N on sees some milliseconds more of it."""
+"""Vertical force at which a wished stance begins and ends: 40 N of the reference subject's weight,
+as a plate that is read from 20 N on sees some milliseconds more of it."""
 MEAN_SPEED_M_PER_S, MEAN_STANCE_S, SPEED_PER_STANCE = 1.10, 0.743, 0.8
-"""Faster (m/s) by 0.8 per second of shorter stance, about the mean of the published stance times: 1.0 to 1.2 m/s."""
+"""Faster (m/s) by 0.8 per second of shorter stance, about the mean of the published stance times:
+1.0 to 1.2 m/s."""
 RISE_M, CONDITIONED = (2e-3, 2.5e-3, 3e-3), 6
-"""Tolerated amplitudes (m) of the centre of mass's height, once to three times a stride, and steps; see `lifted`."""
+"""Tolerated amplitudes (m) of the centre of mass's height, once to three times a stride, and steps;
+see `lifted`."""
 SOONEST_SD = {"loading": -1.6, "first_peak_at": -2.2}
-"""`lifted` moves these no farther: the curve through a sooner first peak overshoots it by a fifth of the weight."""
+"""`lifted` moves these no farther: the curve through a sooner first peak overshoots it by a fifth
+of the weight."""
 WIDEST_SD = 1.6
 """No draw lies farther from its mean than this many standard deviations, before `lifted`."""
 
@@ -117,12 +125,16 @@ class Draw:
 
     Attributes:
         leg_m: length that steps scale with.
-        duty, intact_duty: stance / stride of either foot; intact_step: instant of the intact foot's strike / stride.
+        duty, intact_duty: stance / stride of either foot; intact_step: instant of the intact foot's
+            strike / stride.
         step_width_m, toe_out_deg: of the feet on the floor.
-        tilt_deg: added to the published anterior tilt; list_scale, rotation_scale: of the published pelvic curves.
+        tilt_deg: added to the published anterior tilt; list_scale, rotation_scale: of the published
+            pelvic curves.
         knee_loading_deg: prosthetic knee's flexion under load at the start of the fit.
-        first_peak_bw ... intact_second_peak_bw: forces in body weights; ..._at: when, in parts of stance.
-        loading, unloading: how much later the foot takes over and gives up its load, in parts of stance.
+        first_peak_bw ... intact_second_peak_bw: forces in body weights; ..._at: when, in parts of
+            stance.
+        loading, unloading: how much later the foot takes over and gives up its load, in parts of
+            stance.
         roll_over: how much later the centre of pressure passes along the foot, in parts of stance.
     """
 
@@ -172,7 +184,8 @@ class Draw:
 
     @property
     def faster_m_per_s(self) -> float:
-        """Speed beyond REFERENCE_SPEED_M_PER_S, of a person with a leg of LEG_M who walks in proportion."""
+        """Speed beyond REFERENCE_SPEED_M_PER_S, of a person with a leg of LEG_M who walks in
+        proportion."""
         return self.speed_m_per_s * np.sqrt(LEG_M / self.leg_m) - REFERENCE_SPEED_M_PER_S
 
     @property
@@ -192,10 +205,12 @@ def draw_trials(
     leg_m: float = LEG_M,
     conditions: Sequence[str] = SETTINGS,
 ) -> list[Draw]:
-    """Three trials per condition, at a speed; without one at the published stance times of the reference subject.
+    """Three trials per condition, at a speed; without one at the published stance times of the
+    reference subject.
 
-    Every quantity is drawn once from each third of its normal distribution, in random order: three such draws (a Latin
-    hypercube) have the stated spread; three independent ones may by chance lie together.
+    Every quantity is drawn once from each third of its normal distribution, in random order: three
+    such draws (a Latin hypercube) have the stated spread; three independent ones may by chance lie
+    together.
     """
     random = np.random.default_rng(seed)
     trials = []
@@ -236,12 +251,14 @@ def draw_trials(
 def lifted(draw: Draw, rise: np.ndarray) -> Draw:
     """The draw given that its forces let the body rise and fall as its legs do.
 
-    Independent draws of times and peaks do not: 1 % of the weight once a stride lifts the centre of mass by 4 mm over
-    one foot. In standard deviations x from the draw, x <- J^T (J J^T + RISE_M^2)^-1 (rise + J x - h(x)) leads to the
-    least x whose h(x), what the forces reach, is `rise` but for errors of RISE_M: the draw is a prior of its own.
+    Independent draws of times and peaks do not: 1 % of the weight once a stride lifts the centre of
+    mass by 4 mm over one foot. In standard deviations x from the draw, x <- J^T (J J^T +
+    RISE_M^2)^-1 (rise + J x - h(x)) leads to the least x whose h(x), what the forces reach, is
+    `rise` but for errors of RISE_M: the draw is a prior of its own.
 
     Args:
-        rise: (3,) m, complex amplitudes of the centre of mass's height at one to three times a stride's frequency.
+        rise: (3,) m, complex amplitudes of the centre of mass's height at one to three times a
+            stride's frequency.
     """
 
     def reached(draw: Draw) -> np.ndarray:
@@ -277,7 +294,8 @@ def lifted(draw: Draw, rise: np.ndarray) -> Draw:
 
 
 def harmonics(values: np.ndarray, count: int) -> np.ndarray:
-    """(count,) complex amplitudes of the first harmonics of `values` (n,), evenly over one stride."""
+    """(count,) complex amplitudes of the first harmonics of `values` (n,), evenly over one
+    stride."""
     part = np.arange(len(values)) / len(values)
     return np.asarray(
         2.0 * np.exp(-2j * np.pi * np.outer(np.arange(1, count + 1), part)) @ values / len(values)
@@ -292,7 +310,8 @@ def describe(draw: Draw) -> dict[str, float]:
 
 
 def _curve(part: np.ndarray, points: list[tuple[float, float]]) -> np.ndarray:
-    """Smooth through `points` from (0, 0) to (1, 0), level at both ends; zero outside. `part` (n,) is of stance."""
+    """Smooth through `points` from (0, 0) to (1, 0), level at both ends; zero outside. `part` (n,)
+    is of stance."""
     x, y = np.array([(0.0, 0.0), *points, (1.0, 0.0)]).T
     level = ([(1, 0.0)], [(1, 0.0)])
     return np.where(
@@ -360,9 +379,11 @@ def _prosthetic_shape(d: Draw, part: np.ndarray) -> np.ndarray:
 
 
 def intact_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
-    """(n, 3) in body weights in W: of the intact foot, so that both feet carry the person over a stride.
+    """(n, 3) in body weights in W: of the intact foot, so that both feet carry the person over a
+    stride.
 
-    Vertical and lateral impulses over one stride balance weight and the other foot exactly; the forward one likewise.
+    Vertical and lateral impulses over one stride balance weight and the other foot exactly; the
+    forward one likewise.
     """
     d = draw
     first, middle, second = d.intact_first_peak_bw, d.intact_trough_bw, d.intact_second_peak_bw
@@ -422,7 +443,8 @@ def intact_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
 
 
 def roll_over(part: np.ndarray, delay: float = 0.0) -> np.ndarray:
-    """Centre of pressure along a foot, 0 at its heel's and 1 at its forefoot's support, over parts of stance (n,).
+    """Centre of pressure along a foot, 0 at its heel's and 1 at its forefoot's support, over parts
+    of stance (n,).
 
     It begins behind the support, at the edge of the heel.
     """

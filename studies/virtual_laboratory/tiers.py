@@ -1,7 +1,9 @@
-"""The two tiers: `exact` as it drove the virtual prosthesis, `laboratory` as markers and plates would have told it.
+"""The two tiers: `exact` as it drove the virtual prosthesis, `laboratory` as markers and plates
+would have told it.
 
-Errors of the laboratory tier are drawn from the seed, never chosen. Their sizes are those that laboratories report for
-placing markers anew (a degree or two of offset at hip and knee) and for repeating a trial with the markers left on.
+Errors of the laboratory tier are drawn from the seed, never chosen. Their sizes are those that
+laboratories report for placing markers anew (a degree or two of offset at hip and knee) and for
+repeating a trial with the markers left on.
 """
 
 from __future__ import annotations
@@ -14,16 +16,20 @@ from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.placing import MARGIN_S
 from virtual_laboratory.reaction import LOADED_ABOVE_N
 from virtual_laboratory.recording import DECIMALS, Foot, Recorded
-from vsf_drake.parameters import PELVIS_TRANSLATIONS
+from vsf_drake.model.parameters import PELVIS_TRANSLATIONS
 
 CONSTANT_DEG = 1.2
-"""Standard deviation of the constant error of each hip and knee angle, the same in all trials: misplaced markers."""
+"""Standard deviation of the constant error of each hip and knee angle, the same in all trials:
+misplaced markers."""
 CURVE_DEG, HARMONICS = 0.5, 3
-"""Expected root mean square of a smooth error over the gait cycle, the same in all trials: sliding skin, crosstalk."""
+"""Expected root mean square of a smooth error over the gait cycle, the same in all trials: sliding
+skin, crosstalk."""
 TRIAL_DEG, TRIAL_M = 0.1, 0.4e-3
-"""Standard deviation of the constant error of one trial in every angle and in the pelvis's place."""
+"""Standard deviation of the constant error of one trial in every angle and in the pelvis's
+place."""
 PLATE_N, PLATE_M = 2.0, 0.2
-"""Standard deviation of every sample of every force, and the lever at which it moves the centre of pressure."""
+"""Standard deviation of every sample of every force, and the lever at which it moves the centre of
+pressure."""
 PLACED = tuple(name for name in COORDINATES if name.startswith(("hip", "knee")))
 
 
@@ -77,7 +83,8 @@ def laboratory(trial: Recorded, placement: Placement, seed: int, index: int) -> 
 
 
 def shared_error_deg(placement: Placement, time_s: np.ndarray, stride_s: float) -> np.ndarray:
-    """(N, 12) degrees that the markers' placement adds to the angles `PLACED` at `time_s` (N,) of a recording."""
+    """(N, 12) degrees that the markers' placement adds to the angles `PLACED` at `time_s` (N,) of a
+    recording."""
     phase = (time_s - MARGIN_S) / stride_s
     turn = 2.0 * np.pi * np.multiply.outer(phase, np.arange(1, HARMONICS + 1))
     waves = np.stack([np.cos(turn), np.sin(turn)], axis=2)
@@ -86,12 +93,14 @@ def shared_error_deg(placement: Placement, time_s: np.ndarray, stride_s: float) 
 
 
 def measured(foot: Foot, random: np.random.Generator) -> Foot:
-    """The foot's plate with noise; its centre of pressure suffers the more, the lighter the load."""
+    """The foot's plate with noise; its centre of pressure suffers the more, the lighter the
+    load."""
     force = foot.force + PLATE_N * random.standard_normal(foot.force.shape)
     noise = PLATE_N * PLATE_M * random.standard_normal((len(force), 3))
     loaded = force[:, 2] > LOADED_ABOVE_N
     known = np.flatnonzero(np.isfinite(foot.cop[:, 0]))
-    # Where the noise alone lifts the load over the threshold, the foot stands where it last or next does.
+    # Where the noise alone lifts the load over the threshold, the foot stands where it last or next
+    # does.
     nearest = known[np.abs(np.flatnonzero(loaded)[:, None] - known).argmin(axis=1)]
     cop, moment = np.full(foot.cop.shape, np.nan), np.full(len(force), np.nan)
     cop[loaded] = foot.cop[nearest]

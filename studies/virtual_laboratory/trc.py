@@ -1,4 +1,5 @@
-"""Markers written as TRC, the text format of Motion Analysis and OpenSim; the product only reads it."""
+"""Markers written as TRC, the text format of Motion Analysis and OpenSim; the product only reads
+it."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.files import replaced
+from vsf_drake.base.files import replaced
 from vsf_drake.motion.formats.recording import Recording, world_to_os
 
 
@@ -19,15 +20,18 @@ def write_trc(
     start_s: float = 0.0,
     unit: str = "m",
 ) -> None:
-    """Writes markers to a TRC file in OpenSim's frame, in full precision; an existing file is replaced at the end.
+    """Writes markers to a TRC file in OpenSim's frame, in full precision; an existing file is
+    replaced at the end.
 
     Args:
         markers: a recording, or (frames, 3) m in W by label; gaps (NaN) become blank cells.
-        rate_hz, start_s: frames per second and time of the first frame, where no recording tells them.
+        rate_hz, start_s: frames per second and time of the first frame, where no recording tells
+            them.
         unit: "m", which reads back exactly, or "mm".
 
     Raises:
-        ValueError: no markers, shapes that differ, no rate, a label that is empty or holds a tab, another unit.
+        ValueError: no markers, shapes that differ, no rate, a label that is empty or holds a tab,
+            another unit.
     """
     if isinstance(markers, Recording):
         rate_hz, start_s, markers = (

@@ -1,20 +1,25 @@
-"""The true values of what a contact fit calls errors of motion, on a trial of a session; no walk is made again.
+"""The true values of what a contact fit calls errors of motion, on a trial of a session; no walk is
+made again.
 
-Two kinds have one. How the foot sits (`offset.*`): the true foot's place in the true shank against the written one in
-the written shank, but for what it is off to the side, which no parameter moves. A constant error of a joint angle
-(`coordinate.*`): true less recorded, mean over stance. Both are of the true segments' axes: corrected by them, a
-person whose pelvis, lengths and other angles are true too stands on the true foot.
+Two kinds have one. How the foot sits (`offset.*`): the true foot's place in the true shank against
+the written one in the written shank, but for what it is off to the side, which no parameter moves.
+A constant error of a joint angle (`coordinate.*`): true less recorded, mean over stance. Both are
+of the true segments' axes: corrected by them, a person whose pelvis, lengths and other angles are
+true too stands on the true foot.
 
-Or both `as_found`: of the axes and the knee that the session found. A session lays the pelvis's path so that the
-recorded ankle is right, and measures the foot in the shank as found: what it gets wrong in all trials alike is in both
-again, and then the recorded motion, as it is, carries the true foot if it sits as found. What remains is what markers
-got wrong on the foot, and of an angle the trial's own error and soft tissue's.
+Or both `as_found`: of the axes and the knee that the session found. A session lays the pelvis's
+path so that the recorded ankle is right, and measures the foot in the shank as found: what it gets
+wrong in all trials alike is in both again, and then the recorded motion, as it is, carries the true
+foot if it sits as found. What remains is what markers got wrong on the foot, and of an angle the
+trial's own error and soft tissue's.
 
-What cannot be had: hip rotation, whose mean the session took off. What has none: contact, socket, friction and keel,
-which are of other laws in the model; curves and heights of trials, which share their mean with the constants.
+What cannot be had: hip rotation, whose mean the session took off. What has none: contact, socket,
+friction and keel, which are of other laws in the model; curves and heights of trials, which share
+their mean with the constants.
 
-The session's errors are drawn again, as `session_tier` draws them, and applied to the recording in place of the true
-motion: as turns of a few degrees commute but for their product, what that gets wrong is 0.1 degrees or so.
+The session's errors are drawn again, as `session_tier` draws them, and applied to the recording in
+place of the true motion: as turns of a few degrees commute but for their product, what that gets
+wrong is 0.1 degrees or so.
 """
 
 from __future__ import annotations
@@ -31,10 +36,10 @@ from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.recording import Foot, Recorded, in_degrees, in_radians
 from virtual_laboratory.session import Session, foot_in_shank, session_tier
 from virtual_laboratory.writing import mirrored
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trial import Trial
-from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.foot import mount_pose
 
 ANGLES = ("hip_flexion", "knee_angle", "hip_adduction")
@@ -44,8 +49,9 @@ PASSES = 2
 
 
 def true_offsets(session: Session, *, as_found: bool = False) -> GeometricOffsets:
-    """The mount that puts the foot of the written subject where the true foot is in its shank, but for what it is off
-    to the side; signed by anatomy, the same of a person with the prosthesis on the left."""
+    """The mount that puts the foot of the written subject where the true foot is in its shank, but
+    for what it is off to the side; signed by anatomy, the same of a person with the prosthesis on
+    the left."""
     X_SP = foot_in_shank(session.person)
     if as_found:
         R_SF = RotationMatrix(Rotation.from_rotvec(session.turned["shank_right"]).as_matrix())
@@ -72,7 +78,8 @@ def angle_errors(
     """Mean over the prosthetic stances of true less recorded, rad, by name of ANGLES.
 
     Args:
-        trial: of the session, as it is read. stride_s: that it was made with. index: as `session_tier` had it.
+        trial: of the session, as it is read. stride_s: that it was made with. index: as
+            `session_tier` had it.
     """
     left = trial.subject.prosthetic_side == "left"
     names = mirrored(np.zeros((1, len(COORDINATES))))[0] if left else COORDINATES
@@ -105,7 +112,8 @@ def angle_errors(
 def true_values(
     session: Session, trials: list[tuple[Trial, float, tuple[int, ...]]], *, as_found: bool = False
 ) -> dict[str, float]:
-    """By name of a fit's parameter, of a fit of these trials: each with its stride (s) and index. m and rad."""
+    """By name of a fit's parameter, of a fit of these trials: each with its stride (s) and index. m
+    and rad."""
     side = trials[0][0].subject.prosthetic_side[0]
     own = replace(session, turned={name: 0.0 * turned for name, turned in session.turned.items()})
     errors: list[dict[str, Any]] = [

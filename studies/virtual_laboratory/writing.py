@@ -1,4 +1,5 @@
-"""The files of data/reference_subject and data/sessions: OpenSim tables, manifests, figures and pages."""
+"""The files of data/reference_subject and data/sessions: OpenSim tables, manifests, figures and
+pages."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from virtual_laboratory.figures import against_bands, null_error
 from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.recording import Foot, Recorded
 from virtual_laboratory.tiers import Tier
-from vsf_drake.files import replaced
+from vsf_drake.base.files import replaced
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.formats.recording import world_to_os
 from vsf_drake.motion.formats.tables import write_storage
@@ -49,7 +50,8 @@ def write_subject(folder: Path, text: str = SUBJECT) -> Path:
 
 @dataclass(frozen=True, kw_only=True)
 class Label:
-    """What the files of a trial say of themselves, and whose they are; `subject` by its path from them."""
+    """What the files of a trial say of themselves, and whose they are; `subject` by its path from
+    them."""
 
     name: str
     notice: str
@@ -88,27 +90,27 @@ def write_trial(folder: Path, trial: Recorded, tier: Tier, label: Label = REFERE
     )
     with replaced(place / f"{draw.name}.yaml") as stream:
         stream.write(
-            f"# {label.notice}.\n"
-            f"name: {label.name}, {tier.name}, {draw.condition} stiffness, trial {draw.number}\n"
-            f"synthetic: true\nsubject: {label.subject}\n"
-            f"kinematics: {draw.name}_kinematics.mot\n"
-            f"forces: {{file: {draw.name}_forces.mot, right: ground_force_r, left: ground_force_l}}\n"
-            f"prosthesis: {{fulcrum_mm: {1e3 * (draw.fulcrum_m or MID_RANGE_M):g}}}"
-            f"{'' if draw.fulcrum_m else '  # a passive foot has none: where the model keeps its own'}\n"
+            f"# {label.notice}.\nname: {label.name}, {tier.name}, {draw.condition} stiffness, "
+            f"trial {draw.number}\nsynthetic: true\nsubject: {label.subject}\nkinematics: "
+            f"{draw.name}_kinematics.mot\nforces: {{file: {draw.name}_forces.mot, right: "
+            "ground_force_r, left: ground_force_l}\nprosthesis: {fulcrum_mm: "
+            f"{1e3 * (draw.fulcrum_m or MID_RANGE_M):g}}}"
+            f"{'' if draw.fulcrum_m else '  # a passive foot has none: where the model keeps its own'}\n"  # noqa: E501
             f"window: {{start_s: 0, end_s: {_before_second_strike(trial):.2f}}}\n"
         )
 
 
 def _before_second_strike(trial: Recorded) -> float:
-    """End (s) of the part of a recording whose prosthetic stances are whole; what follows makes the stride complete."""
+    """End (s) of the part of a recording whose prosthetic stances are whole; what follows makes the
+    stride complete."""
     stances = find_stances(trial.force_time_s, trial.right.force[:, 2])
     cut = [stance.start_s for stance in stances if not stance.end_seen]
     return float(np.floor(1e2 * (min(cut) - BEFORE_S))) / 1e2 if cut else float(trial.time_s[-1])
 
 
 def mirrored(coordinates: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names and values (N, 21) of the mirror image: left is right, and what tells left from right in the pelvis changes
-    its sign. A leg's angles are anatomical and do not."""
+    """Names and values (N, 21) of the mirror image: left is right, and what tells left from right
+    in the pelvis changes its sign. A leg's angles are anatomical and do not."""
     names = tuple(
         name[:-1] + {"r": "l", "l": "r"}[name[-1]] if name[-2] == "_" else name
         for name in COORDINATES
@@ -125,7 +127,8 @@ def _mirrored(foot: Foot) -> Foot:
 
 
 def _columns(foot: Foot, side: str) -> dict[str, np.ndarray]:
-    """OpenSim's columns of one foot; place and moment are zero where it is not loaded, as in OpenSim's own files."""
+    """OpenSim's columns of one foot; place and moment are zero where it is not loaded, as in
+    OpenSim's own files."""
     force = world_to_os(foot.force).round(FORCE_DECIMALS) + 0.0
     cop = world_to_os(np.nan_to_num(foot.cop)).round(PLACE_DECIMALS) + 0.0
     moment = np.nan_to_num(foot.free_moment).round(MOMENT_DECIMALS) + 0.0
@@ -261,8 +264,8 @@ def write_session_readme(folder: Path, rows: Mapping[str, Mapping[str, Any]]) ->
 
 
 def bands_table(walks: Mapping[str, tuple[Iterable[Mapping[str, float]], float | None]]) -> str:
-    """What walks reach against the bands of walking, by speed: figures of each, and the speed of the bands (its own if
-    None); the band shown is the first walk's."""
+    """What walks reach against the bands of walking, by speed: figures of each, and the speed of
+    the bands (its own if None); the band shown is the first walk's."""
     lines = {}
     for speed, (figures, of_all) in walks.items():
         found = [against_bands(row, of_all or row["speed_m_per_s"]) for row in figures]

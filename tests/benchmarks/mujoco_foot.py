@@ -1,22 +1,26 @@
 """The same foot in MuJoCo: how far its walk is from this model's, and how fast it is.
 
-The exported MJCF under socket and shank of the finished Drake plant: masses, the keel's sprung hinges, the bushing's
-six joints, the support as a spring tendon, positions, radii, stiffness and damping of the spheres are the same. MuJoCo
-has no other law for the rest: a sphere's damping acts in unloading too, and from first touch on; friction is a Coulomb
-cone of mu_static, where the project's falls to mu_kinetic; the bushing has no stops. `implicitfast` finds the contact
-forces with the bare mass matrix and makes the dampers implicit afterwards; with dampers as strong as these on pieces of
-20 g its walk at 1 ms is not converged. It takes springs at the start of the step, which diverges at 1 ms with a support
-as stiff as this one (2 MN/m) and not at 0.5 ms: here the support's spring is taken at the end, as by the stepper.
+The exported MJCF under socket and shank of the finished Drake plant: masses, the keel's sprung
+hinges, the bushing's six joints, the support as a spring tendon, positions, radii, stiffness and
+damping of the spheres are the same. MuJoCo has no other law for the rest: a sphere's damping acts
+in unloading too, and from first touch on; friction is a Coulomb cone of mu_static, where the
+project's falls to mu_kinetic; the bushing has no stops. `implicitfast` finds the contact forces
+with the bare mass matrix and makes the dampers implicit afterwards; with dampers as strong as these
+on pieces of 20 g its walk at 1 ms is not converged. It takes springs at the start of the step: as
+the file does for its own step, the support's damping is made such that its spring is taken at the
+end of this one, as by the stepper.
 
-The shank is led from outside: its six joints carry ARMATURE, so that no load moves it. A mocap body would not do:
-MuJoCo takes it for a body at rest, and neither slip nor inertia below it would know its motion.
+The shank is led from outside: its six joints carry ARMATURE, so that no load moves it. A mocap body
+would not do: MuJoCo takes it for a body at rest, and neither slip nor inertia below it would know
+its motion.
 
-A sphere on the floor: MuJoCo's constraint force is f = (aref - a) / R with aref = -(b v + k r), v and r at the start
-of the step, a the acceleration in it, R = (1 - d) / d * weight; d is solimp's impedance and `weight` the compiled
-inverse inertia of the constraint (MuJoCo documentation, Computation: constraint model). A spring and damper written
-at the end of the step is f = -K (r + h v + h^2 a) - C (v + h a), which is that form with 1 / R = h C + h^2 K,
-k = K R and b = (C + h K) R. A direct solref is (-d k, -d b), since MuJoCo divides the one by d^2, multiplies it by d
-again, and divides the other by d.
+A sphere on the floor: MuJoCo's constraint force is f = (aref - a) / R with aref = -(b v + k r), v
+and r at the start of the step, a the acceleration in it, R = (1 - d) / d * weight; d is solimp's
+impedance and `weight` the compiled inverse inertia of the constraint (MuJoCo documentation,
+Computation: constraint model). A spring and damper written at the end of the step is f = -K (r + h
+v + h^2 a) - C (v + h a), which is that form with 1 / R = h C + h^2 K, k = K R and b = (C + h K) R.
+A direct solref is (-d k, -d b), since MuJoCo divides the one by d^2, multiplies it by d again, and
+divides the other by d.
 """
 
 from __future__ import annotations
@@ -29,19 +33,21 @@ import numpy as np
 from table import Row
 from walks import EXACT_STEP_S, best, difference, stance, the_trial, the_walker
 
-from vsf_drake.parameters import GRAVITY
+from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.plants.export import foot_mjcf
 from vsf_drake.simulation.walk import Walk, Walker
 
 DRIVEN = ("x", "y", "z", "yaw", "roll", "pitch")
 ARMATURE = 1e6
-"""Inertia (kg, kg m^2) of the driven joints: 1000 N bends their motion by 1e-3 m/s^2 within one step."""
+"""Inertia (kg, kg m^2) of the driven joints: 1000 N bends their motion by 1e-3 m/s^2 within one
+step."""
 PREFIX = "foot_"
 """Of the names of the exported foot's parts in the whole model."""
 
 
 class Run(NamedTuple):
-    """(n, 3) N of the floor on the foot at the ends of the steps, the state at the end, seconds that it took."""
+    """(n, 3) N of the floor on the foot at the ends of the steps, the state at the end, seconds
+    that it took."""
 
     force: np.ndarray
     state: mujoco.MjData
@@ -49,7 +55,8 @@ class Run(NamedTuple):
 
 
 def rows() -> list[Row]:
-    """Only the prosthesis and its foot: the shank is led, there is no other foot and no inverse dynamics."""
+    """Only the prosthesis and its foot: the shank is led, there is no other foot and no inverse
+    dynamics."""
     exact = stance(EXACT_STEP_S)
     ours, converged, made = exact.prosthetic.grf_W, walk(exact, EXACT_STEP_S).force, []
     for step_s in (1e-3, 2.5e-4):
@@ -60,9 +67,11 @@ def rows() -> list[Row]:
                 len(run.force) * step_s,
                 run.wall_s,
                 (
-                    f"{difference(run.force, step_s, ours, EXACT_STEP_S):.2f} % BW from the stepper at 0.0625 ms, "
-                    f"{difference(run.force, step_s, converged, EXACT_STEP_S):.2f} from MuJoCo at 0.0625 ms; peak "
-                    f"{np.linalg.norm(run.force, axis=1).max():.0f} N of {np.linalg.norm(ours, axis=1).max():.0f} N"
+                    f"{difference(run.force, step_s, ours, EXACT_STEP_S):.2f} % BW from the "
+                    "stepper at 0.0625 ms, "
+                    f"{difference(run.force, step_s, converged, EXACT_STEP_S):.2f} from MuJoCo "
+                    f"at 0.0625 ms; peak {np.linalg.norm(run.force, axis=1).max():.0f} N of "
+                    f"{np.linalg.norm(ours, axis=1).max():.0f} N"
                 ),
             )
         )
@@ -80,7 +89,8 @@ def walk(like: Walk, step_s: float) -> Run:
 
 
 def shank_path(walker: Walker, moments: np.ndarray) -> np.ndarray:
-    """(n, 6) driven coordinates of the residual shank in W at `moments` (s): place (m), then turns z, x, y (rad)."""
+    """(n, 6) driven coordinates of the residual shank in W at `moments` (s): place (m), then turns
+    z, x, y (rad)."""
     gait = walker.gait
     context = gait.plant.CreateDefaultContext()
     shank = gait.person.segments[f"shank_{walker.subject.prosthetic_side}"]
@@ -100,11 +110,13 @@ def shank_path(walker: Walker, moments: np.ndarray) -> np.ndarray:
 
 
 def lead(model: mujoco.MjModel, path: np.ndarray, own_q: np.ndarray, own_v: np.ndarray) -> Run:
-    """Leads the driven joints along `path` (n + 1, 6), one row a step, from the others' state `own_q`, `own_v`.
+    """Leads the driven joints along `path` (n + 1, 6), one row a step, from the others' state
+    `own_q`, `own_v`.
 
-    At the start of each step they are put on the path, with the velocity of the last step and the force that gives
-    their armature the next one: what hangs from them feels the velocity and acceleration of the path. The force on the
-    foot is what the constraint forces do on the three driven slides.
+    At the start of each step they are put on the path, with the velocity of the last step and the
+    force that gives their armature the next one: what hangs from them feels the velocity and
+    acceleration of the path. The force on the foot is what the constraint forces do on the three
+    driven slides.
     """
     data, step_s, n = mujoco.MjData(model), model.opt.timestep, len(DRIVEN)
     velocity = np.diff(path, axis=0, prepend=2 * path[:1] - path[1:2]) / step_s
@@ -124,8 +136,9 @@ def lead(model: mujoco.MjModel, path: np.ndarray, own_q: np.ndarray, own_v: np.n
 def walking_model(
     walker: Walker, *, fulcrum_m: float, step_s: float
 ) -> tuple[mujoco.MjModel, list[str]]:
-    """Socket and foot below the driven shank at one fulcrum position, all spheres of the foot on the floor; and the
-    names of the coordinates in MuJoCo's order, beyond the driven ones as in Drake."""
+    """Socket and foot below the driven shank at one fulcrum position, all spheres of the foot on
+    the floor; and the names of the coordinates in MuJoCo's order, beyond the driven ones as in
+    Drake."""
     gait = walker.gait
     plant, context, foot, socket = (
         gait.plant,
@@ -149,7 +162,8 @@ def walking_model(
     for name, kind, axis in zip(DRIVEN, kinds, [*np.eye(3), *np.eye(3)[[2, 0, 1]]], strict=True):
         root.add_joint(name=name, type=kind, axis=axis, armature=ARMATURE)
 
-    # The prosthesis on the bushing's six sprung joints; what pressing is stiffer than pulling, a soft limit at 0 adds.
+    # The prosthesis on the bushing's six sprung joints; what pressing is stiffer than pulling, a
+    # soft limit at 0 adds.
     inertia = plant.CalcSpatialInertia(
         context, socket.socket.body_frame(), [socket.socket.index(), socket.pylon.index()]
     )
@@ -177,7 +191,8 @@ def walking_model(
             range=[-1.0, 0.0],
         )
 
-    # The exported foot without drawings and spheres, its carriage fixed, and the spheres of the plant.
+    # The exported foot without drawings and spheres, its carriage fixed, and the spheres of the
+    # plant.
     made = mujoco.MjSpec.from_string(foot_mjcf(foot.parameters, fulcrum_m=fulcrum_m))
     for option in ("timestep", "integrator", "cone", "gravity"):
         setattr(made.option, option, getattr(spec.option, option))
@@ -209,7 +224,8 @@ def walking_model(
         )
     model = spec.compile()
 
-    # Numbers that need the compiled inverse inertias; and the solver's scale without the driven joints' armature.
+    # Numbers that need the compiled inverse inertias; and the solver's scale without the driven
+    # joints' armature.
     for i, (stiffness, damping) in enumerate(
         zip(foot.sites.stiffness, foot.sites.damping, strict=True)
     ):
@@ -226,8 +242,11 @@ def walking_model(
                 step_s,
                 model.dof_invweight0[joint.dofadr[0]],
             )
-    # The support's spring at the end of the step too: f = -k (r + h v) - c v has the damping c + h k, implicit.
-    model.tendon_damping += step_s * model.tendon_stiffness
+    # The support's spring at the end of the step too: f = -k (r + h v) - c v has the damping c + h
+    # k, implicit.
+    model.tendon_damping[:] = (
+        foot.parameters.fulcrum.damping_time_s + step_s
+    ) * model.tendon_stiffness
     model.stat.meaninertia = model.dof_M0[len(DRIVEN) :].mean()
     model.opt.tolerance = 1e-14
     return model, [*DRIVEN, *socket.coordinate_names, *foot.keel_joint_names]
@@ -236,8 +255,8 @@ def walking_model(
 def soft_constraint(
     stiffness: float, damping: float, step_s: float, weight: float
 ) -> tuple[list, list]:
-    """solref and solimp that make a constraint a linearly implicit spring (N/m) and damper (N s/m); weight is its
-    inverse inertia (1/kg) in the compiled model."""
+    """solref and solimp that make a constraint a linearly implicit spring (N/m) and damper (N s/m);
+    weight is its inverse inertia (1/kg) in the compiled model."""
     R = 1.0 / (step_s * damping + step_s**2 * stiffness)
     d = weight / (weight + R)
     return [-d * stiffness * R, -d * (damping + step_s * stiffness) * R], [d, d, 1.0, 0.5, 1.0]

@@ -2,9 +2,10 @@
 
     python tests/benchmarks/run.py [--quick] [--only NAME ...]
 
-Simulated time over wall time on one core, compilation excluded, with the accuracy beside it: of walking the root mean
-square difference of the 40 Hz resultants of the prosthetic foot's ground reaction in percent of body weight (BW), of
-the bench the largest difference of the load. Nothing is asserted: times belong to the machine.
+Simulated time over wall time on one core, compilation excluded, with the accuracy beside it: of
+walking the root mean square difference of the 40 Hz resultants of the prosthetic foot's ground
+reaction in percent of body weight (BW), of the bench the largest difference of the load. Nothing is
+asserted: times belong to the machine.
 """
 
 from __future__ import annotations
@@ -14,9 +15,8 @@ import importlib.util
 import sys
 from pathlib import Path
 
-sys.path.append(
-    str(Path(__file__).resolve().parents[1] / "helpers")
-)  # the runs under Drake's Simulator
+# the runs under Drake's Simulator
+sys.path.append(str(Path(__file__).resolve().parents[1] / "helpers"))
 import walks
 from table import Row, format_table
 

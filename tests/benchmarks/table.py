@@ -34,11 +34,15 @@ class Row(NamedTuple):
 
 
 def format_table(rows: Sequence[Row]) -> str:
-    """The rows under a heading; the last ratio is the row's speed over that of YARDSTICK, where that is among them."""
+    """The rows under a heading; the last ratio is the row's speed over that of YARDSTICK, where
+    that is among them."""
     width = max((len(row.name) for row in rows), default=0)
     yardstick = next((row.faster for row in rows if row.name == YARDSTICK), None)
     lines = [
-        f"{'':{width}} {'simulated':>11} {'wall':>11} {'faster than':>11} {'stepper':>9}   accuracy",
+        (
+            f"{'':{width}} {'simulated':>11} {'wall':>11} {'faster than':>11} {'stepper':>9}   "
+            "accuracy"
+        ),
         f"{'':{width}} {'s':>11} {'s':>11} {'real time':>11} {'1 ms = 1':>9}",
     ]
     for row in rows:

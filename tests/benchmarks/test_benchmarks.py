@@ -7,7 +7,7 @@ import pytest
 from table import YARDSTICK, Row, format_table
 from walks import difference, the_trial, the_walker
 
-from vsf_drake.parameters import GRAVITY
+from vsf_drake.model.parameters import GRAVITY
 
 
 def test_table_divides_each_speed_by_real_time_and_by_the_steppers():

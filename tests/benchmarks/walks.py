@@ -1,4 +1,5 @@
-"""The embedded walk and the bench by the stepper, and both under Drake's `Simulator`; many walks in two processes."""
+"""The embedded walk and the bench by the stepper, and both under Drake's `Simulator`; many walks in
+two processes."""
 
 from __future__ import annotations
 
@@ -12,15 +13,15 @@ import numpy as np
 from reference_runs import simulate_bench_reference
 from table import YARDSTICK, Row
 
-from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.ground import Ground
+from vsf_drake.model.ground import Ground
+from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import Trial, load_trial
-from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.batch import WalkCase, WalkOutcome, simulate_batch
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
 from vsf_drake.simulation.walk import Walk, Walker
 from vsf_drake.simulation.walk_over_ground import walk_over
+from vsf_drake.walks.embedded import embedded_trials
 
 WALK_S, MILLISECOND, REPEATS = 1.2, 1e-3, 10
 STEPS_S = (2e-3, 1e-3, 5e-4, 2.5e-4)
@@ -79,8 +80,8 @@ def best(run: Callable[[], Any], repeats: int = REPEATS) -> Any:
 
 
 def difference(force: np.ndarray, step_s: float, exact: np.ndarray, exact_step_s: float) -> float:
-    """RMS difference of the 40 Hz resultants of forces (n, 3) at the ends of steps, each millisecond or at the longer
-    step, in percent of body weight."""
+    """RMS difference of the 40 Hz resultants of forces (n, 3) at the ends of steps, each
+    millisecond or at the longer step, in percent of body weight."""
     spacing = max(MILLISECOND, step_s, exact_step_s)
     pair = [
         f[round(spacing / h) - 1 :: round(spacing / h)]
@@ -99,7 +100,8 @@ def difference(force: np.ndarray, step_s: float, exact: np.ndarray, exact_step_s
 
 
 def stepper() -> list[Row]:
-    """The whole person: 21 coordinates follow the recording, socket and keel respond, both feet on the ground."""
+    """The whole person: 21 coordinates follow the recording, socket and keel respond, both feet on
+    the ground."""
     exact, second = (
         stance(step_s).prosthetic.grf_W for step_s in (EXACT_STEP_S, SECOND_EXACT_STEP_S)
     )
@@ -116,9 +118,10 @@ def stepper() -> list[Row]:
                 len(record.time_s) * step_s,
                 walk.wall_s,
                 (
-                    f"{difference(force, step_s, second, SECOND_EXACT_STEP_S):.3f} % BW from 0.125 ms, "
-                    f"{difference(force, step_s, exact, EXACT_STEP_S):.3f} from 0.0625 ms; {record.iterations.mean():.2f} "
-                    f"iterations a step, {np.count_nonzero(~record.converged)} unconverged"
+                    f"{difference(force, step_s, second, SECOND_EXACT_STEP_S):.3f} % BW from "
+                    f"0.125 ms, {difference(force, step_s, exact, EXACT_STEP_S):.3f} from 0.0625 "
+                    f"ms; {record.iterations.mean():.2f} iterations a step, "
+                    f"{np.count_nonzero(~record.converged)} unconverged"
                 ),
             )
         )
@@ -126,7 +129,8 @@ def stepper() -> list[Row]:
 
 
 def _sensitivities() -> Row:
-    """The walk with exact derivatives of the prosthetic foot's reaction, and how near central differences come."""
+    """The walk with exact derivatives of the prosthetic foot's reaction, and how near central
+    differences come."""
     walker = the_walker()
     options = {"trajectory": the_trial().trajectory, **span(), "fulcrum_m": INSIDE_M}
     plain, walk = (
@@ -147,8 +151,8 @@ def _sensitivities() -> Row:
         WALK_S,
         walk.wall_s,
         (
-            f"{walk.wall_s / plain.wall_s:.2f} times the walk without them; force from central differences at most "
-            f"{max(errors):.0e} of its largest, by the worst variable"
+            f"{walk.wall_s / plain.wall_s:.2f} times the walk without them; force from central "
+            f"differences at most {max(errors):.0e} of its largest, by the worst variable"
         ),
     )
 
@@ -173,7 +177,8 @@ def _bench() -> Row:
 
 
 def simulator(length_s: float = 0.2) -> list[Row]:
-    """The person from 50 ms before the heel strike by Drake's integrators, and by the stepper over the same time."""
+    """The person from 50 ms before the heel strike by Drake's integrators, and by the stepper over
+    the same time."""
     trial, walker, whole = the_trial(), the_walker(), stance(MILLISECOND)
     vertical = whole.prosthetic.grf_W[:, 2]
     strike = whole.record.time_s[1:][(vertical[1:] > STRIKE_N) & (vertical[:-1] <= STRIKE_N)][0]
@@ -227,6 +232,7 @@ def sweeps(walks: int = 200) -> list[Row]:
             f"{walks} walks, two processes, with the start of the second",
             walks * WALK_S,
             two_s,
-            f"{'same bits' if equal else 'DIFFERENT numbers'}; {one_s / two_s:.2f} times one process",
+            f"{'same bits' if equal else 'DIFFERENT numbers'}; {one_s / two_s:.2f} times one "
+            "process",
         ),
     ]

@@ -1,10 +1,12 @@
-"""The command line as a whole: signals end it with a word; names and paths that anybody chose are text or refused."""
+"""The command line as a whole: signals end it with a word; names and paths that anybody chose are
+text or refused."""
 
 from __future__ import annotations
 
 import io
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -17,13 +19,14 @@ import yaml
 from command_line import read_json
 from rich.console import Console
 
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import csv_cells, read_bytes, resource, user_path
+from vsf_drake.base.text_table import as_label
 from vsf_drake.cli import app
 from vsf_drake.cli.app import console, errors, progress
-from vsf_drake.errors import InputError
-from vsf_drake.files import csv_cells, read_bytes, user_path
+from vsf_drake.cli.guide import GUIDES
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.report.style import drawing, label, save_figure
-from vsf_drake.text_table import as_label
 
 SUBJECT = {"mass_kg": 78.0, "stature_m": 1.81, "sex": "male", "prosthetic_side": "right"}
 PATHS = [
@@ -65,7 +68,6 @@ def subject(tmp_path):
         ("bench", "--model", "{}"),
         ("export", "--out", "{}"),
         ("show", "--html", "{}"),
-        ("schedule", "level={}"),
         ("import", "--list-markers", "{}"),
         ("report", "{}"),
     ],
@@ -228,7 +230,10 @@ def test_a_terminal_breaks_lines_between_words_and_a_file_nowhere(monkeypatch):
         assert " ".join(" ".join(lines[:-1]).split()) == sentence.strip()
 
 
-def test_results_fit_80_columns_however_long_the_names_are(monkeypatch):
+@pytest.mark.parametrize("terminal", [True, False])
+def test_results_fit_80_columns_of_a_terminal_with_long_names_and_in_a_file_a_line_is_one(
+    monkeypatch, terminal
+):
     name, sentence = (
         "a person's name, walk " * 5,
         "this cannot drive the model, for many reasons " * 3,
@@ -238,18 +243,100 @@ def test_results_fit_80_columns_however_long_the_names_are(monkeypatch):
         mark="unusable",
         checks=(check,),
         trial=SimpleNamespace(name=name.strip(), synthetic=True),
-        expected_error_bw=0.02,
+        verdict="unusable: expected error 12.0 % > 10 %",
     )
     stream = io.StringIO()
-    monkeypatch.setattr(app, "console", Console(file=stream, width=200, color_system=None))
+    monkeypatch.setattr(
+        app, "console", Console(file=stream, force_terminal=terminal, width=200, color_system=None)
+    )
     app.print_text("recordings", items=[item, item], to_do=(), more=("folder/" * 20,))
     lines = stream.getvalue().splitlines()
-    assert max(
-        len(line) for line in lines if "folder/" not in line
-    ) <= 80 and "folder/" * 20 in "".join(lines)
-    assert f"! {name.strip()} (SYNTHETIC): unusable, expected error 2.0 % BW" in " ".join(
+    widest = max(len(line) for line in lines if "folder/" not in line)
+    assert (widest <= 80) == terminal and "folder/" * 20 in "".join(lines)
+    assert terminal or f"! {sentence.strip()}" in lines
+    assert f"! {name.strip()} (SYNTHETIC): unusable: expected error 12.0 % > 10 %" in " ".join(
         " ".join(lines).split()
     )
+
+
+def test_a_table_in_a_file_is_cut_nowhere(monkeypatch):
+    stream = io.StringIO()
+    monkeypatch.setattr(
+        app, "console", Console(file=stream, force_terminal=False, width=40, color_system=None)
+    )
+    row = SimpleNamespace(
+        fulcrum_mm=66.0,
+        stiffness_n_per_mm=10.0,
+        published_n_per_mm=10.0,
+        tuned_joints_n_per_mm=None,
+        mid_range_displacement_mm=30.0,
+        max_load_n=600.0,
+    )
+    app.print_text("bench", settings=[row], heel_stiffness_n_per_mm=None, unconverged_steps=0)
+    assert "stiffness (N/mm)" in stream.getvalue() and "mid-range (mm)" in stream.getvalue()
+    assert "…" not in stream.getvalue()
+
+
+def test_help_shows_flags_and_values_and_no_type_of_python(run):
+    listed = run("--help")[1]
+    for name in GUIDES:
+        code, said, _ = run(name, "--help")
+        assert code == 0 and name in listed
+        assert not re.search(r"<bool>|list\[|NoneType", said), name
+    said = run("import", "--help")[1]
+    assert (
+        re.search(r"--ik {2,}Refine", said)
+        and "--forces FILE" in said
+        and "--fulcrum-mm MM" in said
+    )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("simulate", "{}"),
+        ("check", "{}"),
+        ("sweep", "{}", "--fulcrum-mm", "66,108"),
+        ("fit", "{}"),
+        ("tune", "{}"),
+        ("validate", "{}"),
+        ("stand", "{}"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_recording_in_place_of_a_manifest_is_told_the_line_that_makes_one(run, tmp_path, words):
+    walk = resource("data/reference_subject/c3d/low_1.c3d")
+    code, _, error = run(*(word.format(walk) for word in words), "--out", tmp_path / "out")
+    assert code == 2 and "is a recording and no trial manifest" in error and "UTF-8" not in error
+    assert "vsf-drake import STANDING.c3d low_1.c3d --prosthetic-side" in error
+    table = resource("data/reference_subject/exact/low_1_forces.mot")
+    code, _, error = run(*(word.format(table) for word in words), "--out", tmp_path / "out")
+    assert code == 2 and "is a table and no trial manifest" in error and "kinematics" in error
+
+
+@pytest.mark.slow
+def test_a_first_run_says_at_once_that_it_compiles_and_the_next_does_not(tmp_path):
+    command = [
+        sys.executable,
+        "-c",
+        "from vsf_drake.cli import main; main()",
+        "simulate",
+        str(resource("data/reference_subject/exact/low_1.yaml")),
+        "--no-replay",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    said = [
+        subprocess.run(
+            command,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stderr
+        for _ in range(2)
+    ]
+    assert [text.count("compiling once, about 15 s") for text in said] == [1, 0]
 
 
 def test_a_closed_terminal_ends_a_command_with_129():

@@ -1,4 +1,5 @@
-"""`vsf-drake bench`, `export`, `show`, `stand` and `simulate`: what they leave, and how they refuse."""
+"""`vsf-drake bench`, `export`, `show`, `stand` and `simulate`: what they leave, and how they
+refuse."""
 
 from __future__ import annotations
 
@@ -18,12 +19,12 @@ from meshcat_page import tracks
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from vsf_drake.files import resource, sha256
-from vsf_drake.model_file import load_model
-from vsf_drake.parameters import FootParameters, ModelParameters
+from vsf_drake.base.files import resource, sha256
+from vsf_drake.base.schema import dump_yaml, from_plain
+from vsf_drake.model.model_file import load_model
+from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.export import foot_mjcf
 from vsf_drake.plants.parsed_foot import find_foot
-from vsf_drake.schema import dump_yaml, from_plain
 from vsf_drake.simulation.archive import RECORD_FILE
 from vsf_drake.simulation.bench import keel_shape
 from vsf_drake.simulation.results import load_walk
@@ -268,7 +269,8 @@ def test_a_trials_manifest_lends_its_subject(run, subject, tmp_path):
 
 
 def test_a_foot_that_breaks_under_the_person_ends_with_code_3(run, subject, tmp_path):
-    """No heel on the prosthesis, nothing under the intact foot, a keel of paper: it bends beyond any leaf spring."""
+    """No heel on the prosthesis, nothing under the intact foot, a keel of paper: it bends beyond
+    any leaf spring."""
     model = ModelParameters()
 
     def soft(zones, names):

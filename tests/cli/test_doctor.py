@@ -13,7 +13,7 @@ import pydrake.solvers
 from command_line import exit_code
 
 import vsf_drake.simulation.bench
-from vsf_drake.errors import SimulationError
+from vsf_drake.base.errors import SimulationError
 from vsf_drake.laws.compiled import kept_code
 
 
@@ -98,4 +98,4 @@ def test_a_drake_of_its_own_that_is_broken_is_to_be_installed_again(capsys, monk
     seen = capsys.readouterr()
     assert "Drake cannot be imported" in seen.err and "PYTHONPATH" not in seen.out
     needed = re.search(r'--force-reinstall\s+"(drake[^"]+)"', seen.out)[1]
-    assert {"<1.59", ">=1.51"} == set(needed.removeprefix("drake").split(","))
+    assert {"<1.59", ">=1.51.1"} == set(needed.removeprefix("drake").split(","))

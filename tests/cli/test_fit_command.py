@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from command_line import read_json
 
-from vsf_drake.analysis.contact_fit import PaperOptions
+from vsf_drake.base.errors import FitError, SimulationError
+from vsf_drake.base.files import resource
 from vsf_drake.cli import fit_run
-from vsf_drake.contact_file import load_contact
-from vsf_drake.errors import FitError, SimulationError
-from vsf_drake.files import resource
+from vsf_drake.fit.options import PaperOptions
+from vsf_drake.model.contact_file import load_contact
 from vsf_drake.report import fit_output
 
 DATA = resource("data/reference_subject")
@@ -59,7 +59,8 @@ def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
     assert first == "SYNTHETIC, not recorded: medium_1, the bench."
     assert max(map(len, (second, third))) <= 80
     error = f"{100 * metrics['grf_rmse_bw']:.1f} % BW off"
-    assert second == f"GRF {error}, null model unknown; 1 fitted walk (SYNTHETIC)"
+    assert second == f"GRF {error}, null model not known; 1 fitted walk (SYNTHETIC)"
+    assert "! Null model not known: no curve of another walk" in said
     assert third.startswith(
         f"CoP {100 * metrics['cop_rmse_fl']:.1f} % FL off fore-aft, "
         f"{100 * metrics['cop_ml_rmse_fl']:.1f} % laterally; bench (SYNTHETIC)"
@@ -327,8 +328,8 @@ def test_the_papers_procedure_runs_and_resumes_to_the_same_end(run, tmp_path, mo
 
 @pytest.mark.slow
 def test_two_trials_and_the_bench_predict_others(run, tmp_path):
-    """2 % body weight is what the project aims at on walks without errors; the physics alone, which does not know each
-    walk's millimetre, stays below the curve that knows the plate's times."""
+    """2 % body weight is what the project aims at on walks without errors; the physics alone, which
+    does not know each walk's millimetre, stays below the curve that knows the plate's times."""
     held = [
         word
         for name in ("low_2", "medium_1", "high_3")

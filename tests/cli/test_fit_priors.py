@@ -1,4 +1,5 @@
-"""Prior widths from options and a file: the longest pattern decides, units are the parameter's, nonsense is refused."""
+"""Prior widths from options and a file: the longest pattern decides, units are the parameter's,
+nonsense is refused."""
 
 from __future__ import annotations
 
@@ -6,9 +7,9 @@ import math
 
 import pytest
 
-from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
+from vsf_drake.base.errors import InputError
 from vsf_drake.cli.fit_priors import prior_widths, with_priors
-from vsf_drake.errors import InputError
+from vsf_drake.fit.parameters import FitParameter, FitParameters
 
 
 def one(name, unit="rad", **changes):

@@ -1,4 +1,5 @@
-"""`vsf-drake fit`: what it refuses, in one message and before the long part; the folder stays as it was."""
+"""`vsf-drake fit`: what it refuses, in one message and before the long part; the folder stays as it
+was."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import pytest
 import yaml
 from sweep_files import copied
 
-from vsf_drake.files import resource
+from vsf_drake.base.files import resource
 
 DATA = resource("data/reference_subject")
 LOW, HIGH = DATA / "exact/low_1.yaml", DATA / "exact/high_1.yaml"
@@ -26,7 +27,7 @@ WORDS = [
     (("--free", "zzz"), "There are contact.*, offset.*"),
     (("--freeze", "*"), "--freeze: all parameters are frozen"),
     (("--freeze", "curve.*", "--free", "curve.*"), "curve.* is to be free and frozen"),
-    (("--strategy", "papre"), "--strategy: 'papre' is no strategy"),
+    (("--strategy", "papre"), "--strategy: 'papre' is not known. Known are: joint, paper"),
     (("--strategy", "paper", "--paths"), "--paths: is an option of the joint strategy"),
     (("--held-out-height",), "--held-out-height: there is no held-out trial"),
     (("--quick", "--starts", "3"), "--starts: cannot go with --quick"),
@@ -61,7 +62,9 @@ def test_trials_that_do_not_go_together_are_refused_by_file(run, tmp_path):
             ("--hold-out",),
         ),
     ):
-        code, _, error = run("fit", HIGH, *held, other, "--out", tmp_path / "fit")
+        code, _, error = run(
+            "fit", HIGH, *held, other, "--accept-unusable", "--out", tmp_path / "fit"
+        )
         assert (
             code == 2 and said in error and str(other) in error and not (tmp_path / "fit").exists()
         )

@@ -10,10 +10,19 @@ import typer.main
 import yaml
 from command_line import exit_code
 
-from vsf_drake.cli import device, doctor, fit, recordings, stiffness_map, study, sweep, tune  # noqa: F401
+from vsf_drake.base.files import resource
+from vsf_drake.cli import (  # noqa: F401
+    device,
+    doctor,
+    fit,
+    recordings,
+    stiffness_map,
+    study,
+    sweep,
+    tune,
+)
 from vsf_drake.cli.app import app
 from vsf_drake.cli.guide import _SECTIONS, GUIDES
-from vsf_drake.files import resource
 
 GUIDE = Path(__file__).resolve().parents[2] / "docs" / "guide"
 WALK = resource("data/reference_subject/exact/medium_1.yaml")
@@ -87,7 +96,7 @@ def files(tmp_path, monkeypatch):
             "laboratory_files.md#files",
         ),
         (
-            "import broken.c3d broken.c3d --out out --prosthetic-side middle",
+            "import broken.c3d --no-standing --out out --prosthetic-side middle",
             "laboratory_files.md#person",
         ),
         (f"fit {WALK} --out out --prior nothing", "fit.md#what-is-fitted-and-priors"),

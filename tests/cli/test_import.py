@@ -1,4 +1,5 @@
-"""`vsf-drake import`: what a laboratory gets from its files, what is refused, and what it asks for."""
+"""`vsf-drake import`: what a laboratory gets from its files, what is refused, and what it asks
+for."""
 
 from __future__ import annotations
 
@@ -10,10 +11,12 @@ from command_line import exit_code, read_json
 from made_laboratory import MADE, STATED, Laboratory, leftovers
 from made_person import Person
 
-from vsf_drake.files import resource
-from vsf_drake.laws.beam import combined_stiffness, section_inertia
+from vsf_drake.base.files import resource
+from vsf_drake.model.parameters import ModelParameters
+from vsf_drake.motion.events import find_stances
+from vsf_drake.motion.manifest import load_manifest
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.parameters import ModelParameters
+from vsf_drake.recording.force_checks import MASS
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +52,8 @@ def test_import_leaves_a_person_trials_and_a_report_that_load_on_their_own(impor
     page = (imported / "import.html").read_text(encoding="utf-8")
     assert "Zoë &lt;3&gt;" in page
     assert not re.search(r'(src|href)="(?!data:|#)', page)
-    # The made gait's first harmonics pass a 6 Hz filter; noise of 0.2 mm over 0.2 m is 0.06 degrees.
+    # The made gait's first harmonics pass a 6 Hz filter; noise of 0.2 mm over 0.2 m is
+    # 0.06 degrees.
     made = 0.15 + 0.38 * np.cos(2 * np.pi * 0.9 * trial.trajectory.time_s[50:-50])
     hip = trial.trajectory.values[50:-50, trial.trajectory.names.index("hip_flexion_r")]
     assert np.abs(hip - made).max() < np.radians(1.0)
@@ -60,7 +64,17 @@ def test_real_walk_may_stand_for_the_standing_trial_and_is_called_doubtful(
 ):
     walk, out = shared_data / "bmc_gait" / "walk1.trc", tmp_path / "out"
     code, _, err = run(
-        "import", walk, walk, "--out", out, "--sex", "male", "--prosthetic-side", "left"
+        "import",
+        walk,
+        "--no-standing",
+        "--out",
+        out,
+        "--sex",
+        "male",
+        "--prosthetic-side",
+        "left",
+        "--fulcrum-mm",
+        108,
     )
     assert code == 0, err
     checks = checks_of(out)
@@ -70,9 +84,8 @@ def test_real_walk_may_stand_for_the_standing_trial_and_is_called_doubtful(
     assert (
         checks["mass from the forces"]["mark"] == checks["filter applied before"]["mark"] == "good"
     )
-    assert checks["walking speed"]["value"] == pytest.approx(
-        1.18, abs=0.03
-    )  # the recording's README
+    # the recording's README
+    assert checks["walking speed"]["value"] == pytest.approx(1.18, abs=0.03)
     [trial] = read_json(out / "import.json")["trials"]
     assert len(trial["contacts"]) == 4
     assert load_trial(out / "walk1.yaml").subject.prosthetic_side == "left"
@@ -91,6 +104,8 @@ def test_real_treadmill_walk_is_named_as_such(run, shared_data, tmp_path):
         "72.6",
         "--stature-m",
         "1.803",
+        "--fulcrum-mm",
+        108,
     )
     assert run(*words)[0] == 0
     speed = checks_of(out)["treadmill"]["value"]
@@ -148,18 +163,75 @@ def test_prosthesis_of_the_persons_size_goes_into_a_model_of_its_own(run, labora
     assert shown in " ".join(said.split())
     # rajagopal has no toe marker at the tip: the foot's length is that of the markers' own estimate
     assert trial.model.foot.length_m == pytest.approx(0.26, rel=0.1)
-    assert trial.fulcrum_m == pytest.approx(0.108 * trial.model.foot.length_m / 0.245)
-    stiffness = [
-        combined_stiffness(
-            bending_stiffness=foot.keel.flexural_modulus_pa
-            * section_inertia(foot.keel.width_m, foot.keel.thickness_m),
-            support=support,
-            load_point=foot.load_point_m,
-            fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m,
-        )
-        for foot, support in ((trial.model.foot, trial.fulcrum_m), (ModelParameters().foot, 0.108))
-    ]
-    assert stiffness[0] == pytest.approx(stiffness[1]), "as stiff as a foot of the model's own size"
+    assert trial.fulcrum_m == pytest.approx(0.108)
+    nominal = ModelParameters().foot
+    assert (trial.model.foot.keel, trial.model.foot.fulcrum) == (nominal.keel, nominal.fulcrum)
+
+
+def without_the_end_of_a_stance(forces, to, side, after_s):
+    """A copy of the force table with one foot's columns at zero from an instant on, as where it
+    steps off its plate."""
+    lines = forces.read_text(encoding="utf-8").splitlines()
+    end = lines.index("endheader")
+    own = [i for i, name in enumerate(lines[end + 1].split("\t")) if f"_{side}_" in name]
+    for i, line in enumerate(lines[end + 2 :], start=end + 2):
+        cells = line.split("\t")
+        if float(cells[0]) > after_s:
+            lines[i] = "\t".join("0" if k in own else cell for k, cell in enumerate(cells))
+    to.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def test_import_and_check_agree_on_a_walk_whose_foot_leaves_its_plate(run, tmp_path):
+    """What import knows of unknown force travels in the manifest: the plates feel one mass,
+    whichever command asks."""
+    folder = resource("data/reference_subject")
+    whole = load_trial(folder / "laboratory" / "low_1.yaml").plates["left"]
+    left = [
+        stance for stance in find_stances(whole.time_s, whole.force_W[:, 2]) if stance.start_s > 0.5
+    ][-1]
+    middle = left.start_s + 0.5
+    forces = tmp_path / "forces.mot"
+    without_the_end_of_a_stance(folder / "laboratory" / "low_1_forces.mot", forces, "l", middle)
+    assert (
+        run(
+            "import",
+            folder / "markers" / "static.trc",
+            folder / "markers" / "low_1.trc",
+            "--forces",
+            forces,
+            "--subject",
+            folder / "subject.yaml",
+            "--fulcrum-mm",
+            66,
+            "--out",
+            tmp_path / "part",
+        )[0]
+        == 0
+    )
+    manifest = tmp_path / "part" / "low_1.yaml"
+    spans = load_manifest(manifest).unknown_force.left
+    assert any(start < middle < end for start, end in spans)
+    assert load_trial(manifest).unmeasured["left"] == spans
+    assert run("check", manifest, "--out", tmp_path / "checked")[0] == 0
+    [there] = read_json(tmp_path / "part/import.json")["trials"]
+    [here] = read_json(tmp_path / "checked/check.json")["trials"]
+    assert there["mark"] == here["mark"] == "good"
+    true_kg = load_trial(manifest).subject.mass_kg
+    assert felt_kg(there) == pytest.approx(true_kg, rel=MASS[0])
+    assert felt_kg(here) == pytest.approx(true_kg, rel=MASS[0])
+
+    # Without the span the plates seem to feel a lighter person.
+    without = manifest.with_name("without.yaml")
+    text = manifest.read_text(encoding="utf-8")
+    without.write_text(text[: text.index("unknown_force:")], encoding="utf-8")
+    run("check", without, "--out", tmp_path / "without")
+    [blind] = read_json(tmp_path / "without/check.json")["trials"]
+    assert felt_kg(blind) < (1.0 - MASS[1]) * true_kg
+
+
+def felt_kg(trial):
+    [check] = [check for check in trial["checks"] if check["name"] == "mass from the forces"]
+    return check["value"]
 
 
 def test_what_cannot_be_used_ends_with_one_message_and_leaves_nothing(run, laboratory, tmp_path):
@@ -168,7 +240,8 @@ def test_what_cannot_be_used_ends_with_one_message_and_leaves_nothing(run, labor
     for words, said in (
         (STATED[2:], "--prosthetic-side"),
         (STATED[:2] + STATED[4:], "--sex"),
-        ((*STATED, "--fulcrum-mm", "300"), "reach"),
+        (STATED[:-2], "fulcrum_mm (--fulcrum-mm): must be stated"),
+        ((*STATED[:-1], "300"), "reach"),
         ((*STATED, "--map", "none.yaml"), "none.yaml"),
         ((*STATED, "--forces", "none.mot"), "none.mot"),
         ((*STATED, "--hip", "guess"), "guess"),
@@ -185,8 +258,9 @@ def test_what_cannot_be_used_ends_with_one_message_and_leaves_nothing(run, labor
 
 
 def test_the_sample_c3d_files_come_back_as_the_walks_they_were_made_of(run, tmp_path):
-    """Two routes to one walk: plates as six channels in C3D, force and centre of pressure in the table beside; markers
-    in C3D, and the angles that placed them. All of it says that nobody walked."""
+    """Two routes to one walk: plates as six channels in C3D, force and centre of pressure in the
+    table beside; markers in C3D, and the angles that placed them. All of it says that nobody
+    walked."""
     folder = resource("data/reference_subject")
     code, said, _ = run(
         "import",

@@ -6,7 +6,7 @@ import pytest
 from command_line import exit_code, read_json
 from made_map import made_map
 
-from vsf_drake.analysis.stiffness_map import iso_22675, make
+from vsf_drake.device.stiffness_map import iso_22675, make
 from vsf_drake.report.map_page import MAP, write_map
 
 
@@ -73,7 +73,7 @@ def test_what_cannot_be_asked_is_one_line_and_exit_code_2(folder, capsys, words,
 
 def test_help_names_the_number_of_draws_that_is_taken(capsys):
     assert exit_code("map", "--help") == 0
-    assert f"[default: ({make.DRAWS})]" in " ".join(
+    assert f"[default: ({make.DRAWS}); x>=0]" in " ".join(
         capsys.readouterr().out.replace("│", " ").split()
     )
 

@@ -1,4 +1,5 @@
-"""`vsf-drake sweep`: from words to values, what it writes and where, how it goes on, and how it refuses."""
+"""`vsf-drake sweep`: from words to values, what it writes and where, how it goes on, and how it
+refuses."""
 
 from __future__ import annotations
 
@@ -15,11 +16,13 @@ import pytest
 from command_line import exit_code, read_json
 from sweep_files import copied, rows
 
-from vsf_drake.analysis.validation import embedded_trials
+from vsf_drake.base.errors import InputError
 from vsf_drake.cli.sweep import MANY, MOST, axis, check_count, values_of
-from vsf_drake.errors import InputError
+from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.report import outputs
+from vsf_drake.walks.embedded import embedded_trials
+from vsf_drake.walks.offsets import OffsetFit
 
 EMBEDDED = {path.stem: path for path in embedded_trials("exact")}
 LOW, MEDIUM = EMBEDDED["low_1"], EMBEDDED["medium_1"]
@@ -260,7 +263,7 @@ def test_who_ends_a_sweep_is_told_how_to_go_on_and_the_same_command_does(
     assert (tmp_path / "sweep" / "sweep.csv").read_bytes() == (whole / "sweep.csv").read_bytes()
 
 
-def test_names_with_signs_of_formulas_or_of_their_own_twins_are_told_apart_by_file_and_a_lost_walk_by_its_reason(
+def test_names_with_formula_signs_or_twins_are_told_apart_by_file_and_a_lost_walk_by_its_reason(
     run, tmp_path
 ):
     name, out = r"_a $\frac{ b_^ $ trial", tmp_path / "sweep"
@@ -282,18 +285,29 @@ def test_names_with_signs_of_formulas_or_of_their_own_twins_are_told_apart_by_fi
     assert name in svg and "1 FAILED" in svg and (out / "sweep.png").stat().st_size > 0
 
 
-def test_a_figure_that_cannot_be_written_costs_neither_tables_nor_summary(
-    run, tmp_path, monkeypatch
+@pytest.mark.parametrize("what", ["save_figure", "write_csv"])
+def test_a_full_disk_leaves_the_whole_sweep_or_nothing_and_the_walks_to_go_on_from(
+    run, tmp_path, monkeypatch, what
 ):
     def full(*_: object) -> None:
-        raise OSError(errno.EFBIG, "File too large")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(outputs, "save_figure", full)
-    out = tmp_path / "sweep"
-    code, said, error = run("sweep", LOW, "--out", out, "--fulcrum-mm", 80, "--workers", 1)
-    assert code == 2 and "cannot be written (File too large)" in error and "sweep.png" in error
-    assert "1 walks, 0 failed" in said
-    assert {"sweep.csv", "sweep.json", "cache"} == {path.name for path in out.glob("[!.]*")}
+    words, out = ("sweep", LOW, "--fulcrum-mm", 80, "--workers", 1), tmp_path / "sweep"
+    with monkeypatch.context() as disk:
+        disk.setattr(outputs, what, full)
+        code, said, error = run(*words, "--out", out)
+    assert (
+        code == 2
+        and "cannot be written (No space left on device)" in error
+        and "the same command" in error
+    )
+    assert "written to" not in said
+    assert {path.name for path in out.glob("[!.]*")} == {"cache"}
+    code, said, error = run(*words, "--out", out)
+    assert code == 0 and "1 walks, 0 failed" in said and "1 from the cache" in error
+    assert {"sweep.csv", "sweep.json", "sweep.png", "sweep.svg", "cache"} == {
+        path.name for path in out.glob("[!.]*")
+    }
 
 
 def test_doubts_about_a_walk_are_told_and_a_foot_in_the_air_is_never_the_best(run, tmp_path):
@@ -306,6 +320,45 @@ def test_doubts_about_a_walk_are_told_and_a_foot_in_the_air_is_never_the_best(ru
     assert float(doubtful["peak_vertical_bw"]) == 0.0
     table = read_json(tmp_path / "a" / "sweep.json")
     assert table["with_notes"] == 1
+
+
+def test_a_fit_of_the_offsets_that_ended_badly_or_far_away_is_told(run, tmp_path, monkeypatch):
+    far = GeometricOffsets(height_m=0.001, fore_aft_m=-0.06, alignment_rad=0.1)
+    monkeypatch.setattr(
+        "vsf_drake.walks.offsets.fit_offsets",
+        lambda trial: OffsetFit(
+            offsets=far,
+            standard_error=far,
+            cost=1.0,
+            success=True,
+            message="",
+            at_bound=("fore_aft_m",),
+        ),
+    )
+    code, said, _ = run(
+        "sweep",
+        LOW,
+        "--fit-offsets",
+        "--fulcrum-mm",
+        80,
+        "--step-ms",
+        4,
+        "--workers",
+        1,
+        "--out",
+        tmp_path / "sweep",
+    )
+    said = " ".join(said.split())
+    assert code == 0 and "The fitted offset fore_aft_m ended on its bound" in said
+    assert (
+        "the fitted fore-aft is -60 mm, beyond 20 mm" in said
+        and "the fitted alignment is +5.7°, beyond 5°" in said
+    )
+    assert "the fitted height" not in said
+    [trial] = read_json(tmp_path / "sweep" / "sweep.json")["trials"]
+    assert len(trial["warnings"]) == 3 and all(
+        f"{trial['name']}: {doubt}" in said for doubt in trial["warnings"]
+    )
 
 
 def test_a_sample_shifts_the_fulcrum_only_as_far_as_its_carriage_reaches(run, tmp_path):

@@ -1,6 +1,7 @@
-"""`vsf-drake tune` and `schedule` as a laboratory calls them: what comes out, how it ends, how mistakes are refused.
+"""`vsf-drake tune` as a laboratory calls it: what comes out, how it ends, how mistakes are refused.
 
-Where nothing is said, the tuning itself is replaced by a made-up one (`made_tuning`): these tests are of the commands.
+Where nothing is said, the tuning itself is replaced by a made-up one (`made_tuning`): these tests
+are of the commands.
 """
 
 from __future__ import annotations
@@ -14,21 +15,19 @@ from types import SimpleNamespace
 import pytest
 import yaml
 from command_line import exit_code, read_json
-from made_tuning import BEST_MM, POSITIONS, failed_table, parabola, small_table
+from made_tuning import BEST_MM, POSITIONS, failed_table, small_table
 from sweep_files import copied
 
-from vsf_drake.analysis.tuning import inputs, level1, level2
-from vsf_drake.analysis.tuning.schedule import load_schedule
-from vsf_drake.analysis.tuning.table import DesignValue
+from vsf_drake import optimal_control as level2
+from vsf_drake.base.files import resource
 from vsf_drake.cli import tune
-from vsf_drake.files import resource
+from vsf_drake.tuning import inputs
+from vsf_drake.tuning.table import DesignValue
 
 EMBEDDED = resource("data/reference_subject")
 LABORATORY = EMBEDDED / "laboratory"
 LOW, HIGH = LABORATORY / "low_2.yaml", LABORATORY / "high_2.yaml"
 CONTACT = LABORATORY / "contact.yaml"
-WORDS = tuple(f"{name}={LABORATORY / name}_2.yaml" for name in ("low", "medium", "high"))
-BEST = {"low_2": 80.0, "medium_2": 100.0, "high_2": 120.0}
 INTERRUPTIBLE = """
 import signal  # tests that run in the background ignore SIGINT, and so would what they start
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -47,8 +46,8 @@ main()
 
 @pytest.fixture
 def made(monkeypatch):
-    """The tuning replaced: called with the trials, the options and the warm start, it gives what `made` has for the
-    first trial, or else `made["table"]`."""
+    """The tuning replaced: called with the trials, the options and the warm start, it gives what
+    `made` has for the first trial, or else `made["table"]`."""
     state = {"table": small_table(), "arrays": {"sweep_mm": POSITIONS}, "calls": []}
 
     def tuned(given, cost, options, show, warm):
@@ -73,9 +72,7 @@ def test_results_are_written_and_the_screen_says_what_was_found(run, tmp_path, m
     assert "Cost compared with that at 66 mm -12.7 %, at 151 mm -18.0 %" in said and said.endswith(
         "report.html"
     )
-    assert (
-        len(lines := list(filter(None, out.splitlines()))) == 3 and max(map(len, lines[:2])) <= 80
-    )
+    assert len(list(filter(None, out.splitlines()))) == 3
     table = read_json(tmp_path / "out" / "tuning.json")
     assert (table["trials"], table["recorded_mm"]) == (["low_2", "high_2"], [66.0, 151.0])
     assert table["provenance"]["options"]["cost"] == "joint_load"
@@ -105,17 +102,13 @@ def test_an_unfitted_foot_is_told_before_any_number(run, tmp_path, made, monkeyp
     monkeypatch.setattr(
         inputs,
         "fit_offsets",
-        lambda trial, progress: SimpleNamespace(success=True, at_bound=(), offsets=trial.offsets),
+        lambda trial, progress: SimpleNamespace(offsets=trial.offsets, doubts=[]),
     )
     code, out, _ = run("tune", LOW, "--out", tmp_path / "out")
     note = read_json(tmp_path / "out" / "tuning.json")["notes"][0]
     said = " ".join(out.split())
-    assert (
-        code == 0
-        and said.startswith(f"! {note} Fulcrum")
-        and note.startswith("UNFITTED")
-        and said.count(note) == 1
-    )
+    assert code == 0 and note.startswith("UNFITTED") and said.count(note) == 1
+    assert said.index(note) < said.index("Fulcrum")
 
 
 def test_options_reach_the_analysis(run, tmp_path, made):
@@ -184,7 +177,8 @@ def test_a_tuning_that_did_not_end_well_is_written_and_marked(run, tmp_path, mad
 
 
 def test_each_level_gets_its_options_and_its_progress_is_shown(run, tmp_path, monkeypatch):
-    """Made-up solutions in place of real ones: what the command hands over, and what it makes of what comes back."""
+    """Made-up solutions in place of real ones: what the command hands over, and what it makes of
+    what comes back."""
     seen, shown = {}, []
     monkeypatch.setattr(
         tune, "progress", lambda: nullcontext(lambda what, share: shown.append(what))
@@ -197,14 +191,22 @@ def test_each_level_gets_its_options_and_its_progress_is_shown(run, tmp_path, mo
         progress("solving", 0.1)
         seen["warm"] = warm_start
 
-    for level, one, name in (
-        (level1, "StiffnessTuning", "tuning"),
-        (level2, "StrideTuning", "stride"),
+    made = {
+        "StiffnessTuning": tuning,
+        "StrideTuning": tuning,
+        "solve": solve,
+        "tuning_table": lambda solution: small_table(level=2),
+        "tuning_arrays": lambda solution: {"tracked_p": POSITIONS},
+    }
+    made |= {"stride_table": made["tuning_table"], "stride_arrays": made["tuning_arrays"]}
+    for home, names in (
+        ("tuning.problem", ("StiffnessTuning",)),
+        ("tuning.solve", ("solve",)),
+        ("tuning.solution", ("tuning_table", "tuning_arrays")),
+        ("optimal_control", ("StrideTuning", "solve", "stride_table", "stride_arrays")),
     ):
-        monkeypatch.setattr(level, one, tuning)
-        monkeypatch.setattr(level, "solve", solve)
-        monkeypatch.setattr(level, f"{name}_table", lambda solution: small_table(level=2))
-        monkeypatch.setattr(level, f"{name}_arrays", lambda solution: {"tracked_p": POSITIONS})
+        for name in names:
+            monkeypatch.setattr(f"vsf_drake.{home}.{name}", made[name])
     common = (
         "tune",
         LOW,
@@ -261,10 +263,13 @@ MISTAKES = [
         ("--cost", "weighted", "--weights", "joint_load"),
         "--weights: 'joint_load' is no weight. Write COST=NUMBER",
     ),
-    (("--cost", "weighted", "--weights", "joint_load=a"), "--weights joint_load: 'a' is no number"),
+    (
+        ("--cost", "weighted", "--weights", "joint_load=a"),
+        "joint_load: 'a' is not a finite number",
+    ),
     (
         ("--cost", "weighted", "--weights", "joint_load=nan"),
-        "--weights joint_load: nan is not a finite number",
+        "--weights joint_load: 'nan' is not a finite number",
     ),
     (("--cost", "weighted", "--weights", "push_off=1,push_off=2"), "push_off has two weights"),
     (("--design", "keel"), "--design: there is no 'keel'"),
@@ -288,7 +293,10 @@ MISTAKES = [
     (("--level", "2", "--method", "euler"), "--method: 'euler' is not known"),
     (
         ("--level", "2", "--joints", "knee_angle"),
-        "--joints: is an option of level 1; level 2 has all joints of the sagittal plane. Leave it out",
+        (
+            "--joints: is an option of level 1; level 2 has all joints of the sagittal plane. "
+            "Leave it out"
+        ),
     ),
     (("--pareto", "joint_load"), "--pareto: names 1 cost. Give two"),
     (("--contact", "none.yaml"), "none.yaml: there is no such file"),
@@ -297,17 +305,6 @@ MISTAKES = [
     (("--warm-start", EMBEDDED / "subject.yaml"), "--warm-start: is no tuning"),
     (("--warm-start", EMBEDDED), "tuning.json: there is no such file"),
     ((LABORATORY / ".." / "laboratory" / LOW.name,), "is named twice"),
-]
-NO_SCHEDULE = [
-    ((WORDS[0],), "1 task make no schedule"),
-    ((*WORDS, "--cost", "joint"), "--cost: there is no 'joint'"),
-    ((*WORDS, "--resolution-mm", "0"), "--resolution-mm: 0 mm is no resolution"),
-    ((*WORDS, "--resolution-mm", "90"), "at most the reach, 85 mm"),
-    (
-        (*WORDS, "--fulcrum-range", "20", "90"),
-        "--fulcrum-range: 20 to 90 mm is out of the carriage's reach",
-    ),
-    ((*WORDS, "--cost", "weighted", "--weights", "a=1"), "--weights: there is no 'a'"),
 ]
 
 
@@ -319,135 +316,17 @@ def test_a_mistake_ends_with_one_message_code_2_and_nothing_written(run, tmp_pat
     }
     (heavy / "subject.yaml").write_text(yaml.safe_dump(person), encoding="utf-8")
     others = [((copied(HIGH, heavy, subject="subject.yaml"),), "is of another subject")]
-    for command, mistakes in (("tune", MISTAKES + others), ("schedule", NO_SCHEDULE)):
-        for words, message in mistakes:
-            fitted = () if "--contact" in words else ("--contact", CONTACT)
-            code, _, err = run(
-                command,
-                *(() if command == "schedule" else (LOW,)),
-                *fitted,
-                "--quick",
-                *words,
-                "--out",
-                tmp_path / "out",
-            )
-            assert (code, message in err, err.count("error:")) == (2, True, 1), err
-            assert "Traceback" not in err and not (tmp_path / "out").exists()
+    for words, message in MISTAKES + others:
+        fitted = () if "--contact" in words else ("--contact", CONTACT)
+        code, _, err = run("tune", LOW, *fitted, "--quick", *words, "--out", tmp_path / "out")
+        assert (code, message in err, err.count("error:")) == (2, True, 1), err
+        assert "Traceback" not in err and not (tmp_path / "out").exists()
     (tmp_path / "thesis.txt").write_text("mine")
     code, _, err = run("tune", LOW, "--contact", CONTACT, "--out", tmp_path)
     assert code == 2 and "other things than an earlier tuning" in err
 
 
-# Schedules.
-
-
-@pytest.fixture
-def tasks(made):
-    """Every task's tuning is a parabola about BEST of its trial."""
-    made.update({name: parabola(best) for name, best in BEST.items()})
-    return made
-
-
-def test_one_setting_a_task_is_stored_and_the_screen_says_what_that_buys(run, tmp_path, tasks):
-    code, out, err = run(
-        "schedule", *WORDS, "--contact", CONTACT, "--resolution-mm", "1", "--out", tmp_path / "out"
-    )
-    assert (code, err.strip()) == (0, "")
-    said = " ".join(out.split())
-    assert "To store (SYNTHETIC data): low 80.0 mm, medium 100.0 mm, high 120.0 mm" in said
-    assert (
-        "A setting for each task saves" in said
-        and "policy.json beside it is for the controller" in said
-    )
-    table = read_json(tmp_path / "out" / "policy.json")
-    assert table["common_fulcrum_mm"] == pytest.approx(100.0)
-    assert table["reach_mm"] == pytest.approx([66.0, 151.0]) and table["resolution_mm"] == 1.0
-    assert [row["trials"] for row in table["tasks"]] == [["low_2"], ["medium_2"], ["high_2"]]
-    assert table["synthetic"] is True and table["lookup"].startswith(
-        "Between tasks the setting is linear"
-    )
-    assert table["provenance"]["options"]["resolution_mm"] == 1.0
-
-
-def test_a_task_file_s_speeds_are_looked_up_between_and_trials_of_one_task_are_tuned_together(
-    run, tmp_path, tasks
-):
-    lines = [
-        f"- {{label: {name}, trials: [{LABORATORY / name}_2.yaml], speed_m_per_s: {speed}}}\n"
-        for name, speed in (("low", 0.8), ("medium", 1.2))
-    ]
-    lines.append(
-        f"- {{label: high, trials: [{HIGH}, {LABORATORY / 'high_1.yaml'}], speed_m_per_s: 1.6}}\n"
-    )
-    (tmp_path / "tasks.yaml").write_text("tasks:\n" + "".join(lines), encoding="utf-8")
-    assert (
-        run("schedule", tmp_path / "tasks.yaml", "--contact", CONTACT, "--out", tmp_path / "out")[0]
-        == 0
-    )
-    assert load_schedule(tmp_path / "out" / "policy.json").lookup(speed=1.0) == pytest.approx(90.0)
-    assert tasks["calls"][2][0].labels == ("high_2", "high_1")
-
-
-def test_a_task_that_failed_or_was_interrupted_makes_a_table_that_is_not_to_be_stored(
-    run, tmp_path, tasks
-):
-    stopped = failed_table(status="it was interrupted during: sweep")
-    for i, (table, ending, words, optimal) in enumerate(
-        (
-            (
-                failed_table(),
-                4,
-                "NOT OPTIMAL: medium: the iteration limit was reached",
-                [True, False, True],
-            ),
-            (stopped, 130, "marked as NOT OPTIMAL", [True, False, False]),
-            (KeyboardInterrupt(), 130, "marked as NOT OPTIMAL", [True, False, False]),
-        )
-    ):
-        tasks["medium_2"], folder = table, tmp_path / str(i)
-        code, out, err = run("schedule", *WORDS, "--contact", CONTACT, "--out", folder)
-        assert code == ending and words in err and "To store" not in out
-        policy = read_json(folder / "policy.json")
-        assert (policy["optimal"], policy["common_fulcrum_mm"]) == (False, None)
-        assert [row["optimal"] for row in policy["tasks"]] == optimal
-        if ending == 130:
-            assert policy["tasks"][2]["status"] == "it was not reached: interrupted"
-            assert policy["tasks"][2]["trials"] == ["high_2"]
-    assert len(tasks["calls"]) == 3 + 2 + 2
-    tasks["low_2"] = KeyboardInterrupt()
-    code, _, err = run("schedule", *WORDS, "--contact", CONTACT, "--out", tmp_path / "none")
-    assert code == 130 and "nothing was written" in err and not (tmp_path / "none").exists()
-
-
 # Nothing replaced.
-
-
-@pytest.mark.slow
-def test_two_settings_of_the_embedded_person_make_a_schedule(run, tmp_path):
-    """The motions of the softest and the stiffest setting stand for two tasks."""
-    code, _, err = run(
-        "schedule",
-        WORDS[0],
-        WORDS[2],
-        "--contact",
-        CONTACT,
-        "--cost",
-        "tracking",
-        "--quick",
-        "--resolution-mm",
-        "1",
-        "--out",
-        tmp_path / "out",
-    )
-    assert code == 0, err
-    table = read_json(tmp_path / "out" / "policy.json")
-    low, high = table["tasks"]
-    assert low["fulcrum_mm"] <= table["common_fulcrum_mm"] <= high["fulcrum_mm"]
-    assert all(row["cost"] <= row["cost_common"] + 1e-12 for row in table["tasks"])
-    assert low["fulcrum_mm"] == pytest.approx(66.0, abs=10.0), (
-        "where it stood: the force is best told there"
-    )
-    assert high["fulcrum_mm"] == pytest.approx(151.0, abs=10.0)
 
 
 @pytest.fixture(scope="module")

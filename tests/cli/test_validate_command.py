@@ -1,4 +1,5 @@
-"""`vsf-drake validate` and `report` as a laboratory calls them: what comes out, and how mistakes are refused."""
+"""`vsf-drake validate` and `report` as a laboratory calls them: what comes out, and how mistakes
+are refused."""
 
 from __future__ import annotations
 
@@ -12,13 +13,13 @@ import yaml
 from browser import chromium, look
 from command_line import read_json
 
-from vsf_drake.analysis.validation import run as running
-from vsf_drake.analysis.validation.run import Part
-from vsf_drake.analysis.validation.study import Section
-from vsf_drake.errors import SimulationError
-from vsf_drake.files import resource
+from vsf_drake.base.errors import SimulationError
+from vsf_drake.base.files import resource
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.validation import chapters
+from vsf_drake.validation import run as running
+from vsf_drake.validation.run import Part
+from vsf_drake.validation.study import Section
 
 EMBEDDED = resource("data/reference_subject")
 TRIAL = EMBEDDED / "laboratory" / "medium_2.yaml"
@@ -102,7 +103,7 @@ folds.at(-1).querySelector("summary").click();
 opened.push(open());
 document.getElementById("open-all").click();
 return {seen, opened, folds: folds.length, replay: document.querySelector("iframe").getAttribute("src")};
-"""
+"""  # noqa: E501
 
 
 @pytest.mark.slow
@@ -132,9 +133,8 @@ def test_the_slider_moves_the_fulcrum_and_folds_open_by_a_click(quick_validation
     assert stiff["error"] == f"{100.0 * sweep['grf_rmse_bw'][-1]:.1f}"
     assert seen.acted["opened"] == [0, 1] and seen.acted["replay"] == "replay.html"
     assert seen.words > 4000, "all is open"
-    assert not [
-        line for line in seen.console if "replay.html" not in line
-    ]  # there, of a graphics card that is none
+    # there, of a graphics card that is none
+    assert not [line for line in seen.console if "replay.html" not in line]
     assert (seen.requests, seen.out) == ([], [])
 
 
@@ -183,7 +183,7 @@ def test_a_mistake_ends_with_one_message_code_2_and_nothing_written(run, tmp_pat
 
 
 def test_what_cannot_be_used_is_named_and_the_rest_reported(run, tmp_path, one_section):
-    """One good trial among an unreadable and a missing one, and the bench file of a fit."""
+    """One good trial among an unreadable and a missing one."""
     (tmp_path / "bad.yaml").write_text("subject: [\n", encoding="utf-8")
     code, _, err = run(
         "validate",
@@ -191,18 +191,38 @@ def test_what_cannot_be_used_is_named_and_the_rest_reported(run, tmp_path, one_s
         TRIAL,
         tmp_path / "none.yaml",
         *WITH,
-        "--bench",
-        EMBEDDED / "bench.yaml",
         "--out",
         tmp_path / "out",
     )
     assert code == 2
-    assert err.count("error:") == 3
+    assert err.count("error:") == 2
     assert "bad.yaml: line 2" in err and "none.yaml: there is no such file" in err
-    assert "bench.yaml: is what a fit takes of a bench" in err and "Give a CSV" in err
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "Of 1 trials." in page
-    assert "none is not among the results" in page and "The bench file was not used" in page
+    assert "none is not among the results" in page
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "bench.yaml: is what a fit takes of a bench"),
+        ("fulcrum,displacement_mm,load_n\n", "line 1, column fulcrum: the unit is missing"),
+    ],
+)
+def test_a_bench_that_cannot_be_used_is_refused_before_anything_is_walked(
+    run, tmp_path, monkeypatch, text, said
+):
+    file = EMBEDDED / "bench.yaml"
+    if text is not None:
+        file = tmp_path / "wrong.csv"
+        file.write_text(text, encoding="utf-8")
+    monkeypatch.setattr(
+        "vsf_drake.simulation.walk.Walker.walk",
+        lambda *_, **__: pytest.fail("a walk was simulated"),
+    )
+    code, _, err = run("validate", TRIAL, "--bench", file, "--out", tmp_path / "out")
+    assert code == 2 and said in err
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_fault_of_the_disk_outside_of_the_results_is_no_traceback(run, tmp_path, monkeypatch):

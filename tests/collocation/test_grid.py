@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from vsf_drake.base.errors import InputError
 from vsf_drake.collocation import Grid, Layout
-from vsf_drake.errors import InputError
 
 LAYOUT = Layout(("x", "y"), ("w",), ("s",))
 GRIDS = pytest.mark.parametrize(
@@ -32,7 +32,8 @@ def test_simpson_integrates_cubics_and_trapezoids_integrate_lines():
 
 
 def test_equations_hold_for_the_polynomials_that_they_are_exact_for():
-    """Hermite-Simpson: x a cubic, so its rate is a parabola. Trapezoidal: x a parabola. u: w a parabola."""
+    """Hermite-Simpson: x a cubic, so its rate is a parabola. Trapezoidal: x a parabola. u: w a
+    parabola."""
     for method, value, rate, second in (
         ("hermite_simpson", (0, 0, 0, 1), (0, 0, 3), (0, 6)),
         ("trapezoidal", (0, 1, 0), (1,), (0,)),

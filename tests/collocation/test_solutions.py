@@ -1,4 +1,5 @@
-"""Optima against closed forms, the order in which they are come near to, and starts carried to other grids."""
+"""Optima against closed forms, the order in which they are come near to, and starts carried to
+other grids."""
 
 import dataclasses
 
@@ -12,6 +13,7 @@ from collocation_problems import (
     spring_mass,
 )
 
+from vsf_drake.base.errors import InputError
 from vsf_drake.collocation import (
     CollocationOptions,
     Grid,
@@ -20,7 +22,6 @@ from vsf_drake.collocation import (
     resampled,
     solve,
 )
-from vsf_drake.errors import InputError
 
 
 def test_the_spring_that_makes_a_prescribed_oscillation_cheapest_is_in_resonance_or_on_its_bound():

@@ -1,4 +1,5 @@
-"""Derivatives against finite differences, the KKT system against the sparse whole, the Hessian of the Lagrangian."""
+"""Derivatives against finite differences, the KKT system against the sparse whole, the Hessian of
+the Lagrangian."""
 
 import dataclasses
 
@@ -143,7 +144,8 @@ def test_the_largest_violation_is_told_by_name():
 
 @CASES
 def test_the_gauss_newton_hessian_is_that_of_the_linearised_outputs(case):
-    """Where the outputs are linear the model is exact: second differences of the cost along a line equal it."""
+    """Where the outputs are linear the model is exact: second differences of the cost along a line
+    equal it."""
     problem = anything(5, **case)
     rows = np.random.default_rng(6).standard_normal((6, 9))
     share = np.random.default_rng(7).standard_normal((6, 2))
@@ -210,7 +212,8 @@ def test_a_quadratic_within_a_box_is_least_where_its_slope_pushes_against_the_bo
 
 @CASES
 def test_a_step_is_the_minimum_of_its_quadratic_program(case):
-    """Its first-order conditions, put together from the sparse whole; the program is convex, so they suffice."""
+    """Its first-order conditions, put together from the sparse whole; the program is convex, so
+    they suffice."""
     scaled, draw = Scaled(anything(9, **case)), np.random.default_rng(10)
     at = scaled.linearised(
         scaled.scaled(0.3 * draw.standard_normal(scaled.shape), draw.standard_normal(2))
@@ -259,7 +262,8 @@ def test_the_first_order_residual_is_the_slope_of_the_lagrangian_over_the_larges
 
 
 def swing(intervals=12):
-    """A pendulum's effort and its distance from a motion as a sum without squares: none for Gauss-Newton to see."""
+    """A pendulum's effort and its distance from a motion as a sum without squares: none for
+    Gauss-Newton to see."""
     grid = Grid("hermite_simpson", intervals, 1.0, periodic=True)
     aim = np.cos(2.0 * np.pi * grid.times_s)
 

@@ -1,4 +1,5 @@
-"""The page of frames and signs says what the model does: positions, signs of coordinates, forces and slopes."""
+"""The page of frames and signs says what the model does: positions, signs of coordinates, forces
+and slopes."""
 
 from __future__ import annotations
 
@@ -13,14 +14,15 @@ from frames.foot_positions import LOAD_N, SLOPE_DEG, DrawnFoot, foot_signs
 from frames.person_poses import KINDS, DrawnPerson, effects, kind_of
 from frames.pictures import GROUPS, NAMES, foot_effects, with_table
 
-from vsf_drake.parameters import PELVIS_COORDINATES, FootParameters, leg_coordinates
+from vsf_drake.model.parameters import PELVIS_COORDINATES, FootParameters, leg_coordinates
 from vsf_drake.plants.person import SOCKET_COORDINATES
 from vsf_drake.simulation.bench import keel_shape
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 FOOT = FootParameters()
 
-# What the clinical words mean, whatever the model does: Wu et al. 2002, Grood & Suntay 1983, OpenSim's gait models.
+# What the clinical words mean, whatever the model does: Wu et al. 2002, Grood & Suntay 1983,
+# OpenSim's gait models.
 MEANING = {
     "pelvis_tx": "pelvis forward",
     "pelvis_ty": "pelvis up",
@@ -107,9 +109,8 @@ def test_frames_and_points_are_where_the_parameters_say():
     assert A[0] == pytest.approx(-FOOT.pylon_x_m)
     assert A[2] == pytest.approx(FOOT.foam_thickness_m + 0.5 * FOOT.keel.thickness_m)
     assert len(drawn.spheres) == 24
-    np.testing.assert_allclose(
-        drawn.spheres[:, 2], drawn.radius, atol=1e-12
-    )  # all touch the ground
+    # all touch the ground
+    np.testing.assert_allclose(drawn.spheres[:, 2], drawn.radius, atol=1e-12)
 
 
 def test_the_fulcrum_holds_the_keel_down_while_the_toe_is_pressed_up(signs):
@@ -122,9 +123,8 @@ def test_the_fulcrum_holds_the_keel_down_while_the_toe_is_pressed_up(signs):
 def test_the_ground_pushes_against_sliding_and_turning_and_along_the_normal_of_a_slope(signs):
     assert signs.sliding.grf[2] > 0.0 and signs.sliding.grf[0] < 0.0
     assert signs.sliding.free_moment == pytest.approx(0.0, abs=1e-9)
-    assert (
-        signs.turning.free_moment > 0.0
-    )  # turned clockwise from above, it is pushed counter-clockwise
+    # turned clockwise from above, it is pushed counter-clockwise
+    assert signs.turning.free_moment > 0.0
     lowest, highest = signs.sliding.foot.spheres[:, 0].min(), signs.sliding.foot.spheres[:, 0].max()
     assert lowest < signs.sliding.cop[0] < highest and signs.sliding.cop[2] == pytest.approx(
         0.0, abs=1e-12

@@ -1,7 +1,9 @@
-"""Pages with code run as they stand, print what they say they print, and show the pictures that their code makes."""
+"""Pages with code run as they stand, print what they say they print, and show the pictures that
+their code makes."""
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -29,6 +31,21 @@ def test_the_page_on_contacts_wires_a_foot_and_has_every_contact_under_every_way
         r"^\| `(\w+)` \| ([^|]+) \|(?: [^|]+ \|){4}[^|]*\|$", page, flags=re.MULTILINE
     )
     assert sorted(rows) == sorted((contact, way.name) for contact in CONTACTS for way in WAYS)
+
+
+def test_the_notebook_quotes_the_stored_error_of_the_true_foot():
+    """On the walk that it holds out; fitted to the same two walks."""
+    case = json.loads(
+        (DOCS.parent / "studies" / "results" / "contact_fit.json").read_text(encoding="utf-8")
+    )
+    fit = case["laboratory"]["transfer"]
+    assert fit["fitted"] == ["low_1", "high_1"]
+    cells = json.loads((DOCS / "notebooks" / "walk_and_fit.ipynb").read_text(encoding="utf-8"))[
+        "cells"
+    ]
+    text = " ".join("".join("".join(cell["source"]) for cell in cells).split())
+    quoted = re.findall(r"\*true\* foot is (\d\.\d) % off", text)
+    assert quoted == [f"{100.0 * fit['trials']['medium_1']['floor_grf_rmse_bw']:.1f}"]
 
 
 @pytest.mark.slow

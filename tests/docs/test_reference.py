@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pytest
 from generated_reference import FILES, _keys, yaml_files
 
-from vsf_drake.schema import choice, quantity
+from vsf_drake.base.schema import choice, quantity
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,13 +20,13 @@ from command_line import read_json
 from made_laboratory import STATED, Laboratory, leftovers
 from sweep_files import copied
 
-from vsf_drake.analysis.validation import embedded_contact, embedded_trials
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.report.fit_output import FIT
-from vsf_drake.report.tuning.chapters import SCHEDULE, TUNING
+from vsf_drake.report.tuning.chapters import TUNING
 from vsf_drake.report.validation.output import VALIDATION
 from vsf_drake.simulation.results import load_walk
+from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 
 CODES = {"INT": 130, "TERM": 143, "KILL": -signal.SIGKILL}
 SOON_S = 20.0
@@ -67,10 +67,7 @@ class Command:
 
 def commands(folder: Path) -> tuple[Command, ...]:
     """The shortest forms that pass through every stage, with their inputs in `folder`."""
-    low, high = (
-        copied(embedded_trials("exact")[i], folder, window={"start_s": 0.4, "end_s": 1.3})
-        for i in (0, 6)
-    )
+    low = copied(embedded_trials("exact")[0], folder, window={"start_s": 0.4, "end_s": 1.3})
     contact = ("--contact", embedded_contact("exact"))
     laboratory = Laboratory(folder)
     recorded = laboratory.standing(), laboratory.walk()
@@ -93,12 +90,6 @@ def commands(folder: Path) -> tuple[Command, ...]:
         ),
         Command(
             "tune", (low, *contact, "--quick", "--cost", "push_off"), "tuning.json", TUNING.read
-        ),
-        Command(
-            "schedule",
-            (f"slow={low}", f"fast={high}", *contact, "--quick", "--cost", "push_off"),
-            "policy.json",
-            SCHEDULE.read,
         ),
         Command(
             "import", (*recorded, *STATED), "import.json", lambda out: load_trial(out / "walk.yaml")
@@ -126,7 +117,8 @@ def started(command: Command, out: Path) -> subprocess.Popen[str]:
 def interrupted(
     command: Command, name: str, moment_s: float, out: Path, whole: Path, *, always: bool = True
 ) -> list[str]:
-    """What is wrong after a signal at `moment_s`, and after the next run, whose results are to be those of `whole`.
+    """What is wrong after a signal at `moment_s`, and after the next run, whose results are to be
+    those of `whole`.
 
     Where nothing at all is left, the next run is a first one: without `always` it is then left out.
     """
@@ -148,9 +140,8 @@ def _wrong_end(command: Command, name: str, moment_s: float, out: Path, whole: P
     try:
         process.wait(moment_s)
     except subprocess.TimeoutExpired:
-        if (
-            name == "INT"
-        ):  # Ctrl-C reaches every process of a terminal; who else ends a program names it
+        # Ctrl-C reaches every process of a terminal; who else ends a program names it
+        if name == "INT":
             os.killpg(process.pid, signal.SIGINT)
         else:
             process.send_signal(signal.Signals[f"SIG{name}"])

@@ -1,4 +1,5 @@
-"""Damage done to files, which a reader must survive: bytes and lines of any, nodes, headers and values of some."""
+"""Damage done to files, which a reader must survive: bytes and lines of any, nodes, headers and
+values of some."""
 
 from __future__ import annotations
 
@@ -139,7 +140,8 @@ VALUES: list[Any] = [
 
 
 def mutated(data: bytes, suffix: str, rng: random.Random) -> bytes:
-    """The data with one to six random damages; half of the time such as its kind of file invites, if it has one."""
+    """The data with one to six random damages; half of the time such as its kind of file invites,
+    if it has one."""
     kinds: dict[str, Callable[[bytes, random.Random], bytes]] = {
         ".yaml": _yaml,
         ".json": _json,

@@ -1,6 +1,8 @@
-"""Every reader of files that there is, with whole files for it, and what a damaged one may do to it.
+"""Every reader of files that there is, with whole files for it, and what a damaged one may do to
+it.
 
-A call returns something sound, or raises an InputError that names the file; within 10 s, and 300 MB of memory.
+A call returns something sound, or raises an InputError that names the file; within 10 s, and 300 MB
+of memory.
 """
 
 from __future__ import annotations
@@ -27,26 +29,22 @@ from made_laboratory import Laboratory
 from made_results import make_walk
 from made_scenario import one_of_everything
 from made_trial import TrialFiles
-from made_tuning import made_arrays, made_schedule, made_table, small_table
+from made_tuning import made_arrays, made_table, small_table
 from mutations import mutated
 from virtual_laboratory.trc import write_trc
 
-from vsf_drake.analysis.contact_fit.table import fit_arrays, fit_json
-from vsf_drake.analysis.tuning.schedule import load_schedule
-from vsf_drake.analysis.validation.bench_lines import load_measured_bench
-from vsf_drake.analysis.validation.bench_section import StoodTable
-from vsf_drake.analysis.validation.run import Finished, SectionStore
-from vsf_drake.analysis.validation.study import Section
-from vsf_drake.bench_curves import load_bench_curves, load_bench_file
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import plain, resource, sha256, write_json
 from vsf_drake.cli.fit_run import Checkpoint
 from vsf_drake.cli.tune import read_warm_start
-from vsf_drake.contact_file import load_contact, save_contact
-from vsf_drake.errors import InputError
-from vsf_drake.files import plain, resource, sha256, write_json
-from vsf_drake.ground import load_ground
-from vsf_drake.model_file import load_model
-from vsf_drake.motion import read_trial
-from vsf_drake.motion.formats.read import list_labels
+from vsf_drake.device.bench_lines import load_measured_bench
+from vsf_drake.fit.table import fit_arrays, fit_json
+from vsf_drake.model.bench_curves import load_bench_curves, load_bench_file
+from vsf_drake.model.contact_file import load_contact, save_contact
+from vsf_drake.model.ground import load_ground
+from vsf_drake.model.model_file import load_model
+from vsf_drake.model.scenario import load_scenario
+from vsf_drake.motion.formats.read import list_labels, read_trial
 from vsf_drake.motion.formats.recording import Plate
 from vsf_drake.motion.formats.tables import write_forces_mot
 from vsf_drake.motion.manifest import load_stated_subject
@@ -54,13 +52,15 @@ from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.trial import load_subject, load_trial
 from vsf_drake.report.fit_output import FIT
 from vsf_drake.report.outputs import check_sweep_folder
-from vsf_drake.report.tuning.chapters import SCHEDULE, TUNING
+from vsf_drake.report.tuning.chapters import TUNING
 from vsf_drake.report.validation.output import VALIDATION
-from vsf_drake.scenario import load_scenario
 from vsf_drake.simulation.archive import check_target
 from vsf_drake.simulation.batch.cases import WorkerTask
 from vsf_drake.simulation.batch.run import Kind, Reply, WalkCache
 from vsf_drake.simulation.results import load_walk, save_walk
+from vsf_drake.validation.bench_section import StoodTable
+from vsf_drake.validation.run import Finished, SectionStore
+from vsf_drake.validation.study import Section
 
 MOST_S, MOST_BYTES = 10.0, 300_000_000
 FRAMES, SAMPLES = 20, 40
@@ -80,9 +80,8 @@ class Reader:
     files: tuple[str, ...]
     calls: tuple[Callable[[Path], Any], ...]  # each given the path of the damaged file
     check: Callable[[Any], None]  # of what a call returns
-    signed: str = (
-        ""  # the file beside an NPZ with its SHA-256, made good so that the reader looks further
-    )
+    signed: str = ""
+    """the file beside an NPZ with its SHA-256, made good so that the reader looks further"""
     slow: int = 1  # how many times fewer mutations it gets in a long run
 
 
@@ -106,11 +105,13 @@ def sound(value: Any) -> None:
 
 
 def anything(value: Any) -> None:
-    """Saved results may hold NaN, and a table or a cache entry what it likes: who shows it has to see to that."""
+    """Saved results may hold NaN, and a table or a cache entry what it likes: who shows it has to
+    see to that."""
 
 
 def consistent(read: Any) -> None:
-    """Shapes, finite numbers and gaps of a recording are as `Recording` says; lists of labels are let through."""
+    """Shapes, finite numbers and gaps of a recording are as `Recording` says; lists of labels are
+    let through."""
     if isinstance(read, list):
         return
     assert (read.marker_rate_hz is None) == (not read.markers) or read.marker_rate_hz > 0.0
@@ -197,12 +198,6 @@ READERS = (
         signed="tuning.json",
     ),
     Reader(
-        "schedule",
-        ("policy.json",),
-        (load_schedule, in_folder(SCHEDULE.read), in_folder(SCHEDULE.check)),
-        sound,
-    ),
-    Reader(
         "validation",
         ("validation.json", "validation.npz"),
         (in_folder(VALIDATION.read), in_folder(VALIDATION.check)),
@@ -232,9 +227,11 @@ READERS = (
 
 
 class Workbench:
-    """An empty folder, filled with whole files for every reader, in which one at a time is damaged and read.
+    """An empty folder, filled with whole files for every reader, in which one at a time is damaged
+    and read.
 
-    `validation` is that of a real one, to be damaged instead of a small made one; a tuning is whole then, too.
+    `validation` is that of a real one, to be damaged instead of a small made one; a tuning is whole
+    then, too.
     """
 
     def __init__(self, folder: Path, *, validation: Path | None = None) -> None:
@@ -285,7 +282,10 @@ class Workbench:
                 for at in traceback.extract_tb(error.__traceback__)
                 if "site-packages" not in at.filename
             ][-1]
-            return f"{type(error).__name__} at {Path(own.filename).name}:{own.lineno}: {str(error)[:200]!r}"
+            return (
+                f"{type(error).__name__} at {Path(own.filename).name}:{own.lineno}: "
+                f"{str(error)[:200]!r}"
+            )
         finally:
             path.write_bytes(self._whole[path])
             if reader.signed:
@@ -295,7 +295,8 @@ class Workbench:
 
 @contextlib.contextmanager
 def limited() -> Iterator[None]:
-    """Ends what is inside after so much processor time, and (on Linux) refuses it 300 MB beyond what there is."""
+    """Ends what is inside after so much processor time, and (on Linux) refuses it 300 MB beyond
+    what there is."""
 
     def late(*_: object) -> None:
         raise TooLong(f"not back after {MOST_S:g} s")
@@ -362,8 +363,8 @@ def _write_recordings(folder: Path) -> None:
         "sex: male\nprosthetic_side: right\nmass_kg: 78\nstature_m: 1.81\n"
     )
     (folder / "markers" / "trial.yaml").write_text(
-        "subject: subject.yaml\nmarkers: walk.trc\nstanding: static.trc\nforces: walk.mot\nhip_centre: harrington\n"
-        "marker_cutoff_hz: 6\nprosthesis: {fulcrum_mm: 66}\n"
+        "subject: subject.yaml\nmarkers: walk.trc\nstanding: static.trc\nforces: walk.mot\n"
+        "hip_centre: harrington\nmarker_cutoff_hz: 6\nprosthesis: {fulcrum_mm: 66}\n"
     )
 
 
@@ -401,8 +402,9 @@ def _write_descriptions(folder: Path) -> None:
     )
     save_contact(made_contact(), folder / "contact" / "contact.yaml")
     (folder / "ground" / "ground.yaml").write_text(
-        "patches:\n  - {name: floor}\n  - {name: ramp, from_x_m: 1.0, reference_x_m: 1.0, slope_deg: 5.0}\n"
-        "  - {name: mat, from_x_m: 0.6, to_x_m: 1.0, height_m: 0.01, stiffness_n_per_m: 2.0e+4}\n"
+        "patches:\n  - {name: floor}\n  - {name: ramp, from_x_m: 1.0, reference_x_m: 1.0, "
+        "slope_deg: 5.0}\n  - {name: mat, from_x_m: 0.6, to_x_m: 1.0, height_m: 0.01, "
+        "stiffness_n_per_m: 2.0e+4}\n"
     )
     one_of_everything(folder / "scenario")
     for name in ("person.yaml", "bench.yaml"):
@@ -421,7 +423,6 @@ def _write_results(folder: Path, validation: Path | None) -> None:
     )
     tuning = small_table() if validation is None else made_table()
     _save(folder / "tuning", "tuning", plain(tuning), made_arrays())
-    _save(folder / "schedule", "policy", plain(made_schedule()), {})
     if validation is not None:
         shutil.copytree(
             validation, folder / "validation", ignore=shutil.ignore_patterns("walks", "replay.html")

@@ -4,8 +4,8 @@
     python tests/fuzz/run.py walks --count 10000 [--step-ms 1]
     python tests/fuzz/run.py kills --moments 30 [--command sweep] [--signal KILL]
 
-Each prints its progress and every fault, and ends with exit code 1 if there was any. A fault of a file is found again
-by its reader and number: `--reader NAME --seed NUMBER --count 1`.
+Each prints its progress and every fault, and ends with exit code 1 if there was any. A fault of a
+file is found again by its reader and number: `--reader NAME --seed NUMBER --count 1`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ def walks(given: argparse.Namespace) -> Iterator[str]:
             i % 3, min(100, given.count - first), seed=given.seed + i, step_s=1e-3 * given.step_ms
         )
         print(
-            f"{len(done)} walks, {sum(one.failure is not None for one in done)} left the model's range",
+            f"{len(done)} walks, {sum(one.failure is not None for one in done)} left the model's "
+            "range",
             flush=True,
         )
         try:

@@ -1,4 +1,5 @@
-"""Damaged files: a reader gives something sound or an InputError. The long form is `python tests/fuzz/run.py`."""
+"""Damaged files: a reader gives something sound or an InputError. The long form is `python
+tests/fuzz/run.py`."""
 
 import time
 

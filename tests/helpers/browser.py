@@ -1,4 +1,5 @@
-"""Opens a page in headless Chromium and tells what a person would meet: messages, requests, overflow, broken images."""
+"""Opens a page in headless Chromium and tells what a person would meet: messages, requests,
+overflow, broken images."""
 
 from __future__ import annotations
 
@@ -27,11 +28,26 @@ _MEASURE = r"""
     unnamed: images.filter(i => i.alt.trim().length < 20).length, words, high: page.scrollHeight, acted,
     tables: [...document.querySelectorAll("table")].filter(e => e.checkVisibility()).length}, "*");
 }, 300));</script>
-"""
+"""  # noqa: E501
 _FRAME = """<!doctype html><meta charset="utf-8"><style>body{{margin:0}}iframe{{border:0}}</style>
 <pre id="seen"></pre><script>addEventListener("message", e => {{
 document.getElementById("seen").textContent = JSON.stringify(e.data);}});</script>
 <iframe src="page.html" width="{width}" height="{height}"></iframe>"""
+
+COMMAND = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+    "--disable-default-apps",
+    "--disable-extensions",
+    "--hide-scrollbars",
+)
+"""How the browser is started, whatever it is to show."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +55,12 @@ class Seen:
     """What the browser saw of a page `width` pixels wide.
 
     Attributes:
-        width, scroll: of the page and of its content. out: elements beyond the right edge, outside of what scrolls.
-        images, broken, unnamed: how many, how many do not show, how many have no alternative text worth the name.
-        words, tables: that are not folded away. high: the page's height (px). acted: what the script returned.
+        width, scroll: of the page and of its content. out: elements beyond the right edge, outside
+            of what scrolls.
+        images, broken, unnamed: how many, how many do not show, how many have no alternative text
+            worth the name.
+        words, tables: that are not folded away. high: the page's height (px). acted: what the
+            script returned.
         console: messages. requests: addresses that are no files and no data.
     """
 
@@ -80,8 +99,9 @@ def look(
     budget_ms: int = 8000,
     act: str = "return null;",
 ) -> Seen:
-    """Opens `page` in a frame `width` pixels wide for `budget_ms` of its time and does there what the script `act`
-    does before words and tables are counted; `folder` is an empty one to work in."""
+    """Opens `page` in a frame `width` pixels wide for `budget_ms` of its time and does there what
+    the script `act` does before words and tables are counted; `folder` is an empty one to work
+    in."""
     text = page.read_text(encoding="utf-8")
     measure = _MEASURE.replace("ACT", act)
     (folder / "page.html").write_text(
@@ -91,17 +111,7 @@ def look(
     log = folder / "net.json"
     command = [
         chromium(),
-        "--headless=new",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--disable-dev-shm-usage",
-        "--disable-background-networking",
-        "--disable-component-update",
-        "--disable-sync",
-        "--no-first-run",
-        "--disable-default-apps",
-        "--disable-extensions",
-        "--hide-scrollbars",
+        *COMMAND,
         "--enable-logging=stderr",
         f"--user-data-dir={folder / 'profile'}",
         f"--log-net-log={log}",
@@ -120,7 +130,8 @@ def look(
 
 
 def _requests(log: Path) -> list[str]:
-    """Addresses that the page asked for, beside files, data and what the browser asks for itself."""
+    """Addresses that the page asked for, beside files, data and what the browser asks for
+    itself."""
     text = log.read_text(encoding="utf-8", errors="replace")
     addresses = set(re.findall(r'"url":"((?:https?|wss?|ftp):[^"]*)"', text))
     own = re.compile(r"https?://[^/]*(google|gstatic|googleapis|chromium)[^/]*/")

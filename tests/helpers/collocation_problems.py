@@ -1,4 +1,5 @@
-"""Small trajectory problems whose optimum is known in closed form, and a synthetic one of a gait problem's size."""
+"""Small trajectory problems whose optimum is known in closed form, and a synthetic one of a gait
+problem's size."""
 
 from __future__ import annotations
 
@@ -49,7 +50,8 @@ def ends(grid, first=(), last=()):
 
 
 def regulator(method, intervals, duration_s=3.0):
-    """min 1/2 int x^2 + a^2 from x = 1 at rest, free end; exact x(t) and cost by the Hamiltonian's exponential."""
+    """min 1/2 int x^2 + a^2 from x = 1 at rest, free end; exact x(t) and cost by the Hamiltonian's
+    exponential."""
     grid = Grid(method, intervals, duration_s, periodic=False)
     low, high = ends(grid, first=((0, 1.0), (1, 0.0)))
     problem = TrajectoryProblem(
@@ -86,10 +88,12 @@ def oscillator(method, intervals, duration_s=3.0):
 
 
 def rest_to_rest(most, *, as_limit, intervals=60):
-    """min 1/2 int a^2 from 0 to 1 at rest within 1 s, |a| <= most; and the exact cost for 4 <= most <= 6.
+    """min 1/2 int a^2 from 0 to 1 at rest within 1 s, |a| <= most; and the exact cost for 4 <= most
+    <= 6.
 
-    By Pontryagin a is linear in time where it is not on a bound: a = -most tau / s for |tau| <= s about mid-time. Its
-    moment about mid-time, the way, is most (1/4 - s^2/3) = 1, and the cost is most^2 (1/2 - 2 s/3).
+    By Pontryagin a is linear in time where it is not on a bound: a = -most tau / s for |tau| <= s
+    about mid-time. Its moment about mid-time, the way, is most (1/4 - s^2/3) = 1, and the cost is
+    most^2 (1/2 - 2 s/3).
     """
     grid = Grid("hermite_simpson", intervals, 1.0, periodic=False)
     low, high = ends(grid, first=((0, 0.0), (1, 0.0)), last=((0, 1.0), (1, 0.0)))
@@ -112,7 +116,8 @@ def rest_to_rest(most, *, as_limit, intervals=60):
 
 
 def spring_mass(*, high=200.0, intervals=20, mass=2.0, damper=0.5, rate=5.0, amplitude=0.1):
-    """A driven mass on a spring that is to move as A cos(w t) at the least squared force; optimal k = m w^2."""
+    """A driven mass on a spring that is to move as A cos(w t) at the least squared force; optimal
+    k = m w^2."""
     grid = Grid("hermite_simpson", intervals, 2.0 * np.pi / rate, periodic=True)
 
     def outputs(z, p):
@@ -140,8 +145,8 @@ def spring_mass(*, high=200.0, intervals=20, mass=2.0, damper=0.5, rate=5.0, amp
 def pendulum(*, intervals=30, mass=1.5, length=0.8, rate=6.0, amplitude=1.2):
     """A pendulum with a torsion spring that is to swing as A cos(w t) at the least squared torque.
 
-    torque = m l^2 theta'' + m g l sin(theta) + k theta is least for k = m l^2 w^2 - 2 m g l J1(A) / A, its projection
-    on theta (the mean of sin(A cos) cos over a turn is J1(A)).
+    torque = m l^2 theta'' + m g l sin(theta) + k theta is least for k = m l^2 w^2 - 2 m g l J1(A) /
+    A, its projection on theta (the mean of sin(A cos) cos over a turn is J1(A)).
     """
     grid = Grid("hermite_simpson", intervals, 2.0 * np.pi / rate, periodic=True)
     inertia, weight = mass * length**2, mass * 9.81 * length
@@ -181,9 +186,11 @@ def pendulum(*, intervals=30, mass=1.5, length=0.8, rate=6.0, amplitude=1.2):
 
 
 def chain(method="hermite_simpson", intervals=40, *, most=2.0, n=8, k=11, parameters=5):
-    """A synthetic nonlinear problem of a gait problem's size: n coordinates, k quasi-static variables, 5 parameters.
+    """A synthetic nonlinear problem of a gait problem's size: n coordinates, k quasi-static
+    variables, 5 parameters.
 
-    k statics and 3 rootless equations of motion are 0, the other n - 3 torques are limited and squared, q is tracked.
+    k statics and 3 rootless equations of motion are 0, the other n - 3 torques are limited and
+    squared, q is tracked.
     """
     grid, draw = Grid(method, intervals, 1.2, periodic=True), np.random.default_rng(0)
     inertia = np.eye(n) + 0.1 * draw.standard_normal((n, n))

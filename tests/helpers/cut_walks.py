@@ -6,10 +6,10 @@ from functools import cache
 
 import numpy as np
 
-from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.stepping.stepper import Inputs
 from vsf_drake.simulation.walk import Walk, Walker
+from vsf_drake.walks.embedded import embedded_trials
 
 LANDING = {
     "contact.heel_posterior.stiffness": 444000.0,
@@ -21,8 +21,9 @@ LANDING = {
     "offset.fore_aft": -0.0728,
     "offset.alignment": 0.0357,
 }
-"""A hard heel in a soft socket lands far behind on sticky ground: two of the 2 ms steps are halved (medium setting).
-This and the next were found among random parameters; what did not matter is left at its default."""
+"""A hard heel in a soft socket lands far behind on sticky ground: two of the 2 ms steps are halved
+(medium setting). This and the next were found among random parameters; what did not matter is left
+at its default."""
 CATCHING = {
     "contact.forefoot.exponent": 2.0,
     "contact.forefoot.damping": 160.0,
@@ -31,7 +32,8 @@ CATCHING = {
     "offset.height": -0.02,
     "offset.alignment": -0.11,
 }
-"""A toe that catches and lets go in swing: a dozen of the 1 ms steps are cut, into up to 4 (soft setting)."""
+"""A toe that catches and lets go in swing: a dozen of the 1 ms steps are cut, into up to 4 (soft
+setting)."""
 LOST = {
     "contact.forefoot.damping": 1170.0,
     "friction.mu_kinetic": 2.07,

@@ -24,8 +24,8 @@ class Unreadable:
 
 
 class Deadly(Unreadable):
-    """A trajectory, say, that kills the worker it is sent to, as often as it finds fewer than `times` lines in `log`,
-    which gets one for each death; else it becomes `real`."""
+    """A trajectory, say, that kills the worker it is sent to, as often as it finds fewer than
+    `times` lines in `log`, which gets one for each death; else it becomes `real`."""
 
     def __init__(self, real: Any, log: Path, times: int) -> None:
         super().__init__(real)

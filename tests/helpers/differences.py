@@ -1,4 +1,5 @@
-"""Central differences of a walk by one of its variables, and where the two runs that they take differ in kind."""
+"""Central differences of a walk by one of its variables, and where the two runs that they take
+differ in kind."""
 
 from __future__ import annotations
 
@@ -15,11 +16,13 @@ from vsf_drake.simulation.walk import Walk, Walker
 ORDINARY = {"m": 0.01, "rad": 0.1}
 """What a variable whose default is zero is typically changed by."""
 MEANINGLESS = {"force": 1e-3, "centre of pressure": 1e-6, "free moment": 1e-4}
-"""N, m, N m: a series whose derivative times the variable's size stays below this counts as not depending on it."""
+"""N, m, N m: a series whose derivative times the variable's size stays below this counts as not
+depending on it."""
 
 
 class Differences(NamedTuple):
-    """Of n instants: force (n, 3) N, centre of pressure (n, 2) m, free moment (n, 1) N m, per unit of the variable.
+    """Of n instants: force (n, 3) N, centre of pressure (n, 2) m, free moment (n, 1) N m, per unit
+    of the variable.
 
     alike: (n,) whether both runs have every force on the same branch of its law at that step.
     """
@@ -36,7 +39,8 @@ def size(variable: Variable) -> float:
 def central(
     walker: Walker, motion: CoordinateTrajectory, name: str, change: float, *, values=None, **span
 ) -> Differences:
-    """From two walks with the variable `change` (in its unit) below and above what it is in `values` or by default."""
+    """From two walks with the variable `change` (in its unit) below and above what it is in
+    `values` or by default."""
     values = values or {}
     at = values.get(name, walker.variables[name].default)
     low, high = (
@@ -70,7 +74,8 @@ def exact_series(sensitivity: ReactionSensitivity, name: str) -> dict[str, np.nd
 def errors(
     walker: Walker, sensitivity: ReactionSensitivity, name: str, by: Differences
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Of each series its name and (n,) |exact - difference| over the largest of the exact derivative."""
+    """Of each series its name and (n,) |exact - difference| over the largest of the exact
+    derivative."""
     for key, exact in exact_series(sensitivity, name).items():
         assert np.array_equal(np.isnan(exact)[by.alike], np.isnan(by.series[key])[by.alike]), (
             name,
@@ -83,8 +88,9 @@ def errors(
 def branches(walk: Walk) -> np.ndarray:
     """(n, k) which branch of its law each force is on at the end of each step, as integers.
 
-    A sphere is loaded or not, approaching or not, deeper than its damping's ramp or not; sticks, is about to slip,
-    slides; a spring is pulled or pushed, and at its stops; a step is cut; there is a centre of pressure.
+    A sphere is loaded or not, approaching or not, deeper than its damping's ramp or not; sticks, is
+    about to slip, slides; a spring is pulled or pushed, and at its stops; a step is cut; there is a
+    centre of pressure.
     """
     record, sites, springs = walk.record, walk.mechanism.sites, walk.mechanism.springs
     loaded = record.site("normal_force") > 0.0

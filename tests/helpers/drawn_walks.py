@@ -1,4 +1,5 @@
-"""Walks with parameters drawn at random over the whole bounds of a search, and what became of them."""
+"""Walks with parameters drawn at random over the whole bounds of a search, and what became of
+them."""
 
 from __future__ import annotations
 
@@ -9,14 +10,14 @@ from functools import cache
 import numpy as np
 from scipy.stats import qmc
 
-from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.errors import SimulationError
+from vsf_drake.base.errors import SimulationError
+from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.reactions import LOADED_N
 from vsf_drake.simulation.stepping.newton import MAX_ITERATIONS
 from vsf_drake.simulation.variables import Variable
 from vsf_drake.simulation.walk import Walk, Walker
+from vsf_drake.walks.embedded import embedded_trials
 
 MOST_UNCONVERGED = 0.005
 """Share of the steps that may stay unconverged, which is what was promised."""
@@ -33,9 +34,8 @@ class Outcome:
     steps: int = 0
     unconverged: int = 0  # steps of which a part did not converge
     iterations: int = 0  # of Newton's method over all steps
-    finite: bool = (
-        True  # every number of the record, and the centre of pressure wherever the foot is loaded
-    )
+    finite: bool = True
+    """every number of the record, and the centre of pressure wherever the foot is loaded"""
     peak_bw: float = np.nan  # largest vertical force, body weights
 
 
@@ -67,7 +67,8 @@ def draws(
 
 
 def reach(walker: Walker, fulcrum_m: float) -> dict[str, tuple[float, float]]:
-    """Bounds of the fulcrum's shift within what the carriage can do: beyond it a walk is refused."""
+    """Bounds of the fulcrum's shift within what the carriage can do: beyond it a walk is
+    refused."""
     fulcrum = walker.model.foot.fulcrum
     return {"fulcrum.shift": (fulcrum.rearmost_m - fulcrum_m, fulcrum.foremost_m - fulcrum_m)}
 
@@ -127,7 +128,8 @@ def drawn(
 
 
 def assert_sound(found):
-    """None NaN, none without end, hardly a step unconverged; what fails left the model's range and did not diverge."""
+    """None NaN, none without end, hardly a step unconverged; what fails left the model's range and
+    did not diverge."""
     walked = [one for one in found if one.failure is None]
     assert all(one.finite for one in walked)
     assert all(one.iterations <= MAX_ITERATIONS * one.steps for one in walked)

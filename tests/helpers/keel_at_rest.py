@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vsf_drake.parameters import FootParameters
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.simulation.bench import keel_shape
 from vsf_drake.simulation.mechanism import bench_mechanism
@@ -20,7 +20,8 @@ SPRING = 1e-5
 def rises(
     foot: FootParameters, loads_n: np.ndarray, fulcrum_m: float, support_width_m: float = 0.0
 ) -> np.ndarray:
-    """(n,) m, rise of the load point under each load: steps of 1 s without damping, in which inertia has no part."""
+    """(n,) m, rise of the load point under each load: steps of 1 s without damping, in which
+    inertia has no part."""
     bench = make_bench(foot)
     m = bench_mechanism(bench, bench.diagram.CreateDefaultContext())
     carriage = m.tree.index(bench.foot.carriage_joint_name)

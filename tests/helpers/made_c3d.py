@@ -1,4 +1,5 @@
-"""C3D files for tests, written with ezc3d: markers, and force plates whose channels follow from a stated load."""
+"""C3D files for tests, written with ezc3d: markers, and force plates whose channels follow from a
+stated load."""
 
 from __future__ import annotations
 
@@ -18,11 +19,14 @@ class MadePlate:
 
     Attributes:
         kind: 1 to 4.
-        force, cop, twist: (n, 3) N on the person, (n, 3) m on the surface, (n,) N m about the laboratory's vertical.
+        force, cop, twist: (n, 3) N on the person, (n, 3) m on the surface, (n,) N m about the
+            laboratory's vertical.
         corners: (4, 3) m in the laboratory, in the order that the format asks for.
         up: the laboratory's vertical.
-        origin_sign: -1 as the format asks for (the surface lies above the sensors, z points down), or 1 as many write.
-        on_plate: whether the channels hold the person's force on the plate, instead of the plate's on the person.
+        origin_sign: -1 as the format asks for (the surface lies above the sensors, z points down),
+            or 1 as many write.
+        on_plate: whether the channels hold the person's force on the plate, instead of the plate's
+            on the person.
     """
 
     kind: int
@@ -59,7 +63,8 @@ class MadePlate:
 
     @staticmethod
     def sensor_wrenches() -> np.ndarray:
-        """(6, 8): force and moment about the sensors' middle of each channel's unit force, by cross products."""
+        """(6, 8): force and moment about the sensors' middle of each channel's unit force, by cross
+        products."""
         a, b, _ = SENSORS
         at = np.array([[a, b, 0], [-a, b, 0], [-a, -b, 0], [a, -b, 0]])
         x, y, z = np.eye(3)
@@ -81,7 +86,8 @@ def rectangle(
     size: tuple[float, float] = (0.4, 0.6),
     height: float = 0.0,
 ) -> np.ndarray:
-    """(4, 3) m: corners of a plate in a z-up laboratory, its x axis turned by `turn_deg` from the laboratory's."""
+    """(4, 3) m: corners of a plate in a z-up laboratory, its x axis turned by `turn_deg` from the
+    laboratory's."""
     angle = np.radians(turn_deg)
     x, y = np.array([np.cos(angle), np.sin(angle)]), np.array([np.sin(angle), -np.cos(angle)])
     quadrants = ((1, 1), (-1, 1), (-1, -1), (1, -1))
@@ -102,7 +108,8 @@ def write_c3d(
     first_frame: int = 1,
     moment_unit: str | None = None,
 ) -> Path:
-    """Writes markers (label -> (frames, 3) m, NaN in gaps) and plates of subframes * frames samples."""
+    """Writes markers (label -> (frames, 3) m, NaN in gaps) and plates of subframes * frames
+    samples."""
     c3d = ezc3d.c3d()
     places = np.stack(list(markers.values()), axis=1)
     points = np.ones((4, places.shape[1], len(places)))

@@ -1,4 +1,5 @@
-"""The calibration of a made person, exact: what a standing trial would give if nothing were estimated."""
+"""The calibration of a made person, exact: what a standing trial would give if nothing were
+estimated."""
 
 from __future__ import annotations
 
@@ -7,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from made_person import SIDES, Person, label_of
 
+from vsf_drake.model.parameters import Subject
 from vsf_drake.motion.markers.segments import SEGMENTS, Calibration, FootPoints, SegmentMarkers
-from vsf_drake.parameters import Subject
 
 MEDIAL = ("knee_medial", "ankle_medial")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from vsf_drake.contact_file import (
+from vsf_drake.model.contact_file import (
     FORMAT,
     STANCE_POINTS,
     Discrepancy,
@@ -75,7 +75,8 @@ DISCREPANCY = Discrepancy(
 
 
 def made_contact(**changes: Any) -> FittedContact:
-    """A converged fit with everything in it, to the right side of the reference subject, with these fields instead."""
+    """A converged fit with everything in it, to the right side of the reference subject, with these
+    fields instead."""
     whole = FittedContact(
         format=FORMAT,
         subject=FittedSubject(mass_kg=MASS_KG, stature_m=STATURE_M, prosthetic_side="right"),

@@ -11,8 +11,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import RigidBody, RpyFloatingJoint, SpatialInertia
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from vsf_drake.ground import Ground
-from vsf_drake.parameters import FootParameters
+from vsf_drake.model.ground import Ground
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants import FootHandles, WiredFoot, add_foot, add_ground_geometry, wire_foot
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS
 from vsf_drake.plants.foot import mount_pose, sole_height
@@ -81,7 +81,8 @@ class LooseFoot:
         ).get_coeffs()
 
     def place(self, X_WK: RigidTransform, V_WM: np.ndarray, q: np.ndarray, v: np.ndarray) -> None:
-        """Puts the keel frame at X_WK with the mount moving at V_WM, keel joints and carriage at q, v."""
+        """Puts the keel frame at X_WK with the mount moving at V_WM, keel joints and carriage at q,
+        v."""
         X_WM = X_WK @ mount_pose(self.foot.parameters)
         if self.plant.HasJointNamed("floating"):
             joint = self.plant.GetJointByName("floating")
@@ -144,7 +145,8 @@ def loose_foot(
 def some_state(
     seed: int, *, depth: float = 4e-3
 ) -> tuple[RigidTransform, np.ndarray, np.ndarray, np.ndarray]:
-    """Arguments of `place`: sole about `depth` (m) in the level ground, somewhat tilted, moving, keel bent."""
+    """Arguments of `place`: sole about `depth` (m) in the level ground, somewhat tilted, moving,
+    keel bent."""
     rng = np.random.default_rng(seed)
     R_WK = RotationMatrix(RollPitchYaw(*rng.uniform(-0.03, 0.03, 2), rng.uniform(-1.0, 1.0)))
     X_WK = RigidTransform(R_WK, [*rng.uniform(-0.3, 0.3, 2), -sole_height(PARAMETERS) - depth])

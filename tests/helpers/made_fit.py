@@ -1,4 +1,5 @@
-"""Tables of contact fits, made up: with everything in them, and with names and numbers that are hard to show."""
+"""Tables of contact fits, made up: with everything in them, and with names and numbers that are
+hard to show."""
 
 from __future__ import annotations
 
@@ -8,30 +9,19 @@ from typing import Any
 import numpy as np
 from made_results import make_plate, make_walk
 
-from vsf_drake.analysis.contact_fit.assessment import (
-    BenchRow,
-    Beside,
-    LeftOut,
-    TrialCurves,
-    TrialScore,
-)
-from vsf_drake.analysis.contact_fit.paper import PaperState
-from vsf_drake.analysis.contact_fit.solution import NoiseRatio
-from vsf_drake.analysis.contact_fit.solve import FitSearch, Pair, Uncertainty
-from vsf_drake.analysis.contact_fit.table import (
-    FitTable,
-    FitTrialRow,
-    ParameterRow,
-    SmoothErrorRow,
-)
-from vsf_drake.analysis.fulcrum_sweep import swept
-from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.analysis.momentum import MomentumCorrection
-from vsf_drake.analysis.prediction import LAYERS, LayerScore, LayerTable, TrialLayers
-from vsf_drake.contact_file import CURVES, Discrepancy, DiscrepancyCurve
-from vsf_drake.files import resource
+from vsf_drake.base.files import resource
+from vsf_drake.fit.assessment import LEFT_OUT, BenchRow, Beside, LeftOut, TrialCurves, TrialScore
+from vsf_drake.fit.paper import PaperState
+from vsf_drake.fit.solution import NoiseRatio
+from vsf_drake.fit.solve import FitSearch, Pair, Uncertainty
+from vsf_drake.fit.table import FitTable, FitTrialRow, ParameterRow, SmoothErrorRow
+from vsf_drake.model.contact_file import CURVES, Discrepancy, DiscrepancyCurve
+from vsf_drake.model.parameters import Subject
 from vsf_drake.motion.trial import Trial, load_trial
-from vsf_drake.parameters import Subject
+from vsf_drake.walks.fulcrum_sweep import swept
+from vsf_drake.walks.metrics import walk_metrics
+from vsf_drake.walks.momentum import MomentumCorrection
+from vsf_drake.walks.prediction import LAYERS, SCORES, LayerTable, TrialLayers
 
 ODD = "<b>odd</b> $x_$ ü"
 """A label that is neither HTML nor a formula."""
@@ -48,6 +38,8 @@ METRICS = replace(
     stance_measured_s=0.6,
     scored_window_s=((0.1, 1.1),),
     null_model_grf_rmse_bw=0.05,
+    stretched_null_grf_rmse_bw=0.06,
+    null_model_unknown="",
 )
 
 
@@ -140,7 +132,7 @@ def made_search(
 
 
 PARAMETERS = (
-    made_parameter("offset.height"),
+    made_parameter("offset.height", 0.005),
     made_parameter("socket.tz.stiffness", 3.9, at_bound=True, unit="N/m"),
     made_parameter("contact.heel.force", -0.2, share_of_prior=0.9, unit="N"),
     made_parameter("curve.knee_angle_r.0", 0.1, unit="rad"),
@@ -198,8 +190,7 @@ def made_layer_row(
 ) -> TrialLayers:
     """A trial whose scores are all `errors`, layer by layer; changes of its correction."""
     scores = {
-        layer: LayerScore(**dict.fromkeys(LayerScore.__dataclass_fields__, error))
-        for layer, error in zip(LAYERS, errors, strict=True)
+        layer: dict.fromkeys(SCORES, error) for layer, error in zip(LAYERS, errors, strict=True)
     }
     return TrialLayers(
         label=label,
@@ -209,7 +200,8 @@ def made_layer_row(
         null_model_grf_rmse_bw=null,
         added_rms_bw=0.0,
         null_model_predicted_times_grf_rmse_bw=null and null + 0.01,
-        null_model_interpolated_grf_rmse_bw=null,
+        stretched_null_grf_rmse_bw=null and null + 0.02,
+        null_model_unknown="" if null else "alone",
         correction=MomentumCorrection(**{"believed": True} | correction),
     )
 
@@ -251,12 +243,11 @@ def made_fit(**changes: Any) -> FitTable:
         verdict=("The fitted trials are left with 2.0 % body weight.", "Not <so> sure & so on."),
         bench=BENCH,
         left_out=(
-            LeftOut(kind="trial", left_out=("soft",), grf_rmse_bw=0.04, cop_rmse_fl=None),
+            LeftOut(kind="trial", left_out=("soft",), scores={"grf_rmse_bw": 0.04}),
             LeftOut(
                 kind="trial",
                 left_out=("stiff",),
-                grf_rmse_bw=None,
-                cop_rmse_fl=None,
+                scores=dict.fromkeys(LEFT_OUT),
                 failed="the fit failed",
             ),
         ),

@@ -1,4 +1,5 @@
-"""A laboratory's folder: a made person's standing trial and walks as TRC, with forces beside them as MOT."""
+"""A laboratory's folder: a made person's standing trial and walks as TRC, with forces beside them
+as MOT."""
 
 from __future__ import annotations
 
@@ -27,6 +28,8 @@ STATED = (
     str(MASS),
     "--stature-m",
     "1.81",
+    "--fulcrum-mm",
+    "108",
 )
 MADE = {"import.html", "import.json", "subject.yaml", "walk.yaml", "walk_ik.mot", "walk_grf.mot"}
 """What an import of one walk writes."""
@@ -52,7 +55,8 @@ class Laboratory:
     def walk(
         self, name: str = "walk.trc", *, forces: bool = True, hidden: tuple[str, ...] = ()
     ) -> Path:
-        """A walk and, beside it, forces under each foot as it touches the floor; `hidden` labels not seen for 0.5 s."""
+        """A walk and, beside it, forces under each foot as it touches the floor; `hidden` labels
+        not seen for 0.5 s."""
         time = np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
         angles = walking_angles(time)
         seen = self._seen(markers(angles, self.person, label_set="rajagopal"))
@@ -79,7 +83,8 @@ class Laboratory:
     def _plates(
         self, time: np.ndarray, angles: dict[str, np.ndarray], force_time: np.ndarray
     ) -> list[Plate]:
-        """One plate for each foot's whole path, so that nothing is missed; load and its centre run from heel to toe."""
+        """One plate for each foot's whole path, so that nothing is missed; load and its centre run
+        from heel to toe."""
         where = poses(angles, self.person)
         plates = []
         for side in ("right", "left"):

@@ -1,14 +1,15 @@
-"""A stiffness map without simulation: cells, held-out cells and draws of given functions of mass, slope and fulcrum."""
+"""A stiffness map without simulation: cells, held-out cells and draws of given functions of mass,
+slope and fulcrum."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from vsf_drake.analysis.stiffness_map import FORMAT, MapTable, StiffnessMap
-from vsf_drake.analysis.stiffness_map.cells import ROLLED
-from vsf_drake.analysis.stiffness_map.surface import LoadRecord, MapQuantity
-from vsf_drake.parameters import FootParameters
-from vsf_drake.schema import to_plain
+from vsf_drake.base.schema import to_plain
+from vsf_drake.device.stiffness_map import FORMAT, MapTable, StiffnessMap
+from vsf_drake.device.stiffness_map.cells import ROLLED
+from vsf_drake.device.stiffness_map.surface import LoadRecord, MapQuantity
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.simulation.archive import provenance
 
 AXES = {
@@ -29,7 +30,8 @@ OTHERS = {
 
 
 def made_map(radius, factors=(), unknown=False):
-    """The map whose radius is `radius(mass, slope, fulcrum)`; each draw is every quantity times one of `factors`."""
+    """The map whose radius is `radius(mass, slope, fulcrum)`; each draw is every quantity times one
+    of `factors`."""
     coarse = {name: tuple(dict.fromkeys((v[0], v[len(v) // 2], v[-1]))) for name, v in AXES.items()}
     functions = {**OTHERS, "radius": radius}
     rng = np.random.default_rng(0)

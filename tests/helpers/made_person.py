@@ -1,7 +1,8 @@
 """A made person whose truth is known: segment lengths and joint angles in, marker positions out.
 
-Forward kinematics in plain numpy, written from the conventions (x forward, y left, z up; flexion, adduction, rotation
-as intrinsic rotations; adduction and internal rotation positive on both sides) and not from the code under test.
+Forward kinematics in plain numpy, written from the conventions (x forward, y left, z up; flexion,
+adduction, rotation as intrinsic rotations; adduction and internal rotation positive on both sides)
+and not from the code under test.
 
     person = Person()
     still = markers({}, person, label_set="plug_in_gait", frames=50)
@@ -28,8 +29,9 @@ Poses = dict[str, tuple[np.ndarray, np.ndarray]]
 class Person:
     """Lengths in m. Left and right differ where two numbers (right, left) stand.
 
-    Hip centres follow Harrington et al. (2007), full form, from these pelvis dimensions and `leg_length`, less the
-    marker's radius and base plate, unless `hip` (forward, lateral, up) says otherwise.
+    Hip centres follow Harrington et al. (2007), full form, from these pelvis dimensions and
+    `leg_length`, less the marker's radius and base plate, unless `hip` (forward, lateral, up) says
+    otherwise.
     """
 
     thigh: tuple[float, float] = (0.43, 0.43)
@@ -173,8 +175,9 @@ def poses(angles: Mapping[str, object], person: Person | None = None, *, frames:
     """Poses of the seven segments in W.
 
     Args:
-        angles: joint coordinates by the model's names (rad, m), numbers or (frames,); what is absent is zero. Without
-            `pelvis_ty` the pelvis stands, frame by frame, so high that the lowest point of the two soles is at z = 0.
+        angles: joint coordinates by the model's names (rad, m), numbers or (frames,); what is
+            absent is zero. Without `pelvis_ty` the pelvis stands, frame by frame, so high that the
+            lowest point of the two soles is at z = 0.
         frames: how many, where every angle is a number.
     """
     person = person or Person()
@@ -233,7 +236,8 @@ def markers(
     medial: bool = True,
     frames: int = 1,
 ) -> dict[str, np.ndarray]:
-    """Label -> (frames, 3) m in W. See `poses` for `angles`; `medial` gives the medial knee and ankle markers."""
+    """Label -> (frames, 3) m in W. See `poses` for `angles`; `medial` gives the medial knee and
+    ankle markers."""
     person = person or Person()
     where = poses(angles, person, frames=frames)
     labels = _label_sets()[label_set]
@@ -262,7 +266,8 @@ def side_label(pattern: str, side: str) -> str:
 def walking_angles(
     time: np.ndarray, *, speed: float = 1.2, cadence_hz: float = 0.9
 ) -> dict[str, np.ndarray]:
-    """A cartoon of walking along +x: smooth, periodic, left half a cycle after right. No feet on any floor."""
+    """A cartoon of walking along +x: smooth, periodic, left half a cycle after right. No feet on
+    any floor."""
     time = np.asarray(time, dtype=float)
     angles = {
         "pelvis_tx": speed * time,
@@ -313,5 +318,6 @@ def _turn(axis: tuple[float, float, float], angle: np.ndarray) -> np.ndarray:
 def _joint(
     flexion: np.ndarray, adduction: np.ndarray, rotation: np.ndarray, m: int, left: int
 ) -> np.ndarray:
-    """Flexion about y (left = 1) or -y, adduction about x, rotation about z; m = -1 mirrors the last two."""
+    """Flexion about y (left = 1) or -y, adduction about x, rotation about z; m = -1 mirrors the
+    last two."""
     return _turn((0, left, 0), flexion) @ _turn((m, 0, 0), adduction) @ _turn((0, 0, m), rotation)

@@ -68,7 +68,8 @@ def make_walk(
     stances=((STRIKE_S, LIFT_S),),
     **changes,
 ) -> WalkResult:
-    """A walk whose foot is loaded like `make_plate`'s, but later, scaled, or with its CoP shifted."""
+    """A walk whose foot is loaded like `make_plate`'s, but later, scaled, or with its CoP
+    shifted."""
     time = start_s + step_s * np.arange(1, round((end_s - start_s) / step_s) + 1)
     n = len(time)
     force, cop = np.zeros((n, 3)), np.full((n, 3), np.nan)
@@ -205,7 +206,8 @@ def make_bench(**changes) -> BenchResult:
 
 
 def turned(walk: WalkResult, plate: PlateRecording, angle: float):
-    """The same walk in another direction of the laboratory: everything turned about the vertical by `angle` (rad)."""
+    """The same walk in another direction of the laboratory: everything turned about the vertical by
+    `angle` (rad)."""
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     q = walk.q.copy()

@@ -1,7 +1,8 @@
-"""Sagittal motions of the embedded person, as solutions to re-simulate: a recorded stride made periodic.
+"""Sagittal motions of the embedded person, as solutions to re-simulate: a recorded stride made
+periodic.
 
-Its loads and ground reaction are those of the walk that follows it, so that it satisfies the full model's equations
-except that the pelvis is held by what no leg gives.
+Its loads and ground reaction are those of the walk that follows it, so that it satisfies the full
+model's equations except that the pelvis is held by what no leg gives.
 """
 
 from __future__ import annotations
@@ -11,17 +12,13 @@ from functools import cache
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.recorded_stride import RecordedStride, recorded_stride
-from vsf_drake.analysis.tuning.resimulation.trajectory import (
-    SagittalTrajectory,
-    SolutionMotion,
-    whole_motion,
-)
-from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
-from vsf_drake.contact_file import load_contact
+from vsf_drake.model.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.optimal_control.recorded_stride import RecordedStride, recorded_stride
+from vsf_drake.optimal_control.trajectory import SagittalTrajectory, SolutionMotion, whole_motion
 from vsf_drake.simulation.walk import Walk, Walker
+from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 
 
 @cache

@@ -31,7 +31,7 @@ ground:
 gravity_m_per_s2: 9.81
 time_step_s: 0
 simulation: {integrator: implicit_euler, accuracy: 1.0e-3, max_step_s: 5.0e-3}
-"""
+"""  # noqa: E501
 TWO_LEGS = """
 directives:
   - add_model: {name: a, file: package://vsf_drake/leg.urdf}

@@ -1,4 +1,5 @@
-"""Two feet that walk along x, and force plates under them: what is on which plate is known by construction."""
+"""Two feet that walk along x, and force plates under them: what is on which plate is known by
+construction."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def steps(side: str) -> list[tuple[float, float]]:
 
 
 def feet(turn: float = 1.0) -> tuple[dict[str, FootTrack], np.ndarray]:
-    """Both feet and the pelvis: a foot rests from touch-down for 0.7 s, heel rising at the end, and then swings."""
+    """Both feet and the pelvis: a foot rests from touch-down for 0.7 s, heel rising at the end, and
+    then swings."""
     tracks = {}
     for side in ("right", "left"):
         y = -HALF_WIDTH_M if side == "right" else HALF_WIDTH_M
@@ -59,7 +61,8 @@ def load(
     end_s: float | None = None,
     time_s: np.ndarray = FORCE_TIME,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Force (n, 3) and centre of pressure (n, 3) of one stance of a foot: heel to toe, braking, then driving."""
+    """Force (n, 3) and centre of pressure (n, 3) of one stance of a foot: heel to toe, braking,
+    then driving."""
     phase = (time_s - start_s) / ((start_s + STANCE_S if end_s is None else end_s) - start_s)
     on = (phase > 0) & (phase < 1)
     force, cop = np.zeros((len(time_s), 3)), np.full((len(time_s), 3), np.nan)

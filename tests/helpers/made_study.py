@@ -1,4 +1,5 @@
-"""Studies of the embedded trials as the tests of the validation take them, and sections of a saved validation."""
+"""Studies of the embedded trials as the tests of the validation take them, and sections of a saved
+validation."""
 
 from __future__ import annotations
 
@@ -8,16 +9,10 @@ from typing import Any
 
 from command_line import read_json
 
-from vsf_drake.analysis.validation import (
-    Section,
-    Study,
-    StudyOptions,
-    embedded_contact,
-    embedded_trials,
-    make_study,
-)
-from vsf_drake.analysis.validation.run import tables
-from vsf_drake.files import read_npz, record
+from vsf_drake.base.files import read_npz, record
+from vsf_drake.validation import Section, Study, StudyOptions, make_study
+from vsf_drake.validation.run import tables
+from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 
 
 @cache

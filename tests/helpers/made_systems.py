@@ -13,7 +13,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from vsf_drake.parameters import FootParameters
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.systems.contact import (
     DrakeReaction,
@@ -28,7 +28,8 @@ from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, S
 
 
 def one_of_each() -> list[LeafSystem]:
-    """Sizes that a docstring gives by different symbols differ here, so that they cannot be mistaken."""
+    """Sizes that a docstring gives by different symbols differ here, so that they cannot be
+    mistaken."""
     bodies, joints = [3, 4, 4, 5, 5], {"num_velocities": 9}
     sites = {"body_indices": bodies, "p_BS": np.zeros((5, 3)), "radius": 0.02}
     law = {"stiffness": 3e4, "exponent": 1.5, "damping": 50.0, "full_damping_depth": 0.05}

@@ -61,7 +61,8 @@ HEADER = "walk\nversion=1\nnRows={rows}\nnColumns={columns}\ninDegrees=yes\nendh
 
 @dataclass
 class TrialFiles:
-    """Everything that makes a trial; change a part, then `write()` and use the returned manifest path."""
+    """Everything that makes a trial; change a part, then `write()` and use the returned manifest
+    path."""
 
     folder: Path
     time: np.ndarray = field(default_factory=lambda: np.arange(0.0, 1.8001, 0.01))

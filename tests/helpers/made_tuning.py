@@ -1,4 +1,5 @@
-"""Records and arrays of tunings, MADE UP from formulas for the tests: no foot and no person is behind any number."""
+"""Records and arrays of tunings, MADE UP from formulas for the tests: no foot and no person is
+behind any number."""
 
 from __future__ import annotations
 
@@ -7,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.tuning import table as records
-from vsf_drake.analysis.tuning.common import TuningCheck
-from vsf_drake.analysis.tuning.schedule import Schedule, Task, make_schedule
+from vsf_drake.tuning import table as records
+from vsf_drake.tuning.common import TuningCheck
 
 NAMES = (
     "pelvis_tilt",
@@ -112,10 +112,6 @@ def made_table(**changes: Any) -> records.TuningTable:
                     "The sweep's least is as near as that.",
                 ),
             ),
-            tasks=tuple(
-                records.TaskOptimum(label, mm, 2.0, 2.0 + 2e-4 * (mm - 104.0) ** 2)
-                for label, mm in (("slow", 90.0), ("medium", 104.0), ("fast", 120.0))
-            ),
             pareto=tuple(
                 records.ParetoPoint(w, 80.0 + 50.0 * w, 2.0 + w**2, 2.0 + (1.0 - w) ** 2)
                 for w in (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -171,10 +167,8 @@ def made_arrays() -> dict[str, np.ndarray]:
 
 
 def made_stride_table(**changes: Any) -> records.TuningTable:
-    """A tuning of level 2: no tasks, no single trials."""
-    return made_table(
-        **{"level": 2, "trials": ("medium_2",), "recorded_mm": (108.0,), "tasks": ()} | changes
-    )
+    """A tuning of level 2: no single trials."""
+    return made_table(**{"level": 2, "trials": ("medium_2",), "recorded_mm": (108.0,)} | changes)
 
 
 def made_stride_arrays() -> dict[str, np.ndarray]:
@@ -207,7 +201,8 @@ def made_stride_arrays() -> dict[str, np.ndarray]:
 
 
 def small_table(**changes: Any) -> records.TuningTable:
-    """A tuning of level 1 with a setting and its cost, and one figure, that of the cost: quick to write."""
+    """A tuning of level 1 with a setting and its cost, and one figure, that of the cost: quick to
+    write."""
     return failed_table(
         **{"optimal": True, "status": "solved", "sweep": made_table().sweep} | changes
     )
@@ -221,7 +216,6 @@ def failed_table(**changes: Any) -> records.TuningTable:
             "outcomes",
             "terms",
             "design",
-            "tasks",
             "pareto",
             "pareto_names",
             "robustness",
@@ -240,72 +234,4 @@ def failed_table(**changes: Any) -> records.TuningTable:
             "interval_meaning": "",
         }
         | changes
-    )
-
-
-SPEEDS, BEST, REACH = (0.8, 1.2, 1.6), (75.0, 105.0, 125.0), (66.0, 151.0)
-
-
-def parabola(
-    best: float,
-    *,
-    weight: float = 1.0,
-    interval_mm: tuple[float, float] | None = None,
-    matters: bool | None = True,
-    **changes: Any,
-) -> records.TuningTable:
-    """A tuning whose cost is 2 + weight 1e-4 (mm - best)² BW at 86 positions within REACH."""
-    x = np.linspace(*REACH, 86).tolist()
-    return small_table(
-        **{
-            "fulcrum_mm": best,
-            "cost": 2.0,
-            "fulcrum_interval_mm": interval_mm or (best - 5.0, best + 5.0),
-            "sweep": tuple(
-                records.SweepPoint(mm, 2.0 + weight * 1e-4 * (mm - best) ** 2) for mm in x
-            ),
-            "outcomes": (dataclasses.replace(made_table().outcomes[0], matters=matters),),
-            "recorded_mm": (66.0,),
-        }
-        | changes
-    )
-
-
-def task(label: str, **descriptors: float) -> Task:
-    """A task of one trial."""
-    return Task(label=label, trials=(f"{label}.yaml",), **descriptors)
-
-
-def made_schedule(
-    *,
-    optimal: bool = True,
-    matters: bool | None = True,
-    described: bool = True,
-    resolution_mm: float | None = 0.5,
-    **changes: Any,
-) -> Schedule:
-    """MADE UP: three parabolas as the tunings of three speeds."""
-    bad = {} if optimal else {"optimal": False, "status": "the iteration limit was reached"}
-    return dataclasses.replace(
-        make_schedule(
-            [
-                (
-                    task(f"speed {speed}", **({"speed_m_per_s": speed} if described else {})),
-                    parabola(
-                        best,
-                        matters=matters,
-                        interval_mm=(best - 4.0, best + 4.0),
-                        trials=(f"speed {speed}/walk",),
-                        **(bad if best == BEST[1] else {}),
-                    ),
-                )
-                for speed, best in zip(SPEEDS, BEST, strict=True)
-            ],
-            reach_mm=REACH,
-            resolution_mm=resolution_mm,
-        ),
-        notes=("MADE UP FOR A TEST.",),
-        wall_s=3.0,
-        provenance=records.Provenance(versions={"vsf-drake": "0"}, options={"quick": True}),
-        **changes,
     )

@@ -1,4 +1,5 @@
-"""Reads what Meshcat wrote into a page: the commands (MessagePack in base64) and the animation in them."""
+"""Reads what Meshcat wrote into a page: the commands (MessagePack in base64) and the animation in
+them."""
 
 from __future__ import annotations
 

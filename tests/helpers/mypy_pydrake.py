@@ -1,8 +1,8 @@
 """For mypy, where pydrake's stubs say less than is so.
 
-An array is there `ndarray[float64[3, 1]]` or `ndarray[float64, flags.writeable]`, which numpy's types have no word for:
-here it is a bare `np.ndarray`. What a builder or a plant adds it gives back as it was given, not as some System, Frame
-or Joint.
+An array is there `ndarray[float64[3, 1]]` or `ndarray[float64, flags.writeable]`, which numpy's
+types have no word for: here it is a bare `np.ndarray`. What a builder or a plant adds it gives back
+as it was given, not as some System, Frame or Joint.
 """
 
 from __future__ import annotations

@@ -12,9 +12,11 @@ import pytest
 
 
 def once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
-    """The folder `name` that `make` filled, in this worker or in another of the same run; only to be read.
+    """The folder `name` that `make` filled, in this worker or in another of the same run; only to
+    be read.
 
-    Runs that share a folder VSF_TESTS_ONCE share it too: it has to be a new one, of the same sources.
+    Runs that share a folder VSF_TESTS_ONCE share it too: it has to be a new one, of the same
+    sources.
     """
     base = factory.getbasetemp()
     base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base

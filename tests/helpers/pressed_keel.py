@@ -1,21 +1,30 @@
-"""How far a load on the keel's load point lifts it in a Drake plant or a MuJoCo model: rest found by root finding."""
+"""How far a load on the keel's load point lifts it in a Drake plant or a MuJoCo model: rest found
+by root finding, and where and how fast it is after a second of the program's own steps, the load
+there from the beginning, the keel struck.
+"""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
+from pydrake.common.value import Value
 from pydrake.math import RotationMatrix
 from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
+from pydrake.systems.analysis import Simulator
 from scipy.optimize import root
 
-from vsf_drake.parameters import FootParameters
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.foot import keel_joint_positions
 
 AT_REST = 1e-9
 """Moment (N m) left over in a joint."""
+STRUCK = 1.0
+"""Speed (rad/s) of the keel's joints at the start: a keel that nobody disturbs stays on the edge of
+a cliff."""
 
 
 def keel_names(parameters: FootParameters) -> tuple[list[str], np.ndarray]:
@@ -25,13 +34,15 @@ def keel_names(parameters: FootParameters) -> tuple[list[str], np.ndarray]:
 
 
 def last_before(starts: np.ndarray, x: float) -> tuple[int, np.ndarray]:
-    """Index of the keel's body that carries the point `x` (m from A), and the point in its frame."""
+    """Index of the keel's body that carries the point `x` (m from A), and the point in its
+    frame."""
     i = int(np.searchsorted(starts, x, side="right")) - 1
     return i, np.array([x - starts[i], 0.0, 0.0])
 
 
 def rise_in_drake(plant: MultibodyPlant, parameters: FootParameters, load_n: float) -> float:
-    """Rise (m) of the load point under `load_n` along z of W, by the plant's own force elements; without weight."""
+    """Rise (m) of the load point under `load_n` along z of W, by the plant's own force elements;
+    without weight."""
     context = plant.CreateDefaultContext()
     names, starts = keel_names(parameters)
     body, point = last_before(starts, parameters.load_point_m)
@@ -79,6 +90,74 @@ def rise_in_mujoco(model: Any, parameters: FootParameters, load_n: float) -> flo
         return (total + data.qfrc_passive)[v_at]
 
     return float(place(_rest(moments, len(names), load_n))[2] - place(np.zeros(len(names)))[2])
+
+
+def stepped_in_drake(
+    plant: MultibodyPlant, parameters: FootParameters, load_n: float
+) -> tuple[float, float]:
+    """Rise (m) of the load point after 1 s of the discrete `plant`, and the fastest joint (rad/s or
+    m/s) of its last tenth; without weight."""
+    names, starts = keel_names(parameters)
+    body, point = last_before(starts, parameters.load_point_m)
+    loaded = plant.GetBodyByName(f"keel_body_{body}")
+    force = ExternallyAppliedSpatialForce()
+    force.body_index = loaded.index()
+    force.p_BoBq_B = point
+    force.F_Bq_W = SpatialForce(np.zeros(3), np.array([0.0, 0.0, load_n]))
+    simulator = Simulator(plant)
+    context = simulator.get_mutable_context()
+    plant.get_applied_spatial_force_input_port().FixValue(context, Value([force]))
+    start = (loaded.EvalPoseInWorld(context) @ point)[2]
+    for name in names:
+        plant.GetJointByName(name).set_angular_rate(context, STRUCK)
+    speeds = []
+    for time in np.linspace(0.9, 1.0, 21):
+        simulator.AdvanceTo(time)
+        speeds.append(np.abs(plant.GetVelocities(context)).max())
+    return float((loaded.EvalPoseInWorld(context) @ point)[2] - start), float(max(speeds))
+
+
+def stepped_in_mujoco(model: Any, parameters: FootParameters, load_n: float) -> tuple[float, float]:
+    """The same in a compiled MuJoCo model at its own time step; a warning, such as of a reset,
+    fails."""
+    import mujoco  # noqa: PLC0415 - optional
+
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("rest").id)
+    mujoco.mj_forward(model, data)
+    names, starts = keel_names(parameters)
+    body, point = last_before(starts, parameters.load_point_m)
+    loaded = model.body(f"keel_body_{body}").id
+    data.qvel[[model.joint(name).dofadr[0] for name in names]] = STRUCK
+
+    def load_point() -> np.ndarray:
+        return data.xpos[loaded] + data.xmat[loaded].reshape(3, 3) @ point
+
+    start = load_point()[2]
+    speeds = []
+    for _ in range(round(1.0 / model.opt.timestep)):
+        data.qfrc_applied[:] = 0.0
+        mujoco.mj_applyFT(
+            model,
+            data,
+            np.array([0.0, 0.0, load_n]),
+            np.zeros(3),
+            load_point(),
+            loaded,
+            data.qfrc_applied,
+        )
+        mujoco.mj_step(model, data)
+        speeds.append(np.abs(data.qvel).max())
+    mujoco.mj_forward(model, data)
+    assert not sum(warning.number for warning in data.warning)
+    return float(load_point()[2] - start), float(max(speeds[-len(speeds) // 10 :]))
+
+
+def stated_step_s(text: str) -> float:
+    """The step that the head of an exported file asks for."""
+    found = re.search(r"steps of ([0-9.]+) ms", text)
+    assert found is not None
+    return 1e-3 * float(found[1])
 
 
 def _rest(moments: Any, count: int, load_n: float) -> np.ndarray:

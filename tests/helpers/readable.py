@@ -1,4 +1,5 @@
-"""Whether a figure can be read on a telephone: the height of its letters, and what is cut off or overlaps."""
+"""Whether a figure can be read on a telephone: the height of its letters, and what is cut off or
+overlaps."""
 
 from __future__ import annotations
 
@@ -7,10 +8,8 @@ from itertools import combinations
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-TELEPHONE_PX, LEAST_PX = (
-    366.0,
-    8.0,
-)  # width of a page's content on a telephone of 390 pixels, height of its letters
+# width of a page's content on a telephone of 390 pixels, height of its letters
+TELEPHONE_PX, LEAST_PX = 366.0, 8.0
 
 
 def letters_px(figure: Figure) -> float:
@@ -20,7 +19,8 @@ def letters_px(figure: Figure) -> float:
 
 
 def assert_readable(figure: Figure, name: str) -> None:
-    """Letters are large enough; nothing is cut off; titles, labels, ticks and legends keep clear of each other."""
+    """Letters are large enough; nothing is cut off; titles, labels, ticks and legends keep clear of
+    each other."""
     assert letters_px(figure) >= LEAST_PX, name
     figure.draw_without_rendering()
     box, whole = figure.get_tightbbox(), figure.bbox_inches

@@ -1,4 +1,5 @@
-"""A chapter as its template shows it: words, tables and what its figures say for who cannot see them."""
+"""A chapter as its template shows it: words, tables and what its figures say for who cannot see
+them."""
 
 from __future__ import annotations
 

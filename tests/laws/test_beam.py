@@ -84,9 +84,8 @@ def test_chain_equals_the_statics_of_its_joints():
     for support in SUPPORTS:
 
         def arms(x):
-            return np.concatenate(
-                ([x], np.maximum(x - joints, 0.0))
-            )  # height at x per unit of pin and joint angles
+            # height at x per unit of pin and joint angles
+            return np.concatenate(([x], np.maximum(x - joints, 0.0)))
 
         springs = np.diag(np.concatenate(([0.0], 27.1 / lengths)))
         b, c = arms(support), arms(LOAD_POINT)

@@ -8,8 +8,10 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numba
+import numpy as np
 import pytest
 
 from vsf_drake.laws import compiled as module
@@ -38,7 +40,7 @@ law.write_text(source.replace("stiffness * power\\n", "2.0 * stiffness * power\\
 from vsf_drake.laws.pressed import pressed
 print(pressed(0.01), 0)
 law.write_text(source, encoding="utf-8")
-"""
+"""  # noqa: E501
 
 
 def twice(x):
@@ -56,7 +58,8 @@ def package(tmp_path):
 
 
 def pressed(package, code=PRESSED):
-    """The force of 10 mm on 20 N/mm by a new process, and whether its machine code was there already."""
+    """The force of 10 mm on 20 N/mm by a new process, and whether its machine code was there
+    already."""
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     done = subprocess.run(
         [sys.executable, "-c", code, package],
@@ -72,10 +75,8 @@ def pressed(package, code=PRESSED):
 
 @pytest.mark.slow
 def test_a_changed_callee_in_another_file_changes_the_compiled_caller_of_the_next_process(package):
-    assert pressed(package, EDITED_MEANWHILE) == (
-        400.0,
-        False,
-    )  # which leaves nothing under the old name
+    # which leaves nothing under the old name
+    assert pressed(package, EDITED_MEANWHILE) == (400.0, False)
     assert pressed(package) == (200.0, False)
     assert pressed(package) == (200.0, True)
     law = package / "laws" / "scalar.py"
@@ -130,7 +131,8 @@ def test_states_of_the_sources_that_nobody_uses_any_more_are_removed(monkeypatch
 
 
 def test_machine_code_that_cannot_be_kept_on_disk_is_made_anew(monkeypatch):
-    """As in a container whose package folder and home cannot be written, where numba raises this at the import."""
+    """As in a container whose package folder and home cannot be written, where numba raises this at
+    the import."""
     njit = numba.njit
 
     def without_a_folder(*function, **options):
@@ -142,8 +144,59 @@ def test_machine_code_that_cannot_be_kept_on_disk_is_made_anew(monkeypatch):
     assert compiled(twice)(3.0) == 6.0
 
 
+@pytest.mark.parametrize(
+    ("place", "parent", "lines"),
+    [
+        ("simulation.stepping.step", None, 1),
+        ("systems._foot_kernel", None, 1),
+        ("laws.beam", None, 0),
+        ("simulation.stepping.step", "a process", 0),
+    ],
+)
+def test_what_takes_long_is_announced_once_and_by_the_command_itself(
+    monkeypatch, caplog, place, parent, lines
+):
+    monkeypatch.setattr(module.multiprocessing, "parent_process", lambda: parent)
+    listener = module._Announced()
+    for _ in range(2):
+        function = SimpleNamespace(py_func=SimpleNamespace(__module__=f"vsf_drake.{place}"))
+        listener.on_start(SimpleNamespace(data={"dispatcher": function}))
+    assert [record.getMessage() for record in caplog.records] == [
+        "compiling once, about 15 s"
+    ] * lines
+
+
+WALKED = """
+from vsf_drake.walks.embedded import embedded_trials
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.simulation.walk import Walker
+trial = load_trial(embedded_trials("exact")[0])
+walk = Walker(trial.subject, trial.model).walk(
+    trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=0.5, end_s=0.51, offsets=trial.offsets)
+print(*walk.prosthetic.grf_W[-1])
+"""
+
+
+@pytest.mark.slow
+def test_a_walk_that_a_debugger_steps_through_is_the_compiled_one():
+    """NUMBA_DISABLE_JIT leaves the kernels as they were written."""
+    forces = []
+    for off in ("0", "1"):
+        done = subprocess.run(
+            [sys.executable, "-c", WALKED],
+            env=os.environ | {"NUMBA_DISABLE_JIT": off},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        forces.append([float(word) for word in done.stdout.split()])
+    assert np.linalg.norm(forces[0]) > 100.0
+    assert forces[1] == pytest.approx(forces[0], rel=1e-9)
+
+
 def test_without_a_home_nothing_is_kept_in_the_current_folder(monkeypatch, tmp_path):
-    """Machine code from there would be run, and the folder may be a downloaded one; `~` stays `~` without a home."""
+    """Machine code from there would be run, and the folder may be a downloaded one; `~` stays `~`
+    without a home."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", "relative")
     monkeypatch.setattr(module.os.path, "expanduser", lambda path: path)

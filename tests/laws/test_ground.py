@@ -43,7 +43,8 @@ def test_linear_foam_and_ground_are_springs_in_series():
 
 
 def test_foam_and_ground_bear_the_same_force_whatever_their_ratio():
-    """Against bracketed root finding; `softness` is the ground's own penetration over the foam's, both 1 cm alone."""
+    """Against bracketed root finding; `softness` is the ground's own penetration over the foam's,
+    both 1 cm alone."""
     for exponent in (1.0, 1.5, 7.66, 20.0):
         for softness in (1e-6, 1.0, 1e6):
             k, compliance = 0.01**-exponent * 500.0, softness * 0.01 / 500.0

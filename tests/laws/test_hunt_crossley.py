@@ -1,4 +1,5 @@
-"""Hunt and Crossley's contact: what it loses, and that the matched dissipation loses what the paper's law loses."""
+"""Hunt and Crossley's contact: what it loses, and that the matched dissipation loses what the
+paper's law loses."""
 
 from __future__ import annotations
 
@@ -24,8 +25,9 @@ def test_damping_grows_with_the_elastic_force_and_never_pulls():
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5, 7.66])
 def test_matched_dissipation_loses_in_a_stroke_what_the_papers_law_loses(exponent):
-    """Half-sine depth, slow enough that no force is cut off at zero. Below its full-damping depth, a 600th of the
-    stroke, the paper's law loses less than full damping would: 4 / pi times a 1200th of the whole."""
+    """Half-sine depth, slow enough that no force is cut off at zero. Below its full-damping depth,
+    a 600th of the stroke, the paper's law loses less than full damping would: 4 / pi times a 1200th
+    of the whole."""
     depth, w, b = 6e-3, 0.2, 250.0
     k = 400.0 * depth**-exponent
     dissipation = matched_dissipation(stiffness=k, exponent=exponent, damping=b, depth=depth)

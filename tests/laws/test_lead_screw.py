@@ -1,4 +1,5 @@
-"""The lead screw and its motor: a published example, closed forms, and the equations of motion they must satisfy."""
+"""The lead screw and its motor: a published example, closed forms, and the equations of motion they
+must satisfy."""
 
 from __future__ import annotations
 
@@ -15,16 +16,19 @@ CREEP = 2e-4
 
 
 def screw_torque(force, *, lead, tangent, friction, against):
-    """Torque (N m) in the direction of motion that moves an axial load `force` >= 0 (N), which opposes it or not."""
+    """Torque (N m) in the direction of motion that moves an axial load `force` >= 0 (N), which
+    opposes it or not."""
     if against:
         return force * lead / (2.0 * math.pi) / law.driving_efficiency(tangent, friction)
     return -force * lead / (2.0 * math.pi) * law.returning_efficiency(tangent, friction)
 
 
 def test_torque_and_efficiency_of_a_published_example():
-    """Mott, Machine Elements in Mechanical Design, 4th ed., example 17-1: 1809 lb in to raise 12500 lb.
+    """Mott, Machine Elements in Mechanical Design, 4th ed., example 17-1: 1809 lb in to raise 12500
+    lb.
 
-    The book rounds: its own numbers, cosine 0.968 and tangent 0.0592, give 1814 in the equation it prints.
+    The book rounds: its own numbers, cosine 0.968 and tangent 0.0592, give 1814 in the equation it
+    prints.
     """
     lead = 0.25 * INCH_M
     tangent, friction = law.thread(lead, 1.3429 * INCH_M, 0.15, math.radians(14.5))
@@ -56,9 +60,8 @@ def test_a_screw_that_locks_itself_is_less_than_half_efficient_and_must_be_drive
 
 def test_limited_voltage_is_that_of_the_speed_limit_without_load_or_the_supplys():
     motor = {"lead": LEAD, "gear_ratio": 3.0, "torque_constant": 7e-3}
-    rotor = (
-        3.0 * 2.0 * math.pi / LEAD * 0.05
-    )  # rad/s at the limit: three turns of it make one of the screw
+    # rad/s at the limit: three turns of it make one of the screw
+    rotor = 3.0 * 2.0 * math.pi / LEAD * 0.05
     assert law.limited_voltage(100.0, 0.05, **motor) == pytest.approx(7e-3 * rotor, rel=1e-12)
     assert law.limited_voltage(2.0, 0.05, **motor) == 2.0
 
@@ -87,9 +90,8 @@ def test_motion_satisfies_both_equations_and_friction_takes_energy():
             abs(nut), lead=LEAD, tangent=TANGENT, friction=FRICTION, against=with_motion
         )
         ideal = abs(nut) * LEAD / (2 * math.pi)
-        full = (
-            (torque - ideal if with_motion else torque + ideal) * 2 * math.pi / LEAD
-        )  # thread loss at sense 1
+        # thread loss at sense 1
+        full = (torque - ideal if with_motion else torque + ideal) * 2 * math.pi / LEAD
         assert loss == pytest.approx(sense * full, abs=1e-9)
         assert loss * velocity >= 0.0
         seen.add((nut > 0, sense > 0))
@@ -97,9 +99,8 @@ def test_motion_satisfies_both_equations_and_friction_takes_energy():
 
 
 def test_no_axial_load_accelerates_a_locked_screw_beyond_a_share_of_its_creep_speed():
-    sense = 1.0 / (
-        1.0 - law.returning_efficiency(TANGENT, FRICTION)
-    )  # where friction is all that the load gives
+    # where friction is all that the load gives
+    sense = 1.0 / (1.0 - law.returning_efficiency(TANGENT, FRICTION))
     assert 0.0 < sense < 1.0
     body = {"rotor_mass": 12.0, "carriage_mass": 0.1, "tangent": TANGENT}
     for load in (1.0, 1e4, 1e6):
@@ -116,7 +117,6 @@ def test_stops_push_inwards_only_and_begin_without_a_jump():
     for beyond, outwards in ((0.152, 1.0), (0.065, -1.0)):
         assert law.stop_force(beyond, 0.0, **stop) == pytest.approx(-100.0 * outwards)
         assert law.stop_force(beyond, 0.05 * outwards, **stop) == pytest.approx(-150.0 * outwards)
-        assert (
-            law.stop_force(beyond, -1.0 * outwards, **stop) == 0.0
-        )  # leaving fast: it does not pull
+        # leaving fast: it does not pull
+        assert law.stop_force(beyond, -1.0 * outwards, **stop) == 0.0
     assert abs(law.stop_force(0.151 + 1e-12, 1.0, **stop)) < 1e-5

@@ -33,8 +33,9 @@ def test_law_is_the_papers_where_both_corners_are_behind():
 
 @pytest.mark.parametrize("compliance", [0.0, 1.0 / 2e4])
 def test_second_derivative_by_depth_is_continuous_through_touch_down(compliance):
-    """Second differences change between neighbours in proportion to the step; a jump would not, and the paper's law
-    jumps by stiffness / step. The elastic corner's largest bend is 3/4 stiffness / width."""
+    """Second differences change between neighbours in proportion to the step; a jump would not, and
+    the paper's law jumps by stiffness / step. The elastic corner's largest bend is 3/4 stiffness /
+    width."""
 
     def bends(step, damping):
         force = normal_force(

@@ -21,7 +21,7 @@ def test_coefficient_is_the_table_of_the_contact_library_linear_between_its_rows
         np.testing.assert_allclose(mu, np.interp(u, [0.0, 1.0, 1.5, 3.0], table), atol=1e-15)
 
 
-def test_smooth_coefficient_meets_the_table_at_its_rows_and_differs_elsewhere_by_no_more_than_stated():
+def test_smooth_coefficient_meets_the_table_at_its_rows_and_differs_elsewhere_as_stated():
     u = np.linspace(0.0, 3.0, 300001)
     smooth, table = (
         smooth_friction_coefficient(0.1 * u, **PAPER),

@@ -8,7 +8,7 @@ import made_steps as made
 import numpy as np
 import pytest
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.motion.events import find_stances
 
 
@@ -59,7 +59,8 @@ def test_foot_that_stands_on_the_plate_too_shares_it_unless_a_plate_of_its_own_c
 
 
 def test_one_foot_on_two_plates_is_their_sum():
-    """Heel on one plate and toes on the next: same resultant, same centre of pressure, same moment."""
+    """Heel on one plate and toes on the next: same resultant, same centre of pressure, same
+    moment."""
     force, cop = made.step_load("right", 0)
     share = 1.0 / (1.0 + np.exp(-40.0 * (np.nan_to_num(cop[:, 0]) - 0.12)))
     parts = []

@@ -1,4 +1,5 @@
-"""Stances are contacts that carry a person, by force or by the feet alone; scuffs and drop-outs are not."""
+"""Stances are contacts that carry a person, by force or by the feet alone; scuffs and drop-outs are
+not."""
 
 from __future__ import annotations
 
@@ -69,7 +70,8 @@ def test_ends_outside_the_record_are_told():
 def test_force_that_jumps_is_cut_off_and_no_strike_or_lift_off(
     rate_hz, blank_from_s, blank_to_s, start_seen, end_seen
 ):
-    """No foot takes up most of its load from one sample to the next: the force was blanked while the foot stood."""
+    """No foot takes up most of its load from one sample to the next: the force was blanked while
+    the foot stood."""
     time = np.arange(0.0, 2.0, 1.0 / rate_hz)
     force = np.interp(time, FORCE_TIME, pulse(-0.2 if blank_to_s < 0.1 else 0.1, 0.9))
     (whole,) = find_stances(time, force)
@@ -103,8 +105,8 @@ def cut(track, rows):
 @pytest.mark.parametrize(("beyond_s", "seen"), [(-0.1, False), (0.15, True)])
 @pytest.mark.parametrize("backward", [False, True])
 def test_an_event_shortly_before_the_record_ends_is_seen(beyond_s, seen, backward):
-    """0.15 s after its lift-off a foot is 0.2 m ahead of where it was farthest behind (0.06 s after it), not yet 0.3 of
-    its travel; the strike at the other end likewise."""
+    """0.15 s after its lift-off a foot is 0.2 m ahead of where it was farthest behind (0.06 s after
+    it), not yet 0.3 of its travel; the strike at the other end likewise."""
     tracks, pelvis = feet()
     start, end = wanted("right")[1]
     rows = TIME >= start - beyond_s if backward else TIME <= end + beyond_s

@@ -1,4 +1,5 @@
-"""A recording with a fitted contact: what is changed, for whom, on which recording; the phase of the gait cycle."""
+"""A recording with a fitted contact: what is changed, for whom, on which recording; the phase of
+the gait cycle."""
 
 from __future__ import annotations
 
@@ -10,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_contact import CURVE, OF_THE_MODEL, OWN, made_contact
 
-from vsf_drake.contact_file import FittedSubject, model_with
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.contact_file import FittedSubject, model_with
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.fitted_trial import fingerprint, gait_phase, trial_with
 from vsf_drake.motion.manifest import GeometricOffsets
@@ -136,7 +137,8 @@ def events(stances):
 
 
 def derivatives_jump(function, times):
-    """Largest steps of value, rate (1/s) and acceleration (1/s^2) across each of `times`, from one-sided cubics."""
+    """Largest steps of value, rate (1/s) and acceleration (1/s^2) across each of `times`, from
+    one-sided cubics."""
     h, jumps = 2e-3, np.zeros(3)
     for time in times:
         sides = []

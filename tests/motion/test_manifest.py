@@ -8,11 +8,18 @@ from pathlib import Path
 import pytest
 import yaml
 
-from vsf_drake.errors import InputError
-from vsf_drake.files import resource
-from vsf_drake.motion.manifest import ForceColumns, GeometricOffsets, Window, load_manifest, to_si
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import resource
+from vsf_drake.model.parameters import Subject
+from vsf_drake.motion.manifest import (
+    ForceColumns,
+    GeometricOffsets,
+    UnknownForce,
+    Window,
+    load_manifest,
+    to_si,
+)
 from vsf_drake.motion.trial import load_subject
-from vsf_drake.parameters import Subject
 
 EVERYTHING = """
 subject: subject.yaml
@@ -20,6 +27,7 @@ kinematics: walk_ik.mot
 forces: {file: walk_grf.mot, right: ground_force, left: 1_ground_force}
 prosthesis: {fulcrum_mm: 66}
 window: {start_s: 0.4, end_s: 1.7}
+unknown_force: {left: [[1.2, 1.55], [3, 3.5]]}
 kinematics_unit: degrees
 offsets: {height_mm: 2, fore_aft_mm: -5, alignment_deg: 90e-1}
 model: foot.yaml
@@ -45,6 +53,7 @@ def test_one_of_everything(load):
         file="walk_grf.mot", right="ground_force", left="1_ground_force"
     )
     assert manifest.window == Window(start_s=0.4, end_s=1.7)
+    assert manifest.unknown_force == UnknownForce(left=((1.2, 1.55), (3.0, 3.5)))
     assert (
         manifest.synthetic is True
         and manifest.kinematics_unit == "degrees"
@@ -99,6 +108,21 @@ def test_one_of_everything(load):
             "forces: f.mot",
             "forces: f.mot\nwindow: {start_s: 2, end_s: 1}",
             "window: start_s 2 and end_s 1",
+        ),
+        (
+            "forces: f.mot",
+            "forces: f.mot\nunknown_force: {left: [[2, 1]]}",
+            "unknown_force.left[0]: [2.0, 1.0] is no span",
+        ),
+        (
+            "forces: f.mot",
+            "forces: f.mot\nunknown_force: {right: [[1, 2, 3]]}",
+            "unknown_force.right[0]: [1.0, 2.0, 3.0]",
+        ),
+        (
+            "forces: f.mot",
+            "forces: f.mot\nunknown_force: {left: [1, 2]}",
+            "unknown_force.left[0]: must be a list",
         ),
         (
             "kinematics: k.mot",

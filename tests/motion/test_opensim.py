@@ -1,17 +1,18 @@
-"""Joint angles and plates out of OpenSim tables: names, units, signs, frames, and what is refused."""
+"""Joint angles and plates out of OpenSim tables: names, units, signs, frames, and what is
+refused."""
 
 import numpy as np
 import pytest
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.parameters import person_coordinates
 from vsf_drake.motion.formats.recording import os_to_world
 from vsf_drake.motion.formats.tables import read_storage, write_storage
 from vsf_drake.motion.opensim import assign_prefixes, read_kinematics, read_plate
-from vsf_drake.parameters import person_coordinates
 
 SIMM = (
-    "walk\nnRows={rows}\nnColumns={columns}\n\n# SIMM Motion File Header:\nname walk\ndatacolumns {columns}\n"
-    "datarows {rows}\notherdata 1\nrange 0 1.8\nendheader"
+    "walk\nnRows={rows}\nnColumns={columns}\n\n# SIMM Motion File Header:\nname walk\n"
+    "datacolumns {columns}\ndatarows {rows}\notherdata 1\nrange 0 1.8\nendheader"
 )
 MASS = 80.0
 TIME = np.arange(0.0, 0.1, 0.01)
@@ -158,7 +159,8 @@ def test_time_that_stands_still_or_leaps_is_refused(trial_files):
         )
 
 
-# Force plates: the world frame, which column is which foot, and the same load however it is written.
+# Force plates: the world frame, which column is which foot, and the same load however it is
+# written.
 
 
 def storage_of(tmp_path, columns, time=TIME):
@@ -197,7 +199,8 @@ def test_constructed_force_in_the_world_frame(tmp_path):
 
 
 def test_load_is_the_same_wherever_its_moment_is_taken(tmp_path):
-    """The moment about the laboratory's origin, by the cross product in OpenSim's frame and in W."""
+    """The moment about the laboratory's origin, by the cross product in OpenSim's frame and in
+    W."""
     force, point, moment = (
         np.array([60.0, 700.0, -30.0]),
         np.array([0.3, -0.04, 0.2]),
@@ -218,7 +221,10 @@ def test_load_is_the_same_wherever_its_moment_is_taken(tmp_path):
         ((0, -800, 0), "column ground_force_r_vy: the vertical force is negative (-800 N)"),
         (
             (30, 40, 800),
-            "column ground_force_r_vz: the largest part of the force is along z, not upward along y",
+            (
+                "column ground_force_r_vz: the largest part of the force is along z, not upward "
+                "along y"
+            ),
         ),
         ((0, 4000, 0), "is 5.1 times the body weight of 80 kg"),
         ((0, 1e300, 0), "column ground_force_r_vy: 1e+300 N is no force of a person"),

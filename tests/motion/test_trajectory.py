@@ -1,11 +1,12 @@
-"""Splines through recordings, corrections over a window, and the zero-phase filter do what their names say."""
+"""Splines through recordings, corrections over a window, and the zero-phase filter do what their
+names say."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass, window_bsplines
 
 OMEGA = 2 * np.pi * 3.0
@@ -79,7 +80,8 @@ def test_splines_share_one_and_are_independent(count):
 
 @pytest.mark.parametrize("count", [4, 9])
 def test_they_are_twice_continuously_differentiable_also_at_the_ends_of_the_window(count):
-    """Steps of the second derivative shrink with the sampling; a corner or a jump would leave one that does not."""
+    """Steps of the second derivative shrink with the sampling; a corner or a jump would leave one
+    that does not."""
     largest = []
     for n in (2001, 8001):
         times = np.linspace(BEGIN_S - 0.3, END_S + 0.3, n)
@@ -97,7 +99,8 @@ MIDDLE = (TIME > 1.0) & (TIME < 3.0)
 
 
 def gain_and_lag(frequency, cutoff, rate=RATE, order=4):
-    """Amplitude and phase (rad) of the filtered sine by projection, over whole periods in the middle."""
+    """Amplitude and phase (rad) of the filtered sine by projection, over whole periods in the
+    middle."""
     time = np.arange(0.0, 4.0, 1.0 / rate)
     out = low_pass(
         np.sin(2 * np.pi * frequency * time), rate_hz=rate, cutoff_hz=cutoff, order=order

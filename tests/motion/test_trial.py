@@ -1,4 +1,5 @@
-"""A whole trial, of joint angles or of markers and plates: what comes of it, and how it cannot be used."""
+"""A whole trial, of joint angles or of markers and plates: what comes of it, and how it cannot be
+used."""
 
 from __future__ import annotations
 
@@ -12,7 +13,9 @@ import yaml
 from made_person import Person, markers, poses, recording_of, walking_angles
 from virtual_laboratory.trc import write_trc
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.schema import dump_yaml
+from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.events import kinematic_stances
 from vsf_drake.motion.formats.recording import Plate, Recording
 from vsf_drake.motion.formats.tables import write_forces_mot
@@ -28,8 +31,6 @@ from vsf_drake.motion.trial import (
     trial_from_recordings,
     write_trial_files,
 )
-from vsf_drake.parameters import GRAVITY
-from vsf_drake.schema import dump_yaml
 
 HEAVY = 80.0
 WEIGHT = HEAVY * 9.80665
@@ -79,7 +80,10 @@ def test_window_of_the_manifest_is_cut_to_kinematics_and_forces(trial_files):
     [
         (
             {"start_s": 3.0},
-            "window: the window of 3.000 to 1.800 s and the kinematics of 0.000 to 1.800 s do not overlap",
+            (
+                "window: the window of 3.000 to 1.800 s and the kinematics of 0.000 to 1.800 s do "
+                "not overlap"
+            ),
         ),
         (
             {"start_s": 0.4, "end_s": 0.9},
@@ -97,6 +101,13 @@ def test_window_without_a_stance_is_refused(trial_files, window, wanted):
     assert wanted in message(trial_files)
 
 
+def test_a_window_never_begins_inside_a_span_of_unknown_force_that_holds_another(trial_files):
+    trial_files.manifest["unknown_force"] = {"right": [[0.0, 0.28], [0.1, 0.15]]}
+    trial = load_trial(trial_files.write())
+    assert (trial.start_s, trial.end_s) == (0.28, pytest.approx(1.8))
+    assert trial.prosthetic_plate.unknown_s == ((0.0, 0.28),)
+
+
 @pytest.mark.parametrize(
     ("share", "late_s", "wanted"),
     [
@@ -109,7 +120,10 @@ def test_window_without_a_stance_is_refused(trial_files, window, wanted):
         (
             1.0,
             10.0,
-            "forces: the forces of 10.000 to 11.800 s and the window of 0.000 to 1.800 s do not overlap",
+            (
+                "forces: the forces of 10.000 to 11.800 s and the window of 0.000 to 1.800 s do "
+                "not overlap"
+            ),
         ),
     ],
 )
@@ -145,7 +159,8 @@ def test_belt_speed_makes_the_same_trial_as_walking_over_ground_and_is_asked_for
 
 
 def on_two_plates(trial_files):
-    """The weight on the left foot, then on the right one, then on the left, shared evenly for 0.1 s in between."""
+    """The weight on the left foot, then on the right one, then on the left, shared evenly for 0.1 s
+    in between."""
     right = np.interp(trial_files.force_time, [0.3, 0.4, 0.9, 1.0], [0.0, 1.0, 1.0, 0.0])
     trial_files.forces["ground_force_r_vy"][:] = WEIGHT * right
     trial_files.forces["ground_force_l_vy"][:] = WEIGHT * (1.0 - right)
@@ -162,7 +177,8 @@ def on_two_plates(trial_files):
     ],
 )
 def test_mass_that_the_plates_contradict_is_refused(trial_files, mass_kg, words):
-    """The stance of one foot between two of the other carries the weight throughout, and momentum returns."""
+    """The stance of one foot between two of the other carries the weight throughout, and momentum
+    returns."""
     on_two_plates(trial_files)
     trial_files.subject["mass_kg"] = mass_kg
     text = message(trial_files)
@@ -173,7 +189,8 @@ def test_mass_that_the_plates_contradict_is_refused(trial_files, mass_kg, words)
     assert words in text
 
 
-# Markers and plates of a made person become the trial that was made, and can be written as OpenSim files.
+# Markers and plates of a made person become the trial that was made, and can be written as OpenSim
+# files.
 
 
 TIME = np.arange(0.0, 3.0, 0.01)
@@ -199,7 +216,8 @@ def stances(person: Person) -> dict[str, list]:
 
 
 def plates(person: Person, *, missed: Sequence[tuple[str, int]] = ()) -> tuple[Plate, ...]:
-    """Two plates, one under each foot, that share the weight; `missed` steps (side, index) are beside them."""
+    """Two plates, one under each foot, that share the weight; `missed` steps (side, index) are
+    beside them."""
     load = {}
     for side, found in stances(person).items():
         load[side] = np.zeros(len(FORCE_TIME))
@@ -341,7 +359,7 @@ def test_steps_beside_the_plates_are_left_out_of_the_window():
     assert any("was cut to 0.000 to 2.09" in n and "no plate measures" in n for n in trial.notes)
     wished = make(walked=missed, window=Window(start_s=0.5, end_s=2.9))
     assert wished.end_s == 2.9
-    assert any("zero is compared with the model's force there" in note for note in wished.notes)
+    assert any("these samples are compared with nothing" in note for note in wished.notes)
     intact = make(walked=walk(missed=[("left", 1)]))
     assert (intact.start_s, intact.end_s) == (0.0, pytest.approx(2.99)) and intact.unmeasured[
         "left"

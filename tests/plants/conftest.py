@@ -8,7 +8,7 @@ from functools import cache
 
 import pytest
 
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.plants.gait import GaitDiagram, make_gait
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")

@@ -9,8 +9,8 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame
 
-from vsf_drake.errors import InputError
-from vsf_drake.parameters import FootParameters, ModelParameters
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.anthropometry import DE_LEVA, FootPlacement, residual_volume_ratio, scale_body
 from vsf_drake.plants.foot import add_foot, mount_pose, set_mount
 
@@ -56,8 +56,8 @@ def test_segments_of_the_papers_subject(subject):
 
 
 def test_hip_centre_lies_where_hara_puts_it_for_a_leg_of_900_mm(subject):
-    """Hara et al. 2016: 11 - 0.063 LL, -9 - 0.078 LL, 8 + 0.086 LL mm, LL from the spine, 79.2 mm over the hip, down to
-    the malleolus: thigh and shank of 820.8 mm."""
+    """Hara et al. 2016: 11 - 0.063 LL, -9 - 0.078 LL, 8 + 0.086 LL mm, LL from the spine, 79.2 mm
+    over the hip, down to the malleolus: thigh and shank of 820.8 mm."""
     body = body_of(subject, thigh_length_m=0.420, shank_length_m=0.4008)
     assert (body.hip_forward, body.hip_up, body.hip_lateral) == pytest.approx(
         (-0.0457, -0.0792, 0.0854), abs=1e-9
@@ -102,7 +102,8 @@ def test_bodies_that_cannot_be_are_refused_by_name(subject):
         )
 
 
-# How the foot sits under the pylon: signs by anatomy, order as the ankle's, the sole where it was measured.
+# How the foot sits under the pylon: signs by anatomy, order as the ankle's, the sole where it was
+# measured.
 
 
 SIDES = pytest.mark.parametrize("mirrored", [False, True], ids=["right", "left"])
@@ -135,7 +136,8 @@ def test_a_trials_offsets_act_within_the_place_whatever_it_is(mirrored):
 
 @SIDES
 def test_offsets_of_a_trial_turn_the_foot_as_the_place_of_a_subject_does(mirrored):
-    """Alignment, inversion and toe-out about the mount have one order and one sign wherever they are told."""
+    """Alignment, inversion and toe-out about the mount have one order and one sign wherever they
+    are told."""
     turns = {"alignment": 0.11, "inversion": 0.06, "toe_out": 0.15}
     offset = mount_pose(FootParameters(), **turns, mirrored=mirrored).inverse().rotation().matrix()
     placed = FootPlacement(**turns).pose(mirrored=mirrored).rotation().matrix()

@@ -1,4 +1,5 @@
-"""Drake's own contact under the foot, held against our laws and closed forms in given poses and motions."""
+"""Drake's own contact under the foot, held against our laws and closed forms in given poses and
+motions."""
 
 from __future__ import annotations
 
@@ -20,9 +21,9 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from vsf_drake.errors import InputError
-from vsf_drake.ground import Ground, GroundPatch
-from vsf_drake.parameters import FootParameters, FrictionParameters
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.ground import Ground, GroundPatch
+from vsf_drake.model.parameters import FootParameters, FrictionParameters
 from vsf_drake.plants import add_foot, add_ground_geometry, wire_foot
 from vsf_drake.plants.contact_geometry import (
     PAD_THICKNESS_M,
@@ -36,7 +37,8 @@ FOOT = FootParameters()
 
 
 def put(foot, position, angles=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0)):
-    """The straight foot with its unloaded sole under K's origin at `position`, moving; its ground reaction."""
+    """The straight foot with its unloaded sole under K's origin at `position`, moving; its ground
+    reaction."""
     R_WK = RotationMatrix(RollPitchYaw(*angles))
     X_WK = RigidTransform(R_WK, np.array(position) - R_WK @ np.array([0.0, 0.0, sole_height(FOOT)]))
     joints = len(foot.foot.keel_joint_names)
@@ -75,10 +77,11 @@ def test_point_contact_is_the_hunt_crossley_law_of_the_same_foot(point):
     np.testing.assert_allclose(drake["free_moment"], 0.0, atol=1e-9)
 
 
-def test_flat_pads_bear_the_sum_of_the_zones_stiffness_times_depth_and_are_damped_after_hunt_and_crossley(
+def test_flat_pads_bear_the_zones_stiffness_times_depth_and_are_damped_after_hunt_and_crossley(
     pads,
 ):
-    """But for the rim of each, over which the pressure falls: at most 2 rim / width, wide in proportion to depth."""
+    """But for the rim of each, over which the pressure falls: at most 2 rim / width, wide in
+    proportion to depth."""
     sites = pads.foot.sites
     _, dissipation = point_law(sites)
     assert np.ptp(dissipation) < 1e-9 * dissipation[0]
@@ -129,7 +132,7 @@ def test_force_stands_on_a_sloping_patch_as_our_law_has_it():
     assert law[0] < -10.0 < 10.0 < law[2]
 
 
-def test_steps_and_bounds_are_where_the_patches_have_them_and_a_soft_one_gives_in_series_with_each_sphere():
+def test_steps_and_bounds_are_where_patches_have_them_and_a_soft_one_gives_in_series():
     ground = Ground(
         patches=(GroundPatch(to_x_m=0.5), GroundPatch(name="step", from_x_m=0.5, height_m=0.1))
     )
@@ -165,7 +168,8 @@ def test_bent_keel_does_not_collide_with_itself(contact, request):
     ("contact", "time_step"), [("kelvin_voigt", 0.0), ("drake_point", 0.0), ("hydroelastic", 1e-3)]
 )
 def test_diagram_is_freed_when_nobody_holds_it(contact, time_step):
-    """The plant meets its SceneGraph by hand, for AddMultibodyPlantSceneGraph keeps both alive (Drake 1.51)."""
+    """The plant meets its SceneGraph by hand, for AddMultibodyPlantSceneGraph keeps both alive
+    (Drake 1.51)."""
 
     def build():
         builder = DiagramBuilder()

@@ -1,4 +1,5 @@
-"""The foot in a plant with a time step: statics of beam and lever, the moving support, the drop, what is refused."""
+"""The foot in a plant with a time step: statics of beam and lever, the moving support, the drop,
+what is refused."""
 
 from __future__ import annotations
 
@@ -17,9 +18,9 @@ from pydrake.multibody.plant import (
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
-from vsf_drake.parameters import FootParameters, FrictionParameters
+from vsf_drake.model.parameters import FootParameters, FrictionParameters
 from vsf_drake.plants import add_foot, follow_fulcrum, place_fulcrum, wire_foot
 from vsf_drake.plants.foot import largest_step
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
@@ -30,7 +31,8 @@ MILLISECOND = Advance("1 ms", time_step_s=1e-3)
 
 
 class Held:
-    """The foot with its mount held and its load point C pulled up by a dead load, without weight or ground."""
+    """The foot with its mount held and its load point C pulled up by a dead load, without weight or
+    ground."""
 
     def __init__(self, fulcrum_m=0.108):
         builder = DiagramBuilder()
@@ -88,7 +90,8 @@ def test_forefoot_is_as_stiff_in_a_discrete_plant_as_on_the_bench():
 
 
 def test_keel_under_a_sudden_load_moves_as_in_a_continuous_plant(monkeypatch):
-    """Half way to rest, 4 ms after each load: half the damping of springs or support would show as 8 %."""
+    """Half way to rest, 4 ms after each load: half the damping of springs or support would show as
+    8 %."""
     monkeypatch.setattr(contact_comparison, "PRESS_S", 4e-3)
     discrete = press(FOOT, Advance("0.02 ms", time_step_s=2e-5), 0.066)
     continuous = press(
@@ -97,8 +100,9 @@ def test_keel_under_a_sudden_load_moves_as_in_a_continuous_plant(monkeypatch):
     np.testing.assert_allclose(discrete, continuous, rtol=5e-3)
 
 
-def test_small_load_bends_the_discrete_keel_as_beam_and_springs_in_series_and_support_and_springs_bear_it():
-    """Closed form of the overhung beam on its compliant support, which a chain of 8 joints follows to some per cent."""
+def test_small_load_bends_the_discrete_keel_as_beam_and_springs_in_series_which_bear_it():
+    """Closed form of the overhung beam on its compliant support, which a chain of 8 joints follows
+    to some per cent."""
     foot = Held(0.108)
     start = foot.height()
     foot.pull(5.0)
@@ -158,8 +162,9 @@ def test_dropped_leg_comes_to_rest_on_its_weight_at_a_millisecond(contact):
 def test_on_the_forefoot_of_a_heavier_leg_a_step_that_friction_does_not_bear_ends_the_run(
     monkeypatch,
 ):
-    """A step that friction bears is as near as STICKING_STEPS says, and halved at least twice as near: forces from the
-    start of a step are of first order. Level, the heel bears the leg at the longer step too.
+    """A step that friction bears is as near as STICKING_STEPS says, and halved at least twice as
+    near: forces from the start of a step are of first order. Level, the heel bears the leg at the
+    longer step too.
     """
     monkeypatch.setattr(contact_comparison, "LEG_KG", 40.0)
     monkeypatch.setattr(contact_comparison, "RAIL_N_S_PER_M", 600.0)
@@ -168,9 +173,8 @@ def test_on_the_forefoot_of_a_heavier_leg_a_step_that_friction_does_not_bear_end
         return drop(FOOT, "kelvin_voigt", Advance("", time_step_s=step), 0.151, 0.14, np.inf)
 
     _, _, note = landing(1e-4)
-    assert (
-        "friction under 150 N on keel body 8" in note
-    )  # 8 mass threshold velocity / (mu_static step)
+    # 8 mass threshold velocity / (mu_static step)
+    assert "friction under 150 N on keel body 8" in note
     (coarse, _, note), (half, _, _), (fine, _, _) = (
         landing(step) for step in (3e-5, 1.5e-5, 7.5e-6)
     )

@@ -1,4 +1,5 @@
-"""The foot's MJCF, compiled by MuJoCo: the same rigid parts as `add_foot` in Drake, the same keel, and a support."""
+"""The foot's MJCF, compiled by MuJoCo: the same rigid parts as `add_foot` in Drake, the same keel,
+and a support."""
 
 from __future__ import annotations
 
@@ -6,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pressed_keel import keel_names, rise_in_mujoco
+from pressed_keel import keel_names, rise_in_mujoco, stated_step_s, stepped_in_mujoco
 from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
-from vsf_drake.parameters import FootParameters
+from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.plants import add_foot
 from vsf_drake.plants.export import foot_mjcf
-from vsf_drake.simulation.bench import keel_shape
+from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, keel_shape
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -28,6 +29,8 @@ UNUSUAL = replace(
     ),
 )
 FULCRUMS_M = (0.066, 0.108, 0.151)
+AT_REST = 1e-9
+"""Speed (rad/s) of a joint."""
 
 
 def compiled(parameters, fulcrum_m, weight=False):
@@ -39,7 +42,8 @@ def compiled(parameters, fulcrum_m, weight=False):
 
 @pytest.fixture(params=[NOMINAL, UNUSUAL], ids=["nominal", "unusual"])
 def posed(request):
-    """(model, data, plant, context, names): one foot in MuJoCo and in Drake at the same random coordinates."""
+    """(model, data, plant, context, names): one foot in MuJoCo and in Drake at the same random
+    coordinates."""
     plant = MultibodyPlant(0.0)
     handles = add_foot(plant, plant.world_frame(), request.param)
     plant.Finalize()
@@ -61,7 +65,8 @@ def matrix(quaternion):
 
 
 def test_frames_masses_and_inertias_are_those_of_drake(posed):
-    """Body by body, also the frame's moments, which no joint of this file feels; and as the joints feel all of it."""
+    """Body by body, also the frame's moments, which no joint of this file feels; and as the joints
+    feel all of it."""
     model, data, plant, context, names = posed
     for i in plant.GetBodyIndices(plant.GetModelInstanceByName("vsf")):
         body = plant.get_body(i)
@@ -101,7 +106,8 @@ def test_dampers_foam_and_servo_have_their_numbers():
         known = [getattr(zone, field) for zone in NOMINAL.zones for _ in zone.x_mm]
         np.testing.assert_allclose(model.numeric(f"sphere_{name}").data, known, rtol=1e-11)
     assert np.ravel(model.tendon_damping)[0] == pytest.approx(
-        NOMINAL.fulcrum.damping_time_s * NOMINAL.fulcrum.stiffness_n_per_m, rel=1e-10
+        (NOMINAL.fulcrum.damping_time_s + model.opt.timestep) * NOMINAL.fulcrum.stiffness_n_per_m,
+        rel=1e-10,
     )
     _, stiffness, damping = -model.actuator("fulcrum").biasprm[:3]
     assert damping**2 == pytest.approx(
@@ -109,11 +115,88 @@ def test_dampers_foam_and_servo_have_their_numbers():
     )
 
 
+@pytest.mark.parametrize("fulcrum_m", PUBLISHED_FULCRUMS_M)
+def test_held_keel_is_at_rest_after_a_second_where_the_bench_has_it(fulcrum_m):
+    """At the file's own step and at twice that, with the spring and damper that it has there; after
+    a strike."""
+    model = compiled(NOMINAL, fulcrum_m)
+    assert model.opt.timestep == stated_step_s(foot_mjcf(NOMINAL, fulcrum_m=fulcrum_m)) == 1e-3
+    for load in (0.0, 400.0, 600.0):
+        known = (
+            keel_shape(NOMINAL, fulcrum_m=fulcrum_m, load_n=load).load_point_K[1] if load else 0.0
+        )
+        for model.opt.timestep in (1e-3, 2e-3):
+            rise, speed = stepped_in_mujoco(model, NOMINAL, load)
+            assert rise == pytest.approx(known, rel=5e-4, abs=1e-9), (load, model.opt.timestep)
+            assert speed < AT_REST, (load, model.opt.timestep)
+
+
+@pytest.mark.parametrize(
+    "foot",
+    [
+        UNUSUAL,
+        replace(NOMINAL, keel=replace(NOMINAL.keel, damping_time_s=2e-4)),
+        replace(
+            NOMINAL, fulcrum=replace(NOMINAL.fulcrum, stiffness_n_per_m=1e9, damping_time_s=0.0)
+        ),
+    ],
+    ids=["unusual", "hardly damped keel", "rigid support"],
+)
+def test_another_foot_gets_the_step_that_it_needs(foot):
+    """Its keel, struck and unloaded, comes to rest. That may take longer than a second, but it
+    never grows."""
+    model, step = compiled(foot, 0.108), stated_step_s(foot_mjcf(foot, fulcrum_m=0.108))
+    assert model.opt.timestep == pytest.approx(step, rel=1e-9)
+    for model.opt.timestep in (step, 2.0 * step):
+        rise, speed = stepped_in_mujoco(model, foot, 0.0)
+        assert abs(rise) < 1e-5
+        assert speed < 1e-3
+
+
+def test_leg_of_sixty_kilograms_dropped_on_it_is_borne_at_every_step_alike():
+    """On a rail, 20 mm above a floor of MuJoCo's own softness: its weight in the end, and one peak
+    whatever the step.
+    """
+    peaks = []
+    for step in (1e-3, 2e-3, 5e-4):
+        spec = mujoco.MjSpec.from_string(foot_mjcf(NOMINAL, fulcrum_m=0.108))
+        spec.delete(spec.key("rest"))  # without the rail's coordinate
+        spec.option.timestep = step
+        frame = spec.body("vsf_frame")
+        frame.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+        frame.add_body().add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[0.05, 0.05, 0.2],
+            pos=[0.05, 0, 0.3],
+            mass=60,
+            contype=0,
+            conaffinity=0,
+        )
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[1, 1, 0.1],
+            pos=[0, 0, -NOMINAL.build_height_m - 0.02],
+        )
+        model = spec.compile()
+        data, force, total = mujoco.MjData(model), np.zeros(6), []
+        data.ctrl[:] = data.qpos[model.joint("fulcrum").qposadr[0]] = 0.108
+        for _ in range(round(1.2 / step)):
+            mujoco.mj_step(model, data)
+            total.append(0.0)
+            for i in range(data.ncon):
+                mujoco.mj_contactForce(model, data, i, force)
+                total[-1] += force[0]
+        assert total[-1] == pytest.approx((60.0 + NOMINAL.mass_kg) * GRAVITY, rel=5e-3)
+        peaks.append(max(total))
+    assert max(peaks) == pytest.approx(min(peaks), rel=0.05)
+
+
 @pytest.mark.parametrize("fulcrum_m", FULCRUMS_M)
 def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe_as_on_the_bench(
     fulcrum_m,
 ):
-    """Between bench and file is the lean of a tendon of 1 m, whose end strays by some millimetres: its square."""
+    """Between bench and file is the lean of a tendon of 1 m, whose end strays by some millimetres:
+    its square."""
     known = lumped_stiffness(
         bending_stiffness=NOMINAL.keel.flexural_modulus_pa
         * section_inertia(NOMINAL.keel.width_m, NOMINAL.keel.thickness_m),
@@ -134,7 +217,8 @@ def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe
 
 
 def test_spheres_meet_the_floor_and_not_one_another():
-    """The foot free in a world with a floor 87 mm below the mount, less 1 mm: all spheres of the flat sole touch."""
+    """The foot free in a world with a floor 87 mm below the mount, less 1 mm: all spheres of the
+    flat sole touch."""
     spec = mujoco.MjSpec.from_string(foot_mjcf(NOMINAL, fulcrum_m=0.108))
     spec.delete(spec.key("rest"))  # without the free joint's coordinates
     spec.body("vsf_frame").add_freejoint()

@@ -10,8 +10,8 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint
 
-from vsf_drake.errors import InputError
-from vsf_drake.parameters import FootParameters, KeelParameters
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.parameters import FootParameters, KeelParameters
 from vsf_drake.plants.foot import add_foot, keel_joint_positions, set_mount
 
 FOOT = FootParameters()
@@ -31,8 +31,8 @@ def with_lengths(*lengths):
 
 
 def test_keel_has_8_joints_with_bending_stiffness_over_element_length(alone):
-    """Rigid half, joint, rigid half; neighbouring halves of two elements are welded into one body. E I = 7.8 GPa *
-    68.4 mm * (6.35 mm)^3 / 12 = 11.38 N m^2."""
+    """Rigid half, joint, rigid half; neighbouring halves of two elements are welded into one body.
+    E I = 7.8 GPa * 68.4 mm * (6.35 mm)^3 / 12 = 11.38 N m^2."""
     plant, handles, _ = alone
     assert handles.joint_stiffness[0] == 0.0, "the pin at A is free"
     np.testing.assert_allclose(
@@ -126,9 +126,7 @@ def test_mount_moves_in_the_context_by_the_offsets(alone):
     assert np.linalg.norm(mount) < 1e-12, "the foot turns about its mount, which stays on the pylon"
     other = MultibodyPlant(0.0)
     other.Finalize()
-    for wrong in (
-        None,
-        other.CreateDefaultContext(),
-    ):  # Drake would end the process, or change what has that number
+    # Drake would end the process, or change what has that number
+    for wrong in (None, other.CreateDefaultContext()):
         with pytest.raises(InputError, match=r"plant_context: .*GetMyMutableContextFromRoot"):
             set_mount(wrong, handles, height=0.004)

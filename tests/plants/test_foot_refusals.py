@@ -14,9 +14,9 @@ from pydrake.multibody.tree import FixedOffsetFrame
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from vsf_drake.errors import InputError
-from vsf_drake.ground import Ground, GroundPatch
-from vsf_drake.parameters import FrictionParameters, ModelParameters
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.ground import Ground, GroundPatch
+from vsf_drake.model.parameters import FrictionParameters, ModelParameters
 from vsf_drake.plants import (
     add_foot,
     mirrored,
@@ -29,7 +29,7 @@ from vsf_drake.systems.fulcrum import FulcrumCommand
 
 LEG = """<robot name="leg"><link name="shank"><inertial><mass value="3"/>
   <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="end"/><joint name="weld" type="fixed"><parent link="shank"/><child link="end"/></joint></robot>"""
+  <link name="end"/><joint name="weld" type="fixed"><parent link="shank"/><child link="end"/></joint></robot>"""  # noqa: E501
 
 
 @pytest.fixture
@@ -69,10 +69,8 @@ def test_any_frame_of_the_plant_is_taken_and_none_of_another(plant):
         other.AddFrame(FixedOffsetFrame(f"frame_{i}", other.world_frame(), RigidTransform()))
         for i in range(99)
     ]
-    for frame in (
-        other.world_frame(),
-        more[-1],
-    ):  # whether or not this plant has a frame of the same index
+    # whether or not this plant has a frame of the same index
+    for frame in (other.world_frame(), more[-1]):
         refused("another plant.*Take a frame of the plant", add_foot, plant, frame, PARAMETERS)
     refused("'foot_0' already.*name of its own", add_foot, plant, fixed, PARAMETERS, name="foot_0")
     plant.Finalize()

@@ -1,5 +1,5 @@
-"""Wired feet: derivatives by everything; beside each other, beside other forces, again and again each
-behaves as one alone and leaves nothing behind; what Drake leaves out of copies."""
+"""Wired feet: derivatives by everything; beside each other, beside other forces, again and again
+each behaves as one alone and leaves nothing behind; what Drake leaves out of copies."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from pydrake.symbolic import Expression, MakeVectorContinuousVariable
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
-from vsf_drake.errors import InputError
-from vsf_drake.ground import Ground, GroundPatch, ground_arrays
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.ground import Ground, GroundPatch, ground_arrays
 from vsf_drake.plants import (
     add_foot,
     add_ground_geometry,
@@ -55,7 +55,8 @@ UNEVEN = Ground(
 
 @pytest.fixture(scope="module", params=CONTACT_LAWS)
 def leg(request):
-    """(foot, accelerations of a state, state): on all branches of the laws, some spheres on each patch."""
+    """(foot, accelerations of a state, state): on all branches of the laws, some spheres on each
+    patch."""
     foot = loose_foot(base="quaternion", contact=request.param, ground=UNEVEN)
     foot.wired.forces.SetParameters(foot.forces_context, **EVERY_BRANCH)
     X_WK, V_WM, q, v = some_state(6, depth=5e-3)
@@ -122,9 +123,8 @@ def test_derivatives_by_every_parameter(leg):
     """Each along a random direction of its own entries; the bounds of the patches have none."""
     foot, acceleration, state = leg
     forces, rng = foot.wired.forces, np.random.default_rng(8)
-    foot.context = (
-        foot.diagram.CreateDefaultContext()
-    )  # without a fulcrum position but the parameter
+    # without a fulcrum position but the parameter
+    foot.context = foot.diagram.CreateDefaultContext()
     sub = foot.forces_context
     forces.SetParameters(sub, **EVERY_BRANCH)
     names = [name for name in forces.parameter_names if name != "ground_bounds"]
@@ -302,7 +302,8 @@ def test_mirrored_foot_in_the_mirrored_state_has_the_mirrored_forces():
 
 
 def test_foot_adds_to_what_acts_on_the_plant_already(alone):
-    """M times the difference of the accelerations is what the others exert, connected before and after the foot."""
+    """M times the difference of the accelerations is what the others exert, connected before and
+    after the foot."""
     builder = DiagramBuilder()
     plant = builder.AddSystem(MultibodyPlant(0.0))
     shank = add_loose_shank(plant, "quaternion")
@@ -340,9 +341,8 @@ def test_foot_adds_to_what_acts_on_the_plant_already(alone):
     ) - alone.plant.get_generalized_acceleration_output_port().Eval(alone.plant_context)
     expected = joints.copy()
     start = shank.floating_velocities_start_in_v()
-    expected[start : start + 6] += (
-        push.F_Bq_W.get_coeffs()
-    )  # velocities of a free body are its spatial velocity in W
+    # velocities of a free body are its spatial velocity in W
+    expected[start : start + 6] += push.F_Bq_W.get_coeffs()
     np.testing.assert_allclose(
         plant.CalcMassMatrix(own) @ more, 2.0 * expected, rtol=1e-5, atol=1e-4
     )
@@ -402,7 +402,7 @@ def test_springs_are_linear_in_symbols_and_what_has_no_symbolic_form_is_named():
         to_symbolic(loose_foot().diagram)
 
 
-def test_a_patch_whose_static_friction_is_less_than_the_feet_kinetic_one_is_as_slippery_for_a_sliding_foot():
+def test_a_patch_with_less_static_than_the_feet_kinetic_friction_is_as_slippery_in_sliding():
     patches = (
         GroundPatch(),
         GroundPatch(mu_static=0.1),

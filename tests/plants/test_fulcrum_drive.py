@@ -13,8 +13,8 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from vsf_drake.errors import InputError
-from vsf_drake.parameters import FootParameters
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants import add_foot, add_fulcrum_drive, follow_fulcrum, wire_foot
 
 

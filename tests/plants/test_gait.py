@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue
 
-from vsf_drake.ground import Ground, GroundPatch
-from vsf_drake.parameters import ModelParameters
+from vsf_drake.model.ground import Ground, GroundPatch
+from vsf_drake.model.parameters import ModelParameters
 from vsf_drake.plants.gait import make_gait
 
 STANDING_M = 0.93
@@ -17,7 +17,8 @@ STANDING_M = 0.93
 
 
 def stood(gait):
-    """A moving person with both feet in the ground, keel and socket bent, prescribed coordinates at rest."""
+    """A moving person with both feet in the ground, keel and socket bent, prescribed coordinates at
+    rest."""
     context, random = gait.diagram.CreateDefaultContext(), np.random.default_rng(8)
     plant, plant_context = gait.plant, gait.plant_context(context)
     nq = plant.num_positions()

@@ -1,4 +1,5 @@
-"""A foot from a file under wire_foot: moves as one that was added, counts nothing twice, must be the right one."""
+"""A foot from a file under wire_foot: moves as one that was added, counts nothing twice, must be
+the right one."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
-from vsf_drake.errors import InputError
-from vsf_drake.parameters import FootParameters
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.export import foot_sdf
 from vsf_drake.plants.parsed_foot import find_foot
@@ -63,7 +64,8 @@ def both():
 
 
 def put(plant, context, seed):
-    """Random coordinates and velocities by name, the foot some millimetres in the ground and sliding."""
+    """Random coordinates and velocities by name, the foot some millimetres in the ground and
+    sliding."""
     rng = np.random.default_rng(seed)
     hip = plant.GetBodyByName("hip")
     plant.SetFreeBodyPose(
@@ -138,7 +140,8 @@ def test_carriage_starts_where_its_servo_holds_it(asked, known):
 def test_springs_of_the_file_are_left_out_of_the_wired_forces_and_those_it_lacks_are_not(
     springs, parameters
 ):
-    """The carriage of a file without a position goes to that of add_foot. What is found is what add_foot builds."""
+    """The carriage of a file without a position goes to that of add_foot. What is found is what
+    add_foot builds."""
     plant = parsed(foot_sdf(parameters, springs=springs))
     foot = find_foot(plant, "vsf", parameters)
     known = add_foot(other := MultibodyPlant(0.0), other.world_frame(), parameters)
@@ -149,7 +152,8 @@ def test_springs_of_the_file_are_left_out_of_the_wired_forces_and_those_it_lacks
 
 @pytest.fixture
 def with_floor():
-    """(builder, plant, scene_graph): the SDF's foot over a floor, its mount a little lower than it stands."""
+    """(builder, plant, scene_graph): the SDF's foot over a floor, its mount a little lower than it
+    stands."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
     parsed(foot_sdf(FOOT), plant)
@@ -182,7 +186,9 @@ def test_collision_spheres_do_not_act_beside_a_law_of_the_model(with_floor):
 
 
 def test_collision_spheres_are_drakes_contact_where_somebody_asks_for_it(with_floor):
-    """By default a foot has the same contact, found or added; spheres of another foam are refused where they are seen."""
+    """By default a foot has the same contact, found or added; spheres of another foam are refused
+    where they are seen.
+    """
     builder, plant, scene_graph = with_floor
     harder = replace(FOOT, zones=(*FOOT.zones[:-1], replace(FOOT.zones[-1], stiffness=9000.0)))
     with pytest.raises(

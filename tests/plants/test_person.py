@@ -1,4 +1,5 @@
-"""The person: coordinates, kinematics by an independent chain, masses that add up, sides that mirror."""
+"""The person: coordinates, kinematics by an independent chain, masses that add up, sides that
+mirror."""
 
 from __future__ import annotations
 
@@ -9,9 +10,9 @@ import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.markers.calibration import prosthesis_of
 from vsf_drake.motion.markers.segments import FootPoints
-from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.anthropometry import Body
 from vsf_drake.plants.foot import sole_height
 from vsf_drake.plants.person import SOCKET_COORDINATES, PersonHandles, add_person
@@ -74,7 +75,8 @@ def about(axis, angle) -> np.ndarray:
 def expected_poses(
     subject: Subject, body: Body, q: dict[str, float]
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """(R, p) in W of pelvis, shanks, intact foot and the prosthetic foot's K, from lengths and angles alone."""
+    """(R, p) in W of pelvis, shanks, intact foot and the prosthetic foot's K, from lengths and
+    angles alone."""
     forward, left, up = np.eye(3)
     R = (
         about(-left, q["pelvis_tilt"])
@@ -186,8 +188,9 @@ def test_person_has_28_degrees_of_freedom_and_the_keels_and_stands_on_both_soles
     sound = "left" if side == "right" else "right"
     centre = {
         part: person.segments[f"{part}_{sound}"].default_spatial_inertia().get_com()
+        # where de Leva puts them
         for part in ("thigh", "shank", "foot")
-    }  # where de Leva puts them
+    }
     np.testing.assert_allclose(
         centre["thigh"], [0, 0, -0.4095 * person.body.thigh_length], atol=1e-12
     )
@@ -220,7 +223,8 @@ MEASURED = {
 
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_measuring_the_built_prosthesis_gives_back_its_numbers(side):
-    """The measurement reads frames and the heel's place on the sole; the plant knows only lengths and angles."""
+    """The measurement reads frames and the heel's place on the sole; the plant knows only lengths
+    and angles."""
     plant, person = person_of(
         Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side=side, **MEASURED)
     )

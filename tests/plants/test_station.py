@@ -1,4 +1,5 @@
-"""Stations: the same forces as the parts they are made of, feet under a model of one's own, what is shown of them."""
+"""Stations: the same forces as the parts they are made of, feet under a model of one's own, what is
+shown of them."""
 
 from __future__ import annotations
 
@@ -11,15 +12,15 @@ import pytest
 from made_scenario import one_of_everything
 from pydrake.systems.framework import DiagramBuilder
 
-from vsf_drake.contact_file import load_contact
-from vsf_drake.errors import InputError
-from vsf_drake.files import resource
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import resource
+from vsf_drake.base.schema import dump_yaml
+from vsf_drake.model.contact_file import load_contact
+from vsf_drake.model.parameters import ModelParameters, Subject
+from vsf_drake.model.scenario import Scenario, ScenarioFoot, load_scenario
 from vsf_drake.plants import station as station_module
 from vsf_drake.plants.station import make_station
 from vsf_drake.report.show.drawing import open_meshcat
-from vsf_drake.scenario import Scenario, ScenarioFoot, load_scenario
-from vsf_drake.schema import dump_yaml
 
 KINDS = ("bench", "person", "leg")
 SUBJECT = Subject(mass_kg=78, stature_m=1.81, sex="male", prosthetic_side="right")
@@ -171,7 +172,7 @@ MOTORED = """
     <joint name="knee"/><actuator name="knee_motor"/>
   </transmission>
 </robot>
-"""
+"""  # noqa: E501
 
 
 def test_a_motors_torque_acts_as_the_same_generalized_force(tmp_path):
@@ -244,7 +245,8 @@ def test_guides_pull_by_stiffness_and_damping_under_the_gravity_that_the_scenari
 
 
 def test_two_feet_of_different_friction_are_refused_one_ground_of_drakes_own(tmp_path):
-    """Drake takes the harmonic mean of both sides, so one ground cannot give each its own coefficient."""
+    """Drake takes the harmonic mean of both sides, so one ground cannot give each its own
+    coefficient."""
     foot = ModelParameters().foot
     slippery = replace(foot, friction=replace(foot.friction, mu_static=0.1, mu_kinetic=0.1))
     (tmp_path / "slippery.yaml").write_text(dump_yaml(replace(ModelParameters(), foot=slippery)))

@@ -1,4 +1,5 @@
-"""The shapes that foot, person and ground are seen by: closed, where the model is, without a part in the physics."""
+"""The shapes that foot, person and ground are seen by: closed, where the model is, without a part
+in the physics."""
 
 from __future__ import annotations
 
@@ -8,9 +9,9 @@ from pydrake.geometry import Role, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from vsf_drake.errors import InputError
-from vsf_drake.ground import Ground, GroundPatch
-from vsf_drake.parameters import FootParameters, ModelParameters, Subject
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.ground import Ground, GroundPatch
+from vsf_drake.model.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.plants.foot import add_foot, sole_height
 from vsf_drake.plants.person import add_person
 from vsf_drake.plants.solids import frustum_volume
@@ -40,7 +41,8 @@ def obj_mesh(shape):
 
 @pytest.mark.parametrize("along", ["x", "z"])
 def test_a_lofted_surface_is_closed_and_faces_outward(along):
-    """A conical frustum of elliptical section, one end beside the other's axis, which changes no volume."""
+    """A conical frustum of elliptical section, one end beside the other's axis, which changes no
+    volume."""
     points, faces = obj_mesh(
         lofted(along, [(-0.4, 0.02, 0.01, 0.05, 0.025), (0.0, 0.0, 0.0, 0.09, 0.045)])
     )
@@ -89,9 +91,8 @@ def test_every_segment_and_device_part_is_drawn():
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_the_person_stands_as_tall_as_they_are_with_the_head_on_and_the_arms_beside(side):
-    plant, inspector, person = drawn_person(
-        side, thigh_length_m=0.36
-    )  # short legs: the rest must be long
+    # short legs: the rest must be long
+    plant, inspector, person = drawn_person(side, thigh_length_m=0.36)
     head, trunk = (outlines(plant, inspector, part)["pelvis"] for part in ("head", "trunk"))
     hips = person.body.hip_up
     assert head[:, 2].min() < trunk[:, 2].max()
@@ -127,7 +128,8 @@ def test_the_sole_is_as_long_and_as_low_as_the_models_and_moves_with_keel_and_fr
 
 
 def test_the_fulcrum_bears_on_the_keel_from_above():
-    """As the load lifts the toe, the pin at A and the load push the keel up; only the fulcrum holds it down."""
+    """As the load lifts the toe, the pin at A and the load push the keel up; only the fulcrum holds
+    it down."""
     plant, scene_graph = registered_plant()
     foot = add_foot(plant, plant.world_frame(), FootParameters())
     add_foot_visuals(plant, foot)

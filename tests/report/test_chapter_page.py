@@ -41,7 +41,10 @@ WIDE = {
     "columns": [(f"c{i}", f"number {i} (N)", "{:.6f}") for i in range(40)],
 }
 TABLE = '{% call table("wide", rows, columns) %}Forty columns.{% endcall %}'
-FIGURE = '{% call figure("line", alt="The force rises from 0 to 2 N in 1 s.") %}Force {{ "<rises>" }}.{% endcall %}'
+FIGURE = (
+    '{% call figure("line", alt="The force rises from 0 to 2 N in 1 s.") %}Force {{ "<rises>" '
+    "}}.{% endcall %}"
+)
 
 
 @pytest.fixture
@@ -85,7 +88,10 @@ def test_values_are_numbers_in_their_form_or_words_and_unknown_ones_are_dashes()
 
 
 def test_rows_are_mappings_or_records_and_one_that_is_not_met_is_marked(page):
-    table = '{% call table("g", rows, (("met", "met"), ("n", "n", "{:.1f}"), ("k", "nowhere"))) %}{% endcall %}'
+    table = (
+        '{% call table("g", rows, (("met", "met"), ("n", "n", "{:.1f}"), ("k", "nowhere"))) %}{% '
+        "endcall %}"
+    )
     rows = [{"met": True}, {"met": False, "n": 2}, {"met": None}]
     text = page(table, rows=rows)
     assert text.count('<tr class="unmet">') == 1 and ">2.0</td>" in text
@@ -122,7 +128,7 @@ TEMPLATE = """
    was measured.{% endcall %}
 {% call table("wide", rows, columns) %}Forty of {{ name }}.{% endcall %}
 {% call figure("line", alt="Rises to " ~ name) %}Force of {{ name }}.{% endcall %}
-"""
+"""  # noqa: E501
 
 
 def written(templates, text, folder, **options):

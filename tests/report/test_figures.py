@@ -10,12 +10,12 @@ import pytest
 from made_results import ZONES, make_bench, make_plate, make_walk
 from matplotlib.colors import to_rgba
 
-from vsf_drake.analysis.bench_metrics import bench_table
-from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.device.bench_metrics import bench_table
 from vsf_drake.report.figures import bench_figure, standing_figure, walk_figure, zone_loads
 from vsf_drake.report.style import colour_of, save_figure
 from vsf_drake.simulation.results import Standing, standing_table
+from vsf_drake.walks.metrics import walk_metrics
 
 
 def walk_and_figure(**changes):
@@ -74,7 +74,8 @@ STEPS, STEP_S, WEIGHT_N = 2000, 1e-3, 700.0
 
 
 def stood(**changes) -> Standing:
-    """Two seconds at 40 % on the prosthesis, the pelvis moving evenly by 0.6 mm forward and 0.8 mm to the right."""
+    """Two seconds at 40 % on the prosthesis, the pelvis moving evenly by 0.6 mm forward and 0.8 mm
+    to the right."""
     time = STEP_S * np.arange(1, STEPS + 1)
     pelvis = np.zeros((STEPS + 1, 6))
     pelvis[:, 0], pelvis[:, 2] = (

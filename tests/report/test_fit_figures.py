@@ -1,4 +1,5 @@
-"""Figures of a contact fit: what is in the table is in the figure, readable in grey, with a unit on every axis."""
+"""Figures of a contact fit: what is in the table is in the figure, readable in grey, with a unit on
+every axis."""
 
 from __future__ import annotations
 
@@ -17,7 +18,6 @@ from made_fit import (
 from readable import assert_readable
 
 from vsf_drake.report.fit_figures import (
-    TrialSweep,
     fit_figures,
     fit_sweep_figure,
     paper_search_figure,
@@ -49,13 +49,7 @@ def texts(figure):
 
 
 def line_of(trial, **changes):
-    return TrialSweep(
-        label=trial.label,
-        role=trial.role,
-        fulcrum_mm=trial.fulcrum_mm,
-        synthetic=trial.synthetic,
-        sweep=replace(trial.score.sweep, **changes),
-    )
+    return trial.label, trial.fulcrum_mm, replace(trial.score.sweep, **changes)
 
 
 def test_each_fit_has_the_figures_that_it_has_numbers_for_and_synthetic_ones_say_so(figures):
@@ -93,7 +87,7 @@ def test_errors_stand_in_percent_beside_null_model_and_floor(figures):
 
 def test_a_sweep_marks_where_the_fulcrum_stood_and_names_what_is_wrong():
     wrong = line_of(made_trial("stiff", fulcrum_mm=151.0), best_mm=120.0, right=False)
-    figure = fit_sweep_figure([line_of(made_trial()), wrong])
+    figure = fit_sweep_figure([line_of(made_trial()), wrong], synthetic=True)
     lines = figure.axes[0].get_lines()
     assert [line.get_xdata()[0] for line in lines[:2]] == [66.0, 151.0]
     assert [line.get_xdata()[0] for line in lines if line.get_marker() == "*"] == [66.0, 120.0]
@@ -101,9 +95,8 @@ def test_a_sweep_marks_where_the_fulcrum_stood_and_names_what_is_wrong():
     failed = line_of(
         made_trial(fulcrum_mm=70.0), grf_rmse_bw=(None,) * 18, best_mm=None, right=False
     )
-    crosses = [
-        line for line in fit_sweep_figure([failed]).axes[0].get_lines() if line.get_marker() == "x"
-    ]
+    drawn = fit_sweep_figure([failed], synthetic=True).axes[0].get_lines()
+    crosses = [line for line in drawn if line.get_marker() == "x"]
     assert len(crosses) == 18
 
 

@@ -1,4 +1,5 @@
-"""What a contact fit leaves: a page with the verdict first, on which texts are only text; files of one fit alone."""
+"""What a contact fit leaves: a page with the verdict first, on which texts are only text; files of
+one fit alone."""
 
 from __future__ import annotations
 
@@ -10,13 +11,14 @@ from dataclasses import replace
 import pytest
 from browser import chromium, look
 from made_contact import made_contact
-from made_fit import BENCH, METRICS, failed_fit, made_fit, made_trial
+from made_fit import BENCH, METRICS, failed_fit, made_fit, made_parameter, made_trial
 from made_results import FOOT_LENGTH_M
 from matplotlib.figure import Figure
 from page_reader import Balanced
 
-from vsf_drake.analysis.contact_fit.table import fit_arrays
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.fit.table import fit_arrays
+from vsf_drake.motion.trial import RecordingMark
 from vsf_drake.report import fit_output
 from vsf_drake.report.fit_output import (
     FIT,
@@ -71,6 +73,31 @@ def test_page_is_whole_html_that_loads_nothing_with_the_verdict_before_any_numbe
     )
 
 
+def test_unusable_recordings_and_far_offsets_stand_open_on_the_page_and_on_the_screen():
+    mark = RecordingMark(
+        mark="unusable", expected_error_bw=0.12, verdict="unusable, expected error 12.0 % > 10 % BW"
+    )
+    first, *others = made_fit().trials
+    offsets = [
+        made_parameter(name, value, unit=unit)
+        for name, value, unit in (
+            ("offset.height", -0.055, "m"),
+            ("offset.fore_aft", 0.01, "m"),
+            ("offset.inversion", 0.1, "rad"),
+        )
+    ]
+    table = made_fit(trials=(replace(first, recording=mark), *others), parameters=tuple(offsets))
+    label = first.label
+    assert table.alarms[0] == f"{label}: UNUSABLE RECORDING, expected error 12.0 % > 10 % BW"
+    assert [alarm[:40] for alarm in table.alarms[1:]] == [
+        "FAR OFFSET: the fitted height is -55 mm,",
+        "FAR OFFSET: the fitted inversion is +5.7",
+    ]
+    shown = html.unescape(fit_page(table, {}))
+    for alarm in table.alarms:
+        assert f"! {alarm}" in fit_result(table) and alarm in shown[: shown.index("<details")]
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(
     chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)"
@@ -102,6 +129,7 @@ def test_every_trial_stands_there_in_layers_with_its_correction(page):
                 "1.0",
                 "3.0",
                 "4.0",
+                "5.0",
                 "2.0, 2.0, 1.0",
                 "2.0, 2.0",
                 "2.0, 2.0",
@@ -124,7 +152,7 @@ def test_every_trial_stands_there_with_all_its_numbers_and_what_is_there_is_expl
         "'", "&#39;"
     )
     assert f"{1e3 * FOOT_LENGTH_M:.0f} mm, in both directions" in page
-    explained = ("The null model is", "The floor is", "The sweep moves")
+    explained = ("The null model is measured curves", "The floor is", "The sweep moves")
     assert all(words in page for words in explained)
     bare = made_trial(
         metrics=replace(METRICS, null_model_grf_rmse_bw=None), floor_grf_rmse_bw=None, sweep=None
@@ -142,25 +170,63 @@ def test_a_failed_fit_says_so_in_its_first_line_and_shows_no_number_as_a_result(
     Balanced().feed(page)
 
 
+def test_a_null_model_that_is_not_known_and_a_layer_that_was_not_learned_are_said_with_the_reason():
+    metrics = replace(
+        METRICS,
+        null_model_grf_rmse_bw=None,
+        stretched_null_grf_rmse_bw=None,
+        null_model_unknown="cut",
+    )
+    fit = made_fit()
+    trials = (*fit.trials[:2], made_trial("other", "held out", 108.0, metrics=metrics))
+    first, *rest = fit_result(
+        replace(fit, trials=trials, layers=replace(fit.layers, discrepancy=None))
+    )
+    assert first.endswith(
+        "4.1 % with the person's momentum; null model not known: no stance of this walk was seen "
+        "from strike to lift-off."
+    )
+    assert any(
+        line.startswith("! The third layer") and "could not be learned" in line for line in rest
+    )
+
+
 def test_a_fit_in_few_lines_stands_beside_the_null_model_and_warns_of_what_limits_it():
-    """Each layer of the made-up held-out trial has one error in all its scores: 5, 4.1 and 4.2 %; its own is 2 %."""
+    """Each layer of the made-up held-out trial has one error in all its scores: 5, 4.1 and 4.2 %;
+    its own is 2 %."""
     first, second, *rest = fit_result(made_fit())
     assert first.startswith(
-        "1 held-out walk: resultant force 2.0 % BW off by the foot's physics, 4.1 % with the person's momentum, 4.2 % "
-        "with the discrepancy of fitted walks; null model 5.0 %."
+        "1 held-out walk: resultant force 2.0 % BW off by the foot's physics, 4.1 % with the "
+        "person's momentum, 4.2 % with the discrepancy of fitted walks; null model 5.0 %, "
+        "nearest single curve 6.0 %."
     )
-    assert "stiffness 0.76 N/mm off; fulcrum found where it stood in 3 of 3 walks." in second
+    assert (
+        "stiffness 0.76 N/mm off; fulcrum found where it stood in 3 of 3 walks, of which 1 could "
+        "have erred to both sides."
+    ) in second
     assert rest == ["! At a bound: socket.tz.stiffness."]
     worse = made_trial("other", "held out", 108.0, metrics=replace(METRICS, grf_rmse_bw=0.06))
     table = made_fit(trials=(made_trial(), worse), bench=None, uncertainty=None, layers=None)
     assert fit_result(table)[2:] == [
         "! Physics alone is no nearer to the plate than the null model in 1 of 1 walks: other.",
-        "! All fitted walks have one fulcrum position: predictions at other positions are not to be trusted.",
+        (
+            "! All fitted walks have one fulcrum position: predictions at other positions are "
+            "not to be trusted."
+        ),
         "! No bench was given: whether this is still the foot of the bench is unknown.",
     ]
+    near = (made_trial(), made_trial("near", fulcrum_mm=66.4), worse)
+    assert any("one fulcrum position" in line for line in fit_result(made_fit(trials=near)))
     assert any(
         "No walk was held out" in line for line in fit_result(made_fit(trials=(made_trial(),)))
     )
+
+
+def test_a_fit_without_a_bench_has_its_page_and_doubts_about_a_bench_stand_in_its_head():
+    page = fit_page(made_fit(bench=None), {})
+    assert "No bench was given" in page
+    doubted = fit_page(made_fit(bench=replace(BENCH, doubts=("kgf, not N?",))), {})
+    assert "kgf, not N?" in doubted[: doubted.index("<details")] and "kgf" not in page
 
 
 def test_synthetic_data_are_named_in_title_and_text():

@@ -11,10 +11,10 @@ from browser import chromium, look
 from page_reader import Balanced
 from readable import assert_readable
 
-from vsf_drake.analysis.recording import MARKS
-from vsf_drake.analysis.recording.examine import examine
-from vsf_drake.files import resource
+from vsf_drake.base.files import resource
 from vsf_drake.motion.trial import load_trial
+from vsf_drake.recording import MARKS
+from vsf_drake.recording.examine import examine
 from vsf_drake.report.import_outputs import angle_figure, floor_figure, force_figure, import_page
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from made_map import AXES, made_map
 
-from vsf_drake.analysis.published import published_effects
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.report.map_page import MAP, curves_figure, map_rows, read_map, write_map
+from vsf_drake.walks.published import published_effects
 
 
 def radius(m, s, x):
@@ -49,7 +49,8 @@ def test_a_table_of_another_format_is_refused(tmp_path):
 
 
 def test_published_means_are_bands_in_the_panels_that_have_them():
-    """Three feet, each a band and its mean, in radius, EFLR and returned energy; nothing in the others."""
+    """Three feet, each a band and its mean, in radius, EFLR and returned energy; nothing in the
+    others."""
     figure = curves_figure(made_map(radius), "mass_kg", published=True)
     lines = {
         axes.get_title(loc="left"): [line for line in axes.lines if line.get_linestyle() == ":"]

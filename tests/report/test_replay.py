@@ -1,4 +1,5 @@
-"""The replay: one page without a network, in which every body is where forward kinematics puts it."""
+"""The replay: one page without a network, in which every body is where forward kinematics puts
+it."""
 
 from __future__ import annotations
 
@@ -16,17 +17,17 @@ from markupsafe import escape
 from meshcat_page import commands, tracks
 from pydrake.multibody.tree import PrismaticJoint
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.schema import to_plain
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.plants.visuals import SPHERE
 from vsf_drake.report import replay
 from vsf_drake.report.replay import LOADED, make_frames, write_replay
 from vsf_drake.report.show.drawing import open_meshcat
-from vsf_drake.schema import to_plain
 from vsf_drake.simulation.results import load_walk, save_walk
 
 STEP_S, SAMPLES, RATE_HZ = 0.01, 25, 50.0
@@ -45,7 +46,8 @@ def gait(side):
 
 
 def short_walk(side="right", **changes):
-    """A quarter of a second of smooth arbitrary motion of every joint; the foot is loaded in its second half."""
+    """A quarter of a second of smooth arbitrary motion of every joint; the foot is loaded in its
+    second half."""
     plant = gait(side).plant
     joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
     names = tuple(
@@ -182,10 +184,8 @@ def test_bodies_are_where_forward_kinematics_puts_them(tmp_path, side):
         hip = walk.column(thigh)[::every]
         np.testing.assert_allclose(swing, replay.ARM_SWING * (hip - hip.mean()), atol=1e-9)
     # spheres take colour with their load
-    low, high = (
-        np.array(SPHERE[:3]) ** 2.2,
-        np.array(LOADED) ** 2.2,
-    )  # in linear light, as three.js keeps colours
+    # in linear light, as three.js keeps colours
+    low, high = np.array(SPHERE[:3]) ** 2.2, np.array(LOADED) ** 2.2
     for i, share in ((4, 0.0), (5, 0.5), (6, 1.0)):
         body = model.plant.get_body(model.person.foot.sites.body_indices[i]).name()
         colours = animation[f"/walk/{body}/site_{i}/<object>"]["material.color"][1]
@@ -327,7 +327,7 @@ const wait = setInterval(() => {
   }, 200);
 }, 50);
 </script>
-"""
+"""  # noqa: E501
 
 
 @pytest.mark.slow

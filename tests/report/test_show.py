@@ -14,8 +14,8 @@ import pytest
 from meshcat_page import commands
 from pydrake.geometry import Meshcat
 
-from vsf_drake.errors import InputError
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.report.show.drawing import open_meshcat
 from vsf_drake.report.show.scene import (
     KINDS,
@@ -92,9 +92,8 @@ def test_every_joint_of_the_model_has_a_control_or_is_bent_by_the_load(meshcat, 
     assert {c.name for c in single.controls} - named == set(scene.foot.keel_joint_names)
     assert all(c.low <= c.rest <= c.high and c.step > 0 for c in single.controls)
     scene.place(scene.rest)
-    if (
-        what != "bench"
-    ):  # the unloaded sole stands on the ground; the slider of pelvis_ty has steps of 0.1 mm
+    # the unloaded sole stands on the ground; the slider of pelvis_ty has steps of 0.1 mm
+    if what != "bench":
         assert min(bottoms(scene, scene.foot.sites)) == pytest.approx(0.0, abs=1e-3)
 
 
@@ -144,9 +143,8 @@ def test_the_same_load_bends_more_when_the_fulcrum_slides_back_and_the_page_says
     )
     meshcat.SetSliderValue("keel_8 (° added)", 10.0)
     viewer.poll()
-    assert position(scene, scene.foot.keel[-1])[2] == pytest.approx(
-        tips[66.0]
-    )  # a joint does not move its own place
+    # a joint does not move its own place
+    assert position(scene, scene.foot.keel[-1])[2] == pytest.approx(tips[66.0])
     last = keel_shape(MODEL.foot, fulcrum_m=0.066, load_n=500.0).angles[8] + math.radians(10.0)
     assert scene.plant.GetJointByName("keel_8").get_angle(scene.plant_context) == pytest.approx(
         last
@@ -257,9 +255,8 @@ def test_a_slider_moved_in_the_browser_arrives_through_the_gate(meshcat):
             address, f"Host: {address.removeprefix('http://')}", f"Origin: {address}", *SOCKET
         )
         connection.sendall(b"\x82" + bytes([0x80 + len(message)]) + bytes(4) + message)
-        connection.settimeout(
-            0.1
-        )  # what the server says is read, but it need not say anything more
+        # what the server says is read, but it need not say anything more
+        connection.settimeout(0.1)
         deadline = time.monotonic() + 10.0
         while meshcat.GetSliderValue(name.decode()) != 72.0 and time.monotonic() < deadline:
             with contextlib.suppress(TimeoutError):

@@ -1,4 +1,5 @@
-"""A person who rolls over the prosthetic foot once, and what it takes to run it: made up, planar at heart."""
+"""A person who rolls over the prosthetic foot once, and what it takes to run it: made up, planar at
+heart."""
 
 from __future__ import annotations
 
@@ -10,8 +11,8 @@ import numpy as np
 import pytest
 from pydrake.multibody.tree import BodyIndex
 
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.simulation.walk import Walk, Walker
 
 TOUCH_S, STANCE_S, END_S = 0.12, 0.70, 0.94
@@ -27,7 +28,8 @@ def _walker(side: str) -> Walker:
 
 
 def _angles(s: np.ndarray) -> dict[str, np.ndarray]:
-    """Joint angles (rad) of a right prosthesis at phase `s` of its stance (0 touch-down, 1 lift-off)."""
+    """Joint angles (rad) of a right prosthesis at phase `s` of its stance (0 touch-down, 1
+    lift-off)."""
     degrees = {
         "pelvis_tilt": 4 + np.sin(2 * np.pi * s),
         "pelvis_list": 2 * np.sin(np.pi * s),
@@ -70,9 +72,11 @@ def _sole_height(walker: Walker, columns: dict[str, float]) -> float:
 
 @cache
 def _motion(side: str) -> CoordinateTrajectory:
-    """The sole sinks some centimetres below where it would just touch: heel, roll over, toe, and off.
+    """The sole sinks some centimetres below where it would just touch: heel, roll over, toe, and
+    off.
 
-    The left one is the same seen in a mirror: sides change names, lateral coordinates of the pelvis their sign.
+    The left one is the same seen in a mirror: sides change names, lateral coordinates of the pelvis
+    their sign.
     """
     if side == "left":
         right, other = _motion("right"), {"_r": "_l", "_l": "_r"}
@@ -107,13 +111,15 @@ def _stance(side: str, step_s: float) -> Walk:
 
 @pytest.fixture(scope="session")
 def walker() -> Callable[[str], Walker]:
-    """walker(side): the person with a prosthesis there, built once. Leave its Context as you found it."""
+    """walker(side): the person with a prosthesis there, built once. Leave its Context as you found
+    it."""
     return _walker
 
 
 @pytest.fixture(scope="session")
 def motion() -> Callable[[str], CoordinateTrajectory]:
-    """motion(side): one roll-over of the prosthetic foot, END_S long; the left one mirrors the right one."""
+    """motion(side): one roll-over of the prosthetic foot, END_S long; the left one mirrors the
+    right one."""
     return _motion
 
 

@@ -1,4 +1,5 @@
-"""A foot in the testing machine, and its keel: closed forms, beam theory, the elastica, Drake's own Simulator."""
+"""A foot in the testing machine, and its keel: closed forms, beam theory, the elastica, Drake's own
+Simulator."""
 
 from __future__ import annotations
 
@@ -10,10 +11,10 @@ from reference_runs import simulate_bench_reference
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from vsf_drake.contact_file import model_with
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
-from vsf_drake.parameters import FootParameters, ModelParameters
+from vsf_drake.model.contact_file import model_with
+from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, keel_shape
 
 FOOT = FootParameters()
@@ -74,7 +75,8 @@ def test_useless_settings_are_refused(bench, changed, message):
 
 
 def test_the_fitted_foot_is_pressed_on_its_own_spheres():
-    """Forefoot: eight spheres bear as one foam of eight times their stiffness. Heel: lower spheres come first."""
+    """Forefoot: eight spheres bear as one foam of eight times their stiffness. Heel: lower spheres
+    come first."""
     values = {
         "contact.forefoot.stiffness": 2e6,
         "contact.forefoot.exponent": 1.8,
@@ -95,7 +97,8 @@ def test_the_fitted_foot_is_pressed_on_its_own_spheres():
 
 
 def test_a_very_hard_foam_still_carries_the_load():
-    """The bound on the platen's travel counts with the law, or a soft start would look like a foot that gives way."""
+    """The bound on the platen's travel counts with the law, or a soft start would look like a foot
+    that gives way."""
     soft_start = replace(FOOT, series_exponent=6.0, series_stiffness_n_per_m=600.0 / 0.02**6)
     setting = press(Bench(soft_start))
     assert setting.load_n[-1] >= 600.0 and setting.unconverged_steps == 0
@@ -105,7 +108,8 @@ SECTION = section_inertia(FOOT.keel.width_m, FOOT.keel.thickness_m)
 RIGID = 1e9
 """Stiffness (N/m) of a support or foam that all but vanishes beside the keel's."""
 SERIES, FITTED_BENDING = 47.7e3, 14.84
-"""The pair of series spring (N/m) and E I (N m^2) that gives 10 and 32 N/mm with a rigid fulcrum."""
+"""The pair of series spring (N/m) and E I (N m^2) that gives 10 and 32 N/mm with a rigid
+fulcrum."""
 
 
 def stiff_foot(elements, *, fulcrum=RIGID, series=RIGID, **keel):
@@ -150,8 +154,8 @@ def test_small_load_stiffness_is_that_of_the_chain(layout):
 def elastica(load, fulcrum, bending):
     """Deflection (m) under a vertical `load` (N) that stays on its point of an inextensible beam.
 
-    E I theta'' = -V cos(theta) with V the vertical force beyond s; pinned at A, at height zero over the
-    support, no moment at the load. Shooting for the slope at A and the reaction of the support.
+    E I theta'' = -V cos(theta) with V the vertical force beyond s; pinned at A, at height zero over
+    the support, no moment at the load. Shooting for the slope at A and the reaction of the support.
     """
 
     def integrate(shear, span, state):
@@ -179,7 +183,8 @@ def elastica(load, fulcrum, bending):
 
 @pytest.mark.parametrize(("fulcrum", "known"), [(0.066, 11.1), (0.108, 17.9), (0.151, 32.2)])
 def test_large_deflection_follows_the_elastica(fulcrum, known):
-    """Mean slope between 200 and 600 N, where the deflection reaches 56 mm and the load's lever shortens."""
+    """Mean slope between 200 and 600 N, where the deflection reaches 56 mm and the load's lever
+    shortens."""
     modulus = FITTED_BENDING / SECTION
     bench = Bench(
         stiff_foot(

@@ -1,4 +1,5 @@
-"""Bench stiffness and mid-range displacement by variables: the simulated bench, laws of foams, exact derivatives."""
+"""Bench stiffness and mid-range displacement by variables: the simulated bench, laws of foams,
+exact derivatives."""
 
 from __future__ import annotations
 
@@ -9,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from vsf_drake.analysis.bench_metrics import displacement, mid_range_displacement, stiffness
-from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.model_file import spheres_under_load
-from vsf_drake.parameters import FootParameters
+from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.device.bench_metrics import displacement, mid_range_displacement, stiffness
+from vsf_drake.model.model_file import spheres_under_load
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 
@@ -58,7 +59,8 @@ def zone(foot, name):
 
 
 def test_spheres_of_two_zones_share_the_load_at_a_common_height():
-    """Two spheres of the midfoot (at 155.7 mm) and all of the forefoot, two of them higher than the others."""
+    """Two spheres of the midfoot (at 155.7 mm) and all of the forefoot, two of them higher than the
+    others."""
     foot = with_zones(replace(FOOT, series_patch_m=0.09), forefoot=(0.5, 1.0, *(0.0,) * 11))
     k, n = {"midfoot": 3e4, "forefoot": 9e4}, {"midfoot": 1.1, "forefoot": 1.6}
     values = {f"contact.{name}.stiffness": k[name] for name in k} | {
@@ -174,7 +176,8 @@ def cut(setting, load):
 
 
 def test_travel_counts_from_the_sphere_that_is_touched_first():
-    """Linear foams: two spheres of the posterior heel hang 2 mm lower and alone bear the first part of the load."""
+    """Linear foams: two spheres of the posterior heel hang 2 mm lower and alone bear the first part
+    of the load."""
     values = {
         "contact.heel_posterior.rise": -2e-3,
         "contact.heel_posterior.stiffness": 4e4,
@@ -198,9 +201,10 @@ def test_travel_counts_from_the_sphere_that_is_touched_first():
 def test_stiffness_and_displacement_equal_the_simulated_benchs(exponent, speed, tolerances):
     """Whose foam is one ball with the law of the patch's eight spheres.
 
-    Cut at 600 N: its curves end a step beyond, where a foam that hardens is stiffer. Of such a foam damping at 50
-    mm/min bears some 0.7 N, which is so much less for the law to bear, and vanishes at lower speeds. The simulated
-    slope is off by the bench's steps, in proportion to them: by 0.8e-4 at 40 steps a millimetre.
+    Cut at 600 N: its curves end a step beyond, where a foam that hardens is stiffer. Of such a foam
+    damping at 50 mm/min bears some 0.7 N, which is so much less for the law to bear, and vanishes
+    at lower speeds. The simulated slope is off by the bench's steps, in proportion to them: by
+    0.8e-4 at 40 steps a millimetre.
     """
     stiff = {
         name: 1e5 if exponent > 1.0 else zone(FOOT, name).stiffness

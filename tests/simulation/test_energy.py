@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from vsf_drake.parameters import ContactZone, FootParameters
+from vsf_drake.model.parameters import ContactZone, FootParameters
 from vsf_drake.simulation.reactions import LOST, energy_ledger, total
 from vsf_drake.simulation.roll_over import RollOver, roll_over_mechanism
 from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
 
 
 def gap(ledger):
-    """Largest imbalance, as a fraction of all the energy that was lost: the smallest sum there is to compare with."""
+    """Largest imbalance, as a fraction of all the energy that was lost: the smallest sum there is
+    to compare with."""
     return float(np.abs(ledger["remainder"]).max() / total(ledger, LOST)[-1])
 
 
@@ -59,7 +60,8 @@ def ball():
 
 
 def run_of(ball, time_s, q, v0, free=()):
-    """Record and ledger of the ball's foot with all coordinates but `free` along q (n + 1, coordinates)."""
+    """Record and ledger of the ball's foot with all coordinates but `free` along q (n + 1,
+    coordinates)."""
     mechanism = ball[1]
     driven = np.setdiff1d(np.arange(q.shape[1]), free)
     fulcrum = np.full(len(time_s), 0.108)
@@ -75,8 +77,9 @@ def run_of(ball, time_s, q, v0, free=()):
 
 
 def test_work_on_a_pressed_foam_is_its_strain_and_loss_in_closed_form_to_second_order(ball):
-    """A sphere pressed by d(t) = D (1 - cos 2 pi t / T) / 2: k D^2 / 2 is stored at T / 2, and until then the damping
-    has taken the integral of b y(d / d_full) d'^2. Every coordinate is prescribed: the stepper solves for none."""
+    """A sphere pressed by d(t) = D (1 - cos 2 pi t / T) / 2: k D^2 / 2 is stored at T / 2, and
+    until then the damping has taken the integral of b y(d / d_full) d'^2. Every coordinate is
+    prescribed: the stepper solves for none."""
     k, b, full, deepest, duration = 2e5, 500.0, 1e-3, 4e-3, 0.1
     machine, mechanism = ball
     z = mechanism.tree.index("mount_up")
@@ -111,8 +114,9 @@ def test_work_on_a_pressed_foam_is_its_strain_and_loss_in_closed_form_to_second_
 
 
 def test_the_support_under_a_keel_that_turns_above_it_stores_and_loses_in_closed_form(ball):
-    """Turned about its pin by A (1 - cos 2 pi t / T) / 2 it moves the support, a distance l ahead, by l times that:
-    k (l A)^2 / 2 is stored at T / 2, and until T the damping has taken c (l A)^2 pi^2 / (2 T)."""
+    """Turned about its pin by A (1 - cos 2 pi t / T) / 2 it moves the support, a distance l ahead,
+    by l times that: k (l A)^2 / 2 is stored at T / 2, and until T the damping has taken c (l A)^2
+    pi^2 / (2 T)."""
     turned, duration, steps, fulcrum_m = 1e-4, 0.1, 400, 0.108
     machine, mechanism = ball
     foot, tree = machine.machine.foot, mechanism.tree
@@ -136,8 +140,9 @@ def test_the_support_under_a_keel_that_turns_above_it_stores_and_loses_in_closed
 def test_an_undamped_joint_in_the_air_loses_what_implicit_euler_takes_and_the_remainder_shows_it(
     ball,
 ):
-    """Amplitudes shrink by 1 / sqrt(1 + h^2 w^2) a step, energies by its square; within a period the loss, h w^2 times
-    twice the kinetic energy a second, runs ahead of its mean by up to h w / 2 of the energy. Nothing else remains."""
+    """Amplitudes shrink by 1 / sqrt(1 + h^2 w^2) a step, energies by its square; within a period
+    the loss, h w^2 times twice the kinetic energy a second, runs ahead of its mean by up to h w /
+    2 of the energy. Nothing else remains."""
     machine, mechanism = ball
     tree, plant = mechanism.tree, mechanism.plant
     joint = int(mechanism.spring_index[-1])  # ahead of the fulcrum: the support does not feel it
@@ -162,7 +167,8 @@ def test_an_undamped_joint_in_the_air_loses_what_implicit_euler_takes_and_the_re
 
 
 def test_no_loss_ever_returns(ledger):
-    """But at reversals, where a step's rate and the mean of two differ in sign; second order in the step."""
+    """But at reversals, where a step's rate and the mean of two differ in sign; second order in the
+    step."""
     terms = ledger(1e-3)
     for name in LOST:
         assert np.diff(terms[name], prepend=0.0).min() > -1e-4 * terms[name][-1], name

@@ -13,7 +13,7 @@ import pytest
 import yaml
 from made_results import make_bench, make_walk
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.simulation.archive import RECORD_FILE, check_target
 from vsf_drake.simulation.results import load_bench, load_walk, result_folder, save_bench, save_walk
 

@@ -1,4 +1,5 @@
-"""The foot pressed and rolled alone: closed forms, statics, Drake's own Simulator, and honest failure."""
+"""The foot pressed and rolled alone: closed forms, statics, Drake's own Simulator, and honest
+failure."""
 
 from __future__ import annotations
 
@@ -11,8 +12,8 @@ from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
-from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.parameters import ContactZone, FootParameters
+from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.model.parameters import ContactZone, FootParameters
 from vsf_drake.simulation.roll_over import (
     FOLLOWS_WITHIN,
     RollOver,
@@ -48,7 +49,8 @@ def stance(n=600, largest_n=700.0):
 
 
 def test_mount_over_level_ground_is_the_fixed_line_over_a_tilting_platform():
-    """Against poses: the platform turns about the axis, its front down where the tilt is below zero."""
+    """Against poses: the platform turns about the axis, its front down where the tilt is below
+    zero."""
     for tilt, height in ((-0.3, 0.1), (0.0, 0.09), (0.5, 0.12)):
         X_TestPlatform = RigidTransform(RotationMatrix.MakeYRotation(-tilt), [0.0, 0.0, 0.0])
         front = X_TestPlatform @ np.array([0.2, 0.0, 0.0])
@@ -72,7 +74,8 @@ def test_mount_over_level_ground_is_the_fixed_line_over_a_tilting_platform():
 
 
 def test_heel_at_15_degrees_is_its_spheres_in_parallel(machine):
-    """Closed form: the spheres behind the rearmost fulcrum sit on the rigid frame; each bears k times its depth."""
+    """Closed form: the spheres behind the rearmost fulcrum sit on the rigid frame; each bears k
+    times its depth."""
     run = press(machine, 15.0)
     depth = machine.touch_height(np.radians(15.0))[0] - run.mount[:, 1]
     points = [
@@ -109,7 +112,8 @@ def test_drive_bears_the_moment_of_the_ground_about_the_mount(machine, degrees):
 
 
 def test_simulator_gives_the_same_force():
-    """Drake's own Simulator with error control, 12 mm of forefoot loading at 0.1 m/s, with the machine's own servos."""
+    """Drake's own Simulator with error control, 12 mm of forefoot loading at 0.1 m/s, with the
+    machine's own servos."""
     machine = RollOver(FOOT, friction=True)
     pitch, speed, travel, fulcrum = np.radians(-20.0), 0.1, 0.012, 0.108
     top = float(machine.touch_height(pitch)[0])
@@ -169,7 +173,8 @@ def test_rolled_foot_follows_a_profile(machine):
 
 
 def test_rigid_sphere_rolls_on_an_arc_of_its_own_radius():
-    """One stiff sphere of 0.2 m on the rigid frame: seen from the mount its contact runs along its own surface."""
+    """One stiff sphere of 0.2 m on the rigid frame: seen from the mount its contact runs along its
+    own surface."""
     radius, stiffness = 0.2, 5e6
     ball = ContactZone(
         name="ball",

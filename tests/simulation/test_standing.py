@@ -1,4 +1,5 @@
-"""A person standing still: the ground carries the weight, the pelvis stays, and why: a pendulum on two springy feet."""
+"""A person standing still: the ground carries the weight, the pelvis stays, and why: a pendulum on
+two springy feet."""
 
 from __future__ import annotations
 
@@ -7,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vsf_drake.errors import InputError
-from vsf_drake.files import resource
-from vsf_drake.model_file import load_model
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import resource
+from vsf_drake.model.model_file import load_model
+from vsf_drake.model.parameters import PELVIS_COORDINATES, ModelParameters, Subject
 from vsf_drake.motion.markers.posture import settling
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import PELVIS_COORDINATES, ModelParameters, Subject
 from vsf_drake.simulation.results import standing_table
 from vsf_drake.simulation.standing import (
     ROTATIONS,
@@ -44,8 +45,8 @@ SUBJECTS = {
 def test_ten_seconds_carry_the_weight_within_one_percent_and_the_pelvis_stays_within_a_millimetre(
     subject,
 ):
-    """The aims; McGeehan 2021 reports 2.6 % too little. What is free comes back after the nudge: the last seconds move
-    no more than the first. What is not free is held, and said."""
+    """The aims; McGeehan 2021 reports 2.6 % too little. What is free comes back after the nudge:
+    the last seconds move no more than the first. What is not free is held, and said."""
     standing = simulate_standing(SUBJECTS[subject], load_model(resource("models/nominal.yaml")))
     table = standing_table(standing)
     assert standing.time_s[-1] == pytest.approx(10.0)
@@ -72,7 +73,8 @@ LEAN = np.radians(2.0)
 
 
 def leaning(side: str = "right", lean: float = LEAN) -> StandingPosture:
-    """Forward at both ankles, as people stand: the intact one flexed, the prosthesis aligned likewise."""
+    """Forward at both ankles, as people stand: the intact one flexed, the prosthesis aligned
+    likewise."""
     subject = replace(MALE, prosthetic_side=side, prosthesis_alignment_rad=lean)
     ankle = "ankle_angle_l" if side == "right" else "ankle_angle_r"
     return StandingPosture(subject, MODEL, {ankle: lean, "pelvis_tilt": -lean}, fulcrum_m=0.108)
@@ -91,7 +93,8 @@ def balanced():
 
 
 def test_holding_the_pelvis_takes_the_weight_times_its_lever(neutral):
-    """Statics: moment = weight times the distance of the centre of mass from the centre of pressure, either way."""
+    """Statics: moment = weight times the distance of the centre of mass from the centre of
+    pressure, either way."""
     walk = neutral.run(
         neutral.walker, neutral.coordinates(0.0, 0.0), duration_s=1e-3, settle=TRANSLATIONS
     )
@@ -114,7 +117,8 @@ def test_equal_legs_are_level_and_unequal_ones_list_by_the_triangle(neutral):
             MALE, prosthetic_side=side, prosthesis_length_m=body.prosthesis_length - 0.010
         )
         list_ = StandingPosture(subject, MODEL, {}, fulcrum_m=0.108).level_list(0.0)
-        # Listed, the inner or outer edges of the soles (at most 35 mm beside the hip's plumb line) touch instead.
+        # Listed, the inner or outer edges of the soles (at most 35 mm beside the hip's plumb line)
+        # touch instead.
         narrow, wide = (
             np.arctan(0.010 / (2 * body.hip_lateral + edges)) for edges in (0.070, -0.070)
         )
@@ -122,7 +126,8 @@ def test_equal_legs_are_level_and_unequal_ones_list_by_the_triangle(neutral):
 
 
 def test_leaning_at_the_ankles_balances(balanced):
-    """Contact, springs and weight are conservative at rest: the matrix is symmetric, to differencing."""
+    """Contact, springs and weight are conservative at rest: the matrix is symmetric, to
+    differencing."""
     posture, found = balanced
     assert found.stable
     np.testing.assert_allclose(posture.hold(found.tilt, found.list).moments_nm, 0.0, atol=1e-3)
@@ -175,7 +180,8 @@ def upright_walker():
 
 @pytest.mark.parametrize("fulcrum_m", [0.066, 0.151])
 def test_the_load_on_a_lowered_person_settles_the_prosthesis_by_as_much(upright_walker, fulcrum_m):
-    """By the stepper, whose rotations are large and whose socket tilts; 5 % for what linear statics omit."""
+    """By the stepper, whose rotations are large and whose socket tilts; 5 % for what linear statics
+    omit."""
     body, names = upright_walker.gait.person.body, upright_walker.gait.prescribed
     q = np.zeros((8, len(names)))
     q[:, names.index("pelvis_ty")] = body.leg_length - body.hip_up - LOWERED_M

@@ -1,5 +1,5 @@
-"""Variables and perturbations do what changing the thing they name does; what has no meaning is refused; nothing is
-left."""
+"""Variables and perturbations do what changing the thing they name does; what has no meaning is
+refused; nothing is left."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.variables import SOCKET_AXES, MotionPerturbation
 from vsf_drake.simulation.walk import Walker
@@ -239,7 +239,8 @@ def one(time):
 
 @pytest.mark.parametrize(("name", "value"), [("pelvis_ty", 0.003), ("hip_flexion_r", 0.02)])
 def test_walk_with_a_course_is_the_walk_of_a_trajectory_changed_by_it(person, motion, name, value):
-    """Its samples lie 10 ms apart; the quintic spline through them leaves 1e-9 of a wave of nearly a second."""
+    """Its samples lie 10 ms apart; the quintic spline through them leaves 1e-9 of a wave of nearly
+    a second."""
     curve = motion("right")
     values = curve.values + np.outer(value * wave(curve.time_s), np.array(curve.names) == name)
     wanted = person.walk(CoordinateTrajectory(curve.time_s, values, curve.names), **SPAN)

@@ -1,4 +1,5 @@
-"""A walk: where it begins, what holds or drives it, its mirror image, and what it withstands or refuses."""
+"""A walk: where it begins, what holds or drives it, its mirror image, and what it withstands or
+refuses."""
 
 from __future__ import annotations
 
@@ -14,21 +15,21 @@ from cut_walks import inputs_of
 from drawn_walks import assert_sound, drawn
 from made_contact import CURVE, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
 
-from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.files import resource
-from vsf_drake.ground import Ground
+from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.base.files import resource
+from vsf_drake.model.ground import Ground
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.fitted_trial import fingerprint, gait_phase, trial_with
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory, periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.simulation import walk as module
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.stepper import Stepper
 from vsf_drake.simulation.variables import MotionPerturbation
-from vsf_drake.simulation.walk import Walker, bytes_a_step, walk_notes
+from vsf_drake.simulation.walk import Walker, bytes_a_step, simulate_trial, walk_notes
 from vsf_drake.simulation.walk_over_ground import walk_over
+from vsf_drake.walks.embedded import embedded_trials
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 
@@ -152,7 +153,8 @@ def test_freed_coordinate_starts_as_recorded(trial):
 
 
 def test_keel_that_folds_up_has_failed(trial):
-    """A keel as soft as rubber turns by more than a radian in one joint: a failure, not a result."""
+    """A keel as soft as rubber turns by more than a radian in one joint: a failure, not a
+    result."""
     foot = trial.model.foot
     rubber = dataclasses.replace(foot, keel=dataclasses.replace(foot.keel, flexural_modulus_pa=1e6))
     with pytest.raises(SimulationError, match=r"coordinate keel_\w+ (reached|diverged)"):
@@ -169,6 +171,12 @@ def test_result_tells_the_numbers_that_were_used(trial):
     parameters = walker.result(walk, trial, GeometricOffsets()).parameters
     assert parameters["fulcrum_m"] == [0.151, 0.151]
     assert parameters["stepper"]["fulcrum_stiffness_and_damping"][0] == 5e4
+
+
+def test_a_trial_is_simulated_at_another_setting(trial):
+    short = dataclasses.replace(trial, start_s=0.45, end_s=0.46)
+    assert (simulate_trial(short, fulcrum_m=0.151).fulcrum_m == 0.151).all()
+    assert (simulate_trial(short).fulcrum_m == trial.fulcrum_m).all()
 
 
 MIRROR = np.array([1.0, -1.0, 1.0])
@@ -306,7 +314,8 @@ def assert_same_walk(a, b, tolerance):
 
 
 def test_a_fitted_trial_walks_as_the_fit_did_with_courses(source, referred):
-    """The samples carry curve and path to the spline's accuracy: fourth order in a hundredth of a second."""
+    """The samples carry curve and path to the spline's accuracy: fourth order in a hundredth of a
+    second."""
     contact = made_contact(trials=(replace(OWN, fingerprint=fingerprint(source)),))
     phase, splines = gait_phase(source), periodic_bsplines(len(CURVE.coefficients))
     values = {**OF_THE_MODEL, **OF_THE_TRIAL}

@@ -1,18 +1,19 @@
-"""The stepper against Drake's Simulator and itself in smaller steps, and the whole person over patches."""
+"""The stepper against Drake's Simulator and itself in smaller steps, and the whole person over
+patches."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from vsf_drake.contact_file import load_contact
-from vsf_drake.errors import InputError
-from vsf_drake.files import resource
-from vsf_drake.ground import Ground, GroundPatch
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import resource
+from vsf_drake.model.contact_file import load_contact
+from vsf_drake.model.ground import Ground, GroundPatch
+from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.simulation.walk_over_ground import walk_over
 
@@ -107,7 +108,8 @@ def test_every_other_quantity_agrees_with_simulator_too(reference, by_stepper, w
 
 STEP_M = 0.005
 BEFORE_S, LENGTH_S = 0.02, 0.15
-"""Beginning before heel strike, with the prosthetic foot in the air and the intact one loaded, until it bears most."""
+"""Beginning before heel strike, with the prosthetic foot in the air and the intact one loaded,
+until it bears most."""
 SAME = 0.005
 """Body weights."""
 PROSTHETIC = {"to_y_m": 0.0}
@@ -151,7 +153,8 @@ def over(trial, span):
 
 @pytest.fixture(scope="module")
 def lowered_by_stepper(trial, span):
-    """lowered_by_stepper(drop_m): the walk of the pelvis that much lower on level ground, each millisecond."""
+    """lowered_by_stepper(drop_m): the walk of the pelvis that much lower on level ground, each
+    millisecond."""
     walker = Walker(trial.subject, trial.model)
 
     def walk(drop_m):

@@ -1,4 +1,5 @@
-"""The virtual laboratory's walking person obeys Newton and Euler: closed forms, and a walk made coarsely."""
+"""The virtual laboratory's walking person obeys Newton and Euler: closed forms, and a walk made
+coarsely."""
 
 from __future__ import annotations
 
@@ -26,8 +27,8 @@ from virtual_laboratory.targets import (
     prosthetic_force,
 )
 
+from vsf_drake.model.parameters import GRAVITY, Subject
 from vsf_drake.motion.trial import default_model
-from vsf_drake.parameters import GRAVITY, Subject
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 WEIGHT_N = SUBJECT.mass_kg * GRAVITY
@@ -50,7 +51,8 @@ def walk_at(person: Person, speed: float | None, number: int, steps: int) -> Rec
 
 
 def points(mass: float, radii: tuple[float, float, float]) -> MassPoints:
-    """Two on each axis, `radii` (m) from the origin, of the trunk, and an almost massless pelvis."""
+    """Two on each axis, `radii` (m) from the origin, of the trunk, and an almost massless
+    pelvis."""
     p_B = np.concatenate([np.diag(radii), -np.diag(radii), np.zeros((1, 3))])
     return MassPoints(np.array([HAT] * 6 + [PELVIS]), p_B, np.array([mass / 6] * 6 + [1e-9]))
 
@@ -63,8 +65,9 @@ def nothing(time_s: np.ndarray) -> Wrench:
     return Wrench(np.zeros((len(time_s), 3)), np.zeros((len(time_s), 3)))
 
 
-def test_a_thrown_trunk_falls_on_a_parabola_and_a_symmetric_one_precesses_at_the_rate_of_a_free_top():
-    """Free top, transverse moment A, axial C: its axis goes round the angular momentum L at L / A."""
+def test_a_thrown_trunk_falls_on_a_parabola_and_a_symmetric_one_precesses_as_a_free_top():
+    """Free top, transverse moment A, axial C: its axis goes round the angular momentum L at L /
+    A."""
     body = points(6.0, (0.3, 0.3, 0.1))
     squares = np.square([0.3, 0.3, 0.1])
     across, axial = 2.0 * (squares[1] + squares[2]), 2.0 * (squares[0] + squares[1])
@@ -88,8 +91,8 @@ def test_a_thrown_trunk_falls_on_a_parabola_and_a_symmetric_one_precesses_at_the
 
 
 def test_the_trunk_answers_moving_legs_and_a_moment_as_newton_and_euler_say():
-    """A leg of mass m swings by x(t), so without forces the trunk of mass M goes by -m x / M; a constant moment T about
-    its axis turns it by T t^2 / (2 I)."""
+    """A leg of mass m swings by x(t), so without forces the trunk of mass M goes by -m x / M; a
+    constant moment T about its axis turns it by T t^2 / (2 I)."""
     body = points(40.0, (0.2, 0.2, 0.2))
     leg = MassPoints(np.array([1]), np.zeros((1, 3)), np.array([10.0]))
     legs, swing = at_rest(TIME), 0.1 * np.sin(6.0 * TIME)
@@ -108,7 +111,8 @@ def test_the_trunk_answers_moving_legs_and_a_moment_as_newton_and_euler_say():
 
 
 def test_missing_force_and_moment_of_a_known_motion():
-    """A body carried round a circle needs m r w^2 inward; one that is only held needs its weight, under its centre."""
+    """A body carried round a circle needs m r w^2 inward; one that is only held needs its weight,
+    under its centre."""
     body, w, r = points(30.0, (0.2, 0.2, 0.2)), 4.0, 0.3
     R, p = (
         np.tile(np.eye(3), (len(TIME), len(SEGMENTS), 1, 1)),
@@ -128,7 +132,8 @@ def test_missing_force_and_moment_of_a_known_motion():
 
 
 def test_a_triangles_mean_of_the_force_is_the_second_difference_of_the_place():
-    """A unit mass under forces that are constant over each ms: places by exact integration, every fifth of them."""
+    """A unit mass under forces that are constant over each ms: places by exact integration, every
+    fifth of them."""
     force = np.random.default_rng(1).normal(size=(len(TIME), 1))
     force[0] = 0.0
     speed = np.cumsum(force, axis=0) * 1e-3
@@ -165,7 +170,8 @@ def test_both_plates_and_weight_explain_the_motion_of_all_segments_at_every_inst
 def test_both_feet_together_carry_the_body_through_a_stride_and_make_it_neither_faster_nor_slower(
     walked,
 ):
-    """The impulse of both plates over a stride is the weight's, within 5 mm/s of the body's speed: a walk goes on."""
+    """The impulse of both plates over a stride is the weight's, within 5 mm/s of the body's speed:
+    a walk goes on."""
     time = walked.force_time_s - MARGIN_S
     total = walked.right.force + walked.left.force - WEIGHT_N * np.array([0.0, 0.0, 1.0])
     for begun in (0.0, 0.1):
@@ -194,7 +200,8 @@ def test_a_walk_at_each_speed_lies_in_the_published_bands_on_both_sides(person, 
         assert found[f"{prefix}trough_bw"] < min(
             found[f"{prefix}first_peak_bw"], found[f"{prefix}second_peak_bw"]
         )
-    # the next stride is like this one: within what people's strides differ by, 2 % of the speed and 2 degrees
+    # the next stride is like this one: within what people's strides differ by, 2 % of the speed and
+    # 2 degrees
     assert abs(found["gain_m_per_s"]) < 0.02 * speed and found["stride_ends_deg"] < 2.0
     assert found["trunk_shift_rms_mm"] < 10.0  # head, arms and trunk stay on the pelvis
 
@@ -216,7 +223,8 @@ def test_forces_of_a_draw_lift_the_body_as_its_legs_do():
 
 
 def test_a_body_that_rises_far_is_given_no_peak_that_the_curve_overshoots():
-    """28 mm once a step at 1.4 m/s, as the legs of a heavy man on a soft forefoot would have it; 1.37 BW unbounded."""
+    """28 mm once a step at 1.4 m/s, as the legs of a heavy man on a soft forefoot would have it;
+    1.37 BW unbounded."""
     lift = np.array([0.016, -0.028 + 0.004j, 0.006])
     draws = [lifted(drawn, lift) for drawn in draw_trials(SEED, 1.4)]
     assert (

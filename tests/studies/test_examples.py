@@ -1,4 +1,5 @@
-"""The examples: every one says of mechanics what closed forms, a second method or a balance say too."""
+"""The examples: every one says of mechanics what closed forms, a second method or a balance say
+too."""
 
 from __future__ import annotations
 
@@ -32,18 +33,19 @@ from walking_over_grounds import (
     walk_on,
 )
 
-from vsf_drake.contact_file import load_contact
-from vsf_drake.files import resource
-from vsf_drake.ground import Ground
+from vsf_drake.base.files import resource
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
+from vsf_drake.model.contact_file import load_contact
+from vsf_drake.model.ground import Ground
+from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.gait import make_gait
 
 pytestmark = pytest.mark.slow
 
-# Contact alternatives: what runs at 1 ms stands on its weight, is as stiff as the bench, near the law.
+# Contact alternatives: what runs at 1 ms stands on its weight, is as stiff as the bench, near the
+# law.
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +94,8 @@ def draws(tmp_path_factory):
 
 
 def test_a_draw_slips_if_and_only_if_the_pull_exceeds_static_friction(draws):
-    """Who creeps shows the pull, who slips kinetic friction, reached at 1.5 times the threshold speed of 0.1 m/s."""
+    """Who creeps shows the pull, who slips kinetic friction, reached at 1.5 times the threshold
+    speed of 0.1 m/s."""
     slips, fast = draws["slips"], draws["speed"] > 0.15
     np.testing.assert_array_equal(slips, draws["mu_static"] < friction_monte_carlo.PULL)
     assert 0 < slips.sum() < len(slips) and fast.sum() > 0.8 * slips.sum()
@@ -106,7 +109,8 @@ def test_a_draw_slips_if_and_only_if_the_pull_exceeds_static_friction(draws):
     )
 
 
-# The fulcrum in swing: still in stance, as far as the motor goes, energy in balance, stiffness as of the beam.
+# The fulcrum in swing: still in stance, as far as the motor goes, energy in balance, stiffness as
+# of the beam.
 
 
 def keel_stiffness(support, load_point):
@@ -141,9 +145,9 @@ def test_in_swing_the_fulcrum_moves_unloaded_by_a_third_of_its_range_and_energy_
 
 
 def test_whole_range_takes_three_strides_at_most_and_the_ground_meets_each_position(tmp_path):
-    """Glanzer & Adamczyk 2018 (PMC6289620): full-scale adjustment within three strides, a moderate one within one.
-    Push-off meets the stiffness of the overhung keel, under the forefoot's centre of pressure, which is between the
-    load point and 10 mm behind the keel's tip."""
+    """Glanzer & Adamczyk 2018 (PMC6289620): full-scale adjustment within three strides, a moderate
+    one within one. Push-off meets the stiffness of the overhung keel, under the forefoot's centre
+    of pressure, which is between the load point and 10 mm behind the keel's tip."""
     walk = fulcrum_in_swing.main(tmp_path)
     assert (
         walk["adjustments"] == 2
@@ -163,7 +167,8 @@ def test_whole_range_takes_three_strides_at_most_and_the_ground_meets_each_posit
 
 
 def test_a_dropped_leg_falls_freely_lands_and_rests_on_its_weight_and_makes_no_energy(tmp_path):
-    """Springs at their rest angle and no rail friction: sqrt(2 h / g), less a step of the integrator."""
+    """Springs at their rest angle and no rail friction: sqrt(2 h / g), less a step of the
+    integrator."""
     drop = leg_drop.main(tmp_path, quick=True)
     assert drop["touch_down"] == pytest.approx(math.sqrt(2 * leg_drop.DROP_M / 9.81), abs=1e-3)
     assert drop["weight"] == pytest.approx((10.0 + 5.0 + 2.0 + 0.649) * 9.81, rel=1e-6)
@@ -179,7 +184,8 @@ def test_a_dropped_leg_falls_freely_lands_and_rests_on_its_weight_and_makes_no_e
     assert drop["friction_loss"] > 0.0 and drop["foam_loss"] > 0.0
 
 
-# The robot arm's test of the foot: forces by a second integrator, work by energies, the arm's yielding by statics.
+# The robot arm's test of the foot: forces by a second integrator, work by energies, the arm's
+# yielding by statics.
 
 
 ARM_SOFT, ARM_MIDDLE = robot_arm_emulator.FULCRUMS_M
@@ -194,7 +200,8 @@ def arm_tests(tmp_path_factory):
 def test_the_implicit_stepper_finds_the_same_force_and_centre_of_pressure_on_the_same_path(
     arm_tests, fulcrum_m
 ):
-    """Other wiring, other integrator, 1 ms: within 2 % of the peak but where spheres leave the ground."""
+    """Other wiring, other integrator, 1 ms: within 2 % of the peak but where spheres leave the
+    ground."""
     run, stepper = arm_tests[fulcrum_m], arm_tests[fulcrum_m]["stepper"]
     inner = (stepper.time_s > 0.02) & (stepper.time_s < 0.65)
     grf = np.column_stack(
@@ -209,7 +216,7 @@ def test_the_implicit_stepper_finds_the_same_force_and_centre_of_pressure_on_the
     assert all(lost[-1] > 0.0 for lost in run["lost"].values())
 
 
-def test_the_load_goes_from_heel_to_toe_in_two_humps_and_a_softer_foot_bears_and_returns_less_at_the_toe(
+def test_the_load_goes_heel_to_toe_in_two_humps_and_a_softer_foot_returns_less_at_the_toe(
     arm_tests,
 ):
     for run in arm_tests.values():
@@ -226,7 +233,8 @@ def test_the_load_goes_from_heel_to_toe_in_two_humps_and_a_softer_foot_bears_and
 
 
 def test_the_arm_yields_by_its_load_over_inertia_and_squared_frequency(arm_tests):
-    """Inverse dynamics leaves M (e'' + 2 w e' + w² e) = J' F: slow at the second hump, hence e = M⁻¹ J' F / w²."""
+    """Inverse dynamics leaves M (e'' + 2 w e' + w² e) = J' F: slow at the second hump, hence e =
+    M⁻¹ J' F / w²."""
     run = arm_tests[ARM_MIDDLE]
     arm, late = run["arm"], run["time"] > 0.4
     i = int(np.argmax(np.where(late, run["grf"][:, 2], 0.0)))
@@ -263,14 +271,15 @@ def standing(tmp_path_factory):
 def test_at_rest_the_weight_is_under_the_centre_of_mass_and_derivatives_equal_central_differences(
     standing, fulcrum_m
 ):
-    """Row by row: accelerations of keel pieces have derivatives of 1e7, those of the trunk of 10."""
+    """Row by row: accelerations of keel pieces have derivatives of 1e7, those of the trunk of
+    10."""
     run = standing[fulcrum_m]
     np.testing.assert_allclose(run["grf"], [0.0, 0.0, run["weight"]], atol=1e-6 * run["weight"])
     assert run["cop"][0] == pytest.approx(run["com"][0], abs=1e-6)
     largest = np.abs(run["A"]).max(axis=1, keepdims=True)
     assert np.abs((run["A"] - run["difference"]) / largest).max() < 1e-5
-    # The horizontal place is neutral and out of the torques' reach: creep sums the impulse of friction, which torques
-    # can only change together with the momentum.
+    # The horizontal place is neutral and out of the torques' reach: creep sums the impulse of
+    # friction, which torques can only change together with the momentum.
     assert np.abs(run["A"][:, run["leg"].index("x")]).max() < 1e-6
     assert run["neutral_B"] < 1e-6
 
@@ -295,7 +304,8 @@ def test_constant_torques_let_the_person_fall_and_lqr_keeps_the_person_up(standi
 
 
 def test_with_joints_locked_the_leg_is_an_inverted_pendulum_on_the_spring_of_its_foot(standing):
-    """Rate² = (weight times height - stiffness against tilt) / inertia, stiffness from statics: the soft foot falls.
+    """Rate² = (weight times height - stiffness against tilt) / inertia, stiffness from statics: the
+    soft foot falls.
 
     Within 10 %: the pendulum knows no damping, no sinking and no sway of the keel.
     """
@@ -312,7 +322,8 @@ def test_with_joints_locked_the_leg_is_an_inverted_pendulum_on_the_spring_of_its
     assert standing[SOFT]["open"].real.max() > standing[STIFF]["open"].real.max()
 
 
-# The whole person on five grounds: what rotation, friction, springs in series and the other foot say of each.
+# The whole person on five grounds: what rotation, friction, springs in series and the other foot
+# say of each.
 
 
 PAPER_BW = 0.053
@@ -353,15 +364,14 @@ def over_grounds(tmp_path_factory):
     return runs
 
 
-def test_uphill_every_anatomical_body_has_the_pose_of_level_ground_turned_about_the_worlds_lateral_axis(
+def test_uphill_every_anatomical_body_has_the_level_pose_turned_about_the_worlds_lateral_axis(
     trial, gait
 ):
     """Also with list and rotation of the pelvis, as the trial has them, and between samples."""
     plant, names = gait.plant, gait.person.coordinate_names
     at = [plant.GetJointByName(name).position_start() for name in names]
-    turn = RigidTransform(
-        RotationMatrix.MakeYRotation(-np.radians(SLOPE_DEG)), np.zeros(3)
-    )  # x turns up, towards z
+    # x turns up, towards z
+    turn = RigidTransform(RotationMatrix.MakeYRotation(-np.radians(SLOPE_DEG)), np.zeros(3))
     context = plant.CreateDefaultContext()
     columns = [names.index(f"pelvis_{name}") for name in ("list", "rotation")]
 
@@ -387,11 +397,12 @@ def test_uphill_every_anatomical_body_has_the_pose_of_level_ground_turned_about_
             )
 
 
-def test_in_the_slopes_axes_the_forces_are_those_of_level_ground_but_for_the_weight_of_what_hangs_free(
+def test_in_the_slopes_axes_forces_are_those_of_level_ground_but_for_weight_that_hangs_free(
     over_grounds, gait, weight
 ):
-    """Gravity turns against the motion. It moves nothing prescribed, but bears on socket, pylon and foot. The strike
-    catches that weight suddenly: on a spring such a load has at most twice its effect at rest.
+    """Gravity turns against the motion. It moves nothing prescribed, but bears on socket, pylon and
+    foot. The strike catches that weight suddenly: on a spring such a load has at most twice its
+    effect at rest.
     """
     slope, level, ground = over_grounds["slope"], over_grounds["level"], GROUNDS["slope"]
     np.testing.assert_allclose(
@@ -423,8 +434,8 @@ def test_in_the_slopes_axes_the_forces_are_those_of_level_ground_but_for_the_wei
 def test_what_is_under_the_prosthesis_alone_changes_nothing_for_the_other_foot(
     over_grounds, weight, name
 ):
-    """Pelvis and joints are prescribed, so the feet do not feel each other; each of the two runs has the integrator's
-    error."""
+    """Pelvis and joints are prescribed, so the feet do not feel each other; each of the two runs
+    has the integrator's error."""
     level = over_grounds["level"].intact_grf_W
     assert level[:, 2].max() > 0.5 * weight
     np.testing.assert_allclose(over_grounds[name].intact_grf_W, level, atol=2.0 * SAME_BW * weight)
@@ -482,10 +493,11 @@ def test_friction_stays_in_the_cone_of_each_ground_and_ice_limits_braking(over_g
     assert ice.grf_W[:, 0].min() > 0.5 * level.grf_W[:, 0].min()
 
 
-def test_over_a_whole_stance_on_level_ground_the_load_is_what_was_recorded_and_goes_from_heel_to_toe(
+def test_over_a_stance_on_level_ground_the_load_is_what_was_recorded_and_goes_from_heel_to_toe(
     trial, weight
 ):
-    """A synthetic trial that the contact was not fitted to; nearer than the paper came to one that it was fitted to."""
+    """A synthetic trial that the contact was not fitted to; nearer than the paper came to one that
+    it was fitted to."""
     run = walk_on(trial, Ground())
     force, share = run.grf_W, (run.time_s - run.time_s[0]) / (run.time_s[-1] - run.time_s[0])
     assert off(force[:, 2], run.time_s, trial.prosthetic_plate) < PAPER_BW * weight
@@ -499,8 +511,7 @@ def test_over_a_whole_stance_on_level_ground_the_load_is_what_was_recorded_and_g
     loaded = force[:, 2] > 0.1 * weight
     way = run.cop_W[loaded, 0]
     assert way[-1] - way[0] > 0.8 * SOLE_M
-    assert (
-        np.max(np.maximum.accumulate(way) - way) < ROW_M
-    )  # nearer than its rows the sole does not know where it is
+    # nearer than its rows the sole does not know where it is
+    assert np.max(np.maximum.accumulate(way) - way) < ROW_M
     assert force[0, 2] == 0.0
     assert force[-1, 2] == 0.0

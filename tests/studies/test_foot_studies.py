@@ -15,21 +15,21 @@ from pydrake.multibody.plant import MultibodyPlant
 from refined_spheres import fill, with_spheres
 from scipy.spatial import ConvexHull
 
-from vsf_drake.analysis.bench_metrics import (
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import resource
+from vsf_drake.device.bench_metrics import (
     TUNED_JOINTS_N_PER_M,
     bench_table,
     displacement,
     stiffness,
 )
-from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.errors import InputError
-from vsf_drake.files import resource
 from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, section_inertia
-from vsf_drake.model_file import check_model, foam_under_load, load_model
+from vsf_drake.model.model_file import check_model, foam_under_load, load_model
+from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.foot import add_foot, with_elements
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
+from vsf_drake.walks.embedded import embedded_trials
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,8 @@ def test_calibration_recovers_compliances_that_made_the_data(soft, modulus_pa, s
 
 
 def test_nominal_bench_meets_the_published_ends_and_between_them_the_tuned_joints(nominal):
-    """Bands: 3 % at the soft end, 0.5 N/mm at the stiff one, 0.8 N/mm in between; at the heel 2 of 65 N/mm."""
+    """Bands: 3 % at the soft end, 0.5 N/mm at the stiff one, 0.8 N/mm in between; at the heel 2 of
+    65 N/mm."""
     table = bench_table(run_bench(nominal))
     found = {row.fulcrum_mm: row.stiffness_n_per_mm for row in table.settings}
     assert found[66] == pytest.approx(10.0, abs=0.3) and found[151] == pytest.approx(32.0, abs=0.5)
@@ -154,10 +155,12 @@ def test_more_elements_are_the_same_keel():
 
 
 def midpoint_bound(lengths):
-    """Largest error (1/N m times E I) of the midpoint rule for the integral of M², with M per unit load.
+    """Largest error (1/N m times E I) of the midpoint rule for the integral of M², with M per unit
+    load.
 
-    M² has the second derivative 2 M'², which costs at most 2 M'² L³ / 24 an element; its slope jumps at B by
-    2 a (a / l + 1), which costs at most a jump times L² / 8 in the element that holds B.
+    M² has the second derivative 2 M'², which costs at most 2 M'² L³ / 24 an element; its slope
+    jumps at B by 2 a (a / l + 1), which costs at most a jump times L² / 8 in the element that holds
+    B.
     """
     lengths = np.array(lengths)
     overhang = FOOT.load_point_m - SUPPORT_M
@@ -249,9 +252,11 @@ def test_each_family_comes_closer_to_its_finest_and_every_walk_converges():
             and 0.0 < cost.settling_s < cost.wall_s
             and cost.stepping_per_second > 0.0
         )
-    # Socket 6 and keel 9 are always free; the person's 21 come on top, and the carriage stays where it is put.
+    # Socket 6 and keel 9 are always free; the person's 21 come on top, and the carriage stays where
+    # it is put.
     counts = [cost.size for cost in families["free"]]
     assert counts == sorted(counts) and (counts[0], counts[-1]) == (15, 36)
-    # The pelvis is prescribed: whatever hangs limp on its other side, the prosthetic foot sees the same motion.
+    # The pelvis is prescribed: whatever hangs limp on its other side, the prosthetic foot sees the
+    # same motion.
     held, *_, limp = [cost for cost in families["free"] if cost.size <= 24]
     assert limp.difference_bw == pytest.approx(held.difference_bw, rel=1e-3)

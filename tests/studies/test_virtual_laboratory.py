@@ -1,4 +1,5 @@
-"""The virtual laboratory: its foot meets beam theory, statics and the published bench, is passive and converges."""
+"""The virtual laboratory: its foot meets beam theory, statics and the published bench, is passive
+and converges."""
 
 from __future__ import annotations
 
@@ -26,16 +27,16 @@ from virtual_laboratory.people import true_persons
 from virtual_laboratory.prosthesis import prosthesis_of
 from virtual_laboratory.tiers import PLATE_N, TRIAL_DEG, TRIAL_M
 
-from vsf_drake.bench_curves import load_bench_curves, load_bench_file
-from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.trial import default_model, load_trial
-from vsf_drake.parameters import (
+from vsf_drake.model.bench_curves import load_bench_curves, load_bench_file
+from vsf_drake.model.parameters import (
     GRAVITY,
     PELVIS_TRANSLATIONS,
     FootParameters,
     SocketParameters,
     Subject,
 )
+from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.trial import default_model, load_trial
 from vsf_drake.plants.anthropometry import scale_body
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
@@ -90,8 +91,8 @@ def test_uniform_keel_is_the_overhung_beam_also_in_another_size(fulcrum_m, scale
 
 @pytest.mark.parametrize(("clamp", "share"), [(1e-3, 0.0), (1e9, 1.0)])
 def test_a_soft_clamp_makes_the_pinned_beam_and_a_stiff_one_the_built_in_beam(clamp, share):
-    """Deflection under an overhung load, F a^2 (l + a) / (3 E I) pinned; a built-in end turns the beam at
-    its support by F a l / (4 E I) instead of F a l / (3 E I), l its span."""
+    """Deflection under an overhung load, F a^2 (l + a) / (3 E I) pinned; a built-in end turns the
+    beam at its support by F a l / (4 E I) instead of F a l / (3 E I), l its span."""
     keel = dataclasses.replace(UNIFORM, clamp_nm_per_rad=clamp)
     span, over = 0.108, LOAD_POINT - 0.108
     deflection = over**2 * (span + over) / (3 * BENDING) - share * over**2 * span / (12 * BENDING)
@@ -101,7 +102,8 @@ def test_a_soft_clamp_makes_the_pinned_beam_and_a_stiff_one_the_built_in_beam(cl
 
 
 def test_a_keel_without_fulcrum_is_a_cantilever_and_a_play_lets_it_be_one_until_it_touches():
-    """F L^3 / (3 E I) and a hinge's F L^2 / c at A; at a fulcrum l it rises F l^2 (3 L - l) / (6 E I) + F L l / c."""
+    """F L^3 / (3 E I) and a hinge's F L^2 / c at A; at a fulcrum l it rises F l^2 (3 L - l) / (6 E
+    I) + F L l / c."""
     clamp, span, L = 80.0, 0.108, LOAD_POINT
     keel = dataclasses.replace(UNIFORM, clamp_nm_per_rad=clamp)
     cantilever = L**3 / (3 * BENDING) + L**2 / clamp
@@ -122,7 +124,8 @@ def test_work_on_the_bent_keel_is_the_energy_in_its_hinges_and_fulcrum():
     q = bench.keel_under_load(d, 0.199, loads)
     heights = np.array([bench.point_height(d, np.cumsum(row), 0.199) for row in q])
     work = float(np.sum(0.5 * (loads[1:] + loads[:-1]) * np.diff(heights)))
-    # the fulcrum's gap follows from moments about A, taken on the bent keel: the roller pushes along its normal
+    # the fulcrum's gap follows from moments about A, taken on the bent keel: the roller pushes
+    # along its normal
     angles = np.cumsum(q[-1])
     x = np.concatenate(([0.0], np.cumsum(d.lengths * np.cos(angles))))
     z = np.concatenate(([0.0], np.cumsum(d.lengths * np.sin(angles))))
@@ -132,9 +135,9 @@ def test_work_on_the_bent_keel_is_the_energy_in_its_hinges_and_fulcrum():
     assert work == pytest.approx(energy, rel=2e-3)
 
 
-def test_bench_meets_the_published_stiffness_with_a_stiff_support_and_tuning_finds_the_recorded_constants():
-    """Between the ends: the joints that the authors of the public model tuned, a cantilever from the fulcrum on with a
-    spring of 62.8 N/mm in series."""
+def test_bench_meets_the_published_stiffness_and_tuning_finds_the_recorded_constants():
+    """Between the ends: the joints that the authors of the public model tuned, a cantilever from
+    the fulcrum on with a spring of 62.8 N/mm in series."""
     for x, k in {0.066: 10e3, 0.151: 32e3}.items():
         assert bench.forefoot_stiffness(Design(), x) == pytest.approx(k, rel=1e-3)
     for mm in (87, 108, 129):
@@ -202,7 +205,8 @@ def knee(p: prosthesis.Prosthesis, pressed_m: float) -> np.ndarray:
 def roll_over(
     p: prosthesis.Prosthesis, lateral: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A smooth step: from the air over heel and toe and off again, leaning and turning by `lateral` (rad)."""
+    """A smooth step: from the air over heel and toe and off again, leaning and turning by `lateral`
+    (rad)."""
     time = np.arange(0.0, 0.9 + 1e-9, 1e-3)
     s = np.clip((time - 0.08) / 0.7, 0.0, 1.0)
     s = s * s * (3 - 2 * s)
@@ -275,7 +279,8 @@ OTHER = Design(keel=HINGED, support=SupportDesign(one_sided=True, play_m=2e-4))
     ],
 )
 def test_standing_on_the_toe_the_keel_is_where_its_energy_is_stationary(design, fulcrum_m):
-    """Second method: virtual work of ground and weight against the energy of hinges and roller, by differences."""
+    """Second method: virtual work of ground and weight against the energy of hinges and roller, by
+    differences."""
     p = prosthesis_of(SUBJECT, fulcrum_m, design=design)
     R = Rotation.from_euler("xyz", [0.1, 0.35, 0.0]).as_matrix()
     toe = 0.15
@@ -316,8 +321,8 @@ def test_standing_on_the_toe_the_keel_is_where_its_energy_is_stationary(design, 
 
 @pytest.mark.slow
 def test_a_keel_loaded_on_its_edge_twists_by_its_torque_over_its_torsional_stiffness():
-    """Saint-Venant: the integral of T / (G J), J = b h^3 (1/3 - 0.21 h / b) of a flat rectangle, T of the ground; of a
-    keel that does not bend."""
+    """Saint-Venant: the integral of T / (G J), J = b h^3 (1/3 - 0.21 h / b) of a flat rectangle, T
+    of the ground; of a keel that does not bend."""
     keel = dataclasses.replace(UNIFORM, twists=18, clamp_nm_per_rad=1e7, modulus_pa=1e12)
     p = prosthesis_of(SUBJECT, None, design=Design(keel=keel, support=None))
     R = Rotation.from_euler("xyz", [0.25, 0.3, 0.0]).as_matrix()
@@ -337,7 +342,8 @@ def test_a_keel_loaded_on_its_edge_twists_by_its_torque_over_its_torsional_stiff
 @pytest.mark.slow
 @pytest.mark.parametrize("one_sided", [True, False])
 def test_a_one_sided_support_does_not_hold_up_a_keel_that_hangs(one_sided):
-    """Its own weight w a length bends it by w L^4 / (8 E I) and its clamp by w L^3 / (2 c); a roller holds it up."""
+    """Its own weight w a length bends it by w L^4 / (8 E I) and its clamp by w L^3 / (2 c); a
+    roller holds it up."""
     sole = dataclasses.replace(Design().sole, rear_m=-0.012)
     keel = dataclasses.replace(UNIFORM, clamp_nm_per_rad=150.0)
     p = prosthesis_of(
@@ -362,8 +368,8 @@ def test_a_one_sided_support_does_not_hold_up_a_keel_that_hangs(one_sided):
 @pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 2])
 def test_momentum_changes_by_ground_limb_and_weight(every):
-    """As exactly as the steps are solved (1e-9 m, 1e5 N/m), whatever steps lie in between; of angular momentum but for
-    the step times m a x v."""
+    """As exactly as the steps are solved (1e-9 m, 1e5 N/m), whatever steps lie in between; of
+    angular momentum but for the step times m a x v."""
     placed = dataclasses.replace(SUBJECT, prosthesis_inversion_rad=0.05, prosthesis_toe_out_rad=0.1)
     p = prosthesis_of(placed, 0.1, design=OTHER, step_s=1e-3 / every)
     time, R, x = roll_over(p, lateral=0.05)
@@ -393,7 +399,8 @@ def test_momentum_changes_by_ground_limb_and_weight(every):
 
 @pytest.mark.slow
 def test_the_foot_sits_where_the_model_has_it():
-    """Against the model's own plant: the keel's end A and the keel's axes, for a foot that is placed askew."""
+    """Against the model's own plant: the keel's end A and the keel's axes, for a foot that is
+    placed askew."""
     askew = dataclasses.replace(
         SUBJECT,
         prosthesis_fore_aft_m=0.012,
@@ -411,9 +418,8 @@ def test_the_foot_sits_where_the_model_has_it():
     rest = R_WB[0, SHANK] @ (d.R_EP @ d.anchor - [0.0, 0.0, p.residual_length]) + p_WB[0, SHANK]
     np.testing.assert_allclose(R_WB[0, SHANK] @ d.R_EP, R_WB[0, DEVICE], atol=1e-12)
     np.testing.assert_allclose(rest - thinner * R_WB[0, DEVICE, :, 2], p_WB[0, DEVICE], atol=1e-9)
-    np.testing.assert_allclose(
-        p.state.R, R_WB[0, DEVICE], atol=2e-3
-    )  # in the air, but for what its weight leans it
+    # in the air, but for what its weight leans it
+    np.testing.assert_allclose(p.state.R, R_WB[0, DEVICE], atol=2e-3)
 
 
 @pytest.mark.slow
@@ -542,12 +548,12 @@ def test_shares_no_law_and_no_stepper_with_the_model():
             for alias in node.names
         }
         ours = {module for module in modules if module.startswith("vsf_drake")}
-        assert ours <= {"vsf_drake.parameters", "vsf_drake.plants.anthropometry"}, name
+        assert ours <= {"vsf_drake.model.parameters", "vsf_drake.plants.anthropometry"}, name
 
 
 def test_persons_come_out_again_and_are_none_whom_the_model_would_assume():
-    """Light and heavy, left and right; lengths, hips and placement of their own; the passive foot inside the published
-    range of commercial ones."""
+    """Light and heavy, left and right; lengths, hips and placement of their own; the passive foot
+    inside the published range of commercial ones."""
     persons = true_persons(SEED)
     assert persons == true_persons(SEED) != true_persons(SEED + 1)
     assert [person.side for person in persons] == ["right", "left", "right"]
@@ -587,7 +593,8 @@ def test_persons_come_out_again_and_are_none_whom_the_model_would_assume():
         persons[0].prosthesis(None)
 
 
-# The floor: on exact kinematics the true prosthesis gives the plate, on noisy ones what the noise makes of it.
+# The floor: on exact kinematics the true prosthesis gives the plate, on noisy ones what the noise
+# makes of it.
 
 
 STORED = Path(floors.__file__).resolve().parents[1] / "results" / "floor.json"
@@ -603,17 +610,17 @@ def stored():
     return json.loads(STORED.read_text(encoding="utf-8"))
 
 
-def test_on_the_exact_tier_the_route_reproduces_the_plate_and_noise_is_two_newtons_within_forty_hertz():
-    """White noise of 2 N at 1000 Hz through a zero-phase low-pass of 40 Hz keeps about 40 / 500 of its power."""
+def test_on_the_exact_tier_the_route_reproduces_the_plate_and_noise_is_2_n_within_40_hz():
+    """White noise of 2 N at 1000 Hz through a zero-phase low-pass of 40 Hz keeps about 40 / 500 of
+    its power."""
     trial = tier("high_1", "exact")
     walk, plate, weight = (
         floors.virtual_walk(trial),
         trial.prosthetic_plate,
         trial.subject.mass_kg * GRAVITY,
     )
-    rows = (
-        plate.time_s <= trial.end_s + 1e-9
-    )  # the plate goes on to the second strike and beyond, the window does not
+    # the plate goes on to the second strike and beyond, the window does not
+    rows = plate.time_s <= trial.end_s + 1e-9
     assert walk.time_s[-1] == pytest.approx(trial.end_s) and not rows.all()
     np.testing.assert_allclose(walk.time_s, plate.time_s[rows], atol=1e-9)
     force, cop = plate.force_W[rows], plate.cop_W[rows]
@@ -635,8 +642,9 @@ def test_on_the_exact_tier_the_route_reproduces_the_plate_and_noise_is_two_newto
 
 
 def test_without_the_shared_errors_each_trial_keeps_only_constants_of_its_own():
-    """Of the size that the tier draws: 0.1 degrees and 0.4 mm; what changes with time is what the stride's five digits
-    in draws.csv leave, 1e-5 of a phase times errors of some 0.5 degrees a radian."""
+    """Of the size that the tier draws: 0.1 degrees and 0.4 mm; what changes with time is what the
+    stride's five digits in draws.csv leave, 1e-5 of a phase times errors of some 0.5 degrees a
+    radian."""
     constants = []
     for name in NAMES:
         exact = tier(name, "exact").trajectory.ordered(COORDINATES)
@@ -652,7 +660,8 @@ def test_without_the_shared_errors_each_trial_keeps_only_constants_of_its_own():
 
 @pytest.mark.slow
 def test_a_height_that_was_put_in_is_found(monkeypatch):
-    """The exact kinematics 2 mm too low under the exact plate: 2 mm are found and the error is gone."""
+    """The exact kinematics 2 mm too low under the exact plate: 2 mm are found and the error is
+    gone."""
     trial = tier("high_1", "exact")
     lowered = trial.trajectory.ordered(COORDINATES)
     values = lowered.values - 2e-3 * np.isin(COORDINATES, "pelvis_ty")
@@ -682,9 +691,8 @@ def test_what_has_no_floor_is_refused():
 def test_the_stored_floor_is_of_all_trials_and_falls_as_errors_are_taken_off(stored):
     assert stored["synthetic"] is True and set(stored["trials"]) == set(NAMES)
     assert stored["provenance"]["seed"] == SEED
-    assert len(stored["provenance"]["inputs_sha256"]) == 2 + 2 * 3 * len(
-        NAMES
-    )  # the subject, the model, trials
+    # the subject, the model, trials
+    assert len(stored["provenance"]["inputs_sha256"]) == 2 + 2 * 3 * len(NAMES)
     for name, row in stored["trials"].items():
         order = [
             row[kind]["grf_rmse_bw"]

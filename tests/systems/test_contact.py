@@ -1,5 +1,5 @@
-"""Normal forces on the plane and the machine's platen against the laws by hand. Friction and reaction are in
-test_foot_forces, where one system does the same in another way."""
+"""Normal forces on the plane and the machine's platen against the laws by hand. Friction and
+reaction are in test_foot_forces, where one system does the same in another way."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ FOAM = {
 
 
 def evaluate(system, v=v_WB, **inputs):
-    """Every output by name; the sites are on one body, with the moment and force at its origin summed."""
+    """Every output by name; the sites are on one body, with the moment and force at its origin
+    summed."""
     context = system.CreateDefaultContext()
     for name, value in (
         ("body_poses", X_WB),

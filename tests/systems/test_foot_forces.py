@@ -1,4 +1,5 @@
-"""The foot's forces from one system: against separate systems, AutoDiffXd, momentum, closed forms of the ground."""
+"""The foot's forces from one system: against separate systems, AutoDiffXd, momentum, closed forms
+of the ground."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import AffineSystem
 
-from vsf_drake.ground import Ground, GroundPatch
+from vsf_drake.model.ground import Ground, GroundPatch
 from vsf_drake.plants import add_foot
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS
 from vsf_drake.plants.wiring import (
@@ -206,7 +207,8 @@ def test_compiled_forces_equal_those_of_the_array_laws(feet, contact, ground):
 
 
 def momentum_rate(foot: LooseFoot) -> np.ndarray:
-    """(6,) rate of angular momentum about the origin of W and of momentum, by central differences along the motion."""
+    """(6,) rate of angular momentum about the origin of W and of momentum, by central differences
+    along the motion."""
     derivative = foot.diagram.EvalTimeDerivatives(foot.context).CopyToVector()
     state = foot.plant.GetPositionsAndVelocities(foot.plant_context)
     other, momentum = foot.plant.CreateDefaultContext(), []
@@ -227,9 +229,9 @@ def momentum_rate(foot: LooseFoot) -> np.ndarray:
     ],
 )
 def test_momentum_changes_by_what_the_ground_gives_and_by_nothing_else(contact, slope_deg):
-    """Springs, support and servo are internal. Force and free moment act at the centre of pressure, across the mean
-    normal; of Drake's own contact they are read from the plant's contact results. Moments are about a point 0.2 m below
-    the ground."""
+    """Springs, support and servo are internal. Force and free moment act at the centre of pressure,
+    across the mean normal; of Drake's own contact they are read from the plant's contact results.
+    Moments are about a point 0.2 m below the ground."""
     ground = Ground(patches=(GroundPatch(slope_deg=slope_deg, height_m=0.2),))
     foot = loose_foot(contact=contact, gravity_W=np.zeros(3), ground=ground)
     R = RotationMatrix.MakeYRotation(-np.radians(slope_deg))

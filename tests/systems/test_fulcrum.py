@@ -1,4 +1,5 @@
-"""Motor, screw and carriage: speeds, energies and limits that follow in closed form from its parameters."""
+"""Motor, screw and carriage: speeds, energies and limits that follow in closed form from its
+parameters."""
 
 from __future__ import annotations
 
@@ -10,9 +11,9 @@ import pytest
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.systems.analysis import Simulator
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.laws import lead_screw as law
-from vsf_drake.parameters import ActuatorParameters
+from vsf_drake.model.parameters import ActuatorParameters
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumActuator_
 
 P = ActuatorParameters()
@@ -34,7 +35,8 @@ OUTPUTS = (
 
 
 def run(*, start=0.108, accuracy=1e-6, parameters=None, **inputs):
-    """A simulator of the actuator alone; inputs are desired_position, enabled, support_force, axial_load."""
+    """A simulator of the actuator alone; inputs are desired_position, enabled, support_force,
+    axial_load."""
     actuator = FulcrumActuator(initial_position=start, parameters=parameters)
     simulator = Simulator(actuator)
     context = simulator.get_mutable_context()
@@ -61,7 +63,8 @@ def limit_voltage():
 
 
 def motor_line(load):
-    """Speed (m/s) and electrical power (W) of the steady motion against `load` (N), from the parameters."""
+    """Speed (m/s) and electrical power (W) of the steady motion against `load` (N), from the
+    parameters."""
     torque = (
         load / TURNS / law.driving_efficiency(TANGENT, FRICTION) / P.gear_ratio
         + P.motor_friction_n_m
@@ -98,7 +101,8 @@ def test_steady_speed_and_power_are_those_of_the_motor_line(support, axial):
 
 
 def test_energy_taken_is_kinetic_energy_and_work_and_losses():
-    """While it gets under way, runs, brakes before the target and rests; the motor is switched off at 0.3 s."""
+    """While it gets under way, runs, brakes before the target and rests; the motor is switched off
+    at 0.3 s."""
     actuator, simulator, context = run(
         start=0.12, desired_position=0.145, enabled=1.0, support_force=20.0
     )
@@ -128,9 +132,8 @@ def test_switched_off_it_stops_within_the_brake_s_distance_and_takes_nothing_mor
         / (P.torque_constant_n_m_per_a * P.gear_ratio * TURNS) ** 2
     )
     travel = after["fulcrum_position"] - before["fulcrum_position"]
-    assert (
-        0.0 < travel < before["carriage_velocity"] * constant
-    )  # the shorted motor alone would take that far
+    # the shorted motor alone would take that far
+    assert 0.0 < travel < before["carriage_velocity"] * constant
     assert abs(after["carriage_velocity"]) < 1e-6
     assert after["energy"] == before["energy"]
 
@@ -145,7 +148,8 @@ def test_it_stays_within_its_travel_whatever_is_wanted():
 
 
 def test_nothing_is_fed_back_into_the_supply():
-    """Coming in to the target the motor is a generator for a while: the energy taken stands still, never falls."""
+    """Coming in to the target the motor is a generator for a while: the energy taken stands still,
+    never falls."""
     actuator, simulator, context = run(start=0.12, desired_position=0.14, enabled=1.0)
     taken, current = [], []
     while context.get_time() < 0.4:
@@ -171,7 +175,8 @@ STATE = np.array([0.12, 0.03, 0.1, 0.2, 0.3])
     ],
 )
 def test_derivatives_equal_central_differences(state, axial):
-    """By the state, all four inputs and four parameters, in every branch of the laws; finite at rest without load."""
+    """By the state, all four inputs and four parameters, in every branch of the laws; finite at
+    rest without load."""
     actuator = FulcrumActuator()
     names = ("desired_position", "enabled", "support_force", "axial_load")
     constants = ("thread_friction", "winding_resistance_ohm", "rail_friction", "carriage_mass")

@@ -1,5 +1,5 @@
-"""Socket and driver: the law of each joint in its place among the generalized forces; the keel's are in
-test_foot_forces."""
+"""Socket and driver: the law of each joint in its place among the generalized forces; the keel's
+are in test_foot_forces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The controller moves the fulcrum in swing only, whatever tells it of swing; its sensor and recorder."""
+"""The controller moves the fulcrum in swing only, whatever tells it of swing; its sensor and
+recorder."""
 
 from __future__ import annotations
 
@@ -16,14 +17,15 @@ from pydrake.math import (
 from pydrake.multibody.math import SpatialVelocity, SpatialVelocity_
 from pydrake.systems.analysis import Simulator
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 
 PERIOD = 5e-3
 
 
 def follow(system, inputs, *, period=PERIOD):
-    """Every output after each sample of `inputs`, dicts of port values; a value stays until it is given anew."""
+    """Every output after each sample of `inputs`, dicts of port values; a value stays until it is
+    given anew."""
     simulator = Simulator(system)
     context, rows = simulator.get_mutable_context(), []
     for k, given in enumerate(inputs):
@@ -46,20 +48,11 @@ def loads(*newtons):
 
 def test_swing_needs_the_load_to_stay_away_for_the_debounce_time():
     inputs = loads(600, 15, 15, 15, 15, 15, 15, 600)
-    inputs[6]["desired_position"] = (
-        0.07  # too late: the position wanted at the onset of swing holds until the next
-    )
+    # too late: the position wanted at the onset of swing holds until the next
+    inputs[6]["desired_position"] = 0.07
     enabled, phase, commanded = follow(SwingController(), inputs)
-    assert phase.tolist() == [
-        0,
-        1,
-        1,
-        1,
-        1,
-        2,
-        2,
-        0,
-    ]  # 20 ms are four periods after the first unloaded sample
+    # 20 ms are four periods after the first unloaded sample
+    assert phase.tolist() == [0, 1, 1, 1, 1, 2, 2, 0]
     assert enabled.tolist() == [0, 0, 0, 0, 0, 1, 1, 0]
     assert commanded.tolist() == [0.108] * 5 + [0.14] * 3
 
@@ -101,8 +94,9 @@ def test_a_desired_position_that_is_not_a_number_or_in_millimetres_is_refused(po
 
 
 def shank_cycle():
-    """Lean (rad) and rate of the shank of level walking, one stride of 1.1 s, by samples of the period; toe-off at
-    0.62 of the stride, initial contact at its end. The shape of level walking, in five straight strokes."""
+    """Lean (rad) and rate of the shank of level walking, one stride of 1.1 s, by samples of the
+    period; toe-off at 0.62 of the stride, initial contact at its end. The shape of level walking,
+    in five straight strokes."""
     share = np.arange(0, 1.1, PERIOD) / 1.1
     lean = np.radians(
         np.interp(share, [0, 0.12, 0.45, 0.68, 0.95, 1.0], [-17, -2, 21, 50, -19, -17])
@@ -158,8 +152,8 @@ def test_a_controller_that_cannot_be_is_refused(arguments, words):
 
 
 def test_recorder_adds_up_the_swings_and_the_energy_of_each_adjustment():
-    """Two swings to get there, a swing without need, one more adjustment of one swing, which takes 0.1 J before it is
-    seen enabled."""
+    """Two swings to get there, a swing without need, one more adjustment of one swing, which takes
+    0.1 J before it is seen enabled."""
     rows = [
         (0, 0.0, 0.05),
         (1, 0.0, 0.05),
@@ -201,9 +195,8 @@ def test_leaning_forward_is_positive_whatever_the_heading():
             R_WB = RotationMatrix.MakeZRotation(heading) @ RotationMatrix.MakeYRotation(lean)
             leftward = RotationMatrix.MakeZRotation(heading).col(1)
             np.testing.assert_allclose(angle(R_WB, 2.5 * leftward), [lean, 2.5], atol=1e-14)
-            np.testing.assert_allclose(
-                angle(R_WB, [0.0, 0.0, 3.0]), [lean, 0.0], atol=1e-14
-            )  # turning on the spot
+            # turning on the spot
+            np.testing.assert_allclose(angle(R_WB, [0.0, 0.0, 3.0]), [lean, 0.0], atol=1e-14)
 
 
 def test_rate_is_the_derivative_of_the_angle_in_any_motion():

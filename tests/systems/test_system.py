@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import inspect
+import sys
 import weakref
 
 import built_diagrams
@@ -14,9 +16,10 @@ from made_systems import one_of_each, public_diagrams, public_systems
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import DiagramBuilder, PortDataType
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.plants.station import Station
 from vsf_drake.systems import KeelElasticity
+from vsf_drake.systems._system import System, system_template
 from vsf_drake.systems.fulcrum import FulcrumCommand
 
 # Parameters by name
@@ -44,7 +47,8 @@ def test_parameters_are_read_and_set_by_name_a_scalar_for_all(keel):
 
 
 def test_unknown_names_wrong_shapes_and_contexts_of_others_are_refused_before_anything_is_set(keel):
-    """A numeric parameter is a number in order: of two keels alike, the other's would be changed unseen."""
+    """A numeric parameter is a number in order: of two keels alike, the other's would be changed
+    unseen."""
     context = keel.CreateDefaultContext()
     for values, message in (
         ({"dampng": 1.0}, "known are stiffness, damping"),
@@ -111,7 +115,8 @@ def test_bounds_hold_for_autodiff_too(keel):
 
 
 def collect() -> None:
-    """Three rounds: what a converted diagram holds in C++ is seen only after the diagram itself has gone."""
+    """Three rounds: what a converted diagram holds in C++ is seen only after the diagram itself has
+    gone."""
     for _ in range(3):
         gc.collect()
 
@@ -153,9 +158,8 @@ def test_systems_end_with_their_last_reference_and_with_their_diagram_and_the_co
 # Docstrings and declarations agree: ports, their order and sizes, and parameters
 
 
-IN_A_TABLE = {
-    Station
-}  # its ports depend on the scenario and stand in the module's table: tests/plants tests it
+# its ports depend on the scenario and stand in the module's table: tests/plants tests it
+IN_A_TABLE = {Station}
 
 
 def test_port_blocks_and_docstrings_say_what_is_declared():
@@ -183,3 +187,29 @@ def test_port_blocks_and_docstrings_say_what_is_declared():
         parameters = set(getattr(system, "parameter_names", ()))
         text = port_text.sections(cls.__doc__).get("Parameters in the Context", "")
         assert parameters == port_text.listed_parameters(text, parameters), name
+
+
+# Imports are quick
+
+
+def test_the_classes_of_a_system_are_made_without_reading_the_source_of_whoever_imports_it(
+    monkeypatch,
+):
+    """pydrake asks for the whole call stack, source and all, for each class; read as many importers
+    deep as there are, it was nine of the thirteen seconds of an import."""
+    stack = inspect.stack
+    seen = []
+
+    def counted(context=1):
+        seen.append(stack(context))
+        return seen[-1]
+
+    monkeypatch.setattr(inspect, "stack", counted)
+
+    class Empty(System):
+        pass
+
+    made = system_template()(Empty)
+    assert made is made.template[float] and made.template[AutoDiffXd] is not made
+    here = sys._getframe().f_code
+    assert seen and not any(frame.frame.f_code is here for frames in seen for frame in frames)

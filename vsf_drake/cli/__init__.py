@@ -1,4 +1,5 @@
-"""The command line: `main`, which answers signals and errors; a command's module adds it when it is imported."""
+"""The command line: `main`, which answers signals and errors; a command's module adds it when it is
+imported."""
 
 from __future__ import annotations
 
@@ -10,37 +11,48 @@ import sys
 import threading
 from typing import Any, Self
 
-from vsf_drake.cli.guide import GUIDES, guide_to
-from vsf_drake.errors import (
+from vsf_drake.base.errors import (
     InputError,
     SimulationError,
     VsfError,
     interrupted_lately,
     note_interruption,
 )
+from vsf_drake.cli.guide import GUIDES, guide_to
 
-RAISED_AGAIN_S = 0.05  # how long after a signal fell into a callback of compiled code it is raised once more (a choice)
+# how long after a signal fell into a callback of compiled code it is raised once more (a choice)
+RAISED_AGAIN_S = 0.05
 INTERRUPTED = "interrupted; results are written whole or not at all"
 
 
 def main() -> None:
-    """Runs the command line; a user's mistake ends with one message and exit code 2, a failed simulation with 3.
+    """Runs the command line; a user's mistake ends with one message and exit code 2, a failed
+    simulation with 3.
 
-    SIGTERM and the closing of the terminal end it as Ctrl-C does, with exit codes 143 and 129. Where it does not run in
-    the main thread, signals are left to the caller.
+    SIGTERM and the closing of the terminal end it as Ctrl-C does, with exit codes 143 and 129.
+    Where it does not run in the main thread, signals are left to the caller.
     """
     with _Signals() as signals:
         code = _ended(signals)
-    sys.exit(
-        code
-    )  # out here, where no traceback keeps parts of Drake into Python's own end, which may abort on them
+    # out here, where no traceback keeps parts of Drake into Python's own end, which may abort on
+    # them
+    sys.exit(code)
 
 
 def _ended(signals: _Signals) -> int | str | None:
     """Runs the command, and says what there is to say of how it ended; the exit code."""
     try:  # the commands are loaded here, where a signal already finds its answer
-        from vsf_drake.cli import device, doctor, fit, recordings, stiffness_map, study, sweep, tune  # noqa: F401
-        from vsf_drake.cli.app import app
+        from vsf_drake.cli import (  # noqa: F401
+            device,
+            doctor,
+            fit,
+            recordings,
+            stiffness_map,
+            study,
+            sweep,
+            tune,
+        )
+        from vsf_drake.cli.app import PlainCommand, app
 
         order = {name: place for place, name in enumerate(GUIDES)}
         app.registered_commands.sort(
@@ -48,12 +60,13 @@ def _ended(signals: _Signals) -> int | str | None:
                 str(each.name or getattr(each.callback, "__name__", "")), len(order)
             )
         )
+        for each in app.registered_commands:
+            each.cls = PlainCommand
         app()
     except (SystemExit, KeyboardInterrupt) as ended:
         signals.answer_no_more()
-        if (
-            isinstance(ended, SystemExit) and ended.code != 128 + signal.SIGINT
-        ):  # Typer's word for it, and ours
+        # Typer's word for it, and ours
+        if isinstance(ended, SystemExit) and ended.code != 128 + signal.SIGINT:
             return ended.code
         said = isinstance(ended, SystemExit) and isinstance(
             ended.__cause__ or ended.__context__, KeyboardInterrupt
@@ -63,21 +76,20 @@ def _ended(signals: _Signals) -> int | str | None:
         return 128 + signals.ended_by
     except Exception as error:
         signals.answer_no_more()
-        if (
-            interrupted_lately()
-        ):  # compiled code of others makes errors of its own of an interruption
+        # compiled code of others makes errors of its own of an interruption
+        if interrupted_lately():
             print(f"{INTERRUPTED} ({type(error).__name__}: {error})", file=sys.stderr)
             return 128 + signals.ended_by
         from vsf_drake.cli.app import fail
 
         if isinstance(error, ImportError | OSError) and not _drake_loads():
             fail(
-                f"Drake cannot be imported: {type(error).__name__}: {error}. vsf-drake doctor says what to do"
+                f"Drake cannot be imported: {type(error).__name__}: {error}. vsf-drake doctor "
+                "says what to do"
             )
             return SimulationError.exit_code
-        if isinstance(
-            error, OSError
-        ):  # of a file that nobody asked for: a full disk under a compiler's cache
+        # of a file that nobody asked for: a full disk under a compiler's cache
+        if isinstance(error, OSError):
             error = InputError(error.strerror or str(error), file=error.filename)
         if not isinstance(error, VsfError):
             raise
@@ -98,7 +110,8 @@ def _drake_loads() -> bool:
 
 
 class _Signals:
-    """While it is entered SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt, unless a caller has set them."""
+    """While it is entered SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt, unless a caller has
+    set them."""
 
     def __init__(self) -> None:
         self.ended_by = signal.SIGINT
@@ -135,9 +148,8 @@ class _Signals:
             signal.signal(each, signal.SIG_IGN)
 
     def _interrupt(self, number: int, frame: Any) -> None:
-        if (
-            number == signal.SIGHUP
-        ):  # what is said from now on goes nowhere: to the closed terminal it were an error
+        # what is said from now on goes nowhere: to the closed terminal it were an error
+        if number == signal.SIGHUP:
             nowhere = os.open(os.devnull, os.O_RDWR)
             for stream in (1, 2):
                 if stat.S_ISCHR(os.fstat(stream).st_mode):

@@ -1,4 +1,5 @@
-"""What the commands share: the application, what they say, their progress bar and common options."""
+"""What the commands share: the application, what they say, their progress bar and common
+options."""
 
 from __future__ import annotations
 
@@ -13,26 +14,44 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
+from typer.core import TyperCommand
 
 from vsf_drake import __version__
-from vsf_drake.errors import InputError
-from vsf_drake.files import user_path
+from vsf_drake.base.errors import require
+from vsf_drake.base.files import user_path
+from vsf_drake.base.schema import SEED
 
 if TYPE_CHECKING:
+    from vsf_drake.model.parameters import ModelParameters
     from vsf_drake.motion.trial import Trial
-    from vsf_drake.parameters import ModelParameters
+
+
+class PlainCommand(TyperCommand):
+    """A command whose help names arguments without their Python types."""
+
+    def get_params(self, ctx: Any) -> Any:
+        """The parameters, for reading and for help."""
+        params = super().get_params(ctx)
+        for param in params:
+            if param.param_type_name == "argument":
+                # some versions of Typer write list[Path]
+                vars(param)["display_type_rich"] = lambda ctx: None
+        return params
+
 
 app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     help="A variable-stiffness foot prosthesis on the bench and under a walking person.",
 )
 console = Console(markup=False, highlight=False, emoji=False)
 errors = Console(stderr=True, markup=False, highlight=False, emoji=False)
 """What they print may hold a user's names: nothing in it is markup."""
 
-COLUMNS = 80  # of a line of results: a terminal's usual width
+COLUMNS = 80  # of a line of results on a terminal: its usual width
+FILE_COLUMNS = 10_000  # of a table in a file: what none has
 INTERRUPTED = 130  # what Typer ends with after Ctrl-C
 
 path = user_path  # a path that a user gave, with ~ expanded
@@ -44,7 +63,10 @@ Model = Annotated[
     Path | None,
     typer.Option(
         parser=path,
-        help="Model file (YAML) instead of the nominal one, such as package://vsf_drake/soft_support.yaml.",
+        help=(
+            "Model file (YAML) instead of the nominal one, such as "
+            "package://vsf_drake/soft_support.yaml."
+        ),
     ),
 ]
 Contact = Annotated[
@@ -54,12 +76,13 @@ Contact = Annotated[
 Trials = Annotated[
     list[Path], typer.Argument(parser=path, metavar="TRIAL.yaml...", help="Trial manifests.")
 ]
-Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
+Workers = Annotated[int | None, typer.Option(help="Processes. Default: one per core.", min=1)]
+Seed = Annotated[int, typer.Option(help=SEED, min=0)]
 
 
 def say(line: str) -> None:
-    """A line; a terminal breaks it between words but for where things are written, a file nowhere. One that begins with
-    "! " stands out."""
+    """A line; a terminal breaks it between words but for where things are written, a file nowhere.
+    One that begins with "! " stands out."""
     console.print(
         line,
         style="bold yellow" if line.startswith("! ") else None,
@@ -84,13 +107,15 @@ def interrupted(line: str) -> NoReturn:
 
 
 def print_text(template: str, /, **facts: Any) -> None:
-    """Prints what `templates/TEMPLATE.txt.j2` makes of a command's results, line by line; "! " makes one stand out.
+    """Prints what `templates/TEMPLATE.txt.j2` makes of a command's results, line by line; "! "
+    makes one stand out.
 
-    A line of more than COLUMNS goes on, indented, in the next one; only a word that is longer itself stays whole. A
-    table is `{% call table("heading", ..., title="", right=[1]) %}`, a line a row, with │ between its cells; one that
-    no narrow screen cuts is `{% call columns(right=[1]) %}`.
+    On a terminal a line of more than COLUMNS goes on, indented, in the next one; only a word that
+    is longer itself stays whole. Elsewhere every line and every row of a table is one. A table is
+    `{% call table("heading", ..., title="", right=[1]) %}`, a line a row, with │ between its cells;
+    one that no narrow screen cuts is `{% call columns(right=[1]) %}`.
     """
-    from vsf_drake.sentences import text_templates
+    from vsf_drake.base.sentences import text_templates
 
     tables: list[Table | str] = []
 
@@ -139,16 +164,19 @@ def print_text(template: str, /, **facts: Any) -> None:
             else value
         )
 
-    pages = text_templates("cli/templates").overlay(finalize=one_cell)
+    pages = text_templates("cli/templates", "wording").overlay(finalize=one_cell)
     text = pages.get_template(f"{template}.txt.j2").render(facts, table=table, columns=columns)
     for line in filter(None, text.split("\n")):
         made = tables[int(line[1:])] if line.startswith("\f") else None
         if isinstance(made, Table):
+            if not console.is_terminal:
+                console.width = FILE_COLUMNS
             console.print(made)
+        elif made or not console.is_terminal:
+            say(made or line)
         else:
             say(
-                made
-                or "\n".join(
+                "\n".join(
                     textwrap.wrap(
                         line,
                         COLUMNS,
@@ -162,9 +190,9 @@ def print_text(template: str, /, **facts: Any) -> None:
 
 def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:
     """The model of a file, or the nominal one, with the fitted contact of another."""
-    from vsf_drake.contact_file import load_contact, model_with
-    from vsf_drake.files import resource
-    from vsf_drake.model_file import load_model
+    from vsf_drake.base.files import resource
+    from vsf_drake.model.contact_file import load_contact, model_with
+    from vsf_drake.model.model_file import load_model
 
     model = load_model(path or resource("models/nominal.yaml"))
     return (
@@ -174,7 +202,7 @@ def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:
 
 def read_trials(paths: list[Path], contact: Path | None) -> list[Trial]:
     """The trials of manifests, with the fitted contact if there is one."""
-    from vsf_drake.contact_file import load_contact
+    from vsf_drake.model.contact_file import load_contact
     from vsf_drake.motion.fitted_trial import trial_with
     from vsf_drake.motion.trial import load_trial
 
@@ -187,24 +215,25 @@ def read_trials(paths: list[Path], contact: Path | None) -> list[Trial]:
 
 def contact_hash(path: Path | None) -> dict[str, str]:
     """SHA-256 of a fitted contact, by the name under which results have it; none for None."""
-    from vsf_drake.files import sha256
+    from vsf_drake.base.files import sha256
 
     return {} if path is None else {f"contact: {path.name}": sha256(path)}
 
 
 def check_contact_use(contact: Path | None, *, fit_offsets: bool) -> None:
     """Raises InputError for a fitted contact together with --fit-offsets."""
-    if contact is not None and fit_offsets:
-        raise InputError(
-            "cannot go with --contact, whose fit has found the offsets already",
-            where="--fit-offsets",
-            right="Leave one of them out",
-        )
+    require(
+        contact is None or not fit_offsets,
+        "cannot go with --contact, whose fit has found the offsets already",
+        "--fit-offsets",
+        "Leave one of them out",
+    )
 
 
 @contextmanager
 def progress() -> Iterator[Callable[[str, float], None]]:
-    """A bar that disappears when done; called with what is being done and the finished fraction of it."""
+    """A bar that disappears when done; called with what is being done and the finished fraction of
+    it."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),

@@ -9,9 +9,10 @@ from typing import Annotated
 
 import typer
 
+from vsf_drake.base.errors import require
 from vsf_drake.cli import app as cli
 from vsf_drake.cli.app import Contact, Model, Out, app, path, progress, say
-from vsf_drake.errors import InputError
+from vsf_drake.cli.recordings import judged
 
 
 @app.command()
@@ -22,15 +23,19 @@ def bench(
     fulcrum_mm: Annotated[
         list[float] | None,
         typer.Option(
-            help="Fulcrum position from the keel's posterior end; may be repeated. Default: the paper's five."
+            metavar="MM",
+            help=(
+                "Fulcrum position from the keel's posterior end; may be repeated. Default: the "
+                "paper's five."
+            ),
         ),
     ] = None,
     max_load_n: Annotated[float, typer.Option(help="Load at which a pass ends.")] = 600.0,
     speed_mm_per_min: Annotated[float, typer.Option(help="Speed of the platen.")] = 50.0,
     heel: Annotated[bool, typer.Option(help="Test the heel too.")] = True,
 ) -> None:
-    """Presses the foot in the testing machine: stiffness at each fulcrum position and at the heel."""
-    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
+    """Presses the foot in the testing machine: stiffness at each fulcrum position and at the
+    heel."""
     from vsf_drake.report.outputs import BENCH, write_bench
     from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, run_bench
 
@@ -61,7 +66,10 @@ def export(
     fulcrum_mm: Annotated[
         float,
         typer.Option(
-            help="Fulcrum position, from the keel's posterior end, in the files in which it is fixed."
+            help=(
+                "Fulcrum position, from the keel's posterior end, in the files in which it is "
+                "fixed."
+            )
         ),
     ] = 108.0,
     form: Annotated[
@@ -83,31 +91,36 @@ def export(
 ) -> None:
     """Writes the rigid foot with its lumped springs as SDF and MJCF.
 
-    vsf_foot.sdf is for find_foot and wire_foot, which add the movable fulcrum; the other files are complete without
-    this package, at one fulcrum position. The comment at the top of each file says what its format cannot hold.
+    vsf_foot.sdf is for find_foot and wire_foot, which add the movable fulcrum; the other files are
+    complete without this package, at one fulcrum position. The comment at the top of each file says
+    what its format cannot hold.
     """
-    from vsf_drake.files import sha256, write_text
-    from vsf_drake.model_file import check_fulcrum
+    from vsf_drake.base.files import sha256, write_text
+    from vsf_drake.base.schema import to_plain
+    from vsf_drake.base.yaml_file import dump
+    from vsf_drake.model.model_file import check_fulcrum
     from vsf_drake.plants.export import foot_mjcf, foot_sdf
     from vsf_drake.report.results_folder import ResultsFolder
-    from vsf_drake.schema import to_plain
     from vsf_drake.simulation.archive import provenance, result_folder
-    from vsf_drake.yaml_file import dump
 
     ResultsFolder(kind="export", command="export", sidecar="export.yaml").check(out)
-    foot, fulcrum_m = cli.model_of(model, contact).foot, 1e-3 * fulcrum_mm
-    if form not in ("sdf", "mjcf", "both"):
-        raise InputError(
-            f"{form!r} is not known", where="format", right="Known are sdf, mjcf, both"
-        )
-    if form == "mjcf" and not (springs and collision):
-        raise InputError(
-            "an MJCF file always has springs and contact spheres",
-            where="format",
-            right="Leave --no-springs and --no-collision out, or write SDF",
-        )
+    foot = cli.model_of(model, contact).foot
+    fulcrum_m = 1e-3 * fulcrum_mm
+    require(
+        form in ("sdf", "mjcf", "both"),
+        f"{form!r} is not known",
+        "format",
+        "Known are sdf, mjcf, both",
+    )
+    require(
+        form != "mjcf" or (springs and collision),
+        "an MJCF file always has springs and contact spheres",
+        "format",
+        "Leave --no-springs and --no-collision out, or write SDF",
+    )
     check_fulcrum(fulcrum_m, foot, where="fulcrum")
-    fixed, texts = f"vsf_foot_at_{1e3 * fulcrum_m:g}mm", {}
+    fixed = f"vsf_foot_at_{1e3 * fulcrum_m:g}mm"
+    texts = {}
     if form != "mjcf":
         texts = {
             "vsf_foot.sdf": foot_sdf(foot, springs=springs, collision=collision),
@@ -152,7 +165,8 @@ def show(
         typer.Option(
             parser=path,
             help=(
-                "subject.yaml or a trial manifest, for a person; default: the embedded reference subject."
+                "subject.yaml or a trial manifest, for a person; default: the embedded reference "
+                "subject."
             ),
         ),
     ] = None,
@@ -172,19 +186,22 @@ def show(
         typer.Option(
             parser=path,
             help=(
-                "Write one page that opens without a network, with an animation instead of sliders, and exit."
+                "Write one page that opens without a network, with an animation instead of "
+                "sliders, and exit."
             ),
         ),
     ] = None,
 ) -> None:
-    """Shows the model in a browser, with sliders for every joint, the fulcrum and a load on the keel."""
-    from vsf_drake.files import resource
+    """Shows the model in a browser, with sliders for every joint, the fulcrum and a load on the
+    keel."""
+    from vsf_drake.base.files import resource
     from vsf_drake.motion.trial import load_subject
     from vsf_drake.report.show.scene import show_model, write_model_page
 
     if what == "person" and subject is None:
         subject = resource("data/reference_subject/subject.yaml")
-    person, shown = None if subject is None else load_subject(subject), cli.model_of(model, contact)
+    person = None if subject is None else load_subject(subject)
+    shown = cli.model_of(model, contact)
     if html is not None:
         write_model_page(what, shown, html, person, keel_joints=keel_joints)
         say(f"written to {html}")
@@ -220,10 +237,10 @@ def stand(
         ),
     ] = False,
 ) -> None:
-    """Simulates standing at anatomically neutral angles: does the ground carry the weight, and how much each foot?"""
-    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.contact_file import load_contact
-    from vsf_drake.files import sha256
+    """Simulates standing at anatomically neutral angles: does the ground carry the weight, and how
+    much each foot?"""
+    from vsf_drake.base.files import sha256
+    from vsf_drake.model.contact_file import load_contact
     from vsf_drake.motion.fitted_trial import check_person
     from vsf_drake.motion.trial import load_subject
     from vsf_drake.report.outputs import STANDING, write_standing
@@ -245,8 +262,9 @@ def stand(
         )
     if contact:
         note = (
-            f"The model has the fitted contact of {contact.name} (SHA-256 {sha256(contact)}); what the fit adds to "
-            "offsets and joint angles belongs to its recordings and is left out."
+            f"The model has the fitted contact of {contact.name} (SHA-256 {sha256(contact)}); "
+            "what the fit adds to offsets and joint angles belongs to its recordings and is left "
+            "out."
         )
         standing = dataclasses.replace(standing, notes=(note, *standing.notes))
     cli.print_text("standing", **vars(write_standing(standing, out)))
@@ -262,8 +280,9 @@ def simulate(
         typer.Option(
             parser=path,
             help=(
-                "File that `fit` wrote; its values replace the model's. none: the unfitted foot. Default: the embedded "
-                "contact for embedded trials, unless offsets are fitted, else none."
+                "File that `fit` wrote; its values replace the model's. none: the unfitted foot. "
+                "Default: the embedded contact for embedded trials, unless offsets are fitted, "
+                "else none."
             ),
         ),
     ] = None,
@@ -278,7 +297,8 @@ def simulate(
         float | None,
         typer.Option(
             help=(
-                "Fulcrum position from the keel's posterior end, under the same motion. Default: the trial's."
+                "Fulcrum position from the keel's posterior end, under the same motion. Default: "
+                "the trial's."
             )
         ),
     ] = None,
@@ -288,40 +308,41 @@ def simulate(
         bool, typer.Option("--opensim", help="Also write walk_ik.mot and walk_grf.mot for OpenSim.")
     ] = False,
 ) -> None:
-    """Drives the person with recorded motion and compares the predicted ground reaction force with the force plate."""
-    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.analysis.metrics import UNFITTED, unfitted_note
-    from vsf_drake.analysis.prediction import layers_of
-    from vsf_drake.analysis.validation.study import embedded_contact_beside, walk_trial
-    from vsf_drake.contact_file import load_contact
-    from vsf_drake.model_file import check_fulcrum
+    """Drives the person with recorded motion and compares the predicted ground reaction force with
+    the force plate."""
+    from vsf_drake.base.sentences import say as sentences
+    from vsf_drake.model.contact_file import load_contact
+    from vsf_drake.model.model_file import check_fulcrum
     from vsf_drake.motion.fitted_trial import trial_with
     from vsf_drake.report.outputs import WALK, write_walk
-    from vsf_drake.sentences import say as sentences
     from vsf_drake.simulation.walk import Walker
+    from vsf_drake.walks.embedded import embedded_contact_beside
+    from vsf_drake.walks.metrics import UNFITTED, unfitted_note
+    from vsf_drake.walks.prediction import layers_of
+    from vsf_drake.walks.quantities import JUDGED, quantity
+    from vsf_drake.walks.recorded_walk import walk_trial
 
     embedded = embedded_contact_beside(trial) if contact is None and not fit_offsets else None
     contact = embedded if contact is None else None if contact == Path("none") else contact
     cli.check_contact_use(contact, fit_offsets=fit_offsets)
-    if fit_offsets and fulcrum_mm is not None:
-        raise InputError(
-            "cannot go with --fit-offsets: the plate is of the recorded setting",
-            where="--fulcrum-mm",
-            right="Leave one of them out; where the manifest's setting is wrong, correct it there",
-        )
-    WALK.check(out)
-    fitted, step_s, layers = (
-        None if contact is None else load_contact(contact),
-        1e-3 * step_ms,
-        None,
+    require(
+        not fit_offsets or fulcrum_mm is None,
+        "cannot go with --fit-offsets: the plate is of the recorded setting",
+        "--fulcrum-mm",
+        "Leave one of them out; where the manifest's setting is wrong, correct it there",
     )
-    [recorded] = cli.read_trials([trial], None)
+    WALK.check(out)
+    fitted = None if contact is None else load_contact(contact)
+    step_s = 1e-3 * step_ms
+    layers = None
+    [recorded] = judged(cli.read_trials([trial], None))
     if fitted is None:
         note = unfitted_note(recorded, offsets_fitted=fit_offsets)
         walked = dataclasses.replace(recorded, notes=(note, *recorded.notes))
     else:
         walked = trial_with(recorded, fitted, file=contact)
-    moved, layered = None, fitted is not None and bool(fitted.momentum or fitted.discrepancy)
+    moved = None
+    layered = fitted is not None and bool(fitted.momentum or fitted.discrepancy)
     if fulcrum_mm is not None:
         fulcrum_m = check_fulcrum(1e-3 * fulcrum_mm, walked.model.foot, where="--fulcrum-mm")
     if fulcrum_mm is not None and not math.isclose(fulcrum_m, recorded.fulcrum_m, abs_tol=1e-6):
@@ -351,12 +372,15 @@ def simulate(
     why_not = "" if layers is None else layers.correction.why_not
     cli.print_text(
         "walk",
-        **metrics | {"trial": recorded.name},
+        **metrics | {"trial": recorded.name, "layers": layers},
+        error_bw=metrics[JUDGED],
+        percent=quantity(JUDGED).told,
         mm=1e3 * walked.fulcrum_m,
         embedded=embedded,
         unfitted=UNFITTED,
         moved=moved,
         not_corrected=sentences("not_corrected", "words", why_not=why_not) if why_not else (),
+        learned=fitted is not None and fitted.discrepancy is not None,
     )
     say(
         f"written to {out / 'walk.png'}{', replay.html' * replay}, metrics.json"

@@ -9,8 +9,8 @@ import platform
 import re
 import sys
 
+from vsf_drake.base.errors import SimulationError
 from vsf_drake.cli.app import app, fail, print_text
-from vsf_drake.errors import SimulationError
 
 _REQUIREMENT = re.compile(r"(?P<name>[\w.-]+)[^;]*;.*extra == ['\"](?P<extra>\w+)['\"]")
 _FOR_USERS = ("tables", "cluster", "bench", "spm", "docs")
@@ -19,27 +19,30 @@ _FOR_USERS = ("tables", "cluster", "bench", "spm", "docs")
 
 @app.command()
 def doctor() -> None:
-    """Prints versions, cores, solvers, optional packages and the compiled code that is kept; presses the foot once."""
+    """Prints versions, cores, solvers, optional packages and the compiled code that is kept;
+    presses the foot once."""
     try:
         from pydrake.solvers import ClarabelSolver, IpoptSolver, NloptSolver, SnoptSolver
-    except Exception as error:  # of any kind: a library that is missing, a numpy that does not fit, a foreign module
+    except Exception as error:
+        # of any kind: a library that is missing, a numpy that does not fit, a foreign module
         _say_drake_is_missing()
         fail(f"Drake cannot be imported: {type(error).__name__}: {error}")
         sys.exit(SimulationError.exit_code)
 
-    import vsf_drake.systems  # noqa: F401 (before what is ours: Drake looks through all modules for each template)
-    from vsf_drake.analysis.bench_metrics import bench_table
+    from vsf_drake.device.bench_metrics import bench_table
     from vsf_drake.laws.compiled import kept_code
-    from vsf_drake.parameters import ModelParameters
+    from vsf_drake.model.parameters import ModelParameters
     from vsf_drake.simulation.archive import provenance
     from vsf_drake.simulation.bench import run_bench
 
     before = kept_code()
     try:
         pressed = bench_table(run_bench(ModelParameters(), fulcrums_m=[0.108], heel=False))
-        stiffness, broken = pressed.settings[0].stiffness_n_per_mm, ""
+        stiffness = pressed.settings[0].stiffness_n_per_mm
+        broken = ""
     except SimulationError as error:
-        stiffness, broken = None, str(error)
+        stiffness = None
+        broken = str(error)
     solvers = {
         solver.solver_id().name(): solver.available() and solver.enabled()
         for solver in (SnoptSolver(), IpoptSolver(), NloptSolver(), ClarabelSolver())
@@ -63,7 +66,8 @@ def doctor() -> None:
 
 
 def _say_drake_is_missing() -> None:
-    """Prints where this Python looks for Drake and what to do; without Drake nothing else can be asked."""
+    """Prints where this Python looks for Drake and what to do; without Drake nothing else can be
+    asked."""
     found = importlib.util.find_spec("pydrake")
     installed = next(iter(importlib.metadata.distributions(name="drake")), None)
     own = installed and str(installed.locate_file("pydrake/__init__.py"))

@@ -1,4 +1,5 @@
-"""Which parameters a fit has free, and how well each was known before: --free, --freeze, --prior and --prior-file."""
+"""Which parameters a fit has free, and how well each was known before: --free, --freeze, --prior
+and --prior-file."""
 
 from __future__ import annotations
 
@@ -12,17 +13,19 @@ from pathlib import Path
 
 import yaml
 
-from vsf_drake.analysis.contact_fit import FitParameter, FitParameters
-from vsf_drake.errors import InputError
-from vsf_drake.yaml_file import read_yaml
+from vsf_drake.base.errors import InputError, require
+from vsf_drake.base.yaml_file import read_yaml
+from vsf_drake.fit.parameters import FitParameter, FitParameters
 
 
 def with_frozen(
     parameters: FitParameters, free: Sequence[str], freeze: Sequence[str]
 ) -> FitParameters:
-    """The parameters with those frozen and free that the patterns name: a name, or one with "*" for any characters.
+    """The parameters with those frozen and free that the patterns name: a name, or one with "*" for
+    any characters.
 
-    Where several patterns fit a parameter, the longest decides: --freeze 'socket.*' --free socket.tz.stiffness.
+    Where several patterns fit a parameter, the longest decides: --freeze 'socket.*' --free
+    socket.tz.stiffness.
     """
     items = []
     given = [("--free", pattern, False) for pattern in free] + [
@@ -35,29 +38,34 @@ def with_frozen(
             (len(pattern), frozen) for _, pattern, frozen in given if _fits(pattern, item.name)
         ]
         items.append(dataclasses.replace(item, frozen=max(fitting)[1]) if fitting else item)
-    if all(item.frozen for item in items):
-        raise InputError(
-            "all parameters are frozen", where="--freeze", right="Leave at least one free"
-        )
+    require(
+        not all(item.frozen for item in items),
+        "all parameters are frozen",
+        "--freeze",
+        "Leave at least one free",
+    )
     return FitParameters(items)
 
 
 def prior_widths(options: Sequence[str], file: Path | None) -> dict[str, str]:
-    """Standard deviations of priors as text by pattern, those of the file first; InputError for what is none."""
+    """Standard deviations of priors as text by pattern, those of the file first; InputError for
+    what is none."""
     widths = {} if file is None else _read_widths(file)
     seen: dict[str, str] = {}
     for text in options:
         name, equals, width = text.rpartition("=")
-        if not (name and equals and width):
-            raise InputError(
-                f"{text!r} is no prior",
-                where="--prior",
-                right="Write NAME=SD, for example curve.*=1.5deg",
-            )
-        if seen.setdefault(name, width) != width:
-            raise InputError(
-                f"{name} is given {seen[name]} and {width}", where="--prior", right="Decide for one"
-            )
+        require(
+            name and equals and width,
+            f"{text!r} is no prior",
+            "--prior",
+            "Write NAME=SD, for example curve.*=1.5deg",
+        )
+        require(
+            seen.setdefault(name, width) == width,
+            f"{name} is given {seen[name]} and {width}",
+            "--prior",
+            "Decide for one",
+        )
     return {**widths, **seen}
 
 
@@ -73,8 +81,7 @@ def _read_widths(file: Path) -> dict[str, str]:
         )
     widths: dict[str, str] = {}
     for key, value in node.value:
-        if key.value in widths:
-            raise InputError("stands twice", file=file, where=key.value, right="Decide for one")
+        require(key.value not in widths, "stands twice", key.value, "Decide for one", file=file)
         widths[key.value] = value.value
     return widths
 
@@ -84,8 +91,9 @@ UNITS = {"deg": ("rad", math.pi / 180.0), "mm": ("m", 1e-3)}
 
 
 def with_priors(parameters: FitParameters, widths: Mapping[str, str]) -> FitParameters:
-    """The parameters with these standard deviations of their priors, in the parameter's unit, deg or mm; of its
-    logarithm where that is searched. Where several patterns fit, the longest decides. InputError for what none has."""
+    """The parameters with these standard deviations of their priors, in the parameter's unit, deg
+    or mm; of its logarithm where that is searched. Where several patterns fit, the longest decides.
+    InputError for what none has."""
     items = []
     for pattern in widths:
         _check_pattern(pattern, parameters, where="--prior")
@@ -100,7 +108,8 @@ def with_priors(parameters: FitParameters, widths: Mapping[str, str]) -> FitPara
 
 
 def _width(item: FitParameter, pattern: str, text: str) -> float:
-    number, unit = text.strip(), next((unit for unit in UNITS if text.strip().endswith(unit)), "")
+    number = text.strip()
+    unit = next((unit for unit in UNITS if text.strip().endswith(unit)), "")
     refused = functools.partial(InputError, where=f"--prior {pattern}")
     try:
         width = float(number.removesuffix(unit))
@@ -126,7 +135,8 @@ def _width(item: FitParameter, pattern: str, text: str) -> float:
     )
     if width > most:
         raise refused(
-            f"{text} is wider than the bounds of {item.name}, {item.low:g} to {item.high:g} {item.unit}",
+            f"{text} is wider than the bounds of {item.name}, {item.low:g} to {item.high:g} "
+            f"{item.unit}",
             right=f"It can be {most:g} at most"
             + (", of the logarithm" if item.logarithmic else ""),
         )

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from vsf_drake.analysis.contact_fit import (
-    Assessment,
-    ContactFit,
-    ContactFitOptions,
-    ContactFitSolution,
-    PaperOptions,
-    assess,
-    solve,
-    standard_parameters,
-)
-from vsf_drake.analysis.contact_fit.options import COP, FORCES, PAPER, RESULTANT
-from vsf_drake.analysis.contact_fit.problem import bench_of, check_recordings, labels_of
-from vsf_drake.analysis.contact_fit.table import FitTable, fit_json, fit_table
-from vsf_drake.analysis.validation.bench_lines import CURVES, load_measured_bench
+from vsf_drake.base.errors import FitError, InputError, SimulationError, require
+from vsf_drake.base.files import read_json, sha256, write_json
 from vsf_drake.cli.app import progress
 from vsf_drake.cli.fit_priors import prior_widths, with_frozen, with_priors
-from vsf_drake.errors import FitError, InputError, SimulationError
-from vsf_drake.files import read_json, sha256, write_json
+from vsf_drake.cli.options import Asked, made
+from vsf_drake.device.bench_lines import CURVES, load_measured_bench
+from vsf_drake.fit.assessment import Assessment, assess
+from vsf_drake.fit.options import COP, FORCES, PAPER, RESULTANT, ContactFitOptions, PaperOptions
+from vsf_drake.fit.parameters import standard_parameters
+from vsf_drake.fit.problem import ContactFit, bench_of, check_recordings
+from vsf_drake.fit.solution import ContactFitSolution, solve
+from vsf_drake.fit.table import FitTable, fit_json, fit_table
 from vsf_drake.motion.trial import Trial
 from vsf_drake.report.fit_output import FIT, clear_fit, write_fit
 from vsf_drake.simulation.walk import Walker
+from vsf_drake.walks.recorded_walk import labels_of
+
+if TYPE_CHECKING:
+    from vsf_drake.cli.fit import FitRequest
 
 _SEARCHED, _SCORED, _REFITTED = 0.6, 0.85, 0.95
 """Shares of the bar at which searching, scoring and fitting again end."""
@@ -65,88 +62,69 @@ class FitTask:
 
 
 def make_task(
-    trials: list[Trial],
-    held_out: list[Trial],
-    *,
-    bench_file: Path | None,
-    strategy: str,
-    seed: int,
-    starts: int | None,
-    solver: str | None,
-    free: Sequence[str],
-    freeze: Sequence[str],
-    resultant: bool,
-    cop: bool,
-    paths: bool,
-    damping_by_zone: bool,
-    quick: bool,
-    own_height: bool = False,
-    priors: Sequence[str] = (),
-    prior_file: Path | None = None,
-    iterations: int | None = None,
-    time_limit_s: float | None = None,
+    trials: list[Trial], held_out: list[Trial], request: FitRequest, search: Asked
 ) -> FitTask:
-    """What the command's options ask for, after making sure, before the long part, that all of it can be fitted."""
-    widths = prior_widths(priors, prior_file)
-    bench = None if bench_file is None else load_measured_bench(bench_file)
+    """What the command's options ask for, after making sure, before the long part, that all of it
+    can be fitted."""
+    widths = prior_widths(request.prior, request.prior_file)
+    bench = None if request.bench is None else load_measured_bench(request.bench)
     asked: dict[str, object] = {}
     options: ContactFitOptions | PaperOptions
-    if strategy == PAPER:
-        options = PaperOptions(seed=seed)
+    if request.strategy == PAPER:
+        options = PaperOptions(**search)
     else:
         asked = {
-            "free": tuple(free),
-            "freeze": tuple(freeze),
-            "paths": paths,
-            "damping_by_zone": damping_by_zone,
+            "free": request.free,
+            "freeze": request.freeze,
+            "paths": request.paths,
+            "damping_by_zone": request.damping_by_zone,
             "priors": widths,
         }
-        default = ContactFitOptions()
-        options = dataclasses.replace(
-            default,
-            series=(*((RESULTANT,) if resultant else FORCES), *(COP if cop else ())),
-            seed=seed,
-            starts=1 if quick else starts or default.starts,
-            solver=solver or default.solver,
-            iterations=iterations or default.iterations,
-            time_limit_s=time_limit_s,
-        )
+        forces = (RESULTANT,) if request.resultant else FORCES
+        series = forces if request.no_cop else (*forces, *COP)
+        quick = {"starts": 1} if request.quick else {}
+        options = made(ContactFitOptions, {**search, **quick, "series": series})
     check_recordings(trials, held_out, series=options.series)
-    subject, model = trials[0].subject, trials[0].model
-    if bench is not None and bench_file is not None:
+    subject = trials[0].subject
+    model = trials[0].model
+    if bench is not None and request.bench is not None:
         try:
             bench_of(model.foot, bench)
         except InputError as error:
-            forefoot = "column fulcrum" if bench_file.suffix.lower() == CURVES else "forefoot"
+            forefoot = "column fulcrum" if request.bench.suffix.lower() == CURVES else "forefoot"
             where = forefoot if error.where == "fulcrums_m" else error.where
-            raise InputError(error.what, file=bench_file, where=where, right=error.right) from None
+            raise InputError(
+                error.what, file=request.bench, where=where, right=error.right
+            ) from None
     walker = Walker(subject, model)
     parameters = standard_parameters(
         walker.variables,
         subject.prosthetic_side,
         labels_of(trials),
         bench=bench is not None,
-        damping_by_zone=damping_by_zone,
-        paths=paths,
+        damping_by_zone=request.damping_by_zone,
+        paths=request.paths,
     )
     problem = ContactFit(
         trials,
         bench=bench,
         options=options,
         walker=walker,
-        parameters=with_priors(with_frozen(parameters, free, freeze), widths),
+        parameters=with_priors(with_frozen(parameters, request.free, request.freeze), widths),
     )
     return FitTask(
         problem=problem,
-        quick=quick,
+        quick=request.quick,
         held_out=held_out,
-        own_height=own_height,
-        inputs={} if bench_file is None else {f"bench: {bench_file.name}": sha256(bench_file)},
+        own_height=request.held_out_height,
+        inputs={}
+        if request.bench is None
+        else {f"bench: {request.bench.name}": sha256(request.bench)},
         options={
             **asked,
-            "quick": quick,
-            "own_height": own_height,
-            "bench": None if bench_file is None else bench_file.name,
+            "quick": request.quick,
+            "own_height": request.held_out_height,
+            "bench": None if request.bench is None else request.bench.name,
         },
     )
 
@@ -155,26 +133,30 @@ class Checkpoint:
     """The state of a fit on disk, and the moment from which on the folder is that fit's."""
 
     def __init__(self, path: Path, *, resume: bool) -> None:
-        self.path, self.resumed, self.began, self.saved = path, resume, False, False
+        self.path = path
+        self.resumed = resume
+        self.began = False
+        self.saved = False
         self.state: dict[str, Any] | None = None  # to go on from
         self.note = ""  # what a user should know before the fit begins
         if resume:
-            if not path.exists():
-                raise InputError(
-                    "there is no interrupted fit to go on from",
-                    file=path,
-                    where="--resume",
-                    right="Leave --resume out to begin one",
-                )
+            require(
+                path.exists(),
+                "there is no interrupted fit to go on from",
+                "--resume",
+                "Leave --resume out to begin one",
+                file=path,
+            )
             self.state = read_json(path, damaged="Leave --resume out to begin again")
         elif path.exists():
             self.note = (
-                f"{path} is left by an interrupted fit, which this one replaces; --resume would have gone on "
-                "from it"
+                f"{path} is left by an interrupted fit, which this one replaces; --resume would "
+                "have gone on from it"
             )
 
     def begin(self, task: FitTask) -> None:
-        """Takes the folder, once: what an earlier fit left goes, and fit.json says that this one has not ended."""
+        """Takes the folder, once: what an earlier fit left goes, and fit.json says that this one
+        has not ended."""
         if self.began:
             return
         self.began = True
@@ -197,7 +179,10 @@ class Checkpoint:
     def after_interruption(self) -> str:
         """What to tell who pressed Ctrl-C, after "interrupted"."""
         if self.saved or (self.resumed and self.path.exists()):
-            return f"; {self.path} holds what was found: the same command with --resume goes on from it"
+            return (
+                f"; {self.path} holds what was found: the same command with --resume goes on from "
+                "it"
+            )
         if self.began:
             return " before anything was found; the same command begins again"
         return " before the fit began; nothing was written"
@@ -242,7 +227,8 @@ def run_task(task: FitTask, out: Path, checkpoint: Checkpoint) -> FitTable:
 
 
 def _best_point(task: FitTask, solution: ContactFitSolution | None) -> Assessment | None:
-    """How far off the walks are at the best point of a joint fit that did not converge; None where they fail."""
+    """How far off the walks are at the best point of a joint fit that did not converge; None where
+    they fail."""
     if solution is None or solution.success or task.problem.options.strategy == PAPER:
         return None
     try:

@@ -1,4 +1,5 @@
-"""Where docs/guide says what a command takes: its page, and the section on what an error is about."""
+"""Where docs/guide says what a command takes: its page, and the section on what an error is
+about."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from os.path import abspath, expanduser
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 
 GUIDES = {
     "bench": "commands",
@@ -19,7 +20,6 @@ GUIDES = {
     "sweep": "sweep",
     "fit": "fit",
     "tune": "tune",
-    "schedule": "tune",
     "map": "stiffness_map",
     "show": "drake",
     "export": "drake",
@@ -28,19 +28,29 @@ GUIDES = {
 }
 """Commands as --help and docs/guide/commands.md order them, and their place in docs/guide."""
 _PLACES = {
-    "trials#from-joint-angles": "kinematics kinematics_unit inDegrees forces prosthesis window offsets "
-    "belt_speed_m_per_s .mot .sto",
-    "trials#from-markers": "markers standing marker_map laboratory hip_centre marker_cutoff_hz already_filtered",
+    "trials#from-joint-angles": (
+        "kinematics kinematics_unit inDegrees forces prosthesis window offsets belt_speed_m_per_s "
+        "unknown_force .mot .sto"
+    ),
+    "trials#from-markers": (
+        "markers standing marker_map laboratory hip_centre marker_cutoff_hz already_filtered"
+    ),
+    "trials#what-a-recording-is-worth": "--accept-unusable",
     "trials#the-subject": "subject mass_kg stature_m sex prosthetic_side --subject",
     "trials#another-setting": "simulate:--fulcrum-mm",
     "trials#offsets-fitted-to-this-trial": "--fit-offsets",
-    "laboratory_files#files": "STATIC --up --forward --length-unit .c3d .trc",
-    "laboratory_files#markers": "marker import:markers import:label --map --marker-map --list-markers --cutoff-hz "
-    "--longest-gap-s",
-    "laboratory_files#person": "import:--subject --hip --mass-kg --stature-m --prosthetic-side --sex "
-    "import:--fulcrum-mm",
-    "laboratory_files#forces": "plate FORCE_PLATFORM import:forces --forces --right-plate --left-plate --window "
-    "--belt-speed-m-per-s import:window import:.mot import:.sto",
+    "laboratory_files#files": "STATIC --no-standing --up --forward --length-unit .c3d .trc",
+    "laboratory_files#markers": (
+        "marker import:markers import:label --map --marker-map --list-markers --cutoff-hz "
+        "--longest-gap-s"
+    ),
+    "laboratory_files#person": (
+        "import:--subject --hip --mass-kg --stature-m --prosthetic-side --sex import:--fulcrum-mm"
+    ),
+    "laboratory_files#forces": (
+        "plate FORCE_PLATFORM import:forces --forces --right-plate --left-plate --window "
+        "--belt-speed-m-per-s import:window import:.mot import:.sto"
+    ),
     "laboratory_files#length-of-the-foot": "--scale-prosthesis",
     "fit#what-is-fitted-and-priors": "--free --freeze --prior --prior-file",
     "fit#which-trials-and-what-comes-out": "--hold-out --held-out-height --contact",
@@ -48,10 +58,14 @@ _PLACES = {
     "fit#the-bench-file": "--bench",
     "validate#missing-data-and-measured-bench-curves": "validate:--bench",
     "tune#costs": "--cost --weights",
-    "tune#two-levels": "--level --design --joints --intervals --method --warm-start --fulcrum-range",
+    "tune#two-levels": (
+        "--level --design --joints --intervals --method --warm-start --fulcrum-range"
+    ),
     "stiffness_map#the-map-and-asking-it": "--target",
-    "stiffness_map#axes": "--mass --slope --alignment map:--heel map:--fulcrum-mm map:mass_kg map:slope_deg "
-    "map:fulcrum_mm map:alignment_deg map:heel_ratio",
+    "stiffness_map#axes": (
+        "--mass --slope --alignment map:--heel map:--fulcrum-mm map:mass_kg map:slope_deg "
+        "map:fulcrum_mm map:alignment_deg map:heel_ratio"
+    ),
     "stiffness_map#a-load-of-your-own": "--load",
     "stiffness_map#what-stands-behind-it": "map:--draws map:draws",
     "sweep#what-is-varied": "--vary --sample sweep:--fulcrum-mm",
@@ -59,16 +73,21 @@ _PLACES = {
     "results#the-folder": "--out",
     "files_and_units#which-file-is-what": "--model",
 }
-"""Sections, and what each is about: options, keys, endings of files; `COMMAND:` before what is so for one command."""
+"""Sections, and what each is about: options, keys, endings of files; `COMMAND:` before what is so
+for one command."""
 _SECTIONS = {name: place for place, names in _PLACES.items() for name in names.split()}
 
 
 def guide_to(error: InputError, words: Sequence[str]) -> str:
-    """Page and section of docs/guide on what `error` is about, "" for a command without one; `words` are the command's.
+    """Page and section of docs/guide on what `error` is about, "" for a command without one;
+    `words` are the command's.
 
-    An option that the message names counts first, then the option whose file it is in, a key, and the file's ending.
+    An option that the message names counts first, then the option whose file it is in, a key, and
+    the file's ending.
     """
-    command, file, place = next(iter(words), ""), str(error.file or ""), error.where or ""
+    command = next(iter(words), "")
+    file = str(error.file or "")
+    place = error.where or ""
     pairs = [
         pair for word in words for pair in (word.split("=", 1) if word.startswith("--") else [word])
     ]

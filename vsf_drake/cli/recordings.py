@@ -1,7 +1,9 @@
-"""`vsf-drake import` and `check`: a laboratory's files to trials that drive the model, and how good they are."""
+"""`vsf-drake import` and `check`: a laboratory's files to trials that drive the model, and how good
+they are."""
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,23 +11,83 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.cli import app as cli
-from vsf_drake.cli.app import Contact, OptionalOut, Out, Trials, app, path, progress, read_trials
-from vsf_drake.errors import InputError, require
+from vsf_drake.cli.app import (
+    Contact,
+    OptionalOut,
+    Out,
+    Trials,
+    app,
+    path,
+    progress,
+    read_trials,
+    say,
+    warn,
+)
+from vsf_drake.cli.options import Asked, fields_of, flags, from_fields, made
+from vsf_drake.motion.import_options import AROUND_STANCES_S, ImportOptions
+from vsf_drake.motion.manifest import Laboratory, Window, load_stated_subject
+from vsf_drake.motion.markers.person_facts import PersonFacts
 
 if TYPE_CHECKING:  # it imports Drake
-    from vsf_drake.analysis.recording.examine import Examined
+    from vsf_drake.motion.trial import Trial
+    from vsf_drake.recording.examine import Examined
+
+AcceptUnusable = Annotated[
+    bool,
+    typer.Option(
+        "--accept-unusable",
+        help="Go on with recordings that `check` calls unusable; the results say so.",
+    ),
+]
+
+
+def judged(trials: Sequence[Trial], *, accept: bool = True) -> list[Trial]:
+    """The trials with what `check` says of each, among their notes too; prints the worst, with its
+    largest cause, unless all are good.
+
+    Every command that reads trials sends them through here, once. InputError for an unusable one
+    unless `accept`."""
+    from vsf_drake.recording import MARKS
+    from vsf_drake.recording.examine import examine
+
+    marks = [examine(trial).judged for trial in trials]
+    worst, of = max(
+        zip(marks, trials, strict=True),
+        key=lambda pair: (MARKS.index(pair[0].mark), pair[0].expected_error_bw),
+    )
+    if worst.mark == "unusable" and not accept:
+        raise InputError(
+            f"the recording is {worst.verdict}",
+            file=of.path,
+            right="`check` says more: correct it, leave it out, or give --accept-unusable",
+        )
+    several = f" (worst of {len(trials)})" if len(trials) > 1 else ""
+    if worst.mark != MARKS[0]:
+        (warn if worst.mark == "unusable" else say)(
+            f"Recording {of.path.stem}{several}: {worst.verdict}"
+        )
+    return [
+        dataclasses.replace(
+            trial,
+            judged=mark,
+            notes=trial.notes if mark.mark == MARKS[0] else (mark.note, *trial.notes),
+        )
+        for trial, mark in zip(trials, marks, strict=True)
+    ]
 
 
 @app.command("import")
+@from_fields
 def import_trials(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
             parser=path,
             metavar="STATIC WALK...",
-            help="Standing trial, then walks (.c3d, or .trc with forces). Without a "
-            "standing trial name the walk twice.",
+            help="Standing trial, then walks (.c3d, or .trc with forces); with "
+            "--no-standing walks only.",
         ),
     ] = None,
     out: OptionalOut = None,
@@ -36,40 +98,27 @@ def import_trials(
             help="Only print this file's labels and the beginning of a marker map made from them.",
         ),
     ] = None,
-    prosthetic_side: Annotated[str | None, typer.Option(help="right or left.")] = None,
-    sex: Annotated[str | None, typer.Option(help="male or female.")] = None,
-    mass_kg: Annotated[
-        float | None, typer.Option(help="Body mass, prosthesis included. Default: from the forces.")
-    ] = None,
-    stature_m: Annotated[
-        float | None, typer.Option(help="Stature. Default: from the leg's length.")
-    ] = None,
-    name: Annotated[str | None, typer.Option(help="Name of the person in reports.")] = None,
+    *,
+    person: Annotated[Asked, PersonFacts],
     subject: Annotated[
         Path | None,
         typer.Option(parser=path, help="YAML file of the person, instead of the options above."),
     ] = None,
-    fulcrum_mm: Annotated[
-        list[float] | None,
+    no_standing: Annotated[
+        bool,
         typer.Option(
-            help="Fulcrum position from the keel's posterior end; once, or once per walk in their order. Default: "
-            "108, mid-range."
+            "--no-standing",
+            help="There is no standing trial: a walk calibrates, which is doubtful.",
         ),
-    ] = None,
-    marker_map: Annotated[
-        str | None,
-        typer.Option(
-            "--map",
-            "--marker-map",
-            help="Marker map: plug_in_gait, rajagopal, ior or a file. Default: the best fit.",
-        ),
-    ] = None,
+    ] = False,
     forces: Annotated[
         list[Path] | None,
         typer.Option(
             parser=path,
+            metavar="FILE",
             help=(
-                "Force file of each walk, in their order. Default: the file of the same name beside a .trc."
+                "Force file of each walk, in their order. Default: the file of the same name "
+                "beside a .trc."
             ),
         ),
     ] = None,
@@ -80,151 +129,88 @@ def import_trials(
     left_plate: Annotated[
         str | None, typer.Option(help="Plate under the left foot, if it is not detected correctly.")
     ] = None,
-    up: Annotated[
-        str | None, typer.Option(help="Laboratory axis that points up: x, y, z, -x, ...")
-    ] = None,
-    forward: Annotated[str | None, typer.Option(help="Laboratory axis of walking.")] = None,
-    length_unit: Annotated[
-        str | None, typer.Option(help="mm, cm or m, where the file does not say.")
-    ] = None,
-    hip: Annotated[
-        str, typer.Option(help="Hip centre: harrington, bell, hara or davis.")
-    ] = "harrington",
-    cutoff_hz: Annotated[
-        float, typer.Option(help="Cut-off of the zero-phase low-pass of the markers.")
-    ] = 6.0,
+    laboratory: Laboratory,
+    reading: Annotated[Asked, ImportOptions],
     already_filtered: Annotated[
-        bool, typer.Option("--already-filtered", help="Do not filter them again.")
+        bool, typer.Option("--already-filtered", help="Do not filter the markers again.")
     ] = False,
-    longest_gap_s: Annotated[float, typer.Option(help="Longest gap of a marker to fill.")] = 0.1,
     window: Annotated[
         tuple[float, float] | None,
         typer.Option(
             metavar="START END",
             help="Part of the walks to use, in s. Default: the prosthetic foot's stances on "
-            "plates and 0.3 s around them.",
+            f"plates and {AROUND_STANCES_S:g} s around them.",
         ),
     ] = None,
-    belt_speed_m_per_s: Annotated[
-        float, typer.Option(help="Belt speed of a treadmill; + when the belt runs backward.")
-    ] = 0.0,
-    scale_prosthesis: Annotated[
-        bool,
-        typer.Option(
-            "--scale-prosthesis",
-            help="Make the model's prosthetic foot as long as the recorded one.",
-        ),
-    ] = False,
-    ik: Annotated[
-        bool, typer.Option("--ik", help="Refine the angles by a global inverse kinematics.")
-    ] = False,
-    synthetic: Annotated[
-        bool,
-        typer.Option("--synthetic", help="Nobody was recorded: all results then say SYNTHETIC."),
-    ] = False,
 ) -> None:
-    """Turns recordings of a person with markers over force plates into trials that drive the model."""
+    """Turns recordings of a person with markers over force plates into trials that drive the
+    model."""
     if list_markers is not None:
         _list_markers(list_markers)
         return
-    from vsf_drake.analysis.import_walks import ImportOptions, gather, import_walks
-    from vsf_drake.motion.manifest import Window, load_stated_subject
-    from vsf_drake.motion.markers.person_facts import PersonFacts
+    from vsf_drake.recording.import_walks import gather, import_walks
     from vsf_drake.report.import_outputs import IMPORT, write_import
 
-    if not files or len(files) < 2:
+    if not files or (len(files) < 2 and not no_standing):
         raise InputError(
             "a standing trial and at least one walk are needed",
             where="STATIC WALK...",
-            right="Without a standing trial name the walk twice",
+            right="Without a standing trial name walks only and give --no-standing",
         )
     if out is None:
         raise InputError("is missing", where="--out", right="Name the folder for the results")
-    options_given = [
-        option
-        for option, value in (
-            ("--prosthetic-side", prosthetic_side),
-            ("--sex", sex),
-            ("--mass-kg", mass_kg),
-            ("--stature-m", stature_m),
-            ("--name", name),
-        )
-        if value is not None
-    ]
-    if subject is not None and options_given:
-        raise InputError(
+    for name in person:
+        require(
+            subject is None,
             "is given beside a file that says it",
-            where=options_given[0],
-            right="Write it into the --subject file",
+            flags(fields_of(PersonFacts)[name])[0],
+            "Write it into the --subject file",
         )
-    require(
-        abs(belt_speed_m_per_s) <= 5.0,
-        f"{belt_speed_m_per_s:g} m/s is no speed of a belt",
-        "--belt-speed-m-per-s",
-        "It must be between -5 and 5 m/s",
-    )
-    person, stated = (
-        load_stated_subject(subject)
-        if subject is not None
-        else (
-            PersonFacts(
-                prosthetic_side=prosthetic_side,
-                sex=sex,
-                mass_kg=mass_kg,
-                stature_m=stature_m,
-                name=PersonFacts.name if name is None else name,
-            ),
-            {},
-        )
+    facts, stated = (
+        (made(PersonFacts, person), {}) if subject is None else load_stated_subject(subject)
     )
     IMPORT.check(out)
-    options = ImportOptions(
-        person=person,
-        stated=stated,
-        marker_map=marker_map,
-        fulcrum_mm=tuple(fulcrum_mm or ()),
-        laboratory={"up": up, "forward": forward, "length_unit": length_unit},
-        hip=hip,
-        cutoff_hz=None if already_filtered else cutoff_hz,
-        longest_gap_s=longest_gap_s,
-        plate_sides={"right": right_plate, "left": left_plate}
+    given: Asked = {
+        "person": facts,
+        "stated": stated,
+        "laboratory": vars(laboratory),
+        "plate_sides": {"right": right_plate, "left": left_plate}
         if right_plate or left_plate
         else None,
-        window=None if window is None else Window(start_s=window[0], end_s=window[1]),
-        belt_speed_m_per_s=belt_speed_m_per_s,
-        scale_prosthesis=scale_prosthesis,
-        inverse_kinematics=ik,
-        synthetic=synthetic,
-    )
+        "window": None if window is None else Window(start_s=window[0], end_s=window[1]),
+    }
+    if already_filtered:
+        given["cutoff_hz"] = None
+    options = made(ImportOptions, reading | given)
     with progress() as show:
-        imported = import_walks(gather(files[0], files[1:], forces or ()), options, progress=show)
+        gathered = (
+            gather(None, files, forces or ())
+            if no_standing
+            else gather(files[0], files[1:], forces or ())
+        )
+        imported = import_walks(gathered, options, progress=show)
         show("writing the report", 0.95)
         write_import(imported, out)
-    _finish(IMPORT.kind, imported.items, imported.failures, out, more=imported.scaling)
+    _finish(IMPORT.kind, imported.items, imported.failures, out, more=imported.told)
 
 
 @app.command()
 def check(trials: Trials, out: Out, contact: Contact = None) -> None:
-    """Judges the quality of recorded trials without simulating: a mark, a number and a sentence for every check."""
-    from vsf_drake.analysis.recording.examine import examine
-    from vsf_drake.motion.manifest import load_manifest
+    """Judges the quality of recorded trials without simulating: a mark, a number and a sentence for
+    every check."""
+    from vsf_drake.recording.examine import examine
     from vsf_drake.report.import_outputs import CHECK, write_check
 
     CHECK.check(out)
     read_trials([], contact)
-    items, failures = [], {}
+    items = []
+    failures = {}
     with progress() as show:
         for number, file in enumerate(trials):
             show(f"checking {file.name}", number / len(trials))
             try:
-                [trial], manifest = read_trials([file], contact), load_manifest(file)
-                items.append(
-                    examine(
-                        trial,
-                        cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz,
-                        belt_speed_m_per_s=manifest.belt_speed_m_per_s,
-                    )
-                )
+                [trial] = read_trials([file], contact)
+                items.append(examine(trial))
             except InputError as error:
                 if len(trials) == 1:
                     raise
@@ -245,10 +231,10 @@ def _finish(
     out: Path,
     more: Sequence[str] = (),
 ) -> None:
-    """Says how good each trial is and which files could not be used; exit code 2 if there are any of these."""
-    from vsf_drake.analysis.recording import (
-        motion_checks,
-    )  # which imports what Drake would look through
+    """Says how good each trial is and which files could not be used; exit code 2 if there are any
+    of these."""
+    # which imports what Drake would look through
+    from vsf_drake.recording import motion_checks
 
     cli.print_text("recordings", items=items, to_do=motion_checks.TO_DO, more=more)
     cli.say(f"written to {out / kind}.html")

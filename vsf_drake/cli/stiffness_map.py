@@ -1,18 +1,23 @@
-"""`vsf-drake map`: what the foot does over mass, slope and fulcrum; and which fulcrum does what is wanted."""
+"""`vsf-drake map`: what the foot does over mass, slope and fulcrum; and which fulcrum does what is
+wanted."""
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsf_drake.base.errors import require
+from vsf_drake.base.schema import option
 from vsf_drake.cli.app import (
     Contact,
     Model,
     Out,
     Seed,
+    Workers,
     app,
     model_of,
     path,
@@ -20,64 +25,70 @@ from vsf_drake.cli.app import (
     progress,
     say,
 )
-from vsf_drake.errors import InputError, require
+from vsf_drake.cli.options import Asked, fields_of, flags, from_fields, number_of
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.stiffness_map import StiffnessMap
-    from vsf_drake.parameters import ModelParameters
+    from vsf_drake.device.stiffness_map import StiffnessMap
+    from vsf_drake.model.parameters import ModelParameters
 
 _GRID = "LOW:HIGH:COUNT"
 
 
+@dataclass(frozen=True, kw_only=True)
+class MapAxes:
+    """Grids of the map that the command takes, by the names of its axes."""
+
+    mass_kg: str | None = option(
+        None,
+        "Body masses (kg), or a list: 50,70,90,110. With --target one.",
+        flag="--mass",
+        metavar=_GRID,
+        shown="50:110:5",
+    )
+    slope_deg: str | None = option(
+        None,
+        "Slopes (degrees), uphill positive. With --target one.",
+        flag="--slope",
+        metavar=_GRID,
+        shown="-6:6:5",
+    )
+    fulcrum_mm: str | None = option(
+        None,
+        "Fulcrum positions from the keel's posterior end.",
+        metavar=_GRID,
+        shown="the reach, 9",
+    )
+    alignment_deg: str | None = option(
+        None,
+        "Degrees by which the foot is turned toe up against the pylon.",
+        flag="--alignment",
+        metavar=_GRID,
+        shown="0",
+    )
+    heel_ratio: str | None = option(
+        None,
+        "Stiffness of the heel's contact, relative to the model's.",
+        flag="--heel",
+        metavar=_GRID,
+        shown="1",
+    )
+
+
 @app.command("map")
+@from_fields
 def stiffness_map(
     out: Out = Path("map"),
-    mass: Annotated[
-        str | None,
-        typer.Option(
-            metavar=_GRID,
-            help="Body masses (kg), or a list: 50,70,90,110. With --target one.",
-            show_default="50:110:5",
-        ),
-    ] = None,
-    slope: Annotated[
-        str | None,
-        typer.Option(
-            metavar=_GRID,
-            help="Slopes (degrees), uphill positive. With --target one.",
-            show_default="-6:6:5",
-        ),
-    ] = None,
-    fulcrum_mm: Annotated[
-        str | None,
-        typer.Option(
-            metavar=_GRID,
-            help="Fulcrum positions from the keel's posterior end.",
-            show_default="the reach, 9",
-        ),
-    ] = None,
-    alignment: Annotated[
-        str | None,
-        typer.Option(
-            metavar=_GRID,
-            help="Degrees by which the foot is turned toe up against the pylon.",
-            show_default="0",
-        ),
-    ] = None,
-    heel: Annotated[
-        str | None,
-        typer.Option(
-            metavar=_GRID,
-            help="Stiffness of the heel's contact, relative to the model's.",
-            show_default="1",
-        ),
-    ] = None,
+    *,
+    grids: Annotated[Asked, MapAxes],
     target: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME=VALUE",
-            help="Finds the fulcrum position for a target in the map in --out, made first if there is none: "
-            "radius (m), eflr, moment_arm (mm), stored, returned (J), stiffness (N/mm). May be repeated.",
+            help=(
+                "Finds the fulcrum position for a target in the map in --out, made first if there "
+                "is none: radius (m), eflr, moment_arm (mm), stored, returned (J), stiffness "
+                "(N/mm). May be repeated."
+            ),
         ),
     ] = None,
     load: Annotated[
@@ -97,43 +108,37 @@ def stiffness_map(
         ),
     ] = None,
     seed: Seed = 0,
-    workers: Annotated[
-        int | None, typer.Option(help="Processes. Default: one per core.", min=1)
-    ] = None,
+    workers: Workers = None,
 ) -> None:
-    """Maps stiffness, roll-over, energy and loading of the foot over mass, slope and fulcrum, with bands.
+    """Maps stiffness, roll-over, energy and loading of the foot over mass, slope and fulcrum, with
+    bands.
 
-    With --target: the fulcrum position for it, an interval, and a check by rolling the foot there; or the nearest.
+    With --target: the fulcrum position for it, an interval, and a check by rolling the foot there;
+    or the nearest.
     """
     from vsf_drake.cli.sweep import values_of
     from vsf_drake.report.results_folder import PAGE
 
     given = {
-        name: values_of(text, option)
-        for name, option, text in (
-            ("mass_kg", "--mass", mass),
-            ("slope_deg", "--slope", slope),
-            ("fulcrum_mm", "--fulcrum-mm", fulcrum_mm),
-            ("alignment_deg", "--alignment", alignment),
-            ("heel_ratio", "--heel", heel),
-        )
-        if text is not None
+        name: values_of(grids[name], flags(field)[0])
+        for name, field in fields_of(MapAxes).items()
+        if name in grids
     }
     wanted = [_target(text) for text in target or ()]
-    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
+    make = partial(
+        _made,
+        out,
+        load=load,
+        model=model,
+        contact=contact,
+        draws=draws,
+        seed=seed,
+        workers=workers,
+    )
     from vsf_drake.report.map_page import MAP, map_rows, read_map
 
     if not wanted:
-        _made(
-            out,
-            given,
-            load=load,
-            model=model,
-            contact=contact,
-            draws=draws,
-            seed=seed,
-            workers=workers,
-        )
+        make(given)
         mapped = read_map(out)
         print_text(
             "map",
@@ -158,16 +163,7 @@ def stiffness_map(
         )
     else:
         say(f"no map in {out} yet: all of it is made first")
-        _made(
-            out,
-            {},
-            load=load,
-            model=model,
-            contact=contact,
-            draws=draws,
-            seed=seed,
-            workers=workers,
-        )
+        make({})
         mapped = read_map(out)
     answers = []
     for name, value in wanted:
@@ -193,8 +189,8 @@ def _made(
     seed: int,
     workers: int | None,
 ) -> None:
-    from vsf_drake.analysis.stiffness_map import iso_22675, load_profile, make_map, standard_axes
-    from vsf_drake.analysis.stiffness_map.make import DRAWS, check_axes
+    from vsf_drake.device.stiffness_map import iso_22675, load_profile, make_map, standard_axes
+    from vsf_drake.device.stiffness_map.make import DRAWS, check_axes
     from vsf_drake.report.map_page import MAP, write_map
 
     MAP.check(out)
@@ -217,7 +213,7 @@ def _made(
 
 
 def _inputs(load: Path | None, model: Path | None, contact: Path | None) -> dict[str, str]:
-    from vsf_drake.files import sha256
+    from vsf_drake.base.files import sha256
 
     return {
         f"{option} {file.name}": sha256(file)
@@ -227,10 +223,11 @@ def _inputs(load: Path | None, model: Path | None, contact: Path | None) -> dict
 
 
 def _check_same(mapped: StiffnessMap, option: str, file: Path | None, out: Path) -> None:
-    """Raises InputError if the map in `out` was made with another file of that option than the one given."""
+    """Raises InputError if the map in `out` was made with another file of that option than the one
+    given."""
     if file is None:
         return
-    from vsf_drake.files import sha256
+    from vsf_drake.base.files import sha256
 
     made = {digest for name, digest in mapped.table.inputs.items() if name.startswith(f"{option} ")}
     require(
@@ -243,9 +240,9 @@ def _check_same(mapped: StiffnessMap, option: str, file: Path | None, out: Path)
 
 
 def _target(text: str) -> tuple[str, float]:
-    from vsf_drake.analysis.stiffness_map.cells import ROLLED
+    from vsf_drake.device.stiffness_map.cells import ROLLED
 
-    name, given, value = (part.strip() for part in text.partition("="))
+    name, _, value = (part.strip() for part in text.partition("="))
     known = ["stiffness", *(name for name in ROLLED if name != "loading_rate")]
     require(
         name != "loading_rate",
@@ -253,14 +250,4 @@ def _target(text: str) -> tuple[str, float]:
         f"--target {name}",
     )
     require(name in known, f"{name!r} is no target", "--target", f"There are: {', '.join(known)}")
-    try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
-    if not (given and math.isfinite(number)):
-        raise InputError(
-            f"{value!r} is not a finite number",
-            where=f"--target {name}",
-            right=f"Give {name}=NUMBER",
-        )
-    return name, number
+    return name, number_of(value, f"--target {name}", f"Give {name}=NUMBER")

@@ -1,4 +1,5 @@
-"""`vsf-drake validate`, the paper's study and more as a report; and `report`, which makes any report again."""
+"""`vsf-drake validate`, the paper's study and more as a report; and `report`, which makes any
+report again."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vsf_drake.base.errors import InputError, SimulationError, require
 from vsf_drake.cli.app import (
     Contact,
     Out,
@@ -23,11 +25,11 @@ from vsf_drake.cli.app import (
     say,
     warn,
 )
-from vsf_drake.errors import InputError, SimulationError, require
+from vsf_drake.cli.recordings import judged
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.validation import StudyOptions
-    from vsf_drake.analysis.validation.run import Finished
+    from vsf_drake.validation import StudyOptions
+    from vsf_drake.validation.run import Finished
 
 MOST_ISO_FORCE_N = 10_000.0  # beyond what any structural test presses a foot with (a choice)
 
@@ -62,8 +64,11 @@ def validate(
         bool,
         typer.Option(
             "--full",
-            help="With what takes longest: which settings can be distinguished, sensitivity, energies in finer "
-            "steps. Of the embedded trials the first two come with the package.",
+            help=(
+                "With what takes longest: which settings can be distinguished, sensitivity, "
+                "energies in finer steps. Of the embedded trials the first two come with the "
+                "package."
+            ),
         ),
     ] = False,
     recompute: Annotated[
@@ -77,7 +82,9 @@ def validate(
     workers: Annotated[
         int | None,
         typer.Option(
-            help="Processes for many walks. Default: one per core. The numbers do not depend on it.",
+            help=(
+                "Processes for many walks. Default: one per core. The numbers do not depend on it."
+            ),
             min=1,
         ),
     ] = None,
@@ -95,10 +102,19 @@ def validate(
         ),
     ] = None,
 ) -> None:
-    """The paper's study and more, as one report: bench, standing, walking, energy, roll-over, sensitivity."""
-    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.analysis import validation
-    from vsf_drake.analysis.validation.run import (
+    """The paper's study and more, as one report: bench, standing, walking, energy, roll-over,
+    sensitivity."""
+    from vsf_drake import validation
+    from vsf_drake.base.files import resource
+    from vsf_drake.model.bench_curves import bench_doubts
+    from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.report.validation.output import (
+        UNFINISHED,
+        VALIDATION,
+        write_unfinished,
+        write_validation,
+    )
+    from vsf_drake.validation.run import (
         NAMES,
         SHIPPED,
         SectionStore,
@@ -107,20 +123,15 @@ def validate(
         shipped_key,
         validation_content,
     )
-    from vsf_drake.files import resource
-    from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.report.validation.output import (
-        UNFINISHED,
-        VALIDATION,
-        write_unfinished,
-        write_validation,
-    )
+    from vsf_drake.walks import embedded
+    from vsf_drake.walks.quantities import JUDGED, quantity
 
-    if iso_force_n is not None and not 0.0 < iso_force_n <= MOST_ISO_FORCE_N:
-        raise InputError(
+    if iso_force_n is not None:
+        require(
+            0.0 < iso_force_n <= MOST_ISO_FORCE_N,
             f"{iso_force_n:g} N is no force of a structural test of feet",
-            where="--iso-force-n",
-            right=f"Give newtons, above 0 and at most {MOST_ISO_FORCE_N:g}",
+            "--iso-force-n",
+            f"Give newtons, above 0 and at most {MOST_ISO_FORCE_N:g}",
         )
     options = validation.StudyOptions(
         quick=quick, full=full or recompute, seed=seed, workers=workers, iso_force_n=iso_force_n
@@ -129,29 +140,33 @@ def validate(
         _against_published(against, trials, out, contact, options)
         return
     VALIDATION.check(out)
-    exact, shipped = None, None
+    exact = None
+    shipped = None
     with progress() as show:
         if trials:
             study = validation.make_study(
-                trials, contact=contact, bench=bench, options=options, progress=show
+                trials, contact=contact, bench=bench, options=options, progress=show, judge=judged
             )
         else:
             study = validation.make_study(
-                validation.embedded_trials(quick=quick),
-                contact=contact or validation.embedded_contact(),
-                bench=bench or validation.embedded_bench(),
+                embedded.embedded_trials(quick=quick),
+                contact=contact or embedded.embedded_contact(),
+                bench=bench or embedded.embedded_bench(),
                 options=options,
                 progress=show,
+                judge=judged,
             )
             if contact is None and not quick:
                 exact = validation.make_study(
-                    validation.embedded_trials("exact"),
+                    embedded.embedded_trials("exact"),
                     options=options,
                     progress=show,
-                    contact=validation.embedded_contact("exact"),
+                    contact=embedded.embedded_contact("exact"),
                 )
                 shipped = None if recompute else SectionStore(resource(SHIPPED), shipped_key(study))
     console.print(first_line(study))
+    for sentence in bench_doubts(study.bench) if study.bench else ():
+        warn(sentence)
     said: list[Path] = []
     earlier = (out / VALIDATION.table).is_file()
     if earlier:  # what is finished is not given up for what is not
@@ -176,20 +191,16 @@ def validate(
                 progress=show,
             )
             show("writing the report", 0.99)
-            written = write_validation(
-                *validation_content(study, finished, exact=exact), out, study=study
-            )
+            content, arrays = validation_content(study, finished, exact=exact)
+            write_validation(content, arrays, out, study=study)
     except KeyboardInterrupt:
         interrupted(
             f"; finished sections are in {out / UNFINISHED}: the same command goes on from them"
         )
     SectionStore(out / UNFINISHED, "").remove(NAMES)
-    print_text("summary", **written)
+    print_text("summary", **vars(content), percent=quantity(JUDGED).told)
     say(f"written to {out / PAGE}")
-    unread = [
-        *(f"{label}: {why}" for label, why in study.failed),
-        *filter(None, [study.bench_problem]),
-    ]
+    unread = [f"{label}: {why}" for label, why in study.failed]
     failed = [
         f"the section {name} failed: {one.failure}"
         for name, one in finished.items()
@@ -204,10 +215,11 @@ def validate(
 def _against_published(
     against: str, trials: list[Path] | None, out: Path, contact: Path | None, options: StudyOptions
 ) -> None:
-    from vsf_drake.analysis import validation
-    from vsf_drake.analysis.validation.published_trends import published_trends
+    from vsf_drake import validation
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.validation.output import PUBLISHED, write_published
+    from vsf_drake.validation.published_trends import published_trends
+    from vsf_drake.walks import embedded
 
     require(
         against == "published",
@@ -218,10 +230,11 @@ def _against_published(
     PUBLISHED.check(out)
     with progress() as show:
         study = validation.make_study(
-            trials or validation.embedded_trials("exact", quick=options.quick),
+            trials or embedded.embedded_trials("exact", quick=options.quick),
             options=options,
             progress=show,
-            contact=contact or (None if trials else validation.embedded_contact("exact")),
+            judge=judged,
+            contact=contact or (None if trials else embedded.embedded_contact("exact")),
         )
         table = published_trends(study, progress=show)
         write_published(out, table)
@@ -236,8 +249,7 @@ def report(
     folder: Annotated[
         Path,
         typer.Argument(
-            parser=path,
-            help="Folder that `validate`, `tune`, `schedule` or `map` wrote with --out.",
+            parser=path, help="Folder that `validate`, `tune` or `map` wrote with --out."
         ),
     ],
     svg: Annotated[
@@ -245,15 +257,13 @@ def report(
     ] = False,
 ) -> None:
     """Makes a report again from its saved results; nothing is simulated."""
-    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.report.map_page import MAP
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.report.tuning.chapters import SCHEDULE, TUNING
+    from vsf_drake.report.tuning.chapters import TUNING
     from vsf_drake.report.validation.output import PUBLISHED, VALIDATION
 
     kind = next(
-        (kind for kind in (TUNING, SCHEDULE, MAP, PUBLISHED) if (folder / kind.table).is_file()),
-        VALIDATION,
+        (kind for kind in (TUNING, MAP, PUBLISHED) if (folder / kind.table).is_file()), VALIDATION
     )
     for sentence in kind.remake(folder, svg=svg):
         warn(sentence)

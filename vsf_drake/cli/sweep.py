@@ -1,4 +1,5 @@
-"""`vsf-drake sweep`: many walks over trials, fulcrum positions and values of the model's variables."""
+"""`vsf-drake sweep`: many walks over trials, fulcrum positions and values of the model's
+variables."""
 
 from __future__ import annotations
 
@@ -13,10 +14,12 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import numpy as np
 import typer
 
+from vsf_drake.base.errors import InputError, SimulationError, require
 from vsf_drake.cli.app import (
     Contact,
     OptionalOut,
     Trials,
+    Workers,
     app,
     check_contact_use,
     contact_hash,
@@ -27,14 +30,18 @@ from vsf_drake.cli.app import (
     say,
     warn,
 )
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.cli.options import number_of
+from vsf_drake.cli.recordings import judged
 
 if TYPE_CHECKING:
     from vsf_drake.motion.trial import Trial
     from vsf_drake.simulation.variables import Variable
+    from vsf_drake.walks.offsets import OffsetFit
+    from vsf_drake.walks.sweep_table import SweepRow, SweepTable
 
 SHIFT = "fulcrum.shift"
-MOST = 20_000  # walks that a sweep may have: their series are in memory at the end, some 70 kB each for 1.2 s
+# walks that a sweep may have: their series are in memory at the end, some 70 kB each for 1.2 s
+MOST = 20_000
 MANY = 2_000  # walks above which a sweep has to be meant
 
 
@@ -61,7 +68,10 @@ def sweep(
     sample: Annotated[
         int | None,
         typer.Option(
-            help="Instead of a grid: this many sets of values that fill the bounds (Latin hypercube).",
+            help=(
+                "Instead of a grid: this many sets of values that fill the bounds (Latin "
+                "hypercube)."
+            ),
             min=1,
         ),
     ] = None,
@@ -76,9 +86,7 @@ def sweep(
         ),
     ] = False,
     step_ms: Annotated[float, typer.Option(help="Step of the simulations.")] = 1.0,
-    workers: Annotated[
-        int | None, typer.Option(help="Processes. Default: one per core.", min=1)
-    ] = None,
+    workers: Workers = None,
     parquet: Annotated[
         bool, typer.Option("--parquet", help="Write sweep.parquet, too; needs the extra `tables`.")
     ] = False,
@@ -94,9 +102,10 @@ def sweep(
 ) -> None:
     """Simulates every combination and compares each walk with its force plate.
 
-    Finished walks are kept in the folder's cache: after an interruption the same command continues where it stopped,
-    and a larger sweep with the same trials computes only what is new. Values are in the units that --list prints. A
-    walk that fails is a row that says why; the exit code is 3 only if all of them fail.
+    Finished walks are kept in the folder's cache: after an interruption the same command continues
+    where it stopped, and a larger sweep with the same trials computes only what is new. Values are
+    in the units that --list prints. A walk that fails is a row that says why; the exit code is 3
+    only if all of them fail.
     """
     if list_variables:
         from vsf_drake.simulation.walk import Walker
@@ -106,29 +115,27 @@ def sweep(
             print_text("variables", trial=trial, variables=_within_reach(own, [trial], ()).values())
         return
     check_contact_use(contact, fit_offsets=fit_offsets)
-    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.analysis.offsets import fit_offsets as offsets_of
-    from vsf_drake.analysis.sweep_table import sweep_table
-    from vsf_drake.report.outputs import check_sweep_folder, write_sweep, write_sweep_figure
+    from vsf_drake.report.outputs import check_sweep_folder
     from vsf_drake.simulation.batch import WalkCase, grid_values, sample_values, simulate_batch
     from vsf_drake.simulation.walk import MAX_STEP_S
+    from vsf_drake.walks.sweep_table import sweep_table
 
     if out is None:
         raise InputError("is missing", where="--out", right="Name the folder for the results")
-    if not 0.0 < 1e-3 * step_ms <= MAX_STEP_S:
-        raise InputError(
-            f"{step_ms:g} ms is not a usable step",
-            where="--step-ms",
-            right=f"It must be above 0 and at most {1e3 * MAX_STEP_S:g}",
-        )
+    require(
+        0.0 < 1e-3 * step_ms <= MAX_STEP_S,
+        f"{step_ms:g} ms is not a usable step",
+        "--step-ms",
+        f"It must be above 0 and at most {1e3 * MAX_STEP_S:g}",
+    )
     positions = () if fulcrum_mm is None else values_of(fulcrum_mm, "--fulcrum-mm")
     axes = [axis(text, sampled=sample is not None) for text in vary or ()]
-    if not axes and (not positions or sample is not None):
-        raise InputError(
-            "there is nothing to vary",
-            where="sweep",
-            right="Give --vary, or --fulcrum-mm without --sample; --list prints the names",
-        )
+    require(
+        axes or (positions and sample is None),
+        "there is nothing to vary",
+        "sweep",
+        "Give --vary, or --fulcrum-mm without --sample; --list prints the names",
+    )
     check_count(
         len(trials)
         * max(1, len(positions))
@@ -163,12 +170,9 @@ def sweep(
             "method": "Latin hypercube, of the logarithm where the lower bound is above 0",
         }
         sets = sample_values(bounded, list(bounded), sample, seed)
-    plan["offsets"] = offsets = {name: trial.offsets for name, trial in loaded.items()}
-    if fit_offsets:
-        with progress() as show:
-            for name, trial in loaded.items():
-                show(f"{name}: fitting the offsets", 0.0)
-                offsets[name] = offsets_of(trial).offsets
+    fits = _fitted(loaded) if fit_offsets else {}
+    offsets = {name: (fits[name] if fits else trial).offsets for name, trial in loaded.items()}
+    plan["offsets"] = offsets
     cases = [
         WalkCase(
             trial=trial,
@@ -192,18 +196,49 @@ def sweep(
                 variables=varied,
                 fulcrum=bool(positions),
                 plan=plan,
+                fits=fits,
                 show=lambda f: show("comparing", f),
             )
-            write_sweep(table, rows, out, parquet=parquet)
+            _written(table, rows, out, parquet=parquet)
     except KeyboardInterrupt:
         interrupted(
             f"; the finished walks are in {out / 'cache'}: the same command goes on from them"
         )
     print_text("sweep", **vars(table))
-    write_sweep_figure(table, rows, out)
     say(f"written to {out / 'sweep.csv'}{', sweep.parquet' * parquet}")
     if table.failed == table.walks:
         sys.exit(SimulationError.exit_code)
+
+
+def _fitted(trials: Mapping[str, Trial]) -> dict[str, OffsetFit]:
+    """The fit of each trial's offsets to its plate; warns of what is doubtful in them."""
+    from vsf_drake.walks.offsets import fit_offsets
+
+    fits = {}
+    with progress() as show:
+        for i, (name, trial) in enumerate(trials.items()):
+            show(f"{name}: fitting the offsets", i / len(trials))
+            fits[name] = fit_offsets(trial)
+    for name, fit in fits.items():
+        for doubt in fit.doubts:
+            warn(f"{name}: {doubt}")
+    return fits
+
+
+def _written(table: SweepTable, rows: Sequence[SweepRow], out: Path, *, parquet: bool) -> None:
+    """Writes the results, or says that nothing of them is there and what is."""
+    from vsf_drake.report.outputs import write_sweep
+
+    try:
+        write_sweep(table, rows, out, parquet=parquet)
+    except InputError as error:
+        kept = (
+            f"No table was written; the finished walks are in {out / 'cache'}: the same command "
+            "goes on from them"
+        )
+        raise InputError(
+            error.what, file=error.file, where=error.where, right=error.right or kept
+        ) from None
 
 
 def _loaded(
@@ -215,17 +250,17 @@ def _loaded(
     sampled: bool,
     fit_offsets: bool,
 ) -> tuple[dict[str, Trial], dict[str, Variable]]:
-    """Trials by a name that is theirs alone, and the variables of the first; each can take what is asked for. Warns of
-    a foot that was fitted to nobody."""
-    from vsf_drake.analysis.metrics import unfitted_note
-    from vsf_drake.model_file import check_fulcrum
+    """Trials by a name that is theirs alone, and the variables of the first; each can take what is
+    asked for. Warns of a foot that was fitted to nobody."""
+    from vsf_drake.model.model_file import check_fulcrum
     from vsf_drake.simulation.variables import check_names, check_values
     from vsf_drake.simulation.walk import Walker
+    from vsf_drake.walks.metrics import unfitted_note
 
     for i, file in enumerate(trials):
         if file.resolve() in [other.resolve() for other in trials[:i]]:
             raise InputError("the trial stands twice", file=file)
-    loaded = read_trials(trials, contact)
+    loaded = judged(read_trials(trials, contact))
     if contact is None:
         warn(unfitted_note(loaded[0], offsets_fitted=fit_offsets))
     names = [trial.name for trial in loaded]
@@ -239,9 +274,8 @@ def _loaded(
                     check_values({item.name: value}, own)
         except InputError as error:
             where = (error.where or "").removeprefix("values").strip("[]'")
-            listed = (error.right or "").startswith(
-                "There are: "
-            )  # dozens of names, which --list has in columns
+            # dozens of names, which --list has in columns
+            listed = (error.right or "").startswith("There are: ")
             raise InputError(
                 error.what,
                 file=file if len(trials) > 1 else None,
@@ -262,7 +296,8 @@ def _loaded(
 def _within_reach(
     variables: Mapping[str, Variable], trials: Sequence[Trial], positions: Sequence[float]
 ) -> dict[str, Variable]:
-    """`variables` with bounds of `fulcrum.shift` that keep every carriage within its reach from each position (mm)."""
+    """`variables` with bounds of `fulcrum.shift` that keep every carriage within its reach from
+    each position (mm)."""
     places = [
         (trial.model.foot.fulcrum, at)
         for trial in trials
@@ -270,12 +305,12 @@ def _within_reach(
     ]
     low = min(0.0, round(max(support.rearmost_m - at for support, at in places), 12))
     high = max(0.0, round(min(support.foremost_m - at for support, at in places), 12))
-    if low == high:
-        raise InputError(
-            "the fulcrum positions leave it no room in the carriage's reach",
-            where=f"--vary {SHIFT}",
-            right=f"Give {SHIFT}=LOW:HIGH; walks out of reach then fail",
-        )
+    require(
+        low != high,
+        "the fulcrum positions leave it no room in the carriage's reach",
+        f"--vary {SHIFT}",
+        f"Give {SHIFT}=LOW:HIGH; walks out of reach then fail",
+    )
     return {**variables, SHIFT: dataclasses.replace(variables[SHIFT], low=low, high=high)}
 
 
@@ -283,7 +318,8 @@ def _within_reach(
 
 
 class Axis(NamedTuple):
-    """One quantity with its values on a grid; for a sample with its two bounds, or none for the variable's own."""
+    """One quantity with its values on a grid; for a sample with its two bounds, or none for the
+    variable's own."""
 
     name: str
     values: tuple[float, ...] = ()
@@ -292,83 +328,74 @@ class Axis(NamedTuple):
 def axis(text: str, *, sampled: bool) -> Axis:
     """`NAME=LOW:HIGH:COUNT`, `NAME=A,B,C`, `NAME=A`; for a sample `NAME` or `NAME=LOW:HIGH`."""
     name, given, spec = (part.strip() for part in text.partition("="))
-    where, ends = f"--vary {name}", spec.split(":")
+    where = f"--vary {name}"
+    ends = spec.split(":")
     if sampled and not given:
         return Axis(name)
-    if not given:
-        raise InputError(
-            "has no values",
-            where=where,
-            right=f"Give {name}=LOW:HIGH:COUNT or {name}=A,B,C; with --sample the name is enough",
-        )
+    require(
+        given,
+        "has no values",
+        where,
+        f"Give {name}=LOW:HIGH:COUNT or {name}=A,B,C; with --sample the name is enough",
+    )
     if not sampled:
         return Axis(name, values_of(spec, where))
-    if len(ends) != 2:
-        raise InputError(
-            f"{spec!r} are no bounds",
-            where=where,
-            right=f"With --sample give {name} or {name}=LOW:HIGH; the count is that of the sample",
-        )
+    require(
+        len(ends) == 2,
+        f"{spec!r} are no bounds",
+        where,
+        f"With --sample give {name} or {name}=LOW:HIGH; the count is that of the sample",
+    )
     return Axis(name, _rising(ends, where))
 
 
 def values_of(text: str, where: str) -> tuple[float, ...]:
     """`66:151:5`, `66,87,108` or `66` as numbers."""
     if ":" not in text:
-        values = tuple(_number(part, where) for part in text.split(","))
-        if len(set(values)) != len(values):
-            raise InputError(f"{text!r} names a value twice", where=where)
+        values = tuple(number_of(part, where) for part in text.split(","))
+        require(len(set(values)) == len(values), f"{text!r} names a value twice", where)
         return values
     parts = text.split(":")
-    if len(parts) != 3:
-        raise InputError(
-            f"{text!r} is no range", where=where, right="Give LOW:HIGH:COUNT, or values with commas"
-        )
+    require(
+        len(parts) == 3,
+        f"{text!r} is no range",
+        where,
+        "Give LOW:HIGH:COUNT, or values with commas",
+    )
     low, high = _rising(parts[:2], where)
-    if not re.fullmatch(r"\s*[-+]?[0-9]{1,99}\s*", parts[2]):
-        raise InputError(
-            f"{parts[2]!r} is no count", where=where, right="It must be a whole number"
-        )
+    require(
+        re.fullmatch(r"\s*[-+]?[0-9]{1,99}\s*", parts[2]),
+        f"{parts[2]!r} is no count",
+        where,
+        "It must be a whole number",
+    )
     count = int(parts[2])
-    if not 2 <= count <= MOST:
-        raise InputError(
-            f"{count} values are no range",
-            where=where,
-            right=f"COUNT must be between 2 and {MOST}; give a single value alone",
-        )
+    require(
+        2 <= count <= MOST,
+        f"{count} values are no range",
+        where,
+        f"COUNT must be between 2 and {MOST}; give a single value alone",
+    )
     return tuple(float(round(value, 12)) for value in np.linspace(low, high, count))
 
 
 def check_count(count: int, *, meant: bool) -> None:
     """Raises InputError if a sweep of `count` walks is too long, or long and not meant."""
-    if count > MOST:
-        raise InputError(
-            f"{count} walks are more than one sweep can hold",
-            where="sweep",
-            right=f"Sweep at most {MOST} at a time",
-        )
-    if count > MANY and not meant:
-        raise InputError(
-            f"these are {count} walks, about {count * 70e-6:.1f} GB in the cache",
-            where="sweep",
-            right="Add --yes if that is meant",
-        )
+    require(
+        count <= MOST,
+        f"{count} walks are more than one sweep can hold",
+        "sweep",
+        f"Sweep at most {MOST} at a time",
+    )
+    require(
+        count <= MANY or meant,
+        f"these are {count} walks, about {count * 70e-6:.1f} GB in the cache",
+        "sweep",
+        "Add --yes if that is meant",
+    )
 
 
 def _rising(ends: Sequence[str], where: str) -> tuple[float, float]:
-    low, high = (_number(end, where) for end in ends)
-    if not low < high:
-        raise InputError(
-            f"{low:g} to {high:g} does not rise", where=where, right="LOW must be below HIGH"
-        )
+    low, high = (number_of(end, where) for end in ends)
+    require(low < high, f"{low:g} to {high:g} does not rise", where, "LOW must be below HIGH")
     return low, high
-
-
-def _number(text: str, where: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{text.strip()!r} is not a finite number", where=where)
-    return value

@@ -1,8 +1,10 @@
-"""Direct collocation of trajectories with shared design parameters: a problem, its solvers, its solution.
+"""Direct collocation of trajectories with shared design parameters: a problem, its solvers, its
+solution.
 
-problem = TrajectoryProblem(function, Layout(("hip", "knee")), Grid("hermite_simpson", 40, 1.2), outputs=9, ...)
-solution = solve(problem, Start(z, p))
-confirmed = confirm(problem, solution.last, solver="snopt")
+    problem = TrajectoryProblem(
+        function, Layout(("hip", "knee")), Grid("hermite_simpson", 40, 1.2), outputs=9, ...)
+    solution = solve(problem, Start(z, p))
+    confirmed = confirm(problem, solution.last, solver="snopt")
 """
 
 from vsf_drake.collocation.problem import (

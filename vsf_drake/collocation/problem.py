@@ -1,7 +1,8 @@
 """A trajectory, and design parameters with it, that minimise a cost: the problem in plain text.
 
     minimise    sum of the terms (residuals, convex penalties) over z (N, Z) and p (P,)
-    subject to  y_e(z_i, p) = 0                     for the outputs that are equations, at every instant i
+    subject to  y_e(z_i, p) = 0                     for the outputs that are equations, at every
+                                                    instant i
                 low <= y_c(z_i, p) <= high          for the outputs that have limits
                 q from v, v from a, u from w        by collocation, linear
                 low <= z <= high, low <= p <= high
@@ -19,8 +20,8 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse as sp
 
-from vsf_drake.errors import InputError
-from vsf_drake.schema import check, choice, quantity
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.schema import check, choice, quantity
 
 METHODS = ("hermite_simpson", "trapezoidal")
 KINDS = ("q", "v", "a", "w", "u", "s")
@@ -30,8 +31,9 @@ Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True)
 class Layout:
-    """z = [q (n), v (n), a (n), w (k), u (k), s (e)] of one instant, Z = 3n + 2k + e: coordinates, their derivatives,
-    what is in equilibrium at every instant with its rates, free variables. q to s are their columns of z."""
+    """z = [q (n), v (n), a (n), w (k), u (k), s (e)] of one instant, Z = 3n + 2k + e: coordinates,
+    their derivatives, what is in equilibrium at every instant with its rates, free variables. q to
+    s are their columns of z."""
 
     coordinates: tuple[str, ...]
     quasi_static: tuple[str, ...] = ()
@@ -44,7 +46,8 @@ class Layout:
     s: slice = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
-        every, start = (*self.coordinates, *self.quasi_static, *self.extra), 0
+        every = (*self.coordinates, *self.quasi_static, *self.extra)
+        start = 0
         for name in every:
             if every.count(name) > 1:
                 raise InputError(
@@ -79,16 +82,18 @@ class Layout:
 
 @dataclass(frozen=True)
 class Grid:
-    """Instants on which a trajectory is written down, and the linear equations by which values follow from rates.
+    """Instants on which a trajectory is written down, and the linear equations by which values
+    follow from rates.
 
-    Hermite-Simpson in separated form, over an interval of h seconds from knot 0 over the midpoint m to knot 1, for
-    x = q with rate v and for x = v with rate a (Hargraves and Paris 1987; Betts 2010, 4.5):
+    Hermite-Simpson in separated form, over an interval of h seconds from knot 0 over the midpoint m
+    to knot 1, for x = q with rate v and for x = v with rate a (Hargraves and Paris 1987; Betts
+    2010, 4.5):
 
         x_1 - x_0 = h/6 (r_0 + 4 r_m + r_1),    x_m = (x_0 + x_1)/2 + h/8 (r_0 - r_1)
 
-    Trapezoidal: x_1 - x_0 = h/2 (r_0 + r_1). Rates of the quasi-static variables are central differences over the
-    instants beside an instant; at an end that is not periodic, one-sided of second order. Where the end is the
-    beginning again (`periodic`), its instant is left out.
+    Trapezoidal: x_1 - x_0 = h/2 (r_0 + r_1). Rates of the quasi-static variables are central
+    differences over the instants beside an instant; at an end that is not periodic, one-sided of
+    second order. Where the end is the beginning again (`periodic`), its instant is left out.
     """
 
     method: str = choice("hermite_simpson", options=METHODS, source="choice")
@@ -118,14 +123,15 @@ class Grid:
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """(N,) s, of the quadrature of the same order (Simpson's or trapezoidal); they sum to the duration."""
+        """(N,) s, of the quadrature of the same order (Simpson's or trapezoidal); they sum to the
+        duration."""
         h = self.duration_s / self.intervals
         rule = (h / 6.0, 4.0 * h / 6.0, h / 6.0) if self.per_interval == 2 else (h / 2.0, h / 2.0)
         return np.asarray(self._over_intervals(rule)[0].sum(axis=0)).ravel()
 
     def collocation(self, layout: Layout, advance: np.ndarray) -> tuple[sp.csr_matrix, np.ndarray]:
-        """matrix (c, N Z), right (c,): values from rates for q, v and w at every interval or instant, where coordinates
-        are larger by `advance` (n,) after one period."""
+        """matrix (c, N Z), right (c,): values from rates for q, v and w at every interval or
+        instant, where coordinates are larger by `advance` (n,) after one period."""
         h = self.duration_s / self.intervals
         stencils = (
             [
@@ -136,7 +142,8 @@ class Grid:
             else [((-1.0, 1.0), (-h / 2.0, -h / 2.0))]
         )
         pick = sp.identity(layout.size, format="csr")
-        matrices, rights = [], []
+        matrices = []
+        rights = []
         for value, rate, gain in (
             (layout.q, layout.v, advance),
             (layout.v, layout.a, np.zeros(layout.n)),
@@ -154,10 +161,12 @@ class Grid:
         return sp.vstack(matrices, format="csr"), np.concatenate(rights)
 
     def _over_intervals(self, weights: Sequence[float]) -> tuple[sp.csr_matrix, np.ndarray]:
-        """(intervals, N) that weighs the instants of each interval; what falls into the next period."""
+        """(intervals, N) that weighs the instants of each interval; what falls into the next
+        period."""
         rows = np.arange(self.intervals)[:, None]
         columns = self.per_interval * rows + np.arange(len(weights))
-        rows, values = np.broadcast_to(rows, columns.shape), np.broadcast_to(weights, columns.shape)
+        rows = np.broadcast_to(rows, columns.shape)
+        values = np.broadcast_to(weights, columns.shape)
         matrix = sp.csr_matrix(
             (values.ravel(), (rows.ravel(), columns.ravel() % self.instants)),
             shape=(self.intervals, self.instants),
@@ -177,8 +186,8 @@ class Grid:
 class InstantFunction(Protocol):
     """Outputs (m) of every instant as functions of its Z variables and of P design parameters.
 
-    Row i of z is instant i, for which the function may hold data of its own. A point that it cannot evaluate has
-    outputs that are not finite.
+    Row i of z is instant i, for which the function may hold data of its own. A point that it cannot
+    evaluate has outputs that are not finite.
     """
 
     def evaluate(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -201,7 +210,8 @@ class Limits:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Residuals:
-    """Adds 1/2 sum_k weights_k sum_r weight_kr (y_kr - target_kr)^2 to the cost; weights_k are the grid's, s."""
+    """Adds 1/2 sum_k weights_k sum_r weight_kr (y_kr - target_kr)^2 to the cost; weights_k are the
+    grid's, s."""
 
     outputs: Sequence[int]  # (r,) indices
     target: np.ndarray | float = 0.0  # number, (r,) or (N, r), in the outputs' units
@@ -249,20 +259,21 @@ class Design:
     names: Sequence[str] = ()
     low: np.ndarray | float = -np.inf
     high: np.ndarray | float = np.inf
-    scale: np.ndarray | float | None = (
-        None  # what counts as a change of one; None: high - low, 1 where 0 or infinite
-    )
+    scale: np.ndarray | float | None = None
+    """what counts as a change of one; None: high - low, 1 where 0 or infinite"""
 
 
 class TrajectoryProblem:
-    """What is to be minimised over a trajectory, see the module's text; InputError where something has another shape,
-    names an output that is none, or leaves no room.
+    """What is to be minimised over a trajectory, see the module's text; InputError where something
+    has another shape, names an output that is none, or leaves no room.
 
     Args:
-        outputs: m, how many outputs the function has. equations: indices of those that are 0 at every instant.
+        outputs: m, how many outputs the function has. equations: indices of those that are 0 at
+            every instant.
         advance: (n,) by how much the coordinates grow over a period.
         low, high: bounds of z, (Z,) or (N, Z); equal ones fix a variable.
-        z_scale, y_scale, cost_scale: what counts as a change of one, (Z,) or (N, Z), (m,) and a number, > 0.
+        z_scale, y_scale, cost_scale: what counts as a change of one, (Z,) or (N, Z), (m,) and a
+            number, > 0.
     """
 
     def __init__(
@@ -284,7 +295,10 @@ class TrajectoryProblem:
         y_scale: np.ndarray | float = 1.0,
         cost_scale: float = 1.0,
     ) -> None:
-        self.function, self.layout, self.grid, self.outputs = function, layout, grid, outputs
+        self.function = function
+        self.layout = layout
+        self.grid = grid
+        self.outputs = outputs
         self.terms: tuple[Residuals | Convex, ...] = (*residuals, *convex)
         self.design = design or Design()
         self.cost_scale = float(_filled(cost_scale, (), "cost_scale", least=1e-300))
@@ -293,8 +307,10 @@ class TrajectoryProblem:
             raise InputError(
                 "only a periodic trajectory advances", where="advance", right="Leave it out"
             )
-        every, parameters = (grid.instants, layout.size), (len(self.design.names),)
-        self.low, self.high = _filled(low, every, "low"), _filled(high, every, "high")
+        every = (grid.instants, layout.size)
+        parameters = (len(self.design.names),)
+        self.low = _filled(low, every, "low")
+        self.high = _filled(high, every, "high")
         self.z_scale = _filled(z_scale, every, "z_scale", least=1e-300)
         self.y_scale = _filled(y_scale, (outputs,), "y_scale", least=1e-300)
         self.p_low = _filled(self.design.low, parameters, "design.low")
@@ -341,7 +357,9 @@ class TrajectoryProblem:
     def _limited(self, limits: Sequence[Limits]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Outputs (c,) that have limits, and low and high (N, c) of them."""
         count = self.grid.instants
-        which, low, high = [np.zeros(0, dtype=int)], [np.zeros((count, 0))], [np.zeros((count, 0))]
+        which = [np.zeros(0, dtype=int)]
+        low = [np.zeros((count, 0))]
+        high = [np.zeros((count, 0))]
         for part in limits:
             which.append(self._outputs(part.outputs, "limits"))
             low.append(_filled(part.low, (count, len(which[-1])), "limits.low"))

@@ -1,15 +1,16 @@
-"""The same problem as a `MathematicalProgram`, for Drake's SNOPT and IPOPT, with exact, sparse gradients.
+"""The same problem as a `MathematicalProgram`, for Drake's SNOPT and IPOPT, with exact, sparse
+gradients.
 
-Decision variables are the scaled ones, x = [z / z_scale (N Z, instant by instant), p / p_scale (P)], so that solver
-tolerances mean what they mean in `solve`. Every instant has a cost and a constraint of its own, over its Z + P
-variables; all of them read one evaluation of the whole trajectory. SNOPT shows a new point to the program's
-visualization callback before it asks for values there. IPOPT does not: for it every instant also has a cost and a free
-constraint that are always 0, come first, and note where the instant is (`probes`).
+Decision variables are the scaled ones, x = [z / z_scale (N Z, instant by instant), p / p_scale
+(P)], so that solver tolerances mean what they mean in `solve`. Every instant has a cost and a
+constraint of its own, over its Z + P variables; all of them read one evaluation of the whole
+trajectory. SNOPT shows a new point to the program's visualization callback before it asks for
+values there. IPOPT does not: for it every instant also has a cost and a free constraint that are
+always 0, come first, and note where the instant is (`probes`).
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -17,25 +18,28 @@ from pydrake import solvers
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.solvers import IpoptSolver, MathematicalProgram, MathematicalProgramResult, SnoptSolver
 
+from vsf_drake.base.errors import InputError
 from vsf_drake.collocation.problem import TrajectoryProblem
 from vsf_drake.collocation.scaled import Linearised, Scaled
 from vsf_drake.collocation.solution import Start, TrajectorySolution, finished
 from vsf_drake.collocation.step import Kkt, find_step, optimality
-from vsf_drake.errors import InputError
 
 SOLVERS = ("snopt", "ipopt")
-FEASIBILITY, OPTIMALITY = 1e-7, 1e-6  # tolerances of both solvers, scaled
+# tolerances of both solvers, scaled
+FEASIBILITY = 1e-7
+OPTIMALITY = 1e-6
 MOST_VIOLATION = 1e-6  # of what a solver calls an optimum
-SUPERBASICS, MINOR_ITERATIONS = 2000, 1_000_000
+SUPERBASICS, MINOR_ITERATIONS = 2000, 100_000
 """SNOPT's limits; the first at least the number of degrees of freedom of the optimum."""
-STORAGE, TIME = 83, 34  # SNOPT's INFO for too little real storage and for the time limit
+ITERATIONS = 200  # of IPOPT, and major ones of SNOPT: two minutes or so for a stride (a choice)
+STORAGE = 83  # SNOPT's INFO for too little real storage
 PADDING = (0, 20, 60, 180)
-"""Rows an instant is padded with so that Drake gives SNOPT more storage, from one restart to the next."""
-SNOPT_ENDS = {TIME: "time", 31: "iterations", 32: "iterations"} | {
-    code: "infeasible" for code in range(11, 17)
-}
-IPOPT_ENDS = {1: "iterations", 2: "time", 3: "time", 6: "infeasible"}
-LOOSER = 100.0  # IPOPT stops after some iterations at this times its tolerance and says so: an acceptable point
+"""Rows an instant is padded with so that Drake gives SNOPT more storage, from one restart to the
+next."""
+SNOPT_ENDS = {31: "iterations", 32: "iterations"} | {code: "infeasible" for code in range(11, 17)}
+IPOPT_ENDS = {1: "iterations", 6: "infeasible"}
+# IPOPT stops after some iterations at this times its tolerance and says so: an acceptable point
+LOOSER = 100.0
 ACTIVE = 1e-6  # so near, in its scale, an inequality may be active when a point is judged
 
 Rows = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -43,18 +47,22 @@ Rows = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 class _Instants:
-    """One evaluation of all instants at the last point: costs, equations and limited outputs, in this order."""
+    """One evaluation of all instants at the last point: costs, equations and limited outputs, in
+    this order."""
 
     def __init__(self, scaled: Scaled) -> None:
-        self.scaled, self.x = scaled, np.full(len(scaled.x_scale), np.nan)
+        self.scaled = scaled
+        self.x = np.full(len(scaled.x_scale), np.nan)
         self.rows: tuple[np.ndarray, np.ndarray] | None = None
 
     def show(self, x: np.ndarray) -> None:
         if not np.array_equal(np.ravel(x), self.x):
-            self.x, self.rows = np.array(x, dtype=float).ravel(), None
+            self.x = np.array(x, dtype=float).ravel()
+            self.rows = None
 
     def note(self, instant: int, own: np.ndarray) -> None:
-        size, base = self.scaled.shape[1], self.scaled.count
+        size = self.scaled.shape[1]
+        base = self.scaled.count
         z = slice(instant * size, (instant + 1) * size)
         if not (
             np.array_equal(own[:size], self.x[z]) and np.array_equal(own[size:], self.x[base:])
@@ -65,9 +73,11 @@ class _Instants:
     def evaluated(self) -> tuple[np.ndarray, np.ndarray]:
         """(N, 1 + E + C) and derivatives (N, 1 + E + C, Z + P)."""
         if self.rows is None:
-            scaled, problem = self.scaled, self.scaled.problem
+            scaled = self.scaled
+            problem = self.scaled.problem
             y, by_z, by_p = scaled.outputs(np.where(np.isfinite(self.x), self.x, 0.0))
-            by, unit = np.concatenate([by_z, by_p], axis=2), problem.y_scale[scaled.which]
+            by = np.concatenate([by_z, by_p], axis=2)
+            unit = problem.y_scale[scaled.which]
             with np.errstate(all="ignore"):
                 cost = sum(scaled.instant_terms(y).values(), np.zeros(len(y))) / problem.cost_scale
                 cost_by = np.einsum("nm,nmx->nx", scaled.slopes(y)[0], by)
@@ -78,7 +88,8 @@ class _Instants:
         return self.rows
 
     def of(self, instant: int, which: slice | None = None) -> Rows:
-        """Some of an instant's rows; without any, a row that is 0 and only notes where the instant is."""
+        """Some of an instant's rows; without any, a row that is 0 and only notes where the instant
+        is."""
 
         def rows(own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             self.note(instant, own)
@@ -114,10 +125,12 @@ def _cost(rows: Rows) -> Callable[[np.ndarray], float | AutoDiffXd]:
 def program(
     problem: TrajectoryProblem | Scaled, *, probes: bool = True, padding: int = 0
 ) -> MathematicalProgram:
-    """The problem, or its scaled form, which then counts evaluations, for Drake's solvers; its variables are x.
+    """The problem, or its scaled form, which then counts evaluations, for Drake's solvers; its
+    variables are x.
 
-    `probes` are for solvers that show no points, see the module's text. `padding` rows per instant are always 0 and
-    free: Drake gives SNOPT storage by the number of derivatives, which can be too little (INFO 83).
+    `probes` are for solvers that show no points, see the module's text. `padding` rows per instant
+    are always 0 and free: Drake gives SNOPT storage by the number of derivatives, which can be too
+    little (INFO 83).
     """
     scaled = problem if isinstance(problem, Scaled) else Scaled(problem)
     instants, whole, (count, size) = _Instants(scaled), MathematicalProgram(), scaled.shape
@@ -160,8 +173,10 @@ def program(
 
 
 def _grouped(scaled: Scaled) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Linear equations that touch the same instants, with the variables they touch: solvers take small ones better."""
-    matrix, size = scaled.matrix, scaled.shape[1]
+    """Linear equations that touch the same instants, with the variables they touch: solvers take
+    small ones better."""
+    matrix = scaled.matrix
+    size = scaled.shape[1]
     groups: dict[tuple[int, ...], list[int]] = {}
     for row in range(matrix.shape[0]):
         touched = matrix.indices[matrix.indptr[row] : matrix.indptr[row + 1]]
@@ -169,16 +184,14 @@ def _grouped(scaled: Scaled) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(np.array(rows), np.unique(matrix[rows].indices)) for rows in groups.values()]
 
 
-def confirm(
-    problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, time_limit_s: float = 120.0
-) -> TrajectorySolution:
-    """Solves the problem with SNOPT or IPOPT from a start near a solution, e.g. from its `last`: a second opinion.
+def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt") -> TrajectorySolution:
+    """Solves the problem with SNOPT or IPOPT from a start near a solution, e.g. from its `last`: a
+    second opinion.
 
-    Their answer is judged anew: violation and first-order residual of what comes back are this package's own, whatever
-    the solver says. Drake hands IPOPT no Hessian, so that it has a limited-memory one; near a solution it creeps.
-
-    Args:
-        time_limit_s: wall time for IPOPT and processor time for SNOPT, of all restarts together.
+    Their answer is judged anew: violation and first-order residual of what comes back are this
+    package's own, whatever the solver says. Drake hands IPOPT no Hessian, so that it has a
+    limited-memory one; near a solution it creeps. Both are ended by their iterations, never by a
+    clock: what they say must not depend on how busy a machine is.
     """
     if solver not in SOLVERS:
         raise InputError(
@@ -187,13 +200,13 @@ def confirm(
     scaled = Scaled(problem)
     x = scaled.start(start.z, start.p).x
     if solver == "ipopt":
-        result = IpoptSolver().Solve(program(scaled), x, _ipopt(time_limit_s))
+        result = IpoptSolver().Solve(program(scaled), x, _ipopt())
         details = result.get_solver_details()
         assert isinstance(details, solvers.IpoptSolverDetails)
         status = IPOPT_ENDS.get(int(details.status), "failed")
         message = f"IPOPT ends with status {details.status} ({details.ConvertStatusToString()})"
     else:
-        result, restarts = _snopt(scaled, x, time_limit_s)
+        result, restarts = _snopt(scaled, x)
         code = _info(result)
         status = SNOPT_ENDS.get(code, "failed")
         message = f"SNOPT ends with INFO {code}, {restarts} restarts for storage"
@@ -202,14 +215,12 @@ def confirm(
     at = scaled.linearised(np.clip(np.where(np.isfinite(end), end, x), scaled.low, scaled.high))
     violation, where = scaled.worst(at)
     if status == "optimal" and violation > MOST_VIOLATION:
-        status, message = "failed", f"{message}, yet {where} is broken by {violation:.2g} (scaled)"
+        status = "failed"
+        message = f"{message}, yet {where} is broken by {violation:.2g} (scaled)"
     return finished(scaled, at, status=status, message=message, optimality=_residual(scaled, at))
 
 
-def _snopt(
-    scaled: Scaled, x: np.ndarray, time_limit_s: float
-) -> tuple[MathematicalProgramResult, int]:
-    began = time.perf_counter()
+def _snopt(scaled: Scaled, x: np.ndarray) -> tuple[MathematicalProgramResult, int]:
     for restarts, padding in enumerate(PADDING):  # noqa: B007 (returned below)
         result = SnoptSolver().Solve(
             program(scaled, probes=False, padding=padding),
@@ -219,14 +230,13 @@ def _snopt(
                 {
                     "Major feasibility tolerance": FEASIBILITY,
                     "Major optimality tolerance": OPTIMALITY,
-                    "Time limit": max(time_limit_s - (time.perf_counter() - began), 1.0),
                     "Superbasics limit": SUPERBASICS,
-                    "Major iterations limit": 10_000,
+                    "Major iterations limit": ITERATIONS,
                     "Iterations limit": MINOR_ITERATIONS,
                 },
             ),
         )
-        if _info(result) != STORAGE or time.perf_counter() - began >= time_limit_s:
+        if _info(result) != STORAGE:
             break
         x = np.where(np.isfinite(result.get_x_val()), result.get_x_val(), x)
     return result, restarts
@@ -238,7 +248,7 @@ def _info(result: MathematicalProgramResult) -> int:
     return int(details.info)
 
 
-def _ipopt(time_limit_s: float) -> solvers.SolverOptions:
+def _ipopt() -> solvers.SolverOptions:
     """Of a search that begins near a solution, hence with a small barrier."""
     return _settings(
         IpoptSolver.id(),
@@ -249,8 +259,7 @@ def _ipopt(time_limit_s: float) -> solvers.SolverOptions:
             "constr_viol_tol": FEASIBILITY,
             "acceptable_tol": LOOSER * OPTIMALITY,
             "acceptable_iter": 5,
-            "max_wall_time": float(time_limit_s),
-            "max_iter": MINOR_ITERATIONS,
+            "max_iter": ITERATIONS,
             "mu_strategy": "monotone",
             "option_file_name": "",  # else it reads ipopt.opt of the current folder
             "mu_init": 1e-7,
@@ -275,7 +284,8 @@ def _settings(
 
 def _residual(scaled: Scaled, at: Linearised) -> float:
     """First-order residual, with the multipliers of the step that would follow."""
-    slacks, usual = scaled.slacks(at), max(float(np.mean(at.diagonal)), 1e-8)
+    slacks = scaled.slacks(at)
+    usual = max(float(np.mean(at.diagonal)), 1e-8)
     kkt = Kkt(scaled, at, np.full(len(at.x), 1e-3 * usual))
     step = find_step(
         kkt, equations=at.equations, slacks=slacks, likely=np.flatnonzero(slacks < ACTIVE)

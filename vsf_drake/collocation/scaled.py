@@ -1,8 +1,8 @@
 """The problem in its scales: values, first derivatives and the Gauss-Newton Hessian at a point.
 
-Everything here is scaled: x = [z / z_scale (N Z), p / p_scale (P)], outputs by y_scale, the cost by cost_scale, every
-linear equation by its largest coefficient. Legend: N instants, Z variables, P parameters, E equations and C limited
-outputs of an instant, L linear equations.
+Everything here is scaled: x = [z / z_scale (N Z), p / p_scale (P)], outputs by y_scale, the cost by
+cost_scale, every linear equation by its largest coefficient. Legend: N instants, Z variables, P
+parameters, E equations and C limited outputs of an instant, L linear equations.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from vsf_drake.base.errors import InputError
 from vsf_drake.collocation.problem import TrajectoryProblem
-from vsf_drake.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,38 +57,33 @@ class Scaled:
     """A problem's scaled values and derivatives; counts evaluations.
 
     Attributes:
-        shape: (N, Z). count: N Z. parameters: P. equations: E. which: (E + C,) outputs that are equations or limited.
-        x_scale: (N Z + P,). low, high: of x. fixed: where they are equal. limit_low, limit_high: (N, C).
+        shape: (N, Z). count: N Z. parameters: P. equations: E. which: (E + C,) outputs that are
+            equations or limited.
+        x_scale: (N Z + P,). low, high: of x. fixed: where they are equal. limit_low, limit_high:
+            (N, C).
         matrix: (L, N Z), right: (L,): the linear equations, each over its `row_scale` (L,).
     """
 
     def __init__(self, problem: TrajectoryProblem) -> None:
-        self.problem, self.evaluations = problem, 0
-        self.shape, self.count, self.parameters = (
-            problem.low.shape,
-            problem.low.size,
-            problem.parameters,
-        )
+        self.problem = problem
+        self.evaluations = 0
+        self.shape = problem.low.shape
+        self.count = problem.low.size
+        self.parameters = problem.parameters
         self.x_scale = np.concatenate([problem.z_scale.ravel(), problem.p_scale])
         self.low = np.concatenate([problem.low.ravel(), problem.p_low]) / self.x_scale
         self.high = np.concatenate([problem.high.ravel(), problem.p_high]) / self.x_scale
         self.fixed = self.low == self.high
         which, low, high = problem.limited
-        self.which, self.equations = (
-            np.concatenate([problem.equations, which]),
-            len(problem.equations),
-        )
-        self.limit_low, self.limit_high = (
-            low / problem.y_scale[which],
-            high / problem.y_scale[which],
-        )
+        self.which = np.concatenate([problem.equations, which])
+        self.equations = len(problem.equations)
+        self.limit_low = low / problem.y_scale[which]
+        self.limit_high = high / problem.y_scale[which]
         matrix, right = problem.grid.collocation(problem.layout, problem.advance)
         wide = matrix @ sp.diags(self.x_scale[: self.count])
         self.row_scale = np.maximum(abs(wide).max(axis=1).toarray().ravel(), 1e-300)
-        self.matrix, self.right = (
-            (sp.diags(1.0 / self.row_scale) @ wide).tocsr(),
-            right / self.row_scale,
-        )
+        self.matrix = (sp.diags(1.0 / self.row_scale) @ wide).tocsr()
+        self.right = right / self.row_scale
 
     def scaled(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:
         """x, within the bounds."""
@@ -105,7 +100,8 @@ class Scaled:
         return x[: self.count].reshape(*self.shape, *x.shape[1:]), x[self.count :]
 
     def start(self, z: np.ndarray, p: np.ndarray) -> Linearised:
-        """The point to begin from, within the bounds; InputError for another shape, or no finite value there."""
+        """The point to begin from, within the bounds; InputError for another shape, or no finite
+        value there."""
         for name, values, shape in (("z", z, self.shape), ("p", p, (self.parameters,))):
             if np.shape(values) != shape or not np.isfinite(values).all():
                 raise InputError(
@@ -135,15 +131,15 @@ class Scaled:
             y, by_z, by_p = self.outputs(x)
             slope, bend = self.slopes(y)
 
-            # H = J' diag(phi'') J over the outputs that have any: the cost's curvature, without that of the outputs.
-            # With roots of phi'' in both factors it is symmetric and never negative to rounding.
+            # H = J' diag(phi'') J over the outputs that have any: the cost's curvature, without
+            # that of the outputs. With roots of phi'' in both factors it is symmetric and never
+            # negative to rounding.
             used = np.flatnonzero(bend.any(axis=0))
             root = np.sqrt(bend[:, used])[:, :, None]
-            rows_z, rows_p = root * by_z[:, used], root * by_p[:, used]
-            turned, flat_p = (
-                rows_z.transpose(0, 2, 1),
-                rows_p.reshape(len(y) * len(used), self.parameters),
-            )
+            rows_z = root * by_z[:, used]
+            rows_p = root * by_p[:, used]
+            turned = rows_z.transpose(0, 2, 1)
+            flat_p = rows_p.reshape(len(y) * len(used), self.parameters)
 
             # g = J' phi', by z for each instant, by p summed over them
             unit = self.problem.y_scale[self.which][:, None]
@@ -174,7 +170,8 @@ class Scaled:
         )
 
     def outputs(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """y (N, m) unscaled, and its derivatives (N, m, Z) and (N, m, P) by the scaled variables."""
+        """y (N, m) unscaled, and its derivatives (N, m, Z) and (N, m, P) by the scaled
+        variables."""
         self.evaluations += 1
         with np.errstate(all="ignore"):
             y, by_z, by_p = self.problem.function.linearise(*self.unscaled(x))
@@ -189,7 +186,8 @@ class Scaled:
 
     def slopes(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First and second derivatives (N, m) of the cost by the unscaled outputs."""
-        slope, bend = np.zeros_like(y), np.zeros_like(y)
+        slope = np.zeros_like(y)
+        bend = np.zeros_like(y)
         for part in self.problem.terms:
             for whole, own in zip(
                 (slope, bend), part.slopes(y, self.problem.grid.weights), strict=True
@@ -198,22 +196,26 @@ class Scaled:
         return slope / self.problem.cost_scale, bend / self.problem.cost_scale
 
     def slacks(self, at: Point) -> np.ndarray:
-        """Slacks of all inequalities at a point: x above low, below high, limited outputs above low, below high;
-        infinite where there is no such inequality, and for fixed variables."""
-        low, high = at.x - self.low, self.high - at.x
+        """Slacks of all inequalities at a point: x above low, below high, limited outputs above
+        low, below high; infinite where there is no such inequality, and for fixed variables."""
+        low = at.x - self.low
+        high = self.high - at.x
         low[self.fixed] = high[self.fixed] = np.inf
         limits = at.limited - self.limit_low, self.limit_high - at.limited
         return np.concatenate([low, high, *(slacks.ravel() for slacks in limits)])
 
     def violations(self, at: Point) -> np.ndarray:
-        """Violations >= 0 of linear equations (L), equations (N E), then all inequalities as in `slacks`."""
+        """Violations >= 0 of linear equations (L), equations (N E), then all inequalities as in
+        `slacks`."""
         return np.concatenate(
             [np.abs(at.linear), np.abs(at.equations).ravel(), np.maximum(-self.slacks(at), 0.0)]
         )
 
     def worst(self, at: Point) -> tuple[float, str]:
         """The largest violation, and where it is, in words."""
-        broken, layout, design = self.violations(at), self.problem.layout, self.problem.design
+        broken = self.violations(at)
+        layout = self.problem.layout
+        design = self.problem.design
         times = [f"{time:.3f} s" for time in self.problem.grid.times_s]
         variables = [f"{name} at {time}" for time in times for name in layout.names]
         of_rows = np.asarray(abs(self.matrix).argmax(axis=1)).ravel()

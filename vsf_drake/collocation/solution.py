@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
+from vsf_drake.base.errors import FitError, InputError
 from vsf_drake.collocation.problem import Grid, TrajectoryProblem
 from vsf_drake.collocation.scaled import Point, Scaled
-from vsf_drake.errors import FitError, InputError
 
 ON_BOUND = 1e-6  # so near, in its scale, a design parameter counts as on its bound
 
@@ -36,12 +36,13 @@ class Iteration:
 
 @dataclass(frozen=True, eq=False)
 class TrajectorySolution:
-    """The last iterate of a search and what is known of it. Reading `z`, `p`, `y` or `cost` demands an optimum; `last`,
-    `last_y` and `last_cost` do not.
+    """The last iterate of a search and what is known of it. Reading `z`, `p`, `y` or `cost` demands
+    an optimum; `last`, `last_y` and `last_cost` do not.
 
-    `status` is "optimal" (the first-order conditions of a local optimum hold), "infeasible" (no point nearby satisfies
-    equations and limits), "stalled" (no step improves on the last point, yet the conditions do not hold), "iterations"
-    or "time" (they ran out), "interrupted", "failed" (another solver gave up).
+    `status` is "optimal" (the first-order conditions of a local optimum hold), "infeasible" (no
+    point nearby satisfies equations and limits), "stalled" (no step improves on the last point, yet
+    the conditions do not hold), "iterations" (they ran out), "interrupted", "failed" (another
+    solver gave up).
     """
 
     problem: TrajectoryProblem
@@ -91,7 +92,8 @@ class TrajectorySolution:
     def _read(self) -> Start:
         if not self.success:
             raise FitError(
-                f"this is no optimum ({self.message}); what begins with `last` can be read all the same"
+                f"this is no optimum ({self.message}); what begins with `last` can be read all "
+                "the same"
             )
         return self.last
 
@@ -106,7 +108,8 @@ def finished(
     history: tuple[Iteration, ...] = (),
 ) -> TrajectorySolution:
     """The solution object of a last point, whatever its worth."""
-    problem, n = scaled.problem, scaled.count
+    problem = scaled.problem
+    n = scaled.count
     near = np.minimum(at.x - scaled.low, scaled.high - at.x)[n:] <= ON_BOUND
     return TrajectorySolution(
         problem=problem,
@@ -124,14 +127,18 @@ def finished(
 
 
 def resampled(solution: TrajectorySolution, grid: Grid) -> Start:
-    """A search's last iterate on another grid of the same duration, to begin there: q and v as cubics with the rates
-    they have, the rest by splines."""
-    problem, z, old = solution.problem, solution.last.z, solution.problem.grid
+    """A search's last iterate on another grid of the same duration, to begin there: q and v as
+    cubics with the rates they have, the rest by splines."""
+    problem = solution.problem
+    z = solution.last.z
+    old = solution.problem.grid
     if (old.periodic, old.duration_s) != (grid.periodic, grid.duration_s):
         raise InputError("is of another duration, or only one of both is periodic", where="grid")
-    layout, times = problem.layout, old.times_s
+    layout = problem.layout
+    times = old.times_s
     if old.periodic:
-        z, times = np.vstack([z, z[:1]]), np.append(times, old.duration_s)
+        z = np.vstack([z, z[:1]])
+        times = np.append(times, old.duration_s)
         z[-1, layout.q] += problem.advance
     at = np.minimum(grid.times_s, old.duration_s)
     z_new = np.empty((len(at), layout.size))

@@ -1,48 +1,50 @@
-"""Gauss-Newton SQP: each iteration one convex quadratic program, its step held by damping and an l1 merit.
+"""Gauss-Newton SQP: each iteration one convex quadratic program, its step held by damping and an l1
+merit.
 
-step:    quadratic model of the cost (J'WJ, phi'' J'J) + Levenberg damping, subject to linearised equations, limits
-         and bounds (`step`); where that is slow, with the outputs' own curvature (the section at the end)
-accept:  the merit falls by a part of what the model promises, at full length, after a second-order correction, or
-         at a shorter length; else the damping grows
-end:     violation, first-order residual and step are below their tolerances
+    step:    quadratic model of the cost (J'WJ, phi'' J'J) + Levenberg damping, subject to
+             linearised equations, limits and bounds (`step`); where that is slow, with the outputs'
+             own curvature (the section at the end)
+    accept:  the merit falls by a part of what the model promises, at full length, after a
+             second-order correction, or at a shorter length; else the damping grows
+    end:     violation, first-order residual and step are below their tolerances
 """
 
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.base.schema import check, quantity
 from vsf_drake.collocation.problem import TrajectoryProblem
 from vsf_drake.collocation.scaled import Linearised, Point, Scaled
 from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution, finished
 from vsf_drake.collocation.step import Kkt, Step, find_step, normals, optimality, slack_changes
-from vsf_drake.schema import check, quantity
 
 Progress = Callable[[Iteration], None]
-ENOUGH, SHORTEST, NOISE = 1e-4, 1.0 / 64.0, 1e-13
-STEP = (
-    1e-5  # at an optimum the next step would change no scaled variable by more, or gain too little
-)
-DAMPING, LEAST_DAMPING, MOST_DAMPING = (
-    1e-3,
-    1e-9,
-    1e6,
-)  # Levenberg damping of the scaled step: the first, and its range
+ENOUGH = 1e-4
+SHORTEST = 1.0 / 64.0
+NOISE = 1e-13
+# at an optimum the next step would change no scaled variable by more, or gain too little
+STEP = 1e-5
+# Levenberg damping of the scaled step: the first, and its range
+DAMPING = 1e-3
+LEAST_DAMPING = 1e-9
+MOST_DAMPING = 1e6
 WASTED, LOST, TRADING = 30, 1e10, 1e-2
-"""A search ends after so many iterations without less violation, or with multipliers beyond; below the last it goes on,
-as it must where it begins on the equations and trades them for the cost."""
+"""A search ends after so many iterations without less violation, or with multipliers beyond; below
+the last it goes on, as it must where it begins on the equations and trades them for the cost."""
 SLOW, NEAR, WAIT, SHIFTS = 4, 1e-2, 5, 3
-"""Gauss-Newton is slow if this many iterations do not divide the first-order residual by ten; with violation and
-residual this small the outputs' curvature may help; if it did not, it is tried again after so many iterations. So
-often the damping grows tenfold to make the exact Hessian convex."""
-RESTORATIONS = (
-    20  # steps that a search which is stuck may take toward the equations and limits alone
-)
-FLAT = 1e-3  # damping of a variable that hardly enters the cost, as a part of what it is for the average variable
+"""Gauss-Newton is slow if this many iterations do not divide the first-order residual by ten; with
+violation and residual this small the outputs' curvature may help; if it did not, it is tried again
+after so many iterations. So often the damping grows tenfold to make the exact Hessian convex."""
+# steps that a search which is stuck may take toward the equations and limits alone
+RESTORATIONS = 20
+# damping of a variable that hardly enters the cost, as a part of what it is for the average
+# variable
+FLAT = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,14 +52,14 @@ class CollocationOptions:
     """Options of the Gauss-Newton SQP; tolerances are in the problem's scales.
 
     Attributes:
-        iterations: most iterations. time_limit_s: most wall time, checked once an iteration.
+        iterations: most iterations; no clock ends a search, so that no result depends on how busy a
+            machine is.
         violation: largest violation of any equation or limit of a solution.
         optimality: largest first-order residual, relative to 1 + the largest multiplier.
         gain: part of 1 + the cost, scaled, that a next step must promise, or the search is at rest.
     """
 
     iterations: int = quantity(200, unit="1", low=1, source="choice")
-    time_limit_s: float = quantity(600.0, unit="s", low=1e-9, source="choice")
     violation: float = quantity(1e-8, unit="1", low=1e-300, source="choice")
     optimality: float = quantity(1e-6, unit="1", low=1e-300, source="choice")
     gain: float = quantity(1e-11, unit="1", low=1e-300, source="choice")
@@ -72,13 +74,15 @@ def solve(
     options: CollocationOptions | None = None,
     progress: Progress | None = None,
 ) -> TrajectorySolution:
-    """Solves a trajectory problem from a start, which is moved into the bounds; an interrupt (Ctrl-C) ends it with the
-    last iterate. InputError where the start has another shape than the problem, or the function no value there."""
+    """Solves a trajectory problem from a start, which is moved into the bounds; an interrupt
+    (Ctrl-C) ends it with the last iterate. InputError where the start has another shape than the
+    problem, or the function no value there."""
     search = _SqpSearch(problem, start, options or CollocationOptions(), progress)
     try:
         status, message = search.run()
     except KeyboardInterrupt:
-        status, message = "interrupted", f"interrupted after {len(search.history)} iterations"
+        status = "interrupted"
+        message = f"interrupted after {len(search.history)} iterations"
     return finished(
         search.scaled,
         search.at,
@@ -90,8 +94,9 @@ def solve(
 
 
 class _SqpSearch:
-    """The merit is cost + sum of weight * violation, a weight for each equation and inequality above its multiplier:
-    then it is exact (l1), and a step of the quadratic program is a direction in which it falls."""
+    """The merit is cost + sum of weight * violation, a weight for each equation and inequality
+    above its multiplier: then it is exact (l1), and a step of the quadratic program is a direction
+    in which it falls."""
 
     def __init__(
         self,
@@ -100,7 +105,8 @@ class _SqpSearch:
         options: CollocationOptions,
         progress: Progress | None,
     ) -> None:
-        self.options, self.progress, self.began = options, progress, time.perf_counter()
+        self.options = options
+        self.progress = progress
         self.history: list[Iteration] = []
         self.scaled = Scaled(problem)
         self.at = self.scaled.start(start.z, start.p)
@@ -110,12 +116,17 @@ class _SqpSearch:
             [np.repeat(parts, self.scaled.shape[1]), np.ones(problem.parameters)]
         )
         self.curve = np.zeros_like(self.share)
-        self.damping, self.optimality = DAMPING, np.nan
+        self.damping = DAMPING
+        self.optimality = np.nan
         self.step: Step | None = None  # the last
-        self.exact, self.resume, self.before = False, 0, DAMPING
+        self.exact = False
+        self.resume = 0
+        self.before = DAMPING
 
     def run(self) -> tuple[str, str]:
-        options, least, since = self.options, np.inf, 0
+        options = self.options
+        least = np.inf
+        since = 0
         for number in range(options.iterations + 1):
             kkt, step = self._find()
             self.optimality = optimality(self.scaled, self.at, step)
@@ -123,7 +134,8 @@ class _SqpSearch:
             change = np.abs(step.change).max(initial=0.0)
             self._note(number, violation, step)
 
-            # Feasible, stationary, and at rest: where the cost is flat a small slope alone says little.
+            # Feasible, stationary, and at rest: where the cost is flat a small slope alone says
+            # little.
             if (
                 violation <= options.violation
                 and self.optimality <= options.optimality
@@ -134,7 +146,8 @@ class _SqpSearch:
             ):
                 return "optimal", "first-order conditions hold"
 
-            # Multipliers beyond all bounds, or a violation that stays, are those of conditions that cannot be met.
+            # Multipliers beyond all bounds, or a violation that stays, are those of conditions that
+            # cannot be met.
             least, since = (
                 (violation, 0) if violation < max(0.9 * least, TRADING) else (least, since + 1)
             )
@@ -144,20 +157,21 @@ class _SqpSearch:
                 return self._stuck("the violation no longer falls")
             if number == options.iterations:
                 return "iterations", f"{number} iterations were not enough"
-            if time.perf_counter() - self.began > options.time_limit_s:
-                return "time", f"{options.time_limit_s:g} s were not enough"
             if not self._advance(kkt, step):
                 return self._stuck("no step lowers the merit")
         raise AssertionError
 
     def _find(self) -> tuple[Kkt, Step]:
-        """The step: with the outputs' curvature where that is wanted and does not mislead, else Gauss-Newton's."""
+        """The step: with the outputs' curvature where that is wanted and does not mislead, else
+        Gauss-Newton's."""
         if self.step is not None and self._wants_curvature():
             if not self.exact:
-                self.exact, self.before = True, self.damping
+                self.exact = True
+                self.before = self.damping
                 self.damping = min(self.damping, DAMPING)
             at = stiffened(self.scaled, with_curvature(self.scaled, self.at, self.step), self.step)
-            # H + D must be positive on the equations' null space, as the inertia of the factors tells (`Kkt.convex`).
+            # H + D must be positive on the equations' null space, as the inertia of the factors
+            # tells (`Kkt.convex`).
             for _ in range(SHIFTS):
                 kkt = self._kkt(at)
                 if kkt.convex:
@@ -179,11 +193,10 @@ class _SqpSearch:
         self.exact, self.resume, self.damping = False, len(self.history) + WAIT, self.before
 
     def _kkt(self, at: Linearised) -> Kkt:
-        # D is the damping times the largest curvature that each variable has shown (as in Moré 1978), per second of its
-        # instant; between FLAT of the usual one and that, so that no variable is free and none is held.
-        self.curve = np.maximum(
-            self.curve, self.at.diagonal / self.share
-        )  # Gauss-Newton's: never negative
+        # D is the damping times the largest curvature that each variable has shown (as in Moré
+        # 1978), per second of its instant; between FLAT of the usual one and that, so that no
+        # variable is free and none is held. Gauss-Newton's: never negative
+        self.curve = np.maximum(self.curve, self.at.diagonal / self.share)
         usual = max(
             float(np.mean(self.curve)), float(np.mean(np.abs(self.at.gradient) / self.share)), 1e-8
         )
@@ -201,7 +214,8 @@ class _SqpSearch:
     def _advance(self, kkt: Kkt, step: Step) -> bool:
         """Moves to a better point, with more damping until there is one."""
         while True:
-            # weights rise to the multipliers of the step; those fade that were too large (Powell 1978)
+            # weights rise to the multipliers of the step; those fade that were too large
+            # (Powell 1978)
             size = np.zeros_like(self.weights)
             size[: len(step.multipliers)] = np.abs(step.multipliers)
             size[len(step.multipliers) + step.active] = step.duals
@@ -223,8 +237,8 @@ class _SqpSearch:
     def _try(self, kkt: Kkt, step: Step) -> bool:
         before = self._merit(self.at)
 
-        # By how much the merit would fall if the linearisation were exact: equations are met, and of the inequalities
-        # is left what the elastic program left.
+        # By how much the merit would fall if the linearisation were exact: equations are met, and
+        # of the inequalities is left what the elastic program left.
         slacks = self.scaled.slacks(self.at) + slack_changes(self.scaled, self.at, step.change)
         left = self.weights[len(self.weights) - len(slacks) :] @ np.maximum(-slacks, 0.0)
         promised = step.predicted + float(self.weights @ self.scaled.violations(self.at) - left)
@@ -234,13 +248,15 @@ class _SqpSearch:
             after = self._merit(at)
             return bool(before - after >= ENOUGH * length * promised - noise) and np.isfinite(after)
 
-        # At full length; the damping follows how much of the promise was kept (a trust region's rule).
+        # At full length; the damping follows how much of the promise was kept (a trust region's
+        # rule).
         full = self.scaled.linearised(self._moved(step.change))
         if lowers(full, 1.0):
             gained = (before - self._merit(full)) / promised if promised > noise else 1.0
             return self._take(full, 0.2 if gained > 0.5 else (1.0 if gained > 0.25 else 4.0))
 
-        # Where curved equations hold such a step back (Maratos effect), once more with what it left; then shorter.
+        # Where curved equations hold such a step back (Maratos effect), once more with what it
+        # left; then shorter.
         if full.finite:
             better = self._corrected(kkt, step, full)
             if lowers(better, 1.0):
@@ -254,11 +270,14 @@ class _SqpSearch:
         return False
 
     def _corrected(self, kkt: Kkt, step: Step, full: Linearised) -> Linearised:
-        """The point after a step whose linearisation is corrected by what it left (second-order correction)."""
-        scaled, at = self.scaled, self.at
+        """The point after a step whose linearisation is corrected by what it left (second-order
+        correction)."""
+        scaled = self.scaled
+        at = self.at
         z, p = scaled.split(step.change)
         conditions = scaled.equations
-        # c(x + d) - A d in place of c(x): a step that meets this leaves of the curved equations what is of third order.
+        # c(x + d) - A d in place of c(x): a step that meets this leaves of the curved equations
+        # what is of third order.
         bent = (
             full.equations
             - np.einsum("nez,nz->ne", at.by_z[:, :conditions], z)
@@ -292,8 +311,11 @@ class _SqpSearch:
         return "infeasible", f"no step mends what {where} is broken by {violation:.2g} (scaled)"
 
     def _restored(self) -> Linearised:
-        """The point to which the shortest steps that fulfil the linearised conditions lead while violations fall."""
-        scaled, at, likely = self.scaled, self.at, np.zeros(0, dtype=int)
+        """The point to which the shortest steps that fulfil the linearised conditions lead while
+        violations fall."""
+        scaled = self.scaled
+        at = self.at
+        likely = np.zeros(0, dtype=int)
         for _ in range(RESTORATIONS):
             own, mixed, shared = at.hessian
             bare = dataclasses.replace(
@@ -306,7 +328,8 @@ class _SqpSearch:
                 likely=likely,
             )
             least = scaled.violations(at).sum()
-            # Armijo's rule for the sum of violations, which a full step would bring to 0 if they were linear.
+            # Armijo's rule for the sum of violations, which a full step would bring to 0 if they
+            # were linear.
             for length in 0.25 ** np.arange(5):
                 near = scaled.linearised(
                     np.clip(at.x + length * step.change, scaled.low, scaled.high)
@@ -315,7 +338,8 @@ class _SqpSearch:
                     break
             else:
                 break
-            at, likely = near, step.active
+            at = near
+            likely = step.active
         return at
 
     def _note(self, number: int, violation: float, step: Step) -> None:
@@ -333,23 +357,30 @@ class _SqpSearch:
             self.progress(self.history[-1])
 
 
-# What Gauss-Newton leaves out of the Hessian: the outputs' own curvature times the forces of cost and multipliers.
+# What Gauss-Newton leaves out of the Hessian: the outputs' own curvature times the forces of cost
+# and multipliers.
 #
-#     H = Gauss-Newton + sum_i sum_m c_im  d2 y_im / d(z_i, p)^2,    c = slope of the cost + multipliers of y
+#     H = Gauss-Newton + sum_i sum_m c_im  d2 y_im / d(z_i, p)^2,
+#     c = slope of the cost + multipliers of y
 #
-# An instant's outputs depend on its own variables only, so that one difference of the derivatives in one variable of
-# *all* instants gives a column for every instant: Z + P linearisations for the whole trajectory.
+# An instant's outputs depend on its own variables only, so that one difference of the derivatives
+# in one variable of *all* instants gives a column for every instant: Z + P linearisations for the
+# whole trajectory.
 
 
-DIFFERENCE = 1e-6  # of the scaled variables, for forward differences of derivatives that are exact to rounding
+# of the scaled variables, for forward differences of derivatives that are exact to rounding
+DIFFERENCE = 1e-6
 STIFF = 10.0  # how much stiffer than the stiffest variable a bound or limit is that presses
 
 
 def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
-    """The linearisation with the Hessian of the Lagrangian, by the multipliers of `step`, for Gauss-Newton's."""
-    n, y_scale = len(at.x), scaled.problem.y_scale
+    """The linearisation with the Hessian of the Lagrangian, by the multipliers of `step`, for
+    Gauss-Newton's."""
+    n = len(at.x)
+    y_scale = scaled.problem.y_scale
 
-    # c: slopes of the cost, multipliers of the equations, and of the limits those from above less those from below.
+    # c: slopes of the cost, multipliers of the equations, and of the limits those from above less
+    # those from below.
     duals = np.zeros(2 * n + 2 * at.limited.size)
     duals[step.active] = step.duals
     low, high = duals[2 * n :].reshape(2, *at.limited.shape)
@@ -364,7 +395,8 @@ def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
         _, by_z, by_p = scaled.outputs(x)
         return np.matmul(forces[:, None, :], by_z)[:, 0], np.matmul(forces[:, None, :], by_p)[:, 0]
 
-    # Columns of the second derivatives, by z of all instants at once, then by p; their asymmetry is rounding.
+    # Columns of the second derivatives, by z of all instants at once, then by p; their asymmetry is
+    # rounding.
     base_z, base_p = pulled(at.x)
     own, mixed, shared = (part.copy() for part in at.hessian)
     rest = np.zeros_like(own)
@@ -387,14 +419,17 @@ def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
 
 
 def stiffened(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
-    """With weight/2 (slack)^2 added for what presses: nothing changes where it goes on pressing, yet the Hessian is
-    convex across bounds and limits that hold, so that only directions that are free must be so."""
+    """With weight/2 (slack)^2 added for what presses: nothing changes where it goes on pressing,
+    yet the Hessian is convex across bounds and limits that hold, so that only directions that are
+    free must be so."""
     if not len(step.active):
         return at
     own, mixed, shared = at.hessian
 
-    # H += w b b', g += w b s for a slack s with slope b: a spring that is at rest where the slack is 0.
-    across, slacks = normals(scaled, at, step.active), scaled.slacks(at)[step.active]
+    # H += w b b', g += w b s for a slack s with slope b: a spring that is at rest where the slack
+    # is 0.
+    across = normals(scaled, at, step.active)
+    slacks = scaled.slacks(at)[step.active]
     weight = STIFF * np.abs(at.diagonal).max(initial=0.0)
     by_z, by_p = scaled.split(across)
     hessian = (

@@ -1,9 +1,10 @@
 """One step of the SQP: the convex quadratic program of a linearisation.
 
-Without inequalities it is one KKT solve. Bounds and limits that the step would break join, as many as needed, through
-their multipliers l: the step is then d0 + W l with W = KKT^-1 B, and 0 <= l, slack + B'(d0 + W l) >= 0, complementary,
-is a small quadratic program with bounds (below: projected Newton steps). Their multipliers are held below a given
-weight, which makes limits elastic: a step always exists.
+Without inequalities it is one KKT solve. Bounds and limits that the step would break join, as many
+as needed, through their multipliers l: the step is then d0 + W l with W = KKT^-1 B, and 0 <= l,
+slack + B'(d0 + W l) >= 0, complementary, is a small quadratic program with bounds (below: projected
+Newton steps). Their multipliers are held below a given weight, which makes limits elastic: a step
+always exists.
 """
 
 from __future__ import annotations
@@ -17,10 +18,13 @@ from scipy.sparse.linalg import splu
 
 from vsf_drake.collocation.scaled import Linearised, Scaled
 
-SOFT = 1e-10  # e: keeps dependent equations from making the matrix singular; what it changes is refined away
+# e: keeps dependent equations from making the matrix singular; what it changes is refined away
+SOFT = 1e-10
 REFINEMENTS, POOR = 5, 1e-10
 """Most rounds of refinement, and the relative residual above which diagonal pivots have failed."""
-ROUNDS, AT_ONCE, VIOLATED = 40, 200, 1e-10
+ROUNDS = 40
+AT_ONCE = 200
+VIOLATED = 1e-10
 MOST_DUAL = 1e6  # of the l1 penalty at which inequalities may be broken within a step
 
 
@@ -28,20 +32,23 @@ class Kkt:
     """The KKT system of a step, eliminated along the chain of instants.
 
         [ H + D   A' ] [ step        ]   [ a ]
-        [ A      -e  ] [ multipliers ] = [ b ]      A: linear equations, then the instants' equations
+        [ A      -e  ] [ multipliers ] = [ b ]    A: linear equations, then the instants' equations
 
-    H is one block an instant, A couples neighbours, and only the few parameters touch all. The unknowns are therefore
-    eliminated instant by instant: its variables, the linear equations that end there, its equations; parameters last.
-    As H + D is positive and -e negative (quasi-definite, Vanderbei 1995), pivots may stay on the diagonal, and their
-    signs are the matrix's inertia; iterative refinement with e = 0 makes up for what that costs in accuracy. Where it
-    does not (hardly any cost or damping, equations without derivatives), rows are exchanged after all.
+    H is one block an instant, A couples neighbours, and only the few parameters touch all. The
+    unknowns are therefore eliminated instant by instant: its variables, the linear equations that
+    end there, its equations; parameters last. As H + D is positive and -e negative (quasi-definite,
+    Vanderbei 1995), pivots may stay on the diagonal, and their signs are the matrix's inertia;
+    iterative refinement with e = 0 makes up for what that costs in accuracy. Where it does not
+    (hardly any cost or damping, equations without derivatives), rows are exchanged after all.
 
     Args:
         at: the linearisation. damping: D (N Z + P,) of the scaled variables.
     """
 
     def __init__(self, scaled: Scaled, at: Linearised, damping: np.ndarray) -> None:
-        self.scaled, self.at, self.variables = scaled, at, len(at.x)
+        self.scaled = scaled
+        self.at = at
+        self.variables = len(at.x)
 
         # H + D: a block an instant, bordered by the parameters' rows and columns.
         own, mixed, shared = at.hessian
@@ -59,7 +66,8 @@ class Kkt:
             ]
         )
 
-        # Fixed variables keep their place, with a row of the identity: their step is what the right side says, 0.
+        # Fixed variables keep their place, with a row of the identity: their step is what the right
+        # side says, 0.
         self.free = np.where(scaled.fixed, 0.0, 1.0)
         free = sp.diags(self.free)
         conditions = conditions @ free
@@ -69,7 +77,8 @@ class Kkt:
         )
 
         # What is factorised has -e below, and its unknowns in the order of elimination.
-        self.size, self.order = self.matrix.shape[0], _order(scaled)
+        self.size = self.matrix.shape[0]
+        self.order = _order(scaled)
         soft = np.concatenate([np.zeros(self.variables), np.full(self.size - self.variables, SOFT)])
         self._whole = (self.matrix - sp.diags(soft)).tocsr()[self.order][:, self.order].tocsc()
         self._is_exchanged = False
@@ -79,11 +88,13 @@ class Kkt:
             self._exchange()
 
     def _exchange(self) -> None:
-        self._factors, self._is_exchanged = splu(self._whole, permc_spec="NATURAL"), True
+        self._factors = splu(self._whole, permc_spec="NATURAL")
+        self._is_exchanged = True
 
     @property
     def convex(self) -> bool:
-        """Whether H + D is positive where the linearised equations hold: as many pivots are negative as equations."""
+        """Whether H + D is positive where the linearised equations hold: as many pivots are
+        negative as equations."""
         negative = np.count_nonzero(self._factors.U.diagonal() < 0.0)
         return not self._is_exchanged and bool(negative == self.size - self.variables)
 
@@ -98,13 +109,15 @@ class Kkt:
         unknowns = self.roughly(right)
         off = right - self.matrix @ unknowns
 
-        # Iterative refinement against the matrix with e = 0: x += (factors)^-1 (b - A x), while that halves the rest.
+        # Iterative refinement against the matrix with e = 0: x += (factors)^-1 (b - A x), while
+        # that halves the rest.
         for _ in range(REFINEMENTS):
             better = unknowns + self.roughly(off)
             left = right - self.matrix @ better
             if not np.abs(left).max() < 0.5 * np.abs(off).max():
                 break
-            unknowns, off = better, left
+            unknowns = better
+            off = left
 
         # Backward error: a residual that is small beside |b| + |A| |x| is rounding.
         usual = np.abs(right).max() + max(1.0, abs(self.matrix).max()) * np.abs(unknowns).max()
@@ -165,14 +178,16 @@ def slack_changes(scaled: Scaled, at: Linearised, change: np.ndarray) -> np.ndar
 
 def normals(scaled: Scaled, at: Linearised, which: np.ndarray) -> np.ndarray:
     """B (N Z + P, r): derivatives of the slacks of some inequalities by x."""
-    n, cells = len(at.x), at.limited.size
+    n = len(at.x)
+    cells = at.limited.size
     slopes = np.zeros((n, len(which)))
 
     # Bounds, low ones first: x - low and high - x.
     bound = np.flatnonzero(which < 2 * n)
     slopes[which[bound] % n, bound] = np.where(which[bound] < n, 1.0, -1.0)
 
-    # Limits of an output at an instant, which depends on that instant's variables and on the parameters.
+    # Limits of an output at an instant, which depends on that instant's variables and on the
+    # parameters.
     limit = np.flatnonzero(which >= 2 * n)
     side, cell = np.divmod(which[limit] - 2 * n, max(cells, 1))
     instant, output = np.divmod(cell, max(at.limited.shape[1], 1))
@@ -185,28 +200,38 @@ def normals(scaled: Scaled, at: Linearised, which: np.ndarray) -> np.ndarray:
 
 
 def find_step(kkt: Kkt, *, equations: np.ndarray, slacks: np.ndarray, likely: np.ndarray) -> Step:
-    """The step at the linearisation of `kkt`: equations (N, E) are what it is to bring to 0, `slacks` those of the
-    inequalities, there or after a first step, and `likely` the inequalities (indices) to begin with."""
-    scaled, at, n = kkt.scaled, kkt.at, kkt.variables
+    """The step at the linearisation of `kkt`: equations (N, E) are what it is to bring to 0,
+    `slacks` those of the inequalities, there or after a first step, and `likely` the inequalities
+    (indices) to begin with."""
+    scaled = kkt.scaled
+    at = kkt.at
+    n = kkt.variables
 
     # d0, which no inequality holds, and the slacks that it would leave.
     right_side = np.concatenate([-at.gradient * kkt.free, -at.linear, -equations.ravel()])
     base = kkt.solve(right_side)
     still = slack_changes(scaled, at, base[:n])
 
-    # Inequalities join until none is violated. Those of the set have slacks s + B'd0 + B'W l, s the given ones, so
-    # that l solves
+    # Inequalities join until none is violated. Those of the set have slacks s + B'd0 + B'W l, s the
+    # given ones, so that l solves
     #     minimise  1/2 l' (B'W) l + (s + B'd0)' l      subject to  0 <= l <= MOST_DUAL
-    which, duals = likely[np.isfinite(slacks[likely])], np.zeros(0)
-    W, B, unknowns = np.zeros((kkt.size, 0)), np.zeros((n, 0)), base  # the last d0 + W l
-    new, after = which, slacks + still
+    which = likely[np.isfinite(slacks[likely])]
+    duals = np.zeros(0)
+    # the last d0 + W l
+    W = np.zeros((kkt.size, 0))
+    B = np.zeros((n, 0))
+    unknowns = base
+    new = which
+    after = slacks + still
     for _ in range(ROUNDS):
         if len(new):
             added = normals(scaled, at, new)
             right = np.zeros((kkt.size, len(new)))
             right[:n] = added
-            # W unrefined: these may be many columns, and `_sharpened` mends what is held in the end.
-            W, B = np.hstack([W, kkt.roughly(right)]), np.hstack([B, added])
+            # W unrefined: these may be many columns, and `_sharpened` mends what is held in the
+            # end.
+            W = np.hstack([W, kkt.roughly(right)])
+            B = np.hstack([B, added])
             matrix = B.T @ W[:n]
             start = np.concatenate([duals, np.zeros(len(which) - len(duals))])
             duals = box_minimum(
@@ -251,8 +276,10 @@ def _sharpened(
     duals: np.ndarray,
     slacks: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The unknowns with the refined solve, and duals with which what presses is held to rounding."""
-    n, tight = len(B), (duals > 0.0) & (duals < MOST_DUAL)
+    """The unknowns with the refined solve, and duals with which what presses is held to
+    rounding."""
+    n = len(B)
+    tight = (duals > 0.0) & (duals < MOST_DUAL)
     matrix = B[:, tight].T @ W[:n, tight]
     for last in (False, True):
         right = right_side.copy()
@@ -261,7 +288,8 @@ def _sharpened(
         off = (slacks + B.T @ unknowns[:n])[tight]
         if last or np.abs(off).max(initial=0.0) <= VIOLATED:
             break
-        # Slacks that are left grow by (B'W) dl: one Newton step brings them to 0, unless a duals would turn.
+        # Slacks that are left grow by (B'W) dl: one Newton step brings them to 0, unless a duals
+        # would turn.
         better = duals[tight] - np.linalg.lstsq(matrix, off, rcond=1e-12)[0]
         if not (better > 0.0).all():
             break
@@ -271,8 +299,9 @@ def _sharpened(
 
 
 def optimality(scaled: Scaled, at: Linearised, step: Step) -> float:
-    """First-order residual with a step's multipliers, relative to 1 + the largest of them: the largest of |gradient of
-    the Lagrangian|, |multiplier * slack| over the inequalities that press."""
+    """First-order residual with a step's multipliers, relative to 1 + the largest of them: the
+    largest of |gradient of the Lagrangian|, |multiplier * slack| over the inequalities that
+    press."""
     lines = len(at.linear)
     of_instants = step.multipliers[lines:].reshape(at.equations.shape)
 
@@ -291,20 +320,23 @@ def optimality(scaled: Scaled, at: Linearised, step: Step) -> float:
     )
 
 
-BOX_ROUNDS, HALVINGS = 200, 30
+BOX_ROUNDS = 200
+HALVINGS = 30
 
 
 def box_minimum(
     matrix: np.ndarray, linear: np.ndarray, high: float, start: np.ndarray
 ) -> np.ndarray:
-    """x (n,) from `start` on that minimises 1/2 x' matrix x + linear' x with 0 <= x <= high, the matrix symmetric and
-    positive semidefinite: projected Newton steps (Bertsekas 1982)."""
+    """x (n,) from `start` on that minimises 1/2 x' matrix x + linear' x with 0 <= x <= high, the
+    matrix symmetric and positive semidefinite: projected Newton steps (Bertsekas 1982)."""
     if not len(start):
         return start
 
     # In units in which the matrix has a diagonal of ones.
     unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled, pull, top = matrix * unit * unit[:, None], linear * unit, high / unit
+    scaled = matrix * unit * unit[:, None]
+    pull = linear * unit
+    top = high / unit
     x: np.ndarray = np.clip(start, 0.0, high) / unit
     tolerance = 1e-13 * max(np.abs(pull).max(), 1e-300)
     for _ in range(BOX_ROUNDS):
@@ -317,7 +349,8 @@ def box_minimum(
         step = np.zeros_like(x)
         step[free] = -_solved(scaled[np.ix_(free, free)], slope[free])
 
-        # Its projection onto the box is shortened until the cost falls by a part of what its slope promises (Armijo).
+        # Its projection onto the box is shortened until the cost falls by a part of what its slope
+        # promises (Armijo).
         length = 1.0
         for _ in range(HALVINGS):
             moved = np.clip(x + length * step, 0.0, top) - x

@@ -1,5 +1,6 @@
-"""Elementwise functions that numpy lacks, or differentiates badly, on object arrays of AutoDiffXd: `np.maximum` and
-`np.clip` would put plain floats beside AutoDiffXd, and `AutoDiffXd ** AutoDiffXd` does not exist."""
+"""Elementwise functions that numpy lacks, or differentiates badly, on object arrays of AutoDiffXd:
+`np.maximum` and `np.clip` would put plain floats beside AutoDiffXd, and `AutoDiffXd ** AutoDiffXd`
+does not exist."""
 
 from __future__ import annotations
 
@@ -27,9 +28,10 @@ def unit_clip(x: Values) -> Array:
 
 
 def power(base: Values, exponent: Values) -> Array:
-    """base ** exponent for base >= 0 and exponent > 0; the gradient at base = 0 is zero where the exponent is an
-    AutoDiffXd."""
-    base, exponent = np.asarray(base), np.asarray(exponent)
+    """base ** exponent for base >= 0 and exponent > 0; the gradient at base = 0 is zero where the
+    exponent is an AutoDiffXd."""
+    base = np.asarray(base)
+    exponent = np.asarray(exponent)
     if exponent.dtype != object:
         return np.asarray(base**exponent)
     inside = base > 0

@@ -1,4 +1,5 @@
-"""The keel as an overhung beam: closed form, and small-load stiffness of its chain of sprung joints.
+"""The keel as an overhung beam: closed form, and small-load stiffness of its chain of sprung
+joints.
 
             F (up)
     A       B        C          A: pin; B: simple support at distance l = support;
@@ -6,8 +7,9 @@
     |<- l ->|<-- a ->|
 
 Euler-Bernoulli, small deflections, constant bending stiffness E I: bending moment F a x / l up to B
-and F (L_c - x) from B to C, hence a deflection F a² L_c / (3 E I) under the load (Gere & Timoshenko,
-Mechanics of Materials). Lengths in m, E I in N m², stiffness in N/m; support in (0, load_point).
+and F (L_c - x) from B to C, hence a deflection F a² L_c / (3 E I) under the load (Gere &
+Timoshenko, Mechanics of Materials). Lengths in m, E I in N m², stiffness in N/m; support in (0,
+load_point).
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ import numpy as np
 
 
 def section_inertia(width: float, thickness: float) -> float:
-    """Second moment of area width · thickness³ / 12 (m⁴), bending in the direction of the thickness."""
+    """Second moment of area width · thickness³ / 12 (m⁴), bending in the direction of the
+    thickness."""
     return width * thickness**3 / 12.0
 
 
@@ -59,13 +62,15 @@ def lumped_stiffness(
     fulcrum_stiffness: float = math.inf,
     series_stiffness: float = math.inf,
 ) -> float:
-    """Exact small-load stiffness (N/m) of a chain of elements: rigid half, sprung joint, rigid half.
+    """Exact small-load stiffness (N/m) of a chain of elements: rigid half, sprung joint, rigid
+    half.
 
-    Each joint adds M² L_element / (E I) to the compliance, M being the bending moment there per unit load: a midpoint
-    rule for the integral of M² / (E I).
+    Each joint adds M² L_element / (E I) to the compliance, M being the bending moment there per
+    unit load: a midpoint rule for the integral of M² / (E I).
 
     Args:
-        element_lengths: from A, or the end of a rigid part of `rigid_length` (m) there, to the toe (m).
+        element_lengths: from A, or the end of a rigid part of `rigid_length` (m) there, to the toe
+            (m).
         fulcrum_stiffness, series_stiffness: as in `combined_stiffness` (N/m).
     """
     lengths = np.asarray(element_lengths, dtype=float)

@@ -31,11 +31,13 @@ def axis_force(
 ) -> Array:
     """Force on the socket along one axis, opposing its displacement q and rate v.
 
-    -(k q + c v) - stop_ratio · (k excess(q, limit) + c excess(v, rate_limit)), with k = stiffness_negative where q < 0.
-    Continuous everywhere, with kinks at q = 0 (if the two stiffnesses differ) and at the limits.
+    -(k q + c v) - stop_ratio · (k excess(q, limit) + c excess(v, rate_limit)), with k =
+    stiffness_negative where q < 0. Continuous everywhere, with kinks at q = 0 (if the two
+    stiffnesses differ) and at the limits.
 
     Args:
-        displacement, rate: m and m/s, or rad and rad/s, of the socket relative to the limb; the force is in N or N m.
+        displacement, rate: m and m/s, or rad and rad/s, of the socket relative to the limb; the
+            force is in N or N m.
         stiffness, stiffness_negative: N/m or N m/rad, for positive and negative displacement.
         damping: N s/m or N m s/rad.
         limit, rate_limit: where the stops begin, in the units of displacement and rate.

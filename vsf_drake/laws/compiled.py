@@ -1,17 +1,23 @@
-"""The two ways in which this package compiles functions; the machine code is kept on disk for later processes.
+"""The two ways in which this package compiles functions; the machine code is kept on disk for later
+processes.
 
-numba takes kept code for valid as long as the file of the compiled function is the same; but that code also holds the
-functions of other files that it calls. So our code is kept in a folder that is named after the content of every file
-with compiled functions: in NUMBA_CACHE_DIR if that is set, else in the package's own `__pycache__`, else in the user's
-cache; where none of them can be written every process compiles anew.
+numba takes kept code for valid as long as the file of the compiled function is the same; but that
+code also holds the functions of other files that it calls. So our code is kept in a folder that is
+named after the content of every file with compiled functions: in NUMBA_CACHE_DIR if that is set,
+else in the package's own `__pycache__`, else in the user's cache; where none of them can be written
+every process compiles anew.
 
-Division by zero gives infinity as in numpy arrays, not an exception; the steppers look for numbers that are not finite.
+Division by zero gives infinity as in numpy arrays, not an exception; the steppers look for numbers
+that are not finite. With NUMBA_DISABLE_JIT=1, for a debugger, nothing is compiled, and such a
+division of two Python numbers raises.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import logging
+import multiprocessing
 import os
 import shutil
 import tempfile
@@ -21,10 +27,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, ParamSpec, Protocol, TypeVar
+from typing import Any, ParamSpec, Protocol, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core import event
 
 COMPILED = (
     "laws",
@@ -35,7 +42,8 @@ COMPILED = (
 )
 """Parts of the package that compiled functions and the constants in them come from."""
 KEPT = 4
-"""How many states of the sources keep their machine code for longer than a day after they were last used."""
+"""How many states of the sources keep their machine code for longer than a day after they were last
+used."""
 _PACKAGE = Path(__file__).resolve().parents[1]
 _settings: Any = numba.config  # whose attributes it makes at the import
 _lock = threading.Lock()
@@ -44,7 +52,8 @@ _R_co = TypeVar("_R_co", covariant=True)
 
 
 class Compiled(Protocol[_P, _R_co]):
-    """A compiled function; its annotations are for readers and the type check, numba looks at the values."""
+    """A compiled function; its annotations are for readers and the type check, numba looks at the
+    values."""
 
     @property
     def py_func(self) -> Callable[_P, _R_co]:
@@ -58,7 +67,8 @@ class Compiled(Protocol[_P, _R_co]):
 
 
 def sources_sha256(package: Path, parts: Iterable[str]) -> str:
-    """Of names and content of all Python files and templates in `parts` (folders and files) of `package`."""
+    """Of names and content of all Python files and templates in `parts` (folders and files) of
+    `package`."""
     digest = hashlib.sha256()
     paths = [package / part for part in parts]
     for file in (
@@ -77,19 +87,20 @@ def sources_sha256(package: Path, parts: Iterable[str]) -> str:
 def compiled(
     function: Callable[_P, _R_co], *, allocates: bool = False, **options: Any
 ) -> Compiled[_P, _R_co]:
-    """For functions that Python calls too. `options` are numba's. Only one that `allocates` arrays counts references to
-    them, which makes half of the code that there is to compile."""
-    jitted: Compiled[_P, _R_co]
+    """For functions that Python calls too. `options` are numba's. Only one that `allocates` arrays
+    counts references to them, which makes half of the code that there is to compile."""
+    if _settings.DISABLE_JIT:
+        plain: Any = function
+        plain.py_func = function
+        return cast("Compiled[_P, _R_co]", plain)
     options |= {"error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": allocates}
-    inner = options.get(
-        "no_cpython_wrapper"
-    )  # kept, it would be found under its name by who wants to call it
+    # kept, it would be found under its name by who wants to call it
+    inner = options.get("no_cpython_wrapper")
     if _FOLDER and not inner and _unchanged(function.__code__.co_filename):
         with _lock:
-            users, _settings.CACHE_DIR = (
-                _settings.CACHE_DIR,
-                _FOLDER,
-            )  # is read when a function is decorated
+            # is read when a function is decorated
+            users = _settings.CACHE_DIR
+            _settings.CACHE_DIR = _FOLDER
             try:
                 on_disk = numba.njit(cache=True, **options)(function)
             except RuntimeError:  # numba has found no folder to keep it in
@@ -97,21 +108,42 @@ def compiled(
             finally:
                 _settings.CACHE_DIR = users
         if on_disk is not None and str(on_disk.stats.cache_path).startswith(_FOLDER):
-            jitted = on_disk
-            return jitted
-    jitted = numba.njit(**options)(function)
-    return jitted
+            return cast("Compiled[_P, _R_co]", on_disk)
+    return cast("Compiled[_P, _R_co]", numba.njit(**options)(function))
 
 
 def internal(function: Callable[_P, _R_co]) -> Compiled[_P, _R_co]:
-    """For functions that only compiled ones call, which become a part of these: calling one from Python ends the
-    interpreter."""
+    """For functions that only compiled ones call, which become a part of these: calling one from
+    Python ends the interpreter."""
     return compiled(function, no_cpython_wrapper=True, forceinline=True)
+
+
+class _Announced(event.Listener):
+    """Says once why nothing seems to happen: before what takes long is compiled, not where its code
+    is kept, nor in the processes that a command starts."""
+
+    said = False
+
+    def on_start(self, event: Any) -> None:
+        """A function is to be compiled."""
+        own = event.data["dispatcher"].py_func.__module__.startswith(
+            ("vsf_drake.simulation.", "vsf_drake.systems.")
+        )
+        if own and not self.said and multiprocessing.parent_process() is None:
+            self.said = True
+            logging.getLogger("vsf_drake").warning("compiling once, about 15 s")
+
+    def on_end(self, event: Any) -> None:
+        """It was."""
+
+
+event.register("numba:compile", _Announced())  # type: ignore[no-untyped-call]
 
 
 @cache
 def _unchanged(_file: str) -> bool:
-    """Whether the sources are still those of the folder's name, asked once for each file that is imported."""
+    """Whether the sources are still those of the folder's name, asked once for each file that is
+    imported."""
     return sources_sha256(_PACKAGE, COMPILED) == _SOURCES
 
 
@@ -121,7 +153,8 @@ def _folder() -> str:
         return ""
     state = f"{_SOURCES} {numba.__version__} {np.__version__}"
     name = f"vsf_drake-{hashlib.sha256(bytes(_PACKAGE)).hexdigest()[:8]}"
-    # not numba's own setting, which a .numba_config.yaml of the current folder may have made: what is kept is run
+    # not numba's own setting, which a .numba_config.yaml of the current folder may have made: what
+    # is kept is run
     homes = (
         [os.path.abspath(os.environ["NUMBA_CACHE_DIR"])]
         if os.environ.get("NUMBA_CACHE_DIR")
@@ -132,9 +165,8 @@ def _folder() -> str:
         os.environ.get("XDG_CACHE_HOME", ""),
         os.path.expanduser("~/.cache"),
     ]
-    for home in filter(
-        os.path.isabs, homes
-    ):  # ~ stays as it is where there is no home, and would be in this folder
+    # ~ stays as it is where there is no home, and would be in this folder
+    for home in filter(os.path.isabs, homes):
         try:
             folder = Path(home) / name / hashlib.sha256(state.encode()).hexdigest()[:16]
             folder.mkdir(parents=True, exist_ok=True)
@@ -145,9 +177,8 @@ def _folder() -> str:
         with contextlib.suppress(OSError):  # of another process that does the same
             for old in sorted(folder.parent.iterdir(), key=os.path.getmtime, reverse=True)[KEPT:]:
                 if os.path.getmtime(old) < time.time() - 86400.0:
-                    shutil.rmtree(
-                        old, ignore_errors=True
-                    )  # numba makes it again for a process that still uses it
+                    # numba makes it again for a process that still uses it
+                    shutil.rmtree(old, ignore_errors=True)
         return str(folder)
     return ""
 

@@ -1,8 +1,9 @@
 """Ground of several plane patches, and a spring of the ground in series with a sphere's foam.
 
-Patch i is the plane z = height + slope (x - reference_x) + bank y over a rectangle of the world's x and y. A sphere
-meets the highest patch whose rectangle its centre is over or under, and of equally high ones the last, so that what is
-laid on a floor counts. A sphere that crosses the edge of a step finds itself in it or above it at once.
+Patch i is the plane z = height + slope (x - reference_x) + bank y over a rectangle of the world's x
+and y. A sphere meets the highest patch whose rectangle its centre is over or under, and of equally
+high ones the last, so that what is laid on a floor counts. A sphere that crosses the edge of a step
+finds itself in it or above it at once.
 """
 
 from __future__ import annotations
@@ -13,25 +14,31 @@ from vsf_drake.laws._elementwise import Array, Values, power
 from vsf_drake.laws.compiled import compiled
 
 SAME_HEIGHT_M = 1e-9
-"""Patches whose heights differ by no more are equally high: rounding must not choose between them."""
+"""Patches whose heights differ by no more are equally high: rounding must not choose between
+them."""
 SERIES_ITERATIONS = 10
 """Newton steps of `foam_root`: enough for exponents up to 20 and any ratio of the stiffnesses."""
 
 
 @compiled
 def patch_under(x: float, y: float, bounds: np.ndarray, patches: np.ndarray) -> tuple[int, float]:
-    """Index of the patch that carries at x, y (m), and its height (m) there; -1 and -inf without any.
+    """Index of the patch that carries at x, y (m), and its height (m) there; -1 and -inf without
+    any.
 
     Args:
         bounds: (M, 4) from x, to x, from y, to y (m).
         patches: (M, 4 or more) reference x, height (m), slope, bank.
     """
-    best, top, height = -1, -np.inf, -np.inf
+    best = -1
+    top = -np.inf
+    height = -np.inf
     for i in range(len(patches)):
         if bounds[i, 0] <= x < bounds[i, 1] and bounds[i, 2] <= y < bounds[i, 3]:
             z = patches[i, 1] + patches[i, 2] * (x - patches[i, 0]) + patches[i, 3] * y
             if z >= top - SAME_HEIGHT_M:
-                best, top, height = i, max(top, z), z
+                best = i
+                top = max(top, z)
+                height = z
     return best, height
 
 
@@ -39,8 +46,8 @@ def patch_under(x: float, y: float, bounds: np.ndarray, patches: np.ndarray) -> 
 def foam_root(depth: float, softness: float, exponent: float) -> float:
     """d in [0, depth] with d + softness d**exponent = depth, of floats.
 
-    Convex in d for exponents >= 1, so Newton's method from above, where each term is within the depth, never passes the
-    root.
+    Convex in d for exponents >= 1, so Newton's method from above, where each term is within the
+    depth, never passes the root.
     """
     if softness == 0.0 or depth <= 0.0:
         return max(depth, 0.0)
@@ -57,21 +64,25 @@ def foam_root(depth: float, softness: float, exponent: float) -> float:
 def foam_depth(
     depth: Values, *, stiffness: Values, exponent: Values, compliance: Values
 ) -> tuple[Array, Array]:
-    """Share d of a penetration that the sphere's foam takes, the ground below taking the rest, and d's slope.
+    """Share d of a penetration that the sphere's foam takes, the ground below taking the rest, and
+    d's slope.
 
-    In static series stiffness · d**exponent = (depth - d) / compliance. The slope dd/d(depth) = 1 / (1 + compliance ·
-    exponent · stiffness · d**(exponent - 1)) is also the share of the depth rate. A rigid ground has compliance 0.
+    In static series stiffness · d**exponent = (depth - d) / compliance. The slope dd/d(depth) = 1 /
+    (1 + compliance · exponent · stiffness · d**(exponent - 1)) is also the share of the depth rate.
+    A rigid ground has compliance 0.
 
     Args:
         depth: (m) >= 0 of sphere and ground together. stiffness: N/m**exponent. compliance: m/N.
     """
-    depth, softness = np.asarray(depth), np.asarray(compliance * stiffness)
+    depth = np.asarray(depth)
+    softness = np.asarray(compliance * stiffness)
     root = np.vectorize(lambda *x: foam_root(*map(_plain, x)), otypes=[float])(
         depth, softness, exponent
     )
     touching = root > 0
     safe = np.where(touching, root, 1.0)
-    # One Newton step from the root in the full scalars carries derivatives by every argument exactly.
+    # One Newton step from the root in the full scalars carries derivatives by every argument
+    # exactly.
     soft = softness * power(safe, exponent)
     d = safe - (safe + soft - depth) / (1.0 + soft * exponent / safe)
     d = np.where(touching, d, 0.0 * d + 1.0)

@@ -1,8 +1,10 @@
-"""Normal force of a sphere on the ground after Hunt and Crossley: damping in proportion to the elastic force.
+"""Normal force of a sphere on the ground after Hunt and Crossley: damping in proportion to the
+elastic force.
 
-Hunt, Crossley 1975, Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech. 42 (2), 440-445
-(doi 10.1115/1.3423596): stiffness depthⁿ (1 + dissipation · depth rate), here never negative. It loses energy in
-loading and in unloading, where `kelvin_voigt` loses it in loading only.
+Hunt, Crossley 1975, Coefficient of restitution interpreted as damping in vibroimpact, J. Appl.
+Mech. 42 (2), 440-445 (doi 10.1115/1.3423596): stiffness depthⁿ (1 + dissipation · depth rate), here
+never negative. It loses energy in loading and in unloading, where `kelvin_voigt` loses it in
+loading only.
 """
 
 from __future__ import annotations
@@ -33,14 +35,15 @@ def normal_force(
 def matched_dissipation(
     *, stiffness: float, exponent: float, damping: float, depth: float
 ) -> float:
-    """Dissipation (s/m) that loses in a half-sine stroke to `depth` D (m), well beyond the full-damping depth, what
-    `kelvin_voigt` with full `damping` (N s/m) loses.
+    """Dissipation (s/m) that loses in a half-sine stroke to `depth` D (m), well beyond the
+    full-damping depth, what `kelvin_voigt` with full `damping` (N s/m) loses.
 
     For depth(t) = D sin(w t): loading alone loses damping D² w pi/4 there, both branches here
     stiffness dissipation D**(n + 2) w B((n + 1)/2, 3/2), with Euler's beta function B (derived).
     """
     if stiffness == 0.0 or damping == 0.0:
         return 0.0
-    a, b = 0.5 * (exponent + 1.0), 1.5
+    a = 0.5 * (exponent + 1.0)
+    b = 1.5
     beta = math.exp(math.lgamma(a) + math.lgamma(b) - math.lgamma(a + b))
     return damping * 0.25 * math.pi / (stiffness * math.pow(depth, exponent) * beta)

@@ -1,29 +1,42 @@
-"""How strong hips, knees and ankles are, what of that a torque takes (activation), and what energy this needs.
+"""How strong hips, knees and ankles are, what of that a torque takes (activation), and what energy
+this needs.
 
-    strength    c1 m g h  cos(c2 (q - c3))  (2 c4 c5 + s (c5 - 3 c4)) / (2 c4 c5 + s (2 c5 - 4 c4))  (1 - c6 min(v, 0))
+    strength    c1 m g h  cos(c2 (q - c3))  (2 c4 c5 + s (c5 - 3 c4)) / (2 c4 c5 + s (2 c5 - 4 c4))
+                (1 - c6 min(v, 0))
     passive     b1 exp(k1 q) + b2 exp(k2 q), N m against flexion
     activation  (torque - passive) / strength of its direction
-    power       |activation| c1 m g h cos(c2 (q - c3)) w phi(v / w),  w = |2 c4 c5 / (c5 - 3 c4)|
+    power       |activation| c1 m g h cos(c2 (q - c3)) w phi(v / w),  w = c5 (1 + 2 k) / k
                 phi(x) = (0.054 + 0.506 x + 2.46 x^2) / (1 - 1.13 x + 12.8 x^2 - 1.64 x^3)
 
-q is the joint's flexion (rad), of the ankle dorsiflexion; v its rate in the direction of the torque (rad/s), positive
-where muscles shorten; s = |v|; w the largest rate (rad/s); m, h mass (kg) and stature (m), g 9.81 m/s^2. Anderson,
-Madigan & Nussbaum 2007, Journal of Biomechanics 40:3105-3113, doi 10.1016/j.jbiomech.2007.03.022: dynamometer, healthy
-adults; here the means of those from 18 to 25 years. The paper was out of reach: Table 3 and equation 1 were read in
-RBDL's muscle add-on (Millard2016TorqueMuscle), equation 9 in ProtoMotions' human model.
+q is the joint's flexion (rad), of the ankle dorsiflexion; v its rate in the direction of the torque
+(rad/s), positive where muscles shorten; s = |v|; w the largest rate of phi's muscle (rad/s); m, h
+mass (kg) and stature (m), g 9.81 m/s^2. Anderson, Madigan & Nussbaum 2007, Journal of Biomechanics
+40:3105-3113, doi 10.1016/j.jbiomech.2007.03.022: dynamometer, healthy adults; here the means of
+those from 18 to 25 years. The paper was out of reach: Table 3 and equation 1 were read in RBDL's
+muscle add-on (Millard2016TorqueMuscle), equation 9 in ProtoMotions' human model. At c4 and c5
+(rad/s) three quarters and half of the strength at rest are left.
 
-power is metabolic, heat and work: Minetti & Alexander 1997, Journal of Theoretical Biology 186:467-476, doi
-10.1006/jtbi.1997.0407. The paper was out of reach: phi was read in GaitSym (MAMuscleComplete) and BioMAC-Sim-Toolbox
-(getErate_Minetti), which agree; Moco's of 2019 (MinettiAlexander1997Metabolics) multiplies by 0.054 where they add it.
-w was read in RBDL's muscle add-on: there strength comes to zero, but of the ankle's extension, for which the equation
-has no such rate and the magnitude stands. In GaitSym phi goes with a hyperbola of force by rate; Anderson's strength
-falls more slowly, so that shortening takes too little: 0.9 of the power is work at a hip's half of w, and of
-the ankle's extension more than all beyond 0.8 w.
+power is metabolic, heat and work: Minetti & Alexander 1997, Journal of Theoretical Biology
+186:467-476, doi 10.1006/jtbi.1997.0407. The paper was out of reach: phi was read in GaitSym
+(MAMuscleComplete) and BioMAC-Sim-Toolbox (getErate_Minetti), which agree; Moco's of 2019
+(MinettiAlexander1997Metabolics) multiplies by 0.054 where they add it. phi belongs to a muscle
+whose force by rate is Hill's (1 - x) / (1 + x / k) of that at rest, with k = 0.17 (GaitSym's human
+model); at most 0.45 of its power is then work. Half of its force is left at x = k / (1 + 2 k) =
+0.127, half of a joint's strength at c5, which dynamometers reach: w makes these one rate (a
+choice), 15 to 41 rad/s. So at most half of the power is work at any rate up to 10 rad/s, faster
+than joints move in walking. Far beyond more of it would be: of the ankle, whose extension's
+strength by the equation never falls below 0.19 of that at rest, from 10 rad/s in extension and 21
+in flexion (the male one's 0.67 at 30); of hip and knee, since strength is kept above zero, from 35.
+The rate at which Anderson's strength would be zero, |2 c4 c5 / (c5 - 3 c4)|, which RBDL takes, is
+extrapolated and cannot be w: of a hip's extension it is 6.5 rad/s, where at half of it 0.9 of the
+power would be work. In walking, holding alone (phi = 0.054) takes most of the energy, and w is
+large: what comes out compares, it does not measure.
 
-What is not the sources' (choices): each direction of a joint is one muscle, and of two only one works; within LITTLE of
-m g h one direction's strength goes smoothly over to the other's; the corners of s and min(v, 0) are rounded over SLOW,
-so that strength at rest is up to 6 % less; neither factor falls below LEAST_BY_ANGLE and LEAST_BY_RATE, rounded over
-LEAST_WIDTH, since outside of the angles that were measured the cosine goes to zero.
+What is not the sources' (choices): each direction of a joint is one muscle, and of two only one
+works; within LITTLE of m g h one direction's strength goes smoothly over to the other's; the
+corners of s and min(v, 0) are rounded over SLOW, so that strength at rest is up to 6 % less;
+neither factor falls below LEAST_BY_ANGLE and LEAST_BY_RATE, rounded over LEAST_WIDTH, since outside
+of the angles that were measured the cosine goes to zero.
 """
 
 from __future__ import annotations
@@ -38,12 +51,16 @@ from vsf_drake.laws.smooth_contact import rounded_positive_part
 GRAVITY_OF_SOURCE = 9.81  # m/s^2, by which the source divides
 SLOW = 0.5  # rad/s
 LITTLE = 0.005
-LEAST_BY_ANGLE, LEAST_BY_RATE, LEAST_WIDTH = (
-    0.25,
-    0.1,
-    0.05,
-)  # shares of the strongest, isometric torque
-ACTIVE = {  # c1 (1), c2 (1/rad), c3 (rad), c4, c5 (rad/s), c6 (s/rad), of extension (plantarflexion) and flexion
+SHAPE = 0.17  # k of the muscle that phi is of
+# the share of its largest rate at which half of its force is left
+HALF = SHAPE / (1.0 + 2.0 * SHAPE)
+# shares of the strongest, isometric torque
+LEAST_BY_ANGLE = 0.25
+LEAST_BY_RATE = 0.1
+LEAST_WIDTH = 0.05
+# c1 (1), c2 (1/rad), c3 (rad), c4, c5 (rad/s), c6 (s/rad), of extension (plantarflexion) and
+# flexion
+ACTIVE = {
     "male": {
         "hip": (
             (0.161, 0.958, 0.932, 1.578, 3.190, 0.242),
@@ -106,10 +123,11 @@ class Muscles:
         return np.asarray(-b1 * np.exp(k1 * angle) - b2 * np.exp(k2 * angle))
 
     def activation(self, torque: np.ndarray, angle: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """(..., J, N) shares of the strength, positive toward flexion; above 1 where torque exceeds what was measured.
+        """(..., J, N) shares of the strength, positive toward flexion; above 1 where torque exceeds
+        what was measured.
 
-        torque: N m toward flexion; angle, rate: the flexion, rad, rad/s. Real or complex arrays; only real parts are
-        compared, so that a complex step differentiates it.
+        torque: N m toward flexion; angle, rate: the flexion, rad, rad/s. Real or complex arrays;
+        only real parts are compared, so that a complex step differentiates it.
         """
         active = (torque - self.passive_torque(angle)) / self.scale
         extension = 1.0 / strength(self._extension, angle, -rate)
@@ -128,8 +146,8 @@ class Muscles:
         """
         flexes = activation > 0.0
         constants = np.where(flexes, self._flexion, self._extension)
-        _, _, _, c4, c5, _ = constants
-        largest = np.abs(2.0 * c4 * c5 / (c5 - 3.0 * c4))
+        *_, c5, _ = constants
+        largest = c5 / HALF
         x = np.where(flexes, rate, -rate) / largest
         phi = (0.054 + x * (0.506 + x * 2.46)) / (1.0 + x * (-1.13 + x * (12.8 - x * 1.64)))
         return np.asarray(
@@ -147,10 +165,11 @@ def isometric(constants: Sequence[float] | np.ndarray, angle: np.ndarray) -> np.
 def strength(
     constants: Sequence[float] | np.ndarray, angle: np.ndarray, rate: np.ndarray
 ) -> np.ndarray:
-    """(...) the largest torque over m g h, of flexion (rad) and its rate in the torque's direction (rad/s); constants:
-    c1 to c6, numbers or arrays that broadcast."""
+    """(...) the largest torque over m g h, of flexion (rad) and its rate in the torque's direction
+    (rad/s); constants: c1 to c6, numbers or arrays that broadcast."""
     _, _, _, c4, c5, c6 = constants
-    shorter, longer = rounded_positive_part(rate, SLOW), rounded_positive_part(-rate, SLOW)
+    shorter = rounded_positive_part(rate, SLOW)
+    longer = rounded_positive_part(-rate, SLOW)
     speed = shorter + longer
     by_rate = (2.0 * c4 * c5 + speed * (c5 - 3.0 * c4)) / (
         2.0 * c4 * c5 + speed * (2.0 * c5 - 4.0 * c4)

@@ -1,8 +1,9 @@
 """Normal force of a sphere on the ground: modified Kelvin-Voigt.
 
-McGeehan, Adamczyk, Nichols, Hahn 2021 (doi 10.1115/1.4050456), eq. (1), as the library that the paper used makes it
-continuous: mathworks/Simscape-Multibody-Contact-Forces-Library, sphere to plane, force law "Nonlinear". With exponent 1
-and a full-damping depth that tends to zero it is that library's "Linear" law.
+McGeehan, Adamczyk, Nichols, Hahn 2021 (doi 10.1115/1.4050456), eq. (1), as the library that the
+paper used makes it continuous: mathworks/Simscape-Multibody-Contact-Forces-Library, sphere to
+plane, force law "Nonlinear". With exponent 1 and a full-damping depth that tends to zero it is that
+library's "Linear" law.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ def smooth_step(u: Values) -> Array:
 
 
 def penetration_depth(height: Values, radius: Values) -> Array:
-    """Depth max(0, radius - height) (m) of a sphere whose centre is `height` (m) above the ground, and which is pushed
-    up below it too; the library's plane, by the distance |z|, pushes it out of the other face."""
+    """Depth max(0, radius - height) (m) of a sphere whose centre is `height` (m) above the ground,
+    and which is pushed up below it too; the library's plane, by the distance |z|, pushes it out of
+    the other face."""
     return positive_part(np.asarray(radius) - height)
 
 
@@ -36,18 +38,21 @@ def normal_force(
     full_damping_depth: Values,
     unloading: str = "continuous",
 ) -> Array:
-    """Normal force stiffness · depthⁿ + damping · max(depth_rate, 0) · smooth_step(depth / full_damping_depth).
+    """Normal force stiffness · depthⁿ + damping · max(depth_rate, 0) · smooth_step(depth /
+    full_damping_depth).
 
-    Never negative (no adhesion) and without damping while the sphere leaves, so all loss is in the loading branch.
-    Valid for exponents >= 1.
+    Never negative (no adhesion) and without damping while the sphere leaves, so all loss is in the
+    loading branch. Valid for exponents >= 1.
 
     Args:
         depth: penetration (m), >= 0.
         depth_rate: its rate (m/s), positive while it grows; also when there is no contact.
-        stiffness: N/mⁿ with n = `exponent`. damping: N s/m, in full from `full_damping_depth` (m, > 0) on.
+        stiffness: N/mⁿ with n = `exponent`. damping: N s/m, in full from `full_damping_depth`
+            (m, > 0) on.
         unloading: "continuous": stiffness · depthⁿ on both branches, as the library does.
-            "printed": stiffness · depth while depth_rate < 0, as eq. (1) prints it. For n != 1
-            this jumps where the depth rate changes sign and mixes the units of the stiffness. Others: ValueError.
+            "printed": stiffness · depth while depth_rate < 0, as eq. (1) prints it. For n != 1 this
+            jumps where the depth rate changes sign and mixes the units of the stiffness. Others:
+            ValueError.
 
     Returns:
         Force (N), of the common shape of the arguments.

@@ -1,5 +1,5 @@
-"""Compiled scalar forms of the force laws, whose array functions are the definition, with the derivatives that a
-Newton matrix needs."""
+"""Compiled scalar forms of the force laws, whose array functions are the definition, with the
+derivatives that a Newton matrix needs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from vsf_drake.laws.compiled import compiled
 def normal_force(
     depth: float, rate: float, stiffness: float, exponent: float, damping: float, full_depth: float
 ) -> tuple[float, float, float]:
-    """Modified Kelvin-Voigt force (N) and its derivatives by depth (N/m) and by depth rate (N s/m)."""
+    """Modified Kelvin-Voigt force (N) and its derivatives by depth (N/m) and by depth rate (N
+    s/m)."""
     if depth <= 0.0:
         return 0.0, 0.0, 0.0
     power = depth if exponent == 1.0 else depth**exponent
@@ -21,9 +22,11 @@ def normal_force(
     by_rate = 0.0
     if rate > 0.0:  # the damping ramps up by the smooth step u^2 (3 - 2 u)
         u = depth / full_depth
-        ramp, slope = 1.0, 0.0
+        ramp = 1.0
+        slope = 0.0
         if u < 1.0:
-            ramp, slope = u * u * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u) / full_depth
+            ramp = u * u * (3.0 - 2.0 * u)
+            slope = 6.0 * u * (1.0 - u) / full_depth
         force += ramp * damping * rate
         by_depth += slope * damping * rate
         by_rate = ramp * damping
@@ -37,9 +40,8 @@ def friction_per_speed(
     """mu(V)/V (s/m) of the piecewise stick-slip law and the slope d mu / dV (s/m)."""
     if speed <= threshold:
         return mu_static / threshold, mu_static / threshold
-    if (
-        speed < 1.5 * threshold
-    ):  # the straight line from mu_static at V = threshold to mu_kinetic at 1.5 threshold
+    # the straight line from mu_static at V = threshold to mu_kinetic at 1.5 threshold
+    if speed < 1.5 * threshold:
         slope = -(mu_static - mu_kinetic) / (0.5 * threshold)
         return (mu_static + slope * (speed - threshold)) / speed, slope
     return mu_kinetic / speed, 0.0
@@ -58,7 +60,9 @@ def spring_force(
 ) -> tuple[float, float, float]:
     """Force of a sprung coordinate (opposing) and its derivatives by displacement and by rate."""
     k = k_positive if x >= 0.0 else k_negative
-    force, by_x, by_rate = -k * x - damping * rate, -k, -damping
+    force = -k * x - damping * rate
+    by_x = -k
+    by_rate = -damping
     if abs(x) > limit:
         force -= stop_ratio * k * (x - math.copysign(limit, x))
         by_x -= stop_ratio * k

@@ -2,8 +2,9 @@
 
 McGeehan, Adamczyk, Nichols, Hahn 2021 (doi 10.1115/1.4050456), eq. (2), as the library that the
 paper used makes it continuous: mathworks/Simscape-Multibody-Contact-Forces-Library, friction law
-"Stick-Slip Continuous", a table of the coefficient over V / threshold velocity with straight
-lines between 0 (0), 1 (mu_static), 1.5 (mu_kinetic) and 3 (mu_kinetic). "Stick" is therefore viscous creep.
+"Stick-Slip Continuous", a table of the coefficient over V / threshold velocity with straight lines
+between 0 (0), 1 (mu_static), 1.5 (mu_kinetic) and 3 (mu_kinetic). "Stick" is therefore viscous
+creep.
 """
 
 from __future__ import annotations
@@ -27,11 +28,12 @@ def friction_coefficient(
 def smooth_friction_coefficient(
     speed: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values
 ) -> Array:
-    """A coefficient with a continuous derivative, for gradients; same values at u = 0, 1 and from 1.5 on.
+    """A coefficient with a continuous derivative, for gradients; same values at u = 0, 1 and from
+    1.5 on.
 
-    With u = speed / threshold_velocity it is mu_static · u (3 - u²) / 2 up to u = 1, then a cubic step down to
-    mu_kinetic at u = 1.5. It differs from `friction_coefficient` by at most mu_static / (3 √3) up to u = 1 and
-    (mu_static - mu_kinetic) / (6 √3) beyond.
+    With u = speed / threshold_velocity it is mu_static · u (3 - u²) / 2 up to u = 1, then a cubic
+    step down to mu_kinetic at u = 1.5. It differs from `friction_coefficient` by at most mu_static
+    / (3 √3) up to u = 1 and (mu_static - mu_kinetic) / (6 √3) beyond.
     """
     u = np.asarray(speed) / threshold_velocity
     rise = unit_clip(u)
@@ -49,7 +51,8 @@ def coefficient_per_speed(
     threshold_velocity: Values,
     smooth: bool = False,
 ) -> Array:
-    """mu(V) / V (s/m) of V² (m²/s²); below the threshold without dividing by V, so that gradients are finite at 0."""
+    """mu(V) / V (s/m) of V² (m²/s²); below the threshold without dividing by V, so that gradients
+    are finite at 0."""
     u_squared = np.asarray(squared / (threshold_velocity * threshold_velocity))
     sticks = u_squared < 1.0
     speed = threshold_velocity * np.sqrt(np.where(sticks, 0.0 * u_squared + 1.0, u_squared))
@@ -77,14 +80,15 @@ def friction_force(
     """Friction -mu(V) · normal_force · slip / V, (..., 2) N on the sphere, V = |slip|.
 
     Args:
-        slip: (..., 2) horizontal velocity (m/s) of the sphere's point at its full radius below the centre, relative to
-            the ground.
+        slip: (..., 2) horizontal velocity (m/s) of the sphere's point at its full radius below the
+            centre, relative to the ground.
         normal_force: (...) N, >= 0.
         threshold_velocity: speed (m/s) at which the coefficient reaches mu_static, > 0.
         smooth: use `smooth_friction_coefficient`.
     """
     slip = np.asarray(slip)
-    x, y = slip[..., 0], slip[..., 1]
+    x = slip[..., 0]
+    y = slip[..., 1]
     ratio = coefficient_per_speed(
         x * x + y * y,
         mu_static=mu_static,

@@ -1,7 +1,9 @@
-"""Which plate is which foot: every contact on every plate goes to the foot under whose sole its load acts.
+"""Which plate is which foot: every contact on every plate goes to the foot under whose sole its
+load acts.
 
-That is the foot whose line from heel to toe lies nearest to the centre of pressure over the contact, whatever the
-plates' names and order. Where no force tells a stance, the motion does (`events.kinematic_stances`).
+That is the foot whose line from heel to toe lies nearest to the centre of pressure over the
+contact, whatever the plates' names and order. Where no force tells a stance, the motion does
+(`events.kinematic_stances`).
 """
 
 from __future__ import annotations
@@ -14,34 +16,46 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial import Delaunay
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.sentences import say
 from vsf_drake.motion import events
-from vsf_drake.motion.events import THRESHOLD_N, Span, Stance, find_scuffs, find_stances
+from vsf_drake.motion.events import (
+    THRESHOLD_N,
+    Span,
+    Stance,
+    common,
+    find_scuffs,
+    find_stances,
+    united,
+)
 from vsf_drake.motion.formats.recording import SIDES, Plate, PlateRecording, Recording
 from vsf_drake.motion.markers.segments import FootTrack, from_line
-from vsf_drake.sentences import say
 
 SAME_FORCE = 0.02  # plates whose forces differ by a smaller share of themselves report one load
-TAIL_S, TAIL_N = (
-    0.1,
-    5.0,
-)  # a load's force below 20 N belongs to it down to 5 N and for at most this long
-TOLERANCE_S = 0.12  # a stance may overlap its load by this much at both ends: three times the error of kinematic events
+# a load's force below 20 N belongs to it down to 5 N and for at most this long
+TAIL_S = 0.1
+TAIL_N = 5.0
+# a stance may overlap its load by this much at both ends: three times the error of kinematic events
+TOLERANCE_S = 0.12
 WIDEN_S = 0.05  # what is called unmeasured is wider by this, for the same reason
-FAR_M = 0.15  # a centre of pressure farther than this from a heel-toe line is not under that foot: a shoe is 0.1 m wide
-BESIDE_M = (
-    0.07  # one farther than this, as a median, is beside a foot: half a shoe and 2 cm of error
-)
-SWING_COST_M = 0.1  # added to the distance of a foot that swings: it may pass near the load, but does not carry it
-SWING_MARGIN_S = 0.1  # a foot counts as swinging only this far inside its swing: kinematic events are good to 0.04 s
+# a centre of pressure farther than this from a heel-toe line is not under that foot: a shoe is
+# 0.1 m wide
+FAR_M = 0.15
+# one farther than this, as a median, is beside a foot: half a shoe and 2 cm of error
+BESIDE_M = 0.07
+# added to the distance of a foot that swings: it may pass near the load, but does not carry it
+SWING_COST_M = 0.1
+# a foot counts as swinging only this far inside its swing: kinematic events are good to 0.04 s
+SWING_MARGIN_S = 0.1
 SHORTEST_TURN_S = 0.1  # the nearest foot changes for at least this long, or it did not change
-PULLED_M = 0.06  # a load that moves this much farther from its foot while the other one stands is shared between them
+# a load that moves this much farther from its foot while the other one stands is shared between
+# them
+PULLED_M = 0.06
 SHARED_S = 0.05
 LIGHT_N = 50.0  # below this the centre of pressure is too noisy to judge by
 ANALYSIS_HZ = 250.0
-REVERSED = (
-    -0.2
-)  # of the centre of pressure along the sole (in its lengths), first to last third: usual is 0.5
+# of the centre of pressure along the sole (in its lengths), first to last third: usual is 0.5
+REVERSED = -0.2
 
 
 @dataclass(frozen=True)
@@ -54,9 +68,8 @@ class PlateContact:
     end_s: float
     start_seen: bool  # whether that lies inside the record
     end_seen: bool
-    distance_m: float = (
-        np.nan
-    )  # median of the centre of pressure from the nearest heel-toe line; NaN where unknown
+    distance_m: float = np.nan
+    """median of the centre of pressure from the nearest heel-toe line; NaN where unknown"""
     warning: str | None = None  # why it should not be trusted
 
 
@@ -64,19 +77,19 @@ class PlateContact:
 class Assignment:
     """The forces on each foot."""
 
-    plates: dict[
-        str, PlateRecording
-    ]  # by side, over the whole force record; a side without any contact is missing
+    plates: dict[str, PlateRecording]
+    """by side, over the whole force record; a side without any contact is missing"""
     contacts: tuple[PlateContact, ...]  # in order of time
     unmeasured: dict[str, tuple[Span, ...]]
-    """By side, when the foot stands on ground that no plate measures (or shares a plate with the other foot), 0.05 s
-    wider: the force is not known there, though `plates` says zero."""
+    """By side, when the foot stands on ground that no plate measures (or shares a plate with the
+    other foot), 0.05 s wider: the force is not known there, though `plates` says zero."""
     notes: tuple[str, ...] = ()  # sentences on what was assumed or looks doubtful
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Load(PlateContact):
-    """A load on one plate, or a part of one, and the foot it was given to (None: neither, or both at once)."""
+    """A load on one plate, or a part of one, and the foot it was given to (None: neither, or both
+    at once)."""
 
     of: Plate
     time_s: np.ndarray
@@ -96,9 +109,10 @@ def assign_plates(
 ) -> Assignment:
     """Gives the load on each plate to the foot that stands on it.
 
-    The recording is on the clock of `time_s` (n,), that of the feet, by side, and of a point of the pelvis, (n, 3) m.
-    Plate names by side as `stated` by the user win over the centre of pressure, and a contradiction is noted. Refused
-    where plates are not there, not loaded while the feet are seen, or mostly far from both.
+    The recording is on the clock of `time_s` (n,), that of the feet, by side, and of a point of the
+    pelvis, (n, 3) m. Plate names by side as `stated` by the user win over the centre of pressure,
+    and a contradiction is noted. Refused where plates are not there, not loaded while the feet are
+    seen, or mostly far from both.
     """
     file = recording.force_path or recording.path
     if not recording.plates:
@@ -168,27 +182,33 @@ def _check_near(loads: Sequence[_Load], recording: Recording, time_s: np.ndarray
     if not seen:
         peak = max(float(plate.force_n[:, 2].max()) for plate in recording.plates)
         raise InputError(
-            f"no plate carries a person between {time_s[0]:.3f} and {time_s[-1]:.3f} s, where the markers "
-            f"are; the largest vertical force of the record is {peak:.3g} N",
+            f"no plate carries a person between {time_s[0]:.3f} and {time_s[-1]:.3f} s, where "
+            f"the markers are; the largest vertical force of the record is {peak:.3g} N",
             file=file,
             where="forces",
-            right="Do both recordings count time from the same instant? Is the unit of the forces N?",
+            right=(
+                "Do both recordings count time from the same instant? Is the unit of the forces N?"
+            ),
         )
     far = [load for load in seen if load.side is None and load.distance_m > FAR_M]
     if 2 * len(far) > len(seen):
         near = min(far, key=lambda load: load.distance_m)
         raise InputError(
-            f"the centre of pressure is {near.distance_m:.2f} m from the nearest foot while the plate carries a person "
-            f"({near.start_s:.3f} to {near.end_s:.3f} s)",
+            f"the centre of pressure is {near.distance_m:.2f} m from the nearest foot while the "
+            f"plate carries a person ({near.start_s:.3f} to {near.end_s:.3f} s)",
             file=file,
             where=f"plate {near.plate}",
-            right="Plates and markers must share frame, unit and clock: check the plate's corners, the unit of the "
-            "centre of pressure, laboratory.up (--up) and laboratory.forward (--forward)",
+            right=(
+                "Plates and markers must share frame, unit and clock: check the plate's corners, "
+                "the unit of the centre of pressure, laboratory.up (--up) and laboratory.forward "
+                "(--forward)"
+            ),
         )
 
 
 def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Plate], list[str]]:
-    """The plates without those that report another's load once more, and notes on what was left out."""
+    """The plates without those that report another's load once more, and notes on what was left
+    out."""
     time, left_out, notes = recording.force_time_s, list[Plate](), []
 
     def distance(plate: Plate, rows: np.ndarray) -> float:
@@ -204,9 +224,8 @@ def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Pl
         apart = np.linalg.norm(a.force_n[both] - b.force_n[both])
         if apart > SAME_FORCE * np.linalg.norm(a.force_n[both]):
             continue
-        better, worse = (
-            (b, a) if distance(a, both) > distance(b, both) else (a, b)
-        )  # the nearer to a foot stays
+        # the nearer to a foot stays
+        better, worse = (b, a) if distance(a, both) > distance(b, both) else (a, b)
         left_out.append(worse)
         notes += say(
             "feet",
@@ -224,7 +243,8 @@ def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Pl
 
 @dataclass(frozen=True, eq=False)
 class _FeetOnFloor:
-    """Both feet seen from above: (n,) s, and by side where they are and when they stand by their motion."""
+    """Both feet seen from above: (n,) s, and by side where they are and when they stand by their
+    motion."""
 
     time_s: np.ndarray
     feet: dict[str, FootTrack]
@@ -247,7 +267,8 @@ class _FeetOnFloor:
     def distance(
         self, times: np.ndarray, points: np.ndarray, side: str
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(k,) m from `points` (k, 2) to the foot's heel-toe line, and where along it (0 heel, 1 toe)."""
+        """(k,) m from `points` (k, 2) to the foot's heel-toe line, and where along it (0 heel, 1
+        toe)."""
         return from_line(points, *self.at(times, side))
 
 
@@ -271,14 +292,16 @@ def _rows(load: _Load, floor: _FeetOnFloor, lowest_n: float) -> np.ndarray:
 
 
 def _attribute(load: _Load, floor: _FeetOnFloor, stated: str | None) -> list[_Load]:
-    """Gives a load to a foot, the `stated` one if there is; one that both feet take in turn is split."""
+    """Gives a load to a foot, the `stated` one if there is; one that both feet take in turn is
+    split."""
     overlap = min(load.end_s, floor.time_s[-1]) - max(load.start_s, floor.time_s[0])
     rows = _rows(load, floor, THRESHOLD_N if load.scuff else LIGHT_N)
     if overlap <= 0.0 or (overlap < SHARED_S and not load.scuff):
         return [replace(load, warning=say("feet", "unseen")[0], side=stated, in_view=False)]
     if len(rows) < 3:
         return [_by_time(load, floor, stated)]
-    times, points = load.time_s[rows], load.of.cop_m[rows, :2]
+    times = load.time_s[rows]
+    points = load.of.cop_m[rows, :2]
     apart = {side: floor.distance(times, points, side) for side in SIDES}
     cost = [
         apart[side][0] + SWING_COST_M * ~floor.stands(times, side, widen_s=SWING_MARGIN_S)
@@ -340,7 +363,8 @@ def _judged(load: _Load, side: str, distance: float, along: np.ndarray) -> _Load
 
 
 def _by_time(load: _Load, floor: _FeetOnFloor, stated: str | None) -> _Load:
-    """The foot whose own stance fits the load's times best, where there is no centre of pressure."""
+    """The foot whose own stance fits the load's times best, where there is no centre of
+    pressure."""
     if load.scuff:
         return load
     misfit = {
@@ -373,7 +397,8 @@ def _turns(nearest: np.ndarray, times: np.ndarray) -> list[tuple[int, int, str]]
 
 def _judge_sharing(load: _Load, loads: Sequence[_Load], floor: _FeetOnFloor) -> _Load:
     """The same load without a foot if both stand on the plate at once."""
-    side, corners = load.side, load.of.corners_m
+    side = load.side
+    corners = load.of.corners_m
     if (
         side is None
         or load.scuff
@@ -383,7 +408,8 @@ def _judge_sharing(load: _Load, loads: Sequence[_Load], floor: _FeetOnFloor) -> 
     ):
         return load
     rows = _rows(load, floor, LIGHT_N)
-    times, points = load.time_s[rows], load.of.cop_m[rows, :2]
+    times = load.time_s[rows]
+    points = load.of.cop_m[rows, :2]
     other = next(s for s in SIDES if s != side)
     both = floor.stands(times, other, widen_s=-SWING_MARGIN_S / 2)
     apart = floor.distance(times, points, side)[0]
@@ -426,7 +452,8 @@ def _inside(points: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
     return np.asarray(Delaunay(corners_m[:, :2]).find_simplex(points) >= 0)
 
 
-# The forces of several plates as one force on one foot; and when it is not known, on ground that no plate measures.
+# The forces of several plates as one force on one foot; and when it is not known, on ground that no
+# plate measures.
 
 
 def _on_one_foot(
@@ -440,14 +467,14 @@ def _on_one_foot(
     parts = [
         (p, mask, mask & np.isfinite(p.cop_m[:, :2]).all(axis=1)) for p, mask in own if mask.any()
     ]
-    force, cop = np.zeros((len(time_s), 3)), np.full((len(time_s), 3), np.nan)
-    moved, weights, moment = (
-        np.zeros((len(time_s), 2)),
-        np.zeros(len(time_s)),
-        np.zeros(len(time_s)),
-    )
+    force = np.zeros((len(time_s), 3))
+    cop = np.full((len(time_s), 3), np.nan)
+    moved = np.zeros((len(time_s), 2))
+    weights = np.zeros(len(time_s))
+    moment = np.zeros(len(time_s))
 
-    # Forces add; the centre of pressure is where their sum has no horizontal moment: x = sum(x_i F_zi) / sum(F_zi).
+    # Forces add; the centre of pressure is where their sum has no horizontal moment: x = sum(x_i
+    # F_zi) / sum(F_zi).
     for plate, mask, placed in parts:
         force[mask] += plate.force_n[mask]
         at = placed & (plate.force_n[:, 2] > 0.0)
@@ -464,7 +491,8 @@ def _on_one_foot(
             )
         cop[loaded, 2] = 0.0
 
-    # The free moment: those of the plates, and r x F_shear of each about the common centre, r from there to its own.
+    # The free moment: those of the plates, and r x F_shear of each about the common centre, r from
+    # there to its own.
     for plate, _, placed in parts:
         at = placed & known
         arm = plate.cop_m[at, :2] - cop[at, :2]
@@ -478,9 +506,11 @@ def _on_one_foot(
 
 def _with_tails(load: _Load) -> Span:
     """The load's span with what it has below 20 N."""
-    time, quiet = load.time_s, np.flatnonzero(load.of.force_n[:, 2] <= TAIL_N)
+    time = load.time_s
+    quiet = np.flatnonzero(load.of.force_n[:, 2] <= TAIL_N)
     first, last = np.searchsorted(time, (load.start_s, load.end_s))
-    before, after = quiet[quiet < first], quiet[quiet > last]
+    before = quiet[quiet < first]
+    after = quiet[quiet > last]
     return (
         max(load.start_s - TAIL_S, time[before[-1]] if before.size else -np.inf),
         min(load.end_s + TAIL_S, time[after[0]] if after.size else np.inf),
@@ -490,7 +520,8 @@ def _with_tails(load: _Load) -> Span:
 def _unmeasured(
     loads: Sequence[_Load], stances: dict[str, tuple[Stance, ...]], record: Span
 ) -> tuple[dict[str, tuple[Span, ...]], dict[int, str]]:
-    """By side, stances of which some part is on no plate; and warnings about loads that cover them in part."""
+    """By side, stances of which some part is on no plate; and warnings about loads that cover them
+    in part."""
     missing: dict[str, tuple[Span, ...]] = {}
     warnings: dict[int, str] = {}
     for side in SIDES:
@@ -501,7 +532,8 @@ def _unmeasured(
             and any(min(load.end_s, s.end_s) > max(load.start_s, s.start_s) for s in stances[side])
         ]
         for stance in stances[side]:
-            start, end = max(stance.start_s, record[0]), min(stance.end_s, record[1])
+            start = max(stance.start_s, record[0])
+            end = min(stance.end_s, record[1])
             covering = {
                 i: (load.start_s, load.end_s)
                 for i, load in enumerate(loads)
@@ -510,23 +542,19 @@ def _unmeasured(
                 and min(load.end_s, end) > max(load.start_s, start)
             }
 
-            # A stance with a gap of more than 0.12 s counts as a whole: half of one cannot be compared.
-            gap, at = 0.0, start
+            # A stance with a gap of more than 0.12 s counts as a whole: half of one cannot be
+            # compared.
+            gap = 0.0
+            at = start
             for a, b in (*sorted(covering.values()), (end, end)):
-                gap, at = max(gap, a - at), max(at, b)
+                gap = max(gap, a - at)
+                at = max(at, b)
             if gap <= min(TOLERANCE_S, 0.5 * (end - start)):
                 continue
             ends = [(start, end), *covering.values()]
             spans.append((min(a for a, _ in ends), max(b for _, b in ends)))
             warnings |= dict.fromkeys(covering, say("feet", "part", gap_s=gap)[0])
 
-        merged: list[Span] = []
-        for a, b in sorted(
-            (max(a - WIDEN_S, record[0]), min(b + WIDEN_S, record[1])) for a, b in spans
-        ):
-            if b > a and merged and a <= merged[-1][1]:
-                merged[-1] = (merged[-1][0], max(merged[-1][1], b))
-            elif b > a:
-                merged.append((a, b))
-        missing[side] = tuple(merged)
+        recorded = (common((a - WIDEN_S, b + WIDEN_S), record) for a, b in spans)
+        missing[side] = united(span for span in recorded if span)
     return missing, warnings

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import find_peaks
 
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.markers.segments import FootTrack
 
 THRESHOLD_N = 20.0
@@ -16,16 +17,37 @@ MINIMUM_S = 0.15
 BRIDGE_S = 0.03
 MINIMUM_PEAK_N = 100.0
 FASTEST_PER_S, WITHIN_S, LEAST_JUMP_N = 70.0, 0.005, 200.0
-"""Steepest change of a walking foot's force, as a share of the record's peak per second, the time over which it is
-looked at, and the least change that says something (choices). Recorded and embedded walks show up to 27 at touch-down
-and 13 at lift-off; laboratories blank forces of up to some 50 N."""
+"""Steepest change of a walking foot's force, as a share of the record's peak per second, the time
+over which it is looked at, and the least change that says something (choices). Recorded and
+embedded walks show up to 27 at touch-down and 13 at lift-off; laboratories blank forces of up to
+some 50 N."""
 Span = tuple[float, float]  # start and end, s
 
 
 def common(a: Span, b: Span) -> Span | None:
     """The part that two spans share."""
-    start, end = max(a[0], b[0]), min(a[1], b[1])
+    start = max(a[0], b[0])
+    end = min(a[1], b[1])
     return (start, end) if end > start else None
+
+
+def united(spans: Iterable[Span]) -> tuple[Span, ...]:
+    """Spans in order of time; those that overlap or touch are one."""
+    merged: list[Span] = []
+    for start, end in sorted(spans):
+        if merged and start <= merged[-1][1]:
+            merged[-1] = (merged[-1][0], max(merged[-1][1], end))
+        else:
+            merged.append((start, end))
+    return tuple(merged)
+
+
+def within(time_s: np.ndarray, spans: Iterable[Span]) -> np.ndarray:
+    """(n,) whether an instant (s) lies in one of the spans, their ends included."""
+    inside = np.zeros(len(time_s), dtype=bool)
+    for start, end in spans:
+        inside |= (time_s >= start) & (time_s <= end)
+    return inside
 
 
 def words(span: Span) -> str:
@@ -39,7 +61,8 @@ class Stance:
 
     start_s: float  # touch-down, or the start of the record where the foot is loaded already
     end_s: float  # lift-off, or the end of the record where the foot is loaded still
-    start_seen: bool = True  # touch-down was recorded: it lies inside the record, and the force does not jump there
+    start_seen: bool = True
+    """touch-down was recorded: it lies inside the record, and the force does not jump there"""
     end_seen: bool = True  # the same of lift-off
 
     @property
@@ -58,17 +81,29 @@ def find_stances(
     threshold_n: float = THRESHOLD_N,
     bridge_s: float = BRIDGE_S,
 ) -> list[Stance]:
-    """Stances, in order of time, from (n,) increasing s and N on the foot, up positive; all finite, else ValueError.
+    """Stances, in order of time, from (n,) increasing s and N on the foot, up positive; all finite,
+    else ValueError.
 
-    The foot is on the ground while the force exceeds the threshold. A drop-out shorter than `bridge_s` does not end a
-    contact; one that is shorter than `MINIMUM_S` (unless an end of the record cuts it) or never reaches
-    `MINIMUM_PEAK_N`, a scuff in swing, is no stance. One that begins or ends by a jump that no foot makes is marked as
-    cut there. Instants are interpolated linearly between samples.
+    The foot is on the ground while the force exceeds the threshold. A drop-out shorter than
+    `bridge_s` does not end a contact; one that is shorter than `MINIMUM_S` (unless an end of the
+    record cuts it) or never reaches `MINIMUM_PEAK_N`, a scuff in swing, is no stance. One that
+    begins or ends by a jump that no foot makes is marked as cut there. Instants are interpolated
+    linearly between samples.
     """
     return [
         contact
         for contact, stands in _contacts(time_s, vertical_force, threshold_n, bridge_s)
         if stands
+    ]
+
+
+def known_stances(plate: PlateRecording) -> list[Stance]:
+    """The stances in a plate's vertical force, in order of time, without those that a span of
+    unknown force touches: of them the plate saw a part, or nothing."""
+    return [
+        stance
+        for stance in find_stances(plate.time_s, plate.force_W[:, 2])
+        if not any(common((stance.start_s, stance.end_s), span) for span in plate.unknown_s)
     ]
 
 
@@ -85,13 +120,15 @@ def _contacts(
     time_s: np.ndarray, force: np.ndarray, threshold: float, bridge_s: float
 ) -> list[tuple[Stance, bool]]:
     """Each contact, and whether it is a stance."""
-    time_s, force = np.asarray(time_s, dtype=float), np.asarray(force, dtype=float)
+    time_s = np.asarray(time_s, dtype=float)
+    force = np.asarray(force, dtype=float)
     if time_s.ndim != 1 or time_s.shape != force.shape:
         raise ValueError(f"time {time_s.shape} and force {force.shape} must be (n,) both")
     if not (np.isfinite(time_s).all() and np.isfinite(force).all()):
         raise ValueError("time and force must be finite")
 
-    # Instants at which the force crosses the threshold, straight between samples, start and end by turns.
+    # Instants at which the force crosses the threshold, straight between samples, start and end by
+    # turns.
     on = force > threshold
     change = np.flatnonzero(on[1:] != on[:-1])
     fraction = (threshold - force[change]) / (force[change + 1] - force[change])
@@ -101,29 +138,26 @@ def _contacts(
     if on.size and on[-1]:
         instants.append(time_s[-1])
 
-    bouts: list[
-        list[float]
-    ] = []  # hysteresis in time: drop-outs shorter than `bridge_s` are bridged
+    # hysteresis in time: drop-outs shorter than `bridge_s` are bridged
+    bouts: list[list[float]] = []
     for start, end in zip(instants[::2], instants[1::2], strict=True):
         if bouts and start - bouts[-1][1] < bridge_s:
             bouts[-1][1] = end
         else:
             bouts.append([start, end])
 
-    contacts, most = [], FASTEST_PER_S * max(threshold, force.max(initial=0.0))
+    contacts = []
+    most = FASTEST_PER_S * max(threshold, force.max(initial=0.0))
     for start, end in bouts:
         peak = float(force[(time_s >= start) & (time_s <= end)].max(initial=threshold))
-        before, after = (
-            int(np.searchsorted(time_s, start, "right")) - 1,
-            int(np.searchsorted(time_s, end, "left")),
-        )
+        before = int(np.searchsorted(time_s, start, "right")) - 1
+        after = int(np.searchsorted(time_s, end, "left"))
         seen = (
             not ((on[0] and start == time_s[0]) or _jumps(time_s, force, before, 1, most)),
             not ((on[-1] and end == time_s[-1]) or _jumps(time_s, force, after, -1, most)),
         )
-        cut = (not seen[0] and before == 0) or (
-            not seen[1] and after == len(time_s) - 1
-        )  # its ends may be blank
+        # its ends may be blank
+        cut = (not seen[0] and before == 0) or (not seen[1] and after == len(time_s) - 1)
         contact = Stance(float(start), float(end), *seen)
         contacts.append(
             (contact, peak >= MINIMUM_PEAK_N and (contact.duration_s >= MINIMUM_S or cut))
@@ -132,7 +166,8 @@ def _contacts(
 
 
 def _jumps(time_s: np.ndarray, force: np.ndarray, unloaded: int, way: int, most: float) -> bool:
-    """Whether the force changes faster beside the unloaded sample than a foot's does, `most` newtons a second."""
+    """Whether the force changes faster beside the unloaded sample than a foot's does, `most`
+    newtons a second."""
     apart = max(WITHIN_S, abs(time_s[unloaded + way] - time_s[unloaded]))
     return bool(
         np.interp(time_s[unloaded] + way * apart, time_s, force) > max(LEAST_JUMP_N, most * apart)
@@ -148,31 +183,33 @@ def runs(flags: ArrayLike) -> list[tuple[int, int]]:
 
 
 def longest_run(flags: ArrayLike) -> np.ndarray:
-    """Indices of the longest stretch in which `flags` (n,) is True, the first of equals; none if it never is."""
+    """Indices of the longest stretch in which `flags` (n,) is True, the first of equals; none if it
+    never is."""
     return np.arange(*max(runs(flags), key=lambda run: run[1] - run[0], default=(0, 0)))
 
 
 # Heel strike and toe-off from the motion of the feet, where no force tells them.
 #
-# Zeni, Richards and Higginson 2008 (Gait & Posture 27, 710-714, doi 10.1016/j.gaitpost.2007.07.007): along the
-# direction of walking, the heel is farthest ahead of the pelvis at heel strike and the toe farthest behind it at
-# toe-off, over ground and on a treadmill. These instants are sure but coarse (63 ms early, 30 ms late), so each is
-# sharpened: the strike to where the heel comes to rest, the lift to the toe's largest upward acceleration. Against 20 N
-# on the plates these lie within 35 ms.
+# Zeni, Richards and Higginson 2008 (Gait & Posture 27, 710-714, doi
+# 10.1016/j.gaitpost.2007.07.007): along the direction of walking, the heel is farthest ahead of the
+# pelvis at heel strike and the toe farthest behind it at toe-off, over ground and on a treadmill.
+# These instants are sure but coarse (63 ms early, 30 ms late), so each is sharpened: the strike to
+# where the heel comes to rest, the lift to the toe's largest upward acceleration. Against 20 N on
+# the plates these lie within 35 ms.
 
 
 SMALLEST_STEP_M = 0.15  # a foot that moves less than this to and fro under the pelvis does not walk
 PROMINENCE = 0.3
-"""An extreme counts as an event if it stands out by this share of the foot's whole travel: ripples do not."""
+"""An extreme counts as an event if it stands out by this share of the foot's whole travel: ripples
+do not."""
 SHORTEST_S = 0.15  # shortest stance or swing: events closer than this are one event
-AT_REST_M_PER_S = (
-    0.5  # a foot slower than this over the ground rests on it; swinging feet reach 3 m/s and more
-)
+# a foot slower than this over the ground rests on it; swinging feet reach 3 m/s and more
+AT_REST_M_PER_S = 0.5
 TURNED_S = 0.08
-TURNED_M = 0.05  # a standing body sways by 1 to 3 cm; a foot that lifts is 0.1 m ahead after 0.1 s (a choice)
-SHARPEN_S = (
-    0.12  # how far from the coarse instant the sharper one is sought: twice the largest error seen
-)
+# a standing body sways by 1 to 3 cm; a foot that lifts is 0.1 m ahead after 0.1 s (a choice)
+TURNED_M = 0.05
+# how far from the coarse instant the sharper one is sought: twice the largest error seen
+SHARPEN_S = 0.12
 NEAR_FLOOR_M = 0.04
 
 
@@ -183,10 +220,12 @@ def kinematic_stances(
     *,
     forward_W: np.ndarray | None = None,
 ) -> list[Stance]:
-    """When a foot stands on the ground, as far as its motion tells, in order of time (n,) s, evenly spaced.
+    """When a foot stands on the ground, as far as its motion tells, in order of time (n,) s, evenly
+    spaced.
 
-    A foot that does not walk stands all the time if its sole stays near its lowest, and else never. `pelvis_W` is
-    (n, 3) m of a point of the pelvis, `forward_W` (2,) the direction of walking: that of this foot by default."""
+    A foot that does not walk stands all the time if its sole stays near its lowest, and else never.
+    `pelvis_W` is (n, 3) m of a point of the pelvis, `forward_W` (2,) the direction of walking: that
+    of this foot by default."""
     forward = (
         walking_direction({"": foot}, pelvis_W)
         if forward_W is None
@@ -233,9 +272,9 @@ def _extremes(values: np.ndarray, time_s: np.ndarray) -> list[float]:
 def _with_ends(
     events: list[tuple[float, bool]], heel: np.ndarray, toe: np.ndarray, time_s: np.ndarray
 ) -> list[tuple[float, bool]]:
-    """The events (instant, whether a strike), and one more at an end of the record where the foot, since the outermost
-    of them, was farthest ahead or behind and has turned back for longer than an event can be wrong. Turns within a
-    stance, of one who begins or ends to walk, are small."""
+    """The events (instant, whether a strike), and one more at an end of the record where the foot,
+    since the outermost of them, was farthest ahead or behind and has turned back for longer than an
+    event can be wrong. Turns within a stance, of one who begins or ends to walk, are small."""
     events, (first, first_strikes), (last, last_strikes) = list(events), events[0], events[-1]
     for rows, edge, strike, least in (
         (np.flatnonzero(time_s > last), -1, not last_strikes, TURNED_M if last_strikes else 0.0),
@@ -249,7 +288,8 @@ def _with_ends(
 
 
 def _pair(time_s: np.ndarray, events: list[tuple[float, bool]]) -> list[Stance]:
-    """Stances between strikes (True) and lifts (False); of like events in a row the first strike, the last lift."""
+    """Stances between strikes (True) and lifts (False); of like events in a row the first strike,
+    the last lift."""
     stances: list[Stance] = []
     start, seen = (float(time_s[0]), False) if not events[0][1] else (None, True)
     for instant, strike in events:
@@ -266,7 +306,8 @@ def _pair(time_s: np.ndarray, events: list[tuple[float, bool]]) -> list[Stance]:
 
 
 def _sharpened(stance: Stance, time_s: np.ndarray, foot: FootTrack) -> Stance:
-    start, end = stance.start_s, stance.end_s
+    start = stance.start_s
+    end = stance.end_s
     heel, toe = (np.gradient(point, time_s, axis=0) for point in (foot.heel_W, foot.toe_W))
     middle = (time_s > 0.7 * start + 0.3 * end) & (time_s < 0.3 * start + 0.7 * end)
     if stance.start_seen and middle.any():
@@ -274,7 +315,8 @@ def _sharpened(stance: Stance, time_s: np.ndarray, foot: FootTrack) -> Stance:
         rows = np.flatnonzero((np.abs(time_s - start) <= SHARPEN_S) & (speed <= AT_REST_M_PER_S))
         rows = rows[(rows > 0) & (speed[rows - 1] > AT_REST_M_PER_S)]
         if rows.size:
-            before, after = speed[rows[0] - 1], speed[rows[0]]
+            before = speed[rows[0] - 1]
+            after = speed[rows[0]]
             share = (before - AT_REST_M_PER_S) / (before - after)
             start = float(time_s[rows[0] - 1] + share * (time_s[rows[0]] - time_s[rows[0] - 1]))
     if stance.end_seen:

@@ -1,4 +1,5 @@
-"""A recording with what a contact fit found of it: the fitted model, offsets and joint angles over the gait cycle."""
+"""A recording with what a contact fit found of it: the fitted model, offsets and joint angles over
+the gait cycle."""
 
 from __future__ import annotations
 
@@ -11,32 +12,33 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import BPoly
 
-from vsf_drake.contact_file import FittedContact, FittedTrial, model_with
-from vsf_drake.errors import InputError
-from vsf_drake.files import sha256
-from vsf_drake.motion.events import Stance, find_stances
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import sha256
+from vsf_drake.base.schema import check
+from vsf_drake.base.sentences import say
+from vsf_drake.model.contact_file import FittedContact, FittedTrial, model_with
+from vsf_drake.model.parameters import Subject
+from vsf_drake.motion.events import Stance, known_stances
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory, periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial import Trial
-from vsf_drake.parameters import Subject
-from vsf_drake.schema import check
-from vsf_drake.sentences import say
 
 MASS_TOLERANCE, STATURE_TOLERANCE = 0.05, 0.02
 """Shares by which a person may differ from day to day and still be the same (choices)."""
 APPLIED = "A fitted contact was applied"
-_GRAIN, _GRAIN_N = (
-    1e-6,
-    1e-3,
-)  # s, m, rad; and N: numbers that differ by less are the same, whatever computed them
+# s, m, rad; and N: numbers that differ by less are the same, whatever computed them
+_GRAIN = 1e-6
+_GRAIN_N = 1e-3
 
 
 def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None = None) -> Trial:
-    """`trial` as the fit sees it: its model with the fitted values, its offsets and coordinates with what they add.
+    """`trial` as the fit sees it: its model with the fitted values, its offsets and coordinates
+    with what they add.
 
-    Height, path and curves that were fitted to a recording alone are taken only for that recording, told by its
-    `fingerprint`. A note says what was applied; the hash of `file` joins the trial's inputs. Refused for another person
-    or side, a model that lacks a zone, or a trial that has a fitted contact already."""
+    Height, path and curves that were fitted to a recording alone are taken only for that recording,
+    told by its `fingerprint`. A note says what was applied; the hash of `file` joins the trial's
+    inputs. Refused for another person or side, a model that lacks a zone, or a trial that has a
+    fitted contact already."""
     check_person(trial.subject, contact, file=file)
     if any(note.startswith(APPLIED) for note in trial.notes):
         raise InputError("the trial has a fitted contact already", file=file, where=trial.name)
@@ -78,8 +80,8 @@ def check_person(
     fitted = contact.subject
     if subject.prosthetic_side != fitted.prosthetic_side:
         raise InputError(
-            f"it was fitted to a prosthesis on the {fitted.prosthetic_side}, this person has one on the "
-            f"{subject.prosthetic_side}",
+            f"it was fitted to a prosthesis on the {fitted.prosthetic_side}, this person has one "
+            f"on the {subject.prosthetic_side}",
             file=file,
             where="subject.prosthetic_side",
         )
@@ -87,7 +89,8 @@ def check_person(
         ("mass_kg", "kg", MASS_TOLERANCE),
         ("stature_m", "m", STATURE_TOLERANCE),
     ):
-        own, theirs = getattr(subject, key), getattr(fitted, key)
+        own = getattr(subject, key)
+        theirs = getattr(fitted, key)
         if abs(own - theirs) > tolerance * theirs:
             raise InputError(
                 f"it was fitted to a person of {theirs:g} {unit}, this one has {own:g} {unit}",
@@ -98,9 +101,11 @@ def check_person(
 
 
 def fingerprint(trial: Trial) -> str:
-    """64 hexadecimal digits of what was recorded: kinematics, plates and window, rounded to what can be measured.
+    """64 hexadecimal digits of what was recorded: kinematics, plates and window, rounded to what
+    can be measured.
 
-    The same in any process and wherever the files are; paths, names, person, model and fulcrum do not enter.
+    The same in any process and wherever the files are; paths, names, person, model and fulcrum do
+    not enter.
     """
     digest = hashlib.sha256()
 
@@ -125,7 +130,8 @@ def _trajectory(
     trial: Trial, contact: FittedContact, own: FittedTrial | None
 ) -> CoordinateTrajectory:
     motion = trial.trajectory
-    time, added = motion.time_s, list[tuple[str, np.ndarray | float]]()
+    time = motion.time_s
+    added = list[tuple[str, np.ndarray | float]]()
     added += [
         (name.removeprefix("coordinate."), value)
         for name, value in contact.values.items()
@@ -161,10 +167,11 @@ def _trajectory(
 #
 #     phase    k at the k-th strike of the prosthetic foot, k + STANCE_SHARE at its lift-off
 #
-# Between these instants the phase is the quintic through them whose second derivative vanishes at each and whose rate
-# there is the harmonic mean of the mean rates before and after, at most 1.25 times the smaller one: its derivative then
-# has positive Bernstein coefficients, so that the phase rises all the way, and it is C2 in time. Before the first and
-# after the last stance it is a straight line at that stance's own mean rate.
+# Between these instants the phase is the quintic through them whose second derivative vanishes at
+# each and whose rate there is the harmonic mean of the mean rates before and after, at most
+# 1.25 times the smaller one: its derivative then has positive Bernstein coefficients, so that the
+# phase rises all the way, and it is C2 in time. Before the first and after the last stance it is a
+# straight line at that stance's own mean rate.
 
 
 STANCE_SHARE = 0.62  # foot-off of slow walking: Schwartz 2008, doi 10.1016/j.jbiomech.2008.03.015
@@ -174,14 +181,16 @@ STEEPEST = 1.25  # largest rate at an instant over the smaller of the mean rates
 def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.ndarray]:
     """The phase (n,), in cycles, of times (n,) s; it rises and is C2.
 
-    The source is a trial, whose prosthetic plate tells its stances, or the stances of the prosthetic foot in order of
-    time. Only those count that were seen from strike to lift-off, one at least; one missed in between counts as a
-    cycle."""
+    The source is a trial, whose prosthetic plate tells its stances, or the stances of the
+    prosthetic foot in order of time. Only those count that were seen from strike to lift-off, one
+    at least; one missed in between counts as a cycle."""
     if isinstance(source, Trial):
-        plate, file = source.prosthetic_plate, source.path
-        stances: Sequence[Stance] = find_stances(plate.time_s, plate.force_W[:, 2])
+        plate = source.prosthetic_plate
+        file = source.path
+        stances: Sequence[Stance] = known_stances(plate)
     else:
-        stances, file = source, None
+        stances = source
+        file = None
     seen = [stance for stance in stances if stance.complete]
     if not seen:
         raise InputError(
@@ -207,10 +216,12 @@ def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.nd
     phases = (cycles[:, None] + [0.0, STANCE_SHARE]).ravel()
     instants = np.array([(stance.start_s, stance.end_s) for stance in seen]).ravel()
 
-    # Rates there: harmonic means, at most STEEPEST times the smaller neighbour; second derivatives are zero.
+    # Rates there: harmonic means, at most STEEPEST times the smaller neighbour; second derivatives
+    # are zero.
     rates = STANCE_SHARE / np.array([stance.duration_s for stance in (seen[0], seen[-1])])
     mean = np.diff(phases) / np.diff(instants)
-    before, after = mean[:-1], mean[1:]
+    before = mean[:-1]
+    after = mean[1:]
     inner = np.minimum(
         2.0 * before * after / (before + after), STEEPEST * np.minimum(before, after)
     )
@@ -221,7 +232,8 @@ def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.nd
 
     def phase(times: np.ndarray) -> np.ndarray:
         times = np.asarray(times, dtype=float)
-        early, late = np.minimum(times - instants[0], 0.0), np.maximum(times - instants[-1], 0.0)
+        early = np.minimum(times - instants[0], 0.0)
+        late = np.maximum(times - instants[-1], 0.0)
         return np.asarray(
             between(np.clip(times, instants[0], instants[-1])) + rates[0] * early + rates[1] * late
         )

@@ -1,4 +1,5 @@
-"""The trial manifest: the one YAML file that describes a recording (see docs/guide/trials.md). No recordings."""
+"""The trial manifest: the one YAML file that describes a recording (see docs/guide/trials.md). No
+recordings."""
 
 from __future__ import annotations
 
@@ -10,17 +11,18 @@ from pathlib import Path
 
 import yaml
 
-from vsf_drake.errors import InputError
-from vsf_drake.files import user_path
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import user_path
+from vsf_drake.base.schema import check, choice, load_yaml, quantity
+from vsf_drake.base.sentences import say
+from vsf_drake.base.yaml_file import read_yaml
+from vsf_drake.model.parameters import SIDES, Subject
 from vsf_drake.motion.markers.person_facts import SEXES, PersonFacts
-from vsf_drake.parameters import SIDES, Subject
-from vsf_drake.schema import check, choice, load_yaml, quantity
-from vsf_drake.sentences import say
-from vsf_drake.yaml_file import read_yaml
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 MARKER_FILES = (".c3d", ".trc")
-APART = 0.05  # a stated length that differs by more than this share from the markers' own is worth a note
+# a stated length that differs by more than this share from the markers' own is worth a note
+APART = 0.05
 _MARKER_KEYS = (
     "standing",
     "marker_map",
@@ -54,13 +56,22 @@ class Laboratory:
     """What a marker or force file does not say of itself; None leaves it to the file."""
 
     up: str | None = choice(
-        None, options=AXES, source="stated: the laboratory's axis that points up"
+        None,
+        options=AXES,
+        source="stated: the laboratory's axis that points up",
+        help="Laboratory axis that points up: x, y, z, -x, ...",
     )
     forward: str | None = choice(
-        None, options=AXES, source="stated: the laboratory's axis along which they walk"
+        None,
+        options=AXES,
+        source="stated: the laboratory's axis along which they walk",
+        help="Laboratory axis of walking.",
     )
     length_unit: str | None = choice(  # of the markers' coordinates
-        None, options=("mm", "cm", "m", "in"), source="stated"
+        None,
+        options=("mm", "cm", "m", "in"),
+        source="stated",
+        help="mm, cm, m or in, where the file does not say.",
     )
 
 
@@ -77,6 +88,21 @@ class Window:
 
 
 @dataclass(frozen=True, kw_only=True)
+class UnknownForce:
+    """By side, spans [start, end] in the recording's time in which the foot stands, wholly or in
+    part, on ground that no plate measures: its force is unknown there, whatever the force file
+    says. Comparisons leave them out."""
+
+    right: tuple[tuple[float, float], ...] = quantity(
+        (), unit="s", low=-1e6, high=1e6, source="found at import, or stated"
+    )
+    """spans [start, end] of the right foot on unmeasured ground"""
+    left: tuple[tuple[float, float], ...] = quantity(  # likewise of the left foot
+        (), unit="s", low=-1e6, high=1e6, source="found at import, or stated"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class ManifestOffsets:
     """`GeometricOffsets` in the units of the manifest."""
 
@@ -85,10 +111,12 @@ class ManifestOffsets:
     )
     fore_aft_mm: float = quantity(
         0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured"
-    )  # foot forward
+    )
+    """foot forward"""
     alignment_deg: float = quantity(
         0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured"
-    )  # toe up
+    )
+    """toe up"""
     inversion_deg: float = quantity(  # sole towards the midline
         0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured"
     )
@@ -101,9 +129,9 @@ class ManifestOffsets:
 class GeometricOffsets:
     """How the prosthetic foot sits under its pylon, which no recording tells to the millimetre.
 
-    Positive values move the foot up against the residual limb (a shorter prosthesis), move it forward, turn its toe up,
-    its sole towards the midline (inversion), its toe away from it; about the mount, in this order
-    (`plants.foot.mount_pose`).
+    Positive values move the foot up against the residual limb (a shorter prosthesis), move it
+    forward, turn its toe up, its sole towards the midline (inversion), its toe away from it; about
+    the mount, in this order (`plants.foot.mount_pose`).
     """
 
     height_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted or measured")
@@ -121,12 +149,12 @@ class GeometricOffsets:
 
 @dataclass(frozen=True, kw_only=True)
 class Manifest:
-    """The keys of a trial manifest: joint angles or markers. Paths are relative to the manifest's folder."""
+    """The keys of a trial manifest: joint angles or markers. Paths are relative to the manifest's
+    folder."""
 
     subject: str  # file of the person
-    kinematics: str | None = (
-        None  # file of joint angles and pelvis translation, OpenSim .mot or .sto
-    )
+    kinematics: str | None = None
+    """file of joint angles and pelvis translation, OpenSim .mot or .sto"""
     markers: str | None = None  # file of markers instead, .c3d or .trc
     standing: str | None = None  # file of the standing trial; without it the walk itself calibrates
     marker_map: str | None = None  # name or file; the map that fits best if left out
@@ -140,10 +168,10 @@ class Manifest:
     )
     already_filtered: bool = False  # the markers are low-passed already
     laboratory: Laboratory = field(default_factory=Laboratory)
-    forces: str | ForceColumns | None = (
-        None  # file of force plates, or file and columns; in the C3D if left out
-    )
+    forces: str | ForceColumns | None = None
+    """file of force plates, or file and columns; in the C3D if left out"""
     prosthesis: ProsthesisSetting
+    unknown_force: UnknownForce = field(default_factory=UnknownForce)
     window: Window | None = None
     kinematics_unit: str | None = choice(  # of the joint angles
         None, options=("degrees", "radians"), source="stated, where the file's header does not"
@@ -162,17 +190,20 @@ class Manifest:
 
 
 def load_manifest(path: str | Path) -> Manifest:
-    """Reads a trial manifest and checks what its keys must share. Does not open the files it names."""
+    """Reads a trial manifest and checks what its keys must share. Does not open the files it
+    names."""
     path = Path(path)
     if path.is_dir():
         raise InputError(
             "is a folder", file=path, right="Name the manifest of a trial (a .yaml file)"
         )
+    refuse_recording(path)
     try:
         manifest = load_yaml(path, Manifest)
     except InputError as error:
         raise _other_kind(path) or error from None
-    angles, markers = manifest.kinematics, manifest.markers
+    angles = manifest.kinematics
+    markers = manifest.markers
     suffix = Path(markers or angles or "").suffix.lower()
     default = Manifest(subject="", prosthesis=manifest.prosthesis)
     idle = [key for key in _MARKER_KEYS if getattr(manifest, key) != getattr(default, key)]
@@ -188,8 +219,10 @@ def load_manifest(path: str | Path) -> Manifest:
             angles is None and markers is None,
             missing,
             "kinematics",
-            "Give joint angles, for example `kinematics: walk_ik.mot` (OpenSim .mot or .sto), or markers, for example "
-            "`markers: walk.c3d` (.c3d or .trc)",
+            (
+                "Give joint angles, for example `kinematics: walk_ik.mot` (OpenSim .mot or "
+                ".sto), or markers, for example `markers: walk.c3d` (.c3d or .trc)"
+            ),
         ),
         (
             markers is None and suffix in MARKER_FILES,
@@ -230,6 +263,15 @@ def load_manifest(path: str | Path) -> Manifest:
     ):
         if wrong:
             raise InputError(what, file=path, where=where, right=right)
+    for side, spans in vars(manifest.unknown_force).items():
+        for i, span in enumerate(spans):
+            if len(span) != 2 or span[0] >= span[1]:
+                raise InputError(
+                    f"{list(span)} is no span",
+                    file=path,
+                    where=f"unknown_force.{side}[{i}]",
+                    right="Write [start, end] in s, the start before the end: [1.20, 1.55]",
+                )
     start, end = (
         (manifest.window.start_s, manifest.window.end_s) if manifest.window else (None, None)
     )
@@ -240,6 +282,30 @@ def load_manifest(path: str | Path) -> Manifest:
             where="window",
         )
     return manifest
+
+
+def refuse_recording(path: Path) -> None:
+    """Raises InputError, with the line that makes a manifest of it, for a laboratory's
+    recording."""
+    suffix = path.suffix.lower()
+    if suffix in MARKER_FILES and path.is_file():
+        raise InputError(
+            "is a recording and no trial manifest",
+            file=path,
+            right=(
+                f"Make one of it: vsf-drake import STANDING{suffix} {path.name} --prosthetic-side "
+                "SIDE --sex SEX --fulcrum-mm MM --out FOLDER"
+            ),
+        )
+    if suffix in (".mot", ".sto") and path.is_file():
+        raise InputError(
+            "is a table and no trial manifest",
+            file=path,
+            right=(
+                "Name it in a YAML file: `kinematics` (joint angles) or `forces`, beside `subject` "
+                "and `prosthesis: {fulcrum_mm: MM}`"
+            ),
+        )
 
 
 def _other_kind(path: Path) -> InputError | None:
@@ -277,7 +343,7 @@ def named_file(manifest_path: Path, key: str, value: str) -> Path:
         file=manifest_path,
         where=key,
     )
-    if not path.is_file():
+    if not path.exists():
         raise InputError(
             f"there is no file {value}",
             file=manifest_path,
@@ -305,16 +371,17 @@ def mount_of(offsets: GeometricOffsets) -> dict[str, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class StatedSubject(PersonFacts, Subject):
-    """What a user states of a person whose markers tell the rest: `Subject`, and what joint centres need."""
+    """What a user states of a person whose markers tell the rest: `Subject`, and what joint centres
+    need."""
 
-    sex: str = choice(
-        options=SEXES, source="stated"
-    )  # selects the table of segment masses and lengths
+    sex: str = choice(options=SEXES, source="stated")
+    """selects the table of segment masses and lengths"""
     prosthetic_side: str = choice(options=SIDES, source="stated")  # side of the prosthesis
 
 
 def load_stated_subject(path: str | Path) -> tuple[PersonFacts, dict[str, float]]:
-    """What the subject's file says: facts for the calibration, and fields of `Subject` that win over the markers."""
+    """What the subject's file says: facts for the calibration, and fields of `Subject` that win
+    over the markers."""
     stated = dict(vars(load_yaml(path, StatedSubject)))
     facts = PersonFacts(
         **{key.name: stated.pop(key.name) for key in dataclasses.fields(PersonFacts)}
@@ -323,7 +390,8 @@ def load_stated_subject(path: str | Path) -> tuple[PersonFacts, dict[str, float]
 
 
 def with_stated(subject: Subject, stated: Mapping[str, float]) -> tuple[Subject, list[str]]:
-    """The person with what is stated in place of what the markers tell, and notes where these differ much."""
+    """The person with what is stated in place of what the markers tell, and notes where these
+    differ much."""
     notes = []
     for name, value in stated.items():
         measured = getattr(subject, name)

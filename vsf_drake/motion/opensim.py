@@ -1,7 +1,8 @@
 """Joint angles, pelvis motion and plates' forces of a person, out of OpenSim's tables.
 
-Coordinates have OpenSim's names and, for the pelvis, OpenSim's meaning (tx forward, ty up, tz right; tilt + with the
-front up). Joint angles are in rad: flexion and dorsiflexion +, adduction and inversion +, internal rotation +.
+Coordinates have OpenSim's names and, for the pelvis, OpenSim's meaning (tx forward, ty up, tz
+right; tilt + with the front up). Joint angles are in rad: flexion and dorsiflexion +, adduction and
+inversion +, internal rotation +.
 """
 
 from __future__ import annotations
@@ -10,30 +11,36 @@ import re
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.sentences import say
+from vsf_drake.model.parameters import GRAVITY, PELVIS_TRANSLATIONS, person_coordinates
 from vsf_drake.motion.events import MINIMUM_PEAK_N, THRESHOLD_N
 from vsf_drake.motion.formats.forces import opensim_columns
 from vsf_drake.motion.formats.recording import SIDES, PlateRecording, floor_load, os_to_world
 from vsf_drake.motion.formats.tables import Storage
 from vsf_drake.motion.formats.units import check_clock
 from vsf_drake.motion.trajectory import SPLINE_ORDER, CoordinateTrajectory
-from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, person_coordinates
-from vsf_drake.sentences import say
 
-FLEXED_DEG, HYPEREXTENDED_DEG = 30.0, 20.0
-LARGEST_ANGLE_RAD, SMALLEST_RANGE_DEG = 3.5, 3.0
-JUMP_RAD, JUMP_RAD_PER_S = 0.5, 20.0
-FARTHEST_M, PELVIS_HEIGHT_M = 100.0, (0.3, 2.0)
+FLEXED_DEG = 30.0
+HYPEREXTENDED_DEG = 20.0
+LARGEST_ANGLE_RAD = 3.5
+SMALLEST_RANGE_DEG = 3.0
+JUMP_RAD = 0.5
+JUMP_RAD_PER_S = 20.0
+FARTHEST_M = 100.0
+PELVIS_HEIGHT_M = (0.3, 2.0)
 
 
 def read_kinematics(
     storage: Storage, *, prosthetic_side: str, unit: str | None = None
 ) -> tuple[CoordinateTrajectory, list[str]]:
-    """The person's coordinates, `person_coordinates(prosthetic_side)`, out of an OpenSim table, and notes.
+    """The person's coordinates, `person_coordinates(prosthetic_side)`, out of an OpenSim table, and
+    notes.
 
-    Columns are plain names (`hip_flexion_r`) or OpenSim paths (`/jointset/hip_r/hip_flexion_r/value`), angles in
-    degrees or radians (`unit` where the header does not say which). Pelvis, hip flexion, knee angle and the intact
-    ankle angle are required; what else is missing is zero and noted, as are knees turned round (flexion negative).
+    Columns are plain names (`hip_flexion_r`) or OpenSim paths
+    (`/jointset/hip_r/hip_flexion_r/value`), angles in degrees or radians (`unit` where the header
+    does not say which). Pelvis, hip flexion, knee angle and the intact ankle angle are required;
+    what else is missing is zero and noted, as are knees turned round (flexion negative).
     """
     time, warnings = check_clock(storage.time_s, storage.lines, storage.path, rows=SPLINE_ORDER + 1)
     if storage.in_degrees is None and unit is None:
@@ -64,11 +71,13 @@ def read_kinematics(
             replaced = f"ankle_angle_{prosthetic_side[0]}"
             if name.startswith("ankle_angle") and replaced in columns:
                 raise InputError(
-                    f"there is no column for the intact ankle, but there is {replaced} for an ankle that "
-                    "the prosthesis replaces",
+                    f"there is no column for the intact ankle, but there is {replaced} for an "
+                    "ankle that the prosthesis replaces",
                     file=storage.path,
                     where=f"column {name}",
-                    right=f"The subject's prosthetic_side is {prosthetic_side}: is it the other one?",
+                    right=(
+                        f"The subject's prosthetic_side is {prosthetic_side}: is it the other one?"
+                    ),
                 )
             raise InputError(
                 "there is no column for this coordinate",
@@ -113,7 +122,8 @@ def _coordinate_columns(storage: Storage) -> dict[str, str]:
 def _turn_knees(storage: Storage, values: dict[str, np.ndarray]) -> list[str]:
     knees = ("knee_angle_r", "knee_angle_l")
     bent = np.degrees([values[knee] for knee in knees])
-    low, high = bent.min(), bent.max()
+    low = bent.min()
+    high = bent.max()
     if low < -HYPEREXTENDED_DEG and high > HYPEREXTENDED_DEG:
         raise InputError(
             f"the knees bend both ways, from {low:.0f}° to {high:.0f}°",
@@ -153,8 +163,8 @@ def _check_angles(
     largest = max(np.abs(values).max() for values in angles.values())
     if degrees and np.ptp(angles[widest]) < SMALLEST_RANGE_DEG and largest < LARGEST_ANGLE_RAD:
         raise InputError(
-            f"no angle varies by more than {np.ptp(angles[widest]):.3g} degrees (time {storage.time_s[0]:g} to "
-            f"{storage.time_s[-1]:g} s), which is no walk",
+            f"no angle varies by more than {np.ptp(angles[widest]):.3g} degrees (time "
+            f"{storage.time_s[0]:g} to {storage.time_s[-1]:g} s), which is no walk",
             file=storage.path,
             where=f"column {labels[widest]}",
             right="The recording is said to be in degrees: is it in radians?",
@@ -181,7 +191,10 @@ def _check_pelvis(
         if wrong.any():
             row = int(np.argmax(wrong))
             right = (
-                f"Its height must be between {low:g} and {high:g} m: is it in another unit, or another axis?"
+                (
+                    f"Its height must be between {low:g} and {high:g} m: is it in another unit, or "
+                    "another axis?"
+                )
                 if name == "pelvis_ty"
                 else f"It must be within {FARTHEST_M:g} m of the origin: is it in millimetres?"
             )
@@ -196,13 +209,17 @@ def _check_pelvis(
 # Force plates beside joint angles: which columns are which foot, and its force in the world frame.
 
 
-LIGHTEST_BW, HEAVIEST_BW = 0.3, 4.0
-NOBODY_N = 1e6  # N, in any direction: beyond any person, and below where squares of damaged numbers overflow (a choice)
+LIGHTEST_BW = 0.3
+HEAVIEST_BW = 4.0
+# N, in any direction: beyond any person, and below where squares of damaged numbers overflow (a
+# choice)
+NOBODY_N = 1e6
 _WORDS = {"right": r"(^|_)(r|right)(_|$)", "left": r"(^|_)(l|left)(_|$)"}
 
 
 def assign_prefixes(storage: Storage, stated: dict[str, str | None] | None) -> dict[str, str]:
-    """Which prefix is which foot: as `stated` by side, else as the names tell; refused where neither does."""
+    """Which prefix is which foot: as `stated` by side, else as the names tell; refused where
+    neither does."""
     prefixes = [
         n[:-3]
         for n in storage.names
@@ -254,10 +271,12 @@ def assign_prefixes(storage: Storage, stated: dict[str, str | None] | None) -> d
 def read_plate(
     storage: Storage, prefix: str, *, mass_kg: float
 ) -> tuple[PlateRecording, list[str]]:
-    """The force on one foot, and notes on what was assumed; refused where it is not of a person of this mass, upward.
+    """The force on one foot, and notes on what was assumed; refused where it is not of a person of
+    this mass, upward.
 
-    Columns are `<prefix>_vx` to `_vz` (N), and if there `_px` to `_pz` (m) and a torque (N m) about that point, named
-    like `ground_torque_r_y`. The centre of pressure is where the same load has a vertical moment alone, on the ground.
+    Columns are `<prefix>_vx` to `_vz` (N), and if there `_px` to `_pz` (m) and a torque (N m) about
+    that point, named like `ground_torque_r_y`. The centre of pressure is where the same load has a
+    vertical moment alone, on the ground.
     """
     time, warnings = check_clock(storage.time_s, storage.lines, storage.path)
     columns = opensim_columns(prefix, storage.names)
@@ -265,8 +284,10 @@ def read_plate(
     _check_force(storage, prefix, force, mass_kg)
     loaded = force[:, 1] > THRESHOLD_N
     torque = storage.vectors(columns.torque, loaded)
-    has_cop, height = columns.point[0] is not None and columns.point[2] is not None, 0.0
-    cop, moment = np.full((len(time), 3), np.nan), np.where(loaded, torque[:, 1], 0.0)
+    has_cop = columns.point[0] is not None and columns.point[2] is not None
+    height = 0.0
+    cop = np.full((len(time), 3), np.nan)
+    moment = np.where(loaded, torque[:, 1], 0.0)
     if has_cop:
         point = storage.vectors(columns.point, loaded)
         cop[loaded], moment[loaded] = floor_load(
@@ -294,7 +315,8 @@ def _check_force(storage: Storage, prefix: str, force: np.ndarray, mass_kg: floa
         return
     strong = size > 0.3 * size[row]
     axis = "xyz"[int(np.argmax(np.abs(force[strong]).mean(axis=0)))]
-    vertical, where = force[row, 1], storage.place(row, f"{prefix}_v{axis}")
+    vertical = force[row, 1]
+    where = storage.place(row, f"{prefix}_v{axis}")
     if axis != "y":
         raise InputError(
             f"the largest part of the force is along {axis}, not upward along y",
@@ -312,8 +334,8 @@ def _check_force(storage: Storage, prefix: str, force: np.ndarray, mass_kg: floa
     weight = mass_kg * GRAVITY
     if vertical > HEAVIEST_BW * weight:
         raise InputError(
-            f"a vertical force of {vertical:.4g} N is {vertical / weight:.1f} times the body weight of "
-            f"{mass_kg:g} kg",
+            f"a vertical force of {vertical:.4g} N is {vertical / weight:.1f} times the body "
+            f"weight of {mass_kg:g} kg",
             file=storage.path,
             where=where,
             right="Check the unit of the forces and the subject's mass_kg",

@@ -1,4 +1,5 @@
-"""Recorded coordinates as smooth functions of time, slow corrections of them, and their low-pass filter."""
+"""Recorded coordinates as smooth functions of time, slow corrections of them, and their low-pass
+filter."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 
 SPLINE_ORDER = 5
 
@@ -17,11 +18,13 @@ SPLINE_ORDER = 5
 class CoordinateTrajectory:
     """Positions, velocities and accelerations of named coordinates at any time within a recording.
 
-    Each coordinate is the natural quintic spline through its samples: of all smooth functions through them the one with
-    the least squared jerk. Its acceleration is C2 and of fourth order in the sample spacing; at both ends jerk and its
-    rate are zero, so accelerations are less exact over the first and last three or so samples. Nothing is filtered.
+    Each coordinate is the natural quintic spline through its samples: of all smooth functions
+    through them the one with the least squared jerk. Its acceleration is C2 and of fourth order in
+    the sample spacing; at both ends jerk and its rate are zero, so accelerations are less exact
+    over the first and last three or so samples. Nothing is filtered.
 
-    `time_s` (n,) s and `values` (n, m) rad and m are as recorded, `names` the m coordinates, `source` the file.
+    `time_s` (n,) s and `values` (n, m) rad and m are as recorded, `names` the m coordinates,
+    `source` the file.
     """
 
     def __init__(
@@ -33,8 +36,10 @@ class CoordinateTrajectory:
         source: str | None = None,
     ) -> None:
         """Fits the splines to (n, m) values of m different names at n >= 6 increasing times."""
-        self.time_s, self.values = np.array(time_s, dtype=float), np.array(values, dtype=float)
-        self.names, self.source = tuple(names), source
+        self.time_s = np.array(time_s, dtype=float)
+        self.values = np.array(values, dtype=float)
+        self.names = tuple(names)
+        self.source = source
         if self.values.shape != (len(self.time_s), len(self.names)) or len(set(self.names)) != len(
             self.names
         ):
@@ -68,7 +73,8 @@ class CoordinateTrajectory:
         return float(self.time_s[-1])
 
     def sample(self, times: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Positions, velocities and accelerations, (n, m) for n times within the recording, (1, m) for one."""
+        """Positions, velocities and accelerations, (n, m) for n times within the recording, (1, m)
+        for one."""
         times = np.atleast_1d(np.asarray(times, dtype=float))
         outside = ~((times >= self.start_s - 1e-9) & (times <= self.end_s + 1e-9))
         if outside.any():
@@ -82,7 +88,8 @@ class CoordinateTrajectory:
         return q, v, a
 
     def ordered(self, names: Sequence[str]) -> CoordinateTrajectory:
-        """The same motion with the coordinates `names`, in that order; InputError where one is missing."""
+        """The same motion with the coordinates `names`, in that order; InputError where one is
+        missing."""
         missing = [name for name in names if name not in self.names]
         if missing:
             raise InputError(
@@ -92,7 +99,8 @@ class CoordinateTrajectory:
             )
         columns = [self.names.index(name) for name in names]
         chosen = copy(self)
-        chosen.names, chosen.values = tuple(names), self.values[:, columns]
+        chosen.names = tuple(names)
+        chosen.values = self.values[:, columns]
         chosen.values.setflags(write=False)
         chosen._splines = tuple(
             BSpline.construct_fast(s.t, s.c[:, columns], s.k) for s in self._splines
@@ -101,10 +109,12 @@ class CoordinateTrajectory:
 
 
 def window_bsplines(start_s: float, end_s: float, count: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Slow corrections over a window: cubic B-splines (n, count) of times (n,) s, C2, not negative, their sum is 1.
+    """Slow corrections over a window: cubic B-splines (n, count) of times (n,) s, C2, not negative,
+    their sum is 1.
 
-    The clamped cubic B-splines on `count` + 1 even intervals of the window, of which the first three are added up, and
-    the last three: so they begin and end with zero rate and acceleration, and go on as constants outside.
+    The clamped cubic B-splines on `count` + 1 even intervals of the window, of which the first
+    three are added up, and the last three: so they begin and end with zero rate and acceleration,
+    and go on as constants outside.
     """
     clamped = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, count + 2), np.ones(3)])
     group = np.concatenate([np.zeros(3, dtype=int), np.arange(1, count - 1), np.full(3, count - 1)])
@@ -118,7 +128,8 @@ def window_bsplines(start_s: float, end_s: float, count: int) -> Callable[[np.nd
 
 
 def periodic_bsplines(count: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Corrections over a cycle: cubic B-splines (n, count) of phases (n,), periodic, C2, not negative, sum 1.
+    """Corrections over a cycle: cubic B-splines (n, count) of phases (n,), periodic, C2, not
+    negative, sum 1.
 
     The knots are `count` phases, evenly spaced from 0; the j-th spline is centred on j / count.
     """
@@ -133,17 +144,19 @@ def periodic_bsplines(count: int) -> Callable[[np.ndarray], np.ndarray]:
 
 # Zero-phase low-pass filter of recordings and results.
 #
-# A Butterworth section run forward and then backward has no phase lag and twice the order, but its amplitude at the
-# design cut-off is 1/2, not 1/sqrt(2). So the section is designed with a higher cut-off, such that -3 dB of the *whole*
-# lies at the frequency that was asked for (Winter 2009, Biomechanics and Motor Control of Human Movement, 4th ed.,
-# section 3.4.4.2: (sqrt(2) - 1)**(1/4) = 0.802), on the pre-warped frequency tan(pi f / f_s), where it is exact.
+# A Butterworth section run forward and then backward has no phase lag and twice the order, but its
+# amplitude at the design cut-off is 1/2, not 1/sqrt(2). So the section is designed with a higher
+# cut-off, such that -3 dB of the *whole* lies at the frequency that was asked for (Winter 2009,
+# Biomechanics and Motor Control of Human Movement, 4th ed., section 3.4.4.2: (sqrt(2) - 1)**(1/4) =
+# 0.802), on the pre-warped frequency tan(pi f / f_s), where it is exact.
 
 
 def low_pass(values: np.ndarray, *, rate_hz: float, cutoff_hz: float, order: int = 4) -> np.ndarray:
     """`values` (n,) or (n, m) without what is faster than `cutoff_hz`, in phase with the input.
 
-    At the cut-off the amplitude is 1/sqrt(2). `order` is that of the result: two passes of order / 2. The ends are
-    extended by odd reflection. InputError where the cut-off is impossible at this rate, or a value is not finite.
+    At the cut-off the amplitude is 1/sqrt(2). `order` is that of the result: two passes of order
+    / 2. The ends are extended by odd reflection. InputError where the cut-off is impossible at this
+    rate, or a value is not finite.
     """
     values = np.asarray(values, dtype=float)
     if order < 2 or order % 2:
@@ -158,7 +171,8 @@ def low_pass(values: np.ndarray, *, rate_hz: float, cutoff_hz: float, order: int
     if not np.isfinite(values).all():
         row = int(np.argwhere(~np.isfinite(values))[0][0])
         raise InputError(
-            f"sample {row} (after {row / rate_hz:g} s) is not a finite number and cannot be filtered"
+            f"sample {row} (after {row / rate_hz:g} s) is not a finite number and cannot be "
+            "filtered"
         )
     warped = np.tan(np.pi * cutoff_hz / rate_hz) / (np.sqrt(2.0) - 1.0) ** (1.0 / order)
     sos = butter(order // 2, rate_hz / np.pi * np.arctan(warped), fs=rate_hz, output="sos")

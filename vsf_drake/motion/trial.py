@@ -1,4 +1,5 @@
-"""A trial: everything that a manifest leads to, or a laboratory's recordings, brought to the model's frames."""
+"""A trial: everything that a manifest leads to, or a laboratory's recordings, brought to the
+model's frames."""
 
 from __future__ import annotations
 
@@ -12,9 +13,19 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from vsf_drake.errors import InputError
-from vsf_drake.files import resource, sha256
-from vsf_drake.model_file import check_fulcrum, load_model
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import resource, sha256
+from vsf_drake.base.schema import load_yaml
+from vsf_drake.base.sentences import say
+from vsf_drake.base.yaml_file import read_yaml
+from vsf_drake.model.model_file import check_fulcrum, load_model
+from vsf_drake.model.parameters import (
+    GRAVITY,
+    PELVIS_TRANSLATIONS,
+    ModelParameters,
+    Subject,
+    person_coordinates,
+)
 from vsf_drake.motion import manifest as manifests
 from vsf_drake.motion.contacts import Assignment, PlateContact, assign_plates
 from vsf_drake.motion.events import (
@@ -24,11 +35,13 @@ from vsf_drake.motion.events import (
     common,
     find_scuffs,
     find_stances,
+    united,
     words,
 )
 from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.recording import SIDES, Plate, PlateRecording, Recording, world_to_os
 from vsf_drake.motion.formats.tables import read_storage, write_opensim
+from vsf_drake.motion.import_options import TrialOptions
 from vsf_drake.motion.manifest import (
     ForceColumns,
     GeometricOffsets,
@@ -48,7 +61,7 @@ from vsf_drake.motion.markers.person_facts import (
 )
 from vsf_drake.motion.markers.posture import prepared
 from vsf_drake.motion.markers.segments import Calibration, TrackedMotion
-from vsf_drake.motion.markers.tracking import CUTOFF_HZ, LONGEST_GAP_S, track
+from vsf_drake.motion.markers.tracking import track
 from vsf_drake.motion.opensim import (
     HEAVIEST_BW,
     LIGHTEST_BW,
@@ -57,29 +70,43 @@ from vsf_drake.motion.opensim import (
     read_plate,
 )
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import (
-    GRAVITY,
-    PELVIS_TRANSLATIONS,
-    ModelParameters,
-    Subject,
-    person_coordinates,
-)
-from vsf_drake.schema import load_yaml
-from vsf_drake.sentences import say
-from vsf_drake.yaml_file import read_yaml
 
 PLACEHOLDER_KG = 70.0
-"""Stands for a mass that only the walk tells until the plates are assigned; then the person is calibrated again, since
-the weight says how far the prosthesis was pressed together."""
-LARGE_M = 0.05  # a pelvis that has to move farther (RMS) does not belong to the leg: lengths or joint centres are wrong
+"""Stands for a mass that only the walk tells until the plates are assigned; then the person is
+calibrated again, since the weight says how far the prosthesis was pressed together."""
+# a pelvis that has to move farther (RMS) does not belong to the leg: lengths or joint centres are
+# wrong
+LARGE_M = 0.05
 LONGEST_STRIDE_S = 2.5
 CONTRADICTED = (0.52, 1.25)
-"""Share of a stated mass that plates may carry. More: vertical momentum (6 % of the weight over a step), gauges, shoes
-and a bag (a choice). Less: a harness or a rail may bear half of it; pounds taken for kilograms leave 0.45."""
-POUND_KG, LIKE_POUNDS = (
-    0.45359237,
-    0.1,
-)  # what a pound is, and how near to it a ratio suggests pounds
+"""Share of a stated mass that plates may carry. More: vertical momentum (6 % of the weight over a
+step), gauges, shoes and a bag (a choice). Less: a harness or a rail may bear half of it; pounds
+taken for kilograms leave 0.45."""
+# what a pound is, and how near to it a ratio suggests pounds
+POUND_KG = 0.45359237
+LIKE_POUNDS = 0.1
+
+
+UNUSABLE_RECORDING = "UNUSABLE RECORDING"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingMark:
+    """How good a recording is, as `recording` found; results that are made of it carry it
+    on."""
+
+    mark: str  # good, doubtful or unusable
+    expected_error_bw: float
+    """of the force predicted from it (body weights, root mean square over stance)"""
+    verdict: str  # mark and error in words, with what makes most of it
+
+    @property
+    def note(self) -> str:
+        """What stands among the notes of a result; of an unusable recording it begins with
+        UNUSABLE_RECORDING."""
+        if self.mark == "unusable":
+            return f"{UNUSABLE_RECORDING}{self.verdict.removeprefix(self.mark)}"
+        return f"Recording: {self.verdict}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,16 +121,19 @@ class Trial:
     start_s: float  # the window: kinematics, forces and the manifest's request all cover it
     end_s: float
     trajectory: CoordinateTrajectory  # see `motion.opensim`; over the whole recording
-    plates: dict[
-        str, PlateRecording
-    ]  # by side, over the whole recording; the prosthetic side is always there
+    plates: dict[str, PlateRecording]
+    """by side, over the whole recording; the prosthetic side is always there"""
     notes: tuple[str, ...]  # sentences on what was assumed, filled, turned or cut
     model: ModelParameters
     inputs: dict[str, str]  # SHA-256 of every file read, by its path as the manifest writes it
-    offsets: GeometricOffsets = GeometricOffsets()  # noqa: RUF009 (frozen: one default can serve all)
+    # frozen: one default can serve all
+    offsets: GeometricOffsets = GeometricOffsets()  # noqa: RUF009
     unmeasured: dict[str, tuple[Span, ...]] = field(default_factory=dict)
-    """By side, when the foot stands on ground that no plate measures, so that its force is unknown though `plates` says
-    zero; known only of a trial from markers."""
+    """By side, when the foot stands on ground that no plate measures, so that its force is unknown
+    though `plates` says zero: found in a trial from markers, else as its manifest says."""
+    cutoff_hz: float | None = None  # of the markers' filter; None where there was none
+    belt_speed_m_per_s: float = 0.0  # of the treadmill from whose belt the trial is seen
+    judged: RecordingMark | None = None  # None where nobody examined it
     recording: Recording | None = None  # this and the rest: what a trial from markers was made of
     calibration: Calibration | None = None
     tracked: TrackedMotion | None = None
@@ -111,24 +141,35 @@ class Trial:
 
     @property
     def prosthetic_plate(self) -> PlateRecording:
-        return self.plates[self.subject.prosthetic_side]
+        """With the spans in which its force is unknown."""
+        return self._plate(self.subject.prosthetic_side)
 
     @property
     def intact_plate(self) -> PlateRecording | None:
+        """Likewise."""
         return next(
-            (plate for side, plate in self.plates.items() if side != self.subject.prosthetic_side),
+            (self._plate(side) for side in self.plates if side != self.subject.prosthetic_side),
             None,
+        )
+
+    def _plate(self, side: str) -> PlateRecording:
+        spans = self.unmeasured.get(side, ())
+        return (
+            dataclasses.replace(self.plates[side], unknown_s=spans) if spans else self.plates[side]
         )
 
 
 def default_model() -> ModelParameters:
-    """The model of a manifest that names none: models/nominal.yaml, calibrated to the published bench end points."""
+    """The model of a manifest that names none: models/nominal.yaml, calibrated to the published
+    bench end points."""
     return load_model(resource("models/nominal.yaml"))
 
 
 def load_subject(path: str | Path) -> Subject:
-    """Reads subject.yaml, or the subject that a trial manifest names (a file with the key `subject`)."""
+    """Reads subject.yaml, or the subject that a trial manifest names (a file with the key
+    `subject`)."""
     path = Path(path)
+    manifests.refuse_recording(path)
     try:
         node = read_yaml(path)
     except InputError:  # `load_yaml` says why
@@ -138,34 +179,17 @@ def load_subject(path: str | Path) -> Subject:
     return load_yaml(path, Subject)
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrialOptions:
-    """How markers and plates become a trial, as a manifest or an import says."""
-
-    stated: Mapping[str, float] = field(default_factory=dict)
-    """Fields of `Subject` that are known better than the markers tell, by name; they win."""
-    hip: str = "harrington"  # see `calibrate`
-    cutoff_hz: float | None = CUTOFF_HZ  # of the markers' filter; None leaves them as they are
-    longest_gap_s: float = LONGEST_GAP_S  # see `fill_gaps`
-    plate_sides: Mapping[str, str | None] | None = (
-        None  # plate names by side, where the user says which is which foot
-    )
-    window: Window | None = None
-    around_stances_s: float | None = (
-        None  # without a window: so much around the prosthetic foot's stances; None: all
-    )
-    belt_speed_m_per_s: float = 0.0  # + when the treadmill's belt runs backward
-
-
 def load_trial(path: str | Path) -> Trial:
-    """Reads a trial manifest and every file it names. Read the trial's `notes`: they say what was assumed.
+    """Reads a trial manifest and every file it names. Read the trial's `notes`: they say what was
+    assumed.
 
-    With markers, see `trial_from_recordings`. With joint angles, files are in OpenSim's laboratory frame (x forward,
-    y up, z right), in m, N, N m and the angle unit that their header states; nothing is filtered. Forces come back in
-    the world frame W (x forward, y left, z up, ground z = 0); coordinates keep OpenSim's names and, for the pelvis,
-    OpenSim's axes; angles are in rad, knee flexion positive. See `vsf_drake.motion.manifest` for the keys. Refused
-    where the columns do not tell the feet, the plates contradict the mass, or window, kinematics and forces share less
-    than a stance of the prosthetic foot.
+    With markers, see `trial_from_recordings`. With joint angles, files are in OpenSim's laboratory
+    frame (x forward, y up, z right), in m, N, N m and the angle unit that their header states;
+    nothing is filtered. Forces come back in the world frame W (x forward, y left, z up, ground z =
+    0); coordinates keep OpenSim's names and, for the pelvis, OpenSim's axes; angles are in rad,
+    knee flexion positive. See `vsf_drake.motion.manifest` for the keys. Refused where the columns
+    do not tell the feet, the plates contradict the mass, or window, kinematics and forces share
+    less than a stance of the prosthetic foot.
     """
     path = Path(path)
     manifest = load_manifest(path)
@@ -214,6 +238,7 @@ def load_trial(path: str | Path) -> Trial:
             window=manifest.window,
             cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz,
             belt_speed_m_per_s=manifest.belt_speed_m_per_s,
+            unknown_force=vars(manifest.unknown_force),
         )
         trial = trial_from_recordings(
             standing, walk, marker_map, person, options, fulcrum_m=fulcrum_m, model=model, path=path
@@ -266,7 +291,12 @@ def _trial_from_angles(
         {side: plate for side, (plate, _) in read.items()},
         speed_m_per_s=manifest.belt_speed_m_per_s,
     )
-    window, window_notes = trial_window(path, manifest.window, trajectory, plates, subject)
+    unmeasured = {
+        side: united(spans) for side, spans in vars(manifest.unknown_force).items() if spans
+    }
+    window, window_notes = trial_window(
+        path, manifest.window, trajectory, plates, subject, unmeasured
+    )
     return Trial(
         path=path,
         name=path.stem,
@@ -280,6 +310,8 @@ def _trial_from_angles(
         notes=(*notes, *belt_notes, *window_notes),
         model=model,
         inputs={},
+        unmeasured=unmeasured,
+        belt_speed_m_per_s=manifest.belt_speed_m_per_s,
     )
 
 
@@ -302,10 +334,13 @@ def trial_from_recordings(
     """The trial of a person who walks over force plates with markers on.
 
     Args:
-        standing: the standing trial of the same session; None: the walk itself calibrates, which is doubtful.
+        standing: the standing trial of the same session; None: the walk itself calibrates, which is
+            doubtful.
         marker_map: what the labels are; None: the shipped map that finds most of them.
-        person: what is stated; a mass that is not is a file's, or taken from the forces (standing trial or walk).
-        fulcrum_m: where the fulcrum stood; `standing_fulcrum_m` in the standing trial, if elsewhere.
+        person: what is stated; a mass that is not is a file's, or taken from the forces (standing
+            trial or walk).
+        fulcrum_m: where the fulcrum stood; `standing_fulcrum_m` in the standing trial, if
+            elsewhere.
         calibration: of the same person and map, from before; then `standing` is not looked at.
         path: the manifest, for messages; the walk's file if None.
     """
@@ -346,6 +381,15 @@ def trial_from_recordings(
     ] * [1, -1, 1]
     assignment = assign_plates(
         walk, tracked.time_s, tracked.feet, pelvis, stated=options.plate_sides
+    )
+    assignment = dataclasses.replace(
+        assignment,
+        unmeasured={
+            side: united(
+                [*assignment.unmeasured.get(side, ()), *options.unknown_force.get(side, ())]
+            )
+            for side in SIDES
+        },
     )
     if not weighed:
         mass, more = mass_from_walk(walk, assignment)
@@ -410,6 +454,8 @@ def trial_from_recordings(
         calibration=calibration,
         tracked=tracked,
         contacts=assignment.contacts,
+        cutoff_hz=options.cutoff_hz,
+        belt_speed_m_per_s=options.belt_speed_m_per_s,
     )
 
 
@@ -427,19 +473,22 @@ def _calibrated(
 
 # The pelvis where the model's own prosthetic leg reaches the measured foot.
 #
-# Segments posed by their own markers come apart at the joints by a centimetre or two. The model's do not: hung from the
-# measured pelvis, its foot would bob by the sum of these errors, and 1 mm of height is 3 % of body weight in the force.
-# So the pelvis's path is moved by as much as puts the prosthetic ankle where the foot's markers show it; angles stay.
+# Segments posed by their own markers come apart at the joints by a centimetre or two. The model's
+# do not: hung from the measured pelvis, its foot would bob by the sum of these errors, and 1 mm of
+# height is 3 % of body weight in the force. So the pelvis's path is moved by as much as puts the
+# prosthetic ankle where the foot's markers show it; angles stay.
 #
-# Known weakness: markers of a prosthesis move with what its socket gives under load, which the model's own socket gives
-# once more. A nearly rigid socket instead, on two walks of able-bodied people, changed the resultant's error by -0.04
-# to +0.02 body weights and tripled that of the fore-aft force.
+# Known weakness: markers of a prosthesis move with what its socket gives under load, which the
+# model's own socket gives once more. A nearly rigid socket instead, on two walks of able-bodied
+# people, changed the resultant's error by -0.04 to +0.02 body weights and tripled that of the
+# fore-aft force.
 
 
 def reaching_pelvis(
     tracked: TrackedMotion, calibration: Calibration, subject: Subject
 ) -> tuple[np.ndarray, list[str]]:
-    """`tracked.values` with the pelvis moved, for the lengths of `subject`, and a note on how far."""
+    """`tracked.values` with the pelvis moved, for the lengths of `subject`, and a note on how
+    far."""
     moved = tracked.feet[subject.prosthetic_side].ankle_W - model_ankle(
         tracked, calibration, subject
     )
@@ -457,10 +506,12 @@ def reaching_pelvis(
 
 
 def model_ankle(tracked: TrackedMotion, calibration: Calibration, subject: Subject) -> np.ndarray:
-    """(n, 3) m, where the prosthetic ankle would be under the measured pelvis with the subject's lengths."""
+    """(n, 3) m, where the prosthetic ankle would be under the measured pelvis with the subject's
+    lengths."""
     side = subject.prosthetic_side
 
-    # Down the chain: hip as stated, else as marked in the pelvis; knee below it; ankle as marked in the shank.
+    # Down the chain: hip as stated, else as marked in the pelvis; knee below it; ankle as marked in
+    # the shank.
     R_W, p_WPelvis = orientations_of(
         tracked.values[:, [tracked.names.index(name) for name in COORDINATES]]
     )
@@ -485,8 +536,8 @@ def model_ankle(tracked: TrackedMotion, calibration: Calibration, subject: Subje
 def write_trial_files(trial: Trial, folder: str | Path, stem: str) -> tuple[str, str]:
     """Writes the two `opensim_files` of a trial; their names.
 
-    Both are in OpenSim's frame. Angles are in degrees, with both ankles where the trial comes from markers. What the
-    trial's belt carried stays carried: the files are of a floor at rest."""
+    Both are in OpenSim's frame. Angles are in degrees, with both ankles where the trial comes from
+    markers. What the trial's belt carried stays carried: the files are of a floor at rest."""
     columns = dict(zip(trial.trajectory.names, trial.trajectory.values.T, strict=True))
     if trial.tracked is not None:
         columns = dict(zip(trial.tracked.names, trial.tracked.values.T, strict=True)) | columns
@@ -511,7 +562,8 @@ def write_trial_files(trial: Trial, folder: str | Path, stem: str) -> tuple[str,
 
 
 def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, list[str]]:
-    """Mean vertical force of both feet over the strides in which both stand on plates throughout, in kg, and a note.
+    """Mean vertical force of both feet over the strides in which both stand on plates throughout,
+    in kg, and a note.
 
     Over a stride the body's vertical momentum returns, so the mean force is the weight.
     """
@@ -528,7 +580,10 @@ def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, list
         if end - start < LONGEST_STRIDE_S and _measured((start, end), assignment.unmeasured)
     ]
     if len(assignment.plates) < 2 or not strides:
-        what = "the body mass is not stated, and there is no stride in which both feet stand on plates throughout"
+        what = (
+            "the body mass is not stated, and there is no stride in which both feet stand on "
+            "plates throughout"
+        )
     else:
         mass = (
             float(np.mean([float(np.mean(vertical[(time >= a) & (time < b)])) for a, b in strides]))
@@ -546,10 +601,11 @@ def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, list
 
 
 def check_mass(trial: Trial, *, file: str | Path | None) -> None:
-    """Refuses a body mass that the plates contradict: mean vertical force over weight is outside CONTRADICTED.
+    """Refuses a body mass that the plates contradict: mean vertical force over weight is outside
+    CONTRADICTED.
 
-    Over steps, from the strike of one foot to that of the other, each time with the other foot on its plate. Without
-    such a step, any mass passes.
+    Over steps, from the strike of one foot to that of the other, each time with the other foot on
+    its plate. Without such a step, any mass passes.
     """
     stances = {
         side: find_stances(plate.time_s, plate.force_W[:, 2])
@@ -580,12 +636,13 @@ def check_mass(trial: Trial, *, file: str | Path | None) -> None:
         )
         / duration
     )
-    carried, stated = force / GRAVITY, trial.subject.mass_kg
+    carried = force / GRAVITY
+    stated = trial.subject.mass_kg
     if not CONTRADICTED[0] <= carried / stated <= CONTRADICTED[1]:
         pounds = abs(stated * POUND_KG / carried - 1.0) < LIKE_POUNDS
         raise InputError(
-            f"the plates contradict a mass of {stated:g} kg: over {duration:.2f} s in which they carry both feet, the "
-            f"mean vertical force is the weight of {carried:.1f} kg",
+            f"the plates contradict a mass of {stated:g} kg: over {duration:.2f} s in which they "
+            f"carry both feet, the mean vertical force is the weight of {carried:.1f} kg",
             file=file,
             where="mass_kg",
             right=f"Is it in pounds? {stated:g} lb are {stated * POUND_KG:.1f} kg"
@@ -598,7 +655,8 @@ def _measured(span: Span, unmeasured: dict[str, tuple[Span, ...]]) -> bool:
     return not any(common(span, other) for spans in unmeasured.values() for other in spans)
 
 
-# The part of a recording to simulate, where kinematics, forces and manifest overlap; a treadmill's belt.
+# The part of a recording to simulate, where kinematics, forces and manifest overlap; a treadmill's
+# belt.
 
 
 DEFAULT_STANCE_S = 0.5
@@ -616,18 +674,18 @@ def trial_window(
     *,
     around_stances_s: float | None = None,
 ) -> tuple[Span, list[str]]:
-    """The window of a trial (s), and notes on it and on the stances in it; `path` is the manifest, for messages.
+    """The window of a trial (s), and notes on it and on the stances in it; `path` is the manifest,
+    for messages.
 
-    Without a requested window, the stretch between the `unmeasured` ones of the prosthetic foot that holds most of its
-    stances is taken, and of that what is within `around_stances_s` of them, if it is given; a requested one is kept.
-    Refused where window, kinematics and forces do not overlap, or the
-    prosthetic foot has hardly any load or less than 0.15 s of a stance, or the window is shorter than a stance.
+    Without a requested window, the stretch between the `unmeasured` ones of the prosthetic foot
+    that holds most of its stances is taken, and of that what is within `around_stances_s` of them,
+    if it is given; a requested one is kept. Refused where window, kinematics and forces do not
+    overlap, or the prosthetic foot has hardly any load or less than 0.15 s of a stance, or the
+    window is shorter than a stance.
     """
     side = subject.prosthetic_side
-    plate, stances = (
-        plates[side],
-        {s: find_stances(one.time_s, one.force_W[:, 2]) for s, one in plates.items()},
-    )
+    plate = plates[side]
+    stances = {s: find_stances(one.time_s, one.force_W[:, 2]) for s, one in plates.items()}
     record = float(plate.time_s[0]), float(plate.time_s[-1])
     window, notes = _choose_window(
         requested,
@@ -728,7 +786,7 @@ def _choose_window(
             requested or to != "kinematics"
         ):
             notes += say("trial", "cut", whole=whole, part=cut, to=to)
-    missed = sorted(span for span in unmeasured if common(span, both))
+    missed = [span for span in unmeasured if common(span, both)]
     if not missed:
         return both, notes
 
@@ -753,22 +811,27 @@ def _check_stances(
     mass_kg: float,
     file: Path,
 ) -> None:
-    peak, weight = float(plate.force_W[:, 2].max()), mass_kg * GRAVITY
+    peak = float(plate.force_W[:, 2].max())
+    weight = mass_kg * GRAVITY
     if not stances:
         raise InputError(
-            f"the {side} (prosthetic) foot has no stance: its largest vertical force is {peak:.3g} N",
+            f"the {side} (prosthetic) foot has no stance: its largest vertical force is "
+            f"{peak:.3g} N",
             file=file,
             where="forces",
         )
     if peak < LIGHTEST_BW * weight:
         raise InputError(
-            f"the {side} (prosthetic) foot is never loaded by more than {peak:.3g} N, {peak / weight:.2f} "
-            f"times the body weight",
+            f"the {side} (prosthetic) foot is never loaded by more than {peak:.3g} N, "
+            f"{peak / weight:.2f} times the body weight",
             file=file,
             where="forces",
             right="Check the unit of the forces and the subject's mass_kg",
         )
-    listed = f"The stances of the {side} foot are {', '.join(words((s.start_s, s.end_s)) for s in stances)}"
+    listed = (
+        f"The stances of the {side} foot are "
+        f"{', '.join(words((s.start_s, s.end_s)) for s in stances)}"
+    )
     shortest = min((s.duration_s for s in stances if s.complete), default=DEFAULT_STANCE_S)
     if window[1] - window[0] < shortest:
         raise InputError(
@@ -789,9 +852,11 @@ def _check_stances(
 def on_the_belt(
     trajectory: CoordinateTrajectory, plates: dict[str, PlateRecording], *, speed_m_per_s: float
 ) -> tuple[CoordinateTrajectory, dict[str, PlateRecording], list[str]]:
-    """A treadmill recording seen from its belt, where the ground stands still, and a note that says so.
+    """A treadmill recording seen from its belt, where the ground stands still, and a note that says
+    so.
 
-    The pelvis and the centres of pressure move forward by speed (+ when the belt runs backward) times time.
+    The pelvis and the centres of pressure move forward by speed (+ when the belt runs backward)
+    times time.
     """
     if speed_m_per_s == 0.0:
         return trajectory, plates, []

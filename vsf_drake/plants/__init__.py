@@ -1,4 +1,5 @@
-"""Bodies, joints and diagrams: the foot alone (`add_foot`, `wire_foot`), on the bench, under a person."""
+"""Bodies, joints and diagrams: the foot alone (`add_foot`, `wire_foot`), on the bench, under a
+person."""
 
 from vsf_drake.plants.contact_geometry import add_ground_geometry
 from vsf_drake.plants.foot import add_foot, mirrored, place_fulcrum

@@ -1,7 +1,9 @@
-"""The person's segments: masses, lengths and radii of gyration after de Leva (1996), scaled to the subject.
+"""The person's segments: masses, lengths and radii of gyration after de Leva (1996), scaled to the
+subject.
 
-P. de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters", J Biomech 29:1223-1230; "transverse" is
-read as the medio-lateral axis and "sagittal" as the antero-posterior one. The pelvis carries head, arms and trunk.
+P. de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters", J Biomech
+29:1223-1230; "transverse" is read as the medio-lateral axis and "sagittal" as the antero-posterior
+one. The pelvis carries head, arms and trunk.
 """
 
 from __future__ import annotations
@@ -11,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from vsf_drake.errors import require
-from vsf_drake.parameters import FootParameters, SocketParameters, Subject
+from vsf_drake.base.errors import require
+from vsf_drake.model.parameters import FootParameters, SocketParameters, Subject
 from vsf_drake.plants.solids import frustum_taper, frustum_volume
 
 
@@ -79,15 +81,17 @@ THIGH_RADIUS_M = 0.095
 SHANK_RADIUS_M = 0.055
 """Proximal radius of the shank frustum (m), from the same scripts."""
 ANKLE_HEIGHT_RATIO = 0.039
-"""Ankle height / stature: Drillis & Contini (1966) as commonly quoted; not checked against the original."""
+"""Ankle height / stature: Drillis & Contini (1966) as commonly quoted; not checked against the
+original."""
 LEAST_PYLON_M = 0.01
 """Shortest pylon (m) that is still one: room for its adapters (a choice)."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """The subject's segments in SI units, lengths the intact leg's unless they say otherwise. Below the prosthetic
-    knee: residual shank, pylon, and the foot at `placement`: `prosthesis_length` in all, to the sole."""
+    """The subject's segments in SI units, lengths the intact leg's unless they say otherwise. Below
+    the prosthetic knee: residual shank, pylon, and the foot at `placement`: `prosthesis_length` in
+    all, to the sole."""
 
     table: SegmentTable
     pelvis_mass: float
@@ -122,7 +126,8 @@ class Body:
 
     @property
     def trunk_place(self) -> np.ndarray:
-        """Centre of mass of head, arms and trunk in the pelvis's frame (m): above the hips as the trunk's."""
+        """Centre of mass of head, arms and trunk in the pelvis's frame (m): above the hips as the
+        trunk's."""
         return np.array(
             [self.hip_forward, 0.0, self.hip_up + (1 - self.table.trunk_center) * self.trunk_length]
         )
@@ -133,7 +138,8 @@ class Body:
         return THIGH_RADIUS_M, THIGH_RADIUS_M * frustum_taper(self.table.thigh_center), length
 
     def shank(self, *, intact: bool) -> tuple[float, float, float]:
-        """The same of the frustum from the knee centre to the ankle, or to the end of the residual limb."""
+        """The same of the frustum from the knee centre to the ankle, or to the end of the residual
+        limb."""
         length = self.shank_length if intact else self.residual_length
         taper = 1 + (frustum_taper(self.table.shank_center) - 1) * length / self.shank_length
         return SHANK_RADIUS_M, SHANK_RADIUS_M * taper, length
@@ -142,10 +148,11 @@ class Body:
 def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters) -> Body:
     """Segments of `subject`: measured lengths where given, else stature times the table's ratio.
 
-    The pylon is what residual shank and placed foot leave of the prosthesis, knee to sole. Masses go by body mass, not
-    by length; whatever limbs and prosthesis leave is head, arms and trunk. The residual shank is the proximal part of
-    the intact one, cut at `residual_length_ratio`. The hip centre, relative to the midpoint of the anterior superior
-    iliac spines, follows Hara et al. (2016, doi 10.1038/srep37707) from the intact leg's length unless measured.
+    The pylon is what residual shank and placed foot leave of the prosthesis, knee to sole. Masses
+    go by body mass, not by length; whatever limbs and prosthesis leave is head, arms and trunk. The
+    residual shank is the proximal part of the intact one, cut at `residual_length_ratio`. The hip
+    centre, relative to the midpoint of the anterior superior iliac spines, follows Hara et al.
+    (2016, doi 10.1038/srep37707) from the intact leg's length unless measured.
     """
     table = DE_LEVA[subject.sex]
     scale = subject.stature_m / table.stature_m
@@ -162,7 +169,8 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
         f"no room for the pylon: knee to sole {prosthesis_length:.3f} m less residual "
         f"shank {residual:.3f} m and foot {foot_height:.3f} m leaves {pylon:.3f} m",
         "subject",
-        f"It takes {LEAST_PYLON_M:g} m. Lower socket.residual_length_ratio of the model, or correct "
+        f"It takes {LEAST_PYLON_M:g} m. Lower socket.residual_length_ratio of the model, or "
+        "correct "
         f"{'shank_length_m' if subject.prosthesis_length_m is None else 'prosthesis_length_m'}",
     )
 
@@ -180,7 +188,8 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
         "Check the masses of foot, socket and pylon",
     )
 
-    # Hara's leg length goes from the spine to the malleolus: LL = 9 mm + 0.078 LL above the hip, thigh and shank below
+    # Hara's leg length goes from the spine to the malleolus: LL = 9 mm + 0.078 LL above the hip,
+    # thigh and shank below
     leg = (0.009 + thigh + shank) / (1 - 0.078)
     hara = {
         "hip_forward": 0.011 - 0.063 * leg,
@@ -222,19 +231,22 @@ def residual_volume_ratio(table: SegmentTable, length_ratio: float) -> float:
 
 # How the prosthetic foot sits under the pylon, as measured on the person.
 #
-#     D    the pylon's lower end: origin on the pylon's axis, x forward, y left, z up along the pylon
+#     D    the pylon's lower end: origin on the pylon's axis, x forward, y left, z up along the
+#          pylon
 #     P    the foot's place: where the foot's mount M goes (`foot.add_foot`)
 #
-# P is D moved forward and away from the midline (in D's axes), then turned about its own origin, the pylon's end,
-# `build_height_m` above the sole: first toe up about the axis to the right, then into inversion about the forward axis
-# that this has turned, then outward about the upright axis that both have turned: the order of the ankle's coordinates
-# (flexion, adduction, rotation; Wu et al. 2002, doi 10.1016/S0021-9290(01)00222-6), so that alignment, inversion and
-# minus toe-out are the ankle angles of the prosthesis. What a trial's manifest adds (`foot.set_mount`) acts after P.
+# P is D moved forward and away from the midline (in D's axes), then turned about its own origin,
+# the pylon's end, `build_height_m` above the sole: first toe up about the axis to the right, then
+# into inversion about the forward axis that this has turned, then outward about the upright axis
+# that both have turned: the order of the ankle's coordinates (flexion, adduction, rotation; Wu et
+# al. 2002, doi 10.1016/S0021-9290(01)00222-6), so that alignment, inversion and minus toe-out are
+# the ankle angles of the prosthesis. What a trial's manifest adds (`foot.set_mount`) acts after P.
 
 
 @dataclass(frozen=True, kw_only=True)
 class FootPlacement:
-    """Metres and radians, signed by anatomy: forward, away from the midline, toe up, inverted, toe out."""
+    """Metres and radians, signed by anatomy: forward, away from the midline, toe up, inverted, toe
+    out."""
 
     fore_aft: float = 0.0
     lateral: float = 0.0
@@ -245,7 +257,8 @@ class FootPlacement:
     def pose(self, *, mirrored: bool) -> RigidTransform:
         """X_DP; `mirrored` on the left side."""
         right = -1.0 if mirrored else 1.0
-        # Toe up is a turn about -y; inversion about +x and toe-out about -z on the right, opposite on the left.
+        # Toe up is a turn about -y; inversion about +x and toe-out about -z on the right, opposite
+        # on the left.
         R_DP = (
             RotationMatrix.MakeYRotation(-self.alignment)
             @ RotationMatrix.MakeXRotation(right * self.inversion)
@@ -254,8 +267,8 @@ class FootPlacement:
         return RigidTransform(R_DP, np.array([self.fore_aft, -right * self.lateral, 0.0]))
 
     def sole_below(self, build_height: float) -> float:
-        """Distance (m) from the pylon's end down its axis to the plane of the unloaded sole, `build_height` under P's
-        origin, normal to P's z."""
+        """Distance (m) from the pylon's end down its axis to the plane of the unloaded sole,
+        `build_height` under P's origin, normal to P's z."""
         X_DP = self.pose(mirrored=False)
         normal = X_DP.rotation().matrix()[:, 2]
         return float((build_height - normal @ X_DP.translation()) / normal[2])

@@ -1,4 +1,5 @@
-"""The materials testing machine, a platen under the held foot, and the roll-over machine, a mount that turns."""
+"""The materials testing machine, a platen under the held foot, and the roll-over machine, a mount
+that turns."""
 
 from __future__ import annotations
 
@@ -11,9 +12,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, PrismaticJoint, RevoluteJoint, RigidBody
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from vsf_drake.ground import Ground, GroundPatch
-from vsf_drake.model_file import FOAM_LOADS_N, secant_stiffness
-from vsf_drake.parameters import FOAM_DAMPING_TIME_S, FootParameters
+from vsf_drake.model.ground import Ground, GroundPatch
+from vsf_drake.model.model_file import FOAM_LOADS_N, secant_stiffness
+from vsf_drake.model.parameters import FOAM_DAMPING_TIME_S, FootParameters
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_wiring import ON_THE_GROUND, wire_foot, wire_unloaded_foot
@@ -29,8 +30,8 @@ class BenchDiagram:
     """A finished bench.
 
     Inputs: fulcrum_position (1, m from A); platen (2, height in W in m and velocity in m/s).
-    Outputs: load (1, N on the platen); depth (sites, m); state (nq + nv, [q; v] of the plant); support_force (1, N of
-    the fulcrum on the keel along z_K).
+    Outputs: load (1, N on the platen); depth (sites, m); state (nq + nv, [q; v] of the plant);
+    support_force (1, N of the fulcrum on the keel along z_K).
     """
 
     diagram: Diagram
@@ -47,13 +48,14 @@ def make_bench(
 ) -> BenchDiagram:
     """The foot on the bench, loaded at the forefoot, 30 mm behind the keel's tip, or at the heel.
 
-    Forefoot: one ball on the load point C of the keel's centreline, whose contact is the foam in series with the keel
-    (`series_stiffness_n_per_m`, `series_exponent`), damped in proportion to its slope at 200 N. Heel: the spheres of
-    the rigid heel block with their own contact law. The platen stays under its site, so the load stays vertical, on the
-    same point of the foot. Weight is left out: a load cell is tared.
+    Forefoot: one ball on the load point C of the keel's centreline, whose contact is the foam in
+    series with the keel (`series_stiffness_n_per_m`, `series_exponent`), damped in proportion to
+    its slope at 200 N. Heel: the spheres of the rigid heel block with their own contact law. The
+    platen stays under its site, so the load stays vertical, on the same point of the foot. Weight
+    is left out: a load cell is tared.
 
-    `scene_graph`, in no diagram yet, becomes a part of this one: the plant gets the shapes of the foot, only to be
-    seen, and the diagram the output `query`.
+    `scene_graph`, in no diagram yet, becomes a part of this one: the plant gets the shapes of the
+    foot, only to be seen, and the diagram the output `query`.
     """
     builder = DiagramBuilder()
     plant = _weightless_plant(builder)
@@ -105,7 +107,8 @@ def _pressed(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict[
         return {"body_indices": [sites.body_indices[i] for i in rows], "p_BS": lowest, **law}
     j = foot.keel_body_at(parameters.load_point_m)
     point = [parameters.load_point_m - foot.keel_starts[j], 0.0, 0.0]
-    k, n = parameters.series_stiffness_n_per_m, parameters.series_exponent
+    k = parameters.series_stiffness_n_per_m
+    n = parameters.series_exponent
     slope = n * secant_stiffness(k, n, FOAM_LOADS_N[0])
     return {
         "body_indices": [foot.keel[j].index()],
@@ -117,18 +120,19 @@ def _pressed(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict[
     }
 
 
-# The roll-over machine: the prosthetic foot alone, its mount driven in the sagittal plane over level ground.
+# The roll-over machine: the prosthetic foot alone, its mount driven in the sagittal plane over
+# level ground.
 #
 #          mount M (driven: forward, up, pitch)      z up
 #             |                                      |
 #      +------+-------+                              +-- x forward
 #      |   foot       |____
-#      o (heel)    ^  keel  o                        pitch > 0: toes up, as on a platform tilted by minus the pitch
+#      o (heel)    ^  keel  o pitch > 0: toes up, as on a platform tilted by minus the pitch
 #     ---------------------------- ground, z = 0
 #
-# A structural test holds the pylon on a fixed line and turns the platform under the foot; here the platform is the
-# level ground and the mount turns. The two differ by a change of frame only (`simulation.roll_over`). Weight is
-# left out: a load cell is tared.
+# A structural test holds the pylon on a fixed line and turns the platform under the foot; here the
+# platform is the level ground and the mount turns. The two differ by a change of frame only
+# (`simulation.roll_over`). Weight is left out: a load cell is tared.
 
 
 MOUNT_COORDINATES = ("mount_forward", "mount_up", "mount_pitch")
@@ -141,8 +145,9 @@ class RollOverDiagram:
     """A finished machine.
 
     Inputs: fulcrum_position (1, m from A); desired_state (6: MOUNT_COORDINATES, then their rates).
-    Outputs: grf (3, N in W, on the foot); cop (3, m in W); free_moment (1, N m about +z_W, on the foot); normal_force
-    (N, N); depth (N, m); friction_force (3 N, N in W), of N spheres; state (nq + nv, [q; v] of the plant).
+    Outputs: grf (3, N in W, on the foot); cop (3, m in W); free_moment (1, N m about +z_W, on the
+    foot); normal_force (N, N); depth (N, m); friction_force (3 N, N in W), of N spheres; state
+    (nq + nv, [q; v] of the plant).
     """
 
     diagram: Diagram
@@ -153,8 +158,8 @@ class RollOverDiagram:
 
 
 def make_roll_over_machine(parameters: FootParameters, *, friction: bool) -> RollOverDiagram:
-    """The foot with all of its contact spheres under a mount with MOUNT_COORDINATES, on level ground at z = 0, with the
-    foot's friction or none."""
+    """The foot with all of its contact spheres under a mount with MOUNT_COORDINATES, on level
+    ground at z = 0, with the foot's friction or none."""
     builder = DiagramBuilder()
     plant = _weightless_plant(builder)
     instance = plant.AddModelInstance("machine")

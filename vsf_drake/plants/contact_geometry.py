@@ -1,17 +1,20 @@
-"""Drake's own contact under the foot: spheres with point contact, or pads with hydroelastic contact.
+"""Drake's own contact under the foot: spheres with point contact, or pads with hydroelastic
+contact.
 
     drake_point    each contact sphere a collision sphere, as stiff as its zone
-    hydroelastic   each contact sphere a compliant square pad, its sole at the sphere's bottom, on rigid ground
+    hydroelastic   each contact sphere a compliant square pad, its sole at the sphere's bottom, on
+                   rigid ground
 
-Both know linear stiffness only, and damping after Hunt and Crossley, f = k x (1 + d x'): what a zone's own law
-becomes in them is matched at REFERENCE_LOAD_N and MATCHED_DEPTH_M. Friction is Coulomb's with the foot's two
-coefficients; a plant with a time step takes the kinetic one alone.
+Both know linear stiffness only, and damping after Hunt and Crossley, f = k x (1 + d x'): what a
+zone's own law becomes in them is matched at REFERENCE_LOAD_N and MATCHED_DEPTH_M. Friction is
+Coulomb's with the foot's two coefficients; a plant with a time step takes the kinetic one alone.
 
-Why a pad is a mesh and not a Box: the pressure in a compliant box is E e / h, e the distance to the nearest face and h
-half the least dimension; boxes of the length of a keel piece lose half of their load at the depth to which 600 N press
-the foam. In a mesh the pressure is linear between the vertices, 0 at the surface and E deepest within. Here four
-vertices are within, RIM_M below the top and inside the sides, so that the pressure grows with the distance from the
-sole alone: p' A D, but for the rim.
+Why a pad is a mesh and not a Box: the pressure in a compliant box is E e / h, e the distance to the
+nearest face and h half the least dimension; boxes of the length of a keel piece lose half of their
+load at the depth to which 600 N press the foam. In a mesh the pressure is linear between the
+vertices, 0 at the surface and E deepest within. Here four vertices are within, RIM_M below the top
+and inside the sides, so that the pressure grows with the distance from the sole alone: p' A D, but
+for the rim.
 
 Drake 1.51 gives no gradients through contact with materials of their own.
 """
@@ -28,31 +31,35 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import ContactModel, CoulombFriction, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from vsf_drake.errors import InputError, require
-from vsf_drake.ground import Ground, GroundPatch, check_ground, ground_arrays
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.laws.hunt_crossley import matched_dissipation
-from vsf_drake.model_file import secant_stiffness
-from vsf_drake.parameters import FootParameters, FrictionParameters
+from vsf_drake.model.ground import Ground, GroundPatch, check_ground, ground_arrays
+from vsf_drake.model.model_file import secant_stiffness
+from vsf_drake.model.parameters import FootParameters, FrictionParameters
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles
 
 DRAKE_CONTACTS = ("drake_point", "hydroelastic")
 REFERENCE_LOAD_N = 50.0
-"""Load on one sphere at which its stiffness is matched: 400 N, the middle of what the bench measures, on the eight
-spheres of its patch (a choice)."""
+"""Load on one sphere at which its stiffness is matched: 400 N, the middle of what the bench
+measures, on the eight spheres of its patch (a choice)."""
 MATCHED_DEPTH_M = 6e-3
-"""Depth of the stroke in which damping after Hunt and Crossley loses what the paper's law loses; about that of the
-nominal foot's spheres under body weight (a choice)."""
+"""Depth of the stroke in which damping after Hunt and Crossley loses what the paper's law loses;
+about that of the nominal foot's spheres under body weight (a choice)."""
 PRESSURE_PER_DEPTH = 8e7
-"""Pa/m in every pad: those of the nominal foot, 10 mm and 16 mm wide, do not overlap then (a choice)."""
+"""Pa/m in every pad: those of the nominal foot, 10 mm and 16 mm wide, do not overlap then (a
+choice)."""
 PAD_THICKNESS_M, RIM_M = 0.03, 2e-5
-"""Of a pad, upwards: more than foam is pressed in; how far its inner vertices are from its surface (choices)."""
+"""Of a pad, upwards: more than foam is pressed in; how far its inner vertices are from its surface
+(choices)."""
 RIGID_N_PER_M = 1e12
-"""Point-contact stiffness of rigid ground; in series with a foam's it changes that by less than 1e-6."""
+"""Point-contact stiffness of rigid ground; in series with a foam's it changes that by less than
+1e-6."""
 GROUND_THICKNESS_M = 1.0
 
 
 def dissipation(sites: ContactSites) -> np.ndarray:
-    """(N,) s/m of the Hunt-Crossley law that loses what the paper's law loses in a stroke to MATCHED_DEPTH_M."""
+    """(N,) s/m of the Hunt-Crossley law that loses what the paper's law loses in a stroke to
+    MATCHED_DEPTH_M."""
     rows = zip(sites.stiffness, sites.exponent, sites.damping, strict=True)
     return np.array(
         [
@@ -63,8 +70,8 @@ def dissipation(sites: ContactSites) -> np.ndarray:
 
 
 def point_law(sites: ContactSites) -> tuple[np.ndarray, np.ndarray]:
-    """What Drake's point contact, f = k x (1 + d x'), makes of N spheres' laws: k (N,) N/m, the secant stiffness under
-    REFERENCE_LOAD_N, and d (N,) s/m, by `dissipation`."""
+    """What Drake's point contact, f = k x (1 + d x'), makes of N spheres' laws: k (N,) N/m, the
+    secant stiffness under REFERENCE_LOAD_N, and d (N,) s/m, by `dissipation`."""
     rows = zip(sites.stiffness, sites.exponent, strict=True)
     k = np.array(
         [secant_stiffness(stiffness, exponent, REFERENCE_LOAD_N) for stiffness, exponent in rows]
@@ -78,22 +85,28 @@ def pad_widths(sites: ContactSites) -> np.ndarray:
 
 
 def add_contact_geometry(plant: MultibodyPlant, foot: FootHandles, contact: str) -> None:
-    """Gives the foot its collision geometry for one of DRAKE_CONTACTS, before Finalize; see `check_scene_graph`."""
-    sites, friction = foot.sites, foot.parameters.friction
+    """Gives the foot its collision geometry for one of DRAKE_CONTACTS, before Finalize; see
+    `check_scene_graph`."""
+    sites = foot.sites
+    friction = foot.parameters.friction
     mu = CoulombFriction(friction.mu_static, min(friction.mu_kinetic, friction.mu_static))
     stiffness, rate = point_law(sites)
     for i in np.flatnonzero(stiffness):
-        properties, body = geometry.ProximityProperties(), plant.get_body(sites.body_indices[i])
+        properties = geometry.ProximityProperties()
+        body = plant.get_body(sites.body_indices[i])
         shape: geometry.Shape
         if contact == "drake_point":
             geometry.AddContactMaterial(rate[i], stiffness[i], mu, properties)
-            name, shape, place = f"foam_{i}", geometry.Sphere(sites.radius[i]), sites.p_BS[i]
+            name = f"foam_{i}"
+            shape = geometry.Sphere(sites.radius[i])
+            place = sites.p_BS[i]
         else:
             geometry.AddCompliantHydroelasticProperties(
                 PAD_THICKNESS_M, PRESSURE_PER_DEPTH * (PAD_THICKNESS_M - RIM_M), properties
             )
             geometry.AddContactMaterial(rate[i], None, mu, properties)
-            name, shape = f"pad_{i}", _pad(pad_widths(sites)[i])
+            name = f"pad_{i}"
+            shape = _pad(pad_widths(sites)[i])
             place = sites.p_BS[i] - [0.0, 0.0, sites.radius[i]]
         plant.RegisterCollisionGeometry(body, RigidTransform(place), shape, name, properties)
 
@@ -108,7 +121,8 @@ def own_geometry(plant: MultibodyPlant, foot: FootHandles) -> list[geometry.Geom
 
 
 def part_own_geometry(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> None:
-    """Keeps parts of the foot from colliding with each other, in the SceneGraph that `plant` asks."""
+    """Keeps parts of the foot from colliding with each other, in the SceneGraph that `plant`
+    asks."""
     query = plant.get_geometry_query_input_port().get_index()
     asked = [
         source
@@ -129,7 +143,8 @@ def part_own_geometry(builder: DiagramBuilder, plant: MultibodyPlant, foot: Foot
 
 
 def check_scene_graph(plant: MultibodyPlant, contact: str) -> None:
-    """Raises InputError unless `contact` is one of Drake's that `plant` can still be given geometry for."""
+    """Raises InputError unless `contact` is one of Drake's that `plant` can still be given geometry
+    for."""
     require(
         contact in DRAKE_CONTACTS,
         f"{contact!r} takes no geometry",
@@ -175,7 +190,8 @@ def _pad(width: float) -> geometry.Mesh:
         ([below[i], within[i], above[i]], [below[j], within[j], above[j]])
         for i, j in ((0, 1), (1, 2), (2, 3), (0, 3))
     ]
-    # A face's diagonal runs from the earlier column's lower vertex to the later one's upper, seen from either side.
+    # A face's diagonal runs from the earlier column's lower vertex to the later one's upper, seen
+    # from either side.
     cells = [
         cell
         for (a, b, c), (d, e, f) in prisms
@@ -213,16 +229,20 @@ def add_ground_geometry(
     foot: FootParameters | None = None,
     contact: str = "drake_point",
 ) -> None:
-    """Makes the patches of `ground` collision geometry of the world, for DRAKE_CONTACTS, before Finalize: each a rigid
-    box of GROUND_THICKNESS_M below its plane, so Drake adds up the forces where a foot touches two of them.
+    """Makes the patches of `ground` collision geometry of the world, for DRAKE_CONTACTS, before
+    Finalize: each a rigid box of GROUND_THICKNESS_M below its plane, so Drake adds up the forces
+    where a foot touches two of them.
 
     Args:
         ground: by default the plane z = 0.
-        foot: of the feet that will stand on it, by default the nominal one, for its friction. A patch with
-            coefficients of its own gets what together with the foot's gives them, as Drake takes the harmonic mean.
-        contact: of the feet; "hydroelastic" where one of them has it: pads feel no patch's stiffness, which is refused.
+        foot: of the feet that will stand on it, by default the nominal one, for its friction. A
+            patch with coefficients of its own gets what together with the foot's gives them, as
+            Drake takes the harmonic mean.
+        contact: of the feet; "hydroelastic" where one of them has it: pads feel no patch's
+            stiffness, which is refused.
     """
-    ground, foot = check_ground(ground or Ground()), foot or FootParameters()
+    ground = check_ground(ground or Ground())
+    foot = foot or FootParameters()
     check_scene_graph(plant, contact)
     _check_apart(ground.patches)
     arrays = ground_arrays(
@@ -271,21 +291,23 @@ def _ground_friction(
             f"patches[{row}].{name}",
             "Raise the foot's own coefficient",
         )
-        ground.append(
-            mu * sole / (2.0 * sole - mu) if mu > 0.0 else 0.0
-        )  # of mu = 2 sole ground / (sole + ground)
+        # of mu = 2 sole ground / (sole + ground)
+        ground.append(mu * sole / (2.0 * sole - mu) if mu > 0.0 else 0.0)
     return CoulombFriction(max(ground), ground[1])
 
 
 def box_under(patch: GroundPatch, thickness_m: float) -> tuple[RigidTransform, geometry.Box]:
-    """Pose in W and shape of the box whose top is the patch; exact bounds where it slopes one way only."""
+    """Pose in W and shape of the box whose top is the patch; exact bounds where it slopes one way
+    only."""
     slope, bank = np.tan(np.radians([patch.slope_deg, patch.bank_deg]))
-    x, y = 0.5 * (patch.from_x_m + patch.to_x_m), 0.5 * (patch.from_y_m + patch.to_y_m)
+    x = 0.5 * (patch.from_x_m + patch.to_x_m)
+    y = 0.5 * (patch.from_y_m + patch.to_y_m)
     top = np.array([x, y, patch.height_m + slope * (x - patch.reference_x_m) + bank * y])
     along = np.array([1.0, 0.0, slope]) / np.hypot(1.0, slope)
     normal = np.array([-slope, -bank, 1.0]) / np.sqrt(1.0 + slope**2 + bank**2)
     R_WG = RotationMatrix(np.column_stack((along, np.cross(normal, along), normal)))
-    length, width = patch.to_x_m - patch.from_x_m, patch.to_y_m - patch.from_y_m
+    length = patch.to_x_m - patch.from_x_m
+    width = patch.to_y_m - patch.from_y_m
     size = (length * np.hypot(1.0, slope), width * np.hypot(1.0, bank))
     return RigidTransform(R_WG, top - 0.5 * thickness_m * normal), geometry.Box(*size, thickness_m)
 

@@ -9,10 +9,11 @@
        (heel)           |  fulcrum carriage, l from A       C load point, 30 mm behind the tip
        foam: contact spheres below
 
-The body frame F of the foot's rigid frame is the keel frame K: origin at the keel's posterior end A on the undeformed
-centreline, x along it to the toe, y left, z up. The keel turns freely about A and about sprung joints in the middle of
-its elements (rigid half, joint, rigid half); neighbouring halves of two elements are welded, so N elements make N + 1
-bodies. Positive keel coordinates lift the toe. Only in a plant with a time step does anything here exert a force.
+The body frame F of the foot's rigid frame is the keel frame K: origin at the keel's posterior end A
+on the undeformed centreline, x along it to the toe, y left, z up. The keel turns freely about A and
+about sprung joints in the middle of its elements (rigid half, joint, rigid half); neighbouring
+halves of two elements are welded, so N elements make N + 1 bodies. Positive keel coordinates lift
+the toe. Only in a plant with a time step does anything here exert a force.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ from pydrake.multibody import tree
 from pydrake.multibody.plant import DistanceConstraintParams, MultibodyPlant
 from pydrake.systems.framework import Context
 
-from vsf_drake.errors import InputError, require
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.laws.beam import section_inertia
-from vsf_drake.model_file import check_foot, check_fulcrum, secant_stiffness
-from vsf_drake.parameters import SIDES, FootParameters, KeelParameters
+from vsf_drake.model.model_file import check_foot, check_fulcrum, secant_stiffness
+from vsf_drake.model.parameters import SIDES, FootParameters, KeelParameters
 from vsf_drake.plants.contact_geometry import (
     DRAKE_CONTACTS,
     REFERENCE_LOAD_N,
@@ -46,7 +47,8 @@ from vsf_drake.plants.foot_handles import (
 from vsf_drake.plants.solids import FORWARD, RIGHTWARD, box
 
 CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", *DRAKE_CONTACTS)
-"""What a foot can meet the ground by: three laws of `systems.FootForces`, and two contacts of Drake's own."""
+"""What a foot can meet the ground by: three laws of `systems.FootForces`, and two contacts of
+Drake's own."""
 
 
 def keel_joint_positions(keel: KeelParameters) -> np.ndarray:
@@ -62,7 +64,8 @@ def keel_joint_stiffness(keel: KeelParameters) -> np.ndarray:
 
 
 def sole_height(foot: FootParameters) -> float:
-    """z of the unloaded flat sole in K (m): half the keel's thickness and the foam below the centreline."""
+    """z of the unloaded flat sole in K (m): half the keel's thickness and the foam below the
+    centreline."""
     return -(0.5 * foot.keel.thickness_m + foot.foam_thickness_m)
 
 
@@ -76,9 +79,10 @@ def mount_pose(
     toe_out: float = 0.0,
     mirrored: bool = False,
 ) -> RigidTransform:
-    """X_KM, pose of the mount M in K, of a foot that is raised against the pylon by `height` (m), which shortens the
-    prosthesis, shifted forward under it by `fore_aft` (m) and turned (rad) toes-up by `alignment`, then into
-    `inversion`, then outward by `toe_out`, in the order of `anthropometry.FootPlacement`; `mirrored` on the left."""
+    """X_KM, pose of the mount M in K, of a foot that is raised against the pylon by `height` (m),
+    which shortens the prosthesis, shifted forward under it by `fore_aft` (m) and turned (rad)
+    toes-up by `alignment`, then into `inversion`, then outward by `toe_out`, in the order of
+    `anthropometry.FootPlacement`; `mirrored` on the left."""
     p_KM = np.array(
         [foot.pylon_x_m - fore_aft, 0.0, foot.build_height_m + sole_height(foot) - height]
     )
@@ -101,9 +105,10 @@ def set_mount(
     inversion: float = 0.0,
     toe_out: float = 0.0,
 ) -> None:
-    """Changes position and angles of the foot under its pylon in the plant's `context`; see `mount_pose`. A foot whose
-    side nobody said turns as a right one."""
-    plant: MultibodyPlant = handles.frame.GetParentPlant()  # type: ignore[no-untyped-call]  # the stub has no types
+    """Changes position and angles of the foot under its pylon in the plant's `context`; see
+    `mount_pose`. A foot whose side nobody said turns as a right one."""
+    # the stub has no types
+    plant: MultibodyPlant = handles.frame.GetParentPlant()  # type: ignore[no-untyped-call]
     check_context(plant, context)
     pose = mount_pose(
         handles.parameters,
@@ -125,7 +130,8 @@ def mirrored(parameters: FootParameters) -> FootParameters:
 
 
 def with_elements(foot: FootParameters, elements: int) -> FootParameters:
-    """`foot` with each keel element cut into equal parts, `elements` in all; the beam stays the same."""
+    """`foot` with each keel element cut into equal parts, `elements` in all; the beam stays the
+    same."""
     lengths = foot.keel.element_lengths_m
     parts, rest = divmod(elements, len(lengths))
     require(
@@ -150,18 +156,18 @@ def add_foot(
 ) -> FootHandles:
     """Adds the foot, its mount welded to `parent_frame` (z up along the pylon, x to the toe).
 
-    After `plant.Finalize()`, `wire_foot` gives the foot its forces. Masses: the keel by its volume and density, the
-    carriage as given, the rest of `mass_kg` in the rigid frame. In a plant with a time step, springs, carriage and
-    support are actuators and a constraint (see below), which the plant's actuation port counts too: connect your
-    controller to that of your own model instance.
+    After `plant.Finalize()`, `wire_foot` gives the foot its forces. Masses: the keel by its volume
+    and density, the carriage as given, the rest of `mass_kg` in the rigid frame. In a plant with a
+    time step, springs, carriage and support are actuators and a constraint (see below), which the
+    plant's actuation port counts too: connect your controller to that of your own model instance.
 
     Args:
         name: of the foot's model instance, in which its joints' names are unique.
         side: "left" or "right"; nothing but a check that `parameters` are not for the other one.
-        contact: one of CONTACTS. "drake_point" and "hydroelastic" need a plant with a SceneGraph, and geometry on the
-            ground (`add_ground_geometry`).
-        fulcrum_m: fulcrum position (m from A) where no other is commanded; by default FULCRUM_M, or where the carriage
-            comes closest to it.
+        contact: one of CONTACTS. "drake_point" and "hydroelastic" need a plant with a SceneGraph,
+            and geometry on the ground (`add_ground_geometry`).
+        fulcrum_m: fulcrum position (m from A) where no other is commanded; by default FULCRUM_M, or
+            where the carriage comes closest to it.
     """
     _check_place(plant, parent_frame, name)
     side = checked_side(parameters, side)
@@ -180,15 +186,14 @@ def add_foot(
     )
     if contact in DRAKE_CONTACTS:
         check_scene_graph(plant, contact)
-    beam, carriage_mass = parameters.keel, parameters.fulcrum.carriage_mass_kg
+    beam = parameters.keel
+    carriage_mass = parameters.fulcrum.carriage_mass_kg
     volume = sum(beam.element_lengths_m) * beam.width_m * beam.thickness_m
     frame_mass = parameters.mass_kg - beam.density_kg_m3 * volume - carriage_mass
     instance = plant.AddModelInstance(name)
-    rear, width, height = (
-        reach[0],
-        beam.width_m,
-        parameters.build_height_m + sole_height(parameters),
-    )
+    rear = reach[0]
+    width = beam.width_m
+    height = parameters.build_height_m + sole_height(parameters)
     inertia = box(frame_mass, (1.5 * rear, width, height), (0.75 * rear, 0.0, 0.5 * height))
     frame = plant.AddRigidBody(f"{name}_frame", instance, inertia)
     mount = plant.AddFrame(
@@ -317,11 +322,14 @@ def _add_keel(
 def _foot_sites(
     foot: FootParameters, frame: tree.RigidBody, keel: list[tree.RigidBody], starts: np.ndarray
 ) -> ContactSites:
-    """Spheres behind the rearmost fulcrum are on the rigid frame (the heel block), the others on the keel."""
-    indices, points = [], []
+    """Spheres behind the rearmost fulcrum are on the rigid frame (the heel block), the others on
+    the keel."""
+    indices = []
+    points = []
     for zone in foot.zones:
         for x_mm, y_mm, rise_mm in zip(zone.x_mm, zone.y_mm, zone.rise_mm, strict=True):
-            x, z = 1e-3 * x_mm, sole_height(foot) + 1e-3 * rise_mm + zone.radius_m
+            x = 1e-3 * x_mm
+            z = sole_height(foot) + 1e-3 * rise_mm + zone.radius_m
             j = int(np.searchsorted(starts, x, side="right") - 1)
             on_frame = x < foot.fulcrum.rearmost_m
             indices.append((frame if on_frame else keel[j]).index())
@@ -329,18 +337,20 @@ def _foot_sites(
     return zone_sites(foot.zones, indices, np.array(points))
 
 
-# The foot in a plant with a time step, which takes forces on its ports, and the springs of its joints, as they are at
-# the start of a step. Keel pieces of some 10 g on 10^2 to 10^3 N m/rad do not survive that. Implicit are PD-controlled
-# actuators and constraints, so
+# The foot in a plant with a time step, which takes forces on its ports, and the springs of its
+# joints, as they are at the start of a step. Keel pieces of some 10 g on 10^2 to 10^3 N m/rad do
+# not survive that. Implicit are PD-controlled actuators and constraints, so
 #
-#     keel springs       PD actuators that want the keel straight, gains the joints' stiffness and damping
+#     keel springs       PD actuators that want the keel straight, gains the joints' stiffness and
+#                        damping
 #     carriage           PD actuator that wants the fulcrum position
-#     fulcrum support    a compliant distance constraint: a rod of ROD_M along z_K from the frame to the keel's point at
-#                        the fulcrum, with the support's stiffness and damping
+#     fulcrum support    a compliant distance constraint: a rod of ROD_M along z_K from the frame to
+#                        the keel's point at the fulcrum, with the support's stiffness and damping
 #
-# The rod's far end is on the frame above the fulcrum. Its direction differs from z_K by the keel's sideways travel
-# there over ROD_M, so as a support it is exact to 1e-5. Its place is in the plant's Context: `place_fulcrum` moves it,
-# and `foot_wiring.follow_fulcrum` does so in every step of a Simulator.
+# The rod's far end is on the frame above the fulcrum. Its direction differs from z_K by the keel's
+# sideways travel there over ROD_M, so as a support it is exact to 1e-5. Its place is in the plant's
+# Context: `place_fulcrum` moves it, and `foot_wiring.follow_fulcrum` does so in every step of a
+# Simulator.
 
 
 ROD_M = 10.0
@@ -348,23 +358,28 @@ ROD_M = 10.0
 CARRIAGE_FREQUENCY = 2 * np.pi * 100.0
 """Natural frequency (rad/s) of the carriage's actuator, critically damped (a choice)."""
 STABLE_STEPS = {"kelvin_voigt": 3.1, "smooth": 3.1, "hunt_crossley": 1.6}
-"""Of `largest_step`, from drops of the nominal foot: smooth at 0.1 ms and 0.05 ms, ragged at 0.15 ms and 0.1 ms."""
+"""Of `largest_step`, from drops of the nominal foot: smooth at 0.1 ms and 0.05 ms, ragged at
+0.15 ms and 0.1 ms."""
 STICKING_STEPS = {"kelvin_voigt": 8.0, "smooth": 8.0, "hunt_crossley": 4.0}
-"""Of `grip_limit`, from drops of the nominal foot under 10 to 80 kg, level and on its forefoot: up to here forces are
-within 3 % of their peak (root mean square) of those of a tenth of the step, at twice that up to 46 % off."""
+"""Of `grip_limit`, from drops of the nominal foot under 10 to 80 kg, level and on its forefoot: up
+to here forces are within 3 % of their peak (root mean square) of those of a tenth of the step, at
+twice that up to 46 % off."""
 
 
 def largest_step(foot: FootHandles) -> float:
-    """The longest time step (s) at which the foot's own contact law stays stable in a discrete plant; inf without.
+    """The longest time step (s) at which the foot's own contact law stays stable in a discrete
+    plant; inf without.
 
-    Our laws act there as forces from the start of the step. The dampers must not reverse in one the speed of the keel
-    piece they act on: STABLE_STEPS times the least mass over damping lets through what stayed smooth in drops of the
-    nominal foot and little else. Nor may the springs: an undamped mass m on a spring k diverges beyond 2 sqrt(m / k),
-    of which half is taken, k the slope of the foam's force under REFERENCE_LOAD_N on each sphere.
+    Our laws act there as forces from the start of the step. The dampers must not reverse in one the
+    speed of the keel piece they act on: STABLE_STEPS times the least mass over damping lets through
+    what stayed smooth in drops of the nominal foot and little else. Nor may the springs: an
+    undamped mass m on a spring k diverges beyond 2 sqrt(m / k), of which half is taken, k the slope
+    of the foam's force under REFERENCE_LOAD_N on each sphere.
     """
     if foot.contact not in STABLE_STEPS:
         return np.inf
-    sites, mass = foot.sites, _piece_masses(foot)
+    sites = foot.sites
+    mass = _piece_masses(foot)
     slope = [
         n * secant_stiffness(k, n, REFERENCE_LOAD_N)
         for k, n in zip(sites.stiffness, sites.exponent, strict=True)
@@ -381,10 +396,12 @@ def largest_step(foot: FootHandles) -> float:
 
 
 def grip_limit(foot: FootHandles, time_step_s: float) -> np.ndarray:
-    """(len(keel),) N s/m, the most friction per speed that each keel piece bears at `time_step_s` under our own laws.
+    """(len(keel),) N s/m, the most friction per speed that each keel piece bears at `time_step_s`
+    under our own laws.
 
-    While the foot sticks, friction is a damper of mu_static / threshold velocity times the load on the piece. It is as
-    explicit as the foam's and grows with the load, so `FootForces` looks at it while it runs.
+    While the foot sticks, friction is a damper of mu_static / threshold velocity times the load on
+    the piece. It is as explicit as the foam's and grows with the load, so `FootForces` looks at it
+    while it runs.
     """
     return STICKING_STEPS[foot.contact] / time_step_s * _piece_masses(foot)
 
@@ -394,14 +411,17 @@ def _piece_masses(foot: FootHandles) -> np.ndarray:
 
 
 def with_implicit_device(plant: MultibodyPlant, foot: FootHandles) -> FootHandles:
-    """`foot` with springs, carriage and support in a plant with a time step, before Finalize, at its `fulcrum_m`."""
-    step, longest = plant.time_step(), largest_step(foot)
+    """`foot` with springs, carriage and support in a plant with a time step, before Finalize, at
+    its `fulcrum_m`."""
+    step = plant.time_step()
+    longest = largest_step(foot)
     require(
         step <= longest,
         f"contact {foot.contact} is an explicit force in a plant with a time step, and "
         f"{1e3 * step:g} ms is too long for this foot",
         "time_step",
-        f"Take at most {1e3 * longest:.2g} ms, contact drake_point or hydroelastic, or a continuous plant",
+        f"Take at most {1e3 * longest:.2g} ms, contact drake_point or hydroelastic, or a "
+        "continuous plant",
     )
     mass = foot.parameters.fulcrum.carriage_mass_kg
     hold = (foot.carriage_joint_name, mass * CARRIAGE_FREQUENCY**2, 2.0 * mass * CARRIAGE_FREQUENCY)
@@ -433,17 +453,20 @@ def with_implicit_device(plant: MultibodyPlant, foot: FootHandles) -> FootHandle
         raise InputError(
             f"the plant takes no distance constraint: {error}",
             where="plant",
-            right="Leave its contact approximation at kLagged, Drake's default, or take kSap or kSimilar, "
-            "or a continuous plant",
+            right=(
+                "Leave its contact approximation at kLagged, Drake's default, or take kSap or "
+                "kSimilar, or a continuous plant"
+            ),
         ) from None
 
 
 def place_fulcrum(
     plant: MultibodyPlant, plant_context: Context, foot: FootHandles, fulcrum_m: float
 ) -> None:
-    """Puts the support of `foot`, in a plant with a time step, at `fulcrum_m` (m from A) in the plant's Context; the
-    carriage stays where it is."""
-    support, rod = support_of(foot), _rod(foot, check_fulcrum(fulcrum_m, foot.parameters))
+    """Puts the support of `foot`, in a plant with a time step, at `fulcrum_m` (m from A) in the
+    plant's Context; the carriage stays where it is."""
+    support = support_of(foot)
+    rod = _rod(foot, check_fulcrum(fulcrum_m, foot.parameters))
     check_context(plant, plant_context)
     plant.SetDistanceConstraintParams(plant_context, support, rod)
 
@@ -460,7 +483,8 @@ def support_of(foot: FootHandles) -> tree.MultibodyConstraintId:
 
 
 def _rod(foot: FootHandles, fulcrum_m: float) -> DistanceConstraintParams:
-    piece, fulcrum = foot.keel_body_at(fulcrum_m), foot.parameters.fulcrum
+    piece = foot.keel_body_at(fulcrum_m)
+    fulcrum = foot.parameters.fulcrum
     return DistanceConstraintParams(
         bodyA=foot.keel[piece].index(),
         p_AP=np.array([fulcrum_m - foot.keel_starts[piece], 0.0, 0.0]),

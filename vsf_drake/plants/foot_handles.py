@@ -9,8 +9,8 @@ from pydrake.multibody import tree
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
-from vsf_drake.errors import InputError, require
-from vsf_drake.parameters import ContactZone, FootParameters
+from vsf_drake.base.errors import InputError, require
+from vsf_drake.model.parameters import ContactZone, FootParameters
 
 FULCRUM_M = 0.108
 """Of a foot that nobody sets: the middle of the five published positions (McGeehan 2021)."""
@@ -71,9 +71,8 @@ class FootHandles:
     side: str  # "left", "right", or "either" where nobody said
     instance: tree.ModelInstanceIndex  # in which the foot's joint names are unique
     frame: tree.RigidBody  # the rigid frame; its body frame is K
-    mount: (
-        tree.FixedOffsetFrame
-    )  # M on `frame`, where the pylon attaches; its pose can be changed in a Context
+    mount: tree.FixedOffsetFrame
+    """M on `frame`, where the pylon attaches; its pose can be changed in a Context"""
     keel: list[tree.RigidBody]  # from A to the toe, their frames at their joints, x along the keel
     keel_starts: np.ndarray  # (len(keel),) distance (m) of each body's frame from A
     keel_joint_names: tuple[str, ...]  # the pin at A, then the sprung joints
@@ -82,9 +81,8 @@ class FootHandles:
     carriage_joint_name: str  # slide of the fulcrum's carriage, coordinate = distance from A (m)
     sites: ContactSites
     fulcrum_m: float = FULCRUM_M  # fulcrum position (m from A) where no other is commanded
-    support: tree.MultibodyConstraintId | None = (
-        None  # the fulcrum's support, in a plant with a time step
-    )
+    support: tree.MultibodyConstraintId | None = None
+    """the fulcrum's support, in a plant with a time step"""
 
     def keel_body_at(self, x: float) -> int:
         """Index into `keel` of the body that carries the point `x` (m from A)."""

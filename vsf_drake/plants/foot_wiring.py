@@ -17,10 +17,10 @@ from pydrake.systems.framework import (
     OutputPort,
 )
 
-from vsf_drake.errors import require
-from vsf_drake.ground import Ground, check_ground, ground_arrays
-from vsf_drake.model_file import check_fulcrum
-from vsf_drake.parameters import ActuatorParameters, FrictionParameters
+from vsf_drake.base.errors import require
+from vsf_drake.model.ground import Ground, check_ground, ground_arrays
+from vsf_drake.model.model_file import check_fulcrum
+from vsf_drake.model.parameters import ActuatorParameters, FrictionParameters
 from vsf_drake.plants import wiring
 from vsf_drake.plants.contact_geometry import (
     DRAKE_CONTACTS,
@@ -45,34 +45,35 @@ ON_THE_GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "friction
 class WiredFoot:
     """A foot with its forces in a diagram.
 
-    `forces` exerts them; its constants change in its Context. In a plant with a time step those of springs, carriage
-    and support belong to the plant, and here change nothing but what outputs tell.
+    `forces` exerts them; its constants change in its Context. In a plant with a time step those of
+    springs, carriage and support belong to the plant, and here change nothing but what outputs
+    tell.
     """
 
     foot: FootHandles
     forces: FootForces
-    reaction: DrakeReaction | None = (
-        None  # what the ground does to a foot with contact of Drake's own
-    )
-    device: FootForces | None = (
-        None  # with a time step: tells what springs and support bear, which the plant exerts
-    )
-    command: FulcrumCommand | None = (
-        None  # with a time step: sends the carriage to the fulcrum position
-    )
+    reaction: DrakeReaction | None = None
+    """what the ground does to a foot with contact of Drake's own"""
+    device: FootForces | None = None
+    """with a time step: tells what springs and support bear, which the plant exerts"""
+    command: FulcrumCommand | None = None
+    """with a time step: sends the carriage to the fulcrum position"""
 
     @property
     def fulcrum_position(self) -> InputPort:
-        """Input (1,) m from A; where it stays unconnected the parameter `fulcrum_m` of its system holds. In a plant
-        with a time step it moves the carriage; the support follows by `follow_fulcrum`."""
+        """Input (1,) m from A; where it stays unconnected the parameter `fulcrum_m` of its system
+        holds. In a plant with a time step it moves the carriage; the support follows by
+        `follow_fulcrum`."""
         return (self.command or self.forces).GetInputPort("fulcrum_position")
 
     def GetOutputPort(self, name: str) -> OutputPort:
-        """An output of the foot by its name, see `FootForces`; its system depends on contact and time step."""
+        """An output of the foot by its name, see `FootForces`; its system depends on contact and
+        time step."""
         return _output(self.outputs(), name, self.forces.get_name())
 
     def outputs(self) -> dict[str, OutputPort]:
-        """The outputs by name. In a plant with a time step `device` tells what springs and support bear."""
+        """The outputs by name. In a plant with a time step `device` tells what springs and support
+        bear."""
         return _outputs(self.forces, self.reaction) | (
             {name: self.device.GetOutputPort(name) for name in FORCES} if self.device else {}
         )
@@ -101,19 +102,23 @@ def wire_foot(
     fulcrum_m: float | None = None,
     own_ground: bool = False,
 ) -> WiredFoot:
-    """Connects what acts on `foot`: contact, friction, fulcrum support, keel springs, the carriage's servo.
+    """Connects what acts on `foot`: contact, friction, fulcrum support, keel springs, the
+    carriage's servo.
 
-    Adds `FootForces` as `<foot>_forces`; with contact of Drake's own `DrakeReaction` as `<foot>_reaction`, and in a
-    plant with a time step `FulcrumCommand` as `<foot>_command`, see `plants.foot`. The plant's force ports are shared
-    with whatever else uses them (`share_spatial_forces`, `share_generalized_forces`). No port is exported. After an
-    InputError nothing has been added.
+    Adds `FootForces` as `<foot>_forces`; with contact of Drake's own `DrakeReaction` as
+    `<foot>_reaction`, and in a plant with a time step `FulcrumCommand` as `<foot>_command`, see
+    `plants.foot`. The plant's force ports are shared with whatever else uses them
+    (`share_spatial_forces`, `share_generalized_forces`). No port is exported. After an InputError
+    nothing has been added.
 
     Args:
         plant: finalised, and in `builder`.
         ground: by default the plane z = 0 of W with the foot's friction.
-        fulcrum_m: position (m from A) where no `fulcrum_position` is connected; by default that given to `add_foot`.
-        own_ground: the foot has a contact of Drake's own, and what it meets is your affair: a body that moves, or
-            nothing. Otherwise geometry that is fixed to the world must be there for it to stand on.
+        fulcrum_m: position (m from A) where no `fulcrum_position` is connected; by default that
+            given to `add_foot`.
+        own_ground: the foot has a contact of Drake's own, and what it meets is your affair: a body
+            that moves, or nothing. Otherwise geometry that is fixed to the world must be there for
+            it to stand on.
     """
     wiring.check_open(builder)
     check_type(plant, MultibodyPlant, "plant", "Call wire_foot(builder, plant, foot)")
@@ -192,7 +197,8 @@ def wire_foot(
 def wire_unloaded_foot(
     builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles
 ) -> FootForces:
-    """Connects what acts on `foot`, in a continuous plant, but for contact and friction: nothing is under it."""
+    """Connects what acts on `foot`, in a continuous plant, but for contact and friction: nothing is
+    under it."""
     return _add_forces(builder, plant, foot, None, _device_constants(foot, foot.fulcrum_m))
 
 
@@ -205,7 +211,8 @@ def add_rigid_foot(
     *,
     name: str,
 ) -> FootForces:
-    """Adds contact and friction of spheres on one rigid body: a `FootForces` whose keel exerts nothing."""
+    """Adds contact and friction of spheres on one rigid body: a `FootForces` whose keel exerts
+    nothing."""
     bodies = {int(index) for index in sites.body_indices}
     if len(bodies) != 1:
         raise ValueError(f"the sites are on {len(bodies)} bodies, but must be on one")
@@ -258,9 +265,8 @@ def _add_forces(
         grip_limit=grip,
         site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices],
     )
-    if (
-        foot.support is None
-    ):  # else the servo would pull the carriage from A to the fulcrum in the first millisecond
+    # else the servo would pull the carriage from A to the fulcrum in the first millisecond
+    if foot.support is None:
         foot.carriage_joint(plant).set_default_translation(float(constants["fulcrum_m"]))
     if acts:
         return wiring.add_forces(builder, plant, f"{foot.name}_{name}", forces)
@@ -278,7 +284,8 @@ def _check_suits(
 ) -> None:
     require(
         plant.time_step() == 0.0 or foot.support is not None,
-        f"has a time step, and the foot {foot.name!r} no springs and support that are implicit in it",
+        f"has a time step, and the foot {foot.name!r} no springs and support that are implicit "
+        "in it",
         "plant",
         "Add the foot with add_foot, or take a continuous plant",
     )
@@ -311,8 +318,8 @@ def _check_suits(
         own_ground or any(plant.GetCollisionGeometriesForBody(body) for body in fixed),
         f"no geometry is fixed to the world, so the foot {foot.name!r} would fall through",
         "ground",
-        "Call add_ground_geometry(plant, ground) before plant.Finalize(), or say wire_foot(..., own_ground=True) "
-        "if it is to meet a ground of yours that moves, or none",
+        "Call add_ground_geometry(plant, ground) before plant.Finalize(), or say wire_foot(..., "
+        "own_ground=True) if it is to meet a ground of yours that moves, or none",
     )
 
 
@@ -345,9 +352,9 @@ def _contact_constants(
 
 
 def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot) -> None:
-    """Makes the supports of `feet`, in a plant with a time step, follow their fulcrum positions by the simulator's
-    monitor. A monitor of your own goes on working if it is set before this: it is called first, and what it returns
-    counts."""
+    """Makes the supports of `feet`, in a plant with a time step, follow their fulcrum positions by
+    the simulator's monitor. A monitor of your own goes on working if it is set before this: it is
+    called first, and what it returns counts."""
     for wired in feet:
         check_type(wired, WiredFoot, "feet", "Give what wire_foot returned")
     supports = [(wired.foot, support_of(wired.foot), wired.command) for wired in feet]
@@ -374,11 +381,13 @@ def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot
 
 # A wired foot gets a motor.
 #
-#     desired_position --> SwingController --commanded, enabled--> FulcrumActuator --fulcrum_position--> FootForces
-#                           ^ grf and/or shank_angle                 ^ support_force                        |
-#                           +----------------------------------------+--------------------------------------+
+# desired_position --> SwingController --commanded, enabled--> FulcrumActuator --fulcrum_position-->
+#   FootForces
+#   FootForces --grf and/or shank_angle--> SwingController
+#   FootForces --support_force--> FulcrumActuator
 #
-# The actuator's position is a state, so the ring through the foot's support force is no algebraic loop.
+# The actuator's position is a state, so the ring through the foot's support force is no algebraic
+# loop.
 
 
 @dataclass(frozen=True)
@@ -392,7 +401,8 @@ class FulcrumDrive:
 
     @property
     def desired_position(self) -> InputPort:
-        """Input (1,) m from A, to connect or export: where the fulcrum is to go in the coming swings."""
+        """Input (1,) m from A, to connect or export: where the fulcrum is to go in the coming
+        swings."""
         return self.controller.GetInputPort("desired_position")
 
     def GetOutputPort(self, name: str) -> OutputPort:
@@ -404,8 +414,8 @@ class FulcrumDrive:
         )
 
     def SetPosition(self, root_context: Context, position: float) -> None:
-        """Puts screw and command at `position` (m from A), resting, in the `root_context` of the whole diagram; give
-        the plant's carriage joint the same, or its servo pulls it there."""
+        """Puts screw and command at `position` (m from A), resting, in the `root_context` of the
+        whole diagram; give the plant's carriage joint the same, or its servo pulls it there."""
         self.actuator.SetPosition(self.actuator.GetMyMutableContextFromRoot(root_context), position)
         discrete = self.controller.GetMyMutableContextFromRoot(
             root_context
@@ -425,21 +435,26 @@ def add_fulcrum_drive(
     initial_m: float | None = None,
     period_s: float = 5e-3,
 ) -> FulcrumDrive:
-    """Lets a motor move the fulcrum of a `wire_foot` foot, in swing only; connect `desired_position` yourself.
+    """Lets a motor move the fulcrum of a `wire_foot` foot, in swing only; connect
+    `desired_position` yourself.
 
-    Adds `<foot>_actuator`, `<foot>_swing_controller`, `<foot>_adjustments` and, where the signal needs it,
-    `<foot>_shank`. In a plant with a time step the support follows the carriage only with `follow_fulcrum`.
+    Adds `<foot>_actuator`, `<foot>_swing_controller`, `<foot>_adjustments` and, where the signal
+    needs it, `<foot>_shank`. In a plant with a time step the support follows the carriage only with
+    `follow_fulcrum`.
 
     Args:
         signal: what tells of swing, see `SwingController`: "contact", "shank" or "both".
-        shank: body that bears the inertial sensor (x forward, z up along the shank); by default the foot's frame.
+        shank: body that bears the inertial sensor (x forward, z up along the shank); by default the
+            foot's frame.
         grf: (3,) N on the foot, z_W up; by default that of the foot's own contact.
-        initial_m: where the screw's carriage starts (m from A); by default where the plant's carriage joint does.
+        initial_m: where the screw's carriage starts (m from A); by default where the plant's
+            carriage joint does.
         period_s: sampling period of controller and recorder (the default is a choice).
     """
     check_type(wired, WiredFoot, "wired", "Give what wire_foot returned")
     wiring.check_port(builder, wired.GetOutputPort("support_force"))
-    foot, body = wired.foot, shank or wired.foot.frame
+    foot = wired.foot
+    body = shank or wired.foot.frame
     check_type(body, RigidBody, "shank", "Give a body: plant.GetBodyByName(name)")
     check_type(
         parameters or ActuatorParameters(), ActuatorParameters, "parameters", "Give the motor's"

@@ -10,8 +10,8 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from vsf_drake.ground import Ground, check_ground
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.model.ground import Ground, check_ground
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot_wiring import ON_THE_GROUND, add_rigid_foot, wire_foot
 from vsf_drake.plants.person import PersonHandles, add_person
 from vsf_drake.plants.visuals import add_visuals, connect_scene_graph, draw_ground
@@ -27,14 +27,15 @@ SERVO_INERTIA_FLOOR = 0.5
 class GaitDiagram:
     """A finished person on a ground.
 
-    Inputs: fulcrum_position (1, m from A); desired_state (2 p: positions, then velocities of the prescribed
-    coordinates).
-    Outputs: grf (3, N in W, on the prosthetic foot); cop (3, m in W); free_moment (1, N m about the mean normal, on
-    the foot); normal_force (N, N); depth (N, m); friction_force (3 N, N in W), of its N spheres; intact_grf (3, N
-    in W, on the intact foot); intact_cop (3, m in W); intact_free_moment (1, N m); intact_normal_force (I, N);
-    intact_depth (I, m); intact_friction_force (3 I, N in W), of its I spheres; state (nq + nv, [q; v] of the plant);
-    support_force (1, N of the fulcrum on the keel along z_K); joint_moment (m, N m of the keel's springs and
-    dampers); socket_wrench (6, N and N m, see `SocketBushing`); driver_force (nv, N or N m of the servos).
+    Inputs: fulcrum_position (1, m from A); desired_state (2 p: positions, then velocities of the
+    prescribed coordinates). Outputs: grf (3, N in W, on the prosthetic foot); cop (3, m in W);
+    free_moment (1, N m about the mean normal, on the foot); normal_force (N, N); depth (N, m);
+    friction_force (3 N, N in W), of its N spheres; intact_grf (3, N in W, on the intact foot);
+    intact_cop (3, m in W); intact_free_moment (1, N m); intact_normal_force (I, N); intact_depth
+    (I, m); intact_friction_force (3 I, N in W), of its I spheres; state (nq + nv, [q; v] of the
+    plant); support_force (1, N of the fulcrum on the keel along z_K); joint_moment (m, N m of the
+    keel's springs and dampers); socket_wrench (6, N and N m, see `SocketBushing`); driver_force
+    (nv, N or N m of the servos).
     """
 
     diagram: Diagram
@@ -43,9 +44,8 @@ class GaitDiagram:
     prescribed: tuple[str, ...]  # the coordinates that follow `desired_state`, in its order
     bushing: SocketBushing
     driver: GaitDriver
-    forces: dict[
-        str, FootForces
-    ]  # on the feet "prosthetic" and "intact"; contact, keel, ground are in their Contexts
+    forces: dict[str, FootForces]
+    """on the feet "prosthetic" and "intact"; contact, keel, ground are in their Contexts"""
 
     def plant_context(self, context: Context) -> Context:
         """The plant's part of it."""
@@ -63,10 +63,11 @@ def make_gait(
     """Builds the person of `subject` with the devices of `model`.
 
     Args:
-        ground: slopes, steps, compliant or slippery places under either foot; by default the plane z = 0.
+        ground: slopes, steps, compliant or slippery places under either foot; by default the plane
+            z = 0.
         free: anatomical coordinates that are not prescribed but move under the forces on them.
-        scene_graph: in no diagram yet; it becomes a part of this one, the plant gets shapes of person and ground, to
-            be seen only, and the diagram the output `query`.
+        scene_graph: in no diagram yet; it becomes a part of this one, the plant gets shapes of
+            person and ground, to be seen only, and the diagram the output `query`.
     """
     ground = check_ground(ground or Ground())
     builder = DiagramBuilder()
@@ -85,10 +86,8 @@ def make_gait(
     prescribed = tuple(name for name in person.coordinate_names if name not in free)
     upright = plant.CalcMassMatrix(plant.CreateDefaultContext())  # with the carriage at A still
     inertia = np.maximum(np.diag(upright)[velocity_indices(plant, prescribed)], SERVO_INERTIA_FLOOR)
-    socket, law = (
-        person.socket,
-        ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit"),
-    )
+    socket = person.socket
+    law = ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit")
     bushing = add_forces(
         builder,
         plant,

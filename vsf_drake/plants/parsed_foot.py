@@ -1,5 +1,5 @@
-"""A foot that Drake's Parser has read, as handles for `wire_foot`: found by its names, and all that the file carries
-compared with what `add_foot` would have built of its parameters."""
+"""A foot that Drake's Parser has read, as handles for `wire_foot`: found by its names, and all that
+the file carries compared with what `add_foot` would have built of its parameters."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from pydrake.math import RigidTransform
 from pydrake.multibody import tree
 from pydrake.multibody.plant import MultibodyPlant
 
-from vsf_drake.errors import InputError, require
-from vsf_drake.parameters import FootParameters
+from vsf_drake.base.errors import InputError, require
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.contact_geometry import own_geometry
 from vsf_drake.plants.export import NAME, pad_of, rigid_foot
 from vsf_drake.plants.foot import CONTACTS, add_foot, checked_side, with_implicit_device
@@ -23,14 +23,18 @@ from vsf_drake.systems.foot_forces import CONTACT_LAWS
 AGREEMENT = 1e-9
 """Of masses, inertias, springs (relative) and places (m): files have 12 digits."""
 LONGEST_STEP = 2.0
-"""Over the keel's damping time: a plant takes joint springs at the start of its step and joint dampers at the end, by
-which a mode of frequency w is stable while (h w)^2 < 4 + 2 h tau w^2, for all w while h < 2 tau (derived)."""
+"""Over the keel's damping time: a plant takes joint springs at the start of its step and joint
+dampers at the end, by which a mode of frequency w is stable while (h w)^2 < 4 + 2 h tau w^2, for
+all w while h < 2 tau (derived)."""
 _NO_FOOT = "It must be a foot written by vsf-drake export"
 _MOVABLE = (
-    "wire_foot brings the support and moves the carriage: take the file without them, vsf_foot.sdf of "
-    "vsf-drake export, or foot_sdf without fulcrum_m"
+    "wire_foot brings the support and moves the carriage: take the file without them, "
+    "vsf_foot.sdf of vsf-drake export, or foot_sdf without fulcrum_m"
 )
-_AGAIN = "Export the file again from these parameters (vsf-drake export), or give the parameters it was exported from"
+_AGAIN = (
+    "Export the file again from these parameters (vsf-drake export), or give the parameters it was "
+    "exported from"
+)
 
 
 def find_foot(
@@ -43,21 +47,25 @@ def find_foot(
     fulcrum_m: float | None = None,
     scene_graph: SceneGraph | None = None,
 ) -> FootHandles:
-    """Handles of the foot that a file written by `foot_sdf` put into `plant` as `instance`, before or after Finalize.
+    """Handles of the foot that a file written by `foot_sdf` put into `plant` as `instance`, before
+    or after Finalize.
 
-    Springs count once: a joint whose spring and damper the plant has from the file gets zero `joint_stiffness` and
-    `joint_damping` in the handles, so that `wire_foot` adds none. A plant with a time step needs this to be called
-    before Finalize, because the carriage's hold, the support and springs that the file lacks become a part of it (see
-    `foot`). Contact counts once, too: the laws of `FootForces` and Drake's own contact cannot both act.
+    Springs count once: a joint whose spring and damper the plant has from the file gets zero
+    `joint_stiffness` and `joint_damping` in the handles, so that `wire_foot` adds none. A plant
+    with a time step needs this to be called before Finalize, because the carriage's hold, the
+    support and springs that the file lacks become a part of it (see `foot`). Contact counts once,
+    too: the laws of `FootForces` and Drake's own contact cannot both act.
 
     Args:
         instance: the model instance or its name.
-        side, contact: see `add_foot`; of Drake's own, a file's collision spheres are made for "drake_point".
-        fulcrum_m: see `add_foot`; by default the carriage's default position (default_joint_positions of the model
-            directives), if that is within reach. It becomes the carriage's default.
-        scene_graph: before the diagram's Context is made; needed for a law of `FootForces` where the plant has
-            collision spheres, which then lose their proximity role. With "drake_point" it lets the spheres be held
-            against the parameters too.
+        side, contact: see `add_foot`; of Drake's own, a file's collision spheres are made for
+            "drake_point".
+        fulcrum_m: see `add_foot`; by default the carriage's default position
+            (default_joint_positions of the model directives), if that is within reach. It becomes
+            the carriage's default.
+        scene_graph: before the diagram's Context is made; needed for a law of `FootForces` where
+            the plant has collision spheres, which then lose their proximity role. With
+            "drake_point" it lets the spheres be held against the parameters too.
     """
     name, instance = _named_instance(plant, instance)
     reference_plant = MultibodyPlant(0.0)
@@ -135,7 +143,8 @@ def find_foot(
         not np.any(in_plant) or plant.time_step() < longest,
         f"springs of the plant's joints diverge at time steps of {1e3 * plant.time_step():g} ms",
         name,
-        f"Take less than {1e3 * longest:g} ms, or export the foot with --no-springs (foot_sdf(..., springs=False))",
+        f"Take less than {1e3 * longest:g} ms, or export the foot with --no-springs "
+        "(foot_sdf(..., springs=False))",
     )
     require(
         not plant.is_finalized(),
@@ -151,7 +160,8 @@ def _close(actual: npt.ArrayLike, expected: npt.ArrayLike, size: float = 1.0) ->
 
 
 def _require_pose(actual: RigidTransform, expected: RigidTransform, where: str) -> None:
-    a, b = actual.translation(), expected.translation()
+    a = actual.translation()
+    b = expected.translation()
     require(_close(a, b), f"is at {a} m, by the parameters at {b} m", where, _AGAIN)
     require(
         actual.IsNearlyEqualTo(expected, AGREEMENT),
@@ -184,8 +194,11 @@ def _body(
     """The body of the same name, after a check of its mass, centre of mass and inertia."""
     require(plant.HasBodyNamed(like.name(), instance), f"has no body {like.name()}", foot, _NO_FOOT)
     body = plant.GetBodyByName(like.name(), instance)
-    actual, expected = body.default_spatial_inertia(), like.default_spatial_inertia()
-    where, weight, mass = f"{foot}: {body.name()}", actual.get_mass(), expected.get_mass()
+    actual = body.default_spatial_inertia()
+    expected = like.default_spatial_inertia()
+    where = f"{foot}: {body.name()}"
+    weight = actual.get_mass()
+    mass = expected.get_mass()
     require(
         _close(weight, mass, mass),
         f"weighs {weight:.6g} kg, by the parameters {mass:.6g} kg",
@@ -194,7 +207,8 @@ def _body(
     )
     require(
         _close(actual.get_com(), expected.get_com()),
-        f"has its centre of mass at {actual.get_com()} m, by the parameters at {expected.get_com()} m",
+        f"has its centre of mass at {actual.get_com()} m, by the parameters at "
+        f"{expected.get_com()} m",
         where,
         _AGAIN,
     )
@@ -248,7 +262,8 @@ def _axis(joint: tree.Joint) -> np.ndarray:
 def _left_to_wire(
     springs: list[tree.RevoluteSpring], joints: list[tree.Joint], reference: FootHandles, foot: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(m,) stiffness and (m,) damping that the plant does not have yet: of each joint all or nothing."""
+    """(m,) stiffness and (m,) damping that the plant does not have yet: of each joint all or
+    nothing."""
     held = dict.fromkeys((joint.index() for joint in joints), 0.0)
     for spring in springs:
         if spring.joint().index() in held:
@@ -278,8 +293,10 @@ def _left_to_wire(
 
 
 def _fulcrum(slide: tree.PrismaticJoint, reference: FootHandles, asked: float | None) -> float:
-    """Position (m from A) that was asked for, else the carriage's default, if it is in reach; becomes its default."""
-    at, fulcrum = slide.get_default_translation(), reference.parameters.fulcrum
+    """Position (m from A) that was asked for, else the carriage's default, if it is in reach;
+    becomes its default."""
+    at = slide.get_default_translation()
+    fulcrum = reference.parameters.fulcrum
     if asked is not None or not fulcrum.rearmost_m <= at <= fulcrum.foremost_m:
         at = reference.fulcrum_m
         slide.set_default_translation(at)
@@ -289,7 +306,9 @@ def _fulcrum(slide: tree.PrismaticJoint, reference: FootHandles, asked: float | 
 def _contact(
     plant: MultibodyPlant, foot: FootHandles, contact: str, scene_graph: SceneGraph | None
 ) -> str:
-    """`contact`, if it goes with the plant's collision spheres, which a law of `FootForces` takes out of `scene_graph`."""
+    """`contact`, if it goes with the plant's collision spheres, which a law of `FootForces` takes
+    out of `scene_graph`.
+    """
     where = f"{foot.name}: contact"
     require(
         contact in CONTACTS,
@@ -304,9 +323,11 @@ def _contact(
     if contact in CONTACT_LAWS:
         require(
             not spheres or scene_graph is not None,
-            f"the plant has {len(spheres)} collision spheres of the foot, which {contact!r} would act beside",
+            f"the plant has {len(spheres)} collision spheres of the foot, which {contact!r} "
+            "would act beside",
             where,
-            'Give scene_graph, from which they are then taken out, or contact="drake_point", or export '
+            'Give scene_graph, from which they are then taken out, or contact="drake_point", or '
+            "export "
             "the foot with --no-collision",
         )
         if scene_graph is not None:
@@ -326,8 +347,8 @@ def _contact(
         len(spheres) == len(pads),
         f"the plant has {len(spheres)} collision spheres of the foot, the parameters {len(pads)}",
         where,
-        "Register the plant with a SceneGraph before parsing (AddMultibodyPlantSceneGraph), and export the foot "
-        "with collision spheres",
+        "Register the plant with a SceneGraph before parsing (AddMultibodyPlantSceneGraph), and "
+        "export the foot with collision spheres",
     )
     for name, actual in (
         (pad_of(inspector, sphere) for sphere in spheres) if scene_graph is not None else ()

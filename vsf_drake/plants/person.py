@@ -1,10 +1,11 @@
-"""The person: pelvis with head, arms and trunk, two thighs, intact shank and foot, residual shank, socket and pylon.
+"""The person: pelvis with head, arms and trunk, two thighs, intact shank and foot, residual shank,
+socket and pylon.
 
-Frames: x forward, y left, z up, all parallel to W when every coordinate is zero. Pelvis: origin at the midpoint of the
-anterior superior iliac spines; thigh at the hip centre; shank at the knee centre; foot at the ankle centre. Coordinates
-are named and signed as in OpenSim's gait models, knee flexion positive; order of rotations: flexion (tilt), adduction
-(list), rotation, after Wu et al. (2002, doi 10.1016/S0021-9290(01)00222-6) and Grood & Suntay (1983, doi
-10.1115/1.3138397).
+Frames: x forward, y left, z up, all parallel to W when every coordinate is zero. Pelvis: origin at
+the midpoint of the anterior superior iliac spines; thigh at the hip centre; shank at the knee
+centre; foot at the ankle centre. Coordinates are named and signed as in OpenSim's gait models, knee
+flexion positive; order of rotations: flexion (tilt), adduction (list), rotation, after Wu et al.
+(2002, doi 10.1016/S0021-9290(01)00222-6) and Grood & Suntay (1983, doi 10.1115/1.3138397).
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame, ModelInstanceIndex, RigidBody, WeldJoint
 
-from vsf_drake.parameters import (
+from vsf_drake.model.parameters import (
     PELVIS_COORDINATES,
     BushingAxis,
     IntactFootParameters,
@@ -39,7 +40,8 @@ SOCKET_COORDINATES = (
     "socket_rotation",
 )
 SOCKET_RADIUS_M = 0.055
-"""Outer radius of the socket's top (m): the public GaitModel_VSF scripts' radius of the shank there."""
+"""Outer radius of the socket's top (m): the public GaitModel_VSF scripts' radius of the shank
+there."""
 
 
 @dataclass(frozen=True)
@@ -69,13 +71,12 @@ class PersonHandles:
 
 
 def add_person(plant: MultibodyPlant, subject: Subject, model: ModelParameters) -> PersonHandles:
-    """Adds the person with the prosthesis on `subject.prosthetic_side`: 28 degrees of freedom (pelvis 6, hips 3 + 3,
-    knees 3 + 3, intact ankle 3, socket 6, fulcrum carriage 1) and the keel's own on top."""
+    """Adds the person with the prosthesis on `subject.prosthetic_side`: 28 degrees of freedom
+    (pelvis 6, hips 3 + 3, knees 3 + 3, intact ankle 3, socket 6, fulcrum carriage 1) and the keel's
+    own on top."""
     body = scale_body(subject, model.foot, model.socket)
-    instance, sound = (
-        plant.AddModelInstance("person"),
-        "left" if subject.prosthetic_side == "right" else "right",
-    )
+    instance = plant.AddModelInstance("person")
+    sound = "left" if subject.prosthetic_side == "right" else "right"
     # the ellipsoid that has the trunk's radii of gyration about AP, ML and long axis
     moments = body.pelvis_mass * np.square(np.array(body.table.trunk_gyration) * body.trunk_length)
     pelvis = plant.AddRigidBody(
@@ -94,7 +95,8 @@ def add_person(plant: MultibodyPlant, subject: Subject, model: ModelParameters) 
             *solids.rotations(PELVIS_COORDINATES[3:], mirrored=False),
         ],
     )
-    names, segments = list(PELVIS_COORDINATES), {"pelvis": pelvis}
+    names = list(PELVIS_COORDINATES)
+    segments = {"pelvis": pelvis}
     for side in ("right", "left"):
         segments |= _add_leg(plant, instance, body, pelvis, side, intact=side == sound)
         names += leg_coordinates(side, side == sound)
@@ -136,7 +138,8 @@ def _add_leg(
     intact: bool,
 ) -> dict[str, RigidBody]:
     """Thigh and shank, by name."""
-    mirrored, thigh_size = side == "left", body.thigh(intact=intact)
+    mirrored = side == "left"
+    thigh_size = body.thigh(intact=intact)
     thigh = plant.AddRigidBody(
         f"thigh_{side}", instance, solids.frustum(body.thigh_mass, *thigh_size)
     )
@@ -199,10 +202,8 @@ def _intact_sites(
     parameters: IntactFootParameters, body: Body, foot: RigidBody, side: str
 ) -> ContactSites:
     """Contact spheres of the intact foot: scaled with foot length, mirrored on the left."""
-    scale, mirror = (
-        body.foot_length / parameters.reference_length_m,
-        -1.0 if side == "left" else 1.0,
-    )
+    scale = body.foot_length / parameters.reference_length_m
+    mirror = -1.0 if side == "left" else 1.0
     points = [
         [
             scale * 1e-3 * x - parameters.ankle_x_ratio * body.foot_length,
@@ -224,13 +225,17 @@ def add_socket(
     pylon_length: float,
     mirrored: bool = False,
 ) -> SocketHandles:
-    """Adds socket and pylon below `shank` (origin at the knee, z up along it), free to move in six directions.
+    """Adds socket and pylon below `shank` (origin at the knee, z up along it), free to move in six
+    directions.
 
-    The bushing's origin is at the end of the residual shank, `residual_length` (m) below the knee; coordinates are
-    displacements of the socket in the frame of the residual shank: forward, left, up (onto the limb), then flexion
-    (toes up), adduction and internal rotation. On the left, `mirrored`, the axes of the last two change their sign.
+    The bushing's origin is at the end of the residual shank, `residual_length` (m) below the knee;
+    coordinates are displacements of the socket in the frame of the residual shank: forward, left,
+    up (onto the limb), then flexion (toes up), adduction and internal rotation. On the left,
+    `mirrored`, the axes of the last two change their sign.
     """
-    instance, radius, height = plant.AddModelInstance("socket"), SOCKET_RADIUS_M, residual_length
+    instance = plant.AddModelInstance("socket")
+    radius = SOCKET_RADIUS_M
+    height = residual_length
     hanging = solids.frustum(parameters.socket_mass_kg, radius, 0.75 * radius, height)
     socket = plant.AddRigidBody(
         "socket_body", instance, hanging.Shift(np.array([0.0, 0.0, -height]))

@@ -1,4 +1,5 @@
-"""Mass properties of the solids that person and foot are made of, and chains of one-degree-of-freedom joints.
+"""Mass properties of the solids that person and foot are made of, and chains of
+one-degree-of-freedom joints.
 
 Each function returns a `SpatialInertia` M_SSo_S about the origin So of the frame S it names.
 """
@@ -38,10 +39,13 @@ def frustum_volume(proximal: float, distal: float, length: float) -> float:
 
 
 def frustum_taper(center_fraction: float) -> float:
-    """Ratio distal / proximal radius that puts the centre of mass at `center_fraction` of the length, 1/4 to 1/2."""
+    """Ratio distal / proximal radius that puts the centre of mass at `center_fraction` of the
+    length, 1/4 to 1/2."""
     c = 4.0 * center_fraction
     # c (1 + r + r^2) = 1 + 2 r + 3 r^2, solved for r >= 0
-    a, b, d = c - 3.0, c - 2.0, c - 1.0
+    a = c - 3.0
+    b = c - 2.0
+    d = c - 1.0
     disc = b * b - 4 * a * d
     if not 0.25 < center_fraction <= 0.5 or disc < 0:
         raise ValueError(f"no frustum has its centre of mass at {center_fraction} of its length")
@@ -49,8 +53,8 @@ def frustum_taper(center_fraction: float) -> float:
 
 
 def frustum(mass: float, proximal: float, distal: float, length: float) -> tree.SpatialInertia:
-    """Homogeneous frustum hanging from So along -z of S; radii and length in m. The moments are the integral of those
-    of its discs, of degree four in the height, by a four-point Gauss rule."""
+    """Homogeneous frustum hanging from So along -z of S; radii and length in m. The moments are the
+    integral of those of its discs, of degree four in the height, by a four-point Gauss rule."""
     nodes, weights = np.polynomial.legendre.leggauss(4)
     s = 0.5 * (nodes + 1.0)
     radius = proximal + (distal - proximal) * s
@@ -84,8 +88,9 @@ def add_chain(
 ) -> list[tree.Joint]:
     """Connects `child` to `parent` by the joints of `steps`, in that order.
 
-    The first joint's frame F sits at `p_PF` (m) in `parent`, parallel to it. Between two joints is a body without mass,
-    named after the earlier one. With all coordinates zero the child's body frame coincides with F.
+    The first joint's frame F sits at `p_PF` (m) in `parent`, parallel to it. Between two joints is
+    a body without mass, named after the earlier one. With all coordinates zero the child's body
+    frame coincides with F.
     """
     frame: tree.Frame = plant.AddFrame(
         tree.FixedOffsetFrame(f"{steps[0][0]}_frame", parent, RigidTransform(p_PF), instance)
@@ -103,8 +108,9 @@ def add_chain(
 def rotations(
     names: Sequence[str], mirrored: bool, flexion_axis: np.ndarray = RIGHTWARD
 ) -> list[Step]:
-    """Flexion, adduction, rotation as the joint coordinate system orders them (Wu 2002; Grood & Suntay 1983); adduction
-    and internal rotation are positive for both sides, hence about opposite axes on the left, where `mirrored` is true.
+    """Flexion, adduction, rotation as the joint coordinate system orders them (Wu 2002; Grood &
+    Suntay 1983); adduction and internal rotation are positive for both sides, hence about opposite
+    axes on the left, where `mirrored` is true.
     """
     sign = -1.0 if mirrored else 1.0
     axes = (flexion_axis, sign * FORWARD, sign * UPWARD)

@@ -1,11 +1,12 @@
 """A station: bench, person or leg as one diagram with named exported ports, built from a scenario.
 
-Ports mean the same under every kind that has them. With several feet, a foot's ports have its name before them
-(`left_grf`); the person's intact foot has `intact_`.
+Ports mean the same under every kind that has them. With several feet, a foot's ports have its name
+before them (`left_grf`); the person's intact foot has `intact_`.
 
     input              size        kinds           left unconnected
     fulcrum_position   1           all             the scenario's fulcrum_mm
-    desired_state      2 p         person, leg     person: an error of Drake; leg: guides hold the default position
+    desired_state      2 p         person, leg     person: an error of Drake; leg: guides hold the
+                                                   default position
     platen             2           bench           an error of Drake
     actuation          actuators   leg with some   zero
     generalized_force  nv          leg             zero
@@ -16,7 +17,8 @@ Ports mean the same under every kind that has them. With several feet, a foot's 
     grf, cop           3, 3        person, leg     N and m in W; on the foot
     free_moment        1           person, leg     N m, on the foot
     normal_force       spheres     person, leg     N
-    depth              spheres     all             m, on the bench of the sites that the platen presses
+    depth              spheres     all             m, on the bench of the sites that the platen
+                                                   presses
     friction_force     3 spheres   person, leg     N in W
     joint_moment       keel joints person, leg     N m of the keel's springs and dampers
     socket_wrench      6           person          see `SocketBushing`
@@ -26,8 +28,8 @@ Ports mean the same under every kind that has them. With several feet, a foot's 
     body_spatial_velocities  bodies  leg           of the plant, for further systems
     query              -           leg, and all that are visual: of the SceneGraph
 
-A foot of Drake's own contact has the outputs of `DrakeReaction` in place of those of `FootForces`. In a leg with a
-time step `fulcrum_position` moves the carriage alone until the supports follow:
+A foot of Drake's own contact has the outputs of `DrakeReaction` in place of those of `FootForces`.
+In a leg with a time step `fulcrum_position` moves the carriage alone until the supports follow:
 `follow_fulcrum(simulator, station.plant, *station.parts.values())`.
 """
 
@@ -48,12 +50,13 @@ from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
-from vsf_drake.contact_file import load_contact, model_with
-from vsf_drake.errors import InputError, require
-from vsf_drake.files import resource, user_path
-from vsf_drake.model_file import check_fulcrum, load_model
+from vsf_drake.base.errors import InputError, require
+from vsf_drake.base.files import opened, resource, user_path
+from vsf_drake.model.contact_file import load_contact, model_with
+from vsf_drake.model.model_file import check_fulcrum, load_model
+from vsf_drake.model.parameters import ModelParameters, Subject
+from vsf_drake.model.scenario import Scenario, check_scenario, scenario_ground
 from vsf_drake.motion.trial import load_subject
-from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_ground_geometry
 from vsf_drake.plants.foot import add_foot
@@ -63,7 +66,6 @@ from vsf_drake.plants.gait import GaitDiagram, make_gait
 from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph, draw_ground
 from vsf_drake.plants.wiring import add_forces, export_outputs, share_generalized_forces
-from vsf_drake.scenario import Scenario, check_scenario, scenario_ground
 from vsf_drake.systems.foot_forces import FORCES
 from vsf_drake.systems.joint_forces import GaitDriver
 
@@ -79,9 +81,8 @@ class Station:
     diagram: Diagram
     plant: MultibodyPlant
     feet: dict[str, FootHandles]  # variable-stiffness feet by name
-    parts: (
-        BenchDiagram | GaitDiagram | dict[str, WiredFoot]
-    )  # with every system in it; of a leg the feet by name
+    parts: BenchDiagram | GaitDiagram | dict[str, WiredFoot]
+    """with every system in it; of a leg the feet by name"""
 
     def plant_context(self, root: Context) -> Context:
         """The plant's part of the Context of the diagram that holds the station, or of its own."""
@@ -112,7 +113,8 @@ def make_station(
         path = user_path(scenario.contact_file)
         model = model_with(model, load_contact(path).values, file=path)
     check_fulcrum(1e-3 * scenario.fulcrum_mm, model.foot, where="fulcrum_mm")
-    builder, visual = DiagramBuilder(), visual or meshcat is not None
+    builder = DiagramBuilder()
+    visual = visual or meshcat is not None
     parts: BenchDiagram | GaitDiagram | dict[str, WiredFoot]
     if scenario.kind == "leg":
         plant, scene_graph, parts = _add_leg(builder, scenario, model, visual=visual)
@@ -135,7 +137,8 @@ def make_station(
             except ValueError as error:
                 raise InputError(str(error), where="free") from error
             foot = parts.person.foot
-        plant, feet = parts.plant, {foot.name: foot}
+        plant = parts.plant
+        feet = {foot.name: foot}
         foot.carriage_joint(plant).set_default_translation(1e-3 * scenario.fulcrum_mm)
         _embed(builder, scenario, parts.diagram, meshcat)
     diagram = builder.Build()
@@ -146,7 +149,8 @@ def make_station(
 def _embed(
     builder: DiagramBuilder, scenario: Scenario, diagram: Diagram, meshcat: Meshcat | None
 ) -> None:
-    """Puts `diagram` inside and its ports outside, `fulcrum_position` with a value of its own while unconnected."""
+    """Puts `diagram` inside and its ports outside, `fulcrum_position` with a value of its own while
+    unconnected."""
     diagram.set_name(scenario.kind)
     builder.AddSystem(diagram)
     hold = builder.AddNamedSystem(
@@ -163,17 +167,16 @@ def _embed(
         MeshcatVisualizer.AddToBuilder(builder, diagram.GetOutputPort("query"), meshcat)
 
 
-# Feet under any model that Drake's Parser reads, as a scenario describes it: the inside of a leg's station.
+# Feet under any model that Drake's Parser reads, as a scenario describes it: the inside of a leg's
+# station.
 
 
 def _add_leg(
     builder: DiagramBuilder, scenario: Scenario, model: ModelParameters, *, visual: bool
 ) -> tuple[MultibodyPlant, SceneGraph, dict[str, WiredFoot]]:
     """Adds plant, SceneGraph, feet and guides, and exports every port of a leg but `query`."""
-    plant, scene_graph = (
-        builder.AddNamedSystem("plant", MultibodyPlant(scenario.time_step_s)),
-        SceneGraph(),
-    )
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(scenario.time_step_s))
+    scene_graph = SceneGraph()
     connect_scene_graph(builder, plant, scene_graph)
     plant.mutable_gravity_field().set_gravity_vector(
         np.array([0.0, 0.0, -scenario.gravity_m_per_s2])
@@ -227,7 +230,7 @@ def _parse(plant: MultibodyPlant, scenario: Scenario) -> None:
     add_model_package(parser)
     path = user_path(scenario.robot) if scenario.robot else None
     if path is not None and not scenario.directives:
-        with _refused("robot", "Drake cannot read the model", file=str(path)):
+        with opened(path), _refused("robot", "Drake cannot read the model", file=str(path)):
             parser.AddModels(path)
         return
     # Together, because Drake's directives know only models that directives have added.
@@ -238,7 +241,8 @@ def _parse(plant: MultibodyPlant, scenario: Scenario) -> None:
 
 
 def _directives_text(directives: list[Any]) -> str:
-    """YAML for Drake, whose rotations need the tags that plain values cannot carry: told by their keys."""
+    """YAML for Drake, whose rotations need the tags that plain values cannot carry: told by their
+    keys."""
     root = yaml.representer.SafeRepresenter().represent_data({"directives": directives})
     nodes = [root]
     while nodes:
@@ -262,10 +266,8 @@ def _refused(
     """Makes InputErrors of what Drake raises."""
     try:
         yield
-    except (
-        RuntimeError,
-        SystemExit,
-    ) as error:  # SystemExit is what a failed assertion of Drake's becomes
+    except (RuntimeError, SystemExit) as error:
+        # SystemExit is what a failed assertion of Drake's becomes
         raise InputError(
             f"{what}: {str(error).strip().rstrip('.')}", file=file, where=where, right=right
         ) from error
@@ -278,11 +280,13 @@ def _foot(
     row: int,
     model: ModelParameters,
 ) -> FootHandles:
-    asked, where = scenario.feet[row], f"feet[{row}]"
+    asked = scenario.feet[row]
+    where = f"feet[{row}]"
     parameters = load_model(user_path(asked.model)).foot if asked.model else model.foot
     fulcrum_m = 1e-3 * (scenario.fulcrum_mm if asked.fulcrum_mm is None else asked.fulcrum_mm)
     check_fulcrum(fulcrum_m, parameters, where=f"{where}.fulcrum_mm")
-    contact, side = asked.contact or scenario.contact, asked.side
+    contact = asked.contact or scenario.contact
+    side = asked.side
     if asked.parent_frame is None:
         return find_foot(
             plant,
@@ -307,7 +311,8 @@ def _foot(
 def _add_ground_geometry(
     plant: MultibodyPlant, scenario: Scenario, feet: list[FootHandles]
 ) -> None:
-    """The ground as shapes, once, where a foot meets it by a contact of Drake's own; it is made for one friction."""
+    """The ground as shapes, once, where a foot meets it by a contact of Drake's own; it is made for
+    one friction."""
     meeting = [foot for foot in feet if foot.contact in DRAKE_CONTACTS]
     for foot in meeting:
         require(
@@ -372,7 +377,8 @@ def _guided(plant: MultibodyPlant, name: str, where: str) -> Joint:
 
 
 def add_model_package(parser: parsing.Parser) -> None:
-    """Lets `parser` find package://vsf_drake/vsf_foot.sdf, leg.urdf and foot_under_leg.dmd.yaml; twice does no harm."""
+    """Lets `parser` find package://vsf_drake/vsf_foot.sdf, leg.urdf and foot_under_leg.dmd.yaml;
+    twice does no harm."""
     package = resource("models/package.xml")
     packages = parser.package_map()
     if packages.Contains(PACKAGE) and packages.GetPath(PACKAGE) == str(package.parent):

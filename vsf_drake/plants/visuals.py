@@ -1,7 +1,9 @@
-"""What foot, person and station look like: visual shapes for a SceneGraph, without any role in the physics.
+"""What foot, person and station look like: visual shapes for a SceneGraph, without any role in the
+physics.
 
-Keel, legs, socket and pylon have the model's dimensions, soles its length and height. Drawn only are outlines of feet,
-the prosthesis's rail, adapter and carriage, and trunk, head and arms, up to the subject's stature.
+Keel, legs, socket and pylon have the model's dimensions, soles its length and height. Drawn only
+are outlines of feet, the prosthesis's rail, adapter and carriage, and trunk, head and arms, up to
+the subject's stature.
 """
 
 from __future__ import annotations
@@ -18,8 +20,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
-from vsf_drake.errors import InputError, require
-from vsf_drake.ground import Ground
+from vsf_drake.base.errors import InputError, require
+from vsf_drake.model.ground import Ground
 from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M
 from vsf_drake.plants.contact_geometry import box_under
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
@@ -44,12 +46,13 @@ LEAST_RADIUS_M = 0.004
 SITE_NAME = "site_{}"
 """Name of the drawing of the i-th contact sphere of the prosthetic foot."""
 _SIDES = 24
-_SOCKET_WALL_M, _GROUND_SHOWN_M, _PLATE_M = 0.006, 3.0, 0.02
-_RAIL_M, _ROLLER_M, _LAP_M = (
-    0.006,
-    0.006,
-    0.002,
-)  # rail's thickness, roller's radius, overlap of the sole's pieces
+_SOCKET_WALL_M = 0.006
+_GROUND_SHOWN_M = 3.0
+_PLATE_M = 0.02
+# rail's thickness, roller's radius, overlap of the sole's pieces
+_RAIL_M = 0.006
+_ROLLER_M = 0.006
+_LAP_M = 0.002
 _OUTLINE = np.array(
     [
         [0.00, 0.02, 0.06, 0.12, 0.20, 0.35, 0.50, 0.62, 0.72, 0.82, 0.90, 0.95, 0.98, 1.00],
@@ -88,8 +91,8 @@ _OUTLINE = np.array(
         [0.40, 0.55, 0.72, 0.86, 0.97, 1.00, 0.74, 0.55, 0.45, 0.38, 0.32, 0.27, 0.22, 0.15],
     ]
 )
-"""A foot from heel to toe, by share of its length: half its width and how far its middle is lateral, as shares of the
-length, and the height of its back as a share of the ankle's."""
+"""A foot from heel to toe, by share of its length: half its width and how far its middle is
+lateral, as shares of the length, and the height of its back as a share of the ankle's."""
 _BEVEL = np.array([[0.75, 0.88, 1.00, *[1.0] * 11], [0.0] * 10 + [0.05, 0.20, 0.38, 0.55]])
 """How far below the keel the foam ends and begins there, as shares of its thickness."""
 _TRUNK = np.array(
@@ -130,15 +133,17 @@ _ARM = np.array(
         [0.004, 0.008, 0.012, 0.012, 0.014, 0.023, 0.022, 0.026, 0.029, 0.028, 0.023, 0.014, 0.003],
     ]
 )
-"""Height, middle, half depth and half width: of the trunk from the hips, in shares of its length; of the head from the
-crown and of the arm from the shoulder, in shares of the stature. Drawn by eye, after the lengths of de Leva (1996)."""
+"""Height, middle, half depth and half width: of the trunk from the hips, in shares of its length;
+of the head from the crown and of the arm from the shoulder, in shares of the stature. Drawn by eye,
+after the lengths of de Leva (1996)."""
 
 
 def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles, *, spheres: bool = False) -> None:
-    """Gives the bodies of `foot` shapes to be seen by: rail, keel pieces, carriage, a sole; contact spheres if asked.
+    """Gives the bodies of `foot` shapes to be seen by: rail, keel pieces, carriage, a sole; contact
+    spheres if asked.
 
-    Call it once a foot, after `add_foot` and before `plant.Finalize()`, on a plant that is registered as a source of
-    a SceneGraph, as `AddMultibodyPlantSceneGraph` leaves it.
+    Call it once a foot, after `add_foot` and before `plant.Finalize()`, on a plant that is
+    registered as a source of a SceneGraph, as `AddMultibodyPlantSceneGraph` leaves it.
     """
     require(
         plant.geometry_source_is_registered(),
@@ -154,10 +159,14 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles, *, spheres: bool 
         "Call it between add_foot and plant.Finalize()",
     )
     check_type(foot, FootHandles, "foot", "Give what add_foot returned")
-    p, keel, reach = foot.parameters, foot.parameters.keel, foot.parameters.fulcrum
+    p = foot.parameters
+    keel = foot.parameters.keel
+    reach = foot.parameters.fulcrum
     pylon_x, _, mount_z = foot.mount.GetFixedPoseInBodyFrame().translation()
-    top, width = 0.5 * keel.thickness_m, keel.width_m
-    # the keel bends up in front of the fulcrum, which therefore bears on it from above, hung from a rail
+    top = 0.5 * keel.thickness_m
+    width = keel.width_m
+    # the keel bends up in front of the fulcrum, which therefore bears on it from above, hung from a
+    # rail
     rail = max(0.65 * mount_z, top + 2.0 * _ROLLER_M)
     length = reach.foremost_m + 0.02
     try:
@@ -217,10 +226,12 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles, *, spheres: bool 
         draw(
             plant, piece, "piece", Box(size, width, keel.thickness_m), KEEL, (0.5 * size, 0.0, 0.0)
         )
-    # foam below the keel, on the rigid frame as far as its spheres are, then on the pieces of the keel
+    # foam below the keel, on the rigid frame as far as its spheres are, then on the pieces of the
+    # keel
     outward = {"left": 1.0, "right": -1.0}.get(foot.side, 0.0)
     share, *outline, _ = _OUTLINE
-    shares, foam = p.heel_x_m + p.length_m * share, max(p.foam_thickness_m, 1e-3)
+    shares = p.heel_x_m + p.length_m * share
+    foam = max(p.foam_thickness_m, 1e-3)
     ends[-1] = max(ends[-1], shares[-1])
     starts = np.maximum(foot.keel_starts, reach.rearmost_m)
     for body, origin, start, end in (
@@ -251,15 +262,14 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles, *, spheres: bool 
 def add_visuals(plant: MultibodyPlant, person: PersonHandles, *, spheres: bool = False) -> None:
     """Gives the bodies of `person` shapes to be seen by, on conditions as of `add_foot_visuals`."""
     add_foot_visuals(plant, person.foot, spheres=spheres)
-    body, stature = person.body, person.subject.stature_m
+    body = person.body
+    stature = person.subject.stature_m
     hips = np.array([body.hip_forward, 0.0, body.hip_up])
-    crown, head = (
-        max(stature - body.leg_length, 1.4 * body.trunk_length),
-        _HEAD.copy(),
-    )  # above the hips
-    head[0, 0] = min(
-        head[0, 0], (body.trunk_length - crown) / stature
-    )  # the neck begins in the trunk
+    # above the hips
+    crown = max(stature - body.leg_length, 1.4 * body.trunk_length)
+    head = _HEAD.copy()
+    # the neck begins in the trunk
+    head[0, 0] = min(head[0, 0], (body.trunk_length - crown) / stature)
     arms = [
         (
             f"arm_{side}",
@@ -301,7 +311,8 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles, *, spheres: bool =
                 SKIN,
             )
         elif part == "foot":
-            length, height = body.foot_length, body.ankle_height
+            length = body.foot_length
+            height = body.ankle_height
             rear = float(np.min(person.intact_sites.p_BS[:, 0] - person.intact_sites.radius))
             share, half, middle, back = _OUTLINE
             draw(
@@ -323,11 +334,9 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles, *, spheres: bool =
                 ),
                 SKIN,
             )
-    socket, radius, height = (
-        person.socket,
-        SOCKET_RADIUS_M + _SOCKET_WALL_M,
-        0.85 * body.residual_length,
-    )
+    socket = person.socket
+    radius = SOCKET_RADIUS_M + _SOCKET_WALL_M
+    height = 0.85 * body.residual_length
     draw(
         plant,
         socket.socket,
@@ -344,7 +353,8 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles, *, spheres: bool =
         METAL,
         (0.0, 0.0, -0.5 * body.pylon_length),
     )
-    aside, clamp = body.placement.pose(mirrored=person.foot.side == "left").translation(), 0.03
+    aside = body.placement.pose(mirrored=person.foot.side == "left").translation()
+    clamp = 0.03
     draw(
         plant,
         socket.pylon,
@@ -358,12 +368,13 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles, *, spheres: bool =
 
 
 def draw_ground(plant: MultibodyPlant, ground: Ground | None) -> None:
-    """Gives the world a plate for each patch of `ground` (None: the plane z = 0), which ends 3 m from the patch's point
-    that is nearest to x = reference_x, y = 0."""
+    """Gives the world a plate for each patch of `ground` (None: the plane z = 0), which ends 3 m
+    from the patch's point that is nearest to x = reference_x, y = 0."""
     for i, patch in enumerate((ground or Ground()).patches):
         bounds: dict[str, Any] = {}
         for axis, about in (("x", patch.reference_x_m), ("y", 0.0)):
-            start, end = getattr(patch, f"from_{axis}_m"), getattr(patch, f"to_{axis}_m")
+            start = getattr(patch, f"from_{axis}_m")
+            end = getattr(patch, f"to_{axis}_m")
             middle = min(max(about, start), end)
             bounds |= {
                 f"from_{axis}_m": max(start, middle - _GROUND_SHOWN_M),
@@ -381,8 +392,9 @@ def draw_ground(plant: MultibodyPlant, ground: Ground | None) -> None:
 def connect_scene_graph(
     builder: DiagramBuilder, plant: MultibodyPlant, scene_graph: SceneGraph
 ) -> None:
-    """Adds `scene_graph`, in no diagram yet, to the `builder` of `plant`, before its shapes, and connects the two, as
-    AddMultibodyPlantSceneGraph does, which in pydrake 1.51 keeps what it made alive for ever: 80 kB a call."""
+    """Adds `scene_graph`, in no diagram yet, to the `builder` of `plant`, before its shapes, and
+    connects the two, as AddMultibodyPlantSceneGraph does, which in pydrake 1.51 keeps what it made
+    alive for ever: 80 kB a call."""
     builder.AddNamedSystem("scene_graph", scene_graph)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
@@ -423,11 +435,13 @@ def _frustum(proximal: float, distal: float, length: float) -> Mesh:
 def lofted(along: str, stations: ArrayLike, squareness: float = 2.0) -> Mesh:
     """A closed surface through superellipses across the axis `along`, "x" or "z".
 
-    `stations`: (k, 5) m, place along the axis, increasing, then centre and half-widths along the two axes that follow
-    it in the order x, y, z, x, y. `squareness`: exponent of the superellipse, 2 for ellipses.
+    `stations`: (k, 5) m, place along the axis, increasing, then centre and half-widths along the
+    two axes that follow it in the order x, y, z, x, y. `squareness`: exponent of the superellipse,
+    2 for ellipses.
     """
     place, *middle_and_half = np.array(stations, dtype=float).T[:, :, None]
-    middle, half = np.array(middle_and_half[:2]), np.array(middle_and_half[2:])
+    middle = np.array(middle_and_half[:2])
+    half = np.array(middle_and_half[2:])
     turn = 2 * np.pi * np.arange(_SIDES) / _SIDES
     circle = np.array([np.cos(turn), np.sin(turn)])
     unit = (np.sign(circle) * np.abs(circle) ** (2.0 / squareness))[:, None]
@@ -437,7 +451,8 @@ def lofted(along: str, stations: ArrayLike, squareness: float = 2.0) -> Mesh:
         np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1), np.gradient(points, axis=0)
     )
     caps = [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]
-    vertices, normals = points.reshape(-1, 3), np.vstack([normals.reshape(-1, 3), caps])
+    vertices = points.reshape(-1, 3)
+    normals = np.vstack([normals.reshape(-1, 3), caps])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     if along == "x":
         vertices, normals = (np.roll(rows, 1, axis=1) for rows in (vertices, normals))
@@ -449,7 +464,8 @@ def lofted(along: str, stations: ArrayLike, squareness: float = 2.0) -> Mesh:
     count = len(vertices)
     for first in range(1, count - _SIDES + 1, _SIDES):
         for i in range(_SIDES):
-            a, b = first + i, first + (i + 1) % _SIDES
+            a = first + i
+            b = first + (i + 1) % _SIDES
             lines.append("f " + " ".join(f"{j}//{j}" for j in (a, b, b + _SIDES, a + _SIDES)))
     lines.append("f " + " ".join(f"{i}//{count + 1}" for i in range(_SIDES, 0, -1)))
     lines.append("f " + " ".join(f"{i}//{count + 2}" for i in range(count - _SIDES + 1, count + 1)))

@@ -1,4 +1,5 @@
-"""Connections between a plant and systems: kinematics out, forces in, servos; and diagrams as symbolic expressions."""
+"""Connections between a plant and systems: kinematics out, forces in, servos; and diagrams as
+symbolic expressions."""
 
 from __future__ import annotations
 
@@ -25,18 +26,20 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.primitives import Adder
 
-from vsf_drake.errors import InputError, require
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.plants.foot_handles import check_type
 from vsf_drake.systems.joint_forces import GaitDriver
 
 SERVO_FREQUENCY = 2 * np.pi * 600.0
-"""Natural frequency (rad/s) of the servos that hold prescribed coordinates under a Simulator (a choice)."""
+"""Natural frequency (rad/s) of the servos that hold prescribed coordinates under a Simulator (a
+choice)."""
 
 S = TypeVar("S", bound=LeafSystem)
 
 
 def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, system: LeafSystem) -> None:
-    """Feeds `system` from the plant: body poses, body spatial velocities and state, whichever it takes."""
+    """Feeds `system` from the plant: body poses, body spatial velocities and state, whichever it
+    takes."""
     for name in ("body_poses", "body_spatial_velocities", "state"):
         if system.HasInputPort(name):
             builder.Connect(plant.GetOutputPort(name), system.GetInputPort(name))
@@ -66,12 +69,14 @@ def export_outputs(
 def velocity_indices(
     plant: MultibodyPlant, names: Sequence[str], instance: ModelInstanceIndex | None = None
 ) -> list[int]:
-    """Where the joints `names` (of `instance`, where they stand in several) are in the plant's velocities."""
+    """Where the joints `names` (of `instance`, where they stand in several) are in the plant's
+    velocities."""
     return [plant.GetJointByName(name, instance).velocity_start() for name in names]
 
 
 def servo(plant: MultibodyPlant, names: Sequence[str], inertia: np.ndarray) -> GaitDriver:
-    """A driver that holds the joints `names`, critically damped at SERVO_FREQUENCY on `inertia` (kg or kg m^2)."""
+    """A driver that holds the joints `names`, critically damped at SERVO_FREQUENCY on `inertia` (kg
+    or kg m^2)."""
     return GaitDriver(
         num_velocities=plant.num_velocities(),
         velocity_indices=velocity_indices(plant, names),
@@ -81,9 +86,10 @@ def servo(plant: MultibodyPlant, names: Sequence[str], inertia: np.ndarray) -> G
 
 
 def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: OutputPort) -> None:
-    """Applies the list of spatial forces in `port` to `plant`, beside whatever is applied there already, in any order
-    and any number of times before `builder.Build()`. InputError if the plant's port is exported as an input of the
-    diagram, or `port` is no list of spatial forces, of no system in `builder`, or acts on the plant already."""
+    """Applies the list of spatial forces in `port` to `plant`, beside whatever is applied there
+    already, in any order and any number of times before `builder.Build()`. InputError if the
+    plant's port is exported as an input of the diagram, or `port` is no list of spatial forces, of
+    no system in `builder`, or acts on the plant already."""
     check_shareable(builder, plant)
     check_port(builder, port)
     vector = port.get_data_type() == PortDataType.kVectorValued
@@ -91,7 +97,8 @@ def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: O
         not vector and isinstance(port.Allocate(), Value[list[ExternallyAppliedSpatialForce]]),
         f"is a vector of {port.size()}" if vector else "is no list of spatial forces",
         f"port {port.get_name()!r}",
-        "Spatial forces are a list of ExternallyAppliedSpatialForce; joint forces go to share_generalized_forces",
+        "Spatial forces are a list of ExternallyAppliedSpatialForce; joint forces go to "
+        "share_generalized_forces",
     )
     _share(
         builder,
@@ -104,7 +111,8 @@ def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: O
 def share_generalized_forces(
     builder: DiagramBuilder, plant: MultibodyPlant, port: OutputPort
 ) -> None:
-    """Applies the generalized force in `port` (num_velocities,) to `plant`, as `share_spatial_forces` spatial ones."""
+    """Applies the generalized force in `port` (num_velocities,) to `plant`, as
+    `share_spatial_forces` spatial ones."""
     check_shareable(builder, plant)
     check_port(
         builder,
@@ -121,7 +129,8 @@ def share_generalized_forces(
 
 
 def check_shareable(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
-    """Raises InputError unless `builder` holds the plant and nothing but systems acts on its two force ports."""
+    """Raises InputError unless `builder` holds the plant and nothing but systems acts on its two
+    force ports."""
     check_open(builder)
     require(
         any(system is plant for system in builder.GetSystems()),
@@ -145,8 +154,8 @@ def check_shareable(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
             or not builder.IsConnectedOrExported(target),
             "is an input of the diagram, so nothing else can act there",
             f"the plant's {target.get_name()}",
-            "Export the input of a PassThrough instead, and give its output to share_spatial_forces or "
-            "share_generalized_forces",
+            "Export the input of a PassThrough instead, and give its output to "
+            "share_spatial_forces or share_generalized_forces",
         )
 
 
@@ -166,10 +175,12 @@ def check_open(builder: DiagramBuilder) -> None:
 def check_port(
     builder: DiagramBuilder, port: OutputPort, size: int | None = None, right: str = ""
 ) -> None:
-    """Raises InputError unless `port` is an output of a system in `builder`, and a vector of that size if given."""
+    """Raises InputError unless `port` is an output of a system in `builder`, and a vector of that
+    size if given."""
     check_open(builder)
     check_type(port, OutputPort, "port", "Give an output port: system.GetOutputPort(name)")
-    where, owner = f"port {port.get_name()!r}", _owner(port)
+    where = f"port {port.get_name()!r}"
+    owner = _owner(port)
     require(
         any(system is owner for system in builder.GetSystems()),
         f"is of {owner.get_name()!r}, which is not in this builder",
@@ -201,8 +212,10 @@ def _sources(builder: DiagramBuilder) -> dict[tuple[System, int], tuple[System, 
 def _share(
     builder: DiagramBuilder, port: OutputPort, target: InputPort, both: Callable[[], LeafSystem]
 ) -> None:
-    """Connects `port` to `target`, beside what is connected there by way of a union of two, which `both` makes."""
-    sources, where = _sources(builder), (_owner(target), int(target.get_index()))
+    """Connects `port` to `target`, beside what is connected there by way of a union of two, which
+    `both` makes."""
+    sources = _sources(builder)
+    where = (_owner(target), int(target.get_index()))
     waiting = [where]
     while waiting:  # through all unions, for the port may be one of the summands already
         source = sources.get(waiting.pop())
@@ -229,10 +242,12 @@ def _share(
 
 
 def to_symbolic(diagram: Diagram) -> Diagram:
-    """Converts `diagram` to symbolic expressions (`pydrake.symbolic.Expression`), as its `ToSymbolic` does.
+    """Converts `diagram` to symbolic expressions (`pydrake.symbolic.Expression`), as its
+    `ToSymbolic` does.
 
-    The keel's springs, servos and commands, which are linear, have a symbolic form, as Drake's MultibodyPlant has; what
-    chooses between branches of its law by the size of its inputs, as all on the ground, has none: InputError names it.
+    The keel's springs, servos and commands, which are linear, have a symbolic form, as Drake's
+    MultibodyPlant has; what chooses between branches of its law by the size of its inputs, as all
+    on the ground, has none: InputError names it.
     """
     try:
         converted: Any = diagram.ToSymbolic()

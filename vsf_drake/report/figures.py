@@ -14,16 +14,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.typing import ColorType
 
-from vsf_drake.analysis.bench_metrics import (
+from vsf_drake.device.bench_metrics import (
     BenchTable,
     closed_form_stiffness,
     displacement,
     published_stiffness,
 )
-from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
-from vsf_drake.analysis.metrics import UNFITTED, Agreement
-from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
+from vsf_drake.model.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.motion.formats.recording import PlateRecording
+from vsf_drake.motion.trial import UNUSABLE_RECORDING
 from vsf_drake.report.style import (
     FULCRUM,
     HEEL_COLOUR,
@@ -46,26 +45,29 @@ from vsf_drake.simulation.results import (
     StandingTable,
     WalkResult,
 )
+from vsf_drake.walks.comparison import PERCENT, Comparison, compare
+from vsf_drake.walks.metrics import UNFITTED, Agreement
+from vsf_drake.walks.quantities import JUDGED, quantity
 
 if TYPE_CHECKING:  # it would bring Drake
-    from vsf_drake.analysis.sweep_table import SweepRow, SweepTable
+    from vsf_drake.walks.sweep_table import SweepRow, SweepTable
 
 _ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
-WIDTH, TITLE_WIDTH = 5.4, 60  # inches, and letters on a line of the title
-MOST_LABELLED = (
-    4  # stances that the legend tells apart; a longer recording shows its footprints without one
-)
+# inches, and letters on a line of the title
+WIDTH = 5.4
+TITLE_WIDTH = 60
+# stances that the legend tells apart; a longer recording shows its footprints without one
+MOST_LABELLED = 4
 PROSTHETIC, INTACT, BOTH = colour_of(66.0), colour_of(151.0), "0.1"
 LIMIT_MM = 1e3 * LARGEST_DRIFT_M  # where standing still ends, marked in the figure
 _PANELS = (
-    ("grf_rmse_bw", 100.0, "RMS error (% body weight)", "Resultant force"),
+    (JUDGED, "RMS error (% body weight)", "Resultant force"),
     (
         "cop_rmse_fl",
-        100.0,
         "RMS error (% length of the model's foot)",
         "Centre of pressure (dashed: lateral)",
     ),
-    ("peak_vertical_bw", 1.0, "vertical force (body weights)", "Peak of the model"),
+    ("peak_vertical_bw", "vertical force (body weights)", "Peak of the model"),
 )
 _WIDE = 20.0  # ratio of largest to smallest value above which the axis is logarithmic
 
@@ -73,7 +75,8 @@ _WIDE = 20.0  # ratio of largest to smallest value above which the axis is logar
 def bench_figure(bench: BenchResult, table: BenchTable) -> Figure:
     """Load against displacement at every setting, and stiffness against fulcrum position.
 
-    After Figure 4 of McGeehan 2021 (doi 10.1115/1.4050456), with the published end points beside it.
+    After Figure 4 of McGeehan 2021 (doi 10.1115/1.4050456), with the published end points beside
+    it.
     """
     with drawing(WIDTH, 6.6) as figure:
         left, right = figure.subplots(2)
@@ -82,7 +85,8 @@ def bench_figure(bench: BenchResult, table: BenchTable) -> Figure:
         state = "" if bench.converged else f", {table.unconverged_steps} STEPS NOT CONVERGED"
         _head(
             figure,
-            f"Testing machine, {table.speed_mm_per_min:g} mm/min, up to {bench.max_load_n:g} N{state}",
+            f"Testing machine, {table.speed_mm_per_min:g} mm/min, up to {bench.max_load_n:g} "
+            f"N{state}",
         )
     return figure
 
@@ -90,10 +94,8 @@ def bench_figure(bench: BenchResult, table: BenchTable) -> Figure:
 def _bench_curves(axes: Axes, bench: BenchResult) -> None:
     settings = [*bench.forefoot, *([bench.heel] if bench.heel else [])]
     for i, setting in enumerate(settings):
-        x, at = (
-            1e3 * displacement(setting),
-            None if setting.fulcrum_m is None else 1e3 * setting.fulcrum_m,
-        )
+        x = 1e3 * displacement(setting)
+        at = None if setting.fulcrum_m is None else 1e3 * setting.fulcrum_m
         colour = colour_of(at)
         axes.plot(
             x, setting.load_n, color=colour, label="simulated" if i == 0 else None, **SIMULATED
@@ -139,11 +141,9 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
             label="overhung beam, small deflection",
         )
     for i, row in enumerate(rows):
-        fulcrum_mm, colour, published = (
-            row.fulcrum_mm,
-            colour_of(row.fulcrum_mm),
-            row.published_n_per_mm,
-        )
+        fulcrum_mm = row.fulcrum_mm
+        colour = colour_of(row.fulcrum_mm)
+        published = row.published_n_per_mm
         if published is not None:
             axes.plot(
                 fulcrum_mm,
@@ -204,10 +204,11 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
 
 
 def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -> Figure:
-    """A finished walk beside the plate under the prosthetic foot: forces, centre of pressure and the load of each zone.
+    """A finished walk beside the plate under the prosthetic foot: forces, centre of pressure and
+    the load of each zone.
 
-    Forces are those that the metrics score (40 Hz, time-locked), `walk_metrics(result, plate)`. Stances that the
-    simulated time cuts are shaded.
+    Forces are those that the metrics score (40 Hz, time-locked), `walk_metrics(result, plate)`.
+    Stances that the simulated time cuts are shaded.
     """
     comparison = compare(result, plate)
     model, measured = (
@@ -217,11 +218,15 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -
     colour = colour_of(fulcrum_mm)
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
     state = "" if result.converged else f", {result.unconverged_steps} STEPS NOT CONVERGED"
-    state += f", {UNFITTED}" if any(note.startswith(UNFITTED) for note in result.notes) else ""
+    state += "".join(
+        f", {word}"
+        for word in (UNFITTED, UNUSABLE_RECORDING)
+        if any(note.startswith(word) for note in result.notes)
+    )
     with drawing(WIDTH, 7.4) as figure:
         panels = figure.subplots(3, 2)
         for axes, name, column, error in (
-            (panels[0, 0], "Resultant", None, metrics.grf_rmse_bw),
+            (panels[0, 0], "Resultant", None, metrics.error_bw),
             (panels[0, 1], "Vertical", 2, metrics.vertical_rmse_bw),
             (panels[1, 0], "Fore-aft", 0, metrics.fore_aft_rmse_bw),
             (panels[1, 1], "Lateral", 1, metrics.medio_lateral_rmse_bw),
@@ -274,7 +279,8 @@ def _head(figure: Figure, title: str) -> None:
 
 
 def zone_loads(result: WalkResult) -> dict[str, np.ndarray]:
-    """Zone -> (n,) normal force (N) summed over its spheres; one entry `all spheres` where zones are unknown."""
+    """Zone -> (n,) normal force (N) summed over its spheres; one entry `all spheres` where zones
+    are unknown."""
     names = np.array(result.sphere_zones)
     if len(names) != result.sphere_normal_n.shape[1]:
         return {"all spheres": result.sphere_normal_n.sum(axis=1)}
@@ -305,7 +311,8 @@ def _shade(axes: Axes, comparison: Comparison) -> None:
 def _centre_of_pressure(
     axes: Axes, result: WalkResult, comparison: Comparison, metrics: Agreement, colour: ColorType
 ) -> None:
-    """Fore-aft centre of pressure in foot lengths ahead of the plate's rearmost one in each footprint."""
+    """Fore-aft centre of pressure in foot lengths ahead of the plate's rearmost one in each
+    footprint."""
     several = len(comparison.stances) > 1
     for number, item in enumerate(comparison.stances, start=1):
         known = np.isfinite(item.measured_cop[:, 0])
@@ -374,15 +381,17 @@ def standing_figure(table: StandingTable) -> Figure:
         state = "" if table.converged else f", {table.unconverged_steps} STEPS NOT CONVERGED"
         _head(
             figure,
-            f"{table.subject}, {table.prosthetic_side} prosthesis, fulcrum {table.fulcrum_mm:g} mm: {verdict}"
-            f"{state}",
+            f"{table.subject}, {table.prosthetic_side} prosthesis, fulcrum {table.fulcrum_mm:g} "
+            f"mm: {verdict}{state}",
         )
     return figure
 
 
 def _forces(axes: Axes, table: StandingTable) -> None:
     series = table.series
-    time, prosthetic, intact = series.time_s, series.prosthetic_n, series.intact_n
+    time = series.time_s
+    prosthetic = series.prosthetic_n
+    intact = series.intact_n
     axes.axhline(table.weight_n, color=NEUTRAL, label=f"weight, {table.weight_n:.1f} N", **MEASURED)
     axes.plot(
         time,
@@ -441,24 +450,28 @@ def _drift(axes: Axes, table: StandingTable) -> None:
 
 
 def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:
-    """Errors against the plate and the peak force over the one quantity that is varied, one line a trial."""
+    """Errors against the plate and the peak force over the one quantity that is varied, one line a
+    trial."""
     [name] = table.varied
-    trials, column = table.trials, table.columns[name]
+    trials = table.trials
+    column = table.columns[name]
     values = [row.varied(name) for row in rows]
     with drawing(9.6, 4.0 + 0.16 * len(trials)) as figure:
-        for axes, (key, factor, y, title) in zip(figure.subplots(1, 3), _PANELS, strict=True):
+        for axes, (key, y, title) in zip(figure.subplots(1, 3), _PANELS, strict=True):
             lines = []
+            factor = quantity(key).scale
             for number, trial in enumerate(trials):
                 own = [row for row in rows if row.trial == trial.name]
                 colour = colour_of(trial.fulcrum_mm)
-                scores = [(row.varied(name), getattr(row.scores, key)) for row in own]
-                known = sorted((x, factor * score) for x, score in scores if score is not None)
-                if key == "cop_rmse_fl":
-                    lateral = sorted(
-                        (row.varied(name), factor * row.scores.cop_ml_rmse_fl)
+                known, lateral = (
+                    sorted(
+                        (row.varied(name), factor * score)
                         for row in own
-                        if row.scores.cop_ml_rmse_fl is not None
+                        if (score := row.scores[of]) is not None
                     )
+                    for of in (key, "cop_ml_rmse_fl")
+                )
+                if key == "cop_rmse_fl":
                     axes.plot(
                         [x for x, _ in lateral],
                         [y for _, y in lateral],
@@ -506,8 +519,8 @@ def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:
         synthetic = " (SYNTHETIC)" if any(trial.synthetic for trial in trials) else ""
         failed = f", {table.failed} FAILED" if table.failed else ""
         figure.suptitle(
-            f"{table.walks} walks{synthetic}{failed}; shaded: the trial's own value; dotted: measured "
-            "peak",
+            f"{table.walks} walks{synthetic}{failed}; shaded: the trial's own value; dotted: "
+            "measured peak",
             x=0.01,
             ha="left",
             fontsize=10,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from vsf_drake.analysis.fulcrum_sweep import FulcrumSweep
 from vsf_drake.report.page import number
 from vsf_drake.report.style import (
     FULCRUM,
@@ -33,18 +31,22 @@ from vsf_drake.report.style import (
     say_synthetic,
     tag,
 )
+from vsf_drake.walks.fulcrum_sweep import FulcrumSweep
+from vsf_drake.walks.quantities import FLOOR, JUDGED, quantity
 
 if TYPE_CHECKING:  # these import Drake, which takes longer than to draw
-    from vsf_drake.analysis.contact_fit.assessment import BenchRow, Beside, TrialScore
-    from vsf_drake.analysis.contact_fit.paper import PaperState
-    from vsf_drake.analysis.contact_fit.solution import ParameterRow
-    from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow
+    from vsf_drake.fit.assessment import BenchRow, Beside, TrialScore
+    from vsf_drake.fit.paper import PaperState
+    from vsf_drake.fit.solution import ParameterRow
+    from vsf_drake.fit.table import FitTable, FitTrialRow
 
 LONGEST = 60
 """Letters of a trial's label in a file name."""
 MOST_ROWS = 45
 """Smooth errors, of more of which the largest are shown."""
-_FITTED, _GOOD, _BAD = "fitted", "#1f6f8b", "#b3261e"
+_FITTED = "fitted"
+_GOOD = "#1f6f8b"
+_BAD = "#b3261e"
 _PRIOR = ((2.0, "0.95"), (1.0, "0.87"))
 _WIDEST = 4.5
 
@@ -58,16 +60,11 @@ def fit_figures(table: FitTable) -> dict[str, Figure]:
     if any(score.sweep is not None for score in scores):
         figures["sweep"] = fit_sweep_figure(
             [
-                TrialSweep(
-                    label=trial.label,
-                    role=trial.role,
-                    fulcrum_mm=trial.fulcrum_mm,
-                    synthetic=trial.synthetic,
-                    sweep=trial.score.sweep,
-                )
+                (trial.label, trial.fulcrum_mm, trial.score.sweep)
                 for trial in table.trials
                 if trial.score is not None and trial.score.sweep is not None
-            ]
+            ],
+            synthetic=any(trial.synthetic for trial in table.trials),
         )
     for i, trial in enumerate(table.trials):
         if trial.score is not None:
@@ -99,8 +96,8 @@ def _dot(name: str, marker: str = "o", **look: Any) -> Line2D:
 
 
 def fit_bench_figure(bench: BenchRow) -> Figure:
-    """The fitted foot's forefoot in the testing machine beside the measurement: stiffness, and mid-range displacement
-    where it was measured, over the fulcrum's position."""
+    """The fitted foot's forefoot in the testing machine beside the measurement: stiffness, and
+    mid-range displacement where it was measured, over the fulcrum's position."""
     rows = [
         (name, unit, quantity)
         for name, unit, quantity in (
@@ -126,7 +123,8 @@ def fit_bench_figure(bench: BenchRow) -> Figure:
 
 
 def _bench(axes: Axes, x: Sequence[float], quantity: Beside) -> list[Artist]:
-    measured, model = quantity.measured, quantity.model
+    measured = quantity.measured
+    model = quantity.model
     solid: dict[str, Any] = {"color": "0.6", "linewidth": 2.4}
     dashed: dict[str, Any] = {"color": "0.2", "linewidth": 1.4, "linestyle": (0, (4, 1.6))}
     axes.plot(x, measured, zorder=1, **solid)
@@ -179,17 +177,18 @@ def _bench(axes: Axes, x: Sequence[float], quantity: Beside) -> list[Artist]:
 
 
 def fit_error_figure(table: FitTable) -> Figure:
-    """The resultant's error by trial beside the null model and the floor: one row a trial that was judged."""
+    """The resultant's error by trial beside the null model and the floor: one row a trial that was
+    judged."""
     rows = [(trial, trial.score) for trial in table.trials if trial.score is not None]
     beside: list[tuple[str, list[float | None], dict[str, Any]]] = [
         (
-            "null model: another trial's curve",
-            [score.metrics.null_model_grf_rmse_bw for _, score in rows],
+            "null model: other trials' curves",
+            [score.null_bw for _, score in rows],
             {"marker": "D", "color": NEUTRAL, "markersize": 5.5, "markerfacecolor": "white"},
         ),
         (
             "floor: the true foot on this motion",
-            [score.floor_grf_rmse_bw for _, score in rows],
+            [score.number(FLOOR) for _, score in rows],
             {"marker": "|", "color": "black", "markersize": 12, "markeredgewidth": 1.8},
         ),
     ]
@@ -203,7 +202,7 @@ def fit_error_figure(table: FitTable) -> Figure:
                 if value is not None:
                     axes.plot(100.0 * value, y, **look)
         for y, (trial, score) in enumerate(rows):
-            if (error := score.metrics.grf_rmse_bw) is not None:
+            if (error := score.error_bw) is not None:
                 colour = colour_of(trial.fulcrum_mm)
                 axes.plot([0.0, 100.0 * error], [y, y], color=colour, linewidth=1.2, alpha=0.6)
                 axes.plot(
@@ -253,8 +252,8 @@ def fit_error_figure(table: FitTable) -> Figure:
 def fit_parameter_figure(
     parameters: Sequence[ParameterRow], unidentified: Collection[str]
 ) -> Figure:
-    """Value and 95 % interval of each free parameter in standard deviations of what was believed of it before; hollow
-    where it is not identified."""
+    """Value and 95 % interval of each free parameter in standard deviations of what was believed of
+    it before; hollow where it is not identified."""
     free = [(row, value) for row in parameters if (value := row.value_in_prior_sd) is not None]
     smooth = [pair for pair in free if is_smooth(pair[0].name)]
     largest = sorted(smooth, key=lambda pair: -abs(pair[1]))[:MOST_ROWS]
@@ -355,16 +354,18 @@ def paper_search_figure(state: PaperState) -> Figure:
 
 
 def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
-    """Of one trial, measured and of the fitted model: resultant and fore-aft force over time, and the centre of
-    pressure over the first stance."""
+    """Of one trial, measured and of the fitted model: resultant and fore-aft force over time, and
+    the centre of pressure over the first stance."""
 
     def off(error: float | None, unit: str) -> str:
-        return "" if error is None else f": {100.0 * error:.1f} % {unit} off"
+        return "" if error is None else f": {quantity(JUDGED).told(error)} {unit} off"
 
-    metrics, curves, colour = score.metrics, score.curves, colour_of(trial.fulcrum_mm)
+    metrics = score.metrics
+    curves = score.curves
+    colour = colour_of(trial.fulcrum_mm)
     both = [curves.measured_bw, curves.model_bw]
     forces = (
-        ("Resultant", "", [np.linalg.norm(force, axis=1) for force in both], metrics.grf_rmse_bw),
+        ("Resultant", "", [np.linalg.norm(force, axis=1) for force in both], metrics.error_bw),
         ("Fore-aft", "forward ", [force[:, 0] for force in both], metrics.fore_aft_rmse_bw),
     )
     looks: list[dict[str, Any]] = [{"color": colour, **MEASURED}, {"color": colour, **SIMULATED}]
@@ -382,7 +383,8 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
                 y=f"{forward}force\n(body weights)",
                 title=f"{name}{off(error, 'BW')}",
             )
-        axes, centres = panels[-1], [curves.cop_measured_fl, curves.cop_model_fl]
+        axes = panels[-1]
+        centres = [curves.cop_measured_fl, curves.cop_model_fl]
         if np.isfinite(centres).all(axis=0).any():
             for centre, look in zip(centres, looks, strict=True):
                 axes.plot(
@@ -415,30 +417,28 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
             figure,
             [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)],
         )
-        title = f"{trial.label}: {trial.role}, fulcrum {trial.fulcrum_mm:g} mm{', SYNTHETIC' * trial.synthetic}"
+        title = (
+            f"{trial.label}: {trial.role}, fulcrum {trial.fulcrum_mm:g} "
+            f"mm{', SYNTHETIC' * trial.synthetic}"
+        )
         figure.suptitle(textwrap.fill(title, 54), x=0.01, ha="left", fontsize=10)
     return figure
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrialSweep:
-    """A trial and its error over the fulcrum's position."""
-
-    label: str
-    role: str
-    fulcrum_mm: float  # where it stood, from the keel's posterior end
-    synthetic: bool
-    sweep: FulcrumSweep
+TrialSweep = tuple[str, float, FulcrumSweep]
+"""A trial's label, where its fulcrum stood (mm from the keel's posterior end), its errors there and
+elsewhere."""
 
 
-def fit_sweep_figure(trials: Sequence[TrialSweep]) -> Figure:
-    """The error of every trial over the fulcrum's position; where the least one is not where it stood is named."""
+def fit_sweep_figure(trials: Sequence[TrialSweep], *, synthetic: bool) -> Figure:
+    """The error of every trial over the fulcrum's position; where the least one is not where it
+    stood is named."""
     with drawing(*PANEL) as figure:
         axes = figure.subplots()
-        for setting in sorted({trial.fulcrum_mm for trial in trials}):
+        for setting in sorted({fulcrum_mm for _, fulcrum_mm, _ in trials}):
             axes.axvline(setting, color=colour_of(setting), linewidth=6.0, alpha=0.3, zorder=0)
         for trial in trials:
-            _sweep(axes, trial)
+            _sweep(axes, *trial)
         log_scale(axes.yaxis)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
@@ -449,18 +449,18 @@ def fit_sweep_figure(trials: Sequence[TrialSweep]) -> Figure:
                 "least error of a trial", "*", color="white", markersize=12, markeredgecolor="black"
             ),
         ]
-        if any(None in trial.sweep.grf_rmse_bw for trial in trials):
+        if any(np.isnan(sweep.errors_bw).any() for _, _, sweep in trials):
             handles.append(_dot("the walk failed", "x", color="black"))
         label(axes, x=FULCRUM, y="resultant, RMS error (% BW)")
         legend_below(figure, handles)
-        say_synthetic(figure, any(trial.synthetic for trial in trials), "trials")
+        say_synthetic(figure, synthetic, "trials")
     return figure
 
 
-def _sweep(axes: Axes, trial: TrialSweep) -> None:
-    sweep, colour = trial.sweep, colour_of(trial.fulcrum_mm)
+def _sweep(axes: Axes, name: str, fulcrum_mm: float, sweep: FulcrumSweep) -> None:
+    colour = colour_of(fulcrum_mm)
     positions = np.array(sweep.fulcrum_mm)
-    errors = 100.0 * np.array(sweep.grf_rmse_bw, dtype=float)  # None is NaN
+    errors = 100.0 * sweep.errors_bw
     axes.plot(positions, errors, color=colour, linewidth=1.2)
     known = np.isfinite(errors)
     if sweep.best_mm is not None and known.any():
@@ -477,7 +477,7 @@ def _sweep(axes: Axes, trial: TrialSweep) -> None:
         if sweep.right is False:
             tag(
                 axes,
-                f"{trial.label}: WRONG",
+                f"{name}: WRONG",
                 (sweep.best_mm, least),
                 colour,
                 offset=(0, -11),

@@ -1,36 +1,42 @@
-"""What a contact fit leaves on disk: the contact, its table, curves, figures and page. All of it or nothing."""
+"""What a contact fit leaves on disk: the contact, its table, curves, figures and page. All of it or
+nothing."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
 
-from vsf_drake.analysis.contact_fit.assessment import (
-    FITTED,
-    HELD_OUT,
-    NOISE_TOO_SMALL,
-    Beside,
-    TrialScore,
-)
-from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
-from vsf_drake.analysis.contact_fit.solution import ParameterRow
-from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow, fit_arrays, fit_json
-from vsf_drake.analysis.prediction import LAYERS, PHYSICS, LayerTable
-from vsf_drake.contact_file import FittedContact, save_contact
-from vsf_drake.errors import InputError
-from vsf_drake.files import write_text
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import write_text
+from vsf_drake.base.sentences import say
+from vsf_drake.fit.assessment import FITTED, HELD_OUT, LEFT_OUT, NOISE_TOO_SMALL, Beside
+from vsf_drake.fit.parameters import REFERENCE_DEPTH_M
+from vsf_drake.fit.solution import ParameterRow
+from vsf_drake.fit.table import FitTable, FitTrialRow, fit_arrays, fit_json
+from vsf_drake.model.contact_file import FittedContact, save_contact
 from vsf_drake.report.fit_figures import fit_figures, is_smooth, trial_name
-from vsf_drake.report.page import UNKNOWN, number, render, said
+from vsf_drake.report.page import UNKNOWN, number, render, said, shown
 from vsf_drake.report.results_folder import PAGE, ResultsFolder
 from vsf_drake.report.style import save_figure
-from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import remove_result
+from vsf_drake.walks.null_model import several_settings
+from vsf_drake.walks.prediction import LAYERS, PHYSICS, LayerTable
+from vsf_drake.walks.quantities import (
+    FLOOR,
+    IN_LATE_STANCE,
+    JUDGED,
+    NULL,
+    STRETCHED,
+    mean,
+    quantity,
+)
 
-CONTACT, CHECKPOINT = "contact.yaml", "checkpoint.json"
+CONTACT = "contact.yaml"
+CHECKPOINT = "checkpoint.json"
 FIT = ResultsFolder(
     kind="fit",
     command="fit",
@@ -51,30 +57,32 @@ _SHOWN = {
     "1": ("", 1.0),
 }
 _FIRST = ("trial", "role", "fulcrum mm")
-_SCORES: tuple[tuple[str, Callable[[TrialScore], float | None], str, float], ...] = (
-    ("GRF % BW", lambda score: score.metrics.grf_rmse_bw, "{:.1f}", 100.0),
-    ("R²", lambda score: score.metrics.grf_r2, "{:.3f}", 1.0),
-    ("fore-aft % BW", lambda score: score.metrics.fore_aft_rmse_bw, "{:.1f}", 100.0),
-    ("CoP % FL", lambda score: score.metrics.cop_rmse_fl, "{:.1f}", 100.0),
-    ("CoP lateral % FL", lambda score: score.metrics.cop_ml_rmse_fl, "{:.1f}", 100.0),
-    ("impulse BW s", lambda score: score.metrics.impulse_rmse_bws, "{:.3f}", 1.0),
-    ("stance error s", lambda score: score.metrics.stance_error_s, "{:+.3f}", 1.0),
-    ("null model % BW", lambda score: score.metrics.null_model_grf_rmse_bw, "{:.1f}", 100.0),
-    ("floor % BW", lambda score: score.floor_grf_rmse_bw, "{:.1f}", 100.0),
-    (
-        "sweep: best mm",
-        lambda score: None if score.sweep is None else score.sweep.best_mm,
-        "{:.0f}",
-        1.0,
-    ),
+_SCORES = (
+    JUDGED,
+    "grf_r2",
+    "fore_aft_rmse_bw",
+    "cop_rmse_fl",
+    "cop_ml_rmse_fl",
+    "impulse_rmse_bws",
+    "stance_error_s",
+    NULL,
+    STRETCHED,
+    FLOOR,
+    "sweep_best_mm",
 )
-"""Columns of the table of trials: heading, number, form and factor."""
-HEADINGS = (*_FIRST, *(heading for heading, *_ in _SCORES), "right")
+
+
+def _headings(names: Sequence[str]) -> list[str]:
+    return [f"{own.label} {own.shown}".rstrip() for own in map(quantity, names)]
+
+
+HEADINGS = (*_FIRST, *_headings(_SCORES), "right")
 """Of the cells of `trial_cells`, each with its unit."""
 
 
 def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
-    """Removes what an earlier fit left in `out`, its checkpoint too unless told otherwise; files of others stay."""
+    """Removes what an earlier fit left in `out`, its checkpoint too unless told otherwise; files of
+    others stay."""
     try:
         remove_result(out, FIT.kind, (CONTACT,))
         if checkpoint:
@@ -84,14 +92,15 @@ def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
 
 
 def write_fit(table: FitTable, out: Path, *, contact: FittedContact | None = None) -> None:
-    """Writes everything of a fit to `out`; what an earlier fit left there goes, and so does the checkpoint,
-    unless the fit did not converge: from there it can go on.
+    """Writes everything of a fit to `out`; what an earlier fit left there goes, and so does the
+    checkpoint, unless the fit did not converge: from there it can go on.
 
     Args:
         contact: what was fitted; not for a fit that failed.
 
     Raises:
-        InputError: `out` cannot be written. ValueError: a contact is given with the table of a fit that failed.
+        InputError: `out` cannot be written. ValueError: a contact is given with the table of a fit
+            that failed.
     """
     if contact is not None and not table.success:
         raise ValueError("a fit that failed leaves no contact")
@@ -128,19 +137,22 @@ def found(table: FitTable) -> dict[str, Any]:
     """What screen and page tell of a fit that succeeded, as their templates call it."""
     every = [trial.score for trial in table.trials if trial.score is not None]
     held_out = [score for score in every if score.role == HELD_OUT]
-    beside = [
-        (score.label, error, null)
-        for score in held_out
-        if (error := score.metrics.grf_rmse_bw) is not None
-        and (null := score.metrics.null_model_grf_rmse_bw) is not None
-    ]
+    percent = quantity(JUDGED).told
+
+    def off(name: str) -> str:
+        return percent(mean(score.number(name) for score in held_out or every))
+
     layer = (table.layers and table.layers.earned) or PHYSICS
+    unknown = [score.metrics.null_model_unknown for score in held_out or every]
     return {
+        "no_null": unknown[0] if all(unknown) else "",
         "t": table,
         "scores": held_out or every,
         "held_out": bool(held_out),
-        "nulls": len(beside),
-        "beaten": [label for label, error, null in beside if error >= null],
+        "nulls": sum(score.metrics.beats_null is not None for score in held_out),
+        "beaten": [score.label for score in held_out if score.metrics.beats_null is False],
+        "percent": percent,
+        "off": off,
         "one_setting": _one_setting(table),
         "swept": [score for score in every if score.sweep is not None],
         "disturbed": [
@@ -156,7 +168,8 @@ def found(table: FitTable) -> dict[str, Any]:
 
 def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
     """The page as HTML; figures as `fit_figures` makes them of the same table."""
-    bench, joint = table.bench, table.strategy == "joint"
+    bench = table.bench
+    joint = table.strategy == "joint"
     scores = [trial.score for trial in table.trials if trial.score is not None]
     columns = told_columns(table.trials) if scores else [0, 1, 2]
     kind = "contact fit" if joint else "contact fit by the paper's procedure"
@@ -188,8 +201,8 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
                     f"{row.sd_deg:g}",
                     str(row.walks),
                     str(row.failed),
-                    number(row.grf_rmse_bw, "{:.1f}", 100.0),
-                    number(row.grf_rmse_bw_worst, "{:.1f}", 100.0),
+                    shown(row, JUDGED),
+                    shown(row, f"{JUDGED}_worst"),
                     f"{row.beats_null} of {row.beats_null_of}",
                 )
                 for row in table.angle_errors
@@ -197,8 +210,8 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
             foot_length_m=scores[0].metrics.foot_length_m if scores else None,
             layer_headings=LAYER_HEADINGS,
             layer_rows=layer_rows(table.layers) if table.layers else [],
-            null_known=any(score.metrics.null_model_grf_rmse_bw is not None for score in scores),
-            floor_known=any(score.floor_grf_rmse_bw is not None for score in scores),
+            null_known=any(score.null_bw is not None for score in scores),
+            floor_known=any(score.number(FLOOR) is not None for score in scores),
             sweep_known=any(score.sweep is not None for score in scores),
             result=fit_result(table) if table.success and scores else [],
             one_setting=_one_setting(table),
@@ -241,10 +254,7 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
                     *(
                         (f"failed: {row.failed}", "", "")
                         if row.failed
-                        else (
-                            number(error, "{:.1f}", 100.0)
-                            for error in (row.grf_rmse_bw, row.cop_rmse_fl, row.cop_ml_rmse_fl)
-                        )
+                        else (shown(row, name) for name in LEFT_OUT)
                     ),
                 )
                 for row in table.left_out
@@ -277,11 +287,14 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
 
 
 def _one_setting(table: FitTable) -> bool:
-    return len({trial.fulcrum_mm for trial in table.trials if trial.role == FITTED}) == 1
+    return not several_settings(
+        1e-3 * trial.fulcrum_mm for trial in table.trials if trial.role == FITTED
+    )
 
 
 def _bench_rows(fulcrum_mm: Sequence[float], quantity: Beside | None) -> list[tuple[str, ...]]:
-    """Measured, fitted and difference at each position and the heel; none where nothing was judged."""
+    """Measured, fitted and difference at each position and the heel; none where nothing was
+    judged."""
     if quantity is None:
         return []
     rows = [
@@ -347,15 +360,13 @@ def own_parameters(table: FitTable) -> list[ParameterRow]:
     ]
 
 
+_NULLS = (NULL, IN_LATE_STANCE, STRETCHED)
 LAYER_HEADINGS = (
-    "trial",
-    "role",
-    "fulcrum mm",
+    *_FIRST,
     "physics % BW",
     "+ momentum % BW",
     "+ discrepancy % BW",
-    "null model % BW",
-    "null, predicted stance % BW",
+    *_headings(_NULLS),
     "fore-aft, three layers % BW",
     "CoP, physics and + momentum % FL",
     "CoP lateral, the same % FL",
@@ -367,12 +378,12 @@ LAYER_HEADINGS = (
 def layer_rows(table: LayerTable) -> list[tuple[str, ...]]:
     """Every trial in layers as text."""
 
-    def percent(error: float | None) -> str:
-        return number(error, "{:.1f}", 100.0)
+    def beside(name: str, layers: Sequence[str] = LAYERS) -> list[str]:
+        return [shown(row.layers[layer], name) for layer in layers]
 
     rows = []
     for row in table.trials:
-        done, scores = row.correction, [row.layers[layer] for layer in LAYERS]
+        done = row.correction
         turned = [
             math.degrees(done.hip_flexion_rad),
             math.degrees(done.knee_angle_rad),
@@ -383,14 +394,12 @@ def layer_rows(table: LayerTable) -> list[tuple[str, ...]]:
                 row.label,
                 FITTED if row.fitted else HELD_OUT.replace(" ", "\u00a0"),
                 f"{row.fulcrum_mm:g}",
-                *(percent(score.grf_rmse_bw) for score in scores),
-                percent(row.null_model_grf_rmse_bw),
-                percent(row.null_model_predicted_times_grf_rmse_bw),
-                ", ".join(percent(score.fore_aft_rmse_bw) for score in scores),
-                ", ".join(
-                    percent(score.cop_rmse_fl) for score in scores[:2]
-                ),  # the discrepancy moves none
-                ", ".join(percent(score.cop_ml_rmse_fl) for score in scores[:2]),
+                *beside(JUDGED),
+                *(shown(row, name) for name in _NULLS),
+                ", ".join(beside("fore_aft_rmse_bw")),
+                # the discrepancy moves none
+                ", ".join(beside("cop_rmse_fl", LAYERS[:2])),
+                ", ".join(beside("cop_ml_rmse_fl", LAYERS[:2])),
                 "height {:+.1f} mm, hip {:+.1f}°, knee {:+.1f}°, alignment {:+.1f}°".format(
                     1e3 * done.height_m, *turned
                 )
@@ -418,12 +427,13 @@ def trial_cells(trial: FitTrialRow) -> tuple[str, ...]:
         trial.label,
         f"{trial.role}{own}".replace(" ", "\u00a0"),
         f"{trial.fulcrum_mm:g}",
-        *(number(value(score), form, factor) for _, value, form, factor in _SCORES),
+        *(shown(score, name) for name in _SCORES),
         right,
     )
 
 
 def told_columns(trials: Sequence[FitTrialRow]) -> list[int]:
-    """Columns of `trial_cells` in which any of those trials that were judged has something to tell."""
+    """Columns of `trial_cells` in which any of those trials that were judged has something to
+    tell."""
     cells = [trial_cells(trial) for trial in trials if trial.score is not None]
     return [i for i, column in enumerate(zip(*cells, strict=True)) if {*column} != {UNKNOWN}]

@@ -1,4 +1,5 @@
-"""What an import or a check of recordings leaves on disk: trials, a table, and a page with figures."""
+"""What an import or a check of recordings leaves on disk: trials, a table, and a page with
+figures."""
 
 from __future__ import annotations
 
@@ -11,29 +12,31 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vsf_drake.analysis.import_walks import ImportedWalks
-from vsf_drake.analysis.recording import EXPECTED, GOOD_BW, MARKS, costs, motion_checks, worst
-from vsf_drake.analysis.recording.examine import Examined, person_table, trial_table
-from vsf_drake.analysis.recording.foot import flat_phase
-from vsf_drake.files import write_text
+from vsf_drake.base.files import write_text
+from vsf_drake.base.schema import dump_yaml, to_plain
+from vsf_drake.base.yaml_file import dump
+from vsf_drake.model.parameters import GRAVITY, PELVIS_TRANSLATIONS
 from vsf_drake.motion.formats.recording import SIDES
 from vsf_drake.motion.formats.tables import opensim_files
 from vsf_drake.motion.trial import Trial, load_trial, write_trial_files
-from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS
+from vsf_drake.recording import EXPECTED, MARKS, motion_checks, worst
+from vsf_drake.recording.examine import Examined, person_table, trial_table
+from vsf_drake.recording.foot import flat_phase
+from vsf_drake.recording.import_walks import ImportedWalks
 from vsf_drake.report.page import render
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import NEUTRAL, PANEL, drawing, label, legend_below
-from vsf_drake.schema import dump_yaml, to_plain
 from vsf_drake.simulation.archive import provenance
-from vsf_drake.yaml_file import dump
 
 IMPORT = ResultsFolder(kind="import", command="import", table="import.json")
 CHECK = ResultsFolder(kind="check", command="check", table="check.json")
-_SUBJECT, _MODEL = "subject.yaml", "model.yaml"
+_SUBJECT = "subject.yaml"
+_MODEL = "model.yaml"
 
 
 def write_import(imported: ImportedWalks, out: Path) -> None:
-    """Writes what an import leaves to `out`; every manifest is read back before anything appears there."""
+    """Writes what an import leaves to `out`; every manifest is read back before anything appears
+    there."""
     first = imported.items[0]
     failures = {Path(path).name: why for path, why in imported.failures.items()}
     shared = {
@@ -117,6 +120,11 @@ def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Pat
 def _manifest(trial: Trial, files: Mapping[str, str], *, scaled: bool) -> str:
     """The manifest's text; what the belt carried is in the files already."""
     plates = {side: f"ground_force_{side[0]}" for side in SIDES if side in trial.plates}
+    unknown = {
+        side: [[round(end, 6) for end in span] for span in spans]
+        for side, spans in trial.unmeasured.items()
+        if spans
+    }
     content = {
         "name": trial.name,
         "subject": _SUBJECT,
@@ -124,6 +132,7 @@ def _manifest(trial: Trial, files: Mapping[str, str], *, scaled: bool) -> str:
         "forces": {"file": files["forces"], **plates},
         "prosthesis": {"fulcrum_mm": round(1e3 * trial.fulcrum_m, 6)},
         "window": {"start_s": float(trial.start_s), "end_s": float(trial.end_s)},
+        **({"unknown_force": unknown} if unknown else {}),
         **({"model": _MODEL} if scaled else {}),
         **({"synthetic": True} if trial.synthetic else {}),
     }
@@ -137,17 +146,9 @@ def import_page(
     person: Examined | None = None,
     failures: Mapping[str, str] | None = None,
 ) -> Markup:
-    """The page: trials with their checks and figures, the `person` of one of them, and by file what failed and why."""
+    """The page: trials with their checks and figures, the `person` of one of them, and by file what
+    failed and why."""
     synthetic = [item.trial.name for item in items if item.trial.synthetic]
-    bad = [
-        dict.fromkeys(
-            [
-                *(check.name for check in item.checks if check.mark == "unusable"),
-                *(name for name, share in costs(item.checks).items() if share > 0.5 * GOOD_BW),
-            ]
-        )
-        for item in items
-    ]
     figures = [
         [make(item) for make in (angle_figure, force_figure, floor_figure)] for item in items
     ]
@@ -156,7 +157,6 @@ def import_page(
         title=f"{title} (SYNTHETIC)" if synthetic else title,
         synthetic=synthetic,
         trials=items,
-        bad=bad,
         figures=figures,
         worst=max(range(len(items)), key=lambda i: items[i].expected_error_bw),
         failures=failures or {},
@@ -181,9 +181,8 @@ def import_page(
 
 COLOURS = {"right": "#31688e", "left": "#c8553d"}
 MARK_COLOURS = {"good": "#2e7d4f", "doubtful": "#b7791f", "unusable": "#b3261e"}
-MOST_POINTS = (
-    1500  # a force curve is thinned to about this many points; peaks of walking are far wider
-)
+# a force curve is thinned to about this many points; peaks of walking are far wider
+MOST_POINTS = 1500
 _ANGLES = (
     ("pelvis_tilt", "Pelvic tilt (front up +)"),
     ("pelvis_list", "Pelvic list"),
@@ -239,7 +238,8 @@ def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
 
 
 def force_figure(item: Examined) -> Figure:
-    """Vertical, fore-aft and medio-lateral force of each foot in body weights; shaded: the trial's window."""
+    """Vertical, fore-aft and medio-lateral force of each foot in body weights; shaded: the trial's
+    window."""
     trial = item.trial
     with drawing(PANEL[0], 5.6) as figure:
         titles = ("Vertical", "Fore-aft (forward +)", "Medio-lateral (left +)")
@@ -260,7 +260,8 @@ def force_figure(item: Examined) -> Figure:
 
 
 def floor_figure(item: Examined) -> Figure:
-    """The floor from above: centres of pressure, each foot from heel to toe as it stands flat, corners of plates."""
+    """The floor from above: centres of pressure, each foot from heel to toe as it stands flat,
+    corners of plates."""
     with drawing(PANEL[0], 2.7) as figure:
         axes = figure.subplots()
         for plate in item.trial.recording.plates if item.trial.recording else ():
@@ -272,7 +273,8 @@ def floor_figure(item: Examined) -> Figure:
                 axes.plot(point[:, 0], point[:, 1], color=COLOURS[side], linewidth=0.5, alpha=0.4)
             for rows in (flat_phase(foot, stance) for stance in item.stances[side]):
                 if rows is not None:
-                    heel, toe = foot.heel_W[rows].mean(axis=0), foot.toe_W[rows].mean(axis=0)
+                    heel = foot.heel_W[rows].mean(axis=0)
+                    toe = foot.toe_W[rows].mean(axis=0)
                     axes.plot(
                         [heel[0], toe[0]],
                         [heel[1], toe[1]],

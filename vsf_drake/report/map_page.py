@@ -14,12 +14,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from vsf_drake.analysis.published import LEG_M, Effect, published_effects
-from vsf_drake.analysis.stiffness_map import MapTable, StiffnessMap, map_of
-from vsf_drake.files import plain
+from vsf_drake.base.files import plain
+from vsf_drake.device.stiffness_map import MapTable, StiffnessMap, map_of
 from vsf_drake.report.page import Chapter, made_chapter, render
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import PANEL, Arrays, drawing, label, legend_below
+from vsf_drake.walks.published import LEG_M, Effect, published_effects
 
 AXES = {
     "mass_kg": ("mass", "kg"),
@@ -31,7 +31,7 @@ AXES = {
 _PANELS = {
     "radius": "radius (m)",
     "eflr": "EFLR (1)",
-    "moment_arm": "moment arm (mm)",
+    "moment_arm": "arm under the load (mm)",
     "stiffness": "stiffness (N/mm)",
     "stored": "stored (J/kg)",
     "returned": "returned (J/kg)",
@@ -43,7 +43,9 @@ _MEASURES = {
 }
 """By panel: what the published table calls it, and what leads from its unit to the panel's."""
 _FEET = {"LLTE": "tab:green", "Horizon LT": "tab:red", "daily-use": "tab:blue"}
-_CURVES, _ROWS, _TARGETS_M = 60, 5, (0.2, 0.25, 0.3, 0.35, 0.4, 0.5)
+_CURVES = 60
+_ROWS = 5
+_TARGETS_M = (0.2, 0.25, 0.3, 0.35, 0.4, 0.5)
 _LIGHTEST = 0.66
 
 
@@ -185,7 +187,8 @@ def _facts(mapped: StiffnessMap) -> dict[str, Any]:
 
 
 def curves_figure(mapped: StiffnessMap, name: str, *, published: bool = False) -> Figure:
-    """Every quantity over the fulcrum, with bands, for the ends and the middle of one axis; others in their middle."""
+    """Every quantity over the fulcrum, with bands, for the ends and the middle of one axis; others
+    in their middle."""
     table = mapped.table
     known = [item.name for item in table.quantities if item.name in _PANELS]
     shown = {panel: title for panel, title in _PANELS.items() if panel in known}

@@ -8,14 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.bench_metrics import BenchTable, bench_table
-from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.metrics import walk_metrics, warnings
-from vsf_drake.analysis.offsets import OffsetFit
-from vsf_drake.analysis.prediction import TrialLayers
-from vsf_drake.analysis.sweep_table import Sweep, SweepRow, SweepTable
-from vsf_drake.errors import InputError
-from vsf_drake.files import plain, read_json
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import plain, read_json
+from vsf_drake.base.schema import to_plain
+from vsf_drake.base.tables import tables_module
+from vsf_drake.device.bench_metrics import BenchTable, bench_table
 from vsf_drake.motion.formats.recording import SIDES, Plate
 from vsf_drake.motion.formats.tables import write_opensim
 from vsf_drake.motion.trial import Trial
@@ -24,8 +21,6 @@ from vsf_drake.report.page import write_csv
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import save_figure
-from vsf_drake.schema import to_plain
-from vsf_drake.simulation.archive import result_folder
 from vsf_drake.simulation.results import (
     BenchResult,
     Standing,
@@ -36,7 +31,11 @@ from vsf_drake.simulation.results import (
     save_walk,
     standing_table,
 )
-from vsf_drake.tables import tables_module
+from vsf_drake.walks.comparison import compare
+from vsf_drake.walks.metrics import walk_metrics, warnings
+from vsf_drake.walks.offsets import OffsetFit
+from vsf_drake.walks.prediction import TrialLayers
+from vsf_drake.walks.sweep_table import Sweep, SweepRow, SweepTable
 
 _NOT_BY_NAME: dict[str, Any] = {"known": lambda table: False, "damaged_too": False}
 """Of tables whose names others may have too: their folders are told by the record beside them."""
@@ -57,7 +56,8 @@ SWEEP = ResultsFolder(
 
 
 def write_bench(result: BenchResult, out: str | Path) -> BenchTable:
-    """Writes bench.json, bench.png, bench.svg and the saved result to the folder `out`; returns the table."""
+    """Writes bench.json, bench.png, bench.svg and the saved result to the folder `out`; returns the
+    table."""
     table = bench_table(result)
 
     def more(folder: Path, _: dict[str, Any]) -> None:
@@ -78,10 +78,11 @@ def write_walk(
     replay: bool = True,
     opensim: bool = False,
 ) -> dict[str, Any]:
-    """Writes metrics.json, walk.png, walk.svg, the saved result and replay.html to `out`; returns the metrics.
+    """Writes metrics.json, walk.png, walk.svg, the saved result and replay.html to `out`; returns
+    the metrics.
 
-    `fit` is the one that the offsets come from, `layers` what the fitted contact predicts beyond the walk; `opensim`
-    adds walk_ik.mot and walk_grf.mot.
+    `fit` is the one that the offsets come from, `layers` what the fitted contact predicts beyond
+    the walk; `opensim` adds walk_ik.mot and walk_grf.mot.
     """
     plate = trial.prosthetic_plate
     comparison = compare(result, plate)
@@ -91,6 +92,7 @@ def write_walk(
         "offsets": to_plain(result.parameters["offsets"]),
         "offset_fit": None if fit is None else to_plain(fit),
         "layers": None if layers is None else plain(layers),
+        "recording": None if trial.judged is None else plain(trial.judged),
         "warnings": warnings(result, comparison, metrics, fit),
         "notes": list(result.notes),
     }
@@ -109,7 +111,8 @@ def write_walk(
 
 
 def _write_opensim(result: WalkResult, folder: Path) -> None:
-    """All coordinates of the walk, and what the ground did to both feet; of the intact one no free moment is known."""
+    """All coordinates of the walk, and what the ground did to both feet; of the intact one no free
+    moment is known."""
     names = result.coordinate_names
     unknown = np.full(len(result.time_s), np.nan)
     plates = {
@@ -131,7 +134,8 @@ def _write_opensim(result: WalkResult, folder: Path) -> None:
 
 
 def write_standing(standing: Standing, out: str | Path) -> StandingTable:
-    """Writes standing.json, standing.png and standing.svg to the folder `out`; returns the table."""
+    """Writes standing.json, standing.png and standing.svg to the folder `out`; returns the
+    table."""
     table = standing_table(standing)
     STANDING.write(
         out,
@@ -142,15 +146,17 @@ def write_standing(standing: Standing, out: str | Path) -> StandingTable:
 
 
 def check_sweep_folder(out: Path, trials: Iterable[Trial], *, parquet: bool = False) -> None:
-    """Raises InputError unless a sweep of `trials` can go to `out`: a new folder, or that of a sweep of the same ones.
+    """Raises InputError unless a sweep of `trials` can go to `out`: a new folder, or that of a
+    sweep of the same ones.
 
-    Trials are the same if they come from the same files, wherever these are named from, or hold the same. For
-    `parquet` the extra `tables` must be installed.
+    Trials are the same if they come from the same files, wherever these are named from, or hold the
+    same. For `parquet` the extra `tables` must be installed.
     """
     for needed in ("pandas", "pyarrow") if parquet else ():
         tables_module(needed)
     SWEEP.check(out)
-    path, given = out / SWEEP.table, list(trials)
+    path = out / SWEEP.table
+    given = list(trials)
     if not path.exists():
         return
     try:
@@ -179,23 +185,15 @@ def check_sweep_folder(out: Path, trials: Iterable[Trial], *, parquet: bool = Fa
 def write_sweep(
     table: SweepTable, rows: Sequence[SweepRow], out: Path, *, parquet: bool = False
 ) -> None:
-    """Writes sweep.json, sweep.csv, and sweep.parquet if asked; removes the figure of an earlier sweep."""
+    """Writes sweep.json, sweep.csv, and sweep.parquet if asked; sweep.png and sweep.svg if one
+    quantity was varied and any walk has scores, else the figure of an earlier sweep goes. All of it
+    or nothing."""
 
     def more(folder: Path, _: dict[str, Any]) -> None:
         write_csv(folder / "sweep.csv", rows[0].cells(), (row.cells().values() for row in rows))
         if parquet:
             Sweep(table, rows).to_dataframe().to_parquet(folder / "sweep.parquet", index=False)
+        if len(table.varied) == 1 and any(trial.finished for trial in table.trials):
+            save_figure(sweep_figure(table, rows), folder / "sweep")
 
     SWEEP.write(out, plain(table), more=more)
-
-
-def write_sweep_figure(table: SweepTable, rows: Sequence[SweepRow], out: Path) -> None:
-    """Writes sweep.png and sweep.svg if one quantity was varied and any walk has scores."""
-    if len(table.varied) == 1 and any(row.scores.grf_rmse_bw is not None for row in rows):
-        with result_folder(out, SWEEP.kind, add=True) as folder:
-            try:
-                save_figure(sweep_figure(table, rows), folder / "sweep")
-            except OSError as error:
-                raise InputError(
-                    f"cannot be written ({error.strerror})", file=out / _SWEEP_FIGURES[0]
-                ) from None

@@ -1,7 +1,7 @@
 """Pages of results: Jinja2 templates in `report/templates`, filled with numbers and decisions.
 
-`render` fills any template. A page of chapters has a template for each `Chapter`, and leaves a CSV file for every table
-and a PNG, on request an SVG too, for every figure that its templates show.
+`render` fills any template. A page of chapters has a template for each `Chapter`, and leaves a CSV
+file for every table and a PNG, on request an SVG too, for every figure that its templates show.
 """
 
 from __future__ import annotations
@@ -18,30 +18,37 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
-from vsf_drake.errors import InputError, raise_if_interrupted
-from vsf_drake.files import csv_cells, replaced
+from vsf_drake.base.errors import InputError, raise_if_interrupted
+from vsf_drake.base.files import csv_cells, replaced
 from vsf_drake.report.style import png, save_figure
+from vsf_drake.walks import quantities
 
-FIGURES, TABLES = "figures", "tables"  # folders of the files of chapters
+# folders of the files of chapters
+FIGURES = "figures"
+TABLES = "tables"
 UNKNOWN = "–"
 _PAPER_PT, _LETTER_EM, _BETWEEN_EM, _LARGEST_PT = 530.0, 0.62, 0.8, 7.5
-"""Width of A4 or letter within a browser's margins, of a bold digit, between columns; the largest size of a table."""
+"""Width of A4 or letter within a browser's margins, of a bold digit, between columns; the largest
+size of a table."""
 _SENTENCES = re.compile(r"<(p|li)[ >].*?</\1>", re.DOTALL)  # what templates may break into lines
 _NUMBER = r"[+-]?[0-9.]+(e[+-]?[0-9]+)?"
 
 
 def render(template: str, /, **context: Any) -> Markup:
-    """The template filled in; texts are escaped where they are shown, and a name that is not given is an error.
+    """The template filled in; texts are escaped where they are shown, and a name that is not given
+    is an error.
 
-    Besides Jinja2's own, templates have the filters `number`, `said`, `listed`, `joint`, `span`, `data_uri` of this
-    module and the macros of macros.html.j2.
+    Besides Jinja2's own, templates have the filters `number`, `column`, `shown`, `said`, `listed`,
+    `joint`, `span`, `data_uri` of this module, the macros of macros.html.j2 and the module
+    `quantities`.
     """
     text = _PAGES.get_template(template).render(context)
     return Markup(_SENTENCES.sub(lambda match: " ".join(match[0].split()), text))
 
 
 def number(value: Any, form: str = "{}", factor: float = 1.0) -> str:
-    """`value` times `factor` in this format, a zero without sign; a text as it is, None as a dash."""
+    """`value` times `factor` in this format, a zero without sign; a text as it is, None as a
+    dash."""
     if value is None or isinstance(value, (str, bool)):
         return said(value)
     text = form.format(value if factor == 1.0 else factor * value)
@@ -49,7 +56,8 @@ def number(value: Any, form: str = "{}", factor: float = 1.0) -> str:
 
 
 def said(value: Any, none: str = UNKNOWN) -> str:
-    """Any plain value, such as that of an option, in words; `none` for None and for what is empty."""
+    """Any plain value, such as that of an option, in words; `none` for None and for what is
+    empty."""
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {said(item, none)}" for name, item in value.items()) or none
     if isinstance(value, (list, tuple)):
@@ -73,7 +81,8 @@ def joint(loop: Any, between: str = ", ", last: str = " and ") -> str:
 def span(values: Iterable[float | None], form: str) -> str:
     """From the least to the largest of the values that are known, once if both look the same."""
     known = [value for value in values if value is not None]
-    low, high = form.format(min(known)), form.format(max(known))
+    low = form.format(min(known))
+    high = form.format(max(known))
     return low if low == high else f"{low} to {high}"
 
 
@@ -85,7 +94,8 @@ def data_uri(figure: Figure | bytes) -> str:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table; the CSV has its values as they are, and None and text show as themselves."""
+    """A column of a table; the CSV has its values as they are, and None and text show as
+    themselves."""
 
     key: str  # of the row's value, with its unit at the end; the CSV's heading
     heading: str  # with its unit, as the page shows it
@@ -99,28 +109,33 @@ class Column:
             )
 
 
+def column(name: str, heading: str = "", form: str = "") -> tuple[str, str, str, float]:
+    """As `Column` has it, a number of a compared walk; what is not given is as `quantities` has
+    it."""
+    own = quantities.quantity(name)
+    return name, heading or own.heading, form or own.form, own.scale
+
+
 @dataclass(frozen=True, kw_only=True)
 class Chapter:
     """A chapter of a page, made of saved results.
 
-    Its template shows what it is given with
-    `{% call table("errors", rows, (("error_n", "error (N)", "{:.1f}"), ...)) %}caption{% endcall %}`: the stem
-    of the table's CSV file, its rows, records or mappings (one whose `met` is False is marked), and each column as
-    `Column` has it,
-    `{% call figure("force", title="the finding", alt="it with its numbers") %}caption{% endcall %}` and
-    `{% call missing() %}what is not there, and why{% endcall %}`.
-    It opens with the finding, a figure and at most a small table; the rest stands in `details` of macros.html.j2.
+    Its template shows what it is given with `{% call table("errors", rows, (("error_n", "error
+    (N)", "{:.1f}"), ...)) %}caption{% endcall %}`: the stem of the table's CSV file, its rows,
+    records or mappings (one whose `met` is False is marked), and each column as `Column` has it
+    or, of a number of a compared walk, as the filter `column` makes it of its name,
+    `{% call figure("force", title="the finding", alt="it with its numbers") %}caption{% endcall %}`
+    and `{% call missing() %}what is not there, and why{% endcall %}`. It opens with the finding, a
+    figure and at most a small table; the rest stands in `details` of macros.html.j2.
     """
 
     name: str  # HTML anchor
     title: str  # "" for what stands above the list of chapters, on the first screen
     template: str = ""  # "" for none
-    facts: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # numbers and decisions, as the template calls them
-    figures: Mapping[str, Figure] = field(
-        default_factory=dict
-    )  # by the stem of their files, their own in the page
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    """numbers and decisions, as the template calls them"""
+    figures: Mapping[str, Figure] = field(default_factory=dict)
+    """by the stem of their files, their own in the page"""
     missing: Sequence[str] = ()  # what is not there, and why, above the rest
 
 
@@ -138,16 +153,18 @@ def made_chapter(name: str, title: str, make: Callable[[], Chapter], lenient: bo
 
 
 class ShownChapter:
-    """A chapter in HTML, the paths of its figures and tables within `folder`, and what is not there, in sentences."""
+    """A chapter in HTML, the paths of its figures and tables within `folder`, and what is not
+    there, in sentences."""
 
     def __init__(self, chapter: Chapter, folder: Path | None, *, lenient: bool, svg: bool) -> None:
-        self.name, self.title, self.files, self.missing = (
-            chapter.name,
-            chapter.title,
-            set[Path](),
-            list[str](),
-        )
-        self._chapter, self._folder, self._lenient, self._svg = chapter, folder, lenient, svg
+        self.name = chapter.name
+        self.title = chapter.title
+        self.files = set[Path]()
+        self.missing = list[str]()
+        self._chapter = chapter
+        self._folder = folder
+        self._lenient = lenient
+        self._svg = svg
         above = Markup("").join(map(self._missing, chapter.missing))
         given = {
             **chapter.facts,
@@ -162,7 +179,8 @@ class ShownChapter:
         )
 
     def _tried(self, what: str, make: Callable[[], Markup]) -> Markup:
-        """What `make` makes; a sentence if it cannot, if that may be: of another version, or what an editor left."""
+        """What `make` makes; a sentence if it cannot, if that may be: of another version, or what
+        an editor left."""
         try:
             return make()
         except (InputError, OSError):
@@ -250,7 +268,8 @@ def chapter_page(
         alarm: why nothing on the page may be taken for a result; red, above everything else.
         folder: an existing one, for the files of figures and tables.
         svg: whether figures lie there as SVG too.
-        lenient: whether what cannot be shown is named in its place instead of raising: of another version, or edited.
+        lenient: whether what cannot be shown is named in its place instead of raising: of another
+            version, or edited.
     """
     if folder is not None:
         for name in (FIGURES, TABLES):
@@ -285,9 +304,16 @@ def cell(column: Column, value: Any) -> str:
     )
 
 
+def shown(row: object, name: str) -> str:
+    """A number of a compared walk as `quantities` has it."""
+    return number(_value(row, name), *column(name)[2:])
+
+
 def _value(row: object, key: str) -> Any:
     """What a row, a record or a mapping, has under this name; None if it has not."""
-    return row.get(key) if isinstance(row, Mapping) else getattr(row, key, None)
+    if isinstance(row, Mapping):
+        return row.get(key)
+    return row.number(key) if isinstance(row, quantities.Judged) else getattr(row, key, None)
 
 
 def _one_line(text: str, caller: Callable[[], str] | None = None) -> str:
@@ -325,6 +351,8 @@ def _environment() -> Environment:
     )
     pages.filters |= {
         "number": number,
+        "column": column,
+        "shown": shown,
         "said": said,
         "listed": listed,
         "joint": joint,
@@ -337,6 +365,7 @@ def _environment() -> Environment:
         ],
         "number_class": lambda right: Markup(' class="number"') if right else "",
     }
+    pages.globals["quantities"] = quantities
     pages.tests["numeral"] = _is_numeral
     return pages
 

@@ -1,4 +1,5 @@
-"""A finished walk as a page to watch: one HTML file with Meshcat inside, which opens without a network."""
+"""A finished walk as a page to watch: one HTML file with Meshcat inside, which opens without a
+network."""
 
 from __future__ import annotations
 
@@ -13,21 +14,15 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.perception import PointCloud
 
-from vsf_drake.analysis.comparison import (
-    FORCE_CUTOFF_HZ,
-    THRESHOLD_N,
-    resample,
-    uniform_grid,
-    walking_direction,
-)
-from vsf_drake.analysis.metrics import UNFITTED
-from vsf_drake.errors import InputError
-from vsf_drake.files import write_text
-from vsf_drake.model_file import check_model
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import write_text
+from vsf_drake.base.schema import from_plain
+from vsf_drake.model.model_file import check_model
+from vsf_drake.model.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import low_pass
-from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
+from vsf_drake.motion.trial import UNUSABLE_RECORDING
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.person import add_person
 from vsf_drake.plants.visuals import SITE_NAME, SPHERE, add_visuals
@@ -42,8 +37,15 @@ from vsf_drake.report.show.drawing import (
     paint_last,
     shifted,
 )
-from vsf_drake.schema import from_plain
 from vsf_drake.simulation.results import WalkResult
+from vsf_drake.walks.comparison import (
+    FORCE_CUTOFF_HZ,
+    THRESHOLD_N,
+    resample,
+    uniform_grid,
+    walking_direction,
+)
+from vsf_drake.walks.metrics import UNFITTED
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -53,18 +55,25 @@ T = TypeVar("T", bound="DataclassInstance")
 PREDICTED: RGB = (0.90, 0.38, 0.00)
 MEASURED: RGB = (0.10, 0.25, 0.65)
 LOADED: RGB = (0.80, 0.05, 0.05)
-WALK, FORCES, GROUND = "/walk", "/forces", "/ground"  # where things stand in Meshcat's tree
+# where things stand in Meshcat's tree
+WALK = "/walk"
+FORCES = "/forces"
+GROUND = "/ground"
 UPRIGHT = f"{WALK}/pelvis/upright"  # what is drawn on the pelvis, turned back by its mean tilt
 ARROW_M_PER_BW = 1.0  # length of a force arrow for one body weight (m)
 ARM_SWING = 0.6  # of the other thigh's, about the shoulder (a choice)
-_DOT_M, _GRID_M = 0.008, 0.1
+_DOT_M = 0.008
+_GRID_M = 0.1
 _PIECE = 5  # cells of the grid that a line is long: some renderers drop longer ones
-_EYE_HEIGHT_M, _LOOKED_AT_M, _DISTANCE_M = 1.25, 0.90, 3.5
+_EYE_HEIGHT_M = 1.25
+_LOOKED_AT_M = 0.90
+_DISTANCE_M = 3.5
 _ARROWS = {
     "predicted": (PREDICTED, 0.45, 0.010, (0.07, 0.027), 1),
     "measured": (MEASURED, 0.99, 0.004, (0.05, 0.011), 2),
 }
-"""Colour, opacity, radius of the shaft, length and radius of the head (m), order: a slim one shows in a wide one."""
+"""Colour, opacity, radius of the shaft, length and radius of the head (m), order: a slim one shows
+in a wide one."""
 
 
 def write_replay(
@@ -77,10 +86,11 @@ def write_replay(
 ) -> None:
     """Writes the replay of `result` as one HTML file that opens without a network; never simulates.
 
-    The person and the prosthesis move as saved; head, trunk and arms are drawn. Arrows at the centre of pressure show
-    the force of the ground (40 Hz, one metre for a body weight), dots the centre's path: on the prosthetic foot as
-    predicted and, within that, as `plate` recorded it; on the intact foot as `intact_plate` did. A time bar below has
-    the vertical forces. The result must hold the parameters and coordinates of a person.
+    The person and the prosthesis move as saved; head, trunk and arms are drawn. Arrows at the
+    centre of pressure show the force of the ground (40 Hz, one metre for a body weight), dots the
+    centre's path: on the prosthetic foot as predicted and, within that, as `plate` recorded it; on
+    the intact foot as `intact_plate` did. A time bar below has the vertical forces. The result must
+    hold the parameters and coordinates of a person.
     """
     frames = make_frames(result, plate=plate, intact_plate=intact_plate, rate_hz=frame_rate_hz)
     meshcat = open_meshcat()
@@ -122,7 +132,11 @@ def write_replay(
             "replay.html.j2",
             walk=result,
             curves=curves,
-            unfitted=any(note.startswith(UNFITTED) for note in result.notes),
+            states=[
+                word
+                for word in (UNFITTED, UNUSABLE_RECORDING)
+                if any(note.startswith(word) for note in result.notes)
+            ],
             fulcrum_mm=np.round(1e3 * frames.fulcrum_m, 1).tolist(),
             weight_n=weight,
             weight_height=100.0 * weight / top,
@@ -137,8 +151,10 @@ def write_replay(
 
 
 def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> MeshcatAnimation:
-    """Publishes the bodies and records their poses, the swing of the arms, and the colours of the spheres."""
-    plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
+    """Publishes the bodies and records their poses, the swing of the arms, and the colours of the
+    spheres."""
+    plant = MultibodyPlant(0.0)
+    scene_graph = SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     person = add_person(
         plant,
@@ -167,14 +183,13 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
         )
     order = [result.coordinate_names.index(name) for name in sorted(moving, key=moving.__getitem__)]
     inspector = scene_graph.model_inspector()
-    bodies, arms = {}, {}
+    bodies = {}
+    arms = {}
     for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
         bodies[body.name()] = body
-        name, pose = (
-            inspector.GetName(geometry).rpartition("::")[2],
-            inspector.GetPoseInFrame(geometry),
-        )
+        name = inspector.GetName(geometry).rpartition("::")[2]
+        pose = inspector.GetPoseInFrame(geometry)
         path = f"{UPRIGHT if body is person.pelvis else f'{WALK}/{body.name()}'}/{name}"
         if name.startswith("arm_"):
             arms[path] = pose, "hip_flexion_r" if name == "arm_left" else "hip_flexion_l"
@@ -207,10 +222,9 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
         swing = ARM_SWING * frames.q[:, result.coordinate_names.index(thigh)]
         for i, angle in enumerate(swing - swing.mean()):
             animation.SetTransform(i, path, shoulder @ _forward(angle))
-    low, high = (
-        np.array(SPHERE[:3]) ** 2.2,
-        np.array(LOADED) ** 2.2,
-    )  # which three.js takes as linear light
+    # which three.js takes as linear light
+    low = np.array(SPHERE[:3]) ** 2.2
+    high = np.array(LOADED) ** 2.2
     for j, index in enumerate(person.foot.sites.body_indices):
         path = f"{WALK}/{plant.get_body(index).name()}/{SITE_NAME.format(j)}/<object>"
         load = frames.sphere_load[:, j]
@@ -243,7 +257,8 @@ def _record_force(
     force: ForceFrames,
     weight: float,
 ) -> RGB:
-    """An arrow from the centre of pressure along the force, and dots along the centre's path; returns their colour."""
+    """An arrow from the centre of pressure along the force, and dots along the centre's path;
+    returns their colour."""
     colour, opacity, radius, head, order = _ARROWS[kind]
     path = f"{FORCES}/{name}"
     add_arrow(
@@ -275,8 +290,10 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> No
     """Ground with a grid, and a camera at the prosthetic side that sees the whole path."""
     names = result.coordinate_names
     path = frames.q[:, [names.index("pelvis_tx"), names.index("pelvis_tz")]] * [1.0, -1.0]
-    low, high = np.floor(path.min(axis=0) - 1.0), np.ceil(path.max(axis=0) + 1.0)
-    size, middle = high - low, 0.5 * (low + high)
+    low = np.floor(path.min(axis=0) - 1.0)
+    high = np.ceil(path.max(axis=0) + 1.0)
+    size = high - low
+    middle = 0.5 * (low + high)
     for name in ("/Grid", "/Axes"):
         meshcat.SetProperty(name, "visible", False)
     meshcat.SetObject(
@@ -348,7 +365,8 @@ def make_frames(
             where="frame_rate_hz",
             right=f"It must be above 0 and at most {HIGHEST_RATE_HZ:g}",
         )
-    start, end = float(result.time_s[0]), float(result.time_s[-1])
+    start = float(result.time_s[0])
+    end = float(result.time_s[-1])
     time = start + np.arange(math.floor((end - start) * rate_hz + 1e-6) + 1) / rate_hz
     load = resample(time, result.time_s, result.sphere_normal_n) / (
         FULL_COLOUR_BW * GRAVITY * result.subject_mass_kg
@@ -383,7 +401,8 @@ def _force_frames(
             )
             force = resample(time, grid, smooth)
     last = len(samples_s) - 1
-    # A centre of pressure is nowhere between two others that may be NaN: that of the nearest sample.
+    # A centre of pressure is nowhere between two others that may be NaN: that of the nearest
+    # sample.
     after = np.clip(np.searchsorted(samples_s, time), 1, max(last, 1))
     nearest = np.where(
         time - samples_s[after - 1] < samples_s[np.minimum(after, last)] - time, after - 1, after

@@ -1,4 +1,5 @@
-"""One writer and one reader for every folder of results: who may write them where, what is written, what comes back."""
+"""One writer and one reader for every folder of results: who may write them where, what is written,
+what comes back."""
 
 from __future__ import annotations
 
@@ -12,8 +13,16 @@ from typing import Any
 import numpy as np
 from jinja2 import UndefinedError
 
-from vsf_drake.errors import InputError
-from vsf_drake.files import plain, read_json, read_npz, sha256, write_json, write_npz, write_text
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import (
+    plain,
+    read_json,
+    read_npz,
+    sha256,
+    write_json,
+    write_npz,
+    write_text,
+)
 from vsf_drake.report.page import FIGURES, TABLES, chapter_page
 from vsf_drake.simulation.archive import SIDECAR_FILE, check_target, result_folder
 
@@ -30,30 +39,31 @@ CHAPTERS = tuple(
 class ResultsFolder:
     """The results of one command on disk.
 
-    `show` is of a page of chapters: what `page.chapter_page` is to be given, of table and arrays; `folder` is where
-    other files stand.
+    `show` is of a page of chapters: what `page.chapter_page` is to be given, of table and arrays;
+    `folder` is where other files stand.
     """
 
     kind: str  # by which the folder's record and messages have them
     command: str  # that writes them
     table: str = ""  # the JSON file that says what they are
-    known: Callable[[Mapping[str, Any]], bool] = lambda table: (
-        True
-    )  # whether a table is one of these
+    known: Callable[[Mapping[str, Any]], bool] = lambda table: True
+    """whether a table is one of these"""
     damaged_too: bool = True  # whether a table that cannot be read counts as one of these
-    arrays: str = ""  # an NPZ file whose SHA-256 the table has; in it "__" stands for the "/" of an array's name
+    arrays: str = ""
+    """an NPZ file whose SHA-256 the table has; in it "__" stands for the "/" of an array's name"""
     names: tuple[str, ...] = ()  # of what else is written, where it is known beforehand
     stale: tuple[str, ...] = ()  # patterns of what goes from a folder without a record
     sidecar: str = SIDECAR_FILE  # a YAML file that says the kind, instead of a table
-    unfinished: Callable[[Path], bool] = lambda out: (
-        False
-    )  # whether a folder without a table is of an interrupted run
-    # raises ValueError for a table that cannot be used, InputError for one in the file that it is given
+    unfinished: Callable[[Path], bool] = lambda out: False
+    """whether a folder without a table is of an interrupted run"""
+    # raises ValueError for a table that cannot be used, InputError for one in the file that it is
+    # given
     valid: Callable[[Mapping[str, Any], Path], object] = lambda table, path: None
     show: Callable[..., Mapping[str, Any]] | None = None
 
     def check(self, out: str | Path) -> Path:
-        """`out`, if such results can go there: a new or empty folder, or that of earlier ones, finished or not."""
+        """`out`, if such results can go there: a new or empty folder, or that of earlier ones,
+        finished or not."""
         out = Path(out)
         names = [
             *filter(None, (self.table, self.arrays)),
@@ -85,8 +95,9 @@ class ResultsFolder:
     ) -> dict[str, Any]:
         """Writes everything to `out`, all of it or nothing; what an earlier run left there goes.
 
-        `more` writes what is not table, arrays or chapters into the folder that it is given, and may add to the table.
-        Returns what the JSON file holds. ValueError for a table that cannot be used.
+        `more` writes what is not table, arrays or chapters into the folder that it is given, and
+        may add to the table. Returns what the JSON file holds. ValueError for a table that cannot
+        be used.
         """
         self.valid(table, Path(out) / self.table)
         written: dict[str, Any] = plain(dict(table))
@@ -108,8 +119,8 @@ class ResultsFolder:
     def write_unfinished(
         self, out: str | Path, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
     ) -> Path:
-        """Writes the page of what there is so far, which says so; its table, by which it could be read as results, is
-        not there. What an earlier run left goes. Returns the page's path."""
+        """Writes the page of what there is so far, which says so; its table, by which it could be
+        read as results, is not there. What an earlier run left goes. Returns the page's path."""
         with result_folder(
             out, self.kind, stale=(*self.stale, *CHAPTERS, self.table, self.arrays)
         ) as folder:
@@ -118,10 +129,8 @@ class ResultsFolder:
 
     def read(self, folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         """Table and arrays that `write` left; they must belong together."""
-        path, right = (
-            Path(folder) / self.table,
-            f"Name the folder that `vsf-drake {self.command} --out` wrote",
-        )
+        path = Path(folder) / self.table
+        right = f"Name the folder that `vsf-drake {self.command} --out` wrote"
         again = f"Run `vsf-drake {self.command}` again"
         if not path.exists() and self.unfinished(Path(folder)):
             raise InputError(
@@ -148,8 +157,8 @@ class ResultsFolder:
         }
 
     def remake(self, folder: str | Path, *, svg: bool = False) -> list[str]:
-        """Makes page, tables and figures (`svg`: as SVG too) again of what is saved; returns what could not be shown,
-        in sentences."""
+        """Makes page, tables and figures (`svg`: as SVG too) again of what is saved; returns what
+        could not be shown, in sentences."""
         out = Path(folder)
         table, arrays = self.read(out)
         with result_folder(out, self.kind, add=True) as temporary:
@@ -191,7 +200,8 @@ class ResultsFolder:
         lenient: bool,
         svg: bool = False,
     ) -> tuple[set[Path], list[str]]:
-        """Page, figures and tables into `folder`; paths of these in it, and what is missing in sentences."""
+        """Page, figures and tables into `folder`; paths of these in it, and what is missing in
+        sentences."""
         assert self.show is not None
         page, shown = chapter_page(
             **self.show(table, arrays, folder=out, lenient=lenient),

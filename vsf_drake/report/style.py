@@ -1,7 +1,9 @@
-"""One look for every figure: measured solid, simulated dashed, one colour a fulcrum position, units on axes.
+"""One look for every figure: measured solid, simulated dashed, one colour a fulcrum position, units
+on axes.
 
-The colours run along `viridis` without its light end: told apart with any colour vision, and ordered by lightness, so
-that the order survives grey print. Nothing global changes and no display is needed.
+The colours run along `viridis` without its light end: told apart with any colour vision, and
+ordered by lightness, so that the order survives grey print. Nothing global changes and no display
+is needed.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from matplotlib.layout_engine import TightLayoutEngine
 from matplotlib.ticker import LogFormatter
 from matplotlib.typing import ColorType
 
-from vsf_drake.files import replaced
+from vsf_drake.base.files import replaced
 
 MEASURED: dict[str, Any] = {"linestyle": "-", "linewidth": 2.6, "alpha": 0.55}
 SIMULATED: dict[str, Any] = {"linestyle": (0, (4, 1.6)), "linewidth": 1.6}
@@ -33,7 +35,8 @@ SHADE = "0.92"
 MARKERS = ("o", "s", "^", "D", "v")
 DOTS_PER_INCH = 150
 PANEL = (4.6, 3.1)
-"""Inches of a figure of one panel: two stand side by side on a screen, and a telephone shows letters of 9 pixels."""
+"""Inches of a figure of one panel: two stand side by side on a screen, and a telephone shows
+letters of 9 pixels."""
 _RANGE_MM = (66.0, 151.0)
 _LIGHTEST = 0.66
 _SETTINGS: dict[str, Any] = {
@@ -64,18 +67,22 @@ def style() -> AbstractContextManager[None]:
 
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure (inches) that needs no display."""
-    margins = _Margins(pad=0.9, w_pad=1.6, h_pad=1.3, rect=None)  # type: ignore[arg-type] # None measures once, not twice
+    # None measures once, not twice
+    margins = _Margins(pad=0.9, w_pad=1.6, h_pad=1.3, rect=None)  # type: ignore[arg-type]
     figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout=margins)
     FigureCanvasAgg(figure)
     return figure
 
 
 class _Margins(TightLayoutEngine):
-    """Margins as labels and titles need them, found in one pass, with room for the figure's own legends: a third of
-    what Matplotlib's constrained layout takes, which alone knows subfigures."""
+    """Margins as labels and titles need them, found in one pass, with room for the figure's own
+    legends: a third of what Matplotlib's constrained layout takes, which alone knows subfigures."""
 
     def execute(self, fig: Figure) -> None:
-        low, right, renderer = 0.0, 1.0, fig.canvas.get_renderer()  # type: ignore[attr-defined] # of FigureCanvasAgg
+        low = 0.0
+        right = 1.0
+        # of FigureCanvasAgg
+        renderer = fig.canvas.get_renderer()  # type: ignore[attr-defined]
         for legend in fig.legends:
             extent = legend.get_window_extent(renderer).transformed(fig.transFigure.inverted())
             if extent.y1 < 0.5:  # below the panels
@@ -106,7 +113,8 @@ FULCRUM = "fulcrum from the keel's posterior end (mm)"
 
 
 def colour_of(fulcrum_mm: float | None) -> ColorType:
-    """The colour of a fulcrum position (mm from the keel's posterior end), or of the heel for None."""
+    """The colour of a fulcrum position (mm from the keel's posterior end), or of the heel for
+    None."""
     if fulcrum_mm is None:
         return HEEL_COLOUR
     low, high = _RANGE_MM
@@ -169,7 +177,8 @@ def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
 
 def log_scale(axis: Axis, base: float = 10.0) -> None:
     """Makes an axis logarithmic, labelled in digits."""
-    set_scale = axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale  # type: ignore[attr-defined] # no stub
+    # no stub
+    set_scale = axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale  # type: ignore[attr-defined]
     set_scale("log", base=base)
     axis.set_major_formatter(_Digits(base))
     axis.set_minor_formatter(_Digits(base, labelOnlyBase=False))
@@ -195,9 +204,11 @@ def png(figure: Figure) -> bytes:
 def save_figure(
     figure: Figure, stem: str | Path, *, svg: bool = True, letters: str = "none"
 ) -> tuple[Path, ...]:
-    """Writes `stem`.png and with `svg` `stem`.svg, the same bytes for the same figure; returns their paths.
+    """Writes `stem`.png and with `svg` `stem`.svg, the same bytes for the same figure; returns
+    their paths.
 
-    `letters` of the SVG are as Matplotlib's `svg.fonttype` has them: "none" is text, "path" needs no font.
+    `letters` of the SVG are as Matplotlib's `svg.fonttype` has them: "none" is text, "path" needs
+    no font.
     """
     paths = [
         path.with_name(path.name + end)
@@ -206,9 +217,8 @@ def save_figure(
     with replaced(paths[0], "wb") as stream:
         stream.write(png(figure))
     if svg:
-        figure.set_layout_engine(
-            "none"
-        )  # settled with the PNG; it asks for what no canvas of SVG has
+        # settled with the PNG; it asks for what no canvas of SVG has
+        figure.set_layout_engine("none")
         with style(), rc_context({"svg.fonttype": letters}), replaced(paths[1], "wb") as stream:
             figure.savefig(stream, format="svg", metadata={"Date": None})
     return tuple(paths if svg else paths[:1])

@@ -1,4 +1,5 @@
-"""Folders of results on disk: whole or not at all, and never a mixture of two runs; which software made them."""
+"""Folders of results on disk: whole or not at all, and never a mixture of two runs; which software
+made them."""
 
 from __future__ import annotations
 
@@ -13,14 +14,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.errors import InputError
-from vsf_drake.files import part_of, read_json, sha256, write_json
-from vsf_drake.schema import load_plain
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import MOST_FILE_BYTES, part_of, read_json, sha256, write_json
+from vsf_drake.base.schema import load_plain
 
 SIDECAR_FILE = "result.yaml"
-RECORD_FILE = (
-    ".vsf_drake.json"  # what was written to a result folder: SHA-256 by path, by kind of result
-)
+# what was written to a result folder: SHA-256 by path, by kind of result
+RECORD_FILE = ".vsf_drake.json"
 _KINDS = (".yaml", ".json", ".npz", ".html", ".mot", ".png", ".svg")  # of files that tables name
 
 
@@ -32,11 +32,12 @@ def check_target(
     names: Iterable[str] = (),
     sidecar: str = SIDECAR_FILE,
 ) -> None:
-    """InputError unless a result of `kind` ("walk", "bench") can go to `out`; asked before a long run, not after it.
+    """InputError unless a result of `kind` ("walk", "bench") can go to `out`; asked before a long
+    run, not after it.
 
-    It can go to a new or empty folder, or one that holds an earlier result of the kind; `known` tells whether a folder
-    without a record (an interrupted run) does. Nothing in it may be in the way of files of `names`, nor lead out of it.
-    `sidecar` is the YAML file that says the kind.
+    It can go to a new or empty folder, or one that holds an earlier result of the kind; `known`
+    tells whether a folder without a record (an interrupted run) does. Nothing in it may be in the
+    way of files of `names`, nor lead out of it. `sidecar` is the YAML file that says the kind.
     """
     out = Path(out).absolute()
     try:
@@ -70,21 +71,25 @@ def check_target(
 def result_folder(
     out: str | Path, kind: str, *, keep: bool = True, add: bool = False, stale: Iterable[str] = ()
 ) -> Iterator[Path]:
-    """A temporary folder whose content becomes that of `out` only when the block ends without an exception.
+    """A temporary folder whose content becomes that of `out` only when the block ends without an
+    exception.
 
-    A new `out` appears by one rename. From an existing `out` first goes what an earlier result of the kind left there
-    (unless somebody changed it), then the new files come; Ctrl-C, SIGTERM and SIGHUP wait until they have. Killed in
-    between, it holds a part of the new ones, never old beside new, and the next run of the kind clears it. Other files
-    stay. After an exception nothing of the block remains.
+    A new `out` appears by one rename. From an existing `out` first goes what an earlier result of
+    the kind left there (unless somebody changed it), then the new files come; Ctrl-C, SIGTERM and
+    SIGHUP wait until they have. Killed in between, it holds a part of the new ones, never old
+    beside new, and the next run of the kind clears it. Other files stay. After an exception nothing
+    of the block remains.
 
     Args:
         kind: of result. Of another kind nothing goes but what has the same name.
         keep: false to try whether it could be written, and leave nothing.
         add: whether the earlier files of the kind stay, unless they have the same name.
-        stale: patterns of names of what goes from a folder without a record, as earlier versions left it.
+        stale: patterns of names of what goes from a folder without a record, as earlier versions
+            left it.
 
     Raises:
-        InputError: it cannot be written, or something in it is in the way or leads out of it; nothing has changed.
+        InputError: it cannot be written, or something in it is in the way or leads out of it;
+            nothing has changed.
     """
     out = Path(out).absolute()
     if out.exists() and not out.is_dir():
@@ -106,10 +111,18 @@ def result_folder(
 
 
 def remove_result(out: Path, kind: str, names: Iterable[str] = ()) -> None:
-    """Removes from `out` what was written there as a result of `kind` and not changed since, and files of `names`."""
+    """Removes from `out` what was written there as a result of `kind` and not changed since, and
+    files of `names`."""
     for name, digest in {**_earlier(out, kind), **dict.fromkeys(names)}.items():
         path = out / name
-        if path.is_file() and _inside(path, out) and digest in (None, sha256(path)):
+        if (
+            path.is_file()
+            and _inside(path, out)
+            and (
+                digest is None
+                or (path.stat().st_size <= MOST_FILE_BYTES and digest == sha256(path))
+            )
+        ):
             path.unlink()
             for folder in _folders(out, name):
                 with contextlib.suppress(OSError):  # it holds something else
@@ -144,7 +157,8 @@ def _settle(source: Path, target: Path, kind: str, *, add: bool, stale: Iterable
 def _check_places(out: Path, names: Iterable[str]) -> None:
     """Raises InputError unless files of `names` can be renamed to what they are called in `out`."""
     for name in names:
-        path, right = out / name, "Choose another folder"
+        path = out / name
+        right = "Choose another folder"
         if not _inside(path, out):
             raise InputError(f"leads out of {out}", file=path, right=right)
         if path.is_dir():
@@ -168,7 +182,8 @@ def _folders(out: Path, name: str) -> list[Path]:
 
 @contextlib.contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Signals that end a program wait until the block has ended (in the main thread, which handles them)."""
+    """Signals that end a program wait until the block has ended (in the main thread, which handles
+    them)."""
     came: list[int] = []
     before = (
         {}
@@ -199,7 +214,8 @@ def _recorded(folder: Path) -> dict[str, dict[str, str | None]]:
 
 
 def _earlier(out: Path, kind: str, stale: Iterable[str] = ()) -> dict[str, str | None]:
-    """What is recorded of `kind`; without a record what its table names as its own, and what matches `stale`."""
+    """What is recorded of `kind`; without a record what its table names as its own, and what
+    matches `stale`."""
     if record := _recorded(out).get(kind):
         return record
     names = [path.relative_to(out).as_posix() for pattern in stale for path in out.glob(pattern)]

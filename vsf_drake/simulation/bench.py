@@ -1,4 +1,5 @@
-"""Presses the foot on the bench, at each fulcrum position and at the heel; the keel's shape under its load."""
+"""Presses the foot on the bench, at each fulcrum position and at the heel; the keel's shape under
+its load."""
 
 from __future__ import annotations
 
@@ -8,25 +9,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.base.schema import to_plain
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
-from vsf_drake.model_file import check_fulcrum, check_model, secant_stiffness
-from vsf_drake.parameters import FootParameters, ModelParameters
+from vsf_drake.model.model_file import check_fulcrum, check_model, secant_stiffness
+from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.plants.foot import keel_joint_positions, keel_joint_stiffness
-from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.mechanism import bench_mechanism
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
 
-PUBLISHED_FULCRUMS_M = (
-    0.066,
-    0.087,
-    0.108,
-    0.129,
-    0.151,
-)  # the five settings of McGeehan et al. (2021)
+# the five settings of McGeehan et al. (2021)
+PUBLISHED_FULCRUMS_M = (0.066, 0.087, 0.108, 0.129, 0.151)
 PUBLISHED_SPEED_M_PER_S = 0.050 / 60.0
 """50 mm/min, the same."""
 LARGEST_HEEL_DEPTH_M = 0.1
@@ -45,7 +41,8 @@ def advance_to_load(
 ) -> tuple[Record, int]:
     """The run from rest at q0 until the sites bear `load_n`, and after how many steps they do.
 
-    SimulationError if they never do, with the `travel_m` (n + 1,) until then, of which part of the foot and `where`.
+    SimulationError if they never do, with the `travel_m` (n + 1,) until then, of which part of the
+    foot and `where`.
     """
 
     def reached(done: int, record: Record) -> bool:
@@ -53,7 +50,8 @@ def advance_to_load(
 
     record = stepper.run(inputs, q0, np.zeros_like(q0), stop=reached)
     load = record.site("normal_force").sum(axis=1)
-    above, end = np.flatnonzero(load >= load_n), len(load)
+    above = np.flatnonzero(load >= load_n)
+    end = len(load)
     if not above.size:
         raise SimulationError(
             f"the {foot} gave way: {load.max():.0f} N of {load_n:g} N after "
@@ -69,7 +67,8 @@ class Bench:
     def __init__(self, parameters: FootParameters, *, heel: bool = False) -> None:
         self.bench: BenchDiagram = make_bench(parameters, heel=heel)
         self.context = self.bench.diagram.CreateDefaultContext()
-        self.parameters, self.heel = parameters, heel
+        self.parameters = parameters
+        self.heel = heel
 
     def warm_up(self) -> float:
         """Compiles what is not compiled yet; returns the seconds that took."""
@@ -78,7 +77,8 @@ class Bench:
     def press(self, *, fulcrum_m: float, max_load_n: float, speed_m_per_s: float) -> BenchSetting:
         """Raises the platen at constant speed until the load is reached.
 
-        InputError if a value is out of range; SimulationError if the foot gives way before, or the run diverges.
+        InputError if a value is out of range; SimulationError if the foot gives way before, or the
+        run diverges.
         """
         check_fulcrum(fulcrum_m, self.parameters)
         if not 200.0 < max_load_n <= 5000.0:
@@ -111,9 +111,11 @@ class Bench:
         platen_m: np.ndarray,
         stop_at_n: float | None = None,
     ) -> BenchSetting:
-        """Moves the platen along the path `platen_m` (m, from first touch, up) at `time_s` (s), both (n + 1,).
+        """Moves the platen along the path `platen_m` (m, from first touch, up) at `time_s` (s),
+        both (n + 1,).
 
-        It ends at the first load (N) beyond `stop_at_n`; then not reaching it is a failure. Raises what `press` does.
+        It ends at the first load (N) beyond `stop_at_n`; then not reaching it is a failure. Raises
+        what `press` does.
         """
         stepper = Stepper(bench_mechanism(self.bench, self.context))
         tree = stepper.mechanism.tree
@@ -149,7 +151,8 @@ class Bench:
         )
 
     def _travel_bound(self, fulcrum_m: float, max_load_n: float) -> float:
-        """Twice what the contact law or the small-load stiffness needs: large deflections only stiffen the keel."""
+        """Twice what the contact law or the small-load stiffness needs: large deflections only
+        stiffen the keel."""
         if self.heel:
             return 2.0 * self._heel_depth(max_load_n)
         p = self.parameters
@@ -198,9 +201,11 @@ def run_bench(
     progress: Callable[[float], None] | None = None,
     inputs: dict[str, str] | None = None,
 ) -> BenchResult:
-    """The bench test of the paper: every fulcrum position (m), then the heel; raises what `Bench.press` does.
+    """The bench test of the paper: every fulcrum position (m), then the heel; raises what
+    `Bench.press` does.
 
-    `progress` is called with the finished fraction; `inputs` are the SHA-256 of the model's files by name.
+    `progress` is called with the finished fraction; `inputs` are the SHA-256 of the model's files
+    by name.
     """
     check_model(model)
     passes = []
@@ -210,7 +215,8 @@ def run_bench(
     if heel:
         passes.append((Bench(model.foot, heel=True), model.foot.fulcrum.rearmost_m))
     compile_s = passes[0][0].warm_up() if passes else 0.0
-    settings, started = [], time.perf_counter()
+    settings = []
+    started = time.perf_counter()
     for i, (bench, position) in enumerate(passes):
         settings.append(
             bench.press(fulcrum_m=position, max_load_n=max_load_n, speed_m_per_s=speed_m_per_s)
@@ -229,28 +235,30 @@ def run_bench(
     )
 
 
-# The keel's shape at rest under a load on its load point: joint angles, quickly enough to follow a slider.
+# The keel's shape at rest under a load on its load point: joint angles, quickly enough to follow a
+# slider.
 #
-# The keel is the planar chain of `plants.foot`: joint i at s_i from A, piece i from there to the next joint, inclined
-# by phi_i = q_0 + ... + q_i. The material point at x from A is at the height
+# The keel is the planar chain of `plants.foot`: joint i at s_i from A, piece i from there to the
+# next joint, inclined by phi_i = q_0 + ... + q_i. The material point at x from A is at the height
 #
 #     z(x) = sum_i l_i sin phi_i,   l_i = how much of piece i lies behind x,
 #
-# in the keel frame K. A load F along z_K on the load point C and the fulcrum's spring at l leave the potential energy
+# in the keel frame K. A load F along z_K on the load point C and the fulcrum's spring at l leave
+# the potential energy
 #
 #     E(q) = 1/2 q' k q + 1/2 k_f z(l)^2 - F z(C),
 #
-# whose minimum is the shape. Its Hessian is exact, so Newton's method takes a handful of iterations; the load is
-# put on in steps that are halved where it fails. Large deflections are included; damping, inertia and weight are not.
-# By a parameter p of the energy the angles change as the balance has it, E'' dq/dp = -d/dp E'.
+# whose minimum is the shape. Its Hessian is exact, so Newton's method takes a handful of
+# iterations; the load is put on in steps that are halved where it fails. Large deflections are
+# included; damping, inertia and weight are not. By a parameter p of the energy the angles change as
+# the balance has it, E'' dq/dp = -d/dp E'.
 
 
 FIRST_STEP_N = 100.0  # load that is put on at once (a choice)
 LEAST_STEP = 2.0**-12  # of the whole load; a step that has been halved to less has failed
 ITERATIONS = 25
-BALANCED = (
-    1e-10  # moment left in any joint, over the load's about A (plus a millionth of a newton metre)
-)
+# moment left in any joint, over the load's about A (plus a millionth of a newton metre)
+BALANCED = 1e-10
 
 
 @dataclass(frozen=True)
@@ -258,18 +266,20 @@ class KeelShape:
     """The keel at rest."""
 
     angles: np.ndarray
-    """(m,) rad, of the pin at A and the sprung joints, as in `FootHandles.keel_joint_names`; positive lifts the toe."""
+    """(m,) rad, of the pin at A and the sprung joints, as in `FootHandles.keel_joint_names`;
+    positive lifts the toe."""
     load_point_K: np.ndarray  # (2,) m, x and z of the load point C in K
-    support_force_n: (
-        float  # on the keel along z_K, as of `FulcrumSupport`: negative while the toe is pressed up
-    )
+    support_force_n: float
+    """on the keel along z_K, as of `FulcrumSupport`: negative while the toe is pressed up"""
     rise_by: np.ndarray
-    """(2,) derivatives of the load point's z by the keel's flexural modulus (m/Pa) and the fulcrum's stiffness (m^2/N).
+    """(2,) derivatives of the load point's z by the keel's flexural modulus (m/Pa) and the
+    fulcrum's stiffness (m^2/N).
     """
 
 
 def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> KeelShape:
-    """The keel of `foot` under `load_n` (N, along z_K on the load point) with the fulcrum at `fulcrum_m` (m from A).
+    """The keel of `foot` under `load_n` (N, along z_K on the load point) with the fulcrum at
+    `fulcrum_m` (m from A).
 
     InputError if the fulcrum is out of the carriage's reach; SimulationError if no rest was found.
     """
@@ -279,9 +289,12 @@ def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> Keel
             f"{load_n} is no load", where="load_n", right="Give a finite number of newtons"
         )
     stiffness: np.ndarray = np.diag(np.concatenate(([0.0], keel_joint_stiffness(foot.keel))))
-    lengths_P, lengths_C = _behind(foot, fulcrum_m), _behind(foot, foot.load_point_m)
+    lengths_P = _behind(foot, fulcrum_m)
+    lengths_C = _behind(foot, foot.load_point_m)
     support = foot.fulcrum.stiffness_n_per_m
-    q, hessian, share = np.zeros(len(lengths_P)), stiffness, 0.0
+    q = np.zeros(len(lengths_P))
+    hessian = stiffness
+    share = 0.0
     step = min(1.0, FIRST_STEP_N / max(abs(load_n), 1e-300))
     while share < 1.0:
         tried = min(share + step, 1.0)
@@ -295,7 +308,8 @@ def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> Keel
                     time_s=0.0,
                 )
         else:
-            q, share = moved, tried
+            q = moved
+            share = tried
     inclined = np.cumsum(q)
     point = np.array([lengths_C @ np.cos(inclined), lengths_C @ np.sin(inclined)])
     z_P, by_P, _ = _height(lengths_P, inclined)
@@ -323,7 +337,8 @@ def _balance(
     lengths_P: np.ndarray,
     lengths_C: np.ndarray,
 ) -> tuple[np.ndarray | None, np.ndarray]:
-    """The stable equilibrium that Newton's method reaches from `q`, None where it reaches none; and the Hessian."""
+    """The stable equilibrium that Newton's method reaches from `q`, None where it reaches none; and
+    the Hessian."""
     enough = BALANCED * (abs(load) * float(lengths_C.sum()) + 1e-6)
     for _ in range(ITERATIONS):
         inclined = np.cumsum(q)
@@ -345,7 +360,8 @@ def _balance(
 
 def _height(lengths: np.ndarray, inclined: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """Height of a material point, its gradient (m,) and its Hessian (m, m) by the joint angles."""
-    rising, sine = lengths * np.cos(inclined), lengths * np.sin(inclined)
+    rising = lengths * np.cos(inclined)
+    sine = lengths * np.sin(inclined)
     by = np.cumsum(rising[::-1])[::-1]
     rest = np.cumsum(sine[::-1])[::-1]
     m = len(lengths)

@@ -1,14 +1,18 @@
-"""Stiffness and displacement of a foot in the testing machine as functions of its variables, with exact derivatives.
+"""Stiffness and displacement of a foot in the testing machine as functions of its variables, with
+exact derivatives.
 
-Stiffness is the mean slope (F2 - F1) / (x(F2) - x(F1)) of load over the platen's travel from 200 N to the largest load;
-the mid-range displacement is x(F2 / 2), counted from where the platen touches the first sphere. Here only these loads
-are put on, each until the foot rests: at 50 mm/min damping has less than a thousandth of the slope, inertia nothing.
+Stiffness is the mean slope (F2 - F1) / (x(F2) - x(F1)) of load over the platen's travel from 200 N
+to the largest load; the mid-range displacement is x(F2 / 2), counted from where the platen touches
+the first sphere. Here only these loads are put on, each until the foot rests: at 50 mm/min damping
+has less than a thousandth of the slope, inertia nothing.
 
-At the forefoot foam and keel are in series, x(F) = keel(F) + foam(F), because the load stays vertical and on its point
-of the keel whatever the foam does. keel(F) is `bench.keel_shape`. foam(F): the spheres in the patch under the load,
-pressed together by a flat platen, sum k (s - h)^n = F over the spheres with bottoms at h below the platen's height s.
-Where the travel is counted from does not matter to a slope, and a rise that all spheres share changes neither a slope
-nor the travel since the first was touched. At the heel: the spheres of the rigid heel block, and nothing in series.
+At the forefoot foam and keel are in series, x(F) = keel(F) + foam(F), because the load stays
+vertical and on its point of the keel whatever the foam does. keel(F) is `bench.keel_shape`.
+foam(F): the spheres in the patch under the load, pressed together by a flat platen, sum k (s -
+h)^n = F over the spheres with bottoms at h below the platen's height s. Where the travel is counted
+from does not matter to a slope, and a rise that all spheres share changes neither a slope nor the
+travel since the first was touched. At the heel: the spheres of the rigid heel block, and nothing in
+series.
 """
 
 from __future__ import annotations
@@ -21,18 +25,19 @@ from functools import lru_cache
 
 import numpy as np
 
-from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
-from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.model_file import check_fulcrum
-from vsf_drake.parameters import FootParameters
+from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.model.bench_curves import STIFFNESS_ABOVE_N
+from vsf_drake.model.model_file import check_fulcrum
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.simulation.bench import keel_shape
 from vsf_drake.simulation.mechanism import LARGEST_KEEL_ANGLE
 from vsf_drake.simulation.variables import check_number
 
 LARGEST_DEPTH_M = 1.0
-"""Depth of a foam beyond which it bears nothing worth the name: far more than a foot is thick, so that a search
-may pass through feet that are much too soft."""
-ROUNDING = 1e-9  # least depth over the platen's travel since the first sphere that leaves a stiffness its digits
+"""Depth of a foam beyond which it bears nothing worth the name: far more than a foot is thick, so
+that a search may pass through feet that are much too soft."""
+# least depth over the platen's travel since the first sphere that leaves a stiffness its digits
+ROUNDING = 1e-9
 MOST_ITERATIONS = 100
 _WITHOUT_PART = ("friction.", "socket.", "offset.", "coordinate.", "perturbation.")
 _LAW = {"stiffness": (1e-3, 1e30), "exponent": (1.0, 20.0), "rise": (-0.1, 0.1)}
@@ -41,14 +46,16 @@ _KEEL = {"keel.flexural_modulus": (1e6, 1e12), "fulcrum.stiffness": (1e-3, 1e30)
 
 
 class BenchStiffness:
-    """A foot in the testing machine as a function of named variables: stiffness, mid-range displacement, derivatives.
+    """A foot in the testing machine as a function of named variables: stiffness, mid-range
+    displacement, derivatives.
 
     The names are those of a walk's variables. Of these contact.ZONE.stiffness, exponent and rise,
-    keel.flexural_modulus and fulcrum.stiffness matter. The others are accepted, and all derivatives by them are zero:
-    damping has no part at the testing machine's speed, fulcrum.shift is where the fulcrum was in a walk.
+    keel.flexural_modulus and fulcrum.stiffness matter. The others are accepted, and all derivatives
+    by them are zero: damping has no part at the testing machine's speed, fulcrum.shift is where the
+    fulcrum was in a walk.
 
-    `foot` has the values that hold where none is given; the forefoot is pressed at `fulcrums_m` (m from A), the heel if
-    asked, to `max_load_n` (N).
+    `foot` has the values that hold where none is given; the forefoot is pressed at `fulcrums_m` (m
+    from A), the heel if asked, to `max_load_n` (N).
     """
 
     def __init__(
@@ -102,8 +109,8 @@ class BenchStiffness:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness with these values of variables, all others as in the foot, and its derivatives.
 
-        (m,) N/m: the forefoot at each fulcrum position, then the heel if asked; (m, P) derivatives per unit of each
-        variable. SimulationError if the foot cannot bear the load.
+        (m,) N/m: the forefoot at each fulcrum position, then the heel if asked; (m, P) derivatives
+        per unit of each variable. SimulationError if the foot cannot bear the load.
         """
         travel, by, columns, _ = self._travel(values, with_respect_to)
         span = travel[:, 1] - travel[:, 0]
@@ -113,12 +120,14 @@ class BenchStiffness:
     def displacement(
         self, values: Mapping[str, float], with_respect_to: Sequence[str] = ()
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Travel (m,) m since touch-down under half of the largest load, and (m, P) its derivatives; see `evaluate`.
+        """Travel (m,) m since touch-down under half of the largest load, and (m, P) its
+        derivatives; see `evaluate`.
 
         Where several zones are touched at once, the derivatives are those of the first one.
         """
         travel, by, columns, law = self._travel(values, with_respect_to)
-        at, slope = travel[:, 2], by[:, 2].copy()
+        at = travel[:, 2]
+        slope = by[:, 2].copy()
         rises = len(self._default) - law.shape[1]
         if self._foam is not None:
             slope[: len(self.fulcrums_m), rises + self._foam.touched_zone(law)] -= 1.0
@@ -129,11 +138,12 @@ class BenchStiffness:
     def _travel(
         self, values: Mapping[str, float], with_respect_to: Sequence[str]
     ) -> tuple[np.ndarray, np.ndarray, list[int | None], np.ndarray]:
-        """(m, L) m under each load; (m, L, N) its derivatives by all that matters, from a height that stays; columns of
-        these for the names; (3, Z) law of the zones."""
+        """(m, L) m under each load; (m, L, N) its derivatives by all that matters, from a height
+        that stays; columns of these for the names; (3, Z) law of the zones."""
         numbers = self._default.copy()
         for name, value in values.items():
-            column, number = self._column(name, "values"), check_number(value, f"values[{name!r}]")
+            column = self._column(name, "values")
+            number = check_number(value, f"values[{name!r}]")
             if column is not None:
                 low, high = self._bounds[column]
                 if not low <= number <= high:
@@ -219,10 +229,8 @@ class _Foam:
             raise InputError(
                 "no contact sphere lies where the testing machine presses", where="foot.zones"
             )
-        self.zone, self.height = (
-            np.array([z for z, _ in spheres]),
-            np.array([rise for _, rise in spheres]),
-        )
+        self.zone = np.array([z for z, _ in spheres])
+        self.height = np.array([rise for _, rise in spheres])
         self.share = np.eye(len(foot.zones))[self.zone]
 
     def touched_zone(self, law: np.ndarray) -> int:
@@ -230,16 +238,19 @@ class _Foam:
         return int(self.zone[np.argmin(self.height + law[2, self.zone])])
 
     def press(self, loads_n: np.ndarray, law: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) m, travel of the platen under loads (n,) and (n, 3 Z) its derivatives by law (3, Z), row by row.
+        """(n,) m, travel of the platen under loads (n,) and (n, 3 Z) its derivatives by law (3, Z),
+        row by row.
 
-        Travel counts from the sphere that is touched first, its derivatives from a height that stays: in differences
-        between loads it is all one.
+        Travel counts from the sphere that is touched first, its derivatives from a height that
+        stays: in differences between loads it is all one.
 
-        The load is convex and rises with the platen, and at the height at which one sphere alone bears it the spheres
-        together bear no less: from there Newton's method descends to the root without passing it.
+        The load is convex and rises with the platen, and at the height at which one sphere alone
+        bears it the spheres together bear no less: from there Newton's method descends to the root
+        without passing it.
         """
         stiffness, exponent, rise = law[:, self.zone]
-        bottom, lowest = self.height + rise, np.min(self.height + rise)
+        bottom = self.height + rise
+        lowest = np.min(self.height + rise)
         with np.errstate(divide="ignore"):
             deepest = np.min(
                 bottom - lowest + (loads_n[:, None] / stiffness) ** (1.0 / exponent), axis=1
@@ -251,7 +262,8 @@ class _Foam:
         for _ in range(MOST_ITERATIONS):
             depth = np.maximum(deepest[:, None] - (bottom - lowest), 0.0)
             slope = np.where(depth > 0.0, exponent * stiffness * depth ** (exponent - 1.0), 0.0)
-            force, steep = stiffness * depth**exponent, slope.sum(axis=1)
+            force = stiffness * depth**exponent
+            steep = slope.sum(axis=1)
             with np.errstate(divide="ignore", invalid="ignore"):
                 change = (force.sum(axis=1) - loads_n) / steep
             if not np.all((np.abs(change) <= deepest) & (loads_n > ROUNDING * steep * deepest)):

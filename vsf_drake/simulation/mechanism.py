@@ -14,7 +14,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.plants.bench import BenchDiagram, RollOverDiagram
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.gait import GaitDiagram
@@ -26,9 +26,8 @@ from vsf_drake.systems._system import System
 from vsf_drake.systems.foot_forces import FootForces
 
 UNLIMITED = 1e30
-LARGEST_KEEL_ANGLE = (
-    1.0  # turn of one keel joint (rad) beyond which a leaf spring would long have broken (a choice)
-)
+# turn of one keel joint (rad) beyond which a leaf spring would long have broken (a choice)
+LARGEST_KEEL_ANGLE = 1.0
 LARGEST_SOCKET_SHIFT, LARGEST_SOCKET_ANGLE = 0.1, 1.0
 """Displacement of the socket (m, rad) beyond which it is no longer on the limb (a choice)."""
 
@@ -36,12 +35,11 @@ LARGEST_SOCKET_SHIFT, LARGEST_SOCKET_ANGLE = 0.1, 1.0
 def bench_mechanism(bench: BenchDiagram, context: Context) -> Mechanism:
     """The bench with the parameters in `context` (the diagram's)."""
     read = _reader(bench.machine, context)
-    points, law = (
-        read("p_BS"),
-        [read(name) for name in ("stiffness", "exponent", "damping", "full_damping_depth")],
-    )
+    points = read("p_BS")
+    law = [read(name) for name in ("stiffness", "exponent", "damping", "full_damping_depth")]
     none = np.zeros(len(points))
-    # The platen's balls touch the foot in points and do not rub; the threshold velocity then has no part.
+    # The platen's balls touch the foot in points and do not rub; the threshold velocity then has no
+    # part.
     return _mechanism(
         bench.plant,
         bench.foot,
@@ -67,16 +65,19 @@ def roll_over_mechanism(machine: RollOverDiagram, context: Context) -> Mechanism
 
 
 def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
-    """The walking person with the parameters in `context` (the diagram's); prosthetic spheres first.
+    """The walking person with the parameters in `context` (the diagram's); prosthetic spheres
+    first.
 
-    ValueError if the two feet do not stand on one level plane, the only ground that the stepper knows.
+    ValueError if the two feet do not stand on one level plane, the only ground that the stepper
+    knows.
     """
-    foot, bushing = gait.person.foot, _reader(gait.bushing, context)
+    foot = gait.person.foot
+    bushing = _reader(gait.bushing, context)
     heights = [_level_ground(forces, context) for forces in gait.forces.values()]
     if heights[0] != heights[1]:
         raise ValueError(
-            f"the ground is at {heights[0]:g} m under one foot and at {heights[1]:g} m under the other; "
-            "the stepper knows one level"
+            f"the ground is at {heights[0]:g} m under one foot and at {heights[1]:g} m under the "
+            "other; the stepper knows one level"
         )
     names = ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit")
     socket = np.column_stack(
@@ -107,13 +108,13 @@ def _mechanism(
     socket: np.ndarray | None = None,
     socket_index: np.ndarray | None = None,
 ) -> Mechanism:
-    read, own = _reader(forces, context), plant.GetMyContextFromRoot(context)
+    read = _reader(forces, context)
+    own = plant.GetMyContextFromRoot(context)
     limits = np.full(plant.num_velocities(), UNLIMITED)
-    stiffness, damping = read("joint_stiffness"), read("joint_damping")
-    keel, never = (
-        _integers(velocity_indices(plant, foot.keel_joint_names)),
-        np.full(len(stiffness), UNLIMITED),
-    )
+    stiffness = read("joint_stiffness")
+    damping = read("joint_damping")
+    keel = _integers(velocity_indices(plant, foot.keel_joint_names))
+    never = np.full(len(stiffness), UNLIMITED)
     springs = np.column_stack(
         [stiffness, stiffness, damping, never, never, np.zeros(len(stiffness))]
     )
@@ -141,7 +142,8 @@ def _mechanism(
 def edited(
     mechanism: Mechanism, variables: Mapping[str, Variable], values: Mapping[str, float]
 ) -> Mechanism:
-    """The mechanism with contact, springs and support as the checked `values` say; the rest is the caller's."""
+    """The mechanism with contact, springs and support as the checked `values` say; the rest is the
+    caller's."""
     arrays = {name: getattr(mechanism, name).copy() for name in ("sites", "springs", "fulcrum")}
     for name, value in values.items():
         for key, array in arrays.items():
@@ -156,14 +158,17 @@ def edited(
 
 
 def supported_over(mechanism: Mechanism, width_m: float) -> Mechanism:
-    """The mechanism whose support passes from one piece of the keel to the next over `width_m` on either side."""
+    """The mechanism whose support passes from one piece of the keel to the next over `width_m` on
+    either side."""
     width = check_number(width_m, "support_width_m")
     most = 0.5 * float(np.diff(mechanism.keel_starts).min())
     if not 0.0 <= width <= most:
         raise InputError(
             f"{1e3 * width:g} mm is not usable",
             where="support_width_m",
-            right=f"It must be from 0 to {1e3 * most:.4g} mm, half the least distance of keel joints",
+            right=(
+                f"It must be from 0 to {1e3 * most:.4g} mm, half the least distance of keel joints"
+            ),
         )
     return dataclasses.replace(mechanism, support_width=width)
 
@@ -201,6 +206,7 @@ def _level_ground(forces: FootForces, context: Context) -> float:
         read(f"ground_{name}")[0] for name in ("slope", "bank", "compliance")
     ):
         raise ValueError(
-            "the stepper knows one level plane as ground, neither patches nor slopes nor what gives way"
+            "the stepper knows one level plane as ground, neither patches nor slopes nor what "
+            "gives way"
         )
     return float(read("ground_height")[0])

@@ -1,5 +1,5 @@
-"""What the ground does to a foot, how loads depend on variables, how bodies move, where the energy goes: all out of a
-run's record."""
+"""What the ground does to a foot, how loads depend on variables, how bodies move, where the energy
+goes: all out of a run's record."""
 
 from __future__ import annotations
 
@@ -45,17 +45,19 @@ class ReactionSensitivity:
 
 @dataclass(frozen=True)
 class LoadSensitivity:
-    """Derivatives by P variables over n steps, per unit of each, exact but for what Newton's method leaves.
+    """Derivatives by P variables over n steps, per unit of each, exact but for what Newton's method
+    leaves.
 
-    Coordinates are all N of the plant in its order (`Mechanism.tree`), the foot's and the socket's included.
+    Coordinates are all N of the plant in its order (`Mechanism.tree`), the foot's and the socket's
+    included.
     """
 
     names: tuple[str, ...]
     load: np.ndarray
-    """(n, N, P) N m or N, of the loads that hold the prescribed coordinates, on average over the steps; 0 elsewhere."""
-    socket: (
-        np.ndarray
-    )  # (n, 6, P) N and N m, of the bushing's force on the socket at the ends of the steps
+    """(n, N, P) N m or N, of the loads that hold the prescribed coordinates, on average over the
+    steps; 0 elsewhere."""
+    socket: np.ndarray
+    """(n, 6, P) N and N m, of the bushing's force on the socket at the ends of the steps"""
     q: np.ndarray  # (n, N, P) of the state at the ends of the steps
     v: np.ndarray
 
@@ -63,12 +65,16 @@ class LoadSensitivity:
 def reaction_sensitivity(
     record: Record, reaction: FootReaction, names: tuple[str, ...]
 ) -> ReactionSensitivity:
-    """How the resultant on the measured sites of `record` depends on the parameters that it carried."""
-    moment, force = record.wrench_by[:, :3], record.wrench_by[:, 3:]
-    x, y = reaction.cop_W[:, 0, None], reaction.cop_W[:, 1, None]
+    """How the resultant on the measured sites of `record` depends on the parameters that it
+    carried."""
+    moment = record.wrench_by[:, :3]
+    force = record.wrench_by[:, 3:]
+    x = reaction.cop_W[:, 0, None]
+    y = reaction.cop_W[:, 1, None]
     fx, fy, fz = (reaction.grf_W[:, i, None] for i in range(3))
     with np.errstate(divide="ignore", invalid="ignore"):
-        dx, dy = (-moment[:, 1] - x * force[:, 2]) / fz, (moment[:, 0] - y * force[:, 2]) / fz
+        dx = (-moment[:, 1] - x * force[:, 2]) / fz
+        dy = (moment[:, 0] - y * force[:, 2]) / fz
     free = moment[:, 2] - (dx * fy + x * force[:, 1] - dy * fx - y * force[:, 0])
     return ReactionSensitivity(
         names=names,
@@ -79,21 +85,23 @@ def reaction_sensitivity(
 
 
 def foot_reaction(record: Record, rows: slice, ground_height: float = 0.0) -> FootReaction:
-    """Sums the sites `rows` of `record`; the centre of pressure is where the horizontal moment vanishes."""
+    """Sums the sites `rows` of `record`; the centre of pressure is where the horizontal moment
+    vanishes."""
     total = sum_sites(record.sites[:, rows])
     (moment_x, moment_y, moment_z), grf = total[:, :3].T, total[:, 3:]
     loaded = grf[:, 2] > LOADED_N
     cop = np.full_like(grf, np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
-        px, py = -moment_y / grf[:, 2], moment_x / grf[:, 2]
+        px = -moment_y / grf[:, 2]
+        py = moment_x / grf[:, 2]
     cop[loaded] = np.stack([px, py, np.full_like(px, ground_height)], axis=1)[loaded]
     free = np.where(loaded, moment_z - (px * grf[:, 1] - py * grf[:, 0]), 0.0)
     return FootReaction(grf_W=grf, cop_W=cop, free_moment_nm=free)
 
 
 def sum_sites(sites: np.ndarray) -> np.ndarray:
-    """(n, 6) moment about W's origin and force of the sites (n, S, 9). The contact points are `depth` under the ground,
-    and moments are about its height."""
+    """(n, 6) moment about W's origin and force of the sites (n, S, 9). The contact points are
+    `depth` under the ground, and moments are about its height."""
     depth, fz, fx, fy, x, y = (
         sites[:, :, SITE_RECORD.index(name)]
         for name in ("depth", "normal_force", "friction_x", "friction_y", "x", "y")
@@ -124,7 +132,8 @@ def _socket(
 
 
 def socket_wrench(mechanism: Mechanism, record: Record) -> np.ndarray:
-    """(n, 6) force (N) and moment (N m) of the bushing on the socket, by its axes, at the ends of the steps."""
+    """(n, 6) force (N) and moment (N m) of the bushing on the socket, by its axes, at the ends of
+    the steps."""
     q, v, constants = _socket(mechanism, record)
     return np.asarray(axis_force(q, v, **constants))
 
@@ -154,8 +163,9 @@ def load_sensitivity(
     )
 
 
-# How bodies of a walk move. Vectors are spatial, in W and about its origin (`simulation.stepping.tree`): (angular
-# velocity, velocity of the point of the body at W's origin), (moment about W's origin, force).
+# How bodies of a walk move. Vectors are spatial, in W and about its origin
+# (`simulation.stepping.tree`): (angular velocity, velocity of the point of the body at W's origin),
+# (moment about W's origin, force).
 
 
 class SegmentMotion(NamedTuple):
@@ -180,7 +190,8 @@ def follow(
     coordinates: Sequence[int],
     inside: np.ndarray,
 ) -> SegmentMotion:
-    """Motion of `bodies` and `coordinates` at the states q, v (n, coordinates); inside (B,) bool."""
+    """Motion of `bodies` and `coordinates` at the states q, v (n, coordinates); inside (B,)
+    bool."""
     n = len(q)
     motion = SegmentMotion(
         twist=np.zeros((n, len(bodies), 6)),
@@ -221,9 +232,12 @@ def _follow(
         rb.place(tree, q[k], motion)
         rb.put(motion.V, 0, rb.REST)
 
-        # Outwards: V_b = V_p + S_c v_c; of what is inside the sums of I V, of V . I V / 2 and of m c.
+        # Outwards: V_b = V_p + S_c v_c; of what is inside the sums of I V, of V . I V / 2 and of m
+        # c.
         for m in range(tree.links.shape[0]):
-            parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
+            parent = tree.links[m, 1]
+            b = tree.links[m, 2]
+            c = tree.links[m, 3]
             V_b = rb.six(motion.V, parent)
             if c >= 0:
                 V_b = rb.plus(V_b, rb.six(motion.S, c), v[k, c])
@@ -247,22 +261,24 @@ def _follow(
 
 # The energy ledger of a run: what the driver and gravity put in, where it is and where it went.
 #
-# A step of the stepper moves the coordinates by h v_k from t_k to t_k+1 under stiff forces f(t_k+1), so that forces are
-# known at the ends of the steps and rates in their middle. Paired as they stand they are half a step apart, and the
-# work is off by h/2 times the integral of force times acceleration: of the first order, and of the size of what a foot
-# loses. So all terms belong to the instants t_k+1, with
+# A step of the stepper moves the coordinates by h v_k from t_k to t_k+1 under stiff forces
+# f(t_k+1), so that forces are known at the ends of the steps and rates in their middle. Paired as
+# they stand they are half a step apart, and the work is off by h/2 times the integral of force
+# times acceleration: of the first order, and of the size of what a foot loses. So all terms belong
+# to the instants t_k+1, with
 #
 #     rate u = (v_k + v_k+1) / 2,        acceleration a = (v_k+1 - v_k) / h,
 #
-# and works are integrals of powers by the trapezoidal rule, which is of the second order. What drives the coordinates D
-# has at an instant the power
+# and works are integrals of powers by the trapezoidal rule, which is of the second order. What
+# drives the coordinates D has at an instant the power
 #
-#     P = sum over D of (M(q) a + C(q, u) u - tau_g(q))_c u_c  -  sum over sites of f . (velocity of the site by D
+#     P = sum over D of (M(q) a + C(q, u) u - tau_g(q))_c u_c  - sum over sites of f . (velocity of
+#                                                              the site by D
 # alone)
 #
-# What remains is then what the stepper, which is of the first order, leaves of the equations of the coordinates that it
-# solves for. Of a step that was cut into substeps only the last substep's rates and contact forces are known and stand
-# for all of it. All terms are cumulative (J) from the start.
+# What remains is then what the stepper, which is of the first order, leaves of the equations of the
+# coordinates that it solves for. Of a step that was cut into substeps only the last substep's rates
+# and contact forces are known and stand for all of it. All terms are cumulative (J) from the start.
 
 
 INPUTS = ("driver_work", "gravity_work", "carriage_work")
@@ -275,7 +291,8 @@ def energy_ledger(
 ) -> dict[str, np.ndarray]:
     """Terms of the balance, each (n,) J: sum of INPUTS = sum of STORED + sum of LOST + `remainder`.
 
-    `driven` are indices of the prescribed coordinates, fulcrum_m (n + 1,) the support's position, start included.
+    `driven` are indices of the prescribed coordinates, fulcrum_m (n + 1,) the support's position,
+    start included.
     """
     h = np.diff(record.time_s, prepend=2 * record.time_s[0] - record.time_s[1])
     ledger = {
@@ -307,26 +324,29 @@ def total(ledger: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarra
 
 
 def central(rate: np.ndarray) -> np.ndarray:
-    """Rates at the instants from those of the steps that end there, along the first axis; the last is extrapolated."""
+    """Rates at the instants from those of the steps that end there, along the first axis; the last
+    is extrapolated."""
     return np.concatenate([0.5 * (rate[:-1] + rate[1:]), 1.5 * rate[-1:] - 0.5 * rate[-2:-1]])
 
 
 def work(power: np.ndarray, h: np.ndarray | float) -> np.ndarray:
-    """(n,) J from the start on of a power (n,) W at the ends of steps of h (s); at the start it counts as at the end of
-    the first."""
+    """(n,) J from the start on of a power (n,) W at the ends of steps of h (s); at the start it
+    counts as at the end of the first."""
     return np.cumsum(0.5 * h * (power + np.concatenate([power[:1], power[:-1]])))
 
 
 def spring_strain(mechanism: Mechanism, q: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """(n,) J in the springs `rows` (a mask of them) at q (n, coordinates)."""
-    s, x = mechanism.springs[rows], q[:, mechanism.spring_index[rows]]
+    s = mechanism.springs[rows]
+    x = q[:, mechanism.spring_index[rows]]
     k = np.where(x < 0, s[:, 1], s[:, 0])
     return np.asarray(np.sum(0.5 * k * (x**2 + s[:, 5] * excess(x, s[:, 3]) ** 2), axis=1))
 
 
 def spring_loss(mechanism: Mechanism, record: Record, rows: np.ndarray) -> np.ndarray:
     """(n,) W that the damping of the springs `rows` (a mask of them) takes."""
-    s, rate = mechanism.springs[rows], record.v[:, mechanism.spring_index[rows]]
+    s = mechanism.springs[rows]
+    rate = record.v[:, mechanism.spring_index[rows]]
     return np.asarray(
         np.sum(s[:, 2] * (rate + s[:, 5] * excess(rate, s[:, 4])) * central(rate), axis=1)
     )
@@ -335,8 +355,8 @@ def spring_loss(mechanism: Mechanism, record: Record, rows: np.ndarray) -> np.nd
 def contact_terms(
     mechanism: Mechanism, record: Record, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of the first `count` sites: strain of the foam (n,) J, and (n,) W that its damping (what its force exceeds the
-    elastic one by) and that friction takes."""
+    """Of the first `count` sites: strain of the foam (n,) J, and (n,) W that its damping (what its
+    force exceeds the elastic one by) and that friction takes."""
     sites = mechanism.sites[:count]
     depth, normal, rate, fx, fy, x, y = (
         record.site(name)[:, :count]
@@ -361,7 +381,8 @@ def contact_terms(
 
 
 def _foam_strain(sites: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    k, n = sites[:, 4], sites[:, 5]
+    k = sites[:, 4]
+    n = sites[:, 5]
     return np.asarray(np.sum(k * np.maximum(depth, 0.0) ** (n + 1) / (n + 1), axis=1))
 
 
@@ -375,7 +396,8 @@ def _plant_energies(mechanism: Mechanism, record: Record) -> tuple[np.ndarray, n
         coordinates=(),
         inside=np.ones(len(tree.body_names), dtype=bool),
     )
-    potential, kinetic = -motion.mass_moment @ tree.gravity, motion.kinetic_j
+    potential = -motion.mass_moment @ tree.gravity
+    kinetic = motion.kinetic_j
     return potential[0] - potential[1:], kinetic[1:] - kinetic[0]
 
 
@@ -383,7 +405,8 @@ def _driver_power(
     mechanism: Mechanism, record: Record, driven: np.ndarray, h: np.ndarray
 ) -> np.ndarray:
     """(n,) W of what prescribes the coordinates `driven`."""
-    tree, power = mechanism.tree, np.zeros(len(record.q))
+    tree = mechanism.tree
+    power = np.zeros(len(record.q))
     a = np.diff(record.v, axis=0) / h[1:, None]
     _sum_driver_power(
         rb.tree_arrays(tree),
@@ -402,7 +425,8 @@ def _driver_power(
 
 
 def _applied_work(record: Record, driven: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """(n,) J of torques on free coordinates, which are those of a step's start, and of what Newton's method leaves."""
+    """(n,) J of torques on free coordinates, which are those of a step's start, and of what
+    Newton's method leaves."""
     mean_rate = 0.5 * (record.v + np.vstack([record.v0, record.v[:-1]]))
     return np.cumsum(h * np.sum(np.delete(record.load * mean_rate, driven, axis=1), axis=1))
 
@@ -440,29 +464,31 @@ def _sum_driver_power(
     load: np.ndarray,
     power: np.ndarray,
 ) -> None:
-    """Writes P of the heading above at n instants; driven (coordinates,) bool, sites (n, S, 9) SITE_RECORD; load
-    (coordinates,) is work space."""
-    V, S = motion.V, motion.S
+    """Writes P of the heading above at n instants; driven (coordinates,) bool, sites (n, S, 9)
+    SITE_RECORD; load (coordinates,) is work space."""
+    V = motion.V
+    S = motion.S
     for k in range(q.shape[0]):
         rb.place(tree, q[k], motion)
         rb.inverse_dynamics(tree, u[k], a[k], motion, load)
         for c in range(q.shape[1]):
             power[k] += load[c] * u[k, c] if driven[c] else 0.0
 
-        # Velocities as the driven coordinates alone would move the bodies, and the ground's power at these.
+        # Velocities as the driven coordinates alone would move the bodies, and the ground's power
+        # at these.
         rb.put(V, 0, rb.REST)
         for m in range(tree.links.shape[0]):
-            parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
+            parent = tree.links[m, 1]
+            b = tree.links[m, 2]
+            c = tree.links[m, 3]
             V_p = rb.six(V, parent)
             rb.put(V, b, rb.plus(V_p, rb.six(S, c), u[k, c]) if c >= 0 and driven[c] else V_p)
         for s in range(sites.shape[1]):
-            fx, fy, fz, x, y = (
-                sites[k, s, 2],
-                sites[k, s, 3],
-                sites[k, s, 1],
-                sites[k, s, 7],
-                sites[k, s, 8],
-            )
+            fx = sites[k, s, 2]
+            fy = sites[k, s, 3]
+            fz = sites[k, s, 1]
+            x = sites[k, s, 7]
+            y = sites[k, s, 8]
             if fz > 0.0:
                 z = ground_height - sites[k, s, 0]
                 power[k] -= rb.dot(rb.six(V, site_bodies[s]), rb.wrench(x, y, z, fx, fy, fz))

@@ -1,7 +1,8 @@
-"""What a run leaves: walk and bench as frozen data, saved in a folder and read back exactly; standing in numbers.
+"""What a run leaves: walk and bench as frozen data, saved in a folder and read back exactly;
+standing in numbers.
 
-Every array carries unit, shape, frame and meaning in its field, and the sidecar repeats them. W is x forward, y left, z
-up, ground at z = 0.
+Every array carries unit, shape, frame and meaning in its field, and the sidecar repeats them. W is
+x forward, y left, z up, ground at z = 0.
 """
 
 from __future__ import annotations
@@ -14,12 +15,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from vsf_drake.errors import InputError
-from vsf_drake.files import read_npz, sha256, write_npz, write_text
-from vsf_drake.schema import load_plain, to_plain
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import read_npz, sha256, write_npz, write_text
+from vsf_drake.base.schema import load_plain, to_plain
+from vsf_drake.base.tables import Headline, LabelledArrays, Quantity, Tabular
+from vsf_drake.base.yaml_file import dump
 from vsf_drake.simulation.archive import SIDECAR_FILE, result_folder
-from vsf_drake.tables import Headline, LabelledArrays, Quantity, Tabular
-from vsf_drake.yaml_file import dump
 
 __all__ = [
     "BenchResult",
@@ -45,10 +46,12 @@ def _array(shape: str, unit: str, meaning: str, **more: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WalkResult(Tabular):
-    """A finished walk: n instants (the ends of the steps), m coordinates, p prescribed ones, N spheres.
+    """A finished walk: n instants (the ends of the steps), m coordinates, p prescribed ones, N
+    spheres.
 
-    `converged` is false if any step was accepted without convergence (`unconverged_steps` of them): look before
-    trusting the numbers. Steps that were cut into smaller ones to converge (`refined_steps`) are as good as the others.
+    `converged` is false if any step was accepted without convergence (`unconverged_steps` of them):
+    look before trusting the numbers. Steps that were cut into smaller ones to converge
+    (`refined_steps`) are as good as the others.
     """
 
     time_s: np.ndarray = _array("n", "s", "instants, clock of the recording")
@@ -175,7 +178,8 @@ class WalkResult(Tabular):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BenchSetting:
-    """One pass of the testing machine; `fulcrum_m` (from the keel's posterior end) is None for the heel."""
+    """One pass of the testing machine; `fulcrum_m` (from the keel's posterior end) is None for the
+    heel."""
 
     fulcrum_m: float | None
     time_s: np.ndarray = _array("n", "s", "instants")
@@ -279,7 +283,8 @@ class BenchResult(Tabular):
 
 
 def coordinate_unit(name: str) -> str:
-    """Unit of a coordinate: m for translations (`…_tx`, `…_ty`, `…_tz`, `fulcrum`), rad for the rest."""
+    """Unit of a coordinate: m for translations (`…_tx`, `…_ty`, `…_tz`, `fulcrum`), rad for the
+    rest."""
     return "m" if name == "fulcrum" or name.endswith(("_tx", "_ty", "_tz")) else "rad"
 
 
@@ -301,8 +306,8 @@ def walk_arrays(
     columns: Mapping[str, Sequence[str]],
     about: Mapping[str, str | float | bool],
 ) -> LabelledArrays:
-    """Arrays of a walk as other tools take them: `arrays` of `WalkResult` by name, `time_s` among them; `columns` by
-    array where the class names no fixed ones."""
+    """Arrays of a walk as other tools take them: `arrays` of `WalkResult` by name, `time_s` among
+    them; `columns` by array where the class names no fixed ones."""
     fields = {
         field.name: field.metadata
         for field in dataclasses.fields(WalkResult)
@@ -356,7 +361,8 @@ def save_walk(result: WalkResult, folder: str | Path) -> None:
 
 
 def load_walk(folder: str | Path) -> WalkResult:
-    """Reads what `save_walk` wrote, `converged` false included; InputError if it is missing, damaged, or not a walk."""
+    """Reads what `save_walk` wrote, `converged` false included; InputError if it is missing,
+    damaged, or not a walk."""
     arrays, sidecar = _read(folder, "walk")
     return _build(WalkResult, {**sidecar, **arrays}, folder)
 
@@ -369,7 +375,8 @@ def save_bench(result: BenchResult, folder: str | Path) -> None:
     for i, setting in enumerate(result.settings):
         prefix = f"setting_{i}_"
         columns, plain, meanings = _parts(setting, prefix)
-        arrays, described = arrays | columns, described | meanings
+        arrays = arrays | columns
+        described = described | meanings
         passes.append(plain | {"converged": setting.converged, "arrays_prefix": prefix})
     _save(
         folder,
@@ -415,8 +422,11 @@ def _check_shapes(result: Any, sizes: dict[str, int]) -> None:
 def _parts(
     result: Any, prefix: str = ""
 ) -> tuple[dict[str, np.ndarray], dict[str, Any], dict[str, Any]]:
-    """Arrays, everything else as plain values, and what the arrays are; `prefix` before the arrays' names."""
-    arrays, plain, described = {}, {}, {}
+    """Arrays, everything else as plain values, and what the arrays are; `prefix` before the arrays'
+    names."""
+    arrays = {}
+    plain = {}
+    described = {}
     for field in dataclasses.fields(result):
         value = getattr(result, field.name)
         if "shape" in field.metadata:
@@ -453,7 +463,8 @@ def _read(folder: str | Path, kind: str) -> tuple[dict[str, np.ndarray], dict[st
         raise InputError(
             f"is not the file that {SIDECAR_FILE} describes (its SHA-256 differs)", file=path
         )
-    saved, version = sidecar.get("kind"), sidecar.get("format")
+    saved = sidecar.get("kind")
+    version = sidecar.get("format")
     if saved != kind:
         raise InputError(f"holds the result of a {saved}, not of a {kind}", file=folder)
     if version != FORMAT:
@@ -480,9 +491,9 @@ def _build(cls: type[_Result], values: dict[str, Any], folder: str | Path) -> _R
 
 
 NUDGE_M, NUDGE_RAD = 2e-4, 2e-4
-"""How far from rest a person is let go: raised, and turned back, towards the prosthesis and outward as far as these are
-free. At exact rest a model would stay even where it cannot balance; from here (some 0.2 mm at the pelvis, a choice) it
-must come back by itself."""
+"""How far from rest a person is let go: raised, and turned back, towards the prosthesis and outward
+as far as these are free. At exact rest a model would stay even where it cannot balance; from here
+(some 0.2 mm at the pelvis, a choice) it must come back by itself."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -493,7 +504,8 @@ class Standing:
     prosthetic_n: np.ndarray  # (n,) vertical force on the foot (N)
     intact_n: np.ndarray
     pelvis: np.ndarray
-    """(n + 1, 6) place (m; forward, up, right) and attitude (rad; tilt, list, rotation), start included."""
+    """(n + 1, 6) place (m; forward, up, right) and attitude (rad; tilt, list, rotation), start
+    included."""
     weight_n: float
     fulcrum_m: float
     side: str
@@ -513,17 +525,17 @@ class Standing:
         return float(np.abs(self.pelvis[1:, 3:] - self.pelvis[0, 3:]).max())
 
 
-# Standing in numbers: what the ground carries against the weight, and whether the pelvis stays where it is.
+# Standing in numbers: what the ground carries against the weight, and whether the pelvis stays
+# where it is.
 
 
 LARGEST_WEIGHT_ERROR = 0.01
-"""Share of the weight by which the mean vertical force may miss it (McGeehan 2021 reports 2.6 % too little)."""
-LARGEST_DRIFT_M = (
-    1e-3  # how far the pelvis may move (m) and still be said to stand still (a choice)
-)
-SERIES_RATE_HZ = (
-    200.0  # rate of the series in the table (a choice): a figure shows the sway, not the samples
-)
+"""Share of the weight by which the mean vertical force may miss it (McGeehan 2021 reports 2.6 % too
+little)."""
+# how far the pelvis may move (m) and still be said to stand still (a choice)
+LARGEST_DRIFT_M = 1e-3
+# rate of the series in the table (a choice): a figure shows the sway, not the samples
+SERIES_RATE_HZ = 200.0
 ATTITUDE = ("tilt", "list", "rotation")
 
 
@@ -571,7 +583,8 @@ def standing_table(standing: Standing) -> StandingTable:
         1, round(1.0 / SERIES_RATE_HZ / float(np.diff(standing.time_s, prepend=0.0).mean()))
     )
     rows = slice(every - 1, None, every)
-    vertical, pelvis = standing.prosthetic_n + standing.intact_n, standing.pelvis
+    vertical = standing.prosthetic_n + standing.intact_n
+    pelvis = standing.pelvis
     error = float(vertical.mean() / standing.weight_n - 1.0)
     share = float(standing.prosthetic_n.mean() / vertical.mean())
     drift = np.linalg.norm(pelvis[1:, :3] - pelvis[0, :3], axis=1)

@@ -1,8 +1,10 @@
-"""Force control of the roll-over machine: a smooth path of the mount's height on which the foot bears a given force.
+"""Force control of the roll-over machine: a smooth path of the mount's height on which the foot
+bears a given force.
 
-First the heights are found one after the other in coarse steps, each the root of one equation. In fine steps this would
-not do: pressed at its toe, the keel's inertia makes the inverse from force to height unstable. So the path is then a
-cubic spline, whose coefficients are improved together by Gauss-Newton steps on the force over the whole stance.
+First the heights are found one after the other in coarse steps, each the root of one equation. In
+fine steps this would not do: pressed at its toe, the keel's inertia makes the inverse from force to
+height unstable. So the path is then a cubic spline, whose coefficients are improved together by
+Gauss-Newton steps on the force over the whole stance.
 """
 
 from __future__ import annotations
@@ -16,25 +18,29 @@ from scipy.interpolate import BSpline, make_lsq_spline
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
 
-from vsf_drake.errors import InputError
-from vsf_drake.model_file import check_fulcrum
-from vsf_drake.parameters import FootParameters
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.model_file import check_fulcrum
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.bench import MOUNT_COORDINATES, make_roll_over_machine
 from vsf_drake.simulation.bench import advance_to_load
 from vsf_drake.simulation.mechanism import roll_over_mechanism
 from vsf_drake.simulation.reactions import energy_ledger, foot_reaction
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
 
-FOLLOWS_WITHIN = (
-    0.01  # share of the largest force by which a run that follows its profile may be off (a choice)
-)
-COARSE_STEPS, COARSE_TOLERANCE_N = 60, 0.1
-KNOTS, DEGREE = 120, 3
+# share of the largest force by which a run that follows its profile may be off (a choice)
+FOLLOWS_WITHIN = 0.01
+COARSE_STEPS = 60
+COARSE_TOLERANCE_N = 0.1
+KNOTS = 120
+DEGREE = 3
 APART = 7
-"""Coefficients whose effects one run tells apart: each reaches over 4 intervals of the spline, and dies out in 3."""
+"""Coefficients whose effects one run tells apart: each reaches over 4 intervals of the spline, and
+dies out in 3."""
 MOST_IMPROVEMENTS = 6
-_GOOD_ENOUGH, _WORTHWHILE = 1e-3, 0.95
-ROUGHNESS_N_PER_M = 300.0  # what a second difference of the coefficients costs: 25 m/s^2 as much as 0.2 N (a choice)
+_GOOD_ENOUGH = 1e-3
+_WORTHWHILE = 0.95
+# what a second difference of the coefficients costs: 25 m/s^2 as much as 0.2 N (a choice)
+ROUGHNESS_N_PER_M = 300.0
 _TRIAL_M = 5e-5
 _MOST_TRIALS = 40
 _FIRST_STIFFNESS = 5e4
@@ -49,9 +55,8 @@ class Following:
 
     wanted_n: np.ndarray  # (n,) N along the fixed line
     force_n: np.ndarray
-    deflection_m: (
-        np.ndarray
-    )  # (n,) how much lower the mount is than where the unloaded foot would touch at that tilt
+    deflection_m: np.ndarray
+    """(n,) how much lower the mount is than where the unloaded foot would touch at that tilt"""
 
     @property
     def residual_n(self) -> float:
@@ -74,13 +79,16 @@ def _follow_coarsely(
     force_n: np.ndarray,
     start_height_m: float,
 ) -> np.ndarray:
-    """(n + 1,) heights (m) of the mount above the tilt axis at which the foot bears `force_n`, step by step.
+    """(n + 1,) heights (m) of the mount above the tilt axis at which the foot bears `force_n`, step
+    by step.
 
-    `first` are inputs of a single step from rest at q0: of the mount's three coordinates, then the carriage.
+    `first` are inputs of a single step from rest at q0: of the mount's three coordinates, then the
+    carriage.
     """
     heights = np.full(len(time_s), start_height_m)
     q, v = np.array(q0), np.zeros_like(q0)
-    rate, stiffness = 0.0, _FIRST_STIFFNESS
+    rate = 0.0
+    stiffness = _FIRST_STIFFNESS
     for k in range(len(time_s) - 1):
         now = mount_path(tilt_rad[k : k + 1], heights[k : k + 1])
         last: list[Record] = []
@@ -99,7 +107,8 @@ def _follow_coarsely(
                 dataclasses.replace(first, time_s=time_s[k : k + 2], prescribed_q=path), q, v
             )
             last[:] = [record]
-            normal, along = record.site("normal_force").sum(), record.site("friction_x").sum()
+            normal = record.site("normal_force").sum()
+            along = record.site("friction_x").sum()
             return float(np.cos(then[0, 2]) * normal - np.sin(then[0, 2]) * along)
 
         step = float(time_s[k + 1] - time_s[k])
@@ -107,7 +116,8 @@ def _follow_coarsely(
             force, heights[k] + rate * step, float(force_n[k + 1]), stiffness
         )
         rate = (heights[k + 1] - heights[k]) / step
-        q, v = last[0].q[-1], last[0].v[-1]
+        q = last[0].q[-1]
+        v = last[0].v[-1]
     return heights
 
 
@@ -118,9 +128,11 @@ def _smooth_path(
     force_along: Callable[[np.ndarray], np.ndarray],
     wanted_n: np.ndarray,
 ) -> np.ndarray:
-    """(n + 1,) heights (m) at `time_s` on a spline, on which the force is as near the wanted one (n,) as it comes.
+    """(n + 1,) heights (m) at `time_s` on a spline, on which the force is as near the wanted one
+    (n,) as it comes.
 
-    `coarse_m` is a first guess; `force_along` leads from heights at `time_s` to the force (n,) N at the steps' ends.
+    `coarse_m` is a first guess; `force_along` leads from heights at `time_s` to the force (n,) N at
+    the steps' ends.
     """
     inner = np.linspace(time_s[0], time_s[-1], KNOTS + 1)
     knots = np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
@@ -150,7 +162,8 @@ def _smooth_path(
             trial[1:] += share * change
             off = force_along(basis @ trial) - wanted_n
             if cost(trial, off) < cost(coefficients, residual):
-                coefficients, residual = trial, off
+                coefficients = trial
+                residual = off
                 break
         if cost(coefficients, residual) > _WORTHWHILE * before:
             break
@@ -165,7 +178,8 @@ def _slopes(
     force_along: Callable[[np.ndarray], np.ndarray],
     force_n: np.ndarray,
 ) -> np.ndarray:
-    """(n, coefficients) derivatives (N/m) of the force by the spline's coefficients, by differences."""
+    """(n, coefficients) derivatives (N/m) of the force by the spline's coefficients, by
+    differences."""
     slopes = np.zeros((len(time_s) - 1, len(coefficients)))
     until = np.append(knots[APART:], np.full(APART, np.inf))
     for group in range(APART):
@@ -182,12 +196,12 @@ def _slopes(
 def _root(
     force: Callable[[float], float], guess: float, wanted: float, stiffness: float
 ) -> tuple[float, float]:
-    """The height with the wanted force, and the slope -dF/dh (N/m) there; `force` is last called at that height."""
-    height, low, high = (
-        guess,
-        -np.inf,
-        np.inf,
-    )  # the force is too large at `low`, too small at `high`
+    """The height with the wanted force, and the slope -dF/dh (N/m) there; `force` is last called at
+    that height."""
+    # the force is too large at `low`, too small at `high`
+    height = guess
+    low = -np.inf
+    high = np.inf
     before: tuple[float, float] | None = None
     for trial in range(_MOST_TRIALS):
         excess = force(height) - wanted
@@ -205,21 +219,24 @@ def _root(
 
 # Where the foot's mount goes when the platform under it tilts: the test's frame and the platform's.
 #
-# In a roll-over test the pylon stays on a fixed line and the platform under the foot turns by the tilt gamma about an
-# axis T across its surface, under the line; gamma < 0 lowers its front, so that the heel is loaded. With z along the
-# line, x forward and T as the origin the mount's origin is at (0, h). Seen from the platform, which is then level
-# ground, everything turns by -gamma about T. So the foot's pitch (toes up) is -gamma, the mount's origin is at
+# In a roll-over test the pylon stays on a fixed line and the platform under the foot turns by the
+# tilt gamma about an axis T across its surface, under the line; gamma < 0 lowers its front, so that
+# the heel is loaded. With z along the line, x forward and T as the origin the mount's origin is at
+# (0, h). Seen from the platform, which is then level ground, everything turns by -gamma about T. So
+# the foot's pitch (toes up) is -gamma, the mount's origin is at
 #
 #     x = -h sin(pitch),    z = h cos(pitch),
 #
-# and the test's line of force has the direction (-sin(pitch), 0, cos(pitch)). Contact knows relative motion only, so
-# both give the same forces, but for the inertia of the foot in a frame that turns, which is left out: at 2.5 rad/s and
-# 1 m/s that is a few newtons for 0.65 kg.
+# and the test's line of force has the direction (-sin(pitch), 0, cos(pitch)). Contact knows
+# relative motion only, so both give the same forces, but for the inertia of the foot in a frame
+# that turns, which is left out: at 2.5 rad/s and 1 m/s that is a few newtons for 0.65 kg.
 
 
 def mount_path(tilt_rad: np.ndarray, height_m: np.ndarray) -> np.ndarray:
-    """(n, 3) forward (m, from T), up (m) and pitch (rad) of the mount over level ground: gamma and h as above."""
-    pitch, h = -np.asarray(tilt_rad, dtype=float), np.asarray(height_m, dtype=float)
+    """(n, 3) forward (m, from T), up (m) and pitch (rad) of the mount over level ground: gamma and
+    h as above."""
+    pitch = -np.asarray(tilt_rad, dtype=float)
+    h = np.asarray(height_m, dtype=float)
     return np.column_stack([-h * np.sin(pitch), h * np.cos(pitch), pitch])
 
 
@@ -230,9 +247,12 @@ def line_of_force(pitch_rad: np.ndarray) -> np.ndarray:
 
 
 def in_mount_frame(points_W: np.ndarray, mount: np.ndarray) -> np.ndarray:
-    """(n, 2) forward and up in the mount's frame of points (n, 3) in W, for the mount's coordinates (n, 3)."""
-    x, z = points_W[:, 0] - mount[:, 0], points_W[:, 2] - mount[:, 1]
-    cosine, sine = np.cos(mount[:, 2]), np.sin(mount[:, 2])
+    """(n, 2) forward and up in the mount's frame of points (n, 3) in W, for the mount's coordinates
+    (n, 3)."""
+    x = points_W[:, 0] - mount[:, 0]
+    z = points_W[:, 2] - mount[:, 1]
+    cosine = np.cos(mount[:, 2])
+    sine = np.sin(mount[:, 2])
     return np.column_stack([cosine * x + sine * z, -sine * x + cosine * z])
 
 
@@ -241,7 +261,8 @@ def in_mount_frame(points_W: np.ndarray, mount: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class RollOverRun:
-    """One run of the machine over n instants (the ends of the steps), ground level and z = 0 in W."""
+    """One run of the machine over n instants (the ends of the steps), ground level and z = 0 in
+    W."""
 
     time_s: np.ndarray
     mount: np.ndarray  # (n, 3) m, m, rad (toes up): MOUNT_COORDINATES
@@ -249,18 +270,22 @@ class RollOverRun:
     grf_W: np.ndarray  # (n, 3) N on the foot
     cop_W: np.ndarray  # (n, 3) m, NaN below 20 N
     sphere_normal_n: np.ndarray  # (n, spheres)
+    keel_turn_rad: np.ndarray  # (n,) of the keel's front end against the mount, toe up
     energy: dict[str, np.ndarray]  # `simulation.reactions.energy_ledger` (n,) J by name
     unconverged_steps: int  # that were accepted without convergence
 
 
 class RollOver:
-    """One machine, built once and used often, with the foot's own friction with the ground or none."""
+    """One machine, built once and used often, with the foot's own friction with the ground or
+    none."""
 
     def __init__(self, parameters: FootParameters, *, friction: bool) -> None:
         self.machine = make_roll_over_machine(parameters, friction=friction)
         self.context = self.machine.diagram.CreateDefaultContext()
-        self.parameters, self.friction = parameters, friction
-        sites, plant = self.machine.foot.sites, self.machine.plant
+        self.parameters = parameters
+        self.friction = friction
+        sites = self.machine.foot.sites
+        plant = self.machine.plant
         straight = plant.CreateDefaultContext()
         self._centres = np.array(
             [
@@ -270,17 +295,22 @@ class RollOver:
         )[:, [0, 2]]
 
     def touch_height(self, pitch_rad: float | np.ndarray) -> np.ndarray:
-        """Height (m) of the mount's origin over the ground at which the unloaded foot touches it."""
+        """Height (m) of the mount's origin over the ground at which the unloaded foot touches
+        it."""
         pitch = np.atleast_1d(np.asarray(pitch_rad, dtype=float))[:, None]
         x, z = self._centres.T
         radius = self.machine.foot.sites.radius
         return np.asarray(-(x * np.sin(pitch) + z * np.cos(pitch) - radius).min(axis=1))
 
     def follow(self, *, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray) -> RollOverRun:
-        """Moves the mount along `mount` (n + 1, 3: MOUNT_COORDINATES) at `time_s` (n + 1,), the foot at rest at first."""
+        """Moves the mount along `mount` (n + 1, 3: MOUNT_COORDINATES) at `time_s` (n + 1,), the
+        foot at rest at first.
+        """
         stepper, inputs, q0 = self._begin(fulcrum_m, time_s, mount)
-        record, columns = stepper.run(inputs, q0, np.zeros_like(q0)), inputs.prescribed[:3]
+        record = stepper.run(inputs, q0, np.zeros_like(q0))
+        columns = inputs.prescribed[:3]
         reaction = foot_reaction(record, slice(0, None))
+        keel = [stepper.mechanism.tree.index(name) for name in self.machine.foot.keel_joint_names]
         return RollOverRun(
             time_s=record.time_s,
             mount=record.q[:, columns],
@@ -288,6 +318,7 @@ class RollOver:
             grf_W=reaction.grf_W,
             cop_W=reaction.cop_W,
             sphere_normal_n=record.site("normal_force"),
+            keel_turn_rad=record.q[:, keel].sum(axis=1),
             energy=energy_ledger(
                 stepper.mechanism, record, driven=inputs.prescribed, fulcrum_m=inputs.fulcrum
             ),
@@ -303,7 +334,8 @@ class RollOver:
         speed_m_per_s: float,
         steps_per_mm: float,
     ) -> RollOverRun:
-        """Lowers the pitched foot from first touch at constant speed until the vertical load is reached, and raises it.
+        """Lowers the pitched foot from first touch at constant speed until the vertical load is
+        reached, and raises it.
 
         SimulationError if the foot gives way before, or the run diverges.
         """
@@ -337,7 +369,9 @@ class RollOver:
             max_load_n,
             travel,
             foot="foot",
-            where=f"at {np.degrees(pitch_rad):g} degrees with the fulcrum at {1e3 * fulcrum_m:g} mm",
+            where=(
+                f"at {np.degrees(pitch_rad):g} degrees with the fulcrum at {1e3 * fulcrum_m:g} mm"
+            ),
         )
         path = np.concatenate([travel[: count + 1], travel[count - 1 :: -1]])
         moments = 1e-3 / steps_per_mm / speed_m_per_s * np.arange(2 * count + 1)
@@ -346,12 +380,14 @@ class RollOver:
     def roll(
         self, *, fulcrum_m: float, time_s: np.ndarray, tilt_rad: np.ndarray, force_n: np.ndarray
     ) -> tuple[RollOverRun, Following]:
-        """Rolls the foot: tilt and force (n + 1,) along the fixed line are given, the mount's height is found.
+        """Rolls the foot: tilt and force (n + 1,) along the fixed line are given, the mount's
+        height is found.
 
-        The foot starts unloaded, as it touches. Returns the run along the heights that were found, and how well it
-        follows the force.
+        The foot starts unloaded, as it touches. Returns the run along the heights that were found,
+        and how well it follows the force.
         """
-        # Height above T along the line of force at which the unloaded foot touches the tilted platform.
+        # Height above T along the line of force at which the unloaded foot touches the tilted
+        # platform.
         touch = self.touch_height(-tilt_rad) / np.cos(tilt_rad)
         start = mount_path(tilt_rad[:1], touch[:1])
         stepper, first, q0 = self._begin(

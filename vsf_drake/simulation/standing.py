@@ -1,15 +1,18 @@
-"""The person standing still on both feet: joints held, the pelvis as free as a stiff person can stay up with.
+"""The person standing still on both feet: joints held, the pelvis as free as a stiff person can
+stay up with.
 
 Three ways, the freest first that stays up:
 
-    all six     the pelvis is free altogether; takes a posture whose centre of mass is over both feet, in which the
-                feet right the person faster than the weight topples it
+    all six     the pelvis is free altogether; takes a posture whose centre of mass is over both
+                feet, in which the feet right the person faster than the weight topples it
     sideways    place and list free; tilt and rotation held
-    upright     place free; the attitude held, at the list at which both unloaded soles touch the floor
+    upright     place free; the attitude held, at the list at which both unloaded soles touch the
+                floor
 
-The person is let go a little off rest (NUDGE_M, NUDGE_RAD), so that standing still means coming back. At anatomically
-neutral angles the centre of mass is over the ankle, near the heel's end of the foot: leaning back the feet lose their
-toes before they right the body, so that nobody of this build balances fore and aft without leaning at the ankles.
+The person is let go a little off rest (NUDGE_M, NUDGE_RAD), so that standing still means coming
+back. At anatomically neutral angles the centre of mass is over the ankle, near the heel's end of
+the foot: leaning back the feet lose their toes before they right the body, so that nobody of this
+build balances fore and aft without leaning at the ankles.
 """
 
 from __future__ import annotations
@@ -23,15 +26,16 @@ import numpy as np
 from pydrake.multibody.tree import BodyIndex
 from scipy.optimize import brentq, root
 
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.base.sentences import say
+from vsf_drake.model.parameters import GRAVITY, PELVIS_COORDINATES, ModelParameters, Subject
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES, ModelParameters, Subject
-from vsf_drake.sentences import say
 from vsf_drake.simulation.results import NUDGE_M, NUDGE_RAD, Standing
 from vsf_drake.simulation.walk import AT_REST, DEFAULT_STEP_S, Walk, Walker, step_notes
 
 LARGEST_SWAY_RAD = np.radians(1.0)
-"""Turn of a free pelvis from its equilibrium after which the person counts as falling (a choice)."""
+"""Turn of a free pelvis from its equilibrium after which the person counts as falling (a
+choice)."""
 LONGEST_S = 120.0  # longest time (s) to stand: the record of every step stays in memory
 
 
@@ -49,8 +53,9 @@ def simulate_standing(
     """Stands the person on both feet for `duration_s`.
 
     Args:
-        angles: rad by coordinate, such as those of a recorded standing trial; 0 (anatomically neutral) where not
-            named. Joints stay there; pelvis_tilt and pelvis_rotation are where the pelvis is held, or looked for.
+        angles: rad by coordinate, such as those of a recorded standing trial; 0 (anatomically
+            neutral) where not named. Joints stay there; pelvis_tilt and pelvis_rotation are where
+            the pelvis is held, or looked for.
         upright: whether to hold the attitude in any case, so that persons and settings compare.
         progress: called with the finished fraction of a run.
     """
@@ -97,7 +102,8 @@ def _let_go(
     step_s: float,
     progress: Callable[[float], None] | None,
 ) -> tuple[Walk, float]:
-    """Settles the person at an attitude, nudges what is free and lets go; also the largest speed left when settled."""
+    """Settles the person at an attitude, nudges what is free and lets go; also the largest speed
+    left when settled."""
     q, rest_speed = posture.settled(tilt, list_)
     q["pelvis_ty"] += NUDGE_M
     towards = 1.0 if walker.subject.prosthetic_side == "right" else -1.0
@@ -110,7 +116,8 @@ def _let_go(
 
 def _balances(posture: StandingPosture, tilt: float, notes: list[str]) -> list[Equilibrium]:
     """Stable equilibria, the freest first; `notes` learns why there are no more."""
-    full, least = None, (0.0, 0.0)
+    full = None
+    least = (0.0, 0.0)
     try:
         sideways = posture.sideways_equilibrium(tilt)
         if sideways is not None:
@@ -137,13 +144,15 @@ def _result(
     rest_speed: float,
     notes: list[str],
 ) -> Standing:
-    tree, record = walk.mechanism.tree, walk.record
+    tree = walk.mechanism.tree
+    record = walk.record
     columns = [tree.index(name) for name in PELVIS_COORDINATES]
     free = TRANSLATIONS + (balance.freed if balance else ())
     held = {
         name: float(record.load[-1, tree.index(name)]) for name in ROTATIONS if name not in free
     }
-    prosthetic, intact = walk.prosthetic.grf_W[:, 2], walk.intact.grf_W[:, 2]
+    prosthetic = walk.prosthetic.grf_W[:, 2]
+    intact = walk.intact.grf_W[:, 2]
     share = float(prosthetic.sum() / max((prosthetic + intact).sum(), 1e-9))
     to_prosthesis = (held.get("pelvis_list", 0.0) < 0.0) == (
         posture.walker.subject.prosthetic_side == "left"
@@ -180,17 +189,21 @@ def _result(
 
 # Whether a person with stiff joints can balance, and how the pelvis must be turned for it.
 #
-# With every joint held, the person is one body on two springy feet: an inverted pendulum, which the weight topples with
-# m g h times its angle (h: centre of mass above the ground) and the feet right. Where the moment that holds the pelvis
-# at an angle is zero the person is in equilibrium, and where it grows with the angle the equilibrium is stable.
+# With every joint held, the person is one body on two springy feet: an inverted pendulum, which the
+# weight topples with m g h times its angle (h: centre of mass above the ground) and the feet right.
+# Where the moment that holds the pelvis at an angle is zero the person is in equilibrium, and where
+# it grows with the angle the equilibrium is stable.
 
 
-TRANSLATIONS, ROTATIONS = PELVIS_COORDINATES[:3], PELVIS_COORDINATES[3:]
+TRANSLATIONS = PELVIS_COORDINATES[:3]
+ROTATIONS = PELVIS_COORDINATES[3:]
 LARGEST_TURN_RAD = np.radians(6.0)
-"""How far from upright an equilibrium is looked for (a choice: the spheres under a foot unload well before)."""
+"""How far from upright an equilibrium is looked for (a choice: the spheres under a foot unload well
+before)."""
 SEARCH_STEP_RAD = np.radians(1.0)
 LEAST_SHARE = 0.05  # share of the weight that a foot must carry for both to be stood on (a choice)
-MOMENT_TOLERANCE = 1e-6  # moment left at an equilibrium, over weight times a metre: a micrometre of the centre of mass
+# moment left at an equilibrium, over weight times a metre: a micrometre of the centre of mass
+MOMENT_TOLERANCE = 1e-6
 
 
 class Hold(NamedTuple):
@@ -207,9 +220,8 @@ class Equilibrium:
     tilt: float
     list: float
     free: tuple[str, ...]
-    stiffness: (
-        np.ndarray
-    )  # (k, k) N m/rad in the directions of `free`; the feet's less the weight's
+    stiffness: np.ndarray
+    """(k, k) N m/rad in the directions of `free`; the feet's less the weight's"""
 
     @property
     def least_nm_per_rad(self) -> float:
@@ -223,7 +235,8 @@ class Equilibrium:
 
     @property
     def freed(self) -> tuple[str, ...]:
-        """The pelvis angles that go free: rotation, which only friction opposes, with the full balance alone."""
+        """The pelvis angles that go free: rotation, which only friction opposes, with the full
+        balance alone."""
         return ROTATIONS if len(self.free) == 2 else self.free
 
 
@@ -263,7 +276,8 @@ class StandingPosture:
         }
 
     def coordinates(self, tilt: float, list_: float) -> dict[str, float]:
-        """Every anatomical coordinate; the lower sole's lowest point touches the ground, the pelvis is at x = y = 0."""
+        """Every anatomical coordinate; the lower sole's lowest point touches the ground, the pelvis
+        is at x = y = 0."""
         q = {
             **dict.fromkeys(TRANSLATIONS, 0.0),
             **self.angles,
@@ -273,7 +287,8 @@ class StandingPosture:
         return {**q, "pelvis_ty": -min(self._sole_heights(q))}
 
     def level_list(self, tilt: float) -> float:
-        """The list (rad) at which both unloaded soles touch the floor, 0 for equal legs; InputError if none does."""
+        """The list (rad) at which both unloaded soles touch the floor, 0 for equal legs; InputError
+        if none does."""
 
         def difference(list_: float) -> float:
             prosthetic, intact = self._sole_heights(self.coordinates(tilt, list_))
@@ -292,16 +307,19 @@ class StandingPosture:
     def hold(self, tilt: float, list_: float) -> Hold:
         """Lets the person settle in height and socket with the pelvis held at an attitude."""
         walk = self._settle(tilt, list_)
-        load, tree = walk.record.load[-1], walk.mechanism.tree
+        load = walk.record.load[-1]
+        tree = walk.mechanism.tree
         up = walk.prosthetic.grf_W[-1, 2], walk.intact.grf_W[-1, 2]
         share = float(up[0] / max(sum(up), 1e-9))
         moments = np.array([load[tree.index(name)] for name in ROTATIONS[:2]])
         return Hold(moments, on_both_feet=LEAST_SHARE < share < 1.0 - LEAST_SHARE)
 
     def settled(self, tilt: float, list_: float) -> tuple[dict[str, float], float]:
-        """Coordinates at rest under the load with the pelvis held at an attitude, and the largest speed left."""
+        """Coordinates at rest under the load with the pelvis held at an attitude, and the largest
+        speed left."""
         walk = self._settle(tilt, list_)
-        q, tree = self.coordinates(tilt, list_), walk.mechanism.tree
+        q = self.coordinates(tilt, list_)
+        tree = walk.mechanism.tree
         return {name: float(walk.record.q0[tree.index(name)]) for name in q}, walk.rest_speed
 
     def _settle(self, tilt: float, list_: float) -> Walk:
@@ -322,7 +340,8 @@ class StandingPosture:
         step_s: float = DEFAULT_STEP_S,
         progress: Callable[[float], None] | None = None,
     ) -> Walk:
-        """`walker` let go at rest at the coordinates `q`; those in `settle` come to rest under the load before."""
+        """`walker` let go at rest at the coordinates `q`; those in `settle` come to rest under the
+        load before."""
         moments = np.linspace(0.0, max(duration_s, 1e-2), 8)
         still = CoordinateTrajectory(moments, np.tile([*q.values()], (len(moments), 1)), tuple(q))
         return walker.walk(
@@ -336,7 +355,8 @@ class StandingPosture:
         )
 
     def sideways_equilibrium(self, tilt: float) -> Equilibrium | None:
-        """Balanced sideways with the tilt held: both feet loaded, stable if there is such, nearest to level."""
+        """Balanced sideways with the tilt held: both feet loaded, stable if there is such, nearest
+        to level."""
         level = self.level_list(tilt)
         balances = [
             Equilibrium(tilt, list_, ("pelvis_list",), self._stiffness(tilt, list_)[1:, 1:])
@@ -345,8 +365,10 @@ class StandingPosture:
         return min(balances, key=lambda e: (not e.stable, abs(e.list - level)), default=None)
 
     def equilibrium(self, sideways: Equilibrium) -> Equilibrium | None:
-        """Balanced in every direction, looked for from a sideways balance: stable if any is, else the nearest."""
-        start, balances = np.array([sideways.tilt, sideways.list]), []
+        """Balanced in every direction, looked for from a sideways balance: stable if any is, else
+        the nearest."""
+        start = np.array([sideways.tilt, sideways.list])
+        balances = []
         for tilt in self._zeros(lambda x: self.hold(x, sideways.list), 0, sideways.tilt):
             solved = root(
                 lambda x: self.hold(*x).moments_nm / self.weight_n,

@@ -1,22 +1,27 @@
-"""The numbers of a walk that studies change, by name: what each is, its bounds, and where it enters the arrays.
+"""The numbers of a walk that studies change, by name: what each is, its bounds, and where it enters
+the arrays.
 
-    contact.ZONE.stiffness | exponent | damping | full_damping_depth | rise    spheres of a zone, prosthetic foot
+    contact.ZONE.stiffness | exponent | damping | full_damping_depth | rise    spheres of a zone,
+                                                                               prosthetic foot
     friction.mu_static | mu_kinetic | threshold_velocity                       prosthetic foot
     keel.flexural_modulus       stiffness of all keel joints, with their damping in proportion
     fulcrum.stiffness           of the support
     fulcrum.shift               of the support along the keel, added to its position
     socket.AXIS.stiffness       of a bushing axis; both signs, in their ratio
-    offset.height | fore_aft | alignment | inversion | toe_out    as in a manifest, added to the walk's own offsets
+    offset.height | fore_aft | alignment | inversion | toe_out    as in a manifest, added to the
+                                                                  walk's own offsets
     coordinate.NAME             constant added to a prescribed coordinate
-    perturbation.NAME           the same times a function of time (`MotionPerturbation`), of a walk that is given one
+    perturbation.NAME           the same times a function of time (`MotionPerturbation`), of a walk
+                                that is given one
 
-A value enters every array in proportion, so that one set of arrays, the `ParameterTangent`, tells both how to change a
-mechanism and how its forces depend on the variable.
+A value enters every array in proportion, so that one set of arrays, the `ParameterTangent`, tells
+both how to change a mechanism and how its forces depend on the variable.
 
-A walk with perturbations follows q(t) = trajectory + coordinate shifts + sum of value * shape(t). Between the instants
-of its steps it knows nothing of a shape: there the coordinate goes straight, as it does along the recording. The
-velocity before the first step has the rate of the shape at the start, the derivative of the quartic through five
-instants a tenth of a millisecond apart from there on: nothing is asked outside of the walk's time.
+A walk with perturbations follows q(t) = trajectory + coordinate shifts + sum of value * shape(t).
+Between the instants of its steps it knows nothing of a shape: there the coordinate goes straight,
+as it does along the recording. The velocity before the first step has the rate of the shape at the
+start, the derivative of the quartic through five instants a tenth of a millisecond apart from there
+on: nothing is asked outside of the walk's time.
 """
 
 from __future__ import annotations
@@ -32,7 +37,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
 
@@ -47,7 +52,8 @@ _SITE = {name: i for i, name in enumerate(SITE_COLUMNS)} | {"rise": SITE_COLUMNS
 _FOLD = 10.0  # bounds of a stiffness or damping: its own value divided and multiplied by this
 _MOST_SHIFT = 1.0  # of a coordinate, m or rad
 _LARGEST = 1e30  # of a stiffness or damping, as the contact's in the model file
-_RATE_STEP_S = 1e-4  # between the instants from which a perturbation's rate at the start is taken, in longer walks
+# between the instants from which a perturbation's rate at the start is taken, in longer walks
+_RATE_STEP_S = 1e-4
 _RATE = np.array([48.0, -36.0, 16.0, -3.0]) / 12.0
 """Of the first of five values at equal steps, from what the others differ from it."""
 
@@ -62,8 +68,9 @@ class Variable:
     low: float  # bounds for searches (choices; they are wider than what feet and people differ by)
     high: float
     minimum: float
-    """Outside of this and `maximum` the model has no meaning. Those of offsets are a manifest's and those of the laws
-    near the model file's; for a coordinate and the fulcrum's shift a choice, to refuse another unit."""
+    """Outside of this and `maximum` the model has no meaning. Those of offsets are a manifest's and
+    those of the laws near the model file's; for a coordinate and the fulcrum's shift a choice, to
+    refuse another unit."""
     by_unit: ParameterTangent  # how it enters
     maximum: float = math.inf
     added: bool = False  # to what is there; else it replaces that
@@ -73,15 +80,19 @@ class Variable:
 class MotionPerturbation:
     """A way in which a prescribed coordinate is changed during a walk."""
 
-    name: str  # its variable is "perturbation.NAME", in m or rad, 0 unless a walk's `values` say otherwise
+    name: str
+    """its variable is "perturbation.NAME", in m or rad, 0 unless a walk's `values` say otherwise"""
     coordinate: str  # the prescribed one; several perturbations may change the same
     shape: Callable[[np.ndarray], np.ndarray]
-    """Times (n,) of the recording (s) -> (n,) what the value is times; smooth (twice differentiable), dimensionless."""
+    """Times (n,) of the recording (s) -> (n,) what the value is times; smooth (twice
+    differentiable), dimensionless."""
 
 
 def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variable]:
     """All variables of a walking person by name, with the values of `mechanism` as defaults."""
-    foot, rows, springs = gait.person.foot, mechanism.sites, mechanism.springs
+    foot = gait.person.foot
+    rows = mechanism.sites
+    springs = mechanism.springs
     variables = []
 
     def by_unit(spheres: np.ndarray | slice, column: str) -> ParameterTangent:
@@ -142,7 +153,8 @@ def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variabl
                 maximum,
             )
         )
-    keel, modulus = np.zeros_like(springs), foot.parameters.keel.flexural_modulus_pa
+    keel = np.zeros_like(springs)
+    modulus = foot.parameters.keel.flexural_modulus_pa
     keel[:-6, :3] = springs[:-6, :3] / modulus
     variables.append(
         Variable(
@@ -175,7 +187,8 @@ def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variabl
         )
     )
     for row, axis in enumerate(SOCKET_AXES, start=len(springs) - 6):
-        rate, k = np.zeros_like(springs), float(springs[row, 0])
+        rate = np.zeros_like(springs)
+        k = float(springs[row, 0])
         rate[row, :2] = springs[row, :2] / k
         variables.append(
             scaled(
@@ -237,8 +250,8 @@ def _shift(
 def perturbation_variables(
     perturbations: Sequence[MotionPerturbation], prescribed: Sequence[str], moments: np.ndarray
 ) -> dict[str, Variable]:
-    """The variables of a walk with these perturbations at the moments (n + 1,), by name; InputError for what is no
-    perturbation."""
+    """The variables of a walk with these perturbations at the moments (n + 1,), by name; InputError
+    for what is no perturbation."""
     if isinstance(perturbations, (MotionPerturbation, str, Mapping)) or not isinstance(
         perturbations, Sequence
     ):
@@ -309,7 +322,8 @@ def _nearest(name: Any, names: Iterable[str], all_are: str) -> str:
 def check_names(
     names: Iterable[str], variables: Mapping[str, Variable], *, where: str
 ) -> tuple[str, ...]:
-    """The names; InputError if one is not in `variables` or comes twice, or for one name in place of several."""
+    """The names; InputError if one is not in `variables` or comes twice, or for one name in place
+    of several."""
     if isinstance(names, (str, bytes)) or not isinstance(names, Iterable):
         raise InputError(
             f"{names!r} is no list of names", where=where, right="Give a list, also for one name"
@@ -331,7 +345,8 @@ def check_names(
 def check_values(
     values: Mapping[str, float] | None, variables: Mapping[str, Variable]
 ) -> dict[str, float]:
-    """The values as floats by name, none for None; InputError for those with which the model has no meaning."""
+    """The values as floats by name, none for None; InputError for those with which the model has no
+    meaning."""
     if not isinstance(values, Mapping | None):
         raise InputError(f"{values!r} is no mapping of names to numbers", where="values")
     values = dict(values or {})
@@ -389,14 +404,14 @@ def added(
     prescribed: Sequence[str],
     count: int = 1,
 ) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
-    """What `values` add outside the mechanism: (5,) to the mount, m to the fulcrum, to the prescribed coordinates (p,)
-    and by perturbations (count, p) at the moments of the walk (m, rad), and (p,) to their rates at the first one."""
-    mount, slide = np.zeros(len(OFFSETS)), 0.0
-    shift, perturbation, rate = (
-        np.zeros(len(prescribed)),
-        np.zeros((count, len(prescribed))),
-        np.zeros(len(prescribed)),
-    )
+    """What `values` add outside the mechanism: (5,) to the mount, m to the fulcrum, to the
+    prescribed coordinates (p,) and by perturbations (count, p) at the moments of the walk (m, rad),
+    and (p,) to their rates at the first one."""
+    mount = np.zeros(len(OFFSETS))
+    slide = 0.0
+    shift = np.zeros(len(prescribed))
+    perturbation = np.zeros((count, len(prescribed)))
+    rate = np.zeros(len(prescribed))
     for name, value in values.items():
         by_unit = variables[name].by_unit
         mount += value * by_unit.mount

@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vsf_drake.errors import InputError
-from vsf_drake.model_file import (
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.schema import check, to_plain
+from vsf_drake.base.sentences import say
+from vsf_drake.model.model_file import (
     FOAM_LOADS_N,
     check_fulcrum,
     check_model,
     foam_under_load,
     secant_stiffness,
 )
+from vsf_drake.model.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
-from vsf_drake.schema import check, to_plain
-from vsf_drake.sentences import say
 from vsf_drake.simulation import reactions
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, supported_over
@@ -56,12 +56,14 @@ MOST_BYTES = 1e9  # of memory that a walk with its recording may take
 class Walker:
     """A subject with a prosthesis on the ground: built once, walked often.
 
-    Parameters live in `context` (the diagram's): change them there between runs. A walk sets the foot's mount in it,
-    under a lock: threads may share a walker as long as none of them changes the Context.
+    Parameters live in `context` (the diagram's): change them there between runs. A walk sets the
+    foot's mount in it, under a lock: threads may share a walker as long as none of them changes the
+    Context.
 
-    `free` are anatomical coordinates that are not prescribed. `variables` are the numbers that `walk` takes by name
-    (`values`), with units, bounds and what they were at first; one that is named replaces what the Context holds.
-    InputError if a parameter is out of range or the segments do not fit.
+    `free` are anatomical coordinates that are not prescribed. `variables` are the numbers that
+    `walk` takes by name (`values`), with units, bounds and what they were at first; one that is
+    named replaces what the Context holds. InputError if a parameter is out of range or the segments
+    do not fit.
     """
 
     def __init__(
@@ -69,7 +71,8 @@ class Walker:
     ) -> None:
         check(subject)
         check_model(model)
-        self.subject, self.model = subject, model
+        self.subject = subject
+        self.model = model
         self.gait = make_gait(subject, model, free=free)
         self.context = self.gait.diagram.CreateDefaultContext()
         self.free = tuple(free)
@@ -95,21 +98,26 @@ class Walker:
     ) -> Walk:
         """Follows `trajectory` from `start_s` to `end_s` in steps of `step_s`.
 
-        The run begins in the pose and with the velocities of `start_s`; socket and keel are at rest.
+        The run begins in the pose and with the velocities of `start_s`; socket and keel are at
+        rest.
 
         Args:
             trajectory: must hold every prescribed coordinate (rad, m).
             fulcrum_m: from A (m), constant or a function of time (s, array to array).
-            support_width_m: on either side of a keel joint over which the support passes from one rigid piece of the
-                keel to the next, so that derivatives by `fulcrum.shift` are continuous too; 0 at the joint itself.
-            perturbations: what changes prescribed coordinates with time; each is a variable, "perturbation.NAME".
-            values: of `variables` and perturbations, for this walk only; what is not named stays as the Context has it.
-            with_respect_to: variables by which the prosthetic foot's reaction is differentiated, exactly if the start
-                is at rest. One costs as much as a walk, each further one a few percent of that.
-            with_loads: whether loads of joints and socket and the state are differentiated too (`load_sensitivity`);
-                not by `coordinate` and `perturbation` variables.
-            initial: free coordinates that shall settle before the start, by name, with a first guess; others
-                start as the trajectory says, with its velocity.
+            support_width_m: on either side of a keel joint over which the support passes from one
+                rigid piece of the keel to the next, so that derivatives by `fulcrum.shift` are
+                continuous too; 0 at the joint itself.
+            perturbations: what changes prescribed coordinates with time; each is a variable,
+                "perturbation.NAME".
+            values: of `variables` and perturbations, for this walk only; what is not named stays as
+                the Context has it.
+            with_respect_to: variables by which the prosthetic foot's reaction is differentiated,
+                exactly if the start is at rest. One costs as much as a walk, each further one a few
+                percent of that.
+            with_loads: whether loads of joints and socket and the state are differentiated too
+                (`load_sensitivity`); not by `coordinate` and `perturbation` variables.
+            initial: free coordinates that shall settle before the start, by name, with a first
+                guess; others start as the trajectory says, with its velocity.
             progress: called with the finished fraction.
 
         Raises:
@@ -210,13 +218,15 @@ class Walker:
         rate: np.ndarray,
         tangents: tuple[ParameterTangent, ...],
     ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
-        """q0, v0 (coordinates,) at the start of `inputs`, the largest speed that was taken for rest, and dq0 (n, P).
+        """q0, v0 (coordinates,) at the start of `inputs`, the largest speed that was taken for
+        rest, and dq0 (n, P).
 
-        Prescribed coordinates, and free ones that the recording knows, have its position and velocity, and the `rate`
-        (prescribed,) of perturbations. Everything else (socket, keel, the free ones in `initial`) settles with those
-        held.
+        Prescribed coordinates, and free ones that the recording knows, have its position and
+        velocity, and the `rate` (prescribed,) of perturbations. Everything else (socket, keel, the
+        free ones in `initial`) settles with those held.
         """
-        tree, prescribed = stepper.mechanism.tree, self.gait.prescribed
+        tree = stepper.mechanism.tree
+        prescribed = self.gait.prescribed
         for name in initial:
             if name not in self.free:
                 raise InputError(
@@ -266,11 +276,16 @@ class Walker:
     def result(
         self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True
     ) -> WalkResult:
-        """Packs a run with all that it takes to understand and repeat it; the energy ledger takes as long as the run."""
-        record, tree = walk.record, walk.mechanism.tree
+        """Packs a run with all that it takes to understand and repeat it; the energy ledger takes
+        as long as the run.
+        """
+        record = walk.record
+        tree = walk.mechanism.tree
         sites = self.gait.person.foot.sites
-        count, prescribed = len(sites.radius), np.isin(tree.coordinate_names, self.gait.prescribed)
-        ledger, counts = self.energies(walk) if energy else {}, record.counts()
+        count = len(sites.radius)
+        prescribed = np.isin(tree.coordinate_names, self.gait.prescribed)
+        ledger = self.energies(walk) if energy else {}
+        counts = record.counts()
         used = {  # contact, springs and support as the run used them, whatever the model file says
             "site_columns": list(SITE_COLUMNS),
             "sites": walk.mechanism.sites.tolist(),
@@ -336,25 +351,30 @@ class Walker:
 
 
 def bytes_a_step(mechanism: Mechanism, *, by: int = 0, loads: bool = False) -> float:
-    """What a step takes, at most: 2.2 times its record, as was measured, and `by` derivatives (of loads too)."""
-    n, sites = len(mechanism.tree.coordinate_names), len(mechanism.sites)
+    """What a step takes, at most: 2.2 times its record, as was measured, and `by` derivatives (of
+    loads too)."""
+    n = len(mechanism.tree.coordinate_names)
+    sites = len(mechanism.sites)
     return 8.0 * (2.2 * (3 * n + len(SITE_RECORD) * sites) + by * (6 + 3 * n * loads))
 
 
 def _check_memory(moments: np.ndarray, step_bytes: float, rows: int) -> None:
     """InputError for a walk that would take more than MOST_BYTES."""
-    # Measured on walks of 10 and 60 s and on a recording of ten minutes: 0.41 GB for the programs, 2.5 kB for each row.
-    left, taken, step_s = (
-        MOST_BYTES - 4.1e8 - 2.5e3 * rows,
-        len(moments) * step_bytes,
-        moments[1] - moments[0],
-    )
+    # Measured on walks of 10 and 60 s and on a recording of ten minutes: 0.41 GB for the programs,
+    # 2.5 kB for each row.
+    left = MOST_BYTES - 4.1e8 - 2.5e3 * rows
+    taken = len(moments) * step_bytes
+    step_s = moments[1] - moments[0]
     if taken > left:
         raise InputError(
             f"{moments[-1] - moments[0]:.0f} s in steps of {1e3 * step_s:g} ms would take "
-            f"{1e-9 * (MOST_BYTES - left + taken):.1f} GB of memory, more than {1e-9 * MOST_BYTES:g} GB",
+            f"{1e-9 * (MOST_BYTES - left + taken):.1f} GB of memory, more than "
+            f"{1e-9 * MOST_BYTES:g} GB",
             where="window",
-            right=f"Choose at most {left / step_bytes * step_s:.0f} s of this recording, a part at a time"
+            right=(
+                f"Choose at most {left / step_bytes * step_s:.0f} s of this recording, a part at a "
+                "time"
+            )
             if left > 0.0
             else f"Its files have {rows} rows, which take all of it: cut them into shorter ones",
         )
@@ -363,17 +383,19 @@ def _check_memory(moments: np.ndarray, step_bytes: float, rows: int) -> None:
 def simulate_trial(
     trial: Trial,
     *,
+    fulcrum_m: float | Callable[[np.ndarray], np.ndarray] | None = None,
     step_s: float = DEFAULT_STEP_S,
     offsets: GeometricOffsets | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> WalkResult:
-    """Simulates a recorded trial, with `offsets` instead of the manifest's: the person follows the recording, the
-    prosthesis and the ground respond. Raises what `Walker.walk` does."""
+    """Simulates a recorded trial, with `fulcrum_m` (as `Walker.walk` takes it) and `offsets`
+    instead of the manifest's: the person follows the recording, the prosthesis and the ground
+    respond. Raises what `Walker.walk` does."""
     walker = Walker(trial.subject, trial.model)
     offsets = offsets or trial.offsets
     walk = walker.walk(
         trial.trajectory,
-        fulcrum_m=trial.fulcrum_m,
+        fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m,
         start_s=trial.start_s,
         end_s=trial.end_s,
         step_s=step_s,
@@ -403,13 +425,16 @@ class Walk:
     step_s: float
     wall_s: float
     compile_s: float
-    rest_speed: float  # largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest
+    rest_speed: float
+    """largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest"""
     load_sensitivity: reactions.LoadSensitivity | None = None
-    """Of `record.load`, the socket's wrench and the state to those variables; None unless asked for."""
+    """Of `record.load`, the socket's wrench and the state to those variables; None unless asked
+    for."""
 
     @property
     def socket_wrench(self) -> np.ndarray:
-        """(n, 6) force (N) and moment (N m) of the bushing on the socket, by its axes, at the ends of the steps."""
+        """(n, 6) force (N) and moment (N m) of the bushing on the socket, by its axes, at the ends
+        of the steps."""
         return reactions.socket_wrench(self.mechanism, self.record)
 
 
@@ -421,7 +446,8 @@ MOST_STEPS = 10_000_000  # longer walks are mistakes in a unit
 
 
 def walk_grid(start_s: float, end_s: float, step_s: float) -> tuple[np.ndarray, float]:
-    """The n + 1 instants (s) from `start_s` to `end_s`, and the step (s) as a float; InputError if there are none."""
+    """The n + 1 instants (s) from `start_s` to `end_s`, and the step (s) as a float; InputError if
+    there are none."""
     start_s, end_s, step_s = (
         check_number(value, where)
         for value, where in ((start_s, "start_s"), (end_s, "end_s"), (step_s, "step_s"))
@@ -470,8 +496,8 @@ def fulcrum_on_grid(
         or not np.isfinite(given).all()
     ):
         raise InputError(
-            f"gives {given.dtype} numbers of shape {given.shape} for {len(moments)} times, or not finite "
-            "ones",
+            f"gives {given.dtype} numbers of shape {given.shape} for {len(moments)} times, or "
+            "not finite ones",
             where="fulcrum_m",
             right=right,
         )
@@ -481,11 +507,10 @@ def fulcrum_on_grid(
 # What a reader of a walk's numbers has to know about the run.
 
 
-PLAUSIBLE_PEAK_BW = (
-    0.6,
-    2.5,
-)  # peak vertical force of walking, in body weights, with a wide margin
-FOAM_AGREEMENT = 0.05  # share by which the foam may differ between bench and walk before a note says so (a choice)
+# peak vertical force of walking, in body weights, with a wide margin
+PLAUSIBLE_PEAK_BW = (0.6, 2.5)
+# share by which the foam may differ between bench and walk before a note says so (a choice)
+FOAM_AGREEMENT = 0.05
 AT_REST = 1e-5  # speed (m/s, rad/s) below which free coordinates count as at rest at the start
 
 
@@ -505,11 +530,10 @@ def step_notes(record: Record, stop: str = "") -> list[str]:
 
 def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str]:
     """Sentences on convergence, plausibility and the start of `walk`."""
-    vertical, foam = walk.prosthetic.grf_W[:, 2], foam_under_load(model.foot)
-    peak, bench = (
-        vertical.max() / (subject.mass_kg * GRAVITY),
-        (model.foot.series_stiffness_n_per_m, model.foot.series_exponent),
-    )
+    vertical = walk.prosthetic.grf_W[:, 2]
+    foam = foam_under_load(model.foot)
+    peak = vertical.max() / (subject.mass_kg * GRAVITY)
+    bench = (model.foot.series_stiffness_n_per_m, model.foot.series_exponent)
     walk_k, bench_k = (secant_stiffness(*law, FOAM_LOADS_N[1]) for law in (foam or bench, bench))
     return [
         *step_notes(walk.record),
@@ -527,8 +551,10 @@ def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str
 
 
 def _too_deep(walk: Walk, model: ModelParameters) -> list[tuple[str, float, float | None, float]]:
-    """Feet that go deeper (m) into the ground than what their contact stands for is thick (m), and since when (s)."""
-    count, depth = sum(len(zone.x_mm) for zone in model.foot.zones), walk.record.site("depth")
+    """Feet that go deeper (m) into the ground than what their contact stands for is thick (m), and
+    since when (s)."""
+    count = sum(len(zone.x_mm) for zone in model.foot.zones)
+    depth = walk.record.site("depth")
     feet = []
     for foot, depths, limit in (
         ("prosthetic", depth[:, :count], model.foot.foam_thickness_m),

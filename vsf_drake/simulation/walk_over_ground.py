@@ -1,9 +1,11 @@
-"""The walking person over a ground of patches, or any diagram, under Drake's `Simulator` with error control.
+"""The walking person over a ground of patches, or any diagram, under Drake's `Simulator` with error
+control.
 
-The stepper knows one level plane. This is the way to see what a kerb, a mat or ice does to a recorded step: every
-prescribed coordinate goes on as it was recorded, so nobody adapts. One foot does not feel what is under the other.
-Prescribed coordinates are held by stiff servos (`plants.wiring.servo`) instead of exactly, so they lag by what their
-load bends them: micrometres and hundredths of a degree. It owes nothing to the stepper, which is tested against it.
+The stepper knows one level plane. This is the way to see what a kerb, a mat or ice does to a
+recorded step: every prescribed coordinate goes on as it was recorded, so nobody adapts. One foot
+does not feel what is under the other. Prescribed coordinates are held by stiff servos
+(`plants.wiring.servo`) instead of exactly, so they lag by what their load bends them: micrometres
+and hundredths of a degree. It owes nothing to the stepper, which is tested against it.
 
 About seven times slower than real time by radau3 at accuracy 1e-3 (two-core machine, 2026).
 """
@@ -22,25 +24,27 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 from scipy.optimize import root
 
-from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.ground import Ground
-from vsf_drake.model_file import check_fulcrum, check_model
+from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.base.schema import check
+from vsf_drake.model.ground import Ground
+from vsf_drake.model.model_file import check_fulcrum, check_model
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import GaitDiagram, make_gait
 from vsf_drake.plants.wiring import velocity_indices
-from vsf_drake.schema import check
 from vsf_drake.simulation.reactions import LOADED_N
 from vsf_drake.simulation.stepping.tree import tree_of
 from vsf_drake.simulation.walk import check_offsets, fulcrum_on_grid, walk_grid
 
 INTEGRATORS = ("implicit_euler", "radau1", "radau3", "velocity_implicit_euler")
-"""Schemes of Drake that bear the stiffness of the foam; explicit ones would need steps of microseconds."""
+"""Schemes of Drake that bear the stiffness of the foam; explicit ones would need steps of
+microseconds."""
 REST_N = 1e-3  # largest force (N, N m) on socket or keel that is taken for rest
 LOAD_ROUNDS = 3
-"""Each leaves a thousandth of the error in the servos' load at the start, as their stretch changes the contact."""
+"""Each leaves a thousandth of the error in the servos' load at the start, as their stretch changes
+the contact."""
 KNOT_S = 2e-3
 """Spacing (s) of the cubic segments that hand a spline to Drake."""
 
@@ -85,11 +89,13 @@ def walk_over(
 ) -> ReferenceWalk:
     """Follows `trajectory` over `ground` from `start_s` to `end_s`.
 
-    It begins as `Walker.walk`: in the pose and with the velocities of `start_s`, socket and keel settled under their
-    load. Prescribed coordinates are held by stiff servos, which begin under theirs.
+    It begins as `Walker.walk`: in the pose and with the velocities of `start_s`, socket and keel
+    settled under their load. Prescribed coordinates are held by stiff servos, which begin under
+    theirs.
 
     Args:
-        trajectory: must hold every coordinate of the person (rad, m), also the `free` ones that are not prescribed.
+        trajectory: must hold every coordinate of the person (rad, m), also the `free` ones that are
+            not prescribed.
         fulcrum_m: from A (m), constant or a function of time (s, array to array).
         integrator: one of INTEGRATORS, with its relative accuracy and its longest step.
         sample_s: spacing of the instants that are kept.
@@ -134,12 +140,16 @@ def _start(
     motion: PiecewisePolynomial,
     fulcrum_m: float,
 ) -> None:
-    """Writes the state at the time of `context`: on the motion, but for what the servos must be off to bear their load.
+    """Writes the state at the time of `context`: on the motion, but for what the servos must be off
+    to bear their load.
 
-    Unloaded servos would let the body drop and ring. With the servos' forces f on the prescribed coordinates p the
-    accelerations are a + (M^-1)_pp df, a those of the diagram as it is; df is what makes them those of the motion.
+    Unloaded servos would let the body drop and ring. With the servos' forces f on the prescribed
+    coordinates p the accelerations are a + (M^-1)_pp df, a those of the diagram as it is; df is
+    what makes them those of the motion.
     """
-    plant, plant_context, start_s = gait.plant, gait.plant_context(context), context.get_time()
+    plant = gait.plant
+    plant_context = gait.plant_context(context)
+    start_s = context.get_time()
     q, v = np.zeros((2, plant.num_positions()))
     at = velocity_indices(plant, gait.person.coordinate_names)
     position, velocity, _ = trajectory.sample(np.array([start_s]))
@@ -162,7 +172,8 @@ def _start(
 def _settle(
     gait: GaitDiagram, diagram: Diagram, context: Context, q: np.ndarray, known: list[int]
 ) -> None:
-    """Brings `q` (coordinates,) to rest in all but `known`, these held: no force is left on the others."""
+    """Brings `q` (coordinates,) to rest in all but `known`, these held: no force is left on the
+    others."""
     plant, plant_context = gait.plant, gait.plant_context(context)
     loose = np.setdiff1d(np.arange(len(q)), known)
 
@@ -186,8 +197,8 @@ def driven(
     start_s: float,
     end_s: float,
 ) -> tuple[PiecewisePolynomial, PiecewisePolynomial, Diagram, Context]:
-    """`gait` in a diagram that moves it: paths of its prescribed coordinates (rad, m) and of its fulcrum (1,) m from A,
-    the diagram and its Context at `start_s`."""
+    """`gait` in a diagram that moves it: paths of its prescribed coordinates (rad, m) and of its
+    fulcrum (1,) m from A, the diagram and its Context at `start_s`."""
     knots = np.linspace(start_s, end_s, max(2, 1 + int(np.ceil((end_s - start_s) / KNOT_S))))
     q, v, _ = trajectory.ordered(gait.prescribed).sample(knots)
     motion = PiecewisePolynomial.CubicHermite(knots, q.T, v.T)
@@ -212,8 +223,8 @@ def recorded(
     config: SimulatorConfig,
     progress: Callable[[float], None] | None,
 ) -> ReferenceWalk:
-    """Advances `diagram`, in which the prescribed coordinates of `gait` are to follow `motion`, through `moments` (n,)
-    s; SimulationError where the integrator gives up."""
+    """Advances `diagram`, in which the prescribed coordinates of `gait` are to follow `motion`,
+    through `moments` (n,) s; SimulationError where the integrator gives up."""
     names = (
         "state",
         "driver_force",
@@ -235,10 +246,8 @@ def recorded(
         config,
         progress,
     )
-    rows, n = (
-        dict(zip(names, map(np.array, zip(*kept, strict=True)), strict=True)),
-        gait.plant.num_positions(),
-    )
+    rows = dict(zip(names, map(np.array, zip(*kept, strict=True)), strict=True))
+    n = gait.plant.num_positions()
     cop, intact_cop = (
         np.where(rows[grf][:, 2:] > LOADED_N, rows[cop], np.nan)
         for cop, grf in (("cop", "grf"), ("intact_cop", "intact_grf"))
@@ -270,9 +279,10 @@ def advance(
     config: SimulatorConfig,
     progress: Callable[[float], None] | None,
 ) -> tuple[list[Any], int]:
-    """Advances to each of `moments` (n,) s, at the first of which `config` starts; what `record` returns there, and the
-    integrator's steps. SimulationError if it gives up."""
-    simulator, rows = Simulator(diagram, context), []
+    """Advances to each of `moments` (n,) s, at the first of which `config` starts; what `record`
+    returns there, and the integrator's steps. SimulationError if it gives up."""
+    simulator = Simulator(diagram, context)
+    rows = []
     ApplySimulatorConfig(config, simulator)
     for moment in moments:
         try:

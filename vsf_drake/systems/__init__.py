@@ -1,12 +1,16 @@
-"""Forces, sensors and controllers that Drake does not have, as LeafSystems for float and AutoDiffXd.
+"""Forces, sensors and controllers that Drake does not have, as LeafSystems for float and
+AutoDiffXd.
 
-Each system evaluates one law of `vsf_drake.laws` for all its sites at once. Physical constants are arguments and, under
-the same names, numeric parameters in the Context, for `GetParameter` and `SetParameters`; a scalar stands for an array
-of equal values, and an array of another shape is a ValueError.
+Each system evaluates one law of `vsf_drake.laws` for all its sites at once. Physical constants are
+arguments and, under the same names, numeric parameters in the Context, for `GetParameter` and
+`SetParameters`; a scalar stands for an array of equal values, and an array of another shape is a
+ValueError.
 
-Inputs named body_poses, body_spatial_velocities (of all bodies) and state are for the MultibodyPlant's ports of those
-names; `plants.share_spatial_forces` and `plants.share_generalized_forces` bring the outputs spatial_forces (one per
-body) and generalized_force to its applied_spatial_force and applied_generalized_force, beside what acts there already.
+Inputs named body_poses, body_spatial_velocities (of all bodies) and state are for the
+MultibodyPlant's ports of those names; `plants.share_spatial_forces` and
+`plants.share_generalized_forces` bring the outputs spatial_forces (one per body) and
+generalized_force to its applied_spatial_force and applied_generalized_force, beside what acts there
+already.
 """
 
 from vsf_drake.systems.contact import (

@@ -1,10 +1,14 @@
-"""What acts on a foot at one instant: compiled for float, and the same code over the array laws for AutoDiffXd.
+"""What acts on a foot at one instant: compiled for float, and the same code over the array laws for
+AutoDiffXd.
 
-    K (= body frame F of the rigid frame), z up, x to the toe; keel body i turns about -y_K at its joint
-      o-------o----o----o----        joint i at `starts[i]` from A on the straight keel, its body behind it
+    K (= body frame F of the rigid frame), z up, x to the toe; keel body i turns about -y_K at its
+        joint
+      o-------o----o----o----        joint i at `starts[i]` from A on the straight keel, its body
+                                     behind it
 
-The keel is planar, so its bodies' poses follow from its joint angles, and the forces on the whole foot are one spatial
-force on F beside moments in the keel's joints: a body that turns about joint j moves with every force beyond j.
+The keel is planar, so its bodies' poses follow from its joint angles, and the forces on the whole
+foot are one spatial force on F beside moments in the keel's joints: a body that turns about joint j
+moves with every force beyond j.
 """
 
 from __future__ import annotations
@@ -52,7 +56,8 @@ HEAD = 15
 
 
 def slices(joints: int, sites: int, velocities: int) -> dict[str, slice]:
-    """Where each output lies in the vector of `foot_vector`, for a plant of so many `velocities`."""
+    """Where each output lies in the vector of `foot_vector`, for a plant of so many
+    `velocities`."""
     sizes = {
         "wrench": 6,
         "carriage": 1,
@@ -146,23 +151,30 @@ def foot_vector(
     """All outputs of one foot, see `slices`.
 
     Args:
-        starts: (m,) m, of the keel joints. site_keel: (N,) keel body of each sphere, -1 for the frame.
-        sites: (N, SITE_COLUMNS). patches: (M, PATCH_COLUMNS). joints: (m, 2) stiffness and damping. scalars: SCALARS.
-        at: (2, m + 1) where keel joints and carriage are in the state. velocities: how many the plant has.
+        starts: (m,) m, of the keel joints. site_keel: (N,) keel body of each sphere, -1 for the
+            frame.
+        sites: (N, SITE_COLUMNS). patches: (M, PATCH_COLUMNS). joints: (m, 2) stiffness and damping.
+            scalars: SCALARS.
+        at: (2, m + 1) where keel joints and carriage are in the state. velocities: how many the
+            plant has.
         X, V: (3, 4) and (6,) of the frame. position: of the fulcrum (m from A).
     """
-    m, count = len(starts), len(site_keel)
+    m = len(starts)
+    count = len(site_keel)
     kind = state.dtype
     out = np.zeros(HEAD + 2 * m + 6 * count + velocities, kind)
-    sin, cos, rates = np.zeros(m, kind), np.zeros(m, kind), np.zeros(m, kind)
-    place, moving = (
-        np.zeros((m, 2), kind),
-        np.zeros((m, 2), kind),
-    )  # x and z in K of the joints, and their velocities
-    moment, spring = out[HEAD : HEAD + m], out[HEAD + m : HEAD + 2 * m]
+    sin = np.zeros(m, kind)
+    cos = np.zeros(m, kind)
+    rates = np.zeros(m, kind)
+    # x and z in K of the joints, and their velocities
+    place = np.zeros((m, 2), kind)
+    moving = np.zeros((m, 2), kind)
+    moment = out[HEAD : HEAD + m]
+    spring = out[HEAD + m : HEAD + 2 * m]
 
-    # The planar chain in K: a keel body at the angle sum(q_0..q_i), positive toe up, and each joint a length further
-    # along the body before it; velocities are those formulas' time derivatives, relative to the frame.
+    # The planar chain in K: a keel body at the angle sum(q_0..q_i), positive toe up, and each joint
+    # a length further along the body before it; velocities are those formulas' time derivatives,
+    # relative to the frame.
     angle = rate = 0.0
     for i in range(m):
         if i == 0:
@@ -175,19 +187,23 @@ def foot_vector(
             )
             moving[i, 0] = moving[i - 1, 0] - length * rates[i - 1] * sin[i - 1]
             moving[i, 1] = moving[i - 1, 1] + length * rates[i - 1] * cos[i - 1]
-        q, v = state[at[0, i]], state[at[1, i]]
-        angle, rate = angle + q, rate + v
+        q = state[at[0, i]]
+        v = state[at[1, i]]
+        angle = angle + q
+        rate = rate + v
         sin[i], cos[i], rates[i] = math.sin(angle), math.cos(angle), rate
         spring[i] = -(joints[i, 0] * q + joints[i, 1] * v)
         moment[i] = spring[i]
 
-    # The support: f = -(k w + c w') along z_K at the keel's point `position` from A, w its height in K. About a joint
-    # behind the point it has the lever arm x - x_j. The carriage's servo is a spring and damper to `position`.
+    # The support: f = -(k w + c w') along z_K at the keel's point `position` from A, w its height
+    # in K. About a joint behind the point it has the lever arm x - x_j. The carriage's servo is a
+    # spring and damper to `position`.
     i = 0
     while i + 1 < m and starts[i + 1] <= position:
         i += 1
     arm = position - starts[i]
-    height, rise = place[i, 1] + arm * sin[i], moving[i, 1] + arm * rates[i] * cos[i]
+    height = place[i, 1] + arm * sin[i]
+    rise = moving[i, 1] + arm * rates[i] * cos[i]
     support = -(scalars[3] * height + scalars[4] * rise)
     x = place[i, 0] + arm * cos[i]
     for j in range(i + 1):
@@ -195,28 +211,41 @@ def foot_vector(
     out[6] = scalars[5] * (position - state[at[0, m]]) - scalars[6] * state[at[1, m]]
     out[7] = support
 
-    load = mx = my = mz = ux = uy = uz = wx = wy = wz = (
-        0.0  # weighted sums: contact point, normal; moment about Fo
-    )
+    # weighted sums: contact point, normal; moment about Fo
+    load = mx = my = mz = ux = uy = uz = wx = wy = wz = 0.0
     for s in range(count):
-        # The centre S from Fo in K, its velocity relative to the frame, and its body's spin about -y_K
+        # The centre S from Fo in K, its velocity relative to the frame, and its body's spin about
+        # -y_K
         k = site_keel[s]
-        px, py, pz, vx, vz, spin = p_BS[s, 0], p_BS[s, 1], p_BS[s, 2], 0.0, 0.0, 0.0
+        px = p_BS[s, 0]
+        py = p_BS[s, 1]
+        pz = p_BS[s, 2]
+        vx = 0.0
+        vz = 0.0
+        spin = 0.0
         if k >= 0:
-            dx, dz = px * cos[k] - pz * sin[k], px * sin[k] + pz * cos[k]
-            px, pz, spin = place[k, 0] + dx, place[k, 1] + dz, rates[k]
-            vx, vz = moving[k, 0] - spin * dz, moving[k, 1] + spin * dx
+            dx = px * cos[k] - pz * sin[k]
+            dz = px * sin[k] + pz * cos[k]
+            px = place[k, 0] + dx
+            pz = place[k, 1] + dz
+            spin = rates[k]
+            vx = moving[k, 0] - spin * dz
+            vz = moving[k, 1] + spin * dx
 
-        # In W, and the plane below it: normal n = (-slope, -bank, 1) / |.|, signed depth = radius - (distance from it)
+        # In W, and the plane below it: normal n = (-slope, -bank, 1) / |.|, signed depth = radius -
+        # (distance from it)
         rx = X[0, 0] * px + X[0, 1] * py + X[0, 2] * pz
         ry = X[1, 0] * px + X[1, 1] * py + X[1, 2] * pz
         rz = X[2, 0] * px + X[2, 1] * py + X[2, 2] * pz
         patch, ground = patch_under(X[0, 3] + rx, X[1, 3] + ry, bounds, patches)
         if patch < 0:
-            patch, ground = len(patches) - 1, -np.inf
-        slope, bank = patches[patch, 2], patches[patch, 3]
+            patch = len(patches) - 1
+            ground = -np.inf
+        slope = patches[patch, 2]
+        bank = patches[patch, 3]
         nz = 1.0 / math.sqrt(1.0 + slope * slope + bank * bank)
-        nx, ny = -slope * nz, -bank * nz
+        nx = -slope * nz
+        ny = -bank * nz
         radius = sites[s, 0]
         signed = radius - (X[2, 3] + rz - ground) * nz if ground > -np.inf else -1.0
 
@@ -235,32 +264,44 @@ def foot_vector(
         if force == 0.0:
             continue
 
-        # Friction: w_WB = w_WF - spin y_K; the slip is v_WC = v_WS - radius w_WB x n without its part along n
-        ox, oy, oz = V[0] - spin * X[0, 1], V[1] - spin * X[1, 1], V[2] - spin * X[2, 1]
+        # Friction: w_WB = w_WF - spin y_K; the slip is v_WC = v_WS - radius w_WB x n without its
+        # part along n
+        ox = V[0] - spin * X[0, 1]
+        oy = V[1] - spin * X[1, 1]
+        oz = V[2] - spin * X[2, 1]
         cx = wfx - radius * (oy * nz - oz * ny)
         cy = wfy - radius * (oz * nx - ox * nz)
         cz = wfz - radius * (ox * ny - oy * nx)
         lift = nx * cx + ny * cy + nz * cz
-        cx, cy, cz = cx - lift * nx, cy - lift * ny, cz - lift * nz
+        cx = cx - lift * nx
+        cy = cy - lift * ny
+        cz = cz - lift * nz
         grip = -force * _stick(
             law, cx * cx + cy * cy + cz * cz, patches[patch, 5], patches[patch, 6], scalars[0]
         )
         f = out[first + 3 * count + 3 * s : first + 3 * count + 3 * s + 3]
         f[0], f[1], f[2] = grip * cx, grip * cy, grip * cz
 
-        # The whole force acts at C = S - radius n: sums of force, of moment about Fo, and of what is weighted by the
-        # normal force: n and the point of the plane below, C + depth n
-        fx, fy, fz = f[0] + force * nx, f[1] + force * ny, f[2] + force * nz
-        rx, ry, rz = rx - radius * nx, ry - radius * ny, rz - radius * nz
-        wx, wy, wz = wx + ry * fz - rz * fy, wy + rz * fx - rx * fz, wz + rx * fy - ry * fx
+        # The whole force acts at C = S - radius n: sums of force, of moment about Fo, and of what
+        # is weighted by the normal force: n and the point of the plane below, C + depth n
+        fx = f[0] + force * nx
+        fy = f[1] + force * ny
+        fz = f[2] + force * nz
+        rx = rx - radius * nx
+        ry = ry - radius * ny
+        rz = rz - radius * nz
+        wx = wx + ry * fz - rz * fy
+        wy = wy + rz * fx - rx * fz
+        wz = wz + rx * fy - ry * fx
         out[8], out[9], out[10] = out[8] + fx, out[9] + fy, out[10] + fz
         depth = max(signed, 0.0)
-        load, ux, uy, uz = load + force, ux + force * nx, uy + force * ny, uz + force * nz
-        mx, my, mz = (
-            mx + force * (rx + depth * nx),
-            my + force * (ry + depth * ny),
-            mz + force * (rz + depth * nz),
-        )
+        load = load + force
+        ux = ux + force * nx
+        uy = uy + force * ny
+        uz = uz + force * nz
+        mx = mx + force * (rx + depth * nx)
+        my = my + force * (ry + depth * ny)
+        mz = mz + force * (rz + depth * nz)
 
         # Moments in the joints that carry the sphere, of C and force in K, positive about -y_K
         if k >= 0:
@@ -271,9 +312,8 @@ def foot_vector(
             for j in range(k + 1):
                 moment[j] += (kx - place[j, 0]) * gz - (kz - place[j, 1]) * gx
 
-    shift = len(out) - len(
-        state
-    )  # from places in the state, whose end the velocities are, to places in `out`
+    # from places in the state, whose end the velocities are, to places in `out`
+    shift = len(out) - len(state)
     for j in range(m):
         out[shift + at[1, j]] = moment[j]
     out[shift + at[1, m]] = out[6]
@@ -296,24 +336,28 @@ def _pressure_centre(
     uy: float,
     uz: float,
 ) -> None:
-    """Centre of pressure and free moment, see `FootForces`, from sums weighted by the normal forces."""
-    # p: the mean point, from Fo; u: the mean normal; a: the moment about p. The centre of pressure is p + t with
-    # t = u x a / (F . u): across u, and u x (a - t x F) = u x a - t (u . F) + F (u . t) = 0.
-    px, py, pz = mx / load, my / load, mz / load
+    """Centre of pressure and free moment, see `FootForces`, from sums weighted by the normal
+    forces."""
+    # p: the mean point, from Fo; u: the mean normal; a: the moment about p. The centre of pressure
+    # is p + t with t = u x a / (F . u): across u, and u x (a - t x F) = u x a - t (u . F) + F (u .
+    # t) = 0.
+    px = mx / load
+    py = my / load
+    pz = mz / load
     size = math.sqrt(ux * ux + uy * uy + uz * uz)
-    ux, uy, uz = ux / size, uy / size, uz / size
-    fx, fy, fz = out[8], out[9], out[10]
-    ax, ay, az = (
-        out[0] - (py * fz - pz * fy),
-        out[1] - (pz * fx - px * fz),
-        out[2] - (px * fy - py * fx),
-    )
+    ux = ux / size
+    uy = uy / size
+    uz = uz / size
+    fx = out[8]
+    fy = out[9]
+    fz = out[10]
+    ax = out[0] - (py * fz - pz * fy)
+    ay = out[1] - (pz * fx - px * fz)
+    az = out[2] - (px * fy - py * fx)
     across = fx * ux + fy * uy + fz * uz
-    tx, ty, tz = (
-        (uy * az - uz * ay) / across,
-        (uz * ax - ux * az) / across,
-        (ux * ay - uy * ax) / across,
-    )
+    tx = (uy * az - uz * ay) / across
+    ty = (uz * ax - ux * az) / across
+    tz = (ux * ay - uy * ax) / across
     out[11], out[12], out[13] = X[0, 3] + px + tx, X[1, 3] + py + ty, X[2, 3] + pz + tz
     out[14] = (
         ux * (ax - (ty * fz - tz * fy))
@@ -322,7 +366,8 @@ def _pressure_centre(
     )
 
 
-# The same for AutoDiffXd: the functions above in Python, with the array laws in place of their scalar forms.
+# The same for AutoDiffXd: the functions above in Python, with the array laws in place of their
+# scalar forms.
 
 
 def _press_by_law(
@@ -335,10 +380,8 @@ def _press_by_law(
     rate_width: Any,
 ) -> Any:
     _, k, n, damping, full_depth, dissipation = site
-    elastic, damped = (
-        {"stiffness": k, "exponent": n},
-        {"damping": damping, "full_damping_depth": full_depth},
-    )
+    elastic = {"stiffness": k, "exponent": n}
+    damped = {"damping": damping, "full_damping_depth": full_depth}
     depth, share = foam_depth(positive_part(signed), **elastic, compliance=compliance)
     if law == SMOOTH:
         force = smooth_force(

@@ -1,11 +1,13 @@
 """What every LeafSystem of this package has: named parameters within bounds, ports by name, an end.
 
-Drake keeps a system's callbacks in C++, where Python's garbage collector does not see that they refer to the system: a
-bound method, or a lambda that names `self`, would keep it for ever (RobotLocomotion/drake#22515, #24162). So callbacks
-here refer to their system weakly; whoever owns the diagram keeps the system.
+Drake keeps a system's callbacks in C++, where Python's garbage collector does not see that they
+refer to the system: a bound method, or a lambda that names `self`, would keep it for ever
+(RobotLocomotion/drake#22515, #24162). So callbacks here refer to their system weakly; whoever owns
+the diagram keeps the system.
 
-With pydrake 1.51 under Python 3.11 the `__dict__` of a Python class under a pybind11 class is counted twice, and what
-is in it is never freed. So what holds the ports, PEERS of pydrake and our own, are slots.
+With pydrake 1.51 under Python 3.11 the `__dict__` of a Python class under a pybind11 class is
+counted twice, and what is in it is never freed. So what holds the ports, PEERS of pydrake and our
+own, are slots.
 """
 
 from __future__ import annotations
@@ -30,13 +32,15 @@ from pydrake.symbolic import Expression
 from pydrake.systems import framework
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from vsf_drake import parameters
-from vsf_drake.errors import InputError
-from vsf_drake.ground import GroundPatch
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.threads import side_by_side
+from vsf_drake.model import parameters
+from vsf_drake.model.ground import GroundPatch
 
 PEERS = "_pydrake_internal_ref_cycle_peers"
 FARTHEST_M = 10.0
-"""Beyond it a fulcrum position is in mm (a choice, wide because a trial step of an integrator may overshoot)."""
+"""Beyond it a fulcrum position is in mm (a choice, wide because a trial step of an integrator may
+overshoot)."""
 
 
 def _of(schema: type, before: str = "", **names: str) -> dict[str, tuple[str, float, float]]:
@@ -95,8 +99,9 @@ BOUNDS: dict[str, tuple[str, float, float]] = {
     "least_lean": ("rad", -math.pi, math.pi),
     **_positive("s", "debounce", "least_stance"),
 }
-"""Unit, least and largest value of every parameter in a Context: the schemas' where they have it, else what its law
-bears. Keel, fulcrum and socket have joint_, fulcrum_ and socket_ before the names of their own systems."""
+"""Unit, least and largest value of every parameter in a Context: the schemas' where they have it,
+else what its law bears. Keel, fulcrum and socket have joint_, fulcrum_ and socket_ before the names
+of their own systems."""
 
 
 if TYPE_CHECKING:
@@ -110,8 +115,9 @@ R = TypeVar("R")
 class System(_Leaf):
     """A system whose physical constants are numeric parameters in the Context, for any scalar type.
 
-    Each named constant is one numeric parameter group, stored row by row; a scalar stands for an array of equal values.
-    `__init__` takes keywords only; a copy for another scalar type is made of the same.
+    Each named constant is one numeric parameter group, stored row by row; a scalar stands for an
+    array of equal values. `__init__` takes keywords only; a copy for another scalar type is made of
+    the same.
 
     Attributes:
         parameter_index: name of each constant -> index of its numeric parameter group.
@@ -135,22 +141,26 @@ class System(_Leaf):
         return tuple(self.parameter_index)
 
     def GetParameter(self, context: framework.Context, name: str) -> np.ndarray:
-        """Value of the constant `name` in this system's `context`, a copy in the shape it was declared with."""
+        """Value of the constant `name` in this system's `context`, a copy in the shape it was
+        declared with."""
         self._check_known(context, name)
         return np.array(self._constants(context)[name])
 
     def SetParameters(self, context: framework.Context, **values: Any) -> None:
-        """Sets constants by name in this system's `context`; a scalar fills a whole array. What is out of bounds is
-        refused where the system is evaluated next.
+        """Sets constants by name in this system's `context`; a scalar fills a whole array. What is
+        out of bounds is refused where the system is evaluated next.
 
         Raises:
-            ValueError: there is no constant of that name, or the value does not fit its shape or is no finite number.
-            InputError: the Context is another system's, such as the whole diagram's. Nothing has been set then.
+            ValueError: there is no constant of that name, or the value does not fit its shape or is
+                no finite number.
+            InputError: the Context is another system's, such as the whole diagram's. Nothing has
+                been set then.
         """
         self._check_known(context, *values)
         checked = {}
         for name, value in values.items():
-            index, shape = self.parameter_index[name], self._shapes[name]
+            index = self.parameter_index[name]
+            shape = self._shapes[name]
             try:
                 vector = checked[index] = np.broadcast_to(value, shape).ravel()
             except ValueError:
@@ -170,7 +180,8 @@ class System(_Leaf):
             context.get_mutable_numeric_parameter(index).SetFromVector(vector)
 
     def _check_known(self, context: framework.Context, *names: str) -> None:
-        """The numeric parameters of a diagram are numbered on; those of another system would be changed unseen."""
+        """The numeric parameters of a diagram are numbered on; those of another system would be
+        changed unseen."""
         try:
             self.ValidateContext(context)
         except (RuntimeError, TypeError):
@@ -188,8 +199,8 @@ class System(_Leaf):
     def _declare_parameters(
         self, of: str = "", /, **constants: tuple[Any, tuple[int, ...]]
     ) -> None:
-        """Declares name=(value, shape); in BOUNDS `of` is before the names. `self._constants(context)` reads and checks
-        them."""
+        """Declares name=(value, shape); in BOUNDS `of` is before the names.
+        `self._constants(context)` reads and checks them."""
         self._bounds = {name: BOUNDS[f"{of}{name}"] for name in constants}
         for name, (value, shape) in constants.items():
             try:
@@ -227,7 +238,8 @@ class System(_Leaf):
             self._ports[name] = self.DeclareVectorInputPort(name, size)
 
     def _declare_kinematics(self, *names: str) -> None:
-        """The inputs that take MultibodyPlant's ports `body_poses` and `body_spatial_velocities`, or those `names`."""
+        """The inputs that take MultibodyPlant's ports `body_poses` and `body_spatial_velocities`,
+        or those `names`."""
         kinds = {"body_poses": RigidTransform_, "body_spatial_velocities": SpatialVelocity_}
         for name in names or kinds:
             self._ports[name] = self.DeclareAbstractInputPort(
@@ -238,7 +250,8 @@ class System(_Leaf):
         return self._ports[name].Eval(context)
 
     def _fulcrum_place(self, context: framework.Context) -> Any:
-        """The input `fulcrum_position`, or the parameter fulcrum_m where it is not connected (m from A)."""
+        """The input `fulcrum_position`, or the parameter fulcrum_m where it is not connected (m
+        from A)."""
         given = "fulcrum_m" not in self.parameter_index or self._ports["fulcrum_position"].HasValue(
             context
         )
@@ -267,9 +280,8 @@ class System(_Leaf):
         def write(context: framework.Context, out: Any) -> None:
             out.SetFromVector(value(context))
 
-        if (
-            self._T is Expression
-        ):  # which Drake stores as numbers that are not: numpy would warn of each
+        # which Drake stores as numbers that are not: numpy would warn of each
+        if self._T is Expression:
             write = np.errstate(invalid="ignore")(write)
         self.DeclareVectorOutputPort(name, size, write, *([set(sources)] if sources else []))
 
@@ -290,16 +302,17 @@ class System(_Leaf):
     def _declare_spatial_forces(
         self, calc: Callable[[framework.Context], Iterable[tuple[int, np.ndarray]]]
     ) -> None:
-        """An output of the pairs that `calc(context)` returns: body, (6,) moment and force in W at its origin."""
-        pairs, applied, force = (
-            _weakly(calc),
-            ExternallyAppliedSpatialForce_[self._T],
-            SpatialForce_[self._T],
-        )
+        """An output of the pairs that `calc(context)` returns: body, (6,) moment and force in W at
+        its origin."""
+        pairs = _weakly(calc)
+        applied = ExternallyAppliedSpatialForce_[self._T]
+        force = SpatialForce_[self._T]
 
         def packed(body: int, F_Bo_W: np.ndarray) -> Any:
             one = applied()
-            one.body_index, one.p_BoBq_B, one.F_Bq_W = BodyIndex(body), np.zeros(3), force(F_Bo_W)
+            one.body_index = BodyIndex(body)
+            one.p_BoBq_B = np.zeros(3)
+            one.F_Bq_W = force(F_Bo_W)
             return one
 
         def write(context: Any, out: Any) -> None:
@@ -315,7 +328,8 @@ class System(_Leaf):
         calc: Callable[[framework.Context], R],
         *sources: framework.DependencyTicket,
     ) -> Callable[[framework.Context], R]:
-        """What the method `calc(context)` returns, kept until a source changes, by default inputs and parameters."""
+        """What the method `calc(context)` returns, kept until a source changes, by default inputs
+        and parameters."""
         compute = _weakly(calc)
         owner: Callable[[], Any] = weakref.ref(self)
 
@@ -335,7 +349,8 @@ class System(_Leaf):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, _weakly(update))
 
 
-# (a_i b_j) flattened row by row, times this, is a × b: faster for small N than np.cross or components
+# (a_i b_j) flattened row by row, times this, is a × b: faster for small N than np.cross or
+# components
 _CROSS = np.zeros((9, 3))
 _CROSS[[5, 6, 1], [0, 1, 2]] = 1.0
 _CROSS[[7, 2, 3], [0, 1, 2]] = -1.0
@@ -358,7 +373,8 @@ S = TypeVar("S", bound=System)
 
 
 def system_template(*others: type) -> Callable[[type[S]], type[S]]:
-    """A System becomes the class for float; those for float and `others`, by default AutoDiffXd, are its `template`."""
+    """A System becomes the class for float; those for float and `others`, by default AutoDiffXd,
+    are its `template`."""
 
     def decorate(cls: type[S]) -> type[S]:
         define: Any = TemplateSystem.define
@@ -367,20 +383,29 @@ def system_template(*others: type) -> Callable[[type[S]], type[S]]:
             T_list=[float, *(others or [AutoDiffXd])],
             scope=sys.modules[cls.__module__],
         )(lambda T: _instantiation(cls, T))
-        for_float: type[S] = cls.template[float]
+        for_float: type[S]
+        # pydrake reads the source of every caller anew for every class that it makes: seconds in
+        # the middle of imports, nothing on a thread, which nobody called.
+        with side_by_side(1) as uncalled:
+            for_float, *_ = uncalled.map(cls.template.__getitem__, cls.template.param_list)
         return for_float
 
     return decorate
 
 
 def _instantiation(cls: type[S], T: type) -> type:
-    """The class for scalar type T, which TemplateSystem gives the `__init__` that chooses between these two."""
-    leaf, construct = framework.LeafSystem_[T], cls.__init__
+    """The class for scalar type T, which TemplateSystem gives the `__init__` that chooses between
+    these two."""
+    leaf = framework.LeafSystem_[T]
+    construct = cls.__init__
 
     @wraps(construct)
     def _construct(self: Any, *, converter: Any = None, **arguments: Any) -> None:
         leaf.__init__(self, converter=converter)
-        self._arguments, self._ports, self.parameter_index, self._shapes = arguments, {}, {}, {}
+        self._arguments = arguments
+        self._ports = {}
+        self.parameter_index = {}
+        self._shapes = {}
         construct(self, **arguments)
 
     def _construct_copy(self: Any, other: S, converter: Any = None) -> None:

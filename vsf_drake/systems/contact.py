@@ -1,4 +1,5 @@
-"""The ground under contact spheres, normal force, friction and what a force plate would measure; a testing machine."""
+"""The ground under contact spheres, normal force, friction and what a force plate would measure; a
+testing machine."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ from vsf_drake.systems._system import System, cross, system_template
 class _AtSites(System):
     """A system of N sites S, the i-th fixed to body B = body_indices[i].
 
-    Forces on the sites of one body are summed to one at its origin, statically the same and cheaper to hand over.
+    Forces on the sites of one body are summed to one at its origin, statically the same and cheaper
+    to hand over.
     """
 
     def _declare_sites(
@@ -30,7 +32,8 @@ class _AtSites(System):
         each: dict[str, np.ndarray],
         **alone: float,
     ) -> int:
-        """The sites with their parameters: p_BS (N, 3), `each` (N,), and those that stand `alone`; returns N."""
+        """The sites with their parameters: p_BS (N, 3), `each` (N,), and those that stand `alone`;
+        returns N."""
         bodies, self._row = np.unique([int(index) for index in body_indices], return_inverse=True)
         self._bodies = [int(body) for body in bodies]
         self._sum = (np.arange(len(bodies))[:, None] == self._row).astype(float)
@@ -62,8 +65,10 @@ class _AtSites(System):
         return v_WS
 
     def _declare_forces(self, entry: Callable[[Context], dict[str, Any]]) -> None:
-        """spatial_forces: the cached mapping's forces f_Q_W (N, 3), or (N,) along +z_W, at the sites' points Q."""
-        bodies, sums = self._bodies, self._sum
+        """spatial_forces: the cached mapping's forces f_Q_W (N, 3), or (N,) along +z_W, at the
+        sites' points Q."""
+        bodies = self._bodies
+        sums = self._sum
 
         def summed(context: Context) -> Iterable[tuple[int, np.ndarray]]:
             p_BoQ_W, f_Q_W = entry(context)["applied"]
@@ -80,18 +85,22 @@ class _AtSites(System):
 class KelvinVoigtContact(_AtSites):
     """Modified Kelvin-Voigt contact of N spheres with the ground plane, without friction.
 
-    The law is `vsf_drake.laws.kelvin_voigt.normal_force` with depth = ground height + radius - z_S and depth rate =
-    -v_Sz of the sphere centre S. The force acts along +z_W at the contact point C, a radius below S.
+    The law is `vsf_drake.laws.kelvin_voigt.normal_force` with depth = ground height + radius - z_S
+    and depth rate = -v_Sz of the sphere centre S. The force acts along +z_W at the contact point C,
+    a radius below S.
 
-    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: normal_force (N,) N, >= 0;
-    depth (N,) m; depth_rate (N,) m/s, also without contact; spatial_forces, one per body.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs:
+    normal_force (N,) N, >= 0; depth (N,) m; depth_rate (N,) m/s, also without contact;
+    spatial_forces, one per body.
 
     Args:
         body_indices: of each sphere's body.
-        unloading: branch of the law while the depth falls, "continuous" or "printed"; else ValueError.
+        unloading: branch of the law while the depth falls, "continuous" or "printed"; else
+            ValueError.
 
-    Parameters in the Context: p_BS (N, 3) m, centres in their bodies' frames; radius (N,) m; stiffness, exponent,
-    damping, full_damping_depth (N,) of the law, SI; ground_height (m), z of the ground in W.
+    Parameters in the Context: p_BS (N, 3) m, centres in their bodies' frames; radius (N,) m;
+    stiffness, exponent, damping, full_damping_depth (N,) of the law, SI; ground_height (m), z of
+    the ground in W.
     """
 
     def __init__(
@@ -132,37 +141,40 @@ class KelvinVoigtContact(_AtSites):
 
     def _calc_contact(self, context: Context) -> dict[str, Any]:
         law = dict(self._constants(context))
-        radius, ground_height = law.pop("radius"), law.pop("ground_height")
+        radius = law.pop("radius")
+        ground_height = law.pop("ground_height")
         p_WS, p_BoS_W = self._positions(context, law.pop("p_BS"))
         v_WS = self._velocities(context, p_BoS_W)
-        depth, depth_rate = penetration_depth(p_WS[:, 2] - ground_height, radius), -v_WS[:, 2]
+        depth = penetration_depth(p_WS[:, 2] - ground_height, radius)
+        depth_rate = -v_WS[:, 2]
         force = normal_force(depth, depth_rate, **law, unloading=self._unloading)
         return {
             "normal_force": force,
             "depth": depth,
             "depth_rate": depth_rate,
+            # S, C: one line of action
             "applied": (p_BoS_W, force),
-        }  # S, C: one line of action
+        }
 
 
 @system_template()
 class StickSlipFriction(_AtSites):
     """Stick-slip friction of N spheres on the ground plane.
 
-    The law is `vsf_drake.laws.stick_slip.friction_force`. The slip is the horizontal velocity of the point C that is
-    fixed to the body, one full radius (not radius less depth) below the sphere centre S: (v_Sx - w_y radius, v_Sy + w_x
-    radius). The force acts at C.
+    The law is `vsf_drake.laws.stick_slip.friction_force`. The slip is the horizontal velocity of
+    the point C that is fixed to the body, one full radius (not radius less depth) below the sphere
+    centre S: (v_Sx - w_y radius, v_Sy + w_x radius). The force acts at C.
 
-    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; normal_force (N,) N, of a
-    `KelvinVoigtContact` with the same sites. Outputs: friction_force (3 N,), N rows (fx, fy, 0) in W, N, on the
-    spheres; spatial_forces, one per body.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; normal_force (N,) N,
+    of a `KelvinVoigtContact` with the same sites. Outputs: friction_force (3 N,), N rows (fx,
+    fy, 0) in W, N, on the spheres; spatial_forces, one per body.
 
     Args:
         body_indices: of each sphere's body.
         smooth: use the variant with a continuous derivative.
 
-    Parameters in the Context: p_BS (N, 3) and radius (N,) as of `KelvinVoigtContact`; mu_static, mu_kinetic and
-    threshold_velocity (m/s) of the law, scalars.
+    Parameters in the Context: p_BS (N, 3) and radius (N,) as of `KelvinVoigtContact`; mu_static,
+    mu_kinetic and threshold_velocity (m/s) of the law, scalars.
     """
 
     def __init__(
@@ -208,20 +220,22 @@ class StickSlipFriction(_AtSites):
 class GroundReaction(_AtSites):
     """Ground reaction force on N spheres, its centre of pressure and free moment.
 
-    With the sum F of the forces, which act at the contact points C_i = S_i - radius z_W, and their moment M about the
-    origin of W, the centre of pressure is the point of the ground plane (height h) about which the moment has no
-    horizontal component,
+    With the sum F of the forces, which act at the contact points C_i = S_i - radius z_W, and their
+    moment M about the origin of W, the centre of pressure is the point of the ground plane (height
+    h) about which the moment has no horizontal component,
 
         cop = ((h F_x - M_y) / F_z, (h F_y + M_x) / F_z, h),
 
-    and the free moment is what is left about the vertical there, M_z - (cop × F)_z, as a force plate makes them.
-    Friction acts at the contact points, which lie below h by their depths, as in the library that the paper used. So
-    cop differs from the force-weighted mean Σ N_i C_i / Σ N_i of McGeehan 2021 (doi 10.1115/1.4050456), eq. 4, by at
-    most the friction coefficient times the largest depth.
+    and the free moment is what is left about the vertical there, M_z - (cop × F)_z, as a force
+    plate makes them. Friction acts at the contact points, which lie below h by their depths, as in
+    the library that the paper used. So cop differs from the force-weighted mean Σ N_i C_i / Σ N_i
+    of McGeehan 2021 (doi 10.1115/1.4050456), eq. 4, by at most the friction coefficient times the
+    largest depth.
 
-    Inputs: body_poses, of all bodies of the plant; normal_force (N,) N, of `KelvinVoigtContact`; friction_force (3 N,),
-    N rows (fx, fy, 0) in W, of `StickSlipFriction`, both of one foot's own sites. Outputs: grf (3,) N in W, on the
-    model; cop (3,) m in W; free_moment (1,) N m about +z_W, on the model. Without load all three are zero.
+    Inputs: body_poses, of all bodies of the plant; normal_force (N,) N, of `KelvinVoigtContact`;
+    friction_force (3 N,), N rows (fx, fy, 0) in W, of `StickSlipFriction`, both of one foot's own
+    sites. Outputs: grf (3,) N in W, on the model; cop (3,) m in W; free_moment (1,) N m about +z_W,
+    on the model. Without load all three are zero.
 
     Args:
         body_indices: of each sphere's body.
@@ -261,16 +275,20 @@ class GroundReaction(_AtSites):
 
 @system_template()
 class DrakeReaction(System):
-    """Ground reaction force, centre of pressure and free moment of one foot out of a plant's contact results.
+    """Ground reaction force, centre of pressure and free moment of one foot out of a plant's
+    contact results.
 
-    By the formulas of `GroundReaction`, for point contact and hydroelastic contact: the sum of all contacts between the
-    foot's bodies and anything else, reduced to the level plane through the mean of what is touched, weighted by the
-    size of the forces: on level ground its surface; on a slope cop is where the force crosses that plane.
+    By the formulas of `GroundReaction`, for point contact and hydroelastic contact: the sum of all
+    contacts between the foot's bodies and anything else, reduced to the level plane through the
+    mean of what is touched, weighted by the size of the forces: on level ground its surface; on a
+    slope cop is where the force crosses that plane.
 
-    In a plant with a time step contact results are those of the last step, so before the first all is zero.
+    In a plant with a time step contact results are those of the last step, so before the first all
+    is zero.
 
-    Inputs: contact_results, of the plant (`wire_foot` connects it). Outputs: grf (3,) N in W, on the foot; cop (3,) m
-    in W; free_moment (1,) N m about +z_W, on the foot. Without load all three are zero.
+    Inputs: contact_results, of the plant (`wire_foot` connects it). Outputs: grf (3,) N in W, on
+    the foot; cop (3,) m in W; free_moment (1,) N m about +z_W, on the foot. Without load all three
+    are zero.
 
     Args:
         body_indices: the foot's bodies.
@@ -290,27 +308,32 @@ class DrakeReaction(System):
         self._declare_parts(reaction, grf=3, cop=3, free_moment=1)
 
     def _calc_reaction(self, context: Context) -> dict[str, np.ndarray]:
-        F, M, size, height = np.zeros(3), np.zeros(3), 0.0, 0.0
+        F = np.zeros(3)
+        M = np.zeros(3)
+        size = 0.0
+        height = 0.0
         for point, touched, force, moment in self._contacts(
             self._value(context, "contact_results")
         ):
-            F, M = F + force, M + moment + cross(point, force)
+            F = F + force
+            M = M + moment + cross(point, force)
             weight = np.sqrt(force @ force)
-            size, height = size + weight, height + weight * touched[2]
+            size = size + weight
+            height = height + weight * touched[2]
         return _on_plane(F, M, height / size if F[2] > 0 else height)
 
     def _contacts(
         self, results: ContactResults
     ) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-        """Point in W, point of the other's surface, force and moment on the foot of each contact with another."""
+        """Point in W, point of the other's surface, force and moment on the foot of each contact
+        with another."""
         for i in range(results.num_point_pair_contacts()):
             info = results.point_pair_contact_info(i)
-            on_A, on_B = (
-                int(info.bodyA_index()) in self._bodies,
-                int(info.bodyB_index()) in self._bodies,
-            )
+            on_A = int(info.bodyA_index()) in self._bodies
+            on_B = int(info.bodyB_index()) in self._bodies
             if on_A != on_B:
-                force, pair = info.contact_force(), info.point_pair()
+                force = info.contact_force()
+                pair = info.point_pair()
                 yield (
                     info.contact_point(),
                     pair.p_WCa if on_B else pair.p_WCb,
@@ -319,7 +342,8 @@ class DrakeReaction(System):
                 )
         for i in range(results.num_hydroelastic_contacts()):
             pressed = results.hydroelastic_contact_info(i)
-            surface, F_Ac_W = pressed.contact_surface(), pressed.F_Ac_W()
+            surface = pressed.contact_surface()
+            F_Ac_W = pressed.F_Ac_W()
             on_M, on_N = (
                 _number(id) in self._geometries for id in (surface.id_M(), surface.id_N())
             )
@@ -333,7 +357,8 @@ def _on_plane(F: np.ndarray, M: np.ndarray, height: Any) -> dict[str, np.ndarray
     """Outputs of F (N) and M (N m about Wo) in W; without load there is no centre of pressure."""
     if not F[2] > 0:
         return {"grf": F, "cop": 0.0 * F, "free_moment": 0.0 * F[2:]}
-    cop_x, cop_y = (height * F[0] - M[1]) / F[2], (height * F[1] + M[0]) / F[2]
+    cop_x = (height * F[0] - M[1]) / F[2]
+    cop_y = (height * F[1] + M[0]) / F[2]
     return {
         "grf": F,
         "cop": np.array([cop_x, cop_y, height]),
@@ -348,21 +373,24 @@ def _number(geometry_id: GeometryId | int) -> int:
 
 @system_template()
 class TestingMachine(_AtSites):
-    """A massless platen that presses N sites of the foot from below, in displacement control, without friction.
+    """A massless platen that presses N sites of the foot from below, in displacement control,
+    without friction.
 
-    The platen carries one ball under each site and keeps it there horizontally, so that the load stays vertical and at
-    the same material point however far the foot bends, as the sphere-to-sphere contact of McGeehan 2021 (doi
-    10.1115/1.4050456). Radii are part of the platen's height z_p: depth = z_p - z_S, depth rate = v_p - v_Sz, the law
-    is `vsf_drake.laws.kelvin_voigt.normal_force`, and the force acts along +z_W at S.
+    The platen carries one ball under each site and keeps it there horizontally, so that the load
+    stays vertical and at the same material point however far the foot bends, as the
+    sphere-to-sphere contact of McGeehan 2021 (doi 10.1115/1.4050456). Radii are part of the
+    platen's height z_p: depth = z_p - z_S, depth rate = v_p - v_Sz, the law is
+    `vsf_drake.laws.kelvin_voigt.normal_force`, and the force acts along +z_W at S.
 
-    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; platen (2,), height (m in W) and
-    velocity (m/s, up). Outputs: load (1,) N, sum over the sites; depth (N,) m; spatial_forces, one per body.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; platen (2,), height
+    (m in W) and velocity (m/s, up). Outputs: load (1,) N, sum over the sites; depth (N,) m;
+    spatial_forces, one per body.
 
     Args:
         body_indices: of each site's body.
 
-    Parameters in the Context: p_BS (N, 3) m, sites in their bodies' frames; stiffness, exponent, damping,
-    full_damping_depth (N,) of the law, SI.
+    Parameters in the Context: p_BS (N, 3) m, sites in their bodies' frames; stiffness, exponent,
+    damping, full_damping_depth (N,) of the law, SI.
     """
 
     __test__ = False  # not a test class, whatever pytest thinks of its name

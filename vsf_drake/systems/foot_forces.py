@@ -1,4 +1,5 @@
-"""All forces on one foot in one system: contact, friction, fulcrum support, keel springs, carriage."""
+"""All forces on one foot in one system: contact, friction, fulcrum support, keel springs,
+carriage."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import Context
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.systems import _foot_kernel as kernel
 from vsf_drake.systems._system import System, system_template
 
@@ -35,49 +36,57 @@ GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "f
 
 @system_template()
 class FootForces(System):
-    """Every force on one variable-stiffness foot, for any plant that `add_foot` put it into; `wire_foot` makes and
-    connects it.
+    """Every force on one variable-stiffness foot, for any plant that `add_foot` put it into;
+    `wire_foot` makes and connects it.
 
-    In one system what `KelvinVoigtContact`, `StickSlipFriction`, `GroundReaction`, `FulcrumSupport`, `KeelElasticity`
-    and the carriage's servo do apart, at a fraction of their cost, on a ground of several plane patches. Of the plant's
-    poses and velocities only those of the rigid frame F are read, for the keel's joint angles are in the state, and the
-    plant gets one spatial force on F beside moments in the keel's joints. Laws and sources: `vsf_drake.laws`, McGeehan
-    2021 (doi 10.1115/1.4050456); with the law "smooth" friction is smooth too.
+    In one system what `KelvinVoigtContact`, `StickSlipFriction`, `GroundReaction`,
+    `FulcrumSupport`, `KeelElasticity` and the carriage's servo do apart, at a fraction of their
+    cost, on a ground of several plane patches. Of the plant's poses and velocities only those of
+    the rigid frame F are read, for the keel's joint angles are in the state, and the plant gets one
+    spatial force on F beside moments in the keel's joints. Laws and sources: `vsf_drake.laws`,
+    McGeehan 2021 (doi 10.1115/1.4050456); with the law "smooth" friction is smooth too.
 
-    A sphere touches the highest patch at its centre S, of equally high ones the last, and none beyond all bounds.
-    Depth, depth rate and slip are taken along and across that patch's normal n, friction acts at C, a radius from S
-    against n. The centre of pressure is the point about which the moment has no component across the mean normal, in
-    the plane through the mean contact point; for a level ground that is what `GroundReaction` computes.
+    A sphere touches the highest patch at its centre S, of equally high ones the last, and none
+    beyond all bounds. Depth, depth rate and slip are taken along and across that patch's normal n,
+    friction acts at C, a radius from S against n. The centre of pressure is the point about which
+    the moment has no component across the mean normal, in the plane through the mean contact point;
+    for a level ground that is what `GroundReaction` computes.
 
-    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state (num_positions + num_velocities,),
-    [q; v] of the plant; fulcrum_position (1,) m from the keel's posterior end A, where it is not connected the
-    parameter fulcrum_m holds. Outputs: spatial_forces on F; generalized_force (num_velocities,), zero outside keel and
-    carriage; support_force (1,) N of the fulcrum on the keel along z_K; joint_moment (m,) N m of the keel's springs and
-    dampers; grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about the mean normal, on the foot;
-    normal_force (N,) N, >= 0; depth (N,) m of foam and ground together; depth_rate (N,) m/s, also without contact;
-    friction_force (3 N,), N rows in W, N. Without load grf, cop and free_moment are zero. With `law` None there is no
-    contact and no output from grf on.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state
+    (num_positions + num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's
+    posterior end A, where it is not connected the parameter fulcrum_m holds. Outputs:
+    spatial_forces on F; generalized_force (num_velocities,), zero outside keel and carriage;
+    support_force (1,) N of the fulcrum on the keel along z_K; joint_moment (m,) N m of the keel's
+    springs and dampers; grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about
+    the mean normal, on the foot; normal_force (N,) N, >= 0; depth (N,) m of foam and ground
+    together; depth_rate (N,) m/s, also without contact; friction_force (3 N,), N rows in W, N.
+    Without load grf, cop and free_moment are zero. With `law` None there is no contact and no
+    output from grf on.
 
     Args:
-        position_indices, velocity_indices: (m + 1,) of the m keel joints and the carriage in the plant's q and v.
+        position_indices, velocity_indices: (m + 1,) of the m keel joints and the carriage in the
+            plant's q and v.
         frame_body_index: body F.
         keel_starts: (m,) distances (m) of the keel's joints from A.
         site_keel: N indices of the keel bodies that carry the spheres; -1 for F.
         law: one of CONTACT_LAWS, or None.
         constants: values of the parameters below by name; a scalar stands for equal values.
-        grip_limit: (m,) N s/m, in a plant with a time step: the most friction per speed, normal force · mu_static
-            / threshold_velocity on the roughest patch, that each keel body bears there. None: no limit.
+        grip_limit: (m,) N s/m, in a plant with a time step: the most friction per speed, normal
+            force · mu_static / threshold_velocity on the roughest patch, that each keel body bears
+            there. None: no limit.
 
-    Parameters in the Context: joint_stiffness, joint_damping (m,) N m/rad, N m s/rad; fulcrum_stiffness,
-    fulcrum_damping N/m, N s/m; fulcrum_m (m from A); carriage_gain, carriage_rate_gain N/m, N s/m; and with a law p_BS
-    (N, 3) m, radius (N,) m, stiffness, exponent, damping, full_damping_depth (N,) of `laws.kelvin_voigt`, dissipation
-    (N,) s/m of `laws.hunt_crossley`, depth_width, rate_width (m, m/s) of `laws.smooth_contact`, threshold_velocity
-    (m/s); and of the M patches ground_bounds (M, 4), ground_reference_x, ground_height, ground_slope, ground_bank,
-    ground_compliance, mu_static, mu_kinetic (M,), see `vsf_drake.ground`.
+    Parameters in the Context: joint_stiffness, joint_damping (m,) N m/rad, N m s/rad;
+    fulcrum_stiffness, fulcrum_damping N/m, N s/m; fulcrum_m (m from A); carriage_gain,
+    carriage_rate_gain N/m, N s/m; and with a law p_BS (N, 3) m, radius (N,) m, stiffness, exponent,
+    damping, full_damping_depth (N,) of `laws.kelvin_voigt`, dissipation (N,) s/m of
+    `laws.hunt_crossley`, depth_width, rate_width (m, m/s) of `laws.smooth_contact`,
+    threshold_velocity (m/s); and of the M patches ground_bounds (M, 4), ground_reference_x,
+    ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic (M,), see
+    `vsf_drake.model.ground`.
 
     Raises:
-        InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the load on a keel body is
-            beyond its grip_limit; a constant is out of bounds.
+        InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the load on a
+            keel body is beyond its grip_limit; a constant is out of bounds.
     """
 
     def __init__(
@@ -99,16 +108,16 @@ class FootForces(System):
                 f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None"
             )
         self._grip_limit = grip_limit
-        self._frame, self._count = int(frame_body_index), num_velocities
+        self._frame = int(frame_body_index)
+        self._count = num_velocities
         self._at = np.array(
             [position_indices, num_positions + np.array(velocity_indices)], dtype=np.int64
         )
-        self._law, self._starts = (
-            CONTACT_LAWS.index(law or CONTACT_LAWS[0]),
-            np.array(keel_starts, dtype=float),
-        )
+        self._law = CONTACT_LAWS.index(law or CONTACT_LAWS[0])
+        self._starts = np.array(keel_starts, dtype=float)
         self._site_keel = np.array(site_keel if law else [], dtype=np.int64)
-        m, sites = len(self._starts), len(self._site_keel)
+        m = len(self._starts)
+        sites = len(self._site_keel)
         if self._at.shape != (2, m + 1):
             raise ValueError(
                 f"{m} keel joints and the carriage have {m + 1} indices, not {self._at.shape[1]}"
@@ -178,7 +187,8 @@ class FootForces(System):
         return values
 
     def _check_grip(self, context: Context, normal_force: np.ndarray) -> None:
-        constants, on = self._constants(context), self._site_keel
+        constants = self._constants(context)
+        on = self._site_keel
         load = np.bincount(on[on >= 0], normal_force[on >= 0], len(self._starts))
         share = (
             load * constants["mu_static"].max() / constants["threshold_velocity"] / self._grip_limit
@@ -186,11 +196,15 @@ class FootForces(System):
         worst = int(np.argmax(share))
         if share[worst] > 1.0:
             raise InputError(
-                f"{self.get_name()!r}: friction under {load[worst]:.0f} N on keel body {worst}, at "
-                f"{context.get_time():.4g} s, is an explicit force and diverges in steps of this length",
+                f"{self.get_name()!r}: friction under {load[worst]:.0f} N on keel body {worst}, "
+                f"at {context.get_time():.4g} s, is an explicit force and diverges in steps of "
+                "this length",
                 where="time_step",
-                right=f"This step bears {load[worst] / share[worst]:.0f} N there: take one "
-                "shorter in proportion to the load, contact drake_point or hydroelastic, or a continuous plant",
+                right=(
+                    f"This step bears {load[worst] / share[worst]:.0f} N there: take one shorter "
+                    "in proportion to the load, contact drake_point or hydroelastic, or a "
+                    "continuous plant"
+                ),
             )
 
     def _spatial_forces(self, context: Context) -> Iterable[tuple[int, np.ndarray]]:

@@ -1,4 +1,5 @@
-"""The fulcrum, which bears on the keel from above, what commands it, and the motor and screw that carry it."""
+"""The fulcrum, which bears on the keel from above, what commands it, and the motor and screw that
+carry it."""
 
 from __future__ import annotations
 
@@ -13,10 +14,10 @@ from pydrake.math import RigidTransform
 from pydrake.symbolic import Expression
 from pydrake.systems.framework import BasicVector_, Context, ContinuousState
 
-from vsf_drake.errors import InputError, require
+from vsf_drake.base.errors import InputError, require
+from vsf_drake.base.schema import check
 from vsf_drake.laws import lead_screw as law
-from vsf_drake.parameters import ActuatorParameters
-from vsf_drake.schema import check
+from vsf_drake.model.parameters import ActuatorParameters
 from vsf_drake.systems._system import System, cross, system_template
 
 THREAD = ("screw_lead_m", "screw_mean_diameter_m", "thread_friction", "thread_flank_angle_rad")
@@ -24,24 +25,28 @@ THREAD = ("screw_lead_m", "screw_mean_diameter_m", "thread_friction", "thread_fl
 
 @system_template()
 class FulcrumSupport(System):
-    """Two-sided stiff support of the keel at a continuous position along it: McGeehan 2021 (doi 10.1115/1.4050456),
-    Figure 1, support B, with a finite stiffness.
+    """Two-sided stiff support of the keel at a continuous position along it: McGeehan 2021 (doi
+    10.1115/1.4050456), Figure 1, support B, with a finite stiffness.
 
-    The fulcrum holds the keel's material point P at arc coordinate l (m from the posterior end A). With w the height of
-    P in the keel frame K, fixed in the foot's frame body F, and w' its rate for fixed l, the keel feels -(stiffness w +
-    damping w') along z_K at P and F the opposite at the same point. P slides onto the next keel body where that body's
-    frame begins, its joint, about which the force then has no moment: everything is continuous as the fulcrum passes a
-    joint. Sliding it under load takes work, which is the carriage's: no force for it acts here.
+    The fulcrum holds the keel's material point P at arc coordinate l (m from the posterior end A).
+    With w the height of P in the keel frame K, fixed in the foot's frame body F, and w' its rate
+    for fixed l, the keel feels -(stiffness w + damping w') along z_K at P and F the opposite at the
+    same point. P slides onto the next keel body where that body's frame begins, its joint, about
+    which the force then has no moment: everything is continuous as the fulcrum passes a joint.
+    Sliding it under load takes work, which is the carriage's: no force for it acts here.
 
-    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position (1,) m from A, of a
-    source or the carriage's coordinate. Outputs: spatial_forces on the keel body that holds P and on F; support_force
-    (1,) N on the keel along z_K, negative while the ground bends the toe up.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position
+    (1,) m from A, of a source or the carriage's coordinate. Outputs: spatial_forces on the keel
+    body that holds P and on F; support_force (1,) N on the keel along z_K, negative while the
+    ground bends the toe up.
 
     Args:
         frame_body_index: body F.
         X_FK: pose of K in F.
-        keel_body_indices: m bodies from A to the toe, their frames at their joints, x along the keel.
-        keel_body_starts: (m,) arc coordinates of their frames (m), increasing from the first; else ValueError.
+        keel_body_indices: m bodies from A to the toe, their frames at their joints, x along the
+            keel.
+        keel_body_starts: (m,) arc coordinates of their frames (m), increasing from the first; else
+            ValueError.
 
     Parameters in the Context: stiffness (N/m), damping (N s/m).
     """
@@ -61,8 +66,10 @@ class FulcrumSupport(System):
             raise ValueError(
                 f"keel_body_starts must be {len(keel_body_indices)} increasing numbers"
             )
-        self._frame, self._keel = int(frame_body_index), [int(index) for index in keel_body_indices]
-        self._starts, self._X_FK = starts, X_FK.GetAsMatrix34()
+        self._frame = int(frame_body_index)
+        self._keel = [int(index) for index in keel_body_indices]
+        self._starts = starts
+        self._X_FK = X_FK.GetAsMatrix34()
         self._declare_kinematics()
         self._declare_inputs(fulcrum_position=1)
         self._declare_parameters("fulcrum_", stiffness=(stiffness, ()), damping=(damping, ()))
@@ -72,26 +79,28 @@ class FulcrumSupport(System):
 
     def _calc_support(self, context: Context) -> dict[str, Any]:
         constants = self._constants(context)
-        poses, velocities = (
-            self._value(context, "body_poses"),
-            self._value(context, "body_spatial_velocities"),
-        )
+        poses = self._value(context, "body_poses")
+        velocities = self._value(context, "body_spatial_velocities")
         position = self._fulcrum_place(context)
         at = position if self._T is float else position.value()
         keel = int(np.searchsorted(self._starts, at, side="right")) - 1
         keel = min(max(keel, 0), len(self._starts) - 1)
         body = self._keel[keel]
 
-        # w = z_K . (p_FP - p_FK), the height of P in K; w' = z_K . v_FP with v_FP = v_WB + w_WB x p_BP less that of F
-        X_WB, X_WF = poses[body].GetAsMatrix34(), poses[self._frame].GetAsMatrix34()
-        V_WB, V_WF = velocities[body].get_coeffs(), velocities[self._frame].get_coeffs()
+        # w = z_K . (p_FP - p_FK), the height of P in K; w' = z_K . v_FP with v_FP = v_WB + w_WB x
+        # p_BP less that of F
+        X_WB = poses[body].GetAsMatrix34()
+        X_WF = poses[self._frame].GetAsMatrix34()
+        V_WB = velocities[body].get_coeffs()
+        V_WF = velocities[self._frame].get_coeffs()
         p_BoP_W = X_WB[:, 0] * (position - self._starts[keel])
         p_FoP_W = X_WB[:, 3] + p_BoP_W - X_WF[:, 3]
         z_K_W = X_WF[:, :3] @ self._X_FK[:, 2]
         height = z_K_W @ (p_FoP_W - X_WF[:, :3] @ self._X_FK[:, 3])
         v_FP_W = V_WB[3:] - V_WF[3:] + cross(V_WB[:3], p_BoP_W) - cross(V_WF[:3], p_FoP_W)
 
-        # The keel feels f z_K at P and F the opposite at the same point, each shifted to its body's origin
+        # The keel feels f z_K at P and F the opposite at the same point, each shifted to its body's
+        # origin
         force = -(constants["stiffness"] * height + constants["damping"] * (z_K_W @ v_FP_W))
         f_P_W = force * z_K_W
         F_B_W = np.concatenate((cross(p_BoP_W, f_P_W), f_P_W))
@@ -103,39 +112,43 @@ class FulcrumSupport(System):
 class FulcrumCommand(System):
     """Sends the carriage to the fulcrum position and the keel's joints to straight.
 
-    For a foot in a plant with a time step, whose springs and carriage are PD-controlled actuators of its model
-    instance: q_d = 0 in the keel's joints, the fulcrum position in the carriage, v_d = 0.
+    For a foot in a plant with a time step, whose springs and carriage are PD-controlled actuators
+    of its model instance: q_d = 0 in the keel's joints, the fulcrum position in the carriage,
+    v_d = 0.
 
-    Inputs: fulcrum_position (1,) m from A, where it is not connected the parameter fulcrum_m. Outputs:
-    desired_state (2 num_actuators,), [q_d; v_d], for MultibodyPlant's port of that name of the foot's instance, as
-    `wire_foot` connects it; position (1,) m, that fulcrum position.
+    Inputs: fulcrum_position (1,) m from A, where it is not connected the parameter fulcrum_m.
+    Outputs: desired_state (2 num_actuators,), [q_d; v_d], for MultibodyPlant's port of that name of
+    the foot's instance, as `wire_foot` connects it; position (1,) m, that fulcrum position.
 
     Args:
         num_actuators: of the foot's instance; carriage: index of the carriage's among them.
 
     Parameters in the Context: fulcrum_m, m from A.
 
-    No diagram that holds it converts to AutoDiffXd or clones: a plant that Drake 1.51 converts or clones has actuators
-    without gains, and the keel of that foot no springs.
+    No diagram that holds it converts to AutoDiffXd or clones: a plant that Drake 1.51 converts or
+    clones has actuators without gains, and the keel of that foot no springs.
     """
 
     def __init__(self, *, num_actuators: int, carriage: int, fulcrum_m: float) -> None:
-        self._count, self._carriage = 2 * num_actuators, carriage
+        self._count = 2 * num_actuators
+        self._carriage = carriage
         self._declare_inputs(fulcrum_position=1)
         self._declare_parameters(fulcrum_m=(fulcrum_m, ()))
         self._declare_output("desired_state", self._count, self._desired_state)
         self._declare_output("position", 1, self._position)
 
     def _arguments_for(self, T: type) -> dict[str, Any]:
-        if (
-            T is Expression
-        ):  # Drake asks for it at every Build, to see which outputs depend on which inputs
+        # Drake asks for it at every Build, to see which outputs depend on which inputs
+        if T is Expression:
             return self._arguments
         raise InputError(
-            "cannot be converted or cloned: of a plant with a time step Drake drops the gains of the actuators, "
-            "which here are the keel's springs",
+            "cannot be converted or cloned: of a plant with a time step Drake drops the gains of "
+            "the actuators, which here are the keel's springs",
             where=self.get_name(),
-            right="Build the diagram again for a second one, and take a continuous plant for derivatives",
+            right=(
+                "Build the diagram again for a second one, and take a continuous plant for "
+                "derivatives"
+            ),
         )
 
     def _position(self, context: Context) -> np.ndarray:
@@ -152,26 +165,30 @@ class FulcrumCommand(System):
 class FulcrumActuator(System):
     """A geared motor turns a lead screw, whose nut carries the fulcrum along a rail.
 
-    The laws are `vsf_drake.laws.lead_screw`. While `enabled` is 1 the driver applies limit · tanh(error / servo band),
-    zero within the tolerance, with the limit the supply's voltage or what keeps the carriage below its speed limit;
-    while it is 0 the driver shorts the winding, which brakes and takes no energy. The rail's drag is rail_drag +
-    rail_friction |support force|. All friction is regularised over the creep speed. The desired position is cut to the
-    ends of travel, and stops push the carriage back.
+    The laws are `vsf_drake.laws.lead_screw`. While `enabled` is 1 the driver applies limit ·
+    tanh(error / servo band), zero within the tolerance, with the limit the supply's voltage or what
+    keeps the carriage below its speed limit; while it is 0 the driver shorts the winding, which
+    brakes and takes no energy. The rail's drag is rail_drag + rail_friction |support force|. All
+    friction is regularised over the creep speed. The desired position is cut to the ends of travel,
+    and stops push the carriage back.
 
-    The screw locks itself, so the keel's load acts on the carriage only as rail friction. What a loaded keel's slope at
-    the fulcrum pushes it along the rail with, support force · sin(slope), is zero unless it comes in as axial_load:
-    little in swing, but -350 N under 600 N on the nominal foot's load point with the fulcrum at 66 mm; without it,
-    moving the fulcrum under load changes the keel's energy for nothing.
+    The screw locks itself, so the keel's load acts on the carriage only as rail friction. What a
+    loaded keel's slope at the fulcrum pushes it along the rail with, support force · sin(slope), is
+    zero unless it comes in as axial_load: little in swing, but -350 N under 600 N on the nominal
+    foot's load point with the fulcrum at 66 mm; without it, moving the fulcrum under load changes
+    the keel's energy for nothing.
 
-    Energies, all growing from the Context's values (0): energy, taken from the supply, the integral of max(V i, 0), as
-    nothing is fed back into the battery; work, of the screw on the carriage; losses, in winding, motor, gear and thread
-    and what the driver burns of V i < 0. At any time energy = kinetic energy of rotor and screw + work + losses.
+    Energies, all growing from the Context's values (0): energy, taken from the supply, the integral
+    of max(V i, 0), as nothing is fed back into the battery; work, of the screw on the carriage;
+    losses, in winding, motor, gear and thread and what the driver burns of V i < 0. At any time
+    energy = kinetic energy of rotor and screw + work + losses.
 
-    Inputs: desired_position (1,) m from A; enabled (1,) 0 or 1; support_force (1,) N between keel and fulcrum, of
-    either sign; axial_load (1,) N on the carriage along +x, need not be connected and is then zero. Outputs:
-    fulcrum_position (1,) m from A; carriage_velocity (1,) m/s; motor_current (1,) A; energy (1,) J; work (1,) J; losses
-    (1,) J; position_error (1,) m, desired (within the travel) less actual. Position, velocity and energies are states,
-    without feedthrough. `plants.add_fulcrum_drive` wires it.
+    Inputs: desired_position (1,) m from A; enabled (1,) 0 or 1; support_force (1,) N between keel
+    and fulcrum, of either sign; axial_load (1,) N on the carriage along +x, need not be connected
+    and is then zero. Outputs: fulcrum_position (1,) m from A; carriage_velocity (1,) m/s;
+    motor_current (1,) A; energy (1,) J; work (1,) J; losses (1,) J; position_error (1,) m, desired
+    (within the travel) less actual. Position, velocity and energies are states, without
+    feedthrough. `plants.add_fulcrum_drive` wires it.
 
     Args:
         parameters: motor, gear, screw and rail.
@@ -179,14 +196,15 @@ class FulcrumActuator(System):
         rearmost, foremost: ends of travel (m from A).
         initial_position: where a new Context has the carriage (m from A).
 
-    Parameters in the Context: screw_lead_m, screw_mean_diameter_m, thread_flank_angle_rad, thread_friction,
-    screw_inertia_kg_m2, rail_friction, rail_drag_n, gear_ratio, torque_constant_n_m_per_a, winding_resistance_ohm,
-    rotor_inertia_kg_m2, motor_friction_n_m, supply_voltage_v, speed_limit_m_per_s, servo_band_m, tolerance_m,
-    creep_speed_m_per_s, stop_stiffness_n_per_m, stop_dissipation_s_per_m, carriage_mass, rearmost, foremost.
+    Parameters in the Context: screw_lead_m, screw_mean_diameter_m, thread_flank_angle_rad,
+    thread_friction, screw_inertia_kg_m2, rail_friction, rail_drag_n, gear_ratio,
+    torque_constant_n_m_per_a, winding_resistance_ohm, rotor_inertia_kg_m2, motor_friction_n_m,
+    supply_voltage_v, speed_limit_m_per_s, servo_band_m, tolerance_m, creep_speed_m_per_s,
+    stop_stiffness_n_per_m, stop_dissipation_s_per_m, carriage_mass, rearmost, foremost.
 
     Raises:
-        InputError: a number is out of range, the screw gives way under load, cannot be turned or has too little
-            inertia for its friction, or the carriage would start outside its travel.
+        InputError: a number is out of range, the screw gives way under load, cannot be turned or
+            has too little inertia for its friction, or the carriage would start outside its travel.
     """
 
     def __init__(
@@ -208,12 +226,10 @@ class FulcrumActuator(System):
         self._declare_parameters(**{name: (value, ()) for name, value in constants.items()})
         state = BasicVector_[self._T](np.array([initial_position, 0.0, 0.0, 0.0, 0.0]))
         self.DeclareContinuousState(model_vector=state, num_q=1, num_v=1, num_z=3)
-        q, v, z, given = (
-            self.q_ticket(),
-            self.v_ticket(),
-            self.z_ticket(),
-            self.all_parameters_ticket(),
-        )
+        q = self.q_ticket()
+        v = self.v_ticket()
+        z = self.z_ticket()
+        given = self.all_parameters_ticket()
         sources = (q, v, self.all_input_ports_ticket(), given)
         self._drive = self._declare_cached("drive", self._calc_drive, *sources)
         self._declare_part("fulcrum_position", 1, _state, slice(0, 1), q)
@@ -224,7 +240,8 @@ class FulcrumActuator(System):
         self._declare_output("position_error", 1, self._position_error, q, desired.ticket(), given)
 
     def SetPosition(self, context: Context, position: float) -> None:
-        """Puts the resting carriage at `position` (m from A) in this system's `context`, energies as they are."""
+        """Puts the resting carriage at `position` (m from A) in this system's `context`, energies
+        as they are."""
         constants = self._constants(context)
         _check_travel(constants["rearmost"], constants["foremost"], position)
         state = _state(context).copy()
@@ -235,8 +252,10 @@ class FulcrumActuator(System):
         return np.array([self._drive(context)[0]])
 
     def _position_error(self, context: Context) -> np.ndarray:
-        constants, desired = self._constants(context), self._value(context, "desired_position")[0]
-        low, high = constants["rearmost"], constants["foremost"]
+        constants = self._constants(context)
+        desired = self._value(context, "desired_position")[0]
+        low = constants["rearmost"]
+        high = constants["foremost"]
         within = (
             low + 0.0 * desired
             if desired < low
@@ -247,11 +266,13 @@ class FulcrumActuator(System):
         return np.array([within - _state(context)[0]])
 
     def _calc_drive(self, context: Context) -> tuple[Any, np.ndarray]:
-        """Current (A), and the rates of the state: m/s, m/s^2, W taken, W of the screw on the carriage, W lost."""
+        """Current (A), and the rates of the state: m/s, m/s^2, W taken, W of the screw on the
+        carriage, W lost."""
         c = self._constants(context)
         x, v = _state(context)[:2]
 
-        # The driver's voltage, by the servo on the error; the current follows from the rotor's speed
+        # The driver's voltage, by the servo on the error; the current follows from the rotor's
+        # speed
         turns = 2.0 * math.pi / c["screw_lead_m"]  # screw angle per metre
         speed = c["gear_ratio"] * turns * v
         limit = law.limited_voltage(
@@ -300,7 +321,8 @@ class FulcrumActuator(System):
             friction=friction,
         )
 
-        # V i = i^2 R + k i w; what the driver takes is max(V i, 0), and what it burns of V i < 0 is lost
+        # V i = i^2 R + k i w; what the driver takes is max(V i, 0), and what it burns of V i < 0 is
+        # lost
         power = voltage * current
         taken = power if power > 0.0 else 0.0 * power
         losses = (
@@ -324,9 +346,9 @@ def _check_screw(p: ActuatorParameters, carriage_mass: float) -> None:
     tangent, friction = law.thread(*(getattr(p, name) for name in THREAD))
     require(
         tangent < friction,
-        f"the screw gives way under the keel's load: its friction "
-        f"{friction:.3f} (thread_friction / cos of the flank angle) is not above the tangent {tangent:.3f} of its "
-        "lead angle",
+        f"the screw gives way under the keel's load: its friction {friction:.3f} "
+        f"(thread_friction / cos of the flank angle) is not above the tangent {tangent:.3f} of "
+        "its lead angle",
         "thread_friction",
         "Take a smaller screw_lead_m, a larger screw_mean_diameter_m or more thread_friction",
     )
@@ -347,8 +369,8 @@ def _check_screw(p: ActuatorParameters, carriage_mass: float) -> None:
     )
     require(
         rotor > -carriage_mass * law.returning_efficiency(tangent, friction),
-        f"rotor and screw, {rotor:.3g} kg as seen at the carriage, are too light against its {carriage_mass:.3g} "
-        "kg for a screw that locks itself: it would jam at once",
+        f"rotor and screw, {rotor:.3g} kg as seen at the carriage, are too light against its "
+        f"{carriage_mass:.3g} kg for a screw that locks itself: it would jam at once",
         "rotor_inertia_kg_m2",
         "Give rotor_inertia_kg_m2 or screw_inertia_kg_m2 their real, larger values",
     )

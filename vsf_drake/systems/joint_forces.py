@@ -1,4 +1,5 @@
-"""Springs and servos on joints: the keel's elasticity, the socket's bushing, the driver of prescribed joints."""
+"""Springs and servos on joints: the keel's elasticity, the socket's bushing, the driver of
+prescribed joints."""
 
 from __future__ import annotations
 
@@ -14,11 +15,13 @@ from vsf_drake.systems._system import System, system_template
 
 
 class _JointForces(System):
-    """The `_force` of a subclass as generalized force of a plant, all of whose joints have one degree of freedom."""
+    """The `_force` of a subclass as generalized force of a plant, all of whose joints have one
+    degree of freedom."""
 
     def _declare_joints(self, num_velocities: int, velocity_indices: Sequence[int]) -> int:
         """Input state and output generalized_force; returns how many joints have a force."""
-        self._count, self._at = num_velocities, np.array(velocity_indices, dtype=int)
+        self._count = num_velocities
+        self._at = np.array(velocity_indices, dtype=int)
         self._declare_inputs(state=2 * num_velocities)
         self._declare_output("generalized_force", num_velocities, self._generalized_force)
         return len(self._at)
@@ -42,11 +45,12 @@ class _JointForces(System):
 class KeelElasticity(_JointForces):
     """Moment -(stiffness q + damping v) in each of m joints of the keel.
 
-    A lumped-parameter beam: a joint in the middle of each element with stiffness E I / L_element and damping
-    proportional to it (MathWorks, Flexible Beam, lumped-parameter method; McGeehan 2021, doi 10.1115/1.4050456).
+    A lumped-parameter beam: a joint in the middle of each element with stiffness E I / L_element
+    and damping proportional to it (MathWorks, Flexible Beam, lumped-parameter method; McGeehan
+    2021, doi 10.1115/1.4050456).
 
-    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom. Outputs:
-    generalized_force (num_velocities,), zero outside the m; joint_moment (m,) N m.
+    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom.
+    Outputs: generalized_force (num_velocities,), zero outside the m; joint_moment (m,) N m.
 
     Args:
         velocity_indices: m indices into the plant's v (and q), one per joint.
@@ -76,18 +80,19 @@ class KeelElasticity(_JointForces):
 class SocketBushing(_JointForces):
     """Six springs and dampers with limits on the six coordinates between residual limb and socket.
 
-    The law of each axis is `vsf_drake.laws.bushing.axis_force`. The socket hangs on the limb by six joints of one
-    degree of freedom, so that limb and socket feel equal and opposite actions.
+    The law of each axis is `vsf_drake.laws.bushing.axis_force`. The socket hangs on the limb by six
+    joints of one degree of freedom, so that limb and socket feel equal and opposite actions.
 
-    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom. Outputs:
-    generalized_force (num_velocities,), zero outside the six; wrench (6,), on the socket along tx, ty, tz (N) and about
-    flexion, adduction, rotation (N m).
+    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom.
+    Outputs: generalized_force (num_velocities,), zero outside the six; wrench (6,), on the socket
+    along tx, ty, tz (N) and about flexion, adduction, rotation (N m).
 
     Args:
-        velocity_indices: 6 indices into the plant's v (and q): tx, ty, tz, flexion, adduction, rotation.
+        velocity_indices: 6 indices into the plant's v (and q): tx, ty, tz, flexion, adduction,
+            rotation.
 
-    Parameters in the Context: stiffness, stiffness_negative, damping, limit, rate_limit (6,) of the law, SI;
-    stop_ratio.
+    Parameters in the Context: stiffness, stiffness_negative, damping, limit, rate_limit (6,) of the
+    law, SI; stop_ratio.
     """
 
     def __init__(
@@ -122,17 +127,18 @@ class SocketBushing(_JointForces):
 
 @system_template(AutoDiffXd, Expression)
 class GaitDriver(_JointForces):
-    """Proportional-derivative servo on p joints, which drives them along a recorded motion under Drake's Simulator:
-    position_gain (q_d - q) + velocity_gain (v_d - v).
+    """Proportional-derivative servo on p joints, which drives them along a recorded motion under
+    Drake's Simulator: position_gain (q_d - q) + velocity_gain (v_d - v).
 
-    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom; desired_state (2 p,),
-    [q_d; v_d]. Outputs: generalized_force (num_velocities,), zero outside the p; tracking_error (p,), q_d - q, rad or
-    m.
+    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom;
+    desired_state (2 p,), [q_d; v_d]. Outputs: generalized_force (num_velocities,), zero outside the
+    p; tracking_error (p,), q_d - q, rad or m.
 
     Args:
         velocity_indices: p indices into the plant's v (and q).
 
-    Parameters in the Context: position_gain (p,) N/m or N m/rad; velocity_gain (p,) N s/m or N m s/rad.
+    Parameters in the Context: position_gain (p,) N/m or N m/rad; velocity_gain (p,) N s/m or N m
+    s/rad.
     """
 
     def __init__(

@@ -9,48 +9,55 @@ import numpy as np
 from pydrake.math import arctan2
 from pydrake.systems.framework import BasicVector_, Context, DiscreteValues
 
-from vsf_drake.errors import require
+from vsf_drake.base.errors import require
 from vsf_drake.systems._system import FARTHEST_M, System, cross, system_template
 
 SIGNALS = ("contact", "shank", "both")
-"""What tells the controller of swing: the ground's force, the shank's angle and rate, or both at once."""
+"""What tells the controller of swing: the ground's force, the shank's angle and rate, or both at
+once."""
 STANCE, UNCONFIRMED, SWING = 0.0, 1.0, 2.0
 """Values of the output `phase`."""
 
 
 @system_template()
 class SwingController(System):
-    """Enables the fulcrum's motor in swing and holds, from the onset of each swing, the position to go to.
+    """Enables the fulcrum's motor in swing and holds, from the onset of each swing, the position to
+    go to.
 
     Sampled at a fixed period, as a microcontroller. What says that the foot is in the air:
 
-    - contact: the vertical force on the foot falls below unload_force; stance again above load_force.
-    - shank: its angle falls faster than swing_rate from a lean of at least least_lean, which keeps a person who rocks
-      back from the motor; stance again once it falls slower than stop_rate. In walking the shank's rate changes sign
-      after toe-off and again at or just before initial contact (PMC6545278, Figure 3; Catalfamo 2010, doi
-      10.3390/s100605683). The first sixth or so of swing, in which the shank still leans further, is not used.
+    - contact: the vertical force on the foot falls below unload_force; stance again above
+      load_force.
+    - shank: its angle falls faster than swing_rate from a lean of at least least_lean, which keeps
+      a person who rocks back from the motor; stance again once it falls slower than stop_rate. In
+      walking the shank's rate changes sign after toe-off and again at or just before initial
+      contact (PMC6545278, Figure 3; Catalfamo 2010, doi 10.3390/s100605683). The first sixth or so
+      of swing, in which the shank still leans further, is not used.
     - both: swing needs both; either ends it.
 
-    The sign must last for the debounce time before the phase is swing; stance follows at the next sample and lasts for
-    least_stance, for a heel may bounce. A signal that is not a number counts as stance. All thresholds are choices.
+    The sign must last for the debounce time before the phase is swing; stance follows at the next
+    sample and lasts for least_stance, for a heel may bounce. A signal that is not a number counts
+    as stance. All thresholds are choices.
 
-    Inputs: desired_position (1,) m from A, read at the onset of swing; grf (3,) N on the foot, z_W up; shank_angle (2,)
-    rad and rad/s, leaning forward positive, of `ShankAngle`. Of grf and shank_angle only those that the signal needs
-    are read. Outputs: enabled (1,), 1 in swing, else 0; phase (1,), 0 stance, 1 unloaded but not confirmed, 2 swing;
-    commanded_position (1,) m from A. They are discrete states, without feedthrough: phase; time (s) for which stance or
-    the sign of swing has lasted; commanded position. Derivatives by the thresholds are zero, as the phase is.
+    Inputs: desired_position (1,) m from A, read at the onset of swing; grf (3,) N on the foot, z_W
+    up; shank_angle (2,) rad and rad/s, leaning forward positive, of `ShankAngle`. Of grf and
+    shank_angle only those that the signal needs are read. Outputs: enabled (1,), 1 in swing, else
+    0; phase (1,), 0 stance, 1 unloaded but not confirmed, 2 swing; commanded_position (1,) m from
+    A. They are discrete states, without feedthrough: phase; time (s) for which stance or the sign
+    of swing has lasted; commanded position. Derivatives by the thresholds are zero, as the phase
+    is.
 
     Args:
         signal: one of SIGNALS.
         initial_position: commanded until the first swing (m from A).
         period: s.
 
-    Parameters in the Context: unload_force, load_force (N); swing_rate, stop_rate (rad/s, of the angle's fall);
-    least_lean (rad); debounce, least_stance (s).
+    Parameters in the Context: unload_force, load_force (N); swing_rate, stop_rate (rad/s, of the
+    angle's fall); least_lean (rad); debounce, least_stance (s).
 
     Raises:
-        InputError: the signal is unknown, or the thresholds leave no hysteresis; while it runs, the desired
-            position is not a number at the onset of a swing, or in mm.
+        InputError: the signal is unknown, or the thresholds leave no hysteresis; while it runs, the
+            desired position is not a number at the onset of a swing, or in mm.
     """
 
     def __init__(
@@ -90,7 +97,8 @@ class SwingController(System):
                 high,
                 f"It must be above {low}",
             )
-        self._signal, self._period = signal, float(period)
+        self._signal = signal
+        self._period = float(period)
         self._declare_inputs(desired_position=1, grf=3, shank_angle=2)
         self._declare_parameters(**{name: (value, ()) for name, value in constants.items()})
         self.DeclareDiscreteState(
@@ -108,19 +116,21 @@ class SwingController(System):
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         phase, held, commanded = _state(context)
         begins, ends = self._sign(context)
-        c, held = self._constants(context), held + self._period
+        c = self._constants(context)
+        held = held + self._period
         if phase == SWING and ends:
-            phase, held = self._T(STANCE), self._T(0.0)
+            phase = self._T(STANCE)
+            held = self._T(0.0)
         elif phase == STANCE and begins and held > c["least_stance"] - 1e-9:
-            phase, held = self._T(UNCONFIRMED), self._T(0.0)
+            phase = self._T(UNCONFIRMED)
+            held = self._T(0.0)
         elif phase == UNCONFIRMED and not begins:
-            phase, held = self._T(STANCE), self._T(c["least_stance"])
+            phase = self._T(STANCE)
+            held = self._T(c["least_stance"])
         if phase == UNCONFIRMED and held > c["debounce"] - 1e-9:
-            phase, held, commanded = (
-                self._T(SWING),
-                self._T(0.0),
-                self._value(context, "desired_position")[0],
-            )
+            phase = self._T(SWING)
+            held = self._T(0.0)
+            commanded = self._value(context, "desired_position")[0]
             require(
                 abs(commanded) <= FARTHEST_M,
                 f"is {commanded} at {context.get_time()} s",
@@ -131,7 +141,9 @@ class SwingController(System):
 
     def _sign(self, context: Context) -> tuple[bool, bool]:
         """Whether a swing would begin, and whether one would end, at what the inputs are now."""
-        c, begins, ends = self._constants(context), [], []
+        c = self._constants(context)
+        begins = []
+        ends = []
         if self._signal != "shank":
             load = self._value(context, "grf")[2]
             begins.append(bool(load < c["unload_force"]))
@@ -149,15 +161,17 @@ def _state(context: Context) -> Any:
 
 @system_template()
 class ShankAngle(System):
-    """An inertial sensor: sagittal inclination of a body B against the vertical, and its rate, without noise.
+    """An inertial sensor: sagittal inclination of a body B against the vertical, and its rate,
+    without noise.
 
-    With the vertical z_W in B, g = R_WB^T z_W, the angle is atan2(-g_x, g_z): zero with the shank upright, positive
-    with its top ahead of its bottom (+y, to the left, is the axis), whatever the heading; in level walking straight
-    ahead its rate is the gyroscope's signal about y_B. B has x forward, y left and z up along the shank. Not defined
-    with B's x-z plane level (a shank lying on its side).
+    With the vertical z_W in B, g = R_WB^T z_W, the angle is atan2(-g_x, g_z): zero with the shank
+    upright, positive with its top ahead of its bottom (+y, to the left, is the axis), whatever the
+    heading; in level walking straight ahead its rate is the gyroscope's signal about y_B. B has x
+    forward, y left and z up along the shank. Not defined with B's x-z plane level (a shank lying on
+    its side).
 
-    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: shank_angle (2,), angle in rad
-    within (-pi, pi] and rate in rad/s, for `SwingController`.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: shank_angle
+    (2,), angle in rad within (-pi, pi] and rate in rad/s, for `SwingController`.
 
     Args:
         body_index: the body B that bears the sensor.
@@ -173,7 +187,8 @@ class ShankAngle(System):
         w_WB_W = self._value(context, "body_spatial_velocities")[self._body].get_coeffs()[:3]
         g_B = R_WB[2]
         rate_B = -cross(R_WB.T @ w_WB_W, g_B)
-        x, z = g_B[0], g_B[2]
+        x = g_B[0]
+        z = g_B[2]
         rate = (x * rate_B[2] - z * rate_B[0]) / (x * x + z * z)
         return np.array([arctan2(-x, z), rate])
 
@@ -182,18 +197,21 @@ class ShankAngle(System):
 class AdjustmentRecorder(System):
     """Counts the adjustments of the fulcrum, and the swings and the energy that each of them took.
 
-    An adjustment begins when the motor is enabled with an error above `reached` and ends when it is off again with an
-    error within: it may take several swings, and a new desired position in between prolongs it. Its energy is what the
-    supply gave, from the sample before the one that first sees the motor enabled: the inrush is in it.
+    An adjustment begins when the motor is enabled with an error above `reached` and ends when it is
+    off again with an error within: it may take several swings, and a new desired position in
+    between prolongs it. Its energy is what the supply gave, from the sample before the one that
+    first sees the motor enabled: the inrush is in it.
 
-    Inputs: enabled (1,) 0 or 1, of `SwingController`; energy (1,) J, of `FulcrumActuator`; position_error (1,) m, of
-    the same. Outputs: adjustments (1,), how many have ended; adjustment_energy (1,) J, of the last that ended;
-    adjustment_swings (1,), of the same, zero before the first. Sampled at a fixed period, without feedthrough.
+    Inputs: enabled (1,) 0 or 1, of `SwingController`; energy (1,) J, of `FulcrumActuator`;
+    position_error (1,) m, of the same. Outputs: adjustments (1,), how many have ended;
+    adjustment_energy (1,) J, of the last that ended; adjustment_swings (1,), of the same, zero
+    before the first. Sampled at a fixed period, without feedthrough.
 
     Args:
         period: s; at most that of the controller, above 0.
 
-    Parameters in the Context: reached (m), above 0, the error within which the fulcrum is where it should be.
+    Parameters in the Context: reached (m), above 0, the error within which the fulcrum is where it
+    should be.
     """
 
     def __init__(self, *, period: float = 5e-3, reached: float = 1e-3) -> None:
@@ -201,8 +219,8 @@ class AdjustmentRecorder(System):
             require(value > 0.0, f"is {value}", name, "It must be above 0")
         self._declare_inputs(enabled=1, energy=1, position_error=1)
         self._declare_parameters(reached=(reached, ()))
-        # ended, energy and swings of the last; energy at the start and swings of the present (0: none); enabled and
-        # energy at the sample before
+        # ended, energy and swings of the last; energy at the start and swings of the present (0:
+        # none); enabled and energy at the sample before
         self.DeclareDiscreteState(BasicVector_[self._T](np.zeros(7)))
         self._declare_periodic(period, self._update)
         for i, name in enumerate(("adjustments", "adjustment_energy", "adjustment_swings")):
@@ -215,11 +233,14 @@ class AdjustmentRecorder(System):
         )
         reached = abs(error) <= self._constants(context)["reached"]
         if enabled > 0.5 and swings == 0.0 and not reached:
-            start, swings = energy_before, self._T(1.0)
+            start = energy_before
+            swings = self._T(1.0)
         elif enabled > 0.5 and swings > 0.0 and before < 0.5:
             swings = swings + 1.0
         elif enabled < 0.5 and swings > 0.0 and reached:
-            ended, last_energy, last_swings = ended + 1.0, energy - start, swings
+            ended = ended + 1.0
+            last_energy = energy - start
+            last_swings = swings
             swings = self._T(0.0)
         discrete.set_value(
             np.array([ended, last_energy, last_swings, start, swings, enabled, energy])

@@ -10,8 +10,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, PrismaticJoint, RevoluteJoint, SpatialInertia
 from pydrake.systems.framework import Context, DiagramBuilder
 
-from vsf_drake.ground import Ground, GroundPatch
-from vsf_drake.parameters import FootParameters
+from vsf_drake.model.ground import Ground, GroundPatch
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
@@ -26,7 +26,8 @@ class FootPositions:
 
     Attributes:
         X_WK, X_WM: poses of the keel frame and the mount.
-        A, B, C, tip: (3,) the keel's posterior end, the point over the fulcrum, the load point, the keel's tip.
+        A, B, C, tip: (3,) the keel's posterior end, the point over the fulcrum, the load point, the
+            keel's tip.
         joints: (m, 3) pin and sprung joints of the keel.
         carriage: (3,) origin of the carriage.
         spheres, radius, zone: (N, 3), (N,) m, (N,) index into `zone_names`.
@@ -71,7 +72,8 @@ class DrawnFoot:
         self.context = self.plant.CreateDefaultContext()
 
     def positions(self, fulcrum_m: float, angles: np.ndarray | None = None) -> FootPositions:
-        """With the carriage at `fulcrum_m` (m from A) and the keel at `angles` (m,) rad, straight by default."""
+        """With the carriage at `fulcrum_m` (m from A) and the keel at `angles` (m,) rad, straight
+        by default."""
         return foot_positions(self.plant, self.foot, self.context, fulcrum_m, angles)
 
 
@@ -117,7 +119,8 @@ def foot_positions(
     )
 
 
-# What the foot's coordinates, forces and ground slopes do where they are positive, asked of the systems themselves.
+# What the foot's coordinates, forces and ground slopes do where they are positive, asked of the
+# systems themselves.
 
 
 FULCRUM_M, LOAD_N, SUNK_M = 0.108, 500.0, 0.003
@@ -131,7 +134,8 @@ class GroundForces:
 
     Attributes:
         foot: where it is.
-        grf: (3,) N in W, on the foot. cop: (3,) m in W. free_moment: N m about the ground's normal, on the foot.
+        grf: (3,) N in W, on the foot. cop: (3,) m in W. free_moment: N m about the ground's normal,
+            on the foot.
         normal: (3,) of the ground, upward.
     """
 
@@ -147,10 +151,11 @@ class FootSigns:
     """Everything that is drawn.
 
     Attributes:
-        rest: the unloaded foot. lifted: every sprung joint of the keel at +KEEL_ANGLE_RAD. rear, front: the carriage at
-            both ends. loaded: LOAD_N up on the load point. support_force: of the fulcrum on the keel then (N).
-        sliding, turning: the foot pressed onto a level ground while it slides forward, and turns clockwise seen from
-            above. sloping, banked: pressed onto grounds of +SLOPE_DEG.
+        rest: the unloaded foot. lifted: every sprung joint of the keel at +KEEL_ANGLE_RAD. rear,
+            front: the carriage at both ends. loaded: LOAD_N up on the load point. support_force: of
+            the fulcrum on the keel then (N).
+        sliding, turning: the foot pressed onto a level ground while it slides forward, and turns
+            clockwise seen from above. sloping, banked: pressed onto grounds of +SLOPE_DEG.
     """
 
     rest: FootPositions
@@ -204,10 +209,12 @@ def ground_forces(
     slope_deg: float = 0.0,
     bank_deg: float = 0.0,
 ) -> GroundForces:
-    """The straight foot, its sole parallel to the ground and SUNK_M below it, moving along +x and turning about +z.
+    """The straight foot, its sole parallel to the ground and SUNK_M below it, moving along +x and
+    turning about +z.
 
     Args:
-        speed: m/s. turning: rad/s about z, through the pylon's axis. slope_deg, bank_deg: of the ground.
+        speed: m/s. turning: rad/s about z, through the pylon's axis. slope_deg, bank_deg: of the
+            ground.
     """
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))

@@ -1,6 +1,8 @@
-"""What each coordinate of the person does where it is positive, asked of the plant: poses, and how one point moves.
+"""What each coordinate of the person does where it is positive, asked of the plant: poses, and how
+one point moves.
 
-The clinical word for a positive value (flexion, adduction ...) is written here; what moves where is computed.
+The clinical word for a positive value (flexion, adduction ...) is written here; what moves where is
+computed.
 """
 
 from __future__ import annotations
@@ -11,17 +13,19 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
-from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.plants.person import add_person
 
 STEP = 1e-3
-"""Of a coordinate (rad or m) whose effect is looked at: small, so that directions are those of the joint's axis."""
+"""Of a coordinate (rad or m) whose effect is looked at: small, so that directions are those of the
+joint's axis."""
 SUBJECT = {"mass_kg": 75.0, "stature_m": 1.75, "sex": "male"}
 """A person of common size; signs do not depend on it."""
 _TRUNK_M = 0.55
 _DIRECTIONS = (("forward", "backward"), ("to the left", "to the right"), ("up", "down"))
 
-# kind of coordinate: what a positive value is called, the point that shows it, the view that shows it, a value to draw
+# kind of coordinate: what a positive value is called, the point that shows it, the view that shows
+# it, a value to draw
 KINDS: dict[str, tuple[str, str, str, float]] = {
     "pelvis_tx": ("forward", "pelvis", "right", 0.15),
     "pelvis_ty": ("up", "pelvis", "right", 0.15),
@@ -86,7 +90,8 @@ class DrawnPerson:
         return (*self.person.coordinate_names, *self.person.socket.coordinate_names)
 
     def points(self, **values: float) -> dict[str, np.ndarray]:
-        """(3,) m in W of every named point, with `values` (rad or m) of coordinates, all others zero."""
+        """(3,) m in W of every named point, with `values` (rad or m) of coordinates, all others
+        zero."""
         q = np.zeros(self.plant.num_positions())
         for name, value in values.items():
             q[self.plant.GetJointByName(name).position_start()] = value
@@ -164,7 +169,8 @@ class DrawnPerson:
         return places
 
     def _prosthesis(self, s: str, inner: float) -> dict[str, tuple[RigidBody, np.ndarray]]:
-        """Points of the prosthesis and of the limb's end in it; its ankle is the pylon's lower end."""
+        """Points of the prosthesis and of the limb's end in it; its ankle is the pylon's lower
+        end."""
         foot, socket, shank = (
             self.person.foot,
             self.person.socket,
@@ -192,7 +198,8 @@ class DrawnPerson:
 
 
 def effects() -> tuple[Effect, ...]:
-    """Every coordinate of both persons, with the prosthesis on the left and on the right, once each."""
+    """Every coordinate of both persons, with the prosthesis on the left and on the right, once
+    each."""
     found: dict[str, Effect] = {}
     for side in ("left", "right"):
         person = DrawnPerson(side)
@@ -200,7 +207,8 @@ def effects() -> tuple[Effect, ...]:
             effect = person.effect(name)
             if found.setdefault(name, effect) != effect:
                 raise ValueError(
-                    f"{name} does one thing on the right and another on the left: {effect}, {found[name]}"
+                    f"{name} does one thing on the right and another on the left: {effect}, "
+                    f"{found[name]}"
                 )
     kinds = list(KINDS)
     return tuple(

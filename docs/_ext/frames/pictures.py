@@ -25,10 +25,11 @@ from frames.foot_positions import (
 )
 from frames.person_poses import KINDS, STEP, DrawnPerson, Effect, effects, kind_of
 from frames.pieces import FORCE_COLOUR, FRONT, MM, MOVED_COLOUR, REST_COLOUR, SIDE, TOP
-from vsf_drake.parameters import FootParameters
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.report.style import new_figure, save_figure, style
 
-# What positive values of the person's coordinates do: the pose at zero in grey, the moved one over it.
+# What positive values of the person's coordinates do: the pose at zero in grey, the moved one over
+# it.
 
 
 VIEWS = {"right": SIDE, "front": FRONT, "above": TOP}
@@ -69,7 +70,8 @@ _SOLE = ("rear inner", "rear outer", "front outer", "front inner", "rear inner")
 
 
 def person_figure(person: DrawnPerson, group: str) -> Figure:
-    """One panel a kind of coordinate of `group`; where both legs have it, both are moved by the same value."""
+    """One panel a kind of coordinate of `group`; where both legs have it, both are moved by the
+    same value."""
     kinds = GROUPS[group]
     with style():
         rows = len(kinds) // _COLUMNS
@@ -117,7 +119,8 @@ def _stick(
     width: float,
     only: str = "",
 ) -> None:
-    """The person as lines between joint centres, with outlines of the feet; or one leg from the knee down."""
+    """The person as lines between joint centres, with outlines of the feet; or one leg from the
+    knee down."""
 
     def line(*names: str) -> None:
         axes.plot(
@@ -163,11 +166,13 @@ NAMES = ("foot_frames", "foot_signs", *(f"person_{group}" for group in GROUPS))
 def write_pictures(
     folder: str | Path, parameters: FootParameters | None = None
 ) -> tuple[Path, ...]:
-    """Writes every picture of NAMES as PNG and SVG; the same model and Matplotlib give the same bytes.
+    """Writes every picture of NAMES as PNG and SVG; the same model and Matplotlib give the same
+    bytes.
 
     Args:
         folder: an existing one.
-        parameters: of the foot; the nominal one by default. The person has a prosthesis on the left.
+        parameters: of the foot; the nominal one by default. The person has a prosthesis on the
+            left.
 
     Raises:
         InputError: the folder cannot be written.
@@ -318,7 +323,8 @@ def _top(axes: Axes, foot: FootPositions) -> None:
         )
 
 
-# The signs of the foot: coordinates, the fulcrum's force, the ground's force and moment, slopes of the ground.
+# The signs of the foot: coordinates, the fulcrum's force, the ground's force and moment, slopes of
+# the ground.
 
 
 _MM_PER_N = 0.09
@@ -596,7 +602,8 @@ def _depth(axes: Axes, signs: FootSigns) -> None:
     axes.text(centre[0] + 62.0, radius + 4.0, "slips along +x", fontsize=8)
 
 
-# The table of all coordinates, with unit, name of a positive value, and what then moves where, as the model has it.
+# The table of all coordinates, with unit, name of a positive value, and what then moves where, as
+# the model has it.
 
 
 BEGIN, END = (

@@ -1,4 +1,5 @@
-"""What the drawings of frames and signs share: axes without ticks in millimetres, triads, arrows, keel and spheres."""
+"""What the drawings of frames and signs share: axes without ticks in millimetres, triads, arrows,
+keel and spheres."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from pydrake.math import RigidTransform
 from frames.foot_positions import FootPositions
 
 SIDE, TOP, FRONT = (0, 2), (0, 1), (1, 2)
-"""Columns of a point that a view shows: from the right (x, z), from above (x, y), from the front (y, z)."""
+"""Columns of a point that a view shows: from the right (x, z), from above (x, y), from the front
+(y, z)."""
 X_COLOUR, Y_COLOUR, Z_COLOUR = "#c62828", "#2e7d32", "#1f3fbf"
 KEEL_COLOUR, FORCE_COLOUR, REST_COLOUR, MOVED_COLOUR = "#33805f", "#e06100", "0.72", "#33805f"
 ZONE_COLOURS = ("#8c6bb1", "#6a51a3", "#9e9ac8", "#4292c6", "#6baed6", "#969696")
@@ -56,7 +58,8 @@ def triad(
     *,
     offset: tuple[float, float] = (-8.0, -8.0),
 ) -> None:
-    """The axes of frame F that `view` shows, `length` mm long, with its letter at `offset` points from the origin."""
+    """The axes of frame F that `view` shows, `length` mm long, with its letter at `offset` points
+    from the origin."""
     turned = X_WF.rotation().matrix()
     base = MM * X_WF.translation()[list(view)]
     for i, (name, colour) in enumerate(zip("xyz", (X_COLOUR, Y_COLOUR, Z_COLOUR), strict=True)):

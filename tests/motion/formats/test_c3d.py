@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from made_c3d import MadePlate, rectangle, write_c3d
 
-from vsf_drake.errors import InputError
-from vsf_drake.motion import read_trial
+from vsf_drake.base.errors import InputError
+from vsf_drake.motion.formats.read import read_trial
 
 FRAMES, RATE, SAMPLES = 100, 100.0, 1000
 
@@ -183,7 +183,8 @@ def check(read, made, rotation=np.eye(3)):  # noqa: B008 (it is not changed)
     ("kind", "turn_deg"), [(1, 30.0), (2, 30.0), (3, 30.0), (4, 30.0), (2, 90.0), (2, 180.0)]
 )
 def test_load_comes_back_from_each_type_of_plate(tmp_path, kind, turn_deg, origin_sign):
-    """The channels follow from the load by cross products over the sensors, not from the reader's formulas."""
+    """The channels follow from the load by cross products over the sensors, not from the reader's
+    formulas."""
     plate = load(turn_deg=turn_deg, kind=kind, origin_sign=origin_sign)
     check(read_trial(written(tmp_path, plate)), [plate])
 
@@ -251,7 +252,8 @@ def test_a_plate_of_an_unknown_type_or_without_its_channels_is_left_out_and_said
 
 @pytest.mark.parametrize("header", [7, 12, 0])
 def test_samples_a_frame_are_those_on_which_channels_and_rates_agree(tmp_path, header):
-    """Six channels at 1000 Hz in frames of 100 Hz make 10 samples a frame, whatever the header says."""
+    """Six channels at 1000 Hz in frames of 100 Hz make 10 samples a frame, whatever the header
+    says."""
     plate = load()
     path = written(tmp_path, plate)
     data = bytearray(path.read_bytes())

@@ -1,12 +1,13 @@
-"""Force files of OpenSim, spreadsheets and Cortex: one load comes back from each way to write it."""
+"""Force files of OpenSim, spreadsheets and Cortex: one load comes back from each way to write
+it."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
-from vsf_drake.errors import InputError
-from vsf_drake.motion import read_trial
+from vsf_drake.base.errors import InputError
+from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.tables import write_storage
 
 COUNT = 50
@@ -47,7 +48,8 @@ def opensim_names(prefix="ground_force_r", torque="ground_torque_r_"):
 
 @pytest.mark.parametrize("unit", ["m", "mm"])
 def test_tables_of_opensims_c3d_adapter(tmp_path, unit):
-    """z up, in the C3D file's unit; the moment is that about the stated point, here a plate's corner."""
+    """z up, in the C3D file's unit; the moment is that about the stated point, here a plate's
+    corner."""
     factor = {"m": 1.0, "mm": 1e3}[unit]
     corner = np.tile([0.3, 0.1, 0.0], (COUNT, 1))
     force, cop = in_world(FORCE), in_world(COP)
@@ -181,7 +183,8 @@ def trc(path, start=0.0, frames=30):
 
 
 def test_forces_beside_markers(tmp_path):
-    """Half a second of forces and 0.6 s of markers: what both cover is said; none in common is refused."""
+    """Half a second of forces and 0.6 s of markers: what both cover is said; none in common is
+    refused."""
     force = mot(tmp_path / "grf.mot", opensim_names(), FORCE, COP, TWIST[:, None] * UP)
     read = read_trial(trc(tmp_path / "walk.trc"), forces=force)
     np.testing.assert_allclose(read.plates[0].cop_m, in_world(COP), atol=1e-9)

@@ -7,9 +7,9 @@ import pytest
 from made_c3d import MadePlate, rectangle, write_c3d
 from virtual_laboratory.trc import write_trc
 
-from vsf_drake.errors import InputError
-from vsf_drake.motion import Recording, read_trial
-from vsf_drake.motion.formats.recording import Plate
+from vsf_drake.base.errors import InputError
+from vsf_drake.motion.formats.read import read_trial
+from vsf_drake.motion.formats.recording import Plate, Recording
 from vsf_drake.motion.formats.tables import write_forces_mot
 
 FRAMES = 50
@@ -89,9 +89,8 @@ def test_a_person_who_lies_or_stands_on_the_head_is_refused_with_the_remedy(tmp_
     assert "Give laboratory.up (--up), probably z" in message(lambda: read_trial(lying))
     upside = write_c3d(tmp_path / "b.c3d", walk(), screen=("+X", "-Z"))
     assert "below the floor" in message(lambda: read_trial(upside))
-    write_trc(
-        tmp_path / "a.trc", walk(), rate_hz=50.0
-    )  # which is y up unless its markers say otherwise
+    # which is y up unless its markers say otherwise
+    write_trc(tmp_path / "a.trc", walk(), rate_hz=50.0)
     np.testing.assert_array_equal(
         read_trial(tmp_path / "a.trc").rotation_W, rotation_of("+x", "+y")
     )

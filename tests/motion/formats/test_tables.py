@@ -3,15 +3,18 @@
 import numpy as np
 import pytest
 
-from vsf_drake.errors import InputError
-from vsf_drake.motion import read_trial
+from vsf_drake.base.errors import InputError
+from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.tables import read_storage, write_storage
 
-TABLE = "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n0\t1\t2\n0.1\t3\t4\n"
+TABLE = (
+    "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n0\t1\t2\n"
+    "0.1\t3\t4\n"
+)
 SIMM = (
-    "first trial\t\t\nnRows=2\t\t\nnColumns=3\t\t\n\t\t\n# SIMM Motion File Header:\t\t\nname first trial\t\t\n"
-    "datacolumns 3\t\t\ndatarows 2\t\t\notherdata 1\t\t\nrange 0.400000 0.417000\t\t\nendheader\t\t\n"
-    "time\ta\tb\n0.4\t1\t2\n0.417\t3\t4\n\n"
+    "first trial\t\t\nnRows=2\t\t\nnColumns=3\t\t\n\t\t\n# SIMM Motion File Header:\t\t\nname "
+    "first trial\t\t\ndatacolumns 3\t\t\ndatarows 2\t\t\notherdata 1\t\t\nrange 0.400000 "
+    "0.417000\t\t\nendheader\t\t\ntime\ta\tb\n0.4\t1\t2\n0.417\t3\t4\n\n"
 )
 
 
@@ -163,7 +166,8 @@ def trc_text(
     cells=None,
     tail="",
 ):
-    """A TRC file in which marker k stands at (100 k, 200 k, 300 k) in frame 0 and goes 1 along x a frame."""
+    """A TRC file in which marker k stands at (100 k, 200 k, 300 k) in frame 0 and goes 1 along x a
+    frame."""
     times = TIMES if times is None else times
     frames = len(times) if frames is None else frames
     count = len(labels) if markers is None else markers

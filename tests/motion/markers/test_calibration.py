@@ -1,4 +1,5 @@
-"""A made person's truth comes back from markers; a real one's lengths are those between its markers."""
+"""A made person's truth comes back from markers; a real one's lengths are those between its
+markers."""
 
 from __future__ import annotations
 
@@ -10,14 +11,14 @@ import numpy as np
 import pytest
 from made_person import Person
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.model.parameters import GRAVITY, FootParameters, ModelParameters
 from vsf_drake.motion.formats.recording import SIDES, Plate, Recording
 from vsf_drake.motion.markers.calibration import calibrate
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.posture import NOTE, prepared, settling
 from vsf_drake.motion.markers.segments import PARENTS, SEGMENTS, Calibration
-from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
 from vsf_drake.plants.anthropometry import foot_placement
 
 MAPS = {
@@ -188,7 +189,8 @@ def test_the_model_puts_the_prosthesis_where_it_was_measured(side):
 
 
 def test_a_walk_can_stand_in_for_a_standing_trial_and_says_so():
-    """Skating: both soles flat on the floor throughout, knees turning through more than 30 degrees."""
+    """Skating: both soles flat on the floor throughout, knees turning through more than
+    30 degrees."""
     person, time = Person(), np.arange(300) / 100
     angles = {"pelvis_tx": 1.2 * time}
     for s, phase in (("r", 0.0), ("l", np.pi)):
@@ -356,7 +358,8 @@ def test_axes_of_a_left_hand_are_mirrored_with_a_note():
 
 @pytest.mark.parametrize("quarters, axis", [(1, "+y"), (2, "-x"), (3, "-y")])
 def test_person_who_walks_in_place_goes_where_the_pelvis_faces(quarters, axis):
-    """On a treadmill the markers do not travel: the laboratory's x may be behind or beside the person."""
+    """On a treadmill the markers do not travel: the laboratory's x may be behind or beside the
+    person."""
     pig = load_marker_map("plug_in_gait")
     turn = made_person.poses({"pelvis_rotation": 0.5 * np.pi * quarters})["pelvis"][0][0]
     straight = standing(FLEXED, EVEN)
@@ -380,7 +383,8 @@ def test_person_who_walks_in_place_goes_where_the_pelvis_faces(quarters, axis):
 
 
 def test_exchanged_sides_are_told_from_mirrored_axes_by_the_plates():
-    """Corners that go round as in a right-handed frame show that the axes are right: the labels are not."""
+    """Corners that go round as in a right-handed frame show that the axes are right: the labels are
+    not."""
     pig = load_marker_map("plug_in_gait")
     corners = np.array([[0.3, 0.2, 0.0], [0.3, -0.2, 0.0], [-0.3, -0.2, 0.0], [-0.3, 0.2, 0.0]])
     plate = Plate("1", np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1), corners)

@@ -1,16 +1,17 @@
 """Markers synthesised by OpenSim from a known pose: the angles they were made from come back.
 
-The walk's markers sit where the scaled gait2354 model carries them and were moved by that model's joints; the
-calibration knows only the standing trial of the same person. What differs is how each segment's frame is defined
-(degrees, front up +): the pelvis by -2.4, ours being level with the sacral marker (Wu 2002); the thighs by -3.2 and
--3.9, ours running to the hip centre of Harrington's regression, the model's lying 24 and 32 mm behind it; shanks and
-feet by less than 2. A joint's offset is the difference of the two frames it lies between.
+The walk's markers sit where the scaled gait2354 model carries them and were moved by that model's
+joints; the calibration knows only the standing trial of the same person. What differs is how each
+segment's frame is defined (degrees, front up +): the pelvis by -2.4, ours being level with the
+sacral marker (Wu 2002); the thighs by -3.2 and -3.9, ours running to the hip centre of Harrington's
+regression, the model's lying 24 and 32 mm behind it; shanks and feet by less than 2. A joint's
+offset is the difference of the two frames it lies between.
 """
 
 import numpy as np
 import pytest
 
-from vsf_drake.motion import read_trial
+from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.tables import read_storage
 from vsf_drake.motion.markers.calibration import PersonFacts, calibrate
 from vsf_drake.motion.markers.maps import load_marker_map

@@ -1,4 +1,5 @@
-"""Joint centres and angles against arithmetic by hand, constructed geometry, ISB, Grood and Suntay, and the model."""
+"""Joint centres and angles against arithmetic by hand, constructed geometry, ISB, Grood and Suntay,
+and the model."""
 
 from __future__ import annotations
 
@@ -9,12 +10,13 @@ from hypothesis import strategies as st
 from pydrake.multibody.plant import MultibodyPlant
 from scipy.spatial.transform import Rotation
 
+from vsf_drake.model.parameters import ModelParameters, Subject, leg_coordinates
 from vsf_drake.motion.markers import joints
 from vsf_drake.motion.markers.segments import SEGMENTS
-from vsf_drake.parameters import ModelParameters, Subject, leg_coordinates
 from vsf_drake.plants.person import add_person
 
-# Worked with pencil for PW 250, PD 160, LL 900 mm, marker radius 7, plate 2: forward, up, lateral in mm.
+# Worked with pencil for PW 250, PD 160, LL 900 mm, marker radius 7, plate 2: forward, up, lateral
+# in mm.
 BY_HAND = {
     "harrington": (-0.24 * 160 - 9.9 - 9, -40 - 36 - 7.1, 44.8 + 40 + 7.9),
     "hara": (11 - 56.7 - 9, -9 - 70.2, 8 + 77.4),
@@ -85,7 +87,8 @@ def random_angles(count=200, seed=0):
 
 @BOTH
 def test_pure_flexion_moves_the_distal_end_where_anatomy_says(side):
-    """Hip flexion carries the knee forward, knee flexion the ankle backward, dorsiflexion the toes up."""
+    """Hip flexion carries the knee forward, knee flexion the ankle backward, dorsiflexion the toes
+    up."""
     for joint, sense in (("hip", 1.0), ("knee", -1.0), ("ankle", 1.0)):
         R = about(RIGHT, sense * 0.4)
         np.testing.assert_allclose(joints.joint_angles(R, joint, side), [0.4, 0, 0], atol=1e-12)
@@ -96,7 +99,8 @@ def test_pure_flexion_moves_the_distal_end_where_anatomy_says(side):
 @BOTH
 @pytest.mark.parametrize("joint", ["hip", "knee", "ankle"])
 def test_combined_turns_follow_the_isb_sequence_z_x_y(joint, side):
-    """Wu et al. 2002: flexion about z, adduction about x, internal rotation about y, each in the turned frame."""
+    """Wu et al. 2002: flexion about z, adduction about x, internal rotation about y, each in the
+    turned frame."""
     angles = random_angles()
     s = 1.0 if side == "right" else -1.0
     signed = angles * [-1.0 if joint == "knee" else 1.0, s, s]

@@ -9,8 +9,8 @@ import made_person
 import numpy as np
 import pytest
 
-from vsf_drake.errors import InputError
-from vsf_drake.motion import read_trial
+from vsf_drake.base.errors import InputError
+from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.recording import SIDES
 from vsf_drake.motion.markers.maps import choose_map, load_marker_map, suggest_map
 

@@ -1,4 +1,5 @@
-"""Rigid poses of marker clusters: exact on rigid clusters, least squares on others, never a mirror or a guess."""
+"""Rigid poses of marker clusters: exact on rigid clusters, least squares on others, never a mirror
+or a guess."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""Tracking: a made person's angles come back, and what is not that person's walk, or exchanged, is refused by name."""
+"""Tracking: a made person's angles come back, and what is not that person's walk, or exchanged, is
+refused by name."""
 
 import dataclasses
 
@@ -9,8 +10,8 @@ from hypothesis import strategies as st
 from made_calibration import true_calibration
 from made_person import Person, markers, poses, recording_of, walking_angles
 
-from vsf_drake.errors import InputError
-from vsf_drake.motion import read_trial
+from vsf_drake.base.errors import InputError
+from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.markers.calibration import PersonFacts, calibrate
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.posture import prepared
@@ -92,7 +93,8 @@ def test_a_wrong_unit_is_told_from_another_person(scale):
 
 
 def test_real_walks_of_four_laboratories_are_tracked(shared_data):
-    """Knees flex by 55 to 75 degrees in swing and end near straight; clusters keep their shape within millimetres."""
+    """Knees flex by 55 to 75 degrees in swing and end near straight; clusters keep their shape
+    within millimetres."""
     core = shared_data / "opensim_core"
     walks = [
         (
@@ -192,7 +194,8 @@ def test_markers_exchanged_throughout_are_named(session, a, b):
 def test_two_exchanged_pairs_are_both_named_and_no_other_with_what_undoing_them_leaves(
     session, pairs
 ):
-    """Undone by hand, the walk is as it was: the residuals that the message promises are those of the right walk."""
+    """Undone by hand, the walk is as it was: the residuals that the message promises are those of
+    the right walk."""
     walk, calibration = session
     right = track(walk, calibration).residual_rms_m
     wrong = walk
@@ -235,7 +238,8 @@ def fill(recording, label_set="rajagopal", **options):
     ("start", "stop"), [(100, 105), (100, 110), (100, 180), (0, 60), (250, 300)]
 )
 def test_a_rigid_cluster_knows_where_its_lost_marker_is(start, stop):
-    """RTH1 is one of four on the thigh: exactly restored, however long the gap, and at either end."""
+    """RTH1 is one of four on the thigh: exactly restored, however long the gap, and at either
+    end."""
     filled = fill(lacking([("RTH1", start, stop)]))
     np.testing.assert_allclose(filled.markers["RTH1"], TRUTH["RTH1"], atol=1e-12)
     assert np.flatnonzero(~filled.seen["RTH1"]).tolist() == list(range(start, stop))
@@ -257,7 +261,8 @@ def test_a_marker_off_its_cluster_enters_and_leaves_the_gap_without_a_step():
 
 @pytest.mark.parametrize("length", [1, 5, 10])
 def test_short_gaps_without_a_cluster_are_splined(length):
-    """Plug-in Gait has two markers on a foot. A cubic spline errs by at most 5/384 h^4 max|d4x/dt4| (Hall & Meyer)."""
+    """Plug-in Gait has two markers on a foot. A cubic spline errs by at most 5/384 h^4 max|d4x/dt4|
+    (Hall & Meyer)."""
     filled = fill(lacking([("RTOE", 100, 100 + length)], PLUG_IN_GAIT), "plug_in_gait")
     fourth = np.abs(np.diff(PLUG_IN_GAIT["RTOE"], 4, axis=0)[90:120]).max(axis=0) * 100.0**4
     error = np.abs(filled.markers["RTOE"] - PLUG_IN_GAIT["RTOE"]).max(axis=0)
@@ -282,7 +287,8 @@ def test_longer_gaps_are_refused_by_name_and_interval():
 
 @pytest.mark.parametrize(("start", "stop"), [(100, 108), (100, 160), (0, 60)])
 def test_two_others_and_the_joint_centre_know_where_a_lost_marker_is(start, stop):
-    """Two of four on the thigh; two of three on the foot (LMT2, LMT5), where a spline over the swing errs by 20 mm."""
+    """Two of four on the thigh; two of three on the foot (LMT2, LMT5), where a spline over the
+    swing errs by 20 mm."""
     filled = fill(lacking([("RTH1", start, stop), ("RTH2", start, stop), ("LCAL", start, stop)]))
     assert {gap.how for gap in filled.gaps} == {"rigid cluster and joint centre"}
     for label in ("RTH1", "RTH2", "LCAL"):
@@ -290,7 +296,8 @@ def test_two_others_and_the_joint_centre_know_where_a_lost_marker_is(start, stop
 
 
 def test_ends_without_markers_are_trimmed():
-    """A person walks into the volume and out of it: everything appears and disappears bit by bit."""
+    """A person walks into the volume and out of it: everything appears and disappears bit by
+    bit."""
     gaps = [(label, 0, 20 + k) for k, label in enumerate(TRUTH)] + [
         (label, 250 + k, 300) for k, label in enumerate(TRUTH)
     ]
@@ -333,7 +340,8 @@ def test_markers_that_never_appear_together_are_named():
     )
 )
 def test_any_gaps_are_filled_well_or_refused(gaps):
-    """Exactly by clusters; a spline across a quick swing, a tenth of a second long, may be centimetres off."""
+    """Exactly by clusters; a spline across a quick swing, a tenth of a second long, may be
+    centimetres off."""
     try:
         filled = fill(lacking([(label, start, start + length) for label, start, length in gaps]))
     except InputError:

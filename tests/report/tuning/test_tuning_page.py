@@ -1,4 +1,4 @@
-"""What a tuning and a schedule leave on disk and say: numbers against those of made-up parabolas."""
+"""What a tuning leaves on disk and says: numbers against those of made-up parabolas."""
 
 from __future__ import annotations
 
@@ -12,47 +12,33 @@ import pytest
 from browser import chromium, look
 from command_line import read_json
 from made_tuning import (
-    BEST,
     BEST_MM,
-    POSITIONS,
-    REACH,
-    SPEEDS,
     cost_of,
     failed_table,
     made_arrays,
-    made_schedule,
     made_stride_arrays,
     made_stride_table,
     made_table,
     small_table,
-    task,
 )
 from page_reader import Balanced
 from readable import assert_readable
 
-from vsf_drake.analysis.tuning.schedule import load_schedule, make_schedule
-from vsf_drake.analysis.tuning.table import SweepPoint, Term, tuning_of
-from vsf_drake.errors import InputError
-from vsf_drake.files import plain
-from vsf_drake.report.page import chapter_page
-from vsf_drake.report.tuning.chapters import (
-    SCHEDULE,
-    TUNING,
-    answer,
-    bought,
-    first_line,
-    schedule_page,
-    schedule_words,
-    tuning_page,
-    write_schedule,
-    write_tuning,
-)
+from vsf_drake import optimal_control as level2
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import plain
+from vsf_drake.report.page import _PAGES, chapter_page
+from vsf_drake.report.tuning.chapters import TUNING, answer, first_line, tuning_page, write_tuning
 from vsf_drake.report.tuning.figures import (
     cost_curve_figure,
     outcomes_figure,
+    pareto_figure,
+    stance_force_figure,
     terms_figure,
 )
-from vsf_drake.report.tuning.reading import excess, root_mean_squares
+from vsf_drake.report.tuning.reading import root_mean_squares
+from vsf_drake.tuning import costs, sweep
+from vsf_drake.tuning.table import SweepPoint, Term, tuning_of
 
 HARDLY = "THE SETTING HARDLY MATTERS"
 MADE = {
@@ -64,11 +50,10 @@ MADE = {
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
-    """A folder of tunings of level 1, and one of a schedule."""
+    """A folder of tunings of level 1."""
     home = tmp_path_factory.mktemp("tunings")
     for kind in ("level_1", "failed"):
         write_tuning(home / kind, *(make() for make in MADE[kind]))
-    write_schedule(home / "schedule", made_schedule())
     return home
 
 
@@ -94,7 +79,6 @@ def test_everything_is_written_and_read_back_in_every_digit(folders):
         "figures/cost.png",
         "figures/outcomes.png",
         "figures/force.png",
-        "figures/tasks.png",
         "figures/pareto.png",
         "figures/robustness.png",
         "tables/sweep.csv",
@@ -123,7 +107,7 @@ def test_everything_is_written_and_read_back_in_every_digit(folders):
 
 
 def test_the_report_made_again_is_the_same_to_the_byte_and_its_tags_close(run, folders, tmp_path):
-    for kind in ("level_1", "failed", "schedule"):
+    for kind in ("level_1", "failed"):
         reader = Balanced()
         reader.feed((folders / kind / "report.html").read_text(encoding="utf-8").partition("\n")[2])
         assert reader.open == []
@@ -134,34 +118,85 @@ def test_the_report_made_again_is_the_same_to_the_byte_and_its_tags_close(run, f
         assert files(tmp_path / kind) == files(folders / kind)
 
 
-@pytest.mark.parametrize("kind", ["level_1", "level_2", "not optimal", "schedule"])
+@pytest.mark.parametrize("kind", ["level_1", "level_2", "not optimal"])
 def test_every_figure_can_be_read_on_a_telephone(kind):
     tables = {
         "level_1": made_table(),
         "level_2": made_stride_table(),
         "not optimal": made_table(optimal=False),
-        "schedule": made_schedule(),
     }
     arrays = made_stride_arrays() if kind == "level_2" else made_arrays()
-    page = schedule_page if kind == "schedule" else tuning_page
-    chapters = page(plain(tables[kind]), {} if kind == "schedule" else arrays, lenient=False)[
-        "chapters"
-    ]
+    chapters = tuning_page(plain(tables[kind]), arrays, lenient=False)["chapters"]
     figures = {name: figure for chapter in chapters for name, figure in chapter.figures.items()}
-    assert len(figures) == {"level_1": 7, "level_2": 8, "not optimal": 7, "schedule": 3}[kind]
+    assert len(figures) == {"level_1": 6, "level_2": 8, "not optimal": 6}[kind]
     for name, figure in figures.items():
         assert_readable(figure, name)
+
+
+LABELS = {
+    1: (
+        sweep.KINDS | sweep.SAME_LOAD,
+        costs.LABELS,
+        [label for label, _ in costs.KINDS.values()],
+    ),
+    2: (level2.outcomes.KINDS, level2.stride.LABELS, level2.stride.LABELS.values()),
+}
+"""Of a level: outcomes with their units, terms, and costs."""
+
+
+@pytest.mark.parametrize("level", [1, 2])
+def test_every_label_that_there_is_fits_its_figure(level):
+    """Titles of all outcomes, the longest names of terms and costs, and trials with long names."""
+    kinds, terms, costs = LABELS[level]
+    like, first = made_table().outcomes[0], made_table().sweep[0]
+    outcomes = tuple(
+        dataclasses.replace(like, name=name, label=label, unit=unit, matters=False)
+        for name, (label, unit) in kinds.items()
+    )
+    sweep = tuple(
+        dataclasses.replace(
+            row,
+            terms={name: row.cost for name in (*list(terms)[:5], "consistency")},
+            outcomes={name: row.cost - first.cost for name in kinds},
+        )
+        for row in made_table().sweep
+    )
+    table = made_table(
+        level=level, outcomes=outcomes, sweep=sweep, trials=("person_B_day_2_fast_0123456789_WALK",)
+    )
+    assert_readable(outcomes_figure(table), "outcomes")
+    longest = sorted(terms, key=lambda name: len(terms[name]))[-4:]
+    rows = tuple(dataclasses.replace(row, terms=dict.fromkeys(longest, row.cost)) for row in sweep)
+    assert_readable(
+        terms_figure(
+            dataclasses.replace(
+                table,
+                sweep=rows,
+                terms=tuple(Term(name, f"0.33 × {terms[name]} / 0.0123", 1.0) for name in longest),
+            )
+        ),
+        "terms",
+    )
+    held = dataclasses.replace(
+        table, cost_label=max(costs, key=len), terms=(Term("consistency", "the hold", 1.0),)
+    )
+    assert_readable(cost_curve_figure(held, {}), "cost")
+    if level == 1:
+        assert_readable(stance_force_figure(table, made_arrays()), "force")
+        assert_readable(
+            pareto_figure(dataclasses.replace(table, pareto_names=("tracking", "push_off"))),
+            "pareto",
+        )
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(
     chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)"
 )
-@pytest.mark.parametrize("kind", ["level_1", "schedule"])
-def test_page_reads_on_a_desk_and_on_a_telephone(folders, tmp_path, kind):
+def test_page_reads_on_a_desk_and_on_a_telephone(folders, tmp_path):
     for width in (1280, 390):
         (tmp_path / str(width)).mkdir()
-        seen = look(folders / kind / "report.html", tmp_path / str(width), width=width)
+        seen = look(folders / "level_1" / "report.html", tmp_path / str(width), width=width)
         assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == (
             [],
             [],
@@ -170,7 +205,7 @@ def test_page_reads_on_a_desk_and_on_a_telephone(folders, tmp_path, kind):
             0,
         )
         assert seen.scroll <= width and 150 < seen.words <= 600
-        assert seen.images == {"level_1": 7, "schedule": 3}[kind]
+        assert seen.images == 6
 
 
 def test_what_is_no_optimum_is_marked_above_everything_and_recommends_nothing(folders):
@@ -191,7 +226,7 @@ def test_what_is_no_optimum_is_marked_above_everything_and_recommends_nothing(fo
     ):
         words = " ".join(answer(table))
         assert "least" not in words and "less than" not in words
-    stopped = made_table(optimal=False, tasks=(), pareto=(), robustness=())
+    stopped = made_table(optimal=False, pareto=(), robustness=())
     page, _ = chapter_page(**tuning_page(plain(stopped), {}, lenient=False))
     assert "NOT OPTIMAL: the last iterate is at 104.2 mm" in page, (
         "the alternative text of the figure"
@@ -202,13 +237,6 @@ def test_what_is_no_optimum_is_marked_above_everything_and_recommends_nothing(fo
     assert "last iterate, NOT OPTIMAL" in labels and not any(
         name.startswith("optimum") for name in labels
     )
-    schedule = made_schedule(optimal=False, described=False)
-    page = schedule_page(plain(schedule), {}, lenient=False)
-    assert page["alarm"].startswith("NOT OPTIMAL: speed 1.2: the iteration limit was reached.")
-    assert "do not store it" in page["alarm"] and "To store:" not in " ".join(
-        schedule_words(schedule)
-    )
-    assert "policy" not in page["chapters"][0].figures, "nothing tells its tasks apart"
 
 
 def test_another_tuning_in_the_same_folder_leaves_nothing_of_the_first(tmp_path):
@@ -225,20 +253,20 @@ def test_damaged_results_are_refused_with_file_and_reason_or_shown_as_far_as_the
     out = tmp_path / "out"
     write_tuning(out, small_table(), {})
     table, path = read_json(out / "tuning.json"), out / "tuning.json"
-    for change in ({"level": 3}, {"format": "vsf_drake tuning 0"}, {"fulcrum_mm": None}):
+    for change in ({"level": 3}, {"format": "vsf_drake tuning 1"}, {"fulcrum_mm": None}):
         with pytest.raises(ValueError, match=r"level|format|optimum"):
             made_table(**change)
     path.write_text(json.dumps(table | {"checks": [{"label": "fine sweep"}]}), encoding="utf-8")
     assert any(sentence.startswith("Checks") for sentence in TUNING.remake(out))
     assert (
-        "This version cannot show what the results hold of it (ValueError: checks[0].name is missing"
-        in body(out)
-    )
+        "This version cannot show what the results hold of it (ValueError: checks[0].name is "
+        "missing"
+    ) in body(out)
     assert "has the least" in body(out)
     for name, text, words in (
         ("tuning.json", "{", "cannot be read as JSON"),
         ("tuning.json", '{"format": "fit"}', "not the table of"),
-        ("tuning.json", '{"format": "vsf_drake tuning 1"}', "level is missing"),
+        ("tuning.json", '{"format": "vsf_drake tuning 2"}', "level is missing"),
         ("tuning.json", json.dumps(table), ""),
         ("tuning.npz", "other", "SHA-256"),
     ):
@@ -250,19 +278,15 @@ def test_damaged_results_are_refused_with_file_and_reason_or_shown_as_far_as_the
     path.unlink()
     with pytest.raises(InputError, match="vsf-drake tune --out"):
         TUNING.remake(out)
-    (tmp_path / "policy.json").write_text('{"format": "vsf_drake schedule 2", "tasks": 3}')
-    with pytest.raises(InputError, match="cannot be used"):
-        SCHEDULE.remake(tmp_path)
 
 
-@pytest.mark.parametrize("kind", [TUNING, SCHEDULE], ids=lambda kind: kind.kind)
-def test_a_folder_of_something_else_is_not_written_to(tmp_path, kind):
-    kind.check(tmp_path / "new")
+def test_a_folder_of_something_else_is_not_written_to(tmp_path):
+    TUNING.check(tmp_path / "new")
     (tmp_path / "thesis.txt").write_text("mine")
-    with pytest.raises(InputError, match=f"other things than an earlier {kind.kind}"):
-        kind.check(tmp_path)
+    with pytest.raises(InputError, match="other things than an earlier tuning"):
+        TUNING.check(tmp_path)
     with pytest.raises(InputError, match="is a file"):
-        kind.check(tmp_path / "thesis.txt")
+        TUNING.check(tmp_path / "thesis.txt")
 
 
 # What is said of a tuning.
@@ -278,7 +302,8 @@ def said(**changes):
 
 
 def test_setting_interval_and_savings_are_those_of_the_parabola():
-    """2e-4 (66 - 104.2)² = 0.292 on 2: 12.7 % less than at the softest; 18.0 % less than at the stiffest."""
+    """2e-4 (66 - 104.2)² = 0.292 on 2: 12.7 % less than at the softest; 18.0 % less than at the
+    stiffest."""
     soft, stiff = (100.0 * (1.0 - 2.0 / cost_of(mm)) for mm in (66.0, 151.0))
     words = said()
     assert (
@@ -292,8 +317,8 @@ def test_setting_interval_and_savings_are_those_of_the_parabola():
     )
     assert f"{soft:.1f} % less than at the softest setting (66 mm, also recorded)" in words
     assert f"{stiff:.1f} % less than at the stiffest (151 mm, also recorded)" in words
-    assert "another recorded one (108 mm)" in words
-    assert "% MORE than at the recorded setting (108 mm)" in said(recorded_mm=(108.0,), cost=2.5)
+    assert "another recorded one (108 mm, within the interval: not told apart)" in words
+    assert "% MORE than at the recorded setting (108 mm" in said(recorded_mm=(108.0,), cost=2.5)
     end = said(fulcrum_mm=66.0, cost=float(cost_of(66.0)), at_bound=("fulcrum",))
     assert "It is the softest setting itself." in end
     assert end.startswith(
@@ -317,7 +342,8 @@ def test_level_2_recommends_an_interval_or_says_first_that_the_model_does_not_de
 
 
 def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
-    """The whole parabola is such a term but for 1e-3 (mm - 66) BW: without it the softest setting is the best."""
+    """The whole parabola is such a term but for 1e-3 (mm - 66) BW: without it the softest setting
+    is the best."""
     sweep = tuple(
         SweepPoint(
             row.fulcrum_mm,
@@ -336,15 +362,18 @@ def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
     held = made_table(sweep=sweep, terms=terms, recorded_mm=())
     words = " ".join(answer(held))
     assert words.startswith(
-        "THE DATA DO NOT DECIDE THIS SETTING. By itself the cost (load of the intact knee) is least at 66.0 mm, the "
-        'softest setting; at 104.2 mm it is 3.8 % more. What puts the optimum at 104.2 mm is "change of the force", a '
+        "THE DATA DO NOT DECIDE THIS SETTING. By itself the cost (load of the intact knee) is "
+        "least at 66.0 mm, the "
+        "softest setting; at 104.2 mm it is 3.8 % more. What puts the optimum at 104.2 mm is "
+        '"change of the force", a '
         "term that holds"
     )
     drawn = {line.get_label() for line in cost_curve_figure(held, {}).axes[0].get_lines()}
     assert {"cost by itself", "its least, 66.0 mm"} < drawn
     assert "12.7 % less than at the softest setting" in words
     assert (
-        'Without "change of the force", the part of the cost that only holds to the recording, it is 3.8 % MORE '
+        'Without "change of the force", the part of the cost that only holds to the recording, '
+        "it is 3.8 % MORE "
         "than at the softest setting (66 mm) and 4.3 % less than at the stiffest (151 mm)."
     ) in words
     walked = " ".join(
@@ -372,9 +401,8 @@ def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
     assert "a term that holds the walk to able-bodied walking." in walked
     assert "the part of the cost that only holds to able-bodied walking, it is 3.8 % MORE" in walked
     assert "Without" not in said() and "DO NOT DECIDE" not in said()
-    less = dataclasses.replace(
-        held, cost=held.cost - 0.1
-    )  # another stride, better by itself than all of the sweep
+    # another stride, better by itself than all of the sweep
+    less = dataclasses.replace(held, cost=held.cost - 0.1)
     assert (
         held.held_from and less.held_from is None and "DO NOT DECIDE" not in " ".join(answer(less))
     )
@@ -383,12 +411,6 @@ def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
         "a straight line"
     )
     assert table.cost_at(60.0) is None and failed_table().cost_at(73.5) is None
-    # 2e-4 · 14² and 2e-4 · 16² on 2: 1.96 and 2.56 %; the third lies on the common setting.
-    assert [excess(row) for row in table.tasks] == pytest.approx([1.96, 0.0, 2.56])
-    assert (bought(table)["mean"], bought(table)["most"]) == (
-        pytest.approx(4.52 / 3),
-        pytest.approx(2.56),
-    )
 
 
 def test_a_setting_that_hardly_matters_is_called_so_before_anything_else():
@@ -398,7 +420,12 @@ def test_a_setting_that_hardly_matters_is_called_so_before_anything_else():
     assert "changes by 0.4374 BW, more than its uncertainty (± 0.05 BW)." in said(
         outcomes=(dataclasses.replace(cost, sentence=""),)
     )
-    assert f"{HARDLY}: none of the outcomes" in said(outcomes=matters(False, 1))
+    none = (
+        f"{HARDLY}: none of the outcomes changes by more than both its uncertainty and what a "
+        "laboratory sees."
+    )
+    assert none in said(outcomes=matters(False, 1))
+    assert "by more than both twice their uncertainty and what a laboratory sees: " in said(level=2)
     assert HARDLY not in said(outcomes=(push_off, peak))
     assert "unknown" in said(outcomes=()), "nothing was compared with an uncertainty"
     assert HARDLY not in said(outcomes=matters(None)), "not known is not no"
@@ -433,82 +460,77 @@ def test_figures_draw_the_sweep_the_trials_the_optimum_and_what_hardly_changes()
     ]
 
 
-# What is said of a schedule.
+def test_an_interval_is_told_no_narrower_than_it_is():
+    """Around 104.53 mm from there to 106.0: "105 to 106 mm" would leave the optimum out."""
+    assert made_table(fulcrum_interval_mm=(104.53, 106.0)).interval_says == "104 to 106 mm"
+    assert made_table(fulcrum_interval_mm=(98.0, 111.0)).interval_says == "98 to 111 mm"
+    assert "Its interval is 104 to 106 mm" in said(fulcrum_interval_mm=(104.53, 106.0))
 
 
-def rising(slope, start=1.0):
-    """The parabola, of which all but a line of this slope (1/mm), least `start`, holds to the recording."""
-    line = start + abs(slope) * (POSITIONS - 66.0 if slope > 0.0 else 151.0 - POSITIONS)
-    best = start + abs(slope) * (BEST_MM - 66.0 if slope > 0.0 else 151.0 - BEST_MM)
-    return made_table(
-        recorded_mm=(),
-        terms=(Term("knee", "knee", best), Term("consistency", "the hold", 2.0 - best)),
+def test_settings_within_the_interval_are_not_told_to_cost_more():
+    words = said(fulcrum_interval_mm=(60.0, 111.0))
+    assert "(66 mm, also recorded, within the interval: not told apart)" in words
+    assert "(151 mm, also recorded)" in words
+
+
+def columns(chapter, name):
+    """Headings of a table of the page, by what its columns are called in the CSV file."""
+    caught = {}
+
+    def table(stem, rows, shown, caller=None):
+        caught[stem] = {column[0]: column[1] for column in shown}
+        return ""
+
+    template = _PAGES.get_template(chapter.template)
+    template.render({**chapter.facts, "table": table, "figure": lambda *words, **more: ""})
+    return caught[name]
+
+
+def test_the_weight_of_the_front_is_that_of_its_first_cost():
+    """The made-up front: at weight 1 the second cost is least, which the made-up columns would give
+    away."""
+    page = {
+        chapter.name: chapter
+        for chapter in tuning_page(plain(made_table()), {}, lenient=False)["chapters"]
+    }
+    headings = columns(page["pareto"], "pareto")
+    assert headings["weight"] == "weight of joint load", "of pareto_names the first"
+    assert headings["first"] == "load on the prosthetic leg and residual limb (1)"
+    assert headings["second"] == "push-off work, with a minus (J/kg)"
+
+
+def test_no_two_columns_have_one_name_and_the_recorded_setting_is_no_recorded_motion():
+    """A cost of level 2 counts over its size: what it adds to the sum is not the outcome of that
+    name."""
+    name, label = "activation", "squared activations of the muscles"
+    terms = (
+        Term(name, f"{label} / 0.5", 1.2),
+        Term("normal", "deviation from able-bodied walking", 0.8),
+    )
+    table = made_stride_table(
+        cost_name=name,
+        cost_label=label,
+        cost_unit="1",
+        terms=terms,
         sweep=tuple(
-            SweepPoint(mm, float(cost_of(mm)), {"consistency": float(cost_of(mm) - own)})
-            for mm, own in zip(POSITIONS.tolist(), line, strict=True)
+            SweepPoint(row.fulcrum_mm, row.cost, {name: 1.2, "normal": row.cost - 1.2}, {name: 0.6})
+            for row in made_table().sweep
+        ),
+        outcomes=(
+            dataclasses.replace(made_table().outcomes[1], name=name, label=label, tracked=0.9),
         ),
     )
-
-
-@pytest.mark.parametrize(
-    ("tables", "first", "least"),
-    [
-        (
-            (rising(1e-3), rising(2e-3)),
-            "A SETTING FOR EACH TASK BUYS NEXT TO NOTHING: by the cost itself it saves 0.0 % "
-            "on average over one for all (66.0 mm).",
-            [66.0, 66.0],
-        ),
-        (
-            (rising(1e-3), rising(-2e-3, 3.0)),
-            "By the cost itself a setting for each task saves 2.1 % on average over one "
-            "for all (151.0 mm).",
-            [66.0, 151.0],
-        ),
-    ],
-    ids=["one slope", "two"],
-)
-def test_what_a_setting_for_each_task_saves_is_told_by_the_cost_itself(tables, first, least):
-    """Lines to the same side agree on the softest setting. To both sides the steeper one wins: the other task has 0.085
-    more, half of it on average, on least costs of 1 and 3."""
-    schedule = make_schedule(
-        [(task(str(i)), table) for i, table in enumerate(tables)], reach_mm=REACH
-    )
-    hardly, saves, decide, *_ = schedule_words(schedule)
-    assert hardly.startswith(HARDLY), "the optima with the hold are one"
-    assert saves.startswith(first) and [row.held_from_mm for row in schedule.tasks] == least
-    assert decide.startswith("THE DATA DO NOT DECIDE THESE SETTINGS")
-
-
-def test_policy_is_written_for_the_controller_and_for_people(folders):
-    """The parabolas' mean is 101.7 mm, 101.5 on half millimetres: 26.5² 1e-4 on 2 is 3.5 %, 3.5² and 23.5² less."""
-    folder = folders / "schedule"
-    assert {
-        "figures/policy.png",
-        "figures/curves.png",
-        "figures/tasks.png",
-        "tables/policy.csv",
-    } <= set(files(folder))
-    table = rows(folder / "policy.csv")
-    assert [
-        (row["label"], float(row["speed_m_per_s"]), float(row["fulcrum_mm"])) for row in table
-    ] == [(f"speed {speed}", speed, best) for speed, best in zip(SPEEDS, BEST, strict=True)]
-    assert table[0]["slope_deg"] == "" and table[0]["matters"] == "True"
-    assert (float(table[0]["interval_low_mm"]), float(table[0]["interval_high_mm"])) == (71.0, 79.0)
-    schedule = load_schedule(folder / "policy.json")
-    assert schedule == made_schedule() and schedule.lookup(speed=1.0) == 90.0
-
-    assert schedule_words(made_schedule(matters=False))[0].startswith(HARDLY)
-    lost = [100.0 * 1e-4 * (101.5 - best) ** 2 / 2.0 for best in BEST]
-    words = " ".join(schedule_words(schedule))
-    assert (
-        "To store: 75.0 mm for speed 0.8, 105.0 mm for speed 1.2, 125.0 mm for speed 1.6." in words
-    )
-    assert words.startswith(
-        f"A setting for each task saves {np.mean(lost):.4g} % on average and {max(lost):.4g} % at most. The tasks' own "
-        "settings lie between 75.0 and 125.0 mm; one for all is 101.5 mm."
-    )
-    assert "Known to need a setting of its own: speed 0.8, speed 1.6." in words
-    assert "Not distinguishable from the one setting for all: speed 1.2." in words, (
-        "101.5 lies within 101 to 109 mm"
-    )
+    page = {
+        chapter.name: chapter
+        for chapter in tuning_page(plain(table), {}, lenient=False)["chapters"]
+    }
+    headings = columns(page["range"], "sweep")
+    assert len(set(headings.values())) == len(headings)
+    assert headings[f"term_{name}"] == f"in the cost: {label} / 0.5" and headings[
+        f"outcome_{name}"
+    ].startswith(label)
+    shown = columns(page["outcomes"], "outcomes")
+    assert (shown["recorded"], shown["tracked"]) == ("recorded setting", "recorded motion")
+    axis = cost_curve_figure(table, {}).axes[0].get_ylabel().replace("\n", " ")
+    assert axis == f"{label}, scaled, plus the hold to able-bodied walking (1)"
+    assert axis.removesuffix(" (1)") in " ".join(answer(table))

@@ -1,4 +1,5 @@
-"""The chapters of a validation: functions of its saved sections, which say what is there and cope with what is not."""
+"""The chapters of a validation: functions of its saved sections, which say what is there and cope
+with what is not."""
 
 from __future__ import annotations
 
@@ -13,19 +14,7 @@ from made_study import saved_section
 from readable import LEAST_PX, letters_px
 from shown_chapter import Shown
 
-from vsf_drake.analysis.validation.bench_section import FallenRow
-from vsf_drake.analysis.validation.energy_section import Softer
-from vsf_drake.analysis.validation.sensitivity_indices import Effect, Index
-from vsf_drake.analysis.validation.sensitivity_section import (
-    OUTPUTS,
-    FactorRange,
-    OutputRow,
-    SensitivityTable,
-    WalkedCondition,
-)
-from vsf_drake.analysis.validation.settings_section import PairRow, SettingsTable
-from vsf_drake.analysis.validation.study import Spread
-from vsf_drake.files import plain
+from vsf_drake.base.files import plain
 from vsf_drake.report.page import cell
 from vsf_drake.report.validation.bench_chapter import bench_chapter, standing_chapter
 from vsf_drake.report.validation.energy_chapter import energy_chapter
@@ -39,6 +28,18 @@ from vsf_drake.report.validation.sensitivity_chapter import (
 )
 from vsf_drake.report.validation.settings_chapter import poor_judge, settings_chapter
 from vsf_drake.report.validation.walking_chapter import walking_chapter
+from vsf_drake.validation.bench_section import FallenRow
+from vsf_drake.validation.energy_section import Softer
+from vsf_drake.validation.sensitivity_indices import Effect, Index
+from vsf_drake.validation.sensitivity_section import (
+    OUTPUTS,
+    FactorRange,
+    OutputRow,
+    SensitivityTable,
+    WalkedCondition,
+)
+from vsf_drake.validation.settings_section import PairRow, SettingsTable
+from vsf_drake.walks.numbers import Spread
 
 MAKERS = {
     "bench": bench_chapter,
@@ -89,8 +90,8 @@ def saved(quick_validation):
 
 
 def assert_sound(chapter, table, arrays):
-    """Figures tell their finding in a title and in numbers, with units on their axes and letters for a telephone;
-    every table can be shown and written; what is open is short."""
+    """Figures tell their finding in a title and in numbers, with units on their axes and letters
+    for a telephone; every table can be shown and written; what is open is short."""
     shown = Shown(chapter(table, arrays))
     for name, alt in shown.alts.items():
         assert (
@@ -201,9 +202,7 @@ def test_bench_without_curves_rates_and_load_points_shows_the_published_end_poin
 # Standing.
 
 
-def test_the_weight_that_is_carried_is_told_with_the_share_of_the_prosthetic_foot_and_a_fall_stays_empty(
-    saved,
-):
+def test_the_weight_that_is_carried_is_told_with_the_prosthetic_share_and_a_fall_stays_empty(saved):
     table, arrays = saved("standing")
     shown = assert_sound(standing_chapter, table, arrays)
     shares = [f"{100 * row.prosthetic_share:.0f}" for row in table.rows]
@@ -249,7 +248,7 @@ def test_the_papers_row_stands_beside_a_persons_walks_and_never_beside_synthetic
     published = {"grf_rmse_bw", "cop_rmse_fl", "stance_measured_s", "stance_measured_s_sd"}
     columns = {c.key for c in shown.grids["walking_table_3"].columns} - {"setting", "source", "n"}
     assert all(row.get(key) is None for row in paper for key in columns - published)
-    assert [row["grf_rmse_bw"] for row in own] == [row.grf_rmse_bw for row in table.rows]
+    assert [row["grf_rmse_bw"] for row in own] == [row.error_bw for row in table.rows]
     assert "SYNTHETIC" not in shown.words
 
 
@@ -278,11 +277,13 @@ def test_a_bare_trial_without_a_whole_stance_whose_sweep_failed_has_a_chapter_to
             "toe_off_error_s",
             "cop_rmse_fl",
             "null_model_grf_rmse_bw",
-            "beats_null",
         )
     )
     sweep = replace(table.rows[0].sweep, grf_rmse_bw=(None,) * 6, best_mm=None, off_mm=None)
-    rows = tuple(replace(row, **unknown, sweep=sweep) for row in table.rows[:1])
+    rows = tuple(
+        replace(row, scores=row.scores | unknown, beats_null=None, sweep=sweep)
+        for row in table.rows[:1]
+    )
     bare = replace(
         table,
         rows=rows,
@@ -374,7 +375,15 @@ def test_rolling_over_gives_the_numbers_of_the_table_and_shouts_what_is_not_foll
     table, arrays = saved("roll_over")
     shown = Shown(roll_over_chapter(table, arrays))
     for condition in table.conditions:
-        assert f"{1e3 * condition.model['radius_m'].mean:.0f} mm (plate" in shown.paragraphs[0]
+        model = condition.model["radius_m"].mean
+        off = 100.0 * (model / condition.measured["radius_m"].mean - 1.0)
+        assert re.search(rf"{1e3 * model:.0f} mm \(plate \d+, {off:+.0f} %\)", shown.paragraphs[0])
+    assert "the model misses the plate's roll-over radius by up to" in shown.paragraphs[0], (
+        "a miss is called one"
+    )
+    assert (
+        "Without the first 10 % of stance, when the foot lands on its heel," in shown.paragraphs[1]
+    )
     assert "no load level of the standard" in shown.words and "SYNTHETIC" in shown.paragraphs[0]
     positions = (replace(table.iso.positions[0], follows=False), *table.iso.positions[1:])
     iso = replace(table.iso, force_n=1000.0, force_from="given", follows=False, positions=positions)

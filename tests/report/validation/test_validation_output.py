@@ -1,4 +1,5 @@
-"""What a validation leaves on disk, and the page made again of it: without simulating, and of another version too."""
+"""What a validation leaves on disk, and the page made again of it: without simulating, and of
+another version too."""
 
 from __future__ import annotations
 
@@ -13,13 +14,13 @@ import numpy as np
 import pytest
 from jinja2 import ChoiceLoader, DictLoader
 
-from vsf_drake.analysis.validation.run import SavedSection, SummaryRow, Validation
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.report import page
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import drawing, label
 from vsf_drake.report.validation import chapters, output
 from vsf_drake.report.validation.output import VALIDATION, write_validation
+from vsf_drake.validation.run import SavedSection, SummaryRow, Validation
 
 THIRD = 1.0 / 3.0
 TEMPLATE = """
@@ -188,7 +189,8 @@ def test_results_of_another_version_show_what_they_have_and_name_the_rest(tmp_pa
 
 
 def edited(out, change):
-    """The results in `out` with `change` of their table, as an editor or another version leaves them."""
+    """The results in `out` with `change` of their table, as an editor or another version leaves
+    them."""
     write_validation(content(), ARRAYS, out)
     table = json.loads((out / "validation.json").read_text())
     change(table)
@@ -200,7 +202,7 @@ def test_a_table_that_cannot_be_shown_leaves_the_rest_of_its_chapter(tmp_path, t
     templates["made_walking.html.j2"] = """
         <p>First.</p>
         {% call table("spoiled", rows, (("label", "trial"), ("error_bw", "GRF (BW)", "{:.3f}"))) %}Odd.{% endcall %}
-        {% call table("errors", [{"error_bw": 0.5}], (("error_bw", "GRF (BW)", "{:.3f}"),)) %}Errors.{% endcall %}"""
+        {% call table("errors", [{"error_bw": 0.5}], (("error_bw", "GRF (BW)", "{:.3f}"),)) %}Errors.{% endcall %}"""  # noqa: E501
     missing, text = edited(
         tmp_path / "out", lambda table: table["sections"]["walking"]["table"].update(error_bw=[1])
     )
@@ -247,7 +249,7 @@ def test_what_an_edited_table_lacks_is_said_and_the_rest_shown(tmp_path, change,
     assert 'href="replay.html"' not in shown
 
 
-def test_a_chapter_that_this_version_wrote_itself_must_not_fail_and_a_section_that_failed_says_why(
+def test_a_chapter_that_this_version_wrote_must_not_fail_and_a_section_that_failed_says_why(
     tmp_path,
 ):
     with pytest.raises(ValueError, match="tilt is missing"):
@@ -306,9 +308,8 @@ def test_what_stands_in_the_way_is_told_before_anything_is_computed_or_drawn(tmp
 def test_a_folder_that_may_not_be_written_to_is_told_before_anything_is_computed(
     tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(
-        os, "access", lambda path, mode: False
-    )  # a mode does not stop the superuser
+    # a mode does not stop the superuser
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
     with pytest.raises(InputError, match="Permission denied"):
         VALIDATION.check(tmp_path)
 

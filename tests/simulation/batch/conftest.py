@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.batch import WalkCase, WalkOutcome, run
+from vsf_drake.walks.embedded import embedded_trials
 
 LOADED_S = 0.45
 """Some time in the embedded walk at which the prosthetic foot carries load."""
@@ -25,7 +25,8 @@ def trial() -> Trial:
 
 @pytest.fixture(scope="session")
 def sweep(trial: Trial) -> Callable[..., list[WalkCase]]:
-    """sweep(count): cases that differ in the forefoot's stiffness and in where the fulcrum stands."""
+    """sweep(count): cases that differ in the forefoot's stiffness and in where the fulcrum
+    stands."""
 
     def make(count: int) -> list[WalkCase]:
         return [

@@ -1,11 +1,12 @@
-"""Members of a sweep: sampled values, and one that cannot be walked is one refused outcome that names the field."""
+"""Members of a sweep: sampled values, and one that cannot be walked is one refused outcome that
+names the field."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.simulation.batch import WalkCase, grid_values, sample_values, simulate_batch
 from vsf_drake.simulation.stepping.directions import ParameterTangent

@@ -1,4 +1,5 @@
-"""Worker processes that are killed, interrupted, cannot read a task, or start in a hostile folder."""
+"""Worker processes that are killed, interrupted, cannot read a task, or start in a hostile
+folder."""
 
 from __future__ import annotations
 
@@ -181,7 +182,7 @@ import signal
 import sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # tests that run in the background ignore it
 from dataclasses import replace
-from vsf_drake.analysis.validation import embedded_trials
+from vsf_drake.walks.embedded import embedded_trials
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
 trial = load_trial(embedded_trials("exact")[0])
@@ -189,7 +190,7 @@ trial = replace(trial, start_s=0.45, end_s=0.65)
 cases = [WalkCase(trial=trial, fulcrum_m=0.07 + 1e-3 * i) for i in range(60)]
 outcomes = simulate_batch(cases, workers=2, cache=sys.argv[1], progress=lambda state: print(state.done, flush=True))
 print("simulated", sum(not o.from_cache for o in outcomes), "failed", sum(not o.ok for o in outcomes))
-"""
+"""  # noqa: E501
 
 
 def started(script: Path, *words: object) -> subprocess.Popen:
@@ -276,7 +277,7 @@ LOADED = """
 import sys
 from pathlib import Path
 from vsf_drake.cli import main
-import vsf_drake.analysis.contact_fit, vsf_drake.report.outputs, vsf_drake.report.style as style
+import vsf_drake.fit, vsf_drake.report.outputs, vsf_drake.report.style as style
 style.save_figure(style.new_figure(1, 1), Path(sys.argv[1], "empty"))
 sys.argv = ["vsf-drake", "--version"]
 main()
@@ -308,7 +309,8 @@ def marks(folder):
 def test_a_worker_imports_nothing_from_the_current_folder_but_what_is_nowhere_else(
     folder, monkeypatch, entry
 ):
-    """As in a notebook, whose path begins with the current folder, and whose own modules lie there."""
+    """As in a notebook, whose path begins with the current folder, and whose own modules lie
+    there."""
     (folder / "own_module_of_a_user.py").write_text(
         "def twice(x):\n    return 2 * x\n", encoding="utf-8"
     )

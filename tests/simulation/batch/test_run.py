@@ -1,4 +1,5 @@
-"""A sweep of walks gives each as a single walk would, in order, however it is spread; and says how far it is."""
+"""A sweep of walks gives each as a single walk would, in order, however it is spread; and says how
+far it is."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
-from vsf_drake.errors import InputError, VsfError
+from vsf_drake.base.errors import InputError, VsfError
 from vsf_drake.simulation.batch import SweepProgress, WalkCase, run, simulate_batch
 from vsf_drake.simulation.batch.processes import LINE_EVERY_S, sparse_lines
 from vsf_drake.simulation.walk import Walker
@@ -153,7 +154,8 @@ def test_misuse_is_refused_before_anything_runs(counted, sweep, options, word):
 
 @pytest.fixture
 def started(monkeypatch):
-    """Gets the number of workers of each pool that a sweep makes, none of which starts a process."""
+    """Gets the number of workers of each pool that a sweep makes, none of which starts a
+    process."""
     sizes = []
 
     class Counted(ThreadPoolExecutor):
@@ -166,9 +168,8 @@ def started(monkeypatch):
 
 
 def test_no_more_workers_are_started_than_there_are_walks_to_make(started, sweep, trial, tmp_path):
-    odd = WalkCase(
-        trial=trial, step_s=0.0, fulcrum_m=lambda t: 0.1
-    )  # is refused before it is a walk to make
+    # is refused before it is a walk to make
+    odd = WalkCase(trial=trial, step_s=0.0, fulcrum_m=lambda t: 0.1)
     assert simulate_batch([], workers=1000) == []
     simulate_batch([*sweep(1), *sweep(1), odd], workers=1000, cache=tmp_path)
     assert started == []

@@ -1,4 +1,6 @@
-"""The sagittal person with two intact legs: statics, symmetry, free fall, derivatives, nothing left of the prosthesis."""
+"""The sagittal person with two intact legs: statics, symmetry, free fall, derivatives, nothing left
+of the prosthesis.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
+from vsf_drake.model.parameters import ModelParameters
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants.anthropometry import DE_LEVA
 from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import IMAGINARY_STEP, SagittalModel, Smoothing
@@ -39,7 +41,8 @@ def whole(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> list[np.ndarray]:
 
 
 def drawn(model: SagittalModel, count: int, *, seed: int) -> list[np.ndarray]:
-    """Instants in which the lower foot is 3 to 15 mm in the ground; every second one has the other lower."""
+    """Instants in which the lower foot is 3 to 15 mm in the ground; every second one has the other
+    lower."""
     rng = np.random.default_rng(seed)
     q, v, a = (size * rng.standard_normal((9, count)) for size in (0.15, 1.0, 5.0))
     q[4, ::2] -= 1.0
@@ -72,7 +75,8 @@ def test_derivatives_are_those_of_complex_steps(person):
 
 
 def test_standing_on_both_feet_each_carries_half_of_the_weight_under_the_centre_of_mass(person):
-    """Straight on level feet, as deep in the ground and leaning so far forward that the pelvis needs no help."""
+    """Straight on level feet, as deep in the ground and leaning so far forward that the pelvis
+    needs no help."""
 
     def standing(x: np.ndarray) -> list[np.ndarray]:
         q = np.zeros((9, 1))
@@ -184,7 +188,8 @@ def test_falling_freely_takes_no_torque(person):
 
 
 def test_power_below_the_shank_is_of_its_own_leg(person):
-    """As only the knee of that leg and its ankle turn: the knee's rate times what the ground changes in its torque."""
+    """As only the knee of that leg and its ankle turn: the knee's rate times what the ground
+    changes in its torque."""
     q, v, a, *rest = drawn(person, 20, seed=6)
     own = [4, 8]
     v[[i for i in range(9) if i not in own]] = 0.0

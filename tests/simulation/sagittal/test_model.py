@@ -1,4 +1,5 @@
-"""The sagittal model against the plant it is read from, smooth laws, derivatives; its balance walks as the stepper."""
+"""The sagittal model against the plant it is read from, smooth laws, derivatives; its balance walks
+as the stepper."""
 
 from __future__ import annotations
 
@@ -13,12 +14,12 @@ import scipy.sparse as sp
 from pydrake.multibody.tree import BodyIndex, MultibodyForces
 from pydrake.systems.framework import Context
 
-from vsf_drake.analysis.tuning.level2.balance import BALANCED, quasi_static_motion
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.laws import bushing, kelvin_voigt, stick_slip
+from vsf_drake.model.parameters import ModelParameters
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import ModelParameters
+from vsf_drake.optimal_control.balance import BALANCED, quasi_static_motion
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.sagittal.linearise import linearise
@@ -54,7 +55,8 @@ class Instants(NamedTuple):
 def drawn(
     model: SagittalModel, count: int, *, seed: int, speed: float = 1.0, depth: float = 0.015
 ) -> Instants:
-    """Instants in which the lower foot is up to `depth` (m) in the ground; every second one has the other lower."""
+    """Instants in which the lower foot is up to `depth` (m) in the ground; every second one has the
+    other lower."""
     rng = np.random.default_rng(seed)
     q = 0.15 * rng.standard_normal((8, count))
     v, a = speed * rng.standard_normal((8, count)), 5.0 * speed * rng.standard_normal((8, count))
@@ -83,14 +85,16 @@ def _model(walker: Walker, offsets: GeometricOffsets) -> SagittalModel:
 
 @pytest.fixture(params=["right", "left"])
 def person(request, walker) -> tuple[Walker, SagittalModel]:
-    """The walker with the prosthesis on that side and its sagittal model with OFFSETS. Change neither."""
+    """The walker with the prosthesis on that side and its sagittal model with OFFSETS. Change
+    neither."""
     return walker(request.param), _model(walker(request.param), OFFSETS)
 
 
 def plant_state(
     walker: Walker, model: SagittalModel, at: Instants, i: int
 ) -> tuple[Context, list[int]]:
-    """The plant's context at instant i, prosthesis with OFFSETS and the instant's turn; velocity indices of q, w."""
+    """The plant's context at instant i, prosthesis with OFFSETS and the instant's turn; velocity
+    indices of q, w."""
     plant = walker.gait.plant
     context = plant.CreateDefaultContext()
     set_mount(
@@ -233,7 +237,8 @@ def test_prosthesis_turned_out_of_the_plane_is_refused(walker):
 
 
 def test_what_a_person_at_rest_lacks_is_weight_less_ground(person):
-    """Action equals reaction: forces, and moments about the pelvis with the plant's centre of mass."""
+    """Action equals reaction: forces, and moments about the pelvis with the plant's centre of
+    mass."""
     walker, model = person
     at = drawn(model, 10, seed=20, speed=0.0)
     y = dict(zip(model.outputs, model.evaluate(*at, Smoothing()), strict=True))
@@ -274,7 +279,8 @@ def test_what_a_person_at_rest_lacks_is_weight_less_ground(person):
     ],
 )
 def test_design_is_that_of_the_walks_variables(person, design, values):
-    """Stiffness of all zones at the heel, a turn of the mount, bending by the cube of a thickness, a place."""
+    """Stiffness of all zones at the heel, a turn of the mount, bending by the cube of a thickness,
+    a place."""
     walker, model = person
     at = drawn(model, 10, seed=30)
     at.p[:] = np.array([0.108, 1.0, 0.0, 1.0])[:, None]
@@ -346,7 +352,8 @@ def test_deflection_is_the_height_of_the_plants_keel_at_the_fulcrum(person):
 
 
 def test_everything_has_one_derivative_by_the_fulcrum_at_and_around_a_joint(person):
-    """Two instants d = 2e-9 m apart see the same derivatives, but for d / width of the largest of the keel's joints."""
+    """Two instants d = 2e-9 m apart see the same derivatives, but for d / width of the largest of
+    the keel's joints."""
     _, model = person
     at = drawn(model, 10, seed=9)
     keel = [name.startswith("balance_keel") for name in model.outputs]
@@ -385,7 +392,7 @@ def test_support_gives_back_what_is_stored_in_it(person):
 FRICTION = {"mu_static": 0.5, "mu_kinetic": 0.3, "threshold_velocity": 0.1}
 
 
-def test_friction_is_the_law_up_to_four_fifths_of_the_threshold_and_rounded_above_where_it_goes_on_to_rise():
+def test_friction_is_the_law_up_to_four_fifths_of_the_threshold_and_rounded_rising_above():
     slip = np.linspace(0.0, 0.1, 1001)
     spheres = SimpleNamespace(columns={name: np.array([value]) for name, value in FRICTION.items()})
     level = Smoothing(friction_velocity_m_per_s=0.01, friction_rise=0.0)
@@ -478,8 +485,8 @@ def planar(motion, names):
 
 @pytest.fixture(scope="module")
 def rolling(walker, motion):
-    """A walker whose friction does not fall beyond its threshold, where the smooth law is not the stepper's; its
-    sagittal model, a planar roll-over and the instants at which it is looked at."""
+    """A walker whose friction does not fall beyond its threshold, where the smooth law is not the
+    stepper's; its sagittal model, a planar roll-over and the instants at which it is looked at."""
     parameters, subject = ModelParameters(), walker("right").subject
     level = replace(parameters.foot.friction, mu_kinetic=parameters.foot.friction.mu_static)
     parameters = replace(
@@ -508,8 +515,9 @@ def test_every_joint_is_in_balance_at_every_instant(rolling, balanced):
 
 
 def test_ground_reaction_is_the_steppers_but_for_the_inertia_of_what_yields(rolling, balanced):
-    """What is left out is the acceleration of keel and socket in themselves: its force, in the mean square, and twice
-    what the stepper changes by in half its step bound the difference. That is less than 0.5 % of body weight."""
+    """What is left out is the acceleration of keel and socket in themselves: its force, in the mean
+    square, and twice what the stepper changes by in half its step bound the difference. That is
+    less than 0.5 % of body weight."""
     person, model, path, time, state = rolling
     w, u = balanced
     p = np.repeat(OWN[:, None], len(time), 1)

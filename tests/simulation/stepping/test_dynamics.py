@@ -1,6 +1,8 @@
-"""The compiled rigid-body dynamics are Drake's, at random states of every plant that they are used for.
+"""The compiled rigid-body dynamics are Drake's, at random states of every plant that they are used
+for.
 
-Scale of a quantity: the largest of its numbers; they agree to TOLERANCE of it, rounding over some twenty joints.
+Scale of a quantity: the largest of its numbers; they agree to TOLERANCE of it, rounding over some
+twenty joints.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from pydrake.multibody.tree import (
 )
 
 from vsf_drake.laws.compiled import compiled
-from vsf_drake.parameters import FootParameters
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.simulation.reactions import follow
@@ -56,7 +58,8 @@ def other_masses(plant, context, rng):
 
 
 def askew(rng):
-    """A tree of ten bodies on joints of every kind, whose frames and axes lie anyhow; our own lie mostly in a plane."""
+    """A tree of ten bodies on joints of every kind, whose frames and axes lie anyhow; our own lie
+    mostly in a plane."""
     plant, bodies = MultibodyPlant(0.0), []
 
     def frame(body):
@@ -83,7 +86,8 @@ def askew(rng):
 
 
 class Case:
-    """One plant in one state, beside the compiled dynamics of the same state with random accelerations."""
+    """One plant in one state, beside the compiled dynamics of the same state with random
+    accelerations."""
 
     def __init__(self, plant: MultibodyPlant, context, rng) -> None:
         self.plant, self.context, self.tree = plant, context, tree_of(plant, context)
@@ -138,8 +142,8 @@ def assert_equal(found, wanted):
 
 
 def test_poses_joint_motions_velocities_and_accelerations_are_drakes(case):
-    """Spatial vectors are of the point at the world's origin: v - w x p, and for accelerations a - alpha x p - w x v,
-    with gravity as one of the world."""
+    """Spatial vectors are of the point at the world's origin: v - w x p, and for accelerations a -
+    alpha x p - w x v, with gravity as one of the world."""
     world, accelerations = (
         case.plant.world_frame(),
         case.plant.CalcSpatialAccelerationsFromVdot(case.context, case.a),

@@ -1,4 +1,5 @@
-"""The linearised step is the derivative of the step's equations: Drake's own by AutoDiffXd, differences of the rest."""
+"""The linearised step is the derivative of the step's equations: Drake's own by AutoDiffXd,
+differences of the rest."""
 
 from __future__ import annotations
 
@@ -46,7 +47,8 @@ MOUNT = (2e-3, 5e-3, 0.03, -0.05, 0.04)
 
 @numba.njit
 def _residual_at(tree, forces, dofs, workspace, ground, fulcrum, q, v0, a, v, sites, support):
-    """The residual of a step from q, v0 to v, held coordinates accelerated by a: parts have no Python wrapper."""
+    """The residual of a step from q, v0 to v, held coordinates accelerated by a: parts have no
+    Python wrapper."""
     place(tree, q, workspace.motion)
     find_sites(STEP_S, forces, workspace.motion, ground, workspace.contact, sites)
     deflection = 0.0
@@ -61,12 +63,13 @@ def _residual_at(tree, forces, dofs, workspace, ground, fulcrum, q, v0, a, v, si
 
 
 class Instant:
-    """One step of a person at random q0, v0, and its linearisation; every held coordinate of the person has a
-    perturbation.
+    """One step of a person at random q0, v0, and its linearisation; every held coordinate of the
+    person has a perturbation.
 
     Args:
         depth: how far (m) the lowest sphere is in the ground at the start; negative: above it.
-        names: variables. fulcrum, width: where the support is (m from A), and over which it passes a joint.
+        names: variables. fulcrum, width: where the support is (m from A), and over which it passes
+            a joint.
     """
 
     def __init__(
@@ -210,7 +213,8 @@ class Instant:
         return workspace.r / STEP_S, np.array(kinds)
 
     def difference(self, change, **unit):
-        """Central difference of the residual along `unit`, and whether nothing changes its branch on the way."""
+        """Central difference of the residual along `unit`, and whether nothing changes its branch
+        on the way."""
         ends = [
             self.residual(
                 **{
@@ -227,7 +231,8 @@ class Instant:
 
 @pytest.mark.parametrize(("side", "seed"), [("right", 0), ("left", 1)])
 def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed):
-    """In the air, without springs: rows of free coordinates, by all of these, by held ones and by the mount."""
+    """In the air, without springs: rows of free coordinates, by all of these, by held ones and by
+    the mount."""
     person = walker(side)
     variables = [
         f"coordinate.{name}" for name in HELD[:-1] if f"coordinate.{name}" in person.variables
@@ -280,8 +285,8 @@ def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed)
 
 @pytest.mark.parametrize(("side", "speed"), [("right", 0.02), ("left", 0.3), ("right", 1.0)])
 def test_contact_springs_and_support_are_differentiated_too(walker, side, speed):
-    """Stuck, on friction's falling branch, sliding: by coordinates, velocities at the start, those at the end, which is
-    the tangent of Newton's method, and every variable."""
+    """Stuck, on friction's falling branch, sliding: by coordinates, velocities at the start, those
+    at the end, which is the tangent of Newton's method, and every variable."""
     person, checked, total = walker(side), 0, 0
     variables = [
         name
@@ -333,7 +338,8 @@ def test_contact_springs_and_support_are_differentiated_too(walker, side, speed)
 @pytest.mark.parametrize("place", [-0.7, 0.0, 0.3])
 @pytest.mark.parametrize("joint", [0.07764, 0.1475])
 def test_support_on_two_pieces_is_differentiated_too(walker, joint, place):
-    """Within a width of a joint, by keel and socket coordinates, by the support's place and by its stiffness."""
+    """Within a width of a joint, by keel and socket coordinates, by the support's place and by its
+    stiffness."""
     names = ("fulcrum.shift", "fulcrum.stiffness")
     at = Instant(
         walker("right"), 5, names, depth=-1.0, speed=0.5, fulcrum=joint + place * 0.006, width=0.006

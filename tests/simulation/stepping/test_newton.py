@@ -1,4 +1,5 @@
-"""A step solves Drake's equations of motion, its tangent is their derivative, and nothing makes energy."""
+"""A step solves Drake's equations of motion, its tangent is their derivative, and nothing makes
+energy."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS, TOLERANCE
 
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_steps_solve_drakes_equations_of_motion_with_the_forces_they_record(walker, motion, side):
-    """M a + C - tau_g - sum J^T f = load, which is 0 for what is free: all but f and load from Drake and the laws."""
+    """M a + C - tau_g - sum J^T f = load, which is 0 for what is free: all but f and load from
+    Drake and the laws."""
     person = walker(side)
     walk = person.walk(motion(side), fulcrum_m=0.108, start_s=0.0, end_s=0.94, step_s=2e-3)
     plant, context, record, mechanism = (
@@ -59,7 +61,8 @@ def ground_on_coordinates(plant, context, mechanism, sites):
 
 
 def support_row(plant, context, foot, position):
-    """(n,) rate of the keel's point at `position` in the foot's frame along its z, by each coordinate."""
+    """(n,) rate of the keel's point at `position` in the foot's frame along its z, by each
+    coordinate."""
     j = foot.keel_body_at(position)
     J = plant.CalcJacobianTranslationalVelocity(
         context,

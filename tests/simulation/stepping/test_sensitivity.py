@@ -1,7 +1,9 @@
-"""Sensitivities are the derivatives of the run: central differences, and identities that hold exactly.
+"""Sensitivities are the derivatives of the run: central differences, and identities that hold
+exactly.
 
-Two runs on both sides of a value have a force on different branches of its law where a sphere touches down or
-lifts off, begins to slip or to come up: an event. Only there may a difference be anything else than the derivative.
+Two runs on both sides of a value have a force on different branches of its law where a sphere
+touches down or lifts off, begins to slip or to come up: an event. Only there may a difference be
+anything else than the derivative.
 """
 
 from __future__ import annotations
@@ -15,9 +17,9 @@ import pytest
 from cut_walks import SETTINGS, cut_walk, hard_walker
 from differences import branches, central, errors, exact_series, size
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.laws.beam import section_inertia
-from vsf_drake.parameters import FootParameters, ModelParameters, Subject
+from vsf_drake.model.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.simulation import walk as walk_module
 from vsf_drake.simulation.stepping.stepper import Stepper
 from vsf_drake.simulation.variables import MotionPerturbation, perturbation_variables
@@ -90,7 +92,8 @@ FAMILIES = ("contact", "friction", "keel", "fulcrum", "socket", "offset", "coord
 
 
 def case(walker, motion, name, prefix=""):
-    """The person, the motion and the arguments of a case; exponents above their least, to have two sides."""
+    """The person, the motion and the arguments of a case; exponents above their least, to have two
+    sides."""
     side, span = CASES[name]
     person = perturbed(walker(side)) if prefix == "perturbation" else walker(side)
     values = VALUES | {n: 1.05 for n in person.variables if n.endswith(".exponent")}
@@ -113,8 +116,9 @@ def family(person, prefix):
 @pytest.mark.parametrize("prefix", [*FAMILIES, "perturbation"])
 @pytest.mark.parametrize("name", CASES)
 def test_central_differences_lead_to_the_sensitivity(walker, motion, name, prefix):
-    """Changes by 3e-6 pass no event. What is left is the tolerance of Newton's method; at a start in equilibrium also
-    what settling leaves, some 1e-9 m/s for some 0.1 s: 1e-10 m beside a change of the pose by as little as 3e-8 m."""
+    """Changes by 3e-6 pass no event. What is left is the tolerance of Newton's method; at a start
+    in equilibrium also what settling leaves, some 1e-9 m/s for some 0.1 s: 1e-10 m beside a change
+    of the pose by as little as 3e-8 m."""
     person, recording, options = case(walker, motion, name, prefix)
     names = family(person, prefix)
     sensitivity = person.walk(recording, with_respect_to=names, **options).sensitivity
@@ -166,7 +170,8 @@ def test_steps_that_are_cut_carry_sensitivities_through_their_pieces(name):
 
 
 def test_person_who_walks_elsewhere_loads_the_ground_there_and_not_otherwise(walker, motion):
-    """Shifted by a metre forward or to the right: the same force, a metre away (y_W is to the left)."""
+    """Shifted by a metre forward or to the right: the same force, a metre away (y_W is to the
+    left)."""
     walk = walker("right").walk(
         motion("right"),
         fulcrum_m=0.108,
@@ -190,10 +195,11 @@ def test_person_who_walks_elsewhere_loads_the_ground_there_and_not_otherwise(wal
     [(("hip_rotation_r", "pelvis_list"), ()), (("pelvis_ty", "knee_angle_l"), ("pelvis_ty",))],
 )
 def test_free_coordinates_respond_too(motion, free, settles):
-    """A pelvis that is free to rise and fall and others above and below a perturbation: as recorded at the start, or at
-    rest.
+    """A pelvis that is free to rise and fall and others above and below a perturbation: as recorded
+    at the start, or at rest.
 
-    That rest is not quite reached, since a sticking foot creeps: the same share of a percent at any change.
+    That rest is not quite reached, since a sticking foot creeps: the same share of a percent at any
+    change.
     """
     subject = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
     person = Perturbed(
@@ -250,9 +256,8 @@ def test_run_is_the_same_bit_for_bit_whatever_it_is_differentiated_by(walker, mo
             np.testing.assert_array_equal(
                 getattr(walk.record, key), getattr(plain.record, key), err_msg=key
             )
-    alone = (
-        one.sensitivity.grf_W
-    )  # three columns are summed in another order than one on some processors
+    # three columns are summed in another order than one on some processors
+    alone = one.sensitivity.grf_W
     np.testing.assert_allclose(
         some.sensitivity.grf_W[:, :, 1:2], alone, rtol=1e-12, atol=1e-14 * np.abs(alone).max()
     )
@@ -279,10 +284,11 @@ def test_away_from_joints_a_width_changes_nothing(walker, motion):
 
 @pytest.mark.parametrize("place", [-0.8, -0.4, 0.0, 0.4, 0.8])
 def test_keel_gives_way_next_to_a_joint_as_castigliano_has_it(place):
-    """The rise of the load point under F is the sum of m^2 / (F k) over the joints, m the moment about each.
+    """The rise of the load point under F is the sum of m^2 / (F k) over the joints, m the moment
+    about each.
 
-    Only at this joint x does the width change it: m = F (L - x) - share F L / l (l - x), where the piece ahead of
-    the joint has the share 0 or 1 without a width. 1 N keeps the keel straight.
+    Only at this joint x does the width change it: m = F (L - x) - share F L / l (l - x), where the
+    piece ahead of the joint has the share 0 or 1 without a width. 1 N keeps the keel straight.
     """
     load, fulcrum, share = 1.0, JOINT_M + place * WIDTH_M, 0.5 * (1.0 + place)
     modulus, reach = FOOT.keel.flexural_modulus_pa, FOOT.load_point_m
@@ -334,7 +340,8 @@ ROLLED = {"fulcrum_m": 0.1, "start_s": 0.1, "end_s": 0.8, "step_s": 1e-3, "suppo
 
 @pytest.fixture
 def exact_steps(monkeypatch):
-    """Newton's method to the last digits: a difference of loads sees what it leaves, over the step's square."""
+    """Newton's method to the last digits: a difference of loads sees what it leaves, over the
+    step's square."""
     monkeypatch.setattr(walk_module, "Stepper", partial(Stepper, tolerance=1e-12))
 
 
@@ -357,8 +364,9 @@ def driven(person, walk):
 def assert_differences_agree(person, recording, names, options, *, change=3e-5):
     """Each column within 2e-5 of its largest, where both ends are on the same branches of all laws.
 
-    A column that hardly depends on the variable, by less than a 1e-3rd of the one that does most (of the state, a
-    1e-2nd), is held against that: differences end at what two runs leave of sixteen digits.
+    A column that hardly depends on the variable, by less than a 1e-3rd of the one that does most
+    (of the state, a 1e-2nd), is held against that: differences end at what two runs leave of
+    sixteen digits.
     """
     base = person.walk(recording, with_respect_to=names, with_loads=True, **options)
     found = base.load_sensitivity

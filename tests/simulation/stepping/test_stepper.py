@@ -1,4 +1,5 @@
-"""Steps that do not converge are cut into pieces that cover them; the same run with dynamics of Drake."""
+"""Steps that do not converge are cut into pieces that cover them; the same run with dynamics of
+Drake."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ walked = cache(cut_walk)
 
 
 def cut(outcome):
-    """Accepted pieces (begin, size) of one step whose pieces converge as `outcome(done, size)` says; and all tries."""
+    """Accepted pieces (begin, size) of one step whose pieces converge as `outcome(done, size)`
+    says; and all tries."""
     done, size, accepted, tries = 0, PARTS, [], []
     while done < PARTS:
         converged, begin = outcome(done, size), done
@@ -96,8 +98,9 @@ def test_ends_of_pieces_lie_on_straight_lines_between_the_grid_points():
 
 
 def substeps_of(mechanism, inputs, q0, v0):
-    """Ends (s) of all pieces of a run, how many each step has, its iterations with those that were taken back, and
-    whether all of its pieces converged, by the compiled step and a loop of its own."""
+    """Ends (s) of all pieces of a run, how many each step has, its iterations with those that were
+    taken back, and whether all of its pieces converged, by the compiled step and a loop of its
+    own."""
     stepper, forces, drive = Stepper(mechanism), mechanism.forces, drive_of(inputs)
     dofs = split_coordinates(mechanism.tree, forces, inputs.prescribed)
     workspace = step_workspace(mechanism.tree, forces, dofs)
@@ -143,8 +146,8 @@ def substeps_of(mechanism, inputs, q0, v0):
 
 @pytest.mark.parametrize("name", ["landing", "catching"])
 def test_run_whose_steps_are_cut_is_a_run_on_the_grid_of_its_pieces(name):
-    """A load is the mean over the pieces. Agreement is to what Newton's method leaves, since some hundred contacts
-    pass on the rounding of a time."""
+    """A load is the mean over the pieces. Agreement is to what Newton's method leaves, since some
+    hundred contacts pass on the rounding of a time."""
     walk = walked(name)
     setting, _, _ = SETTINGS[name]
     inputs, record = inputs_of(walk, hard_walker(setting)[0]), walk.record
@@ -221,8 +224,8 @@ def test_advance_goes_on_where_it_stopped():
 
 
 def test_torques_with_feedback_bring_a_displaced_knee_back_as_a_damped_oscillator(walker, motion):
-    """e'' + 2 w e' + w^2 e = 0 from rest: e = e0 (1 + w t) exp(-w t), with gains w^2 M and 2 w M beside what holds the
-    knee of the leg in the air. The torques' work is found as energy."""
+    """e'' + 2 w e' + w^2 e = 0 from rest: e = e0 (1 + w t) exp(-w t), with gains w^2 M and 2 w M
+    beside what holds the knee of the leg in the air. The torques' work is found as energy."""
     w, e0, step_s = 60.0, 0.02, 2.5e-4
     q, _, _ = motion("right").sample(0.0)
     still = CoordinateTrajectory(
@@ -276,7 +279,8 @@ TOLERANCE = 1e-9
 
 
 def both(mechanism, inputs, q0, v0):
-    """Records of the same run; the mechanism's Context must still hold the foot's place of its walk."""
+    """Records of the same run; the mechanism's Context must still hold the foot's place of its
+    walk."""
     return [
         Stepper(mechanism, dynamics=dynamics).run(inputs, q0, v0)
         for dynamics in ("compiled", "drake")

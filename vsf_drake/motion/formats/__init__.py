@@ -1,1 +1,2 @@
-"""Files of gait laboratories: C3D, TRC, MOT, STO, CSV and Cortex forces, read into one `Recording`."""
+"""Files of gait laboratories: C3D, TRC, MOT, STO, CSV and Cortex forces, read into one
+`Recording`."""

@@ -1,42 +1,46 @@
 """C3D: markers and force plates of a trial in the binary format of most laboratories.
 
-Read by our own few lines rather than by ezc3d, which needs ten times the file's size in memory and ends the process
-(segmentation fault) on some damaged files; the tests compare the two.
+Read by our own few lines rather than by ezc3d, which needs ten times the file's size in memory and
+ends the process (segmentation fault) on some damaged files; the tests compare the two.
 
-The format is that of the C3D user guide (Motion Lab Systems, https://www.c3d.org). Everything is checked against the
-file's size before anything is reserved. Force plates (type 3: Kistler,
-https://isbweb.org/software/movanal/vaughan/kistler.pdf) have a frame P of their own: x from corner 2 to corner 1, y
-from corner 4 to corner 1, both in the surface, z = x x y, by rule into the floor.
+The format is that of the C3D user guide (Motion Lab Systems, https://www.c3d.org). Everything is
+checked against the file's size before anything is reserved. Force plates (type 3: Kistler,
+https://isbweb.org/software/movanal/vaughan/kistler.pdf) have a frame P of their own: x from corner
+2 to corner 1, y from corner 4 to corner 1, both in the surface, z = x x y, by rule into the floor.
 """
 
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import opened
+from vsf_drake.base.sentences import say
+from vsf_drake.base.text_table import as_label
 from vsf_drake.motion.formats import units
 from vsf_drake.motion.formats.recording import LARGEST, RawPlate, RawTrial
-from vsf_drake.sentences import say
-from vsf_drake.text_table import as_label
 
-MASSES_KG, STATURES_M = (20.0, 250.0), (0.8, 2.5)
-MOST_FRAMES, MOST_PLATES, MOST_RECORDS = 100_000_000, 64, 100_000
+MASSES_KG = (20.0, 250.0)
+STATURES_M = (0.8, 2.5)
+MOST_FRAMES = 100_000_000
+MOST_PLATES = 64
+MOST_RECORDS = 100_000
 MOST_16_BITS = 65535  # what the header says as last frame where there are more
 LOADED_N, FAR_M = 50.0, 0.3
-"""A centre of pressure this far off a plate that carries so much is not on it, whatever the noise."""
+"""A centre of pressure this far off a plate that carries so much is not on it, whatever the
+noise."""
 SMALLEST_M2 = 1e-3
 _BLOCK = 512
-_INTEL, _DEC, _MIPS = 84, 85, 86
-_SIZES = {
-    -1: 1,
-    1: 1,
-    2: 2,
-    4: 4,
-}  # bytes of each type of parameter: text, 8-bit and 16-bit integers, 32-bit floats
+_INTEL = 84
+_DEC = 85
+_MIPS = 86
+# bytes of each type of parameter: text, 8-bit and 16-bit integers, 32-bit floats
+_SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}
 _CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}  # analog channels of each type of plate
 _NOT_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 """Parameters of POINT that list the labels of computed quantities stored as points (Vicon)."""
@@ -44,7 +48,8 @@ _DAMAGED = "Is the file damaged?"
 
 
 def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
-    """A C3D file in its laboratory frame, SI; refused where it is truncated or damaged, or its unit unknown."""
+    """A C3D file in its laboratory frame, SI; refused where it is truncated or damaged, or its unit
+    unknown."""
     c3d = _C3d(path)
     rate = c3d.number("POINT:RATE") or c3d.rate_hz
     if not (np.isfinite(rate) and 0.0 < rate < 1e6):
@@ -53,7 +58,8 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
         " ".join(c3d.texts("POINT:UNITS")[:1]), length_unit, path, "POINT:UNITS"
     )
     notes: list[str] = []
-    start, fast = (c3d.first_frame - 1) / rate, rate * c3d.subframes
+    start = (c3d.first_frame - 1) / rate
+    fast = rate * c3d.subframes
     labels, kept = _labels(c3d, notes)
     positions = None
     if labels:
@@ -61,7 +67,8 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
         unseen = np.isnan(positions[..., 0]).all(axis=0)
         first = units.first_of_each(labels, notes, lambda i: bool(unseen[i]))
         if len(first) < len(labels):
-            labels, positions = [labels[i] for i in first], positions[:, first]
+            labels = [labels[i] for i in first]
+            positions = positions[:, first]
     if c3d.subframes != c3d.stated_subframes and c3d.channels:
         notes += say(
             "files",
@@ -158,7 +165,8 @@ def _read_plates(c3d: _C3d, length_m: float, notes: list[str]) -> list[RawPlate]
             where="FORCE_PLATFORM:USED",
             right=_DAMAGED,
         )
-    plates, broken = list[RawPlate](), list[InputError]()
+    plates = list[RawPlate]()
+    broken = list[InputError]()
     for i in range(int(used)):
         try:
             plate = _read_plate(c3d, i, length_m, notes)
@@ -180,7 +188,8 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
         notes += say("files", "unread_plate", file=c3d.path.name, plate=i + 1, kind=kind)
         return None
     corners = _of_plate(c3d, "CORNERS", i, 12).reshape(4, 3) * length_m
-    x, y = corners[0] - corners[1], corners[0] - corners[3]
+    x = corners[0] - corners[1]
+    y = corners[0] - corners[3]
     z = np.cross(x, y)
     bent = (
         float(np.linalg.norm(z)) < 0.1 * float(np.linalg.norm(x) * np.linalg.norm(y)) or not x.any()
@@ -195,8 +204,8 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
     channels = [int(c) - 1 for c in _of_plate(c3d, "CHANNEL", i, _CHANNELS[kind])]
     if min(channels) < 0 or max(channels) >= c3d.channels:
         raise InputError(
-            f"force plate {i + 1} uses analog channels {min(channels) + 1} to {max(channels) + 1}; there "
-            f"are {c3d.channels}",
+            f"force plate {i + 1} uses analog channels {min(channels) + 1} to "
+            f"{max(channels) + 1}; there are {c3d.channels}",
             file=c3d.path,
             where="FORCE_PLATFORM:CHANNEL",
         )
@@ -237,18 +246,19 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
 def _load(
     kind: int, raw: np.ndarray, origin: np.ndarray, unit: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Force, point from the surface's centre and torque about it in P, each (n, 3), from the channels of a plate."""
+    """Force, point from the surface's centre and torque about it in P, each (n, 3), from the
+    channels of a plate."""
     zero = np.zeros(len(raw))
-    if (
-        kind == 1
-    ):  # Fx, Fy, Fz, the centre of pressure Px, Py and the free moment Mz there, in multiples of `unit`
+    # Fx, Fy, Fz, the centre of pressure Px, Py and the free moment Mz there, in multiples of `unit`
+    if kind == 1:
         return (
             raw[:, :3],
             np.column_stack([raw[:, 3] * unit, raw[:, 4] * unit, zero]),
             np.column_stack([zero, zero, raw[:, 5] * unit]),
         )
     if kind == 3:  # of sensors at (+-a, +-b) under the surface; `origin` is (a, b, depth)
-        a, b = abs(origin[0]), abs(origin[1])
+        a = abs(origin[0])
+        b = abs(origin[1])
         x12, x34, y14, y23, z1, z2, z3, z4 = raw.T
         force = np.column_stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4])
         torque = np.column_stack(
@@ -256,21 +266,22 @@ def _load(
         )
         lead = np.array([0.0, 0.0, -abs(origin[2])])
     else:  # Fx to Mz about the sensor's origin, from which `origin` leads to the surface's centre
-        force, torque, lead = raw[:, :3], raw[:, 3:6] * unit, -origin if origin[2] > 0.0 else origin
-    return (
-        force,
-        np.zeros_like(force),
-        torque - np.cross(lead, force),
-    )  # moved: M_centre = M_origin - lead x F
+        force = raw[:, :3]
+        torque = raw[:, 3:6] * unit
+        lead = -origin if origin[2] > 0.0 else origin
+    # moved: M_centre = M_origin - lead x F
+    return force, np.zeros_like(force), torque - np.cross(lead, force)
 
 
 def _on_plate(
     kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half: np.ndarray
 ) -> bool:
-    """Whether most loaded samples press near the plate, of half sizes (2,) m; True where it is not loaded."""
+    """Whether most loaded samples press near the plate, of half sizes (2,) m; True where it is not
+    loaded."""
     force, point, torque = _load(kind, raw, origin, unit)
     on = np.abs(force[:, 2]) > LOADED_N
-    f, t = force[on], torque[on]
+    f = force[on]
+    t = torque[on]
     off = np.abs(point[on, :2] + np.column_stack([-t[:, 1], t[:, 0]]) / f[:, 2:3])
     return not len(off) or bool((np.median(off, axis=0) < half + FAR_M).all())
 
@@ -292,53 +303,52 @@ def _of_plate(c3d: _C3d, name: str, i: int, size: int) -> np.ndarray:
 
 
 class _C3d:
-    """A C3D file: counts of points, channels, frames (from 1) and analog samples a frame; what its header says of them."""
+    """A C3D file: counts of points, channels, frames (from 1) and analog samples a frame; what its
+    header says of them.
+    """
 
     def __init__(self, path: Path) -> None:
-        """Reads header and parameters; refuses what is missing, empty, no C3D file, damaged in them or truncated."""
+        """Reads header and parameters; refuses what is missing, empty, no C3D file, damaged in them
+        or truncated."""
         self.path = path
-        try:
-            self._size = path.stat().st_size
-            with open(path, "rb") as stream:
-                head = stream.read(_BLOCK)
-                if not head:
-                    raise InputError("the file is empty", file=path)
-                if len(head) < _BLOCK or head[1] != 0x50:
-                    raise InputError(
-                        "is not a C3D file",
-                        file=path,
-                        where="header",
-                        right="Its second byte must be 0x50"
-                        if len(head) >= _BLOCK
-                        else "It is too short",
-                    )
-                start = (max(head[0], 1) - 1) * _BLOCK
-                stream.seek(start)
-                lead = stream.read(4)
-                if len(lead) < 4:
-                    raise InputError(
-                        "ends before its parameters", file=path, right="Is the file truncated?"
-                    )
-                self._processor = lead[3] if lead[3] in (_INTEL, _DEC, _MIPS) else lead[3] + 83
-                if self._processor not in (_INTEL, _DEC, _MIPS):
-                    raise InputError(
-                        f"the processor type {lead[3]} is unknown",
-                        file=path,
-                        where="parameters",
-                        right="It must be 84, 85 or 86: is the file damaged?",
-                    )
-                words = [int(word) for word in self._integers(head, signed=False)]
-                stream.seek(start)
-                section = stream.read(max(lead[2], words[8] - 1 - start // _BLOCK, 1) * _BLOCK)
-        except FileNotFoundError:
-            raise InputError("there is no such file", file=path) from None
-        except OSError as error:
-            raise InputError(f"cannot be read ({error.strerror})", file=path) from None
+        with opened(path) as stream:
+            self._size = os.fstat(stream.fileno()).st_size
+            head = stream.read(_BLOCK)
+            if not head:
+                raise InputError("the file is empty", file=path)
+            if len(head) < _BLOCK or head[1] != 0x50:
+                raise InputError(
+                    "is not a C3D file",
+                    file=path,
+                    where="header",
+                    right="Its second byte must be 0x50"
+                    if len(head) >= _BLOCK
+                    else "It is too short",
+                )
+            start = (max(head[0], 1) - 1) * _BLOCK
+            stream.seek(start)
+            lead = stream.read(4)
+            if len(lead) < 4:
+                raise InputError(
+                    "ends before its parameters", file=path, right="Is the file truncated?"
+                )
+            self._processor = lead[3] if lead[3] in (_INTEL, _DEC, _MIPS) else lead[3] + 83
+            if self._processor not in (_INTEL, _DEC, _MIPS):
+                raise InputError(
+                    f"the processor type {lead[3]} is unknown",
+                    file=path,
+                    where="parameters",
+                    right="It must be 84, 85 or 86: is the file damaged?",
+                )
+            words = [int(word) for word in self._integers(head, signed=False)]
+            stream.seek(start)
+            section = stream.read(max(lead[2], words[8] - 1 - start // _BLOCK, 1) * _BLOCK)
         with np.errstate(all="ignore"):
             self._scale, self.rate_hz = (
                 float(self._floats(head[at : at + 4])[0]) for at in (12, 20)
             )
-        self.points, self.stated_subframes = words[1], words[9]
+        self.points = words[1]
+        self.stated_subframes = words[9]
         self._parameters = self._read_parameters(section)
         self._find_frames(words[2], words[3], words[4], words[8])
 
@@ -385,10 +395,12 @@ class _C3d:
         return {f"{groups.get(group, group)}:{name}": value for group, name, value in parameters}
 
     def _read_value(self, section: bytes, at: int) -> np.ndarray | list[str] | None:
-        """The value of a parameter whose type byte is at `at`; None where it does not fit into the section."""
+        """The value of a parameter whose type byte is at `at`; None where it does not fit into the
+        section."""
         if at + 2 > len(section):
             return None
-        kind, count = section[at] - 256 * (section[at] > 127), section[at + 1]
+        kind = section[at] - 256 * (section[at] > 127)
+        count = section[at + 1]
         shape = tuple(section[at + 2 : at + 2 + count])
         if kind not in _SIZES or len(shape) != count or count > 7:
             return None
@@ -441,7 +453,8 @@ class _C3d:
     def _find_frames(
         self, analog_per_frame: int, first_frame: int, last_frame: int, data_block: int
     ) -> None:
-        """Where and how many the frames are; header and parameters that disagree are settled by the file's size."""
+        """Where and how many the frames are; header and parameters that disagree are settled by the
+        file's size."""
         block = int(data_block or self.number("POINT:DATA_START") or 0)
         scale = (
             self._scale if self.points == 0 or self._scale else self.number("POINT:SCALE") or 0.0
@@ -456,14 +469,15 @@ class _C3d:
         self.subframes = self._subframes(analog_per_frame) if analog_per_frame else 0
         if analog_per_frame and not self.subframes:
             raise InputError(
-                f"{analog_per_frame} analog numbers a frame fit neither {self.stated_subframes} samples a "
-                "frame nor ANALOG:USED and ANALOG:RATE",
+                f"{analog_per_frame} analog numbers a frame fit neither {self.stated_subframes} "
+                "samples a frame nor ANALOG:USED and ANALOG:RATE",
                 file=self.path,
                 where="header",
                 right=_DAMAGED,
             )
         self.channels = analog_per_frame // self.subframes if self.subframes else 0
-        self._start, self._are_floats = (block - 1) * _BLOCK, scale < 0.0
+        self._start = (block - 1) * _BLOCK
+        self._are_floats = scale < 0.0
         self._words = 4 * self.points + self.channels * self.subframes
         self._frame_bytes = self._words * (4 if self._are_floats else 2)
         if self._words == 0:
@@ -495,7 +509,9 @@ class _C3d:
         self.first_frame = trial[0] if trial and own else max(first_frame, 1)
 
     def _subframes(self, total: int) -> int:
-        """Analog samples a frame of `total` numbers: as channels and rates agree, else the header's; 0 if none divides."""
+        """Analog samples a frame of `total` numbers: as channels and rates agree, else the
+        header's; 0 if none divides.
+        """
         used, fast, slow = (
             self.number(name) or 0.0 for name in ("ANALOG:USED", "ANALOG:RATE", "POINT:RATE")
         )
@@ -512,14 +528,16 @@ class _C3d:
         return 0
 
     def _frames_held(self, held: int) -> int:
-        """The frames that the file holds, without zeros that fill its last block: for counts beyond 16 bits."""
+        """The frames that the file holds, without zeros that fill its last block: for counts beyond
+        16 bits."""
         size = self._frame_bytes
-        with open(self.path, "rb") as stream:
+        with opened(self.path) as stream:
             stream.seek(self._start + max(held - 1 - _BLOCK // size, 0) * size)
             tail = stream.read()
         tail = tail[: len(tail) // size * size]
         while held > 1 and tail and not any(tail[-size:]):
-            tail, held = tail[:-size], held - 1
+            tail = tail[:-size]
+            held = held - 1
         return held
 
     def _trial_frames(self) -> tuple[int, int] | None:
@@ -575,7 +593,7 @@ class _C3d:
 
     def _numbers(self, *, signed: bool = True) -> np.ndarray:
         """(frames, words) as they stand in the file."""
-        with open(self.path, "rb") as stream:
+        with opened(self.path) as stream:
             stream.seek(self._start)
             data = stream.read(self.frames * self._frame_bytes)
         numbers = self._floats(data) if self._are_floats else self._integers(data, signed=signed)

@@ -1,8 +1,9 @@
 """Which columns of a table (MOT, STO, CSV, Cortex) are which force plate, and in which unit.
 
-Of a plate, in OpenSim's spelling (ground_force_r_vx, _px, ground_torque_r_x), that of its C3D adapter (f1_1, p1_1,
-m1_1), or of others (FX1, COPX1 or X1 or PX1, MX1 or TZ1; a name for the number, behind or before). The torque is that
-about the stated point; MZ (or TZ) alone is the free moment about the vertical.
+Of a plate, in OpenSim's spelling (ground_force_r_vx, _px, ground_torque_r_x), that of its C3D
+adapter (f1_1, p1_1, m1_1), or of others (FX1, COPX1 or X1 or PX1, MX1 or TZ1; a name for the
+number, behind or before). The torque is that about the stated point; MZ (or TZ) alone is the free
+moment about the vertical.
 """
 
 from __future__ import annotations
@@ -13,18 +14,18 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.sentences import say
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats.recording import RawPlate, RawTrial
 from vsf_drake.motion.formats.tables import Storage, read_cortex, read_csv, read_storage
 from vsf_drake.motion.formats.units import even_rate, wanted_length_factor
-from vsf_drake.sentences import say
 
 FORCE_FILES = (".mot", ".sto", ".csv", ".forces")
-FARTHEST_M = 20.0  # a centre of pressure under load farther from the laboratory's origin than this is in another unit
-NEAREST_M = (
-    0.02  # one that never leaves this distance from the origin, though in millimetres, is in metres
-)
+# a centre of pressure under load farther from the laboratory's origin than this is in another unit
+FARTHEST_M = 20.0
+# one that never leaves this distance from the origin, though in millimetres, is in metres
+NEAREST_M = 0.02
 LARGEST_N = 20_000.0
 _POINTS = (
     "cop{a}{n}",
@@ -63,14 +64,16 @@ class PlateColumns:
 
 
 def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
-    """A force file in the laboratory frame; `length_unit` of positions and (times newton) moments is tried first.
+    """A force file in the laboratory frame; `length_unit` of positions and (times newton) moments
+    is tried first.
 
     Refused if the file is damaged, has no force columns, or its positions are in another unit.
     """
     suffix = path.suffix.lower()
     table = {".forces": read_cortex, ".csv": read_csv}.get(suffix, read_storage)(path)
     notes = list(table.notes)
-    rate, start = table.rate_hz, None
+    rate = table.rate_hz
+    start = None
     if rate is None:
         rate, start, warnings = even_rate(table.time_s, table.lines, path)
         notes += warnings
@@ -125,7 +128,8 @@ def _in_metres(
 
 
 def _wrong_unit(plates: list[RawPlate], unit: float) -> tuple[int, str, float] | None:
-    """Row, plate and distance of a centre of pressure under load that cannot be; None where all can."""
+    """Row, plate and distance of a centre of pressure under load that cannot be; None where all
+    can."""
     reach = []
     for plate in plates:
         size = np.linalg.norm(plate.force, axis=1)
@@ -170,7 +174,8 @@ def _read_load(table: Storage, plate: PlateColumns, length_m: float) -> RawPlate
 
 
 def _find_plates(names: tuple[str, ...]) -> list[PlateColumns]:
-    """The plates whose three force columns stand among the names, in the order of their first column."""
+    """The plates whose three force columns stand among the names, in the order of their first
+    column."""
     lower = {name.lower(): name for name in names}
     for name in names:  # "plate 1.force_x" as "force_x_plate_1"
         if match := re.fullmatch(
@@ -232,8 +237,10 @@ def _numbered(
     forces = tuple(name for name in best(force) if name is not None)
     if len(forces) < len(axes):
         return None
-    torque, twist = best(*torques), None
+    torque = best(*torques)
+    twist = None
     moments = [name for name in torque if name is not None]
     if len(moments) == 1 and axes == "xyz":
-        torque, twist = (None, None, None), moments[0]
+        torque = (None, None, None)
+        twist = moments[0]
     return PlateColumns(n or "1", forces, best(*points), torque, twist)

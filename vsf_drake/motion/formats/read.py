@@ -1,4 +1,5 @@
-"""Any laboratory's trial file to a `Recording` in the world frame: axes, floor, centre of pressure."""
+"""Any laboratory's trial file to a `Recording` in the world frame: axes, floor, centre of
+pressure."""
 
 from __future__ import annotations
 
@@ -7,35 +8,34 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.sentences import say
 from vsf_drake.motion.events import THRESHOLD_N, common
 from vsf_drake.motion.formats.c3d import c3d_labels, read_c3d
 from vsf_drake.motion.formats.forces import FORCE_FILES, read_forces
 from vsf_drake.motion.formats.recording import Plate, RawPlate, RawTrial, Recording, floor_load
 from vsf_drake.motion.formats.tables import read_trc, trc_labels
-from vsf_drake.sentences import say
 
 MARKER_FILES = (".c3d", ".trc")
-LARGEST_M, SMALLEST_M, SMALLEST_WHOLE_M, FARTHEST_M = (
-    10.0,
-    0.02,
-    0.25,
-    200.0,
-)  # of one person's markers
+# of one person's markers
+LARGEST_M = 10.0
+SMALLEST_M = 0.02
+SMALLEST_WHOLE_M = 0.25
+FARTHEST_M = 200.0
 AXES = "xyz"
 TRAVEL_M = 0.5  # a person whose markers travel farther than this walks through the laboratory
 LEVEL = 0.999  # cosine of the tilt (2.6 degrees) up to which a plate is level
-WHOLE_MARKERS = 12  # so many markers are taken for a person's (both legs at least), who extends most along the vertical
-NARROW = (
-    0.6  # a person's height is never less than this share of their length or width (arms spread)
-)
-BELOW_M = 0.3  # markers whose lowest lies this far below the floor, their middle below it too, stand on their head
+# so many markers are taken for a person's (both legs at least), who extends most along the vertical
+WHOLE_MARKERS = 12
+# a person's height is never less than this share of their length or width (arms spread)
+NARROW = 0.6
+# markers whose lowest lies this far below the floor, their middle below it too, stand on their head
+BELOW_M = 0.3
 STRONG_N = 100.0
 BASELINE_N = 5.0  # an unloaded plate that shows more than this was not zeroed
 FLOOR_M = 0.02  # plates this near z = 0 lie in the floor at 0; farther ones show where the floor is
-VERTICAL_SHARE = (
-    0.8  # of a walking person's ground reaction, at its strongest, this share at least is vertical
-)
+# of a walking person's ground reaction, at its strongest, this share at least is vertical
+VERTICAL_SHARE = 0.8
 
 
 def read_trial(
@@ -46,13 +46,17 @@ def read_trial(
     forward: str | None = None,
     length_unit: str | None = None,
 ) -> Recording:
-    """Reads markers and force plates of a trial into W (x forward, y left, z up, floor at z = 0), in m, N and N m.
+    """Reads markers and force plates of a trial into W (x forward, y left, z up, floor at z = 0),
+    in m, N and N m.
 
     Args:
         path: a .c3d or .trc file; or a force file alone (.mot, .sto, .csv, Cortex .forces).
-        forces: the force file beside a .trc, or beside a .c3d without plates, in the same laboratory frame.
-        up: the laboratory's vertical axis, "x", "y" or "z", with "-" where it points down; None as the file says.
-        forward: its axis of walking; None for that along which the markers travel, or its own where they do not.
+        forces: the force file beside a .trc, or beside a .c3d without plates, in the same
+            laboratory frame.
+        up: the laboratory's vertical axis, "x", "y" or "z", with "-" where it points down; None as
+            the file says.
+        forward: its axis of walking; None for that along which the markers travel, or its own where
+            they do not.
         length_unit: of positions ("mm", "m", "cm", "in"), instead of what the file states.
     """
     path = Path(path)
@@ -65,7 +69,8 @@ def read_trial(
                 file=path,
                 right="Give the marker file (.c3d or .trc) first",
             )
-        trial, force_path = read_forces(path, length_unit=length_unit), path
+        trial = read_forces(path, length_unit=length_unit)
+        force_path = path
     elif suffix in MARKER_FILES:
         trial = _read_markers(path, length_unit)
         if force_path is not None:
@@ -80,7 +85,8 @@ def read_trial(
 
 
 def list_labels(path: str | Path) -> list[str]:
-    """The labels of the markers in a .c3d or .trc file, in its order; InputError for any other file."""
+    """The labels of the markers in a .c3d or .trc file, in its order; InputError for any other
+    file."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in MARKER_FILES:
@@ -89,7 +95,8 @@ def list_labels(path: str | Path) -> list[str]:
 
 
 def _read_markers(path: Path, length_unit: str | None) -> RawTrial:
-    """A marker file in the user's unit; in its own where only that makes a person of it (a force file's was meant)."""
+    """A marker file in the user's unit; in its own where only that makes a person of it (a force
+    file's was meant)."""
     read = read_c3d if path.suffix.lower() == ".c3d" else read_trc
     trial = read(path, length_unit=length_unit)
     try:
@@ -109,7 +116,8 @@ def _read_markers(path: Path, length_unit: str | None) -> RawTrial:
 def _check_size(trial: RawTrial, path: Path) -> None:
     if trial.positions is None:
         return
-    reach, count = float(np.linalg.norm(_extents(trial.positions))), len(trial.labels)
+    reach = float(np.linalg.norm(_extents(trial.positions)))
+    count = len(trial.labels)
     smallest = SMALLEST_WHOLE_M if count >= WHOLE_MARKERS else SMALLEST_M
     if np.isfinite(reach) and (reach > LARGEST_M or (count >= 3 and reach < smallest)):
         raise InputError(
@@ -140,11 +148,9 @@ def _join(trial: RawTrial, path: Path, force_path: Path, length_unit: str | None
     if force_path.suffix.lower() not in FORCE_FILES:
         raise InputError("is no force file", file=force_path, right=f"Use {', '.join(FORCE_FILES)}")
     more = read_forces(force_path, length_unit=length_unit)
-    trial.plates, trial.force_rate_hz, trial.force_start_s = (
-        more.plates,
-        more.force_rate_hz,
-        more.force_start_s,
-    )
+    trial.plates = more.plates
+    trial.force_rate_hz = more.force_rate_hz
+    trial.force_start_s = more.force_start_s
     trial.notes += more.notes
     if trial.positions is None:
         return
@@ -283,7 +289,8 @@ def _normal(corners: np.ndarray) -> np.ndarray:
 
 
 def _extents(positions: np.ndarray) -> np.ndarray:
-    """(3,) m, the median over frames of how far the markers seen (at least 3) reach along each axis; NaN if none."""
+    """(3,) m, the median over frames of how far the markers seen (at least 3) reach along each
+    axis; NaN if none."""
     some = positions[:: max(1, len(positions) // 200)]
     some = some[(~np.isnan(some[..., 0])).sum(axis=1) >= 3]
     return (
@@ -308,17 +315,20 @@ def _check_upright(positions: np.ndarray, vertical: np.ndarray, path: Path) -> N
         )
     heights = positions[:: max(1, len(positions) // 200)] @ vertical
     seen = ~np.isnan(heights).all(axis=1)
-    lowest, middle = np.median(np.nanmin(heights[seen], axis=1)), np.nanmedian(heights)
+    lowest = np.median(np.nanmin(heights[seen], axis=1))
+    middle = np.nanmedian(heights)
     if lowest < -BELOW_M and middle < 0.0:
         raise InputError(
-            f"the markers' middle lies {-middle:.2f} m below the floor, with {axis_name(vertical)} as up",
+            f"the markers' middle lies {-middle:.2f} m below the floor, with "
+            f"{axis_name(vertical)} as up",
             file=path,
             right="Give laboratory.up (--up), with its sign",
         )
 
 
 def _ahead(trial: RawTrial, vertical: np.ndarray) -> np.ndarray:
-    """The horizontal laboratory axis nearest to the way the markers travel; the laboratory's own if they do not."""
+    """The horizontal laboratory axis nearest to the way the markers travel; the laboratory's own if
+    they do not."""
     own = np.asarray(np.eye(3)[0 if abs(vertical[0]) < 0.5 else 1])
     if trial.positions is None:
         return own
@@ -343,7 +353,8 @@ def _ahead(trial: RawTrial, vertical: np.ndarray) -> np.ndarray:
 
 def _rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[str]) -> RawPlate:
     """The plate in W, its force that on the person, mainly vertical."""
-    force, torque = plate.force @ rotation_W.T, plate.torque @ rotation_W.T
+    force = plate.force @ rotation_W.T
+    torque = plate.torque @ rotation_W.T
     point = None if plate.point is None else plate.point @ rotation_W.T
     if plate.twist is not None:
         torque[:, 2] += plate.twist
@@ -355,15 +366,16 @@ def _rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[st
         if abs(mean[2]) < VERTICAL_SHARE * size[strong].mean():
             along = AXES[int(np.argmax(np.abs(rotation_W.T @ mean)))]
             raise InputError(
-                f"the force of plate {plate.name} is mainly along the laboratory's {along}, which is not "
-                "what was taken as vertical",
+                f"the force of plate {plate.name} is mainly along the laboratory's {along}, "
+                "which is not what was taken as vertical",
                 file=path,
                 right=f"Give laboratory.up (--up), probably {along}",
             )
         if corners is not None and abs(_normal(corners)[2]) < LEVEL:
             angle = np.degrees(np.arccos(min(1.0, abs(_normal(corners)[2]))))
             raise InputError(
-                f"plate {plate.name} is tilted by {angle:.1f} degrees: only level ground is modelled",
+                f"plate {plate.name} is tilted by {angle:.1f} degrees: only level ground is "
+                "modelled",
                 file=path,
                 right="Use a recording on level plates",
             )
@@ -375,7 +387,8 @@ def _rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[st
 
 
 def _floor_height(plates: list[RawPlate], path: Path) -> float:
-    """z of the floor as the loaded plates show it; 0 where they lie within 20 mm of 0; refused at several heights."""
+    """z of the floor as the loaded plates show it; 0 where they lie within 20 mm of 0; refused at
+    several heights."""
     heights = {}
     for plate in plates:
         loaded = plate.force[:, 2] > STRONG_N
@@ -398,15 +411,16 @@ def _floor_height(plates: list[RawPlate], path: Path) -> float:
 
 
 def _on_the_floor(plate: RawPlate, notes: list[str]) -> Plate:
-    """Force, centre of pressure on z = 0 and free moment of a plate in W, with notes on what looks wrong."""
-    vertical, corners = plate.force[:, 2], plate.corners
-    loaded, strong = vertical > THRESHOLD_N, vertical > STRONG_N
-    cop, moment, height, outside = (
-        np.full((len(vertical), 3), np.nan),
-        np.zeros(len(vertical)),
-        0.0,
-        0.0,
-    )
+    """Force, centre of pressure on z = 0 and free moment of a plate in W, with notes on what looks
+    wrong."""
+    vertical = plate.force[:, 2]
+    corners = plate.corners
+    loaded = vertical > THRESHOLD_N
+    strong = vertical > STRONG_N
+    cop = np.full((len(vertical), 3), np.nan)
+    moment = np.zeros(len(vertical))
+    height = 0.0
+    outside = 0.0
     if plate.point is None:
         moment[loaded] = plate.torque[loaded, 2]
     else:
@@ -423,7 +437,8 @@ def _on_the_floor(plate: RawPlate, notes: list[str]) -> Plate:
         else np.zeros(3)
     )
     if corners is not None and strong.any():
-        low, high = corners[:, :2].min(axis=0) - FLOOR_M, corners[:, :2].max(axis=0) + FLOOR_M
+        low = corners[:, :2].min(axis=0) - FLOOR_M
+        high = corners[:, :2].max(axis=0) + FLOOR_M
         outside = ((cop[strong, :2] < low) | (cop[strong, :2] > high)).any(axis=1).mean()
     notes += say(
         "files",
@@ -445,7 +460,8 @@ def _overlap(one: np.ndarray | None, other: np.ndarray | None) -> bool:
         for k in (1, 3):
             side = corners[k, :2] - corners[0, :2]
             across = side / np.linalg.norm(side)
-            a, b = one[:, :2] @ across, other[:, :2] @ across
+            a = one[:, :2] @ across
+            b = other[:, :2] @ across
             if min(a.max(), b.max()) - max(a.min(), b.min()) < 0.01:
                 return False
     return True

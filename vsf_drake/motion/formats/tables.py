@@ -1,12 +1,15 @@
-"""Tables of numbers over time: OpenSim's .sto and .mot, CSV, Cortex' .forces, and the TRC format of markers.
+"""Tables of numbers over time: OpenSim's .sto and .mot, CSV, Cortex' .forces, and the TRC format of
+markers.
 
-MOT, STO  lines of `key=value` (or `key value`, as SIMM wrote) to `endheader`, column labels of which the first is
-          `time`, rows; separated by tabs or blanks
-CSV       a row of labels that begins with time, perhaps one of units; separated by comma, semicolon or tab; between
-          semicolons numbers may have decimal commas, as spreadsheets of many countries write them
-FORCES    of Motion Analysis Cortex: N, mm, and N mm for the free moment about the vertical. No unit stands in the
-          file; this is the reading under which a walking foot has the few N m that it should have
-TRC       of Motion Analysis and OpenSim: rows of Frame#, Time and three cells a marker
+    MOT, STO  lines of `key=value` (or `key value`, as SIMM wrote) to `endheader`, column labels of
+              which the first is `time`, rows; separated by tabs or blanks
+    CSV       a row of labels that begins with time, perhaps one of units; separated by comma,
+              semicolon or tab; between semicolons numbers may have decimal commas, as spreadsheets
+              of many countries write them
+    FORCES    of Motion Analysis Cortex: N, mm, and N mm for the free moment about the vertical. No
+              unit stands in the file; this is the reading under which a walking foot has the few N
+              m that it should have
+    TRC       of Motion Analysis and OpenSim: rows of Frame#, Time and three cells a marker
 """
 
 from __future__ import annotations
@@ -22,20 +25,19 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.errors import InputError
-from vsf_drake.files import replaced
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import replaced
+from vsf_drake.base.sentences import say
+from vsf_drake.base.text_table import as_label, split_row, table_rows, text_lines
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats import units as si
 from vsf_drake.motion.formats.recording import LARGEST, Plate, RawTrial, world_to_os
 from vsf_drake.motion.formats.units import even_rate, file_length_factor, first_of_each
-from vsf_drake.sentences import say
-from vsf_drake.text_table import as_label, split_row, table_rows, text_lines
 
 MOST_MARKERS = 20_000
 _HEADER_LINES = 50  # lines that may stand above the labels of a CSV or Cortex file
-_AXES = re.compile(
-    r"[xX]\S*(\s+[xyzXYZ]\S*)*"
-)  # the line of X1 Y1 Z1 ... below the labels of a TRC file
+# the line of X1 Y1 Z1 ... below the labels of a TRC file
+_AXES = re.compile(r"[xX]\S*(\s+[xyzXYZ]\S*)*")
 _UNIT = re.compile(r"^(.*?)\s*[(\[]([^)\]]*)[)\]]$")
 _FACTORS = {
     "n": 1.0,
@@ -56,24 +58,22 @@ class Storage:
     path: Path
     names: tuple[str, ...]  # the m labels, without `time`
     time_s: np.ndarray  # (n,); not yet checked for order or gaps (see `formats.units`)
-    values: (
-        np.ndarray
-    )  # (n, m); NaN where the file has a blank, "nan" or something that is no number
+    values: np.ndarray
+    """(n, m); NaN where the file has a blank, "nan" or something that is no number"""
     in_degrees: bool | None  # what the header says about angles; None where it says nothing
     lines: np.ndarray  # (n,) the line of the file on which each row stands, from 1
-    oddities: dict[tuple[int, int], str] = field(
-        default_factory=dict
-    )  # cells not finite, as they stand, by place
+    oddities: dict[tuple[int, int], str] = field(default_factory=dict)
+    """cells not finite, as they stand, by place"""
     notes: tuple[str, ...] = ()  # what is odd in the file but does no harm
-    length_m: float | None = (
-        None  # metres in the unit of positions that the file or its format states
-    )
+    length_m: float | None = None
+    """metres in the unit of positions that the file or its format states"""
     rate_hz: float | None = None  # of a file that states it and has no clock of its own
 
     def column(
         self, name: str, *, rows: np.ndarray | None = None, most: float = LARGEST
     ) -> np.ndarray:
-        """The (n,) values of a column, whose cells in `rows` (n,) bool, or all, must be finite numbers up to `most`."""
+        """The (n,) values of a column, whose cells in `rows` (n,) bool, or all, must be finite
+        numbers up to `most`."""
         if name not in self.names:
             near = difflib.get_close_matches(name, self.names, n=1)
             raise InputError(
@@ -100,7 +100,8 @@ class Storage:
         return values
 
     def vectors(self, names: Sequence[str | None], rows: np.ndarray) -> np.ndarray:
-        """(n, len(names)): columns that are numbers in `rows`; zero elsewhere, and where there is no name."""
+        """(n, len(names)): columns that are numbers in `rows`; zero elsewhere, and where there is
+        no name."""
         return np.column_stack(
             [
                 np.zeros(len(self.time_s))
@@ -150,8 +151,9 @@ def _table(
 def read_storage(path: str | Path) -> Storage:
     """An OpenSim .sto or .mot file.
 
-    Cells that hold no number become NaN and are refused only by `Storage.column`, so that columns nobody needs do no
-    harm. A wrong number of columns in the header does none either: OpenSim reads such files.
+    Cells that hold no number become NaN and are refused only by `Storage.column`, so that columns
+    nobody needs do no harm. A wrong number of columns in the header does none either: OpenSim reads
+    such files.
     """
     path = Path(path)
     lines = text_lines(path, needed="An OpenSim .mot or .sto file is needed")
@@ -201,7 +203,8 @@ def _storage_header(
     lines: Iterator[tuple[int, str]], path: Path
 ) -> tuple[bool | None, dict[int, int], int]:
     """Whether angles are in degrees; how many rows are stated, by line; the line of `endheader`."""
-    in_degrees, rows = None, dict[int, int]()
+    in_degrees = None
+    rows = dict[int, int]()
     for number, line in lines:
         if line.strip().lower() == "endheader":
             return in_degrees, rows, number
@@ -229,17 +232,19 @@ def write_storage(
     in_degrees: bool = False,
     title: str | None = None,
 ) -> None:
-    """Writes (n, m) values with m labels at times (n,) s as a table that OpenSim reads, in full precision.
+    """Writes (n, m) values with m labels at times (n,) s as a table that OpenSim reads, in full
+    precision.
 
     An existing file is replaced at the end; `title` is the first line."""
     if values.shape != (len(time_s), len(names)) or len({"time", *names}) != len(names) + 1:
         raise ValueError(
-            f"time {time_s.shape}, values {values.shape} and {len(names)} different names do not fit"
+            f"time {time_s.shape}, values {values.shape} and {len(names)} different names do not "
+            "fit"
         )
     with replaced(path, "w") as stream:
         stream.write(
-            f"{title or Path(path).name}\nversion=1\nnRows={len(time_s)}\nnColumns={len(names) + 1}\n"
-            f"inDegrees={'yes' if in_degrees else 'no'}\nendheader\n"
+            f"{title or Path(path).name}\nversion=1\nnRows={len(time_s)}\n"
+            f"nColumns={len(names) + 1}\ninDegrees={'yes' if in_degrees else 'no'}\nendheader\n"
         )
         stream.write("\t".join(["time", *names]) + "\n")
         for time, row in zip(time_s, values, strict=True):
@@ -249,10 +254,11 @@ def write_storage(
 def write_forces_mot(
     path: str | Path, *, time_s: np.ndarray, plates: Mapping[str, Plate], title: str | None = None
 ) -> None:
-    """Writes plates (by key, in W) as OpenSim's external loads, in N, m and N m: ground_force_<key>_vx, ...
+    """Writes plates (by key, in W) as OpenSim's external loads, in N, m and N m:
+    ground_force_<key>_vx, ...
 
-    An unloaded plate's centre of pressure is 0; a plate that has none under load gets no such columns, and one whose
-    free moment is NaN no torques.
+    An unloaded plate's centre of pressure is 0; a plate that has none under load gets no such
+    columns, and one whose free moment is NaN no torques.
     """
     blocks: dict[str, np.ndarray] = {}
     for key, plate in plates.items():
@@ -291,8 +297,8 @@ def write_opensim(
 ) -> tuple[str, str]:
     """Writes the two `opensim_files` of a walk, in OpenSim's frame; their names.
 
-    `coordinates` by name, in m for those named in `metres`, else in rad, which stand in degrees in the file; `plates`
-    by side; `source` ends each title."""
+    `coordinates` by name, in m for those named in `metres`, else in rad, which stand in degrees in
+    the file; `plates` by side; `source` ends each title."""
     kinematics, forces = opensim_files(stem)
     shown = [
         column if name in metres else np.degrees(column) for name, column in coordinates.items()
@@ -315,7 +321,8 @@ def write_opensim(
 
 
 def read_csv(path: Path) -> Storage:
-    """A table of forces. Units stand behind the labels, as in `COPx1 (mm)`, or in a row of their own below them."""
+    """A table of forces. Units stand behind the labels, as in `COPx1 (mm)`, or in a row of their
+    own below them."""
     lines: Iterator[tuple[int, str]] = text_lines(path)
     labels, separator, number = _csv_labels(lines, path)
     units = [""] * len(labels)
@@ -397,10 +404,12 @@ def _csv_factor(unit: str, path: Path, label: str) -> tuple[float, bool]:
 
 
 def _with_points(lines: Iterator[tuple[int, str]], path: Path) -> Iterator[tuple[int, str]]:
-    """The lines with decimal points for decimal commas; refused where a file has both, so that neither is told."""
+    """The lines with decimal points for decimal commas; refused where a file has both, so that
+    neither is told."""
     commas = points = False
     for number, line in lines:
-        commas, points = commas or "," in line, points or "." in line
+        commas = commas or "," in line
+        points = points or "." in line
         if commas and points:
             raise InputError(
                 "numbers have commas and points",
@@ -421,14 +430,16 @@ def read_cortex(path: Path) -> Storage:
         key, _, value = line.partition("=")
         head[key.strip().lower()] = value.strip()
     else:
-        number, line = 0, ""
+        number = 0
+        line = ""
     if not line.startswith("#"):
         raise InputError("there is no line of labels that begins with #Sample", file=path)
     labels = [as_label(cell) for cell in line.lstrip("#").rstrip().split("\t")]
     if len(labels) < 2 or len(set(labels)) < len(labels) or "" in labels:
         raise InputError("a label is empty or stands twice", file=path, where=f"line {number}")
     try:
-        rate, samples = float(head["samplerate"]), float(head.get("numberofsamples", "nan"))
+        rate = float(head["samplerate"])
+        samples = float(head.get("numberofsamples", "nan"))
     except (KeyError, ValueError):
         raise InputError("there is no SampleRate", file=path, where="header") from None
     if not 0.0 < rate < 1e6:
@@ -460,7 +471,8 @@ def read_cortex(path: Path) -> Storage:
 
 
 def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
-    """A TRC file in its laboratory frame (by convention y up), metres, NaN where a marker was not seen."""
+    """A TRC file in its laboratory frame (by convention y up), metres, NaN where a marker was not
+    seen."""
     lines = text_lines(path)
     header, labels, label_line = _trc_header(lines, path)
     notes: list[str] = []
@@ -509,7 +521,8 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
         labels, notes, lambda i: bool(np.isnan(positions[:, i]).any(axis=1).all())
     )
     if len(first) < len(labels):
-        labels, positions = [labels[i] for i in first], positions[:, first]
+        labels = [labels[i] for i in first]
+        positions = positions[:, first]
     return RawTrial(labels, positions, rate, start, up_convention="+y", notes=notes)
 
 

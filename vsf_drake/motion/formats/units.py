@@ -9,16 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.errors import InputError
-from vsf_drake.sentences import say
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.sentences import say
 
-LENGTHS_M = {
-    "m": 1.0,
-    "cm": 1e-2,
-    "mm": 1e-3,
-    "dm": 1e-1,
-    "in": 0.0254,
-}  # metres in each unit of length
+# metres in each unit of length
+LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "dm": 1e-1, "in": 0.0254}
 _LONG = {
     "meter": "m",
     "metre": "m",
@@ -41,7 +36,8 @@ def listed(labels: Sequence[str], *, most: int = 20) -> str:
 def first_of_each(
     labels: Sequence[str], notes: list[str], empty: Callable[[int], bool], *, what: str = "label"
 ) -> list[int]:
-    """Which of the labels to read, each once: the first that is not `empty`; `notes` gets what was left out."""
+    """Which of the labels to read, each once: the first that is not `empty`; `notes` gets what was
+    left out."""
     places: dict[str, list[int]] = {}
     for i, label in enumerate(labels):
         places.setdefault(label, []).append(i)
@@ -69,7 +65,9 @@ def first_of_each(
 
 
 def length_factor(unit: str) -> float | None:
-    """Metres in a unit of length as files spell it, cut to four letters or more too; None for an unknown or empty one."""
+    """Metres in a unit of length as files spell it, cut to four letters or more too; None for an
+    unknown or empty one.
+    """
     plain = unit.strip().lower().strip("[]().\0 ")
     cut = {short for word, short in _LONG.items() if len(plain) >= 4 and word.startswith(plain)}
     plain = _LONG.get(plain.removesuffix("s"), cut.pop() if len(cut) == 1 else plain)
@@ -95,7 +93,8 @@ def wanted_length_factor(wanted: str) -> float:
 
 
 def file_length_factor(stated: str, wanted: str | None, path: Path, where: str) -> float:
-    """Metres in the unit that the user demands, or else the file states; refused if neither tells it."""
+    """Metres in the unit that the user demands, or else the file states; refused if neither tells
+    it."""
     if wanted is not None:
         return wanted_length_factor(wanted)
     factor = length_factor(stated)
@@ -115,22 +114,24 @@ def file_length_factor(stated: str, wanted: str | None, path: Path, where: str) 
 # The time column of a recording: increasing, without gaps, and freed from rounding.
 
 
-LONGEST_STEP_S, LONGEST_STEPS = (
-    0.1,
-    5.0,
-)  # a step longer than this, or than so many median ones, is a gap
+# a step longer than this, or than so many median ones, is a gap
+LONGEST_STEP_S = 0.1
+LONGEST_STEPS = 5.0
 LATEST_S = 1e7  # seconds; four months of recording
-RATE_SHARE = 2e-3  # a stated rate may differ from that of the times by this share (29.97 against 30 Hz is 1e-3)
-STEP_SHARE = (
-    0.05  # a time may lie this share of a step off the even ones (clock jitter), or by its rounding
-)
+# a stated rate may differ from that of the times by this share (29.97 against 30 Hz is 1e-3)
+RATE_SHARE = 2e-3
+# a time may lie this share of a step off the even ones (clock jitter), or by its rounding
+STEP_SHARE = 0.05
 FINEST_S = 5e-10  # half the finest rounding that is told from a number in full
 TIE = 1e-6  # share of half a unit within which a time lies half-way between two
-MOST_PROBED = 100  # steps of a clock that are tried, each of which halves what is left; after 60 no number lies between
+# steps of a clock that are tried, each of which halves what is left; after 60 no number lies
+# between
+MOST_PROBED = 100
 
 
 class EvenClock(NamedTuple):
-    """Instants `start_s` + i `step_s` whose rounding a time column is; `unit_s` is that of its coarsest last place."""
+    """Instants `start_s` + i `step_s` whose rounding a time column is; `unit_s` is that of its
+    coarsest last place."""
 
     start_s: float
     step_s: float
@@ -144,12 +145,14 @@ class EvenClock(NamedTuple):
 
 @np.errstate(all="ignore")
 def even_clock(time_s: np.ndarray, *, jitter_s: float = 0.0) -> EvenClock | None:
-    """The evenly spaced clock behind times (n,) s that were rounded to so many decimals, or significant digits.
+    """The evenly spaced clock behind times (n,) s that were rounded to so many decimals, or
+    significant digits.
 
-    A clock explains the times if each lies within half a unit of its own last place, or within `jitter_s`. With step
-    b, that leaves the start to [max(low_i - b i), min(high_i - b i)], whose length is concave in b: tried are a whole
-    number of rows a second, the least-squares step, and then the side on which the interval grows. A single row that
-    is missing or doubled is no clock that is slow or fast by one row in all. None where no rounding explains the times.
+    A clock explains the times if each lies within half a unit of its own last place, or within
+    `jitter_s`. With step b, that leaves the start to [max(low_i - b i), min(high_i - b i)], whose
+    length is concave in b: tried are a whole number of rows a second, the least-squares step, and
+    then the side on which the interval grows. A single row that is missing or doubled is no clock
+    that is slow or fast by one row in all. None where no rounding explains the times.
     """
     index = np.arange(len(time_s))
     if len(time_s) < 2 or (np.diff(time_s) < 0.0).any() or not time_s[0] < time_s[-1]:
@@ -173,8 +176,10 @@ def even_clock(time_s: np.ndarray, *, jitter_s: float = 0.0) -> EvenClock | None
                 0.5 * unit * (1.0 + TIE * np.where(_whole(step, unit), -1.0, 1.0)),
                 max(jitter_s, FINEST_S),
             )
-            first, last = time_s - half - index * step, time_s + half - index * step
-            i, j = int(np.argmax(first)), int(np.argmin(last))
+            first = time_s - half - index * step
+            last = time_s + half - index * step
+            i = int(np.argmax(first))
+            j = int(np.argmin(last))
             if first[i] <= last[j]:
                 fits = first[i] <= time_s[0] <= last[j]
                 start = time_s[0] if fits else 0.5 * (first[i] + last[j])
@@ -196,7 +201,8 @@ def _whole(step_s: float, unit: np.ndarray) -> np.ndarray:
 
 
 def _last_places(time_s: np.ndarray) -> Iterator[np.ndarray]:
-    """(n,) s, the unit of each time's last place: if all have as many decimals, if all have as many digits."""
+    """(n,) s, the unit of each time's last place: if all have as many decimals, if all have as many
+    digits."""
     size = np.maximum(np.abs(time_s), 1e-300)
     digits = 10.0 ** np.floor(np.log10(size) + 1e-12)
     for place in (np.ones(len(time_s)), np.maximum(digits, FINEST_S)):
@@ -215,12 +221,15 @@ def _last_places(time_s: np.ndarray) -> Iterator[np.ndarray]:
 def check_clock(
     time_s: np.ndarray, lines: np.ndarray, path: Path, *, rows: int = 2
 ) -> tuple[np.ndarray, list[str]]:
-    """The instants of a recording, freed from rounding, and what is doubtful about them; refused if they are no clock.
+    """The instants of a recording, freed from rounding, and what is doubtful about them; refused if
+    they are no clock.
 
-    Times such as 0.4, 0.417, 0.433, differentiated twice, make accelerations of tens of rad/s^2. What is truly uneven,
-    or even to a microsecond, stays. Time must increase without a step longer than 0.1 s or five median steps.
+    Times such as 0.4, 0.417, 0.433, differentiated twice, make accelerations of tens of rad/s^2.
+    What is truly uneven, or even to a microsecond, stays. Time must increase without a step longer
+    than 0.1 s or five median steps.
     """
-    time, warnings = time_s, list[str]()
+    time = time_s
+    warnings = list[str]()
     if len(time) < rows:
         raise InputError(f"has {len(time)} rows", file=path, right=f"At least {rows} are needed")
     even = even_clock(time)
@@ -229,10 +238,8 @@ def check_clock(
         time = time if np.abs(instants - time).max() <= 1e-6 else instants
         warnings = even.warnings(path)
     step = np.diff(time)
-    back, gap = (
-        step <= 0.0,
-        step > min(LONGEST_STEP_S, LONGEST_STEPS * float(np.median(step))) * (1.0 + 1e-9),
-    )
+    back = step <= 0.0
+    gap = step > min(LONGEST_STEP_S, LONGEST_STEPS * float(np.median(step))) * (1.0 + 1e-9)
     wrong = back if back.any() else gap
     if wrong.any():
         row = int(np.argmax(wrong)) + 1
@@ -256,7 +263,8 @@ def check_clock(
 def even_rate(
     time_s: np.ndarray, lines: np.ndarray, path: Path, *, stated_hz: float | None = None
 ) -> tuple[float, float, list[str]]:
-    """Rate (1/s) and start (s) of rows that are evenly spaced but for rounding or jitter, and what is doubtful.
+    """Rate (1/s) and start (s) of rows that are evenly spaced but for rounding or jitter, and what
+    is doubtful.
 
     The rate is `stated_hz`, which the header says, where the times agree; uneven times are refused.
     """
@@ -283,7 +291,8 @@ def even_rate(
         raise InputError("the times do not increase evenly", file=path, where="column Time")
     even = even_clock(time_s)
     if even is None and even_clock(time_s, jitter_s=STEP_SHARE * step) is None:
-        units, steps = np.max(list(_last_places(time_s)), axis=0), np.diff(time_s)
+        units = np.max(list(_last_places(time_s)), axis=0)
+        steps = np.diff(time_s)
         jump = int(np.argmax(np.abs(steps - np.median(steps)) - (units[1:] + units[:-1]))) + 1
         raise InputError(
             f"time {time_s[jump]:g} s follows {time_s[jump - 1]:g} s, where rows are "

@@ -1,7 +1,7 @@
 """From a standing trial to a scaled person with markers on segments.
 
-Without a standing trial a walk can stand in for it: the anatomical frames are then made in every frame of it and the
-markers' places in them averaged. That is doubtful and says so.
+Without a standing trial a walk can stand in for it: the anatomical frames are then made in every
+frame of it and the markers' places in them averaged. That is doubtful and says so.
 """
 
 from __future__ import annotations
@@ -14,8 +14,12 @@ from typing import NoReturn
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.schema import check
+from vsf_drake.base.sentences import say
+from vsf_drake.model.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.motion.formats.recording import SIDES, Recording
+from vsf_drake.motion.import_options import TrialOptions
 from vsf_drake.motion.markers import joints
 from vsf_drake.motion.markers import posture as standing_of
 from vsf_drake.motion.markers.joints import COORDINATES, HIP_METHODS, Anatomy
@@ -37,9 +41,6 @@ from vsf_drake.motion.markers.segments import (
     SegmentMarkers,
     from_line,
 )
-from vsf_drake.parameters import FootParameters, ModelParameters, Subject
-from vsf_drake.schema import check
-from vsf_drake.sentences import say
 
 UNEQUAL = 0.05  # left and right lengths that differ by more than this are worth a note (a choice)
 
@@ -49,7 +50,7 @@ def calibrate(
     marker_map: MarkerMap,
     person: PersonFacts,
     *,
-    hip: str = "harrington",
+    hip: str = TrialOptions.hip,
     model: ModelParameters | None = None,
     fulcrum_m: float = MID_FULCRUM_M,
 ) -> Calibration:
@@ -57,10 +58,12 @@ def calibrate(
 
     Args:
         standing: a standing trial with the soles flat on the floor z = 0, or a walk in its stead.
-        marker_map: says what the labels are; those of the result are in its spelling, in a right-handed frame.
+        marker_map: says what the labels are; those of the result are in its spelling, in a
+            right-handed frame.
         person: what is stated beside the markers.
         hip: one of `joints.HIP_METHODS`.
-        model, fulcrum_m: the prosthesis (nominal if None) and where its fulcrum stood, for how much it gave.
+        model, fulcrum_m: the prosthesis (nominal if None) and where its fulcrum stood, for how much
+            it gave.
     """
     sex, prosthetic = check_facts(person)
     if hip not in HIP_METHODS:
@@ -163,7 +166,8 @@ def calibrate(
 
 
 def _segment(name: str, posture: Posture, anatomy: Anatomy) -> SegmentMarkers:
-    R, p = anatomy.R_W[name], anatomy.p_W[name]
+    R = anatomy.R_W[name]
+    p = anatomy.p_W[name]
     local = {
         label: _average(posture.points[label] - p, R)
         for label in posture.labelled.segments[name]
@@ -178,7 +182,8 @@ def _segment(name: str, posture: Posture, anatomy: Anatomy) -> SegmentMarkers:
 
 
 def _average(vectors_W: np.ndarray, R_W: np.ndarray) -> np.ndarray:
-    """(3,) mean over the frames of vectors (n, 3) in the frame R_W (n, 3, 3), those with NaN left out."""
+    """(3,) mean over the frames of vectors (n, 3) in the frame R_W (n, 3, 3), those with NaN left
+    out."""
     vectors = (vectors_W[:, None] @ R_W)[:, 0]
     there = np.isfinite(vectors).all(axis=1)
     return vectors[there].mean(axis=0) if there.any() else np.full(3, np.nan)
@@ -206,9 +211,13 @@ def _lengths(
 
 
 BALL_RATIO = {"toe": 0.73, "met1": 0.73, "met5": 0.62}
-"""Heel to metatarsal head / foot length, where no marker is on the toe's tip: typical of adults (unverified)."""
-SHORTEST_FOOT_M, LONGEST_FOOT_M = 0.12, 0.38  # shod feet of children and adults (a choice)
-OVER_M = 0.05  # frames of a walk with the hip so near above the ankle, fore-aft, are like standing (a choice)
+"""Heel to metatarsal head / foot length, where no marker is on the toe's tip: typical of adults
+(unverified)."""
+# shod feet of children and adults (a choice)
+SHORTEST_FOOT_M = 0.12
+LONGEST_FOOT_M = 0.38
+# frames of a walk with the hip so near above the ankle, fore-aft, are like standing (a choice)
+OVER_M = 0.05
 
 
 def _foot_points(
@@ -220,9 +229,8 @@ def _foot_points(
         for role in ("heel", "toe_tip", *BALL_RATIO)
         if (label := posture.labelled.roles.get(f"{role}_{side}")) in places
     }
-    rear = at["heel"][0] + 1e-3 * (
-        person.marker_radius_mm + person.base_plate_mm
-    )  # skin ahead of the marker's centre
+    # skin ahead of the marker's centre
+    rear = at["heel"][0] + 1e-3 * (person.marker_radius_mm + person.base_plate_mm)
     if "toe_tip" in at:
         length = at["toe_tip"][0] - rear
     else:
@@ -243,18 +251,24 @@ def _foot_points(
 
 
 def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, float]:
-    """`Subject`'s fields on the prosthesis, medians over frames in which its sole is flat and the hip above the foot.
+    """`Subject`'s fields on the prosthesis, medians over frames in which its sole is flat and the
+    hip above the foot.
 
-    The foot's place is that of the pylon's end in a standard foot with its heel and sole where they are: `pylon_x_m`
-    ahead of the heel and `build_height_m` above the sole. Forward and sideways are of the shank.
+    The foot's place is that of the pylon's end in a standard foot with its heel and sole where they
+    are: `pylon_x_m` ahead of the heel and `build_height_m` above the sole. Forward and sideways are
+    of the shank.
     """
     foot = FootParameters()
-    R_WS, p_WS = anatomy.R_W[f"shank_{side}"], anatomy.p_W[f"shank_{side}"]
-    R_WF, p_WF = anatomy.R_W[f"foot_{side}"], anatomy.p_W[f"foot_{side}"]
+    R_WS = anatomy.R_W[f"shank_{side}"]
+    p_WS = anatomy.p_W[f"shank_{side}"]
+    R_WF = anatomy.R_W[f"foot_{side}"]
+    p_WF = anatomy.p_W[f"foot_{side}"]
     heel = p_WF + R_WF @ points.p_FHeel
 
-    # The prosthesis runs down the shank's axis, from the knee S to the sole's plane: (S + length down - heel) . n = 0.
-    down, normal = -R_WS[..., :, 2], R_WF[..., :, 2]
+    # The prosthesis runs down the shank's axis, from the knee S to the sole's plane: (S + length
+    # down - heel) . n = 0.
+    down = -R_WS[..., :, 2]
+    normal = R_WF[..., :, 2]
     length = np.sum((heel - p_WS) * normal, axis=-1) / np.sum(down * normal, axis=-1)
 
     end = heel + R_WF @ np.array([foot.pylon_x_m, 0.0, foot.build_height_m])
@@ -277,23 +291,26 @@ def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, 
     }
 
 
-# Whether the markers of a standing trial are where their labels say: exchanged ones show by geometry.
+# Whether the markers of a standing trial are where their labels say: exchanged ones show by
+# geometry.
 
 
-ASTRAY_M = 0.05  # a marker so much nearer to another thigh or shank than to its own is on the other one (a choice)
-SAME_PLACE_M = 1e-3  # no two markers are nearer to each other than their own size; a millimetre is the same one twice
-ASKEW_RAD = np.radians(
-    45.0
-)  # the lines over ASIS and PSIS are nearly parallel, the former nearly level (a choice)
-LEAST_RATIO, MOST_RATIO = (
-    0.65,
-    1.6,
-)  # thigh / shank (a choice): de Leva (1996) has 0.84 for women, 0.96 for men
+# a marker so much nearer to another thigh or shank than to its own is on the other one (a choice)
+ASTRAY_M = 0.05
+# no two markers are nearer to each other than their own size; a millimetre is the same one twice
+SAME_PLACE_M = 1e-3
+# the lines over ASIS and PSIS are nearly parallel, the former nearly level (a choice)
+ASKEW_RAD = np.radians(45.0)
+# thigh / shank (a choice): de Leva (1996) has 0.84 for women, 0.96 for men
+LEAST_RATIO = 0.65
+MOST_RATIO = 1.6
 _RIGHT = "Check the labels of these markers, or the marker map"
 
 
 def _check_labels(posture: Posture, file: str | Path) -> None:
-    points, labelled, needed = posture.points, posture.labelled, posture.needed
+    points = posture.points
+    labelled = posture.labelled
+    needed = posture.needed
 
     def refuse(what: str, *roles: str, labels: Sequence[str] = (), right: str = _RIGHT) -> NoReturn:
         named = [labelled.roles[role] for role in roles if role in labelled.roles]
@@ -320,7 +337,8 @@ def _check_labels(posture: Posture, file: str | Path) -> None:
     _check_facing(posture, forward, refuse)
 
     def ordered(low: str, high: str, way: np.ndarray) -> bool:
-        a, b = posture.at(low), posture.at(high)
+        a = posture.at(low)
+        b = posture.at(high)
         return a is None or b is None or not typical(b - a, way) < 0
 
     names = [role.removesuffix("_right") for role in labelled.roles if role.endswith("_right")]
@@ -352,10 +370,12 @@ def _check_pelvis(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
     slope = float(np.nanmedian(np.arcsin(np.abs(front[:, 2]) / np.linalg.norm(front, axis=1))))
     if slope > ASKEW_RAD:
         refuse(
-            f"one ASIS is far above the other: the line over both slopes by {np.degrees(slope):.0f} degrees",
+            "one ASIS is far above the other: the line over both slopes by "
+            f"{np.degrees(slope):.0f} degrees",
             *roles[:2],
         )
-    right, left = posture.at("psis_right"), posture.at("psis_left")
+    right = posture.at("psis_right")
+    left = posture.at("psis_left")
     if right is None or left is None:
         return
     back = left - right
@@ -363,8 +383,8 @@ def _check_pelvis(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
     cosine = float(np.nanmedian(np.sum(front * back, axis=1) / lengths))
     if abs(cosine) < np.cos(ASKEW_RAD):
         refuse(
-            f"the line over both ASIS and that over both PSIS make an angle of {np.degrees(np.arccos(cosine)):.0f} "
-            "degrees: an ASIS and a PSIS seem exchanged",
+            "the line over both ASIS and that over both PSIS make an angle of "
+            f"{np.degrees(np.arccos(cosine)):.0f} degrees: an ASIS and a PSIS seem exchanged",
             *roles,
         )
 
@@ -376,7 +396,8 @@ def _check_facing(posture: Posture, forward: np.ndarray, refuse: Callable[..., N
     backwards = [side for side in SIDES if typical(fore[side] - heel[side], forward) < 0]
     if len(backwards) == len(SIDES):
         refuse(
-            "both feet point backwards: front and back of the pelvis seem exchanged (or heel and toe of both feet)",
+            "both feet point backwards: front and back of the pelvis seem exchanged (or heel and "
+            "toe of both feet)",
             "asis_right",
             "asis_left",
             "psis_right",
@@ -390,7 +411,8 @@ def _check_facing(posture: Posture, forward: np.ndarray, refuse: Callable[..., N
             labels=toes[side],
         )
     for side in SIDES:
-        ankle, along = posture.needed(f"ankle_lateral_{side}"), facing(fore[side], heel[side])
+        ankle = posture.needed(f"ankle_lateral_{side}")
+        along = facing(fore[side], heel[side])
         if typical(ankle - heel[side], along) < 0:
             refuse("the ankle is behind the heel", f"ankle_lateral_{side}", f"heel_{side}")
         if typical(fore[side] - ankle, along) < 0:
@@ -424,7 +446,8 @@ def _check_segments(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
             if away[segment] > away[nearest] + ASTRAY_M:
                 refuse(
                     f"{label} lies {1e3 * away[nearest]:.0f} mm from the {_words(nearest)} and "
-                    f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map gives it",
+                    f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map "
+                    "gives it",
                     labels=list(
                         dict.fromkeys((label, *(posture.labelled.roles[role] for role in span)))
                     ),
@@ -434,15 +457,16 @@ def _check_segments(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
 
 def _check_proportions(lengths_m: dict[str, float], posture: Posture, file: str | Path) -> None:
     for side in SIDES:
-        thigh, shank = lengths_m[f"thigh_{side}"], lengths_m[f"shank_{side}"]
+        thigh = lengths_m[f"thigh_{side}"]
+        shank = lengths_m[f"shank_{side}"]
         if not LEAST_RATIO * shank < thigh < MOST_RATIO * shank:
             labels = [
                 posture.labelled.roles[f"{role}_{side}"]
                 for role in ("asis", "knee_lateral", "ankle_lateral")
             ]
             raise InputError(
-                f"the {side} thigh of {1e3 * thigh:.0f} mm and the shank of {1e3 * shank:.0f} mm belong "
-                "to nobody",
+                f"the {side} thigh of {1e3 * thigh:.0f} mm and the shank of {1e3 * shank:.0f} mm "
+                "belong to nobody",
                 file=file,
                 where=f"markers {', '.join(labels)}",
                 right=_RIGHT,

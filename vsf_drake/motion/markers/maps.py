@@ -1,8 +1,9 @@
 """Marker maps: which label of a recording marks what.
 
-A map is a YAML file with the blocks `right`, `left` and `middle`. Each gives roles (`asis`, `knee_lateral`, ...) one
-label or a list of spellings, and clusters (`pelvis`, `thigh`, ...) further markers that move with the segment.
-`prefix: any` strips whatever stands before a colon ("Subject01:LASI"). Letter case counts only where it tells labels.
+A map is a YAML file with the blocks `right`, `left` and `middle`. Each gives roles (`asis`,
+`knee_lateral`, ...) one label or a list of spellings, and clusters (`pelvis`, `thigh`, ...) further
+markers that move with the segment. `prefix: any` strips whatever stands before a colon
+("Subject01:LASI"). Letter case counts only where it tells labels.
 """
 
 from __future__ import annotations
@@ -14,23 +15,25 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from vsf_drake.errors import InputError
-from vsf_drake.files import resource, user_path
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import resource, user_path
+from vsf_drake.base.schema import load_yaml
+from vsf_drake.base.sentences import say
 from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.formats.units import listed
 from vsf_drake.motion.markers.segments import SEGMENTS
-from vsf_drake.schema import load_yaml
-from vsf_drake.sentences import say
 
-SIDED_CLUSTERS, MIDDLE_CLUSTERS = ("thigh", "shank", "foot"), ("pelvis",)
+SIDED_CLUSTERS = ("thigh", "shank", "foot")
+MIDDLE_CLUSTERS = ("pelvis",)
 SEGMENT_ROLES = {
     "pelvis": ("asis", "psis"),
     "thigh": ("thigh_plane", "trochanter", "knee_lateral", "knee_medial"),
     "shank": ("shank_plane", "ankle_lateral", "ankle_medial"),
     "foot": ("heel", "toe", "met1", "met5", "toe_tip"),
 }
-"""The roles whose markers move with each segment. `toe` is the second metatarsal head; `thigh_plane` and `shank_plane`
-lie, as Plug-in Gait's THI and TIB do, in the plane of proximal joint centre, lateral marker and distal joint centre."""
+"""The roles whose markers move with each segment. `toe` is the second metatarsal head;
+`thigh_plane` and `shank_plane` lie, as Plug-in Gait's THI and TIB do, in the plane of proximal
+joint centre, lateral marker and distal joint centre."""
 ROLES = {
     "side": (
         "asis",  # anterior superior iliac spine
@@ -47,14 +50,14 @@ ROLES = {
         "toe_tip",  # tip of the toes
         "thigh_plane",  # in the plane of hip centre, lateral knee marker and knee centre
         "shank_plane",  # in the plane of knee centre, lateral ankle marker and ankle centre
-        *SIDED_CLUSTERS,
-    ),  # further markers that move with the segment
+        *SIDED_CLUSTERS,  # further markers that move with the segment
+    ),
     "middle": (
         "sacrum",  # midway between the PSIS, in their place
         "head_top",  # top of the head
-        *MIDDLE_CLUSTERS,
+        *MIDDLE_CLUSTERS,  # further markers that move with the pelvis
     ),
-}  # further markers that move with the pelvis
+}
 """What a map's blocks may give labels to."""
 SHIPPED = ("plug_in_gait", "rajagopal", "ior")
 Labels = tuple[str, ...]
@@ -83,9 +86,8 @@ class FoundMarkers:
     """What a map finds in a recording."""
 
     roles: dict[str, str]  # label by role and side ("asis_right", "sacrum"), those present
-    segments: dict[
-        str, Labels
-    ]  # labels by segment ("pelvis", "thigh_right", ...), roles and clusters, each once
+    segments: dict[str, Labels]
+    """labels by segment ("pelvis", "thigh_right", ...), roles and clusters, each once"""
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,8 @@ class MarkerMap:
         }
 
     def translate(self, labels: Iterable[str], file: str | Path | None = None) -> dict[str, str]:
-        """The map's spelling of each label, letter case too where that is unambiguous; refused where two become one."""
+        """The map's spelling of each label, letter case too where that is unambiguous; refused
+        where two become one."""
         known = self.spellings()
         folded: dict[str, list[str]] = {}
         for label in known:
@@ -254,7 +257,8 @@ def load_marker_map(name_or_path: str | Path) -> MarkerMap:
 
 
 def _block(role: str) -> tuple[str, str]:
-    """Block and name of a role: ("right", "asis") for asis_right, ("middle", "sacrum") for sacrum."""
+    """Block and name of a role: ("right", "asis") for asis_right, ("middle", "sacrum") for
+    sacrum."""
     name, _, side = role.rpartition("_")
     return (side, name) if side in SIDES else ("middle", role)
 
@@ -262,22 +266,22 @@ def _block(role: str) -> tuple[str, str]:
 # Which shipped map fits a recording's labels, and a first map of a recording's own.
 
 
-ALIKE = (
-    0.75  # least similarity (difflib's ratio) of a label to a known spelling for a guess (a choice)
-)
-VIRTUAL = (
-    "HJC",
-    "KJC",
-    "AJC",
-)  # endings of computed points beside the markers, not guessed for anything
+# least similarity (difflib's ratio) of a label to a known spelling for a guess (a choice)
+ALIKE = 0.75
+# endings of computed points beside the markers, not guessed for anything
+VIRTUAL = ("HJC", "KJC", "AJC")
 WORDS = {
     role: tuple(words.split())
     for role, words in {
         "asis": "asis asi ias iliacanterior",
         "psis": "psis psi ips iliacposterior",
         "trochanter": "trochanter troc gtr ftc",
-        "knee_medial": "kneemed kneem kneeint medknee medialknee mknee femmed condylemed medcon fme mek",
-        "knee_lateral": "kneelat kneel kneeext latknee lateralknee lknee femlat condylelat latcon knee fle lek",
+        "knee_medial": (
+            "kneemed kneem kneeint medknee medialknee mknee femmed condylemed medcon fme mek"
+        ),
+        "knee_lateral": (
+            "kneelat kneel kneeext latknee lateralknee lknee femlat condylelat latcon knee fle lek"
+        ),
         "ankle_medial": "anklemed anklem ankleint medankle mankle malmed medmal mmal tam",
         "ankle_lateral": "anklelat anklel ankleext latankle lankle mallat latmal lmal ankle fal",
         "heel": "heel calc cal fcc",
@@ -293,14 +297,15 @@ WORDS = {
         "pelvis": "iliaccrest crest pelvis",
     }.items()
 }
-"""What laboratories write, without the side and without punctuation; the longest that a label starts with counts."""
-SHORT = (
-    3  # after a form of so few letters only a number may follow: RSH1 is a shank, RSHO a shoulder
-)
+"""What laboratories write, without the side and without punctuation; the longest that a label
+starts with counts."""
+# after a form of so few letters only a number may follow: RSH1 is a shank, RSHO a shoulder
+SHORT = 3
 
 
 def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
-    """The one shipped map that finds all needed markers in a standing trial and knows most of its labels; a note."""
+    """The one shipped map that finds all needed markers in a standing trial and knows most of its
+    labels; a note."""
     fitting: list[tuple[int, MarkerMap, FoundMarkers]] = []
     failing: list[tuple[int, InputError]] = []
     for marker_map in map(load_marker_map, SHIPPED):
@@ -319,7 +324,10 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
             "no shipped marker map fits its labels: " + listed(list(recording.markers)),
             file=recording.path,
             where=where,
-            right="Write a map: `vsf-drake import --list-markers` starts one from the file's own labels",
+            right=(
+                "Write a map: `vsf-drake import --list-markers` starts one from the file's own "
+                "labels"
+            ),
         )
     most = max(known for known, _, _ in fitting)
     best = [(marker_map, markers) for known, marker_map, markers in fitting if known == most]
@@ -338,8 +346,9 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
 def suggest_map(labels: Iterable[str]) -> str:
     """YAML text of a marker map for these labels, to be looked over; comments list the labels.
 
-    Labels that a shipped map knows are taken from there, others by what they look like, marked as guesses; of several
-    for one role the first stands. Roles without a label stand in comments, labels without a role at the end.
+    Labels that a shipped map knows are taken from there, others by what they look like, marked as
+    guesses; of several for one role the first stands. Roles without a label stand in comments,
+    labels without a role at the end.
     """
     labels = list(dict.fromkeys(label.rsplit(":", 1)[-1] for label in labels))
     maps = [
@@ -367,7 +376,10 @@ def suggest_map(labels: Iterable[str]) -> str:
     ]
     text += [
         "",
-        "# Started from a recording's own labels: look over every line, above all those marked as guesses.",
+        (
+            "# Started from a recording's own labels: look over every line, above all those marked "
+            "as guesses."
+        ),
         "description: markers of our laboratory",
         "prefix: any",
     ]

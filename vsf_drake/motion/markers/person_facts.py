@@ -1,4 +1,5 @@
-"""What a laboratory states about a person beside the markers, and what follows where it does not."""
+"""What a laboratory states about a person beside the markers, and what follows where it does
+not."""
 
 from __future__ import annotations
 
@@ -7,32 +8,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.schema import check, choice, option, quantity
+from vsf_drake.base.sentences import say
+from vsf_drake.model.parameters import GRAVITY, SIDES
 from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.parameters import GRAVITY, SIDES
-from vsf_drake.schema import check, choice, quantity
-from vsf_drake.sentences import say
 
 SEXES = ("male", "female")
 WIDTHS_MM = {"knee": {"male": 100.0, "female": 90.0}, "ankle": {"male": 73.0, "female": 65.0}}
-"""Breadth over the epicondyles and over the malleoli of adults where none is stated: a choice, unverified."""
+"""Breadth over the epicondyles and over the malleoli of adults where none is stated: a choice,
+unverified."""
 LEG_TO_STATURE = {
     "male": (422.2 + 434.0 * 44.59 / 43.95) / 1741.0,
     "female": (368.5 + 432.3 * 44.16 / 43.52) / 1735.0,
 }
 """Hip to ankle centre / stature: means of de Leva (1996, doi 10.1016/0021-9290(95)00178-6)."""
-LEAST_MASS_KG, MOST_MASS_KG = 20.0, 250.0
-LEAST_STATURE_M, MOST_STATURE_M = 0.8, 2.5
-FILES_APART = 0.02  # a file that states another mass or stature than was taken, by this share, is worth a note
-STEADY_FORCE = 0.05  # most relative standard deviation of the vertical force on somebody who stands still (a choice)
+LEAST_MASS_KG = 20.0
+MOST_MASS_KG = 250.0
+LEAST_STATURE_M = 0.8
+MOST_STATURE_M = 2.5
+# a file that states another mass or stature than was taken, by this share, is worth a note
+FILES_APART = 0.02
+# most relative standard deviation of the vertical force on somebody who stands still (a choice)
+STEADY_FORCE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class PersonFacts:
     """A person as stated; sex and prosthetic side are required, for no recording tells them.
 
-    Widths are used where a joint has no medial marker. Leg length, ASIS to medial malleolus over the knee, is for hip
-    regressions.
+    Widths are used where a joint has no medial marker. Leg length, ASIS to medial malleolus over
+    the knee, is for hip regressions.
     """
 
     mass_kg: float | None = quantity(  # of the body with the prosthesis
@@ -41,21 +47,26 @@ class PersonFacts:
         low=LEAST_MASS_KG,
         high=MOST_MASS_KG,
         source="measured, prosthesis included; from the file, else from the forces if None",
+        help="Body mass, prosthesis included. Default: from the forces.",
     )
     stature_m: float | None = quantity(  # standing height
         None,
         unit="m",
         low=LEAST_STATURE_M,
         high=MOST_STATURE_M,
-        source="measured; from the file, else from a marker on top of the head, else from the leg's length if None",
+        source=(
+            "measured; from the file, else from a marker on top of the head, else from the leg's "
+            "length if None"
+        ),
+        help="Stature. Default: from the leg's length.",
     )
-    sex: str | None = choice(
-        None, options=SEXES, source="stated"
-    )  # selects the table of segment masses and lengths
+    sex: str | None = choice(None, options=SEXES, source="stated", help="male or female.")
+    """selects the table of segment masses and lengths"""
     prosthetic_side: str | None = choice(
-        None, options=SIDES, source="stated"
-    )  # side of the prosthesis
-    name: str = "subject"  # of the person, for results
+        None, options=SIDES, source="stated", help="right or left."
+    )
+    """side of the prosthesis"""
+    name: str = option("subject", "Name of the person in reports.")  # of the person, for results
     knee_width_mm: float | None = quantity(
         None, unit="mm", low=50.0, high=200.0, source="measured: epicondyles"
     )
@@ -74,7 +85,8 @@ class PersonFacts:
 
 
 def check_facts(person: PersonFacts) -> tuple[str, str]:
-    """Sex and prosthetic side; refused if one is missing or not known, or a stated number is out of range."""
+    """Sex and prosthetic side; refused if one is missing or not known, or a stated number is out of
+    range."""
     try:
         for key, known in (("sex", SEXES), ("prosthetic_side", SIDES)):
             value = getattr(person, key)
@@ -93,7 +105,8 @@ def check_facts(person: PersonFacts) -> tuple[str, str]:
 
 
 def with_files(person: PersonFacts, *recordings: Recording | None) -> tuple[PersonFacts, list[str]]:
-    """The person with mass and stature as the files state them, the first that does, where nobody else states them."""
+    """The person with mass and stature as the files state them, the first that does, where nobody
+    else states them."""
     notes = []
     for key, words, unit in (("mass_kg", "body mass", "kg"), ("stature_m", "stature", "m")):
         by_file = {
@@ -138,15 +151,19 @@ def joint_width_m(person: PersonFacts, joint: str) -> tuple[float, str]:
 def body_mass(
     person: PersonFacts, standing: Recording, start_s: float, end_s: float, still: bool
 ) -> tuple[float, list[str]]:
-    """Body mass (kg) as stated, else from the plates while the person stands still; and a note unless it is stated."""
+    """Body mass (kg) as stated, else from the plates while the person stands still; and a note
+    unless it is stated."""
     if person.mass_kg is not None:
         return person.mass_kg, []
-    time, mean, spread = standing.force_time_s, 0.0, 0.0
+    time = standing.force_time_s
+    mean = 0.0
+    spread = 0.0
     during = (time >= start_s) & (time <= end_s)
     if standing.plates:
         vertical = np.sum([plate.force_n[during, 2] for plate in standing.plates], axis=0)
         if np.isfinite(vertical).any():
-            mean, spread = float(np.nanmean(vertical)), float(np.nanstd(vertical))
+            mean = float(np.nanmean(vertical))
+            spread = float(np.nanstd(vertical))
     what = next(
         (
             what
@@ -158,11 +175,17 @@ def body_mass(
                 (not still, "the body mass is not stated, and nobody stands still on the plates"),
                 (
                     not LEAST_MASS_KG <= mean / GRAVITY <= MOST_MASS_KG,
-                    f"the plates carry {mean:.0f} N while the person stands, which is nobody's weight",
+                    (
+                        f"the plates carry {mean:.0f} N while the person stands, which is nobody's "
+                        "weight"
+                    ),
                 ),
                 (
                     spread > STEADY_FORCE * mean,
-                    "the vertical force is not steady while the person stands: the body mass cannot be told",
+                    (
+                        "the vertical force is not steady while the person stands: the body mass "
+                        "cannot be told"
+                    ),
                 ),
             )
             if wrong
@@ -182,7 +205,8 @@ def body_mass(
 def stature(
     person: PersonFacts, leg_length_m: float, head_height_m: float | None
 ) -> tuple[float, list[str]]:
-    """Stature (m) as stated, else the height of the marker on the head, else from hip to ankle; and a note."""
+    """Stature (m) as stated, else the height of the marker on the head, else from hip to ankle; and
+    a note."""
     if person.stature_m is not None:
         return person.stature_m, []
     head = head_height_m is not None and bool(np.isfinite(head_height_m))

@@ -1,4 +1,5 @@
-"""The stretch of a recording from which a person is calibrated, its prosthesis under load, and which way one faces."""
+"""The stretch of a recording from which a person is calibrated, its prosthesis under load, and
+which way one faces."""
 
 from __future__ import annotations
 
@@ -9,29 +10,32 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.sentences import say
 from vsf_drake.laws.beam import section_inertia
+from vsf_drake.model.parameters import GRAVITY, FootParameters, ModelParameters
 from vsf_drake.motion.formats.read import axis_name
 from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.markers.maps import FoundMarkers, MarkerMap
-from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
-from vsf_drake.sentences import say
 
-QUIET_S = 1.0  # length of the stretch that is averaged (a choice: longer than a period of postural sway's fast part)
+# length of the stretch that is averaged (a choice: longer than a period of postural sway's fast
+# part)
+QUIET_S = 1.0
 NOT_NEEDED = ("trochanter", "head_top")  # roles that the anatomical frames do without
 SEEN_PART = 0.2  # a marker counts if it is seen in this part of the stretch at least (a choice)
-STILL_M = 0.010  # most RMS distance of a marker from its mean there: quiet standing sways by millimetres (a choice)
-STEPPING_M = 0.20  # a recording in which both heels travel farther than this against the pelvis is a walk (a choice)
-LOW_M = 0.04  # heel and forefoot marker of a flat foot stand at most so far above their lowest (a choice)
-SLOW_M_PER_S, LAG_S = (
-    0.10,
-    0.02,
-)  # and rise or sink more slowly than this, over twice the lag (a choice)
+# most RMS distance of a marker from its mean there: quiet standing sways by millimetres (a choice)
+STILL_M = 0.010
+# a recording in which both heels travel farther than this against the pelvis is a walk (a choice)
+STEPPING_M = 0.20
+# heel and forefoot marker of a flat foot stand at most so far above their lowest (a choice)
+LOW_M = 0.04
+# and rise or sink more slowly than this, over twice the lag (a choice)
+SLOW_M_PER_S = 0.10
+LAG_S = 0.02
 FLAT_M = 0.005  # of those frames, such near the median heights are the flat ones (a choice)
-HIGHEST_FOOT_MARKER_M, LOWEST_FOOT_MARKER_M = (
-    0.15,
-    -0.02,
-)  # of a foot on the floor, thick shoes too (a choice)
+# of a foot on the floor, thick shoes too (a choice)
+HIGHEST_FOOT_MARKER_M = 0.15
+LOWEST_FOOT_MARKER_M = -0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +43,8 @@ class Posture:
     """Where markers are, from which anatomical frames are made."""
 
     labelled: FoundMarkers  # what the labels are
-    points: dict[
-        str, np.ndarray
-    ]  # (n, 3) m by label; n = 1, the mean, if `still`, else all of a walk, NaN if unseen
+    points: dict[str, np.ndarray]
+    """(n, 3) m by label; n = 1, the mean, if `still`, else all of a walk, NaN if unseen"""
     still: bool  # whether the person stood
     foot_flat: dict[str, np.ndarray]  # (n,) bool by side
     start_s: float  # the stretch
@@ -69,7 +72,8 @@ class Posture:
 
 
 def forefoot_labels(labelled: FoundMarkers, side: str) -> tuple[str, ...]:
-    """The markers whose mean the foot points to: second metatarsal head, else first and fifth, else toe tip."""
+    """The markers whose mean the foot points to: second metatarsal head, else first and fifth, else
+    toe tip."""
     choices = (("toe",), ("met1", "met5"), ("toe_tip",))
     roles = next(
         roles for roles in choices if all(f"{role}_{side}" in labelled.roles for role in roles)
@@ -78,7 +82,9 @@ def forefoot_labels(labelled: FoundMarkers, side: str) -> tuple[str, ...]:
 
 
 def find_posture(recording: Recording, labelled: FoundMarkers) -> Posture:
-    """The quietest `QUIET_S` of the recording, averaged; or the whole of it if it is a walk; feet on the floor z = 0."""
+    """The quietest `QUIET_S` of the recording, averaged; or the whole of it if it is a walk; feet
+    on the floor z = 0.
+    """
     labels = list(
         dict.fromkeys(
             (*labelled.roles.values(), *(m for s in labelled.segments.values() for m in s))
@@ -118,10 +124,14 @@ def find_posture(recording: Recording, labelled: FoundMarkers) -> Posture:
         )
     else:
         raise InputError(
-            f"nobody stands still: in the quietest {width / rate:.1f} s it moves {1e3 * moved[worst]:.0f} mm RMS",
+            f"nobody stands still: in the quietest {width / rate:.1f} s it moves "
+            f"{1e3 * moved[worst]:.0f} mm RMS",
             file=recording.path,
             where=f"marker {labels[worst]}, from {time[start]:.2f} s",
-            right=f"A standing trial needs {QUIET_S:g} s in which no marker moves more than {1e3 * STILL_M:.0f} mm RMS",
+            right=(
+                f"A standing trial needs {QUIET_S:g} s in which no marker moves more than "
+                f"{1e3 * STILL_M:.0f} mm RMS"
+            ),
         )
     for side in SIDES:
         for label in (labelled.roles[f"heel_{side}"], *forefoot_labels(labelled, side)):
@@ -141,9 +151,8 @@ def _quietest(
     x: np.ndarray, width: int, needed: np.ndarray, labels: list[str], recording: Recording
 ) -> tuple[int, np.ndarray]:
     seen = np.isfinite(x).all(axis=2)
-    from_mean = np.where(
-        seen[..., None], x - np.nan_to_num(_mean(x)[0]), 0.0
-    )  # small numbers: squares are subtracted
+    # small numbers: squares are subtracted
+    from_mean = np.where(seen[..., None], x - np.nan_to_num(_mean(x)[0]), 0.0)
 
     def window_sum(values: np.ndarray) -> np.ndarray:
         total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
@@ -174,7 +183,8 @@ def _quietest(
 
 
 def _mean(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean position of each marker over the frames (NaN if never seen) and the part of frames in which it is seen."""
+    """Mean position of each marker over the frames (NaN if never seen) and the part of frames in
+    which it is seen."""
     seen = np.isfinite(x).all(axis=2)
     count = seen.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -233,24 +243,28 @@ def _foot_flat(
     return flat
 
 
-# How much a prosthesis gives under the person who stands on it while it is measured: markers show it as long as it is
-# under load, the model's length is the unloaded one. Statics for small deflections, the sole held flat: contact spheres
-# against the rigid heel block and against a keel of sprung joints, pinned at its end A and carried by the fulcrum; the
-# socket in series, along the limb.
+# How much a prosthesis gives under the person who stands on it while it is measured: markers show
+# it as long as it is under load, the model's length is the unloaded one. Statics for small
+# deflections, the sole held flat: contact spheres against the rigid heel block and against a keel
+# of sprung joints, pinned at its end A and carried by the fulcrum; the socket in series, along the
+# limb.
 
 
-STANDING_SHARE = 0.5  # share of the weight on the prosthesis in standing, where it was not measured (a choice: even)
-WALKING_SHARE = (
-    0.85  # in mid-stance at 1.1 m/s: Schwartz et al. (2008, doi 10.1016/j.jbiomech.2008.03.015)
-)
-MID_FULCRUM_M = 0.108  # where the fulcrum is taken to have stood, if nobody says: mid-range of 66 to 151 mm (a choice)
+# share of the weight on the prosthesis in standing, where it was not measured (a choice: even)
+STANDING_SHARE = 0.5
+# in mid-stance at 1.1 m/s: Schwartz et al. (2008, doi 10.1016/j.jbiomech.2008.03.015)
+WALKING_SHARE = 0.85
+# where the fulcrum is taken to have stood, if nobody says: mid-range of 66 to 151 mm (a choice)
+MID_FULCRUM_M = 0.108
 LEAST_LOAD_N, NEAR_M, SAME_WEIGHT = 50.0, 0.2, 0.1
-"""A plate carries a foot if it bears so much, its centre of pressure is so near to that ankle and twice as far from the
-other; the feet carry the person if their loads make up the weight to this part (choices)."""
+"""A plate carries a foot if it bears so much, its centre of pressure is so near to that ankle and
+twice as far from the other; the feet carry the person if their loads make up the weight to this
+part (choices)."""
 
 
 def settling(load_n: float, model: ModelParameters, *, fulcrum_m: float = MID_FULCRUM_M) -> float:
-    """Metres by which the sole comes nearer to the residual limb under `load_n` (N) along the pylon."""
+    """Metres by which the sole comes nearer to the residual limb under `load_n` (N) along the
+    pylon."""
     if load_n <= 0.0:
         return 0.0
     depth = brentq(lambda d: _flat_sole_force(d, model.foot, fulcrum_m) - load_n, 0.0, 0.1)
@@ -276,14 +290,15 @@ def _flat_sole_force(depth: float, foot: FootParameters, fulcrum_m: float) -> fl
         foot.keel.width_m, foot.keel.thickness_m
     )
 
-    # Joints turn by theta and raise the keel at x by sum_j theta_j (x - x_j), j behind x; behind the fulcrum's reach is
-    # the rigid heel block.
+    # Joints turn by theta and raise the keel at x by sum_j theta_j (x - x_j), j behind x; behind
+    # the fulcrum's reach is the rigid heel block.
     springs: np.ndarray = np.diag(np.concatenate(([0.0], bending / lengths)))
     at_fulcrum = np.maximum(0.0, fulcrum_m - joints)
     springs += foot.fulcrum.stiffness_n_per_m * np.outer(at_fulcrum, at_fulcrum)
     lever = np.maximum(0.0, x[:, None] - joints) * (x >= foot.fulcrum.rearmost_m)[:, None]
 
-    # Newton's method on springs theta = lever^T force, force_i = k_i (depth - rise_i - (lever theta)_i)^n_i.
+    # Newton's method on springs theta = lever^T force, force_i = k_i (depth - rise_i - (lever
+    # theta)_i)^n_i.
     theta = np.zeros(len(joints))
     for _ in range(50):
         pressed = np.maximum(0.0, depth - rise - lever @ theta)
@@ -305,7 +320,8 @@ def measured_under(
     prosthetic_side: str,
     mass_kg: float,
 ) -> tuple[float, str]:
-    """N on the prosthesis while its length was measured, and where that is from: plates if each foot stands on its own.
+    """N on the prosthesis while its length was measured, and where that is from: plates if each
+    foot stands on its own.
 
     `ankles_W` is where the feet stand, (3,) m by side.
     """
@@ -316,7 +332,8 @@ def measured_under(
     time = standing.force_time_s
     during = (time >= posture.start_s) & (time <= posture.end_s)
     for plate in standing.plates:
-        vertical, cop = plate.force_n[during, 2], plate.cop_m[during, :2]
+        vertical = plate.force_n[during, 2]
+        cop = plate.cop_m[during, :2]
         if not len(vertical) or not np.isfinite(cop).all() or np.mean(vertical) < LEAST_LOAD_N:
             continue
         away = {
@@ -332,32 +349,39 @@ def measured_under(
     return STANDING_SHARE * weight, say("markers", "load", still=True, share=None)[0]
 
 
-# Which way a person faces: recordings whose x is not ahead of them, and those whose axes form a left hand.
+# Which way a person faces: recordings whose x is not ahead of them, and those whose axes form a
+# left hand.
 #
-# A file whose axes were renamed without a sign (x, z, y for x, y, z) shows a person's mirror image: every left marker
-# lies to the right of its right one. So it does where every left label is exchanged with its right one. Force plates
-# tell the two apart, where a file has their corners: by the C3D rule their third axis points into the floor.
+# A file whose axes were renamed without a sign (x, z, y for x, y, z) shows a person's mirror image:
+# every left marker lies to the right of its right one. So it does where every left label is
+# exchanged with its right one. Force plates tell the two apart, where a file has their corners: by
+# the C3D rule their third axis points into the floor.
 
 
-FEWEST_PAIRS = 4  # of markers that must all lie exchanged before axes are doubted rather than labels (a choice)
-ASIDE_RAD = np.radians(
-    60.0
-)  # a pelvis that faces farther from x shows that x is not forward (a choice)
-SAME_WAY = 0.5  # length of the mean of the unit vectors that a person faces, below which they turn round (a choice)
+# of markers that must all lie exchanged before axes are doubted rather than labels (a choice)
+FEWEST_PAIRS = 4
+# a pelvis that faces farther from x shows that x is not forward (a choice)
+ASIDE_RAD = np.radians(60.0)
+# length of the mean of the unit vectors that a person faces, below which they turn round (a choice)
+SAME_WAY = 0.5
 NOTE = (
-    "Every left marker lies to the right of its right one: the file's axes were taken for a left hand's and the "
-    "recording mirrored sideways. If instead the labels left and right are exchanged, the sides are wrong."
+    "Every left marker lies to the right of its right one: the file's axes were taken for a left "
+    "hand's and the recording mirrored sideways. If instead the labels left and right are "
+    "exchanged, the sides are wrong."
 )
 
 
 def prepared(recording: Recording, marker_map: MarkerMap) -> Recording:
-    """`recording` with its labels in the map's spelling, in a right-handed frame whose x is ahead of the person.
+    """`recording` with its labels in the map's spelling, in a right-handed frame whose x is ahead
+    of the person.
 
-    Turned by quarter turns about the vertical, with a note, if the pelvis faces another axis than x.
+    Turned by quarter turns about the vertical, with a note, if the pelvis faces another axis than
+    x.
     """
     recording = right_handed(marker_map.rename(recording), marker_map)
     points = _points(recording, marker_map)
-    front, back = points.get("asis"), points.get("psis", points.get("sacrum"))
+    front = points.get("asis")
+    back = points.get("psis", points.get("sacrum"))
     if front is None or back is None:
         return recording
     directions = facing(front, back)
@@ -375,19 +399,20 @@ def prepared(recording: Recording, marker_map: MarkerMap) -> Recording:
 
 
 def right_handed(recording: Recording, marker_map: MarkerMap) -> Recording:
-    """`recording`, mirrored sideways (y) with a note if every left marker is to the right of its right one.
+    """`recording`, mirrored sideways (y) with a note if every left marker is to the right of its
+    right one.
 
-    Free moments keep their sign: where axes are merely renamed, the vertical moment is carried over as it was.
+    Free moments keep their sign: where axes are merely renamed, the vertical moment is carried over
+    as it was.
     """
     if not _is_mirrored(recording, marker_map):
         return recording
     corners = [plate.corners_m for plate in recording.plates if plate.corners_m is not None]
-    if corners and all(
-        np.cross(c[0] - c[1], c[0] - c[3])[2] < 0.0 for c in corners
-    ):  # clockwise from above
+    # clockwise from above
+    if corners and all(np.cross(c[0] - c[1], c[0] - c[3])[2] < 0.0 for c in corners):
         raise InputError(
-            "every left marker lies to the right of its right one, though its force plates lie in a "
-            "right-handed frame: left and right labels are exchanged",
+            "every left marker lies to the right of its right one, though its force plates lie "
+            "in a right-handed frame: left and right labels are exchanged",
             file=recording.path,
             right="Correct the labels, or exchange right and left in a marker map of your own",
         )
@@ -414,7 +439,8 @@ def _turned(recording: Recording, R: np.ndarray, note: str) -> Recording:
 
 
 def _is_mirrored(recording: Recording, marker_map: MarkerMap) -> bool:
-    """Whether every pair of left and right markers lies exchanged while pelvis and feet agree on what is forward."""
+    """Whether every pair of left and right markers lies exchanged while pelvis and feet agree on
+    what is forward."""
     points = _points(recording, marker_map)
     roles = [role.removesuffix("_right") for role in points if role.endswith("_right")]
     pairs = {
@@ -422,7 +448,8 @@ def _is_mirrored(recording: Recording, marker_map: MarkerMap) -> bool:
         for role in roles
         if f"{role}_left" in points
     }
-    front, back = points.get("asis"), points.get("psis", points.get("sacrum"))
+    front = points.get("asis")
+    back = points.get("psis", points.get("sacrum"))
     fore = next((role for role in ("toe", "toe_tip", "met1", "met5") if role in pairs), None)
     if (
         len(pairs) < FEWEST_PAIRS

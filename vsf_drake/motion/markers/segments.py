@@ -1,9 +1,11 @@
-"""Segments of the body and their markers: what calibration and tracking hand on, and the poses of segments.
+"""Segments of the body and their markers: what calibration and tracking hand on, and the poses of
+segments.
 
-Segment frames are the model's body frames, parallel to W (x forward, y left, z up) in the anatomical zero pose:
-pelvis at the midpoint of the anterior superior iliac spines, thigh at the hip centre, shank at the knee centre, foot at
-the ankle centre. Segments are called pelvis, thigh_right, shank_right, foot_right, thigh_left, shank_left, foot_left;
-joints hip_right, knee_right, ankle_right and so on.
+Segment frames are the model's body frames, parallel to W (x forward, y left, z up) in the
+anatomical zero pose: pelvis at the midpoint of the anterior superior iliac spines, thigh at the hip
+centre, shank at the knee centre, foot at the ankle centre. Segments are called pelvis, thigh_right,
+shank_right, foot_right, thigh_left, shank_left, foot_left; joints hip_right, knee_right,
+ankle_right and so on.
 """
 
 from __future__ import annotations
@@ -13,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.model.parameters import Subject
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import Subject
 
 PARENTS = {
     "pelvis": None,
@@ -35,12 +37,15 @@ class SegmentMarkers:
 
     labels: tuple[str, ...]  # (k,) as in the recordings
     p_BM: np.ndarray  # (k, 3) m
-    p_PB: np.ndarray  # (3,) m, the segment's origin (its proximal joint centre) in the parent's frame; pelvis: zero
+    p_PB: np.ndarray
+    """(3,) m, the segment's origin (its proximal joint centre) in the parent's frame; pelvis:
+    zero"""
 
 
 @dataclass(frozen=True, eq=False)
 class FootPoints:
-    """Heel (rearmost) and toe (tip) of a foot's sole in its segment's frame (m): -z is the ankle's height when flat."""
+    """Heel (rearmost) and toe (tip) of a foot's sole in its segment's frame (m): -z is the ankle's
+    height when flat."""
 
     p_FHeel: np.ndarray
     p_FToe: np.ndarray
@@ -53,9 +58,8 @@ class Calibration:
     subject: Subject  # mass, stature and every measured length
     segments: dict[str, SegmentMarkers]  # all seven of `SEGMENTS`
     feet: dict[str, FootPoints]  # by side ("right", "left")
-    angles_rad: dict[
-        str, float
-    ]  # the coordinates at standing, nothing zeroed; the pelvis's translations in m
+    angles_rad: dict[str, float]
+    """the coordinates at standing, nothing zeroed; the pelvis's translations in m"""
     lengths_m: dict[str, float]  # for the report: thigh_right, ankle_height_left, hip_width, ...
     method: tuple[str, ...] = ()  # sentences on how each joint centre and axis was found
     notes: tuple[str, ...] = ()  # sentences on what was assumed or looks doubtful
@@ -63,7 +67,8 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class FootTrack:
-    """The points of `FootPoints` and the ankle centre, from a foot's markers, (frames, 3) m in W."""
+    """The points of `FootPoints` and the ankle centre, from a foot's markers, (frames, 3) m in
+    W."""
 
     heel_W: np.ndarray
     toe_W: np.ndarray
@@ -85,20 +90,16 @@ class TrackedMotion:
     """Joint coordinates of a walk, from its markers."""
 
     time_s: np.ndarray  # (frames,) evenly spaced
-    names: tuple[
-        str, ...
-    ]  # pelvis and both legs, *both* ankles included, as in OpenSim (`ankle_angle_r`, ...)
+    names: tuple[str, ...]
+    """pelvis and both legs, *both* ankles included, as in OpenSim (`ankle_angle_r`, ...)"""
     values: np.ndarray  # (frames, m) m and rad, filtered once
     feet: dict[str, FootTrack]  # by side
-    residual_rms_m: dict[
-        str, float
-    ]  # by label, RMS distance of a marker from where its segment's pose puts it
-    cluster_motion_m: dict[
-        str, float
-    ]  # by segment, RMS over time of the markers' departure from a rigid body
-    joint_gap_m: dict[
-        str, float
-    ]  # by joint, RMS distance between the two segments' ideas of the joint's centre
+    residual_rms_m: dict[str, float]
+    """by label, RMS distance of a marker from where its segment's pose puts it"""
+    cluster_motion_m: dict[str, float]
+    """by segment, RMS over time of the markers' departure from a rigid body"""
+    joint_gap_m: dict[str, float]
+    """by joint, RMS distance between the two segments' ideas of the joint's centre"""
     gaps: tuple[Gap, ...] = ()
     notes: tuple[str, ...] = ()  # sentences on what was assumed, filled or looks doubtful
 
@@ -110,17 +111,19 @@ class TrackedMotion:
         )
 
 
-# Rigid pose of a cluster of markers in every frame, by least squares, and which markers determine a segment.
+# Rigid pose of a cluster of markers in every frame, by least squares, and which markers determine a
+# segment.
 #
-# The pose (R, p) minimises sum_k |R m_k + p - x_k|^2 over the markers k seen in the frame, m_k in the segment's frame B
-# and x_k in W, reflections excluded (Soederkvist & Wedin 1993, doi 10.1016/0021-9290(93)90098-Y).
+# The pose (R, p) minimises sum_k |R m_k + p - x_k|^2 over the markers k seen in the frame, m_k in
+# the segment's frame B and x_k in W, reflections excluded (Soederkvist & Wedin 1993, doi
+# 10.1016/0021-9290(93)90098-Y).
 
 
 FEWEST_MARKERS = 3
-LEAST_WIDTH_M = 1e-3  # markers nearer (RMS) to the straight line through them leave the turn about it to their noise
-NARROW_M = (
-    0.015  # a narrower cluster cannot stand alone: 3 mm of skin motion would turn it by 7 degrees
-)
+# markers nearer (RMS) to the straight line through them leave the turn about it to their noise
+LEAST_WIDTH_M = 1e-3
+# a narrower cluster cannot stand alone: 3 mm of skin motion would turn it by 7 degrees
+NARROW_M = 0.015
 NARROWEST_M = 0.005  # nor with the joint centre: those 3 mm turn it by 20 degrees
 
 
@@ -130,9 +133,8 @@ class RigidPoses:
 
     R_WB: np.ndarray  # (n, 3, 3)
     p_WB: np.ndarray  # (n, 3) m
-    residual_m: (
-        np.ndarray
-    )  # (n, k) m, distance of each marker from where the pose puts it; NaN where it was not seen
+    residual_m: np.ndarray
+    """(n, k) m, distance of each marker from where the pose puts it; NaN where it was not seen"""
     known: np.ndarray  # (n,) bool, False where the pose is NaN
 
     def points(self, p_BQ: np.ndarray) -> np.ndarray:
@@ -141,18 +143,24 @@ class RigidPoses:
 
 
 def rigid_poses(p_BM: np.ndarray, p_WM: np.ndarray) -> RigidPoses:
-    """The pose of the segment in each of n frames, from markers `p_BM` (k, 3) m as seen in `p_WM` (n, k, 3) m.
+    """The pose of the segment in each of n frames, from markers `p_BM` (k, 3) m as seen in `p_WM`
+    (n, k, 3) m.
 
-    NaN, and `known` False, where fewer than three of them are seen (not NaN), or these lie on one line.
+    NaN, and `known` False, where fewer than three of them are seen (not NaN), or these lie on one
+    line.
     """
     seen = np.isfinite(p_WM).all(axis=2)
-    w, x = seen.astype(float), np.where(seen[:, :, None], p_WM, 0.0)
+    w = seen.astype(float)
+    x = np.where(seen[:, :, None], p_WM, 0.0)
     total = np.maximum(w.sum(axis=1), np.finfo(float).tiny)[:, None]
-    mean_B, mean_W = w @ p_BM / total, np.einsum("nk,nki->ni", w, x) / total
-    from_mean_B, from_mean_W = p_BM - mean_B[:, None, :], x - mean_W[:, None, :]
+    mean_B = w @ p_BM / total
+    mean_W = np.einsum("nk,nki->ni", w, x) / total
+    from_mean_B = p_BM - mean_B[:, None, :]
+    from_mean_W = x - mean_W[:, None, :]
     known = (seen.sum(axis=1) >= FEWEST_MARKERS) & (_width(from_mean_B, w) > LEAST_WIDTH_M)
 
-    # G = sum_k w_k (x_k - mean x) (m_k - mean m)^T = U S V^T; R = U diag(1, 1, det(U V^T)) V^T, p = mean x - R mean m.
+    # G = sum_k w_k (x_k - mean x) (m_k - mean m)^T = U S V^T; R = U diag(1, 1, det(U V^T)) V^T, p =
+    # mean x - R mean m.
     U, _, Vt = np.linalg.svd(np.einsum("nk,nki,nkj->nij", w, from_mean_W, from_mean_B))
     U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
     R_WB = U @ Vt
@@ -166,9 +174,11 @@ def rigid_poses(p_BM: np.ndarray, p_WM: np.ndarray) -> RigidPoses:
 
 
 def mean_shape(shape: np.ndarray, p_WM: np.ndarray) -> np.ndarray:
-    """(k, 3) m: the rigid body that fits the frames (n, k, 3) best, in the frame of `shape` (k, 3) m.
+    """(k, 3) m: the rigid body that fits the frames (n, k, 3) best, in the frame of `shape` (k, 3)
+    m.
 
-    By turns its pose and its shape (generalised Procrustes analysis, Gower 1975, doi 10.1007/BF02291478), twice.
+    By turns its pose and its shape (generalised Procrustes analysis, Gower 1975, doi
+    10.1007/BF02291478), twice.
     """
     for _ in range(2):
         poses = rigid_poses(shape, p_WM)
@@ -179,14 +189,16 @@ def mean_shape(shape: np.ndarray, p_WM: np.ndarray) -> np.ndarray:
 
 
 def cluster_width(p_BM: np.ndarray) -> float:
-    """RMS distance (m) of the markers (k, 3) from the straight line that fits them best; zero for two or fewer."""
+    """RMS distance (m) of the markers (k, 3) from the straight line that fits them best; zero for
+    two or fewer."""
     if len(p_BM) < FEWEST_MARKERS:
         return 0.0
     return float(_width((p_BM - p_BM.mean(axis=0))[None], np.ones((1, len(p_BM))))[0])
 
 
 def _width(from_mean: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """(n,) m: RMS distance of markers (n, k, 3) about their mean from the line through those seen (1, else 0)."""
+    """(n,) m: RMS distance of markers (n, k, 3) about their mean from the line through those seen
+    (1, else 0)."""
     dispersion = np.einsum("nk,nki,nkj->nij", seen, from_mean, from_mean)
     # The largest eigenvalue lies along the line; the two others are what is left across it.
     values = np.linalg.eigvalsh(dispersion / np.maximum(seen.sum(axis=1), 1)[:, None, None])
@@ -194,12 +206,14 @@ def _width(from_mean: np.ndarray, seen: np.ndarray) -> np.ndarray:
 
 
 def needs_joint_centre(p_BM: np.ndarray) -> bool:
-    """Whether markers (k, 3) m are too few, or too near to one line, to give their segment's pose alone."""
+    """Whether markers (k, 3) m are too few, or too near to one line, to give their segment's pose
+    alone."""
     return len(p_BM) < FEWEST_MARKERS or cluster_width(p_BM) < NARROW_M
 
 
 def determines(segment: str, p_BM: np.ndarray) -> bool:
-    """Whether markers (k, 3) m, with the joint centre where needed, determine the pose of `segment`."""
+    """Whether markers (k, 3) m, with the joint centre where needed, determine the pose of
+    `segment`."""
     if not needs_joint_centre(p_BM):
         return True
     if PARENTS[segment] is None:
@@ -226,7 +240,8 @@ def segment_pose(
 ) -> RigidPoses:
     """Poses of a segment from its markers by label, (n, 3) m, given its parent's.
 
-    Where `needs_joint_centre`, the proximal joint centre, as the parent's pose has it, is one more and last marker.
+    Where `needs_joint_centre`, the proximal joint centre, as the parent's pose has it, is one more
+    and last marker.
     """
     p_WM = np.stack([markers[label] for label in segment.labels], axis=1)
     parent = PARENTS[name]
@@ -249,7 +264,8 @@ def segment_poses(
 
 
 def from_line(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) m from points to the straight pieces from `a` to `b`, all (n, k) m, and where along these (0 a, 1 b)."""
+    """(n,) m from points to the straight pieces from `a` to `b`, all (n, k) m, and where along
+    these (0 a, 1 b)."""
     line = b - a
     along = np.sum((point - a) * line, axis=1) / np.maximum(np.sum(line**2, axis=1), 1e-12)
     return np.linalg.norm(point - a - np.clip(along, 0.0, 1.0)[:, None] * line, axis=1), along

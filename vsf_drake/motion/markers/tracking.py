@@ -1,8 +1,9 @@
 """Joint coordinates of a walk from its markers and a calibration.
 
-Markers are filled and checked (below), filtered once without phase lag, and give the pose of each segment by
-itself, by least squares; joint angles are what turns one segment into the next. Nothing is zeroed. Segments may come
-apart at the joints, by what skin motion and wrong joint centres make: `TrackedMotion.joint_gap_m` says it.
+Markers are filled and checked (below), filtered once without phase lag, and give the pose of each
+segment by itself, by least squares; joint angles are what turns one segment into the next. Nothing
+is zeroed. Segments may come apart at the joints, by what skin motion and wrong joint centres make:
+`TrackedMotion.joint_gap_m` says it.
 """
 
 from __future__ import annotations
@@ -15,10 +16,12 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.sentences import say
 from vsf_drake.motion.events import runs, words
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.formats.units import listed
+from vsf_drake.motion.import_options import TrialOptions
 from vsf_drake.motion.markers import segments as rigid
 from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, gimbal_notes, segment_joint
 from vsf_drake.motion.markers.segments import (
@@ -30,12 +33,11 @@ from vsf_drake.motion.markers.segments import (
     SegmentMarkers,
 )
 from vsf_drake.motion.trajectory import low_pass
-from vsf_drake.sentences import say
 
 # Fills what the cameras did not see, where that is honest, and refuses where it is not.
 
 
-LONGEST_GAP_S = 0.1
+LONGEST_GAP_S = TrialOptions.longest_gap_s
 SHORTEST_STRETCH_S = 0.5  # shorter than a step at any walking speed: nothing in it can be analysed
 FEWEST_FRAMES = 6  # what a quintic spline through the coordinates needs
 SPLINE_FRAMES = 4  # frames on either side of a gap that shape the spline across it
@@ -46,9 +48,8 @@ MOST_LISTED = 6
 class FilledMarkers:
     """The usable part of a recording without gaps."""
 
-    segments: dict[
-        str, SegmentMarkers
-    ]  # the calibration's, with those markers that the recording has
+    segments: dict[str, SegmentMarkers]
+    """the calibration's, with those markers that the recording has"""
     markers: dict[str, np.ndarray]  # (n, 3) m by label, without NaN
     seen: dict[str, np.ndarray]  # (n,) bool by label, False where filled
     start_frame: int  # first frame of the recording that is used; n frames from there are
@@ -85,14 +86,17 @@ def fill_gaps(
 
     A gap of any of them is closed by the first rule that applies:
 
-    1. Three or more other markers of its segment, not on a line, are seen throughout: the marker is put where their
-       rigid pose says, plus its offset from that pose before and after the gap (in the segment's frame), passed
-       linearly from one to the other. Such a gap may have any length; beyond `longest_gap_s` it is noted.
-    2. Two others are, and with the proximal joint centre, as the parent's markers have it, they determine the segment:
+    1. Three or more other markers of its segment, not on a line, are seen throughout: the marker is
+       put where their rigid pose says, plus its offset from that pose before and after the gap (in
+       the segment's frame), passed linearly from one to the other. Such a gap may have any length;
+       beyond `longest_gap_s` it is noted.
+    2. Two others are, and with the proximal joint centre, as the parent's markers have it, they
+       determine the segment:
        the same, with the joint centre for one more marker.
     3. The gap is no longer than `longest_gap_s`: a cubic spline through the frames around it.
-    4. It reaches an end of the recording: the recording is trimmed to where every needed marker is there, which is
-       noted. A stretch of less than `SHORTEST_STRETCH_S` between such a gap and the end is trimmed off with it.
+    4. It reaches an end of the recording: the recording is trimmed to where every needed marker is
+       there, which is noted. A stretch of less than `SHORTEST_STRETCH_S` between such a gap and the
+       end is trimmed off with it.
     5. Otherwise the recording is refused, with the marker and the interval named.
 
     A marker that is never seen is left out if its segment can do without it, else refused.
@@ -128,7 +132,8 @@ def fill_gaps(
     start, stop = _usable(work, notes)
     gaps = []
     for label, filled_from, filled_to, how in sorted(work.gaps, key=lambda gap: (gap[1], gap[0])):
-        first, last = max(filled_from, start), min(filled_to, stop)
+        first = max(filled_from, start)
+        last = min(filled_to, stop)
         if first < last:
             gaps.append(Gap(label, work.seconds(first), work.seconds(last - 1), how))
             if last - first > work.longest:
@@ -152,8 +157,10 @@ def fill_gaps(
 def _present(
     recording: Recording, segments: Mapping[str, SegmentMarkers]
 ) -> tuple[dict[str, SegmentMarkers], list[str]]:
-    """The segments with the markers that are seen at least once; refuses where those do not suffice."""
-    present, notes = {}, []
+    """The segments with the markers that are seen at least once; refuses where those do not
+    suffice."""
+    present = {}
+    notes = []
     for name, markers in segments.items():
         absent = [
             label
@@ -164,26 +171,35 @@ def _present(
         present[name] = rigid.subset(
             markers, [label for label in markers.labels if label not in absent]
         )
-        segment, one = name.replace("_", " "), len(absent) == 1
+        segment = name.replace("_", " ")
+        one = len(absent) == 1
         if not rigid.determines(name, present[name].p_BM):
             what = (
-                f"{', '.join(absent)} never appear{'s' * one}, and without {'it' if one else 'them'} too few "
-                "markers are left"
+                (
+                    f"{', '.join(absent)} never appear{'s' * one}, and without "
+                    f"{'it' if one else 'them'} too few markers are left"
+                )
                 if absent
                 else "too few markers are mapped, or they lie on one line"
             )
             raise InputError(
-                f"{what} to follow the {segment} (left: {', '.join(present[name].labels) or 'none'})",
+                f"{what} to follow the {segment} (left: "
+                f"{', '.join(present[name].labels) or 'none'})",
                 file=recording.path,
-                right="Three markers that do not lie on a line are needed, or two and the joint centre",
+                right=(
+                    "Three markers that do not lie on a line are needed, or two and the joint "
+                    "centre"
+                ),
             )
         notes += say("markers", "absent", labels=absent, segment=segment) if absent else []
     return present, notes
 
 
 def _joint_centre(work: _Work, segments: Mapping[str, SegmentMarkers], name: str) -> np.ndarray:
-    """(frames, 3) m of a segment's proximal joint centre, from its ancestors' markers; NaN if unknown or not needed."""
-    ancestors, parent = list[str](), PARENTS[name]
+    """(frames, 3) m of a segment's proximal joint centre, from its ancestors' markers; NaN if
+    unknown or not needed."""
+    ancestors = list[str]()
+    parent = PARENTS[name]
     while parent is not None:
         ancestors.insert(0, parent)
         parent = PARENTS[parent]
@@ -200,11 +216,14 @@ def _joint_centre(work: _Work, segments: Mapping[str, SegmentMarkers], name: str
 def _fill_from_cluster(
     work: _Work, markers: SegmentMarkers, centre: np.ndarray | None = None
 ) -> None:
-    """Rule 1, or 2 with the joint centre (frames, 3); what is filled here does not serve to fill another."""
-    p_BM, how = markers.p_BM, "rigid cluster"
+    """Rule 1, or 2 with the joint centre (frames, 3); what is filled here does not serve to fill
+    another."""
+    p_BM = markers.p_BM
+    how = "rigid cluster"
     p_WM = np.stack([work.markers[label] for label in markers.labels], axis=1)
     if centre is not None:
-        p_BM, how = np.vstack([p_BM, np.zeros(3)]), "rigid cluster and joint centre"
+        p_BM = np.vstack([p_BM, np.zeros(3)])
+        how = "rigid cluster and joint centre"
         p_WM = np.concatenate([p_WM, centre[:, None, :]], axis=1)
     for own, label in enumerate(markers.labels):
         path = work.markers[label]
@@ -218,9 +237,12 @@ def _fill_from_cluster(
 def _placed_by_cluster(
     p_BM: np.ndarray, p_WM: np.ndarray, own: int, start: int, stop: int
 ) -> tuple[int, np.ndarray]:
-    """The first frame of a gap [start, stop) that could be filled, and (n, 3) m from there on, of a cluster's point."""
-    frames, nothing = len(p_WM), np.empty((0, 3))
-    first, last = max(start - 1, 0), min(stop + 1, frames)
+    """The first frame of a gap [start, stop) that could be filled, and (n, 3) m from there on, of a
+    cluster's point."""
+    frames = len(p_WM)
+    nothing = np.empty((0, 3))
+    first = max(start - 1, 0)
+    last = min(stop + 1, frames)
     if (first, last) == (start, stop):
         return start, nothing
     inward = slice(first, last) if start > 0 else slice(last - 1, None, -1)
@@ -235,17 +257,20 @@ def _placed_by_cluster(
     elif stop == frames:
         last = stop = first + known_frames
 
-    # Its offset from the others' pose, in the segment's frame, is known at the gap's edges and passes linearly between.
+    # Its offset from the others' pose, in the segment's frame, is known at the gap's edges and
+    # passes linearly between.
     poses = rigid.rigid_poses(p_BM[others], p_WM[first:last, others])
     offset_B = np.einsum("nji,nj->ni", poses.R_WB, p_WM[first:last, own] - poses.p_WB) - p_BM[own]
-    known, every = np.flatnonzero(np.isfinite(offset_B[:, 0])), np.arange(last - first)
+    known = np.flatnonzero(np.isfinite(offset_B[:, 0]))
+    every = np.arange(last - first)
     blended = np.stack([np.interp(every, known, offset_B[known, i]) for i in range(3)], axis=1)
     placed = np.einsum("nij,nj->ni", poses.R_WB, p_BM[own] + blended) + poses.p_WB
     return start, placed[start - first : stop - first]
 
 
 def _enough(p_BM: np.ndarray, reach: np.ndarray, least: int) -> list[int]:
-    """The points seen longest that determine a pose, and all that are seen as long; none if none reach `least`."""
+    """The points seen longest that determine a pose, and all that are seen as long; none if none
+    reach `least`."""
     by_reach = sorted(range(len(p_BM)), key=lambda k: -int(reach[k]))
     for count, k in enumerate(by_reach, start=1):
         if reach[k] < least:
@@ -260,7 +285,8 @@ def _fill_by_spline(work: _Work, label: str) -> None:
     path = work.markers[label]
     for start, stop in runs(np.isnan(path[:, 0])):
         known = np.flatnonzero(np.isfinite(path[:, 0]))
-        left, right = known[known < start][-SPLINE_FRAMES:], known[known >= stop][:SPLINE_FRAMES]
+        left = known[known < start][-SPLINE_FRAMES:]
+        right = known[known >= stop][:SPLINE_FRAMES]
         if stop - start <= work.longest and left.size and right.size:
             around = np.concatenate((left, right))
             path[start:stop] = CubicSpline(around, path[around])(np.arange(start, stop))
@@ -269,7 +295,8 @@ def _fill_by_spline(work: _Work, label: str) -> None:
 
 def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
     """Rules 4 and 5: the frames [start, stop) that have every marker."""
-    file, frames = work.recording.path, work.recording.frames
+    file = work.recording.path
+    frames = work.recording.frames
     missing = {
         label: flags
         for label, path in work.markers.items()
@@ -304,8 +331,10 @@ def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
             f"{work.longest / work.rate_hz:g} s that may be filled, and its segment has no three "
             "others to stand in (nor two and the joint centre)",
             file=file,
-            right="Fill the gap in the capture software, leave the marker out of the map, or allow longer gaps "
-            "(--longest-gap-s)",
+            right=(
+                "Fill the gap in the capture software, leave the marker out of the map, or allow "
+                "longer gaps (--longest-gap-s)"
+            ),
         )
     lacking = f"{listed(list(missing), most=MOST_LISTED)} {'is' if len(missing) == 1 else 'are'}"
     if stop - start < FEWEST_FRAMES:
@@ -328,7 +357,7 @@ def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
 # Poses and coordinates of the filled markers.
 
 
-CUTOFF_HZ = 6.0
+CUTOFF_HZ = TrialOptions.cutoff_hz
 
 
 def track(
@@ -338,13 +367,14 @@ def track(
     cutoff_hz: float | None = CUTOFF_HZ,
     longest_gap_s: float = LONGEST_GAP_S,
 ) -> rigid.TrackedMotion:
-    """The coordinates of pelvis and both legs over the usable part of `recording`, a walk of the calibration's session.
+    """The coordinates of pelvis and both legs over the usable part of `recording`, a walk of the
+    calibration's session.
 
-    A segment with fewer than three markers of its own, or with markers near one line, takes the centre of its proximal
-    joint, as its parent's pose has it, for one more; the notes say so. `cutoff_hz` is that of the fourth-order
-    zero-phase Butterworth filter on the markers, None if they are filtered; for `longest_gap_s` see `fill_gaps`.
-    Refused where gaps cannot be filled, or the markers are not those of the calibration (another person or unit,
-    exchanged or moved)."""
+    A segment with fewer than three markers of its own, or with markers near one line, takes the
+    centre of its proximal joint, as its parent's pose has it, for one more; the notes say so.
+    `cutoff_hz` is that of the fourth-order zero-phase Butterworth filter on the markers, None if
+    they are filtered; for `longest_gap_s` see `fill_gaps`. Refused where gaps cannot be filled, or
+    the markers are not those of the calibration (another person or unit, exchanged or moved)."""
     filled, markers, poses = smooth_poses(
         recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s
     )
@@ -367,7 +397,8 @@ def track(
 def smooth_poses(
     recording: Recording, calibration: Calibration, *, cutoff_hz: float | None, longest_gap_s: float
 ) -> tuple[FilledMarkers, dict[str, np.ndarray], dict[str, RigidPoses]]:
-    """The markers without gaps, checked; the same filtered once (not at all without a cut-off); and their poses."""
+    """The markers without gaps, checked; the same filtered once (not at all without a cut-off); and
+    their poses."""
     filled = fill_gaps(
         recording,
         {name: calibration.segments[name] for name in PARENTS},
@@ -433,13 +464,13 @@ def describe(
 
 
 def _cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) -> float:
-    """RMS (m) over time and markers of the departure from the rigid body that fits the walk itself, its mean shape."""
+    """RMS (m) over time and markers of the departure from the rigid body that fits the walk itself,
+    its mean shape."""
     p_WM = np.stack([markers[label] for label in segment.labels], axis=1)
     if len(segment.labels) < 2:
         return 0.0
-    if (
-        rigid.cluster_width(segment.p_BM) < rigid.NARROWEST_M
-    ):  # no pose of a line: how distances along it vary
+    # no pose of a line: how distances along it vary
+    if rigid.cluster_width(segment.p_BM) < rigid.NARROWEST_M:
         distance = np.linalg.norm(p_WM - p_WM.mean(axis=1, keepdims=True), axis=2)
         return float(_rms((distance - distance.mean(axis=0)).ravel()))
     return float(
@@ -467,29 +498,32 @@ def _residual_rms(
     }
 
 
-# Whether the markers of a walk are those of the standing trial: same unit, same person, same places.
+# Whether the markers of a walk are those of the standing trial: same unit, same person, same
+# places.
 #
-# A least-squares pose hides a wrong marker by sharing its error out; the distances it leaves do not. What is refused
-# here is what no skin motion explains.
+# A least-squares pose hides a wrong marker by sharing its error out; the distances it leaves do
+# not. What is refused here is what no skin motion explains.
 
 
-OTHER_UNIT = (
-    5.0  # a person is never five times as large as another: a scale beyond this is another unit
-)
+# a person is never five times as large as another: a scale beyond this is another unit
+OTHER_UNIT = 5.0
 OTHER_PERSON = 0.10
-"""Skin motion changes distances of markers on one segment by some percent; a tenth over all of them is another body."""
+"""Skin motion changes distances of markers on one segment by some percent; a tenth over all of them
+is another body."""
 NEAR_M = 0.08  # distances below this say little about scale
 LOST_JOINT_M = 0.08
-"""Two segments that place their joint this far apart (RMS), several times the worst skin motion, do not belong
-together."""
+"""Two segments that place their joint this far apart (RMS), several times the worst skin motion, do
+not belong together."""
 ASTRAY_RMS_M = 0.04
-"""RMS over the trial beyond which a marker is not where the standing trial had it. Skin over the thigh moves by up to
-about 30 mm."""
-MOST_ASTRAY = 3  # segments with markers astray beyond which it is not a marker that is wrong but the standing trial
+"""RMS over the trial beyond which a marker is not where the standing trial had it. Skin over the
+thigh moves by up to about 30 mm."""
+# segments with markers astray beyond which it is not a marker that is wrong but the standing trial
+MOST_ASTRAY = 3
 
 
 def _check_scale(filled: FilledMarkers) -> None:
-    """Refuses a walk in another unit or of another person, by distances on one segment over those at standing."""
+    """Refuses a walk in another unit or of another person, by distances on one segment over those
+    at standing."""
     ratios = []
     for segment in filled.segments.values():
         for a, b in combinations(range(len(segment.labels)), 2):
@@ -500,15 +534,15 @@ def _check_scale(filled: FilledMarkers) -> None:
     scale = float(np.median(ratios)) if ratios else 1.0
     if not 1 / OTHER_UNIT < scale < OTHER_UNIT:
         raise InputError(
-            f"its markers lie {scale:.3g} times as far apart as in the standing trial: one of the two "
-            "files is in another unit than it says",
+            f"its markers lie {scale:.3g} times as far apart as in the standing trial: one of "
+            "the two files is in another unit than it says",
             file=filled.path,
             right="Give laboratory.length_unit (--length-unit) where a file states the wrong one",
         )
     if abs(scale - 1) > OTHER_PERSON:
         raise InputError(
-            f"its markers lie {scale:.2f} times as far apart as in the standing trial, which seems to be "
-            "of another person",
+            f"its markers lie {scale:.2f} times as far apart as in the standing trial, which "
+            "seems to be of another person",
             file=filled.path,
             right="Give the standing trial of the same session",
         )
@@ -533,18 +567,19 @@ def _check_places(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> Non
     segments_astray = {name for _, name, _ in astray}
     if len(segments_astray) > MOST_ASTRAY or (gap > LOST_JOINT_M and len(segments_astray) != 1):
         raise InputError(
-            f"the segments do not fit together (the {apart.replace('_', ' ')} is {1e3 * gap:.0f} mm from its joint): "
-            "the standing trial seems to be of another person or of another placement of the markers",
+            f"the segments do not fit together (the {apart.replace('_', ' ')} is {1e3 * gap:.0f} "
+            "mm from its joint): the standing trial seems to be of another person or of another "
+            "placement of the markers",
             file=filled.path,
             right="Give the standing trial of the same session",
         )
     if not astray:
         return
     rms, name, _ = astray[0]
-    words, without = name.replace("_", " "), dict[str, float]()
-    for label in segments[
-        name
-    ].labels:  # largest RMS residual of the others; infinite where too few remain
+    words = name.replace("_", " ")
+    without = dict[str, float]()
+    # largest RMS residual of the others; infinite where too few remain
+    for label in segments[name].labels:
         others = rigid.subset(segments[name], {*segments[name].labels} - {label})
         without[label] = np.inf
         if rigid.determines(name, others.p_BM):
@@ -554,16 +589,16 @@ def _check_places(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> Non
     if left > 0.5 * rms:
         shown = ", ".join(f"{each} {1e3 * far:.0f}" for far, _, each in astray)
         raise InputError(
-            f"markers of the {words} are not at their places in the standing trial (mm RMS: {shown}), "
-            "and no single one of them, nor an exchange, explains it",
+            f"markers of the {words} are not at their places in the standing trial (mm RMS: "
+            f"{shown}), and no single one of them, nor an exchange, explains it",
             file=filled.path,
             right="Check all labels of this segment in both files",
         )
     distance = _residual_rms(segments[name], filled, poses[name])[label]
     raise InputError(
-        f"marker {label} is {1e3 * distance:.0f} mm (RMS) from its place on the {words} in the standing trial, and "
-        f"without it the others are within {1e3 * left:.0f} mm: it was moved, or it is labelled wrongly in one of "
-        "the two files",
+        f"marker {label} is {1e3 * distance:.0f} mm (RMS) from its place on the {words} in the "
+        f"standing trial, and without it the others are within {1e3 * left:.0f} mm: it was "
+        "moved, or it is labelled wrongly in one of the two files",
         file=filled.path,
         right="Correct its label, or leave it out of the marker map",
     )
@@ -573,26 +608,30 @@ def _check_places(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> Non
 
 
 FASTEST_M_S = 10.0  # twice what a foot in swing reaches in the fastest walk
-SMALLEST_JUMP_M = 0.05  # at a high frame rate noise alone is fast; what moves less than this is left to the residuals
+# at a high frame rate noise alone is fast; what moves less than this is left to the residuals
+SMALLEST_JUMP_M = 0.05
 SWAP_M = 0.025  # a residual below this may still be skin motion
-SWAP_GAIN = (
-    0.5  # markers are exchanged if exchanging them back halves the residual, to less than `SWAP_M`
-)
+# markers are exchanged if exchanging them back halves the residual, to less than `SWAP_M`
+SWAP_GAIN = 0.5
 PARTNER_M = 0.05
-"""Right and left marker are partners if one lies as near as this to the other's mirror image (a choice)."""
+"""Right and left marker are partners if one lies as near as this to the other's mirror image (a
+choice)."""
 LOST_M = 1.0  # stands for a residual where the markers determine no pose
 MOST_SHOWN = 6  # markers whose residuals a message shows
-SWAPPED_THROUGHOUT = (
-    0.8  # share of the frames beyond which the labels differ from the standing trial's
-)
-MOST_TRIED = 25  # frames, evenly spread over the suspect ones, on which exchanges are tried (a choice: they take time)
+# share of the frames beyond which the labels differ from the standing trial's
+SWAPPED_THROUGHOUT = 0.8
+# frames, evenly spread over the suspect ones, on which exchanges are tried (a choice: they take
+# time)
+MOST_TRIED = 25
 RELABEL = "Correct the labels in the capture software"
 Exchange = tuple[tuple[str, str], ...]  # pairs of labels, no label twice
 
 
 def _check_jumps(filled: FilledMarkers) -> None:
-    """Refuses a marker that is somewhere else from one seen frame to the next; names two that exchange places."""
-    jumps, times = [], filled.time_s
+    """Refuses a marker that is somewhere else from one seen frame to the next; names two that
+    exchange places."""
+    jumps = []
+    times = filled.time_s
     for label, path in filled.markers.items():
         frames = np.flatnonzero(filled.seen[label])
         step = np.linalg.norm(np.diff(path[frames], axis=0), axis=1)
@@ -613,15 +652,16 @@ def _check_jumps(filled: FilledMarkers) -> None:
                 right=RELABEL,
             )
     raise InputError(
-        f"marker {label} jumps by {1e3 * step_m:.0f} mm at {times[frame]:.3f} s, faster than anybody "
-        "walks",
+        f"marker {label} jumps by {1e3 * step_m:.0f} mm at {times[frame]:.3f} s, faster than "
+        "anybody walks",
         file=filled.path,
         right=f"{RELABEL}, or delete the marker there",
     )
 
 
 def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None:
-    """Refuses markers whose exchange, of one pair or of two, explains why some frames do not fit."""
+    """Refuses markers whose exchange, of one pair or of two, explains why some frames do not
+    fit."""
     segments = filled.segments
     errors = _errors(segments, filled.markers, poses)
     apart = {name for name, error in errors.items() if error[:, 0].max() > LOST_JOINT_M}
@@ -639,9 +679,9 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
         return
     involved |= {str(PARENTS[name]) for name in apart}
 
-    # Single exchanges of all markers of the segments that do not fit, two at once of neighbours and partners. Each is
-    # judged by what it leaves: distances from the segments' poses, and gaps in joints, since of three markers on one
-    # segment the mirror image fits by turning over.
+    # Single exchanges of all markers of the segments that do not fit, two at once of neighbours and
+    # partners. Each is judged by what it leaves: distances from the segments' poses, and gaps in
+    # joints, since of three markers on one segment the mirror image fits by turning over.
     search = _PoseSearch(
         filled, suspect[np.linspace(0, suspect.size - 1, min(MOST_TRIED, suspect.size)).astype(int)]
     )
@@ -713,7 +753,8 @@ class _PoseSearch:
         return _errors(self.segments, markers, rigid.segment_poses(self.segments, markers))
 
     def explains(self, exchange: Exchange) -> np.ndarray:
-        """(n,) bool, whether it halves what its own segments and their joints leave, to less than `SWAP_M`."""
+        """(n,) bool, whether it halves what its own segments and their joints leave, to less than
+        `SWAP_M`."""
         labels = {label for pair in exchange for label in pair}
         touched = {name for name, segment in self.segments.items() if labels & {*segment.labels}}
         touched |= {name for name, parent in PARENTS.items() if parent in touched}
@@ -723,7 +764,8 @@ class _PoseSearch:
         return np.asarray((after < SWAP_GAIN * before) & (after < SWAP_M))
 
     def best(self, exchanges: list[Exchange]) -> tuple[Exchange, float] | None:
-        """The exchange that leaves least (RMS over all segments, m), if made only in the frames that it helps."""
+        """The exchange that leaves least (RMS over all segments, m), if made only in the frames
+        that it helps."""
         before = _rms(*self.own.values())
         costs = {
             exchange: float(_rms(np.minimum(before, _rms(*self.after(exchange).values()))))
@@ -738,7 +780,8 @@ def _errors(
     markers: Mapping[str, np.ndarray],
     poses: Mapping[str, RigidPoses],
 ) -> dict[str, np.ndarray]:
-    """By segment, (n, 1 + k) m: how far it is from its joint (zero for the pelvis), then its markers from its pose."""
+    """By segment, (n, 1 + k) m: how far it is from its joint (zero for the pelvis), then its
+    markers from its pose."""
     frames = len(next(iter(markers.values())))
     return {
         name: np.nan_to_num(
@@ -757,8 +800,10 @@ def _errors(
 def _partners(
     segments: Mapping[str, SegmentMarkers], labels: Mapping[str, str], a: str, b: str
 ) -> bool:
-    """Whether one of two markers on a right and a left segment lies in the mirror image of the other."""
-    here, there = labels[a], labels[b]
+    """Whether one of two markers on a right and a left segment lies in the mirror image of the
+    other."""
+    here = labels[a]
+    there = labels[b]
     if here == there or here.rpartition("_")[0] != there.rpartition("_")[0]:
         return False
     places = [

@@ -1,4 +1,5 @@
-"""What shown models and replays share: Meshcat itself, arrows and triads drawn in it, and its page with a caption."""
+"""What shown models and replays share: Meshcat itself, arrows and triads drawn in it, and its page
+with a caption."""
 
 from __future__ import annotations
 
@@ -15,12 +16,11 @@ from pydrake.math import RigidTransform, RotationMatrix
 from vsf_drake.report.page import render
 
 RGB = tuple[float, float, float]
-FIELD_OF_VIEW_DEG, ASPECT, ENDLESS = 35.0, 1.6, 100_000
-_AXES = (
-    Rgba(0.85, 0.10, 0.10),
-    Rgba(0.10, 0.60, 0.15),
-    Rgba(0.15, 0.25, 0.85),
-)  # colours of x, y, z
+FIELD_OF_VIEW_DEG = 35.0
+ASPECT = 1.6
+ENDLESS = 100_000
+# colours of x, y, z
+_AXES = (Rgba(0.85, 0.10, 0.10), Rgba(0.10, 0.60, 0.15), Rgba(0.15, 0.25, 0.85))
 _STROKES = {
     "W": [(0.0, 1.0), (0.25, 0.0), (0.5, 0.8), (0.75, 0.0), (1.0, 1.0)],
     "K": [(0.0, 0.0), (0.0, 1.0), (0.0, 0.45), (0.9, 1.0), (0.0, 0.45), (0.9, 0.0)],
@@ -31,8 +31,9 @@ _STROKES = {
 def open_meshcat() -> Meshcat:
     """A Meshcat for this program only, without Drake's message about it.
 
-    Drake's server answers whoever finds it, web pages included. On Linux, where 127.0.0.0/8 is this machine, it gets
-    one of 16 million addresses by chance, which no page can guess; `scene.gate` is where visitors come in.
+    Drake's server answers whoever finds it, web pages included. On Linux, where 127.0.0.0/8 is this
+    machine, it gets one of 16 million addresses by chance, which no page can guess; `scene.gate` is
+    where visitors come in.
     """
     host = f"127.{1 + secrets.randbelow(254)}.{secrets.randbelow(256)}.{1 + secrets.randbelow(254)}"
     log = logging.getLogger("drake")
@@ -64,10 +65,13 @@ def finish_page(
 ) -> str:
     """Meshcat as one HTML file with `title`, a time bar, switches and the caption of a template.
 
-    The camera goes with what is at the path `follow` in Meshcat's tree; the foot whose frame is at `inset` is shown
-    enlarged beside.
+    The camera goes with what is at the path `follow` in Meshcat's tree; the foot whose frame is at
+    `inset` is shown enlarged beside.
     """
-    head = f'<meta name="viewport" content="width=device-width,initial-scale=1"><title>{escape(title)}</title>'
+    head = (
+        '<meta name="viewport" '
+        f'content="width=device-width,initial-scale=1"><title>{escape(title)}</title>'
+    )
     page, titles = re.subn(
         r"<title>.*?</title>", lambda _: head, meshcat.StaticHtml(), count=1, flags=re.DOTALL
     )
@@ -95,30 +99,33 @@ def add_arrow(
     shaft_from: float,
     order: int = 1,
 ) -> None:
-    """An arrow along z, of a shaft of length 1 m that begins at `shaft_from` and a `head` (length, radius in m).
+    """An arrow along z, of a shaft of length 1 m that begins at `shaft_from` and a `head` (length,
+    radius in m).
 
-    If not quite opaque, it is painted over what it passes through, and over arrows of lower `order`.
+    If not quite opaque, it is painted over what it passes through, and over arrows of lower
+    `order`.
     """
     length, radius = head
     meshcat.SetObject(f"{path}/shaft/rod", Cylinder(shaft_radius, 1.0), colour)
     meshcat.SetTransform(f"{path}/shaft/rod", shifted(0.0, 0.0, shaft_from + 0.5))
     meshcat.SetObject(f"{path}/head/cone", MeshcatCone(length, radius, radius), colour)
-    turned = RotationMatrix.MakeXRotation(
-        np.pi
-    )  # Drake's cone has its tip at the origin and opens along +z
+    # Drake's cone has its tip at the origin and opens along +z
+    turned = RotationMatrix.MakeXRotation(np.pi)
     meshcat.SetTransform(f"{path}/head/cone", RigidTransform(turned))
     for part in ("shaft/rod", "head/cone"):
         paint_last(meshcat, f"{path}/{part}", order)
 
 
 def paint_last(meshcat: Meshcat, path: str, order: int = 1) -> None:
-    """Lets what is at `path`, if it is not quite opaque, show through everything of lower `order`."""
+    """Lets what is at `path`, if it is not quite opaque, show through everything of lower
+    `order`."""
     meshcat.SetProperty(f"{path}/<object>", "material.depthTest", False)
     meshcat.SetProperty(f"{path}/<object>", "renderOrder", float(order))
 
 
 def add_triad(meshcat: Meshcat, path: str, length: float) -> None:
-    """Axes of `length` (m), x red, y green, z blue, with the frame's letter, which ends `path`, behind its origin."""
+    """Axes of `length` (m), x red, y green, z blue, with the frame's letter, which ends `path`,
+    behind its origin."""
     radius = 0.02 * length
     turns = (
         RotationMatrix.MakeYRotation(0.5 * np.pi),

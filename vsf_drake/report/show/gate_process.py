@@ -1,8 +1,10 @@
-"""The process that stands before Meshcat's server and lets its own pages in only: a script of Python's library alone.
+"""The process that stands before Meshcat's server and lets its own pages in only: a script of
+Python's library alone.
 
-`python -I gate_process.py PORT HOST INNER` listens on PORT of this machine (0: any free one), prints which or why not,
-and hands visitors on to HOST:INNER until its standard input ends. It is a process of its own because a thread of Python
-beside Drake may collect what only the main thread may: a Meshcat that nobody holds any more would end the program.
+`python -I gate_process.py PORT HOST INNER` listens on PORT of this machine (0: any free one),
+prints which or why not, and hands visitors on to HOST:INNER until its standard input ends. It is a
+process of its own because a thread of Python beside Drake may collect what only the main thread
+may: a Meshcat that nobody holds any more would end the program.
 """
 
 import contextlib
@@ -36,7 +38,8 @@ class _Visit(http.server.BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         hosts, origins = (self.headers.get_all(name, []) for name in ("Host", "Origin"))
-        # Of any port, for one that is handed on from another machine; no name that somebody bent to this one.
+        # Of any port, for one that is handed on from another machine; no name that somebody bent to
+        # this one.
         if (
             len(hosts) != 1
             or not re.fullmatch(r"(localhost|127\.0\.0\.1):[0-9]+", hosts[0])
@@ -83,9 +86,8 @@ def _pass_on(read: Callable[[int], bytes], to: socket.socket) -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C reaches every process of a terminal; the first one decides
+    # Ctrl-C reaches every process of a terminal; the first one decides
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         server = _Gate(int(sys.argv[1]), (sys.argv[2], int(sys.argv[3])))
     except OSError as error:

@@ -1,4 +1,5 @@
-"""A shown model: foot, bench or person on Meshcat, with sliders and behind a gate against other pages, or as a page."""
+"""A shown model: foot, bench or person on Meshcat, with sliders and behind a gate against other
+pages, or as a page."""
 
 from __future__ import annotations
 
@@ -33,9 +34,9 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.files import write_text
-from vsf_drake.parameters import FootParameters, ModelParameters, Subject
+from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.base.files import write_text
+from vsf_drake.model.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.person import PersonHandles, add_person
@@ -45,13 +46,16 @@ from vsf_drake.report.show import drawing
 from vsf_drake.simulation.bench import KeelShape, keel_shape
 
 KINDS = ("foot", "bench", "person")
-MODEL, FRAMES, ARROW = (
-    "/model",
-    "/frames",
-    "/load",
-)  # where bodies, triads and the load's arrow stand in Meshcat's tree
-LOAD, FULCRUM = "load at the toe", "fulcrum"  # names of the two controls that bend the keel
-LARGEST_LOAD_N, ARROW_M_PER_N, _HEAD_M = 800.0, 2.5e-4, (0.018, 0.008)
+# where bodies, triads and the load's arrow stand in Meshcat's tree
+MODEL = "/model"
+FRAMES = "/frames"
+ARROW = "/load"
+# names of the two controls that bend the keel
+LOAD = "load at the toe"
+FULCRUM = "fulcrum"
+LARGEST_LOAD_N = 800.0
+ARROW_M_PER_N = 2.5e-4
+_HEAD_M = (0.018, 0.008)
 PLATEN: Colour = (0.35, 0.36, 0.40, 1.0)
 _PLATEN_THICKNESS_M = 0.010
 _CAMERAS = {
@@ -86,7 +90,8 @@ _REACH = (
     | {"pelvis_tx": ("m", -1.0, 1.0), "pelvis_ty": ("m", 0.0, 1.5), "pelvis_tz": ("m", -0.5, 0.5)}
     | {f"socket_t{axis}": ("mm", -30.0, 30.0) for axis in "xyz"}
 )
-"""The reach of a slider is a choice: enough to see what a coordinate does, and no limit of the model."""
+"""The reach of a slider is a choice: enough to see what a coordinate does, and no limit of the
+model."""
 _KEEL_REACH_DEG = 20.0
 
 
@@ -108,10 +113,12 @@ class Control:
 
 
 class Scene:
-    """A model, one of KINDS, on `meshcat`, with a context of its own that `place` and `draw` change.
+    """A model, one of KINDS, on `meshcat`, with a context of its own that `place` and `draw`
+    change.
 
-    A person needs a `subject`, nothing else has one. `controls` are everything that can be moved, with `keel_joints`
-    also each joint of the keel, added to what the load does; `frames` those that are drawn, by letter.
+    A person needs a `subject`, nothing else has one. `controls` are everything that can be moved,
+    with `keel_joints` also each joint of the keel, added to what the load does; `frames` those that
+    are drawn, by letter.
     """
 
     def __init__(
@@ -135,7 +142,8 @@ class Scene:
                 where="--subject",
                 right="Leave it out, or say --what person",
             )
-        self.meshcat, self.what = meshcat, what
+        self.meshcat = meshcat
+        self.what = what
         builder = DiagramBuilder()
         self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
         self.platen: PrismaticJoint | None = None
@@ -171,9 +179,8 @@ class Scene:
             "M": self.foot.mount,
         }
         height = 0.0
-        if (
-            person is not None
-        ):  # how far the lowest contact sphere of both feet is below z = 0, all joints at zero
+        # how far the lowest contact sphere of both feet is below z = 0, all joints at zero
+        if person is not None:
             self.plant.SetPositions(self.plant_context, np.zeros(self.plant.num_positions()))
             height = -min(
                 float(
@@ -200,7 +207,8 @@ class Scene:
         return {control.name: control.rest for control in self.controls}
 
     def place(self, values: Mapping[str, float]) -> KeelShape:
-        """Moves every body to where `values` of all controls (in their own units) put it; returns the bent keel.
+        """Moves every body to where `values` of all controls (in their own units) put it; returns
+        the bent keel.
 
         SimulationError where it finds no rest under this load; everything then stays where it was.
         """
@@ -230,7 +238,8 @@ class Scene:
                 time_in_recording=time_s,
             )
         # the arrow ends at the load point as it is drawn, with what single joints add
-        foot, context = self.foot, self.plant_context
+        foot = self.foot
+        context = self.plant_context
         piece = foot.keel_body_at(foot.parameters.load_point_m)
         X_KB = foot.frame.EvalPoseInWorld(context).inverse() @ foot.keel[piece].EvalPoseInWorld(
             context
@@ -238,7 +247,8 @@ class Scene:
         x, _, z = X_KB @ np.array(
             [foot.parameters.load_point_m - foot.keel_starts[piece], 0.0, 0.0]
         )
-        length, head = ARROW_M_PER_N * values[LOAD], _HEAD_M[0]
+        length = ARROW_M_PER_N * values[LOAD]
+        head = _HEAD_M[0]
         X_WC = self.frames["K"].CalcPoseInWorld(context) @ drawing.shifted(x, 0.0, z)
         for path, pose in ((ARROW, X_WC), (f"{ARROW}/shaft", drawing.shifted(0.0, 0.0, -head))):
             self.meshcat.SetTransform(path, pose, time_in_recording=time_s)
@@ -254,10 +264,8 @@ class Scene:
     def show_spheres(self, shown: bool) -> None:
         """Shows the contact spheres and hides the soles, or the other way round."""
         for geometry in self._shapes.GetAllGeometryIds(Role.kIllustration):
-            frame, name = (
-                self._shapes.GetName(self._shapes.GetFrameId(geometry)),
-                self._shapes.GetName(geometry),
-            )
+            frame = self._shapes.GetName(self._shapes.GetFrameId(geometry))
+            name = self._shapes.GetName(geometry)
             if (sole := name.endswith("::sole")) or "site_" in name:
                 self.meshcat.SetProperty(
                     f"{MODEL}/{frame}/{name}".replace("::", "/"), "visible", sole != shown
@@ -288,13 +296,15 @@ class Scene:
 
 
 def platen_travel(foot: FootParameters, shape: KeelShape, load_n: float) -> float:
-    """How far (m) the bench's platen has risen: the load point's rise and what the foam under it gives way."""
+    """How far (m) the bench's platen has risen: the load point's rise and what the foam under it
+    gives way."""
     foam: float = (max(load_n, 0.0) / foot.series_stiffness_n_per_m) ** (1.0 / foot.series_exponent)
     return float(shape.load_point_K[1]) + foam
 
 
 def _add_machine(plant: MultibodyPlant, foot: FootParameters) -> PrismaticJoint:
-    """The testing machine: a clamp at the mount, held at the origin of W, and a platen under the load point."""
+    """The testing machine: a clamp at the mount, held at the origin of W, and a platen under the
+    load point."""
     draw(plant, plant.world_body(), "clamp", Cylinder(0.02, 0.08), METAL, (0.0, 0.0, 0.04))
     place = drawing.shifted(foot.load_point_m - foot.pylon_x_m, 0.0, -foot.build_height_m)
     body = plant.AddRigidBody(
@@ -313,9 +323,11 @@ def _add_machine(plant: MultibodyPlant, foot: FootParameters) -> PrismaticJoint:
 def _controls(
     foot: FootHandles, person: PersonHandles | None, keel_joints: bool, *, pelvis_height_m: float
 ) -> tuple[Control, ...]:
-    """Sliders of the fulcrum, at rest in the middle of its range, of the load, and of every joint that moves freely."""
+    """Sliders of the fulcrum, at rest in the middle of its range, of the load, and of every joint
+    that moves freely."""
     fulcrum = foot.parameters.fulcrum
-    low, high = 1e3 * fulcrum.rearmost_m, 1e3 * fulcrum.foremost_m
+    low = 1e3 * fulcrum.rearmost_m
+    high = 1e3 * fulcrum.foremost_m
     controls = [
         Control(FULCRUM, "mm", low, high, round(0.5 * (low + high), 1), 0.5),
         Control(LOAD, "N", 0.0, LARGEST_LOAD_N, 0.0, 5.0),
@@ -337,19 +349,23 @@ def _controls(
 # The scene on a page of its own, or served.
 
 
-LEAST_PORT, LAST_PORT = 1024, 65535
+LEAST_PORT = 1024
+LAST_PORT = 65535
 FRAMES_PER_SECOND = 20.0
 SHOWN_LOAD_N = 400.0  # under which the fulcrum moves on a page without sliders
 BEND_S, MOVE_S, COORDINATE_S = 1.0, 2.0, 0.8
-"""How long the load takes to come and to go, the fulcrum from end to end, a coordinate to its value and back."""
+"""How long the load takes to come and to go, the fulcrum from end to end, a coordinate to its value
+and back."""
 _LARGEST_SHARE = 0.5
 
 
 @contextlib.contextmanager
 def gate(meshcat: Meshcat, port: int | None = None) -> Iterator[str]:
-    """Serves `meshcat` on `port` of this machine, or on any free one, to its own pages only; yields the address.
+    """Serves `meshcat` on `port` of this machine, or on any free one, to its own pages only; yields
+    the address.
 
-    A request whose Host is another (a name that was bent to this machine) or whose Origin is another page is refused.
+    A request whose Host is another (a name that was bent to this machine) or whose Origin is
+    another page is refused.
     """
     if port is not None and not LEAST_PORT <= port <= LAST_PORT:
         raise InputError(
@@ -374,7 +390,10 @@ def gate(meshcat: Meshcat, port: int | None = None) -> Iterator[str]:
                 raise InputError(
                     f"{asked} could not be opened on this machine ({answer})",
                     where="--port",
-                    right="Another program may use it: give another port, or leave it out for any free one",
+                    right=(
+                        "Another program may use it: give another port, or leave it out for any "
+                        "free one"
+                    ),
                 )
             yield f"http://localhost:{answer}"
 
@@ -391,14 +410,12 @@ def show_model(
 ) -> None:
     """Serves the scene with its sliders until Stop is pressed there, or Ctrl-C here.
 
-    `browser`: whether to open the page in the desktop's, where there is one. `say` is told the address, and what goes
-    wrong.
+    `browser`: whether to open the page in the desktop's, where there is one. `say` is told the
+    address, and what goes wrong.
     """
     meshcat = drawing.open_meshcat()
-    with (
-        gate(meshcat, port) as address,
-        contextlib.suppress(KeyboardInterrupt),
-    ):  # the way it is meant to end
+    # the way it is meant to end
+    with gate(meshcat, port) as address, contextlib.suppress(KeyboardInterrupt):
         viewer = Viewer(Scene(meshcat, what, model, subject, keel_joints=keel_joints), say)
         say(f"{what}: {address}   (Open Controls; press Stop there or Ctrl-C here to end)")
         if browser and _has_desktop():
@@ -414,15 +431,18 @@ def write_model_page(
     *,
     keel_joints: bool = False,
 ) -> None:
-    """Writes the scene as one HTML file with an animation instead of sliders; nothing half-written is left.
+    """Writes the scene as one HTML file with an animation instead of sliders; nothing half-written
+    is left.
 
-    The load comes on with the fulcrum at its rearmost position, the fulcrum moves to its foremost one under it, the
-    load goes; then every other control goes to a positive value and back, in the order of the caption.
+    The load comes on with the fulcrum at its rearmost position, the fulcrum moves to its foremost
+    one under it, the load goes; then every other control goes to a positive value and back, in the
+    order of the caption.
     """
     meshcat = drawing.open_meshcat()
     scene = Scene(meshcat, what, model, subject, keel_joints=keel_joints)
     fulcrum = scene.foot.parameters.fulcrum
-    first, last = 1e3 * fulcrum.rearmost_m, 1e3 * fulcrum.foremost_m
+    first = 1e3 * fulcrum.rearmost_m
+    last = 1e3 * fulcrum.foremost_m
     meshcat.StartRecording(FRAMES_PER_SECOND, set_visualizations_while_recording=False)
     told = []
     for i, values in enumerate(_line(scene, first, last)):
@@ -479,29 +499,37 @@ def _ramp(start: float, end: float, duration_s: float) -> list[float]:
 
 
 def _has_desktop() -> bool:
-    """Whether a browser would have a window: Python's `webbrowser` would else start one in the terminal."""
+    """Whether a browser would have a window: Python's `webbrowser` would else start one in the
+    terminal."""
     return sys.platform in ("darwin", "win32") or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )
 
 
-# A scene that follows its sliders in Meshcat until Stop or Ctrl-C. Drake's `pydrake.multibody.meshcat.JointSliders`
-# moves joints one by one in radians. Here one slider bends all joints of the keel at once, as a load does, angles are
-# in degrees and lengths in millimetres, and the numbers that follow from the pose stand below.
+# A scene that follows its sliders in Meshcat until Stop or Ctrl-C. Drake's
+# `pydrake.multibody.meshcat.JointSliders` moves joints one by one in radians. Here one slider bends
+# all joints of the keel at once, as a load does, angles are in degrees and lengths in millimetres,
+# and the numbers that follow from the pose stand below.
 
 
-STOP, RESET, SPHERES = "Stop", "Reset", "Contact spheres"
+STOP = "Stop"
+RESET = "Reset"
+SPHERES = "Contact spheres"
 RISE, SUPPORT = "= C rises (mm)", "= support (N)"
-"""Sliders that show a number and cannot be moved for long: rise of the load point C in K, support force on the keel.
-Meshcat shows some eighteen letters of a name."""
+"""Sliders that show a number and cannot be moved for long: rise of the load point C in K, support
+force on the keel. Meshcat shows some eighteen letters of a name."""
 POLL_S = 1.0 / 30.0
 
 
 class Viewer:
-    """Sliders and buttons of `scene` on its Meshcat; `say` is told what goes wrong while the page stays open."""
+    """Sliders and buttons of `scene` on its Meshcat; `say` is told what goes wrong while the page
+    stays open."""
 
     def __init__(self, scene: Scene, say: Callable[[str], None]) -> None:
-        self.meshcat, self.scene, self._say, self._warned = scene.meshcat, scene, say, ""
+        self.meshcat = scene.meshcat
+        self.scene = scene
+        self._say = say
+        self._warned = ""
         self._drawn: dict[str, float] = {}
         for button in (STOP, RESET, SPHERES):
             self.meshcat.AddButton(button)
@@ -543,9 +571,8 @@ class Viewer:
                     (RISE, 1e3 * float(shape.load_point_K[1])),
                     (SUPPORT, shape.support_force_n),
                 ):
-                    self._readings[name] = self.meshcat.SetSliderValue(
-                        name, value
-                    )  # as rounded to the slider's step
+                    # as rounded to the slider's step
+                    self._readings[name] = self.meshcat.SetSliderValue(name, value)
             except SimulationError as error:
                 if error.what != self._warned:
                     self._say(error.what)

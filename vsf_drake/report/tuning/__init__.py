@@ -1,1 +1,1 @@
-"""What a tuning of the foot's stiffness leaves on disk: table, arrays, figures and page; and a schedule's."""
+"""What a tuning of the foot's stiffness leaves on disk: table, arrays, figures and page."""

@@ -1,4 +1,4 @@
-"""What tuning found along the fulcrum, the forces and the motion at its optimum, and schedules, as figures."""
+"""What tuning found along the fulcrum, the forces and the motion at its optimum, as figures."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.textpath import TextPath
 
-from vsf_drake.analysis.tuning.schedule import Schedule, TaskSetting
-from vsf_drake.analysis.tuning.table import TaskOptimum, TuningTable
 from vsf_drake.report.style import (
     MARKERS,
     MEASURED,
@@ -26,19 +25,24 @@ from vsf_drake.report.style import (
 )
 from vsf_drake.report.tuning import reading
 from vsf_drake.report.tuning.reading import Arrays
+from vsf_drake.tuning.costs import KINDS
+from vsf_drake.tuning.table import TuningTable
 
 NOT_OPTIMAL = "NOT OPTIMAL"
 FULCRUM = "fulcrum from the keel's end (mm)"
 _FAILED = "#b3261e"
+_LETTERS = 23  # of a title in a line, at most
+_TITLE_PT = 9.5  # its letters
+_TITLE_WIDE_PT = 105.0  # one of two panels
 _DASHES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5)), (0, (1, 1)))
 
 
 def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
-    """`draw`, which fills a figure of a table, as a function that returns it, marked where there is no optimum or data
-    are synthetic."""
+    """`draw`, which fills a figure of a table, as a function that returns it, marked where there is
+    no optimum or data are synthetic."""
 
     @wraps(draw)
-    def drawn(table: TuningTable | Schedule, *others: Any) -> Figure:
+    def drawn(table: TuningTable, *others: Any) -> Figure:
         with drawing(PANEL[0], 1.0) as figure:
             draw(figure, table, *others)
             said = (
@@ -68,6 +72,19 @@ def _panels(figure: Figure, count: int, across: int, x_label: str) -> list[Axes]
     return list(panels[:count])
 
 
+def _wrapped(title: str) -> str:
+    """A title in lines that are no wider than one of two panels, whatever its letters are."""
+    lines = [title]
+    for count in range(_LETTERS, 0, -1):
+        lines = textwrap.wrap(title, count, break_on_hyphens=False)
+        if (
+            max(TextPath((0.0, 0.0), line, size=_TITLE_PT).get_extents().width for line in lines)
+            <= _TITLE_WIDE_PT
+        ):
+            break
+    return "\n".join(lines)
+
+
 def _colour(fulcrum_mm: float | None) -> Any:
     return NEUTRAL if fulcrum_mm is None else colour_of(fulcrum_mm)
 
@@ -94,20 +111,9 @@ def _curve(axes: Axes, x: np.ndarray, y: np.ndarray, **look: Any) -> None:
     )
 
 
-def _one_for_all(axes: Axes, table: TuningTable | Schedule) -> None:
-    common = table.common_fulcrum_mm
-    if common is not None:
-        axes.axvline(
-            common,
-            color=NEUTRAL,
-            linestyle="--",
-            linewidth=1.3,
-            label=f"one for all, {common:.1f} mm",
-        )
-
-
 def _mark_positions(axes: Axes, table: TuningTable, *, named: bool = True) -> None:
-    """The interval of the optimum as a band, and lines where the fulcrum was recorded and where it ended."""
+    """The interval of the optimum as a band, and lines where the fulcrum was recorded and where it
+    ended."""
     interval = table.fulcrum_interval_mm
     if interval is not None and table.optimal:
         axes.axvspan(*interval, color=SHADE, zorder=0, label="its interval" if named else None)
@@ -131,11 +137,13 @@ def _mark_positions(axes: Axes, table: TuningTable, *, named: bool = True) -> No
 
 @_drawn
 def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> None:
-    """The cost over the whole range with its optimum; where terms of it only hold to the recording or to able-bodied
-    walking, also without these, with that least."""
+    """The cost over the whole range with its optimum; where terms of it only hold to the recording
+    or to able-bodied walking, also without these, with that least."""
     figure.set_size_inches(PANEL[0], 3.9)
-    axes, best = figure.subplots(), table.fulcrum_mm
-    x_of, trials = arrays.get("sweep_mm"), arrays.get("sweep_cost_trials")
+    axes = figure.subplots()
+    best = table.fulcrum_mm
+    x_of = arrays.get("sweep_mm")
+    trials = arrays.get("sweep_cost_trials")
     if x_of is not None and trials is not None and np.shape(trials)[1] > 1:
         own = np.asarray(trials, dtype=float).T
         at = int(np.argmin(np.abs(np.asarray(x_of) - (best or np.median(x_of)))))
@@ -148,7 +156,8 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
                 zorder=1,
                 label="one trial, shifted" if i == 0 else None,
             )
-    least, x = table.least_rest(), table.swept()[0]
+    least = table.least_rest()
+    x = table.swept()[0]
     held = "cost, held to " + ("the recording" if table.level == 1 else "able-bodied walking")
     _curve(axes, *table.swept(), linewidth=1.8, label="cost" if least is None else held)
     if least is not None:
@@ -195,7 +204,7 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
     label(
         axes,
         x=FULCRUM,
-        y="\n".join(textwrap.wrap(f"{table.cost_label} ({table.cost_unit})", 34)),
+        y="\n".join(textwrap.wrap(f"{table.cost_says} ({table.cost_unit})", 34)),
         title="By itself the cost is least elsewhere"
         if table.held_from
         else "Cost over the whole range",
@@ -208,10 +217,8 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
 def terms_figure(figure: Figure, table: TuningTable) -> None:
     """What each term of the cost adds as the fulcrum leaves the optimum."""
     figure.set_size_inches(PANEL[0], 3.9)
-    axes, terms = (
-        figure.subplots(),
-        [row for row in table.terms if len(table.swept("terms", row.name)[0])],
-    )
+    axes = figure.subplots()
+    terms = [row for row in table.terms if len(table.swept("terms", row.name)[0])]
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     for i, row in enumerate(terms):
         x, y = table.swept("terms", row.name)
@@ -238,13 +245,15 @@ def terms_figure(figure: Figure, table: TuningTable) -> None:
 @_drawn
 def outcomes_figure(figure: Figure, table: TuningTable) -> None:
     """One panel an outcome; the grey band is its uncertainty about the value at the optimum."""
-    rows, best = reading.shown_outcomes(table), table.fulcrum_mm
+    rows = reading.shown_outcomes(table)
+    best = table.fulcrum_mm
     across = min(2, len(rows))
     figure.set_size_inches(PANEL[0], 0.5 + 2.3 * -(-len(rows) // across))
     for axes, row in zip(_panels(figure, len(rows), across, FULCRUM), rows, strict=True):
         x, y = table.swept("outcomes", row.name)
         _mark_positions(axes, table, named=False)
-        here, error = row.optimum, row.uncertainty
+        here = row.optimum
+        error = row.uncertainty
         if here is not None and error is not None:
             axes.axhspan(here - error, here + error, color="0.8", alpha=0.5, zorder=0)
         _curve(axes, x, y, linewidth=1.5, markersize=3.0)
@@ -265,9 +274,7 @@ def outcomes_figure(figure: Figure, table: TuningTable) -> None:
             axes.margins(y=0.5)
         axes.set_ylabel(row.unit if row.unit not in ("", "1") else "no unit")
         hardly = ": hardly changes" if row.matters is False else ""
-        axes.set_title(
-            textwrap.fill(f"{row.label}{hardly}", 23, break_on_hyphens=False), loc="left"
-        )
+        axes.set_title(_wrapped(f"{row.label}{hardly}"), loc="left")
 
 
 _RECORDED: dict[str, Any] = {"label": "recorded", "color": "0.45", **MEASURED}
@@ -300,7 +307,8 @@ def _forces(
     x_label: str,
     sharex: bool = False,
 ) -> None:
-    """A row for each of `rows` (what its arrays begin with, by title), fore-aft (column 0 of arrays) and vertical."""
+    """A row for each of `rows` (what its arrays begin with, by title), fore-aft (column 0 of
+    arrays) and vertical."""
     panels = figure.subplots(len(rows), 2, sharex=sharex, squeeze=False)
     for row, (title, prefix) in zip(panels, rows.items(), strict=True):
         for axes, column, direction in zip(
@@ -311,12 +319,7 @@ def _forces(
                     axes.plot(
                         time(prefix), np.asarray(arrays[f"{prefix}{name}"])[:, column], **look
                     )
-            label(
-                axes,
-                x=x_label,
-                y="force (N)",
-                title=textwrap.fill(f"{title}{direction}", 23, break_on_hyphens=False),
-            )
+            label(axes, x=x_label, y="force (N)", title=_wrapped(f"{title}{direction}"))
     legend_below(figure, panels[0, 0].get_legend_handles_labels()[0])
 
 
@@ -342,7 +345,8 @@ def stride_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> N
 @_drawn
 def stance_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> None:
     """Level 1: the prosthetic foot's force in up to three trials."""
-    shown, swept_mm = reading.drawn_trials(table, arrays), [row.fulcrum_mm for row in table.sweep]
+    shown = reading.drawn_trials(table, arrays)
+    swept_mm = [row.fulcrum_mm for row in table.sweep]
     looks = {"recorded": _RECORDED}
     ends = (min(swept_mm, default=None), table.fulcrum_mm, max(swept_mm, default=None))
     for name, mm, dashes in zip(reading.SHOWN, ends, ((0, (1, 1)), "-", (0, (5, 2))), strict=True):
@@ -393,7 +397,8 @@ def stride_figure(figure: Figure, table: TuningTable, arrays: Arrays, key: str) 
 
 
 def _line(name: str, values: np.ndarray) -> np.ndarray:
-    """In the unit that is shown: degrees; or mm about a straight line, which for the pelvis's way is its progress."""
+    """In the unit that is shown: degrees; or mm about a straight line, which for the pelvis's way
+    is its progress."""
     if name not in reading.LENGTHS:
         return np.asarray(np.degrees(values))
     i = np.arange(len(values))
@@ -410,7 +415,9 @@ def pareto_figure(figure: Figure, table: TuningTable) -> None:
         for row in table.pareto
         if row.fulcrum_mm is not None and row.first is not None and row.second is not None
     ]
-    first, second = (f"{name.replace('_', ' ')} (in its unit)" for name in table.pareto_names)
+    first, second = (
+        f"{name} ({unit})" for name, unit in map(KINDS.__getitem__, table.pareto_names)
+    )
     figure.set_size_inches(PANEL[0], 3.7)
     axes = figure.subplots()
     x, y = ([at[k] for _, at in points] for k in (0, 1))
@@ -434,45 +441,6 @@ def pareto_figure(figure: Figure, table: TuningTable) -> None:
 
 
 @_drawn
-def tasks_figure(figure: Figure, table: TuningTable | Schedule) -> None:
-    """Each task's own setting, and by how much one setting for all is worse."""
-    rows: tuple[TaskOptimum | TaskSetting, ...] = table.tasks
-    figure.set_size_inches(PANEL[0], 2.2 + 0.6 * len(rows))
-    left, right = figure.subplots(2)
-    _one_for_all(left, table)
-    if table.common_fulcrum_mm is not None:
-        legend_below(figure, left.get_legend_handles_labels()[0])
-    for place, row in enumerate(rows):
-        if isinstance(row, TaskSetting) and row.interval_mm is not None:
-            left.plot(
-                row.interval_mm,
-                [place, place],
-                color="0.75",
-                linewidth=5.0,
-                solid_capstyle="butt",
-                zorder=1,
-            )
-        if row.fulcrum_mm is not None:
-            _point(left, row.fulcrum_mm, row.fulcrum_mm, place, zorder=2)
-        lost = reading.excess(row)
-        if lost is not None:
-            right.barh(place, lost, height=0.55, color="0.55")
-            right.annotate(f" {lost:.2f}", (max(lost, 0.0), place), va="center", fontsize=8)
-    for axes in (left, right):
-        axes.set_yticks(range(len(rows)), [row.label for row in rows])
-        axes.set_ylim(len(rows) - 0.4, -0.6)
-    right.margins(x=0.15)
-    right.set_xlim(left=0.0)
-    label(left, x=FULCRUM, y="", title="Setting of each task")
-    label(
-        right,
-        x=f"more cost with one for all ({reading.excess_unit(table)})",
-        y="",
-        title=textwrap.fill(f"What the one for all costs: {table.cost_label}", 38),
-    )
-
-
-@_drawn
 def robustness_figure(figure: Figure, table: TuningTable) -> None:
     """Where the optimum goes when something that is not known exactly is changed."""
     rows = [(row.what, row.fulcrum_mm) for row in table.robustness if row.fulcrum_mm is not None]
@@ -490,96 +458,3 @@ def robustness_figure(figure: Figure, table: TuningTable) -> None:
     if ends:
         axes.set_xlim(min(ends) - 2.0, max(ends) + 2.0)
     label(axes, x=FULCRUM, y="", title="The optimum with one thing changed")
-
-
-@_drawn
-def schedule_curves_figure(figure: Figure, table: Schedule) -> None:
-    """By how much each task's cost exceeds its own least, over the fulcrum; the one setting for all as a line."""
-    figure.set_size_inches(PANEL[0], 4.0)
-    axes = figure.subplots()
-    for i, row in enumerate(reading.curved(table)):
-        x, y = np.array(row.sweep.fulcrum_mm), np.array(row.sweep.cost)
-        least = row.cost_exact if row.cost_exact is not None else float(y.min())
-        axes.plot(
-            x,
-            y - least,
-            color=_colour(row.fulcrum_mm),
-            linestyle=_DASHES[i % len(_DASHES)],
-            linewidth=1.6,
-            label=row.label,
-        )
-        if row.fulcrum_mm is not None and row.cost is not None:
-            _point(
-                axes,
-                row.fulcrum_mm,
-                row.fulcrum_mm,
-                row.cost - least,
-                markersize=7,
-                marker="o" if row.optimal else "x",
-            )
-    _one_for_all(axes, table)
-    legend_below(figure, axes.get_legend_handles_labels()[0])
-    label(
-        axes,
-        x=FULCRUM,
-        y=f"cost above the task's least ({table.cost_unit})",
-        title="What a task loses off its own setting",
-    )
-
-
-@_drawn
-def policy_figure(figure: Figure, table: Schedule, name: str) -> None:
-    """The setting over one descriptor, `name`, with its lookup."""
-    rows = sorted(
-        (
-            (getattr(row, name), row.exact_mm, row)
-            for row in table.tasks
-            if row.exact_mm is not None
-        ),
-        key=lambda row: row[0],
-    )
-    x, y = [at for at, _, _ in rows], [exact_mm for _, exact_mm, _ in rows]
-    beyond = 0.3 * (max(x) - min(x) or 1.0)
-    figure.set_size_inches(PANEL[0], 3.8)
-    axes = figure.subplots()
-    axes.plot(
-        [x[0] - beyond, *x, x[-1] + beyond],
-        [y[0], *y, y[-1]],
-        color="black",
-        linewidth=1.2,
-        label="lookup, before rounding",
-    )
-    for i, (at, exact_mm, row) in enumerate(rows):
-        stored_mm = exact_mm if row.fulcrum_mm is None else row.fulcrum_mm
-        if row.interval_mm is not None:
-            axes.plot(
-                [at] * 2,
-                row.interval_mm,
-                color="0.8",
-                linewidth=6.0,
-                solid_capstyle="butt",
-                zorder=0,
-                label="interval" if i == 0 else None,
-            )
-        _point(axes, stored_mm, at, stored_mm, label="stored" if i == 0 else None)
-        side = -1 if y[-1] > y[0] else 1  # where the lookup is below
-        axes.annotate(
-            textwrap.fill(row.label, 12),
-            (at, stored_mm),
-            xytext=(8 * side, 6),
-            textcoords="offset points",
-            fontsize=8,
-            ha="right" if side < 0 else "left",
-        )
-    if table.common_fulcrum_mm is not None:
-        axes.axhline(
-            table.common_fulcrum_mm,
-            color=NEUTRAL,
-            linestyle="--",
-            linewidth=1.2,
-            label="one for all",
-        )
-    low, high = table.reach_mm
-    axes.set_ylim(low - 2.0, high + 2.0)
-    legend_below(figure, axes.get_legend_handles_labels()[0])
-    label(axes, x=reading.DESCRIPTORS[name], y=FULCRUM, title="What the controller would set")

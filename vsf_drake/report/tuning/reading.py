@@ -1,4 +1,4 @@
-"""What a page reads off the record of a tuning or a schedule, and the arrays of a tuning."""
+"""What a page reads off the record of a tuning, and its arrays."""
 
 from __future__ import annotations
 
@@ -7,39 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import SETTINGS
-from vsf_drake.analysis.tuning.schedule import Schedule, TaskSetting
-from vsf_drake.analysis.tuning.table import Outcome, TaskOptimum, TuningTable
+from vsf_drake.tuning.common import SETTINGS
+from vsf_drake.tuning.table import Outcome, TuningTable
 
 Arrays = Mapping[str, np.ndarray]
 SHOWN = SETTINGS[:3]  # settings of a tuning beside the recorded one
 FEET = {"prosthetic": "prosthetic foot", "intact": "intact foot"}
 LENGTHS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")  # coordinates in metres, not radians
-DESCRIPTORS = {
-    "speed_m_per_s": "speed (m/s)",
-    "slope_deg": "slope (°, uphill +)",
-    "carried_kg": "carried load (kg)",
-}
 _NEAR_MM = 0.05  # positions that are nearer than this are one
 
 
 def recorded_positions(table: TuningTable) -> list[float]:
-    """Where the fulcrum stood in the trials (mm), each position once, rising; empty if the table does not say."""
+    """Where the fulcrum stood in the trials (mm), each position once, rising; empty if the table
+    does not say."""
     return sorted(set(table.recorded_mm))
-
-
-def excess(row: TaskOptimum | TaskSetting) -> float | None:
-    """What a task's cost is worse by with one setting for all: in percent where costs are positive, else as it is."""
-    if row.cost is None or row.cost_common is None:
-        return None
-    lost = row.cost_common - row.cost
-    return 100.0 * lost / row.cost if row.cost > 0.0 else lost
-
-
-def excess_unit(table: TuningTable | Schedule) -> str:
-    """The unit of `excess` where it is told of all tasks together."""
-    relative = all(row.cost is not None and row.cost > 0.0 for row in table.tasks)
-    return "%" if relative else table.cost_unit
 
 
 def shown_outcomes(table: TuningTable) -> list[Outcome]:
@@ -74,7 +55,8 @@ def compared(
     ]
     places: list[Compared] = []
     for i, (name, mm) in enumerate(zip(names, [float(x[0]), float(x[-1]), *inside], strict=True)):
-        there, also = cost(mm), i < 2 and mm in recorded
+        there = cost(mm)
+        also = i < 2 and mm in recorded
         if table.fulcrum_mm is not None and abs(mm - table.fulcrum_mm) < _NEAR_MM:
             places.append(Compared(name, mm, also, None))
         elif there is not None:
@@ -83,22 +65,9 @@ def compared(
     return places
 
 
-def telling(schedule: Schedule) -> str | None:
-    """The one descriptor in which a schedule's tasks differ; None if there is none, or several."""
-    differing = [
-        name for name in DESCRIPTORS if len({task.descriptors[name] for task in schedule.tasks}) > 1
-    ]
-    known = all(task.descriptors[name] is not None for name in differing for task in schedule.tasks)
-    return differing[0] if len(differing) == 1 and known else None
-
-
-def curved(schedule: Schedule) -> list[TaskSetting]:
-    """Tasks whose cost is known over the range."""
-    return [row for row in schedule.tasks if len(row.sweep.fulcrum_mm) > 1]
-
-
 def drawn_trials(table: TuningTable, arrays: Arrays) -> dict[str, str]:
-    """Up to three trials of a level 1 tuning whose forces there are: what their arrays begin with, by label."""
+    """Up to three trials of a level 1 tuning whose forces there are: what their arrays begin with,
+    by label."""
     prefixes = {
         name: f"trial_{i}_"
         for i, name in enumerate(table.trials)
@@ -113,8 +82,10 @@ def drawn_trials(table: TuningTable, arrays: Arrays) -> dict[str, str]:
 
 
 def root_mean_squares(arrays: Arrays, key: str, other: str = "_recorded") -> np.ndarray | None:
-    """Of the differences of `key` and its recorded (or `other`) counterpart, column by column; None without one."""
-    own, against = arrays.get(key), arrays.get(f"{key}{other}")
+    """Of the differences of `key` and its recorded (or `other`) counterpart, column by column; None
+    without one."""
+    own = arrays.get(key)
+    against = arrays.get(f"{key}{other}")
     if own is None or against is None or np.shape(own) != np.shape(against):
         return None
     return np.asarray(np.sqrt(np.mean((np.asarray(own) - np.asarray(against)) ** 2, axis=0)))

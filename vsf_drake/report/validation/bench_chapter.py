@@ -1,4 +1,5 @@
-"""The foot at rest in the validation's report: in the testing machine, experiment beside simulation, and stood upon."""
+"""The foot at rest in the validation's report: in the testing machine, experiment beside
+simulation, and stood upon."""
 
 from __future__ import annotations
 
@@ -26,8 +27,8 @@ from vsf_drake.report.style import (
 )
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.validation.bench_lines import SettingRow
-    from vsf_drake.analysis.validation.bench_section import BenchSectionTable, StoodTable
+    from vsf_drake.device.bench_lines import SettingRow
+    from vsf_drake.validation.bench_section import BenchSectionTable, StoodTable
 
 _MARKERS = {"model": "o", "nominal": "s", "soft_support": "v", "refined": "D", "calibrated": "^"}
 _SLOPE_ABOVE_N = 200.0
@@ -37,7 +38,8 @@ _LEAST_TOLD = 1e-4
 
 def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
     """The chapter; `table` and `arrays` of the saved bench section."""
-    points, forefoot = table.load_points, _forefoot(table)
+    points = table.load_points
+    forefoot = _forefoot(table)
     rates = sorted(
         (row for row in table.rates if row.fulcrum_mm is not None),
         key=lambda row: row.fulcrum_mm or 0.0,
@@ -123,7 +125,8 @@ def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
 
 
 def standing_chapter(table: StoodTable, arrays: Arrays) -> Chapter:
-    """What the ground carries of a standing person, and how the feet share it, per fulcrum position."""
+    """What the ground carries of a standing person, and how the feet share it, per fulcrum
+    position."""
     stood = [row for row in table.rows if row.failure is None]
     facts = {
         "stood": stood,
@@ -155,10 +158,8 @@ def _source(table: BenchSectionTable) -> str:
 def _stiffness_figure(table: BenchSectionTable) -> Figure:
     """Stiffness by fulcrum position: published, measured, simulated."""
     rows = _forefoot(table)
-    x, model = (
-        [row.fulcrum_mm or 0.0 for row in rows],
-        _of_line(rows, "model", "stiffness_n_per_mm"),
-    )
+    x = [row.fulcrum_mm or 0.0 for row in rows]
+    model = _of_line(rows, "model", "stiffness_n_per_mm")
     measured, half = (
         _of_line(rows, "measured", f"stiffness_n_per_mm{more}") for more in ("", "_half_width")
     )
@@ -213,7 +214,8 @@ def _stiffness_figure(table: BenchSectionTable) -> Figure:
 
 
 def _errors_figure(table: BenchSectionTable) -> Figure:
-    """By what each model misses the measured stiffness and mid-range displacement, by fulcrum position."""
+    """By what each model misses the measured stiffness and mid-range displacement, by fulcrum
+    position."""
     rows = _forefoot(table)
     x = [row.fulcrum_mm for row in rows]
     with drawing(PANEL[0], 1.6 * PANEL[1]) as figure:
@@ -256,7 +258,8 @@ def _errors_figure(table: BenchSectionTable) -> Figure:
 
 
 def _curves_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
-    """Load over displacement at every setting, experiment beside simulation, after Figure 4 of McGeehan 2021."""
+    """Load over displacement at every setting, experiment beside simulation, after Figure 4 of
+    McGeehan 2021."""
     with drawing(*PANEL) as figure:
         axes = figure.subplots()
         for i, row in enumerate(table.settings):
@@ -278,12 +281,11 @@ def _curves_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
 
 
 def _setting(axes: Axes, i: int, row: SettingRow, table: BenchSectionTable, arrays: Arrays) -> None:
-    colour, load, half = (
-        colour_of(row.fulcrum_mm),
-        arrays["load_n"][i],
-        arrays["measured_half_width_mm"][i],
-    )
-    measured, model = arrays["measured_mm"][i], arrays["model_mm"][i]
+    colour = colour_of(row.fulcrum_mm)
+    load = arrays["load_n"][i]
+    half = arrays["measured_half_width_mm"][i]
+    measured = arrays["measured_mm"][i]
+    model = arrays["model_mm"][i]
     if np.isfinite(half).any():
         axes.fill_betweenx(
             load, measured - half, measured + half, color=colour, alpha=0.2, linewidth=0
@@ -315,5 +317,6 @@ def _position(fulcrum_mm: float | None) -> str:
 
 
 def _of_line(rows: Iterable[SettingRow], line: str, key: str) -> np.ndarray:
-    """A value of the measured curves, or of a model, by setting; NaN where it is missing: gaps in a figure."""
+    """A value of the measured curves, or of a model, by setting; NaN where it is missing: gaps in a
+    figure."""
     return np.array([getattr(row.lines.get(line), key, None) for row in rows], dtype=float)

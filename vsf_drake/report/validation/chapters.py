@@ -1,4 +1,5 @@
-"""The first screen and the chapters of a validation, made of its saved sections, with what is missing said."""
+"""The first screen and the chapters of a validation, made of its saved sections, with what is
+missing said."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from vsf_drake.files import record
+from vsf_drake.base.files import record
+from vsf_drake.base.sentences import say
 from vsf_drake.report.page import Chapter, made_chapter
 from vsf_drake.report.style import Arrays
 from vsf_drake.report.validation.bench_chapter import bench_chapter, standing_chapter
@@ -23,7 +25,7 @@ from vsf_drake.report.validation.walking_chapter import (
     layers_chapter,
     walking_chapter,
 )
-from vsf_drake.sentences import say
+from vsf_drake.walks.quantities import JUDGED
 
 Content = Mapping[str, Any]
 """What a `validation.json` holds, of any version, which a record of this version need not take."""
@@ -47,11 +49,11 @@ _MAKERS: dict[str, tuple[str, Callable[..., Chapter]]] = {
 def make_chapters(
     content: Content, arrays: Arrays, tables: Mapping[str, type], *, lenient: bool
 ) -> list[Chapter]:
-    """The first screen, one chapter a section, and how it was made; `arrays` by "section/name", `tables` the records of
-    the sections.
+    """The first screen, one chapter a section, and how it was made; `arrays` by "section/name",
+    `tables` the records of the sections.
 
-    If `lenient`, a section that this version cannot show is named as missing instead of raising, as for results that
-    another version wrote or somebody edited.
+    If `lenient`, a section that this version cannot show is named as missing instead of raising, as
+    for results that another version wrote or somebody edited.
     """
     chapters = [made_chapter("summary", "", partial(_summary, content, arrays), lenient)]
     for name, (title, maker) in _MAKERS.items():
@@ -115,9 +117,15 @@ def _summary(content: Content, arrays: Arrays) -> Chapter:
     )
 
 
-# The first screen: one walk with the fulcrum at each position that was computed, as SVG that a slider redraws.
+# The first screen: one walk with the fulcrum at each position that was computed, as SVG that a
+# slider redraws.
 
-_WIDE, _HIGH, _LEFT, _RIGHT, _TOP, _BOTTOM = 360.0, 236.0, 40.0, 8.0, 26.0, 36.0
+_WIDE = 360.0
+_HIGH = 236.0
+_LEFT = 40.0
+_RIGHT = 8.0
+_TOP = 26.0
+_BOTTOM = 36.0
 _LOAD_MM_PER_N = 0.07
 """Length of the arrow of a load on the keel."""
 
@@ -158,10 +166,12 @@ class Panel:
 
 
 def moved_walk(arrays: Arrays, own_mm: float) -> dict[str, Any]:
-    """Panels with what stands still in them, and a frame for each position of the fulcrum: points and numbers by the
-    `id` of what shows them."""
-    percent, keel = np.linspace(0.0, 100.0, 101), arrays["keel_mm"]
-    panels, still = [], {}
+    """Panels with what stands still in them, and a frame for each position of the fulcrum: points
+    and numbers by the `id` of what shows them."""
+    percent = np.linspace(0.0, 100.0, 101)
+    keel = arrays["keel_mm"]
+    panels = []
+    still = {}
     frames: list[dict[str, str]] = [
         {
             "moved-mm": f"{x:.0f}",
@@ -170,7 +180,7 @@ def moved_walk(arrays: Arrays, own_mm: float) -> dict[str, Any]:
             "moved-tip": f"{z:.0f}",
         }
         for x, error, (load, _), z in zip(
-            arrays["fulcrum_mm"], arrays["grf_rmse_bw"], arrays["load"], keel[:, -1, 1], strict=True
+            arrays["fulcrum_mm"], arrays[JUDGED], arrays["load"], keel[:, -1, 1], strict=True
         )
     ]
     for name, title in (
@@ -212,10 +222,9 @@ def moved_walk(arrays: Arrays, own_mm: float) -> dict[str, Any]:
         frames, arrays["fulcrum_mm"], keel, arrays["load"], strict=True
     ):
         z, head = (float(np.interp(place, *shape.T)) for place in (x, at))
-        z, head = (
-            z + 2.5,
-            head - 4.0,
-        )  # the fulcrum bears on the keel from above, the load from below
+        # the fulcrum bears on the keel from above, the load from below
+        z = z + 2.5
+        head = head - 4.0
         foot = head - _LOAD_MM_PER_N * load
         frame |= {
             "moved-keel": panel.points(*shape.T),

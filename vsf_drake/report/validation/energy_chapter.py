@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from vsf_drake.files import plain
+from vsf_drake.base.files import plain
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import (
     NEUTRAL,
@@ -27,7 +27,7 @@ from vsf_drake.report.style import (
 )
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.validation.energy_section import (
+    from vsf_drake.validation.energy_section import (
         EnergyCondition,
         EnergyRow,
         EnergyTable,
@@ -62,7 +62,8 @@ _LOSSES = ("keel_loss", "foam_loss", "friction_loss", "fulcrum_loss")
 
 def energy_chapter(table: EnergyTable, arrays: Arrays) -> Chapter:
     """What the foot stores and returns by fulcrum position, and how well its balance closes."""
-    trials, figures = table.trials, {}
+    trials = table.trials
+    figures = {}
     facts = {**vars(table), "trials": plain(trials), "conditions": plain(table.conditions)}
     if trials:
         facts |= {
@@ -115,7 +116,8 @@ def energy_chapter(table: EnergyTable, arrays: Arrays) -> Chapter:
 
 
 def _at_ends(stored: Sequence[tuple[float, float]]) -> tuple[float, ...]:
-    """Softest position (mm), mean energy stored there (J), and the same of the stiffest; nothing for one position."""
+    """Softest position (mm), mean energy stored there (J), and the same of the stiffest; nothing
+    for one position."""
     places = sorted({at for at, _ in stored})
     return (
         tuple(
@@ -139,7 +141,9 @@ def _first_of_each(table: EnergyTable) -> dict[float, int]:
 def _balance_figure(row: EnergyRow) -> Figure:
     """Where the limb's work is at toe-off of a stance, one term after the other taken off it."""
     with drawing(PANEL[0], 1.15 * PANEL[1]) as figure:
-        axes, left, names = figure.subplots(), row.terms_j["limb_work_j"], list(_WORDS)
+        axes = figure.subplots()
+        left = row.terms_j["limb_work_j"]
+        names = list(_WORDS)
         axes.barh(0, left, color=colour_of(row.fulcrum_mm))
         axes.text(left, 0, f" {left:.2f}", va="center")
         for i, name in enumerate(names[1:], start=1):
@@ -157,15 +161,15 @@ def _balance_figure(row: EnergyRow) -> Figure:
 
 
 def _position_figure(table: EnergyTable) -> Figure:
-    """Stored and returned energy over the fulcrum's position: as recorded, under the same load, with the same motion."""
-    trials, moved = (
-        table.trials,
-        [
-            (rows, title)
-            for rows, title in ((table.same_load, "same load"), (table.same_motion, "same motion"))
-            if rows
-        ],
-    )
+    """Stored and returned energy over the fulcrum's position: as recorded, under the same load,
+    with the same motion.
+    """
+    trials = table.trials
+    moved = [
+        (rows, title)
+        for rows, title in ((table.same_load, "same load"), (table.same_motion, "same motion"))
+        if rows
+    ]
     with drawing(PANEL[0], 1.05 * PANEL[1]) as figure:
         panels = figure.subplots(1, 1 + len(moved), sharey=True, squeeze=False)[0]
         _recorded(panels[0], trials, table.conditions)
@@ -246,7 +250,8 @@ def _moved(axes: Axes, rows: Sequence[MovedRow], trials: Sequence[EnergyRow]) ->
 
 
 def _power_figure(table: EnergyTable, arrays: Arrays) -> Figure:
-    """Distal segment power over stance, mean of the stances at each position, of pylon and residual shank."""
+    """Distal segment power over stance, mean of the stances at each position, of pylon and residual
+    shank."""
     middle = 0.5 * (arrays["percent"][1:] + arrays["percent"][:-1])
     homes = np.array([row.fulcrum_mm for row in table.trials])
     with drawing(*PANEL) as figure:
@@ -276,14 +281,16 @@ def _power_figure(table: EnergyTable, arrays: Arrays) -> Figure:
 
 
 def _stance_figure(table: EnergyTable, arrays: Arrays) -> Figure:
-    """Where the energy of the foot is over a stance: strain of keel, support and foam stacked, and losses so far; one
-    trial a fulcrum position."""
-    shown, percent = _first_of_each(table).items(), arrays["percent"]
+    """Where the energy of the foot is over a stance: strain of keel, support and foam stacked, and
+    losses so far; one trial a fulcrum position."""
+    shown = _first_of_each(table).items()
+    percent = arrays["percent"]
     with drawing(PANEL[0], 1.05 * PANEL[1]) as figure:
         panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
         for axes, (fulcrum, i) in zip(panels, shown, strict=True):
             terms = dict(zip(table.terms, arrays["terms_j"][i], strict=True))
-            colour, base = colour_of(fulcrum), np.zeros(len(percent))
+            colour = colour_of(fulcrum)
+            base = np.zeros(len(percent))
             for name, _, alpha, hatch in _STORES:
                 top = base + terms[name]
                 axes.fill_between(

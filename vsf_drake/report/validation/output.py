@@ -1,4 +1,5 @@
-"""What a validation, and a comparison with published effects, leave on disk, all of it or nothing; their pages."""
+"""What a validation, and a comparison with published effects, leave on disk, all of it or nothing;
+their pages."""
 
 from __future__ import annotations
 
@@ -7,27 +8,31 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.published import CANNOT_SAY, CONTRADICTED, REPRODUCED
-from vsf_drake.analysis.validation.published_trends import FORMAT as TREND_FORMAT
-from vsf_drake.analysis.validation.published_trends import TrendTable
-from vsf_drake.analysis.validation.run import NAMES, Validation, is_kept, tables
-from vsf_drake.analysis.validation.study import Study
-from vsf_drake.files import plain, record, write_json
+from vsf_drake.base.files import plain, record, write_json
+from vsf_drake.base.sentences import say
+from vsf_drake.optimal_control.outcomes import MEASURES, SIGNS_OF
 from vsf_drake.report.figures import walk_figure
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import Arrays, save_figure
 from vsf_drake.report.validation.chapters import Content, make_chapters
-from vsf_drake.sentences import say
 from vsf_drake.simulation.results import save_walk
+from vsf_drake.validation.published_trends import FORMAT as TREND_FORMAT
+from vsf_drake.validation.published_trends import TrendTable
+from vsf_drake.validation.run import NAMES, Validation, is_kept, tables
+from vsf_drake.validation.study import Study
+from vsf_drake.walks.published import CANNOT_SAY, CONTRADICTED, REPRODUCED
 
 FORMAT = 1
-WALKS, REPLAY, UNFINISHED = "walks", "replay.html", "unfinished"
+WALKS = "walks"
+REPLAY = "replay.html"
+UNFINISHED = "unfinished"
 
 
 def _show(table: Content, arrays: Arrays, *, folder: Path, lenient: bool) -> dict[str, Any]:
-    """What `page.chapter_page` is to be given; notes of what this version finds wrong come with it."""
+    """What `page.chapter_page` is to be given; notes of what this version finds wrong come with
+    it."""
     notes = list(table["notes"]) if isinstance(table.get("notes"), list) else []
     if table.get("format") != FORMAT:
         notes += say("validation", "other_format", found=table.get("format", "unknown"), own=FORMAT)
@@ -74,8 +79,8 @@ VALIDATION = ResultsFolder(
 def write_validation(
     content: Validation, arrays: Arrays, out: Path, *, study: Study | None = None
 ) -> dict[str, Any]:
-    """Writes a validation, and arrays by "section/name"; see `ResultsFolder.write`. With the study that they were
-    computed from also its walks, a folder each, and the replay of one."""
+    """Writes a validation, and arrays by "section/name"; see `ResultsFolder.write`. With the study
+    that they were computed from also its walks, a folder each, and the replay of one."""
     more = {} if study is None else {"more": partial(_write_walks, study)}
     return VALIDATION.write(
         out, {**plain(content), "kind": "validation", "format": FORMAT}, arrays, **more
@@ -85,7 +90,8 @@ def write_validation(
 def write_unfinished(
     content: Validation, arrays: Arrays, out: Path, *, to_come: Sequence[str]
 ) -> Path:
-    """Writes the page of a validation of which sections are still to come, marked as such; returns its path."""
+    """Writes the page of a validation of which sections are still to come, marked as such; returns
+    its path."""
     return VALIDATION.write_unfinished(
         out,
         {
@@ -101,9 +107,8 @@ def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
     """Result, metrics and figure of each walk, and the replay of the study's shown one."""
     taken: list[str] = []
     for walk in study.walks:
-        name = walk.label.replace("/", "_").replace(
-            "..", "_"
-        )  # which folders may tell trials of one name apart
+        # which folders may tell trials of one name apart
+        name = walk.label.replace("/", "_").replace("..", "_")
         while name in taken:
             name += "_"
         taken.append(name)
@@ -141,9 +146,27 @@ def _show_published(
     saved: Content, arrays: Arrays, *, folder: Path, lenient: bool
 ) -> dict[str, Any]:
     table = record(TrendTable, saved)
-    rows = [{**vars(row), "met": row.verdict != CONTRADICTED} for row in table.rows]
+    rows = [
+        {**vars(row), "met": row.verdict != CONTRADICTED or bool(row.aside)} for row in table.rows
+    ]
+    measures = [
+        {
+            **vars(one),
+            "met": one.verdict != CONTRADICTED,
+            "by": ", ".join(one.by),
+            "verdict": one.verdict.replace("_", " "),
+        }
+        for one in table.measures
+    ]
     facts = {
         "t": table,
+        "measures": measures,
+        "own": table.foot_s_own_signs,
+        "of": len(MEASURES),
+        "signs_of": SIGNS_OF,
+        "by_foot_alone": table.reproduced(by_foot_alone=True),
+        "by_strides": table.reproduced(by_foot_alone=False),
+        "contradicted": [one.measure for one in table.measures if one.verdict == CONTRADICTED],
         "groups": [
             (verdict.replace("_", " "), [row for row in rows if row["verdict"] == verdict])
             for verdict in (CONTRADICTED, REPRODUCED, CANNOT_SAY)

@@ -24,7 +24,8 @@ from vsf_drake.report.style import (
 )
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.validation.roll_over_section import InclinedRow, Iso, RollOverTable
+    from vsf_drake.device.roll_over import Iso
+    from vsf_drake.validation.roll_over_section import InclinedRow, RollOverCondition, RollOverTable
 
 _PANELS = (
     ("radius_m", 1e3, "radius", "(mm)"),
@@ -34,15 +35,25 @@ _PANELS = (
 
 
 def roll_over_chapter(table: RollOverTable, arrays: Arrays) -> Chapter:
-    """The chapter of a saved section (`analysis.validation.roll_over_section`)."""
-    iso, inclined = table.iso, table.inclined
+    """The chapter of a saved section (`validation.roll_over_section`)."""
+    iso = table.iso
+    inclined = table.inclined
     pairs = [
         (row, other)
         for row in iso.positions
         for other in iso.with_friction
         if row.fulcrum_mm == other.fulcrum_mm
     ]
+    radii = [_radii(row, table) for row in table.conditions]
+    worst: dict[str, float | None] = {}
+    for name in ("off", "off_after_heel"):
+        known = [row[name] for row in radii]
+        worst[f"{name}_worst"] = max(
+            (abs(value) for value in known if value is not None), default=None
+        )
     facts = {
+        "radii": radii,
+        **worst,
         "condition_rows": [
             {
                 "fulcrum_mm": row.fulcrum_mm,
@@ -99,6 +110,25 @@ def roll_over_chapter(table: RollOverTable, arrays: Arrays) -> Chapter:
     )
 
 
+def _radii(condition: RollOverCondition, table: RollOverTable) -> dict[str, float | None]:
+    """What the radii of a condition are, over the whole shape and without the heel's part (mm), by
+    how much the model's is off (%), and how far apart the shapes are (mm)."""
+    found: dict[str, float | None] = {"fulcrum_mm": condition.fulcrum_mm}
+    for end, name in (("", "radius_m"), ("_after_heel", "radius_after_heel_m")):
+        model = condition.model[name].mean
+        measured = condition.measured[name].mean
+        found[f"model{end}"] = model
+        found[f"measured{end}"] = measured
+        found[f"off{end}"] = (
+            None if model is None or measured is None else 100.0 * (model / measured - 1.0)
+        )
+    own = [row for row in table.walks if row.fulcrum_mm == condition.fulcrum_mm]
+    for name in ("heel_apart", "later_apart"):
+        known = [getattr(row, f"{name}_m") for row in own if getattr(row, f"{name}_m") is not None]
+        found[f"{name}_mm"] = 1e3 * float(np.mean(known)) if known else None
+    return found
+
+
 def _inclined_figure(rows: Sequence[InclinedRow], arrays: Arrays) -> Figure:
     """Load and displacement of the foot pressed at an angle."""
     with drawing(*PANEL) as figure:
@@ -113,10 +143,8 @@ def _inclined_figure(rows: Sequence[InclinedRow], arrays: Arrays) -> Figure:
                     name = f"inclined_{sign}{abs(row.angle_deg):.0f}_{row.fulcrum_mm:.0f}"
                     load = arrays[f"{name}_load_n"]
                     loading = slice(0, int(np.argmax(load)) + 1)
-                    x, colour = (
-                        1e3 * arrays[f"{name}_displacement_m"][loading],
-                        colour_of(row.fulcrum_mm),
-                    )
+                    x = 1e3 * arrays[f"{name}_displacement_m"][loading]
+                    colour = colour_of(row.fulcrum_mm)
                     axes.plot(x, load[loading], color=colour, **SIMULATED)
                     if sign == "plus":
                         tag(
@@ -135,7 +163,8 @@ def _inclined_figure(rows: Sequence[InclinedRow], arrays: Arrays) -> Figure:
 
 
 def _iso_figure(iso: Iso, arrays: Arrays) -> Figure:
-    """The foot under the ISO 22675 loading profile: the force, and how the foot answers at each position."""
+    """The foot under the ISO 22675 loading profile: the force, and how the foot answers at each
+    position."""
     with drawing(PANEL[0], 1.5 * PANEL[1]) as figure:
         (force, deflection), (moment, strain) = figure.subplots(2, 2, sharex=True)
         time = 1e3 * arrays["iso_time_s"]
@@ -176,7 +205,8 @@ def _shape_figure(table: RollOverTable, arrays: Arrays) -> Figure:
     with drawing(PANEL[0], 0.8 * PANEL[1]) as figure:
         axes = figure.subplots()
         for condition in table.conditions:
-            fulcrum, ends = condition.fulcrum_mm, list[tuple[float, float]]()
+            fulcrum = condition.fulcrum_mm
+            ends = list[tuple[float, float]]()
             own = [f"walk_{i}" for i, row in enumerate(table.walks) if row.fulcrum_mm == fulcrum]
             for side, look in (("measured", MEASURED), ("model", SIMULATED)):
                 # where all are known, else NaN
@@ -210,7 +240,8 @@ def _measures_figure(table: RollOverTable) -> Figure:
         for axes, (name, scale, title, unit) in zip(panels, _PANELS, strict=True):
             for side, marker, shift in (("measured", "o", 4.0), ("model", "D", -4.0)):
                 for row in table.walks:
-                    value, colour = getattr(getattr(row, side), name), colour_of(row.fulcrum_mm)
+                    value = getattr(getattr(row, side), name)
+                    colour = colour_of(row.fulcrum_mm)
                     if value is not None:
                         axes.plot(
                             row.fulcrum_mm + shift,

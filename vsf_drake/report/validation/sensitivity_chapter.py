@@ -1,4 +1,5 @@
-"""The sensitivity chapter: what of the model's uncertainty matters for force, centre of pressure and keel energy."""
+"""The sensitivity chapter: what of the model's uncertainty matters for force, centre of pressure
+and keel energy."""
 
 from __future__ import annotations
 
@@ -13,14 +14,16 @@ from matplotlib.patches import Patch
 
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import PANEL, Arrays, drawing, label, say_synthetic
+from vsf_drake.walks.quantities import JUDGED
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.validation.sensitivity_indices import Effect, Index
-    from vsf_drake.analysis.validation.sensitivity_section import OutputRow, SensitivityTable
+    from vsf_drake.validation.sensitivity_indices import Effect, Index
+    from vsf_drake.validation.sensitivity_section import OutputRow, SensitivityTable
 
 
 class Output(NamedTuple):
-    """How an output of the study is shown: its name, one over a panel, unit, scale of the stored value, format."""
+    """How an output of the study is shown: its name, one over a panel, unit, scale of the stored
+    value, format."""
 
     name: str
     short: str
@@ -30,14 +33,14 @@ class Output(NamedTuple):
 
 
 OUTPUTS = {
-    "grf_rmse_bw": Output("resultant GRF error", "GRF error", "% BW", 100.0, "{:.1f}"),
+    JUDGED: Output("resultant GRF error", "GRF error", "% BW", 100.0, "{:.1f}"),
     "cop_rmse_fl": Output("CoP error", "CoP error", "% foot length", 100.0, "{:.2f}"),
     "cop_shift_mm": Output("mean CoP shift", "CoP shift", "mm", 1.0, "{:.1f}"),
     "peak_vertical_bw": Output("peak vertical force", "peak force", "% BW", 100.0, "{:.1f}"),
     "spring_stored_j": Output("energy stored", "stored", "J"),
     "spring_returned_j": Output("energy returned", "energy returned", "J"),
 }
-MAIN = ("grf_rmse_bw", "cop_rmse_fl", "spring_returned_j")
+MAIN = (JUDGED, "cop_rmse_fl", "spring_returned_j")
 """What the chapter draws."""
 MOST = 6
 """Factors in a panel of the screening."""
@@ -58,7 +61,8 @@ def sensitivity_chapter(table: SensitivityTable, arrays: Arrays) -> Chapter:
     facts = {
         **vars(table),
         "screened": bool(screened),
-        "label": table.conditions[table.indexed].label,  # of the trial of indices and percentiles
+        # of the trial of indices and percentiles
+        "label": table.conditions[table.indexed].label,
         "findings": [
             (
                 OUTPUTS[name],
@@ -112,7 +116,8 @@ def _largest(rows: Sequence[Index]) -> list[Index]:
 
 
 def _output_row(name: str, row: OutputRow) -> dict[str, object]:
-    """An output as it is, over the uncertainty, and by what it is moved most; values in the output's unit."""
+    """An output as it is, over the uncertainty, and by what it is moved most; values in the
+    output's unit."""
     output = OUTPUTS[name]
     values = {"baseline": row.baseline_indexed, "p05": row.p05, "p50": row.p50, "p95": row.p95}
     return {
@@ -181,7 +186,8 @@ def _index_table(by_output: Mapping[str, Sequence[Index]]) -> dict[str, Any]:
 
 
 def indices_figure(table: SensitivityTable) -> Figure:
-    """First-order and total indices of groups, outputs side by side; at least one main output must have rows."""
+    """First-order and total indices of groups, outputs side by side; at least one main output must
+    have rows."""
     by_output = _indices(table)
     names = [row.name for row in _largest(next(iter(by_output.values())))]
     with drawing(PANEL[0], 1.2 + 0.24 * len(names)) as figure:
@@ -239,7 +245,8 @@ def _interval() -> Line2D:
 
 
 def screening_figure(table: SensitivityTable) -> Figure:
-    """mu* of the MOST strongest factors, one panel an output; at least one main output must have rows."""
+    """mu* of the MOST strongest factors, one panel an output; at least one main output must have
+    rows."""
     shown = {
         name: _strongest(effects)[:MOST] for name in MAIN if (effects := table.outputs[name].morris)
     }
@@ -249,7 +256,8 @@ def screening_figure(table: SensitivityTable) -> Figure:
         ):
             output = OUTPUTS[name]
             for place, row in enumerate(rows):
-                size, half = output.scale * row.mu_star, output.scale * row.mu_star_conf
+                size = output.scale * row.mu_star
+                half = output.scale * row.mu_star_conf
                 axes.barh(place, size, height=0.7, color="0.75")
                 axes.plot([max(size - half, 0.0), size + half], [place, place], color="0.1")
                 axes.plot(

@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from vsf_drake.files import plain
+from vsf_drake.base.files import plain
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import FULCRUM, PANEL, Arrays, colour_of, drawing, label, say_synthetic
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.validation.settings_section import OutcomeRow, PairRow, SettingsTable
+    from vsf_drake.validation.settings_section import OutcomeRow, PairRow, SettingsTable
 
 TITLE = "Can two settings be distinguished?"
 DESIGNS = {
@@ -36,7 +36,8 @@ _BAND = "same_session"
 
 def settings_chapter(table: SettingsTable, arrays: Arrays) -> Chapter:
     """The answer, what the model predicts against what is detectable, and how that was found."""
-    facts, figures = dict(vars(table)), {}
+    facts = dict(vars(table))
+    figures = {}
     if table.outcomes:
         facts |= _facts(table)
         figures = {
@@ -54,14 +55,16 @@ def settings_chapter(table: SettingsTable, arrays: Arrays) -> Chapter:
 
 def _facts(table: SettingsTable) -> dict[str, Any]:
     """What the chapter's sentences need besides the table."""
-    outcomes, places = table.outcomes, table.positions_mm
+    outcomes = table.outcomes
+    places = table.positions_mm
     curves = {(row.from_mm, row.to_mm): row for row in table.curves if row.rms_bw is not None}
     near = [
         row.rms_bw or 0.0
         for (start, end), row in curves.items()
         if places.index(end) - places.index(start) == 1
     ]
-    known, ends = any(_limited(row) for row in outcomes), _ends(table)
+    known = any(_limited(row) for row in outcomes)
+    ends = _ends(table)
     reached = []
     for design, title in DESIGNS.items():
         travels = [
@@ -151,7 +154,8 @@ def told_apart(row: PairRow, design: str) -> bool | None:
 
 
 def poor_judge(pairs: Sequence[PairRow]) -> PairRow | None:
-    """Stored energy between the ends, if with the motion held it cannot tell them apart and is largest in between."""
+    """Stored energy between the ends, if with the motion held it cannot tell them apart and is
+    largest in between."""
     effects = [
         (row, row.effect)
         for row in pairs
@@ -173,7 +177,8 @@ def _limited(outcome: OutcomeRow) -> bool:
 
 def _ends(table: SettingsTable) -> dict[str, PairRow]:
     """By outcome, the two positions furthest apart."""
-    low, high = table.positions_mm[0], table.positions_mm[-1]
+    low = table.positions_mm[0]
+    high = table.positions_mm[-1]
     return {row.outcome: row for row in table.pairs if (row.from_mm, row.to_mm) == (low, high)}
 
 
@@ -198,8 +203,10 @@ def _best(table: SettingsTable) -> OutcomeRow:
 
 
 def _apart_figure(table: SettingsTable) -> Figure:
-    """By outcome, the predicted difference of the ends of the range over the smallest detectable one."""
-    rows, ends = table.outcomes, _ends(table)
+    """By outcome, the predicted difference of the ends of the range over the smallest detectable
+    one."""
+    rows = table.outcomes
+    ends = _ends(table)
     with drawing(PANEL[0], 1.0 + 0.24 * len(rows)) as figure:
         axes = figure.subplots()
         for i, row in enumerate(rows):
@@ -240,8 +247,10 @@ def _apart_figure(table: SettingsTable) -> Figure:
 
 
 def _change_figure(table: SettingsTable, arrays: Arrays) -> Figure:
-    """The best outcome over the fulcrum's position, as a difference from the middle one: every trial, and the mean."""
-    positions, row = np.array(table.positions_mm, dtype=float), _best(table)
+    """The best outcome over the fulcrum's position, as a difference from the middle one: every
+    trial, and the mean."""
+    positions = np.array(table.positions_mm, dtype=float)
+    row = _best(table)
     middle = int(np.argmin(np.abs(positions - 0.5 * (positions[0] + positions[-1]))))
     effects = arrays["effects"][:, :, [one.name for one in table.outcomes].index(row.name)]
     change = effects - effects[:, middle : middle + 1]
@@ -283,7 +292,8 @@ def _change_figure(table: SettingsTable, arrays: Arrays) -> Figure:
 
 
 def _band(axes: Axes, pairs: Sequence[PairRow], here: float) -> None:
-    """What is not distinguishable from the position `here`, to both sides; next to it as at its neighbour."""
+    """What is not distinguishable from the position `here`, to both sides; next to it as at its
+    neighbour."""
     limits = {
         row.to_mm if row.from_mm == here else row.from_mm: row.limits[f"limit_{_BAND}"]
         for row in pairs

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from vsf_drake.report.fit_figures import TrialSweep, fit_sweep_figure
+from vsf_drake.base.sentences import say
+from vsf_drake.report.fit_figures import fit_sweep_figure
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import (
     MEASURED,
@@ -26,13 +27,10 @@ from vsf_drake.report.style import (
     name_of,
     say_synthetic,
 )
+from vsf_drake.walks.quantities import JUDGED
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.validation.walking_section import (
-        LayersTable,
-        WalkingCondition,
-        WalkingTable,
-    )
+    from vsf_drake.validation.walking_section import LayersTable, WalkingCondition, WalkingTable
 
 _ACROSS = 3
 """Conditions side by side in a figure."""
@@ -60,7 +58,8 @@ _MOST_NAMED = 24
 
 def walking_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
     """Table 3, Figures 5 to 7, null model, sweep, and where the curves differ."""
-    rows, group = table.rows, _main_group(table)
+    rows = table.rows
+    group = _main_group(table)
     swept = [row.sweep for row in rows if row.sweep and row.sweep.right is not None]
     ends = [sweep for sweep in swept if sweep.at_end]
     limits = [(d.n, d.threshold) for d in table.differences if d.threshold is not None]
@@ -81,22 +80,11 @@ def walking_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
     drawn = any(_has_curves(arrays, group, quantity) for quantity in _NAMES)
     if drawn:
         figures["walking_differences"] = _difference_figure(table, arrays)
-    any_sweep = any(
-        error is not None for row in rows if row.sweep for error in row.sweep.grf_rmse_bw
-    )
+    any_sweep = any(np.isfinite(row.sweep.errors_bw).any() for row in rows if row.sweep)
     if any_sweep:
         figures["walking_sweep"] = fit_sweep_figure(
-            [
-                TrialSweep(
-                    label=row.label,
-                    role=row.role,
-                    fulcrum_mm=row.fulcrum_mm,
-                    synthetic=table.synthetic,
-                    sweep=row.sweep,
-                )
-                for row in rows
-                if row.sweep
-            ]
+            [(row.label, row.fulcrum_mm, row.sweep) for row in rows if row.sweep],
+            synthetic=table.synthetic,
         )
     facts = {
         "pointwise": table.difference_method == _POINTWISE,
@@ -116,7 +104,7 @@ def walking_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
                 ("toe-off", "toe_off_error_s"),
                 ("stance", "stance_error_s"),
             )
-            if (known := [value for row in rows if (value := getattr(row, key)) is not None])
+            if (known := [value for row in rows if (value := row.scores[key]) is not None])
         ],
         "paper": [c.paper for c in table.conditions if c.paper],
         "any_sweep": any_sweep,
@@ -138,7 +126,8 @@ def walking_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
 
 
 def exact_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
-    """Table 3 and every walk whose motion and force belong together: what of an error is the model's own."""
+    """Table 3 and every walk whose motion and force belong together: what of an error is the
+    model's own."""
     return Chapter(
         name="walking_exact",
         title="Walking without errors of measurement",
@@ -154,7 +143,13 @@ def layers_chapter(table: LayersTable, arrays: Arrays, *, exact: bool = False) -
         name="layers_exact" if exact else "layers",
         title=title,
         template="validation/layers.html.j2",
-        facts={**vars(table), "exact": exact},
+        facts={
+            **vars(table),
+            "rows": [{**vars(row), **row.scores} for row in table.rows],
+            "keys": [f"{layer}_{JUDGED}" for layer in ("physics", "momentum", "discrepancy")],
+            "exact": exact,
+            "not_held": f"{say('not_held')[0]}.",
+        },
     )
 
 
@@ -163,14 +158,6 @@ def _walks(table: WalkingTable) -> dict[str, Any]:
     return {
         "condition_rows": list(_condition_rows(table)),
         "repeated": [row for row in table.angle_errors if row.role == _told(table)],
-        "walk_rows": [
-            {
-                **vars(row),
-                "sweep_best_mm": row.sweep and row.sweep.best_mm,
-                "sweep_right": row.sweep and row.sweep.right,
-            }
-            for row in table.rows
-        ],
         "with_spread": lambda columns: tuple(
             one
             for own in columns
@@ -192,7 +179,8 @@ def _told(table: WalkingTable) -> str | None:
 
 
 def _condition_rows(table: WalkingTable) -> Iterable[dict[str, Any]]:
-    """Up to four rows a condition, the last the paper's: a person's walks, beside those of a person alone."""
+    """Up to four rows a condition, the last the paper's: a person's walks, beside those of a person
+    alone."""
     for condition in table.conditions:
         name = _heading(condition)
         for source, own in condition.scores.items():
@@ -201,7 +189,7 @@ def _condition_rows(table: WalkingTable) -> Iterable[dict[str, Any]]:
                 row |= {key: spread.mean, f"{key}_sd": spread.sd}
             yield row
         if condition.paper and not table.synthetic:
-            yield {"setting": name, "source": "paper", "n": None, **vars(condition.paper)}
+            yield {"setting": name, "source": "paper", "n": None, **condition.paper}
 
 
 def _extremes(
@@ -245,8 +233,8 @@ def _has_curves(arrays: Arrays, group: int | str, quantity: str) -> bool:
 
 
 def _difference_figure(table: WalkingTable, arrays: Arrays) -> Figure:
-    """Model less plate over stance: a panel a quantity, conditions in colour, all walks black with their band, below it
-    where they differ."""
+    """Model less plate over stance: a panel a quantity, conditions in colour, all walks black with
+    their band, below it where they differ."""
     group = _main_group(table)
     shown = [name for name in _NAMES if _has_curves(arrays, group, name)]
     down = -(-len(shown) // 2)
@@ -316,8 +304,9 @@ def _short(title: str) -> str:
 def _ensemble_figure(
     table: WalkingTable, arrays: Arrays, quantities: Sequence[str], conditions: Sequence[int]
 ) -> Figure:
-    """Curves over stance, experiment solid and simulation dashed, as in the paper's Figures 5 to 7: a row a quantity, a
-    column a condition (indices in `table.conditions`); both must be among the arrays."""
+    """Curves over stance, experiment solid and simulation dashed, as in the paper's Figures 5 to 7:
+    a row a quantity, a column a condition (indices in `table.conditions`); both must be among the
+    arrays."""
     with drawing(PANEL[0], 0.8 + 1.35 * len(quantities)) as figure:
         panels = figure.subplots(
             len(quantities), len(conditions), sharex=True, sharey="row", squeeze=False
@@ -370,11 +359,9 @@ def walk_errors_figure(table: WalkingTable) -> Figure:
     with drawing(PANEL[0], 1.2 + 0.24 * max(min(len(rows), _MOST_NAMED), 6)) as figure:
         axes = figure.subplots()
         for place, row in enumerate(rows):
-            colour, error, null = (
-                colour_of(row.fulcrum_mm),
-                row.grf_rmse_bw,
-                row.null_model_grf_rmse_bw,
-            )
+            colour = colour_of(row.fulcrum_mm)
+            error = row.error_bw
+            null = row.null_bw
             if error is not None and null is not None:
                 axes.plot(
                     [100.0 * error, 100.0 * null], [place, place], color=colour, linewidth=1.0

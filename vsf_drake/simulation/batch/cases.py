@@ -1,4 +1,5 @@
-"""One member of a sweep, the task that a worker gets for it, and the key under which its walk is kept; samples."""
+"""One member of a sweep, the task that a worker gets for it, and the key under which its walk is
+kept; samples."""
 
 from __future__ import annotations
 
@@ -15,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.schema import to_plain
 from vsf_drake.laws.compiled import sources_sha256
+from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.variables import (
@@ -48,12 +49,14 @@ class WalkCase:
     """One walk of a sweep."""
 
     trial: Trial
-    """Whose motion, person and devices; `dataclasses.replace(trial, start_s=..., end_s=...)` for a part of it."""
+    """Whose motion, person and devices; `dataclasses.replace(trial, start_s=..., end_s=...)` for a
+    part of it."""
     values: Mapping[str, float] = field(default_factory=dict)
-    """Of the walker's variables, by name (see `vsf_drake.simulation.variables`). A copy is taken."""
+    """Of the walker's variables, by name (see `vsf_drake.simulation.variables`). A copy is
+    taken."""
     fulcrum_m: float | Callable[[np.ndarray], np.ndarray] | None = None
-    """From A (m), a number or a function of time (s, array to array), which is taken at the ends of the steps; None for
-    where it stood in the trial."""
+    """From A (m), a number or a function of time (s, array to array), which is taken at the ends of
+    the steps; None for where it stood in the trial."""
     offsets: GeometricOffsets | None = None
     """How the prosthesis sits; None for the trial's own."""
     step_s: float = DEFAULT_STEP_S
@@ -63,9 +66,8 @@ class WalkCase:
     """Yours; it names the member in messages and does not enter its numbers."""
 
     def __post_init__(self) -> None:
-        if isinstance(
-            self.values, Mapping
-        ):  # what is none is refused when it is walked, as one member of many
+        # what is none is refused when it is walked, as one member of many
+        if isinstance(self.values, Mapping):
             object.__setattr__(self, "values", dict(self.values))
 
     def describe(self) -> str:
@@ -104,7 +106,8 @@ class WorkerTask:
 
 
 class Planner:
-    """Turns cases into tasks; hashes each person and each recording once, however many cases share it."""
+    """Turns cases into tasks; hashes each person and each recording once, however many cases share
+    it."""
 
     def __init__(self, keep: tuple[str, ...]) -> None:
         self.keep = keep
@@ -112,7 +115,8 @@ class Planner:
 
     def task(self, case: WalkCase) -> WorkerTask:
         """The task of `case`; InputError if it holds what cannot be a number, a name or a time."""
-        trial, free = case.trial, _names(case.free)
+        trial = case.trial
+        free = _names(case.free)
         if not isinstance(case.values, Mapping):
             raise InputError(
                 f"{shown(case.values)} is no mapping",
@@ -140,7 +144,8 @@ class Planner:
             "values": values,
         }
         fulcrum: Any = trial.fulcrum_m if case.fulcrum_m is None else case.fulcrum_m
-        position, arrays = fulcrum_on_grid(fulcrum, moments), {}
+        position = fulcrum_on_grid(fulcrum, moments)
+        arrays = {}
         if callable(fulcrum):
             # linear between the instants at which it was taken, exact on them
             options = plain | {"fulcrum_m": partial(np.interp, xp=moments, fp=position)}
@@ -176,15 +181,14 @@ class Planner:
 
     def _key(self, identity: tuple[object, ...], part: Any, key_of: Callable[[Any], str]) -> str:
         if identity not in self._keys:
-            self._keys[identity] = (
-                key_of(part),
-                part,
-            )  # holding the part keeps its identity from being used again
+            # holding the part keeps its identity from being used again
+            self._keys[identity] = key_of(part), part
         return self._keys[identity][0]
 
 
 def check_keep(keep: Iterable[str]) -> tuple[str, ...]:
-    """`keep` as names of arrays, each once; InputError if one is none of `ARRAYS`, or there is none."""
+    """`keep` as names of arrays, each once; InputError if one is none of `ARRAYS`, or there is
+    none."""
     names = (keep,) if isinstance(keep, str) else tuple(dict.fromkeys(keep))
     unknown = [name for name in names if name not in ARRAYS]
     if unknown or not names:
@@ -225,8 +229,8 @@ def _scaled(value: Any, unit: str) -> str:
 
 # SHA-256 of what numbers depend on: of values, of arrays, and of the software that makes them.
 #
-# A key is the same on any day, in any process and whatever the order of a mapping, and differs as soon as one bit of
-# one number does.
+# A key is the same on any day, in any process and whatever the order of a mapping, and differs as
+# soon as one bit of one number does.
 
 
 PACKAGE = Path(__file__).resolve().parents[2]
@@ -237,18 +241,19 @@ SOURCES = (
     "simulation",
     "motion/trajectory.py",
     "motion/events.py",
-    "ground.py",
-    "model_file.py",
-    "parameters.py",
-    "schema.py",
-    "sentences.py",
+    "model/ground.py",
+    "model/model_file.py",
+    "model/parameters.py",
+    "base/schema.py",
+    "base/sentences.py",
 )
-"""Parts of the package that the numbers and notes of a walk come from, once its recording is read."""
+"""Parts of the package that the numbers and notes of a walk come from, once its recording is
+read."""
 
 
 def digest(plain: Any, arrays: Mapping[str, np.ndarray] | None = None) -> str:
-    """64 hexadecimal digits for plain values (as `schema.to_plain` gives them) and named arrays; ValueError for what is
-    not finite, TypeError for what is not plain."""
+    """64 hexadecimal digits for plain values (as `schema.to_plain` gives them) and named arrays;
+    ValueError for what is not finite, TypeError for what is not plain."""
     sha256 = hashlib.sha256(json.dumps(plain, sort_keys=True, allow_nan=False).encode())
     for name, array in sorted((arrays or {}).items()):
         sha256.update(f"\0{name} {array.dtype.str} {array.shape}\0".encode())
@@ -258,10 +263,11 @@ def digest(plain: Any, arrays: Mapping[str, np.ndarray] | None = None) -> str:
 
 @cache
 def software() -> dict[str, str]:
-    """Versions of what computes a walk, kind of processor, and the digest of this package's own sources.
+    """Versions of what computes a walk, kind of processor, and the digest of this package's own
+    sources.
 
-    A version number alone would let a changed law in a checkout return old numbers. Read when the package is
-    imported, so that it describes the code that runs.
+    A version number alone would let a changed law in a checkout return old numbers. Read when the
+    package is imported, so that it describes the code that runs.
     """
     return {
         **provenance()["versions"],
@@ -292,7 +298,8 @@ def _names(free: Any) -> tuple[str, ...]:
     return tuple(str(name) for name in free)
 
 
-# Values for the members of a sweep: every combination on a grid, or a random sample that fills the bounds evenly.
+# Values for the members of a sweep: every combination on a grid, or a random sample that fills the
+# bounds evenly.
 
 
 def grid_values(axes: Mapping[str, Sequence[float]]) -> list[dict[str, float]]:
@@ -305,23 +312,26 @@ def grid_values(axes: Mapping[str, Sequence[float]]) -> list[dict[str, float]]:
 def sample_values(
     variables: Mapping[str, Variable], names: Sequence[str], count: int, seed: int
 ) -> list[dict[str, float]]:
-    """A Latin hypercube over the bounds of `names` (McKay, Beckman & Conover 1979, doi 10.1080/00401706.1979.10489755).
+    """A Latin hypercube over the bounds of `names` (McKay, Beckman & Conover 1979, doi
+    10.1080/00401706.1979.10489755).
 
-    The range of each variable is cut into `count` equal slices and each slice is met once. Where the lower bound is
-    above zero the logarithm is cut, because such bounds are ratios.
+    The range of each variable is cut into `count` equal slices and each slice is met once. Where
+    the lower bound is above zero the logarithm is cut, because such bounds are ratios.
 
     Gives `count` sets of values, the same ones for the same seed; `variables` are a walker's.
     """
     names = check_names(
         list(names) if isinstance(names, np.ndarray) else names, variables, where="names"
     )
-    count, seed = check_whole(count, "count", 0), check_whole(seed, "seed", 0)
+    count = check_whole(count, "count", 0)
+    seed = check_whole(seed, "seed", 0)
     if count < 1 or not names:
         raise InputError(f"{count} sets of {len(names)} values are none", where="count, names")
     random = np.random.default_rng(seed)
     columns = []
     for name in names:
         share = (random.permutation(count) + random.uniform(size=count)) / count
-        low, high = variables[name].low, variables[name].high
+        low = variables[name].low
+        high = variables[name].high
         columns.append(low * (high / low) ** share if low > 0.0 else low + (high - low) * share)
     return [dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True)]

@@ -1,10 +1,13 @@
-"""Worker processes that may die: an executor that loses one task for each killed process, and starts another.
+"""Worker processes that may die: an executor that loses one task for each killed process, and
+starts another.
 
-A thread stands before each process, so that it is known which task ran where. The processes are fresh interpreters:
-they inherit no lock and no thread of Drake, numba or BLAS (a fork would), and do not import the caller's script.
+A thread stands before each process, so that it is known which task ran where. The processes are
+fresh interpreters: they inherit no lock and no thread of Drake, numba or BLAS (a fork would), and
+do not import the caller's script.
 
-joblib's loky (1.5) does not keep this: of 12 tasks on two workers one SIGKILL lost 7 and the pool, without saying which
-did it; its workers start without -P (a `signal.py` in the current folder ran); two processes outlive a shutdown.
+joblib's loky (1.5) does not keep this: of 12 tasks on two workers one SIGKILL lost 7 and the pool,
+without saying which did it; its workers start without -P (a `signal.py` in the current folder ran);
+two processes outlive a shutdown.
 """
 
 from __future__ import annotations
@@ -28,7 +31,8 @@ from multiprocessing.connection import Connection, Pipe
 from typing import Any
 
 import vsf_drake
-from vsf_drake.errors import InputError, VsfError
+from vsf_drake.base.errors import InputError, VsfError
+from vsf_drake.base.threads import garbage_left
 from vsf_drake.simulation.variables import check_whole
 
 IN_FLIGHT = 256  # tasks that an executor of unknown size is given at a time
@@ -49,11 +53,11 @@ sys.path[:] = {path!r}
 import gc, signal
 gc.disable()  # nothing of what is imported will be given back: looking for it takes a twentieth of the time
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal; the first one decides
-import vsf_drake.systems  # first: for each of its templates Drake looks through all modules that there are
 from vsf_drake.simulation.batch.processes import serve
 serve({descriptor})
-"""
-_READY, _STARTS = "ready", 2
+"""  # noqa: E501
+_READY = "ready"
+_STARTS = 2
 
 
 class WorkerLostError(VsfError):
@@ -69,8 +73,8 @@ class ProcessWorkers(Executor):
 
     They take more than a second to start: with many sweeps in a row, use one for all of them.
 
-    With `here` a thread of this process is one of them, which works while the others start. After the first death of a
-    worker it is one more process instead, because a task may be the cause.
+    With `here` a thread of this process is one of them, which works while the others start. After
+    the first death of a worker it is one more process instead, because a task may be the cause.
     """
 
     def __init__(self, workers: int, *, here: bool = False) -> None:
@@ -89,7 +93,8 @@ class ProcessWorkers(Executor):
             self._places.put(_here)
 
     def start(self) -> None:
-        """Starts all processes now, and returns at once: they get ready while the caller prepares its work."""
+        """Starts all processes now, and returns at once: they get ready while the caller prepares
+        its work."""
         for _ in range(self._places.qsize()):
             self._threads.submit(self._open, self._places.get())
 
@@ -98,7 +103,8 @@ class ProcessWorkers(Executor):
         return self._threads.submit(self._call, (fn, args, kwargs))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Ends every process; at once if `cancel_futures`, else after the tasks that were submitted."""
+        """Ends every process; at once if `cancel_futures`, else after the tasks that were
+        submitted."""
         if not cancel_futures:
             self._threads.shutdown(wait=wait)
         with self._lock:
@@ -167,13 +173,15 @@ _Reply = tuple[bool, Any]  # whether a job returned, and what; else the exceptio
 
 
 def _here(job: _Job) -> _Reply:
-    """This process in the place of another. What a task raises is the task's, as in any executor."""
+    """This process in the place of another. What a task raises is the task's, as in any
+    executor."""
     fn, args, kwargs = job
     return True, fn(*args, **kwargs)
 
 
 class _Process:
-    """One interpreter and the pipe to it; called with a job, EOFError or ConnectionError if it has ended."""
+    """One interpreter and the pipe to it; called with a job, EOFError or ConnectionError if it has
+    ended."""
 
     def __init__(self) -> None:
         self.pipe, theirs = Pipe()
@@ -193,8 +201,9 @@ class _Process:
 
 
 def _path() -> list[str]:
-    """Where a worker looks for modules: where this process does, but in the current folder last of all, so that no file
-    which lies there by chance stands for a module of Python, of a package or of this one."""
+    """Where a worker looks for modules: where this process does, but in the current folder last of
+    all, so that no file which lies there by chance stands for a module of Python, of a package or
+    of this one."""
     here = ""
     with contextlib.suppress(OSError):  # a folder that is gone, or that this user may not enter
         here = os.path.realpath(os.getcwd())
@@ -205,7 +214,8 @@ def _path() -> list[str]:
 
 
 def serve(descriptor: int) -> None:
-    """The life of a worker process: takes jobs from the pipe until its other end is closed, by will or by death."""
+    """The life of a worker process: takes jobs from the pipe until its other end is closed, by will
+    or by death."""
     gc.enable()
     with Connection(descriptor) as pipe, contextlib.suppress(EOFError, ConnectionError):
         pipe.send(_READY)
@@ -231,7 +241,8 @@ class _InProcess(Executor):
 
 
 def checked(workers: Any, executor: Any) -> int | None:
-    """`workers` as a count, or None; InputError if it is none, or `executor` is no executor or would fork."""
+    """`workers` as a count, or None; InputError if it is none, or `executor` is no executor or
+    would fork."""
     if isinstance(executor, type):
         raise InputError(
             f"{executor.__name__} is a class",
@@ -244,40 +255,46 @@ def checked(workers: Any, executor: Any) -> int | None:
             where="executor",
             right="Give a concurrent.futures.Executor, or dask's Client.get_executor()",
         )
-    context = getattr(
-        executor, "_mp_context", None
-    )  # of a ProcessPoolExecutor; there is no public way to ask
+    # of a ProcessPoolExecutor; there is no public way to ask
+    context = getattr(executor, "_mp_context", None)
     if context is not None and context.get_start_method() == "fork":
         raise InputError(
             "would fork this process, in which Drake and numba hold threads",
             where="executor",
-            right="Give ProcessPoolExecutor(mp_context=multiprocessing.get_context('spawn')), or leave "
-            "the executor out",
+            right=(
+                "Give ProcessPoolExecutor(mp_context=multiprocessing.get_context('spawn')), or "
+                "leave the executor out"
+            ),
         )
     return None if workers is None else check_whole(workers, "workers", 1)
 
 
 @contextmanager
 def chosen(workers: int | None, executor: Any, tasks: int) -> Iterator[tuple[Any, int]]:
-    """The executor and how many tasks to keep submitted; ends what it has started, also after an interruption.
+    """The executor and how many tasks to keep submitted; ends what it has started, also after an
+    interruption.
 
     Args:
-        workers: 1 for this process, more for this and others, None for one a core; beside `executor` its size.
+        workers: 1 for this process, more for this and others, None for one a core; beside
+            `executor` its size.
         executor: of the caller, who also ends it; None for one of our own.
         tasks: how many there are: no more workers are started.
     """
     if executor is not None:
-        yield executor, IN_FLIGHT if workers is None else 2 * workers
+        with garbage_left():  # it may have threads
+            yield executor, IN_FLIGHT if workers is None else 2 * workers
         return
     count = min(cores() if workers is None else workers, tasks)
     if count <= 1:
         yield _InProcess(), 1
         return
     own = ProcessWorkers(count, here=True)
-    try:
-        yield own, 2 * count
-    finally:
-        own.shutdown(cancel_futures=True)  # at once: whoever leaves in good order waits for no task
+    with garbage_left():
+        try:
+            yield own, 2 * count
+        finally:
+            # at once: whoever leaves in good order waits for no task
+            own.shutdown(cancel_futures=True)
 
 
 def cores() -> int:
@@ -320,7 +337,8 @@ Report = Callable[[SweepProgress], None]
 
 @contextmanager
 def reporting(progress: bool | Report | None) -> Iterator[Report]:
-    """What to call with the state of a sweep: nothing, the caller's function, or for True a display on stderr."""
+    """What to call with the state of a sweep: nothing, the caller's function, or for True a display
+    on stderr."""
     if callable(progress):
         yield progress
     elif not progress:
@@ -350,7 +368,13 @@ def sparse_lines(
 @contextmanager
 def _bar() -> Iterator[Report]:
     from rich.console import Console  # noqa: PLC0415 (workers import this module, and show nothing)
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+    )
 
     columns = (
         TextColumn("walks"),

@@ -1,5 +1,5 @@
-"""`simulate_batch`: a list of walks in, a list of outcomes out, in the same order and with the same numbers
-anywhere."""
+"""`simulate_batch`: a list of walks in, a list of outcomes out, in the same order and with the same
+numbers anywhere."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.errors import InputError, SimulationError, VsfError, raise_if_interrupted
-from vsf_drake.files import read_npz, replaced, user_path
-from vsf_drake.schema import to_plain
+from vsf_drake.base.errors import InputError, SimulationError, VsfError, raise_if_interrupted
+from vsf_drake.base.files import read_npz, replaced, user_path
+from vsf_drake.base.schema import to_plain
+from vsf_drake.base.tables import Headline, LabelledArrays, Tabular
 from vsf_drake.simulation.batch.cases import (
     ARRAYS,
     DEFAULT_KEEP,
@@ -43,7 +44,6 @@ from vsf_drake.simulation.batch.processes import (
 )
 from vsf_drake.simulation.results import walk_arrays
 from vsf_drake.simulation.walk import Walker
-from vsf_drake.tables import Headline, LabelledArrays, Tabular
 
 TRIAL = (
     "name",
@@ -70,28 +70,33 @@ def simulate_batch(
 ) -> list[WalkOutcome]:
     """Simulates every case; each worker builds a person once and walks it often.
 
-    A member that fails (its parameters cannot be used, its run diverges) is an outcome with a `failure`; the others
-    go on. A killed worker costs its own task, which is tried once more. On one kind of processor the numbers are the
-    same bit for bit on any number of workers. With `cache`, whatever is finished is kept at once, failed simulations
-    too (not what the machine did): the same call goes on where it stopped, and equal walks are not repeated.
+    A member that fails (its parameters cannot be used, its run diverges) is an outcome with a
+    `failure`; the others go on. A killed worker costs its own task, which is tried once more. On
+    one kind of processor the numbers are the same bit for bit on any number of workers. With
+    `cache`, whatever is finished is kept at once, failed simulations too (not what the machine
+    did): the same call goes on where it stopped, and equal walks are not repeated.
 
     Args:
         cases: what to walk. Equal ones are walked once.
         keep: arrays of `WalkResult` to bring back, by name. `energy_j` doubles the time.
-        workers: 1 for this process; more for as many, of which this one is the first; None for one a core. There are
-            never more than walks to make.
-        executor: instead, any `concurrent.futures.Executor` (its processes must not be forked) or dask's
-            `Client.get_executor()`; `workers` then says how many it has, if known. It is not shut down. For many sweeps
-            in a row give each the same `ProcessWorkers(count)`, which also keeps every walk out of this process. A
-            `ThreadPoolExecutor` starts at once and is nearly as fast, but what kills a thread kills the sweep.
+        workers: 1 for this process; more for as many, of which this one is the first; None for one
+            a core. There are never more than walks to make.
+        executor: instead, any `concurrent.futures.Executor` (its processes must not be forked) or
+            dask's `Client.get_executor()`; `workers` then says how many it has, if known. It is not
+            shut down. For many sweeps in a row give each the same `ProcessWorkers(count)`, which
+            also keeps every walk out of this process. A `ThreadPoolExecutor` starts at once and is
+            nearly as fast, but what kills a thread kills the sweep.
         cache: folder of finished walks, see `vsf_drake.simulation.batch.run`.
-        progress: True shows a bar on a terminal and sparse lines elsewhere, on stderr; or a function that is called
-            with a `SweepProgress` after every member. Nothing is shown by default.
+        progress: True shows a bar on a terminal and sparse lines elsewhere, on stderr; or a
+            function that is called with a `SweepProgress` after every member. Nothing is shown by
+            default.
 
     Returns:
         One outcome a case, in their order.
     """
-    count, cases, kept = checked(workers, executor), list(cases), check_keep(keep)
+    count = checked(workers, executor)
+    cases = list(cases)
+    kept = check_keep(keep)
     for i, case in enumerate(cases):
         if not isinstance(case, WalkCase):
             raise InputError(f"member {i} is a {type(case).__name__}, no WalkCase", where="cases")
@@ -102,7 +107,8 @@ def simulate_batch(
                 right="Give what load_trial() returns",
             )
     with reporting(progress) as report:
-        sweep, store = _BatchRun(cases, report), None if cache is None else WalkCache(cache)
+        sweep = _BatchRun(cases, report)
+        store = None if cache is None else WalkCache(cache)
         todo = sweep.plan(Planner(kept), store)
         with (
             chosen(count, executor, len(todo)) as (pool, most),
@@ -122,16 +128,14 @@ class WalkOutcome(Tabular):
     case: WalkCase
     failure: str | None = None  # what went wrong, with the member's parameters
     unconverged_steps: int | None = None  # that were accepted without convergence
-    refined_steps: int | None = (
-        None  # that were cut into smaller ones to converge, which is no fault
-    )
+    refined_steps: int | None = None
+    """that were cut into smaller ones to converge, which is no fault"""
     wall_s: float | None = None  # where the walk ran, also if it comes from the cache
     from_cache: bool = False
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Names of the columns of those kept arrays whose columns are coordinates or energies."""
-    notes: tuple[
-        str, ...
-    ] = ()  # on the run (an implausible load, a loaded start) and on its cache entry
+    notes: tuple[str, ...] = ()
+    """on the run (an implausible load, a loaded start) and on its cache entry"""
     _arrays: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
@@ -141,14 +145,15 @@ class WalkOutcome(Tabular):
 
     @property
     def arrays(self) -> Mapping[str, np.ndarray]:
-        """What was kept, by name: shapes, units and frames as in `WalkResult`; read-only, as equal members share it.
-        VsfError if this member failed."""
+        """What was kept, by name: shapes, units and frames as in `WalkResult`; read-only, as equal
+        members share it. VsfError if this member failed."""
         if self.failure is not None:
             raise VsfError(f"a failed walk has no arrays: {self.failure}")
         return MappingProxyType(self._arrays)
 
     def labelled(self) -> LabelledArrays:
-        """The kept arrays over time_s, as those of a `WalkResult`. VsfError if this member failed."""
+        """The kept arrays over time_s, as those of a `WalkResult`. VsfError if this member
+        failed."""
         if "time_s" not in self.arrays:
             raise InputError(
                 "is not among the arrays that were kept",
@@ -183,11 +188,13 @@ class _BatchRun:
     """The bookkeeping: which member waits for which task, and what is known already."""
 
     def __init__(self, cases: list[WalkCase], report: Report) -> None:
-        self._cases, self._report = cases, report
+        self._cases = cases
+        self._report = report
         self.outcomes: dict[int, WalkOutcome] = {}
         self._members: dict[str, list[int]] = {}
         self._damage: dict[str, str] = {}
-        self._refused, self._started = 0, time.monotonic()
+        self._refused = 0
+        self._started = time.monotonic()
 
     def plan(self, planner: Planner, store: WalkCache | None) -> list[WorkerTask]:
         """The tasks that have to be run: each once, without those that the cache has."""
@@ -255,14 +262,13 @@ def _said(error: Exception) -> str:
     return str(error) if isinstance(error, VsfError) else f"{type(error).__name__}: {error}"
 
 
-# What runs a task, in whatever process or thread. A process builds a `Walker` once for each person and uses it for
-# every walk of that person; no two threads ever hold the same one. Walkers are kept for good: Drake does not free a
-# diagram with Python systems in it.
+# What runs a task, in whatever process or thread. A process builds a `Walker` once for each person
+# and uses it for every walk of that person; no two threads ever hold the same one. Walkers are kept
+# for good: Drake does not free a diagram with Python systems in it.
 
 
-_NAMELESS: Any = SimpleNamespace(
-    name="", notes=(), synthetic=False, inputs={}
-)  # in place of a trial
+# in place of a trial
+_NAMELESS: Any = SimpleNamespace(name="", notes=(), synthetic=False, inputs={})
 _lock = threading.Lock()
 _idle: dict[str, list[Walker]] = {}
 
@@ -272,9 +278,8 @@ class Kind(enum.Enum):
 
     DONE = "done"
     FAILED = "failed"  # the simulation failed, and would again: as good a result as any
-    REFUSED = (
-        "refused"  # the case cannot be simulated, or a fault of the program kept it from being
-    )
+    # the case cannot be simulated, or a fault of the program kept it from being
+    REFUSED = "refused"
     MACHINE = "machine"  # memory, disk or the worker failed: says nothing of the case
 
 
@@ -293,7 +298,8 @@ class Reply:
 
 
 def run_task(task: WorkerTask) -> Reply:
-    """Walks, and answers in any case: only an interruption or the end of the process leaves it without a reply."""
+    """Walks, and answers in any case: only an interruption or the end of the process leaves it
+    without a reply."""
     try:
         here = software()
         if task.software != here:
@@ -323,9 +329,8 @@ def _walked(walker: Walker, task: WorkerTask) -> Reply:
     result = walker.result(walk, _NAMELESS, task.options["offsets"], energy="energy_j" in task.keep)
     arrays = {name: np.array(getattr(result, name)) for name in task.keep}
     for name, array in arrays.items():
-        if (
-            not name.endswith("cop_W") and not np.isfinite(array).all()
-        ):  # a foot in the air has no centre of pressure
+        # a foot in the air has no centre of pressure
+        if not name.endswith("cop_W") and not np.isfinite(array).all():
             row = int(np.argwhere(~np.isfinite(array))[0][0])
             raise SimulationError(
                 f"{name} is not a finite number", time_s=float(result.time_s[row])
@@ -369,7 +374,8 @@ LOOK_EVERY_S = 0.2  # how often to look for tasks that were cancelled from outsi
 def _dispatch(
     tasks: Iterable[WorkerTask], executor: Any, most: int
 ) -> Generator[tuple[WorkerTask, Reply]]:
-    """Yields each task with its reply as they finish, with `most` kept submitted; closing it calls off the others."""
+    """Yields each task with its reply as they finish, with `most` kept submitted; closing it calls
+    off the others."""
     queue = deque(tasks)
     tried: dict[str, int] = {}
     running: dict[Future[Reply], WorkerTask] = {}
@@ -380,9 +386,8 @@ def _dispatch(
                 task = queue.popleft()
                 try:
                     running[executor.submit(run_task, task)] = task
-                except (
-                    RuntimeError
-                ) as error:  # broken or shut down; it was given, so it is not ours to replace
+                except RuntimeError as error:
+                    # broken or shut down; it was given, so it is not ours to replace
                     closed = f"the executor takes no more work ({error})"
                     queue.appendleft(task)
             if closed:
@@ -418,16 +423,15 @@ def _reply(future: Future[Reply]) -> Reply:
 
 # Finished walks on disk, each under the hash of everything that its numbers depend on.
 #
-# One `.npz` a walk, in sub-folders by the first two digits: the arrays, and `about.json` with what made them and the
-# hash of the content. It is written under a temporary name and renamed, so that there is a whole entry or none,
-# whenever the program or the machine stops. Nothing is ever removed: delete the folder to start afresh.
+# One `.npz` a walk, in sub-folders by the first two digits: the arrays, and `about.json` with what
+# made them and the hash of the content. It is written under a temporary name and renamed, so that
+# there is a whole entry or none, whenever the program or the machine stops. Nothing is ever
+# removed: delete the folder to start afresh.
 
 
 ABOUT = "about.json"
-LASTING = (
-    Kind.DONE,
-    Kind.FAILED,
-)  # replies worth keeping: a simulation that failed will fail again; a machine may not
+# replies worth keeping: a simulation that failed will fail again; a machine may not
+LASTING = (Kind.DONE, Kind.FAILED)
 
 
 class WalkCache:
@@ -450,7 +454,8 @@ class WalkCache:
         return self.folder / key[:2] / f"{key}.npz"
 
     def read(self, key: str) -> tuple[Reply | None, str]:
-        """The reply that was kept, or None; and a sentence if there is an entry that cannot be trusted."""
+        """The reply that was kept, or None; and a sentence if there is an entry that cannot be
+        trusted."""
         path = self._path(key)
         if not path.exists():
             return None, ""

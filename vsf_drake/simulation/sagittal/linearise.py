@@ -1,6 +1,8 @@
-"""Derivatives of the sagittal model's outputs: closed form for the bodies, complex steps in the small laws.
+"""Derivatives of the sagittal model's outputs: closed form for the bodies, complex steps in the
+small laws.
 
-With S_k a joint, i a link that it carries, V and A twists and their rates, parent(k) what carries the joint itself,
+With S_k a joint, i a link that it carries, V and A twists and their rates, parent(k) what carries
+the joint itself,
 
     D_k = V_parent(k) x S_k         is how V_i changes with the coordinate of k, seen from link i
     E_k = A_parent(k) x S_k + V_parent(k) x D_k
@@ -8,11 +10,12 @@ With S_k a joint, i a link that it carries, V and A twists and their rates, pare
 and the wrench f_i that inertia takes changes
 
     with the coordinate     by S_k x f_i + I_i E_k
-    with its rate           by 2 I_i D_k + B_i S_k,  B_i S = 2 (H_i . V_i, p_z, -p_x) S_omega, p the momentum of i
+    with its rate           by 2 I_i D_k + B_i S_k,  B_i S = 2 (H_i . V_i, p_z, -p_x) S_omega, p the
+                                                     momentum of i
     with its acceleration   by I_i S_k
 
-(Carpentier & Mansard, Robotics: Science and Systems 2018, doi 10.15607/RSS.2018.XIV.038; in the plane B_i D_k is 0).
-Sums over what a link carries and products with the joints do the rest.
+(Carpentier & Mansard, Robotics: Science and Systems 2018, doi 10.15607/RSS.2018.XIV.038; in the
+plane B_i D_k is 0). Sums over what a link carries and products with the joints do the rest.
 """
 
 from __future__ import annotations
@@ -45,18 +48,25 @@ from vsf_drake.simulation.sagittal.planar_dynamics import (
 
 
 class _Columns:
-    """Places of q, v, a, w, u and p among the derivatives; `link`: of q, w and, if there is a prosthesis, fulcrum and
-    alignment, in this order."""
+    """Places of q, v, a, w, u and p among the derivatives; `link`: of q, w and, if there is a
+    prosthesis, fulcrum and alignment, in this order."""
 
     def __init__(self, n: int, k: int, link: np.ndarray) -> None:
-        self.n, self.k = n, k
-        self.of_q, self.of_w, self.of_placed = link[:n], link[n : n + k], link[n + k :]
-        self.v, self.a, self.w, self.u = n, 2 * n, 3 * n, 3 * n + k
+        self.n = n
+        self.k = k
+        self.of_q = link[:n]
+        self.of_w = link[n : n + k]
+        self.of_placed = link[n + k :]
+        self.v = n
+        self.a = 2 * n
+        self.w = 3 * n
+        self.u = 3 * n + k
         self.fulcrum, self.heel, alignment, self.thickness = 3 * n + 2 * k + np.arange(4)
         self.placed = np.array([self.fulcrum, alignment])[: len(self.of_placed)]
 
     def fill(self, by: np.ndarray, place: np.ndarray, rate: np.ndarray | None = None) -> None:
-        """Into `by` (r, P, N) the derivatives (r, L, N) by the links' coordinates and by their rates."""
+        """Into `by` (r, P, N) the derivatives (r, L, N) by the links' coordinates and by their
+        rates."""
         by[:, : self.n], by[:, self.w : self.u] = place[:, self.of_q], place[:, self.of_w]
         by[:, self.placed] = place[:, self.of_placed]
         if rate is not None:
@@ -76,25 +86,25 @@ def linearise(
     p: np.ndarray,
     smoothing: Smoothing,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values (m, N) of `SagittalModel.evaluate` at real arrays (n, N), and (m, P, N) derivatives by what is given, in
-    order: P = 3 n + 2 k + 4."""
-    n, k, dynamics, at = (
-        len(q),
-        len(w),
-        model.dynamics,
-        _Columns(len(q), len(w), model.dynamics.link),
-    )
+    """Values (m, N) of `SagittalModel.evaluate` at real arrays (n, N), and (m, P, N) derivatives by
+    what is given, in order: P = 3 n + 2 k + 4."""
+    n = len(q)
+    k = len(w)
+    dynamics = model.dynamics
+    at = _Columns(len(q), len(w), model.dynamics.link)
     y = model.evaluate(q, v, a, w, u, p, smoothing)
     by = np.zeros((len(y), at.thickness + 1, q.shape[1]))
 
-    # The state that all share: twists, D and E of the joints, wrenches f that inertia takes less those of the ground.
+    # The state that all share: twists, D and E of the joints, wrenches f that inertia takes less
+    # those of the ground.
     motion = model.motion(q, v, a, w, u, p)
     joints = _joints(dynamics, motion)
     spheres = touch(model.spheres, motion, model.ground)
     feet = ground_changes(model.spheres, model.feet, dynamics.carries, spheres, p[1], smoothing)
     taken = dynamics.of_carried(dynamics.inertial(motion)) - feet[0].wrench - feet[1].wrench
 
-    # Forces S . f in the joints: balance of pelvis, socket and keel, then torques; links in the order of these rows.
+    # Forces S . f in the joints: balance of pelvis, socket and keel, then torques; links in the
+    # order of these rows.
     links = dynamics.link[np.concatenate([np.arange(3), np.arange(n, n + k), np.arange(3, n)])]
     load = by[: n + k]
     place, rate, acceleration = _load_change(
@@ -104,10 +114,14 @@ def linearise(
     load[:, at.a : at.w] = acceleration[:, at.of_q]
     load[:, at.heel] = -np.einsum("cln,cln->ln", motion.S[:, links], feet[0].by_heel[:, links])
 
-    # Socket and keel have springs, the keel the support too: their balance is the joint's force less the spring's.
-    torque, powers, ground = slice(3 + k, n + k), n + k + np.arange(n - 3), 2 * n + k - 3
+    # Socket and keel have springs, the keel the support too: their balance is the joint's force
+    # less the spring's.
+    torque = slice(3 + k, n + k)
+    powers = n + k + np.arange(n - 3)
+    ground = 2 * n + k - 3
     power = model.outputs.index("prosthesis_power")
-    stored, soles = power + 1, power + 2
+    stored = power + 1
+    soles = power + 2
     by[stored] = _add_support(model, w, u, p, by[3 : 3 + k], at)
     by_spring = _add_springs(model, w, u, p, by[stored], at)
     by[3 : 3 + k] -= by_spring
@@ -116,7 +130,8 @@ def linearise(
     by[powers] = by[torque] * v[3:, None]
     by[powers, at.v + np.arange(3, n)] += y[torque]
 
-    # The ground's wrench on a foot by all that moves it: place and twist of each link, S dq and (V_p x S) dq + S dv.
+    # The ground's wrench on a foot by all that moves it: place and twist of each link, S dq and
+    # (V_p x S) dq + S dv.
     for i, foot in enumerate(feet):
         change = np.zeros((3, *by.shape[1:]))
         at.fill(
@@ -131,7 +146,8 @@ def linearise(
         model, motion, joints, feet[0].wrench[:, 0], by[ground : ground + 3], at
     )
 
-    # Height of a sole, sum of part_s z_s: sphere s rises by z - x omega as a link that carries it moves.
+    # Height of a sole, sum of part_s z_s: sphere s rises by z - x omega as a link that carries it
+    # moves.
     for i, rows in enumerate(model.feet):
         part = sole(spheres.depth[rows])[1]
         onto = dynamics.carries[:, model.spheres.link[rows]]
@@ -157,17 +173,18 @@ def _load_change(
     ground: GroundChange,
     rows: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(r, L, N) derivatives of the forces in the joints of links `rows` by all coordinates, rates, accelerations.
+    """(r, L, N) derivatives of the forces in the joints of links `rows` by all coordinates, rates,
+    accelerations.
 
-    With composites I, B of what a link carries, f = `taken` and the ground's derivatives P by place, T by twist, joint
-    k changes the wrench that a joint below it must give by
+    With composites I, B of what a link carries, f = `taken` and the ground's derivatives P by
+    place, T by twist, joint k changes the wrench that a joint below it must give by
 
         coordinate    S_k x f + I E_k - P S_k - T D_k
         rate          2 I D_k + B S_k - T S_k
         acceleration  I S_k
 
-    A joint i that k carries is turned along, so that the same matrices of what i carries meet E_k, D_k and S_k from
-    the left, by S_i. Joints on different branches do not feel each other.
+    A joint i that k carries is turned along, so that the same matrices of what i carries meet E_k,
+    D_k and S_k from the left, by S_i. Joints on different branches do not feel each other.
     """
     S, (D, E), L = motion.S, joints, len(motion.x)
 
@@ -180,7 +197,8 @@ def _load_change(
     def inertia(m: np.ndarray) -> np.ndarray:
         return inertia_times(J, np.stack([Hx, Hz]), mass, m)
 
-    # P relative to a link that moves: its ground's wrench changes by so much less as it would by being taken along.
+    # P relative to a link that moves: its ground's wrench changes by so much less as it would by
+    # being taken along.
     unit = np.broadcast_to(np.eye(3)[:, :, None, None], ground.by_place.shape)
     place = ground.by_place - _cross_force(unit, ground.wrench[:, None])
     B = np.stack([b0, b1, b2])
@@ -189,8 +207,10 @@ def _load_change(
     below = _cross_force(S, taken) + inertia(E) - _of(place, S) - _of(ground.by_twist, D)
     below_rate = 2.0 * inertia(D) + B * S[0] - _of(ground.by_twist, S)
 
-    # Of joint i: what its own composites make of S_i, I S_i and -S_i P, -S_i T (left of the motions of a joint k).
-    carried_momentum, here = inertia(S), S[:, rows]
+    # Of joint i: what its own composites make of S_i, I S_i and -S_i P, -S_i T (left of the motions
+    # of a joint k).
+    carried_momentum = inertia(S)
+    here = S[:, rows]
     onto_place, onto_twist = (
         np.einsum("cln,cdln->dln", S, matrix) for matrix in (place, ground.by_twist)
     )
@@ -205,7 +225,8 @@ def _load_change(
     def chosen(
         mine: np.ndarray, theirs: np.ndarray, more: np.ndarray | float, right: np.ndarray
     ) -> np.ndarray:
-        """Of a joint on a carrier of the other, from what that one feels; else from `mine`; 0 on different branches."""
+        """Of a joint on a carrier of the other, from what that one feels; else from `mine`; 0 on
+        different branches."""
         return np.where(
             above, _times(here, theirs), np.where(under, _times(mine, right) + more, 0.0)
         )
@@ -223,16 +244,19 @@ def _add_support(
     by_load: np.ndarray,
     at: _Columns,
 ) -> np.ndarray:
-    """Adds to (k, P, N) what joints give against the support, by complex steps and, for rates, damping dw/dq_i
-    dw/dq_k; (P, N) derivatives of its energy."""
+    """Adds to (k, P, N) what joints give against the support, by complex steps and, for rates,
+    damping dw/dq_i dw/dq_k; (P, N) derivatives of its energy."""
     count = len(model.support.starts)
-    first, each = len(w) - count, np.arange(count)
+    first = len(w) - count
+    each = np.arange(count)
     turned, rates = (np.repeat(x[first:, None], count + 1, 1).astype(complex) for x in (w, u))
     positions = np.repeat((p[0] + model.shift)[None], count + 1, 0).astype(complex)
     turned[each, each] += 1j * IMAGINARY_STEP
     positions[count] += 1j * IMAGINARY_STEP
     load, energy, slope = model.support.load(turned, rates, positions)
-    bent, stored, slope = load.imag / IMAGINARY_STEP, energy.imag / IMAGINARY_STEP, slope[:, 0].real
+    bent = load.imag / IMAGINARY_STEP
+    stored = energy.imag / IMAGINARY_STEP
+    slope = slope[:, 0].real
     rows = by_load[first:]
     rows[:, at.w + first : at.u] += bent[:, :count]
     rows[:, at.u + first : at.fulcrum] += model.support.damping * slope[:, None] * slope[None]
@@ -250,8 +274,10 @@ def _add_springs(
     by_energy: np.ndarray,
     at: _Columns,
 ) -> np.ndarray:
-    """(k, P, N) derivatives of the springs' forces; adds those of the keel's energy: complex steps."""
-    h, each = IMAGINARY_STEP, np.arange(len(w))
+    """(k, P, N) derivatives of the springs' forces; adds those of the keel's energy: complex
+    steps."""
+    h = IMAGINARY_STEP
+    each = np.arange(len(w))
     steps = 1j * h * np.eye(3)[:, None, :, None]
     force, stored = spring_forces(
         model.springs,
@@ -276,11 +302,13 @@ def _power_below(
     by_wrench: np.ndarray,
     at: _Columns,
 ) -> np.ndarray:
-    """(P, N) of the ground's `wrench` (3, N) at the shank's twist; `by_wrench`: derivatives of fx, fz, my.
+    """(P, N) of the ground's `wrench` (3, N) at the shank's twist; `by_wrench`: derivatives of fx,
+    fz, my.
 
     P = F . V:  F . dV + V . dF, with dV = (S x V + D) dq + S dv of the joints that carry the shank.
     """
-    V, S = motion.V[:, model.shank], motion.S
+    V = motion.V[:, model.shank]
+    S = motion.S
     carries = model.dynamics.carries[:, model.shank, None]
     by = np.zeros((1, *by_wrench.shape[1:]))
     at.fill(
@@ -312,8 +340,8 @@ class GroundChange:
 
     wrench: np.ndarray  # (3, L, N), what the ground does
     by_place: np.ndarray
-    """(3, 3, L, N) its derivatives by a displacement of the link that turns the velocities along, as a twist (turn,
-    shifts)."""
+    """(3, 3, L, N) its derivatives by a displacement of the link that turns the velocities along,
+    as a twist (turn, shifts)."""
     by_twist: np.ndarray  # (3, 3, L, N) by the link's twist
     by_heel: np.ndarray  # (3, L, N) by the heel's scale
 
@@ -334,15 +362,21 @@ def ground_changes(
     heel: np.ndarray,
     smoothing: Smoothing,
 ) -> list[GroundChange]:
-    """Of each of the feet; `carries` (L, L) says which link carries which, `heel` (N,) scales the stiffness there.
+    """Of each of the feet; `carries` (L, L) says which link carries which, `heel` (N,) scales the
+    stiffness there.
 
-    Of a sphere: fz(depth, rate), fx = -mu(slip) fz, my = z fx - x fz at the lowest point (x, z), so that
+    Of a sphere: fz(depth, rate), fx = -mu(slip) fz, my = z fx - x fz at the lowest point (x, z), so
+    that
 
-        dfz = -fz_depth dz + fz_rate drate,   dfx = -fz mu_slip dslip - mu dfz,   dmy = z dfx + fx dz - x dfz - fz dx
+        dfz = -fz_depth dz + fz_rate drate,   dfx = -fz mu_slip dslip - mu dfz,   dmy = z dfx + fx
+                                                                                  dz - x dfz - fz dx
 
-    A turn of the link shifts that point by (z of the centre, -x): it stays straight under the centre.
+    A turn of the link shifts that point by (z of the centre, -x): it stays straight under the
+    centre.
     """
-    h, x, z = 1j * IMAGINARY_STEP, at.x, at.z
+    h = 1j * IMAGINARY_STEP
+    x = at.x
+    z = at.z
     rate = -at.vz
     fz, mu = normal(spheres, at.depth, rate, heel, smoothing), friction(spheres, at.slip, smoothing)
     by_depth = normal(spheres, at.depth + h, rate, heel, smoothing).imag / IMAGINARY_STEP
@@ -360,7 +394,8 @@ def ground_changes(
         dfx = by_slip * dslip - mu * dfz
         return np.stack([z * dfx + fx * dz - x * dfz - fz * dx, dfx, dfz])
 
-    # By a unit turn and shifts along x, z of the link: of its place, which turns its velocity along; of its twist.
+    # By a unit turn and shifts along x, z of the link: of its place, which turns its velocity
+    # along; of its twist.
     by_place = np.stack(
         [
             change(centre_z, -x, at.vx, at.vz),

@@ -1,18 +1,24 @@
-"""The person in the sagittal plane at one instant: what its motion takes, keel and socket at rest under their load.
+"""The person in the sagittal plane at one instant: what its motion takes, keel and socket at rest
+under their load.
 
-    q, v, a   n coordinates, pelvis (tilt, tx, ty), hips, knees, intact ankle: position, rate, acceleration
-    w, u      k of them, socket (tx, tz, flexion) and keel (pin and sprung joints): displacement and its rate. Their
-              inertia is left out (its own motion is of 1e2 1/s and faster); masses move with them
-    p         design: position of the fulcrum (m from A), stiffness of the heel's zones over the model's, turn of the
-              foot toes-up (rad), thickness of the keel over the model's (its mass is kept)
+    q, v, a   n coordinates, pelvis (tilt, tx, ty), hips, knees, intact ankle: position, rate,
+              acceleration
+    w, u      k of them, socket (tx, tz, flexion) and keel (pin and sprung joints): displacement and
+              its rate. Their inertia is left out (its own motion is of 1e2 1/s and faster); masses
+              move with them
+    p         design: position of the fulcrum (m from A), stiffness of the heel's zones over the
+              model's, turn of the foot toes-up (rad), thickness of the keel over the model's (its
+              mass is kept)
 
-Geometry, masses, springs and contact are those of the walker's plant and Context; contact and friction are smoothed
-(below), and so are the springs' corners and the fulcrum's way over the keel's joints.
+Geometry, masses, springs and contact are those of the walker's plant and Context; contact and
+friction are smoothed (below), and so are the springs' corners and the fulcrum's way over the keel's
+joints.
 
-The same person with two intact legs is the able-bodied one: the image of the intact leg, in the sagittal mirror, has
-the place of the prosthetic one, and its ankle comes last in q. Nothing is at rest under its load (k = 0), and p is
-without effect. The legs keep their masses; head, arms and trunk get what they leave of the subject's mass, about the
-same centre and with the same radius of gyration, as `plants.anthropometry` has it.
+The same person with two intact legs is the able-bodied one: the image of the intact leg, in the
+sagittal mirror, has the place of the prosthetic one, and its ankle comes last in q. Nothing is at
+rest under its load (k = 0), and p is without effect. The legs keep their masses; head, arms and
+trunk get what they leave of the subject's mass, about the same centre and with the same radius of
+gyration, as `plants.anthropometry` has it.
 """
 
 from __future__ import annotations
@@ -22,13 +28,13 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.schema import check, quantity
 from vsf_drake.laws import kelvin_voigt
 from vsf_drake.laws.kelvin_voigt import smooth_step
 from vsf_drake.laws.smooth_contact import rounded_positive_part
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.plants.foot import set_mount
-from vsf_drake.schema import check, quantity
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.sagittal.planar_dynamics import (
     PlanarDynamics,
@@ -67,17 +73,20 @@ MIRRORED = {5: 3, 6: 4, 7: 8}  # hip, knee and ankle among them: the intact one'
 
 
 class SagittalModel:
-    """One walker's person, read once: its plant, Context and fitted numbers, with the prosthesis at `offsets`.
+    """One walker's person, read once: its plant, Context and fitted numbers, with the prosthesis at
+    `offsets`.
 
-    `values` of `walker.variables`, but for coordinates, replace what the Context holds. Names of q, w and what
-    `evaluate` returns are `coordinates`, `quasi_static` and `outputs`; `weight` is the subject's (N), `ground` the
-    height (m), `shift` (m) is added to the fulcrum; `feet` are the prosthetic and the intact spheres, `shank` the
-    residual's link, `socket` the one that socket_flexion moves, `socket_bends` 1 if that turns as a bending knee does,
-    else -1. InputError if the prosthesis is turned out of the sagittal plane, or a value is not usable.
+    `values` of `walker.variables`, but for coordinates, replace what the Context holds. Names of q,
+    w and what `evaluate` returns are `coordinates`, `quasi_static` and `outputs`; `weight` is the
+    subject's (N), `ground` the height (m), `shift` (m) is added to the fulcrum; `feet` are the
+    prosthetic and the intact spheres, `shank` the residual's link, `socket` the one that
+    socket_flexion moves, `socket_bends` 1 if that turns as a bending knee does, else -1. InputError
+    if the prosthesis is turned out of the sagittal plane, or a value is not usable.
 
-    `able_bodied`: with two intact legs. Attributes and outputs named after the prosthesis are then those of the leg in
-    its place: `prosthesis_power` is of ankle and foot, `stored_energy` is 0, `socket` is the shank, and there is no
-    force_*. `offsets` and `values` are checked and have no effect: all of them are the prosthesis's.
+    `able_bodied`: with two intact legs. Attributes and outputs named after the prosthesis are then
+    those of the leg in its place: `prosthesis_power` is of ankle and foot, `stored_energy` is 0,
+    `socket` is the shank, and there is no force_*. `offsets` and `values` are checked and have no
+    effect: all of them are the prosthesis's.
     """
 
     def __init__(
@@ -89,9 +98,11 @@ class SagittalModel:
         able_bodied: bool = False,
     ) -> None:
         offsets = check_offsets(offsets)
-        gait, context = walker.gait, walker.gait.diagram.CreateDefaultContext()
+        gait = walker.gait
+        context = walker.gait.diagram.CreateDefaultContext()
         context.SetTimeStateAndParametersFrom(walker.context)
-        values, foot = check_values(values, walker.variables), gait.person.foot
+        values = check_values(values, walker.variables)
+        foot = gait.person.foot
         mount, self.shift, shifts, *_ = added(walker.variables, values, gait.prescribed)
         if np.any(shifts):
             raise InputError(
@@ -100,34 +111,38 @@ class SagittalModel:
                 right="Shift the motion itself",
             )
         own = mount_of(offsets)
+        # the plane knows no inversion and no toe-out
         set_mount(
             gait.plant_context(context),
             foot,
-            **{  # the plane knows no inversion and no toe-out
-                name: own[name] + more for name, more in zip(OFFSETS[:3], mount[:3], strict=True)
-            },
+            **{name: own[name] + more for name, more in zip(OFFSETS[:3], mount[:3], strict=True)},
         )
         mechanism = edited(gait_mechanism(gait, context), walker.variables, values)
-        tree, side, count = mechanism.tree, walker.subject.prosthetic_side, len(foot.sites.radius)
-        self.subject, self.foot = walker.subject, walker.model.foot
+        tree = mechanism.tree
+        side = walker.subject.prosthetic_side
+        count = len(foot.sites.radius)
+        self.subject = walker.subject
+        self.foot = walker.model.foot
         self.coordinates = sagittal_coordinates(side, able_bodied=able_bodied)
         self.quasi_static = () if able_bodied else (*SOCKET, *foot.keel_joint_names)
-        sites, bodies, heel = (
-            mechanism.sites,
-            mechanism.site_bodies,
-            np.zeros(len(mechanism.sites), dtype=bool),
-        )
+        sites = mechanism.sites
+        bodies = mechanism.site_bodies
+        heel = np.zeros(len(mechanism.sites), dtype=bool)
         heel[:count] = np.array([name.startswith("heel") for name in foot.sites.zone_names])[
             foot.sites.zone
         ]
-        keel_starts, keel_bodies = mechanism.keel_starts, mechanism.keel_bodies
+        keel_starts = mechanism.keel_starts
+        keel_bodies = mechanism.keel_bodies
         names = sagittal_coordinates(side)
         if able_bodied:
             rest = planar_tree(without_branch(tree, names[3]), names)
             plane = with_mirror_image(rest, MIRRORED, mass_kg=walker.subject.mass_kg)
-            sites, heel = np.tile(sites[count:], (2, 1)), np.tile(heel[count:], 2)
-            bodies, count = np.concatenate([-bodies[count:], bodies[count:]]), len(sites) // 2
-            keel_starts, keel_bodies = keel_starts[:0], keel_bodies[:0]
+            sites = np.tile(sites[count:], (2, 1))
+            heel = np.tile(heel[count:], 2)
+            bodies = np.concatenate([-bodies[count:], bodies[count:]])
+            count = len(sites) // 2
+            keel_starts = keel_starts[:0]
+            keel_bodies = keel_bodies[:0]
         else:
             names = (*names, *self.quasi_static, "fulcrum")
             plane = planar_tree(tree, names, turning_weld=tree.body_names[mechanism.frame_body])
@@ -171,13 +186,15 @@ class SagittalModel:
     ) -> np.ndarray:
         """(len(outputs), ...) at q, v, a (n, ...), w, u (k, ...), p (4, ...), real or complex.
 
-        Outputs: balance_* (N, N m) what is left over of forces, 0 in a motion that is possible; torque_* (N m) and
-        power_* (W) of the joints; the ground's force fx, fz (N) on each foot and moment about +y at W's origin (N m);
-        force_* (N, N m) of the socket on the prosthesis; prosthesis_power (W), of the ground's wrench at the motion of
-        the residual shank, what everything below it gives to it but for inertia; stored_energy (J) of keel and
-        fulcrum; *_sole (m): height of a foot's lowest sphere over the ground (smooth minimum).
+        Outputs: balance_* (N, N m) what is left over of forces, 0 in a motion that is possible;
+        torque_* (N m) and power_* (W) of the joints; the ground's force fx, fz (N) on each foot and
+        moment about +y at W's origin (N m); force_* (N, N m) of the socket on the prosthesis;
+        prosthesis_power (W), of the ground's wrench at the motion of the residual shank, what
+        everything below it gives to it but for inertia; stored_energy (J) of keel and fulcrum;
+        *_sole (m): height of a foot's lowest sphere over the ground (smooth minimum).
         """
-        n, k = len(q), len(w)
+        n = len(q)
+        k = len(w)
         motion = self.motion(q, v, a, w, u, p)
         at = touch(self.spheres, motion, self.ground)
         wrench = wrenches(
@@ -194,7 +211,8 @@ class SagittalModel:
         spring, stored = spring_forces(self.springs, w, u, self.spring_scale(p[3]))
         prosthetic, intact = (wrench[:, foot].sum(1) for foot in self.feet)
         held = held + stored[len(SOCKET) :].sum(0)
-        torque, power = load[3:n], np.einsum("c...,c...->...", prosthetic, motion.V[:, self.shank])
+        torque = load[3:n]
+        power = np.einsum("c...,c...->...", prosthetic, motion.V[:, self.shank])
         return np.concatenate(
             [
                 load[:3],
@@ -217,7 +235,8 @@ class SagittalModel:
         u: np.ndarray,
         p: np.ndarray,
     ) -> PlanarMotion:
-        still, nil = np.zeros_like(w), np.zeros_like(p[:2])
+        still = np.zeros_like(w)
+        nil = np.zeros_like(p[:2])
         return self.dynamics.move(
             np.concatenate([q, w, p[:1] + self.shift, p[2:3]]),
             np.concatenate([v, u, nil]),
@@ -233,11 +252,12 @@ class SagittalModel:
 # The fulcrum on the keel, as a function of the keel's turns: the pair of forces moves nothing else.
 #
 #     A                P        K: x along the undeformed keel, z up
-#     o====o====o===o==^=o==o   joints o turn the toe up, one after the other; P at the fulcrum's position
+#     o====o====o===o==^=o==o   joints o turn the toe up, one after the other; P at the fulcrum's
+#                               position
 #
-# The force goes from one rigid piece to the next over SUPPORT_WIDTH on both sides of the joint between them, so that
-# everything has a derivative by the fulcrum's position. There the deflection is off from the stepper's by at most 0.087
-# of that width times the joint's turn.
+# The force goes from one rigid piece to the next over SUPPORT_WIDTH on both sides of the joint
+# between them, so that everything has a derivative by the fulcrum's position. There the deflection
+# is off from the stepper's by at most 0.087 of that width times the joint's turn.
 
 
 SUPPORT_WIDTH = 4e-3  # m; a choice: half the shortest distance of two joints is 11.6 mm
@@ -253,10 +273,13 @@ class Support:
     damping: float  # N s/m
 
     def deflection(self, w: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Height (...) of P over the undeformed keel (m) at the turns w (K, ...), and (K, ...) its derivatives by w."""
-        starts, signs = tall(self.starts, w), tall(self.signs, w)
+        """Height (...) of P over the undeformed keel (m) at the turns w (K, ...), and (K, ...) its
+        derivatives by w."""
+        starts = tall(self.starts, w)
+        signs = tall(self.signs, w)
         angle = np.cumsum(signs * w, axis=0)
-        c, s = np.cos(angle), np.sin(angle)
+        c = np.cos(angle)
+        s = np.sin(angle)
         lengths = np.diff(starts, axis=0)
         zero = np.zeros_like(c[:1])
         x = np.concatenate([zero, np.cumsum(lengths * c[:-1], axis=0)])
@@ -273,8 +296,8 @@ class Support:
     def load(
         self, w: np.ndarray, u: np.ndarray, position: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(K, ...) N m that the joints must give against the support, (...) J stored in it, the deflection's (K, ...)
-        derivatives by w."""
+        """(K, ...) N m that the joints must give against the support, (...) J stored in it, the
+        deflection's (K, ...) derivatives by w."""
         deflection, by = self.deflection(w, position)
         force = self.stiffness * deflection + self.damping * (by * u).sum(axis=0)
         return force * by, 0.5 * self.stiffness * deflection * deflection, by
@@ -282,18 +305,22 @@ class Support:
 
 STOP_WIDTH = 0.1  # of a stop's corner, in its limit; a choice
 TENSION_WIDTH = 2e-4
-"""m (or rad) over which the socket goes from its stiffness in compression to that in tension; a choice."""
+"""m (or rad) over which the socket goes from its stiffness in compression to that in tension; a
+choice."""
 UNLIMITED = 1e29
 
 
 def spring_forces(
     rows: np.ndarray, w: np.ndarray, u: np.ndarray, scale: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Forces (k, ...) of the springs on their coordinates at displacements w and rates u, and the energy in each.
+    """Forces (k, ...) of the springs on their coordinates at displacements w and rates u, and the
+    energy in each.
 
-    The rows (k, 6) are the stepper's (`SPRING_COLUMNS`), the law that of `laws.bushing`; `scale` is that of the forces.
+    The rows (k, 6) are the stepper's (`SPRING_COLUMNS`), the law that of `laws.bushing`; `scale` is
+    that of the forces.
     """
-    elastic, drag = tall(rows[:, 1], w) * w, 1.0 * u
+    elastic = tall(rows[:, 1], w) * w
+    drag = 1.0 * u
     energy = 0.5 * elastic * w
     for i, (stiff, negative, _, limit, rate_limit, stop) in enumerate(rows):
         if stiff != negative:
@@ -315,9 +342,8 @@ def spring_forces(
     return -scale * (elastic + tall(rows[:, 2], w) * drag), scale * energy
 
 
-SOLE_BLEND = (
-    2e-3  # m over which the lowest of a foot's spheres is blended from one to the next; a choice
-)
+# m over which the lowest of a foot's spheres is blended from one to the next; a choice
+SOLE_BLEND = 2e-3
 _ROUNDING = 9  # digits (m) to which two places are one
 _NORMAL = ("stiffness", "exponent", "damping", "full_damping_depth")
 FRICTION_CORNER = 0.2  # half-width of the corner at the threshold, over that
@@ -331,9 +357,8 @@ class Spheres:
     x: np.ndarray  # (s,) m, centres in the link's frame
     z: np.ndarray
     count: np.ndarray  # (s,)
-    columns: dict[
-        str, np.ndarray
-    ]  # (s,) each, radius and constants of the laws by the stepper's names
+    columns: dict[str, np.ndarray]
+    """(s,) each, radius and constants of the laws by the stepper's names"""
     heel: np.ndarray  # (s,) bool, of a zone whose stiffness is a design variable
 
 
@@ -352,9 +377,11 @@ class Touch:
 def merged_spheres(
     tree: PlanarTree, rows: np.ndarray, bodies: np.ndarray, heel: np.ndarray
 ) -> tuple[Spheres, np.ndarray]:
-    """Rows (S, 11) of the stepper's sites on the plant's `bodies` (S,), heel (S,) bool; and the first row of each."""
+    """Rows (S, 11) of the stepper's sites on the plant's `bodies` (S,), heel (S,) bool; and the
+    first row of each."""
     merged: dict[tuple[float, ...], list[int]] = {}  # the rows that the plane does not tell apart
-    links, places = [], np.zeros((len(rows), 2))
+    links = []
+    places = np.zeros((len(rows), 2))
     for i, (row, body) in enumerate(zip(rows, bodies, strict=True)):
         link, origin, angle = tree.bodies[int(body)]
         links.append(link)
@@ -380,7 +407,8 @@ def touch(spheres: Spheres, motion: PlanarMotion, ground: float) -> Touch:
         tall(values, motion.x) for values in (spheres.x, spheres.z, spheres.columns["radius"])
     )
     c, s, (omega, vx, vz) = motion.c[link], motion.s[link], motion.V[:, link]
-    x, z = motion.x[link] + c * px + s * pz, motion.z[link] + c * pz - s * px
+    x = motion.x[link] + c * px + s * pz
+    z = motion.z[link] + c * pz - s * px
     bottom = z - radius
     return Touch(
         x=x,
@@ -408,13 +436,15 @@ def normal(
 
 
 def friction(spheres: Spheres, slip: np.ndarray, smoothing: Smoothing) -> np.ndarray:
-    """(s, ...) coefficients of the friction -coefficient fz at slips (m/s), odd in them: linear as the stepper's law up
-    to 0.8 of the threshold, from 1.2 of it mu_static, and friction_rise of that more for each threshold beyond.
+    """(s, ...) coefficients of the friction -coefficient fz at slips (m/s), odd in them: linear as
+    the stepper's law up to 0.8 of the threshold, from 1.2 of it mu_static, and friction_rise of
+    that more for each threshold beyond.
 
-    Between them it is rounded, and by up to 0.0375 mu_static lower than the law with its corner at the threshold.
-    The law's fall to `mu_kinetic` beyond the threshold is left out, since a falling curve has solutions that a search
-    by gradients jumps between; a level one has no gradient at all, and a search that comes there ends with a foot that
-    shuffles to and fro from instant to instant. A foot that slides faster is held too much.
+    Between them it is rounded, and by up to 0.0375 mu_static lower than the law with its corner at
+    the threshold. The law's fall to `mu_kinetic` beyond the threshold is left out, since a falling
+    curve has solutions that a search by gradients jumps between; a level one has no gradient at
+    all, and a search that comes there ends with a foot that shuffles to and fro from instant to
+    instant. A foot that slides faster is held too much.
     """
     mu_static, threshold = (
         tall(spheres.columns[name], slip) for name in ("mu_static", "threshold_velocity")
@@ -427,13 +457,15 @@ def friction(spheres: Spheres, slip: np.ndarray, smoothing: Smoothing) -> np.nda
 
 
 def wrenches(at: Touch, fz: np.ndarray, coefficient: np.ndarray) -> np.ndarray:
-    """(3, s, ...) of the ground on the spheres about W's origin, at their lowest points as in the stepper."""
+    """(3, s, ...) of the ground on the spheres about W's origin, at their lowest points as in the
+    stepper."""
     fx = -coefficient * fz
     return np.stack([at.z * fx - at.x * fz, fx, fz])
 
 
 def sole(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Height (...) of the lowest of the spheres over the ground, and (s, ...) how much each of them counts.
+    """Height (...) of the lowest of the spheres over the ground, and (s, ...) how much each of them
+    counts.
 
     A smooth minimum: too low by up to SOLE_BLEND ln s, if all s are level.
     """
@@ -448,11 +480,12 @@ def tall(values: np.ndarray, like: np.ndarray) -> np.ndarray:
     return values.reshape(-1, *(1,) * (like.ndim - 1))
 
 
-# Smooth variants of contact, friction and stops, for gradients: analytic where they are not polynomials.
+# Smooth variants of contact, friction and stops, for gradients: analytic where they are not
+# polynomials.
 #
-# All take real or complex arrays: a derivative is the imaginary part that a small imaginary step leaves (Squire & Trapp
-# 1998, doi 10.1137/S003614459631241X), exact to rounding, which needs laws without absolute values and comparisons only
-# of real parts.
+# All take real or complex arrays: a derivative is the imaginary part that a small imaginary step
+# leaves (Squire & Trapp 1998, doi 10.1137/S003614459631241X), exact to rounding, which needs laws
+# without absolute values and comparisons only of real parts.
 
 
 IMAGINARY_STEP = 1e-20
@@ -462,12 +495,14 @@ IMAGINARY_STEP = 1e-20
 class Smoothing:
     """How far the smooth laws are from the stepper's.
 
-    The normal force is too large, by at most n k d^(n - 1) 3/16 depth_m with d 3/16 depth_m over the depth, and by its
-    damping's 3/16 rate_m_per_s at full depth: a foot at rest is held by that as well.
+    The normal force is too large, by at most n k d^(n - 1) 3/16 depth_m with d 3/16 depth_m over
+    the depth, and by its damping's 3/16 rate_m_per_s at full depth: a foot at rest is held by that
+    as well.
     """
 
     depth_m: float = quantity(1e-3, unit="m", low=1e-6, high=10.0, source="choice")
-    """Half-width of the corner where a sphere touches the ground; largest error of the depth is 3/16 of it."""
+    """Half-width of the corner where a sphere touches the ground; largest error of the depth is
+    3/16 of it."""
     rate_m_per_s: float = quantity(0.02, unit="m/s", low=1e-6, high=10.0, source="choice")
     """The same of the corner where damping begins."""
     friction_velocity_m_per_s: float = quantity(
@@ -475,11 +510,10 @@ class Smoothing:
     )
     """Slip at which friction reaches its static coefficient; never below the model's own."""
     friction_rise: float = quantity(0.1, unit="1", low=0.0, high=1.0, source="choice")
-    """Slope of friction beyond that, over the one below: with 0.05 a search still ends in a shuffle now and then, 0.15
-    does no better."""
-    damping: float = quantity(
-        1.0, unit="1", low=0.0, high=1.0, source="choice"
-    )  # share of the contact's damping
+    """Slope of friction beyond that, over the one below: with 0.05 a search still ends in a shuffle
+    now and then, 0.15 does no better."""
+    damping: float = quantity(1.0, unit="1", low=0.0, high=1.0, source="choice")
+    """share of the contact's damping"""
 
     def __post_init__(self) -> None:
         check(self, where="smoothing.")

@@ -1,1 +1,2 @@
-"""The implicit stepper: compiled dynamics of a tree of joints under stiff forces, and its exact sensitivities."""
+"""The implicit stepper: compiled dynamics of a tree of joints under stiff forces, and its exact
+sensitivities."""

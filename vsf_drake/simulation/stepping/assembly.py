@@ -1,8 +1,10 @@
-"""The stiff forces of one step: contact and friction of sites, sprung coordinates, the fulcrum (compiled).
+"""The stiff forces of one step: contact and friction of sites, sprung coordinates, the fulcrum
+(compiled).
 
-Poses are those at the beginning of the step and frozen over it; forces are functions of the velocity at its end.
-A force on a body is a wrench about W's origin (`tree`), so that what a coordinate feels is its joint's
-motion times the sum of the wrenches on everything that it carries; the same holds for their tangents (6, 6).
+Poses are those at the beginning of the step and frozen over it; forces are functions of the
+velocity at its end. A force on a body is a wrench about W's origin (`tree`), so that what a
+coordinate feels is its joint's motion times the sum of the wrenches on everything that it carries;
+the same holds for their tangents (6, 6).
 """
 
 from __future__ import annotations
@@ -48,7 +50,8 @@ SITE_RECORD = (
     "y",
 )
 """Columns of a site's record at the end of a step; x, y place the contact point in W."""
-MAX_APPROACH = 5.0  # sites further above the ground than this speed (m/s) could close within a step are left out
+# sites further above the ground than this speed (m/s) could close within a step are left out
+MAX_APPROACH = 5.0
 TOLERANCE = 1e-7
 """Of a step, in sqrt(kg) m/s: what is left of 1 N after 0.1 us on 1 kg."""
 
@@ -93,13 +96,16 @@ def find_sites(
     contact: ContactWorkspace,
     record: np.ndarray,
 ) -> None:
-    """Centres, depths and which sites are near the ground at height `ground` (m) at the end of the step.
+    """Centres, depths and which sites are near the ground at height `ground` (m) at the end of the
+    step.
 
-    Centre c = p_WB + R_WB p_BS, depth d0 = radius - (c_z - ground); the contact point is a radius under the centre.
+    Centre c = p_WB + R_WB p_BS, depth d0 = radius - (c_z - ground); the contact point is a radius
+    under the centre.
     """
     count = 0
     for s in range(forces.sites.shape[0]):
-        b, sites = forces.site_bodies[s], forces.sites
+        b = forces.site_bodies[s]
+        sites = forces.sites
         for i in range(3):
             contact.center[s, i] = (
                 motion.p[b, i]
@@ -127,12 +133,15 @@ def add_sites(
     wanted: np.ndarray,
     record: np.ndarray,
 ) -> None:
-    """Adds the ground's wrench on each body to F at the end velocities V, for the near sites that are wanted.
+    """Adds the ground's wrench on each body to F at the end velocities V, for the near sites that
+    are wanted.
 
-    With the contact point's velocity u = v + w x r:  depth d = d0 - h u_z, its rate the ground's less u_z, normal force
+    With the contact point's velocity u = v + w x r:  depth d = d0 - h u_z, its rate the ground's
+                                                      less u_z, normal force
     fn(d, rate), friction -mu(|u_xy|) / |u_xy| fn u_xy. `gain` = -dfn/du_z = h dfn/dd + dfn/drate.
     """
-    sites, V = forces.sites, contact.V
+    sites = forces.sites
+    V = contact.V
     for a in range(contact.near[-1]):
         s = contact.near[a]
         if not wanted[s]:
@@ -140,7 +149,9 @@ def add_sites(
         b = forces.site_bodies[s]
 
         # Velocity of the contact point.
-        x, y, z = contact.center[s, 0], contact.center[s, 1], contact.center[s, 2] - sites[s, 3]
+        x = contact.center[s, 0]
+        y = contact.center[s, 1]
+        z = contact.center[s, 2] - sites[s, 3]
         vx = V[b, 3] + V[b, 1] * z - V[b, 2] * y
         vy = V[b, 4] + V[b, 2] * x - V[b, 0] * z
         vz = V[b, 5] + V[b, 0] * y - V[b, 1] * x
@@ -150,12 +161,14 @@ def add_sites(
         fn, by_depth, by_rate = normal_force(
             depth, ground_rate - vz, sites[s, 4], sites[s, 5], sites[s, 6], sites[s, 7]
         )
-        fx, fy = 0.0, 0.0
+        fx = 0.0
+        fy = 0.0
         if fn > 0.0:
             ratio, _ = friction_per_speed(
                 math.sqrt(vx * vx + vy * vy), sites[s, 8], sites[s, 9], sites[s, 10]
             )
-            fx, fy = -ratio * fn * vx, -ratio * fn * vy
+            fx = -ratio * fn * vx
+            fy = -ratio * fn * vy
             rb.add(contact.F, b, rb.wrench(x, y, z, fx, fy, fn))
 
         contact.gain[s], contact.elastic[s] = h * by_depth + by_rate, by_depth
@@ -169,17 +182,24 @@ def site_tangent(
 ) -> Six:
     """K = -dforce/dvelocity of a loaded site as xx, xy, yy, xz, yz, zz (zx and zy are 0).
 
-    Of friction -rho(V) fn u, with rho = mu / V, by u in the plane: fn (rho 1 + (mu' - rho) u u^T / V^2), as
-    V rho' = mu' - rho; by u_z: the normal force falls by `gain` and friction with it, -rho gain u. A curve mu(V) that
-    falls more steeply counts as `least_slope` (s/m); up to the threshold mu' = rho, so that the second term is 0.
+    Of friction -rho(V) fn u, with rho = mu / V, by u in the plane: fn (rho 1 + (mu' - rho) u u^T /
+    V^2), as V rho' = mu' - rho; by u_z: the normal force falls by `gain` and friction with it, -rho
+    gain u. A curve mu(V) that falls more steeply counts as `least_slope` (s/m); up to the threshold
+    mu' = rho, so that the second term is 0.
     """
-    fn, vx, vy = record[s, 1], record[s, 5], record[s, 6]
+    fn = record[s, 1]
+    vx = record[s, 5]
+    vy = record[s, 6]
     speed = math.sqrt(vx * vx + vy * vy)
     ratio, slope = friction_per_speed(speed, sites[s, 8], sites[s, 9], sites[s, 10])
-    xx, xy, yy = ratio * fn, 0.0, ratio * fn
+    xx = ratio * fn
+    xy = 0.0
+    yy = ratio * fn
     if speed > sites[s, 10]:
         along = (max(slope, least_slope) - ratio) * fn / (speed * speed)
-        xx, xy, yy = xx + along * vx * vx, along * vx * vy, yy + along * vy * vy
+        xx = xx + along * vx * vx
+        xy = along * vx * vy
+        yy = yy + along * vy * vy
     return xx, xy, yy, -ratio * vx * gain, -ratio * vy * gain, gain
 
 
@@ -194,10 +214,13 @@ def tangents(
 ) -> None:
     """K (6, 6) = -dF/dV of every moving body with all that it carries.
 
-    Of a site at r: X^T k X with k of `site_tangent` and X = [-[r]x  1], by which a motion moves the point; column j
-    is the wrench of the force k X e_j. Composites are plain sums, as all motions and wrenches are about W's origin.
+    Of a site at r: X^T k X with k of `site_tangent` and X = [-[r]x  1], by which a motion moves the
+                                                                     point; column j
+    is the wrench of the force k X e_j. Composites are plain sums, as all motions and wrenches are
+    about W's origin.
     """
-    K, moving = contact.K, dofs.moving
+    K = contact.K
+    moving = dofs.moving
     for k in range(moving.shape[0]):
         b = links[moving[k], 2]
         contact.loaded[b] = False
@@ -209,11 +232,9 @@ def tangents(
         b = forces.site_bodies[s]
         contact.loaded[b] = True
         xx, xy, yy, xz, yz, zz = site_tangent(forces.sites, s, contact.gain[s], record, least_slope)
-        x, y, z = (
-            contact.center[s, 0],
-            contact.center[s, 1],
-            contact.center[s, 2] - forces.sites[s, 3],
-        )
+        x = contact.center[s, 0]
+        y = contact.center[s, 1]
+        z = contact.center[s, 2] - forces.sites[s, 3]
         # k X, row by row.
         rows = (
             (xz * y - xy * z, xx * z - xz * x, xy * x - xx * y, xx, xy, xz),
@@ -225,7 +246,8 @@ def tangents(
 
     # Inwards: a joint moves all that it carries.
     for k in range(moving.shape[0] - 1, -1, -1):
-        parent, b = links[moving[k], 1], links[moving[k], 2]
+        parent = links[moving[k], 1]
+        b = links[moving[k], 2]
         if contact.loaded[b] and dofs.body_moves[parent]:
             contact.loaded[parent] = True
             rb.add_composite(K, parent, b)
@@ -235,9 +257,11 @@ def tangents(
 def add_springs(
     h: float, v: np.ndarray, q0: np.ndarray, forces: Forces, tau: np.ndarray, record: np.ndarray
 ) -> None:
-    """Adds the sprung coordinates at q0 + h v to tau (n,); record (k,): -df/dv = -(h df/dx + df/drate)."""
+    """Adds the sprung coordinates at q0 + h v to tau (n,); record (k,): -df/dv = -(h df/dx +
+    df/drate)."""
     for k in range(forces.spring_index.shape[0]):
-        c, s = forces.spring_index[k], forces.springs
+        c = forces.spring_index[k]
+        s = forces.springs
         force, by_x, by_rate = spring_force(
             q0[c] + h * v[c], v[c], s[k, 0], s[k, 1], s[k, 2], s[k, 3], s[k, 4], s[k, 5]
         )
@@ -245,7 +269,8 @@ def add_springs(
         record[k] = -(h * by_x + by_rate)
 
 
-# What a step works on beside its numbers: which coordinates are free, and workspace so that nothing is allocated in it.
+# What a step works on beside its numbers: which coordinates are free, and workspace so that nothing
+# is allocated in it.
 
 
 class FreePrescribed(NamedTuple):
@@ -274,7 +299,9 @@ class Workspace(NamedTuple):
     applied: np.ndarray  # torques on free coordinates
     tau: np.ndarray
     trial: np.ndarray
-    dA: np.ndarray  # (B, 6) what the accelerations of free coordinates add to those of the bodies, then its forces
+    dA: np.ndarray
+    """(B, 6) what the accelerations of free coordinates add to those of the bodies, then its
+    forces"""
     r: np.ndarray  # (f,)
     dv: np.ndarray  # (f, 1) step of Newton's method
     y: np.ndarray  # (f,)
@@ -282,9 +309,8 @@ class Workspace(NamedTuple):
     L: np.ndarray
     A: np.ndarray
     springs: np.ndarray  # (k,)
-    fulcrum: (
-        np.ndarray
-    )  # (3,) where the support is (m from A), the weight of the foremost body under it, its slope
+    fulcrum: np.ndarray
+    """(3,) where the support is (m from A), the weight of the foremost body under it, its slope"""
     keel: np.ndarray  # (1,) which of the keel's bodies that is
     tolerance: float  # a step has converged when sqrt(r^T M^-1 r) is below it, in sqrt(kg) m/s
 
@@ -314,12 +340,10 @@ def step_workspace(
     tree: Tree, forces: Forces, dofs: FreePrescribed, tolerance: float = TOLERANCE
 ) -> Workspace:
     """Workspace for a step of this tree."""
-    n, f, sites, bodies = (
-        tree.num_coordinates,
-        len(dofs.free),
-        len(forces.sites),
-        len(tree.body_names),
-    )
+    n = tree.num_coordinates
+    f = len(dofs.free)
+    sites = len(forces.sites)
+    bodies = len(tree.body_names)
     contact = ContactWorkspace(
         near=np.zeros(sites + 1, dtype=np.int64),
         center=np.zeros((sites, 3)),
@@ -351,21 +375,25 @@ def step_workspace(
 
 # The fulcrum on the keel in one step, and its derivatives, compiled.
 #
-# The support at l (m from A) stands on the rigid piece of the keel that lies there. The next piece takes over at its
-# joint x, where a force has no moment on it: the force is continuous in l, its derivative by l is not. With a width w
-# the two pieces share the support from x - w to x + w, with s = (l - x) / w, t = (s + 1) / 2:
+# The support at l (m from A) stands on the rigid piece of the keel that lies there. The next piece
+# takes over at its joint x, where a force has no moment on it: the force is continuous in l, its
+# derivative by l is not. With a width w the two pieces share the support from x - w to x + w, with
+# s = (l - x) / w, t = (s + 1) / 2:
 #
 #     deflection = (1 - weight) y_behind + weight y_ahead,        weight = t^2 (3 - 2 t)
 #
-# where y_i is the deflection of the point at l on the straight line of piece i; the force goes to both in the
-# same shares (virtual work). All is then continuously differentiable in l. At the joint nothing changes; next to it the
-# keel gives way as if the support did by up to 0.175 w times the turn of the joint.
+# where y_i is the deflection of the point at l on the straight line of piece i; the force goes to
+# both in the same shares (virtual work). All is then continuously differentiable in l. At the joint
+# nothing changes; next to it the keel gives way as if the support did by up to 0.175 w times the
+# turn of the joint.
 
 
 @internal
 def _point(forces: Forces, motion: Motion, piece: int, position: float) -> Three:
     """Where the support is on the straight line of a piece of the keel."""
-    b, R, p = forces.keel_bodies[piece], motion.R, motion.p
+    b = forces.keel_bodies[piece]
+    R = motion.R
+    p = motion.p
     along = position - forces.keel_starts[piece]
     return p[b, 0] + R[b, 0, 0] * along, p[b, 1] + R[b, 1, 0] * along, p[b, 2] + R[b, 2, 0] * along
 
@@ -373,7 +401,8 @@ def _point(forces: Forces, motion: Motion, piece: int, position: float) -> Three
 @internal
 def _unit_wrench(forces: Forces, motion: Motion, x: float, y: float, z: float) -> Six:
     """Of a force along z of the foot's frame at a point."""
-    F, R = forces.frame_body, motion.R
+    F = forces.frame_body
+    R = motion.R
     return rb.wrench(x, y, z, R[F, 0, 2], R[F, 1, 2], R[F, 2, 2])
 
 
@@ -383,26 +412,35 @@ def find_support(
 ) -> tuple[int, float, float, float]:
     """Writes unit wrench W and row of the support at `position` (m from A).
 
-    The row is d deflection / d q, the power S_c . W of a unit force on each coordinate. It holds only the keel's: the
-    pair of forces does no work on what carries both bodies. Returns the foremost piece of the keel that bears it, its
-    weight (the piece behind it has the rest), the derivative of that by position (1/m), and the deflection (m).
+    The row is d deflection / d q, the power S_c . W of a unit force on each coordinate. It holds
+    only the keel's: the pair of forces does no work on what carries both bodies. Returns the
+    foremost piece of the keel that bears it, its weight (the piece behind it has the rest), the
+    derivative of that by position (1/m), and the deflection (m).
     """
     # The foremost piece j that bears, and its share.
-    starts, width = forces.keel_starts, forces.support_width
-    j, weight, slope = 0, 1.0, 0.0
+    starts = forces.keel_starts
+    width = forces.support_width
+    j = 0
+    weight = 1.0
+    slope = 0.0
     while j + 1 < starts.shape[0] and starts[j + 1] - width <= position:
         j += 1
     if j > 0 and position - starts[j] < width:
         t = 0.5 * ((position - starts[j]) / width + 1.0)
-        weight, slope = t * t * (3.0 - 2.0 * t), 3.0 * t * (1.0 - t) / width
+        weight = t * t * (3.0 - 2.0 * t)
+        slope = 3.0 * t * (1.0 - t) / width
 
     # Where the force acts: on piece j, or in the shares of both between their points.
-    F, R, p = forces.frame_body, motion.R, motion.p
+    F = forces.frame_body
+    R = motion.R
+    p = motion.p
     x, y, z = _point(forces, motion, j, position)
     front = _unit_wrench(forces, motion, x, y, z)
     if weight < 1.0:
         x0, y0, z0 = _point(forces, motion, j - 1, position)
-        x, y, z = x0 + weight * (x - x0), y0 + weight * (y - y0), z0 + weight * (z - z0)
+        x = x0 + weight * (x - x0)
+        y = y0 + weight * (y - y0)
+        z = z0 + weight * (z - z0)
     W = _unit_wrench(forces, motion, x, y, z)
     rb.put(contact.W, 0, W)
 
@@ -430,7 +468,8 @@ def add_support(
     tau: np.ndarray,
     record: np.ndarray,
 ) -> None:
-    """Adds the two-sided support to tau (n,); record: force on the keel (N), deflection (m), its rate (m/s).
+    """Adds the two-sided support to tau (n,); record: force on the keel (N), deflection (m), its
+    rate (m/s).
 
     With rate w' = row . v and deflection w = w0 + h w':  f = -k w - d w',  tau += row f.
     """
@@ -456,27 +495,27 @@ def add_support_tangent(
     tangent: Tangent,
     support: np.ndarray,
 ) -> None:
-    """Adds the support to Gq and E: only keel coordinates up to it change its forces, and only they feel them.
+    """Adds the support to Gq and E: only keel coordinates up to it change its forces, and only they
+    feel them.
 
-    By a displacement x of a keel coordinate, or of the support along the keel: with tau = row f, f = -k w - d w' and
-    w = w0 + h w', the residual changes by -d(row)/dx f - row df/dx, where df/dx = -k (dw0/dx + h dw'/dx) - d dw'/dx.
+    By a displacement x of a keel coordinate, or of the support along the keel: with tau = row f,
+    f = -k w - d w' and w = w0 + h w', the residual changes by -d(row)/dx f - row df/dx, where
+    df/dx = -k (dw0/dx + h dw'/dx) - d dw'/dx.
     """
-    motion, V, row, d_row = (
-        workspace.motion,
-        workspace.contact.V,
-        workspace.contact.support_jacobian,
-        tangent.d_row,
-    )
-    keel, front, weight, slope = (
-        forces.keel_coordinates,
-        workspace.keel[0],
-        workspace.fulcrum[1],
-        workspace.fulcrum[2],
-    )
+    motion = workspace.motion
+    V = workspace.contact.V
+    row = workspace.contact.support_jacobian
+    d_row = tangent.d_row
+    keel = forces.keel_coordinates
+    front = workspace.keel[0]
+    weight = workspace.fulcrum[1]
+    slope = workspace.fulcrum[2]
     for column in range(front + 2 if directions.slides else front + 1):
         sliding = column > front
-        # Of w0, w' and row: sums over the one or two pieces that bear, each with its share, which slides too.
-        d_deflection, d_rate = 0.0, 0.0
+        # Of w0, w' and row: sums over the one or two pieces that bear, each with its share, which
+        # slides too.
+        d_deflection = 0.0
+        d_rate = 0.0
         d_row[:] = 0.0
         for piece in range(front - 1 if weight < 1.0 else front, front + 1):
             share, turn = (weight, slope) if piece == front else (1.0 - weight, -slope)
@@ -536,26 +575,39 @@ def _piece_change(
     turn: float,
     d_row: np.ndarray,
 ) -> tuple[float, float, float, float]:
-    """Of the support if one piece bore it alone, by a keel coordinate or, for a column beyond `front`, by its place.
+    """Of the support if one piece bore it alone, by a keel coordinate or, for a column beyond
+    `front`, by its place.
 
-    Adds `share` of the derivatives of its power on the keel coordinates, and `turn` times that power, to d_row (K,).
-    Returns derivatives of its deflection (by the place only) and of its rate; the deflection but for what all pieces
-    share, and its rate.
+    Adds `share` of the derivatives of its power on the keel coordinates, and `turn` times that
+    power, to d_row (K,). Returns derivatives of its deflection (by the place only) and of its rate;
+    the deflection but for what all pieces share, and its rate.
     """
-    F, keel, S, R = forces.frame_body, forces.keel_coordinates, motion.S, motion.R
+    F = forces.frame_body
+    keel = forces.keel_coordinates
+    S = motion.S
+    R = motion.R
     b = forces.keel_bodies[piece]
-    ux, uy, uz = R[F, 0, 2], R[F, 1, 2], R[F, 2, 2]
+    ux = R[F, 0, 2]
+    uy = R[F, 1, 2]
+    uz = R[F, 2, 2]
     x, y, z = _point(forces, motion, piece, position)
     W = _unit_wrench(forces, motion, x, y, z)
     V_keel = rb.six(V, b)
     relative = rb.plus(V_keel, rb.six(V, F), -1.0)
 
-    # How the point moves: along the piece as the support slides, or as joint `column` turns all that it carries. That
-    # joint also turns the velocity of the keel relative to its own parent: S x (V_keel - V_parent).
-    S_j, by_motion, rise = rb.REST, rb.REST, 0.0
-    dx, dy, dz = 0.0, 0.0, 0.0
+    # How the point moves: along the piece as the support slides, or as joint `column` turns all
+    # that it carries. That joint also turns the velocity of the keel relative to its own parent: S
+    # x (V_keel - V_parent).
+    S_j = rb.REST
+    by_motion = rb.REST
+    rise = 0.0
+    dx = 0.0
+    dy = 0.0
+    dz = 0.0
     if column > front:
-        dx, dy, dz = R[b, 0, 0], R[b, 1, 0], R[b, 2, 0]
+        dx = R[b, 0, 0]
+        dy = R[b, 1, 0]
+        dz = R[b, 2, 0]
         rise = ux * dx + uy * dy + uz * dz
     elif column <= piece:
         S_j = rb.six(S, keel[column])
@@ -565,8 +617,9 @@ def _piece_change(
         parent = forces.keel_bodies[column - 1] if column > 0 else F
         by_motion = rb.cross_motion(S_j, rb.plus(V_keel, rb.six(V, parent), -1.0))
 
-    # The unit wrench follows its point, dW = (dp x u, 0), and joints k that joint j carries turn with it: the power
-    # S_k . W changes by S_k . dW + (S_j x S_k) . W, the rate w' = W . (V_keel - V_foot) by dW . (...) + W . by_motion.
+    # The unit wrench follows its point, dW = (dp x u, 0), and joints k that joint j carries turn
+    # with it: the power S_k . W changes by S_k . dW + (S_j x S_k) . W, the rate w' = W . (V_keel -
+    # V_foot) by dW . (...) + W . by_motion.
     dW = (dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux, 0.0, 0.0, 0.0)
     for k in range(piece + 1):
         S_k = rb.six(S, keel[k])

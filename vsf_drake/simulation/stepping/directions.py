@@ -1,8 +1,9 @@
 """What a run is differentiated by, as arrays, and the workspace that this takes.
 
-A direction is one in which bodies can be displaced: each free coordinate is one, and so are, for parameters that
-move something, a prescribed coordinate, or the foot's mount as if it were a joint without mass. All parameters that
-move the same prescribed coordinate share its direction: constant shifts, and perturbations that change with time.
+A direction is one in which bodies can be displaced: each free coordinate is one, and so are, for
+parameters that move something, a prescribed coordinate, or the foot's mount as if it were a joint
+without mass. All parameters that move the same prescribed coordinate share its direction: constant
+shifts, and perturbations that change with time.
 """
 
 from __future__ import annotations
@@ -16,39 +17,35 @@ import numpy as np
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed
 from vsf_drake.simulation.stepping.tree import Tree
 
-UNRELATED, INBOARD, OUTBOARD = 0, 1, 2
+UNRELATED = 0
+INBOARD = 1
+OUTBOARD = 2
 
 
 class TangentDirections(NamedTuple):
-    """C directions, the f free coordinates first, and how P parameters enter, K of them as perturbations, on n
-    steps."""
+    """C directions, the f free coordinates first, and how P parameters enter, K of them as
+    perturbations, on n steps."""
 
     coordinate: np.ndarray  # (C,) or -1 for the mount
     body: np.ndarray  # (C,) what moves, and parent (C,): relative to which body
     parent: np.ndarray
-    mount: (
-        np.ndarray
-    )  # (C, 6) motion about the body's origin in its frame, where there is no coordinate
-    rows: (
-        np.ndarray
-    )  # (r,) coordinates whose equations are differentiated: the free ones, then prescribed ones
-    relation: (
-        np.ndarray
-    )  # (r, C) whether it carries the row's coordinate (or is it), is carried by it, or neither
-    unit: (
-        np.ndarray
-    )  # (C, P) displacement by a unit of each parameter at the start, 0 for free coordinates
-    perturbation_direction: (
-        np.ndarray
-    )  # (K,) which direction a perturbation displaces, and which parameter it is
+    mount: np.ndarray
+    """(C, 6) motion about the body's origin in its frame, where there is no coordinate"""
+    rows: np.ndarray
+    """(r,) coordinates whose equations are differentiated: the free ones, then prescribed ones"""
+    relation: np.ndarray
+    """(r, C) whether it carries the row's coordinate (or is it), is carried by it, or neither"""
+    unit: np.ndarray
+    """(C, P) displacement by a unit of each parameter at the start, 0 for free coordinates"""
+    perturbation_direction: np.ndarray
+    """(K,) which direction a perturbation displaces, and which parameter it is"""
     perturbation_parameter: np.ndarray
     path: np.ndarray  # (n + 1, K) displacement by a unit of each perturbation on the grid
     path_rate: np.ndarray  # (K,) its rate at the start
     slide: np.ndarray  # (P,) of the fulcrum along the keel
     slides: bool  # whether any of them is not 0
-    site_start: (
-        np.ndarray
-    )  # (S + 1,) of the site's entries in the next three: what changes in its row
+    site_start: np.ndarray
+    """(S + 1,) of the site's entries in the next three: what changes in its row"""
     site_parameter: np.ndarray
     site_column: np.ndarray
     site_unit: np.ndarray
@@ -60,10 +57,13 @@ class TangentDirections(NamedTuple):
 
 
 class Tangent(NamedTuple):
-    """Work space and state of the sensitivities: B bodies, f free coordinates, r rows, C directions, P parameters."""
+    """Work space and state of the sensitivities: B bodies, f free coordinates, r rows, C
+    directions, P parameters."""
 
     S: np.ndarray  # (C, 6) motion of a unit of each direction
-    rate: np.ndarray  # (C, 6) what its parent's motion adds to the velocity of what it carries, at the step's start
+    rate: np.ndarray
+    """(C, 6) what its parent's motion adds to the velocity of what it carries, at the step's
+    start"""
     second: np.ndarray  # (C, 6) likewise to the acceleration
     end: np.ndarray  # (C, 6) likewise to the velocity at the step's end
     coriolis: np.ndarray  # (B, 6, 6) composites: derivative of inertial forces by velocity
@@ -95,19 +95,18 @@ def make_directions(
 ) -> TangentDirections:
     """The directions of a run with these `dofs`, for the parameters that `tangents` describe.
 
-    `measured` (S,) bool are the sites whose resultant wrench is asked for; with `loads` the equations of prescribed
-    coordinates are differentiated too. ValueError if a parameter shifts a coordinate that is not prescribed.
+    `measured` (S,) bool are the sites whose resultant wrench is asked for; with `loads` the
+    equations of prescribed coordinates are differentiated too. ValueError if a parameter shifts a
+    coordinate that is not prescribed.
     """
     parent_of = np.zeros(len(tree.body_names), dtype=np.int64)
     parent_of[tree.links[:, 2]] = tree.links[:, 1]
-    carriers = np.eye(
-        len(parent_of), dtype=np.bool_
-    )  # whether the second body carries the first, or is it
+    # whether the second body carries the first, or is it
+    carriers = np.eye(len(parent_of), dtype=np.bool_)
     for _, parent, child, _ in tree.links:
         carriers[child] |= carriers[parent]
-    direction_of = {
-        int(c): place for place, c in enumerate(dofs.free)
-    }  # by coordinate, or -1 - axis of the mount
+    # by coordinate, or -1 - axis of the mount
+    direction_of = {int(c): place for place, c in enumerate(dofs.free)}
     units: dict[tuple[int, int], float] = {}  # displacement by direction and parameter
     perturbations: list[tuple[int, int]] = []  # direction and parameter
     for p, by_unit in enumerate(tangents):
@@ -126,9 +125,11 @@ def make_directions(
             perturbations.append((direction_of[tree.index(by_unit.coordinate or "")], p))
     coordinate = np.array(list(direction_of), dtype=np.int64)
     rows = np.concatenate([dofs.free, dofs.prescribed]) if loads else dofs.free
-    of_mount, joints = coordinate < 0, tree.coordinate_bodies[rows]
+    of_mount = coordinate < 0
+    joints = tree.coordinate_bodies[rows]
     body = np.where(of_mount, forces.frame_body, tree.coordinate_bodies[coordinate])
-    mount, unit = np.zeros((len(coordinate), 6)), np.zeros((len(coordinate), len(tangents)))
+    mount = np.zeros((len(coordinate), 6))
+    unit = np.zeros((len(coordinate), len(tangents)))
     mirrored = any(by_unit.mirrored for by_unit in tangents)
     mount[of_mount] = _mount_motions(tree, forces.frame_body, mirrored=mirrored)[
         -1 - coordinate[of_mount]
@@ -188,8 +189,8 @@ def make_directions(
 
 
 def tangent_workspace(tree: Tree, dofs: FreePrescribed, directions: TangentDirections) -> Tangent:
-    """Workspace for these directions; the state's sensitivities are those of a start where only prescribed directions
-    change."""
+    """Workspace for these directions; the state's sensitivities are those of a start where only
+    prescribed directions change."""
     B, f, r, (C, P) = (
         len(tree.body_names),
         len(dofs.free),
@@ -218,14 +219,18 @@ def tangent_workspace(tree: Tree, dofs: FreePrescribed, directions: TangentDirec
 
 
 def _mount_motions(tree: Tree, frame_body: int, *, mirrored: bool) -> np.ndarray:
-    """(5, 6) height, fore-aft, alignment, inversion and toe-out of `plants.foot.mount_pose` as motions of the foot's
-    frame K, about and in K. The foot goes up along z_K, forward along x_K, and turns about the mount's own origin."""
+    """(5, 6) height, fore-aft, alignment, inversion and toe-out of `plants.foot.mount_pose` as
+    motions of the foot's frame K, about and in K. The foot goes up along z_K, forward along x_K,
+    and turns about the mount's own origin."""
     link = tree.frames[np.flatnonzero(tree.links[:, 2] == frame_body)[0]]
-    R_MK, right = link[12:21].reshape(3, 3), -1.0 if mirrored else 1.0
+    R_MK = link[12:21].reshape(3, 3)
+    right = -1.0 if mirrored else 1.0
     p_KM = -R_MK.T @ link[21:24]
-    # R_MK = Ry(-alignment) Rx(right inversion) Rz(-right toe_out): the first turns about the mount's -y, the last about
-    # the foot's -+z, the middle one about the axis forward that is normal to both.
-    toes_up, upright = -R_MK[1], np.array([0.0, 0.0, 1.0])
+    # R_MK = Ry(-alignment) Rx(right inversion) Rz(-right toe_out): the first turns about the
+    # mount's -y, the last about the foot's -+z, the middle one about the axis forward that is
+    # normal to both.
+    toes_up = -R_MK[1]
+    upright = np.array([0.0, 0.0, 1.0])
     forward = np.cross(upright, toes_up)
     turns = [toes_up, right * forward / np.linalg.norm(forward), -right * upright]
     return np.array(
@@ -242,13 +247,15 @@ def _mount_motions(tree: Tree, frame_body: int, *, mirrored: bool) -> np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class ParameterTangent:
-    """What a unit of a variable adds to the arrays of a `Mechanism` and of its `Inputs`; None for nothing."""
+    """What a unit of a variable adds to the arrays of a `Mechanism` and of its `Inputs`; None for
+    nothing."""
 
     sites: np.ndarray | None = None
     springs: np.ndarray | None = None
     fulcrum: np.ndarray | None = None
     mount: np.ndarray = field(default_factory=lambda: np.zeros(5))
-    """To height, fore-aft (m), alignment, inversion and toe-out (rad) of the foot under the pylon."""
+    """To height, fore-aft (m), alignment, inversion and toe-out (rad) of the foot under the
+    pylon."""
     mirrored: bool = False  # whether that is a left foot, which inverts and turns out the other way
     fulcrum_shift: float = 0.0  # m, to the fulcrum's position
     coordinate: str | None = None

@@ -1,19 +1,20 @@
 """One implicit step of a tree of joints under stiff forces, compiled.
 
-With h the step and everything that depends on the pose frozen at its beginning, the end velocity v solves
+With h the step and everything that depends on the pose frozen at its beginning, the end velocity v
+solves
 
     M (v - v0) = h ( -C(q0, v0) v0 + tau_g(q0) + tau_applied + sum J^T f(v) ),        q = q0 + h v
 
 where every stiff force is written at the end of the step: contact depth d0 - h v_z and depth rate
--v_z, coordinate springs at q0 + h v, the fulcrum's deflection w0 + h w', a moving ground's height at t + h.
-Rows of prescribed coordinates are known; their equations give the loads that hold them. The others
-are solved by Newton's method. But for the dependence of friction on the normal force the residual r is
-the gradient of a potential, which is convex except where the friction curve falls; the norm of r is not
-a merit there, since a foot that begins to slide has to pass a hump of it. So the tangent takes friction's
-falling branch as flat, for which every step dv descends (dv . r < 0). The line search shortens a step where
-dv . r has changed sign by more than OVERSHOOT and lengthens it where the slope has become steeper. From
-iteration EXACT_FROM on the falling branch enters the tangent too, wherever the step still descends, because
-a flattened one converges linearly only.
+-v_z, coordinate springs at q0 + h v, the fulcrum's deflection w0 + h w', a moving ground's height
+at t + h. Rows of prescribed coordinates are known; their equations give the loads that hold them.
+The others are solved by Newton's method. But for the dependence of friction on the normal force the
+residual r is the gradient of a potential, which is convex except where the friction curve falls;
+the norm of r is not a merit there, since a foot that begins to slide has to pass a hump of it. So
+the tangent takes friction's falling branch as flat, for which every step dv descends (dv . r < 0).
+The line search shortens a step where dv . r has changed sign by more than OVERSHOOT and lengthens
+it where the slope has become steeper. From iteration EXACT_FROM on the falling branch enters the
+tangent too, wherever the step still descends, because a flattened one converges linearly only.
 """
 
 from __future__ import annotations
@@ -30,14 +31,12 @@ from vsf_drake.simulation.stepping.tree import TreeArrays
 
 MAX_ITERATIONS = 30
 MAX_TRIALS = 12  # lengths of one Newton step that are tried
-OVERSHOOT = (
-    0.5  # uphill slope after a step, relative to the downhill one before it, that is accepted
-)
+# uphill slope after a step, relative to the downhill one before it, that is accepted
+OVERSHOOT = 0.5
 EXACT_FROM = 4  # iteration from which the falling branch of the friction curve is in the tangent
-EXACT, FLAT = (
-    -math.inf,
-    0.0,
-)  # least slope of the friction curve in a tangent: any, or none that falls
+# least slope of the friction curve in a tangent: any, or none that falls
+EXACT = -math.inf
+FLAT = 0.0
 LENGTHEN = 4.0  # of a step along which the slope becomes steeper
 
 
@@ -62,27 +61,25 @@ def step(
 ) -> tuple[int, bool]:
     """Advances q, v (n,) in place by h; returns (Newton iterations, converged).
 
-    Height (m) of the ground, its rate, the fulcrum (m from A) and the prescribed coordinates q_next are those at the
-    end. The mass matrix M (n, n) and C(q0, v0) v0 - tau_g(q0) (n,) are worked out here where M is (0, 0). Writes sites
-    (S, 9) and support (3,), see `assembly`, and to load (n,) the forces that drive the coordinates: those that hold the
-    prescribed ones, and in the others what `workspace` applies, but for the residual.
+    Height (m) of the ground, its rate, the fulcrum (m from A) and the prescribed coordinates q_next
+    are those at the end. The mass matrix M (n, n) and C(q0, v0) v0 - tau_g(q0) (n,) are worked out
+    here where M is (0, 0). Writes sites (S, 9) and support (3,), see `assembly`, and to load (n,)
+    the forces that drive the coordinates: those that hold the prescribed ones, and in the others
+    what `workspace` applies, but for the residual.
     """
-    free, prescribed, motion, contact = (
-        dofs.free,
-        dofs.prescribed,
-        workspace.motion,
-        workspace.contact,
-    )
-    nf, bias, r, dv, trial = (
-        free.shape[0],
-        workspace.bias,
-        workspace.r,
-        workspace.dv,
-        workspace.trial,
-    )
+    free = dofs.free
+    prescribed = dofs.prescribed
+    motion = workspace.motion
+    contact = workspace.contact
+    nf = free.shape[0]
+    bias = workspace.bias
+    r = workspace.r
+    dv = workspace.dv
+    trial = workspace.trial
 
-    # The pose q0, frozen over the step: motions S of the joints, centres and depths d0 of the spheres, and the support
-    # with its deflection w0 and the power `row` of its force on each coordinate.
+    # The pose q0, frozen over the step: motions S of the joints, centres and depths d0 of the
+    # spheres, and the support with its deflection w0 and the power `row` of its force on each
+    # coordinate.
     rb.place(tree, q, motion)
     assembly.find_sites(h, forces, motion, ground, contact, sites)
     deflection, workspace.fulcrum[0] = 0.0, fulcrum
@@ -91,7 +88,8 @@ def step(
             assembly.find_support(forces, motion, fulcrum, contact)
         )
 
-    # Prescribed coordinates c are known: v_c = (q_next - q0)_c / h and a_c = (v - v0)_c / h; a = 0 in all others.
+    # Prescribed coordinates c are known: v_c = (q_next - q0)_c / h and a_c = (v - v0)_c / h; a = 0
+    # in all others.
     copy(v, workspace.v0)
     workspace.acceleration[:] = 0.0
     for k in range(prescribed.shape[0]):
@@ -99,7 +97,8 @@ def step(
         v[c] = (q_next[k] - q[c]) / h
         workspace.acceleration[c] = (v[c] - workspace.v0[c]) / h
 
-    # bias = C(q0, v0) v0 - tau_g + M a with that a, by inverse dynamics if M and C are not given, and M = L L^T over
+    # bias = C(q0, v0) v0 - tau_g + M a with that a, by inverse dynamics if M and C are not given,
+    # and M = L L^T over
     # the free coordinates. Their equations are then   r(v) = M (v - v0) + h (bias - tau(v)) = 0.
     given = M.shape[0] > 0
     if given:
@@ -115,17 +114,21 @@ def step(
         rb.mass_matrix(tree, motion, free, dofs.above, dofs.counts, workspace.M)
     cholesky(workspace.M, workspace.L)
 
-    # Newton's method from v = v0: solve A dv = -r with A = dr/dv, go to v + length dv, until r^T M^-1 r, twice the
-    # kinetic energy of what is left, is small. In the first round dv is 0: it works out r at v0 alone.
+    # Newton's method from v = v0: solve A dv = -r with A = dr/dv, go to v + length dv, until r^T
+    # M^-1 r, twice the kinetic energy of what is left, is small. In the first round dv is 0: it
+    # works out r at v0 alone.
     dv[:, :] = 0.0
     copy(v, trial)
     _velocities(tree.links, motion.S, trial, contact.V)
-    slope0, converged, iterations = 0.0, False, 0
+    slope0 = 0.0
+    converged = False
+    iterations = 0
     while iterations < MAX_ITERATIONS:
         iterations += 1
 
-        # Line search on the slope dv . r(v + length dv), which is slope0 < 0 at length 0. Still steeper there: further.
-        # Uphill by more than OVERSHOOT: back to where the chord between both slopes vanishes, by 0.1 to 0.9.
+        # Line search on the slope dv . r(v + length dv), which is slope0 < 0 at length 0. Still
+        # steeper there: further. Uphill by more than OVERSHOOT: back to where the chord between
+        # both slopes vanishes, by 0.1 to 0.9.
         length = 1.0
         for _ in range(MAX_TRIALS):
             for i in range(nf):
@@ -147,8 +150,9 @@ def step(
         if converged:
             break
 
-        # The next direction: from EXACT_FROM on with the friction curve as it is if that descends, dv . r < 0, else
-        # with its falling branch flat. If neither descends (slope0 >= 0) the next step is taken whole.
+        # The next direction: from EXACT_FROM on with the friction curve as it is if that descends,
+        # dv . r < 0, else with its falling branch flat. If neither descends (slope0 >= 0) the next
+        # step is taken whole.
         slope0 = 0.0
         for least_slope in (EXACT, FLAT):
             if least_slope == EXACT and iterations < EXACT_FROM:
@@ -163,8 +167,8 @@ def step(
             if slope0 < 0.0:
                 break
 
-    # Forces on what only prescribed coordinates move, which had no part in r; the loads that hold these; then
-    # q = q0 + h v, with prescribed coordinates where they were to go without rounding.
+    # Forces on what only prescribed coordinates move, which had no part in r; the loads that hold
+    # these; then q = q0 + h v, with prescribed coordinates where they were to go without rounding.
     assembly.add_sites(h, forces, contact, ground_rate, dofs.site_rests, sites)
     _loads(h, tree, dofs, workspace, given, M, v, load)
     for c in range(q.shape[0]):
@@ -172,10 +176,13 @@ def step(
     for k in range(prescribed.shape[0]):
         q[prescribed[k]] = q_next[k]
 
-    # The contact point stays under the sphere's centre, which rolls ahead of the slipping point: p_xy + h (v + w x c).
+    # The contact point stays under the sphere's centre, which rolls ahead of the slipping point:
+    # p_xy + h (v + w x c).
     for a in range(contact.near[-1]):
         s = contact.near[a]
-        b, V, center = forces.site_bodies[s], contact.V, contact.center
+        b = forces.site_bodies[s]
+        V = contact.V
+        center = contact.center
         sites[s, 7] += h * (V[b, 3] + V[b, 1] * center[s, 2] - V[b, 2] * center[s, 1])
         sites[s, 8] += h * (V[b, 4] + V[b, 2] * center[s, 0] - V[b, 0] * center[s, 2])
     return iterations, converged
@@ -186,7 +193,9 @@ def _velocities(links: np.ndarray, S: np.ndarray, v: np.ndarray, V: np.ndarray) 
     """V_b = V_parent + S_c v_c of all bodies."""
     rb.put(V, 0, rb.REST)
     for m in range(links.shape[0]):
-        parent, b, c = links[m, 1], links[m, 2], links[m, 3]
+        parent = links[m, 1]
+        b = links[m, 2]
+        c = links[m, 3]
         rb.put(V, b, rb.six(V, parent) if c < 0 else rb.plus(rb.six(V, parent), rb.six(S, c), v[c]))
 
 
@@ -204,17 +213,21 @@ def _residual(
     support: np.ndarray,
 ) -> None:
     """r (f,) = M (v - v0) + h (bias - tau) at the trial velocity, over the free coordinates."""
-    motion, contact, tau, trial = (
-        workspace.motion,
-        workspace.contact,
-        workspace.tau,
-        workspace.trial,
-    )
-    V, F, S, free, moving = contact.V, contact.F, motion.S, dofs.free, dofs.moving
+    motion = workspace.motion
+    contact = workspace.contact
+    tau = workspace.tau
+    trial = workspace.trial
+    V = contact.V
+    F = contact.F
+    S = motion.S
+    free = dofs.free
+    moving = dofs.moving
 
     # End velocities of the bodies that move with it, and the ground's wrenches F on them.
     for k in range(moving.shape[0]):
-        parent, b, c = links[moving[k], 1], links[moving[k], 2], links[moving[k], 3]
+        parent = links[moving[k], 1]
+        b = links[moving[k], 2]
+        c = links[moving[k], 3]
         rb.put(
             V, b, rb.six(V, parent) if c < 0 else rb.plus(rb.six(V, parent), rb.six(S, c), trial[c])
         )
@@ -227,7 +240,9 @@ def _residual(
     if forces.fulcrum[0] > 0.0:
         assembly.add_support(h, trial, forces, deflection, contact.support_jacobian, tau, support)
     for k in range(moving.shape[0] - 1, -1, -1):
-        parent, b, c = links[moving[k], 1], links[moving[k], 2], links[moving[k], 3]
+        parent = links[moving[k], 1]
+        b = links[moving[k], 2]
+        c = links[moving[k], 3]
         if c >= 0 and dofs.place[c] >= 0:
             tau[c] += rb.dot(rb.six(S, c), rb.six(F, b))
         rb.add(F, parent, rb.six(F, b))
@@ -248,25 +263,28 @@ def tangent_matrix(
     least_slope: float,
     sites: np.ndarray,
 ) -> None:
-    """Writes A (f, f) = dr/dv at the last residual; a friction curve that falls more counts as `least_slope` (s/m).
+    """Writes A (f, f) = dr/dv at the last residual; a friction curve that falls more counts as
+    `least_slope` (s/m).
 
-    A = M - h dtau/dv: to M contact adds h S_i . K S_j, a spring h (h k + d) on the diagonal, and the support
-    h (h k + d) row row^T. A is not symmetric, as friction depends on the normal force.
+    A = M - h dtau/dv: to M contact adds h S_i . K S_j, a spring h (h k + d) on the diagonal, and
+    the support h (h k + d) row row^T. A is not symmetric, as friction depends on the normal force.
     """
-    contact, S, A, free = workspace.contact, workspace.motion.S, workspace.A, dofs.free
+    contact = workspace.contact
+    S = workspace.motion.S
+    A = workspace.A
+    free = dofs.free
     assembly.tangents(forces, contact, tree.links, dofs, least_slope, sites)
     for i in range(free.shape[0]):
         copy(workspace.M[i], A[i])
 
-    # Of two joints of which j carries i (or is it) both move all that i carries: K is that of i's body.
+    # Of two joints of which j carries i (or is it) both move all that i carries: K is that of i's
+    # body.
     for i in range(free.shape[0]):
         c = free[i]
         b = tree.bodies[c]
         if contact.loaded[b]:
-            right, left = (
-                rb.times(contact.K, b, rb.six(S, c)),
-                rb.transposed_times(contact.K, b, rb.six(S, c)),
-            )
+            right = rb.times(contact.K, b, rb.six(S, c))
+            left = rb.transposed_times(contact.K, b, rb.six(S, c))
             for k in range(dofs.counts[i]):
                 j = dofs.above[i, k]
                 A[j, i] += h * rb.dot(rb.six(S, free[j]), right)
@@ -278,7 +296,8 @@ def tangent_matrix(
         if i >= 0:
             A[i, i] += h * workspace.springs[k]
     if forces.fulcrum[0] > 0.0:
-        gain, row = h * (h * forces.fulcrum[0] + forces.fulcrum[1]), contact.support_jacobian
+        gain = h * (h * forces.fulcrum[0] + forces.fulcrum[1])
+        row = contact.support_jacobian
         keel = forces.keel_coordinates
         for a in range(keel.shape[0]):
             i = dofs.place[keel[a]]
@@ -300,18 +319,24 @@ def _loads(
     v: np.ndarray,
     load: np.ndarray,
 ) -> None:
-    """Loads of all coordinates, and A and f of `workspace.motion` at the accelerations of the step, unless `given`.
+    """Loads of all coordinates, and A and f of `workspace.motion` at the accelerations of the step,
+    unless `given`.
 
-    load = C v0 - tau_g + M (v - v0) / h - (tau - applied) - S_c . F: what the equations of motion leave to the drive.
+    load = C v0 - tau_g + M (v - v0) / h - (tau - applied) - S_c . F: what the equations of motion
+    leave to the drive.
     """
-    motion, F, dA, S = workspace.motion, workspace.contact.F, workspace.dA, workspace.motion.S
+    motion = workspace.motion
+    F = workspace.contact.F
+    dA = workspace.dA
+    S = workspace.motion.S
 
     # F of all that each body carries, also where nothing free moves it.
     for k in range(dofs.still.shape[0] - 1, -1, -1):
         rb.add(F, tree.links[dofs.still[k], 1], rb.six(F, tree.links[dofs.still[k], 2]))
 
-    # Inverse dynamics so far has a = 0 in the free coordinates. Their (v - v0) / h add to it: M a if M is given, else
-    # dA_b = dA_parent + S_c a_c to the accelerations and I_b dA_b, summed inwards, to the forces.
+    # Inverse dynamics so far has a = 0 in the free coordinates. Their (v - v0) / h add to it: M a
+    # if M is given, else dA_b = dA_parent + S_c a_c to the accelerations and I_b dA_b, summed
+    # inwards, to the forces.
     if given:
         for c in range(v.shape[0]):
             load[c] = workspace.bias[c]
@@ -321,7 +346,9 @@ def _loads(
         dA[:] = 0.0
         for k in range(dofs.moving.shape[0]):
             m = dofs.moving[k]
-            parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
+            parent = tree.links[m, 1]
+            b = tree.links[m, 2]
+            c = tree.links[m, 3]
             change = rb.six(dA, parent) if dofs.body_moves[parent] else rb.REST
             if c >= 0 and dofs.place[c] >= 0:
                 change = rb.plus(change, rb.six(S, c), (v[c] - workspace.v0[c]) / h)
@@ -331,20 +358,24 @@ def _loads(
             b = tree.links[dofs.moving[k], 2]
             rb.put(dA, b, rb.inertia_times(motion.own, b, rb.six(dA, b)))
         for m in range(tree.links.shape[0] - 1, -1, -1):
-            parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
+            parent = tree.links[m, 1]
+            b = tree.links[m, 2]
+            c = tree.links[m, 3]
             rb.add(motion.f, b, rb.six(dA, b))
             rb.add(dA, parent, rb.six(dA, b))
             if c >= 0:
                 load[c] = rb.dot(rb.six(S, c), rb.six(motion.f, b))
 
-    # Less what the stiff forces give. The tau of free coordinates has S_c . F already; `applied` is the drive's own.
+    # Less what the stiff forces give. The tau of free coordinates has S_c . F already; `applied` is
+    # the drive's own.
     for c in range(v.shape[0]):
         load[c] -= workspace.tau[c] - workspace.applied[c]
         if dofs.place[c] < 0:
             load[c] -= rb.dot(rb.six(S, c), rb.six(F, tree.bodies[c]))
 
 
-# Small dense linear algebra without calls out of compiled code: a dozen unknowns, thousands of times.
+# Small dense linear algebra without calls out of compiled code: a dozen unknowns, thousands of
+# times.
 
 
 @compiled
@@ -356,7 +387,8 @@ def copy(source: np.ndarray, target: np.ndarray) -> None:
 
 @internal
 def cholesky(A: np.ndarray, L: np.ndarray) -> None:
-    """Writes the lower factor L with A = L L^T of a symmetric positive definite A; what is above L's diagonal stays."""
+    """Writes the lower factor L with A = L L^T of a symmetric positive definite A; what is above
+    L's diagonal stays."""
     n = A.shape[0]
     for j in range(n):
         d = A[j, j]
@@ -386,7 +418,8 @@ def scaled_norm(L: np.ndarray, r: np.ndarray, y: np.ndarray) -> float:
 
 @internal
 def solve_columns(A: np.ndarray, B: np.ndarray) -> None:
-    """Overwrites B (n, m) with A^-1 B by Gaussian elimination with partial pivoting; A is destroyed."""
+    """Overwrites B (n, m) with A^-1 B by Gaussian elimination with partial pivoting; A is
+    destroyed."""
     n, m = B.shape
 
     # Downwards: bring the largest entry of column k to the diagonal, and clear what is under it.

@@ -1,14 +1,14 @@
 """Sensitivities of a run carried along its steps, compiled.
 
-If a parameter changes the state at the start of a step by (dq0, dv0), and the end velocity of prescribed directions by
-du, that of the free ones changes by dv, where
+If a parameter changes the state at the start of a step by (dq0, dv0), and the end velocity of
+prescribed directions by du, that of the free ones changes by dv, where
 
     A dv = -h ( Gq dq0 + Gv dv0 + E ) - B du,        dq = dq0 + h dv
 
-with A the tangent of Newton's method, friction's falling branch included, and Gq, Gv, B, E from `linearise`. A constant
-shift has dv0 = du = 0; a perturbation has the mean velocity of the step, as the coordinate that it moves. That is
-exact for the numerical solution, up to where a sphere touches down or a law has a corner: the instant at
-which that happens is not differentiated, its step is.
+with A the tangent of Newton's method, friction's falling branch included, and Gq, Gv, B, E from
+`linearise`. A constant shift has dv0 = du = 0; a perturbation has the mean velocity of the step, as
+the coordinate that it moves. That is exact for the numerical solution, up to where a sphere touches
+down or a law has a corner: the instant at which that happens is not differentiated, its step is.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake.base.errors import InputError
 from vsf_drake.laws.compiled import compiled, internal
 from vsf_drake.laws.scalar import spring_force
 from vsf_drake.simulation.stepping import assembly
@@ -53,16 +53,19 @@ def carry(
     tangent: Tangent,
     record: Record,
 ) -> None:
-    """Takes `tangent` from the start to the end of the step that was just linearised, and writes to `record`.
+    """Takes `tangent` from the start to the end of the step that was just linearised, and writes to
+    `record`.
 
-    It ends `end_share` of the way from instant k of the run's grid to the next, and is `share` of that way; A is its
-    `newton.tangent_matrix`, which is lost, and `tangent` as `linearise` left it.
+    It ends `end_share` of the way from instant k of the run's grid to the next, and is `share` of
+    that way; A is its `newton.tangent_matrix`, which is lost, and `tangent` as `linearise` left it.
     """
     nf, (C, P), rhs, end = dofs.free.shape[0], directions.unit.shape, tangent.rhs, tangent.v_end
 
-    # du of prescribed directions: 0, but for perturbations, which go straight over the step, as in `stepper.substep`.
+    # du of prescribed directions: 0, but for perturbations, which go straight over the step, as in
+    # `stepper.substep`.
     for e in range(directions.perturbation_direction.shape[0]):
-        j, p = directions.perturbation_direction[e], directions.perturbation_parameter[e]
+        j = directions.perturbation_direction[e]
+        p = directions.perturbation_parameter[e]
         there = directions.path[k + 1, e]
         if end_share < 1.0:
             there = directions.path[k, e] + end_share * (there - directions.path[k, e])
@@ -73,11 +76,9 @@ def carry(
         for p in range(P):
             rhs[i, p] = -h * tangent.E[i, p]
         for j in range(C):
-            by_q, by_v, by_end = (
-                -h * tangent.Gq[i, j],
-                -h * tangent.Gv[i, j],
-                -tangent.B[i, j] if j >= nf else 0.0,
-            )
+            by_q = -h * tangent.Gq[i, j]
+            by_v = -h * tangent.Gv[i, j]
+            by_end = -tangent.B[i, j] if j >= nf else 0.0
             for p in range(P):
                 rhs[i, p] += by_q * tangent.q[j, p] + by_v * tangent.v[j, p] + by_end * end[j, p]
     solve_columns(A, rhs)
@@ -100,18 +101,16 @@ def carry(
                 for p in range(P):
                     wrench[i, p] += P_S[i] * tangent.q[j, p] - K_S[i] * end[j, p]
 
-    # The load that holds a prescribed coordinate is what its own equation leaves, on average over the substeps of a
-    # step: dload = E + Gq dq0 + Gv dv0 + B dv / h.
+    # The load that holds a prescribed coordinate is what its own equation leaves, on average over
+    # the substeps of a step: dload = E + Gq dq0 + Gv dv0 + B dv / h.
     for i in range(nf, directions.rows.shape[0]):
         load = record.load_by[k, directions.rows[i]]
         for p in range(P):
             load[p] += share * tangent.E[i, p]
         for j in range(C):
-            by_q, by_v, by_end = (
-                share * tangent.Gq[i, j],
-                share * tangent.Gv[i, j],
-                share * tangent.B[i, j] / h,
-            )
+            by_q = share * tangent.Gq[i, j]
+            by_v = share * tangent.Gv[i, j]
+            by_end = share * tangent.B[i, j] / h
             for p in range(P):
                 load[p] += by_q * tangent.q[j, p] + by_v * tangent.v[j, p] + by_end * end[j, p]
 
@@ -133,7 +132,8 @@ def write_state(k: int, directions: TangentDirections, tangent: Tangent, record:
                 record.v_by[k, c, p] = tangent.v[j, p]
 
 
-# Parameters whose sensitivities a run carries along, and how the state at its start depends on them.
+# Parameters whose sensitivities a run carries along, and how the state at its start depends on
+# them.
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,8 +144,8 @@ class ForwardSensitivity:
     measured: np.ndarray
     """(S,) bool, the sites whose resultant wrench is differentiated."""
     q0: np.ndarray
-    """(n, P) derivatives of the coordinates at the start; those of the velocities are zero but for perturbations'
-    rates."""
+    """(n, P) derivatives of the coordinates at the start; those of the velocities are zero but for
+    perturbations' rates."""
     loads: bool = False
     """Whether derivatives of loads and state are left too; not for shifts of a coordinate."""
 
@@ -178,21 +178,28 @@ def rest_sensitivity(
     fulcrum: float,
     ground: float,
 ) -> np.ndarray:
-    """(n, P) derivatives of a rest position q (n,) by the parameters, from the linearised balance of forces.
+    """(n, P) derivatives of a rest position q (n,) by the parameters, from the linearised balance
+    of forces.
 
-    `prescribed` are indices of the coordinates that are held; fulcrum (m from A), height of the ground (m). InputError
-    if no force holds one of the others at rest, so that its rest has no derivative.
+    `prescribed` are indices of the coordinates that are held; fulcrum (m from A), height of the
+    ground (m). InputError if no force holds one of the others at rest, so that its rest has no
+    derivative.
     """
-    h, dofs = 1e-3, assembly.split_coordinates(tree, forces, prescribed)
-    workspace, arrays = assembly.step_workspace(tree, forces, dofs), rb.tree_arrays(tree)
+    h = 1e-3
+    dofs = assembly.split_coordinates(tree, forces, prescribed)
+    workspace = assembly.step_workspace(tree, forces, dofs)
+    arrays = rb.tree_arrays(tree)
     directions = make_directions(
         tree, forces, dofs, tangents, measured=np.zeros(len(forces.sites), dtype=bool)
     )
     tangent = tangent_workspace(tree, dofs, directions)
-    end, v, support = q.copy(), np.zeros_like(q), np.zeros(3)
+    end = q.copy()
+    v = np.zeros_like(q)
+    support = np.zeros(3)
     sites = np.zeros((len(forces.sites), len(assembly.SITE_RECORD)))
 
-    # At rest dv0 = dv = 0 over any step: the free directions must balance, Gq_free dq = -(Gq_prescribed unit + E).
+    # At rest dv0 = dv = 0 over any step: the free directions must balance, Gq_free dq =
+    # -(Gq_prescribed unit + E).
     step(
         h,
         arrays,
@@ -221,7 +228,8 @@ def rest_sensitivity(
     except np.linalg.LinAlgError:
         loose = dofs.free[np.argmin(np.abs(tangent.Gq[:, :count]).sum(axis=1))]
         raise InputError(
-            f"no force holds {tree.coordinate_names[loose]} at rest: where it starts has no derivative",
+            f"no force holds {tree.coordinate_names[loose]} at rest: where it starts has no "
+            "derivative",
             where="with_respect_to",
             right="Let the recording say where it starts",
         ) from None
@@ -232,12 +240,14 @@ def rest_sensitivity(
 
 # Exact derivatives of one step's equations, compiled.
 #
-# With the residual r / h = ID(q0, v0, (v - v0) / h) - tau(q0, v) of `newton`, `linearise` writes its derivatives by
-# displacements of the start, by the velocity at the start, by the end velocity and by parameters, for the rows that are
-# asked for. Those of the inverse dynamics are the closed forms of Singh, Russell and Wensing (arXiv 2105.05102), all
-# about the world's origin; contact follows the same pattern: derivatives of the wrench on a body by its displacement
-# and velocity (`_add_site_tangents`) add up over all that a joint carries. In the derivatives by the end velocity
-# springs and support are left out: of free rows by free directions they are `newton.tangent_matrix`.
+# With the residual r / h = ID(q0, v0, (v - v0) / h) - tau(q0, v) of `newton`, `linearise` writes
+# its derivatives by displacements of the start, by the velocity at the start, by the end velocity
+# and by parameters, for the rows that are asked for. Those of the inverse dynamics are the closed
+# forms of Singh, Russell and Wensing (arXiv 2105.05102), all about the world's origin; contact
+# follows the same pattern: derivatives of the wrench on a body by its displacement and velocity
+# (`_add_site_tangents`) add up over all that a joint carries. In the derivatives by the end
+# velocity springs and support are left out: of free rows by free directions they are
+# `newton.tangent_matrix`.
 
 
 @compiled
@@ -254,9 +264,11 @@ def linearise(
     sites: np.ndarray,
     support: np.ndarray,
 ) -> None:
-    """Writes Gq, Gv, B, E and the measured wrench's composites of `tangent`, right after `step` and a `tangent_matrix`.
+    """Writes Gq, Gv, B, E and the measured wrench's composites of `tangent`, right after `step` and
+    a `tangent_matrix`.
 
-    q0 (n,) are the coordinates at its start, v (n,) the velocities at its end; it left sites (S, 9) and support (3,).
+    q0 (n,) are the coordinates at its start, v (n,) the velocities at its end; it left sites (S, 9)
+    and support (3,).
     """
     _direction_motions(directions, workspace, tangent)
     _coriolis(tree, dofs, workspace.motion, tangent)
@@ -275,22 +287,30 @@ def linearise(
 def _direction_motions(
     directions: TangentDirections, workspace: Workspace, tangent: Tangent
 ) -> None:
-    """Motion S of a unit of each direction, rate V_p x S, second A_p x S + V_p x rate, and V_p x S at the end velocity.
+    """Motion S of a unit of each direction, rate V_p x S, second A_p x S + V_p x rate, and V_p x S
+    at the end velocity.
 
-    V_p and A_p are those of the body relative to which the direction moves. As it moves by S, the velocity V of what it
-    carries changes by S x (V - V_p); for who turns along, by -S x V_p = V_p x S.
+    V_p and A_p are those of the body relative to which the direction moves. As it moves by S, the
+    velocity V of what it carries changes by S x (V - V_p); for who turns along, by -S x V_p = V_p x
+    S.
     """
     motion = workspace.motion
     for j in range(directions.body.shape[0]):
-        c, b, parent = directions.coordinate[j], directions.body[j], directions.parent[j]
+        c = directions.coordinate[j]
+        b = directions.body[j]
+        parent = directions.parent[j]
         if c >= 0:
             S = rb.six(motion.S, c)
         else:  # of the mount: from the body's frame to W's axes and origin
-            R, p, m = motion.R, motion.p, directions.mount
+            R = motion.R
+            p = motion.p
+            m = directions.mount
             wx = R[b, 0, 0] * m[j, 0] + R[b, 0, 1] * m[j, 1] + R[b, 0, 2] * m[j, 2]
             wy = R[b, 1, 0] * m[j, 0] + R[b, 1, 1] * m[j, 1] + R[b, 1, 2] * m[j, 2]
             wz = R[b, 2, 0] * m[j, 0] + R[b, 2, 1] * m[j, 1] + R[b, 2, 2] * m[j, 2]
-            x, y, z = p[b, 0], p[b, 1], p[b, 2]
+            x = p[b, 0]
+            y = p[b, 1]
+            z = p[b, 2]
             S = (
                 wx,
                 wy,
@@ -357,7 +377,8 @@ def _coriolis(tree: TreeArrays, dofs: FreePrescribed, motion: Motion, tangent: T
                     rb.plus(column, rb.inertia_times(motion.own, b, rb.cross_motion(v, e)), -1.0),
                 )
     for k in range(dofs.moving.shape[0] - 1, -1, -1):
-        parent, b = tree.links[dofs.moving[k], 1], tree.links[dofs.moving[k], 2]
+        parent = tree.links[dofs.moving[k], 1]
+        b = tree.links[dofs.moving[k], 2]
         if dofs.body_moves[parent]:
             rb.add_composite(C, parent, b)
 
@@ -372,29 +393,32 @@ def _rows(
 ) -> None:
     """Inertial, gravity and contact terms of Gq, Gv and B; contact's of E.
 
-    Of the row of joint i by direction j, with composites C (`_coriolis`), I, K (contact by velocity), P (by
-    displacement) of what both move, and rate, second, end of j:
+    Of the row of joint i by direction j, with composites C (`_coriolis`), I, K (contact by
+    velocity), P (by displacement) of what both move, and rate, second, end of j:
 
         Gq   S_i . (C rate + I second + K end - P S)     and, where i carries j, + S_i . (S_j x* f)
         Gv   S_i . (C S + 2 I rate) - S_i . I S / h
         B    S_i . (I + h K) S
     """
-    motion, contact, rows = workspace.motion, workspace.contact, directions.rows
-    composite, coriolis, shift, K = motion.composite, tangent.coriolis, tangent.shift, contact.K
+    motion = workspace.motion
+    contact = workspace.contact
+    rows = directions.rows
+    composite = motion.composite
+    coriolis = tangent.coriolis
+    shift = tangent.shift
+    K = contact.K
     for j in range(directions.body.shape[0]):
         has_inboard_row = False
         for i in range(rows.shape[0]):
             has_inboard_row |= directions.relation[i, j] == OUTBOARD
         if not has_inboard_row:
             continue
-        # What the direction changes in the wrench that a joint inboard of it must give: by displacement, by velocity,
-        # by acceleration, and in contact by the end velocity.
-        b, S, rate, end = (
-            directions.body[j],
-            rb.six(tangent.S, j),
-            rb.six(tangent.rate, j),
-            rb.six(tangent.end, j),
-        )
+        # What the direction changes in the wrench that a joint inboard of it must give: by
+        # displacement, by velocity, by acceleration, and in contact by the end velocity.
+        b = directions.body[j]
+        S = rb.six(tangent.S, j)
+        rate = rb.six(tangent.rate, j)
+        end = rb.six(tangent.end, j)
         by_q = rb.plus(
             rb.times(coriolis, b, rate),
             rb.inertia_times(composite, b, rb.six(tangent.second, j)),
@@ -402,7 +426,8 @@ def _rows(
         )
         by_q = rb.plus(by_q, rb.cross_force(S, rb.six(motion.f, b)), 1.0)
         by_v = rb.plus(rb.times(coriolis, b, S), rb.inertia_times(composite, b, rate), 2.0)
-        momentum, by_end = rb.inertia_times(composite, b, S), rb.REST
+        momentum = rb.inertia_times(composite, b, S)
+        by_end = rb.REST
         if contact.loaded[b]:
             by_q = rb.plus(by_q, rb.times(shift, b, S), -1.0)
             by_q = rb.plus(by_q, rb.times(K, b, end), 1.0)
@@ -415,14 +440,18 @@ def _rows(
                 tangent.Gv[i, j] = rb.dot(S_i, by_v) - mass / h
                 tangent.B[i, j] = mass + h * rb.dot(S_i, by_end)
 
-    # A direction inboard of the row's joint turns that too: its rates, accelerations, displacements and end velocities
-    # meet there what the joint's own motion would be met by. S_i turns along by S_j x S_i, and so does f, so that
-    # S_i . f stays; the ground's wrench F does not: - (S_j x S_i) . F = - (S_i x* F) . S_j.
+    # A direction inboard of the row's joint turns that too: its rates, accelerations, displacements
+    # and end velocities meet there what the joint's own motion would be met by. S_i turns along by
+    # S_j x S_i, and so does f, so that S_i . f stays; the ground's wrench F does not: - (S_j x S_i)
+    # . F = - (S_i x* F) . S_j.
     for i in range(rows.shape[0]):
         c = rows[i]
-        b, S = bodies[c], rb.six(motion.S, c)
-        by_rate, by_second = rb.transposed_times(coriolis, b, S), rb.inertia_times(composite, b, S)
-        by_shift, by_end = rb.REST, rb.REST
+        b = bodies[c]
+        S = rb.six(motion.S, c)
+        by_rate = rb.transposed_times(coriolis, b, S)
+        by_second = rb.inertia_times(composite, b, S)
+        by_shift = rb.REST
+        by_end = rb.REST
         if contact.loaded[b]:
             by_shift = rb.plus(
                 rb.transposed_times(shift, b, S), rb.cross_force(S, rb.six(contact.F, b)), 1.0
@@ -430,7 +459,8 @@ def _rows(
             by_end = rb.transposed_times(K, b, S)
         for j in range(directions.body.shape[0]):
             if directions.relation[i, j] == INBOARD:
-                S_j, rate = rb.six(tangent.S, j), rb.six(tangent.rate, j)
+                S_j = rb.six(tangent.S, j)
+                rate = rb.six(tangent.rate, j)
                 mass = rb.dot(by_second, S_j)
                 tangent.Gq[i, j] = (
                     rb.dot(by_rate, rate)
@@ -455,7 +485,8 @@ def _springs(
     v: np.ndarray,
     tangent: Tangent,
 ) -> None:
-    """Gq -= df/dx at q0 + h v, and E -= the force of a unit of the constants, in which the law is linear."""
+    """Gq -= df/dx at q0 + h v, and E -= the force of a unit of the constants, in which the law is
+    linear."""
     s = forces.springs
     for k in range(forces.spring_index.shape[0]):
         c = forces.spring_index[k]
@@ -483,15 +514,17 @@ def _springs(
             tangent.E[i, directions.spring_parameter[e]] -= force
 
 
-# How the ground's wrenches change with displacements of the bodies and with the contact's parameters, compiled.
+# How the ground's wrenches change with displacements of the bodies and with the contact's
+# parameters, compiled.
 #
-# A body displaced by s and whose end velocity changes by u, both motions about W's origin, changes the wrench on it by
-# P s - K u, with the change that s itself makes in the velocity of its points inside P. `assembly.tangents` gives K.
-# The measured wrench takes the contact points where they are at the end of the step, and has matrices of its own.
+# A body displaced by s and whose end velocity changes by u, both motions about W's origin, changes
+# the wrench on it by P s - K u, with the change that s itself makes in the velocity of its points
+# inside P. `assembly.tangents` gives K. The measured wrench takes the contact points where they are
+# at the end of the step, and has matrices of its own.
 #
-# A site's force changes by g = -k u' + (rho v_xy, -1) by_depth rise, where k is `assembly.site_tangent`, u' what its
-# point's velocity changes, rise how much higher its centre is, rho = mu / V; its wrench by r x g + c x f with r the
-# point and c the way that it goes.
+# A site's force changes by g = -k u' + (rho v_xy, -1) by_depth rise, where k is
+# `assembly.site_tangent`, u' what its point's velocity changes, rise how much higher its centre is,
+# rho = mu / V; its wrench by r x g + c x f with r the point and c the way that it goes.
 
 
 _CHANGED = (
@@ -522,7 +555,8 @@ def _add_site_tangents(
     sites: np.ndarray,
 ) -> None:
     """Composites of P and of the measured wrench, and what parameters change directly."""
-    contact, moving = workspace.contact, dofs.moving
+    contact = workspace.contact
+    moving = dofs.moving
     tangent.dT[:] = 0.0
     for m in range(links.shape[0]):
         b = links[m, 2]
@@ -541,7 +575,8 @@ def _add_site_tangents(
 
     # Inwards: sums over all that a body carries.
     for m in range(links.shape[0] - 1, -1, -1):
-        parent, b = links[m, 1], links[m, 2]
+        parent = links[m, 1]
+        b = links[m, 2]
         if not tangent.touched[b]:
             continue
         tangent.touched[parent] = True
@@ -565,32 +600,51 @@ def _site(
     sites: np.ndarray,
 ) -> None:
     """One loaded site: six unit displacements, six unit velocities, and its parameters."""
-    contact, b = workspace.contact, forces.site_bodies[s]
+    contact = workspace.contact
+    b = forces.site_bodies[s]
     radius = forces.sites[s, 3]
     V = contact.V
-    wx, wy, wz = V[b, 0], V[b, 1], V[b, 2]
-    fn, fx, fy, vx, vy = sites[s, 1], sites[s, 2], sites[s, 3], sites[s, 5], sites[s, 6]
-    x, y, top = contact.center[s, 0], contact.center[s, 1], contact.center[s, 2]
+    wx = V[b, 0]
+    wy = V[b, 1]
+    wz = V[b, 2]
+    fn = sites[s, 1]
+    fx = sites[s, 2]
+    fy = sites[s, 3]
+    vx = sites[s, 5]
+    vy = sites[s, 6]
+    x = contact.center[s, 0]
+    y = contact.center[s, 1]
+    top = contact.center[s, 2]
     z = top - radius
     vz = V[b, 5] + wx * y - wy * x
     # mu / V from the recorded friction; 0 without slip, where every term has the factor v.
     ratio = -fx / (fn * vx) if abs(vx) > abs(vy) else (-fy / (fn * vy) if vy != 0.0 else 0.0)
     by_depth = contact.elastic[s]
-    along_x, along_y = ratio * vx * by_depth, ratio * vy * by_depth
+    along_x = ratio * vx * by_depth
+    along_y = ratio * vy * by_depth
     K = assembly.site_tangent(forces.sites, s, contact.gain[s], sites, EXACT)
 
     # Velocity of the sphere's centre, and where the contact point is at the end of the step.
-    ox, oy = V[b, 3] + wy * top - wz * y, V[b, 4] + wz * x - wx * top
+    ox = V[b, 3] + wy * top - wz * y
+    oy = V[b, 4] + wz * x - wx * top
     # z1 is from the ground, about which the measured moment is taken.
-    x1, y1, z1 = sites[s, 7], sites[s, 8], -sites[s, 0]
+    x1 = sites[s, 7]
+    y1 = sites[s, 8]
+    z1 = -sites[s, 0]
     measured = directions.measured[s]
     for i in range(6):
-        sx, sy, sz = 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
-        lx, ly, lz = 1.0 if i == 3 else 0.0, 1.0 if i == 4 else 0.0, 1.0 if i == 5 else 0.0
+        sx = 1.0 if i == 0 else 0.0
+        sy = 1.0 if i == 1 else 0.0
+        sz = 1.0 if i == 2 else 0.0
+        lx = 1.0 if i == 3 else 0.0
+        ly = 1.0 if i == 4 else 0.0
+        lz = 1.0 if i == 5 else 0.0
 
-        # Displacement s: of the point; of the velocity that its body gives it, s x v + r w x (s x e_z), as the point
-        # stays straight under the centre while the body turns.
-        cx, cy, cz = lx + sy * top - sz * y, ly + sz * x - sx * top, lz + sx * y - sy * x
+        # Displacement s: of the point; of the velocity that its body gives it, s x v + r w x (s x
+        # e_z), as the point stays straight under the centre while the body turns.
+        cx = lx + sy * top - sz * y
+        cy = ly + sz * x - sx * top
+        cz = lz + sx * y - sy * x
         ux = sy * vz - sz * vy + radius * (wz * sx)
         uy = sz * vx - sx * vz + radius * (wz * sy)
         uz = sx * vy - sy * vx - radius * (wx * sx + wy * sy)
@@ -620,7 +674,9 @@ def _site(
             )
 
             # Velocity u of the body: -K u, and the point's way over the step.
-            ux, uy, uz = lx + sy * z - sz * y, ly + sz * x - sx * z, lz + sx * y - sy * x
+            ux = lx + sy * z - sz * y
+            uy = ly + sz * x - sx * z
+            uz = lz + sx * y - sy * x
             gx, gy, gz = site_force_derivative(K, 0.0, 0.0, 0.0, ux, uy, uz, 0.0)
             rb.add_column(
                 tangent.measured_K,
@@ -642,18 +698,26 @@ def _site(
                 ),
             )
 
-    # Parameters: a rise moves the centre up in its body's frame, others change friction or the normal force alone.
+    # Parameters: a rise moves the centre up in its body's frame, others change friction or the
+    # normal force alone.
     for e in range(directions.site_start[s], directions.site_start[s + 1]):
-        p, column, unit = (
-            directions.site_parameter[e],
-            directions.site_column[e],
-            directions.site_unit[e],
-        )
-        cx, cy, cz, ux, uy, uz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        p = directions.site_parameter[e]
+        column = directions.site_column[e]
+        unit = directions.site_unit[e]
+        cx = 0.0
+        cy = 0.0
+        cz = 0.0
+        ux = 0.0
+        uy = 0.0
+        uz = 0.0
         if column == RISE:
             R = workspace.motion.R
-            cx, cy, cz = unit * R[b, 0, 2], unit * R[b, 1, 2], unit * R[b, 2, 2]
-            ux, uy, uz = wy * cz - wz * cy, wz * cx - wx * cz, wx * cy - wy * cx
+            cx = unit * R[b, 0, 2]
+            cy = unit * R[b, 1, 2]
+            cz = unit * R[b, 2, 2]
+            ux = wy * cz - wz * cy
+            uy = wz * cx - wx * cz
+            uz = wx * cy - wy * cx
             gx, gy, gz = site_force_derivative(K, along_x, along_y, by_depth, ux, uy, uz, cz)
         elif column >= MU_STATIC:
             change = (
@@ -661,13 +725,14 @@ def _site(
                 * fn
                 * _friction_derivative(forces.sites, s, column, math.sqrt(vx * vx + vy * vy))
             )
-            gx, gy, gz = change * vx, change * vy, 0.0
+            gx = change * vx
+            gy = change * vy
+            gz = 0.0
         else:
             gz = unit * _normal_derivative(forces.sites, s, column, sites[s, 0], sites[s, 4])
-            gx, gy = (
-                -ratio * vx * gz,
-                -ratio * vy * gz,
-            )  # friction is in proportion to the normal force
+            # friction is in proportion to the normal force
+            gx = -ratio * vx * gz
+            gy = -ratio * vy * gz
         rb.add(tangent.dF[b], p, rb.moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
         if measured:
             rb.add(
@@ -690,7 +755,8 @@ def site_force_derivative(
     uz: float,
     rise: float,
 ) -> Three:
-    """Of a site whose velocity changes by u and which rises: friction `along` goes with the normal force."""
+    """Of a site whose velocity changes by u and which rises: friction `along` goes with the normal
+    force."""
     xx, xy, yy, xz, yz, zz = K
     return (
         -(xx * ux + xy * uy + xz * uz) + along_x * rise,
@@ -701,7 +767,8 @@ def site_force_derivative(
 
 @internal
 def _normal_derivative(site: np.ndarray, s: int, column: int, depth: float, rate: float) -> float:
-    """Derivative of the normal force k d^n + ramp(d / full) damping rate (closing alone) by one of its constants.
+    """Derivative of the normal force k d^n + ramp(d / full) damping rate (closing alone) by one of
+    its constants.
 
     With u = d / full up to 1:  ramp = u^2 (3 - 2 u),  d ramp / d full = -6 u^2 (1 - u) / full.
     """
@@ -723,10 +790,11 @@ def _normal_derivative(site: np.ndarray, s: int, column: int, depth: float, rate
 
 @internal
 def _friction_derivative(site: np.ndarray, s: int, column: int, speed: float) -> float:
-    """Derivative of mu(V) / V (s/m) by one of the friction law's constants (`laws.scalar.friction_per_speed`).
+    """Derivative of mu(V) / V (s/m) by one of the friction law's constants
+    (`laws.scalar.friction_per_speed`).
 
-    mu = mu_static V / threshold up to the threshold, mu_kinetic from 1.5 of it, and straight between, where `share` is
-    how far V has gone from the first to the second.
+    mu = mu_static V / threshold up to the threshold, mu_kinetic from 1.5 of it, and straight
+    between, where `share` is how far V has gone from the first to the second.
     """
     mu_static: float = site[s, 8]
     mu_kinetic: float = site[s, 9]
@@ -742,6 +810,5 @@ def _friction_derivative(site: np.ndarray, s: int, column: int, speed: float) ->
         return (1.0 - share) / speed
     if column == MU_KINETIC:
         return share / speed
-    return (
-        2.0 * (mu_static - mu_kinetic) / (threshold * threshold)
-    )  # d mu / d threshold, over the speed
+    # d mu / d threshold, over the speed
+    return 2.0 * (mu_static - mu_kinetic) / (threshold * threshold)

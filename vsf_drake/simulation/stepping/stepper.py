@@ -1,9 +1,10 @@
-"""The implicit stepper: advances a plant of one-degree-of-freedom joints under stiff forces by fixed steps.
+"""The implicit stepper: advances a plant of one-degree-of-freedom joints under stiff forces by
+fixed steps.
 
-All of a step is compiled (`newton`), and so is the loop over them (the last section). Mass matrix, Coriolis and
-gravity terms come from compiled rigid-body dynamics, or on request from Drake. Any subset of coordinates is
-prescribed: it follows its values exactly at every step, and the loads that this takes come out with it. First order in
-the step. A step that does not converge is halved.
+All of a step is compiled (`newton`), and so is the loop over them (the last section). Mass matrix,
+Coriolis and gravity terms come from compiled rigid-body dynamics, or on request from Drake. Any
+subset of coordinates is prescribed: it follows its values exactly at every step, and the loads that
+this takes come out with it. First order in the step. A step that does not converge is halved.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.framework import Context
 
-from vsf_drake.errors import SimulationError
+from vsf_drake.base.errors import SimulationError
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
@@ -40,13 +41,15 @@ CHUNK = 32  # steps between looks for progress and interruption
 MAX_SPEED = 1e3  # coordinate speed (m/s or rad/s) beyond which a simulation counts as diverged
 _warm: set[bool] = set()  # whether with sensitivities: the variants of `advance` that are compiled
 SETTLED_TOLERANCE, SETTLED_SPEED = 1e-10, 1e-9
-"""Of the steps that lead to rest (with the usual one they would coast at 1e-7 m/s), and m/s or rad/s at it."""
+"""Of the steps that lead to rest (with the usual one they would coast at 1e-7 m/s), and m/s or
+rad/s at it."""
 DYNAMICS = ("compiled", "drake")
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A plant and the stiff forces on it, as arrays: see `assembly.Forces` for those that are not described here."""
+    """A plant and the stiff forces on it, as arrays: see `assembly.Forces` for those that are not
+    described here."""
 
     plant: MultibodyPlant
     context: Context
@@ -62,7 +65,8 @@ class Mechanism:
     keel_starts: np.ndarray
     frame_body: int
     limits: np.ndarray
-    """(n,) coordinates (m, rad) beyond which the model means nothing; a run that ends there has failed."""
+    """(n,) coordinates (m, rad) beyond which the model means nothing; a run that ends there has
+    failed."""
     support_width: float = 0.0  # at most half the distance of two joints
 
     @property
@@ -86,9 +90,10 @@ class Inputs:
 class Stepper:
     """Runs a `Mechanism`; holds no state between runs.
 
-    Mass matrix, Coriolis and gravity terms are compiled or, with `dynamics` "drake", from the plant, with calls from
-    Python in every step, which takes about four times as long. A step has converged within `tolerance`, see
-    `assembly.Workspace`. ValueError if the plant's Context no longer holds what the mechanism was read from.
+    Mass matrix, Coriolis and gravity terms are compiled or, with `dynamics` "drake", from the
+    plant, with calls from Python in every step, which takes about four times as long. A step has
+    converged within `tolerance`, see `assembly.Workspace`. ValueError if the plant's Context no
+    longer holds what the mechanism was read from.
     """
 
     def __init__(
@@ -107,9 +112,12 @@ class Stepper:
                 for name in ("frames", "inertias", "gravity")
             ):
                 raise ValueError(
-                    "the plant's Context has changed since the mechanism was read from it; read it again"
+                    "the plant's Context has changed since the mechanism was read from it; read "
+                    "it again"
                 )
-        self.mechanism, self.dynamics, self.tolerance = mechanism, dynamics, tolerance
+        self.mechanism = mechanism
+        self.dynamics = dynamics
+        self.tolerance = tolerance
         self.tree = tree_arrays(mechanism.tree)
 
     def run(
@@ -122,17 +130,22 @@ class Stepper:
         stop: Callable[[int, Record], bool] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Record:
-        """Advances from `q0`, `v0` over the grid of `inputs`, with sensitivities to what `forward` holds.
+        """Advances from `q0`, `v0` over the grid of `inputs`, with sensitivities to what `forward`
+        holds.
 
-        `stop` is called now and then with the number of finished steps and the record (true ends the run), `progress`
-        with the finished fraction. SimulationError if a coordinate becomes NaN, too fast or larger than its limit.
+        `stop` is called now and then with the number of finished steps and the record (true ends
+        the run), `progress` with the finished fraction. SimulationError if a coordinate becomes
+        NaN, too fast or larger than its limit.
         """
-        m, steps = self.mechanism, len(inputs.time_s) - 1
-        forces, drive = m.forces, drive_of(inputs)
+        m = self.mechanism
+        steps = len(inputs.time_s) - 1
+        forces = m.forces
+        drive = drive_of(inputs)
         if forward is not None and (self.dynamics != "compiled" or inputs.torques is not None):
             raise ValueError("sensitivities need the compiled dynamics, and no torques")
         record = _empty_record(drive, q0, v0, sites=len(m.sites), forward=forward)
-        q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
+        q = np.array(q0, dtype=float)
+        v = np.array(v0, dtype=float)
         start = Start(
             q=np.empty_like(q),
             load=np.empty_like(q),
@@ -194,19 +207,23 @@ class Stepper:
         if np.any(beyond):
             row, column = np.argwhere(beyond)[0]
             raise SimulationError(
-                f"coordinate {m.tree.coordinate_names[column]} reached {record.q[row, column]:.3g}, beyond the "
-                f"{m.limits[column]:g} (m or rad) to which the model means anything",
+                f"coordinate {m.tree.coordinate_names[column]} reached "
+                f"{record.q[row, column]:.3g}, beyond the {m.limits[column]:g} (m or rad) to "
+                "which the model means anything",
                 time_s=float(record.time_s[row]),
             )
         return record
 
     def warm_up(self, *, sensitivities: bool = False) -> float:
-        """Seconds in which a throw-away step has compiled the run, or the one with `sensitivities`; 0 if it was."""
+        """Seconds in which a throw-away step has compiled the run, or the one with `sensitivities`;
+        0 if it was."""
         if sensitivities in _warm:
             return 0.0
         _warm.add(sensitivities)
-        started, collecting = time.perf_counter(), gc.isenabled()
-        gc.disable()  # looking through what the compiler makes, again and again, is a seventh of its time
+        started = time.perf_counter()
+        collecting = gc.isenabled()
+        # looking through what the compiler makes, again and again, is a seventh of its time
+        gc.disable()
         n = self.mechanism.tree.num_coordinates
         held = Inputs(
             time_s=np.array([0.0, 1e-3]),
@@ -234,13 +251,16 @@ class Stepper:
     def settle(
         self, inputs: Inputs, q0: np.ndarray, *, step_s: float = 0.02, steps: int = 100
     ) -> tuple[np.ndarray, float]:
-        """Rest position with everything prescribed held at the first row of `inputs`, and the largest speed left.
+        """Rest position with everything prescribed held at the first row of `inputs`, and the
+        largest speed left.
 
-        Large implicit steps without damping and friction, which would only delay the same equilibrium, until no
-        coordinate is faster than SETTLED_SPEED, at most `steps` of them.
+        Large implicit steps without damping and friction, which would only delay the same
+        equilibrium, until no coordinate is faster than SETTLED_SPEED, at most `steps` of them.
         """
         m = self.mechanism
-        sites, springs, fulcrum = m.sites.copy(), m.springs.copy(), m.fulcrum.copy()
+        sites = m.sites.copy()
+        springs = m.springs.copy()
+        fulcrum = m.fulcrum.copy()
         columns = [
             assembly.SITE_COLUMNS.index(name) for name in ("damping", "mu_static", "mu_kinetic")
         ]
@@ -270,7 +290,8 @@ class Stepper:
 def _drakes_dynamics(
     plant: MultibodyPlant, context: Context
 ) -> Callable[[np.ndarray, np.ndarray], Any]:
-    """q, v -> M and C of `newton.step` from the plant, whose `context` they overwrite: Drake's own."""
+    """q, v -> M and C of `newton.step` from the plant, whose `context` they overwrite: Drake's
+    own."""
     applied = MultibodyForces(plant)
 
     def dynamics(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -294,19 +315,18 @@ class Record(NamedTuple):
     q: np.ndarray  # (n, coordinates)
     v: np.ndarray
     load: np.ndarray
-    """(n, coordinates) what drives the coordinates, on average over the step: it holds the prescribed ones, and is what
-    was applied to the others."""
+    """(n, coordinates) what drives the coordinates, on average over the step: it holds the
+    prescribed ones, and is what was applied to the others."""
     sites: np.ndarray  # (n, S, 9) columns SITE_RECORD
     fulcrum: np.ndarray  # (n, 3) support force (N), deflection (m), rate (m/s)
     iterations: np.ndarray  # (n,) of Newton's method
     parts: np.ndarray  # (n,) substeps that the step was cut into, 1 if it converged at once
     converged: np.ndarray  # (n,) whether all of its substeps did
     wrench_by: np.ndarray
-    """(n, 6, P) derivatives of the measured sites' wrench, moment about W's origin at the ground's height, then force;
-    P = 0 where none are carried."""
-    load_by: (
-        np.ndarray
-    )  # (n, coordinates, P) derivatives of load, or (0, coordinates, P) if not asked for
+    """(n, 6, P) derivatives of the measured sites' wrench, moment about W's origin at the ground's
+    height, then force; P = 0 where none are carried."""
+    load_by: np.ndarray
+    """(n, coordinates, P) derivatives of load, or (0, coordinates, P) if not asked for"""
     q_by: np.ndarray  # likewise
     v_by: np.ndarray
 
@@ -315,7 +335,8 @@ class Record(NamedTuple):
         return self.sites[:, :, assembly.SITE_RECORD.index(column)]
 
     def counts(self, steps: int | None = None) -> dict[str, int]:
-        """Of the first `steps`, how many were accepted without convergence, and how many were cut to converge."""
+        """Of the first `steps`, how many were accepted without convergence, and how many were cut
+        to converge."""
         return {
             "unconverged_steps": int(np.sum(~self.converged[:steps])),
             "refined_steps": int(np.sum(self.parts[:steps] > 1)),
@@ -326,7 +347,9 @@ def _empty_record(
     drive: Drive, q0: np.ndarray, v0: np.ndarray, *, sites: int, forward: ForwardSensitivity | None
 ) -> Record:
     """Workspace for a run from q0, v0 with so many sites."""
-    steps, n, P = len(drive.time_s) - 1, len(q0), 0 if forward is None else len(forward.tangents)
+    steps = len(drive.time_s) - 1
+    n = len(q0)
+    P = 0 if forward is None else len(forward.tangents)
     state = (steps if forward is not None and forward.loads else 0, n, P)
     shapes = {
         "q": (steps, n),
@@ -398,8 +421,8 @@ def drive_of(inputs: Inputs) -> Drive:
 def substep(
     drive: Drive, k: int, done: int, size: int, q_next: np.ndarray
 ) -> tuple[float, float, float, float]:
-    """The piece of step k from `done` on with `size`, in PARTS of it: h, and fulcrum, ground, ground_rate at its end;
-    the prescribed coordinates at its end go to q_next (p,)."""
+    """The piece of step k from `done` on with `size`, in PARTS of it: h, and fulcrum, ground,
+    ground_rate at its end; the prescribed coordinates at its end go to q_next (p,)."""
     h = (drive.time_s[k + 1] - drive.time_s[k]) * (size / PARTS)
     if done + size == PARTS:
         copy(drive.prescribed_q[k + 1], q_next)
@@ -455,12 +478,17 @@ def advance(
     tangent: Tangent | None = None,
     dynamics: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None,
 ) -> tuple[int, int]:
-    """Advances q, v (n,) in place over steps first ... last - 1; returns step and coordinate that diverged or -1.
+    """Advances q, v (n,) in place over steps first ... last - 1; returns step and coordinate that
+    diverged or -1.
 
-    With `directions` and `tangent` the sensitivities are carried along. Uncompiled (`advance.py_func`) it takes mass
-    matrix, Coriolis and gravity terms from `dynamics`.
+    With `directions` and `tangent` the sensitivities are carried along. Uncompiled
+    (`advance.py_func`) it takes mass matrix, Coriolis and gravity terms from `dynamics`.
     """
-    M, C, q0, load, q_next = start.M, start.C, start.q, start.load, start.q_next
+    M = start.M
+    C = start.C
+    q0 = start.q
+    load = start.load
+    q_next = start.q_next
     for k in range(first, last):
         record.iterations[k], record.parts[k], record.converged[k] = 0, 0, True
         done = record.parts[k]  # a literal 0 would compile what it is given to twice
@@ -470,7 +498,8 @@ def advance(
         # Torques that are held over the whole step come from the state at its start.
         sample_torques(k, drive.torques, q, v, workspace.applied)
 
-        # One step of h, or substeps of it: a substep that does not converge is taken back and halved.
+        # One step of h, or substeps of it: a substep that does not converge is taken back and
+        # halved.
         while done < PARTS:
             h, fulcrum, ground, ground_rate = substep(drive, k, done, size, q_next)
             copy(q, q0)
@@ -494,7 +523,8 @@ def advance(
                 record.sites[k],
                 record.fulcrum[k],
             )
-            share, end = size / PARTS, (done + size) / PARTS
+            share = size / PARTS
+            end = (done + size) / PARTS
             done, size, accepted = next_substep(done, size, converged)
 
             record.iterations[k] += iterations
@@ -532,9 +562,11 @@ def advance(
     return -1, -1
 
 
-# Forces that a sampled controller exerts on free coordinates: worked out at the start of a step and held over it.
+# Forces that a sampled controller exerts on free coordinates: worked out at the start of a step and
+# held over it.
 #
-#     tau = feedforward - gain @ (state - reference),        state = positions, then velocities, of sensed coordinates
+#     tau = feedforward - gain @ (state - reference),        state = positions, then velocities, of
+#                                                            sensed coordinates
 #
 # A step that is cut into substeps keeps what its start gave.
 

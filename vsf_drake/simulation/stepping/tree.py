@@ -1,7 +1,8 @@
-"""A plant's tree of one-degree-of-freedom joints as arrays; kinematics, spatial algebra and dynamics on them, compiled.
+"""A plant's tree of one-degree-of-freedom joints as arrays; kinematics, spatial algebra and
+dynamics on them, compiled.
 
-Taken from a MultibodyPlant once. Poses and dynamics agree with Drake's to rounding (tested at random states); they
-exist because a step has no time for calls into Python.
+Taken from a MultibodyPlant once. Poses and dynamics agree with Drake's to rounding (tested at
+random states); they exist because a step has no time for calls into Python.
 """
 
 from __future__ import annotations
@@ -17,10 +18,11 @@ from pydrake.systems.framework import Context
 
 from vsf_drake.laws.compiled import internal
 
-WELD, REVOLUTE, PRISMATIC = 0, 1, 2
-Six = tuple[
-    float, float, float, float, float, float
-]  # a motion or a force, see the section on spatial algebra
+WELD = 0
+REVOLUTE = 1
+PRISMATIC = 2
+# a motion or a force, see the section on spatial algebra
+Six = tuple[float, float, float, float, float, float]
 Three = tuple[float, float, float]
 
 
@@ -31,8 +33,8 @@ class Tree:
     links: np.ndarray  # (m, 4) int: kind, parent body, child body, coordinate (-1 for a weld)
     frames: np.ndarray  # (m, 27): R_PF (9), p_PF (3), R_MB (9), p_MB (3), axis in F (3)
     inertias: np.ndarray
-    """(B, 10): mass (kg), first moments m c (kg m), and the inertia about the body's origin (kg m^2) as xx, yy, zz, xy,
-    xz, yz, in the body's frame."""
+    """(B, 10): mass (kg), first moments m c (kg m), and the inertia about the body's origin (kg
+    m^2) as xx, yy, zz, xy, xz, yz, in the body's frame."""
     gravity: np.ndarray  # (3,) acceleration in W (m/s^2)
     ancestors: np.ndarray  # (B, n) bool: the coordinate moves the body
     coordinate_names: tuple[str, ...]  # joint names in the plant's order
@@ -61,9 +63,11 @@ def tree_of(plant: MultibodyPlant, context: Context) -> Tree:
     n = plant.num_velocities()
     ancestors = np.zeros((plant.num_bodies(), n), dtype=np.bool_)
     names = [""] * n
-    links, frames = [], []
+    links = []
+    frames = []
     for joint, parent, child in _parents_first(plant):
-        axis, coordinate = np.zeros(3), -1
+        axis = np.zeros(3)
+        coordinate = -1
         if joint.num_velocities() == 0:
             kind = WELD
         elif isinstance(joint, RevoluteJoint):
@@ -107,7 +111,8 @@ def _parents_first(plant: MultibodyPlant) -> list[tuple[Joint, int, int]]:
     """All joints with the indices of their parent and child bodies."""
     joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
     waiting = [(j, int(j.parent_body().index()), int(j.child_body().index())) for j in joints]
-    placed, ordered = {0}, []
+    placed = {0}
+    ordered = []
     while waiting:
         for entry in waiting:
             if entry[1] in placed:
@@ -150,9 +155,15 @@ def _product(R: np.ndarray, b: int, frames: np.ndarray, m: int, at: int) -> tupl
         frames[m, at + 7],
         frames[m, at + 8],
     )
-    x, y, z = R[b, 0, 0], R[b, 0, 1], R[b, 0, 2]
-    u, v, w = R[b, 1, 0], R[b, 1, 1], R[b, 1, 2]
-    r, s, t = R[b, 2, 0], R[b, 2, 1], R[b, 2, 2]
+    x = R[b, 0, 0]
+    y = R[b, 0, 1]
+    z = R[b, 0, 2]
+    u = R[b, 1, 0]
+    v = R[b, 1, 1]
+    w = R[b, 1, 2]
+    r = R[b, 2, 0]
+    s = R[b, 2, 1]
+    t = R[b, 2, 2]
     return (
         x * f[0] + y * f[3] + z * f[6],
         x * f[1] + y * f[4] + z * f[7],
@@ -169,7 +180,9 @@ def _product(R: np.ndarray, b: int, frames: np.ndarray, m: int, at: int) -> tupl
 @internal
 def _moved(R: np.ndarray, p: np.ndarray, b: int, frames: np.ndarray, m: int, at: int) -> Three:
     """p[b] + R[b] times the vector that begins at column `at` of row m."""
-    x, y, z = frames[m, at], frames[m, at + 1], frames[m, at + 2]
+    x = frames[m, at]
+    y = frames[m, at + 1]
+    z = frames[m, at + 2]
     return (
         p[b, 0] + R[b, 0, 0] * x + R[b, 0, 1] * y + R[b, 0, 2] * z,
         p[b, 1] + R[b, 1, 0] * x + R[b, 1, 1] * y + R[b, 1, 2] * z,
@@ -183,13 +196,12 @@ def _turned(
 ) -> tuple[float, ...]:
     """The rotation F turned about the unit axis a by the angle with sine s and cosine c.
 
-    Rodrigues' formula, f c + (a x f) s + a (a . f) (1 - c), for each column f of F; d holds (a . f) (1 - c).
+    Rodrigues' formula, f c + (a x f) s + a (a . f) (1 - c), for each column f of F; d holds (a . f)
+    (1 - c).
     """
-    d0, d1, d2 = (
-        (ax * F[0] + ay * F[3] + az * F[6]) * (1.0 - c),
-        (ax * F[1] + ay * F[4] + az * F[7]) * (1.0 - c),
-        (ax * F[2] + ay * F[5] + az * F[8]) * (1.0 - c),
-    )
+    d0 = (ax * F[0] + ay * F[3] + az * F[6]) * (1.0 - c)
+    d1 = (ax * F[1] + ay * F[4] + az * F[7]) * (1.0 - c)
+    d2 = (ax * F[2] + ay * F[5] + az * F[8]) * (1.0 - c)
     return (
         F[0] * c + (ay * F[6] - az * F[3]) * s + ax * d0,
         F[1] * c + (ay * F[7] - az * F[4]) * s + ax * d1,
@@ -205,12 +217,14 @@ def _turned(
 
 # Spatial algebra about the world's origin, compiled.
 #
-# A motion vector is (angular velocity, velocity of the body's point that is at W's origin), a force vector
-# (moment about W's origin, force), both in W, so that quantities of different bodies add without a transform.
-# A rigid body's inertia is ten numbers: mass, first moments m c (3), and the inertia about the origin as xx, yy,
-# zz, xy, xz, yz. Notation: Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 2.
+# A motion vector is (angular velocity, velocity of the body's point that is at W's origin), a force
+# vector (moment about W's origin, force), both in W, so that quantities of different bodies add
+# without a transform. A rigid body's inertia is ten numbers: mass, first moments m c (3), and the
+# inertia about the origin as xx, yy, zz, xy, xz, yz. Notation: Featherstone, Rigid Body Dynamics
+# Algorithms (2008), chapter 2.
 #
-# Vectors are tuples here, taken from and put into rows of arrays: a view of a row would cost more than the algebra.
+# Vectors are tuples here, taken from and put into rows of arrays: a view of a row would cost more
+# than the algebra.
 
 REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -354,7 +368,8 @@ def add_column(K: np.ndarray, b: int, i: int, a: Six) -> None:
 
 @internal
 def add_composite(K: np.ndarray, parent: int, b: int) -> None:
-    """Adds K[b] of an array (n, 6, 6) to K[parent]: what a body carries, a joint inboard of it moves too."""
+    """Adds K[b] of an array (n, 6, 6) to K[parent]: what a body carries, a joint inboard of it
+    moves too."""
     for i in range(6):
         for j in range(6):
             K[parent, i, j] += K[b, i, j]
@@ -381,7 +396,8 @@ def moved_wrench(
     py: float,
     pz: float,
 ) -> Six:
-    """What a force f at r = (x, y, z) changes in its wrench as it changes by g and r by p: (r x g + p x f, g)."""
+    """What a force f at r = (x, y, z) changes in its wrench as it changes by g and r by p: (r x g +
+    p x f, g)."""
     return (
         y * gz - z * gy + py * fz - pz * fy,
         z * gx - x * gz + pz * fx - px * fz,
@@ -420,16 +436,18 @@ def cross_force(a: Six, f: Six) -> Six:
 
 @internal
 def inertia_times(bodies: np.ndarray, b: int, a: Six) -> Six:
-    """The inertia in row b of (n, 10) times a motion (w, v): the momentum (I w + h x v, m v - h x w), h = m c."""
-    m, hx, hy, hz = bodies[b, 0], bodies[b, 1], bodies[b, 2], bodies[b, 3]
-    xx, yy, zz, xy, xz, yz = (
-        bodies[b, 4],
-        bodies[b, 5],
-        bodies[b, 6],
-        bodies[b, 7],
-        bodies[b, 8],
-        bodies[b, 9],
-    )
+    """The inertia in row b of (n, 10) times a motion (w, v): the momentum (I w + h x v, m v - h x
+    w), h = m c."""
+    m = bodies[b, 0]
+    hx = bodies[b, 1]
+    hy = bodies[b, 2]
+    hz = bodies[b, 3]
+    xx = bodies[b, 4]
+    yy = bodies[b, 5]
+    zz = bodies[b, 6]
+    xy = bodies[b, 7]
+    xz = bodies[b, 8]
+    yz = bodies[b, 9]
     wx, wy, wz, vx, vy, vz = a
     return (
         xx * wx + xy * wy + xz * wz + hy * vz - hz * vy,
@@ -445,32 +463,50 @@ def inertia_times(bodies: np.ndarray, b: int, a: Six) -> Six:
 def inertia_in_world(
     bodies: np.ndarray, b: int, R: np.ndarray, p: np.ndarray, out: np.ndarray
 ) -> None:
-    """Moves the inertia in row b, about and in its body's frame, to the world's origin and axes; into row b of out.
+    """Moves the inertia in row b, about and in its body's frame, to the world's origin and axes;
+    into row b of out.
 
-    With h = R m c:  m c_W = h + m p,  I_W = R I R^T + (2 h . p + m p . p) 1 - m p p^T - h p^T - p h^T.
+    With h = R m c:  m c_W = h + m p,  I_W = R I R^T + (2 h . p + m p . p) 1 - m p p^T - h p^T - p
+                                       h^T.
     """
-    m, hx, hy, hz = bodies[b, 0], bodies[b, 1], bodies[b, 2], bodies[b, 3]
-    xx, yy, zz, xy, xz, yz = (
-        bodies[b, 4],
-        bodies[b, 5],
-        bodies[b, 6],
-        bodies[b, 7],
-        bodies[b, 8],
-        bodies[b, 9],
-    )
-    a, d, g = R[b, 0, 0], R[b, 0, 1], R[b, 0, 2]
-    k, e, h = R[b, 1, 0], R[b, 1, 1], R[b, 1, 2]
-    u, o, i = R[b, 2, 0], R[b, 2, 1], R[b, 2, 2]
-    px, py, pz = p[b, 0], p[b, 1], p[b, 2]
+    m = bodies[b, 0]
+    hx = bodies[b, 1]
+    hy = bodies[b, 2]
+    hz = bodies[b, 3]
+    xx = bodies[b, 4]
+    yy = bodies[b, 5]
+    zz = bodies[b, 6]
+    xy = bodies[b, 7]
+    xz = bodies[b, 8]
+    yz = bodies[b, 9]
+    a = R[b, 0, 0]
+    d = R[b, 0, 1]
+    g = R[b, 0, 2]
+    k = R[b, 1, 0]
+    e = R[b, 1, 1]
+    h = R[b, 1, 2]
+    u = R[b, 2, 0]
+    o = R[b, 2, 1]
+    i = R[b, 2, 2]
+    px = p[b, 0]
+    py = p[b, 1]
+    pz = p[b, 2]
 
-    # h in the world's axes, and the factor of 1 (the products of h and p that are on the diagonal go off it below).
+    # h in the world's axes, and the factor of 1 (the products of h and p that are on the diagonal
+    # go off it below).
     hx, hy, hz = a * hx + d * hy + g * hz, k * hx + e * hy + h * hz, u * hx + o * hy + i * hz
     far = 2.0 * (hx * px + hy * py + hz * pz) + m * (px * px + py * py + pz * pz)
 
     # R I row by row, times R^T where the sum below asks for an entry.
-    x0, x1, x2 = a * xx + d * xy + g * xz, a * xy + d * yy + g * yz, a * xz + d * yz + g * zz
-    y0, y1, y2 = k * xx + e * xy + h * xz, k * xy + e * yy + h * yz, k * xz + e * yz + h * zz
-    z0, z1, z2 = u * xx + o * xy + i * xz, u * xy + o * yy + i * yz, u * xz + o * yz + i * zz
+    x0 = a * xx + d * xy + g * xz
+    x1 = a * xy + d * yy + g * yz
+    x2 = a * xz + d * yz + g * zz
+    y0 = k * xx + e * xy + h * xz
+    y1 = k * xy + e * yy + h * yz
+    y2 = k * xz + e * yz + h * zz
+    z0 = u * xx + o * xy + i * xz
+    z1 = u * xy + o * yy + i * yz
+    z2 = u * xz + o * yz + i * zz
     out[b, 0], out[b, 1], out[b, 2], out[b, 3] = m, hx + m * px, hy + m * py, hz + m * pz
     out[b, 4] = x0 * a + x1 * d + x2 * g + far - (m * px + 2.0 * hx) * px
     out[b, 5] = y0 * k + y1 * e + y2 * h + far - (m * py + 2.0 * hy) * py
@@ -480,14 +516,19 @@ def inertia_in_world(
     out[b, 9] = y0 * u + y1 * o + y2 * i - m * py * pz - hy * pz - hz * py
 
 
-# Inverse dynamics by the recursive Newton-Euler method and the mass matrix by composite bodies (Featherstone, Rigid
-# Body Dynamics Algorithms, 2008, chapters 5 and 6), all about the world's origin.
+# Inverse dynamics by the recursive Newton-Euler method and the mass matrix by composite bodies
+# (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 5 and 6), all about the world's
+# origin.
 #
-#     outwards   V_b = V_p + S_c v_c,        A_b = A_p + S_c a_c + V_p x S_c v_c,        A_world = -gravity
+#     outwards   V_b = V_p + S_c v_c,        A_b = A_p + S_c a_c + V_p x S_c v_c,        A_world =
+#                                                                                        -gravity
 #     body       f_b = I_b A_b + V_b x* I_b V_b
-#     inwards    f_p += f_b,  I_p += I_b,    tau_c = S_c . f_b,     M_ij = S_j . I_b S_i  (I_b of all that i carries)
+#     inwards    f_p += f_b,  I_p += I_b,    tau_c = S_c . f_b,     M_ij = S_j . I_b S_i  (I_b of
+#                                                                                         all that i
+#                                                                                         carries)
 #
-# With S_c the motion of a unit rate of coordinate c. It is fixed to the parent p, too, so that its rate is V_p x S_c.
+# With S_c the motion of a unit rate of coordinate c. It is fixed to the parent p, too, so that its
+# rate is V_p x S_c.
 
 
 class TreeArrays(NamedTuple):
@@ -501,7 +542,8 @@ class TreeArrays(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Work space for one state of a tree with B bodies and n coordinates, in W and about its origin."""
+    """Work space for one state of a tree with B bodies and n coordinates, in W and about its
+    origin."""
 
     R: np.ndarray  # (B, 3, 3) and p (B, 3): poses
     p: np.ndarray
@@ -520,7 +562,8 @@ def tree_arrays(tree: Tree) -> TreeArrays:
 
 def work_space(tree: Tree) -> Motion:
     """Workspace for one state of `tree`."""
-    n, bodies = tree.num_coordinates, len(tree.body_names)
+    n = tree.num_coordinates
+    bodies = len(tree.body_names)
     return Motion(
         R=np.zeros((bodies, 3, 3)),
         p=np.zeros((bodies, 3)),
@@ -535,23 +578,24 @@ def work_space(tree: Tree) -> Motion:
 def place(tree: TreeArrays, q: np.ndarray, motion: Motion) -> None:
     """Poses and joint motions at coordinates q (n,).
 
-    From the world outwards, over each joint: X_WB = X_WP X_PF X_FM(q) X_MB, with F fixed to the parent P, M to the body
-    B, and X_FM a turn about or a shift along the axis that both share.
+    From the world outwards, over each joint: X_WB = X_WP X_PF X_FM(q) X_MB, with F fixed to the
+    parent P, M to the body B, and X_FM a turn about or a shift along the axis that both share.
     """
-    R, p, frames = motion.R, motion.p, tree.frames
+    R = motion.R
+    p = motion.p
+    frames = tree.frames
     for i in range(3):
         p[0, i] = 0.0
         for k in range(3):
             R[0, i, k] = 1.0 if i == k else 0.0
     for m in range(tree.links.shape[0]):
-        kind, parent, child, c = (
-            tree.links[m, 0],
-            tree.links[m, 1],
-            tree.links[m, 2],
-            tree.links[m, 3],
-        )
+        kind = tree.links[m, 0]
+        parent = tree.links[m, 1]
+        child = tree.links[m, 2]
+        c = tree.links[m, 3]
         # R_WF and p_WF, which become R_WM and p_WM as the joint turns or shifts.
-        F, pM = _product(R, parent, frames, m, 0), _moved(R, p, parent, frames, m, 9)
+        F = _product(R, parent, frames, m, 0)
+        pM = _moved(R, p, parent, frames, m, 9)
         if kind != WELD:
             ax = F[0] * frames[m, 24] + F[1] * frames[m, 25] + F[2] * frames[m, 26]
             ay = F[3] * frames[m, 24] + F[4] * frames[m, 25] + F[5] * frames[m, 26]
@@ -586,18 +630,17 @@ def _write_pose(
 def inverse_dynamics(
     tree: TreeArrays, v: np.ndarray, a: np.ndarray, motion: Motion, tau: np.ndarray
 ) -> None:
-    """Forces tau (n,) for velocities v and accelerations a (n,) at the placed pose, gravity included.
+    """Forces tau (n,) for velocities v and accelerations a (n,) at the placed pose, gravity
+    included.
 
     Leaves V, A, own and composite inertias and transmitted forces in `motion`.
     """
-    S, V, A, own, composite, f = (
-        motion.S,
-        motion.V,
-        motion.A,
-        motion.own,
-        motion.composite,
-        motion.f,
-    )
+    S = motion.S
+    V = motion.V
+    A = motion.A
+    own = motion.own
+    composite = motion.composite
+    f = motion.f
     put(V, 0, REST)
     put(A, 0, (0.0, 0.0, 0.0, -tree.gravity[0], -tree.gravity[1], -tree.gravity[2]))
     put(f, 0, REST)
@@ -605,8 +648,11 @@ def inverse_dynamics(
 
     # Outwards: velocities, accelerations, and what each body's own inertia takes.
     for m in range(tree.links.shape[0]):
-        parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
-        V_b, A_b = six(V, parent), six(A, parent)
+        parent = tree.links[m, 1]
+        b = tree.links[m, 2]
+        c = tree.links[m, 3]
+        V_b = six(V, parent)
+        A_b = six(A, parent)
         if c >= 0:
             turn = cross_motion(V_b, six(S, c))
             A_b = plus(plus(A_b, six(S, c), a[c]), turn, v[c])
@@ -629,7 +675,9 @@ def inverse_dynamics(
 
     # Inwards: what each joint transmits is what all that it carries takes.
     for m in range(tree.links.shape[0] - 1, -1, -1):
-        parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
+        parent = tree.links[m, 1]
+        b = tree.links[m, 2]
+        c = tree.links[m, 3]
         if c >= 0:
             tau[c] = dot(six(S, c), six(f, b))
         add(f, parent, six(f, b))
@@ -646,15 +694,18 @@ def mass_matrix(
     counts: np.ndarray,
     M: np.ndarray,
 ) -> None:
-    """Writes M (k, k), the rows and columns `coordinates` (k,) of the mass matrix, after `inverse_dynamics`.
+    """Writes M (k, k), the rows and columns `coordinates` (k,) of the mass matrix, after
+    `inverse_dynamics`.
 
-    above (k, k), counts (k,): for each the places in `coordinates` of those that move its body, its own last.
+    above (k, k), counts (k,): for each the places in `coordinates` of those that move its body, its
+    own last.
     """
     S = motion.S
     M[:] = 0.0
     for i in range(coordinates.shape[0]):
         c = coordinates[i]
-        # The momentum of all that coordinate i carries as it moves at unit rate alone, felt by each joint below it.
+        # The momentum of all that coordinate i carries as it moves at unit rate alone, felt by each
+        # joint below it.
         momentum = inertia_times(motion.composite, tree.bodies[c], six(S, c))
         for k in range(counts[i]):
             j = above[i, k]
@@ -663,8 +714,10 @@ def mass_matrix(
 
 def chains(tree: Tree, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`above` and `counts` of `mass_matrix` for the coordinates (k,)."""
-    bodies, k = tree.coordinate_bodies, len(coordinates)
-    above, counts = np.zeros((k, k), dtype=np.int64), np.zeros(k, dtype=np.int64)
+    bodies = tree.coordinate_bodies
+    k = len(coordinates)
+    above = np.zeros((k, k), dtype=np.int64)
+    counts = np.zeros(k, dtype=np.int64)
     for i, c in enumerate(coordinates):
         rows = [j for j in range(k) if tree.ancestors[bodies[c], coordinates[j]] and j != i] + [i]
         above[i, : len(rows)], counts[i] = rows, len(rows)

@@ -1,0 +1,299 @@
+"""Files that belong together, and persons whose mass only the forces tell."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import ezc3d
+import numpy as np
+import pytest
+from made_c3d import write_c3d
+from made_laboratory import MASS, Laboratory
+
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import resource
+from vsf_drake.model.model_file import check_foot, check_fulcrum
+from vsf_drake.model.parameters import ModelParameters
+from vsf_drake.motion.events import find_stances
+from vsf_drake.motion.formats.read import read_trial
+from vsf_drake.motion.manifest import Window
+from vsf_drake.motion.markers.person_facts import PersonFacts
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.plants.gait import make_gait
+from vsf_drake.recording import import_walks as module
+from vsf_drake.recording.examine import examine
+from vsf_drake.recording.import_walks import (
+    ImportOptions,
+    gather,
+    import_walks,
+    scale_shell,
+    walk_names,
+)
+from vsf_drake.simulation.walk import Walker
+
+PERSON = PersonFacts(sex="male", prosthetic_side="right", mass_kg=MASS, stature_m=1.81)
+
+
+def options(**changed) -> ImportOptions:
+    return ImportOptions(**{"person": PERSON, "fulcrum_mm": (108.0,)} | changed)
+
+
+@pytest.fixture(autouse=True)
+def effect(monkeypatch):
+    """What the effect of scaling was asked for; two fits of the offsets take seconds."""
+    asked = []
+    monkeypatch.setattr(
+        "vsf_drake.recording.import_walks._scaling_effect",
+        lambda trial, ratio, options: asked.append(ratio) or ["the effect"],
+    )
+    return asked
+
+
+def touch(folder, *names):
+    for name in names:
+        (folder / name).write_text("x", encoding="utf-8")
+    return [folder / name for name in names]
+
+
+def test_force_file_beside_a_trc_is_found_by_its_name(tmp_path):
+    for beside in ("walk_grf.mot", "walk.forces", "walk.csv", "walk.sto", "walk.mot"):
+        folder = tmp_path / beside
+        folder.mkdir()
+        standing, walk, _, forces = touch(folder, "static.trc", "walk.trc", "walk_ik.mot", beside)
+        files = gather(standing, [walk])
+        assert files.forces == (forces,)
+        assert files.beside == (forces,)
+
+
+def test_files_that_cannot_belong_together_are_refused(tmp_path):
+    standing, walk, forces = touch(tmp_path, "static.c3d", "walk.c3d", "walk.mot")
+    with pytest.raises(InputError, match="given twice"):
+        gather(standing, [walk, walk])
+    with pytest.raises(InputError, match="do not fit"):
+        gather(standing, [walk], [forces, forces])
+    with pytest.raises(InputError, match="no such file"):
+        gather(tmp_path / "none.c3d", [walk])
+    with pytest.raises(InputError, match="is a folder"):
+        gather(tmp_path, [walk])
+
+
+def test_a_standing_trial_that_a_shell_names_again_among_the_walks_is_taken_out_of_them(tmp_path):
+    """`import static.c3d *.c3d` names it twice; without one the walks calibrate, on --no-standing
+    alone."""
+    standing, *walks = touch(tmp_path, "static.c3d", "walk1.c3d", "walk2.c3d")
+    files = gather(standing, [standing, *walks])
+    assert (files.standing, files.walks, files.repeated) == (standing, tuple(walks), standing)
+    assert gather(standing, walks).repeated is None
+    assert gather(None, walks).standing is None and gather(None, walks).walks == tuple(walks)
+    with pytest.raises(InputError, match=r"only file.*--no-standing"):
+        gather(standing, [standing])
+
+
+@pytest.mark.parametrize("walk", ["low_1", "medium_1", "high_1"])
+def test_the_wrong_side_is_told_by_the_better_fit_of_the_other_one(walk):
+    """A passive foot under its pylon and an ankle that moves: the same recording read both ways."""
+    folder = resource("data/reference_subject/c3d")
+    files = gather(folder / "static.c3d", [folder / f"{walk}.c3d"])
+    for side in ("right", "left"):
+        person = dataclasses.replace(PERSON, prosthetic_side=side)
+        [item] = import_walks(files, options(person=person)).items
+        doubts = [check for check in item.checks if check.name == "side of the prosthesis"]
+        assert len(doubts) == (side == "left"), "the reference subject's prosthesis is on the right"
+        assert all(
+            "a prosthesis on the right better" in doubt.sentence and doubt.needed
+            for doubt in doubts
+        )
+        assert item.mark == ("doubtful" if doubts else "good")
+
+
+def test_the_other_side_is_tried_on_the_first_walk_that_bears_it_and_without_inverse_kinematics(
+    monkeypatch,
+):
+    make, refined = module.trial_from_recordings, []
+
+    def not_on_the_right_in_low_1(standing, walk, marker_map, person, *rest, **named):
+        if person.prosthetic_side == "right" and walk.path.stem == "low_1":
+            raise InputError("no plate carries the right foot alone")
+        return make(standing, walk, marker_map, person, *rest, **named)
+
+    monkeypatch.setattr(module, "trial_from_recordings", not_on_the_right_in_low_1)
+    monkeypatch.setattr(
+        module, "refined", lambda trial, **_: refined.append(trial.subject.prosthetic_side) or trial
+    )
+    folder = resource("data/reference_subject/c3d")
+    files = gather(
+        folder / "static.c3d", [folder / f"{walk}.c3d" for walk in ("low_1", "medium_1")]
+    )
+    person = dataclasses.replace(PERSON, prosthetic_side="left")
+    told = []
+    items = import_walks(
+        files,
+        options(person=person, inverse_kinematics=True),
+        progress=lambda what, share: told.append((share, what)),
+    ).items
+    assert [
+        "side of the prosthesis" in {check.name for check in item.checks} for item in items
+    ] == [True, True]
+    assert refined == ["left", "left"] and told == sorted(told), (
+        "each walk once, and the bar never goes back"
+    )
+
+
+def test_the_fulcrum_is_never_assumed(tmp_path):
+    laboratory = Laboratory(tmp_path)
+    with pytest.raises(InputError, match=r"--fulcrum-mm.*must be stated"):
+        import_walks(gather(laboratory.standing(), [laboratory.walk()]), options(fulcrum_mm=()))
+
+
+@pytest.mark.parametrize("length_m", [0.22, 0.245, 0.26, 0.28, 0.30])
+def test_a_shell_of_another_size_holds_the_same_device(length_m):
+    """Feet are sold from 22 to 30 cm; the keel, its fulcrum and how far that reaches are one
+    size."""
+    foot = ModelParameters().foot
+    scaled = check_foot(scale_shell(foot, length_m / foot.length_m))
+    assert (scaled.keel, scaled.fulcrum, scaled.load_point_m, scaled.pylon_x_m) == (
+        foot.keel,
+        foot.fulcrum,
+        foot.load_point_m,
+        foot.pylon_x_m,
+    )
+    assert scaled.length_m == pytest.approx(length_m)
+    for reach_m in (0.066, 0.151):
+        assert check_fulcrum(reach_m, scaled, where="--fulcrum-mm") == reach_m
+    contact_m = [1e-3 * x for zone in scaled.zones for x in zone.x_mm]
+    assert scaled.heel_x_m <= min(contact_m) and max(contact_m) <= scaled.heel_x_m + length_m, (
+        "within the shell"
+    )
+    # carriage and keel
+    shell_kg = [each.mass_kg - 0.1 - 1850 * 0.229 * 0.0684 * 0.00635 for each in (foot, scaled)]
+    assert shell_kg[1] / shell_kg[0] == pytest.approx(length_m / 0.245)
+
+
+@pytest.mark.parametrize(("length_m", "fulcrum_m"), [(0.22, 0.066), (0.30, 0.151)])
+def test_a_foot_in_a_shell_of_another_size_walks(length_m, fulcrum_m):
+    trial = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
+    foot = scale_shell(trial.model.foot, length_m / trial.model.foot.length_m)
+    model = dataclasses.replace(trial.model, foot=foot)
+    walk = Walker(trial.subject, model).walk(
+        trial.trajectory,
+        fulcrum_m=fulcrum_m,
+        start_s=trial.start_s,
+        end_s=trial.start_s + 0.5,
+        step_s=2e-3,
+    )
+    weight = trial.subject.mass_kg * 9.81
+    assert 0.5 * weight < walk.prosthetic.grf_W[:, 2].max() < 2.5 * weight
+
+
+def test_results_get_names_of_their_own(tmp_path):
+    walks = [
+        tmp_path / name
+        for name in ("a/walk.c3d", "b/walk.trc", "b/Walk.c3d", "subject.c3d", "ü 1.c3d")
+    ]
+    assert walk_names(walks) == ["walk", "walk_2", "Walk_3", "subject_trial", "ü 1"]
+
+
+def test_masses_of_several_walks_become_one_person(tmp_path):
+    laboratory = Laboratory(tmp_path)
+    standing, walks = (
+        laboratory.standing(),
+        [laboratory.walk("one.trc"), laboratory.walk("two.trc")],
+    )
+    person = dataclasses.replace(PERSON, mass_kg=None)
+    imported = import_walks(gather(standing, walks), options(person=person))
+    masses = {item.trial.subject.mass_kg for item in imported.items}
+    assert len(masses) == 1
+    assert len({item.trial.subject for item in imported.items}) == 1
+    for item in imported.items:
+        assert item.checks[0].name == "body mass"
+        assert item.checks[0].mark == "doubtful"
+    [mass] = masses
+    stated = import_walks(
+        gather(standing, walks), options(person=dataclasses.replace(PERSON, mass_kg=mass))
+    )
+    assert imported.items[0].trial.subject == stated.items[0].trial.subject
+    assert any("median" in note for note in imported.items[0].notes)
+    assert any("which lies beside one.trc" in note for note in imported.items[0].notes)
+
+
+@pytest.mark.parametrize(("mass", "mark"), [(78.5, "good"), (120.0, "unusable")])
+def test_a_mass_that_the_standing_file_states_is_taken_and_held_against_the_plates(
+    tmp_path, mass, mark
+):
+    laboratory = Laboratory(tmp_path)
+    marked = read_trial(laboratory.standing())
+    standing = write_c3d(tmp_path / "standing.c3d", marked.markers, rate=marked.marker_rate_hz)
+    c3d = ezc3d.c3d(str(standing))
+    c3d.add_parameter("PROCESSING", "Bodymass", [mass])
+    c3d.add_parameter("PROCESSING", "Height", [1790.0])
+    c3d.write(str(standing))
+    person = dataclasses.replace(PERSON, mass_kg=None, stature_m=None)
+    [item] = import_walks(gather(standing, [laboratory.walk()]), options(person=person)).items
+    assert (item.trial.subject.mass_kg, item.trial.subject.stature_m) == (mass, pytest.approx(1.79))
+    marks = {check.name: check.mark for check in item.checks}
+    assert marks["mass from the forces"] == mark and not {"body mass", "stature"} & {*marks}
+
+
+def test_a_walk_keeps_its_stances_on_plates_and_a_little_around_unless_a_window_is_stated(tmp_path):
+    laboratory = Laboratory(tmp_path)
+    files = gather(laboratory.standing(), [laboratory.walk()])
+    [item] = import_walks(files, options()).items
+    trial = item.trial
+    *_, last = find_stances(trial.prosthetic_plate.time_s, trial.prosthetic_plate.force_W[:, 2])
+    [(_, unmeasured_end)] = trial.unmeasured["right"][1:]  # the stances before it are cut
+    assert last.start_s - 0.3 > unmeasured_end and last.end_s + 0.3 > trial.trajectory.end_s
+    assert (trial.start_s, trial.end_s) == (
+        pytest.approx(last.start_s - 0.3, abs=6e-4),
+        trial.trajectory.end_s,
+    )
+    assert any("0.3 s before and after" in note for note in trial.notes)
+    stated = options(window=Window(start_s=0.1, end_s=2.9))
+    [item] = import_walks(files, stated).items
+    assert (item.trial.start_s, item.trial.end_s) == (0.1, 2.9)
+
+
+def test_the_effect_of_a_foot_as_long_as_the_recorded_one_is_shown_where_lengths_differ(
+    tmp_path, effect
+):
+    laboratory = Laboratory(tmp_path)
+    files = gather(laboratory.standing(), [laboratory.walk()])
+    imported = import_walks(files, options())
+    ratio = imported.items[0].trial.calibration.lengths_m["foot_right"] / 0.245
+    assert abs(ratio - 1.0) > 0.05 and not imported.scaled and effect == [pytest.approx(ratio)]
+    assert imported.told == ("the effect",) and "the effect" in imported.items[0].notes
+    assert imported.items[0].trial.model.foot.length_m == 0.245
+
+
+def test_model_feet_are_those_that_the_simulation_walks_on():
+    trial = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
+    item = examine(trial)
+    gait = make_gait(trial.subject, trial.model)
+    context = gait.diagram.CreateDefaultContext()
+    plant_context, person = gait.plant_context(context), gait.person
+    row = len(trial.trajectory.time_s) // 2
+    motion = trial.trajectory.ordered(person.coordinate_names)
+    q = np.zeros(gait.plant.num_positions())
+    for name, value in zip(motion.names, motion.values[row], strict=True):
+        q[gait.plant.GetJointByName(name).position_start()] = value
+    gait.plant.SetPositions(plant_context, q)
+    for side, sites in (("right", person.foot.sites), ("left", person.intact_sites)):
+        heights = [
+            (gait.plant.EvalBodyPoseInWorld(plant_context, gait.plant.get_body(body)) @ place)[2]
+            - radius
+            for body, place, radius in zip(
+                sites.body_indices, sites.p_BS, sites.radius, strict=True
+            )
+        ]
+        assert item.feet[side].lowest_m[row] == pytest.approx(np.min(heights), abs=1e-12)
+
+
+def test_offsets_of_the_manifest_move_the_prosthesis_that_is_judged():
+    trial = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
+    raised = dataclasses.replace(trial, offsets=dataclasses.replace(trial.offsets, height_m=0.03))
+    here, there = (
+        next(c for c in examine(t).checks if c.name == "height at touch-down" and c.side == "right")
+        for t in (trial, raised)
+    )
+    # along the shank, which leans back by some 20 degrees at touch-down
+    assert there.value - here.value == pytest.approx(30.0 * np.cos(np.radians(20.0)), abs=2.0)
+    assert there.mark == "doubtful"

@@ -1,0 +1,78 @@
+"""Where the error over the fulcrum's position says that it stood, and when the stated position is
+doubted."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from vsf_drake.model.contact_file import load_contact
+from vsf_drake.motion.fitted_trial import trial_with
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.simulation.walk import Walker
+from vsf_drake.walks.comparison import compare
+from vsf_drake.walks.embedded import embedded_contact, embedded_trials
+from vsf_drake.walks.fulcrum_sweep import SWEEP_STEP_S, sweep_positions, swept
+from vsf_drake.walks.metrics import walk_metrics
+
+AT = np.array([0.066, 0.087, 0.108, 0.129, 0.151])
+
+
+@pytest.mark.parametrize(
+    ("stated_m", "floor", "doubted"),
+    [
+        (0.108, 0.02, False),
+        (0.151, 0.02, True),
+        (0.087, 0.02, True),
+        (0.151, 0.3, False),
+        (0.112, 0.0, False),
+    ],
+)
+def test_another_position_is_told_only_where_it_fits_clearly_better(stated_m, floor, doubted):
+    """Errors sqrt(floor² + (3 x)²) of a fulcrum x m away: 13 % at 43 mm, 6 % at 21; a floor of 30 %
+    hides them."""
+    errors = np.hypot(floor, 3.0 * (AT - 0.108))
+    found = swept(AT, errors, true_m=stated_m)
+    assert found.doubted == doubted
+    assert found.gain_bw == pytest.approx(float(np.interp(stated_m, AT, errors)) - floor)
+
+
+def test_walks_that_failed_doubt_nothing():
+    lost = swept(AT, [np.nan] * 5, true_m=0.108)
+    beside = swept(AT, [0.02, 0.05, np.nan, np.nan, np.nan], true_m=0.151)
+    assert (lost.gain_bw, lost.doubted) == (beside.gain_bw, beside.doubted) == (None, False)
+
+
+def test_a_manifest_with_another_setting_than_the_walk_had_is_doubted_by_a_fit_of_two_others():
+    """The embedded fit is of low_1 and high_1; medium_1, which it has not seen, was walked at
+    108 mm."""
+    trial = trial_with(
+        load_trial(next(path for path in embedded_trials("exact") if path.stem == "medium_1")),
+        load_contact(embedded_contact("exact")),
+    )
+    walker, positions = Walker(trial.subject, trial.model), sweep_positions(trial)
+
+    def error(position: float) -> float:
+        at = dataclasses.replace(trial, fulcrum_m=position)
+        walk = walker.walk(
+            at.trajectory,
+            fulcrum_m=position,
+            start_s=at.start_s,
+            end_s=at.end_s,
+            step_s=SWEEP_STEP_S,
+            offsets=at.offsets,
+        )
+        result, plate = walker.result(walk, at, at.offsets, energy=False), at.prosthetic_plate
+        return walk_metrics(result, plate, comparison=compare(result, plate)).grf_rmse_bw
+
+    errors = [error(position) for position in positions]
+    assert not swept(positions, errors, true_m=0.108).doubted
+    for wrong in (0.066, 0.151):
+        found = swept(positions, errors, true_m=wrong)
+        assert (
+            found.doubted
+            and found.best_mm == pytest.approx(108.0, abs=10.5)
+            and found.gain_bw > 0.05
+        )

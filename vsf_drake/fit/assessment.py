@@ -1,0 +1,569 @@
+"""What a fit is worth: errors on trials that it has and has not seen, beside what they would be
+without a model.
+
+Null model of a trial: the harder null (`walks.null_model`) of the other fitted trials' measured
+curves. Fulcrum sweep: the trial is walked with the fulcrum at positions over the whole carriage; a
+model that stands for the foot errs least where the fulcrum really stood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from vsf_drake.base.errors import FitError, InputError, SimulationError
+from vsf_drake.base.files import flat
+from vsf_drake.base.sentences import say
+from vsf_drake.base.threads import side_by_side
+from vsf_drake.fit.parameters import owner
+from vsf_drake.fit.problem import check_recordings, labels_with
+from vsf_drake.fit.solution import ALIKE, ContactFitSolution, JointEnd, far_parameters
+from vsf_drake.fit.solve import SURE_SHARE
+from vsf_drake.model.bench_curves import BenchMeasurement, bench_doubts
+from vsf_drake.motion.fitted_trial import trial_with
+from vsf_drake.motion.trial import Trial
+from vsf_drake.simulation.bench_stiffness import BenchStiffness
+from vsf_drake.walks.angle_errors import AngleErrorRow, JudgedTrial, angle_error_rows
+from vsf_drake.walks.comparison import rmse
+from vsf_drake.walks.fulcrum_sweep import SWEEP_STEP_S, FulcrumSweep, sweep_positions, swept
+from vsf_drake.walks.metrics import WalkMetrics, known_curves, walk_metrics
+from vsf_drake.walks.null_model import several_settings
+from vsf_drake.walks.prediction import PHYSICS, LayerTable, layer_sentences, layer_table
+from vsf_drake.walks.quantities import JUDGED, Judged, Scored, known, mean, quantity
+
+FITTED = "fitted"
+HELD_OUT = "held out"
+# within which a held-out trial's own height is looked for: 5 SD of a fitted trial's (its prior)
+OWN_HEIGHT_M = 0.010
+NOISE_TOO_SMALL = 1.2
+"""Residuals larger than this many times what was assumed mean that errors are told too small (a
+choice; with noise as assumed half of all series stay below 0.7, since the parameters take up some
+of it and swing has none)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublishedFit:
+    """What the model of McGeehan 2021 (doi 10.1115/1.4050456) was left with; two numbers: the least
+    and the largest."""
+
+    fitted_grf_rmse_bw: float = 0.053
+    other_grf_rmse_bw: tuple[float, float] = (0.10, 0.14)
+    bench_rmse_n_per_mm: float = 1.37
+    mid_range_rmse_mm: float = 0.45
+
+
+PUBLISHED = PublishedFit()
+LEFT_OUT = (JUDGED, "cop_rmse_fl", "cop_ml_rmse_fl")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrialCurves:
+    """Model and plate of one trial: forces over time, the centre of pressure over the first
+    stance."""
+
+    time_s: np.ndarray  # (n,)
+    model_bw: np.ndarray  # (n, 3) fore-aft, lateral, vertical
+    measured_bw: np.ndarray
+    cop_measured_fl: np.ndarray  # (101,) fore-aft; NaN where it is not known
+    cop_model_fl: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialScore(Judged):
+    """One trial under a fit.
+
+    Attributes:
+        role: FITTED or HELD_OUT.
+        metrics: with the null model of the other fitted trials.
+        floor_grf_rmse_bw: what the true foot would be left with on this recording's motion, where
+            that is known.
+        own_height_m: of a held-out trial the height (foot up +) that was fitted to its own plate,
+            if that was asked for; then nothing here is a prediction.
+    """
+
+    label: str
+    role: str
+    metrics: WalkMetrics
+    curves: TrialCurves
+    sweep: FulcrumSweep | None
+    floor_grf_rmse_bw: float | None = None
+    own_height_m: float | None = None
+
+    def number(self, name: str) -> Any:
+        """What it, its metrics or its sweep (`sweep_best_mm`) holds under this name."""
+        if name == "sweep_best_mm":
+            return self.sweep and self.sweep.best_mm
+        return getattr(self, name, self.metrics.number(name))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut(Scored):
+    """A fit without the trials `left_out` (labels), judged by them: mean errors (LEFT_OUT), or why
+    there are none."""
+
+    kind: str  # "trial" or "stiffness"
+    left_out: tuple[str, ...]
+    failed: str = ""
+    scores: Mapping[str, float | None] = flat()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beside:
+    """A quantity of the bench at its fulcrum positions, and at the heel if that was measured, which
+    stands apart and is not in the root mean square."""
+
+    uncertainty: float
+    measured: tuple[float, ...]
+    model: tuple[float, ...]
+    heel_measured: float | None
+    heel_model: float | None
+    rmse: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRow:
+    """Measurement and model on the bench; no quantity where the fit was not judged."""
+
+    name: str
+    synthetic: bool
+    max_load_n: float
+    fulcrum_mm: tuple[float, ...]
+    stiffness: Beside | None = None  # N/mm
+    mid_range: Beside | None = None
+    """mm, the platen's displacement at half of the largest load, where it was measured"""
+    doubts: tuple[str, ...] = ()  # what speaks against the measurement itself
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedBench:
+    """The fitted foot in the testing machine where nobody measured it: N/mm at the fulcrum
+    positions of the fitted trials and at the heel, and the same of the model before the fit. None
+    where the foot cannot bear the load."""
+
+    fulcrum_mm: tuple[float, ...]
+    fitted_n_per_mm: tuple[float, ...] | None
+    heel_n_per_mm: float | None
+    model_n_per_mm: tuple[float, ...]
+    model_heel_n_per_mm: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assessment:
+    """All that speaks for and against a fit; `bench` is None without one, `simulated_bench` with
+    one."""
+
+    scores: tuple[TrialScore, ...]
+    left_out: tuple[LeftOut, ...]
+    bench: BenchRow | None
+    angle_errors: tuple[AngleErrorRow, ...] = ()  # none where it was not asked for
+    layers: LayerTable | None = None  # likewise
+    simulated_bench: SimulatedBench | None = None
+
+    def mean(self, role: str, key: str = JUDGED) -> float | None:
+        """Mean of a metric over the trials of a role; None where there is none."""
+        return mean(s.number(key) for s in self.scores if s.role == role)
+
+
+def assess(
+    solution: ContactFitSolution,
+    held_out: Sequence[Trial] = (),
+    *,
+    sweep: bool = True,
+    leave_out: bool = True,
+    angle_errors: bool = True,
+    layers: bool = True,
+    own_height: bool = False,
+    floors: Mapping[str, float] | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Assessment:
+    """Judges a fit that succeeded, by trials of the same subject that were not fitted, too.
+
+    A held-out trial is walked with what all trials share, and nothing of its own. Of its plate the
+    model knows the instants of strike and lift-off, by which the shared curves are laid over the
+    gait cycle.
+
+    Args:
+        sweep: whether to move the fulcrum over its range in every trial.
+        leave_out: whether to fit again without each trial, and without each stiffness.
+        angle_errors: whether to walk every trial with errors of hip and knee of its own, too.
+        layers: whether to predict every trial with the person's momentum and the fitted trials'
+            discrepancy, too.
+        own_height: whether each held-out trial is judged at the height at which it meets its own
+            plate best.
+        floors: by label, the resultant error (BW) of the true foot on a recording's motion, where
+            it is known.
+
+    Raises:
+        InputError: a held-out trial was fitted, or is of another subject. FitError,
+            SimulationError: it failed.
+    """
+    solution.check()
+    fit = solution.fit
+    floors = floors or {}
+    tell = progress or (lambda what, share: None)
+    check_recordings(fit.trials, held_out, series=fit.options.series)
+    names = labels_with(fit, held_out)
+    unknown = set(floors) - set(names)
+    if unknown:
+        raise InputError(
+            f"there is no trial {min(unknown)}",
+            where="floors",
+            right=f"There are: {', '.join(names)}",
+        )
+    heights = [height_of(solution, trial) for trial in held_out] if own_height else []
+    if own_height:
+        held_out = [_raised(trial, height) for trial, height in zip(held_out, heights, strict=True)]
+    scores = []
+    for i, (trial, name) in enumerate(zip([*fit.trials, *held_out], names, strict=True)):
+        tell(f"scoring {name}", i / len(names))
+        others = [one for one in fit.trials if one is not trial]
+        label = name if i < len(fit.trials) else None
+        scores.append(_trial_score(solution, trial, label, name, others, sweep, floors.get(name)))
+    for i, height in enumerate(heights, start=len(fit.trials)):
+        scores[i] = replace(scores[i], own_height_m=height)
+    joint = isinstance(solution.end, JointEnd)  # the paper's fit is of one trial
+    left = _left_out(solution, tell) if leave_out and joint and len(fit.trials) > 1 else ()
+    table = None
+    rows = tuple[AngleErrorRow, ...]()
+    contact = solution.contact() if angle_errors or layers else None
+    if layers and contact:
+        tell("predicting in layers", 1.0)
+        table = layer_table(contact, fit.trials, held_out, names, step_s=fit.options.report_step_s)
+    if angle_errors and contact:
+        tell("walking with errors of hip and knee", 1.0)
+        rows = angle_error_rows(
+            [
+                JudgedTrial(trial_with(trial, contact), score.role, score.null_bw)
+                for trial, score in zip([*fit.trials, *held_out], scores, strict=True)
+            ],
+            step_s=fit.options.report_step_s,
+            seed=fit.options.seed,
+            in_layers=HELD_OUT,
+            contact=None if table is None else table.teach(contact),
+        )
+    bench = bench_score(solution)
+    return Assessment(
+        scores=tuple(scores),
+        left_out=left,
+        bench=bench,
+        angle_errors=rows,
+        layers=table,
+        simulated_bench=simulated_bench(solution) if joint and not bench else None,
+    )
+
+
+def height_of(solution: ContactFitSolution, trial: Trial) -> float:
+    """The height (m, foot up +) at which the resultant of the fitted model is nearest to the
+    trial's own plate."""
+
+    def error(height_m: float) -> float:
+        try:
+            comparison, result = solution.predict(
+                _raised(trial, height_m), None, step_s=solution.fit.options.report_step_s
+            )
+        except SimulationError:
+            return np.inf
+        found = walk_metrics(result, trial.prosthetic_plate, comparison=comparison).error_bw
+        return np.inf if found is None else found
+
+    found = minimize_scalar(
+        error, bounds=(-OWN_HEIGHT_M, OWN_HEIGHT_M), method="bounded", options={"xatol": 1e-5}
+    )
+    return float(found.x)
+
+
+def _raised(trial: Trial, height_m: float) -> Trial:
+    return replace(
+        trial, offsets=replace(trial.offsets, height_m=trial.offsets.height_m + height_m)
+    )
+
+
+def _trial_score(
+    solution: ContactFitSolution,
+    trial: Trial,
+    label: str | None,
+    name: str,
+    others: Sequence[Trial],
+    sweep: bool,
+    floor: float | None,
+) -> TrialScore:
+    comparison, result = solution.predict(trial, label, step_s=solution.fit.options.report_step_s)
+    metrics = walk_metrics(
+        result, trial.prosthetic_plate, comparison=comparison, others=known_curves(others)
+    )
+    weight = metrics.body_weight_n
+    length = result.foot_length_m
+    stance = comparison.stances[0]
+    return TrialScore(
+        label=name,
+        role=FITTED if label else HELD_OUT,
+        metrics=metrics,
+        floor_grf_rmse_bw=floor,
+        sweep=sweep_fulcrum(solution, trial, label) if sweep else None,
+        curves=TrialCurves(
+            time_s=comparison.time_s,
+            model_bw=comparison.model / weight,
+            measured_bw=comparison.measured / weight,
+            cop_measured_fl=stance.measured_cop[:, 0] / length,
+            cop_model_fl=stance.model_cop[:, 0] / length,
+        ),
+    )
+
+
+def _left_out(
+    solution: ContactFitSolution, tell: Callable[[str, float], None]
+) -> tuple[LeftOut, ...]:
+    fit = solution.fit
+    settings: dict[float, tuple[str, ...]] = {}
+    for trial, label in sorted(
+        zip(fit.trials, fit.labels, strict=True), key=lambda pair: pair[0].fulcrum_m
+    ):
+        settings[trial.fulcrum_m] = (*settings.get(trial.fulcrum_m, ()), label)
+    groups: list[tuple[str, tuple[str, ...]]] = [("trial", (label,)) for label in fit.labels]
+    groups += [("stiffness", labels) for labels in settings.values() if len(settings) > 1]
+    rows: dict[tuple[str, ...], LeftOut] = {}
+    for i, (kind, labels) in enumerate(groups):
+        tell(f"fitting without {', '.join(labels)}", i / len(groups))
+        if labels not in rows:
+            rows[labels] = _without(solution, kind, labels)
+    return tuple(replace(rows[labels], kind=kind) for kind, labels in groups)
+
+
+def _without(solution: ContactFitSolution, kind: str, labels: tuple[str, ...]) -> LeftOut:
+    """What is known of a fit without these trials."""
+    row = LeftOut(kind=kind, left_out=labels, scores=dict.fromkeys(LEFT_OUT))
+    try:
+        fewer = solution.refitted_without(labels)
+        metrics = [
+            _trial_score(fewer, trial, None, label, [], False, None).metrics
+            for trial, label in zip(solution.fit.trials, solution.fit.labels, strict=True)
+            if label in labels
+        ]
+    except (FitError, SimulationError) as error:
+        return replace(row, failed=str(error))
+    return replace(row, scores={name: mean(m.number(name) for m in metrics) for name in LEFT_OUT})
+
+
+def bench_score(solution: ContactFitSolution) -> BenchRow | None:
+    """The fitted foot on the bench; None where the fit has none."""
+    bench = solution.fit.bench
+    machine = solution.fit.machine
+    if bench is None or machine is None:
+        return None
+
+    def beside(
+        factor: float, sd: float, measured: Sequence[float], heel: float | None, model: np.ndarray
+    ) -> Beside:
+        forefoot = tuple(factor * x for x in measured)
+        shown = tuple((factor * model).tolist())
+        return Beside(
+            uncertainty=factor * sd,
+            measured=forefoot,
+            model=shown[: len(forefoot)],
+            heel_measured=None if heel is None else factor * heel,
+            heel_model=None if heel is None else shown[len(forefoot)],
+            rmse=rmse(np.array(shown[: len(forefoot)]), np.array(forefoot)),
+        )
+
+    values = solution.all_values(None)
+    mid_range = None
+    if bench.mid_range_m is not None and bench.mid_range_uncertainty_m is not None:
+        mid_range = beside(
+            1e3,
+            bench.mid_range_uncertainty_m,
+            bench.mid_range_m,
+            bench.heel_mid_range_m,
+            machine.displacement(values)[0],
+        )
+    return replace(
+        bench_row(bench),
+        mid_range=mid_range,
+        stiffness=beside(
+            1e-3,
+            bench.uncertainty_n_per_m,
+            bench.stiffness_n_per_m,
+            bench.heel_stiffness_n_per_m,
+            machine.evaluate(values)[0],
+        ),
+    )
+
+
+def bench_row(bench: BenchMeasurement) -> BenchRow:
+    """A bench that nothing was judged by."""
+    return BenchRow(
+        name=bench.name,
+        synthetic=bench.synthetic,
+        max_load_n=bench.max_load_n,
+        doubts=tuple(bench_doubts(bench)),
+        fulcrum_mm=tuple(1e3 * x for x in bench.fulcrum_m),
+    )
+
+
+def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None) -> FulcrumSweep:
+    """Error of one trial over the carriage's range."""
+
+    def error(position: float) -> float:
+        try:
+            comparison, result = solution.predict(
+                trial, label, step_s=SWEEP_STEP_S, fulcrum_m=float(position)
+            )
+        except SimulationError:
+            return np.nan
+        found = walk_metrics(result, trial.prosthetic_plate, comparison=comparison).error_bw
+        return np.nan if found is None else found
+
+    positions = sweep_positions(trial)
+    with side_by_side(2) as pool:
+        return swept(positions, [*pool.map(error, positions)], true_m=trial.fulcrum_m)
+
+
+def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, ...]:
+    """What to make of a fit that succeeded, in sentences with the numbers that they come from."""
+    scores = assessment.scores
+    rows = assessment.left_out
+    layer = None if assessment.layers is None else assessment.layers.earned
+    held_out = [s for s in scores if s.role == HELD_OUT]
+    alone = {row.left_out for row in rows if row.kind == "trial"}
+    left_out = []
+    for kind in ("trial", "stiffness"):
+        own = [row for row in rows if row.kind == kind]
+        if kind == "trial" or {row.left_out for row in own} != alone:
+            left_out.append(
+                (
+                    kind,
+                    known(row.error_bw for row in own),
+                    [", ".join(row.left_out) for row in own if row.failed],
+                )
+            )
+    judged = [s for s in held_out if s.error_bw is not None]
+    sentences = say(
+        "fit_verdict",
+        percent=quantity(JUDGED).told,
+        message=solution.message,
+        alone=assessment.simulated_bench,
+        contradiction=solution.contradiction,
+        fitted=assessment.mean(FITTED),
+        paper=PUBLISHED,
+        paper_bw=PUBLISHED.fitted_grf_rmse_bw,
+        one_setting=not several_settings(t.fulcrum_m for t in solution.fit.trials),
+        held_out=held_out,
+        held=assessment.mean(HELD_OUT),
+        own_height_mm=1e3 * OWN_HEIGHT_M,
+        worst=max(judged, key=lambda s: s.error_bw or 0.0, default=None),
+        disturbed=[
+            row
+            for row in assessment.angle_errors
+            if row.role == HELD_OUT and row.sd_deg and row.walks and row.layer == (layer or PHYSICS)
+        ],
+        layer=layer,
+        nulls=known(s.null_bw for s in held_out),
+        not_known=[s for s in held_out if s.metrics.null_model_unknown],
+        stretched=known(s.nearest_bw for s in held_out),
+        beaten=[s.label for s in held_out if s.metrics.beats_null is False],
+        below=[
+            s.label
+            for s in scores
+            if s.floor_grf_rmse_bw is not None
+            and s.error_bw is not None
+            and s.error_bw < s.floor_grf_rmse_bw
+        ],
+        left_out=left_out,
+        swept=[s for s in scores if s.sweep is not None],
+        bench=assessment.bench,
+        joint=_own_worth(solution.end) if isinstance(solution.end, JointEnd) else None,
+    )
+    return (*sentences, *(layer_sentences(assessment.layers) if assessment.layers else ()))
+
+
+def simulated_bench(solution: ContactFitSolution) -> SimulatedBench:
+    """Stiffness between 200 and 600 N, as the bench of McGeehan 2021 has it."""
+    fit = solution.fit
+    fulcrums = sorted({trial.fulcrum_m for trial in fit.trials})
+    machine = BenchStiffness(fit.walker.model.foot, fulcrums_m=fulcrums, heel=True)
+    *model, model_heel = (1e-3 * machine.evaluate({})[0]).tolist()
+    try:
+        *fitted, heel = (1e-3 * machine.evaluate(solution.all_values(None))[0]).tolist()
+    except SimulationError:
+        fitted = None
+        heel = None
+    return SimulatedBench(
+        fulcrum_mm=tuple(1e3 * x for x in fulcrums),
+        fitted_n_per_mm=None if fitted is None else tuple(fitted),
+        heel_n_per_mm=heel,
+        model_n_per_mm=tuple(model),
+        model_heel_n_per_mm=model_heel,
+    )
+
+
+STEEPEST_FEW = 3
+"""So many parameters with the steepest cost are named where a search did not converge."""
+
+
+def failure(solution: ContactFitSolution) -> tuple[str, ...]:
+    """Of a joint fit that did not converge: what its best point is, what stood in the way and what
+    to do, in sentences."""
+    end = solution.end
+    assert isinstance(end, JointEnd)
+    at = end.evaluation
+    free = solution.fit.parameters.free
+    gradient = at.jacobian.T @ at.residual
+    # what a step along one parameter alone would gain, were the residuals linear
+    gain = 0.5 * gradient**2 / np.maximum(np.einsum("mp,mp->p", at.jacobian, at.jacobian), 1e-12)
+    steepest = sorted(zip(gain.tolist(), (item.name for item in free), strict=True), reverse=True)[
+        :STEEPEST_FEW
+    ]
+    best = end.searches[end.best]
+    return tuple(
+        say(
+            "fit_failed",
+            message=solution.message,
+            cost=best.cost,
+            start_cost=best.start_cost,
+            searches=len(end.searches),
+            at_bound=end.uncertainty.at_bound,
+            far=far_parameters(end),
+            steepest=[(name, value) for value, name in steepest if value > 0.0],
+            large=sorted(
+                (row for row in end.noise_ratios() if row.ratio > NOISE_TOO_SMALL),
+                key=lambda row: -row.ratio,
+            ),
+            cut=any(s.cut for s in end.searches),
+            failed=sum(s.failed for s in end.searches),
+            iterations=solution.fit.joint.iterations,
+            ended=any("limit of" in s.message for s in end.searches),
+        )
+    )
+
+
+def _own_worth(end: JointEnd) -> dict[str, object]:
+    """What a joint fit knows of its own worth."""
+    u = end.uncertainty
+    ratios = end.noise_ratios()
+    cost = end.searches[end.best].cost
+    shared = [name for name in u.names if owner(name) is None]
+    return {
+        "ratios": [row.ratio for row in ratios],
+        "large": [row for row in ratios if row.ratio > NOISE_TOO_SMALL],
+        "shared": len(shared),
+        "known": sum(name not in u.unidentified for name in shared),
+        "sure_share": SURE_SHARE,
+        "weak": sum(s < 1.0 for s in u.singular_values),
+        "at_bound": u.at_bound,
+        "unidentified": [
+            name for name in u.unidentified if not name.startswith(("curve.", "trial."))
+        ],
+        "pairs": [pair for pair in u.together if all(owner(name) is None for name in pair.names)],
+        "alike": sum(s.success for s in end.alike()),
+        "alike_within": f"{ALIKE:g}",
+        "searches": sum(not s.met for s in end.searches),
+        "met": sum(s.met > 0 for s in end.searches),
+        "untried": end.searches[end.best].success and "limit of" in end.searches[end.best].message,
+        "late": end.late,
+        "cost": cost,
+        "lost": sum(not s.success for s in end.searches),
+        "better": [s.cost for s in end.searches if not s.success and s.cost < cost - ALIKE],
+    }

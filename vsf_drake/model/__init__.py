@@ -1,0 +1,1 @@
+"""What people state: device, person, ground, contact, bench, scenario; units, ranges, sources."""

@@ -1,0 +1,181 @@
+"""Model files, and what the parameters in one must have in common."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import brentq
+
+from vsf_drake.base.errors import require
+from vsf_drake.base.schema import check, load_yaml, unit_hint
+from vsf_drake.model.parameters import ContactZone, FootParameters, ModelParameters
+
+FOAM_LOADS_N = (200.0, 600.0)
+"""Between these the bench measures the stiffness (McGeehan 2021, doi 10.1115/1.4050456; the upper
+one a choice)."""
+DEEPEST_M = 1.0  # a foam that bears less than the largest load at this depth is none
+
+
+def load_model(path: str | Path) -> ModelParameters:
+    """Reads and checks a model file."""
+    return check_model(load_yaml(path, ModelParameters), file=path)
+
+
+def check_model(model: ModelParameters, *, file: str | Path | None = None) -> ModelParameters:
+    """Returns `model` after checking ranges and whether its parts make a foot; see `check_foot`."""
+    check(model, file=file)
+    _check_zones(model.intact_foot.zones, "intact_foot.", file)
+    check_foot(model.foot, file=file, group="foot.")
+    return model
+
+
+def check_foot(
+    foot: FootParameters, *, file: str | Path | None = None, group: str = ""
+) -> FootParameters:
+    """Returns `foot` after checking its ranges and whether its parts make a foot; `group` is what
+    messages call it."""
+    check(foot, file=file, where=group)
+    _check_zones(foot.zones, group, file)
+    length = sum(foot.keel.element_lengths_m)
+    fulcrum = foot.fulcrum
+    places = [1e-3 * x for zone in foot.zones for x in zone.x_mm]
+    parts = (
+        foot.keel.density_kg_m3 * length * foot.keel.width_m * foot.keel.thickness_m
+        + fulcrum.carriage_mass_kg
+    )
+    tip = foot.heel_x_m + foot.length_m
+    below = 0.5 * foot.keel.thickness_m + foot.foam_thickness_m
+    for holds, where, what, right in (
+        (
+            0.0 < fulcrum.rearmost_m < fulcrum.foremost_m < foot.load_point_m <= length + 1e-12,
+            "fulcrum",
+            (
+                f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m and load point "
+                f"{foot.load_point_m} m must increase and lie within the keel of {length:.4f} m"
+            ),
+            None,
+        ),
+        (
+            max(places) <= max(length, tip) + 1e-9,
+            "zones",
+            f"a contact sphere at x = {1e3 * max(places):g} mm is ahead of keel and shell",
+            f"The keel ends at {1e3 * length:g} mm, the shell at {1e3 * tip:g} mm",
+        ),
+        (
+            min(places) < fulcrum.rearmost_m,
+            "zones",
+            "no contact sphere sits on the heel block",
+            f"At least one must lie behind the rearmost fulcrum, {1e3 * fulcrum.rearmost_m:g} mm",
+        ),
+        (
+            parts < foot.mass_kg,
+            "mass_kg",
+            f"keel and carriage weigh {parts:.3f} kg, the whole foot {foot.mass_kg:g} kg",
+            "Give the mass of the whole foot, or make keel or carriage lighter",
+        ),
+        (
+            foot.build_height_m > below,
+            "build_height_m",
+            (
+                f"{foot.build_height_m:g} m from sole to pylon leaves no room above the keel, "
+                f"whose middle is {below:.4g} m above the sole"
+            ),
+            None,
+        ),
+    ):
+        require(holds, what, f"{group}{where}", right, file=file)
+    return foot
+
+
+def _check_zones(zones: tuple[ContactZone, ...], group: str, file: str | Path | None) -> None:
+    require(
+        zones, "there are no contact zones", f"{group}zones", "A foot needs at least one", file=file
+    )
+    for i, zone in enumerate(zones):
+        require(
+            len(zone.x_mm) == len(zone.y_mm) == len(zone.rise_mm) > 0,
+            "x_mm, y_mm and rise_mm must have the same length, at least 1",
+            f"{group}zones[{i}] ({zone.name})",
+            file=file,
+        )
+
+
+def foam_under_load(foot: FootParameters) -> tuple[float, float] | None:
+    """Stiffness (N/m^exponent) and exponent of the spheres in the patch that the bench loads; None
+    without foam.
+
+    It is the walker's side of what the bench knows as `series_stiffness_n_per_m` and
+    `series_exponent`: the two should agree. Exact where the spheres share exponent and height; else
+    the power law of the force that they bear together at FOAM_LOADS_N, counted from where the
+    lowest touches.
+    """
+    loaded = [
+        (zone.stiffness, zone.exponent, 1e-3 * rise_mm)
+        for zone, rise_mm in spheres_under_load(foot)
+    ]
+    if not loaded:
+        return None
+    stiffness, exponent, rise = np.array(loaded).T
+    gap = rise - rise.min()
+    if not gap.any() and (exponent == exponent[0]).all():
+        return float(stiffness.sum()), float(exponent[0])
+
+    def surplus(depth: float, load: float) -> float:
+        return float(np.sum(stiffness * np.maximum(depth - gap, 0.0) ** exponent)) - load
+
+    if surplus(DEEPEST_M, FOAM_LOADS_N[1]) < 0.0:
+        return None
+    # F = k d^n at both loads: n = ln(F2 / F1) / ln(d2 / d1), k = F2 / d2^n, with n of 1 or more.
+    low, high = (
+        brentq(surplus, 0.0, DEEPEST_M, args=(load,), xtol=1e-15, maxiter=1000)
+        for load in FOAM_LOADS_N
+    )
+    power = max(1.0, math.log(FOAM_LOADS_N[1] / FOAM_LOADS_N[0]) / math.log(high / low))
+    return float(FOAM_LOADS_N[1] / high**power), power
+
+
+def secant_stiffness(stiffness: float, exponent: float, load_n: float) -> float:
+    """Force over depth (N/m) of a foam that bears stiffness * depth**exponent, under `load_n`:
+    k^(1/n) F^(1 - 1/n)."""
+    secant: float = stiffness ** (1.0 / exponent) * load_n ** (1.0 - 1.0 / exponent)
+    return secant
+
+
+def spheres_under_load(foot: FootParameters) -> list[tuple[ContactZone, float]]:
+    """Zone and rise (mm) of each contact sphere in the patch that the bench loads."""
+    return [
+        (zone, rise_mm)
+        for zone in foot.zones
+        for x, rise_mm in zip(zone.x_mm, zone.rise_mm, strict=True)
+        if abs(1e-3 * x - foot.load_point_m) <= 0.5 * foot.series_patch_m
+    ]
+
+
+def check_fulcrum(
+    fulcrum_m: float,
+    foot: FootParameters,
+    *,
+    file: str | Path | None = None,
+    where: str = "fulcrum",
+) -> float:
+    """Returns `fulcrum_m` (m from A) if it is a number and the carriage of `foot` can reach it."""
+    low = foot.fulcrum.rearmost_m
+    high = foot.fulcrum.foremost_m
+    require(
+        not np.ndim(fulcrum_m) and np.asarray(fulcrum_m).dtype.kind in "iuf",
+        f"{fulcrum_m!r} is not a number",
+        where,
+        "Its unit is m from A",
+        file=file,
+    )
+    require(
+        low - 1e-9 <= fulcrum_m <= high + 1e-9,
+        f"the fulcrum at {1e3 * fulcrum_m:g} mm is out of the carriage's reach",
+        where,
+        f"It must be between {1e3 * low:g} and {1e3 * high:g} mm"
+        f"{unit_hint(1e3 * fulcrum_m, 'mm', 1e3 * low, 1e3 * high)}",
+        file=file,
+    )
+    return fulcrum_m

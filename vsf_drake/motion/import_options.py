@@ -1,0 +1,74 @@
+"""How recordings become trials: what a manifest, an import or its command says beside the files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from vsf_drake.base.schema import option, quantity, same_as
+from vsf_drake.motion.manifest import Manifest, Window
+from vsf_drake.motion.markers.person_facts import PersonFacts
+
+AROUND_STANCES_S = 0.3
+"""What a walk keeps before and after its stances on plates: the 0.25 s that are scored, and a
+little to settle in."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialOptions:
+    """How markers and plates become a trial, as a manifest or an import says."""
+
+    stated: Mapping[str, float] = field(default_factory=dict)
+    """Fields of `Subject` that are known better than the markers tell, by name; they win."""
+    hip: str = same_as(  # see `calibrate`
+        Manifest, "hip_centre", help="Hip centre: harrington, bell, hara or davis."
+    )
+    cutoff_hz: float | None = same_as(  # of the markers' filter; None leaves them as they are
+        Manifest, "marker_cutoff_hz", help="Cut-off of the zero-phase low-pass of the markers."
+    )
+    longest_gap_s: float = quantity(  # see `fill_gaps`
+        0.1, unit="s", low=0.0, source="choice", help="Longest gap of a marker to fill."
+    )
+    plate_sides: Mapping[str, str | None] | None = None
+    """plate names by side, where the user says which is which foot"""
+    window: Window | None = None
+    around_stances_s: float | None = None
+    """without a window: so much around the prosthetic foot's stances; None: all"""
+    belt_speed_m_per_s: float = same_as(
+        Manifest,
+        "belt_speed_m_per_s",
+        help="Belt speed of a treadmill; + when the belt runs backward.",
+    )
+    unknown_force: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    """Spans (s) by side, stated beside what plates and feet tell; see `Trial.unmeasured`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportOptions(TrialOptions):
+    """How to read and what is known beside the files."""
+
+    person: PersonFacts
+    marker_map: str | None = option(
+        None,
+        "Marker map: plug_in_gait, rajagopal, ior or a file. Default: the best fit.",
+        flag="--map --marker-map",
+    )
+    """a shipped map's name or a file; None: the one that fits the labels best"""
+    fulcrum_mm: tuple[float, ...] = quantity(
+        (),
+        unit="mm",
+        source="set on the device",
+        metavar="MM",
+        help="Required: fulcrum position from the keel's posterior end; once, or once per walk in "
+        "their order.",
+    )
+    laboratory: Mapping[str, str | None] = field(default_factory=dict)
+    """up, forward, length_unit, as for `read_trial`"""
+    scale_prosthesis: bool = option(
+        False, "Make the shell of the model's foot as long as the recorded one."
+    )
+    inverse_kinematics: bool = option(
+        False, "Refine the angles by a global inverse kinematics.", flag="--ik"
+    )
+    around_stances_s: float | None = AROUND_STANCES_S
+    synthetic: bool = option(False, "Nobody was recorded: all results then say SYNTHETIC.")

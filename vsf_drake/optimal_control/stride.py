@@ -1,0 +1,710 @@
+"""One person's stride as a trajectory problem, for any smoothing, grid, cost and range of the
+fulcrum. Its costs:
+
+    joint_load   1/T int sum_j (tau_j / (m g L))^2
+                 + w_s [ (F_x^2 + F_z^2) / (m g)^2 + M^2 / (m g L)^2 ] dt, five sagittal joints, F
+                   and M of the socket on the residual limb; without unit
+    metabolic    1/m int sum_j P_j+ / 0.25 + P_j- / 1.2 dt, J/kg: the efficiencies of positive and
+                 negative muscle work (Margaria's), applied to joints
+    activation   1/T int sum_j a_j^2 dt of the joints that muscles move (`laws.joint_strength`);
+                 without unit
+    push_off     -1/m int P+ dt over late prosthetic stance, J/kg: P is the power of the ground's
+                 wrench at the motion of the residual shank
+    deviation    1/T int mean of the squares of (q - q_ref) / scale and (F - F_ref) / scale, centre
+                 of pressure included, and a little of that of the accelerations, which else
+                 alternate from instant to instant; from the recording, or from the consistent
+                 stride that stands for it (`reference`)
+    tracking     the deviation, and a little joint_load
+    normal       1/T int of half the mean of the squares of angles and half of that of both feet's
+                 forces, each less that of able-bodied walking at this speed, over its standard
+                 deviation between persons (`normal`)
+
+A cost counts as its size over that in the tracked stride (activation: over a typical size, for any
+person), plus `normal_weight` times normal and a little of the squared accelerations (push_off
+alone: ten times as much of normal); with metabolic and push_off comes half as much of joint_load.
+Tracking counts as it is, and alone. P+ is (P + sqrt(P^2 + e^2) - e) / 2, P- likewise.
+
+The speed is given, as recorded or another; the stride's time T may differ by a factor r from T_0,
+that of the recorded stride or, at another speed, of the one made from it (`Stride.at_speed`), its
+length with it. The unknowns are curves over T_0, for which the collocation stays linear; what moves
+is
+
+    q + (r - 1) speed t e_x,    v = (q' + (r - 1) speed e_x) / r,    a = q'' / r^2,    u = w' / r
+
+with e_x the pelvis's way forward, which the level ground does not feel. T in the costs above is
+then T_0, so that metabolic and push_off are of the distance speed T_0.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from vsf_drake.base.errors import InputError, require
+from vsf_drake.base.schema import choice, quantity
+from vsf_drake.collocation import problem as collocation
+from vsf_drake.collocation.problem import Convex, Curve, Grid, Layout, Residuals
+from vsf_drake.collocation.solution import Start, TrajectorySolution
+from vsf_drake.laws.joint_strength import GRAVITY_OF_SOURCE, Muscles
+from vsf_drake.optimal_control.balance import quasi_static_motion
+from vsf_drake.optimal_control.normal import FORCES, NormalGait, normal_gait
+from vsf_drake.optimal_control.recorded_projection import TX
+from vsf_drake.optimal_control.recorded_stride import RecordedStride
+from vsf_drake.optimal_control.reference import (
+    StrideReference,
+    consistent_reference,
+    normal_reference,
+    stride_reference,
+)
+from vsf_drake.simulation.sagittal.linearise import linearise
+from vsf_drake.simulation.sagittal.model import (
+    DESIGN,
+    IMAGINARY_STEP,
+    SOCKET,
+    SagittalModel,
+    Smoothing,
+)
+from vsf_drake.tuning.common import FREE_COSTS, WEIGHTED, FreeMotionOptions
+from vsf_drake.tuning.costs import NEGATIVE_EFFICIENCY, POSITIVE_EFFICIENCY
+
+MM = 1e-3
+SAME_SPEED = 0.005  # m/s, half of the last digit in which a speed is given (a choice)
+LABELS = {
+    "joint_load": "joint and socket load",
+    "metabolic": "metabolic estimate",
+    "activation": "squared activations of the muscles",
+    "push_off": "push-off work, negative",
+    "tracking": "deviation from the consistent stride",
+    "normal": "deviation from able-bodied walking",
+    "smooth": "squared accelerations",
+    "steady": "half of the joint and socket load, for steady torques",
+}
+Term = Residuals | Convex
+PACE = "stride_time"  # over the recorded one
+FREE = (*DESIGN, PACE)  # what all instants share
+OWN = np.array([np.nan, 1.0, 0.0, 1.0, 1.0])  # the device as it is, by FREE
+RANGE = {
+    "heel_stiffness": (0.5, 2.0),
+    "alignment_rad": (-0.07, 0.07),
+    "keel_thickness": (0.8, 1.25),
+    PACE: (0.8, 1.25),
+}
+"""Bounds of the design variables unless given."""
+STAGES = (
+    Smoothing(depth_m=2e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0),
+    Smoothing(depth_m=1e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0),
+)
+"""Down to the fitted contact, but for its last millimetre; the optimum counts only at the end of
+them. From a recorded stride no softer ones are needed (a choice)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrideOptions(FreeMotionOptions):
+    """Options of a stiffness tuning by trajectory optimisation, beside those of
+    `CommonOptions` and `FreeMotionOptions`.
+
+    Attributes:
+        normal_weight: how much of its own size a cost may lose for a deviation from able-bodied
+            walking of one standard deviation between persons. A cost without it exploits what the
+            model does not know: balance, comfort, the contact's law. Chosen on a model of an
+            able-bodied person (studies/adaptive_stride.py).
+        hold_factors: of that weight, with which the optimum and the signs of stiffness are asked
+            again.
+        angle_deg, place_m, force_bw, cop_m: what counts as one in the deviation from a recorded
+            stride.
+        acceleration_weight: of deviations from the recorded accelerations by
+            `acceleration_rad_per_s2` and `acceleration_m_per_s2` in that deviation; smooth_weight:
+            of accelerations of that size beside a cost.
+        torque_weight: of the squared joint moments in the tracking cost, to make the solution
+            unique.
+        smooth_power_w: power below which positive and negative work are rounded.
+        torque_nm_per_kg: largest joint moment. angle_margin_deg: how far an angle may leave the
+            range of its recording and of able-bodied walking.
+        clearance_m: least height of a foot over the ground in the middle of its swing.
+        stages: of smoothing, the last of which counts.
+        positions: how many fixed positions the sweep takes.
+    """
+
+    costs: ClassVar[tuple[str, ...]] = FREE_COSTS
+
+    design: tuple[str, ...] = choice((), options=DESIGN[1:], source="choice")
+    iterations: int = quantity(200, unit="1", low=1, high=10000, source="choice")
+    confirm: tuple[str, ...] = choice(
+        ("snopt", "ipopt"), options=("snopt", "ipopt"), source="choice"
+    )
+    draws: int = quantity(3, unit="1", low=0, high=1000, source="choice")
+    normal_weight: float = quantity(2.0, unit="1", low=1e-4, high=1e3, source="choice")
+    angle_deg: float = quantity(2.0, unit="deg", low=0.1, high=30.0, source="choice")
+    place_m: float = quantity(0.01, unit="m", low=1e-4, high=0.2, source="choice")
+    force_bw: float = quantity(0.05, unit="BW", low=1e-3, high=1.0, source="choice")
+    cop_m: float = quantity(0.05, unit="m", low=1e-3, high=0.2, source="choice")
+    acceleration_rad_per_s2: float = quantity(
+        20.0, unit="rad/s^2", low=0.1, high=1e4, source="choice"
+    )
+    acceleration_m_per_s2: float = quantity(2.0, unit="m/s^2", low=0.01, high=1e3, source="choice")
+    acceleration_weight: float = quantity(0.005, unit="1", low=0.0, high=10.0, source="choice")
+    smooth_weight: float = quantity(0.0005, unit="1", low=0.0, high=10.0, source="choice")
+    torque_weight: float = quantity(0.1, unit="1", low=0.0, high=10.0, source="choice")
+    smooth_power_w: float = quantity(5.0, unit="W", low=0.1, high=100.0, source="choice")
+    torque_nm_per_kg: float = quantity(4.0, unit="N m/kg", low=0.5, high=20.0, source="choice")
+    angle_margin_deg: float = quantity(15.0, unit="deg", low=1.0, high=90.0, source="choice")
+    clearance_m: float = quantity(0.01, unit="m", low=-0.05, high=0.05, source="choice")
+    stages: tuple[Smoothing, ...] = STAGES
+    hold_factors: tuple[float, ...] = (0.25, 4.0)  # a choice
+    positions: int = quantity(9, unit="1", low=2, high=100, source="choice")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.stages:
+            raise InputError("there are none", where="stages", right="Give at least one")
+        if not all(factor > 0.0 for factor in self.hold_factors):
+            raise InputError(f"{self.hold_factors} are not all above 0", where="hold_factors")
+        for factor in self.hold_factors:
+            require(
+                1e-4 <= factor * self.normal_weight <= 1e3,
+                f"{self.normal_weight:g} times {factor:g} of hold_factors is out of range",
+                "normal_weight",
+                "The product must be from 0.0001 to 1000",
+            )
+
+
+class StrideFunction:
+    """The sagittal person as a function of one instant: y (N, m) of z (N, Z), p (5,) of FREE, an
+    `InstantFunction`.
+
+    Outputs are those of `SagittalModel.evaluate`; FOOT_cop_moment, the ground's moment (N m) about
+    +y at the reference's centre of pressure; activation_* of the joints; q_* and a_*, the
+    coordinates and their accelerations themselves, for what compares with a reference. cop_x: by
+    foot (N,) m, where that moment counts. speed: m/s. names: (m,) of the outputs. muscles: of the
+    joints, in the order of the coordinates.
+    """
+
+    def __init__(
+        self,
+        model: SagittalModel,
+        smoothing: Smoothing,
+        cop_x: Mapping[str, np.ndarray],
+        speed: float,
+    ) -> None:
+        self.model = model
+        self.smoothing = smoothing
+        self.speed = speed
+        self.layout = Layout(coordinates=model.coordinates, quasi_static=model.quasi_static)
+        joints = [
+            name.removeprefix("torque_") for name in model.outputs if name.startswith("torque_")
+        ]
+        self.names = (
+            *model.outputs,
+            *(f"{foot}_cop_moment" for foot in cop_x),
+            *(f"activation_{joint}" for joint in joints),
+            *(f"{kind}_{name}" for kind in "qa" for name in model.coordinates),
+        )
+        self._feet = [
+            (model.outputs.index(f"{foot}_my"), model.outputs.index(f"{foot}_fz"), x)
+            for foot, x in cop_x.items()
+        ]
+        subject = model.subject
+        self.muscles = Muscles(
+            [joint.split("_")[0] for joint in joints],
+            subject.sex,
+            subject.mass_kg * GRAVITY_OF_SOURCE * subject.stature_m,
+        )
+        self._torques = [model.outputs.index(f"torque_{joint}") for joint in joints]
+        self._moved = [model.coordinates.index(joint) for joint in joints]
+
+    def index(self, *names: str) -> list[int]:
+        return [self.names.index(name) for name in names]
+
+    def starting_with(self, start: str) -> list[int]:
+        return [i for i, name in enumerate(self.names) if name.startswith(start)]
+
+    def evaluate(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:
+        q, v, *_ = parts = self.parts(z, p)
+        return self._whole(self.model.evaluate(*parts), q, v, z, p[-1])
+
+    def linearise(self, z: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(N, m), (N, m, Z), (N, m, P)."""
+        q, v, a, _, u, *_ = parts = self.parts(z, p)
+        y, by = linearise(self.model, *parts)
+        layout = self.layout
+        pace = p[-1]
+        size = layout.size
+        n = layout.n
+        whole = self._whole(y, q, v, z, pace)
+        moments_by = [by[my] + x * by[fz] for my, fz, x in self._feet]
+        by = np.concatenate([by, np.stack(moments_by), self._activation_by(y, by, q, v)]).transpose(
+            2, 0, 1
+        )
+        by_z = np.concatenate([by[:, :, :size], np.zeros((len(z), 2 * n, size))], axis=1)
+        by_z[:, -2 * n : -n, layout.q] = by_z[:, -n:, layout.a] = np.eye(n)
+
+        # r dv/dr = speed e_x - v, r da/dr = -2 a, r du/dr = -u, at given unknowns.
+        v[TX] -= self.speed
+        by_pace = -sum(
+            gain * np.einsum("nmi,in->nm", by_z[:, :, part], moved) / pace
+            for gain, part, moved in ((1.0, layout.v, v), (2.0, layout.a, a), (1.0, layout.u, u))
+        )
+        for power, part in ((1, layout.v), (2, layout.a), (1, layout.u)):
+            by_z[:, :, part] /= pace**power
+        by_device = np.concatenate(
+            [by[:, :, size:], np.zeros((len(z), 2 * n, len(DESIGN)))], axis=1
+        )
+        return whole, by_z, np.concatenate([by_device, by_pace[:, :, None]], axis=2)
+
+    def _whole(
+        self, y: np.ndarray, q: np.ndarray, v: np.ndarray, z: np.ndarray, pace: float
+    ) -> np.ndarray:
+        moments = [y[my] + x * y[fz] for my, fz, x in self._feet]
+        active = self.muscles.activation(y[self._torques], q[self._moved], v[self._moved])
+        return np.concatenate(
+            [
+                np.concatenate([y, np.stack(moments), active]).T,
+                z[:, self.layout.q],
+                z[:, self.layout.a] / pace**2,
+            ],
+            axis=1,
+        )
+
+    def _activation_by(
+        self, y: np.ndarray, by: np.ndarray, q: np.ndarray, v: np.ndarray
+    ) -> np.ndarray:
+        """(joints, 52, N) by what `SagittalModel.evaluate` is given; of the law by complex
+        steps."""
+        of = np.stack([y[self._torques], q[self._moved], v[self._moved]])
+        steps = of[:, None] + 1j * IMAGINARY_STEP * np.eye(3)[:, :, None, None]
+        by_torque, by_angle, by_rate = self.muscles.activation(*steps).imag / IMAGINARY_STEP
+        rows = by_torque[:, None] * by[self._torques]
+        each = np.arange(len(self._moved))
+        moved = np.array(self._moved)
+        rows[each, moved] += by_angle
+        rows[each, len(q) + moved] += by_rate
+        return np.asarray(rows)
+
+    def parts(self, z: np.ndarray, p: np.ndarray) -> tuple[Any, ...]:
+        """What `SagittalModel.evaluate` is to be given, but for the shift along the ground."""
+        layout, (*device, pace) = self.layout, p
+        q, v, a, w, u = (
+            np.ascontiguousarray(z[:, part].T)
+            for part in (layout.q, layout.v, layout.a, layout.w, layout.u)
+        )
+        v[TX] += (pace - 1.0) * self.speed
+        return (
+            q,
+            v / pace,
+            a / pace**2,
+            w,
+            u / pace,
+            np.repeat(np.array(device)[:, None], len(z), 1),
+            self.smoothing,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Stride:
+    """A stride at one speed, on a grid of instants and under one smoothing of the contact."""
+
+    model: SagittalModel  # of the person
+    recorded: RecordedStride | None  # None where nothing was recorded at this speed
+    advance_m: float  # length of the stride in the grid's time
+    tilt_rad: float  # mean tilt of the pelvis
+    own_m: float  # the fulcrum's position in the recording
+    leg_m: float  # hip to ankle, intact side
+    hip_height_m: float  # hip centre to sole of that leg, straight
+    options: StrideOptions
+    grid: Grid
+    smoothing: Smoothing
+    consistent: TrajectorySolution | None = None
+    """the tracked stride, which stands for the recording from then on"""
+    bend_rad: float = 0.0
+    """by which the prosthetic knee is to be more bent than able-bodied, for a start"""
+
+    @cached_property
+    def reference(self) -> StrideReference:
+        recorded = (
+            self.able_bodied
+            if self.recorded is None
+            else stride_reference(self.recorded, self.grid.times_s, self.options.late_share)
+        )
+        if self.consistent is None:
+            return recorded
+        return consistent_reference(recorded, self.consistent, self.grid, self.model.outputs)
+
+    @cached_property
+    def gait(self) -> NormalGait:
+        return normal_gait(self.speed, self.hip_height_m)
+
+    @cached_property
+    def able_bodied(self) -> StrideReference:
+        """Able-bodied walking at this speed."""
+        return normal_reference(
+            self.gait, self.model, self.grid, self.advance_m, self.tilt_rad, self.options.late_share
+        )
+
+    @cached_property
+    def function(self) -> StrideFunction:
+        return StrideFunction(self.model, self.smoothing, self.reference.cop_x, self.speed)
+
+    @property
+    def speed(self) -> float:
+        """m/s."""
+        return self.advance_m / self.grid.duration_s
+
+    @property
+    def reach_mm(self) -> tuple[float, float]:
+        fulcrum = self.model.foot.fulcrum
+        return self.options.bounds_mm or (fulcrum.rearmost_m / MM, fulcrum.foremost_m / MM)
+
+    def at_speed(self, speed_m_per_s: float, before: Start) -> tuple[Stride, Start]:
+        """The stride at another speed, of which nothing was recorded, and a start there from one at
+        this speed; its time and length change alike."""
+        longer = float(np.sqrt(speed_m_per_s / self.speed))
+        duration = self.grid.duration_s / longer
+        layout = self.function.layout
+        z = before.z.copy()
+        z[:, TX] = longer * (z[:, TX] - z[0, TX])
+        for rank, part in enumerate((layout.v, layout.a), 1):
+            z[:, part] *= longer**rank
+        z[:, layout.v.start + TX] *= longer
+        z[:, layout.a.start + TX] *= longer
+        z[:, layout.u] *= longer
+        return dataclasses.replace(
+            self,
+            recorded=None,
+            consistent=None,
+            advance_m=longer * self.advance_m,
+            grid=dataclasses.replace(self.grid, duration_s=duration),
+        ), Start(z=z, p=before.p)
+
+    def value(self, cost: str, y: np.ndarray) -> float:
+        """A cost of the module's text by its name, of outputs y (N, m)."""
+        return sum(float(self.grid.weights @ part.values(y)) for part in self.terms(cost))
+
+    def terms(self, cost: str, factor: float = 1.0) -> list[Term]:
+        kinds = {
+            "joint_load": self._joint_load,
+            "metabolic": self._metabolic,
+            "activation": self._activation,
+            "push_off": self._push_off,
+            "deviation": self._deviation,
+            "tracking": self._tracking,
+            "normal": self._normal,
+            "smooth": self._smooth,
+        }
+        return kinds[cost](factor)
+
+    def minimised(self, cost: str, sizes: Mapping[str, float]) -> list[Term]:
+        """The terms that are minimised for `cost`, named; sizes: of the costs in the tracked
+        stride."""
+        if cost == "tracking":
+            parts = {"tracking": self.terms("tracking")}
+        else:
+            weights = self.options.weights if cost == WEIGHTED else {cost: 1.0}
+            every = sum(weights.values())
+            sizes = {**sizes, "activation": TYPICAL_ACTIVATION}
+            parts = {
+                name: self.terms(name, weight / every / abs(sizes[name]))
+                for name, weight in weights.items()
+                if weight
+            }
+            hold = self.options.normal_weight * (UNBOUNDED if cost == "push_off" else 1.0)
+            parts |= {
+                "normal": self.terms("normal", hold),
+                "smooth": self.terms("smooth", self.options.smooth_weight),
+            }
+            work = sum(weights.get(name, 0.0) for name in WORK)
+            if work:
+                parts["steady"] = self.terms(
+                    "joint_load", STEADY * work / every / sizes["joint_load"]
+                )
+        return [
+            dataclasses.replace(part, name=name) for name, terms in parts.items() for part in terms
+        ]
+
+    def _joint_load(self, factor: float) -> list[Term]:
+        weight = self.model.weight
+        moment = self.model.weight * self.leg_m
+        each = 2.0 * factor / self.grid.duration_s
+        socket = self.function.starting_with("force_")
+        scale = np.array([weight, weight, moment])
+        return [
+            Residuals(outputs=self.function.starting_with("torque_"), weight=each / moment**2),
+            Residuals(
+                outputs=socket, weight=each * self.options.socket_weight / scale[: len(socket)] ** 2
+            ),
+        ]
+
+    def _metabolic(self, factor: float) -> list[Term]:
+        curve = _work(self.options.smooth_power_w)
+        weight = factor / self.model.subject.mass_kg
+        return [
+            Convex(output=i, function=curve, weight=weight)
+            for i in self.function.starting_with("power_")
+        ]
+
+    def _activation(self, factor: float) -> list[Term]:
+        return [
+            Residuals(
+                outputs=self.function.starting_with("activation_"),
+                weight=2.0 * factor / self.grid.duration_s,
+            )
+        ]
+
+    def _push_off(self, factor: float) -> list[Term]:
+        (power,) = self.function.index("prosthesis_power")
+        return [
+            Convex(
+                output=power,
+                function=_gained(self.options.smooth_power_w),
+                weight=factor / self.model.subject.mass_kg * self.reference.late,
+            )
+        ]
+
+    def _normal(self, factor: float) -> list[Term]:
+        # twice the half
+        target = self.able_bodied
+        each = factor / self.grid.duration_s
+        angle_sd = self.gait.angle_sd(self.model.coordinates)
+        force_sd = self.model.weight * np.array([self.gait.sd[name] for name in FORCES])
+        knee = [
+            name.startswith("knee") and name.endswith(self.model.subject.prosthetic_side[0])
+            for name in self.model.coordinates
+        ]
+        angles = Residuals(
+            outputs=self.function.starting_with("q_"),
+            target=target.q + np.where(knee, self.bend_rad, 0.0),
+            weight=each / np.isfinite(angle_sd).sum() / angle_sd**2,
+        )
+        return [
+            angles,
+            *(
+                Residuals(
+                    outputs=self.function.index(f"{foot}_fx", f"{foot}_fz"),
+                    target=force,
+                    weight=each / (2 * len(target.force)) / force_sd**2,
+                )
+                for foot, force in target.force.items()
+            ),
+        ]
+
+    def _smooth(self, factor: float) -> list[Term]:
+        fast = self._fast
+        return [
+            Residuals(
+                outputs=self.function.starting_with("a_"),
+                weight=2.0 * factor / self.grid.duration_s / len(fast) / fast**2,
+            )
+        ]
+
+    @property
+    def _fast(self) -> np.ndarray:
+        """(n,) accelerations that count as one."""
+        fast = np.full(self.function.layout.n, self.options.acceleration_rad_per_s2)
+        fast[1:3] = self.options.acceleration_m_per_s2
+        return fast
+
+    def _deviation(self, factor: float) -> list[Term]:
+        options = self.options
+        reference = self.reference
+        n = self.function.layout.n
+        scale = np.full(n, np.radians(options.angle_deg))
+        scale[1:3] = options.place_m
+        each = 2.0 * factor / self.grid.duration_s
+        terms: list[Term] = [
+            Residuals(
+                outputs=self.function.starting_with("q_"),
+                target=reference.q,
+                weight=0.5 * each / n / scale**2,
+            )
+        ]
+        terms.append(
+            Residuals(
+                outputs=self.function.starting_with("a_"),
+                target=reference.a,
+                weight=each * options.acceleration_weight / n / self._fast**2,
+            )
+        )
+        for foot, force in reference.force.items():
+            outputs = self.function.index(f"{foot}_fx", f"{foot}_fz", f"{foot}_cop_moment")
+            scales = self.model.weight * np.array(
+                [options.force_bw, options.force_bw, options.cop_m]
+            )
+            terms.append(
+                Residuals(
+                    outputs=outputs,
+                    target=np.column_stack([force, reference.moment[foot]]),
+                    weight=0.5
+                    * each
+                    / (3 * len(reference.force))
+                    * reference.known[foot][:, None]
+                    / scales**2,
+                )
+            )
+        return terms
+
+    def _tracking(self, factor: float) -> list[Term]:
+        return self._deviation(factor) + self._joint_load(
+            factor * self.options.torque_weight / TYPICAL_LOAD
+        )
+
+    def problem(
+        self, terms: Sequence[Term], fulcrum_mm: tuple[float, float], design: tuple[str, ...] = ()
+    ) -> collocation.TrajectoryProblem:
+        """The problem with the fulcrum within a range; equal ends fix it. design: of FREE, what
+        else is free. Where the terms hold it to able-bodied walking, angles have the range of that
+        beside their recorded one."""
+        function = self.function
+        reference = self.reference
+        options = self.options
+        layout = function.layout
+        low = OWN.copy()
+        high = OWN.copy()
+        low[0], high[0] = fulcrum_mm[0] * MM, fulcrum_mm[1] * MM
+        for name in design:
+            low[FREE.index(name)], high[FREE.index(name)] = options.design_bounds.get(
+                name, RANGE[name]
+            )
+        margin = np.radians(options.angle_margin_deg)
+        z_low, z_high = (
+            np.full((self.grid.instants, layout.size), end) for end in (-np.inf, np.inf)
+        )
+        held = [self.able_bodied.q] if any(part.name == "normal" for part in terms) else []
+        angles = np.concatenate([reference.q, *held])[:, 3:]
+        z_low[:, 3 : layout.n], z_high[:, 3 : layout.n] = (
+            angles.min(0) - margin,
+            angles.max(0) + margin,
+        )
+        # where on level ground a stride begins nothing tells
+        z_low[0, TX] = z_high[0, TX] = reference.q[0, TX]
+        torque = options.torque_nm_per_kg * self.model.subject.mass_kg
+        limits = [
+            collocation.Limits(outputs=function.starting_with("torque_"), low=-torque, high=torque)
+        ]
+        for foot, swing in reference.clear.items():
+            limits.append(
+                collocation.Limits(
+                    outputs=function.index(f"{foot}_sole"),
+                    low=np.where(swing, options.clearance_m, -np.inf)[:, None],
+                )
+            )
+        advance = np.zeros(layout.n)
+        advance[TX] = self.advance_m
+        return collocation.TrajectoryProblem(
+            function,
+            layout,
+            self.grid,
+            outputs=len(function.names),
+            equations=function.starting_with("balance_"),
+            limits=limits,
+            residuals=[part for part in terms if isinstance(part, Residuals)],
+            convex=[part for part in terms if isinstance(part, Convex)],
+            design=collocation.Design(
+                names=FREE, low=low, high=high, scale=np.array([0.02, 0.2, 0.02, 0.1, 0.1])
+            ),
+            advance=advance,
+            low=z_low,
+            high=z_high,
+            z_scale=_variable_scales(layout),
+            y_scale=_output_scales(
+                function.names, self.model.weight, self.model.weight * self.leg_m
+            ),
+        )
+
+    def start(self, fulcrum_mm: float) -> Start:
+        """The recorded motion with keel and socket in balance: not yet a possible motion, but for
+        them."""
+        reference = self.reference
+        layout = self.function.layout
+        p = np.array([fulcrum_mm * MM, *OWN[1:]])
+        z = np.zeros((self.grid.instants, layout.size))
+        z[:, layout.q], z[:, layout.v], z[:, layout.a] = reference.q, reference.v, reference.a
+        if layout.k:
+            w, u = quasi_static_motion(
+                self.model,
+                reference.q.T,
+                reference.v.T,
+                reference.a.T,
+                p[:-1],
+                self.grid.rates(),
+                self.smoothing,
+            )
+            z[:, layout.w], z[:, layout.u] = w.T, u.T
+        return Start(z=z, p=p)
+
+
+WORK = ("metabolic", "push_off")
+STEADY = 0.5
+"""How much a joint load as large as the tracked stride's adds to one of WORK as large (a choice).
+Work alone does not mind torques that jump from instant to instant where a joint hardly turns, and
+these do not carry the full model: with 0, 0.1, 0.3, 0.5 it was 6.9, 5.6, 3.0, 2.0 % of body weight
+off (metabolic, `medium_1` of the exact tier, 40 intervals, held to its recording)."""
+UNBOUNDED = 10.0
+"""How much more the cost push_off alone is held to able-bodied walking: work has no end that it
+could come near."""
+TYPICAL_LOAD = 0.05  # size of joint_load in walking, to which `torque_weight` refers
+# size of activation in walking, one for all persons: `normal_weight` is against it
+TYPICAL_ACTIVATION = 0.5
+
+
+def _work(smooth_w: float) -> Curve:
+    """P+ and P- over their efficiencies."""
+    mean = 0.5 * (1.0 / POSITIVE_EFFICIENCY + 1.0 / NEGATIVE_EFFICIENCY)
+    difference = mean - 1.0 / NEGATIVE_EFFICIENCY
+
+    def curve(power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        root = np.sqrt(power**2 + smooth_w**2)
+        return (
+            mean * (root - smooth_w) + difference * power,
+            mean * power / root + difference,
+            mean * smooth_w**2 / root**3,
+        )
+
+    return curve
+
+
+def _gained(smooth_w: float) -> Curve:
+    """-P+ and its slope; that it is concave is left out of the curvature."""
+
+    def curve(power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        root = np.sqrt(power**2 + smooth_w**2)
+        return -0.5 * (power + root - smooth_w), -0.5 * (1.0 + power / root), np.zeros_like(power)
+
+    return curve
+
+
+BALANCE_OF_BODY = ("balance_pelvis_tilt", "balance_pelvis_tx", "balance_pelvis_ty")
+
+
+def _output_scales(names: tuple[str, ...], weight_n: float, moment_nm: float) -> np.ndarray:
+    scale = np.ones(len(names))
+    for i, name in enumerate(names):
+        kind = name.split("_")[0]
+        turning = not any(part in name for part in ("_tx", "_ty", "_tz", "_fx", "_fz"))
+        scale[i] = {
+            "power": weight_n,
+            "stored": weight_n,
+            "prosthesis": weight_n,
+            "q": 0.1,
+            "a": 20.0,
+        }.get(kind, moment_nm if turning else weight_n)
+        if kind == "balance" and name not in BALANCE_OF_BODY and turning:
+            scale[i] = 0.1 * moment_nm
+        if name.endswith("_sole"):
+            scale[i] = 0.01
+    return scale
+
+
+def _variable_scales(layout: Layout) -> np.ndarray:
+    scale = np.ones(layout.size)
+    for kind, angle, length in (("q", 0.1, 0.05), ("v", 1.0, 0.5), ("a", 20.0, 10.0)):
+        part = getattr(layout, kind)
+        scale[part] = angle
+        scale[part][1:3] = length
+    socket = np.array([5e-3, 5e-3, 0.05])
+    w = np.append(socket, np.full(max(layout.k - len(SOCKET), 0), 0.02))[: layout.k]
+    scale[layout.w], scale[layout.u] = w, 10.0 * w
+    return scale

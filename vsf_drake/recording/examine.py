@@ -1,0 +1,470 @@
+"""Every check of one trial, from markers or from joint angles, and what a report needs to show
+them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from vsf_drake.base.schema import to_plain
+from vsf_drake.base.sentences import say
+from vsf_drake.model.parameters import PELVIS_TRANSLATIONS
+from vsf_drake.motion.events import (
+    Stance,
+    find_stances,
+    kinematic_stances,
+    walking_direction,
+    within,
+)
+from vsf_drake.motion.formats.recording import SIDES, os_to_world
+from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
+from vsf_drake.motion.markers.posture import NOTE
+from vsf_drake.motion.markers.segments import FootTrack, TrackedMotion
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trial import RecordingMark, Trial, on_the_belt
+from vsf_drake.recording import (
+    DOUBTFUL_BW,
+    GOOD_BW,
+    Check,
+    checked,
+    costs,
+    expected_error,
+    force_checks,
+    motion_checks,
+    overall,
+)
+from vsf_drake.recording import foot as feet_of
+from vsf_drake.recording.foot import FootMotion, flat_phase, model_motion
+
+GRID_S = 1e-3
+# velocities this near an end of a filtered recording are not its own (a choice: half a period of
+# 6 Hz)
+EDGE_S = 0.1
+# a plate that sees less of a stance than its motion tells by more than this has seen a part of it
+PARTIAL_S = 0.12
+
+
+@dataclass(frozen=True, eq=False)
+class Examined:
+    """A trial with all that was found about it."""
+
+    trial: Trial
+    checks: tuple[Check, ...]  # in the order of the report
+    notes: tuple[str, ...]  # the trial's, and the tracking's
+    feet: dict[str, FootMotion]  # that were judged, as markers saw them where there are any
+    stances: dict[str, list[Stance]]
+
+    @property
+    def mark(self) -> str:
+        """Of its expected error, unless a fault makes it unusable."""
+        return overall(self.checks)
+
+    @property
+    def expected_error_bw(self) -> float:
+        """Of the predicted force, in body weights; see `recording.expected_error`."""
+        return expected_error(self.checks)
+
+    @property
+    def verdict(self) -> str:
+        """Mark and expected error in words, with what made it so: the limit that the error is
+        beyond and its largest share, the checks that are unusable, the doubts that alone make a
+        recording doubtful."""
+        error = self.expected_error_bw
+        shares = costs(self.checks)
+        beyond = {"doubtful": GOOD_BW, "unusable": DOUBTFUL_BW}.get(self.mark)
+        [verdict] = say(
+            "recording",
+            "verdict",
+            mark=self.mark,
+            error=error,
+            largest=next(iter(shares.items()), None),
+            limit=beyond if beyond is not None and error >= beyond else None,
+            failed=self._named(check for check in self.checks if check.mark == "unusable"),
+            doubted=self._named(
+                check for check in self.checks if check.mark == "doubtful" and check.needed
+            ),
+        )
+        return verdict
+
+    @property
+    def judged(self) -> RecordingMark:
+        """What results made of the trial carry on."""
+        return RecordingMark(
+            mark=self.mark, expected_error_bw=self.expected_error_bw, verdict=self.verdict
+        )
+
+    @staticmethod
+    def _named(checks: Iterable[Check]) -> list[str]:
+        """The names of checks, once, each with the sides that it is about."""
+        sides: dict[str, list[str]] = {}
+        for check in checks:
+            sides.setdefault(check.name, []).extend(filter(None, [check.side]))
+        return [
+            f"{name}, {' and '.join(dict.fromkeys(of))}" if of else name
+            for name, of in sides.items()
+        ]
+
+
+def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
+    """Looks at one trial from every side; `stated` are checks on what was stated and what had to be
+    estimated."""
+    model_feet, body = model_motion(
+        trial.subject, trial.model, trial.trajectory, offsets=trial.offsets
+    )
+    feet = model_feet
+    if trial.tracked is not None:
+        feet, body = _tracked(trial, trial.tracked)
+    pelvis = pelvis_in_world(trial.trajectory.time_s, trial)
+    measured = _measured(trial)
+    moving = _moving(feet, pelvis, trial)
+    travel = pelvis[-1] - pelvis[0]
+    heading_rad = float(np.arctan2(travel[1], travel[0]))
+    stances = {
+        side: _within(trial, _joined(moving[side], measured.get(side, []))) for side in SIDES
+    }
+    durations = [s.duration_s for of_foot in stances.values() for s in of_foot if s.complete]
+    side, usual = trial.subject.prosthetic_side, float(np.mean(durations)) if durations else None
+    if feet_of.turns_in_stance(feet[side], stances[side], usual_s=usual):
+        feet = {**feet, side: dataclasses.replace(feet[side], undeformed=True)}
+    checks: list[Check | None] = list(stated)
+    for side in sorted(SIDES, key=lambda side: side != trial.subject.prosthetic_side):
+        foot = feet[side]
+        plate = trial.plates.get(side)
+        felt = _within(trial, measured.get(side, []))
+        cop = (
+            _at(foot.time_s, plate.time_s, plate.cop_W)
+            if plate is not None and plate.has_cop
+            else None
+        )
+        checks += force_checks.foot_checks(
+            foot, stances[side], cop, usual_s=usual, heading_rad=heading_rad
+        )
+        if foot.prosthetic:
+            checks += [
+                force_checks.sole_roll(
+                    foot,
+                    rows,
+                    model_feet[side],
+                    number,
+                    seen=trial.tracked is not None,
+                    inversion_rad=trial.subject.prosthesis_inversion_rad,
+                )
+                for number, stance in enumerate(stances[side], start=1)
+                if (rows := flat_phase(foot, stance, usual_s=usual)) is not None
+            ]
+        checks += [
+            force_checks.clearance(model_feet[side], stances[side]),
+            force_checks.touch_down(model_feet[side], felt),
+            force_checks.depth(
+                model_feet[side], felt, mass_kg=trial.subject.mass_kg, fulcrum_m=trial.fulcrum_m
+            ),
+        ]
+        if plate is not None and cop is not None:
+            checks.append(force_checks.cop_under_foot(foot, plate, cop))
+            if foot.prosthetic:
+                modelled = model_feet[side]
+                at_model = _at(modelled.time_s, plate.time_s, plate.cop_W)
+                checks.append(force_checks.strike(modelled, at_model, measured.get(side, [])))
+    slides = [
+        float(feet_of.slip_velocity(foot, feet_of.floor_point(foot))[rows, 0].mean())
+        for side, foot in feet.items()
+        for stance in stances[side]
+        if (rows := flat_phase(foot, stance, usual_s=usual)) is not None
+    ]
+    checks += [
+        *_forces(trial, body, measured, moving),
+        motion_checks.belt(slides),
+        *_angles(trial, pelvis, _strides_per_s(stances)),
+        *_markers(trial),
+    ]
+    notes = (
+        trial.notes
+        if trial.tracked is None
+        else tuple(dict.fromkeys((*trial.notes, *trial.tracked.notes)))
+    )
+    return Examined(
+        trial, tuple(check for check in checks if check is not None), notes, feet, stances
+    )
+
+
+def weighed(trial: Trial) -> Check:
+    """The mass that the plates felt in a trial from markers, whatever the trial says it is."""
+    if trial.tracked is None:
+        raise ValueError("only a trial from markers knows which foot was where")
+    feet, body = _tracked(trial, trial.tracked)
+    moving = _moving(feet, pelvis_in_world(trial.trajectory.time_s, trial), trial)
+    felt = _forces(trial, body, _measured(trial), moving)[0]
+    assert felt is not None
+    return felt
+
+
+def pelvis_in_world(time_s: np.ndarray, trial: Trial) -> np.ndarray:
+    """(n, 3) m, the pelvis's origin at `time_s`."""
+    return os_to_world(
+        trial.trajectory.ordered(("pelvis_tx", "pelvis_ty", "pelvis_tz")).sample(time_s)[0]
+    )
+
+
+def _measured(trial: Trial) -> dict[str, list[Stance]]:
+    return {
+        side: find_stances(plate.time_s, plate.force_W[:, 2])
+        for side, plate in trial.plates.items()
+    }
+
+
+def _tracked(
+    trial: Trial, tracked: TrackedMotion
+) -> tuple[dict[str, FootMotion], CoordinateTrajectory]:
+    """Seen from the belt: feet, and the body's centre of mass with the pelvis, where their own
+    markers show them."""
+    shift = np.outer(trial.belt_speed_m_per_s * tracked.time_s, [1.0, 0.0, 0.0])
+    R_W, _ = orientations_of(tracked.values[:, [tracked.names.index(name) for name in COORDINATES]])
+    feet = {
+        side: FootMotion(
+            side,
+            tracked.time_s,
+            heel_W=track.heel_W + shift,
+            toe_W=track.toe_W + shift,
+            ankle_W=track.ankle_W + shift,
+            prosthetic=side == trial.subject.prosthetic_side,
+            lowest_m=np.minimum(track.heel_W[:, 2], track.toe_W[:, 2]),
+            left_W=R_W[f"foot_{side}"][:, :, 1],
+        )
+        for side, track in tracked.feet.items()
+    }
+    motion = tracked.trajectory(trial.trajectory.names, source=trial.trajectory.source)
+    motion, _, _ = on_the_belt(motion, {}, speed_m_per_s=trial.belt_speed_m_per_s)
+    return feet, model_motion(trial.subject, trial.model, motion)[1]
+
+
+def _moving(
+    feet: Mapping[str, FootMotion], pelvis: np.ndarray, trial: Trial
+) -> dict[str, list[Stance]]:
+    tracks = {side: FootTrack(foot.heel_W, foot.toe_W, foot.ankle_W) for side, foot in feet.items()}
+    forward = walking_direction(tracks, pelvis)
+    return {
+        side: kinematic_stances(
+            foot.time_s,
+            tracks[side],
+            _at(foot.time_s, trial.trajectory.time_s, pelvis, beyond=False),
+            forward_W=forward,
+        )
+        for side, foot in feet.items()
+    }
+
+
+def _joined(moving: Sequence[Stance], measured: Sequence[Stance]) -> list[Stance]:
+    """All stances; where a plate saw the whole of one, its instants."""
+
+    def common(a: Stance, b: Stance) -> float:
+        return min(a.end_s, b.end_s) - max(a.start_s, b.start_s)
+
+    joined = []
+    for stance in moving:
+        whole = [
+            m
+            for m in measured
+            if common(m, stance) > 0.5 * m.duration_s
+            and abs(m.start_s - stance.start_s) + abs(m.end_s - stance.end_s) < 2 * PARTIAL_S
+            and m.complete
+        ]
+        joined.append(whole[0] if whole else stance)
+    joined += [m for m in measured if not any(common(m, s) > 0.0 for s in joined)]
+    return sorted(joined, key=lambda s: s.start_s)
+
+
+def _within(trial: Trial, stances: Iterable[Stance]) -> list[Stance]:
+    return [s for s in stances if min(s.end_s, trial.end_s) > max(s.start_s, trial.start_s)]
+
+
+def _at(
+    time_s: np.ndarray, known_s: np.ndarray, values: np.ndarray, *, beyond: bool = True
+) -> np.ndarray:
+    """Columns of `values` at other instants; beyond the known ones NaN, or the last value."""
+    ends = {"left": np.nan, "right": np.nan} if beyond else {}
+    return np.column_stack([np.interp(time_s, known_s, column, **ends) for column in values.T])
+
+
+def _forces(
+    trial: Trial,
+    motion: CoordinateTrajectory,
+    measured: Mapping[str, list[Stance]],
+    moving: Mapping[str, list[Stance]],
+) -> list[Check | None]:
+    start = max([motion.start_s, *(float(plate.time_s[0]) for plate in trial.plates.values())])
+    end = min([motion.end_s, *(float(plate.time_s[-1]) for plate in trial.plates.values())])
+    time = np.arange(start, end, GRID_S)
+    if len(time) < 3:
+        raise ValueError(f"forces and motion of {trial.name} do not overlap")
+    vertical = sum(
+        (np.interp(time, plate.time_s, plate.force_W[:, 2]) for plate in trial.plates.values()),
+        start=np.zeros(len(time)),
+    )
+    known = force_checks.covered(time, trial.plates, measured, moving)
+    known &= (time >= motion.start_s + EDGE_S) & (time <= motion.end_s - EDGE_S)
+    known &= ~within(time, (span for spans in trial.unmeasured.values() for span in spans))
+    _, velocity, acceleration = motion.sample(time)
+    shears = [
+        force_checks.shear(plate, _at(plate.time_s, motion.time_s, motion.values), side)
+        for side, plate in trial.plates.items()
+        if plate.has_cop
+    ]
+    return [
+        force_checks.mass(
+            time,
+            vertical,
+            velocity[:, 2],
+            known,
+            mass_kg=trial.subject.mass_kg,
+            feet=len(trial.plates),
+        ),
+        *shears,
+        force_checks.lag(time, vertical, acceleration[:, 2], known)
+        or force_checks.event_lag(measured, moving),
+    ]
+
+
+def _strides_per_s(stances: Mapping[str, Sequence[Stance]]) -> float | None:
+    """From touch-downs of either foot after the other; None without two at different instants."""
+    touched = sorted(
+        (stance.start_s, side)
+        for side, own in stances.items()
+        for stance in own
+        if stance.start_seen
+    )
+    steps = [after[0] - before[0] for before, after in pairwise(touched) if before[1] != after[1]]
+    steps = [step for step in steps if step > 0.0]
+    return 0.5 / float(np.median(steps)) if steps else None
+
+
+def _angles(trial: Trial, pelvis: np.ndarray, strides_per_s: float | None) -> list[Check | None]:
+    motion = trial.trajectory
+    angles = dict(zip(motion.names, motion.values.T, strict=True))
+    speed = np.linalg.norm(np.gradient(pelvis[:, :2], motion.time_s, axis=0), axis=1)
+    standing = None if trial.calibration is None else trial.calibration.angles_rad
+    intact = next(side for side in SIDES if side != trial.subject.prosthetic_side)
+    return [
+        motion_checks.zeroed(angles, standing, speed),
+        motion_checks.zero_mean(angles),
+        motion_checks.ankle_offset(angles, intact),
+        _foot_length(trial),
+        *(motion_checks.knee_axis(angles, side) for side in SIDES),
+        motion_checks.smoothness(motion.time_s, angles),
+        None
+        if strides_per_s is None
+        else motion_checks.smoothed(
+            motion.time_s,
+            angles,
+            speed_m_per_s=float(np.median(speed)),
+            strides_per_s=strides_per_s,
+        ),
+        *motion_checks.walking(motion.time_s, pelvis),
+    ]
+
+
+def _foot_length(trial: Trial) -> Check | None:
+    """The length of the prosthetic foot, or where only that is known of the intact one, against the
+    model's."""
+    if trial.calibration is not None:
+        recorded = trial.calibration.lengths_m[f"foot_{trial.subject.prosthetic_side}"]
+    elif trial.subject.foot_length_m is not None:
+        recorded = trial.subject.foot_length_m
+    else:
+        return None
+    return motion_checks.foot_length(
+        recorded, trial.model.foot.length_m, intact=trial.calibration is None
+    )
+
+
+def _markers(trial: Trial) -> list[Check | None]:
+    tracked = trial.tracked
+    calibration = trial.calibration
+    recording = trial.recording
+    if tracked is None or calibration is None or recording is None:
+        return []
+    used = {label for segment in calibration.segments.values() for label in segment.labels}
+    raw = {
+        label: values for label, values in recording.markers.items() if label in used
+    } or recording.markers
+    return [
+        motion_checks.spread("residuals", tracked.residual_rms_m),
+        motion_checks.spread("cluster_motion", tracked.cluster_motion_m),
+        motion_checks.spread("joint_gaps", tracked.joint_gap_m),
+        motion_checks.gaps_filled(tracked.gaps),
+        motion_checks.filtered_before(
+            raw, recording.marker_rate_hz or 0.0, cutoff_hz=trial.cutoff_hz
+        ),
+        *(
+            checked(
+                "plate_and_foot",
+                "plate and foot",
+                "doubtful",
+                c.start_s,
+                "s",
+                side=c.side,
+                plate=c.plate,
+                start_s=c.start_s,
+                end_s=c.end_s,
+                warning=c.warning,
+            )
+            for c in trial.contacts
+            if c.warning
+        ),
+        Check("left and right", "doubtful", None, "", NOTE) if NOTE in recording.notes else None,
+        *motion_checks.leg_lengths(calibration.lengths_m),
+    ]
+
+
+# An examined trial in numbers, for import.json and check.json.
+
+
+def trial_table(item: Examined) -> dict[str, object]:
+    """Everything that was found about one trial; units are in the names, or beside the value."""
+    trial = item.trial
+    tracked = item.trial.tracked
+    table: dict[str, object] = {
+        "name": trial.name,
+        "synthetic": trial.synthetic,
+        "mark": item.mark,
+        "verdict": item.verdict,
+        "expected_error_bw": item.expected_error_bw,
+        "checks": item.checks,
+        "notes": item.notes,
+        "window_s": (trial.start_s, trial.end_s),
+        "fulcrum_mm": 1e3 * trial.fulcrum_m,
+        "stances": item.stances,
+        "contacts": trial.contacts,
+        "unmeasured_s": trial.unmeasured,
+        "inputs_sha256": trial.inputs,
+    }
+    if tracked is not None:
+        table |= {
+            "marker_cutoff_hz": trial.cutoff_hz,
+            "residual_rms_m": tracked.residual_rms_m,
+            "cluster_motion_m": tracked.cluster_motion_m,
+            "joint_gap_m": tracked.joint_gap_m,
+            "gaps": tracked.gaps,
+        }
+    return table
+
+
+def person_table(item: Examined) -> dict[str, object]:
+    """The subject, and what the standing trial told where there was one."""
+    table: dict[str, object] = {"subject": to_plain(item.trial.subject)}
+    calibration = item.trial.calibration
+    if calibration is not None:
+        table["calibration"] = {
+            "lengths_m": calibration.lengths_m,
+            "method": calibration.method,
+            "notes": calibration.notes,
+            "standing_angles_deg": {
+                name: float(np.degrees(value))
+                for name, value in calibration.angles_rad.items()
+                if name not in PELVIS_TRANSLATIONS
+            },
+        }
+    return table

@@ -1,0 +1,200 @@
+"""How a stiffness tuning with a given motion is to be done, what is tuned, and how that enters a
+walk."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.schema import choice, quantity
+from vsf_drake.model.parameters import FootParameters
+from vsf_drake.simulation.variables import Variable
+from vsf_drake.tuning.common import DESIGN, JOINTS, GivenMotionOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuningOptions(GivenMotionOptions):
+    """Options of a stiffness tuning with the motion given, beside those of `CommonOptions` and
+    `GivenMotionOptions`.
+
+    Attributes:
+        consistency_weight: what a change of the ground reaction force by `consistency_bw` (body
+            weights, root mean square over stance) adds to the cost, as a share of its size at the
+            trials' own positions. Motion being given, nothing in the recording pays for such a
+            change. With 0.2 it makes up less than 5 % of the cost at the optima of the embedded
+            trials; with 0.05, a force changed by 20 % would pay for push-off.
+        margin_s: that is counted before and after stance, because a setting moves touch-down and
+            toe-off.
+        support_width_m: on either side of a keel joint, over which the support passes from one
+            piece of the keel to the next, so that the cost has a derivative there too; 0 for none.
+            Less where joints are nearer.
+    """
+
+    design: tuple[str, ...] = choice((), options=DESIGN, source="choice")
+    confirm: tuple[str, ...] = choice(
+        ("ipopt", "nlopt"), options=("ipopt", "nlopt"), source="choice"
+    )
+    consistency_weight: float = quantity(0.2, unit="1", low=0.0, high=100.0, source="choice")
+    consistency_bw: float = quantity(0.1, unit="BW", low=1e-4, high=1.0, source="choice")
+    cutoff_hz: float = quantity(40.0, unit="Hz", low=5.0, high=200.0, source="McGeehan 2021")
+    """of forces and moments"""
+    margin_s: float = quantity(0.05, unit="s", low=0.0, high=0.2, source="choice")
+    step_s: float = quantity(1e-3, unit="s", low=1e-5, high=0.01, source="choice")
+    """of walks whose numbers are given"""
+    search_step_s: float = quantity(2e-3, unit="s", low=1e-5, high=0.01, source="choice")
+    """that look for a start"""
+    support_width_m: float = quantity(4e-3, unit="m", low=0.0, high=0.05, source="choice")
+    sweep_mm: float = quantity(1.0, unit="mm", low=0.1, high=20.0, source="choice")  # spacing
+    more_starts: int = quantity(3, unit="1", low=0, source="choice")
+    """random ones, on top where a design is tuned"""
+    tolerance: float = quantity(1e-6, unit="1", low=1e-12, high=1e-2, source="choice")
+    """optimality of a search"""
+    same_load: bool = True
+    """whether settings are compared under one load too, see `sweep.same_load_outcomes`"""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.joints:
+            raise InputError("is empty", where="joints", right=f"Give some of {', '.join(JOINTS)}")
+        if len(self.pareto) not in (0, 2):
+            raise InputError(
+                f"names {len(self.pareto)} cost{'s' * (len(self.pareto) != 1)}",
+                where="pareto",
+                right="Give two costs, or none",
+            )
+        for step in (self.step_s, self.search_step_s):
+            if self.cutoff_hz >= 0.5 / step:
+                raise InputError(
+                    f"{self.cutoff_hz:g} Hz cannot be told from steps of {1e3 * step:g} ms",
+                    where="cutoff_hz",
+                    right=f"It must be below {0.5 / step:g} Hz",
+                )
+
+
+MM = 1e-3
+SHIFT = "fulcrum.shift"
+ALIGNMENT = "offset.alignment"
+MODULUS = "keel.flexural_modulus"
+HEEL = "heel"
+
+
+@dataclass(frozen=True)
+class DesignVariable:
+    """One number that is tuned, with its bounds."""
+
+    name: str
+    label: str
+    unit: str
+    low: float
+    high: float
+    default: float  # the device as it is; NaN for the fulcrum, where every trial has its own
+
+
+def design_variables(
+    options: TuningOptions, feet: list[FootParameters]
+) -> tuple[DesignVariable, ...]:
+    """The fulcrum, then the options' design, with bounds that every one of these feet can meet, or
+    InputError."""
+    low = max(foot.fulcrum.rearmost_m for foot in feet) / MM
+    high = min(foot.fulcrum.foremost_m for foot in feet) / MM
+    if not low < high:
+        raise InputError(
+            "the carriages of these trials' feet have no range in common", where="trials"
+        )
+    bounds = options.bounds_mm or (low, high)
+    if bounds[0] < low - 1e-6 or bounds[1] > high + 1e-6:
+        raise InputError(
+            f"{bounds[0]:g} to {bounds[1]:g} mm is out of the carriage's reach",
+            where="bounds_mm",
+            right=f"It must lie within {low:g} to {high:g} mm",
+        )
+    variables = [
+        DesignVariable(
+            "fulcrum", "fulcrum position", "mm", float(bounds[0]), float(bounds[1]), float("nan")
+        )
+    ]
+    t = feet[0].keel.thickness_m / MM
+    # label, unit, the device as it is, bounds unless others are asked for, the widest ones
+    known = {
+        "heel_stiffness": ("heel stiffness", "1", 1.0, 0.5, 2.0, 0.05, 20.0),
+        "alignment": ("alignment, toe up +", "rad", 0.0, -0.07, 0.07, -0.26, 0.26),
+        "keel_thickness": ("keel thickness", "mm", t, 0.8 * t, 1.25 * t, 0.3 * t, 3.0 * t),
+    }
+    for name in options.design:
+        if name == "heel_stiffness" and not any(
+            zone.name.startswith(HEEL) for zone in feet[0].zones
+        ):
+            raise InputError(
+                "the model has no contact zone whose name begins with 'heel'", where="design"
+            )
+        label, unit, default, *own, least, most = known[name]
+        low, high = options.design_bounds.get(name, own)
+        if low < least or high > most:
+            raise InputError(
+                f"{low:g} to {high:g} is out of range",
+                where=f"design_bounds[{name!r}]",
+                right=f"It must lie within {least:g} to {most:g} {unit}",
+            )
+        variables.append(DesignVariable(name, label, unit, float(low), float(high), default))
+    return tuple(variables)
+
+
+def device_values(
+    name: str, x: float, variables: Mapping[str, Variable], base: Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
+    """What one of DESIGN at x makes of the walk's variables, by their names: value, and derivative
+    by x.
+
+        heel_stiffness      factor on the contact stiffness of every zone whose name begins with
+                            "heel"
+        alignment           rad added to the trials' own, + toe up (`offset.alignment`)
+        keel_thickness      factor; the flexural modulus is multiplied by its third power, as the
+                            section's inertia would be. That the mass of the keel changes in
+                            proportion is left out
+
+    Values of `base` stand in place of the model's own numbers.
+    """
+    if name == "alignment":
+        return {ALIGNMENT: (base.get(ALIGNMENT, 0.0) + x, 1.0)}
+    power, changed = (
+        (3, [MODULUS])
+        if name == "keel_thickness"
+        else (
+            1,
+            [
+                other
+                for other in variables
+                if other.startswith(f"contact.{HEEL}") and other.endswith(".stiffness")
+            ],
+        )
+    )
+    own = {other: base.get(other, variables[other].default) for other in changed}
+    return {
+        other: (value * x**power, power * value * x ** (power - 1)) for other, value in own.items()
+    }
+
+
+def walk_setting(
+    design: tuple[DesignVariable, ...],
+    x: np.ndarray,
+    variables: Mapping[str, Variable],
+    foot: FootParameters,
+    base: Mapping[str, float],
+) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+    """What a walk takes at x (P,), the values of `design` in their units, the fulcrum first; `base`
+    as above: values of the walk's variables, and by name the derivatives (P,) of these and of the
+    fulcrum's shift by x."""
+    values = dict(base)
+    by = {SHIFT: np.zeros(len(design))}
+    by[SHIFT][0] = MM
+    for p, variable in enumerate(design[1:], start=1):
+        unit = foot.keel.thickness_m / MM if variable.name == "keel_thickness" else 1.0
+        for name, (value, slope) in device_values(
+            variable.name, x[p] / unit, variables, base
+        ).items():
+            values[name] = value
+            by.setdefault(name, np.zeros(len(design)))[p] = slope / unit
+    return values, by

@@ -1,0 +1,379 @@
+"""The tuning of a foot's stiffness to recorded motion, as a mathematical program.
+
+    minimise    J(x) = mean over trials of sum over costs of factor * cost(walk of the trial at x)
+    subject to  low <= x <= high
+
+over x, the fulcrum position and what else of the device is tuned (`options`), searched in u = (x -
+low) / (high - low). The motion is the recorded one at every x. Derivatives are the walks' own,
+exact for the numerical solution (`Walker.walk`, `with_respect_to`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd, ExtractValue
+from pydrake.solvers import MathematicalProgram
+
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.threads import side_by_side
+from vsf_drake.motion.events import within
+from vsf_drake.motion.trial import Trial
+from vsf_drake.simulation.mechanism import gait_mechanism
+from vsf_drake.simulation.walk import Walk, Walker
+from vsf_drake.tuning import costs
+from vsf_drake.tuning.common import WEIGHTED, check_cost
+from vsf_drake.tuning.options import DesignVariable, TuningOptions, design_variables, walk_setting
+from vsf_drake.walks.recorded_walk import labels_of
+
+Scaled = Callable[[np.ndarray, bool], tuple[float, np.ndarray]]  # see `StiffnessTuning.scaled`
+
+
+@dataclass(frozen=True, eq=False)
+class SettingOutcome:
+    """One walk of a trial at one setting."""
+
+    terms: dict[str, costs.Terms]
+    walk: Walk
+    loads: costs.WalkLoads
+    frame: costs.StanceFrame
+
+
+class TrialTuning:
+    """One trial of a tuning: walks it at any setting of `design`, the fulcrum first, and takes the
+    walk's costs."""
+
+    def __init__(
+        self,
+        walker: Walker,
+        trial: Trial,
+        label: str,
+        design: tuple[DesignVariable, ...],
+        options: TuningOptions,
+    ) -> None:
+        self.walker = walker
+        self.trial = trial
+        self.label = label
+        self.design = design
+        self.options = options
+        self.joints = tuple(f"{name}_{trial.subject.prosthetic_side[0]}" for name in options.joints)
+        keel = gait_mechanism(walker.gait, walker.context).keel_starts
+        self.support_width_m = min(options.support_width_m, 0.5 * float(np.diff(keel).min()))
+        # (P,) where its fulcrum stood, the device as it is.
+        self.own = np.array([1e3 * trial.fulcrum_m, *(variable.default for variable in design[1:])])
+        self._frames: dict[tuple[object, ...], costs.StanceFrame] = {}
+
+    def frame(self, step_s: float, base: Mapping[str, float] | None = None) -> costs.StanceFrame:
+        """What no setting changes, on the instants of walks in steps of `step_s`; `base` as of
+        `at`."""
+        key = (step_s, *(base or {}).items())
+        if key not in self._frames:
+            walk, own = self._walk(self.own, step_s, base or {})
+            self._frames[key] = costs.stance_frame(
+                self.walker, self.trial, walk, own, self.joints, self.options
+            )
+        return self._frames[key]
+
+    def at(
+        self,
+        x: np.ndarray,
+        *,
+        step_s: float,
+        derivatives: bool = False,
+        base: Mapping[str, float] | None = None,
+    ) -> SettingOutcome:
+        """Walks at x (P,), with values of its variables in `base` instead of the model's; or
+        SimulationError."""
+        frame = self.frame(step_s, base)
+        walk, loads = self._walk(x, step_s, base or {}, derivatives=derivatives)
+        return SettingOutcome(costs.walk_terms(frame, loads, self.options), walk, loads, frame)
+
+    def _walk(
+        self, x: np.ndarray, step_s: float, base: Mapping[str, float], *, derivatives: bool = False
+    ) -> tuple[Walk, costs.WalkLoads]:
+        trial = self.trial
+        values, by = walk_setting(self.design, x, self.walker.variables, trial.model.foot, base)
+        walk = self.walker.walk(
+            trial.trajectory,
+            fulcrum_m=1e-3 * x[0],
+            start_s=trial.start_s,
+            end_s=trial.end_s,
+            step_s=step_s,
+            offsets=trial.offsets,
+            values=values,
+            with_respect_to=tuple(by) if derivatives else (),
+            with_loads=derivatives,
+            support_width_m=self.support_width_m,
+        )
+        return walk, costs.walk_loads(
+            self.walker,
+            walk,
+            np.array([*by.values()]) if derivatives else None,
+            self.joints,
+            self.options.cutoff_hz,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class TuningEvaluation:
+    """The cost at one setting x (P,)."""
+
+    x: np.ndarray
+    step_s: float
+    terms: costs.Terms  # means over trials
+    walks: tuple[SettingOutcome, ...]  # of each trial
+
+    @property
+    def cost(self) -> float:
+        return costs.value_of(self.terms)
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """(P,) of J, per unit of each design variable; empty without derivatives."""
+        return np.asarray(np.sum([*self.terms.values()], axis=0)[1:])
+
+    @property
+    def unconverged(self) -> int:
+        return int(sum(np.sum(~walk.walk.record.converged) for walk in self.walks))
+
+
+class StiffnessTuning:
+    """One person's trials, and the cost by which the foot is to be tuned to them.
+
+    Args:
+        trials: one or more, with the contact that was fitted to them
+            (`motion.fitted_trial.trial_with`).
+        cost: "joint_load", "metabolic", "push_off", "tracking" or "weighted"; see `costs`.
+        walkers: of the trials, built before; made here if None.
+
+    InputError: the trials do not belong together or do not support the cost; bounds are out of
+    reach; a trial has no whole stance of the prosthetic foot. SimulationError: a trial cannot be
+    walked at its own setting.
+    """
+
+    def __init__(
+        self,
+        trials: Sequence[Trial],
+        *,
+        cost: str = "joint_load",
+        options: TuningOptions | None = None,
+        labels: Sequence[str] | None = None,
+        walkers: Sequence[Walker] | None = None,
+    ) -> None:
+        self.options = options or TuningOptions()
+        self.cost_name = check_cost(cost)
+        needed = self.options.weighed if cost == WEIGHTED else (cost,)
+        _check_trials(trials, needed, self.options)
+        self.trials = tuple(trials)
+        self.labels = _names(labels, labels_of(trials), "labels")
+        # the fulcrum first
+        self.design = design_variables(self.options, [trial.model.foot for trial in trials])
+        self.low, self.high = (
+            np.array([getattr(v, end) for v in self.design]) for end in ("low", "high")
+        )
+        self.parts = tuple(
+            TrialTuning(walker, trial, label, self.design, self.options)
+            for walker, trial, label in zip(
+                walkers or _walkers(trials), trials, self.labels, strict=True
+            )
+        )
+        frames = [part.frame(self.options.step_s) for part in self.parts]
+        # Costs at the trials' own settings.
+        self.own = [costs.walk_terms(frame, frame.own, self.options) for frame in frames]
+        self.size = costs.sizes(self.own)
+        if any(name not in self.size for name in needed):
+            raise InputError(
+                "the force of a trial's plate does not cover its window",
+                where="trials",
+                right="Choose a window that the plate covers, or another cost",
+            )
+        self.combination = costs.combine(cost, self.size, self.options)
+        self.own_cost = float(
+            np.mean([costs.value_of(self.combination.terms(own)) for own in self.own])
+        )
+        # (P,)
+        self.start = np.clip(
+            np.mean([part.own for part in self.parts], axis=0), self.low, self.high
+        )
+        # Where the fulcrum stood (mm): trials of one position repeat each other.
+        self.groups = tuple(round(float(part.own[0]), 1) for part in self.parts)
+        self.workers = self.options.workers or os.cpu_count() or 1
+        self.evaluations = 0
+        self._last: TuningEvaluation | None = None
+
+    def without_smoothing(self) -> StiffnessTuning:
+        """The same problem with a support that passes a keel joint at once."""
+        return StiffnessTuning(
+            self.trials,
+            cost=self.cost_name,
+            labels=self.labels,
+            options=dataclasses.replace(self.options, support_width_m=0.0),
+            walkers=[part.walker for part in self.parts],
+        )
+
+    def from_u(self, u: np.ndarray) -> np.ndarray:
+        x: np.ndarray = np.clip(
+            self.low + np.asarray(u) * (self.high - self.low), self.low, self.high
+        )
+        return x
+
+    def to_u(self, x: np.ndarray) -> np.ndarray:
+        return np.asarray((x - self.low) / (self.high - self.low))
+
+    def evaluate(
+        self, x: np.ndarray, *, derivatives: bool = True, step_s: float | None = None
+    ) -> TuningEvaluation:
+        """The cost at x (P,), in the options' step or another; SimulationError where a walk
+        fails."""
+        x = np.array(x, dtype=float)
+        step = step_s or self.options.step_s
+        last = self._last
+        if (
+            last is not None
+            and last.step_s == step
+            and np.array_equal(last.x, x)
+            and (not derivatives or last.gradient.shape == x.shape)
+        ):
+            return last
+        self.evaluations += 1
+        with side_by_side(min(len(self.parts), self.workers)) as pool:
+            walks = tuple(
+                pool.map(lambda part: part.at(x, step_s=step, derivatives=derivatives), self.parts)
+            )
+        each = [self.combination.terms(walk.terms) for walk in walks]
+        means = {name: np.mean([terms[name] for terms in each], axis=0) for name in each[0]}
+        self._last = TuningEvaluation(x=x, step_s=step, terms=means, walks=walks)
+        return self._last
+
+    def scaled(
+        self, u: np.ndarray, gradient: bool = True, *, step_s: float | None = None
+    ) -> tuple[float, np.ndarray]:
+        """The cost over its size at search coordinates u (P,), and its gradient (P,) by them, empty
+        without."""
+        at = self.evaluate(self.from_u(u), derivatives=gradient, step_s=step_s)
+        size = self.combination.size
+        return at.cost / size, at.gradient * (
+            self.high - self.low
+        ) / size if gradient else np.zeros(0)
+
+    def program(self, cost: Scaled | None = None) -> MathematicalProgram:
+        """The tuning for Drake's solvers: u within 0 and 1, and the cost as of `scaled`, or `cost`
+        in its place."""
+        evaluate, program = cost or self.scaled, MathematicalProgram()
+        u = program.NewContinuousVariables(len(self.design), "u")
+        program.AddBoundingBoxConstraint(0.0, 1.0, u)
+
+        def of(at: np.ndarray) -> float | AutoDiffXd:
+            if at.dtype != object:
+                return evaluate(at, False)[0]
+            value, gradient = evaluate(ExtractValue(at).ravel(), True)
+            return AutoDiffXd(value, gradient @ np.array([entry.derivatives() for entry in at]))
+
+        program.AddCost(of, vars=u)
+        program.SetInitialGuess(u, self.to_u(self.start))
+        return program
+
+
+def _names(given: Sequence[str] | None, default: tuple[str, ...], where: str) -> tuple[str, ...]:
+    if given is None:
+        return default
+    if (
+        isinstance(given, str)
+        or len(given) != len(default)
+        or not all(isinstance(name, str) for name in given)
+    ):
+        raise InputError(
+            f"{given!r} does not name {len(default)} trials",
+            where=where,
+            right="Give one name a trial",
+        )
+    return tuple(given)
+
+
+def _walkers(trials: Sequence[Trial]) -> list[Walker]:
+    walkers: list[Walker] = []
+    for trial in trials:
+        same = (
+            walker
+            for walker in walkers
+            if (walker.subject, walker.model) == (trial.subject, trial.model)
+        )
+        walkers.append(next(same, None) or Walker(trial.subject, trial.model))
+    return walkers
+
+
+def _check_trials(trials: Sequence[Trial], needed: Sequence[str], options: TuningOptions) -> None:
+    if isinstance(trials, (Trial, str, bytes)) or not all(
+        isinstance(trial, Trial) for trial in trials
+    ):
+        raise InputError(
+            "is no list of trials", where="trials", right="Give a list of what load_trial returns"
+        )
+    if not trials:
+        raise InputError("there is no trial to tune to", where="trials")
+    first = trials[0]
+    for trial in trials:
+        side = trial.subject.prosthetic_side
+        if side != first.subject.prosthetic_side:
+            raise InputError(
+                f"its prosthesis is on the {side}, that of {first.path} on the "
+                f"{first.subject.prosthetic_side}",
+                file=trial.path,
+                where="subject",
+                right="Tune one person at a time",
+            )
+        if {"joint_load", "metabolic"} & set(needed):
+            _check_planes(trial, options.joints)
+        if costs.TRACKING not in needed:
+            continue
+        right = "Choose another cost, or a trial with "
+        plate = trial.plates.get(side)
+        known = np.zeros((0, 3))
+        if plate is not None:
+            known = plate.force_W[~within(plate.time_s, trial.unmeasured.get(side, ()))]
+        if not np.any(known[:, 2] > 0.0):
+            raise InputError(
+                f"no plate measured the force on the {side} (prosthetic) foot, which is to be "
+                "tracked",
+                file=trial.path,
+                where="forces",
+                right=f"{right}forces",
+            )
+        for i, axis in enumerate(("fore-aft", "lateral")):
+            if not np.any(known[:, i]):
+                raise InputError(
+                    f"its plate has no {axis} force (zero throughout), and all components are "
+                    "tracked",
+                    file=trial.path,
+                    where="forces",
+                    right=f"{right}all components of the force",
+                )
+
+
+def _check_planes(trial: Trial, joints: Sequence[str]) -> None:
+    """Raises InputError for moments out of the sagittal plane where the recording has no such
+    motion."""
+    planar = [joint for joint in joints if not joint.endswith(("adduction", "rotation"))]
+    names = trial.trajectory.names
+    for joint in (joint for joint in joints if joint not in planar):
+        name = f"{joint}_{trial.subject.prosthetic_side[0]}"
+        noted = any(
+            "taken as zero" in note and name in note.replace(",", " ").replace(".", " ").split()
+            for note in trial.notes
+        )
+        if (
+            noted
+            or name not in names
+            or np.ptp(trial.trajectory.values[:, names.index(name)]) == 0.0
+        ):
+            raise InputError(
+                f"the recording has no {name}, so that no moment about that axis can be told",
+                file=trial.path,
+                where="kinematics",
+                right=f"Give joints={tuple(planar) or ('hip_flexion', 'knee_angle')}, or a "
+                "recording in three dimensions",
+            )

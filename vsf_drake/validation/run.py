@@ -1,0 +1,682 @@
+"""Runs the sections of the validation one after the other, and puts together what `validation.json`
+and `.npz` hold.
+
+What is finished survives an interruption.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import hashlib
+import inspect
+import math
+import time
+from collections.abc import Callable, Container, Iterable, Mapping
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from vsf_drake.base.errors import FitError, InputError, SimulationError
+from vsf_drake.base.files import plain, read_json, read_npz, record, replaced, sha256, write_json
+from vsf_drake.base.progress import Progress
+from vsf_drake.base.schema import to_plain
+from vsf_drake.base.sentences import say
+from vsf_drake.model.bench_curves import bench_doubts
+from vsf_drake.motion.fitted_trial import fingerprint
+from vsf_drake.simulation.archive import provenance
+from vsf_drake.simulation.batch.cases import digest, software
+from vsf_drake.validation.bench_section import (
+    BenchSectionTable,
+    StoodTable,
+    bench_section,
+    standing_section,
+)
+from vsf_drake.validation.energy_section import EnergyTable, energy_section
+from vsf_drake.validation.roll_over_section import RollOverTable, roll_over_section
+from vsf_drake.validation.sensitivity_section import SensitivityTable, sensitivity_section
+from vsf_drake.validation.settings_section import SettingsTable, settings_section
+from vsf_drake.validation.study import Section, Study
+from vsf_drake.validation.walking_section import (
+    LayersTable,
+    WalkingTable,
+    layers_section,
+    walking_section,
+)
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+SHIPPED = "data/validation"
+"""Sections of the full form of the embedded study, as `studies/ship_validation.py` makes them."""
+
+
+class Part(NamedTuple):
+    """A section: what computes it, the record that it then holds, and about how long that takes
+    (s)."""
+
+    make: Callable[..., Section[object]]
+    table: type
+    about_s: float  # which only the progress depends on
+    full: bool = False  # whether only the full form computes it
+
+
+_SECTIONS = {  # what a page needs first comes first
+    "bench": Part(bench_section, BenchSectionTable, 5.0),
+    "walking": Part(walking_section, WalkingTable, 20.0),
+    "energy": Part(energy_section, EnergyTable, 30.0),
+    "layers": Part(layers_section, LayersTable, 5.0),
+    "standing": Part(standing_section, StoodTable, 5.0),
+    "roll_over": Part(roll_over_section, RollOverTable, 20.0),
+    "settings": Part(settings_section, SettingsTable, 90.0, full=True),
+    "sensitivity": Part(sensitivity_section, SensitivityTable, 180.0, full=True),
+}
+EXACT = {f"{name}_exact": _SECTIONS[name] for name in ("layers", "walking")}
+"""Sections of a second study: the same walks without errors of measurement."""
+NAMES = (*_SECTIONS, *EXACT)
+LONG = tuple(name for name, part in _SECTIONS.items() if part.full)
+EVERY_S = 5.0  # between two pages that grow (a choice: to write one takes about 3)
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def tables() -> dict[str, type]:
+    """The records of the sections, by name."""
+    return {name: part.table for name, part in (_SECTIONS | EXACT).items()}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Finished:
+    """A section with how long it took (s); `section` is None if it failed, and `failure` says
+    why."""
+
+    section: Section[object] | None
+    wall_s: float
+    failure: str = ""
+    computed: str = ""  # the date, of one that comes with the package
+
+
+def run_sections(
+    study: Study,
+    *,
+    exact: Study | None = None,
+    folder: str | Path | None = None,
+    shipped: SectionStore | None = None,
+    names: Container[str] | None = None,
+    grown: Callable[[Mapping[str, Finished], list[str]], None] | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Finished]:
+    """Every section of the validation, or `names`, and of `exact`, the same walks without errors of
+    measurement.
+
+    A section that fails (a bench that gives way, a simulation that diverges) is named with the
+    reason and stops no other. Finished sections are kept in `folder`, so that an interrupted run of
+    the same study goes on; those of the full form may come from `shipped`. `grown` is called with
+    what is finished and what is to come, after the first section that was computed and then, at
+    most every EVERY_S, after others but the last.
+    """
+    finished: dict[str, Finished] = {}
+    asked = {name: part for name, part in _SECTIONS.items() if names is None or name in names}
+    if not (study.contact and (study.contact.momentum or study.contact.discrepancy)):
+        asked.pop("layers", None)  # no plate taught it any
+    stored = {
+        name: one
+        for name, part in asked.items()
+        if shipped and part.full and (one := shipped.read(name, part.table))
+    }
+    plan = [
+        (name, part, study)
+        for name, part in asked.items()
+        if name not in stored and (study.options.full or not part.full)
+    ]
+    if exact is not None:
+        plan += [(name, part, exact) for name, part in EXACT.items()]
+    total = sum(part.about_s for _, part, _ in plan)
+    before = 0.0
+    shown_s = -math.inf
+    for i, (name, part, own) in enumerate(plan):
+
+        def show(
+            what: str, fraction: float, name: str = name, before: float = before, part: Part = part
+        ) -> None:
+            if progress:
+                share = part.about_s * min(max(fraction, 0.0), 1.0)
+                progress(f"{name.replace('_', ' ')}: {what}", (before + share) / total)
+
+        before += part.about_s
+        store = None if folder is None else SectionStore(Path(folder), study_key(own))
+        earlier = store.read(name, part.table) if store else None
+        if earlier is not None:
+            finished[name] = replace(earlier, computed="")
+            continue
+        show("starting", 0.0)
+        began = time.perf_counter()
+        section = None
+        failure = ""
+        try:
+            section = part.make(own, progress=show)
+        except (InputError, SimulationError, FitError) as error:
+            failure = str(error)
+        finished[name] = Finished(
+            section=section, wall_s=time.perf_counter() - began, failure=failure
+        )
+        if store:
+            store.write(name, finished[name])
+        if grown and i + 1 < len(plan) and time.perf_counter() > shown_s + EVERY_S:
+            show("writing the page", 1.0)
+            grown(finished, [*(name for name, _, _ in plan[i + 1 :]), *stored])
+            shown_s = time.perf_counter()
+    return finished | stored
+
+
+def study_key(study: Study) -> str:
+    """Of all that a section's numbers depend on: files, contact, options, software; not the number
+    of workers."""
+    return digest(
+        {
+            **_given(study),
+            "full": study.options.full,
+            "software": software(),
+            "spm1d": find_spec("spm1d") is not None,
+            "sources": _sources_sha256(
+                [Path(inspect.getfile(part.make)) for part in _SECTIONS.values()]
+            ),
+        }
+    )
+
+
+def shipped_key(study: Study) -> str:
+    """Of all that numbers of the full form that come with the package depend on: files, contact,
+    options, and what the sources say, on any machine and with any version of others' packages."""
+    return digest(
+        {
+            **_given(study),
+            "sources": _sources_sha256(
+                [Path(inspect.getfile(part.make)) for part in _SECTIONS.values() if part.full]
+            ),
+        }
+    )
+
+
+def _given(study: Study) -> dict[str, object]:
+    return {
+        "inputs": dict(study.inputs),
+        "walks": [(walk.label, walk.role) for walk in study.walks],
+        "failed": [list(pair) for pair in study.failed],
+        "model": to_plain(study.model),
+        "options": {
+            name: value
+            for name, value in to_plain(study.options).items()
+            if name not in ("workers", "full")
+        },
+        "contact": None if study.contact is None else study.contact.values,
+    }
+
+
+def _sources_sha256(files: Iterable[Path]) -> str:
+    """Of what files of this package do, and all that they import of it, however far: not of
+    comments, docstrings and format, and the same with any version of Python."""
+    said: dict[str, str] = {}
+    waiting = [*files]
+    seen = {*files}
+    while waiting:
+        path = waiting.pop()
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        names = set()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                within = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+                names |= {within + alias.name for alias in node.names}
+            elif isinstance(getattr(node, "body", None), list):
+                node.body = [  # type: ignore[attr-defined]
+                    line
+                    for line in node.body  # type: ignore[attr-defined]
+                    if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))
+                ]
+        said[path.relative_to(_PACKAGE.parent).as_posix()] = _said(tree)
+        stems = {
+            _PACKAGE.parent.joinpath(*name.split(".")[: n + 1])
+            for name in names
+            for n in range(name.count(".") + 1)
+        }
+        new = {
+            file
+            for stem in stems
+            for file in (stem.with_suffix(".py"), stem / "__init__.py")
+            if file.is_relative_to(_PACKAGE) and file.is_file()
+        } - seen
+        waiting = [*waiting, *new]
+        seen = seen | new
+    return hashlib.sha256(
+        "\0".join(f"{name} {text}" for name, text in sorted(said.items())).encode()
+    ).hexdigest()
+
+
+def _said(node: object) -> str:
+    """A syntax tree in text, without empty fields, of which versions of Python have more and
+    fewer."""
+    if isinstance(node, ast.AST):
+        fields = ((name, getattr(node, name, None)) for name in node._fields)
+        said = (f"{name} {_said(value)}" for name, value in fields if value not in (None, []))
+        return f"{type(node).__name__}({','.join(said)})"
+    return f"[{','.join(map(_said, node))}]" if isinstance(node, list) else repr(node)
+
+
+class SectionStore:
+    """A folder of finished sections of an unfinished validation, each complete or not there; it is
+    created when the first is written. What another key (see `study_key`) left is not read."""
+
+    def __init__(self, folder: Path, key: str) -> None:
+        self.folder = folder
+        self.key = key
+
+    def read(self, name: str, table: type[DataclassInstance]) -> Finished | None:
+        """The section; None if it is not there, damaged, or of another key."""
+        path = self.folder / f"{name}.json"
+        try:
+            saved = read_json(path)
+            if saved["key"] != self.key or saved["arrays_sha256"] != sha256(
+                path.with_suffix(".npz")
+            ):
+                return None
+            section = Section(
+                table=record(table, saved["table"]),
+                arrays=read_npz(path.with_suffix(".npz")),
+                missing=tuple(saved["missing"]),
+            )
+            return Finished(
+                section=section, wall_s=float(saved["wall_s"]), computed=str(saved["computed"])
+            )
+        except (ValueError, TypeError, KeyError, InputError):
+            return None
+
+    def write(self, name: str, finished: Finished) -> None:
+        """Keeps a section that did not fail; InputError if the folder cannot be written."""
+        arrays = self.folder / f"{name}.npz"
+        section = finished.section
+        if section is None:
+            return
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with replaced(arrays, "wb", lasting=True) as stream:
+                np.savez_compressed(stream, allow_pickle=False, **section.arrays)
+            write_json(
+                self.folder / f"{name}.json",
+                {
+                    "key": self.key,
+                    "computed": time.strftime("%Y-%m-%d", time.gmtime()),
+                    "wall_s": finished.wall_s,
+                    "table": plain(section.table),
+                    "missing": list(section.missing),
+                    "arrays_sha256": sha256(arrays),
+                },
+                sort=False,
+            )
+        except OSError as error:
+            raise InputError(
+                f"cannot be written ({error.strerror or error})", file=self.folder
+            ) from None
+
+    def remove(self, names: Iterable[str]) -> None:
+        """Takes away these sections, and the folder if nothing else is in it."""
+        names = frozenset(names)
+        with contextlib.suppress(OSError):
+            for path in [path for path in self.folder.iterdir() if is_kept(path, names)]:
+                path.unlink()
+            self.folder.rmdir()
+
+
+def is_kept(path: Path, names: Container[str]) -> bool:
+    """Whether a file of a store's folder is of one of these sections, complete or not."""
+    return (
+        path.suffix in (".json", ".npz", ".part")
+        and path.name.lstrip(".").partition(".")[0] in names
+    )
+
+
+# What the files hold: a finished study as records and arrays.
+
+
+@dataclass(frozen=True, kw_only=True)
+class SavedSection:
+    """A section as `validation.json` has it; no table if it failed."""
+
+    table: object | None
+    missing: tuple[str, ...]
+    wall_s: float
+    failure: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialRow:
+    """One walk: how the prosthesis sits under its pylon (height + shorter, fore-aft + forward,
+    alignment + toe up)."""
+
+    height_mm: float
+    fore_aft_mm: float
+    alignment_deg: float
+    label: str
+    role: str
+    fulcrum_mm: float
+    synthetic: bool
+    warnings: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SummaryRow:
+    """A line of the summary: `value` as its section holds it at `key`, and whether it is as
+    `asked`, which only measured data can tell."""
+
+    what: str
+    key: str  # "section/key/key"
+    value: float | bool | None
+    unit: str
+    paper: str | None
+    shown: str | None
+    asked: str | None
+    met: bool | None
+    synthetic: bool  # what it is about; the paper's figure then does not stand beside it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Validation:
+    """A finished validation, as `validation.json` has it."""
+
+    title: str
+    verdict: tuple[str, ...]  # sentences, the one that decides first
+    first_line: str
+    synthetic: bool  # any walk, or the bench
+    sections: Mapping[str, SavedSection]
+    options: Mapping[str, object]  # of `StudyOptions`, with the step
+    contact: str
+    failed: tuple[tuple[str, str], ...]  # labels of what could not be used, and why
+    notes: tuple[str, ...]
+    trials: tuple[TrialRow, ...]
+    provenance: Mapping[str, object]
+    summary: tuple[SummaryRow, ...]
+
+
+def validation_content(
+    study: Study, finished: Mapping[str, Finished], *, exact: Study | None = None
+) -> tuple[Validation, dict[str, np.ndarray]]:
+    """Content and arrays ("section/name") of a validation from its sections, of `run_sections`."""
+    trials = tuple(
+        TrialRow(
+            height_mm=1e3 * walk.trial.offsets.height_m,
+            fore_aft_mm=1e3 * walk.trial.offsets.fore_aft_m,
+            alignment_deg=math.degrees(walk.trial.offsets.alignment_rad),
+            label=walk.label,
+            role=walk.role,
+            fulcrum_mm=walk.fulcrum_mm,
+            synthetic=walk.trial.synthetic,
+            warnings=" ".join(walk.warnings) or None,
+        )
+        for walk in study.walks
+    )
+    sections = {name: one.section for name, one in finished.items()}
+    found = {name: section.table for name, section in sections.items() if section}
+    bench_synthetic = study.bench is not None and study.bench.synthetic
+    summary = summary_rows(found, synthetic=study.synthetic, bench_synthetic=bench_synthetic)
+    content = Validation(
+        title=f"Validation: {study.walks[0].trial.subject.name or 'a walking person'}",
+        first_line=first_line(study),
+        verdict=tuple(
+            say(
+                "validation",
+                "verdict",
+                walking=found.get("walking"),
+                bench=found.get("bench"),
+                layers=found.get("layers"),
+                to_come="walking" not in finished,
+                unmet=[row.what for row in summary if row.met is False],
+            )
+        ),
+        synthetic=study.synthetic or bench_synthetic,
+        sections={
+            name: SavedSection(
+                table=section.table if section else None,
+                wall_s=finished[name].wall_s,
+                failure=finished[name].failure,
+                missing=(
+                    *say("validation", "shipped", date=finished[name].computed),
+                    *(section.missing if section else ()),
+                ),
+            )
+            for name, section in sections.items()
+        },
+        options=to_plain(study.options) | {"step_s": study.options.step_s},
+        contact=say("validation", "contact", contact=study.contact, name=study.contact_name)[0],
+        failed=study.failed,
+        notes=tuple(_notes(study, finished)),
+        trials=trials,
+        provenance=provenance(
+            dict(study.inputs)
+            | {
+                f"exact, {name}": digest for name, digest in (exact.inputs if exact else {}).items()
+            },
+            seed=study.options.seed,
+        ),
+        summary=summary,
+    )
+    return content, {
+        f"{name}/{key}": array
+        for name, section in sections.items()
+        if section
+        for key, array in section.arrays.items()
+    }
+
+
+def first_line(study: Study) -> str:
+    """Where the data come from, in one sentence."""
+    synthetic = [walk.label for walk in study.walks if walk.trial.synthetic]
+    return say(
+        "validation",
+        "first_line",
+        synthetic=synthetic,
+        all_synthetic=len(synthetic) == len(study.walks),
+        bench=study.bench,
+    )[0]
+
+
+def _notes(study: Study, finished: Mapping[str, Finished]) -> list[str]:
+    own = [walk.label for walk in study.walks if walk.trial.model == study.model]
+    prints: dict[str, list[str]] = {}
+    for walk in study.walks:
+        prints.setdefault(fingerprint(walk.recorded), []).append(walk.label)
+    unusable = [
+        f"{walk.label}: {walk.recorded.judged.note}"
+        for walk in study.walks
+        if walk.recorded.judged is not None and walk.recorded.judged.mark == "unusable"
+    ]
+    return unusable + say(
+        "validation",
+        "notes",
+        contact=study.contact,
+        bench=bench_doubts(study.bench) if study.bench else (),
+        persons=len({walk.trial.subject for walk in study.walks}),
+        other_models_than=own[0] if len(own) < len(study.walks) else None,
+        repeated=[labels for labels in prints.values() if len(labels) > 1],
+        unconverged=[walk.label for walk in study.walks if not walk.result.converged],
+        failed=[(name, one.failure) for name, one in finished.items() if one.section is None],
+    )
+
+
+# What the validation comes to: its main figures beside the paper's and beside what is asked of this
+# model.
+#
+# Published: McGeehan, Adamczyk, Nichols and Hahn 2021, doi 10.1115/1.4050456.
+
+
+class _InputLine(NamedTuple):
+    """A line of the summary."""
+
+    what: str
+    key: str  # where the value stands, "section/key/key"
+    unit: str
+    form: str = "{:z.2f}"  # of the value as it is shown, times `scale`
+    scale: float = 1.0
+    paper: str | None = None  # the published figure in words
+    most: float | None = None  # what the value may be
+    least: float | None = None
+
+
+_REMAINDER = "energy/ledger_remainder_share_max"
+_HELD_OUT = "walking/held_out/"
+_LINES = (
+    _InputLine(
+        "Bench: R² of stiffness over fulcrum positions",
+        "bench/stiffness_r2",
+        "",
+        "{:.4f}",
+        paper="0.98",
+        least=0.98,
+    ),
+    _InputLine(
+        "Bench: RMSE of stiffness", "bench/stiffness_rmse_n_per_mm", "N/mm", paper="1.37", most=1.37
+    ),
+    _InputLine(
+        "Bench: RMSE of mid-range displacement",
+        "bench/mid_range_rmse_mm",
+        "mm",
+        paper="0.45",
+        most=0.45,
+    ),
+    _InputLine(
+        "Fitted walks: resultant GRF, RMSE, mean",
+        "walking/fitted/grf_rmse_bw",
+        "% BW",
+        scale=100.0,
+        paper="5.3",
+        most=0.053,
+    ),
+    _InputLine(
+        "Held-out walks: resultant GRF, RMSE, mean",
+        f"{_HELD_OUT}grf_rmse_bw",
+        "% BW",
+        scale=100.0,
+        paper="10 to 14",
+        most=0.10,
+    ),
+    _InputLine(
+        "Held-out walks: resultant GRF, RMSE, worst",
+        f"{_HELD_OUT}grf_rmse_bw_worst",
+        "% BW",
+        scale=100.0,
+        paper="14",
+        most=0.14,
+    ),
+    _InputLine(
+        "Held-out walks: null model (other walks' plate curves, interpolated between settings), "
+        "mean",
+        f"{_HELD_OUT}null_model_grf_rmse_bw",
+        "% BW",
+        scale=100.0,
+    ),
+    _InputLine(
+        "Held-out walks: nearest single plate curve of another walk, mean",
+        f"{_HELD_OUT}stretched_null_grf_rmse_bw",
+        "% BW",
+        scale=100.0,
+    ),
+    _InputLine(
+        "Held-out walks: CoP along the foot, RMSE, mean",
+        f"{_HELD_OUT}cop_rmse_fl",
+        "% foot length",
+        scale=100.0,
+        paper="5.7 to 9.5",
+        most=0.095,
+    ),
+    _InputLine(
+        "Held-out walks: CoP across the foot, RMSE, mean",
+        f"{_HELD_OUT}cop_ml_rmse_fl",
+        "% foot length",
+        scale=100.0,
+    ),
+    _InputLine(
+        "Held-out walks: impulse, RMSE, mean",
+        f"{_HELD_OUT}impulse_rmse_bws",
+        "BW s",
+        "{:.4f}",
+        paper="0.01 to 0.05",
+        most=0.05,
+    ),
+    _InputLine("Stance time: correlation over trials", "walking/stance_r", "", "{:.3f}"),
+    _InputLine(
+        "Energy balance: remainder over stored energy, worst trial",
+        _REMAINDER,
+        "%",
+        scale=100.0,
+        most=0.01,
+    ),
+)
+_ANSWERS = (
+    ("energy/softer_stores_more", "Energy: a softer setting stores more"),
+    ("energy/softer_returns_more", "Energy: a softer setting returns more"),
+)
+
+
+def summary_rows(
+    sections: Mapping[str, object], *, synthetic: bool, bench_synthetic: bool
+) -> tuple[SummaryRow, ...]:
+    """The summary of the sections' tables by name; what is not there gives a row with an unknown
+    value. `synthetic` are the walks."""
+    saved = plain(sections)
+
+    def at(key: str) -> Any:
+        value = saved
+        for part in key.split("/"):
+            value = value.get(part) if isinstance(value, Mapping) else None
+        return value
+
+    rows = []
+    fitted = bool(at("bench/contact_on_bench"))
+    for line in _LINES:
+        value = at(line.key)
+        what = line.what
+        limit, relation = (
+            (line.most, "at most") if line.most is not None else (line.least, "at least")
+        )
+        of_bench = line.key.startswith("bench/")
+        made = bench_synthetic if of_bench else synthetic
+        if made or (fitted and of_bench):
+            limit = None
+        if fitted and of_bench:
+            what += " (fitted to a bench)"
+        if line.key == _REMAINDER and value is not None:
+            what += f" (in steps of {1e3 * at('energy/step_s'):g} ms)"
+        text = None if value is None else line.form.format(line.scale * value)
+        rows.append(
+            SummaryRow(
+                what=what,
+                key=line.key,
+                value=value,
+                unit=line.unit,
+                paper=line.paper,
+                synthetic=made,
+                shown=line.form.format(0.0)
+                if text and not float(text)
+                else text,  # a zero has no sign
+                asked=None if limit is None else f"{relation} {line.scale * limit:g}",
+                met=None
+                if value is None or limit is None
+                else bool(value <= limit if line.most is not None else value >= limit),
+            )
+        )
+    for key, what in _ANSWERS:
+        value = at(key)
+        rows.append(
+            SummaryRow(
+                what=what,
+                key=key,
+                value=value,
+                unit="",
+                paper=None,
+                asked=None if synthetic else "yes",
+                synthetic=synthetic,
+                met=None if synthetic else value,
+                shown=None if value is None else "yes" if value else "no",
+            )
+        )
+    return tuple(rows)

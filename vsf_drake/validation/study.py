@@ -1,0 +1,245 @@
+"""What the validation is made of: its inputs with their walks, its options, and what one of its
+sections found."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.base.files import sha256
+from vsf_drake.base.progress import Progress
+from vsf_drake.model.bench_curves import BenchCurves, load_bench_curves
+from vsf_drake.model.contact_file import FittedContact, load_contact
+from vsf_drake.model.parameters import ModelParameters
+from vsf_drake.motion.fitted_trial import fingerprint, trial_with
+from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.simulation.results import WalkResult
+from vsf_drake.simulation.walk import DEFAULT_STEP_S
+from vsf_drake.walks.comparison import Comparison, compare
+from vsf_drake.walks.metrics import WalkMetrics, known_curves, walk_metrics, warnings
+from vsf_drake.walks.recorded_walk import ValidatedWalk, check_named_once, labels_of, walk_trial
+
+FITTED, HELD_OUT, OFFSETS_FITTED = "fitted", "held out", "offsets fitted"
+"""What a walk's agreement with its plate is worth: the fit has seen it, has not, or its offsets
+were fitted to it."""
+Table_co = TypeVar("Table_co", covariant=True)
+KEEP = ("time_s", "grf_W", "cop_W", "energy_j")  # what sections that walk often keep of a walk
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyOptions:
+    """How much of the validation is done, and how."""
+
+    quick: bool = False  # the short form: fewer walks, coarser steps, small samples
+    full: bool = False  # with the sections that take longest, and energies in finer steps
+    seed: int = 0  # of all that is random
+    workers: int | None = None
+    """processes for many walks; None for one a core. The numbers do not depend on it"""
+    iso_force_n: float | None = None
+    """largest of the ISO 22675 loading profile; None for the subject's weight"""
+
+    @property
+    def step_s(self) -> float:
+        """Step (s) of the walks that are reported."""
+        return 2e-3 if self.quick else DEFAULT_STEP_S
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StudyWalk:
+    """One trial of the study: what was recorded, and what was simulated."""
+
+    label: str  # its name, unlike that of any other walk of the study
+    role: str  # FITTED, HELD_OUT or OFFSETS_FITTED
+    recorded: Trial  # as it was read
+    trial: Trial  # as it was walked: with the fitted contact, or with fitted offsets
+    result: WalkResult
+    comparison: Comparison  # with the plate under the prosthetic foot
+    metrics: WalkMetrics
+    """with the null model of fitted trials, or of all others where none was fitted"""
+    warnings: tuple[str, ...]  # sentences on what of it is doubtful
+
+    @property
+    def fulcrum_mm(self) -> float:
+        """Where the fulcrum stood, from the keel's posterior end A: the condition."""
+        return round(1e3 * self.trial.fulcrum_m, 6)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study:
+    """Everything that the sections of the validation are computed from."""
+
+    walks: tuple[StudyWalk, ...]  # at least one, by fulcrum position and name
+    failed: tuple[tuple[str, str], ...] = ()
+    """(label, why) of the trials that could not be read or walked"""
+    model: ModelParameters  # the device, with the fitted contact where there is one
+    contact: FittedContact | None = None
+    contact_name: str = ""  # of its file
+    bench: BenchCurves | None = None  # measured load-displacement curves
+    options: StudyOptions
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 by name of every file that was read"""
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether any walk was constructed rather than recorded; of the bench `bench.synthetic`
+        tells."""
+        return any(walk.trial.synthetic for walk in self.walks)
+
+    def conditions(self) -> dict[float, tuple[StudyWalk, ...]]:
+        """Walks by fulcrum position (mm), softest first."""
+        positions = sorted({walk.fulcrum_mm for walk in self.walks})
+        return {x: tuple(walk for walk in self.walks if walk.fulcrum_mm == x) for x in positions}
+
+    @property
+    def shown(self) -> StudyWalk:
+        """The walk that stands for all to look at: a held-out one of the middle condition if there
+        is one."""
+        conditions = [*self.conditions().values()]
+        middle = conditions[len(conditions) // 2]
+        return next((walk for walk in middle if walk.role == HELD_OUT), middle[0])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Section(Generic[Table_co]):
+    """What one section of the validation found; names end in their unit."""
+
+    table: Table_co  # a record; None in it for what is unknown
+    arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    """curves, names without "/"; NaN where there is nothing"""
+    missing: tuple[str, ...] = ()  # sentences on what is not there, and why
+
+
+def make_study(
+    manifests: Sequence[str | Path],
+    *,
+    contact: str | Path | None = None,
+    bench: str | Path | None = None,
+    options: StudyOptions | None = None,
+    progress: Progress | None = None,
+    judge: Callable[[Sequence[Trial]], Sequence[Trial]] = list,
+) -> Study:
+    """Reads and walks every trial.
+
+    With a fitted contact (a contact file) each is walked as the fit says; without one, after its
+    offsets were fitted to its own plate. A trial that cannot be read or walked is kept apart with
+    the reason and stops no other. `judge` says what the recordings are worth: see `Trial.judged`.
+    InputError before anything is walked if `bench`, a file of load-displacement curves, or the
+    contact cannot be used, or if there is no trial, or one twice; later if none is usable.
+    SimulationError if the only trial cannot be walked.
+    """
+    options = options or StudyOptions()
+    if not manifests:
+        raise InputError("there is no trial", right="Name at least one manifest")
+    check_named_once(manifests)
+    fitted = None if contact is None else load_contact(contact)
+    curves = None if bench is None else _bench(bench)
+    inputs = {
+        f"{kind}: {Path(file).name}": sha256(file)
+        for kind, file, used in (("contact", contact, fitted), ("bench", bench, curves))
+        if file is not None and used is not None
+    }
+    every: list[Trial] = []
+    read: list[tuple[Trial, Trial]] = []
+    failed: list[tuple[str, str]] = []
+    for manifest in map(Path, manifests):
+        try:
+            every.append(load_trial(manifest))
+        except InputError as error:
+            failed.append((manifest.stem, str(error)))
+    for recorded in judge(every) if every else ():
+        try:
+            read.append(
+                (
+                    recorded,
+                    recorded if fitted is None else trial_with(recorded, fitted, file=contact),
+                )
+            )
+        except InputError as error:
+            failed.append((recorded.path.stem, str(error)))
+    walked: list[tuple[str, Trial, ValidatedWalk]] = []
+    for i, (label, (recorded, trial)) in enumerate(
+        zip(labels_of([one for one, _ in read]), read, strict=True)
+    ):
+
+        def show(what: str, fraction: float, label: str = label, i: int = i) -> None:
+            if progress:
+                progress(f"{label}: {what}", (i + fraction) / len(read))
+
+        try:
+            walked.append(
+                (
+                    label,
+                    recorded,
+                    walk_trial(
+                        trial, with_fit=fitted is None, step_s=options.step_s, progress=show
+                    ),
+                )
+            )
+        except (InputError, SimulationError) as error:
+            failed.append((label, str(error)))
+            if isinstance(error, SimulationError) and len(manifests) == 1:
+                raise
+    if not walked:
+        raise InputError(
+            "no trial can be used: " + "; ".join(f"{label}: {why}" for label, why in failed)
+        )
+    walks = [_study_walk(i, walked, fitted) for i in range(len(walked))]
+    return Study(
+        walks=tuple(sorted(walks, key=lambda walk: (walk.fulcrum_mm, walk.label))),
+        failed=tuple(failed),
+        model=walked[0][2].trial.model,
+        contact=fitted,
+        contact_name="" if contact is None else Path(contact).name,
+        bench=curves,
+        options=options,
+        inputs=inputs
+        | {
+            f"{label}: {file}": digest
+            for label, trial, _ in walked
+            for file, digest in trial.inputs.items()
+        },
+    )
+
+
+def _bench(file: str | Path) -> BenchCurves:
+    if Path(file).suffix.lower() in (".yaml", ".yml"):
+        raise InputError(
+            "is what a fit takes of a bench; the validation compares whole curves",
+            file=file,
+            right="Give a CSV with fulcrum_mm, displacement_mm and load_n",
+        )
+    return load_bench_curves(file)
+
+
+def _study_walk(
+    i: int, walked: list[tuple[str, Trial, ValidatedWalk]], fitted: FittedContact | None
+) -> StudyWalk:
+    """The i-th walk."""
+    label, recorded, walk = walked[i]
+    prints = set() if fitted is None else {trial.fingerprint for trial in fitted.trials}
+    seen = [fingerprint(trial) in prints for _, trial, _ in walked]
+    others = [
+        trial for j, (_, trial, _) in enumerate(walked) if j != i and (seen[j] or not any(seen))
+    ]
+    plate = recorded.prosthetic_plate
+    result = walk.result
+    comparison = compare(result, plate)
+    metrics = walk_metrics(result, plate, comparison=comparison, others=known_curves(others))
+    return StudyWalk(
+        label=label,
+        role=OFFSETS_FITTED if fitted is None else FITTED if seen[i] else HELD_OUT,
+        recorded=recorded,
+        trial=walk.trial
+        if walk.fit is None
+        else dataclasses.replace(walk.trial, offsets=walk.fit.offsets),
+        result=result,
+        comparison=comparison,
+        metrics=metrics,
+        warnings=tuple(warnings(result, comparison, metrics, walk.fit)),
+    )

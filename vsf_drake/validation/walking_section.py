@@ -1,0 +1,578 @@
+"""Walking: the paper's Table 3 and Figures 5 to 7 over the study's walks, and what the paper did
+not show."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsf_drake.base.errors import SimulationError
+from vsf_drake.base.files import flat
+from vsf_drake.base.progress import Progress
+from vsf_drake.base.sentences import say
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.plants.foot import keel_joint_positions
+from vsf_drake.simulation.batch import WalkCase, simulate_batch
+from vsf_drake.simulation.results import WalkResult, coordinate_unit
+from vsf_drake.simulation.walk import Walker
+from vsf_drake.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, Section, Study, StudyWalk
+from vsf_drake.validation.walking_curves import (
+    LEAST_WALKS,
+    QUANTITIES,
+    Curves,
+    GroupDifference,
+    differing_regions,
+    ensembles,
+    free_moment_errors,
+    mean_curves,
+    spm_version,
+    walk_curves,
+)
+from vsf_drake.walks.angle_errors import AngleErrorRow, JudgedTrial, angle_error_rows
+from vsf_drake.walks.comparison import compare, rmse
+from vsf_drake.walks.discrepancy import between_settings
+from vsf_drake.walks.fulcrum_sweep import (
+    SWEEP_POSITIONS,
+    SWEEP_STEP_S,
+    FulcrumSweep,
+    sweep_positions,
+    swept,
+)
+from vsf_drake.walks.metrics import walk_metrics
+from vsf_drake.walks.null_model import ALONE, CUT, several_settings
+from vsf_drake.walks.numbers import Spread, finite, rms, spread
+from vsf_drake.walks.prediction import LAYERS, MOMENTUM, layers_of
+from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, Scored
+from vsf_drake.walks.sweep_table import judged
+
+ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)
+BETWEEN = "other walks, interpolated between settings"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepEntry(FulcrumSweep):
+    """A sweep of which the least error is named only where the walks beside it are known: else it
+    might be lower there, and `best_mm`, `off_mm` and `right` are None."""
+
+    off_mm: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkRow(Scored):
+    """A walk's numbers, by ROW."""
+
+    label: str
+    role: str
+    fulcrum_mm: float
+    null_model_unknown: str
+    beats_null: bool | None
+    sweep: SweepEntry | None
+    scores: Mapping[str, float | None] = flat()
+
+    @property
+    def sweep_best_mm(self) -> float | None:
+        """Where its sweep's error is least."""
+        return None if self.sweep is None else self.sweep.best_mm
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreSpreads:
+    """Over some walks, by the keys of SCORED."""
+
+    n: int
+    spreads: Mapping[str, Spread] = flat()
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkingCondition:
+    """The rows of Table 3 at one fulcrum position: by role, all walks before them if there are
+    several, the paper's."""
+
+    fulcrum_mm: float
+    name: str | None
+    scores: Mapping[str, ScoreSpreads]
+    paper: Mapping[str, float] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoleSummary(Scored):
+    """Over the walks of one role: by key of WORST and for the null models the mean, of the former
+    also that of largest size (`_worst`) with its walk's label (`_worst_trial`).
+    `null_model_unknown`: why the null model has no mean."""
+
+    n: int
+    beats_null: int
+    beats_null_of: int
+    scores: Mapping[str, float | str | None] = flat()
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayerRow(Scored):
+    """A walk's error in the layers of `walks.prediction`, by `LAYER_NAME`, and of the null
+    models of the fitted trials."""
+
+    label: str
+    role: str
+    momentum_corrects: bool
+    scores: Mapping[str, float | None] = flat()
+
+    @property
+    def momentum_bw(self) -> float | None:
+        """The error with the person's momentum."""
+        return self.scores[f"{MOMENTUM}_{JUDGED}"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayersTable:
+    """The section of predictions in layers; `learned`: the contact has a discrepancy."""
+
+    rows: tuple[LayerRow, ...]
+    learned: bool
+    synthetic: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownWalk:
+    """The walk of the arrays `moved_*`, and whose measured curves are its null model there: BETWEEN
+    settings, or those of one walk."""
+
+    label: str
+    fulcrum_mm: float
+    null_label: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkingTable:
+    """The walking section; conditions are softest first, summaries None without a walk of that
+    role."""
+
+    rows: tuple[WalkRow, ...]
+    conditions: tuple[WalkingCondition, ...]
+    held_out: RoleSummary | None
+    fitted: RoleSummary | None
+    offsets_fitted: RoleSummary | None
+    angle_errors: tuple[AngleErrorRow, ...]
+    shown: ShownWalk | None  # None where no stance lies inside its window
+    stance_r: float | None  # Pearson's over all walks
+    stance_n: int
+    angle_recording_rmse_deg: float | None  # of what a fit corrected of the recorded rotations
+    sweeps: int  # fulcrum sweeps that name a position
+    sweeps_right: int  # and the right one
+    spm1d: str | None  # its version
+    difference_method: str | None
+    differences: tuple[GroupDifference, ...]
+    synthetic: bool
+
+
+def layers_section(study: Study, *, progress: Progress | None = None) -> Section[LayersTable]:
+    """Every walk in layers; ValueError without a contact that keeps what its plates taught."""
+    contact = study.contact
+    rows = list[LayerRow]()
+    if contact is None:
+        raise ValueError("layers are what a contact's plates taught")
+    for i, walk in enumerate(study.walks):
+        if progress:
+            progress("walking with the person's own momentum", i / len(study.walks))
+        found = layers_of(
+            walk.recorded,
+            walk.label,
+            contact,
+            step_s=study.options.step_s,
+            walker=Walker(walk.trial.subject, walk.trial.model),
+        )
+        rows.append(
+            LayerRow(
+                label=walk.label,
+                role=walk.role,
+                momentum_corrects=found.correction.believed,
+                scores={f"{layer}_{JUDGED}": found.error_in(layer) for layer in LAYERS}
+                | {name: found.number(name) for name in (NULL, IN_LATE_STANCE, STRETCHED)},
+            )
+        )
+    return Section(
+        table=LayersTable(
+            rows=tuple(rows), learned=contact.discrepancy is not None, synthetic=study.synthetic
+        )
+    )
+
+
+def walking_section(study: Study, *, progress: Progress | None = None) -> Section[WalkingTable]:
+    """Every number of Table 3, per walk and per condition, and curves.
+
+    Arrays (101 points of the measured stance; G is a group, Q one of QUANTITIES):
+    `group_G_Q_measured_mean`, `_measured_sd`, `_model_mean`, `_model_sd`, and those of
+    `differing_regions` likewise; those of `moved_fulcrum`.
+    """
+    show = progress or (lambda what, fraction: None)
+    failures: dict[str, list[str]] = {}
+    sweeps = sweep_study(study, progress=lambda what, f: show(what, 0.7 * f), failures=failures)
+    show("walking with errors of hip and knee", 0.7)
+    angle_errors = angle_error_rows(
+        [JudgedTrial(walk.trial, walk.role, walk.metrics.null_bw) for walk in study.walks],
+        step_s=study.options.step_s,
+        seed=study.options.seed,
+    )
+    show("comparing curves", 0.8)
+    rows = [_walk_row(walk, sweeps[walk.label]) for walk in study.walks]
+    curves = {walk.label: walk_curves(walk) for walk in study.walks}
+    by_position = {x: [row for row in rows if row.fulcrum_mm == x] for x in study.conditions()}
+    groups: dict[int | str, dict[str, np.ndarray]] = {
+        i: ensembles([curves[row.label] for row in own])
+        for i, own in enumerate(by_position.values())
+    }
+    if len(groups) > 1:
+        groups["all"] = ensembles([*curves.values()])
+    differences = []
+    arrays = dict[str, np.ndarray]()
+    for i, (group, quantities) in enumerate(groups.items()):
+        for name, both in quantities.items():
+            tested, more = differing_regions(
+                both, seed=(study.options.seed, i, list(QUANTITIES).index(name))
+            )
+            arrays |= {
+                f"group_{group}_{name}_{key}": value
+                for key, value in (mean_curves(both) | more).items()
+            }
+            differences.append(GroupDifference(**vars(tested), group=group, quantity=name))
+    shown, moved = moved_fulcrum(study, curves)
+    arrays |= moved
+    stance_r, stance_n = pearson(rows, "stance_measured_s", "stance_model_s")
+    method = next((d.method for d in differences if d.method), None)
+    held_out, fitted, offsets_fitted = (
+        summary([row for row in rows if row.role == role]) for role in ROLES
+    )
+    right = [row.sweep.right for row in rows if row.sweep is not None]
+    table = WalkingTable(
+        rows=tuple(rows),
+        conditions=tuple(condition(x, own) for x, own in by_position.items()),
+        held_out=held_out,
+        fitted=fitted,
+        offsets_fitted=offsets_fitted,
+        angle_errors=angle_errors,
+        shown=shown,
+        stance_r=stance_r,
+        stance_n=stance_n,
+        angle_recording_rmse_deg=finite(
+            rms(
+                error
+                for walk in study.walks
+                for error in corrected_deg(walk.result, walk.recorded.trajectory).values()
+            )
+        ),
+        sweeps=sum(one is not None for one in right),
+        sweeps_right=right.count(True),
+        spm1d=spm_version(),
+        difference_method=method,
+        differences=tuple(differences),
+        synthetic=study.synthetic,
+    )
+    show("comparing curves", 1.0)
+    single, few = (
+        [f"{x:g} mm" for x, own in by_position.items() if len(own) < n] for n in (2, LEAST_WALKS)
+    )
+    lacking = {
+        "stances": [label for label, own in curves.items() if not own],
+        "cop": [walk.label for walk in study.walks if not walk.recorded.prosthetic_plate.has_cop],
+        **{
+            name: [label for label, own in curves.items() if own and name not in own]
+            for name in ("medio_lateral", "free_moment")
+        },
+        **{
+            f"null_{why}": [row.label for row in rows if row.null_model_unknown == why]
+            for why in (ALONE, CUT)
+        },
+    }
+    first = next((reasons[0] for reasons in failures.values()), "")
+    return Section(
+        table=table,
+        arrays=arrays,
+        missing=tuple(
+            say(
+                "walking",
+                "missing",
+                single=single,
+                few=few,
+                lacking=lacking,
+                fewest=LEAST_WALKS,
+                fewest_r=LEAST_FOR_R,
+                gone=[
+                    f"{name} ({own['fulcrum_mm']:g} mm)"
+                    for name, own in PUBLISHED.items()
+                    if name not in {row.name for row in table.conditions}
+                ],
+                stance_n=stance_n if stance_r is None else None,
+                quick=study.options.quick,
+                walks=sum(len(row.sweep.fulcrum_mm) for row in rows if row.sweep is not None),
+                lost={label: len(reasons) for label, reasons in failures.items()},
+                first=" ".join(first.split())[:300].rstrip("."),
+            )
+        ),
+    )
+
+
+def _walk_row(walk: StudyWalk, sweep: FulcrumSweep) -> WalkRow:
+    metrics = walk.metrics
+    moments = free_moment_errors(walk.result, walk.recorded.prosthetic_plate, walk.comparison)
+    return WalkRow(
+        label=walk.label,
+        role=walk.role,
+        fulcrum_mm=walk.fulcrum_mm,
+        null_model_unknown=metrics.null_model_unknown,
+        beats_null=metrics.beats_null,
+        sweep=sweep_entry(sweep),
+        scores={name: getattr(metrics, name) for name in OF_METRICS}
+        | dict(zip(FREE_MOMENT, moments, strict=True)),
+    )
+
+
+def corrected_deg(result: WalkResult, recorded: CoordinateTrajectory) -> dict[str, float]:
+    """RMS difference of each rotation from what the laboratory wrote, over at least the walk's
+    time: a fit may have changed the command."""
+    return {
+        name: float(
+            np.degrees(
+                rmse(result.column(name), recorded.ordered((name,)).sample(result.time_s)[0][:, 0])
+            )
+        )
+        for name in result.prescribed_names
+        if coordinate_unit(name) == "rad" and name in recorded.names
+    }
+
+
+# Numbers over several walks: mean, standard deviation and worst, by condition and by role, and the
+# paper's.
+
+AVERAGED = (
+    JUDGED,
+    "grf_r2",
+    "impulse_rmse_bws",
+    "cop_rmse_fl",
+    "cop_ml_rmse_fl",
+    "cop_r2",
+    "stance_measured_s",
+    "stance_model_s",
+    "heel_strike_error_s",
+    "toe_off_error_s",
+    "vertical_rmse_bw",
+    "fore_aft_rmse_bw",
+    "medio_lateral_rmse_bw",
+)
+OF_METRICS = (*AVERAGED, NULL, STRETCHED, "stance_error_s")
+FREE_MOMENT = ("free_moment_rmse_nm", "free_moment_r2")
+"""Of the free moment over all stances; None where the plate has no centre of pressure or none of
+it."""
+SCORED = AVERAGED + FREE_MOMENT
+"""Keys of a row that are averaged over the walks of a condition."""
+WORST = (JUDGED, "impulse_rmse_bws", "cop_rmse_fl", "cop_ml_rmse_fl")
+LEAST_FOR_R = 3
+"""Walks that a correlation needs."""
+_PAPER = ("fulcrum_mm", JUDGED, "cop_rmse_fl", "stance_measured_s", "stance_measured_s_sd")
+PUBLISHED = {
+    "low": dict(zip(_PAPER, (66.0, 0.10, 0.089, 0.73, 0.02), strict=True)),
+    "medium": dict(zip(_PAPER, (108.0, 0.13, 0.095, 0.79, 0.01), strict=True)),
+    "high": dict(zip(_PAPER, (151.0, 0.14, 0.057, 0.71, 0.02), strict=True)),
+}
+"""McGeehan 2021 (doi 10.1115/1.4050456), as far as known here: its Table 3 itself is not."""
+_SAME_SETTING_MM = 1.0
+
+
+def pearson(rows: Sequence[WalkRow], a: str, b: str) -> tuple[float | None, int]:
+    """Pearson's r of two keys over the rows that know both, with their number; None below
+    LEAST_FOR_R or constant."""
+    pairs = np.array([(row.scores[a], row.scores[b]) for row in rows], dtype=float).reshape(-1, 2)
+    pairs = pairs[np.isfinite(pairs).all(axis=1)]
+    if len(pairs) < LEAST_FOR_R or not np.ptp(pairs, axis=0).all():
+        return None, len(pairs)
+    return float(np.corrcoef(pairs.T)[0, 1]), len(pairs)
+
+
+def condition(fulcrum_mm: float, rows: Sequence[WalkRow]) -> WalkingCondition:
+    """All walks at one fulcrum position; the paper's name is None for one that the paper did not
+    walk on."""
+    by_role = {role: own for role in ROLES if (own := [row for row in rows if row.role == role])}
+    name = next(
+        (
+            name
+            for name, own in PUBLISHED.items()
+            if abs(own["fulcrum_mm"] - fulcrum_mm) <= _SAME_SETTING_MM
+        ),
+        None,
+    )
+    return WalkingCondition(
+        fulcrum_mm=fulcrum_mm,
+        name=name,
+        paper=PUBLISHED[name] if name else None,
+        scores={
+            source: ScoreSpreads(
+                n=len(own),
+                spreads={key: spread(row.scores[key] for row in own) for key in SCORED},
+            )
+            for source, own in (({"all": rows} if len(by_role) > 1 else {}) | by_role).items()
+        },
+    )
+
+
+def summary(rows: Sequence[WalkRow]) -> RoleSummary | None:
+    """Over walks of one role; None without a walk."""
+    if not rows:
+        return None
+    scores: dict[str, float | str | None] = {
+        key: spread(row.scores[key] for row in rows).mean for key in (*WORST, NULL, STRETCHED)
+    }
+    scores["null_model_unknown"] = rows[0].null_model_unknown if scores[NULL] is None else ""
+    for key in WORST:
+        _, worst, label = max(
+            (
+                (abs(value), value, row.label)
+                for row in rows
+                if (value := row.scores[key]) is not None
+            ),
+            key=lambda item: item[0],
+            default=(None, None, None),
+        )
+        scores |= {f"{key}_worst": worst, f"{key}_worst_trial": label}
+    beaten = [row.beats_null for row in rows if row.beats_null is not None]
+    return RoleSummary(
+        n=len(rows), beats_null=sum(beaten), beats_null_of=len(beaten), scores=scores
+    )
+
+
+# The fulcrum sweep of the validation: every walk again with the fulcrum moved over its carriage.
+
+QUICK_POSITIONS = 6
+"""17 mm apart on the nominal foot; the parabola through the three lowest does the rest."""
+
+
+def sweep_study(
+    study: Study, *, progress: Progress | None = None, failures: dict[str, list[str]] | None = None
+) -> dict[str, FulcrumSweep]:
+    """By walk: the resultant's error over the fulcrum's position, all that was fitted as it was.
+    `failures` takes, by walk, why positions have no error; only of walks that have such."""
+    count = QUICK_POSITIONS if study.options.quick else SWEEP_POSITIONS
+    positions = {walk.label: sweep_positions(walk.trial, count) for walk in study.walks}
+    cases = [
+        WalkCase(trial=walk.trial, fulcrum_m=float(x), step_s=SWEEP_STEP_S, label=walk.label)
+        for walk in study.walks
+        for x in positions[walk.label]
+    ]
+    outcomes = iter(
+        simulate_batch(
+            cases,
+            workers=study.options.workers,
+            progress=progress
+            and (lambda state: progress("moving the fulcrum", state.done / state.total)),
+        )
+    )
+    sweeps = {}
+    for walk in study.walks:
+        found = [judged(next(outcomes)) for _ in positions[walk.label]]
+        errors, reasons = zip(*found, strict=True)
+        sweeps[walk.label] = swept(
+            positions[walk.label], np.array(errors, dtype=float), true_m=walk.trial.fulcrum_m
+        )
+        if failures is not None and any(reasons):
+            failures[walk.label] = [*filter(None, reasons)]
+    return sweeps
+
+
+def sweep_entry(sweep: FulcrumSweep) -> SweepEntry:
+    """A sweep as the table has it."""
+    errors = sweep.errors_bw
+    i = int(np.argmin(np.nan_to_num(errors, nan=np.inf)))
+    if sweep.best_mm is None or np.isnan(errors[max(i - 1, 0) : i + 2]).any():
+        return SweepEntry(**vars(sweep) | {"best_mm": None, "right": None}, off_mm=None)
+    return SweepEntry(**vars(sweep), off_mm=sweep.best_mm - sweep.true_mm)
+
+
+# One walk with the fulcrum elsewhere, its motion kept: what the ground does, and the keel at its
+# most loaded.
+
+
+def moved_fulcrum(
+    study: Study, curves: Mapping[str, Curves]
+) -> tuple[ShownWalk | None, dict[str, np.ndarray]]:
+    """The study's shown walk over the carriage, p positions; one whose walk fails is left out.
+
+    Arrays: `moved_fulcrum_mm` (p,); `moved_NAME` (p,) the error that judges; for Q resultant (BW)
+    and, where it was measured, cop (FL) `moved_Q_model` (p, 101) and `moved_Q_measured`,
+    `moved_Q_null` (101,); at the instant of the largest load ahead of the carriage `moved_keel_mm`
+    (p, k, 2), x and z in K of the keel from A to its tip, and `moved_load` (p, 2), that load (N)
+    and its place (mm along the unbent keel).
+    """
+    walk = study.shown
+    own = curves[study.shown.label]
+    if not own:
+        return None, {}
+    trial = walk.trial
+    foot = walk.trial.model.foot
+    others = [one for one in study.walks if one is not walk and curves[one.label]]
+    others = [one for one in others if one.role == FITTED] or others
+    between = several_settings(one.trial.fulcrum_m for one in others)
+    if not between:
+        others = sorted(
+            others, key=lambda one: rmse(curves[one.label]["resultant"][0], own["resultant"][0])
+        )[:1]
+    walker = Walker(trial.subject, trial.model)
+    plate = walk.recorded.prosthetic_plate
+    joints_mm = 1e3 * np.array(
+        [0.0, *keel_joint_positions(foot.keel), sum(foot.keel.element_lengths_m)]
+    )
+    spheres_mm = np.concatenate([zone.x_mm for zone in foot.zones])
+    ahead = spheres_mm > 1e3 * foot.fulcrum.foremost_m
+    rows = []
+    for x in np.unique(np.round([*sweep_positions(trial), trial.fulcrum_m], 6)):
+        result = walk.result
+        if x != round(trial.fulcrum_m, 6):
+            try:
+                result = walker.result(
+                    walker.walk(
+                        trial.trajectory,
+                        fulcrum_m=float(x),
+                        start_s=trial.start_s,
+                        end_s=trial.end_s,
+                        step_s=SWEEP_STEP_S,
+                        offsets=trial.offsets,
+                    ),
+                    trial,
+                    trial.offsets,
+                    energy=False,
+                )
+            except SimulationError:
+                continue
+        comparison = compare(result, plate)
+        found = walk_curves(dataclasses.replace(walk, result=result, comparison=comparison))
+        loads = result.sphere_normal_n[:, ahead]
+        i = int(np.argmax(loads.sum(axis=1)))
+        slopes = np.cumsum(
+            [
+                angle[i]
+                for name, angle in zip(result.coordinate_names, result.q.T, strict=True)
+                # the toe up is positive
+                if name.startswith("keel_")
+            ]
+        )
+        pieces = np.diff(joints_mm) * [np.cos(slopes), np.sin(slopes)]
+        rows.append(
+            {
+                "fulcrum_mm": 1e3 * x,
+                JUDGED: walk_metrics(result, plate, comparison=comparison).error_bw,
+                "keel_mm": np.vstack([np.zeros(2), np.cumsum(pieces, axis=1).T]),
+                "load": [loads[i].sum(), loads[i] @ spheres_mm[ahead] / max(loads[i].sum(), 1e-9)],
+                **{f"{name}_model": found[name][1] for name in ("resultant", "cop") if name in own},
+            }
+        )
+    arrays = {f"moved_{key}": np.array([row[key] for row in rows], dtype=float) for key in rows[0]}
+    for name in ("resultant", "cop"):
+        if name in own:
+            arrays[f"moved_{name}_measured"] = own[name][0]
+        if others and name in own and all(name in curves[one.label] for one in others):
+            arrays[f"moved_{name}_null"] = between_settings(
+                np.array([one.trial.fulcrum_m for one in others]),
+                np.array([curves[one.label][name][0] for one in others]),
+                trial.fulcrum_m,
+            )
+    null_label = BETWEEN if between else others[0].label if others else None
+    return ShownWalk(label=walk.label, fulcrum_mm=walk.fulcrum_mm, null_label=null_label), arrays

@@ -1,0 +1,102 @@
+"""The null model: a walk's force without any model, from what the plates measured in other walks.
+
+A curve is a walk's measured resultant over its stance, stretched to the stance that is to be told.
+*Stretched*: the curve of one other walk, of several the one that turns out to be nearest to this
+walk's own plate. *Interpolated*: the mean curve of each setting, linear over the fulcrum between
+two settings; beyond them that of the nearest.
+
+Errors are judged by the *harder null*: the interpolated one where the curves are of two settings or
+more, else the stretched one. A curve of another setting is an easy opponent of a model that knows
+the setting. `null_model_grf_rmse_bw` is everywhere the error of the harder null.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from vsf_drake.walks.comparison import Comparison, rmse
+from vsf_drake.walks.discrepancy import between_settings, settings_of
+from vsf_drake.walks.quantities import Judged, known
+
+ALONE, CUT = "alone", "cut"
+"""Why a null model's error is not known: there is no curve of another walk; no stance was seen from
+strike to lift-off. Words for them: wording/no_null.txt.j2."""
+
+
+class KnownCurve(NamedTuple):
+    """The measured resultant of a walk, (101,) BW over 0-100 % of its stance, and where its fulcrum
+    stood."""
+
+    fulcrum_m: float
+    resultant_bw: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class NullErrors(Judged):
+    """Errors of the resultant (BW): of the harder null and of the stretched one. None, and why, if
+    they are unknown."""
+
+    null_model_grf_rmse_bw: float | None
+    stretched_null_grf_rmse_bw: float | None
+    null_model_unknown: str  # "", ALONE or CUT
+
+
+def null_errors(
+    c: Comparison,
+    body_weight_n: float,
+    curves: Sequence[KnownCurve],
+    fulcrum_m: float,
+    *,
+    predicted: bool = False,
+) -> NullErrors:
+    """Of the walk of `c` at a fulcrum position; `predicted`: the curves are stretched to the
+    stances of the model."""
+    if not curves:
+        return NullErrors(
+            null_model_grf_rmse_bw=None, stretched_null_grf_rmse_bw=None, null_model_unknown=ALONE
+        )
+    positions = np.array([curve.fulcrum_m for curve in curves])
+    resultants = np.array([curve.resultant_bw for curve in curves])
+    errors = [_stretched_error(c, body_weight_n, curve, predicted) for curve in resultants]
+    stretched = min(known(errors), default=None)
+    harder = stretched
+    if several_settings(positions):
+        harder = _stretched_error(
+            c, body_weight_n, between_settings(positions, resultants, fulcrum_m), predicted
+        )
+    return NullErrors(
+        null_model_grf_rmse_bw=harder,
+        stretched_null_grf_rmse_bw=stretched,
+        null_model_unknown=CUT if harder is None else "",
+    )
+
+
+def several_settings(positions_m: Iterable[float]) -> bool:
+    """Whether curves at these fulcrum positions can be interpolated."""
+    return len(settings_of(np.array([*positions_m]))) > 1
+
+
+def _stretched_error(
+    c: Comparison, body_weight_n: float, curve: np.ndarray, predicted: bool
+) -> float | None:
+    """Of a curve that is stretched to each stance and zero between them; incomplete stances are
+    left out, and without a complete one there is nothing to be judged: zeros beside an unloaded
+    plate are no model."""
+    null = np.zeros(len(c.time_s))
+    percent = np.linspace(0.0, 100.0, len(curve))
+    whole = False
+    for item in c.stances:
+        stance = item.model if predicted and item.model is not None else item.measured
+        start = stance.start_s
+        rows = c.within(start, stance.end_s)
+        stretched = np.interp(100.0 * (c.time_s[rows] - start) / stance.duration_s, percent, curve)
+        null[rows] = stretched if stance.complete else np.nan
+        whole = whole or stance.complete
+    rows = c.scored & np.isfinite(null)
+    if not whole or not rows.any():
+        return None
+    return float(rmse(null[rows], np.linalg.norm(c.measured[rows] / body_weight_n, axis=1)))

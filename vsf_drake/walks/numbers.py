@@ -1,0 +1,46 @@
+"""Numbers of which some may be unknown: None in records, NaN in arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+def known(values: Iterable[float | None]) -> np.ndarray:
+    """Those of the numbers that are neither None nor NaN."""
+    numbers = np.array([*values], dtype=float).ravel()
+    return np.asarray(numbers[np.isfinite(numbers)])
+
+
+def finite(value: float | np.floating[Any]) -> float | None:
+    """The number, as records have it: None if it is not known."""
+    return float(value) if np.isfinite(value) else None
+
+
+def rms(values: Iterable[float | None]) -> float:
+    """Root mean square of what is known; NaN if nothing is."""
+    numbers = known(values)
+    return float(np.sqrt(np.mean(numbers**2))) if numbers.size else float("nan")
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Mean and sample standard deviation of what is known, None where that is too little, and how
+    much it is."""
+
+    mean: float | None
+    sd: float | None
+    n: int
+
+
+def spread(values: Iterable[float | None]) -> Spread:
+    """Over what is known of the numbers."""
+    numbers = known(values)
+    return Spread(
+        float(numbers.mean()) if numbers.size else None,
+        float(numbers.std(ddof=1)) if numbers.size > 1 else None,
+        numbers.size,
+    )
