@@ -11,6 +11,7 @@ import contextlib
 import hashlib
 import inspect
 import math
+import os
 import time
 from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -235,7 +236,7 @@ def _sources_sha256(files: Iterable[Path]) -> str:
                     for line in node.body  # type: ignore[attr-defined]
                     if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))
                 ]
-        said[path.relative_to(_PACKAGE.parent).as_posix()] = _said(tree)
+        said[Path(os.path.relpath(path, _PACKAGE.parent)).as_posix()] = _said(tree)
         stems = {
             _PACKAGE.parent.joinpath(*name.split(".")[: n + 1])
             for name in names
