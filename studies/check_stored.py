@@ -1,5 +1,5 @@
-"""Whether the numbers in studies/results are those that today's sources and data give; if so, says
-so in them.
+"""Whether the numbers in studies/results and data/validation are those that today's sources and
+data give; if so, says so in them.
 
 A stored result carries digests of the files that were read and of the sources that made it,
 comments aside (`contact_fit_study.keeping`). Where the sources are others, a small part of the
@@ -27,14 +27,23 @@ import device_hypotheses as devices
 import numpy as np
 import published_trends as trends
 import session_fit
+import ship_validation
 from contact_fit_study.cases import TIERS
 from contact_fit_study.keeping import STUDIES, sources_sha256
 from contact_truth_study.making import assuming
 from contact_truth_study.recovering import ROUNDS, row
 from floor_of_the_reference_subject import DATA, RESULTS, SEED
+from shipped_sections.sensitivity import (
+    OUTPUTS,
+    DesignWalks,
+    chosen_walks,
+    sensitivity_factors,
+)
+from shipped_sections.settings import bases_of, walked_rows
+from shipped_sections.settings_walks import NAMES, walk_all
 from virtual_laboratory.floor import floor, floor_with_shared_errors_removed
 
-from vsf_drake.base.files import resource, sha256, write_json
+from vsf_drake.base.files import read_npz, resource, sha256, write_json
 from vsf_drake.fit.assessment import FITTED, HELD_OUT
 from vsf_drake.fit.options import ContactFitOptions
 from vsf_drake.fit.problem import ContactFit
@@ -42,8 +51,10 @@ from vsf_drake.fit.solve import search
 from vsf_drake.model.model_file import load_model
 from vsf_drake.optimal_control.outcomes import outcomes
 from vsf_drake.optimal_control.search import eased
+from vsf_drake.validation import StudyOptions
 from vsf_drake.validation.published_trends import load_evidence
 from vsf_drake.validation.roll_over_section import ISO_STEPS, QUICK_POSITIONS_M
+from vsf_drake.validation.run import LONG, SHIPPED
 from vsf_drake.validation.walking_section import layers_section
 from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.prediction import LAYERS, PHYSICS
@@ -213,6 +224,38 @@ def disturbed_walks(stored: dict[str, Any]) -> Numbers:
         yield f"held out by {layer}", error, was[HELD_OUT, layer, 0.0]
 
 
+def settings_as_walked(stored: dict[str, Any]) -> Numbers:
+    """Settings as they were walked, and one trial at every position without noise."""
+    table = stored["table"]
+    bases, _, _ = bases_of(ship_validation.embedded(StudyOptions()))
+    was = {(row["outcome"], row["from_mm"], row["to_mm"]): row for row in table["as_walked"]}
+    for pair in walked_rows(bases):
+        place = pair.outcome, pair.from_mm, pair.to_mm
+        for key in ("simulated", "measured", "stride_half_width"):
+            if (found := getattr(pair, key)) is not None:
+                yield f"{place} {key}", found, was[place][key]
+    positions_m = [1e-3 * mm for mm in table["positions_mm"]]
+    (walked,) = walk_all(bases[:1], positions_m, draws=0, seed=0, workers=1)
+    effects = read_npz(resource(f"{SHIPPED}/settings.npz"))["effects"][0]
+    for mm, found, own in zip(table["positions_mm"], walked.alone, effects, strict=True):
+        for name, value, known in zip(NAMES, found, own, strict=True):
+            yield f"{name} at {mm:g} mm", value, known
+
+
+def sensitivity_before_changes(stored: dict[str, Any]) -> Numbers:
+    """The factors' ranges, and the outputs where nothing is changed."""
+    walks = chosen_walks(ship_validation.embedded(StudyOptions()))
+    design = DesignWalks(walks)
+    means = design.baseline().mean(axis=0)
+    for name, mean in zip(OUTPUTS, means, strict=True):
+        yield name, mean, stored["table"]["outputs"][name]["baseline"]
+    side = walks[0].trial.subject.prosthetic_side
+    factors = sensitivity_factors(design.trials[0].variables, side)
+    for factor, was in zip(factors, stored["table"]["factors"], strict=True):
+        yield f"lowest {factor.name}", factor.low, was["low"]
+        yield f"highest {factor.name}", factor.high, was["high"]
+
+
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "floor": ("floor_of_the_reference_subject.py", floors),
     "contact_fit": ("contact_fit.py", fitted_pair),
@@ -222,14 +265,21 @@ CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "adaptive_stride": ("adaptive_stride.py", strides_of_one_walk),
     "published_trends": ("published_trends.py", foot_under_load),
     "angle_errors": ("angle_errors.py", disturbed_walks),
+    "settings": ("ship_validation.py", settings_as_walked),
+    "sensitivity": ("ship_validation.py", sensitivity_before_changes),
 }
 """By result: the script that makes it and its spot check. `contact_fit` reads the floors."""
 
 
 def read(name: str) -> dict[str, Any]:
     """A stored result."""
-    content: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+    content: dict[str, Any] = json.loads(file_of(name).read_text(encoding="utf-8"))
     return content
+
+
+def file_of(name: str) -> Path:
+    """Where it is stored."""
+    return (resource(SHIPPED) if name in LONG else RESULTS) / f"{name}.json"
 
 
 def changed_files(name: str, stored: dict[str, Any]) -> list[str]:
@@ -283,7 +333,7 @@ def main() -> None:
                 "sha256": sources_sha256(STUDIES / script),
                 "numbers": CHECKED,
             }
-            write_json(RESULTS / f"{name}.json", stored)
+            write_json(file_of(name), stored, sort=name not in LONG)
             print(f"{name}.json: {CHECKED}")
     sys.exit(stale)
 

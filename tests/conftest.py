@@ -152,10 +152,10 @@ def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str
 
 @pytest.fixture(scope="session")
 def quick_validation(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of `vsf-drake validate --quick --full` on the embedded data; only to be read."""
+    """Folder of `vsf-drake validate --quick` on the embedded data; only to be read."""
 
     def make(folder: Path) -> None:
-        assert exit_code("validate", "--quick", "--full", "--workers", "1", "--out", folder) == 0
+        assert exit_code("validate", "--quick", "--workers", "1", "--out", folder) == 0
 
     return once(tmp_path_factory, "quick_validation", make)
 

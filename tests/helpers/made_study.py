@@ -9,9 +9,9 @@ from typing import Any
 
 from command_line import read_json
 
-from vsf_drake.base.files import read_npz, record
+from vsf_drake.base.files import read_npz, record, resource
 from vsf_drake.validation import Section, Study, StudyOptions, make_study
-from vsf_drake.validation.run import tables
+from vsf_drake.validation.run import SHIPPED, tables
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 
 
@@ -36,4 +36,15 @@ def saved_section(folder: Path, name: str) -> Section[Any]:
     }
     return Section(
         table=record(tables()[name], saved["table"]), arrays=arrays, missing=tuple(saved["missing"])
+    )
+
+
+@cache
+def shipped_section(name: str) -> Section[Any]:
+    """A section that comes with the package."""
+    saved = read_json(resource(f"{SHIPPED}/{name}.json"))
+    return Section(
+        table=record(tables()[name], saved["table"]),
+        arrays=read_npz(resource(f"{SHIPPED}/{name}.npz")),
+        missing=tuple(saved["missing"]),
     )

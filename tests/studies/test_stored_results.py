@@ -18,6 +18,7 @@ import floor_of_the_reference_subject
 import make_reference_subject
 import numpy as np
 import pytest
+import ship_validation
 from command_line import exit_code
 from contact_fit_study import results as fit_results
 from contact_fit_study.cases import ALONE, PAIR, TIERS, TRIALS, cases
@@ -37,7 +38,9 @@ from vsf_drake.fit.solve import prior_samples
 from vsf_drake.model.contact_file import load_contact
 from vsf_drake.optimal_control import StrideOptions
 from vsf_drake.tuning.common import FREE_COSTS
+from vsf_drake.validation import StudyOptions
 from vsf_drake.validation.published_trends import TrendTable, judged
+from vsf_drake.validation.run import LONG, SHIPPED, SectionStore, shipped_key
 from vsf_drake.walks.embedded import embedded_bench, embedded_contact, embedded_trials
 from vsf_drake.walks.published import TABLE
 
@@ -481,6 +484,15 @@ def test_stored_numbers_are_of_the_files_as_they_are(name):
     saved = check_stored.read(name)
     assert NOMINAL in saved["provenance"]["inputs_sha256"]
     assert check_stored.changed_files(name, saved) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LONG)
+def test_sections_that_come_with_the_package_are_shown_beside_its_walks(name):
+    """Else a validation of the embedded subject lacks them: studies/ship_validation.py makes them
+    again."""
+    key = shipped_key(ship_validation.embedded(StudyOptions()))
+    assert SectionStore(resource(SHIPPED), key).read(name, LONG[name]) is not None
 
 
 @pytest.mark.parametrize("name", check_stored.CHECKS)

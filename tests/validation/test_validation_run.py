@@ -5,15 +5,12 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from made_study import embedded_study
 
-from vsf_drake import validation
-from vsf_drake.base.files import resource
 from vsf_drake.base.sentences import say
 from vsf_drake.validation import run as running
 from vsf_drake.validation.run import (
@@ -26,7 +23,6 @@ from vsf_drake.validation.run import (
 )
 from vsf_drake.validation.study import Section
 from vsf_drake.validation.walking_section import RoleSummary
-from vsf_drake.walks import embedded
 
 
 @dataclass(frozen=True)
@@ -119,24 +115,19 @@ def test_an_interrupted_validation_goes_on_where_it_stopped_and_tells_its_progre
     assert seen == [("first: starting", 0.0), ("first: half", 0.125), ("second: starting", 0.25)]
 
 
-def test_long_sections_are_computed_on_request_or_shown_as_shipped_where_the_key_fits(
-    tmp_path, monkeypatch
-):
-    """With a date where they come with the package; what does not fit is computed in the full form,
-    else left out."""
+def test_long_sections_are_shown_as_shipped_where_the_key_fits(tmp_path, monkeypatch):
+    """With a date; what does not fit is left out."""
 
     def short(study, *, progress=None):
         return SECTION
 
-    def long(study, *, progress=None):
+    def other(study, *, progress=None):
         return Section(table=Found(0.5))
 
     monkeypatch.setattr(
-        running,
-        "_SECTIONS",
-        {"short": Part(short, Found, 1.0), "long": Part(long, Found, 9.0, full=True)},
+        running, "_SECTIONS", {"short": Part(short, Found, 1.0), "other": Part(other, Found, 9.0)}
     )
-    monkeypatch.setattr(running, "_PACKAGE", Path(__file__).parent)  # whose sources are read
+    monkeypatch.setattr(running, "LONG", {"long": Found})
     study, grown = embedded_study(), []
     full = dataclasses.replace(study, options=dataclasses.replace(study.options, full=True))
     key = shipped_key(study)
@@ -151,45 +142,15 @@ def test_long_sections_are_computed_on_request_or_shown_as_shipped_where_the_key
         )
         return {name: one.section.table.error_bw for name, one in finished.items()}, finished
 
-    assert found(study, "other")[0] == {"short": 0.025} and found(full, "other")[0] == {
-        "short": 0.025,
-        "long": 0.5,
-    }
+    assert found(study, "another")[0] == {"short": 0.025, "other": 0.5}
+    grown.clear()
     shown, finished = found(study, key)
-    assert shown == {"short": 0.025, "long": 0.025}
-    assert grown == [(["short"], ["long"])]
+    assert shown == {"short": 0.025, "other": 0.5, "long": 0.025}
+    assert grown == [(["short"], ["other", "long"])]
     content, _ = running.validation_content(study, finished)
     assert "Computed on 20" in content.sections["long"].missing[0] and content.sections[
         "short"
     ].missing == ("No CoP.",)
-
-
-@pytest.mark.parametrize(
-    ("file", "text", "same"),
-    [
-        (
-            "law.py",
-            "def f(x):\n    '''Other words.'''\n    return  x + 1  # another comment\n",
-            True,
-        ),
-        ("law.py", "def f(x):\n    return x + 2\n", False),
-        ("other.py", "y = 2\n", True),
-    ],
-)
-def test_the_digest_of_sources_is_of_what_is_imported_and_does(
-    tmp_path, monkeypatch, file, text, same
-):
-    package = tmp_path / "vsf_drake"
-    package.mkdir()
-    (package / "section.py").write_text("from vsf_drake.law import f\n", encoding="utf-8")
-    (package / "law.py").write_text(
-        'def f(x):\n    """Words."""\n    return x + 1\n', encoding="utf-8"
-    )
-    (package / "other.py").write_text("y = 1\n", encoding="utf-8")
-    monkeypatch.setattr(running, "_PACKAGE", package)
-    before = running._sources_sha256([package / "section.py"])
-    (package / file).write_text(text, encoding="utf-8")
-    assert (running._sources_sha256([package / "section.py"]) == before) is same
 
 
 MEASURED = {"synthetic": False, "bench_synthetic": False}
@@ -328,17 +289,3 @@ def test_the_verdict_compares_the_model_with_the_null_model_on_walks_it_has_not_
         say("validation", "verdict", walking=None, to_come=True, bench=None, layers=None, unmet=[])
         == []
     ), "not yet"
-
-
-@pytest.mark.slow
-def test_sections_that_come_with_the_package_are_of_its_data_and_sources():
-    """Else a validation of the embedded subject lacks them: studies/ship_validation.py makes them
-    again."""
-    study = validation.make_study(
-        embedded.embedded_trials(),
-        contact=embedded.embedded_contact(),
-        bench=embedded.embedded_bench(),
-    )
-    store = SectionStore(resource(running.SHIPPED), shipped_key(study))
-    for name in running.LONG:
-        assert store.read(name, running.tables()[name]) is not None, name

@@ -64,18 +64,7 @@ def validate(
         bool,
         typer.Option(
             "--full",
-            help=(
-                "With what takes longest: which settings can be distinguished, sensitivity, "
-                "energies in finer steps. Of the embedded trials the first two come with the "
-                "package."
-            ),
-        ),
-    ] = False,
-    recompute: Annotated[
-        bool,
-        typer.Option(
-            "--recompute",
-            help="Compute all of --full, also the results that come with the package.",
+            help="With energies in finer steps.",
         ),
     ] = False,
     seed: Seed = 0,
@@ -102,8 +91,7 @@ def validate(
         ),
     ] = None,
 ) -> None:
-    """The paper's study and more, as one report: bench, standing, walking, energy, roll-over,
-    sensitivity."""
+    """The paper's study and more, as one report: bench, standing, walking, energy, roll-over."""
     from vsf_drake import validation
     from vsf_drake.base.files import resource
     from vsf_drake.model.bench_curves import bench_doubts
@@ -134,7 +122,7 @@ def validate(
             f"Give newtons, above 0 and at most {MOST_ISO_FORCE_N:g}",
         )
     options = validation.StudyOptions(
-        quick=quick, full=full or recompute, seed=seed, workers=workers, iso_force_n=iso_force_n
+        quick=quick, full=full, seed=seed, workers=workers, iso_force_n=iso_force_n
     )
     if against is not None:
         _against_published(against, trials, out, contact, options)
@@ -163,7 +151,7 @@ def validate(
                     progress=show,
                     contact=embedded.embedded_contact("exact"),
                 )
-                shipped = None if recompute else SectionStore(resource(SHIPPED), shipped_key(study))
+                shipped = SectionStore(resource(SHIPPED), shipped_key(study))
     console.print(first_line(study))
     for sentence in bench_doubts(study.bench) if study.bench else ():
         warn(sentence)

@@ -6,12 +6,8 @@ What is finished survives an interruption.
 
 from __future__ import annotations
 
-import ast
 import contextlib
-import hashlib
-import inspect
 import math
-import os
 import time
 from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -26,6 +22,7 @@ from vsf_drake.base.files import plain, read_json, read_npz, record, replaced, s
 from vsf_drake.base.progress import Progress
 from vsf_drake.base.schema import to_plain
 from vsf_drake.base.sentences import say
+from vsf_drake.laws.compiled import sources_sha256
 from vsf_drake.model.bench_curves import bench_doubts
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.simulation.archive import provenance
@@ -38,8 +35,8 @@ from vsf_drake.validation.bench_section import (
 )
 from vsf_drake.validation.energy_section import EnergyTable, energy_section
 from vsf_drake.validation.roll_over_section import RollOverTable, roll_over_section
-from vsf_drake.validation.sensitivity_section import SensitivityTable, sensitivity_section
-from vsf_drake.validation.settings_section import SettingsTable, settings_section
+from vsf_drake.validation.sensitivity_section import SensitivityTable
+from vsf_drake.validation.settings_section import SettingsTable
 from vsf_drake.validation.study import Section, Study
 from vsf_drake.validation.walking_section import (
     LayersTable,
@@ -52,7 +49,7 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 SHIPPED = "data/validation"
-"""Sections of the full form of the embedded study, as `studies/ship_validation.py` makes them."""
+"""Sections of the embedded study that take long, as `studies/ship_validation.py` makes them."""
 
 
 class Part(NamedTuple):
@@ -62,7 +59,6 @@ class Part(NamedTuple):
     make: Callable[..., Section[object]]
     table: type
     about_s: float  # which only the progress depends on
-    full: bool = False  # whether only the full form computes it
 
 
 _SECTIONS = {  # what a page needs first comes first
@@ -72,20 +68,19 @@ _SECTIONS = {  # what a page needs first comes first
     "layers": Part(layers_section, LayersTable, 5.0),
     "standing": Part(standing_section, StoodTable, 5.0),
     "roll_over": Part(roll_over_section, RollOverTable, 20.0),
-    "settings": Part(settings_section, SettingsTable, 90.0, full=True),
-    "sensitivity": Part(sensitivity_section, SensitivityTable, 180.0, full=True),
 }
 EXACT = {f"{name}_exact": _SECTIONS[name] for name in ("layers", "walking")}
 """Sections of a second study: the same walks without errors of measurement."""
+LONG = {"settings": SettingsTable, "sensitivity": SensitivityTable}
+"""Sections that come with the package, with the record that each holds."""
 NAMES = (*_SECTIONS, *EXACT)
-LONG = tuple(name for name, part in _SECTIONS.items() if part.full)
 EVERY_S = 5.0  # between two pages that grow (a choice: to write one takes about 3)
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def tables() -> dict[str, type]:
     """The records of the sections, by name."""
-    return {name: part.table for name, part in (_SECTIONS | EXACT).items()}
+    return {name: part.table for name, part in (_SECTIONS | EXACT).items()} | LONG
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,33 +100,25 @@ def run_sections(
     exact: Study | None = None,
     folder: str | Path | None = None,
     shipped: SectionStore | None = None,
-    names: Container[str] | None = None,
     grown: Callable[[Mapping[str, Finished], list[str]], None] | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Finished]:
-    """Every section of the validation, or `names`, and of `exact`, the same walks without errors of
+    """Every section of the validation, and of `exact`, the same walks without errors of
     measurement.
 
     A section that fails (a bench that gives way, a simulation that diverges) is named with the
     reason and stops no other. Finished sections are kept in `folder`, so that an interrupted run of
-    the same study goes on; those of the full form may come from `shipped`. `grown` is called with
+    the same study goes on; those that take long may come from `shipped`. `grown` is called with
     what is finished and what is to come, after the first section that was computed and then, at
     most every EVERY_S, after others but the last.
     """
     finished: dict[str, Finished] = {}
-    asked = {name: part for name, part in _SECTIONS.items() if names is None or name in names}
-    if not (study.contact and (study.contact.momentum or study.contact.discrepancy)):
-        asked.pop("layers", None)  # no plate taught it any
+    taught = study.contact and (study.contact.momentum or study.contact.discrepancy)
     stored = {
-        name: one
-        for name, part in asked.items()
-        if shipped and part.full and (one := shipped.read(name, part.table))
+        name: one for name, table in LONG.items() if shipped and (one := shipped.read(name, table))
     }
-    plan = [
-        (name, part, study)
-        for name, part in asked.items()
-        if name not in stored and (study.options.full or not part.full)
-    ]
+    # no plate taught it any layers
+    plan = [(name, part, study) for name, part in _SECTIONS.items() if taught or name != "layers"]
     if exact is not None:
         plan += [(name, part, exact) for name, part in EXACT.items()]
     total = sum(part.about_s for _, part, _ in plan)
@@ -181,24 +168,15 @@ def study_key(study: Study) -> str:
             "full": study.options.full,
             "software": software(),
             "spm1d": find_spec("spm1d") is not None,
-            "sources": _sources_sha256(
-                [Path(inspect.getfile(part.make)) for part in _SECTIONS.values()]
-            ),
+            "sources": sources_sha256(_PACKAGE, ["."]),
         }
     )
 
 
 def shipped_key(study: Study) -> str:
-    """Of all that numbers of the full form that come with the package depend on: files, contact,
-    options, and what the sources say, on any machine and with any version of others' packages."""
-    return digest(
-        {
-            **_given(study),
-            "sources": _sources_sha256(
-                [Path(inspect.getfile(part.make)) for part in _SECTIONS.values() if part.full]
-            ),
-        }
-    )
+    """Of what sections that come with the package were computed from: files, contact and options.
+    That present sources give the same is for `studies/check_stored.py` to tell."""
+    return digest(_given(study))
 
 
 def _given(study: Study) -> dict[str, object]:
@@ -214,55 +192,6 @@ def _given(study: Study) -> dict[str, object]:
         },
         "contact": None if study.contact is None else study.contact.values,
     }
-
-
-def _sources_sha256(files: Iterable[Path]) -> str:
-    """Of what files of this package do, and all that they import of it, however far: not of
-    comments, docstrings and format, and the same with any version of Python."""
-    said: dict[str, str] = {}
-    waiting = [*files]
-    seen = {*files}
-    while waiting:
-        path = waiting.pop()
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        names = set()
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Import | ast.ImportFrom):
-                within = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
-                names |= {within + alias.name for alias in node.names}
-            elif isinstance(getattr(node, "body", None), list):
-                node.body = [  # type: ignore[attr-defined]
-                    line
-                    for line in node.body  # type: ignore[attr-defined]
-                    if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))
-                ]
-        said[Path(os.path.relpath(path, _PACKAGE.parent)).as_posix()] = _said(tree)
-        stems = {
-            _PACKAGE.parent.joinpath(*name.split(".")[: n + 1])
-            for name in names
-            for n in range(name.count(".") + 1)
-        }
-        new = {
-            file
-            for stem in stems
-            for file in (stem.with_suffix(".py"), stem / "__init__.py")
-            if file.is_relative_to(_PACKAGE) and file.is_file()
-        } - seen
-        waiting = [*waiting, *new]
-        seen = seen | new
-    return hashlib.sha256(
-        "\0".join(f"{name} {text}" for name, text in sorted(said.items())).encode()
-    ).hexdigest()
-
-
-def _said(node: object) -> str:
-    """A syntax tree in text, without empty fields, of which versions of Python have more and
-    fewer."""
-    if isinstance(node, ast.AST):
-        fields = ((name, getattr(node, name, None)) for name in node._fields)
-        said = (f"{name} {_said(value)}" for name, value in fields if value not in (None, []))
-        return f"{type(node).__name__}({','.join(said)})"
-    return f"[{','.join(map(_said, node))}]" if isinstance(node, list) else repr(node)
 
 
 class SectionStore:

@@ -29,7 +29,6 @@ FITTED, HELD_OUT, OFFSETS_FITTED = "fitted", "held out", "offsets fitted"
 """What a walk's agreement with its plate is worth: the fit has seen it, has not, or its offsets
 were fitted to it."""
 Table_co = TypeVar("Table_co", covariant=True)
-KEEP = ("time_s", "grf_W", "cop_W", "energy_j")  # what sections that walk often keep of a walk
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +36,7 @@ class StudyOptions:
     """How much of the validation is done, and how."""
 
     quick: bool = False  # the short form: fewer walks, coarser steps, small samples
-    full: bool = False  # with the sections that take longest, and energies in finer steps
+    full: bool = False  # energies in finer steps
     seed: int = 0  # of all that is random
     workers: int | None = None
     """processes for many walks; None for one a core. The numbers do not depend on it"""

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_study import saved_section
+from made_study import saved_section, shipped_section
 from readable import LEAST_PX, letters_px
 from shown_chapter import Shown
 
@@ -22,6 +22,7 @@ from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
 from vsf_drake.report.validation.sensitivity_chapter import (
     MAIN,
     MOST,
+    OUTPUTS,
     indices_figure,
     screening_figure,
     sensitivity_chapter,
@@ -30,10 +31,11 @@ from vsf_drake.report.validation.settings_chapter import poor_judge, settings_ch
 from vsf_drake.report.validation.walking_chapter import walking_chapter
 from vsf_drake.validation.bench_section import FallenRow
 from vsf_drake.validation.energy_section import Softer
-from vsf_drake.validation.sensitivity_indices import Effect, Index
+from vsf_drake.validation.run import LONG
 from vsf_drake.validation.sensitivity_section import (
-    OUTPUTS,
+    Effect,
     FactorRange,
+    Index,
     OutputRow,
     SensitivityTable,
     WalkedCondition,
@@ -68,7 +70,7 @@ FIGURES = {
         "inclined_loading",
     ],
     "settings": ["settings_apart", "settings_change"],
-    "sensitivity": ["sensitivity_screening"],
+    "sensitivity": ["sensitivity_screening", "sensitivity_indices"],
 }
 
 
@@ -80,10 +82,11 @@ def unsettled(monkeypatch):
 
 @pytest.fixture(scope="module")
 def saved(quick_validation):
-    """Table and arrays of a section of the quick validation."""
+    """Table and arrays of a section of the quick validation, or of one that comes with the
+    package."""
 
     def _saved(name):
-        section = saved_section(quick_validation, name)
+        section = shipped_section(name) if name in LONG else saved_section(quick_validation, name)
         return section.table, dict(section.arrays)
 
     return _saved
@@ -123,7 +126,7 @@ def assert_sound(chapter, table, arrays):
 
 
 @pytest.mark.parametrize("name", MAKERS)
-def test_every_chapter_of_a_quick_validation_has_its_figures_and_tables(saved, name):
+def test_every_chapter_has_its_figures_and_tables(saved, name):
     shown = assert_sound(MAKERS[name], *saved(name))
     assert list(shown.alts) == FIGURES[name]
     for figure, title in shown.titles.items():
@@ -513,7 +516,7 @@ ROW = OutputRow(
         for i, name in enumerate(NAMES)
     ),
 )
-LONG = SensitivityTable(
+TABLE = SensitivityTable(
     factors=tuple(
         FactorRange(name=name, group=name.split()[0], unit="mm", low=-1.0, high=1.0, why="a choice")
         for name in NAMES
@@ -535,11 +538,11 @@ LONG = SensitivityTable(
 
 
 def test_sensitivity_names_the_strongest_factors_counts_wide_intervals_and_quotes_a_failure():
-    own = LONG.outputs["grf_rmse_bw"]
+    own = TABLE.outputs["grf_rmse_bw"]
     rows = own.sobol
     wide = replace(
-        LONG,
-        outputs=LONG.outputs
+        TABLE,
+        outputs=TABLE.outputs
         | {
             "grf_rmse_bw": replace(own, sobol=(*rows[:2], replace(rows[2], st_conf=0.3), *rows[3:]))
         },
@@ -557,23 +560,23 @@ def test_sensitivity_names_the_strongest_factors_counts_wide_intervals_and_quote
     assert f"total index of {rows[2].name} (resultant GRF error)" in shown.words
     assert "3 failed" in shown.words and "the run diverges" in shown.words
     assert "3 for the resultant GRF error" in shown.words
-    axes = screening_figure(LONG).axes[0]
+    axes = screening_figure(TABLE).axes[0]
     assert [tick.get_text() for tick in axes.get_yticklabels()] == NAMES[:MOST]
     assert axes.get_ylim()[0] > axes.get_ylim()[1] and axes.patches[0].get_width() == pytest.approx(
         1.8
     )
-    for axes in (*screening_figure(LONG).axes, *indices_figure(LONG).axes):
+    for axes in (*screening_figure(TABLE).axes, *indices_figure(TABLE).axes):
         assert axes.get_xlabel().endswith(")") and axes.get_title(loc="left")
 
 
 def test_without_a_centre_of_pressure_or_any_effects_the_rest_of_the_sensitivity_is_shown():
     gone = OutputRow(**dict.fromkeys(vars(ROW)) | {"dropped": 0})
     blind = replace(
-        LONG, outputs=LONG.outputs | dict.fromkeys(("cop_rmse_fl", "cop_shift_mm"), gone)
+        TABLE, outputs=TABLE.outputs | dict.fromkeys(("cop_rmse_fl", "cop_shift_mm"), gone)
     )
     shown = assert_sound(sensitivity_chapter, blind, {})
     assert "CoP error" not in shown.alts["sensitivity_screening"]
     assert len(screening_figure(blind).axes) == len(MAIN) - 1
-    none = replace(LONG, outputs=dict.fromkeys(OUTPUTS, gone))
+    none = replace(TABLE, outputs=dict.fromkeys(OUTPUTS, gone))
     shown = Shown(sensitivity_chapter(none, {}))
     assert shown.missing and not shown.alts

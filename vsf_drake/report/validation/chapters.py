@@ -44,6 +44,7 @@ _MAKERS: dict[str, tuple[str, Callable[..., Chapter]]] = {
     "sensitivity": ("Sensitivity", sensitivity_chapter),
 }
 """By section: what its chapter is called if it cannot be made, and what makes it."""
+_OF_STUDIES = ("settings", "sensitivity")  # computed by studies/ship_validation.py
 
 
 def make_chapters(
@@ -61,7 +62,12 @@ def make_chapters(
         if not isinstance(section, Mapping):
             if name in ("layers", "walking_exact", "layers_exact"):  # only of some studies
                 continue
-            why = say("validation", "absent", to_come=content.get("to_come"))
+            why = say(
+                "validation",
+                "absent",
+                to_come=name.replace("_", " ") in (content.get("to_come") or ()),
+                by="studies/ship_validation.py" if name in _OF_STUDIES else "vsf-drake validate",
+            )
         elif section.get("failure") or section.get("table") is None:
             why = say("validation", "not_computed", why=section.get("failure") or "unknown")
         else:

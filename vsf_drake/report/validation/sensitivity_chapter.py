@@ -17,8 +17,12 @@ from vsf_drake.report.style import PANEL, Arrays, drawing, label, say_synthetic
 from vsf_drake.walks.quantities import JUDGED
 
 if TYPE_CHECKING:
-    from vsf_drake.validation.sensitivity_indices import Effect, Index
-    from vsf_drake.validation.sensitivity_section import OutputRow, SensitivityTable
+    from vsf_drake.validation.sensitivity_section import (
+        Effect,
+        Index,
+        OutputRow,
+        SensitivityTable,
+    )
 
 
 class Output(NamedTuple):
@@ -48,7 +52,7 @@ _NAMED = 3
 
 
 def sensitivity_chapter(table: SensitivityTable, arrays: Arrays) -> Chapter:
-    """Made of a `sensitivity_section` alone; `arrays` is empty."""
+    """Made of its section alone; `arrays` is empty."""
     rows = table.outputs
     screened = [name for name in MAIN if rows[name].morris]
     by_output = _indices(table)

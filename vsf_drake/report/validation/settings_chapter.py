@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +17,15 @@ from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import FULCRUM, PANEL, Arrays, colour_of, drawing, label, say_synthetic
 
 if TYPE_CHECKING:
-    from vsf_drake.validation.settings_section import OutcomeRow, PairRow, SettingsTable
+    from vsf_drake.validation.settings_section import (
+        CurveDifference,
+        OutcomeRow,
+        PairRow,
+        SettingsTable,
+        WalkedPair,
+    )
+
+    _Pair = TypeVar("_Pair", PairRow, CurveDifference, WalkedPair)
 
 TITLE = "Can two settings be distinguished?"
 DESIGNS = {
@@ -54,97 +63,86 @@ def settings_chapter(table: SettingsTable, arrays: Arrays) -> Chapter:
 
 
 def _facts(table: SettingsTable) -> dict[str, Any]:
-    """What the chapter's sentences need besides the table."""
+    """What the chapter's sentences and tables need besides the table."""
     outcomes = table.outcomes
-    places = table.positions_mm
-    curves = {(row.from_mm, row.to_mm): row for row in table.curves if row.rms_bw is not None}
-    near = [
-        row.rms_bw or 0.0
-        for (start, end), row in curves.items()
-        if places.index(end) - places.index(start) == 1
-    ]
-    known = any(_limited(row) for row in outcomes)
+    known = any(map(_limited, outcomes))
     ends = _ends(table)
-    reached = []
-    for design, title in DESIGNS.items():
-        travels = [
-            (travel, row.title)
-            for row in outcomes
-            if (travel := row.limits[f"{'smallest' if known else 'noise'}_travel_mm_{design}"])
-            is not None
-        ]
-        reached += [(title, *min(travels), len(travels))] if travels else []
-    pairs = dict.fromkeys((row.from_mm, row.to_mm) for row in table.pairs)
-    walked = [
-        row
-        for row in table.as_walked
-        if (row.from_mm, row.to_mm)
-        == max(
-            ((one.from_mm, one.to_mm) for one in table.as_walked),
-            key=lambda pair: pair[1] - pair[0],
-        )
-    ]
-    titles = {row.name: f"{row.title} ({row.unit})" for row in outcomes}
-    words = {True: "yes", False: "no", None: None}
+    judged = [ends[row.name] for row in outcomes if row.name in ends and _limited(row) == known]
+    over = [(row.title, _over(ends.get(row.name), "same_recording")) for row in outcomes]
+    curves = [row for row in table.curves if row.rms_bw is not None]
+    neighbours = set(pairwise(table.positions_mm))
+    walked = _widest(table.as_walked)
     return {
         "outcomes": plain(outcomes),
-        "ends": curves[max(curves, key=lambda ends: ends[1] - ends[0])] if curves else None,
-        "neighbours_percent": [100.0 * x for x in near],
+        "ends": next(iter(_widest(curves)), None),
+        "neighbours_percent": [
+            100.0 * (row.rms_bw or 0.0) for row in curves if (row.from_mm, row.to_mm) in neighbours
+        ],
         "walked_percent": [100.0 * apart_bw for apart_bw in table.as_walked_apart_bw],
         "designs": tuple(DESIGNS.items()),
-        "apart": {
-            design: _count(
-                (ends[row.name] for row in outcomes if row.name in ends and _limited(row) == known),
-                design,
-            )
-            for design in DESIGNS
-        },
-        "ratios": [
-            (row.title, over)
-            for row in outcomes
-            if (over := _over(ends.get(row.name), "same_recording")) is not None
-        ],
+        "apart": {design: _count(judged, design) for design in DESIGNS},
+        "ratios": [(title, ratio) for title, ratio in over if ratio is not None],
         "best": _best(table),
         "known": known,
-        "reached": reached,
+        "reached": _reached(outcomes, "smallest" if known else "noise"),
         "poor_judge": poor_judge(table.pairs),
-        "pair_rows": [
-            {"from_mm": low, "to_mm": high}
-            | {
-                design: "{} of {}".format(
-                    *_count(
-                        (row for row in table.pairs if (row.from_mm, row.to_mm) == (low, high)),
-                        design,
-                    )
-                )
-                for design in DESIGNS
-            }
-            for low, high in pairs
-        ],
-        "outcome_rows": [
-            {
-                **vars(row),
-                **row.limits,
-                "basis": "model and noise" if _limited(row) else "noise alone",
-                **{
-                    design: row.limits[("sdd_" if _limited(row) else "noise_sdd_") + design]
-                    for design in DESIGNS
-                },
-            }
-            for row in outcomes
-        ],
+        "pair_rows": _pair_rows(table.pairs),
+        "outcome_rows": [_outcome_row(row) for row in outcomes],
         "walked_ends": walked[:1],
         "walked_apart": [row.told_apart for row in walked if row.told_apart is not None],
-        "walked_rows": [
-            {
-                **vars(row),
-                "title": titles[row.outcome],
-                "told": words[row.told_apart],
-                "strides": words[row.beyond_strides],
-            }
-            for row in table.as_walked
-        ],
+        "walked_rows": _walked_rows(table),
     }
+
+
+def _reached(outcomes: Sequence[OutcomeRow], limit: str) -> list[tuple[str, float, str, int]]:
+    """By design with any: the smallest detectable travel, of which outcome, and how many have
+    one."""
+    reached = []
+    for design, title in DESIGNS.items():
+        travels = [(row.limits[f"{limit}_travel_mm_{design}"], row.title) for row in outcomes]
+        known = [(travel, name) for travel, name in travels if travel is not None]
+        if known:
+            reached.append((title, *min(known), len(known)))
+    return reached
+
+
+def _pair_rows(pairs: Sequence[PairRow]) -> list[dict[str, object]]:
+    """By pair of positions: in how many outcomes it is distinguishable."""
+    by_place: dict[tuple[float, float], list[PairRow]] = {}
+    for row in pairs:
+        by_place.setdefault((row.from_mm, row.to_mm), []).append(row)
+    return [
+        {"from_mm": low, "to_mm": high}
+        | {design: "{} of {}".format(*_count(rows, design)) for design in DESIGNS}
+        for (low, high), rows in by_place.items()
+    ]
+
+
+def _outcome_row(row: OutcomeRow) -> dict[str, object]:
+    """An outcome with its limits: of noise alone where the model's error is not known."""
+    basis, limit = ("model and noise", "sdd_") if _limited(row) else ("noise alone", "noise_sdd_")
+    detectable = {design: row.limits[limit + design] for design in DESIGNS}
+    return {**vars(row), **row.limits, "basis": basis, **detectable}
+
+
+def _walked_rows(table: SettingsTable) -> list[dict[str, object]]:
+    titles = {row.name: f"{row.title} ({row.unit})" for row in table.outcomes}
+    words = {True: "yes", False: "no", None: None}
+    return [
+        {
+            **vars(row),
+            "title": titles[row.outcome],
+            "told": words[row.told_apart],
+            "strides": words[row.beyond_strides],
+        }
+        for row in table.as_walked
+    ]
+
+
+def _widest(rows: Sequence[_Pair]) -> list[_Pair]:
+    """Those of the two positions furthest apart."""
+    reach = max((row.to_mm - row.from_mm for row in rows), default=0.0)
+    return [row for row in rows if row.to_mm - row.from_mm == reach]
 
 
 def told_apart(row: PairRow, design: str) -> bool | None:
@@ -156,18 +154,15 @@ def told_apart(row: PairRow, design: str) -> bool | None:
 def poor_judge(pairs: Sequence[PairRow]) -> PairRow | None:
     """Stored energy between the ends, if with the motion held it cannot tell them apart and is
     largest in between."""
-    effects = [
-        (row, row.effect)
-        for row in pairs
-        if row.outcome == "energy_stored_j" and row.effect is not None
-    ]
-    if not effects:
+    known = [row for row in pairs if row.outcome == "energy_stored_j" and row.effect is not None]
+    if not known:
         return None
-    ends, effect = max(effects, key=lambda item: item[0].to_mm - item[0].from_mm)
-    largest = max(abs(other) for _, other in effects)
-    between = max(other for row, other in effects if row.from_mm == ends.from_mm) > max(0.0, effect)
+    ends = _widest(known)[0]
+    effect = ends.effect or 0.0
+    largest = max(abs(row.effect or 0.0) for row in known)
+    highest = max(row.effect or 0.0 for row in known if row.from_mm == ends.from_mm)
     apart = abs(effect) > 0.5 * largest or told_apart(ends, "same_recording")
-    return ends if between and not apart else None
+    return ends if highest > max(0.0, effect) and not apart else None
 
 
 def _limited(outcome: OutcomeRow) -> bool:
@@ -177,9 +172,7 @@ def _limited(outcome: OutcomeRow) -> bool:
 
 def _ends(table: SettingsTable) -> dict[str, PairRow]:
     """By outcome, the two positions furthest apart."""
-    low = table.positions_mm[0]
-    high = table.positions_mm[-1]
-    return {row.outcome: row for row in table.pairs if (row.from_mm, row.to_mm) == (low, high)}
+    return {row.outcome: row for row in _widest(table.pairs)}
 
 
 def _over(row: PairRow | None, design: str) -> float | None:

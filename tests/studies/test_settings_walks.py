@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from made_study import embedded_study
-
-from vsf_drake.motion.events import Stance
-from vsf_drake.motion.fitted_trial import gait_phase
-from vsf_drake.validation.settings_walks import (
+from shipped_sections.settings_walks import (
     NAMES,
     SPLINES,
     KinematicNoise,
-    NoiseSizes,
     smooth_basis,
     stance_record,
 )
+
+from vsf_drake.motion.events import Stance
+from vsf_drake.motion.fitted_trial import gait_phase
+from vsf_drake.validation.settings_section import NoiseSizes
 
 WEIGHT, FOOT, START, LONG = 800.0, 0.25, 0.5, 0.8
 TIME = np.arange(0.0, 1.8, 1e-3)

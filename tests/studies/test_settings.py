@@ -8,15 +8,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made_study import embedded_study, saved_section
+from made_study import embedded_study
 from made_study_walk import with_walks
 from scipy.stats import norm
 from scipy.stats import t as student
-
-from vsf_drake.base.files import resource
-from vsf_drake.simulation.batch import WalkCase, simulate_batch
-from vsf_drake.validation import settings_section as settings
-from vsf_drake.validation.settings_section import (
+from shipped_sections import settings
+from shipped_sections.settings import (
     DESIGNS,
     ModelError,
     NoiseVariance,
@@ -28,8 +25,12 @@ from vsf_drake.validation.settings_section import (
     smallest_travel,
     walked_rows,
 )
-from vsf_drake.validation.settings_walks import NAMES, NoiseSizes, base_of
-from vsf_drake.validation.study import FITTED, HELD_OUT, KEEP, OFFSETS_FITTED
+from shipped_sections.settings_walks import KEEP, NAMES, base_of
+
+from vsf_drake.base.files import resource
+from vsf_drake.simulation.batch import WalkCase, simulate_batch
+from vsf_drake.validation.settings_section import NoiseSizes
+from vsf_drake.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED
 from vsf_drake.walks.recorded_walk import STEP_S
 
 SESSION, RECORDING, SLOPE = 0.7, 0.2, 1.5
@@ -185,8 +186,8 @@ def test_one_walk_a_setting_or_walks_that_the_fit_has_seen_tell_nothing():
 
 
 @pytest.fixture(scope="module")
-def table(quick_validation):
-    return saved_section(quick_validation, "settings").table
+def table():
+    return settings_section(embedded_study()).table
 
 
 def with_options(study, **changes):

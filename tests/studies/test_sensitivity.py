@@ -8,20 +8,9 @@ import math
 
 import numpy as np
 import pytest
-from made_study import embedded_study, saved_section
-
-from vsf_drake.motion.events import find_stances
-from vsf_drake.simulation.variables import Variable
-from vsf_drake.simulation.walk import Walker
-from vsf_drake.validation import sensitivity_section as sensitivity
-from vsf_drake.validation.sensitivity_indices import (
-    dropped,
-    morris_design,
-    morris_rows,
-    sobol_design,
-    sobol_rows,
-)
-from vsf_drake.validation.sensitivity_section import (
+from made_study import embedded_study
+from shipped_sections import sensitivity
+from shipped_sections.sensitivity import (
     GROUPS,
     OUTPUTS,
     REFERENCE_DEPTH_M,
@@ -32,6 +21,17 @@ from vsf_drake.validation.sensitivity_section import (
     sensitivity_section,
     values_at,
 )
+from shipped_sections.sensitivity_indices import (
+    dropped,
+    morris_design,
+    morris_rows,
+    sobol_design,
+    sobol_rows,
+)
+
+from vsf_drake.motion.events import find_stances
+from vsf_drake.simulation.variables import Variable
+from vsf_drake.simulation.walk import Walker
 from vsf_drake.validation.study import FITTED, HELD_OUT, Study, StudyOptions
 from vsf_drake.walks.comparison import compare, compare_sensitivity
 from vsf_drake.walks.energy_ledger import prosthesis_energy
@@ -435,8 +435,8 @@ def test_the_walk_of_a_condition_is_the_middle_repeat_of_those_that_the_fit_has_
     assert [walk.label for walk in chosen_walks(only(embedded_study(), *roles))] == [label]
 
 
-def test_the_short_form_has_every_output_and_no_indices(quick_validation):
-    section = saved_section(quick_validation, "sensitivity")
+def test_the_short_form_has_every_output_and_no_indices():
+    section = sensitivity_section(embedded_study())
     table = section.table
     assert any("no Sobol" in sentence for sentence in section.missing)
     assert tuple(table.outputs) == OUTPUTS and table.blocks is None

@@ -17,6 +17,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from SALib.analyze import morris as morris_effects
+from SALib.analyze import sobol as sobol_indices
+from SALib.sample import morris as morris_sample
+from SALib.sample import sobol as sobol_sample
+
+from vsf_drake.validation.sensitivity_section import Effect, Index
 
 LEVELS = 4
 """Of Morris' grid; a trajectory then steps over two thirds of each range."""
@@ -25,30 +31,6 @@ LEAST_TRAJECTORIES, LEAST_BLOCKS = 4, 16
 """Below this many whole samples there is no result."""
 _FLAT = 1e-9
 """An output that varies by less than this share of its size does not vary."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Effect:
-    """Elementary effects of a factor over the whole of its range, in the output's unit;
-    `mu_star_conf` is half of the 95 % bootstrap interval."""
-
-    name: str
-    mu: float
-    mu_star: float
-    mu_star_conf: float
-    sigma: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Index:
-    """Shares of an output's variance: first-order and total index of a factor or group, and half of
-    their 95 % bootstrap intervals."""
-
-    name: str
-    s1: float
-    s1_conf: float
-    st: float
-    st_conf: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +59,9 @@ def _problem(names: Sequence[str], groups: Sequence[str] | None = None) -> dict[
 
 def morris_design(names: Sequence[str], trajectories: int, seed: int) -> SamplingDesign:
     """Trajectories that move every factor once; k + 1 points each."""
-    from SALib.sample import morris  # noqa: PLC0415 (it takes half a second to import)
-
     problem = _problem(names)
     return SamplingDesign(
-        morris.sample(problem, trajectories, num_levels=LEVELS, seed=_seed(seed)),
+        morris_sample.sample(problem, trajectories, num_levels=LEVELS, seed=_seed(seed)),
         len(names) + 1,
         tuple(names),
         problem,
@@ -93,23 +73,19 @@ def sobol_design(
 ) -> SamplingDesign:
     """`samples` (a power of two) of Saltelli's blocks of k + 2 points, groups + 2 where indices are
     of the factors' groups, on a scrambled Sobol sequence."""
-    from SALib.sample import sobol  # noqa: PLC0415
-
     problem = _problem(names, groups)
     labels = tuple(dict.fromkeys(groups or names))
-    points = sobol.sample(problem, samples, calc_second_order=False, seed=_seed(seed))
+    points = sobol_sample.sample(problem, samples, calc_second_order=False, seed=_seed(seed))
     return SamplingDesign(points, len(labels) + 2, labels, problem)
 
 
 def morris_rows(design: SamplingDesign, y: np.ndarray, seed: int) -> tuple[Effect, ...] | None:
     """Elementary effects of one output y (rows,) by factor, in y's unit. None of too few whole
     trajectories."""
-    from SALib.analyze import morris  # noqa: PLC0415
-
     whole = design.whole(y)
     if np.count_nonzero(whole) < LEAST_TRAJECTORIES * design.block:
         return None
-    effects = morris.analyze(
+    effects = morris_effects.analyze(
         design.problem,
         design.points[whole],
         y[whole],
@@ -127,15 +103,13 @@ def morris_rows(design: SamplingDesign, y: np.ndarray, seed: int) -> tuple[Effec
 def sobol_rows(design: SamplingDesign, y: np.ndarray, seed: int) -> tuple[Index, ...] | None:
     """Shares of the variance of one output y (rows,), by factor or group. None of too few whole
     blocks or of a constant output."""
-    from SALib.analyze import sobol  # noqa: PLC0415
-
     whole = design.whole(y)
     if (
         np.count_nonzero(whole) < LEAST_BLOCKS * design.block
         or np.ptp(y[whole]) <= _FLAT * np.abs(y[whole]).max()
     ):
         return None
-    indices = sobol.analyze(
+    indices = sobol_indices.analyze(
         design.problem, y[whole], calc_second_order=False, num_resamples=RESAMPLES, seed=_seed(seed)
     )
     keys = {"s1": "S1", "s1_conf": "S1_conf", "st": "ST", "st_conf": "ST_conf"}

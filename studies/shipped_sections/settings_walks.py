@@ -26,7 +26,8 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass, periodic
 from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.batch import SweepProgress, WalkCase, WalkOutcome, simulate_batch
 from vsf_drake.simulation.batch.processes import chosen
-from vsf_drake.validation.study import KEEP, StudyWalk
+from vsf_drake.validation.settings_section import NoiseSizes
+from vsf_drake.validation.study import StudyWalk
 from vsf_drake.walks.angle_errors import LIMB_ANGLES
 from vsf_drake.walks.comparison import (
     FORCE_CUTOFF_HZ,
@@ -44,6 +45,7 @@ from vsf_drake.walks.comparison import (
 from vsf_drake.walks.recorded_walk import STEP_S
 
 RECORDINGS = 2
+KEEP = ("time_s", "grf_W", "cop_W", "energy_j")  # of a walk
 _STREAM = 6
 
 
@@ -343,16 +345,6 @@ def stance_record(
 SPLINES = 8
 PELVIS_ANGLES = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")
 PELVIS_PLACE = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
-
-
-@dataclass(frozen=True, kw_only=True)
-class NoiseSizes:
-    """Standard deviations."""
-
-    session_deg: float = 1.2  # constant error of an angle in a session
-    session_smooth_deg: float = 0.5  # root mean square, expected, of the smooth one
-    recording_deg: float = 0.1  # constant errors of one recording
-    recording_mm: float = 0.4
 
 
 class KinematicNoise:

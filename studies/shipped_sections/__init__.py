@@ -1,0 +1,1 @@
+"""Parts of `ship_validation.py`: sections of the validation that take long."""
