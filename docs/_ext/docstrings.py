@@ -25,7 +25,7 @@ _COMPOSED_FROM = ("vsf_drake.systems", "vsf_drake.plants")
 
 
 def template_systems(module: ModuleType) -> dict[str, TemplateSystem]:
-    """Public template systems that are defined in `module`, by name (`KelvinVoigtContact_`)."""
+    """Public template systems that are defined in `module`, by name (`FootForces_`)."""
     return {
         name: value
         for name, value in vars(module).items()

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 from pydrake.systems.framework import Context
+from walk_over_ground import ReferenceWalk
 
 from vsf_drake.model.ground import Ground
 from vsf_drake.model.parameters import GRAVITY
@@ -16,7 +17,6 @@ from vsf_drake.motion.trial import Trial
 from vsf_drake.plants.foot_handles import ContactSites
 from vsf_drake.plants.gait import GaitDiagram, make_gait
 from vsf_drake.report.style import MEASURED, NEUTRAL, drawing, label
-from vsf_drake.simulation.walk_over_ground import ReferenceWalk
 
 SHARES = (0.07, 0.25, 0.55, 0.9)
 """Instants that are drawn, in shares of the time shown."""

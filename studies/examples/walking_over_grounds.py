@@ -2,7 +2,7 @@
 
 The person (28 degrees of freedom and the keel's) follows an embedded, synthetic trial; socket, keel
 and foam are free. Ground and forces are systems of the diagram, Drake's Simulator runs it, see
-`simulation.walk_over_ground`.
+`walk_over_ground`.
 
   slope           5 degrees up through the world's origin, under both feet. The whole motion is
                   turned with it, so that in the slope's axes all forces are those of level ground
@@ -29,6 +29,7 @@ from pathlib import Path
 import numpy as np
 from grounds_figure import draw
 from pydrake.math import RotationMatrix
+from walk_over_ground import ReferenceWalk, walk_over
 
 from vsf_drake.base.files import resource, write_json
 from vsf_drake.model.contact_file import load_contact
@@ -40,7 +41,6 @@ from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.report.style import save_figure
-from vsf_drake.simulation.walk_over_ground import ReferenceWalk, walk_over
 
 TRIAL, CONTACT = (f"data/reference_subject/exact/{name}.yaml" for name in ("medium_1", "contact"))
 """A right prosthesis, and a trial that the contact was not fitted to."""

@@ -17,6 +17,7 @@ from pathlib import Path
 
 # the runs under Drake's Simulator
 sys.path.append(str(Path(__file__).resolve().parents[1] / "helpers"))
+sys.path.append(str(Path(__file__).resolve().parents[2] / "studies" / "examples"))
 import walks
 from table import Row, format_table
 

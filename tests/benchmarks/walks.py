@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from reference_runs import simulate_bench_reference
 from table import YARDSTICK, Row
+from walk_over_ground import walk_over
 
 from vsf_drake.model.ground import Ground
 from vsf_drake.model.parameters import GRAVITY
@@ -20,7 +21,6 @@ from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.batch import WalkCase, WalkOutcome, simulate_batch
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
 from vsf_drake.simulation.walk import Walk, Walker
-from vsf_drake.simulation.walk_over_ground import walk_over
 from vsf_drake.walks.embedded import embedded_trials
 
 WALK_S, MILLISECOND, REPEATS = 1.2, 1e-3, 10

@@ -8,7 +8,6 @@ import api_pages
 import docstrings
 import numpy as np
 from pydrake.geometry import GeometryId
-from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
@@ -17,13 +16,10 @@ from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.systems.contact import (
     DrakeReaction,
-    GroundReaction,
-    KelvinVoigtContact,
-    StickSlipFriction,
     TestingMachine,
 )
-from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand, FulcrumSupport
-from vsf_drake.systems.joint_forces import GaitDriver, KeelElasticity, SocketBushing
+from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand
+from vsf_drake.systems.joint_forces import GaitDriver, SocketBushing
 from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 
 
@@ -31,22 +27,8 @@ def one_of_each() -> list[LeafSystem]:
     """Sizes that a docstring gives by different symbols differ here, so that they cannot be
     mistaken."""
     bodies, joints = [3, 4, 4, 5, 5], {"num_velocities": 9}
-    sites = {"body_indices": bodies, "p_BS": np.zeros((5, 3)), "radius": 0.02}
     law = {"stiffness": 3e4, "exponent": 1.5, "damping": 50.0, "full_damping_depth": 0.05}
     return [
-        KelvinVoigtContact(**sites, **law),
-        StickSlipFriction(
-            **sites, mu_static=0.5, mu_kinetic=0.3, threshold_velocity=0.2, smooth=True
-        ),
-        GroundReaction(**sites),
-        FulcrumSupport(
-            frame_body_index=2,
-            X_FK=RigidTransform(),
-            keel_body_indices=[3, 4, 5],
-            keel_body_starts=[0.0, 0.04, 0.09],
-            stiffness=1e4,
-            damping=20.0,
-        ),
         SocketBushing(
             **joints,
             velocity_indices=range(6),
@@ -56,9 +38,6 @@ def one_of_each() -> list[LeafSystem]:
             limit=0.05,
             rate_limit=0.2,
             stop_ratio=10.0,
-        ),
-        KeelElasticity(
-            **joints, velocity_indices=[6, 7, 8], stiffness=[0.0, 4.0, 11.0], damping=0.1
         ),
         GaitDriver(**joints, velocity_indices=[3, 5], position_gain=10.0, velocity_gain=1.0),
         TestingMachine(body_indices=[5], p_BS=np.zeros((1, 3)), **law),

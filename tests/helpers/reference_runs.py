@@ -8,10 +8,10 @@ import numpy as np
 from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
+from walk_over_ground import advance, drive
 
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.simulation.bench import Bench
-from vsf_drake.simulation.walk_over_ground import advance, drive
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from foot_forces_apart import KeelElasticity
 from made_feet import EVERY_BRANCH, PARAMETERS, LooseFoot, add_loose_shank, loose_foot, some_state
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.common.value import AbstractValue
@@ -35,7 +36,6 @@ from vsf_drake.plants import (
 )
 from vsf_drake.plants.foot import mount_pose, sole_height
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.systems import KeelElasticity
 from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
 UNEVEN = Ground(

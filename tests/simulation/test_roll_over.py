@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
+from walk_over_ground import advance, drive
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.model.parameters import ContactZone, FootParameters
@@ -21,7 +22,6 @@ from vsf_drake.simulation.roll_over import (
     line_of_force,
     mount_path,
 )
-from vsf_drake.simulation.walk_over_ground import advance, drive
 
 FOOT = FootParameters()
 SLOW = 0.05 / 60.0

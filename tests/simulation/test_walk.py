@@ -14,6 +14,7 @@ import pytest
 from cut_walks import inputs_of
 from drawn_walks import assert_sound, drawn
 from made_contact import CURVE, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
+from walk_over_ground import walk_over
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.files import resource
@@ -28,7 +29,6 @@ from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.stepper import Stepper
 from vsf_drake.simulation.variables import MotionPerturbation
 from vsf_drake.simulation.walk import Walker, bytes_a_step, simulate_trial, walk_notes
-from vsf_drake.simulation.walk_over_ground import walk_over
 from vsf_drake.walks.embedded import embedded_trials
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")

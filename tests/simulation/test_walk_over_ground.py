@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from walk_over_ground import walk_over
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
@@ -15,7 +16,6 @@ from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.walk import Walker
-from vsf_drake.simulation.walk_over_ground import walk_over
 
 START_S, FINISH_S, FULCRUM_M = 0.08, 0.28, 0.108
 """0.2 s around heel strike at 0.12 s."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from foot_forces_apart import KelvinVoigtContact
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialVelocity
 
 from vsf_drake.laws.kelvin_voigt import normal_force
-from vsf_drake.systems import KelvinVoigtContact, TestingMachine
+from vsf_drake.systems import TestingMachine
 
 X_WB = RigidTransform(RollPitchYaw(0.1, -0.2, 0.5), [0.3, 0.1, 0.02])
 w_WB, v_WB = np.array([0.4, -1.0, 0.3]), np.array([0.1, 0.05, -0.06])
@@ -37,7 +38,7 @@ def evaluate(system, v=v_WB, **inputs):
         system.GetInputPort(name).FixValue(context, value)
     ports = [system.get_output_port(i) for i in range(system.num_output_ports())]
     out = {port.get_name(): port.Eval(context) for port in ports}
-    return out | {"wrench": out["spatial_forces"][0].F_Bq_W.get_coeffs()}
+    return out | {"wrench": sum(force.F_Bq_W.get_coeffs() for force in out["spatial_forces"])}
 
 
 def kinematics(v=v_WB):

@@ -5,6 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from foot_forces_apart import (
+    FulcrumSupport,
+    GroundReaction,
+    KeelElasticity,
+    KelvinVoigtContact,
+    StickSlipFriction,
+)
 from made_feet import GRAVITY_W, PARAMETERS, LooseFoot, add_loose_shank, loose_foot, some_state
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.math import RigidTransform, RotationMatrix
@@ -21,13 +28,6 @@ from vsf_drake.plants.wiring import (
     share_generalized_forces,
     share_spatial_forces,
     velocity_indices,
-)
-from vsf_drake.systems import (
-    FulcrumSupport,
-    GroundReaction,
-    KeelElasticity,
-    KelvinVoigtContact,
-    StickSlipFriction,
 )
 from vsf_drake.systems.foot_forces import CONTACT_LAWS
 

@@ -11,6 +11,7 @@ import built_diagrams
 import numpy as np
 import port_text
 import pytest
+from foot_forces_apart import KeelElasticity
 from made_feet import loose_foot
 from made_systems import one_of_each, public_diagrams, public_systems
 from pydrake.autodiffutils import AutoDiffXd
@@ -18,7 +19,6 @@ from pydrake.systems.framework import DiagramBuilder, PortDataType
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.plants.station import Station
-from vsf_drake.systems import KeelElasticity
 from vsf_drake.systems._system import System, system_template
 from vsf_drake.systems.fulcrum import FulcrumCommand
 

@@ -270,7 +270,7 @@ class KeelShape:
     positive lifts the toe."""
     load_point_K: np.ndarray  # (2,) m, x and z of the load point C in K
     support_force_n: float
-    """on the keel along z_K, as of `FulcrumSupport`: negative while the toe is pressed up"""
+    """on the keel along z_K, as of `FootForces`: negative while the toe is pressed up"""
     rise_by: np.ndarray
     """(2,) derivatives of the load point's z by the keel's flexural modulus (m/Pa) and the
     fulcrum's stiffness (m^2/N).

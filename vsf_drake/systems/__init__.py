@@ -14,12 +14,6 @@ already.
 """
 
 from vsf_drake.systems.contact import (
-    GroundReaction,
-    GroundReaction_,
-    KelvinVoigtContact,
-    KelvinVoigtContact_,
-    StickSlipFriction,
-    StickSlipFriction_,
     TestingMachine,
     TestingMachine_,
 )
@@ -27,14 +21,10 @@ from vsf_drake.systems.foot_forces import FootForces, FootForces_
 from vsf_drake.systems.fulcrum import (
     FulcrumActuator,
     FulcrumActuator_,
-    FulcrumSupport,
-    FulcrumSupport_,
 )
 from vsf_drake.systems.joint_forces import (
     GaitDriver,
     GaitDriver_,
-    KeelElasticity,
-    KeelElasticity_,
     SocketBushing,
     SocketBushing_,
 )
@@ -54,22 +44,12 @@ __all__ = [
     "FootForces_",
     "FulcrumActuator",
     "FulcrumActuator_",
-    "FulcrumSupport",
-    "FulcrumSupport_",
     "GaitDriver",
     "GaitDriver_",
-    "GroundReaction",
-    "GroundReaction_",
-    "KeelElasticity",
-    "KeelElasticity_",
-    "KelvinVoigtContact",
-    "KelvinVoigtContact_",
     "ShankAngle",
     "ShankAngle_",
     "SocketBushing",
     "SocketBushing_",
-    "StickSlipFriction",
-    "StickSlipFriction_",
     "SwingController",
     "SwingController_",
     "TestingMachine",

@@ -39,18 +39,20 @@ class FootForces(System):
     """Every force on one variable-stiffness foot, for any plant that `add_foot` put it into;
     `wire_foot` makes and connects it.
 
-    In one system what `KelvinVoigtContact`, `StickSlipFriction`, `GroundReaction`,
-    `FulcrumSupport`, `KeelElasticity` and the carriage's servo do apart, at a fraction of their
-    cost, on a ground of several plane patches. Of the plant's poses and velocities only those of
-    the rigid frame F are read, for the keel's joint angles are in the state, and the plant gets one
-    spatial force on F beside moments in the keel's joints. Laws and sources: `vsf_drake.laws`,
-    McGeehan 2021 (doi 10.1115/1.4050456); with the law "smooth" friction is smooth too.
+    Contact, friction, fulcrum support, keel springs and the carriage's servo are one system, at a
+    fraction of the cost of several, on a ground of several plane patches. Of the plant's poses and
+    velocities only those of the rigid frame F are read, for the keel's joint angles are in the
+    state, and the plant gets one spatial force on F beside moments in the keel's joints. Laws and
+    sources: `vsf_drake.laws`, McGeehan 2021 (doi 10.1115/1.4050456); with the law "smooth" friction
+    is smooth too.
 
     A sphere touches the highest patch at its centre S, of equally high ones the last, and none
     beyond all bounds. Depth, depth rate and slip are taken along and across that patch's normal n,
     friction acts at C, a radius from S against n. The centre of pressure is the point about which
-    the moment has no component across the mean normal, in the plane through the mean contact point;
-    for a level ground that is what `GroundReaction` computes.
+    the moment has no component across the mean normal, in the plane through the mean contact point,
+    as a force plate makes it: friction acts below the surface by the depths, as in the library that
+    the paper used, so that it differs from the force-weighted mean of its eq. 4 by at most the
+    friction coefficient times the largest depth.
 
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state
     (num_positions + num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's

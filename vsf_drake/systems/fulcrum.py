@@ -1,16 +1,13 @@
-"""The fulcrum, which bears on the keel from above, what commands it, and the motor and screw that
-carry it."""
+"""What commands the fulcrum, and the motor and screw that carry it."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
-from typing import Any, SupportsInt
+from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
-from pydrake.math import RigidTransform
 from pydrake.symbolic import Expression
 from pydrake.systems.framework import BasicVector_, Context, ContinuousState
 
@@ -18,94 +15,9 @@ from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.schema import check
 from vsf_drake.laws import lead_screw as law
 from vsf_drake.model.parameters import ActuatorParameters
-from vsf_drake.systems._system import System, cross, system_template
+from vsf_drake.systems._system import System, system_template
 
 THREAD = ("screw_lead_m", "screw_mean_diameter_m", "thread_friction", "thread_flank_angle_rad")
-
-
-@system_template()
-class FulcrumSupport(System):
-    """Two-sided stiff support of the keel at a continuous position along it: McGeehan 2021 (doi
-    10.1115/1.4050456), Figure 1, support B, with a finite stiffness.
-
-    The fulcrum holds the keel's material point P at arc coordinate l (m from the posterior end A).
-    With w the height of P in the keel frame K, fixed in the foot's frame body F, and w' its rate
-    for fixed l, the keel feels -(stiffness w + damping w') along z_K at P and F the opposite at the
-    same point. P slides onto the next keel body where that body's frame begins, its joint, about
-    which the force then has no moment: everything is continuous as the fulcrum passes a joint.
-    Sliding it under load takes work, which is the carriage's: no force for it acts here.
-
-    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position
-    (1,) m from A, of a source or the carriage's coordinate. Outputs: spatial_forces on the keel
-    body that holds P and on F; support_force (1,) N on the keel along z_K, negative while the
-    ground bends the toe up.
-
-    Args:
-        frame_body_index: body F.
-        X_FK: pose of K in F.
-        keel_body_indices: m bodies from A to the toe, their frames at their joints, x along the
-            keel.
-        keel_body_starts: (m,) arc coordinates of their frames (m), increasing from the first; else
-            ValueError.
-
-    Parameters in the Context: stiffness (N/m), damping (N s/m).
-    """
-
-    def __init__(
-        self,
-        *,
-        frame_body_index: SupportsInt,
-        X_FK: RigidTransform,
-        keel_body_indices: Sequence[SupportsInt],
-        keel_body_starts: np.ndarray,
-        stiffness: float,
-        damping: float,
-    ) -> None:
-        starts = np.array(keel_body_starts, dtype=float)
-        if starts.shape != (len(keel_body_indices),) or np.any(np.diff(starts) <= 0):
-            raise ValueError(
-                f"keel_body_starts must be {len(keel_body_indices)} increasing numbers"
-            )
-        self._frame = int(frame_body_index)
-        self._keel = [int(index) for index in keel_body_indices]
-        self._starts = starts
-        self._X_FK = X_FK.GetAsMatrix34()
-        self._declare_kinematics()
-        self._declare_inputs(fulcrum_position=1)
-        self._declare_parameters("fulcrum_", stiffness=(stiffness, ()), damping=(damping, ()))
-        support = self._declare_cached("support", self._calc_support)
-        self._declare_spatial_forces(lambda context: support(context)["applied"])
-        self._declare_parts(support, support_force=1)
-
-    def _calc_support(self, context: Context) -> dict[str, Any]:
-        constants = self._constants(context)
-        poses = self._value(context, "body_poses")
-        velocities = self._value(context, "body_spatial_velocities")
-        position = self._fulcrum_place(context)
-        at = position if self._T is float else position.value()
-        keel = int(np.searchsorted(self._starts, at, side="right")) - 1
-        keel = min(max(keel, 0), len(self._starts) - 1)
-        body = self._keel[keel]
-
-        # w = z_K . (p_FP - p_FK), the height of P in K; w' = z_K . v_FP with v_FP = v_WB + w_WB x
-        # p_BP less that of F
-        X_WB = poses[body].GetAsMatrix34()
-        X_WF = poses[self._frame].GetAsMatrix34()
-        V_WB = velocities[body].get_coeffs()
-        V_WF = velocities[self._frame].get_coeffs()
-        p_BoP_W = X_WB[:, 0] * (position - self._starts[keel])
-        p_FoP_W = X_WB[:, 3] + p_BoP_W - X_WF[:, 3]
-        z_K_W = X_WF[:, :3] @ self._X_FK[:, 2]
-        height = z_K_W @ (p_FoP_W - X_WF[:, :3] @ self._X_FK[:, 3])
-        v_FP_W = V_WB[3:] - V_WF[3:] + cross(V_WB[:3], p_BoP_W) - cross(V_WF[:3], p_FoP_W)
-
-        # The keel feels f z_K at P and F the opposite at the same point, each shifted to its body's
-        # origin
-        force = -(constants["stiffness"] * height + constants["damping"] * (z_K_W @ v_FP_W))
-        f_P_W = force * z_K_W
-        F_B_W = np.concatenate((cross(p_BoP_W, f_P_W), f_P_W))
-        F_F_W = -np.concatenate((cross(p_FoP_W, f_P_W), f_P_W))
-        return {"support_force": [force], "applied": ((body, F_B_W), (self._frame, F_F_W))}
 
 
 @system_template(AutoDiffXd, Expression)
@@ -394,6 +306,5 @@ def _check_travel(rearmost: Any, foremost: Any, position: Any) -> None:
     )
 
 
-FulcrumSupport_ = FulcrumSupport.template
 FulcrumCommand_ = FulcrumCommand.template
 FulcrumActuator_ = FulcrumActuator.template

@@ -1,5 +1,4 @@
-"""Springs and servos on joints: the keel's elasticity, the socket's bushing, the driver of
-prescribed joints."""
+"""Springs and servos on joints: the socket's bushing, the driver of prescribed joints."""
 
 from __future__ import annotations
 
@@ -39,41 +38,6 @@ class _JointForces(System):
         force = np.zeros(self._count, dtype=values.dtype)
         force[self._at] = values
         return force
-
-
-@system_template(AutoDiffXd, Expression)
-class KeelElasticity(_JointForces):
-    """Moment -(stiffness q + damping v) in each of m joints of the keel.
-
-    A lumped-parameter beam: a joint in the middle of each element with stiffness E I / L_element
-    and damping proportional to it (MathWorks, Flexible Beam, lumped-parameter method; McGeehan
-    2021, doi 10.1115/1.4050456).
-
-    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom.
-    Outputs: generalized_force (num_velocities,), zero outside the m; joint_moment (m,) N m.
-
-    Args:
-        velocity_indices: m indices into the plant's v (and q), one per joint.
-
-    Parameters in the Context: stiffness (m,) N m/rad, zero for a free pin; damping (m,) N m s/rad.
-    """
-
-    def __init__(
-        self,
-        *,
-        num_velocities: int,
-        velocity_indices: Sequence[int],
-        stiffness: np.ndarray,
-        damping: np.ndarray,
-    ) -> None:
-        m = self._declare_joints(num_velocities, velocity_indices)
-        self._declare_parameters("joint_", stiffness=(stiffness, (m,)), damping=(damping, (m,)))
-        self._declare_output("joint_moment", m, self._force)
-
-    def _force(self, context: Context) -> np.ndarray:
-        constants, (q, v) = self._constants(context), self._motion(context)
-        moment: np.ndarray = -(constants["stiffness"] * q + constants["damping"] * v)
-        return moment
 
 
 @system_template()
@@ -175,6 +139,5 @@ class GaitDriver(_JointForces):
         return force
 
 
-KeelElasticity_ = KeelElasticity.template
 SocketBushing_ = SocketBushing.template
 GaitDriver_ = GaitDriver.template
