@@ -8,7 +8,7 @@ shifts, and perturbations that change with time.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -99,55 +99,34 @@ def make_directions(
     equations of prescribed coordinates are differentiated too. ValueError if a parameter shifts a
     coordinate that is not prescribed.
     """
-    parent_of = np.zeros(len(tree.body_names), dtype=np.int64)
-    parent_of[tree.links[:, 2]] = tree.links[:, 1]
-    # whether the second body carries the first, or is it
-    carriers = np.eye(len(parent_of), dtype=np.bool_)
-    for _, parent, child, _ in tree.links:
-        carriers[child] |= carriers[parent]
+    parent_of, carriers = _carriers(tree)
     # by coordinate, or -1 - axis of the mount
     direction_of = {int(c): place for place, c in enumerate(dofs.free)}
     units: dict[tuple[int, int], float] = {}  # displacement by direction and parameter
-    perturbations: list[tuple[int, int]] = []  # direction and parameter
     for p, by_unit in enumerate(tangents):
-        shifts = {-1 - axis: amount for axis, amount in enumerate(by_unit.mount) if amount}
-        if by_unit.coordinate is not None:
-            shifts[tree.index(by_unit.coordinate)] = (
-                1.0 if by_unit.perturbation is None else by_unit.perturbation[0]
-            )
-        if by_unit.fulcrum_shift:
-            shifts[tree.index("fulcrum")] = by_unit.fulcrum_shift
-        for c, amount in shifts.items():
+        for c, amount in _shifts(tree, by_unit).items():
             if c >= 0 and dofs.place[c] >= 0:
                 raise ValueError(f"{tree.coordinate_names[c]} is free: it has no shift")
             units[direction_of.setdefault(c, len(direction_of)), p] = float(amount)
-        if by_unit.perturbation is not None:
-            perturbations.append((direction_of[tree.index(by_unit.coordinate or "")], p))
+    unit = np.zeros((len(direction_of), len(tangents)))
+    for place, amount in units.items():
+        unit[place] = amount
     coordinate = np.array(list(direction_of), dtype=np.int64)
-    rows = np.concatenate([dofs.free, dofs.prescribed]) if loads else dofs.free
     of_mount = coordinate < 0
-    joints = tree.coordinate_bodies[rows]
-    body = np.where(of_mount, forces.frame_body, tree.coordinate_bodies[coordinate])
-    mount = np.zeros((len(coordinate), 6))
-    unit = np.zeros((len(coordinate), len(tangents)))
     mirrored = any(by_unit.mirrored for by_unit in tangents)
+    mount = np.zeros((len(coordinate), 6))
     mount[of_mount] = _mount_motions(tree, forces.frame_body, mirrored=mirrored)[
         -1 - coordinate[of_mount]
     ]
-    for place, amount in units.items():
-        unit[place] = amount
-    entries = sorted(
-        (int(s), p, int(column), float(by_unit.sites[s, column]))
-        for p, by_unit in enumerate(tangents)
-        if by_unit.sites is not None
-        for s, column in np.argwhere(by_unit.sites)
-    )
-    springs = [
-        (p, int(row), by_unit.springs[row, :3])
-        for p, by_unit in enumerate(tangents)
-        if by_unit.springs is not None
-        for row in np.flatnonzero(by_unit.springs.any(axis=1))
-    ]
+    body = np.where(of_mount, forces.frame_body, tree.coordinate_bodies[coordinate])
+    rows = np.concatenate([dofs.free, dofs.prescribed]) if loads else dofs.free
+    joints = tree.coordinate_bodies[rows]
+    perturbed = {p: one for p, one in enumerate(tangents) if one.perturbation is not None}
+    slide = np.array([by_unit.fulcrum_shift for by_unit in tangents])
+    sites = _stacked([by_unit.sites for by_unit in tangents], forces.sites.shape)
+    site, site_parameter, site_column = _where(sites.transpose(1, 0, 2))
+    springs = _stacked([by_unit.springs for by_unit in tangents], forces.springs.shape)
+    spring_parameter, spring_row = _where(np.asarray(springs.any(axis=2)))
     return TangentDirections(
         coordinate=np.maximum(coordinate, -1),
         body=body,
@@ -161,31 +140,67 @@ def make_directions(
             np.where(carriers[body][:, joints].T, OUTBOARD, UNRELATED),
         ),
         perturbation_direction=np.array(
-            [direction for direction, _ in perturbations], dtype=np.int64
+            [direction_of[tree.index(one.coordinate or "")] for one in perturbed.values()],
+            dtype=np.int64,
         ),
-        perturbation_parameter=np.array([p for _, p in perturbations], dtype=np.int64),
+        perturbation_parameter=np.array(list(perturbed), dtype=np.int64),
         path=np.ascontiguousarray(
-            np.array([tangents[p].perturbation for _, p in perturbations], dtype=float).T
+            np.array([one.perturbation for one in perturbed.values()], dtype=float).T
         )
-        if perturbations
+        if perturbed
         else np.zeros((0, 0)),
-        path_rate=np.array([tangents[p].perturbation_rate for _, p in perturbations], dtype=float),
-        slide=np.array([by_unit.fulcrum_shift for by_unit in tangents]),
-        slides=any(by_unit.fulcrum_shift for by_unit in tangents),
-        site_start=np.searchsorted(
-            [s for s, *_ in entries], np.arange(len(forces.sites) + 1)
-        ).astype(np.int64),
-        site_parameter=np.array([p for _, p, _, _ in entries], dtype=np.int64),
-        site_column=np.array([column for _, _, column, _ in entries], dtype=np.int64),
-        site_unit=np.array([amount for *_, amount in entries], dtype=float),
-        spring_parameter=np.array([p for p, _, _ in springs], dtype=np.int64),
-        spring_row=np.array([row for _, row, _ in springs], dtype=np.int64),
-        spring_unit=np.array([amount for *_, amount in springs]).reshape(-1, 3),
-        support=np.array(
-            [np.zeros(2) if by_unit.fulcrum is None else by_unit.fulcrum for by_unit in tangents]
-        ).reshape(-1, 2),
+        path_rate=np.array([one.perturbation_rate for one in perturbed.values()], dtype=float),
+        slide=slide,
+        slides=bool(slide.any()),
+        site_start=np.searchsorted(site, np.arange(len(forces.sites) + 1)),
+        site_parameter=site_parameter,
+        site_column=site_column,
+        site_unit=sites[site_parameter, site, site_column],
+        spring_parameter=spring_parameter,
+        spring_row=spring_row,
+        spring_unit=springs[spring_parameter, spring_row, :3],
+        support=_stacked([by_unit.fulcrum for by_unit in tangents], (2,)),
         measured=np.asarray(measured, dtype=np.bool_),
     )
+
+
+def _carriers(tree: Tree) -> tuple[np.ndarray, np.ndarray]:
+    """(B,) what each body hangs on, and (B, B) whether the second body carries the first, or is
+    it."""
+    parent_of = np.zeros(len(tree.body_names), dtype=np.int64)
+    parent_of[tree.links[:, 2]] = tree.links[:, 1]
+    carriers = np.eye(len(parent_of), dtype=np.bool_)
+    for _, parent, child, _ in tree.links:
+        carriers[child] |= carriers[parent]
+    return parent_of, carriers
+
+
+def _shifts(tree: Tree, by_unit: ParameterTangent) -> dict[int, float]:
+    """What a unit of a parameter displaces at the start, by coordinate, or -1 - axis of the
+    mount."""
+    shifts = {-1 - axis: amount for axis, amount in enumerate(by_unit.mount) if amount}
+    if by_unit.coordinate is not None:
+        shifts[tree.index(by_unit.coordinate)] = (
+            1.0 if by_unit.perturbation is None else by_unit.perturbation[0]
+        )
+    if by_unit.fulcrum_shift:
+        shifts[tree.index("fulcrum")] = by_unit.fulcrum_shift
+    return shifts
+
+
+def _stacked(parts: Sequence[np.ndarray | None], shape: tuple[int, ...]) -> np.ndarray:
+    """(P, *shape), zero where a parameter has no part."""
+    stacked = np.zeros((len(parts), *shape))
+    for p, part in enumerate(parts):
+        if part is not None:
+            stacked[p] = part
+    return stacked
+
+
+def _where(values: np.ndarray) -> Iterator[np.ndarray]:
+    """Indices of what is not zero, by axis; numpy's are strided, which compiled code does not
+    take."""
+    return map(np.ascontiguousarray, np.nonzero(values))
 
 
 def tangent_workspace(tree: Tree, dofs: FreePrescribed, directions: TangentDirections) -> Tangent:
