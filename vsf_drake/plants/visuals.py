@@ -2,13 +2,14 @@
 physics.
 
 Keel, legs, socket and pylon have the model's dimensions, soles its length and height. Drawn only
-are outlines of feet, the prosthesis's rail, adapter and carriage, and trunk, head and arms, up to
-the subject's stature.
+are outlines of feet, trunk, head and arms (`models/outlines.yaml`), up to the subject's stature,
+and the prosthesis's rail, adapter and carriage.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.base.errors import InputError, require
+from vsf_drake.base.files import resource
+from vsf_drake.base.schema import load_plain
 from vsf_drake.model.ground import Ground
 from vsf_drake.plants.anthropometry import SHANK_RADIUS_M, THIGH_RADIUS_M
 from vsf_drake.plants.contact_geometry import box_under
@@ -53,89 +56,13 @@ _PLATE_M = 0.02
 _RAIL_M = 0.006
 _ROLLER_M = 0.006
 _LAP_M = 0.002
-_OUTLINE = np.array(
-    [
-        [0.00, 0.02, 0.06, 0.12, 0.20, 0.35, 0.50, 0.62, 0.72, 0.82, 0.90, 0.95, 0.98, 1.00],
-        [
-            0.050,
-            0.085,
-            0.112,
-            0.128,
-            0.132,
-            0.126,
-            0.138,
-            0.162,
-            0.176,
-            0.173,
-            0.160,
-            0.140,
-            0.110,
-            0.055,
-        ],
-        [
-            0.000,
-            0.000,
-            0.000,
-            0.000,
-            0.000,
-            0.008,
-            0.012,
-            0.010,
-            0.002,
-            -0.010,
-            -0.020,
-            -0.026,
-            -0.030,
-            -0.034,
-        ],
-        [0.40, 0.55, 0.72, 0.86, 0.97, 1.00, 0.74, 0.55, 0.45, 0.38, 0.32, 0.27, 0.22, 0.15],
-    ]
-)
-"""A foot from heel to toe, by share of its length: half its width and how far its middle is
-lateral, as shares of the length, and the height of its back as a share of the ankle's."""
-_BEVEL = np.array([[0.75, 0.88, 1.00, *[1.0] * 11], [0.0] * 10 + [0.05, 0.20, 0.38, 0.55]])
-"""How far below the keel the foam ends and begins there, as shares of its thickness."""
-_TRUNK = np.array(
-    [
-        [-0.16, -0.10, 0.00, 0.17, 0.38, 0.62, 0.80, 0.90, 0.96, 1.01, 1.03],
-        [0.00, 0.00, 0.00, 0.00, 0.01, 0.01, 0.00, -0.01, -0.01, -0.01, -0.01],
-        [0.08, 0.16, 0.20, 0.21, 0.18, 0.20, 0.21, 0.19, 0.15, 0.11, 0.09],
-        [0.12, 0.25, 0.32, 0.31, 0.26, 0.29, 0.32, 0.33, 0.28, 0.15, 0.10],
-    ]
-)
-_HEAD = np.array(
-    [
-        [-0.185, -0.150, -0.130, -0.117, -0.095, -0.065, -0.035, -0.014, -0.004, 0.000],
-        [-0.012, -0.006, 0.000, 0.008, 0.010, 0.006, 0.003, 0.001, 0.000, 0.000],
-        [0.034, 0.031, 0.036, 0.046, 0.053, 0.056, 0.053, 0.038, 0.022, 0.006],
-        [0.034, 0.032, 0.034, 0.036, 0.041, 0.044, 0.043, 0.031, 0.018, 0.005],
-    ]
-)
-_ARM = np.array(
-    [
-        [
-            -0.395,
-            -0.385,
-            -0.350,
-            -0.305,
-            -0.295,
-            -0.190,
-            -0.155,
-            -0.090,
-            -0.040,
-            0.000,
-            0.016,
-            0.027,
-            0.031,
-        ],
-        [0.068, 0.066, 0.056, 0.043, 0.040, 0.008, 0.000, 0.000, 0.000, 0.000, 0.000, 0.000, 0.000],
-        [0.006, 0.016, 0.022, 0.016, 0.016, 0.025, 0.024, 0.028, 0.031, 0.030, 0.026, 0.016, 0.004],
-        [0.004, 0.008, 0.012, 0.012, 0.014, 0.023, 0.022, 0.026, 0.029, 0.028, 0.023, 0.014, 0.003],
-    ]
-)
-"""Height, middle, half depth and half width: of the trunk from the hips, in shares of its length;
-of the head from the crown and of the arm from the shoulder, in shares of the stature. Drawn by eye,
-after the lengths of de Leva (1996)."""
+
+
+@cache
+def _outlines() -> dict[str, np.ndarray]:
+    """By name of what is drawn: its measures, each at every station along it, as the file says."""
+    drawn = load_plain(resource("models/outlines.yaml"))
+    return {name: np.array(stations).T for name, stations in drawn.items()}
 
 
 def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles, *, spheres: bool = False) -> None:
@@ -229,7 +156,7 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles, *, spheres: bool 
     # foam below the keel, on the rigid frame as far as its spheres are, then on the pieces of the
     # keel
     outward = {"left": 1.0, "right": -1.0}.get(foot.side, 0.0)
-    share, *outline, _ = _OUTLINE
+    share, *outline, _, foam_end, foam_start = _outlines()["foot"]
     shares = p.heel_x_m + p.length_m * share
     foam = max(p.foam_thickness_m, 1e-3)
     ends[-1] = max(ends[-1], shares[-1])
@@ -241,7 +168,7 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles, *, spheres: bool 
         if end > start:
             x = np.array([start - _LAP_M, *shares[(shares > start) & (shares < end)], end + _LAP_M])
             half, middle = (p.length_m * np.interp(x, shares, row) for row in outline)
-            low, high = (-top - foam * np.interp(x, shares, row) for row in _BEVEL)
+            low, high = (-top - foam * np.interp(x, shares, row) for row in (foam_end, foam_start))
             draw(
                 plant,
                 body,
@@ -267,13 +194,14 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles, *, spheres: bool =
     hips = np.array([body.hip_forward, 0.0, body.hip_up])
     # above the hips
     crown = max(stature - body.leg_length, 1.4 * body.trunk_length)
-    head = _HEAD.copy()
+    outlines = _outlines()
+    head = outlines["head"].copy()
     # the neck begins in the trunk
     head[0, 0] = min(head[0, 0], (body.trunk_length - crown) / stature)
     arms = [
         (
             f"arm_{side}",
-            _ARM,
+            outlines["arm"],
             stature,
             2.0,
             SKIN,
@@ -282,7 +210,7 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles, *, spheres: bool =
         for side, lateral in (("left", 0.11), ("right", -0.11))
     ]
     for name, (height, middle, *half), size, squareness, colour, place in (
-        ("trunk", _TRUNK, body.trunk_length, 2.4, CLOTHES, np.zeros(3)),
+        ("trunk", outlines["trunk"], body.trunk_length, 2.4, CLOTHES, np.zeros(3)),
         ("head", head, stature, 2.0, SKIN, [0.0, 0.0, crown]),
         *arms,
     ):
@@ -314,7 +242,7 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles, *, spheres: bool =
             length = body.foot_length
             height = body.ankle_height
             rear = float(np.min(person.intact_sites.p_BS[:, 0] - person.intact_sites.radius))
-            share, half, middle, back = _OUTLINE
+            share, half, middle, back, *_ = outlines["foot"]
             draw(
                 plant,
                 segment,

@@ -49,6 +49,14 @@ MAIN = (JUDGED, "cop_rmse_fl", "spring_returned_j")
 MOST = 6
 """Factors in a panel of the screening."""
 _NAMED = 3
+_BAR = "0.75"
+_MARK: dict[str, Any] = {
+    "color": "0.1",
+    "marker": "D",
+    "linestyle": "",
+    "markersize": 4.5,
+    "markerfacecolor": "white",
+}
 
 
 def sensitivity_chapter(table: SensitivityTable, arrays: Arrays) -> Chapter:
@@ -198,54 +206,12 @@ def indices_figure(table: SensitivityTable) -> Figure:
         panels = figure.subplots(1, len(by_output), squeeze=False, sharex=True, sharey=True)[0]
         for axes, (name, own) in zip(panels, by_output.items(), strict=True):
             for row in own:
-                place = names.index(row.name)
-                axes.barh(place, row.st, height=0.7, color="0.75")
-                axes.plot(
-                    [max(row.st - row.st_conf, 0.0), row.st + row.st_conf],
-                    [place, place],
-                    color="0.1",
-                )
-                axes.plot(
-                    max(row.s1, 0.0),
-                    place,
-                    marker="D",
-                    markersize=4.5,
-                    color="0.1",
-                    markerfacecolor="white",
-                    linestyle="",
-                    clip_on=False,
-                )
+                _bar(axes, names.index(row.name), row.st, row.st_conf, max(row.s1, 0.0))
             _name_bars(axes, names)
             label(axes, x="share (1)", y="", title=OUTPUTS[name].short)
         panels[0].set_xlim(left=0.0)
-        handles = [Patch(facecolor="0.75", label="total"), _mark("first order"), _interval()]
-        figure.legend(handles=handles, loc="lower center", ncols=3)
-        say_synthetic(figure, table.synthetic, "trials")
+        _explain(figure, table, bar="total", mark="first order")
     return figure
-
-
-def _name_bars(axes: Axes, names: Sequence[str]) -> None:
-    """The names of horizontal bars, the first on top."""
-    axes.set_yticks(np.arange(len(names)), names)
-    axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.grid(False, axis="y")
-
-
-def _mark(name: str) -> Line2D:
-    return Line2D(
-        [],
-        [],
-        color="0.1",
-        marker="D",
-        linestyle="",
-        markersize=4.5,
-        markerfacecolor="white",
-        label=name,
-    )
-
-
-def _interval() -> Line2D:
-    return Line2D([], [], color="0.1", label="95 % interval")
 
 
 def screening_figure(table: SensitivityTable) -> Figure:
@@ -260,28 +226,34 @@ def screening_figure(table: SensitivityTable) -> Figure:
         ):
             output = OUTPUTS[name]
             for place, row in enumerate(rows):
-                size = output.scale * row.mu_star
-                half = output.scale * row.mu_star_conf
-                axes.barh(place, size, height=0.7, color="0.75")
-                axes.plot([max(size - half, 0.0), size + half], [place, place], color="0.1")
-                axes.plot(
-                    output.scale * abs(row.mu),
-                    place,
-                    marker="D",
-                    markersize=4.5,
-                    color="0.1",
-                    markerfacecolor="white",
-                    linestyle="",
-                    clip_on=False,
-                )
+                sizes = (row.mu_star, row.mu_star_conf, abs(row.mu))
+                _bar(axes, place, *(output.scale * size for size in sizes))
             _name_bars(axes, [row.name for row in rows])
             axes.set_xlim(left=0.0)
             label(axes, x=f"effect ({output.unit})", y="", title=output.name)
-        handles = [
-            Patch(facecolor="0.75", label="mean size"),
-            _mark("mean, signs kept"),
-            _interval(),
-        ]
-        figure.legend(handles=handles, loc="lower center", ncols=3)
-        say_synthetic(figure, table.synthetic, "trials")
+        _explain(figure, table, bar="mean size", mark="mean, signs kept")
     return figure
+
+
+def _bar(axes: Axes, place: int, size: float, half: float, mark: float) -> None:
+    """A horizontal bar with the interval of its end, and a mark."""
+    axes.barh(place, size, height=0.7, color=_BAR)
+    axes.plot([max(size - half, 0.0), size + half], [place, place], color="0.1")
+    axes.plot(mark, place, clip_on=False, **_MARK)
+
+
+def _name_bars(axes: Axes, names: Sequence[str]) -> None:
+    """The names of horizontal bars, the first on top."""
+    axes.set_yticks(np.arange(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.grid(False, axis="y")
+
+
+def _explain(figure: Figure, table: SensitivityTable, *, bar: str, mark: str) -> None:
+    handles = [
+        Patch(facecolor=_BAR, label=bar),
+        Line2D([], [], label=mark, **_MARK),
+        Line2D([], [], color="0.1", label="95 % interval"),
+    ]
+    figure.legend(handles=handles, loc="lower center", ncols=3)
+    say_synthetic(figure, table.synthetic, "trials")

@@ -33,12 +33,21 @@ DESIGNS = {
     "same_session": "two recordings, one session",
     "two_sessions": "two sessions",
 }
-_MARKS = {
-    "same_recording": ("o", "0.1", 10),
-    "same_session": ("s", "white", 5),
-    "two_sessions": ("^", "0.75", 7),
+_MARKS: dict[str, dict[str, Any]] = {
+    design: {
+        "marker": marker,
+        "markerfacecolor": face,
+        "markersize": size,
+        "color": "0.1",
+        "linestyle": "",
+    }
+    for design, marker, face, size in (
+        ("same_recording", "o", "0.1", 10),
+        ("same_session", "s", "white", 5),
+        ("two_sessions", "^", "0.75", 7),
+    )
 }
-"""Marker, face and size of a design."""
+_MEAN: dict[str, Any] = {"color": "black", "linewidth": 2.2, "marker": "o", "markersize": 4.5}
 _BAND = "same_session"
 """The design whose limit is drawn about the changes of one outcome."""
 
@@ -203,36 +212,15 @@ def _apart_figure(table: SettingsTable) -> Figure:
     with drawing(PANEL[0], 1.0 + 0.24 * len(rows)) as figure:
         axes = figure.subplots()
         for i, row in enumerate(rows):
-            for design, (marker, face, size) in _MARKS.items():
-                axes.plot(
-                    _over(ends.get(row.name), design) or np.nan,
-                    i,
-                    marker=marker,
-                    color="0.1",
-                    markerfacecolor=face,
-                    markersize=size,
-                    linestyle="",
-                    clip_on=False,
-                )
+            for design, look in _MARKS.items():
+                axes.plot(_over(ends.get(row.name), design) or np.nan, i, clip_on=False, **look)
         axes.axvline(1.0, color="0.1", linewidth=1.2)
         axes.set_xlim(left=0.0)
         axes.set_ylim(len(rows) - 0.4, -0.6)
         axes.set_yticks(
             range(len(rows)), [row.title + ("" if _limited(row) else "*") for row in rows]
         )
-        handles = [
-            Line2D(
-                [],
-                [],
-                marker=marker,
-                color="0.1",
-                markerfacecolor=face,
-                linestyle="",
-                markersize=size,
-                label=DESIGNS[design],
-            )
-            for design, (marker, face, size) in _MARKS.items()
-        ]
+        handles = [Line2D([], [], label=DESIGNS[design], **look) for design, look in _MARKS.items()]
         figure.legend(handles=handles, loc="lower center", ncols=2)
         label(axes, x="difference / detectable (1)", y="")
         say_synthetic(figure, table.synthetic, "trials")
@@ -252,26 +240,11 @@ def _change_figure(table: SettingsTable, arrays: Arrays) -> Figure:
         _band(axes, [pair for pair in table.pairs if pair.outcome == row.name], positions[middle])
         for values, at in zip(change, table.trials_mm, strict=True):
             axes.plot(positions, values, color=colour_of(at), linewidth=1.0)
-        axes.plot(
-            positions,
-            np.nanmean(change, axis=0),
-            color="black",
-            linewidth=2.2,
-            marker="o",
-            markersize=4.5,
-        )
+        axes.plot(positions, np.nanmean(change, axis=0), **_MEAN)
         axes.axhline(0.0, color="0.4", linewidth=0.8)
         axes.set_xticks(positions)
         handles: list[Any] = [
-            Line2D(
-                [],
-                [],
-                color="black",
-                linewidth=2.2,
-                marker="o",
-                markersize=4.5,
-                label="mean of the trials",
-            ),
+            Line2D([], [], label="mean of the trials", **_MEAN),
             Patch(facecolor="0.85", label="not distinguishable"),
         ]
         handles += [
