@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from matplotlib.colors import to_hex
 from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Role, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
@@ -116,7 +117,7 @@ def write_replay(
             {
                 "foot": foot,
                 "kind": kind,
-                "colour": "#" + "".join(f"{round(255 * c):02x}" for c in colour),
+                "colour": to_hex(colour),
                 "points": points,
                 "newtons": np.round(vertical).tolist(),
             }
@@ -142,7 +143,7 @@ def write_replay(
             weight_height=100.0 * weight / top,
             intact_peak_bw=float(result.intact_grf_W[:, 2].max()) / weight,
             full_percent=100 * FULL_COLOUR_BW,
-            loaded="#" + "".join(f"{round(255 * c):02x}" for c in LOADED),
+            loaded=to_hex(LOADED),
             follow=f"{WALK}/pelvis",
             inset=f"{WALK}/vsf_frame",
             rate_hz=frame_rate_hz,

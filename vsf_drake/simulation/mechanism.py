@@ -19,6 +19,7 @@ from vsf_drake.plants.bench import BenchDiagram, RollOverDiagram
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.gait import GaitDiagram
 from vsf_drake.plants.wiring import velocity_indices
+from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
 from vsf_drake.simulation.stepping.stepper import Mechanism
 from vsf_drake.simulation.stepping.tree import tree_of
 from vsf_drake.simulation.variables import Variable, check_number
@@ -185,18 +186,9 @@ def _integers(indices: Iterable[Any]) -> np.ndarray:
 def _ground_sites(forces: FootForces, context: Context) -> np.ndarray:
     """Rows of the foot's contact sites, on a ground of one patch."""
     read = _reader(forces, context)
-    names = (
-        "radius",
-        "stiffness",
-        "exponent",
-        "damping",
-        "full_damping_depth",
-        "mu_static",
-        "mu_kinetic",
-        "threshold_velocity",
-    )
     points = read("p_BS")
-    return np.column_stack([points, *(np.broadcast_to(read(name), len(points)) for name in names)])
+    columns = (np.broadcast_to(read(name), len(points)) for name in SITE_COLUMNS[3:])
+    return np.column_stack([points, *columns])
 
 
 def _level_ground(forces: FootForces, context: Context) -> float:

@@ -73,7 +73,7 @@ EXACT = {f"{name}_exact": _SECTIONS[name] for name in ("layers", "walking")}
 """Sections of a second study: the same walks without errors of measurement."""
 LONG = {"settings": SettingsTable, "sensitivity": SensitivityTable}
 """Sections that come with the package, with the record that each holds."""
-NAMES = (*_SECTIONS, *EXACT)
+NAMES = (*_SECTIONS, *EXACT, *LONG)
 EVERY_S = 5.0  # between two pages that grow (a choice: to write one takes about 3)
 _PACKAGE = Path(__file__).resolve().parents[1]
 
