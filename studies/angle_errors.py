@@ -27,7 +27,7 @@ from vsf_drake.base.files import plain, sha256, write_json
 from vsf_drake.fit.assessment import HELD_OUT
 from vsf_drake.model.contact_file import FittedContact
 from vsf_drake.simulation.archive import provenance
-from vsf_drake.validation import Study, StudyOptions, make_study
+from vsf_drake.validation.study import Study, StudyOptions, make_study
 from vsf_drake.walks.angle_errors import DRAWS, AngleErrorRow, JudgedTrial, angle_error_rows
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 

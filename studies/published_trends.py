@@ -24,8 +24,8 @@ from floor_of_the_reference_subject import DATA, RESULTS, hashes
 from vsf_drake.base.files import plain, resource, sha256, write_json
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.archive import provenance
-from vsf_drake.validation import Study, StudyOptions, make_study
 from vsf_drake.validation.published_trends import published_trends
+from vsf_drake.validation.study import Study, StudyOptions, make_study
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 from vsf_drake.walks.published import TABLE
 

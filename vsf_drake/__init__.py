@@ -25,7 +25,7 @@ _HOMES = {
     "fit_offsets": "walks.offsets",
     "load_contact": "model.contact_file",
     "load_trial": "motion.trial",
-    "make_study": "validation",
+    "make_study": "validation.study",
     "resource": "base.files",
     "run_bench": "simulation.bench",
     "simulate_batch": "simulation.batch",

@@ -13,7 +13,7 @@ from vsf_drake.simulation.bench import run_bench
 from vsf_drake.simulation.walk import simulate_trial
 from vsf_drake.tuning.problem import StiffnessTuning
 from vsf_drake.tuning.solve import solve as tune_stiffness
-from vsf_drake.validation import make_study
+from vsf_drake.validation.study import make_study
 from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.offsets import fit_offsets
 

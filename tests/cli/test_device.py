@@ -60,7 +60,10 @@ def subject(tmp_path):
             ["export", "--format", "mjcf", "--no-springs"],
             "an MJCF file always has springs and contact spheres",
         ),
-        (["export", "--format", "urdf"], "'urdf' is not known. Known are sdf, mjcf, both"),
+        (
+            ["export", "--format", "urdf"],
+            "'urdf' is not known. Known are: sdf, mjcf, both",
+        ),
         (["stand", "SUBJECT", "--fulcrum-mm", 300], "out of the carriage's reach"),
         (["stand", "SUBJECT", "--duration-s", 0], "no time to stand"),
         (["simulate", "none.yaml"], "none.yaml: there is no such file"),

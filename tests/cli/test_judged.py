@@ -14,8 +14,8 @@ from sweep_files import copied
 from vsf_drake.base.files import resource
 from vsf_drake.motion.trial import RecordingMark
 from vsf_drake.tuning.inputs import load_tuning_trials
-from vsf_drake.validation import StudyOptions, make_study
 from vsf_drake.validation.run import validation_content
+from vsf_drake.validation.study import StudyOptions, make_study
 from vsf_drake.walks.embedded import embedded_contact
 
 DATA = resource("data/reference_subject")

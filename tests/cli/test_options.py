@@ -16,8 +16,12 @@ from typer.testing import CliRunner
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
 from vsf_drake.base.schema import option, quantity
+from vsf_drake.cli.device import ExportRequest, ShowRequest, WalkRequest
 from vsf_drake.cli.fit import FitRequest
 from vsf_drake.cli.options import Asked, fields_of, flags, from_fields, made
+from vsf_drake.cli.recordings import ImportRequest
+from vsf_drake.cli.study import StudyRequest
+from vsf_drake.cli.sweep import SweepRequest
 from vsf_drake.collocation.problem import METHODS as OF_COLLOCATION
 from vsf_drake.device.stiffness_map.make import DRAWS, standard_axes
 from vsf_drake.fit.options import ContactFitOptions
@@ -26,16 +30,27 @@ from vsf_drake.motion.import_options import ImportOptions
 from vsf_drake.motion.manifest import Laboratory
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.optimal_control.stride import StrideOptions
+from vsf_drake.simulation.batch import WalkCase
 from vsf_drake.simulation.bench import run_bench
+from vsf_drake.simulation.options import BenchOptions, StandingOptions, StepOptions
 from vsf_drake.simulation.standing import simulate_standing
-from vsf_drake.simulation.walk import DEFAULT_STEP_S, simulate_trial
+from vsf_drake.simulation.walk import simulate_trial
 from vsf_drake.tuning.common import METHODS, FreeMotionOptions, GivenMotionOptions
 from vsf_drake.tuning.options import TuningOptions
+from vsf_drake.validation.options import StudyOptions
+from vsf_drake.walks.recorded_walk import walk_trial
 
 MADE_FROM = {
     "fit": (FitRequest, ContactFitOptions),
     "tune": (GivenMotionOptions, FreeMotionOptions),
-    "import": (PersonFacts, Laboratory, ImportOptions),
+    "import": (PersonFacts, ImportRequest, Laboratory, ImportOptions),
+    "validate": (StudyRequest, StudyOptions),
+    "bench": (BenchOptions,),
+    "export": (ExportRequest,),
+    "show": (ShowRequest,),
+    "stand": (StandingOptions,),
+    "simulate": (WalkRequest,),
+    "sweep": (SweepRequest,),
 }
 WALK = resource("data/reference_subject/exact/low_1.yaml")
 
@@ -62,6 +77,8 @@ def test_defaults_ranges_and_words_of_help_are_those_of_the_fields(told, command
         default = re.search(r"\[(?:[^\]]*)default: \(?([^;\])]+)", text)
         if type(field.default) in (str, int, float):
             assert default[1] == str(field.default), text
+        elif field.default is True:
+            assert f"--{default[1]} / --no-{default[1]} " in text
         else:
             assert (default and default[1]) == field.metadata.get("shown"), text
         reach = re.search(r"(?:(\d+)<=)?x(?:>=(\d+)|<=(\d+))", text)
@@ -79,30 +96,33 @@ def test_both_levels_of_a_tuning_have_the_defaults_that_its_help_tells():
     assert METHODS == OF_COLLOCATION
 
 
-def test_defaults_of_other_commands_are_those_of_what_they_call(told):
+def test_functions_have_the_defaults_of_the_classes_from_which_commands_are_made(told):
     def default(function, name):
         return inspect.signature(function).parameters[name].default
 
+    assert [1e3 * x for x in default(run_bench, "fulcrums_m")] == pytest.approx(
+        BenchOptions.fulcrum_mm
+    )
+    assert default(run_bench, "max_load_n") == BenchOptions.max_load_n
+    assert 6e4 * default(run_bench, "speed_m_per_s") == BenchOptions.speed_mm_per_min
+    assert 1e3 * default(simulate_standing, "fulcrum_m") == StandingOptions.fulcrum_mm
+    assert default(simulate_standing, "duration_s") == StandingOptions.duration_s
+    for function in (simulate_trial, walk_trial, WalkCase):
+        assert 1e3 * default(function, "step_s") == StepOptions.step_ms
     axes = standard_axes(ModelParameters().foot)
     grids = {
         name: f"{values[0]:g}:{values[-1]:g}:{len(values)}" if values[1:] else f"{values[0]:g}"
         for name, values in axes.items()
     }
-    for command, option_, value in (
-        ("map", "--mass", f"({grids['mass_kg']})"),
-        ("map", "--slope", f"({grids['slope_deg']})"),
-        ("map", "--fulcrum-mm", f"(the reach, {len(axes['fulcrum_mm'])})"),
-        ("map", "--alignment", f"({grids['alignment_deg']})"),
-        ("map", "--heel", f"({grids['heel_ratio']})"),
-        ("map", "--draws", f"({DRAWS})"),
-        ("bench", "--max-load-n", str(default(run_bench, "max_load_n"))),
-        ("bench", "--speed-mm-per-min", str(6e4 * default(run_bench, "speed_m_per_s"))),
-        ("stand", "--fulcrum-mm", str(1e3 * default(simulate_standing, "fulcrum_m"))),
-        ("stand", "--duration-s", str(default(simulate_standing, "duration_s"))),
-        ("simulate", "--step-ms", str(1e3 * DEFAULT_STEP_S)),
-        ("sweep", "--step-ms", str(1e3 * default(simulate_trial, "step_s"))),
+    for option_, value in (
+        ("--mass", f"({grids['mass_kg']})"),
+        ("--slope", f"({grids['slope_deg']})"),
+        ("--fulcrum-mm", f"(the reach, {len(axes['fulcrum_mm'])})"),
+        ("--alignment", f"({grids['alignment_deg']})"),
+        ("--heel", f"({grids['heel_ratio']})"),
+        ("--draws", f"({DRAWS})"),
     ):
-        assert f"[default: {value}" in told(command)[option_], (command, option_)
+        assert f"[default: {value}" in told("map")[option_], option_
 
 
 # What a command gets.
@@ -186,6 +206,8 @@ def test_a_value_that_a_field_cannot_have_is_named_by_its_option(baked, words, s
         (("fit", WALK, "--strategy", "paper", "--starts", "5"), "--starts: is an option of the"),
         (("tune", WALK, "--level", "2", "--intervals", "5"), "--intervals"),
         (("tune", WALK, "--fulcrum-range", "nan", "100"), "--fulcrum-range"),
+        (("simulate", WALK, "--step-ms", "20"), "--step-ms: 20 ms is outside its physical range"),
+        (("validate", "--against", "x"), "--against: 'x' is not known. Known are: published"),
         (("import", "a.c3d", "b.c3d", "--mass-kg", "900"), "--mass-kg: 900 kg is outside its"),
         (("import", "a.c3d", "b.c3d", "--sex", "x"), "--sex: 'x' is not known. Known are: male"),
         (("import", "a.c3d", "b.c3d", "--up", "q"), "--up: 'q' is not known. Known are: x, y, z"),

@@ -207,7 +207,7 @@ def test_code_3_and_a_table_if_every_walk_fails(run, tmp_path):
         (("--vary", "friction.mu_static=0.1", "--vary", "friction.mu_static=0.2"), "stands twice"),
         (("--vary", "offset.height=-1:1:20000"), "--yes"),
         (("--sample", 5), "nothing to vary"),
-        (("--fulcrum-mm", 80, "--step-ms", 0), "usable step"),
+        (("--fulcrum-mm", 80, "--step-ms", 0), "--step-ms: 0 ms is outside its"),
         (("--vary", "qqq=1,2"), "--list prints the names"),
         (("--sample", 3, "--vary", "fulcrum.shift", "--fulcrum-mm", "66,151"), "no room"),
     ],

@@ -167,8 +167,8 @@ def test_a_walk_is_kept_with_its_metrics_and_the_screen_names_where(run, tmp_pat
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--iso-force-n", "0"), "--iso-force-n: 0 N is no force"),
-        (("--iso-force-n", "nan"), "--iso-force-n: nan N is no force"),
+        (("--iso-force-n", "0"), "--iso-force-n: 0 N is outside its physical range"),
+        (("--iso-force-n", "nan"), "--iso-force-n: nan is not a finite number"),
         (("--workers", "0"), "--workers"),
         (("--contact", "none.yaml"), "none.yaml: there is no such file"),
         (("none.yaml",), "no trial can be used: none: none.yaml: there is no such file"),

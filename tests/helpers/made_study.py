@@ -10,8 +10,8 @@ from typing import Any
 from command_line import read_json
 
 from vsf_drake.base.files import read_npz, record, resource
-from vsf_drake.validation import Section, Study, StudyOptions, make_study
 from vsf_drake.validation.run import SHIPPED, tables
+from vsf_drake.validation.study import Section, Study, StudyOptions, make_study
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from made_results import make_plate, make_walk
 
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.validation import Study, StudyWalk
+from vsf_drake.validation.study import Study, StudyWalk
 from vsf_drake.walks.comparison import compare
 from vsf_drake.walks.metrics import walk_metrics
 

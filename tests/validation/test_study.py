@@ -10,9 +10,8 @@ from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.model.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.validation import make_study
 from vsf_drake.validation import study as inputs
-from vsf_drake.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, StudyOptions
+from vsf_drake.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, StudyOptions, make_study
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 
 QUICK = StudyOptions(quick=True)

@@ -17,7 +17,7 @@ from rich.text import Text
 from typer.core import TyperCommand
 
 from vsf_drake import __version__
-from vsf_drake.base.errors import require
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import user_path
 from vsf_drake.base.schema import SEED
 
@@ -186,6 +186,13 @@ def print_text(template: str, /, **facts: Any) -> None:
                     )
                 )
             )
+
+
+def needed(out: Path | None) -> Path:
+    """The folder for the results, without which a command that may do without it cannot go on."""
+    if out is None:
+        raise InputError("is missing", where="--out", right="Name the folder for the results")
+    return out
 
 
 def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:

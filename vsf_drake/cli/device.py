@@ -4,51 +4,45 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from vsf_drake.base.errors import require
+from vsf_drake.base.schema import choice, option, same_as
 from vsf_drake.cli import app as cli
 from vsf_drake.cli.app import Contact, Model, Out, app, path, progress, say
+from vsf_drake.cli.options import from_fields
 from vsf_drake.cli.recordings import judged
+from vsf_drake.model.scenario import Scenario
+from vsf_drake.simulation.options import BenchOptions, StandingOptions, StepOptions
 
 
 @app.command()
+@from_fields
 def bench(
     out: Out,
     model: Model = None,
     contact: Contact = None,
-    fulcrum_mm: Annotated[
-        list[float] | None,
-        typer.Option(
-            metavar="MM",
-            help=(
-                "Fulcrum position from the keel's posterior end; may be repeated. Default: the "
-                "paper's five."
-            ),
-        ),
-    ] = None,
-    max_load_n: Annotated[float, typer.Option(help="Load at which a pass ends.")] = 600.0,
-    speed_mm_per_min: Annotated[float, typer.Option(help="Speed of the platen.")] = 50.0,
-    heel: Annotated[bool, typer.Option(help="Test the heel too.")] = True,
+    *,
+    asked: BenchOptions,
 ) -> None:
     """Presses the foot in the testing machine: stiffness at each fulcrum position and at the
     heel."""
     from vsf_drake.report.outputs import BENCH, write_bench
-    from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, run_bench
+    from vsf_drake.simulation.bench import run_bench
 
     BENCH.check(out)
     pressed = cli.model_of(model, contact)
-    positions = [1e-3 * position for position in fulcrum_mm] if fulcrum_mm else PUBLISHED_FULCRUMS_M
     with progress() as show:
         result = run_bench(
             pressed,
-            fulcrums_m=positions,
-            heel=heel,
-            max_load_n=max_load_n,
-            speed_m_per_s=1e-3 * speed_mm_per_min / 60.0,
+            fulcrums_m=[position / 1e3 for position in asked.fulcrum_mm],
+            heel=asked.heel,
+            max_load_n=asked.max_load_n,
+            speed_m_per_s=1e-3 * asked.speed_mm_per_min / 60.0,
             progress=lambda f: show("pressing", f),
             inputs=cli.contact_hash(contact),
         )
@@ -58,36 +52,41 @@ def bench(
     say(f"written to {out / 'bench.png'}, bench.json")
 
 
+@dataclass(frozen=True, kw_only=True)
+class ExportRequest:
+    """Which files of the foot are written."""
+
+    fulcrum_mm: float = same_as(
+        Scenario,
+        "fulcrum_mm",
+        help="Fulcrum position, from the keel's posterior end, in the files in which it is fixed.",
+    )
+    form: str = choice(
+        "both",
+        options=("sdf", "mjcf", "both"),
+        source="choice",
+        flag="--format",
+        help="sdf (Drake and other readers of SDFormat), mjcf (MuJoCo), or both.",
+    )
+    springs: bool = option(
+        True,
+        "Write the keel's springs into vsf_foot.sdf; otherwise wire_foot adds them. "
+        "The files with a fixed fulcrum always have them.",
+    )
+    collision: bool = option(
+        True,
+        "Write contact spheres as collision shapes into the SDF.",
+    )
+
+
 @app.command()
+@from_fields
 def export(
     out: Out,
     model: Model = None,
     contact: Contact = None,
-    fulcrum_mm: Annotated[
-        float,
-        typer.Option(
-            help=(
-                "Fulcrum position, from the keel's posterior end, in the files in which it is "
-                "fixed."
-            )
-        ),
-    ] = 108.0,
-    form: Annotated[
-        str,
-        typer.Option(
-            "--format", help="sdf (Drake and other readers of SDFormat), mjcf (MuJoCo), or both."
-        ),
-    ] = "both",
-    springs: Annotated[
-        bool,
-        typer.Option(
-            help="Write the keel's springs into vsf_foot.sdf; otherwise wire_foot adds them. "
-            "The files with a fixed fulcrum always have them."
-        ),
-    ] = True,
-    collision: Annotated[
-        bool, typer.Option(help="Write contact spheres as collision shapes into the SDF.")
-    ] = True,
+    *,
+    asked: ExportRequest,
 ) -> None:
     """Writes the rigid foot with its lumped springs as SDF and MJCF.
 
@@ -105,28 +104,23 @@ def export(
 
     ResultsFolder(kind="export", command="export", sidecar="export.yaml").check(out)
     foot = cli.model_of(model, contact).foot
-    fulcrum_m = 1e-3 * fulcrum_mm
+    fulcrum_m = 1e-3 * asked.fulcrum_mm
+    sdf = asked.form != "mjcf"
     require(
-        form in ("sdf", "mjcf", "both"),
-        f"{form!r} is not known",
-        "format",
-        "Known are sdf, mjcf, both",
-    )
-    require(
-        form != "mjcf" or (springs and collision),
+        sdf or (asked.springs and asked.collision),
         "an MJCF file always has springs and contact spheres",
-        "format",
+        "--format",
         "Leave --no-springs and --no-collision out, or write SDF",
     )
-    check_fulcrum(fulcrum_m, foot, where="fulcrum")
+    check_fulcrum(fulcrum_m, foot, where="--fulcrum-mm")
     fixed = f"vsf_foot_at_{1e3 * fulcrum_m:g}mm"
     texts = {}
-    if form != "mjcf":
+    if sdf:
         texts = {
-            "vsf_foot.sdf": foot_sdf(foot, springs=springs, collision=collision),
-            f"{fixed}.sdf": foot_sdf(foot, fulcrum_m=fulcrum_m, collision=collision),
+            "vsf_foot.sdf": foot_sdf(foot, springs=asked.springs, collision=asked.collision),
+            f"{fixed}.sdf": foot_sdf(foot, fulcrum_m=fulcrum_m, collision=asked.collision),
         }
-    if form != "sdf":
+    if asked.form != "sdf":
         texts[f"{fixed}.xml"] = foot_mjcf(foot, fulcrum_m=fulcrum_m)
     inputs = cli.contact_hash(contact) | (
         {} if model is None else {f"model: {model.name}": sha256(model)}
@@ -141,9 +135,12 @@ def export(
                     "kind": "export",
                     "fulcrum_m": fulcrum_m,
                     **(
-                        {}
-                        if form == "mjcf"
-                        else {"springs_of_movable": springs, "collision_spheres_of_sdf": collision}
+                        {
+                            "springs_of_movable": asked.springs,
+                            "collision_spheres_of_sdf": asked.collision,
+                        }
+                        if sdf
+                        else {}
                     ),
                     "files_sha256": {name: sha256(folder / name) for name in texts},
                     "foot": to_plain(foot),
@@ -155,42 +152,37 @@ def export(
         say(f"written {out / name}")
 
 
+@dataclass(frozen=True, kw_only=True)
+class ShowRequest:
+    """What is shown, and where."""
+
+    what: str = option("foot", "What to show.", metavar="foot|bench|person")
+    subject: Path | None = option(
+        None,
+        "subject.yaml or a trial manifest, for a person; default: the embedded reference subject.",
+    )
+    keel_joints: bool = option(
+        False,
+        "Also a slider for each joint of the keel, added to the deflection by the load.",
+    )
+    port: int | None = option(None, "Port to serve on. Default: any free one.")
+    browser: bool = option(
+        True,
+        "Open the page in the desktop's browser.",
+    )
+    html: Path | None = option(
+        None,
+        "Write one page that opens without a network, with an animation instead of sliders, and "
+        "exit.",
+    )
+
+
 @app.command()
+@from_fields
 def show(
-    what: Annotated[str, typer.Option(metavar="foot|bench|person", help="What to show.")] = "foot",
+    asked: ShowRequest,
     model: Model = None,
     contact: Contact = None,
-    subject: Annotated[
-        Path | None,
-        typer.Option(
-            parser=path,
-            help=(
-                "subject.yaml or a trial manifest, for a person; default: the embedded reference "
-                "subject."
-            ),
-        ),
-    ] = None,
-    keel_joints: Annotated[
-        bool,
-        typer.Option(
-            "--keel-joints",
-            help="Also a slider for each joint of the keel, added to the deflection by the load.",
-        ),
-    ] = False,
-    port: Annotated[
-        int | None, typer.Option(help="Port to serve on. Default: any free one.")
-    ] = None,
-    browser: Annotated[bool, typer.Option(help="Open the page in the desktop's browser.")] = True,
-    html: Annotated[
-        Path | None,
-        typer.Option(
-            parser=path,
-            help=(
-                "Write one page that opens without a network, with an animation instead of "
-                "sliders, and exit."
-            ),
-        ),
-    ] = None,
 ) -> None:
     """Shows the model in a browser, with sliders for every joint, the fulcrum and a load on the
     keel."""
@@ -198,23 +190,33 @@ def show(
     from vsf_drake.motion.trial import load_subject
     from vsf_drake.report.show.scene import show_model, write_model_page
 
-    if what == "person" and subject is None:
+    subject = asked.subject
+    if asked.what == "person" and subject is None:
         subject = resource("data/reference_subject/subject.yaml")
     person = None if subject is None else load_subject(subject)
     shown = cli.model_of(model, contact)
-    if html is not None:
-        write_model_page(what, shown, html, person, keel_joints=keel_joints)
-        say(f"written to {html}")
+    if asked.html is not None:
+        write_model_page(asked.what, shown, asked.html, person, keel_joints=asked.keel_joints)
+        say(f"written to {asked.html}")
         return
 
     def tell(line: str) -> None:
         say(line)
         cli.console.file.flush()  # whoever reads it through a pipe waits for the address
 
-    show_model(what, shown, person, port=port, browser=browser, keel_joints=keel_joints, say=tell)
+    show_model(
+        asked.what,
+        shown,
+        person,
+        port=asked.port,
+        browser=asked.browser,
+        keel_joints=asked.keel_joints,
+        say=tell,
+    )
 
 
 @app.command()
+@from_fields
 def stand(
     subject: Annotated[
         Path,
@@ -225,17 +227,8 @@ def stand(
     out: Out,
     model: Model = None,
     contact: Contact = None,
-    fulcrum_mm: Annotated[
-        float, typer.Option(help="Fulcrum position from the keel's posterior end.")
-    ] = 108.0,
-    duration_s: Annotated[float, typer.Option(help="How long to stand.")] = 10.0,
-    upright: Annotated[
-        bool,
-        typer.Option(
-            "--upright",
-            help="Hold the pelvis's angles; otherwise as many of them are free as stay stable.",
-        ),
-    ] = False,
+    *,
+    asked: StandingOptions,
 ) -> None:
     """Simulates standing at anatomically neutral angles: does the ground carry the weight, and how
     much each foot?"""
@@ -255,9 +248,9 @@ def stand(
         standing = simulate_standing(
             person,
             stood_on,
-            fulcrum_m=1e-3 * fulcrum_mm,
-            duration_s=duration_s,
-            upright=upright,
+            fulcrum_m=1e-3 * asked.fulcrum_mm,
+            duration_s=asked.duration_s,
+            upright=asked.upright,
             progress=lambda f: show("standing", f),
         )
     if contact:
@@ -271,42 +264,36 @@ def stand(
     say(f"written to {out / 'standing.png'}, standing.json")
 
 
+@dataclass(frozen=True, kw_only=True)
+class WalkRequest(StepOptions):
+    """How a trial is walked, and what is written."""
+
+    contact: Path | None = option(
+        None,
+        "File that `fit` wrote; its values replace the model's. none: the unfitted foot. "
+        "Default: the embedded contact for embedded trials, unless offsets are fitted, else none.",
+    )
+    fit_offsets: bool = option(
+        False, "First fit height, fore-aft position and alignment of the prosthesis."
+    )
+    fulcrum_mm: float | None = option(
+        None,
+        "Fulcrum position from the keel's posterior end, under the same motion. Default: the "
+        "trial's.",
+    )
+    replay: bool = option(
+        True,
+        "Write the replay (HTML).",
+    )
+    opensim: bool = option(False, "Also write walk_ik.mot and walk_grf.mot for OpenSim.")
+
+
 @app.command()
+@from_fields
 def simulate(
     trial: Annotated[Path, typer.Argument(parser=path, help="Trial manifest (YAML).")],
     out: Out,
-    contact: Annotated[
-        Path | None,
-        typer.Option(
-            parser=path,
-            help=(
-                "File that `fit` wrote; its values replace the model's. none: the unfitted foot. "
-                "Default: the embedded contact for embedded trials, unless offsets are fitted, "
-                "else none."
-            ),
-        ),
-    ] = None,
-    fit_offsets: Annotated[
-        bool,
-        typer.Option(
-            "--fit-offsets",
-            help="First fit height, fore-aft position and alignment of the prosthesis.",
-        ),
-    ] = False,
-    fulcrum_mm: Annotated[
-        float | None,
-        typer.Option(
-            help=(
-                "Fulcrum position from the keel's posterior end, under the same motion. Default: "
-                "the trial's."
-            )
-        ),
-    ] = None,
-    step_ms: Annotated[float, typer.Option(help="Step of the simulation.")] = 1.0,
-    replay: Annotated[bool, typer.Option(help="Write the replay (HTML).")] = True,
-    opensim: Annotated[
-        bool, typer.Option("--opensim", help="Also write walk_ik.mot and walk_grf.mot for OpenSim.")
-    ] = False,
+    asked: WalkRequest,
 ) -> None:
     """Drives the person with recorded motion and compares the predicted ground reaction force with
     the force plate."""
@@ -322,22 +309,25 @@ def simulate(
     from vsf_drake.walks.quantities import JUDGED, quantity
     from vsf_drake.walks.recorded_walk import walk_trial
 
-    embedded = embedded_contact_beside(trial) if contact is None and not fit_offsets else None
-    contact = embedded if contact is None else None if contact == Path("none") else contact
-    cli.check_contact_use(contact, fit_offsets=fit_offsets)
+    fulcrum_mm = asked.fulcrum_mm
+    embedded = None
+    contact = None if asked.contact == Path("none") else asked.contact
+    if asked.contact is None and not asked.fit_offsets:
+        embedded = contact = embedded_contact_beside(trial)
+    cli.check_contact_use(contact, fit_offsets=asked.fit_offsets)
     require(
-        not fit_offsets or fulcrum_mm is None,
+        not asked.fit_offsets or fulcrum_mm is None,
         "cannot go with --fit-offsets: the plate is of the recorded setting",
         "--fulcrum-mm",
         "Leave one of them out; where the manifest's setting is wrong, correct it there",
     )
     WALK.check(out)
     fitted = None if contact is None else load_contact(contact)
-    step_s = 1e-3 * step_ms
+    step_s = 1e-3 * asked.step_ms
     layers = None
     [recorded] = judged(cli.read_trials([trial], None))
     if fitted is None:
-        note = unfitted_note(recorded, offsets_fitted=fit_offsets)
+        note = unfitted_note(recorded, offsets_fitted=asked.fit_offsets)
         walked = dataclasses.replace(recorded, notes=(note, *recorded.notes))
     else:
         walked = trial_with(recorded, fitted, file=contact)
@@ -356,7 +346,7 @@ def simulate(
             name=f"{walked.name} (recorded at {1e3 * recorded.fulcrum_m:g} mm)",
         )
     with progress() as show:
-        walk = walk_trial(walked, with_fit=fit_offsets, step_s=step_s, progress=show)
+        walk = walk_trial(walked, with_fit=asked.fit_offsets, step_s=step_s, progress=show)
         if fitted is not None and layered and moved is None:
             show("predicting in layers", 1.0)
             layers = layers_of(
@@ -367,7 +357,13 @@ def simulate(
                 step_s=step_s,
             )
     metrics = write_walk(
-        walk.result, walk.trial, out, fit=walk.fit, layers=layers, replay=replay, opensim=opensim
+        walk.result,
+        walk.trial,
+        out,
+        fit=walk.fit,
+        layers=layers,
+        replay=asked.replay,
+        opensim=asked.opensim,
     )
     why_not = "" if layers is None else layers.correction.why_not
     cli.print_text(
@@ -383,6 +379,6 @@ def simulate(
         learned=fitted is not None and fitted.discrepancy is not None,
     )
     say(
-        f"written to {out / 'walk.png'}{', replay.html' * replay}, metrics.json"
-        f"{', walk_ik.mot, walk_grf.mot' * opensim}"
+        f"written to {out / 'walk.png'}{', replay.html' * asked.replay}, metrics.json"
+        f"{', walk_ik.mot, walk_grf.mot' * asked.opensim}"
     )

@@ -98,7 +98,7 @@ def named_as_options(*schemas: type, **others: str) -> Iterator[None]:
 
 def _parameter(field: dataclasses.Field[Any], hint: Any) -> inspect.Parameter:
     """As Typer takes it: a whole number with its range, names with commas or numbers by name as one
-    text, several values as an option that may be repeated."""
+    text, several values as an option that may be repeated, what is on as one that may be off."""
     told = field.metadata
     kind = next(iter(get_args(hint))) if type(None) in get_args(hint) else hint
     items = get_args(kind)
@@ -107,14 +107,17 @@ def _parameter(field: dataclasses.Field[Any], hint: Any) -> inspect.Parameter:
         kind = str
     elif ... in items:
         kind = list[items[0]]  # type: ignore[valid-type]
-    ends = {"min": "low", "max": "high"} if kind is int else {}
+    reach = {"min": told.get("low", -math.inf), "max": told.get("high", math.inf)}
+    names = flags(field)
+    if field.default is True:
+        names = [f"{names[0]}/--no-{names[0].removeprefix('--')}"]
     option = typer.Option(
-        *flags(field),
+        *names,
         parser=user_path if Path in (kind, *items) else None,
         help=told["help"],
         metavar=told.get("metavar"),
-        show_default=told.get("shown", kind is not bool),
-        **{end: told[name] for end, name in ends.items() if math.isfinite(told[name])},
+        show_default=told.get("shown", kind is not bool or field.default),
+        **{end: at for end, at in reach.items() if kind is int and math.isfinite(at)},
     )
     kind = kind if default is not None else kind | None
     return inspect.Parameter(

@@ -6,12 +6,14 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsf_drake.base.errors import InputError, require
+from vsf_drake.base.schema import option
 from vsf_drake.cli import app as cli
 from vsf_drake.cli.app import (
     Contact,
@@ -78,6 +80,35 @@ def judged(trials: Sequence[Trial], *, accept: bool = True) -> list[Trial]:
     ]
 
 
+@dataclass(frozen=True, kw_only=True)
+class ImportRequest:
+    """Which files are read, and what they do not say of themselves."""
+
+    subject: Path | None = option(None, "YAML file of the person, instead of the options above.")
+    no_standing: bool = option(
+        False, "There is no standing trial: a walk calibrates, which is doubtful."
+    )
+    forces: tuple[Path, ...] = option(
+        (),
+        "Force file of each walk, in their order. Default: the file of the same name beside a "
+        ".trc.",
+        metavar="FILE",
+    )
+    right_plate: str | None = option(
+        None, "Plate under the right foot, if it is not detected correctly."
+    )
+    left_plate: str | None = option(
+        None, "Plate under the left foot, if it is not detected correctly."
+    )
+    already_filtered: bool = option(False, "Do not filter the markers again.")
+    window: tuple[float, float] | None = option(
+        None,
+        "Part of the walks to use, in s. Default: the prosthetic foot's stances on plates and "
+        f"{AROUND_STANCES_S:g} s around them.",
+        metavar="START END",
+    )
+
+
 @app.command("import")
 @from_fields
 def import_trials(
@@ -100,48 +131,9 @@ def import_trials(
     ] = None,
     *,
     person: Annotated[Asked, PersonFacts],
-    subject: Annotated[
-        Path | None,
-        typer.Option(parser=path, help="YAML file of the person, instead of the options above."),
-    ] = None,
-    no_standing: Annotated[
-        bool,
-        typer.Option(
-            "--no-standing",
-            help="There is no standing trial: a walk calibrates, which is doubtful.",
-        ),
-    ] = False,
-    forces: Annotated[
-        list[Path] | None,
-        typer.Option(
-            parser=path,
-            metavar="FILE",
-            help=(
-                "Force file of each walk, in their order. Default: the file of the same name "
-                "beside a .trc."
-            ),
-        ),
-    ] = None,
-    right_plate: Annotated[
-        str | None,
-        typer.Option(help="Plate under the right foot, if it is not detected correctly."),
-    ] = None,
-    left_plate: Annotated[
-        str | None, typer.Option(help="Plate under the left foot, if it is not detected correctly.")
-    ] = None,
+    request: ImportRequest,
     laboratory: Laboratory,
     reading: Annotated[Asked, ImportOptions],
-    already_filtered: Annotated[
-        bool, typer.Option("--already-filtered", help="Do not filter the markers again.")
-    ] = False,
-    window: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            metavar="START END",
-            help="Part of the walks to use, in s. Default: the prosthetic foot's stances on "
-            f"plates and {AROUND_STANCES_S:g} s around them.",
-        ),
-    ] = None,
 ) -> None:
     """Turns recordings of a person with markers over force plates into trials that drive the
     model."""
@@ -151,43 +143,39 @@ def import_trials(
     from vsf_drake.recording.import_walks import gather, import_walks
     from vsf_drake.report.import_outputs import IMPORT, write_import
 
-    if not files or (len(files) < 2 and not no_standing):
+    if not files or (len(files) < 2 and not request.no_standing):
         raise InputError(
             "a standing trial and at least one walk are needed",
             where="STATIC WALK...",
             right="Without a standing trial name walks only and give --no-standing",
         )
-    if out is None:
-        raise InputError("is missing", where="--out", right="Name the folder for the results")
+    out = cli.needed(out)
     for name in person:
         require(
-            subject is None,
+            request.subject is None,
             "is given beside a file that says it",
             flags(fields_of(PersonFacts)[name])[0],
             "Write it into the --subject file",
         )
     facts, stated = (
-        (made(PersonFacts, person), {}) if subject is None else load_stated_subject(subject)
+        load_stated_subject(request.subject) if request.subject else (made(PersonFacts, person), {})
     )
     IMPORT.check(out)
+    plates = {"right": request.right_plate, "left": request.left_plate}
     given: Asked = {
         "person": facts,
         "stated": stated,
         "laboratory": vars(laboratory),
-        "plate_sides": {"right": right_plate, "left": left_plate}
-        if right_plate or left_plate
-        else None,
-        "window": None if window is None else Window(start_s=window[0], end_s=window[1]),
+        "plate_sides": plates if any(plates.values()) else None,
     }
-    if already_filtered:
+    if request.window is not None:
+        given["window"] = Window(start_s=request.window[0], end_s=request.window[1])
+    if request.already_filtered:
         given["cutoff_hz"] = None
     options = made(ImportOptions, reading | given)
+    standing = None if request.no_standing else files[0]
     with progress() as show:
-        gathered = (
-            gather(None, files, forces or ())
-            if no_standing
-            else gather(files[0], files[1:], forces or ())
-        )
+        gathered = gather(standing, files[0 if standing is None else 1 :], request.forces)
         imported = import_walks(gathered, options, progress=show)
         show("writing the report", 0.95)
         write_import(imported, out)

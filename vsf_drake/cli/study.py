@@ -5,16 +5,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsf_drake.base.errors import InputError, SimulationError, require
+from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.base.schema import choice, option
 from vsf_drake.cli.app import (
     Contact,
     Out,
-    Seed,
     app,
     console,
     fail,
@@ -25,16 +26,33 @@ from vsf_drake.cli.app import (
     say,
     warn,
 )
+from vsf_drake.cli.options import from_fields
 from vsf_drake.cli.recordings import judged
+from vsf_drake.validation.options import StudyOptions
 
 if TYPE_CHECKING:
-    from vsf_drake.validation import StudyOptions
     from vsf_drake.validation.run import Finished
 
-MOST_ISO_FORCE_N = 10_000.0  # beyond what any structural test presses a foot with (a choice)
+
+@dataclass(frozen=True, kw_only=True)
+class StudyRequest:
+    """What is asked of a validation beside its options."""
+
+    bench: Path | None = option(
+        None,
+        "Measured load-displacement curves: CSV with fulcrum_mm, displacement_mm, load_n.",
+    )
+    against: str | None = choice(
+        None,
+        options=("published",),
+        source="choice",
+        metavar="published",
+        help="Instead of the study: which published effects of stiffness the model reproduces.",
+    )
 
 
 @app.command()
+@from_fields
 def validate(
     trials: Annotated[
         list[Path] | None,
@@ -46,53 +64,11 @@ def validate(
     ] = None,
     out: Out = Path("results"),
     contact: Contact = None,
-    bench: Annotated[
-        Path | None,
-        typer.Option(
-            parser=path,
-            help="Measured load-displacement curves: CSV with fulcrum_mm, displacement_mm, load_n.",
-        ),
-    ] = None,
-    quick: Annotated[
-        bool,
-        typer.Option(
-            "--quick",
-            help="The short form: one embedded walk per setting, coarser steps, small samples.",
-        ),
-    ] = False,
-    full: Annotated[
-        bool,
-        typer.Option(
-            "--full",
-            help="With energies in finer steps.",
-        ),
-    ] = False,
-    seed: Seed = 0,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            help=(
-                "Processes for many walks. Default: one per core. The numbers do not depend on it."
-            ),
-            min=1,
-        ),
-    ] = None,
-    iso_force_n: Annotated[
-        float | None,
-        typer.Option(
-            help="Largest force of the ISO 22675 loading profile. Default: the subject's weight."
-        ),
-    ] = None,
-    against: Annotated[
-        str | None,
-        typer.Option(
-            metavar="published",
-            help="Instead of the study: which published effects of stiffness the model reproduces.",
-        ),
-    ] = None,
+    *,
+    request: StudyRequest,
+    options: StudyOptions,
 ) -> None:
     """The paper's study and more, as one report: bench, standing, walking, energy, roll-over."""
-    from vsf_drake import validation
     from vsf_drake.base.files import resource
     from vsf_drake.model.bench_curves import bench_doubts
     from vsf_drake.report.results_folder import PAGE
@@ -111,47 +87,33 @@ def validate(
         shipped_key,
         validation_content,
     )
+    from vsf_drake.validation.study import make_study
     from vsf_drake.walks import embedded
     from vsf_drake.walks.quantities import JUDGED, quantity
 
-    if iso_force_n is not None:
-        require(
-            0.0 < iso_force_n <= MOST_ISO_FORCE_N,
-            f"{iso_force_n:g} N is no force of a structural test of feet",
-            "--iso-force-n",
-            f"Give newtons, above 0 and at most {MOST_ISO_FORCE_N:g}",
-        )
-    options = validation.StudyOptions(
-        quick=quick, full=full, seed=seed, workers=workers, iso_force_n=iso_force_n
-    )
-    if against is not None:
-        _against_published(against, trials, out, contact, options)
+    if request.against:
+        _against_published(trials, out, contact, options)
         return
     VALIDATION.check(out)
     exact = None
     shipped = None
     with progress() as show:
-        if trials:
-            study = validation.make_study(
-                trials, contact=contact, bench=bench, options=options, progress=show, judge=judged
-            )
-        else:
-            study = validation.make_study(
-                embedded.embedded_trials(quick=quick),
-                contact=contact or embedded.embedded_contact(),
-                bench=bench or embedded.embedded_bench(),
+        study = make_study(
+            trials or embedded.embedded_trials(quick=options.quick),
+            contact=contact or (None if trials else embedded.embedded_contact()),
+            bench=request.bench or (None if trials else embedded.embedded_bench()),
+            options=options,
+            progress=show,
+            judge=judged,
+        )
+        if not (trials or contact or options.quick):
+            exact = make_study(
+                embedded.embedded_trials("exact"),
                 options=options,
                 progress=show,
-                judge=judged,
+                contact=embedded.embedded_contact("exact"),
             )
-            if contact is None and not quick:
-                exact = validation.make_study(
-                    embedded.embedded_trials("exact"),
-                    options=options,
-                    progress=show,
-                    contact=embedded.embedded_contact("exact"),
-                )
-                shipped = SectionStore(resource(SHIPPED), shipped_key(study))
+            shipped = SectionStore(resource(SHIPPED), shipped_key(study))
     console.print(first_line(study))
     for sentence in bench_doubts(study.bench) if study.bench else ():
         warn(sentence)
@@ -201,23 +163,17 @@ def validate(
 
 
 def _against_published(
-    against: str, trials: list[Path] | None, out: Path, contact: Path | None, options: StudyOptions
+    trials: list[Path] | None, out: Path, contact: Path | None, options: StudyOptions
 ) -> None:
-    from vsf_drake import validation
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.validation.output import PUBLISHED, write_published
     from vsf_drake.validation.published_trends import published_trends
+    from vsf_drake.validation.study import make_study
     from vsf_drake.walks import embedded
 
-    require(
-        against == "published",
-        f"{against!r} is nothing to be held against",
-        "--against",
-        "Give published",
-    )
     PUBLISHED.check(out)
     with progress() as show:
-        study = validation.make_study(
+        study = make_study(
             trials or embedded.embedded_trials("exact", quick=options.quick),
             options=options,
             progress=show,

@@ -8,13 +8,14 @@ import math
 import re
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import typer
 
 from vsf_drake.base.errors import InputError, SimulationError, require
+from vsf_drake.base.schema import option, quantity
 from vsf_drake.cli.app import (
     Contact,
     OptionalOut,
@@ -24,14 +25,16 @@ from vsf_drake.cli.app import (
     check_contact_use,
     contact_hash,
     interrupted,
+    needed,
     print_text,
     progress,
     read_trials,
     say,
     warn,
 )
-from vsf_drake.cli.options import number_of
+from vsf_drake.cli.options import from_fields, number_of
 from vsf_drake.cli.recordings import judged
+from vsf_drake.simulation.options import StepOptions
 
 if TYPE_CHECKING:
     from vsf_drake.motion.trial import Trial
@@ -45,60 +48,52 @@ MOST = 20_000
 MANY = 2_000  # walks above which a sweep has to be meant
 
 
+@dataclass(frozen=True, kw_only=True)
+class SweepRequest(StepOptions):
+    """What is swept, and how."""
+
+    fulcrum_mm: str | None = option(
+        None,
+        "Fulcrum positions from the keel's posterior end, or a list: 66,87,108. Default: each "
+        "trial's own.",
+        metavar="LOW:HIGH:COUNT",
+    )
+    vary: tuple[str, ...] = option(
+        (),
+        "Values of a variable, or a list: NAME=A,B,C; may be repeated, for a grid. "
+        "With --sample: NAME, or NAME=LOW:HIGH.",
+        metavar="NAME=LOW:HIGH:COUNT",
+    )
+    sample: int | None = quantity(
+        None,
+        unit="1",
+        low=1,
+        source="choice",
+        help="Instead of a grid: this many sets of values that fill the bounds (Latin hypercube).",
+    )
+    seed: int = quantity(0, unit="1", low=0, source="choice", help="Seed of the sample.")
+    fit_offsets: bool = option(
+        False,
+        "First fit height, fore-aft position and alignment of the prosthesis, once a trial.",
+    )
+    parquet: bool = option(False, "Write sweep.parquet, too; needs the extra `tables`.")
+    yes: bool = option(False, "Confirm that thousands of walks are intended.")
+    list_variables: bool = option(
+        False,
+        "Only print the variables of the trials: name, unit, value, bounds.",
+        flag="--list",
+    )
+
+
 @app.command()
+@from_fields
 def sweep(
     trials: Trials,
     out: OptionalOut = None,
-    fulcrum_mm: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LOW:HIGH:COUNT",
-            help="Fulcrum positions from the keel's posterior end, or a list: 66,87,108. "
-            "Default: each trial's own.",
-        ),
-    ] = None,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=LOW:HIGH:COUNT",
-            help="Values of a variable, or a list: NAME=A,B,C; may be repeated, for a grid. "
-            "With --sample: NAME, or NAME=LOW:HIGH.",
-        ),
-    ] = None,
-    sample: Annotated[
-        int | None,
-        typer.Option(
-            help=(
-                "Instead of a grid: this many sets of values that fill the bounds (Latin "
-                "hypercube)."
-            ),
-            min=1,
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the sample.", min=0)] = 0,
     contact: Contact = None,
-    fit_offsets: Annotated[
-        bool,
-        typer.Option(
-            "--fit-offsets",
-            help="First fit height, fore-aft position and alignment of the prosthesis, once a "
-            "trial.",
-        ),
-    ] = False,
-    step_ms: Annotated[float, typer.Option(help="Step of the simulations.")] = 1.0,
     workers: Workers = None,
-    parquet: Annotated[
-        bool, typer.Option("--parquet", help="Write sweep.parquet, too; needs the extra `tables`.")
-    ] = False,
-    yes: Annotated[
-        bool, typer.Option("--yes", help="Confirm that thousands of walks are intended.")
-    ] = False,
-    list_variables: Annotated[
-        bool,
-        typer.Option(
-            "--list", help="Only print the variables of the trials: name, unit, value, bounds."
-        ),
-    ] = False,
+    *,
+    asked: SweepRequest,
 ) -> None:
     """Simulates every combination and compares each walk with its force plate.
 
@@ -107,29 +102,22 @@ def sweep(
     in the units that --list prints. A walk that fails is a row that says why; the exit code is 3
     only if all of them fail.
     """
-    if list_variables:
+    if asked.list_variables:
         from vsf_drake.simulation.walk import Walker
 
         for trial in read_trials(trials, contact):
             own = Walker(trial.subject, trial.model).variables
             print_text("variables", trial=trial, variables=_within_reach(own, [trial], ()).values())
         return
-    check_contact_use(contact, fit_offsets=fit_offsets)
+    check_contact_use(contact, fit_offsets=asked.fit_offsets)
     from vsf_drake.report.outputs import check_sweep_folder
     from vsf_drake.simulation.batch import WalkCase, grid_values, sample_values, simulate_batch
-    from vsf_drake.simulation.walk import MAX_STEP_S
     from vsf_drake.walks.sweep_table import sweep_table
 
-    if out is None:
-        raise InputError("is missing", where="--out", right="Name the folder for the results")
-    require(
-        0.0 < 1e-3 * step_ms <= MAX_STEP_S,
-        f"{step_ms:g} ms is not a usable step",
-        "--step-ms",
-        f"It must be above 0 and at most {1e3 * MAX_STEP_S:g}",
-    )
-    positions = () if fulcrum_mm is None else values_of(fulcrum_mm, "--fulcrum-mm")
-    axes = [axis(text, sampled=sample is not None) for text in vary or ()]
+    out = needed(out)
+    sample = asked.sample
+    positions = () if asked.fulcrum_mm is None else values_of(asked.fulcrum_mm, "--fulcrum-mm")
+    axes = [axis(text, sampled=sample is not None) for text in asked.vary]
     require(
         axes or (positions and sample is None),
         "there is nothing to vary",
@@ -140,16 +128,16 @@ def sweep(
         len(trials)
         * max(1, len(positions))
         * (sample or math.prod(len(item.values) for item in axes)),
-        meant=yes,
+        meant=asked.yes,
     )
     loaded, variables = _loaded(
-        trials, contact, axes, positions, sampled=sample is not None, fit_offsets=fit_offsets
+        trials, contact, axes, positions, sampled=sample is not None, fit_offsets=asked.fit_offsets
     )
-    check_sweep_folder(out, loaded.values(), parquet=parquet)
+    check_sweep_folder(out, loaded.values(), parquet=asked.parquet)
     plan: dict[str, object] = {
         "fulcrum_mm": positions or None,
-        "step_ms": step_ms,
-        "fit_offsets": fit_offsets,
+        "step_ms": asked.step_ms,
+        "fit_offsets": asked.fit_offsets,
         "contact": contact_hash(contact),
         "sample": None,
     }
@@ -165,12 +153,12 @@ def sweep(
         }
         plan["sample"] = {
             "count": sample,
-            "seed": seed,
+            "seed": asked.seed,
             "bounds": {k: [v.low, v.high] for k, v in bounded.items()},
             "method": "Latin hypercube, of the logarithm where the lower bound is above 0",
         }
-        sets = sample_values(bounded, list(bounded), sample, seed)
-    fits = _fitted(loaded) if fit_offsets else {}
+        sets = sample_values(bounded, list(bounded), sample, asked.seed)
+    fits = _fitted(loaded) if asked.fit_offsets else {}
     offsets = {name: (fits[name] if fits else trial).offsets for name, trial in loaded.items()}
     plan["offsets"] = offsets
     cases = [
@@ -180,7 +168,7 @@ def sweep(
             fulcrum_m=None if mm is None else 1e-3 * mm,
             label="" if name == trial.name else name,
             offsets=offsets[name],
-            step_s=1e-3 * step_ms,
+            step_s=1e-3 * asked.step_ms,
         )
         for name, trial in loaded.items()
         for mm in positions or (None,)
@@ -199,13 +187,13 @@ def sweep(
                 fits=fits,
                 show=lambda f: show("comparing", f),
             )
-            _written(table, rows, out, parquet=parquet)
+            _written(table, rows, out, parquet=asked.parquet)
     except KeyboardInterrupt:
         interrupted(
             f"; the finished walks are in {out / 'cache'}: the same command goes on from them"
         )
     print_text("sweep", **vars(table))
-    say(f"written to {out / 'sweep.csv'}{', sweep.parquet' * parquet}")
+    say(f"written to {out / 'sweep.csv'}{', sweep.parquet' * asked.parquet}")
     if table.failed == table.walks:
         sys.exit(SimulationError.exit_code)
 

@@ -18,13 +18,12 @@ from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.plants.foot import keel_joint_positions, keel_joint_stiffness
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.mechanism import bench_mechanism
+from vsf_drake.simulation.options import BenchOptions
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
 
-# the five settings of McGeehan et al. (2021)
-PUBLISHED_FULCRUMS_M = (0.066, 0.087, 0.108, 0.129, 0.151)
-PUBLISHED_SPEED_M_PER_S = 0.050 / 60.0
-"""50 mm/min, the same."""
+PUBLISHED_FULCRUMS_M = tuple(x / 1e3 for x in BenchOptions.fulcrum_mm)
+PUBLISHED_SPEED_M_PER_S = 1e-3 * BenchOptions.speed_mm_per_min / 60.0
 LARGEST_HEEL_DEPTH_M = 0.1
 STEPS_PER_MM = 40.0  # resolution of the platen's path
 
@@ -195,8 +194,8 @@ def run_bench(
     model: ModelParameters,
     *,
     fulcrums_m: Sequence[float] = PUBLISHED_FULCRUMS_M,
-    heel: bool = True,
-    max_load_n: float = 600.0,
+    heel: bool = BenchOptions.heel,
+    max_load_n: float = BenchOptions.max_load_n,
     speed_m_per_s: float = PUBLISHED_SPEED_M_PER_S,
     progress: Callable[[float], None] | None = None,
     inputs: dict[str, str] | None = None,

@@ -30,6 +30,7 @@ from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import GRAVITY, PELVIS_COORDINATES, ModelParameters, Subject
 from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.simulation.options import StandingOptions
 from vsf_drake.simulation.results import NUDGE_M, NUDGE_RAD, Standing
 from vsf_drake.simulation.walk import AT_REST, DEFAULT_STEP_S, Walk, Walker, step_notes
 
@@ -43,11 +44,11 @@ def simulate_standing(
     subject: Subject,
     model: ModelParameters,
     *,
-    fulcrum_m: float = 0.108,
-    duration_s: float = 10.0,
+    fulcrum_m: float = 1e-3 * StandingOptions.fulcrum_mm,
+    duration_s: float = StandingOptions.duration_s,
     step_s: float = DEFAULT_STEP_S,
     angles: Mapping[str, float] | None = None,
-    upright: bool = False,
+    upright: bool = StandingOptions.upright,
     progress: Callable[[float], None] | None = None,
 ) -> Standing:
     """Stands the person on both feet for `duration_s`.

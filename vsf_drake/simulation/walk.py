@@ -29,6 +29,7 @@ from vsf_drake.plants.gait import make_gait
 from vsf_drake.simulation import reactions
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, supported_over
+from vsf_drake.simulation.options import MAX_STEP_MS, StepOptions
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
     from vsf_drake.motion.trial import Trial
 
 
-DEFAULT_STEP_S = 1e-3
+DEFAULT_STEP_S = 1e-3 * StepOptions.step_ms
 MOST_BYTES = 1e9  # of memory that a walk with its recording may take
 
 
@@ -441,7 +442,7 @@ class Walk:
 # The instants of a walk's steps, and what a caller gives on them.
 
 
-MAX_STEP_S = 0.01
+MAX_STEP_S = 1e-3 * MAX_STEP_MS
 MOST_STEPS = 10_000_000  # longer walks are mistakes in a unit
 
 

@@ -20,7 +20,7 @@ from vsf_drake.model.parameters import ModelParameters
 from vsf_drake.motion.fitted_trial import fingerprint, trial_with
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.results import WalkResult
-from vsf_drake.simulation.walk import DEFAULT_STEP_S
+from vsf_drake.validation.options import StudyOptions
 from vsf_drake.walks.comparison import Comparison, compare
 from vsf_drake.walks.metrics import WalkMetrics, known_curves, walk_metrics, warnings
 from vsf_drake.walks.recorded_walk import ValidatedWalk, check_named_once, labels_of, walk_trial
@@ -29,24 +29,6 @@ FITTED, HELD_OUT, OFFSETS_FITTED = "fitted", "held out", "offsets fitted"
 """What a walk's agreement with its plate is worth: the fit has seen it, has not, or its offsets
 were fitted to it."""
 Table_co = TypeVar("Table_co", covariant=True)
-
-
-@dataclass(frozen=True, kw_only=True)
-class StudyOptions:
-    """How much of the validation is done, and how."""
-
-    quick: bool = False  # the short form: fewer walks, coarser steps, small samples
-    full: bool = False  # energies in finer steps
-    seed: int = 0  # of all that is random
-    workers: int | None = None
-    """processes for many walks; None for one a core. The numbers do not depend on it"""
-    iso_force_n: float | None = None
-    """largest of the ISO 22675 loading profile; None for the subject's weight"""
-
-    @property
-    def step_s(self) -> float:
-        """Step (s) of the walks that are reported."""
-        return 2e-3 if self.quick else DEFAULT_STEP_S
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

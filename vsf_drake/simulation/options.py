@@ -1,0 +1,61 @@
+"""What commands and functions ask of a walk, a bench and a standing person: defaults and ranges. No
+Drake, so that a command has them before it loads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vsf_drake.base.schema import option, quantity, same_as
+from vsf_drake.model.scenario import Scenario
+
+_PAPER = "McGeehan 2021"
+MAX_STEP_MS = 10.0  # a choice: the foam is stiff
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepOptions:
+    """The grid of a walk."""
+
+    step_ms: float = quantity(
+        1.0,
+        unit="ms",
+        low=1e-3,
+        high=MAX_STEP_MS,
+        source="choice",
+        help="Step of the simulations.",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchOptions:
+    """Passes of a testing machine."""
+
+    fulcrum_mm: tuple[float, ...] = quantity(
+        (66.0, 87.0, 108.0, 129.0, 151.0),
+        unit="mm",
+        source=_PAPER,
+        metavar="MM",
+        help="Fulcrum position from the keel's posterior end; may be repeated. Default: the "
+        "paper's five.",
+    )
+    max_load_n: float = quantity(600.0, unit="N", source=_PAPER, help="Load at which a pass ends.")
+    speed_mm_per_min: float = quantity(
+        50.0, unit="mm/min", source=_PAPER, help="Speed of the platen."
+    )
+    heel: bool = option(
+        True,
+        "Test the heel too.",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StandingOptions:
+    """How somebody stands."""
+
+    fulcrum_mm: float = same_as(
+        Scenario, "fulcrum_mm", help="Fulcrum position from the keel's posterior end."
+    )
+    duration_s: float = quantity(10.0, unit="s", source="choice", help="How long to stand.")
+    upright: bool = option(
+        False, "Hold the pelvis's angles; otherwise as many of them are free as stay stable."
+    )
