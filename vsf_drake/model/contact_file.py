@@ -267,41 +267,25 @@ def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> 
         variable_unit(where.removeprefix("values."), file=file, where=where)
     known = person_coordinates(contact.subject.prosthetic_side)
     prefix = "values.coordinate."
-    for where, name, those in (
-        *(
-            (where, where.removeprefix(prefix), known)
-            for where in values
-            if where.startswith(prefix)
-        ),
-        *(
-            (f"curves[{i}].coordinate", curve.coordinate, known)
-            for i, curve in enumerate(contact.curves)
-        ),
-        *(
-            (f"trials[{i}].path", name, PATHS)
-            for i, trial in enumerate(contact.trials)
-            for name in trial.path
-        ),
-        *(
-            (f"trials[{i}].curves", name, known)
-            for i, trial in enumerate(contact.trials)
-            for name in trial.curves
-        ),
-    ):
+    named = [
+        (where, where.removeprefix(prefix), known) for where in values if where.startswith(prefix)
+    ]
+    splines = {}
+    for i, curve in enumerate(contact.curves):
+        named.append((f"curves[{i}].coordinate", curve.coordinate, known))
+        splines[f"curves[{i}].coefficients"] = curve.coefficients
+    for i, trial in enumerate(contact.trials):
+        for kind, own, those in (("path", trial.path, PATHS), ("curves", trial.curves, known)):
+            for name, spline in own.items():
+                named.append((f"trials[{i}].{kind}", name, those))
+                splines[f"trials[{i}].{kind}.{name}"] = spline
+    for where, name, those in named:
         require(
             name in those,
             f"{name!r} is no coordinate that can be corrected",
             where,
             f"There are: {', '.join(those)}",
         )
-    splines = {
-        f"curves[{i}].coefficients": curve.coefficients for i, curve in enumerate(contact.curves)
-    } | {
-        f"trials[{i}].{kind}.{name}": spline
-        for i, trial in enumerate(contact.trials)
-        for kind in ("path", "curves")
-        for name, spline in getattr(trial, kind).items()
-    }
     for where, spline in splines.items():
         require(
             len(spline) >= FEWEST_COEFFICIENTS,
@@ -423,28 +407,28 @@ _ContactDumper.add_representer(list, _list)
 _ContactDumper.add_representer(str, _text)
 
 
+_UNITS_OF = {
+    section: {one.name: one.metadata["unit"] for one in fields(kind) if "unit" in one.metadata}
+    for section, kind in {
+        "subject": FittedSubject,
+        "trials": FittedTrial,
+        "curves": JointCurve,
+        "momentum": MomentumBias,
+        "discrepancy": DiscrepancyCurve,
+    }.items()
+}
+"""Of the keys of each section."""
+
+
 def _commented(section: str, line: str) -> str:
     """The line of YAML with its unit behind it, where it has one."""
     key, colon, number = line.strip().removeprefix("- ").partition(": ")
     key = key.strip("'\"")
-    forces = dict.fromkeys(
-        [
-            *(f"{name}_bw" for name in ("fore_aft", "lateral", "vertical", "measured")),
-            "fore_aft_sd_bw",
-            "vertical_sd_bw",
-        ],
-        "BW",
-    )
-    units = {
-        "subject": {"mass_kg": "kg", "stature_m": "m"},
-        "trials": {"height_m": "m", **dict.fromkeys(PATHS, "m")},
-        "curves": {"coefficients": "rad (m for a translation)"},
-        "momentum": forces,
-        "discrepancy": {"fulcrum_m": "m", **forces},
-    }
-    unit = variable_unit(key) if section == "values" and colon else units.get(section, {}).get(key)
-    if section == "trials" and number.startswith("[") and key not in PATHS:
-        unit = "rad"
+    unit = _UNITS_OF.get(section, {}).get(key)
+    if section == "values" and colon:
+        unit = variable_unit(key)
+    elif section == "trials" and number.startswith("["):
+        unit = "m" if key in PATHS else "rad"
     return f"{line.rstrip()}  # {unit}\n" if unit and number else line
 
 

@@ -26,7 +26,9 @@ from vsf_drake.motion.events import (
     common,
     find_scuffs,
     find_stances,
+    overlap_s,
     united,
+    within,
 )
 from vsf_drake.motion.formats.recording import SIDES, Plate, PlateRecording, Recording
 from vsf_drake.motion.markers.segments import FootTrack, from_line
@@ -260,9 +262,7 @@ class _FeetOnFloor:
 
     def stands(self, times: np.ndarray, side: str, *, widen_s: float) -> np.ndarray:
         """(k,) whether the foot is in stance, each stance wider by `widen_s` at both ends."""
-        return _within(
-            times, [(s.start_s - widen_s, s.end_s + widen_s) for s in self.stances[side]]
-        )
+        return within(times, [(s.start_s - widen_s, s.end_s + widen_s) for s in self.stances[side]])
 
     def distance(
         self, times: np.ndarray, points: np.ndarray, side: str
@@ -272,19 +272,11 @@ class _FeetOnFloor:
         return from_line(points, *self.at(times, side))
 
 
-def _within(times: np.ndarray, spans: Sequence[Span]) -> np.ndarray:
-    """(k,) whether times lie in any of the spans."""
-    within = np.zeros(len(times), dtype=bool)
-    for start, end in spans:
-        within |= (times >= start) & (times <= end)
-    return within
-
-
 def _rows(load: _Load, floor: _FeetOnFloor, lowest_n: float) -> np.ndarray:
     """Samples to judge by: loaded, with a centre of pressure, while the feet are seen."""
     time = load.time_s
     rows = np.flatnonzero(
-        _within(time, [(max(load.start_s, floor.time_s[0]), min(load.end_s, floor.time_s[-1]))])
+        within(time, [(max(load.start_s, floor.time_s[0]), min(load.end_s, floor.time_s[-1]))])
         & (load.of.force_n[:, 2] > lowest_n)
         & np.isfinite(load.of.cop_m[:, :2]).all(axis=1)
     )
@@ -372,7 +364,7 @@ def _by_time(load: _Load, floor: _FeetOnFloor, stated: str | None) -> _Load:
             (
                 abs(s.start_s - load.start_s) * (s.start_seen and load.start_seen)
                 + abs(s.end_s - load.end_s) * (s.end_seen and load.end_seen)
-                + 10.0 * (min(s.end_s, load.end_s) <= max(s.start_s, load.start_s))
+                + 10.0 * (overlap_s(s, load) <= 0.0)
                 for s in floor.stances[side]
             ),
             default=np.inf,
@@ -418,7 +410,7 @@ def _judge_sharing(load: _Load, loads: Sequence[_Load], floor: _FeetOnFloor) -> 
     if corners is not None:
         heel, toe = floor.at(times, other)
         on = _inside(heel, corners) | _inside(toe, corners)
-        elsewhere = _within(
+        elsewhere = within(
             times,
             [
                 (one.start_s, one.end_s)
@@ -461,7 +453,7 @@ def _on_one_foot(
 ) -> PlateRecording:
     """Adds up the loads of one foot; outside them the force is zero."""
     own = [
-        (plate, _within(time_s, [_with_tails(load) for load in loads if load.of is plate]))
+        (plate, within(time_s, [_with_tails(load) for load in loads if load.of is plate]))
         for plate in plates
     ]
     parts = [
@@ -528,8 +520,7 @@ def _unmeasured(
         spans = [
             (load.start_s, load.end_s)
             for load in loads
-            if load.shared
-            and any(min(load.end_s, s.end_s) > max(load.start_s, s.start_s) for s in stances[side])
+            if load.shared and any(overlap_s(load, s) > 0.0 for s in stances[side])
         ]
         for stance in stances[side]:
             start = max(stance.start_s, record[0])

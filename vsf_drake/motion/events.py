@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,11 +25,25 @@ some 50 N."""
 Span = tuple[float, float]  # start and end, s
 
 
+class Timed(Protocol):
+    """What lasts, such as a stance, a load or the part of a trial that is used."""
+
+    @property
+    def start_s(self) -> float: ...
+    @property
+    def end_s(self) -> float: ...
+
+
 def common(a: Span, b: Span) -> Span | None:
     """The part that two spans share."""
     start = max(a[0], b[0])
     end = min(a[1], b[1])
     return (start, end) if end > start else None
+
+
+def overlap_s(a: Timed, b: Timed) -> float:
+    """By how much two stretches of time overlap; below zero, how far apart they are."""
+    return min(a.end_s, b.end_s) - max(a.start_s, b.start_s)
 
 
 def united(spans: Iterable[Span]) -> tuple[Span, ...]:
@@ -95,6 +110,11 @@ def find_stances(
         for contact, stands in _contacts(time_s, vertical_force, threshold_n, bridge_s)
         if stands
     ]
+
+
+def stances_on(plates: Mapping[str, PlateRecording]) -> dict[str, list[Stance]]:
+    """By side, the stances in the vertical force of each plate."""
+    return {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in plates.items()}
 
 
 def known_stances(plate: PlateRecording) -> list[Stance]:
@@ -233,9 +253,9 @@ def kinematic_stances(
     )
     heel, toe = ((point - pelvis_W)[:, :2] @ forward for point in (foot.heel_W, foot.toe_W))
     sole = np.minimum(foot.heel_W[:, 2], foot.toe_W[:, 2])
+    throughout = [Stance(float(time_s[0]), float(time_s[-1]), False, False)]
     if np.ptp(heel) < SMALLEST_STEP_M:
-        near = bool(np.all(sole < sole.min() + NEAR_FLOOR_M))
-        return [Stance(float(time_s[0]), float(time_s[-1]), False, False)] if near else []
+        return throughout if np.all(sole < sole.min() + NEAR_FLOOR_M) else []
     events = sorted(
         [(t, True) for t in _extremes(heel, time_s)] + [(t, False) for t in _extremes(-toe, time_s)]
     )
@@ -244,7 +264,7 @@ def kinematic_stances(
             np.gradient(0.5 * (foot.heel_W + foot.toe_W), time_s, axis=0), axis=1
         )
         rests = np.median(speed) < AT_REST_M_PER_S and np.ptp(sole) < NEAR_FLOOR_M
-        return [Stance(float(time_s[0]), float(time_s[-1]), False, False)] if rests else []
+        return throughout if rests else []
     events = _with_ends(events, heel, toe, time_s)
     return [_sharpened(stance, time_s, foot) for stance in _pair(time_s, events)]
 

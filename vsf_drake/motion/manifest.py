@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -102,27 +103,19 @@ class UnknownForce:
     )
 
 
+def _offset(unit: str, most: float) -> Any:
+    return quantity(0.0, unit=unit, low=-most, high=most, source="fitted or measured")
+
+
 @dataclass(frozen=True, kw_only=True)
 class ManifestOffsets:
     """`GeometricOffsets` in the units of the manifest."""
 
-    height_mm: float = quantity(  # foot up against the limb: a shorter prosthesis
-        0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured"
-    )
-    fore_aft_mm: float = quantity(
-        0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured"
-    )
-    """foot forward"""
-    alignment_deg: float = quantity(
-        0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured"
-    )
-    """toe up"""
-    inversion_deg: float = quantity(  # sole towards the midline
-        0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured"
-    )
-    toe_out_deg: float = quantity(  # toe away from the midline
-        0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured"
-    )
+    height_mm: float = _offset("mm", 200.0)  # foot up against the limb: a shorter prosthesis
+    fore_aft_mm: float = _offset("mm", 200.0)  # foot forward
+    alignment_deg: float = _offset("deg", 30.0)  # toe up
+    inversion_deg: float = _offset("deg", 30.0)  # sole towards the midline
+    toe_out_deg: float = _offset("deg", 30.0)  # toe away from the midline
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,17 +127,11 @@ class GeometricOffsets:
     the mount, in this order (`plants.foot.mount_pose`).
     """
 
-    height_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted or measured")
-    fore_aft_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted or measured")
-    alignment_rad: float = quantity(
-        0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured"
-    )
-    inversion_rad: float = quantity(
-        0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured"
-    )
-    toe_out_rad: float = quantity(
-        0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured"
-    )
+    height_m: float = _offset("m", 0.2)
+    fore_aft_m: float = _offset("m", 0.2)
+    alignment_rad: float = _offset("rad", 0.53)
+    inversion_rad: float = _offset("rad", 0.53)
+    toe_out_rad: float = _offset("rad", 0.53)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -310,11 +297,7 @@ def refuse_recording(path: Path) -> None:
 
 def _other_kind(path: Path) -> InputError | None:
     """What to say of a file that is something else's; None where it is nothing that is known."""
-    try:
-        node = read_yaml(path)
-    except InputError:  # `load_yaml` says why
-        node = None
-    keys = {key.value for key, _ in node.value} if isinstance(node, yaml.MappingNode) else set()
+    keys = keys_of(path)
     kinds = {
         "prosthetic_side": "subject",
         "foot": "model",
@@ -334,6 +317,16 @@ def _other_kind(path: Path) -> InputError | None:
         ),
         None,
     )
+
+
+def keys_of(path: Path) -> set[str]:
+    """The keys at the top of a YAML file; none where it cannot be read, of which `load_yaml` says
+    why."""
+    try:
+        node = read_yaml(path)
+    except InputError:
+        node = None
+    return {key.value for key, _ in node.value} if isinstance(node, yaml.MappingNode) else set()
 
 
 def named_file(manifest_path: Path, key: str, value: str) -> Path:

@@ -8,6 +8,7 @@ inversion +, internal rotation +.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -217,7 +218,7 @@ NOBODY_N = 1e6
 _WORDS = {"right": r"(^|_)(r|right)(_|$)", "left": r"(^|_)(l|left)(_|$)"}
 
 
-def assign_prefixes(storage: Storage, stated: dict[str, str | None] | None) -> dict[str, str]:
+def assign_prefixes(storage: Storage, stated: Mapping[str, str | None] | None) -> dict[str, str]:
     """Which prefix is which foot: as `stated` by side, else as the names tell; refused where
     neither does."""
     prefixes = [

@@ -9,15 +9,14 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import yaml
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource, sha256
 from vsf_drake.base.schema import load_yaml
 from vsf_drake.base.sentences import say
-from vsf_drake.base.yaml_file import read_yaml
 from vsf_drake.model.model_file import check_fulcrum, load_model
 from vsf_drake.model.parameters import (
     GRAVITY,
@@ -34,12 +33,19 @@ from vsf_drake.motion.events import (
     Stance,
     common,
     find_scuffs,
-    find_stances,
+    stances_on,
     united,
     words,
 )
 from vsf_drake.motion.formats.read import read_trial
-from vsf_drake.motion.formats.recording import SIDES, Plate, PlateRecording, Recording, world_to_os
+from vsf_drake.motion.formats.recording import (
+    SIDES,
+    Plate,
+    PlateRecording,
+    Recording,
+    os_to_world,
+    world_to_os,
+)
 from vsf_drake.motion.formats.tables import read_storage, write_opensim
 from vsf_drake.motion.import_options import TrialOptions
 from vsf_drake.motion.manifest import (
@@ -51,7 +57,7 @@ from vsf_drake.motion.manifest import (
     named_file,
 )
 from vsf_drake.motion.markers.calibration import calibrate
-from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
+from vsf_drake.motion.markers.joints import orientations_of
 from vsf_drake.motion.markers.maps import SHIPPED, MarkerMap, choose_map, load_marker_map
 from vsf_drake.motion.markers.person_facts import (
     LEAST_MASS_KG,
@@ -170,11 +176,7 @@ def load_subject(path: str | Path) -> Subject:
     `subject`)."""
     path = Path(path)
     manifests.refuse_recording(path)
-    try:
-        node = read_yaml(path)
-    except InputError:  # `load_yaml` says why
-        node = None
-    if isinstance(node, yaml.MappingNode) and any(key.value == "subject" for key, _ in node.value):
+    if "subject" in manifests.keys_of(path):
         path = named_file(path, "subject", load_manifest(path).subject)
     return load_yaml(path, Subject)
 
@@ -198,7 +200,15 @@ def load_trial(path: str | Path) -> Trial:
         if isinstance(manifest.forces, ForceColumns)
         else ForceColumns(file=manifest.forces or "")
     )
-    sides = {"right": forces.right, "left": forces.left} if forces.right or forces.left else None
+    sides = {"right": forces.right, "left": forces.left}
+    options = TrialOptions(
+        hip=manifest.hip_centre,
+        plate_sides=sides if any(sides.values()) else None,
+        window=manifest.window,
+        cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz,
+        belt_speed_m_per_s=manifest.belt_speed_m_per_s,
+        unknown_force=vars(manifest.unknown_force),
+    )
     written = {
         "subject": manifest.subject,
         "kinematics": manifest.kinematics,
@@ -222,7 +232,7 @@ def load_trial(path: str | Path) -> Trial:
         str(written[key]): sha256(file) for key, file in named.items()
     }
     if manifest.markers is None:
-        trial = _trial_from_angles(path, manifest, named, sides, model, fulcrum_m)
+        trial = _trial_from_angles(path, manifest, named, options, model, fulcrum_m)
     else:
         person, stated = manifests.load_stated_subject(named["subject"])
         axes = vars(manifest.laboratory)
@@ -231,15 +241,7 @@ def load_trial(path: str | Path) -> Trial:
         marker_map = None
         if manifest.marker_map is not None:
             marker_map = load_marker_map(named.get("marker_map", manifest.marker_map))
-        options = TrialOptions(
-            stated=stated,
-            hip=manifest.hip_centre,
-            plate_sides=sides,
-            window=manifest.window,
-            cutoff_hz=None if manifest.already_filtered else manifest.marker_cutoff_hz,
-            belt_speed_m_per_s=manifest.belt_speed_m_per_s,
-            unknown_force=vars(manifest.unknown_force),
-        )
+        options = dataclasses.replace(options, stated=stated)
         trial = trial_from_recordings(
             standing, walk, marker_map, person, options, fulcrum_m=fulcrum_m, model=model, path=path
         )
@@ -258,7 +260,7 @@ def _trial_from_angles(
     path: Path,
     manifest: Manifest,
     named: dict[str, Path],
-    sides: dict[str, str | None] | None,
+    options: TrialOptions,
     model: ModelParameters,
     fulcrum_m: float,
 ) -> Trial:
@@ -269,7 +271,7 @@ def _trial_from_angles(
         unit=manifest.kinematics_unit,
     )
     storage = read_storage(named["forces"])
-    prefixes = assign_prefixes(storage, sides)
+    prefixes = assign_prefixes(storage, options.plate_sides)
     if subject.prosthetic_side not in prefixes:
         raise InputError(
             f"there is no force for the {subject.prosthetic_side} (prosthetic) foot",
@@ -286,32 +288,57 @@ def _trial_from_angles(
     notes += say(
         "trial", "no_plates", sides=[side for side in SIDES if side not in read], alone=False
     )
-    trajectory, plates, belt_notes = on_the_belt(
+    return _made(
+        path,
+        subject,
         trajectory,
         {side: plate for side, (plate, _) in read.items()},
-        speed_m_per_s=manifest.belt_speed_m_per_s,
+        options,
+        notes=notes,
+        unmeasured={side: united(spans) for side, spans in options.unknown_force.items() if spans},
+        fulcrum_m=fulcrum_m,
+        model=model,
     )
-    unmeasured = {
-        side: united(spans) for side, spans in vars(manifest.unknown_force).items() if spans
-    }
+
+
+def _made(
+    path: Path,
+    subject: Subject,
+    trajectory: CoordinateTrajectory,
+    plates: dict[str, PlateRecording],
+    options: TrialOptions,
+    *,
+    notes: Sequence[str],
+    unmeasured: dict[str, tuple[Span, ...]],
+    **more: Any,
+) -> Trial:
+    """The trial on its belt, with its window; `more` are other fields."""
+    trajectory, plates, belt_notes = on_the_belt(
+        trajectory, plates, speed_m_per_s=options.belt_speed_m_per_s
+    )
     window, window_notes = trial_window(
-        path, manifest.window, trajectory, plates, subject, unmeasured
+        path,
+        options.window,
+        trajectory,
+        plates,
+        subject,
+        unmeasured,
+        around_stances_s=options.around_stances_s,
     )
     return Trial(
         path=path,
         name=path.stem,
         subject=subject,
         synthetic=False,
-        fulcrum_m=fulcrum_m,
         start_s=window[0],
         end_s=window[1],
         trajectory=trajectory,
         plates=plates,
         notes=(*notes, *belt_notes, *window_notes),
-        model=model,
         inputs={},
         unmeasured=unmeasured,
-        belt_speed_m_per_s=manifest.belt_speed_m_per_s,
+        belt_speed_m_per_s=options.belt_speed_m_per_s,
+        **more,
     )
 
 
@@ -376,11 +403,12 @@ def trial_from_recordings(
     )
     if options.cutoff_hz is None:
         notes += say("trial", "already_filtered")
-    pelvis = tracked.values[
-        :, [tracked.names.index(n) for n in ("pelvis_tx", "pelvis_tz", "pelvis_ty")]
-    ] * [1, -1, 1]
     assignment = assign_plates(
-        walk, tracked.time_s, tracked.feet, pelvis, stated=options.plate_sides
+        walk,
+        tracked.time_s,
+        tracked.feet,
+        os_to_world(tracked.values[:, :3]),
+        stated=options.plate_sides,
     )
     assignment = dataclasses.replace(
         assignment,
@@ -419,43 +447,28 @@ def trial_from_recordings(
     trajectory = dataclasses.replace(tracked, values=values).trajectory(
         person_coordinates(side), source=str(walk.path)
     )
-    trajectory, plates, belt_notes = on_the_belt(
-        trajectory, assignment.plates, speed_m_per_s=options.belt_speed_m_per_s
-    )
-    span, window_notes = trial_window(
-        path,
-        options.window,
-        trajectory,
-        plates,
-        subject,
-        assignment.unmeasured,
-        around_stances_s=options.around_stances_s,
-    )
     notes = (
         list(dict.fromkeys([*notes, *stated_notes, *tracked.notes, *assignment.notes]))
         + reach_notes
     )
-    notes += say("trial", "no_plates", sides=[s for s in SIDES if s not in plates], alone=True)
-    return Trial(
-        path=path,
-        name=path.stem,
-        subject=subject,
-        synthetic=False,
-        fulcrum_m=fulcrum_m,
-        start_s=span[0],
-        end_s=span[1],
-        trajectory=trajectory,
-        plates=plates,
-        notes=(*notes, *belt_notes, *window_notes),
-        model=model,
-        inputs={},
+    notes += say(
+        "trial", "no_plates", sides=[s for s in SIDES if s not in assignment.plates], alone=True
+    )
+    return _made(
+        path,
+        subject,
+        trajectory,
+        assignment.plates,
+        options,
+        notes=notes,
         unmeasured=assignment.unmeasured,
+        fulcrum_m=fulcrum_m,
+        model=model,
         recording=walk,
         calibration=calibration,
         tracked=tracked,
         contacts=assignment.contacts,
         cutoff_hz=options.cutoff_hz,
-        belt_speed_m_per_s=options.belt_speed_m_per_s,
     )
 
 
@@ -493,7 +506,7 @@ def reaching_pelvis(
         tracked, calibration, subject
     )
     values = np.array(tracked.values)
-    values[:, [tracked.names.index(name) for name in PELVIS_TRANSLATIONS]] += world_to_os(moved)
+    values[:, :3] += world_to_os(moved)
     large = np.sqrt(np.mean(np.sum(moved**2, axis=1))) > LARGE_M
     return values, say(
         "trial",
@@ -510,26 +523,13 @@ def model_ankle(tracked: TrackedMotion, calibration: Calibration, subject: Subje
     lengths."""
     side = subject.prosthetic_side
 
-    # Down the chain: hip as stated, else as marked in the pelvis; knee below it; ankle as marked in
-    # the shank.
-    R_W, p_WPelvis = orientations_of(
-        tracked.values[:, [tracked.names.index(name) for name in COORDINATES]]
-    )
+    # Down the chain: hip and thigh as the subject has them, ankle as marked in the shank.
+    R_W, p_WPelvis = orientations_of(tracked.values)
     outward = -1.0 if side == "right" else 1.0
-    measured = calibration.segments[f"thigh_{side}"].p_PB * [1.0, outward, 1.0]
-    forward, lateral, up = (
-        marked if stated is None else stated
-        for stated, marked in zip(
-            (subject.hip_forward_m, subject.hip_lateral_m, subject.hip_up_m), measured, strict=True
-        )
-    )
-    thigh = (
-        subject.prosthetic_thigh_length_m
-        or subject.thigh_length_m
-        or float(np.linalg.norm(calibration.segments[f"shank_{side}"].p_PB))
-    )
-    hip = p_WPelvis + R_W["pelvis"] @ np.array([forward, outward * lateral, up])
-    knee = hip + R_W[f"thigh_{side}"] @ np.array([0.0, 0.0, -thigh])
+    p_PHip = np.array([subject.hip_forward_m, subject.hip_lateral_m, subject.hip_up_m])
+    thigh = np.array([0.0, 0.0, subject.prosthetic_thigh_length_m])
+    hip = p_WPelvis + R_W["pelvis"] @ (p_PHip * [1.0, outward, 1.0])
+    knee = hip - R_W[f"thigh_{side}"] @ thigh
     return np.asarray(knee + R_W[f"shank_{side}"] @ calibration.segments[f"foot_{side}"].p_PB)
 
 
@@ -607,10 +607,7 @@ def check_mass(trial: Trial, *, file: str | Path | None) -> None:
     Over steps, from the strike of one foot to that of the other, each time with the other foot on
     its plate. Without such a step, any mass passes.
     """
-    stances = {
-        side: find_stances(plate.time_s, plate.force_W[:, 2])
-        for side, plate in trial.plates.items()
-    }
+    stances = stances_on(trial.plates)
     strikes = sorted(
         (s.start_s, side) for side, carried in stances.items() for s in carried if s.start_seen
     )
@@ -685,7 +682,7 @@ def trial_window(
     """
     side = subject.prosthetic_side
     plate = plates[side]
-    stances = {s: find_stances(one.time_s, one.force_W[:, 2]) for s, one in plates.items()}
+    stances = stances_on(plates)
     record = float(plate.time_s[0]), float(plate.time_s[-1])
     window, notes = _choose_window(
         requested,

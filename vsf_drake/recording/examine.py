@@ -15,13 +15,14 @@ from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import PELVIS_TRANSLATIONS
 from vsf_drake.motion.events import (
     Stance,
-    find_stances,
     kinematic_stances,
+    overlap_s,
+    stances_on,
     walking_direction,
     within,
 )
 from vsf_drake.motion.formats.recording import SIDES, os_to_world
-from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
+from vsf_drake.motion.markers.joints import orientations_of
 from vsf_drake.motion.markers.posture import NOTE
 from vsf_drake.motion.markers.segments import FootTrack, TrackedMotion
 from vsf_drake.motion.trajectory import CoordinateTrajectory
@@ -119,7 +120,7 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
     if trial.tracked is not None:
         feet, body = _tracked(trial, trial.tracked)
     pelvis = pelvis_in_world(trial.trajectory.time_s, trial)
-    measured = _measured(trial)
+    measured = stances_on(trial.plates)
     moving = _moving(feet, pelvis, trial)
     travel = pelvis[-1] - pelvis[0]
     heading_rad = float(np.arctan2(travel[1], travel[0]))
@@ -197,7 +198,7 @@ def weighed(trial: Trial) -> Check:
         raise ValueError("only a trial from markers knows which foot was where")
     feet, body = _tracked(trial, trial.tracked)
     moving = _moving(feet, pelvis_in_world(trial.trajectory.time_s, trial), trial)
-    felt = _forces(trial, body, _measured(trial), moving)[0]
+    felt = _forces(trial, body, stances_on(trial.plates), moving)[0]
     assert felt is not None
     return felt
 
@@ -209,20 +210,13 @@ def pelvis_in_world(time_s: np.ndarray, trial: Trial) -> np.ndarray:
     )
 
 
-def _measured(trial: Trial) -> dict[str, list[Stance]]:
-    return {
-        side: find_stances(plate.time_s, plate.force_W[:, 2])
-        for side, plate in trial.plates.items()
-    }
-
-
 def _tracked(
     trial: Trial, tracked: TrackedMotion
 ) -> tuple[dict[str, FootMotion], CoordinateTrajectory]:
     """Seen from the belt: feet, and the body's centre of mass with the pelvis, where their own
     markers show them."""
     shift = np.outer(trial.belt_speed_m_per_s * tracked.time_s, [1.0, 0.0, 0.0])
-    R_W, _ = orientations_of(tracked.values[:, [tracked.names.index(name) for name in COORDINATES]])
+    R_W, _ = orientations_of(tracked.values)
     feet = {
         side: FootMotion(
             side,
@@ -260,25 +254,22 @@ def _moving(
 def _joined(moving: Sequence[Stance], measured: Sequence[Stance]) -> list[Stance]:
     """All stances; where a plate saw the whole of one, its instants."""
 
-    def common(a: Stance, b: Stance) -> float:
-        return min(a.end_s, b.end_s) - max(a.start_s, b.start_s)
-
     joined = []
     for stance in moving:
         whole = [
             m
             for m in measured
-            if common(m, stance) > 0.5 * m.duration_s
+            if overlap_s(m, stance) > 0.5 * m.duration_s
             and abs(m.start_s - stance.start_s) + abs(m.end_s - stance.end_s) < 2 * PARTIAL_S
             and m.complete
         ]
         joined.append(whole[0] if whole else stance)
-    joined += [m for m in measured if not any(common(m, s) > 0.0 for s in joined)]
+    joined += [m for m in measured if not any(overlap_s(m, s) > 0.0 for s in joined)]
     return sorted(joined, key=lambda s: s.start_s)
 
 
 def _within(trial: Trial, stances: Iterable[Stance]) -> list[Stance]:
-    return [s for s in stances if min(s.end_s, trial.end_s) > max(s.start_s, trial.start_s)]
+    return [s for s in stances if overlap_s(s, trial) > 0.0]
 
 
 def _at(

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.model.bench_curves import PUBLISHED_N_PER_M
 from vsf_drake.model.parameters import GRAVITY
-from vsf_drake.motion.events import Stance, longest_run
+from vsf_drake.motion.events import Stance, longest_run, overlap_s
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.markers.segments import from_line
 from vsf_drake.motion.trajectory import low_pass
@@ -83,7 +84,7 @@ def covered(
             np.any([around(s) for s in seen], axis=0) if seen else np.zeros(len(time_s), dtype=bool)
         )
         for s in stances:
-            if not any(min(m.end_s, s.end_s) > max(m.start_s, s.start_s) for m in seen):
+            if not any(overlap_s(m, s) > 0.0 for m in seen):
                 known &= ~around(s) | on_plate
     for plate in plates.values():
         known &= (time_s >= plate.time_s[0]) & (time_s <= plate.time_s[-1])
@@ -196,7 +197,7 @@ def event_lag(
         for side in measured
         for m in measured[side]
         for k in moving.get(side, ())
-        if m.start_seen and k.start_seen and min(m.end_s, k.end_s) > max(m.start_s, k.start_s)
+        if m.start_seen and k.start_seen and overlap_s(m, k) > 0.0
     ]
     if not pairs:
         return None
@@ -329,8 +330,6 @@ TOUCH_DOWN_MM = (10.0, 50.0)
 8 mm. The second is the fit's prior."""
 # the intact foot's spheres sink by 10 to 17 mm; the rest is for other shapes
 INTACT_DEPTH_MM = 25.0
-STIFFNESS_N_PER_MM = ((66.0, 10.0), (151.0, 32.0))
-"""Forefoot stiffness at both ends of the carriage's reach (McGeehan 2021), straight in between."""
 PUSH_OFF_BW = 1.2  # load on the forefoot at push-off, at most (a choice)
 SOCKET_MM = 25.0  # what the nominal socket adds at the toe: 120 N m on 1000 N m/rad, 0.2 m away
 # depth beyond what the foot gives that no fit of the offsets takes out (its prior)
@@ -662,10 +661,8 @@ def depth(
     value = -1e3 * float(foot.lowest_m[rows].min())
     gives = INTACT_DEPTH_MM
     if foot.prosthetic:
-        position, stiffness = zip(*STIFFNESS_N_PER_MM, strict=True)
-        gives = SOCKET_MM + PUSH_OFF_BW * mass_kg * GRAVITY / float(
-            np.interp(1e3 * fulcrum_m, position, stiffness)
-        )
+        stiffness = float(np.interp(fulcrum_m, *np.transpose(PUBLISHED_N_PER_M)))
+        gives = SOCKET_MM + 1e3 * PUSH_OFF_BW * mass_kg * GRAVITY / stiffness
     if value <= 0.0:
         mark = "doubtful" if -value < TOO_DEEP_MM else "unusable"
     else:

@@ -91,7 +91,7 @@ class TrackedMotion:
 
     time_s: np.ndarray  # (frames,) evenly spaced
     names: tuple[str, ...]
-    """pelvis and both legs, *both* ankles included, as in OpenSim (`ankle_angle_r`, ...)"""
+    """`joints.COORDINATES`: pelvis and both legs, *both* ankles included, as in OpenSim"""
     values: np.ndarray  # (frames, m) m and rad, filtered once
     feet: dict[str, FootTrack]  # by side
     residual_rms_m: dict[str, float]
