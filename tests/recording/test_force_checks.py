@@ -62,7 +62,14 @@ def made_foot(
     toe = heel + length_m * along
     ankle = heel + 0.25 * length_m * along + 0.08 * up
     return FootMotion(
-        side, TIME, heel, toe, ankle, np.minimum(heel[:, 2], toe[:, 2]), prosthetic, undeformed
+        heel,
+        toe,
+        ankle,
+        side=side,
+        time_s=TIME,
+        lowest_m=np.minimum(heel[:, 2], toe[:, 2]),
+        prosthetic=prosthetic,
+        undeformed=undeformed,
     )
 
 
@@ -80,7 +87,14 @@ def test_foot_flat_is_found_where_the_foot_is_flat_or_in_mid_stance_where_it_nev
     pitch, heel = 1.5 * (0.85 - TIME), np.zeros((len(TIME), 3))
     toe = 0.25 * np.column_stack([np.cos(pitch), 0 * pitch, np.sin(pitch)])
     turning = FootMotion(
-        "right", TIME, heel, toe, heel + np.array([0.0, 0.0, 0.08]), heel[:, 2], True, True
+        heel,
+        toe,
+        heel + np.array([0.0, 0.0, 0.08]),
+        side="right",
+        time_s=TIME,
+        lowest_m=heel[:, 2],
+        prosthetic=True,
+        undeformed=True,
     )
     instants = TIME[flat(turning)]
     assert instants[0] >= STANCE.start_s + 0.25 * STANCE.duration_s - 1e-9
@@ -120,7 +134,14 @@ def test_rolling_wheel_does_not_slip_where_it_touches():
     centre = np.column_stack([radius * turned, 0 * TIME, np.full(len(TIME), radius)])
     spoke = np.column_stack([np.cos(turned), 0 * TIME, -np.sin(turned)])
     across = np.column_stack([np.sin(turned), 0 * TIME, np.cos(turned)])
-    wheel = FootMotion("right", TIME, centre, centre + 0.2 * spoke, centre + 0.1 * across, 0 * TIME)
+    wheel = FootMotion(
+        centre,
+        centre + 0.2 * spoke,
+        centre + 0.1 * across,
+        side="right",
+        time_s=TIME,
+        lowest_m=0 * TIME,
+    )
     speed = np.linalg.norm(slip_velocity(wheel, centre - [0.0, 0.0, radius])[1:-1], axis=1)
     # central differences are of second order: (rate * 10 ms)^2 / 6 = 7e-5
     assert speed.max() < 1e-3 * radius * rate
@@ -461,7 +482,14 @@ def lags_of_disturbed(correlation, measured_s, draws, monkeypatch, *, late_s=0.0
 def test_centre_of_pressure_beside_the_foot_is_found(beside, mark):
     n = len(LONG)
     heel, toe = np.zeros((n, 3)), np.tile([0.25, 0.0, 0.0], (n, 1))
-    foot = FootMotion("left", LONG, heel, toe, heel + np.array([0.0, 0.0, 0.1]), np.zeros(n))
+    foot = FootMotion(
+        heel,
+        toe,
+        heel + np.array([0.0, 0.0, 0.1]),
+        side="left",
+        time_s=LONG,
+        lowest_m=np.zeros(n),
+    )
     force, cop = np.tile([0.0, 0.0, 500.0], (n, 1)), np.tile([0.1, beside, 0.0], (n, 1))
     check = force_checks.cop_under_foot(
         foot, PlateRecording(LONG, force, cop, np.zeros(n), True), cop

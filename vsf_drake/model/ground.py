@@ -23,6 +23,7 @@ from vsf_drake.base.schema import check, load_yaml, quantity
 
 _CHOICE = "a description of the place"
 _FAR_M = 1e3
+_place = functools.partial(quantity, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,19 +38,11 @@ class GroundPatch:
     """
 
     name: str = "ground"  # of the patch
-    from_x_m: float = quantity(  # rear edge of the rectangle
-        -_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE
-    )
-    to_x_m: float = quantity(_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
-    """front edge of the rectangle"""
-    from_y_m: float = quantity(  # right edge of the rectangle
-        -_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE
-    )
-    to_y_m: float = quantity(_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
-    """left edge of the rectangle"""
-    reference_x_m: float = quantity(  # x at which the plane has height_m
-        0.0, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE
-    )
+    from_x_m: float = _place(-_FAR_M)  # rear edge of the rectangle
+    to_x_m: float = _place(_FAR_M)  # front edge of the rectangle
+    from_y_m: float = _place(-_FAR_M)  # right edge of the rectangle
+    to_y_m: float = _place(_FAR_M)  # left edge of the rectangle
+    reference_x_m: float = _place(0.0)  # x at which the plane has height_m
     height_m: float = quantity(  # of the plane at reference_x_m and y = 0
         0.0, unit="m", low=-100.0, high=100.0, source=_CHOICE
     )

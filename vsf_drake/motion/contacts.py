@@ -60,16 +60,12 @@ ANALYSIS_HZ = 250.0
 REVERSED = -0.2
 
 
-@dataclass(frozen=True)
-class PlateContact:
-    """One stretch of load on one plate."""
+@dataclass(frozen=True, kw_only=True)
+class PlateContact(Stance):
+    """One stretch of load on one plate, from and to when it passes 20 N."""
 
     plate: str  # its name
     side: str | None  # the foot it was given to; None where it is neither's, or both feet's at once
-    start_s: float  # when the load passes 20 N
-    end_s: float
-    start_seen: bool  # whether that lies inside the record
-    end_seen: bool
     distance_m: float = np.nan
     """median of the centre of pressure from the nearest heel-toe line; NaN where unknown"""
     warning: str | None = None  # why it should not be trusted
@@ -143,7 +139,14 @@ def assign_plates(
     plates, notes = _without_doubles(recording, floor)
     force_s = recording.force_time_s
     loads = [
-        _Load(plate.name, None, **vars(s), of=plate, time_s=force_s, scuff=find is find_scuffs)
+        _Load(
+            **vars(s),
+            plate=plate.name,
+            side=None,
+            of=plate,
+            time_s=force_s,
+            scuff=find is find_scuffs,
+        )
         for plate in plates
         for find in (find_stances, find_scuffs)
         for s in find(force_s, plate.force_n[:, 2])
@@ -412,11 +415,7 @@ def _judge_sharing(load: _Load, loads: Sequence[_Load], floor: _FeetOnFloor) -> 
         on = _inside(heel, corners) | _inside(toe, corners)
         elsewhere = within(
             times,
-            [
-                (one.start_s, one.end_s)
-                for one in loads
-                if one.plate != load.plate and one.side == other
-            ],
+            [one.span for one in loads if one.plate != load.plate and one.side == other],
         )
         pulled &= _touches(heel, toe, corners)
         pulled |= both & on & ~elsewhere
@@ -500,7 +499,7 @@ def _with_tails(load: _Load) -> Span:
     """The load's span with what it has below 20 N."""
     time = load.time_s
     quiet = np.flatnonzero(load.of.force_n[:, 2] <= TAIL_N)
-    first, last = np.searchsorted(time, (load.start_s, load.end_s))
+    first, last = np.searchsorted(time, load.span)
     before = quiet[quiet < first]
     after = quiet[quiet > last]
     return (
@@ -518,7 +517,7 @@ def _unmeasured(
     warnings: dict[int, str] = {}
     for side in SIDES:
         spans = [
-            (load.start_s, load.end_s)
+            load.span
             for load in loads
             if load.shared and any(overlap_s(load, s) > 0.0 for s in stances[side])
         ]
@@ -526,7 +525,7 @@ def _unmeasured(
             start = max(stance.start_s, record[0])
             end = min(stance.end_s, record[1])
             covering = {
-                i: (load.start_s, load.end_s)
+                i: load.span
                 for i, load in enumerate(loads)
                 if load.side == side
                 and not load.scuff

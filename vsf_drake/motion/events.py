@@ -46,11 +46,12 @@ def overlap_s(a: Timed, b: Timed) -> float:
     return min(a.end_s, b.end_s) - max(a.start_s, b.start_s)
 
 
-def united(spans: Iterable[Span]) -> tuple[Span, ...]:
-    """Spans in order of time; those that overlap or touch are one."""
+def united(spans: Iterable[Span], *, bridge_s: float = 0.0) -> tuple[Span, ...]:
+    """Spans in order of time; those that overlap, touch or are no more than `bridge_s` apart are
+    one."""
     merged: list[Span] = []
     for start, end in sorted(spans):
-        if merged and start <= merged[-1][1]:
+        if merged and start - merged[-1][1] <= bridge_s:
             merged[-1] = (merged[-1][0], max(merged[-1][1], end))
         else:
             merged.append((start, end))
@@ -83,6 +84,10 @@ class Stance:
     @property
     def complete(self) -> bool:
         return self.start_seen and self.end_seen
+
+    @property
+    def span(self) -> Span:
+        return self.start_s, self.end_s
 
     @property
     def duration_s(self) -> float:
@@ -123,7 +128,7 @@ def known_stances(plate: PlateRecording) -> list[Stance]:
     return [
         stance
         for stance in find_stances(plate.time_s, plate.force_W[:, 2])
-        if not any(common((stance.start_s, stance.end_s), span) for span in plate.unknown_s)
+        if not any(common(stance.span, span) for span in plate.unknown_s)
     ]
 
 
@@ -158,17 +163,9 @@ def _contacts(
     if on.size and on[-1]:
         instants.append(time_s[-1])
 
-    # hysteresis in time: drop-outs shorter than `bridge_s` are bridged
-    bouts: list[list[float]] = []
-    for start, end in zip(instants[::2], instants[1::2], strict=True):
-        if bouts and start - bouts[-1][1] < bridge_s:
-            bouts[-1][1] = end
-        else:
-            bouts.append([start, end])
-
     contacts = []
     most = FASTEST_PER_S * max(threshold, force.max(initial=0.0))
-    for start, end in bouts:
+    for start, end in united(zip(instants[::2], instants[1::2], strict=True), bridge_s=bridge_s):
         peak = float(force[(time_s >= start) & (time_s <= end)].max(initial=threshold))
         before = int(np.searchsorted(time_s, start, "right")) - 1
         after = int(np.searchsorted(time_s, end, "left"))

@@ -692,7 +692,7 @@ def trial_window(
         (unmeasured or {}).get(side, ()),
         stances[side],
     )
-    carried = [s for s in stances[side] if common((s.start_s, s.end_s), window)]
+    carried = [s for s in stances[side] if common(s.span, window)]
     if requested is None and around_stances_s is not None and carried:
         near = (
             common(
@@ -714,7 +714,7 @@ def trial_window(
     for s in sorted(plates, key=lambda s: s != side):
         in_window = [
             (
-                (c.start_s, c.end_s),
+                c.span,
                 [
                     end
                     for end, seen in (
@@ -725,11 +725,9 @@ def trial_window(
                 ],
             )
             for c in stances[s]
-            if common((c.start_s, c.end_s), window)
+            if common(c.span, window)
         ]
-        scuffs = [
-            (c.start_s, c.end_s) for c in find_scuffs(plates[s].time_s, plates[s].force_W[:, 2])
-        ]
+        scuffs = [c.span for c in find_scuffs(plates[s].time_s, plates[s].force_W[:, 2])]
         notes += say(
             "trial",
             "foot",
@@ -825,10 +823,7 @@ def _check_stances(
             where="forces",
             right="Check the unit of the forces and the subject's mass_kg",
         )
-    listed = (
-        f"The stances of the {side} foot are "
-        f"{', '.join(words((s.start_s, s.end_s)) for s in stances)}"
-    )
+    listed = f"The stances of the {side} foot are {', '.join(words(s.span) for s in stances)}"
     shortest = min((s.duration_s for s in stances if s.complete), default=DEFAULT_STANCE_S)
     if window[1] - window[0] < shortest:
         raise InputError(

@@ -24,7 +24,7 @@ from vsf_drake.motion.events import (
 from vsf_drake.motion.formats.recording import SIDES, os_to_world
 from vsf_drake.motion.markers.joints import orientations_of
 from vsf_drake.motion.markers.posture import NOTE
-from vsf_drake.motion.markers.segments import FootTrack, TrackedMotion
+from vsf_drake.motion.markers.segments import TrackedMotion
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import RecordingMark, Trial, on_the_belt
 from vsf_drake.recording import (
@@ -219,11 +219,11 @@ def _tracked(
     R_W, _ = orientations_of(tracked.values)
     feet = {
         side: FootMotion(
-            side,
-            tracked.time_s,
-            heel_W=track.heel_W + shift,
-            toe_W=track.toe_W + shift,
-            ankle_W=track.ankle_W + shift,
+            track.heel_W + shift,
+            track.toe_W + shift,
+            track.ankle_W + shift,
+            side=side,
+            time_s=tracked.time_s,
             prosthetic=side == trial.subject.prosthetic_side,
             lowest_m=np.minimum(track.heel_W[:, 2], track.toe_W[:, 2]),
             left_W=R_W[f"foot_{side}"][:, :, 1],
@@ -238,12 +238,11 @@ def _tracked(
 def _moving(
     feet: Mapping[str, FootMotion], pelvis: np.ndarray, trial: Trial
 ) -> dict[str, list[Stance]]:
-    tracks = {side: FootTrack(foot.heel_W, foot.toe_W, foot.ankle_W) for side, foot in feet.items()}
-    forward = walking_direction(tracks, pelvis)
+    forward = walking_direction(feet, pelvis)
     return {
         side: kinematic_stances(
             foot.time_s,
-            tracks[side],
+            foot,
             _at(foot.time_s, trial.trajectory.time_s, pelvis, beyond=False),
             forward_W=forward,
         )

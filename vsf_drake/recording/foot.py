@@ -12,6 +12,7 @@ from pydrake.multibody.tree import BodyIndex
 from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.events import Stance, longest_run
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
+from vsf_drake.motion.markers.segments import FootTrack
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.person import PersonHandles, add_person
@@ -32,17 +33,14 @@ SLACK_S = 0.05  # by which mid-stance may reach over an end of the record (a cho
 BALL = 0.7
 
 
-@dataclass(frozen=True, eq=False)
-class FootMotion:
-    """Points of one foot over time, (n, 3) m in W; `undeformed` if it was put under the shank as a
-    rigid body, or has its markers on a part that turns with the shank, where the sole of a
-    prosthetic foot bends and stays flat."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FootMotion(FootTrack):
+    """One foot over time, heel and toe on the sole and equally high when it is flat; `undeformed`
+    if it was put under the shank as a rigid body, or has its markers on a part that turns with the
+    shank, where the sole of a prosthetic foot bends and stays flat."""
 
     side: str
     time_s: np.ndarray  # (n,) evenly spaced
-    heel_W: np.ndarray  # on the sole, as high as the toe when it is flat
-    toe_W: np.ndarray
-    ankle_W: np.ndarray
     lowest_m: np.ndarray  # (n,) height of the foot's lowest point
     prosthetic: bool = False
     undeformed: bool = False
@@ -220,11 +218,11 @@ def model_motion(
         X = poses[:, [bodies.index(int(body)) for body in of_foot]]
         place = np.einsum("nkij,kj->nki", X[..., :3], p_BP) + X[..., 3]
         feet[side] = FootMotion(
-            side,
-            motion.time_s,
-            heel_W=place[:, 0],
-            toe_W=place[:, 1],
-            ankle_W=place[:, 2],
+            place[:, 0],
+            place[:, 1],
+            place[:, 2],
+            side=side,
+            time_s=motion.time_s,
             lowest_m=(place[:, 3:, 2] - radius).min(axis=1),
             prosthetic=side == prosthetic,
             undeformed=side == prosthetic,

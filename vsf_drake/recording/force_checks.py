@@ -11,7 +11,7 @@ import numpy as np
 
 from vsf_drake.model.bench_curves import PUBLISHED_N_PER_M
 from vsf_drake.model.parameters import GRAVITY
-from vsf_drake.motion.events import Stance, longest_run, overlap_s
+from vsf_drake.motion.events import Stance, longest_run, overlap_s, within
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.markers.segments import from_line
 from vsf_drake.motion.trajectory import low_pass
@@ -74,20 +74,16 @@ def covered(
     stances of each foot that plates saw and that its motion tells; those that no plate saw are
     widened by the margin."""
 
-    def around(s: Stance) -> np.ndarray:
-        return (time_s >= s.start_s - margin_s) & (time_s <= s.end_s + margin_s)
+    def widened(stances: Sequence[Stance]) -> np.ndarray:
+        return within(time_s, [(s.start_s - margin_s, s.end_s + margin_s) for s in stances])
 
     known = np.ones(len(time_s), dtype=bool)
     for side, stances in moving.items():
         seen = measured.get(side, ())
-        on_plate = (
-            np.any([around(s) for s in seen], axis=0) if seen else np.zeros(len(time_s), dtype=bool)
-        )
-        for s in stances:
-            if not any(overlap_s(m, s) > 0.0 for m in seen):
-                known &= ~around(s) | on_plate
+        unseen = [s for s in stances if not any(overlap_s(m, s) > 0.0 for m in seen)]
+        known &= ~widened(unseen) | widened(seen)
     for plate in plates.values():
-        known &= (time_s >= plate.time_s[0]) & (time_s <= plate.time_s[-1])
+        known &= within(time_s, [(plate.time_s[0], plate.time_s[-1])])
     return known
 
 
@@ -520,7 +516,7 @@ def strike(foot: FootMotion, cop_W: np.ndarray, stances: Sequence[Stance]) -> Ch
     for stance in (each for each in stances if each.complete):
         middle = int(np.argmin(np.abs(foot.time_s - np.mean(shares_of(stance, MIDDLE)))))
         along = foot.toe_W[middle] - foot.heel_W[middle]
-        rows = foot.rows(stance.start_s, stance.end_s) & np.isfinite(cop_W).all(axis=1)
+        rows = foot.rows(*stance.span) & np.isfinite(cop_W).all(axis=1)
         if rows.any():
             place = (cop_W[rows] - foot.heel_W[middle]) @ along / np.linalg.norm(along)
             places.append(1e3 * float(np.percentile(place, 2)))
@@ -655,7 +651,7 @@ def depth(
 ) -> Check | None:
     """How deep the model's undeformed foot goes into the ground while the plate carries it, against
     what it gives."""
-    rows = np.any([foot.rows(s.start_s, s.end_s) for s in stances], axis=0)
+    rows = within(foot.time_s, [stance.span for stance in stances])
     if not rows.any():
         return None
     value = -1e3 * float(foot.lowest_m[rows].min())

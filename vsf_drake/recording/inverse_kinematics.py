@@ -30,7 +30,7 @@ from vsf_drake.base.errors import InputError
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import ModelParameters
 from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, orientations_of
+from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
 from vsf_drake.motion.markers.segments import (
     PARENTS,
     Calibration,
@@ -131,10 +131,9 @@ def solve_inverse_kinematics(
 
     Arguments as for `tracking.track`; the model's lengths enter the prosthetic leg.
     """
-    filled, markers, poses = smooth_poses(
+    filled, markers, _, start = smooth_poses(
         recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s
     )
-    start = coordinates_of({name: pose.R_WB for name, pose in poses.items()}, poses["pelvis"].p_WB)
     skeleton = Skeleton(calibration, filled.segments, model)
     seen = np.stack([markers[label] for label in skeleton.labels], axis=1)
     values = np.empty_like(start)

@@ -238,14 +238,8 @@ def knee_axis(angles_rad: Mapping[str, np.ndarray], side: str) -> Check | None:
 
 def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Check | None:
     """The roughest sagittal angle: what it holds above 12 Hz. None if the sampling cannot tell."""
-    rate = 1.0 / float(np.median(np.diff(time_s)))
-    sizes = {
-        key: high_content(angles_rad[key][:, None], rate, ROUGH_HZ)
-        for key in MAIN
-        if key in angles_rad
-    }
-    known = {key: float(np.degrees(size)) for key, size in sizes.items() if size is not None}
-    if not known or rate <= 2.5 * ROUGH_HZ:
+    known = _main_content(time_s, angles_rad, ROUGH_HZ)
+    if not known or 1.0 / float(np.median(np.diff(time_s))) <= 2.5 * ROUGH_HZ:
         return None
     angle = max(known, key=known.__getitem__)
     return checked(
@@ -260,6 +254,19 @@ def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Chec
     )
 
 
+def _main_content(
+    time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray], above_hz: float
+) -> dict[str, float]:
+    """Content (degrees) of the sagittal angles above a frequency, of those long enough to tell."""
+    rate = 1.0 / float(np.median(np.diff(time_s)))
+    return {
+        key: float(np.degrees(size))
+        for key in MAIN
+        if key in angles_rad
+        and (size := high_content(angles_rad[key][:, None], rate, above_hz)) is not None
+    }
+
+
 def smoothed(
     time_s: np.ndarray,
     angles_rad: Mapping[str, np.ndarray],
@@ -269,16 +276,14 @@ def smoothed(
 ) -> Check | None:
     """Whether the angles (n,) of hips and knees lack what every walk has at its higher harmonics.
     None where the record is too short, or the walk too slow."""
-    rate = 1.0 / float(np.median(np.diff(time_s)))
-    sizes = [
-        high_content(angles_rad[key][:, None], rate, HARMONICS_HZ)
-        for key in MAIN
-        if key in angles_rad and not key.startswith(("pelvis", "ankle"))
+    known = [
+        size
+        for key, size in _main_content(time_s, angles_rad, HARMONICS_HZ).items()
+        if not key.startswith(("pelvis", "ankle"))
     ]
-    known = [size for size in sizes if size is not None]
     if not known or speed_m_per_s < SMOOTHED_M_PER_S or strides_per_s < LEAST_STRIDES_PER_S:
         return None
-    value = float(np.degrees(np.sqrt(np.mean(np.square(known)))))
+    value = float(np.sqrt(np.mean(np.square(known))))
     lacks = value < SMOOTHED_DEG
     return checked(
         "smoothed",

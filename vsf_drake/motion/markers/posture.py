@@ -380,11 +380,9 @@ def prepared(recording: Recording, marker_map: MarkerMap) -> Recording:
     """
     recording = right_handed(marker_map.rename(recording), marker_map)
     points = _points(recording, marker_map)
-    front = points.get("asis")
-    back = points.get("psis", points.get("sacrum"))
-    if front is None or back is None:
+    if not {"asis", "back"} <= {*points}:
         return recording
-    directions = facing(front, back)
+    directions = facing(points["asis"], points["back"])
     directions = directions[np.isfinite(directions).all(axis=1)]
     mean = directions.mean(axis=0) if len(directions) else np.zeros(3)
     angle = float(np.arctan2(mean[1], mean[0]))
@@ -448,18 +446,11 @@ def _is_mirrored(recording: Recording, marker_map: MarkerMap) -> bool:
         for role in roles
         if f"{role}_left" in points
     }
-    front = points.get("asis")
-    back = points.get("psis", points.get("sacrum"))
     fore = next((role for role in ("toe", "toe_tip", "met1", "met5") if role in pairs), None)
-    if (
-        len(pairs) < FEWEST_PAIRS
-        or front is None
-        or back is None
-        or "heel" not in pairs
-        or fore is None
-    ):
+    known = {"asis", "back", "heel_right", "heel_left"} <= {*points}
+    if len(pairs) < FEWEST_PAIRS or not known or fore is None:
         return False
-    forward = facing(front, back)
+    forward = facing(points["asis"], points["back"])
     left = np.cross([0.0, 0.0, 1.0], forward)
     ahead = [
         typical(toe - heel, forward) for toe, heel in zip(pairs[fore], pairs["heel"], strict=True)
@@ -488,8 +479,10 @@ def _points(recording: Recording, marker_map: MarkerMap) -> dict[str, np.ndarray
         for role, spellings in marker_map.roles.items()
     }
     points = {role: recording.markers[label] for role, label in labels.items() if label is not None}
-    return points | {
+    points |= {
         role: 0.5 * (points[f"{role}_right"] + points[f"{role}_left"])
         for role in ("asis", "psis")
         if {f"{role}_{side}" for side in SIDES} <= {*points}
     }
+    back = [points[role] for role in ("psis", "sacrum") if role in points]
+    return points | ({"back": back[0]} if back else {})

@@ -375,10 +375,9 @@ def track(
     `cutoff_hz` is that of the fourth-order zero-phase Butterworth filter on the markers, None if
     they are filtered; for `longest_gap_s` see `fill_gaps`. Refused where gaps cannot be filled, or
     the markers are not those of the calibration (another person or unit, exchanged or moved)."""
-    filled, markers, poses = smooth_poses(
+    filled, markers, poses, values = smooth_poses(
         recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s
     )
-    values = coordinates_of({name: pose.R_WB for name, pose in poses.items()}, poses["pelvis"].p_WB)
     helped = [
         note
         for name, segment in filled.segments.items()
@@ -396,9 +395,9 @@ def track(
 
 def smooth_poses(
     recording: Recording, calibration: Calibration, *, cutoff_hz: float | None, longest_gap_s: float
-) -> tuple[FilledMarkers, dict[str, np.ndarray], dict[str, RigidPoses]]:
-    """The markers without gaps, checked; the same filtered once (not at all without a cut-off); and
-    their poses."""
+) -> tuple[FilledMarkers, dict[str, np.ndarray], dict[str, RigidPoses], np.ndarray]:
+    """The markers without gaps, checked; the same filtered once (not at all without a cut-off);
+    their poses, and the coordinates (n, 24) of these."""
     filled = fill_gaps(
         recording,
         {name: calibration.segments[name] for name in PARENTS},
@@ -418,7 +417,8 @@ def smooth_poses(
         )
         markers = dict(zip(markers, np.split(smooth, len(markers), axis=1), strict=True))
         poses = rigid.segment_poses(filled.segments, markers)
-    return filled, markers, poses
+    values = coordinates_of({name: pose.R_WB for name, pose in poses.items()}, poses["pelvis"].p_WB)
+    return filled, markers, poses, values
 
 
 def describe(
