@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import pydoc
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -47,4 +48,7 @@ def test_every_name_is_there_described_and_the_one_that_a_type_checker_sees():
     assert vsf_drake.__version__.count(".") == 2
     with pytest.raises(AttributeError, match="no attribute 'simulate_trail'"):
         _ = vsf_drake.simulate_trail
+    page = (Path(__file__).parents[1] / "docs/guide/python.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| (.+) \|$", page, re.MULTILINE)
+    assert sorted(name for name, _ in rows) == sorted(vsf_drake.__all__), "one line each"
     assert "simulate_trial(" in pydoc.plain(pydoc.render_doc(vsf_drake))

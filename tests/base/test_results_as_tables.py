@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import html
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,20 +27,22 @@ def test_a_walk_has_the_same_numbers_in_a_frame_a_dataset_and_parquet(tmp_path):
     walk = make_walk()
     walk.to_dataframe().to_parquet(tmp_path / "walk.parquet")
     frame, dataset = pandas.read_parquet(tmp_path / "walk.parquet"), walk.to_xarray()
-    assert frame.index.name == "time_s" and np.array_equal(frame.index, walk.time_s)
+    assert list(frame.columns[:2]) == ["trial", "time_s"]
+    assert np.array_equal(frame.time_s, walk.time_s) and set(frame.trial) == {walk.trial_name}
+    assert dataset.trial.item() == walk.trial_name
     for i, name in enumerate(walk.coordinate_names):
         assert np.array_equal(frame[f"q_{name}"], walk.q[:, i])
         assert np.array_equal(dataset.v.sel(coordinate=name), walk.v[:, i])
     assert np.array_equal(frame["cop_W_x"], walk.cop_W[:, 0], equal_nan=True)
     assert np.array_equal(frame["sphere_friction_W_7_y"], walk.sphere_friction_W[:, 7, 1])
     assert np.array_equal(dataset.grf_W.sel(axis="z"), walk.grf_W[:, 2])
-    assert len(frame.columns) == 3 * 7 + 4 * 3 + 1 + 4 * 24 + 6 + 1 + 5 + 2
+    assert len(frame.columns) == 2 + 3 * 7 + 4 * 3 + 1 + 4 * 24 + 6 + 1 + 5 + 2
 
 
 def test_every_column_of_a_walk_has_the_unit_of_its_quantity():
     frame, dataset = make_walk().to_dataframe(), make_walk().to_xarray()
     units = frame.attrs["units"]
-    assert set(units) == {"time_s", *frame.columns}
+    assert set(units) == {*frame.columns}
     known = {
         "time_s": "s",
         "q_pelvis_tx": "m",
@@ -220,7 +223,10 @@ def test_a_walk_for_opensim_reads_back_in_degrees_metres_and_newtons_of_opensims
 def test_an_outcome_of_many_walks_has_what_was_kept_of_it_and_says_what_was_varied():
     walk = make_walk()
     trial = SimpleNamespace(
-        name="low_1", synthetic=True, subject=SimpleNamespace(prosthetic_side="right")
+        name="low_1",
+        synthetic=True,
+        fulcrum_m=0.066,
+        subject=SimpleNamespace(prosthetic_side="right"),
     )
     case = WalkCase(trial=trial, values={"offset.height": 0.002})
     outcome = WalkOutcome(
@@ -231,8 +237,18 @@ def test_an_outcome_of_many_walks_has_what_was_kept_of_it_and_says_what_was_vari
     frame = outcome.to_dataframe()
     assert (
         np.array_equal(frame["q_knee_angle_r"], walk.column("knee_angle_r"))
-        and len(frame.columns) == 7 + 3
+        and len(frame.columns) == 4 + 7 + 3
     )
+    setting = ["trial", "fulcrum_m", "offset.height"]
+    assert list(frame.columns[:4]) == [*setting, "time_s"]
+    assert frame[setting].drop_duplicates().values.tolist() == [["low_1", 0.066, 0.002]]
+    assert [frame.attrs["units"][name] for name in setting] == ["", "m", "m"]
+    other = replace(outcome, case=replace(case, values={"offset.height": 0.0}))
+    both = pandas.concat([frame, other.to_dataframe()])
+    assert both.groupby("offset.height").grf_W_z.max().to_dict() == {
+        height: walk.grf_W[:, 2].max() for height in (0.0, 0.002)
+    }
+    assert outcome.to_xarray()["offset.height"].attrs["units"] == "m"
     assert frame.attrs["offset.height"] == 0.002 and frame.attrs["synthetic"] is True
     with pytest.raises(InputError, match="keep"):
         WalkOutcome(case=case, _arrays={"grf_W": walk.grf_W}).to_dataframe()

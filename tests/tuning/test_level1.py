@@ -36,9 +36,8 @@ def test_a_table_of_the_tuning_has_its_sweep_with_the_cost_as_the_mean_of_the_tr
     solution,
 ):
     frame, dataset = solution.to_dataframe(), solution.to_xarray()
-    assert (
-        np.array_equal(frame.index, solution.sweep.fulcrum_mm) and frame.index.name == "fulcrum_mm"
-    )
+    assert np.array_equal(frame.fulcrum_mm, solution.sweep.fulcrum_mm)
+    assert frame.attrs["units"]["fulcrum_mm"] == "mm"
     terms = sum(dataset[name] for name in dataset if name.startswith("term_"))
     assert np.allclose(terms.mean("trial"), frame.cost, rtol=1e-12)
     assert (

@@ -51,16 +51,22 @@ class LabelledArrays:
     quantities: Sequence[Quantity]
     about: Mapping[str, str | float | bool] = field(default_factory=dict)
     """of all: who, which side, SYNTHETIC"""
+    setting: Mapping[str, tuple[str | float, str]] = field(default_factory=dict)
+    """value and unit of what sets these arrays apart from others like them: trial, fulcrum, what
+    was varied"""
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """One row for each entry of the first dimension, columns NAME or NAME_LABEL (grf_W_z);
-        `attrs` holds `units` and `meanings` by column, of the index too. InputError if the extra
+        """One row for each entry of the first dimension: the setting, the coordinate of that
+        dimension (time), and columns NAME or NAME_LABEL (grf_W_z), so that tables of several
+        results stack; `attrs` holds `units` and `meanings` by column. InputError if the extra
         `tables` is not installed."""
         first = next(iter(self.labels))
-        columns = {}
-        units = dict[str, str]()
-        meanings = dict[str, str]()
-        for item in self.quantities:
+        rows = self.labels[first]
+        columns: dict[str, Any] = {name: value for name, (value, _) in self.setting.items()}
+        units = {name: unit for name, (_, unit) in self.setting.items()}
+        meanings = dict.fromkeys(units, "setting")
+        leading = [rows] if isinstance(rows, Quantity) else []
+        for item in (*leading, *self.quantities):
             labels = [self._label_values(dim) for dim in item.dims[1:]]
             for place in itertools.product(*(range(len(each)) for each in labels)):
                 name = "_".join(
@@ -69,24 +75,24 @@ class LabelledArrays:
                 at: Any = (slice(None), *place)
                 columns[name] = item.values[at]
                 units[name], meanings[name] = item.unit_at(place), item.meaning
-        made_by = tables_module("pandas")
-        frame: pandas.DataFrame = made_by.DataFrame(
-            columns, index=made_by.Index(self._label_values(first), name=first)
+        frame: pandas.DataFrame = tables_module("pandas").DataFrame(
+            columns, index=range(len(self._label_values(first)))
         )
-        rows = self.labels[first]
-        if isinstance(rows, Quantity):
-            units[first], meanings[first] = str(rows.unit), rows.meaning
         frame.attrs = {**self.about, "units": units, "meanings": meanings}
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
         """Arrays by name, with `units` (one for each entry of the last dimension, with commas,
-        where these differ), `long_name` and `frame` as attributes. InputError if the extra `tables`
-        is not installed."""
+        where these differ), `long_name` and `frame` as attributes; the setting as coordinates of no
+        dimension. InputError if the extra `tables` is not installed."""
         made_by = tables_module("xarray")
-        coordinates = {
+        coordinates: dict[str, Any] = {
             dim: (dim, self._label_values(dim), _attributes(of) if isinstance(of, Quantity) else {})
             for dim, of in self.labels.items()
+        }
+        coordinates |= {
+            name: ((), value, {"units": unit} if unit else {})
+            for name, (value, unit) in self.setting.items()
         }
         dataset: xarray.Dataset = made_by.Dataset(
             {item.name: (item.dims, item.values, _attributes(item)) for item in self.quantities},

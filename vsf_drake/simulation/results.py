@@ -158,6 +158,7 @@ class WalkResult(Tabular):
                 "converged": self.converged,
                 "subject_mass_kg": self.subject_mass_kg,
             },
+            {"trial": (self.trial_name, "")},
         )
 
     def headline(self) -> Headline:
@@ -305,6 +306,7 @@ def walk_arrays(
     arrays: Mapping[str, np.ndarray],
     columns: Mapping[str, Sequence[str]],
     about: Mapping[str, str | float | bool],
+    setting: Mapping[str, tuple[str | float, str]],
 ) -> LabelledArrays:
     """Arrays of a walk as other tools take them: `arrays` of `WalkResult` by name, `time_s` among
     them; `columns` by array where the class names no fixed ones."""
@@ -336,7 +338,7 @@ def walk_arrays(
             labels = {name: quantity, **labels}
         else:
             quantities.append(quantity)
-    return LabelledArrays(labels=labels, quantities=quantities, about=about)
+    return LabelledArrays(labels=labels, quantities=quantities, about=about, setting=setting)
 
 
 def _column_units(unit: str, names: Sequence[str]) -> list[str]:

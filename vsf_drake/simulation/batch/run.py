@@ -24,6 +24,7 @@ from vsf_drake.base.errors import InputError, SimulationError, VsfError, raise_i
 from vsf_drake.base.files import read_npz, replaced, user_path
 from vsf_drake.base.schema import to_plain
 from vsf_drake.base.tables import Headline, LabelledArrays, Tabular
+from vsf_drake.model.contact_file import variable_unit
 from vsf_drake.simulation.batch.cases import (
     ARRAYS,
     DEFAULT_KEEP,
@@ -161,6 +162,14 @@ class WalkOutcome(Tabular):
                 right="Name it in `keep` of simulate_batch",
             )
         trial = self.case.trial
+        fulcrum = trial.fulcrum_m if self.case.fulcrum_m is None else self.case.fulcrum_m
+        setting: dict[str, tuple[str | float, str]] = {"trial": (trial.name, "")}
+        if not callable(fulcrum) and "fulcrum_m" not in self.arrays:
+            setting["fulcrum_m"] = fulcrum, "m"
+        setting |= {
+            name: (value, "m" if name == "fulcrum.shift" else variable_unit(name))
+            for name, value in self.case.values.items()
+        }
         return walk_arrays(
             self.arrays,
             self.columns,
@@ -170,6 +179,7 @@ class WalkOutcome(Tabular):
                 "side": trial.subject.prosthetic_side,
                 **self.case.values,
             },
+            setting,
         )
 
     def headline(self) -> Headline:
