@@ -22,7 +22,7 @@ from vsf_drake.base.progress import Progress
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.fitted_trial import gait_phase
-from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass, periodic_bsplines
+from vsf_drake.motion.trajectory import low_pass, periodic_bsplines
 from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.batch import SweepProgress, WalkCase, WalkOutcome, simulate_batch
 from vsf_drake.simulation.batch.processes import chosen
@@ -386,10 +386,7 @@ class KinematicNoise:
     def perturbed(self, error: np.ndarray) -> Trial:
         """The trial with an error, (n, m) or (m,), added to its samples."""
         motion = self.trial.trajectory
-        moved = CoordinateTrajectory(
-            motion.time_s, motion.values + error, motion.names, source=motion.source
-        )
-        return dataclasses.replace(self.trial, trajectory=moved)
+        return dataclasses.replace(self.trial, trajectory=motion.with_values(motion.values + error))
 
 
 def smooth_basis(phase: np.ndarray) -> np.ndarray:

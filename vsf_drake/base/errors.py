@@ -55,7 +55,7 @@ class InputError(VsfError):
 def require(
     holds: object,
     what: str,
-    where: str,
+    where: str | None = None,
     right: str | None = None,
     *,
     file: str | Path | None = None,

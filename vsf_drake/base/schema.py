@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import yaml
 
-from vsf_drake.base.errors import UNPRINTABLE, InputError
+from vsf_drake.base.errors import UNPRINTABLE, InputError, require
 from vsf_drake.base.yaml_file import dump, number, read_yaml, scalar
 
 if TYPE_CHECKING:
@@ -64,13 +64,13 @@ def quantity(
     source: str,
     low: float = -math.inf,
     high: float = math.inf,
+    count: int | None = None,
     **told: str,
 ) -> Any:
-    """A field that holds a number (or a tuple of numbers) with its unit, source and closed range;
-    `told` as of `option`."""
-    return dataclasses.field(
-        default=default, metadata={"unit": unit, "source": source, "low": low, "high": high, **told}
-    )
+    """A field that holds a number (or a tuple of numbers, `count` if that is given) with its unit,
+    source and closed range; `told` as of `option`."""
+    known = {"unit": unit, "source": source, "low": low, "high": high, "count": count}
+    return dataclasses.field(default=default, metadata={**known, **told})
 
 
 def choice(
@@ -176,6 +176,14 @@ def check_field(
             file=file,
             where=place,
             right=f"Its unit is {field.metadata['unit']}" if "unit" in field.metadata else None,
+        )
+    if field.metadata.get("count") and value is not None:
+        require(
+            len(value) == field.metadata["count"],
+            f"has {len(value)} numbers",
+            place,
+            f"It must have {field.metadata['count']}",
+            file=file,
         )
     for inner, item in _items(value, place):
         if dataclasses.is_dataclass(item) and not isinstance(item, type):

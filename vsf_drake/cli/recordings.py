@@ -59,12 +59,12 @@ def judged(trials: Sequence[Trial], *, accept: bool = True) -> list[Trial]:
         zip(marks, trials, strict=True),
         key=lambda pair: (MARKS.index(pair[0].mark), pair[0].expected_error_bw),
     )
-    if worst.mark == "unusable" and not accept:
-        raise InputError(
-            f"the recording is {worst.verdict}",
-            file=of.path,
-            right="`check` says more: correct it, leave it out, or give --accept-unusable",
-        )
+    require(
+        accept or worst.mark != "unusable",
+        f"the recording is {worst.verdict}",
+        right="`check` says more: correct it, leave it out, or give --accept-unusable",
+        file=of.path,
+    )
     several = f" (worst of {len(trials)})" if len(trials) > 1 else ""
     if worst.mark != MARKS[0]:
         (warn if worst.mark == "unusable" else say)(
@@ -238,6 +238,5 @@ def _list_markers(file: Path) -> None:
     from vsf_drake.motion.markers.maps import suggest_map
 
     labels = list_labels(file)
-    if not labels:
-        raise InputError("has no markers", file=file)
+    require(labels, "has no markers", file=file)
     typer.echo(f"# {' '.join(file.name.split())}\n{suggest_map(labels)}", nl=False)

@@ -246,8 +246,11 @@ def _loaded(
     from vsf_drake.walks.metrics import unfitted_note
 
     for i, file in enumerate(trials):
-        if file.resolve() in [other.resolve() for other in trials[:i]]:
-            raise InputError("the trial stands twice", file=file)
+        require(
+            file.resolve() not in [other.resolve() for other in trials[:i]],
+            "the trial stands twice",
+            file=file,
+        )
     loaded = judged(read_trials(trials, contact))
     if contact is None:
         warn(unfitted_note(loaded[0], offsets_fitted=fit_offsets))

@@ -33,7 +33,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.schema import load_yaml, quantity
 from vsf_drake.base.sentences import say
 from vsf_drake.base.text_table import as_label, table_rows, text_lines
@@ -96,8 +96,7 @@ def load_bench_curves(path: str | Path) -> BenchCurves:
     lines = _samples(path, notes)
     oddities = dict[tuple[int, int], str]()
     number, line = next(lines, (0, ""))
-    if not number:
-        raise InputError("is empty", file=path, right=_NEEDED)
+    require(number, "is empty", right=_NEEDED, file=path)
     kinds, factors, separator = _header(line, path, f"line {number}")
     fulcrum = kinds.index("fulcrum")
 
@@ -118,10 +117,9 @@ def load_bench_curves(path: str | Path) -> BenchCurves:
         oddities=oddities,
         surplus="Numbers need a decimal point, not a comma" if separator == "," else None,
     )
-    if not len(cells):
-        raise InputError(
-            "there are no rows of numbers", file=path, right="One row a sample of each pass"
-        )
+    require(
+        len(cells), "there are no rows of numbers", right="One row a sample of each pass", file=path
+    )
     columns = dict(zip(kinds, (cells * factors).T, strict=True))
     position, repeat = np.round(columns["fulcrum"], 9), columns.get("repeat", np.ones(len(cells)))
 
@@ -162,8 +160,9 @@ def load_bench_curves(path: str | Path) -> BenchCurves:
             _curve(key, columns["displacement"][rows], columns["load"][rows], places[rows], path)
         )
     word = notes.get("synthetic", "false").lower()
-    if word not in ("true", "false"):
-        raise InputError(f"{word!r} is neither true nor false", file=path, where="# synthetic")
+    require(
+        word in ("true", "false"), f"{word!r} is neither true nor false", "# synthetic", file=path
+    )
     return BenchCurves(
         name=notes.get("name") or path.stem,
         synthetic=word == "true",
@@ -189,23 +188,22 @@ def _samples(path: Path, notes: dict[str, str]) -> Iterator[tuple[int, str]]:
             notes.setdefault(key, value)
         elif colon and key.startswith(("stiffness_uncertainty", "displacement_uncertainty")):
             low, high, unit = _UNCERTAINTIES.get(key, (1.0, 0.0, ""))
-            if key not in _UNCERTAINTIES:
-                raise InputError(
-                    "is no uncertainty that is known",
-                    file=path,
-                    where=where,
-                    right=f"There are: {', '.join(_UNCERTAINTIES)}",
-                )
-            if key in notes:
-                raise InputError("stands twice", file=path, where=where)
+            require(
+                key in _UNCERTAINTIES,
+                "is no uncertainty that is known",
+                where,
+                f"There are: {', '.join(_UNCERTAINTIES)}",
+                file=path,
+            )
+            require(key not in notes, "stands twice", where, file=path)
             value = value.replace(",", ".")
-            if not (_is_number(value) and low <= float(value) <= high):
-                raise InputError(
-                    f"{value[:40]!r} is not usable",
-                    file=path,
-                    where=where,
-                    right=f"It must be a number between {low:g} and {high:g} {unit}",
-                )
+            require(
+                _is_number(value) and low <= float(value) <= high,
+                f"{value[:40]!r} is not usable",
+                where,
+                f"It must be a number between {low:g} and {high:g} {unit}",
+                file=path,
+            )
             notes[key] = value
 
 
@@ -427,13 +425,13 @@ def load_bench_file(path: str | Path) -> BenchMeasurement:
     """Reads a bench file; positions must increase, mid-range displacements are there for all
     settings or for none."""
     read = load_yaml(path, _BenchFile)
-    if not read.forefoot:
-        raise InputError(
-            "holds no setting",
-            file=path,
-            where="forefoot",
-            right="It must list fulcrum_mm and stiffness_n_per_mm at one position or more",
-        )
+    require(
+        read.forefoot,
+        "holds no setting",
+        "forefoot",
+        "It must list fulcrum_mm and stiffness_n_per_mm at one position or more",
+        file=path,
+    )
     for i, (before, after) in enumerate(pairwise(read.forefoot), start=1):
         if not after.fulcrum_mm > before.fulcrum_mm:
             twice = after.fulcrum_mm == before.fulcrum_mm
@@ -444,14 +442,14 @@ def load_bench_file(path: str | Path) -> BenchMeasurement:
                 where=f"forefoot[{i}].fulcrum_mm",
                 right="Positions must increase, each given once",
             )
-    if not read.max_load_n > STIFFNESS_ABOVE_N:
-        raise InputError(
-            f"{read.max_load_n:g} N leaves nothing of the curve: stiffness is the mean slope above "
-            f"{STIFFNESS_ABOVE_N:g} N",
-            file=path,
-            where="max_load_n",
-            right="It must be the largest load of the test, in N",
-        )
+    require(
+        read.max_load_n > STIFFNESS_ABOVE_N,
+        f"{read.max_load_n:g} N leaves nothing of the curve: stiffness is the mean slope above "
+        f"{STIFFNESS_ABOVE_N:g} N",
+        "max_load_n",
+        "It must be the largest load of the test, in N",
+        file=path,
+    )
     heel = read.heel_stiffness_n_per_mm
     heel_x = read.heel_mid_range_displacement_mm
     sd = read.displacement_uncertainty_mm
@@ -460,13 +458,13 @@ def load_bench_file(path: str | Path) -> BenchMeasurement:
         "Give the mid-range displacement of every setting that has a stiffness, and "
         "displacement_uncertainty_mm"
     )
-    if heel is None and heel_x is not None:
-        raise InputError(
-            "there is no heel_stiffness_n_per_mm beside it",
-            file=path,
-            where="heel_mid_range_displacement_mm",
-            right=right,
-        )
+    require(
+        heel is not None or heel_x is None,
+        "there is no heel_stiffness_n_per_mm beside it",
+        "heel_mid_range_displacement_mm",
+        right,
+        file=path,
+    )
     needed = {f"forefoot[{i}].mid_range_displacement_mm": x for i, x in enumerate(displacements)}
     needed |= {"displacement_uncertainty_mm": sd} | (
         {} if heel is None else {"heel_mid_range_displacement_mm": heel_x}

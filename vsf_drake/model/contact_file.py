@@ -131,7 +131,11 @@ _force = functools.partial(
     high=LARGEST_FORCE_BW,
     source="plates of the fitted trials",
 )
-_share = functools.partial(quantity, unit="1", low=0.0, high=1.0, source="left out in turn")
+_moments = functools.partial(_force, count=3)
+_curve = functools.partial(_force, count=STANCE_POINTS)
+_share = functools.partial(
+    quantity, unit="1", low=0.0, high=1.0, source="left out in turn", count=3
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,13 +145,13 @@ class MomentumBias:
     over the fitted `trials` (fingerprints) and their standard deviations between these, which one
     trial does not tell."""
 
-    fore_aft_bw: tuple[float, ...] = _force()
+    fore_aft_bw: tuple[float, ...] = _moments()
     """fore-aft m (a_com - g) less plate, Legendre coefficients 0 to 2"""
-    vertical_bw: tuple[float, ...] = _force()
+    vertical_bw: tuple[float, ...] = _moments()
     """vertical m (a_com - g) less plate, Legendre coefficients 0 to 2"""
-    fore_aft_sd_bw: tuple[float, ...] | None = _force(None)
+    fore_aft_sd_bw: tuple[float, ...] | None = _moments(None)
     """standard deviation of fore_aft_bw between trials"""
-    vertical_sd_bw: tuple[float, ...] | None = _force(None)
+    vertical_sd_bw: tuple[float, ...] | None = _moments(None)
     """standard deviation of vertical_bw between trials"""
     trials: tuple[str, ...]  # fingerprints of the recordings averaged
 
@@ -162,15 +166,15 @@ class DiscrepancyCurve:
     fulcrum_m: float = quantity(  # distance of the fulcrum from A in this recording
         unit="m", low=0.0, high=1.0, source="the trial's manifest"
     )
-    fore_aft_bw: tuple[float, ...] = _force()  # plate less model, fore-aft, over the model's stance
-    lateral_bw: tuple[float, ...] = _force()  # plate less model, lateral, over the model's stance
-    vertical_bw: tuple[float, ...] = _force()  # plate less model, vertical, over the model's stance
-    plate_fore_aft_bw: tuple[float, ...] = _force()
+    fore_aft_bw: tuple[float, ...] = _curve()  # plate less model, fore-aft, over the model's stance
+    lateral_bw: tuple[float, ...] = _curve()  # plate less model, lateral, over the model's stance
+    vertical_bw: tuple[float, ...] = _curve()  # plate less model, vertical, over the model's stance
+    plate_fore_aft_bw: tuple[float, ...] = _curve()
     """plate's fore-aft force over the model's stance"""
-    plate_lateral_bw: tuple[float, ...] = _force()  # plate's lateral force over the model's stance
-    plate_vertical_bw: tuple[float, ...] = _force()
+    plate_lateral_bw: tuple[float, ...] = _curve()  # plate's lateral force over the model's stance
+    plate_vertical_bw: tuple[float, ...] = _curve()
     """plate's vertical force over the model's stance"""
-    measured_bw: tuple[float, ...] = _force()  # plate's resultant force over the measured stance
+    measured_bw: tuple[float, ...] = _curve()  # plate's resultant force over the measured stance
 
 
 CURVES = tuple(one.name for one in fields(DiscrepancyCurve) if one.name.endswith("_bw"))
@@ -209,13 +213,13 @@ def load_contact(path: str | Path, *, even_if_failed: bool = False) -> FittedCon
     """Reads and checks a contact file; also one that a fit left that did not converge, if
     `even_if_failed`."""
     contact = check_contact(load_yaml(path, FittedContact), file=path)
-    if not contact.converged and not even_if_failed:
-        raise InputError(
-            "this fit did not converge",
-            file=path,
-            where="converged",
-            right="Its numbers are where the search gave up: fit again",
-        )
+    errors.require(
+        contact.converged or even_if_failed,
+        "this fit did not converge",
+        "converged",
+        "Its numbers are where the search gave up: fit again",
+        file=path,
+    )
     return contact
 
 
@@ -325,41 +329,17 @@ def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> 
 
 
 def _check_learned(contact: FittedContact, file: str | Path | None) -> None:
-    """What the plates taught: of the file's own recordings, in series of the right length."""
-    momentum = contact.momentum
-    discrepancy = contact.discrepancy
-    series: dict[str, tuple[tuple[float, ...] | None, int]] = {}
+    """What the plates taught: of the file's own recordings, and shares of one variance."""
     named: dict[str, str] = {}
-    if momentum is not None:
-        named |= {f"momentum.trials[{i}]": text for i, text in enumerate(momentum.trials)}
-        series |= {
-            f"momentum.{name}": (getattr(momentum, name), 3)
-            for name in ("fore_aft_bw", "vertical_bw", "fore_aft_sd_bw", "vertical_sd_bw")
+    if contact.momentum is not None:
+        named |= {f"momentum.trials[{i}]": text for i, text in enumerate(contact.momentum.trials)}
+    if contact.discrepancy is not None:
+        named |= {
+            f"discrepancy.curves[{i}].fingerprint": curve.fingerprint
+            for i, curve in enumerate(contact.discrepancy.curves)
         }
-    if discrepancy is not None:
-        series |= {
-            "discrepancy.shared": (discrepancy.shared, 3),
-            "discrepancy.own": (discrepancy.own, 3),
-        }
-        for i, curve in enumerate(discrepancy.curves):
-            named[f"discrepancy.curves[{i}].fingerprint"] = curve.fingerprint
-            series |= {
-                f"discrepancy.curves[{i}].{name}": (getattr(curve, name), STANCE_POINTS)
-                for name in CURVES
-            }
-    prints = [trial.fingerprint for trial in contact.trials]
-    for where, text in named.items():
-        errors.require(text in prints, "is none of the recordings under trials", where, file=file)
-    for where, (values, count) in series.items():
-        errors.require(
-            values is None or len(values) == count,
-            f"has {len(values or ())} numbers",
-            where,
-            f"It must have {count}",
-            file=file,
-        )
-    if discrepancy is not None:
-        for i, (shared, own) in enumerate(zip(discrepancy.shared, discrepancy.own, strict=True)):
+        shares = zip(contact.discrepancy.shared, contact.discrepancy.own, strict=True)
+        for i, (shared, own) in enumerate(shares):
             errors.require(
                 shared + own <= 1.0 + 1e-9,
                 f"{shared:g} and {own:g} are more than the whole",
@@ -367,6 +347,9 @@ def _check_learned(contact: FittedContact, file: str | Path | None) -> None:
                 "With shared they are shares of one variance",
                 file=file,
             )
+    prints = [trial.fingerprint for trial in contact.trials]
+    for where, text in named.items():
+        errors.require(text in prints, "is none of the recordings under trials", where, file=file)
 
 
 def variable_unit(name: str, *, file: str | Path | None = None, where: str | None = None) -> str:
@@ -473,13 +456,13 @@ def model_with(
         if group == "contact":
             zone_name, law = rest.rsplit(".", 1)
             names = [zone.name for zone in foot.zones]
-            if names.count(zone_name) != 1:
-                raise InputError(
-                    f"the model has {names.count(zone_name) or 'no'} contact zones {zone_name!r}",
-                    file=file,
-                    where=where,
-                    right=f"It has: {', '.join(names)}",
-                )
+            errors.require(
+                names.count(zone_name) == 1,
+                f"the model has {names.count(zone_name) or 'no'} contact zones {zone_name!r}",
+                where,
+                f"It has: {', '.join(names)}",
+                file=file,
+            )
             i = names.index(zone_name)
             if law == "rise":
                 zone = replace(
@@ -492,12 +475,12 @@ def model_with(
         elif group == "socket":
             axis_name = rest.split(".")[0]
             axis = getattr(socket, axis_name)
-            if not axis.stiffness > 0.0:
-                raise InputError(
-                    f"the model's {axis_name} axis has no stiffness to go with",
-                    file=file,
-                    where=where,
-                )
+            errors.require(
+                axis.stiffness > 0.0,
+                f"the model's {axis_name} axis has no stiffness to go with",
+                where,
+                file=file,
+            )
             socket = _with(
                 socket,
                 axis_name,

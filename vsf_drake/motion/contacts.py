@@ -16,7 +16,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial import Delaunay
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.sentences import say
 from vsf_drake.motion import events
 from vsf_drake.motion.events import (
@@ -32,6 +32,7 @@ from vsf_drake.motion.events import (
 )
 from vsf_drake.motion.formats.recording import SIDES, Plate, PlateRecording, Recording
 from vsf_drake.motion.markers.segments import FootTrack, from_line
+from vsf_drake.motion.trajectory import columns_at, spacing
 
 SAME_FORCE = 0.02  # plates whose forces differ by a smaller share of themselves report one load
 # a load's force below 20 N belongs to it down to 5 N and for at most this long
@@ -113,23 +114,23 @@ def assign_plates(
     seen, or mostly far from both.
     """
     file = recording.force_path or recording.path
-    if not recording.plates:
-        raise InputError(
-            "has no force plates",
-            file=file,
-            where="forces (--forces)",
-            right="Name the file that has the forces",
-        )
+    require(
+        recording.plates,
+        "has no force plates",
+        "forces (--forces)",
+        "Name the file that has the forces",
+        file=file,
+    )
     names = {name: side for side, name in (stated or {}).items() if name is not None}
     known = [plate.name for plate in recording.plates]
     for name, side in names.items():
-        if name not in known:
-            raise InputError(
-                f"there is no plate {name}",
-                file=file,
-                where=f"forces.{side} (--{side}-plate)",
-                right=f"Plates are: {', '.join(known)}",
-            )
+        require(
+            name in known,
+            f"there is no plate {name}",
+            f"forces.{side} (--{side}-plate)",
+            f"Plates are: {', '.join(known)}",
+            file=file,
+        )
     forward = events.walking_direction(feet, pelvis_W)
     stances = {
         side: tuple(events.kinematic_stances(time_s, feet[side], pelvis_W, forward_W=forward))
@@ -258,7 +259,7 @@ class _FeetOnFloor:
     def at(self, times: np.ndarray, side: str) -> tuple[np.ndarray, np.ndarray]:
         """(k, 2) m of heel and toe in the floor."""
         heel, toe = (
-            np.column_stack([np.interp(times, self.time_s, point[:, i]) for i in range(2)])
+            columns_at(times, self.time_s, point[:, :2])
             for point in (self.feet[side].heel_W, self.feet[side].toe_W)
         )
         return heel, toe
@@ -380,7 +381,7 @@ def _by_time(load: _Load, floor: _FeetOnFloor, stated: str | None) -> _Load:
 
 
 def _turns(nearest: np.ndarray, times: np.ndarray) -> list[tuple[int, int, str]]:
-    width = 2 * int(SHORTEST_TURN_S / float(np.median(np.diff(times)))) + 1
+    width = 2 * int(SHORTEST_TURN_S / spacing(times)) + 1
     smooth = (
         median_filter(nearest, size=width, mode="nearest")
         if len(nearest) > width
@@ -419,7 +420,7 @@ def _judge_sharing(load: _Load, loads: Sequence[_Load], floor: _FeetOnFloor) -> 
         )
         pulled &= _touches(heel, toe, corners)
         pulled |= both & on & ~elsewhere
-    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    step = spacing(times) if len(times) > 1 else 0.0
     shared = np.count_nonzero(pulled) * step >= SHARED_S
     return (
         replace(load, warning=say("feet", "shared")[0], side=None, shared=True) if shared else load

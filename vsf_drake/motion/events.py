@@ -12,6 +12,7 @@ from scipy.signal import find_peaks
 
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.markers.segments import FootTrack
+from vsf_drake.motion.trajectory import spacing
 
 THRESHOLD_N = 20.0
 MINIMUM_S = 0.15
@@ -279,9 +280,10 @@ def walking_direction(feet: Mapping[str, FootTrack], pelvis_W: np.ndarray) -> np
 
 
 def _extremes(values: np.ndarray, time_s: np.ndarray) -> list[float]:
-    step = float(np.median(np.diff(time_s)))
     peaks, _ = find_peaks(
-        values, prominence=PROMINENCE * np.ptp(values), distance=max(1, round(SHORTEST_S / step))
+        values,
+        prominence=PROMINENCE * np.ptp(values),
+        distance=max(1, round(SHORTEST_S / spacing(time_s))),
     )
     return [float(instant) for instant in time_s[peaks]]
 

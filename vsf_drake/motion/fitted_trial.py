@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import BPoly
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import require
 from vsf_drake.base.files import sha256
 from vsf_drake.base.schema import check
 from vsf_drake.base.sentences import say
@@ -40,8 +40,12 @@ def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None 
     inputs. Refused for another person or side, a model that lacks a zone, or a trial that has a
     fitted contact already."""
     check_person(trial.subject, contact, file=file)
-    if any(note.startswith(APPLIED) for note in trial.notes):
-        raise InputError("the trial has a fitted contact already", file=file, where=trial.name)
+    require(
+        not any(note.startswith(APPLIED) for note in trial.notes),
+        "the trial has a fitted contact already",
+        trial.name,
+        file=file,
+    )
     recorded = fingerprint(trial)
     here = next((fitted for fitted in contact.trials if fitted.fingerprint == recorded), None)
     offsets = {
@@ -78,26 +82,26 @@ def check_person(
 ) -> None:
     """Raises InputError if `contact` was fitted to somebody else, or to the other side."""
     fitted = contact.subject
-    if subject.prosthetic_side != fitted.prosthetic_side:
-        raise InputError(
-            f"it was fitted to a prosthesis on the {fitted.prosthetic_side}, this person has one "
-            f"on the {subject.prosthetic_side}",
-            file=file,
-            where="subject.prosthetic_side",
-        )
+    require(
+        subject.prosthetic_side == fitted.prosthetic_side,
+        f"it was fitted to a prosthesis on the {fitted.prosthetic_side}, this person has one "
+        f"on the {subject.prosthetic_side}",
+        "subject.prosthetic_side",
+        file=file,
+    )
     for key, unit, tolerance in (
         ("mass_kg", "kg", MASS_TOLERANCE),
         ("stature_m", "m", STATURE_TOLERANCE),
     ):
         own = getattr(subject, key)
         theirs = getattr(fitted, key)
-        if abs(own - theirs) > tolerance * theirs:
-            raise InputError(
-                f"it was fitted to a person of {theirs:g} {unit}, this one has {own:g} {unit}",
-                file=file,
-                where=f"subject.{key}",
-                right="A contact is one person's: fit it to this one's trials",
-            )
+        require(
+            abs(own - theirs) <= tolerance * theirs,
+            f"it was fitted to a person of {theirs:g} {unit}, this one has {own:g} {unit}",
+            f"subject.{key}",
+            "A contact is one person's: fit it to this one's trials",
+            file=file,
+        )
 
 
 def fingerprint(trial: Trial) -> str:
@@ -160,7 +164,7 @@ def _trajectory(
     sums = np.zeros_like(motion.values)
     for name, perturbation in added:
         sums[:, motion.names.index(name)] += perturbation
-    return CoordinateTrajectory(time, motion.values + sums, motion.names, source=motion.source)
+    return motion.with_values(motion.values + sums)
 
 
 # Where in the gait cycle an instant lies, told by the prosthetic foot's force plate.
@@ -192,13 +196,13 @@ def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.nd
         stances = source
         file = None
     seen = [stance for stance in stances if stance.complete]
-    if not seen:
-        raise InputError(
-            "the plate saw only part of the stance" if stances else "the plate saw no stance",
-            file=file,
-            where="forces",
-            right="A gait cycle needs strike and lift-off of the prosthetic foot",
-        )
+    require(
+        seen,
+        "the plate saw only part of the stance" if stances else "the plate saw no stance",
+        "forces",
+        "A gait cycle needs strike and lift-off of the prosthetic foot",
+        file=file,
+    )
     if any(later.start_s <= earlier.end_s for earlier, later in pairwise(seen)):
         raise ValueError("stances must follow each other")
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import user_path
 from vsf_drake.base.schema import check, choice, load_yaml, quantity
 from vsf_drake.base.sentences import say
@@ -180,10 +180,12 @@ def load_manifest(path: str | Path) -> Manifest:
     """Reads a trial manifest and checks what its keys must share. Does not open the files it
     names."""
     path = Path(path)
-    if path.is_dir():
-        raise InputError(
-            "is a folder", file=path, right="Name the manifest of a trial (a .yaml file)"
-        )
+    require(
+        not path.is_dir(),
+        "is a folder",
+        right="Name the manifest of a trial (a .yaml file)",
+        file=path,
+    )
     refuse_recording(path)
     try:
         manifest = load_yaml(path, Manifest)
@@ -248,17 +250,16 @@ def load_manifest(path: str | Path) -> Manifest:
             "A .trc file has no forces: name the file that has them (.mot, .sto, .csv or .c3d)",
         ),
     ):
-        if wrong:
-            raise InputError(what, file=path, where=where, right=right)
+        require(not wrong, what, where, right, file=path)
     for side, spans in vars(manifest.unknown_force).items():
         for i, span in enumerate(spans):
-            if len(span) != 2 or span[0] >= span[1]:
-                raise InputError(
-                    f"{list(span)} is no span",
-                    file=path,
-                    where=f"unknown_force.{side}[{i}]",
-                    right="Write [start, end] in s, the start before the end: [1.20, 1.55]",
-                )
+            require(
+                len(span) == 2 and span[0] < span[1],
+                f"{list(span)} is no span",
+                f"unknown_force.{side}[{i}]",
+                "Write [start, end] in s, the start before the end: [1.20, 1.55]",
+                file=path,
+            )
     start, end = (
         (manifest.window.start_s, manifest.window.end_s) if manifest.window else (None, None)
     )
@@ -275,24 +276,20 @@ def refuse_recording(path: Path) -> None:
     """Raises InputError, with the line that makes a manifest of it, for a laboratory's
     recording."""
     suffix = path.suffix.lower()
-    if suffix in MARKER_FILES and path.is_file():
-        raise InputError(
-            "is a recording and no trial manifest",
-            file=path,
-            right=(
-                f"Make one of it: vsf-drake import STANDING{suffix} {path.name} --prosthetic-side "
-                "SIDE --sex SEX --fulcrum-mm MM --out FOLDER"
-            ),
-        )
-    if suffix in (".mot", ".sto") and path.is_file():
-        raise InputError(
-            "is a table and no trial manifest",
-            file=path,
-            right=(
-                "Name it in a YAML file: `kinematics` (joint angles) or `forces`, beside `subject` "
-                "and `prosthesis: {fulcrum_mm: MM}`"
-            ),
-        )
+    require(
+        suffix not in MARKER_FILES or not path.is_file(),
+        "is a recording and no trial manifest",
+        right=f"Make one of it: vsf-drake import STANDING{suffix} {path.name} --prosthetic-side "
+        "SIDE --sex SEX --fulcrum-mm MM --out FOLDER",
+        file=path,
+    )
+    require(
+        suffix not in (".mot", ".sto") or not path.is_file(),
+        "is a table and no trial manifest",
+        right="Name it in a YAML file: `kinematics` (joint angles) or `forces`, beside `subject` "
+        "and `prosthesis: {fulcrum_mm: MM}`",
+        file=path,
+    )
 
 
 def _other_kind(path: Path) -> InputError | None:
@@ -336,13 +333,13 @@ def named_file(manifest_path: Path, key: str, value: str) -> Path:
         file=manifest_path,
         where=key,
     )
-    if not path.exists():
-        raise InputError(
-            f"there is no file {value}",
-            file=manifest_path,
-            where=key,
-            right="Paths are relative to the manifest's folder",
-        )
+    require(
+        path.exists(),
+        f"there is no file {value}",
+        key,
+        "Paths are relative to the manifest's folder",
+        file=manifest_path,
+    )
     return path
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import GRAVITY, PELVIS_TRANSLATIONS, person_coordinates
 from vsf_drake.motion.events import MINIMUM_PEAK_N, THRESHOLD_N
@@ -44,13 +44,13 @@ def read_kinematics(
     what else is missing is zero and noted, as are knees turned round (flexion negative).
     """
     time, warnings = check_clock(storage.time_s, storage.lines, storage.path, rows=SPLINE_ORDER + 1)
-    if storage.in_degrees is None and unit is None:
-        raise InputError(
-            "the header does not say whether angles are in degrees",
-            file=storage.path,
-            where="inDegrees",
-            right="Add `kinematics_unit: degrees` (or radians) to the manifest",
-        )
+    require(
+        storage.in_degrees is not None or unit is not None,
+        "the header does not say whether angles are in degrees",
+        "inDegrees",
+        "Add `kinematics_unit: degrees` (or radians) to the manifest",
+        file=storage.path,
+    )
     degrees = unit == "degrees" if storage.in_degrees is None else storage.in_degrees
     if unit is not None and degrees != (unit == "degrees"):
         stated = "inDegrees=yes" if storage.in_degrees else "inDegrees=no"
@@ -70,16 +70,14 @@ def read_kinematics(
             labels[name], values[name] = label, storage.column(label)
         elif name.startswith(("pelvis_", "hip_flexion", "knee_angle", "ankle_angle")):
             replaced = f"ankle_angle_{prosthetic_side[0]}"
-            if name.startswith("ankle_angle") and replaced in columns:
-                raise InputError(
-                    f"there is no column for the intact ankle, but there is {replaced} for an "
-                    "ankle that the prosthesis replaces",
-                    file=storage.path,
-                    where=f"column {name}",
-                    right=(
-                        f"The subject's prosthetic_side is {prosthetic_side}: is it the other one?"
-                    ),
-                )
+            require(
+                not name.startswith("ankle_angle") or replaced not in columns,
+                f"there is no column for the intact ankle, but there is {replaced} for an "
+                "ankle that the prosthesis replaces",
+                f"column {name}",
+                f"The subject's prosthetic_side is {prosthetic_side}: is it the other one?",
+                file=storage.path,
+            )
             raise InputError(
                 "there is no column for this coordinate",
                 file=storage.path,
@@ -125,13 +123,13 @@ def _turn_knees(storage: Storage, values: dict[str, np.ndarray]) -> list[str]:
     bent = np.degrees([values[knee] for knee in knees])
     low = bent.min()
     high = bent.max()
-    if low < -HYPEREXTENDED_DEG and high > HYPEREXTENDED_DEG:
-        raise InputError(
-            f"the knees bend both ways, from {low:.0f}° to {high:.0f}°",
-            file=storage.path,
-            where=" and ".join(knees),
-            right="Flexion must have one sign in both",
-        )
+    require(
+        low >= -HYPEREXTENDED_DEG or high <= HYPEREXTENDED_DEG,
+        f"the knees bend both ways, from {low:.0f}° to {high:.0f}°",
+        " and ".join(knees),
+        "Flexion must have one sign in both",
+        file=storage.path,
+    )
     if low < -FLEXED_DEG:
         values.update((knee, -values[knee]) for knee in knees)
         return say("trial", "turned_knees", file=storage.path.name)
@@ -162,14 +160,16 @@ def _check_angles(
     # "Degrees" that all vary by less than 3 and stay below 3.5 are a walk in radians.
     widest = max(angles, key=lambda name: np.ptp(angles[name]))
     largest = max(np.abs(values).max() for values in angles.values())
-    if degrees and np.ptp(angles[widest]) < SMALLEST_RANGE_DEG and largest < LARGEST_ANGLE_RAD:
-        raise InputError(
-            f"no angle varies by more than {np.ptp(angles[widest]):.3g} degrees (time "
-            f"{storage.time_s[0]:g} to {storage.time_s[-1]:g} s), which is no walk",
-            file=storage.path,
-            where=f"column {labels[widest]}",
-            right="The recording is said to be in degrees: is it in radians?",
-        )
+    require(
+        not (
+            degrees and np.ptp(angles[widest]) < SMALLEST_RANGE_DEG and largest < LARGEST_ANGLE_RAD
+        ),
+        f"no angle varies by more than {np.ptp(angles[widest]):.3g} degrees (time "
+        f"{storage.time_s[0]:g} to {storage.time_s[-1]:g} s), which is no walk",
+        f"column {labels[widest]}",
+        "The recording is said to be in degrees: is it in radians?",
+        file=storage.path,
+    )
 
     for name, values in angles.items():
         jump = np.abs(np.diff(values)) * unit
@@ -245,27 +245,27 @@ def assign_prefixes(storage: Storage, stated: Mapping[str, str | None] | None) -
                     where=f"forces.{side}",
                     right=f"Prefixes found: {listed}{zeros}",
                 )
-        if len(set(chosen.values())) < len(chosen):
-            raise InputError(
-                "the same columns stand for both feet",
-                file=storage.path,
-                where="forces",
-                right=f"Prefixes found: {listed}",
-            )
+        require(
+            len(set(chosen.values())) == len(chosen),
+            "the same columns stand for both feet",
+            "forces",
+            f"Prefixes found: {listed}",
+            file=storage.path,
+        )
         return chosen
     matches = {
         side: [prefix for prefix in prefixes if re.search(pattern, prefix, re.IGNORECASE)]
         for side, pattern in _WORDS.items()
     }
     chosen = {side: matching[0] for side, matching in matches.items() if matching}
-    if not chosen or any(len(matching) > 1 for matching in matches.values()):
-        raise InputError(
-            f"the column names do not tell which force is which foot; prefixes found: {listed}",
-            file=storage.path,
-            where="forces",
-            right="Say it in the manifest: `forces: {file: "
-            f"{storage.path.name}, right: PREFIX, left: PREFIX}}`",
-        )
+    require(
+        chosen and all(len(matching) < 2 for matching in matches.values()),
+        f"the column names do not tell which force is which foot; prefixes found: {listed}",
+        "forces",
+        "Say it in the manifest: `forces: {file: "
+        f"{storage.path.name}, right: PREFIX, left: PREFIX}}`",
+        file=storage.path,
+    )
     return chosen
 
 
@@ -303,13 +303,13 @@ def read_plate(
 
 def _check_force(storage: Storage, prefix: str, force: np.ndarray, mass_kg: float) -> None:
     row, column = divmod(int(np.argmax(np.abs(force))), 3)
-    if abs(force[row, column]) > NOBODY_N:
-        raise InputError(
-            f"{force[row, column]:.4g} N is no force of a person",
-            file=storage.path,
-            where=storage.place(row, f"{prefix}_v{'xyz'[column]}"),
-            right="Forces are in newtons",
-        )
+    require(
+        abs(force[row, column]) <= NOBODY_N,
+        f"{force[row, column]:.4g} N is no force of a person",
+        storage.place(row, f"{prefix}_v{'xyz'[column]}"),
+        "Forces are in newtons",
+        file=storage.path,
+    )
     size = np.linalg.norm(force, axis=1)
     row = int(np.argmax(size))
     if size[row] < MINIMUM_PEAK_N:
@@ -318,26 +318,26 @@ def _check_force(storage: Storage, prefix: str, force: np.ndarray, mass_kg: floa
     axis = "xyz"[int(np.argmax(np.abs(force[strong]).mean(axis=0)))]
     vertical = force[row, 1]
     where = storage.place(row, f"{prefix}_v{axis}")
-    if axis != "y":
-        raise InputError(
-            f"the largest part of the force is along {axis}, not upward along y",
-            file=storage.path,
-            where=where,
-            right="OpenSim's frame is needed: x forward, y up, z right",
-        )
-    if force[strong, 1].mean() < 0.0:
-        raise InputError(
-            f"the vertical force is negative ({vertical:.4g} N)",
-            file=storage.path,
-            where=where,
-            right="The force of the ground on the person is needed, up positive: turn its sign",
-        )
+    require(
+        axis == "y",
+        f"the largest part of the force is along {axis}, not upward along y",
+        where,
+        "OpenSim's frame is needed: x forward, y up, z right",
+        file=storage.path,
+    )
+    require(
+        force[strong, 1].mean() >= 0.0,
+        f"the vertical force is negative ({vertical:.4g} N)",
+        where,
+        "The force of the ground on the person is needed, up positive: turn its sign",
+        file=storage.path,
+    )
     weight = mass_kg * GRAVITY
-    if vertical > HEAVIEST_BW * weight:
-        raise InputError(
-            f"a vertical force of {vertical:.4g} N is {vertical / weight:.1f} times the body "
-            f"weight of {mass_kg:g} kg",
-            file=storage.path,
-            where=where,
-            right="Check the unit of the forces and the subject's mass_kg",
-        )
+    require(
+        vertical <= HEAVIEST_BW * weight,
+        f"a vertical force of {vertical:.4g} N is {vertical / weight:.1f} times the body "
+        f"weight of {mass_kg:g} kg",
+        where,
+        "Check the unit of the forces and the subject's mass_kg",
+        file=storage.path,
+    )

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 
 SPLINE_ORDER = 5
 
@@ -87,6 +87,10 @@ class CoordinateTrajectory:
         q, v, a = (spline(times) for spline in self._splines)
         return q, v, a
 
+    def with_values(self, values: np.ndarray) -> CoordinateTrajectory:
+        """The same coordinates at the same instants with other values."""
+        return CoordinateTrajectory(self.time_s, values, self.names, source=self.source)
+
     def ordered(self, names: Sequence[str]) -> CoordinateTrajectory:
         """The same motion with the coordinates `names`, in that order; InputError where one is
         missing."""
@@ -106,6 +110,21 @@ class CoordinateTrajectory:
             BSpline.construct_fast(s.t, s.c[:, columns], s.k) for s in self._splines
         )
         return chosen
+
+
+def spacing(times: np.ndarray) -> float:
+    """The usual step of times (n,)."""
+    return float(np.median(np.diff(times)))
+
+
+def columns_at(
+    times: np.ndarray, known: np.ndarray, values: np.ndarray, beyond: float | None = None
+) -> np.ndarray:
+    """(n, m) columns of `values` (k, m) at other times (n,), straight between the known ones (k,);
+    `beyond` these the last values, or what is given."""
+    return np.column_stack(
+        [np.interp(times, known, column, left=beyond, right=beyond) for column in values.T]
+    )
 
 
 def window_bsplines(start_s: float, end_s: float, count: int) -> Callable[[np.ndarray], np.ndarray]:
@@ -161,13 +180,12 @@ def low_pass(values: np.ndarray, *, rate_hz: float, cutoff_hz: float, order: int
     values = np.asarray(values, dtype=float)
     if order < 2 or order % 2:
         raise ValueError(f"the order of a filter with two passes must be even, not {order}")
-    if not 0.0 < cutoff_hz < rate_hz / 2:
-        raise InputError(
-            f"a cut-off of {cutoff_hz:g} Hz is impossible at {rate_hz:g} samples per second",
-            right=f"It must be above 0 and below {rate_hz / 2:g} Hz",
-        )
-    if len(values) < 2:
-        raise InputError(f"{len(values)} samples cannot be filtered")
+    require(
+        0.0 < cutoff_hz < rate_hz / 2,
+        f"a cut-off of {cutoff_hz:g} Hz is impossible at {rate_hz:g} samples per second",
+        right=f"It must be above 0 and below {rate_hz / 2:g} Hz",
+    )
+    require(len(values) > 1, f"{len(values)} samples cannot be filtered")
     if not np.isfinite(values).all():
         row = int(np.argwhere(~np.isfinite(values))[0][0])
         raise InputError(

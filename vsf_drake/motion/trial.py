@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import resource, sha256
 from vsf_drake.base.schema import load_yaml
 from vsf_drake.base.sentences import say
@@ -272,14 +272,14 @@ def _trial_from_angles(
     )
     storage = read_storage(named["forces"])
     prefixes = assign_prefixes(storage, options.plate_sides)
-    if subject.prosthetic_side not in prefixes:
-        raise InputError(
-            f"there is no force for the {subject.prosthetic_side} (prosthetic) foot",
-            file=path,
-            where=f"forces.{subject.prosthetic_side}",
-            right=f"Name its prefix in {storage.path.name}; or "
-            "is the subject's prosthetic_side the other one?",
-        )
+    require(
+        subject.prosthetic_side in prefixes,
+        f"there is no force for the {subject.prosthetic_side} (prosthetic) foot",
+        f"forces.{subject.prosthetic_side}",
+        f"Name its prefix in {storage.path.name}; or "
+        "is the subject's prosthetic_side the other one?",
+        file=path,
+    )
     read = {
         side: read_plate(storage, prefix, mass_kg=subject.mass_kg)
         for side, prefix in prefixes.items()
@@ -427,22 +427,22 @@ def trial_from_recordings(
     calibration = dataclasses.replace(calibration, subject=subject)
     for foot, plate in assignment.plates.items():
         peak = float(plate.force_W[:, 2].max()) / (subject.mass_kg * GRAVITY)
-        if peak > HEAVIEST_BW:
-            raise InputError(
-                f"the vertical force on the {foot} foot is {peak:.1f} times the body weight of "
-                f"{subject.mass_kg:.3g} kg",
-                file=force_file,
-                where="forces",
-                right="Check the unit of the forces and the subject's mass_kg",
-            )
-    side = subject.prosthetic_side
-    if side not in assignment.plates:
-        raise InputError(
-            f"no plate carries the {side} (prosthetic) foot alone",
+        require(
+            peak <= HEAVIEST_BW,
+            f"the vertical force on the {foot} foot is {peak:.1f} times the body weight of "
+            f"{subject.mass_kg:.3g} kg",
+            "forces",
+            "Check the unit of the forces and the subject's mass_kg",
             file=force_file,
-            where="forces",
-            right=" ".join(n for n in assignment.notes if n.startswith("Plate ")) or None,
         )
+    side = subject.prosthetic_side
+    require(
+        side in assignment.plates,
+        f"no plate carries the {side} (prosthetic) foot alone",
+        "forces",
+        " ".join(n for n in assignment.notes if n.startswith("Plate ")) or None,
+        file=force_file,
+    )
     values, reach_notes = reaching_pelvis(tracked, calibration, subject)
     trajectory = dataclasses.replace(tracked, values=values).trajectory(
         person_coordinates(side), source=str(walk.path)
@@ -808,37 +808,36 @@ def _check_stances(
 ) -> None:
     peak = float(plate.force_W[:, 2].max())
     weight = mass_kg * GRAVITY
-    if not stances:
-        raise InputError(
-            f"the {side} (prosthetic) foot has no stance: its largest vertical force is "
-            f"{peak:.3g} N",
-            file=file,
-            where="forces",
-        )
-    if peak < LIGHTEST_BW * weight:
-        raise InputError(
-            f"the {side} (prosthetic) foot is never loaded by more than {peak:.3g} N, "
-            f"{peak / weight:.2f} times the body weight",
-            file=file,
-            where="forces",
-            right="Check the unit of the forces and the subject's mass_kg",
-        )
+    require(
+        stances,
+        f"the {side} (prosthetic) foot has no stance: its largest vertical force is {peak:.3g} N",
+        "forces",
+        file=file,
+    )
+    require(
+        peak >= LIGHTEST_BW * weight,
+        f"the {side} (prosthetic) foot is never loaded by more than {peak:.3g} N, "
+        f"{peak / weight:.2f} times the body weight",
+        "forces",
+        "Check the unit of the forces and the subject's mass_kg",
+        file=file,
+    )
     listed = f"The stances of the {side} foot are {', '.join(words(s.span) for s in stances)}"
     shortest = min((s.duration_s for s in stances if s.complete), default=DEFAULT_STANCE_S)
-    if window[1] - window[0] < shortest:
-        raise InputError(
-            f"the trial of {words(window)} is shorter than one stance ({shortest:.3f} s)",
-            file=file,
-            where="window",
-            right=listed,
-        )
-    if max(min(s.end_s, window[1]) - max(s.start_s, window[0]) for s in stances) < MINIMUM_S:
-        raise InputError(
-            f"the {side} (prosthetic) foot carries no load from {words(window)}",
-            file=file,
-            where="window",
-            right=listed,
-        )
+    require(
+        window[1] - window[0] >= shortest,
+        f"the trial of {words(window)} is shorter than one stance ({shortest:.3f} s)",
+        "window",
+        listed,
+        file=file,
+    )
+    require(
+        max(min(s.end_s, window[1]) - max(s.start_s, window[0]) for s in stances) >= MINIMUM_S,
+        f"the {side} (prosthetic) foot carries no load from {words(window)}",
+        "window",
+        listed,
+        file=file,
+    )
 
 
 def on_the_belt(
@@ -854,13 +853,10 @@ def on_the_belt(
         return trajectory, plates, []
     values = np.array(trajectory.values)
     values[:, trajectory.names.index("pelvis_tx")] += speed_m_per_s * trajectory.time_s
-    moved = CoordinateTrajectory(
-        trajectory.time_s, values, trajectory.names, source=trajectory.source
-    )
     carried = {
         side: dataclasses.replace(
             plate, cop_W=plate.cop_W + np.outer(speed_m_per_s * plate.time_s, [1, 0, 0])
         )
         for side, plate in plates.items()
     }
-    return moved, carried, say("trial", "belt", speed=speed_m_per_s)
+    return trajectory.with_values(values), carried, say("trial", "belt", speed=speed_m_per_s)

@@ -25,7 +25,7 @@ from vsf_drake.motion.formats.recording import SIDES, os_to_world
 from vsf_drake.motion.markers.joints import orientations_of
 from vsf_drake.motion.markers.posture import NOTE
 from vsf_drake.motion.markers.segments import TrackedMotion
-from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trajectory import CoordinateTrajectory, columns_at
 from vsf_drake.motion.trial import RecordingMark, Trial, on_the_belt
 from vsf_drake.recording import (
     DOUBTFUL_BW,
@@ -39,7 +39,7 @@ from vsf_drake.recording import (
     overall,
 )
 from vsf_drake.recording import foot as feet_of
-from vsf_drake.recording.foot import FootMotion, flat_phase, model_motion
+from vsf_drake.recording.foot import FootMotion, flat_phases, model_motion
 
 GRID_S = 1e-3
 # velocities this near an end of a filtered recording are not its own (a choice: half a period of
@@ -131,19 +131,18 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
     side, usual = trial.subject.prosthetic_side, float(np.mean(durations)) if durations else None
     if feet_of.turns_in_stance(feet[side], stances[side], usual_s=usual):
         feet = {**feet, side: dataclasses.replace(feet[side], undeformed=True)}
+    flats = {side: flat_phases(feet[side], stances[side], usual_s=usual) for side in SIDES}
     checks: list[Check | None] = list(stated)
     for side in sorted(SIDES, key=lambda side: side != trial.subject.prosthetic_side):
         foot = feet[side]
         plate = trial.plates.get(side)
         felt = _within(trial, measured.get(side, []))
         cop = (
-            _at(foot.time_s, plate.time_s, plate.cop_W)
+            columns_at(foot.time_s, plate.time_s, plate.cop_W, np.nan)
             if plate is not None and plate.has_cop
             else None
         )
-        checks += force_checks.foot_checks(
-            foot, stances[side], cop, usual_s=usual, heading_rad=heading_rad
-        )
+        checks += force_checks.foot_checks(foot, flats[side], cop, heading_rad=heading_rad)
         if foot.prosthetic:
             checks += [
                 force_checks.sole_roll(
@@ -154,8 +153,7 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
                     seen=trial.tracked is not None,
                     inversion_rad=trial.subject.prosthesis_inversion_rad,
                 )
-                for number, stance in enumerate(stances[side], start=1)
-                if (rows := flat_phase(foot, stance, usual_s=usual)) is not None
+                for number, rows in flats[side].items()
             ]
         checks += [
             force_checks.clearance(model_feet[side], stances[side]),
@@ -168,13 +166,12 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
             checks.append(force_checks.cop_under_foot(foot, plate, cop))
             if foot.prosthetic:
                 modelled = model_feet[side]
-                at_model = _at(modelled.time_s, plate.time_s, plate.cop_W)
+                at_model = columns_at(modelled.time_s, plate.time_s, plate.cop_W, np.nan)
                 checks.append(force_checks.strike(modelled, at_model, measured.get(side, [])))
     slides = [
         float(feet_of.slip_velocity(foot, feet_of.floor_point(foot))[rows, 0].mean())
         for side, foot in feet.items()
-        for stance in stances[side]
-        if (rows := flat_phase(foot, stance, usual_s=usual)) is not None
+        for rows in flats[side].values()
     ]
     checks += [
         *_forces(trial, body, measured, moving),
@@ -243,7 +240,7 @@ def _moving(
         side: kinematic_stances(
             foot.time_s,
             foot,
-            _at(foot.time_s, trial.trajectory.time_s, pelvis, beyond=False),
+            columns_at(foot.time_s, trial.trajectory.time_s, pelvis),
             forward_W=forward,
         )
         for side, foot in feet.items()
@@ -271,14 +268,6 @@ def _within(trial: Trial, stances: Iterable[Stance]) -> list[Stance]:
     return [s for s in stances if overlap_s(s, trial) > 0.0]
 
 
-def _at(
-    time_s: np.ndarray, known_s: np.ndarray, values: np.ndarray, *, beyond: bool = True
-) -> np.ndarray:
-    """Columns of `values` at other instants; beyond the known ones NaN, or the last value."""
-    ends = {"left": np.nan, "right": np.nan} if beyond else {}
-    return np.column_stack([np.interp(time_s, known_s, column, **ends) for column in values.T])
-
-
 def _forces(
     trial: Trial,
     motion: CoordinateTrajectory,
@@ -299,7 +288,9 @@ def _forces(
     known &= ~within(time, (span for spans in trial.unmeasured.values() for span in spans))
     _, velocity, acceleration = motion.sample(time)
     shears = [
-        force_checks.shear(plate, _at(plate.time_s, motion.time_s, motion.values), side)
+        force_checks.shear(
+            plate, columns_at(plate.time_s, motion.time_s, motion.values, np.nan), side
+        )
         for side, plate in trial.plates.items()
         if plate.has_cop
     ]

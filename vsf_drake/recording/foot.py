@@ -131,6 +131,18 @@ def flat_phase(
     return longest
 
 
+def flat_phases(
+    foot: FootMotion, stances: Sequence[Stance], *, usual_s: float | None = None
+) -> dict[int, np.ndarray]:
+    """By number of the stance, from 1, what `flat_phase` finds; without those in which it finds
+    nothing."""
+    found = {
+        number: flat_phase(foot, stance, usual_s=usual_s)
+        for number, stance in enumerate(stances, start=1)
+    }
+    return {number: rows for number, rows in found.items() if rows is not None}
+
+
 def turns_in_stance(
     foot: FootMotion, stances: Sequence[Stance], *, usual_s: float | None = None
 ) -> bool:

@@ -14,12 +14,11 @@ from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.events import Stance, longest_run, overlap_s, within
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.markers.segments import from_line
-from vsf_drake.motion.trajectory import low_pass
+from vsf_drake.motion.trajectory import low_pass, spacing
 from vsf_drake.recording import DOUBTFUL_BW, GOOD_BW, Check, at_most, checked, grade
 from vsf_drake.recording.foot import (
     MIDDLE,
     FootMotion,
-    flat_phase,
     floor_point,
     shares_of,
     slip_velocity,
@@ -131,7 +130,7 @@ def lag(
     """By how much the force comes after the motion (s), from the vertical acceleration of the
     body's centre: the shift at which both, at 6 Hz, correlate best, searched within 150 ms. None if
     untold, also where it is larger than TOLD_S but no more than twice its standard error."""
-    rate = 1.0 / float(np.median(np.diff(time_s)))
+    rate = 1.0 / spacing(time_s)
     rows = longest_run(known)
     if len(rows) < 8 or time_s[rows[-1]] - time_s[rows[0]] < LEAST_S or rate <= 2.2 * LAG_CUTOFF_HZ:
         return None
@@ -334,23 +333,16 @@ TOO_DEEP_MM = 50.0
 
 def foot_checks(
     foot: FootMotion,
-    stances: Sequence[Stance],
+    flats: Mapping[int, np.ndarray],
     cop_W: np.ndarray | None = None,
     *,
-    usual_s: float | None = None,
     heading_rad: float = 0.0,
 ) -> list[Check]:
-    """Every check of one foot in stance, with the centre of pressure (n, 3) m at the foot's times
-    (NaN: none).
+    """Every check of one foot in stance, where it is flat (`foot.flat_phases`), with the centre of
+    pressure (n, 3) m at the foot's times (NaN: none).
 
-    `usual_s` is how long a stance of this walk lasts, for those that the record cuts; None: these
-    are left out. The walk goes in the direction `heading_rad`, from x to the left +.
+    The walk goes in the direction `heading_rad`, from x to the left +.
     """
-    flats = {
-        number: rows
-        for number, stance in enumerate(stances, start=1)
-        if (rows := flat_phase(foot, stance, usual_s=usual_s)) is not None
-    }
     if not flats:
         return [
             _of(foot, "unseen", "foot-flat", "doubtful" if foot.prosthetic else "good", None, "")
@@ -450,13 +442,18 @@ def sole_roll(
     )
 
 
+def _change(foot: FootMotion, rows: np.ndarray, values: np.ndarray) -> float:
+    """From the first to the last of the rows, on the straight line through what lies between."""
+    time = foot.time_s[rows]
+    return float(np.polyfit(time - time[0], values[rows], 1)[0] * (time[-1] - time[0]))
+
+
 def drift(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Check:
     """Change of the foot's height from the beginning to the end of foot-flat (straight line through
     it): that of the ball of the foot, about which a heel that begins to rise turns without being
     drift."""
-    time = foot.time_s[rows]
-    height_m = foot.ankle_W[rows, 2] if foot.undeformed else foot.ball_m[rows]
-    value = 1e3 * float(np.polyfit(time - time[0], height_m, 1)[0] * (time[-1] - time[0]))
+    height_m = foot.ankle_W[:, 2] if foot.undeformed else foot.ball_m
+    value = 1e3 * _change(foot, rows, height_m)
     mark = "good" if foot.undeformed else grade(value, *_limits(foot, DRIFT_MM, INTACT_DRIFT_MM))
     return _of(
         foot,
@@ -473,10 +470,7 @@ def drift(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Chec
 def turn(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Check:
     """By how much the sole turns about the vertical from the beginning to the end of foot-flat
     (straight line)."""
-    time = foot.time_s[rows]
-    value = float(
-        np.degrees(np.polyfit(time - time[0], foot.yaw_rad[rows], 1)[0] * (time[-1] - time[0]))
-    )
+    value = float(np.degrees(_change(foot, rows, foot.yaw_rad)))
     turns = abs(value) > TURN_DEG
     return _of(
         foot,

@@ -12,6 +12,7 @@ import numpy as np
 
 from vsf_drake.base.errors import InputError, VsfError, require
 from vsf_drake.base.files import opened, sha256, user_path
+from vsf_drake.base.progress import Progress
 from vsf_drake.base.sentences import say
 from vsf_drake.model.model_file import check_foot, check_fulcrum
 from vsf_drake.model.parameters import SIDES, FootParameters
@@ -62,7 +63,7 @@ class ImportedWalks:
 
 
 def import_walks(
-    files: FileSet, options: ImportOptions, *, progress: Callable[[str, float], None] | None = None
+    files: FileSet, options: ImportOptions, *, progress: Progress | None = None
 ) -> ImportedWalks:
     """Reads, calibrates, tracks and checks every walk; `progress` is told what is done and the
     finished fraction.
@@ -165,7 +166,7 @@ def _all_refined(
     made: Mapping[Path, Trial],
     failures: dict[Path, InputError],
     options: ImportOptions,
-    progress: Callable[[str, float], None] | None,
+    progress: Progress | None,
 ) -> dict[Path, Trial]:
     """The walks after a global inverse kinematics; those that it cannot solve are put among the
     failures."""
@@ -194,12 +195,12 @@ def _fulcrums(options: ImportOptions, walks: int) -> tuple[float, ...]:
         "Give where the fulcrum stood, in mm from the keel's posterior end, 66 (soft) to 151 "
         "(stiff)",
     )
-    if len(stated) not in (1, walks):
-        raise InputError(
-            f"{len(stated)} positions are given for {walks} walks",
-            where="--fulcrum-mm",
-            right="Give one for all walks, or one for each in their order",
-        )
+    require(
+        len(stated) in (1, walks),
+        f"{len(stated)} positions are given for {walks} walks",
+        "--fulcrum-mm",
+        "Give one for all walks, or one for each in their order",
+    )
     foot = default_model().foot
     return tuple(
         check_fulcrum(1e-3 * position, foot, where="--fulcrum-mm")
@@ -208,7 +209,7 @@ def _fulcrums(options: ImportOptions, walks: int) -> tuple[float, ...]:
 
 
 def _one_model(
-    trials: list[Trial], options: ImportOptions, progress: Callable[[str, float], None] | None
+    trials: list[Trial], options: ImportOptions, progress: Progress | None
 ) -> tuple[list[Trial], list[str], list[str]]:
     """The trials with the model that they share, notes on it, and what scaling the foot changes
     where it matters."""
@@ -356,13 +357,13 @@ def _make_trial(
     walk = files.walks[number]
     forces = files.forces[number]
     recording = read_trial(walk, forces=forces, **options.laboratory)
-    if not recording.plates:
-        raise InputError(
-            "has no force plates, and no force file lies beside it",
-            file=walk,
-            where="--forces",
-            right="Name the walk's force file (.mot, .sto, .csv or .forces)",
-        )
+    require(
+        recording.plates,
+        "has no force plates, and no force file lies beside it",
+        "--forces",
+        "Name the walk's force file (.mot, .sto, .csv or .forces)",
+        file=walk,
+    )
     used = [
         path for path in (walk, forces, files.standing, files.standing_forces) if path is not None
     ]
@@ -429,26 +430,28 @@ def gather(standing: Path | None, walks: Sequence[Path], forces: Sequence[Path] 
             pass
     every = len(walks)
     walks = [path for path in walks if standing is None or path.resolve() != standing.resolve()]
-    if not walks:
-        raise InputError(
-            "the standing trial is the only file",
-            file=standing,
-            where="STATIC WALK...",
-            right=(
-                "Name a walk after it; a walk without a standing trial is calibrated from itself "
-                "with --no-standing"
-            ),
-        )
+    require(
+        walks,
+        "the standing trial is the only file",
+        "STATIC WALK...",
+        "Name a walk after it; a walk without a standing trial is calibrated from itself "
+        "with --no-standing",
+        file=standing,
+    )
     real = [path.resolve() for path in walks]
     for number, path in enumerate(real):
-        if path in real[:number]:
-            raise InputError("is given twice", file=walks[number], right="Name every walk once")
-    if forces and len(forces) != len(walks):
-        raise InputError(
-            f"{len(forces)} force files do not fit {len(walks)} walks",
-            where="--forces",
-            right="Repeat --forces once for each walk, in the walks' order",
+        require(
+            path not in real[:number],
+            "is given twice",
+            right="Name every walk once",
+            file=walks[number],
         )
+    require(
+        not forces or len(forces) == len(walks),
+        f"{len(forces)} force files do not fit {len(walks)} walks",
+        "--forces",
+        "Repeat --forces once for each walk, in the walks' order",
+    )
     beside = [None if forces else _beside(path) for path in walks]
     return FileSet(
         standing,

@@ -26,7 +26,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.optimize import least_squares
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import ModelParameters
 from vsf_drake.motion.formats.recording import Recording
@@ -39,7 +39,6 @@ from vsf_drake.motion.markers.segments import (
     TrackedMotion,
 )
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, LONGEST_GAP_S, describe, smooth_poses
-from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial, reaching_pelvis
 from vsf_drake.plants.anthropometry import scale_body
 
@@ -104,17 +103,16 @@ def refined(
         at_limit=at_limit,
     )
     fitted = dataclasses.replace(tracked, values=motion.values, notes=(*tracked.notes, *notes))
-    names = trial.trajectory.names
-    columns = [tracked.names.index(name) for name in names]
+    columns = [tracked.names.index(name) for name in trial.trajectory.names]
     before, after = (
         reaching_pelvis(one, calibration, trial.subject)[0][:, columns] for one in (tracked, fitted)
     )
     on_belt = trial.trajectory.values - before
-    trajectory = CoordinateTrajectory(
-        trial.trajectory.time_s, after + on_belt, names, source=trial.trajectory.source
-    )
     return dataclasses.replace(
-        trial, trajectory=trajectory, tracked=fitted, notes=(*trial.notes, *notes)
+        trial,
+        trajectory=trial.trajectory.with_values(after + on_belt),
+        tracked=fitted,
+        notes=(*trial.notes, *notes),
     )
 
 
@@ -151,12 +149,12 @@ def solve_inverse_kinematics(
             max_nfev=MOST_EVALUATIONS,
             args=(x,),
         )
-        if not solution.success:
-            raise InputError(
-                f"inverse kinematics failed at {filled.time_s[n]:.3f} s",
-                file=recording.path,
-                right="Look at the markers there, or use the segments' own poses",
-            )
+        require(
+            solution.success,
+            f"inverse kinematics failed at {filled.time_s[n]:.3f} s",
+            right="Look at the markers there, or use the segments' own poses",
+            file=recording.path,
+        )
         values[n] = solution.x
     away = np.minimum(values - LOW, HIGH - values).min(axis=0)
     at_limit = tuple(

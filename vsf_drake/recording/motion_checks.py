@@ -4,12 +4,14 @@ together."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from vsf_drake import recording
 from vsf_drake.motion.events import longest_run
 from vsf_drake.motion.markers.segments import Gap
+from vsf_drake.motion.trajectory import spacing
 from vsf_drake.recording import DOUBTFUL_BW, GOOD_BW, Check, checked, grade
 
 HIP_BW_PER_DEG = 0.075
@@ -107,26 +109,20 @@ def zeroed(
     `speed_m_per_s` (n,) is that of the pelvis over the floor.
     """
 
-    def judged(
-        mark: str,
-        value: float,
-        unit: str = "deg",
-        *,
-        relative: Sequence[str] = (),
-        subtracted: bool = False,
-        calibrated: bool = False,
-        hips: Sequence[float] = (),
-    ) -> Check:
+    def judged(mark: str, value: float, unit: str = "deg", **found: Any) -> Check:
+        nothing: dict[str, Any] = {
+            "relative": (),
+            "subtracted": False,
+            "calibrated": False,
+            "hips": (),
+        }
         return checked(
             "zeroed",
             "angles zeroed at standing",
             mark,
             value,
             unit,
-            relative=relative,
-            subtracted=subtracted,
-            calibrated=calibrated,
-            hips=hips,
+            **(nothing | found),
             hip_bw_per_deg=HIP_BW_PER_DEG,
         )
 
@@ -239,7 +235,7 @@ def knee_axis(angles_rad: Mapping[str, np.ndarray], side: str) -> Check | None:
 def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Check | None:
     """The roughest sagittal angle: what it holds above 12 Hz. None if the sampling cannot tell."""
     known = _main_content(time_s, angles_rad, ROUGH_HZ)
-    if not known or 1.0 / float(np.median(np.diff(time_s))) <= 2.5 * ROUGH_HZ:
+    if not known or 1.0 / spacing(time_s) <= 2.5 * ROUGH_HZ:
         return None
     angle = max(known, key=known.__getitem__)
     return checked(
@@ -258,7 +254,7 @@ def _main_content(
     time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray], above_hz: float
 ) -> dict[str, float]:
     """Content (degrees) of the sagittal angles above a frequency, of those long enough to tell."""
-    rate = 1.0 / float(np.median(np.diff(time_s)))
+    rate = 1.0 / spacing(time_s)
     return {
         key: float(np.degrees(size))
         for key in MAIN

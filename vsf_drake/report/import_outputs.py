@@ -21,7 +21,7 @@ from vsf_drake.motion.formats.tables import opensim_files
 from vsf_drake.motion.trial import Trial, load_trial, write_trial_files
 from vsf_drake.recording import EXPECTED, MARKS, motion_checks, worst
 from vsf_drake.recording.examine import Examined, person_table, trial_table
-from vsf_drake.recording.foot import flat_phase
+from vsf_drake.recording.foot import flat_phases
 from vsf_drake.recording.import_walks import ImportedWalks
 from vsf_drake.report.page import render
 from vsf_drake.report.results_folder import ResultsFolder
@@ -271,18 +271,15 @@ def floor_figure(item: Examined) -> Figure:
         for side, foot in item.feet.items():
             for point in (foot.heel_W, foot.toe_W):
                 axes.plot(point[:, 0], point[:, 1], color=COLOURS[side], linewidth=0.5, alpha=0.4)
-            for rows in (flat_phase(foot, stance) for stance in item.stances[side]):
-                if rows is not None:
-                    heel = foot.heel_W[rows].mean(axis=0)
-                    toe = foot.toe_W[rows].mean(axis=0)
-                    axes.plot(
-                        [heel[0], toe[0]],
-                        [heel[1], toe[1]],
-                        color=COLOURS[side],
-                        linewidth=7,
-                        alpha=0.25,
-                        solid_capstyle="round",
-                    )
+            for rows in flat_phases(foot, item.stances[side]).values():
+                ends = np.array([foot.heel_W[rows].mean(axis=0), foot.toe_W[rows].mean(axis=0)])
+                axes.plot(
+                    *ends[:, :2].T,
+                    color=COLOURS[side],
+                    linewidth=7,
+                    alpha=0.25,
+                    solid_capstyle="round",
+                )
             if side in item.trial.plates:
                 cop = item.trial.plates[side].cop_W[
                     :: max(1, len(item.trial.plates[side].time_s) // MOST_POINTS)

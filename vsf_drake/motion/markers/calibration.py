@@ -14,7 +14,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.schema import check
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import FootParameters, ModelParameters, Subject
@@ -66,12 +66,12 @@ def calibrate(
             it gave.
     """
     sex, prosthetic = check_facts(person)
-    if hip not in HIP_METHODS:
-        raise InputError(
-            f"{hip!r} is not known",
-            where="hip_centre (--hip)",
-            right=f"Known are: {', '.join(HIP_METHODS)}",
-        )
+    require(
+        hip in HIP_METHODS,
+        f"{hip!r} is not known",
+        "hip_centre (--hip)",
+        f"Known are: {', '.join(HIP_METHODS)}",
+    )
     standing = standing_of.right_handed(marker_map.rename(standing), marker_map)
     seen = [label for label, x in standing.markers.items() if np.isfinite(x).all(axis=1).any()]
     posture = standing_of.find_posture(standing, marker_map.find(seen, standing.path))
@@ -236,12 +236,12 @@ def _foot_points(
     else:
         roles = ("toe",) if "toe" in at else ("met1", "met5")
         length = float(np.mean([(at[role][0] - rear) / BALL_RATIO[role] for role in roles]))
-    if not SHORTEST_FOOT_M <= length <= LONGEST_FOOT_M:
-        raise InputError(
-            f"heel and forefoot markers make the {side} foot {length:.3f} m long",
-            where=f"markers {', '.join(segment.labels)}",
-            right="Check the labels of heel and toe and the unit of the markers' file",
-        )
+    require(
+        SHORTEST_FOOT_M <= length <= LONGEST_FOOT_M,
+        f"heel and forefoot markers make the {side} foot {length:.3f} m long",
+        f"markers {', '.join(segment.labels)}",
+        "Check the labels of heel and toe and the unit of the markers' file",
+    )
     flat = np.isfinite(anatomy.R_W[f"foot_{side}"]).all(axis=(1, 2))
     sole = -float(np.nanmean(anatomy.p_W[f"foot_{side}"][flat, 2]))
     return FootPoints(

@@ -53,19 +53,14 @@ class Anatomy:
         self.lengths_m = self.pelvis(hip)
         up = np.array([0.0, 0.0, 1.0])
         for side in SIDES:
-            hip_centre = self.p_W[f"thigh_{side}"]
-            knee, knee_axis = self.joint("knee", side, hip_centre, self.R_W["pelvis"][..., :, 1])
-            self.R_W[f"thigh_{side}"], self.p_W[f"shank_{side}"] = (
-                frame_from(hip_centre - knee, knee_axis),
-                knee,
-            )
-            ankle, ankle_axis = self.joint(
-                "ankle", side, knee, self.R_W[f"thigh_{side}"][..., :, 1]
-            )
-            self.R_W[f"shank_{side}"], self.p_W[f"foot_{side}"] = (
-                frame_from(knee - ankle, ankle_axis),
-                ankle,
-            )
+            for name, parent, above, below in (
+                ("knee", "pelvis", f"thigh_{side}", f"shank_{side}"),
+                ("ankle", f"thigh_{side}", f"shank_{side}", f"foot_{side}"),
+            ):
+                proximal = self.p_W[above]
+                centre, axis = self.joint(name, side, proximal, self.R_W[parent][..., :, 1])
+                self.R_W[above] = frame_from(proximal - centre, axis)
+                self.p_W[below] = centre
             along = posture.forefoot(side) - posture.needed(f"heel_{side}")
             foot = frame_from(np.broadcast_to(up, along.shape), np.cross(up, along))
             foot[~posture.foot_flat[side]] = np.nan

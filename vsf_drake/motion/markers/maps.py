@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import resource, user_path
 from vsf_drake.base.schema import load_yaml
 from vsf_drake.base.sentences import say
@@ -156,13 +156,13 @@ class MarkerMap:
         roles: dict[str, str] = {}
         for role, spellings in self.roles.items():
             here = [s for s in spellings if s in present]
-            if len(here) > 1:
-                raise InputError(
-                    f"{' and '.join(here)} both look like {role.replace('_', ' ')}",
-                    file=file,
-                    where=f"marker map {self.path}",
-                    right="Give this role one label in a map of your own",
-                )
+            require(
+                len(here) < 2,
+                f"{' and '.join(here)} both look like {role.replace('_', ' ')}",
+                f"marker map {self.path}",
+                "Give this role one label in a map of your own",
+                file=file,
+            )
             if here:
                 roles[role] = here[0]
         self._require(roles, list(present), file)
@@ -237,8 +237,7 @@ def load_marker_map(name_or_path: str | Path) -> MarkerMap:
     owners: dict[str, str] = {}
     for role, labels in places.items():
         for label in labels:
-            if not label.strip():
-                raise InputError("must be a label or a list of labels", file=path, where=role)
+            require(label.strip(), "must be a label or a list of labels", role, file=path)
             if label in owners:
                 raise InputError(
                     f"stands for {owners[label]} and for {role}",
@@ -331,13 +330,13 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
         )
     most = max(known for known, _, _ in fitting)
     best = [(marker_map, markers) for known, marker_map, markers in fitting if known == most]
-    if any(markers != best[0][1] for _, markers in best):
-        raise InputError(
-            f"the marker maps {' and '.join(m.name for m, _ in best)} fit equally well",
-            file=recording.path,
-            where=where,
-            right="Say which one",
-        )
+    require(
+        all(markers == best[0][1] for _, markers in best),
+        f"the marker maps {' and '.join(m.name for m, _ in best)} fit equally well",
+        where,
+        "Say which one",
+        file=recording.path,
+    )
     return best[0][0], say(
         "markers", "chosen_map", name=best[0][0].name, known=most, labels=len(recording.markers)
     )

@@ -4,11 +4,12 @@ not."""
 from __future__ import annotations
 
 import dataclasses
+import functools
 from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.schema import check, choice, option, quantity
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import GRAVITY, SIDES
@@ -155,50 +156,26 @@ def body_mass(
     unless it is stated."""
     if person.mass_kg is not None:
         return person.mass_kg, []
-    time = standing.force_time_s
-    mean = 0.0
-    spread = 0.0
-    during = (time >= start_s) & (time <= end_s)
-    if standing.plates:
-        vertical = np.sum([plate.force_n[during, 2] for plate in standing.plates], axis=0)
-        if np.isfinite(vertical).any():
-            mean = float(np.nanmean(vertical))
-            spread = float(np.nanstd(vertical))
-    what = next(
-        (
-            what
-            for wrong, what in (
-                (
-                    not standing.plates,
-                    "the body mass is not stated and the standing trial has no force plates",
-                ),
-                (not still, "the body mass is not stated, and nobody stands still on the plates"),
-                (
-                    not LEAST_MASS_KG <= mean / GRAVITY <= MOST_MASS_KG,
-                    (
-                        f"the plates carry {mean:.0f} N while the person stands, which is nobody's "
-                        "weight"
-                    ),
-                ),
-                (
-                    spread > STEADY_FORCE * mean,
-                    (
-                        "the vertical force is not steady while the person stands: the body mass "
-                        "cannot be told"
-                    ),
-                ),
-            )
-            if wrong
-        ),
-        None,
+    hold = functools.partial(
+        require,
+        where="mass_kg (--mass-kg)",
+        right="State the body mass, prosthesis included",
+        file=standing.path,
     )
-    if what:
-        raise InputError(
-            what,
-            file=standing.path,
-            where="mass_kg (--mass-kg)",
-            right="State the body mass, prosthesis included",
-        )
+    hold(standing.plates, "the body mass is not stated and the standing trial has no force plates")
+    hold(still, "the body mass is not stated, and nobody stands still on the plates")
+    during = (standing.force_time_s >= start_s) & (standing.force_time_s <= end_s)
+    vertical = np.sum([plate.force_n[during, 2] for plate in standing.plates], axis=0)
+    known = bool(np.isfinite(vertical).any())
+    mean = float(np.nanmean(vertical)) if known else 0.0
+    hold(
+        LEAST_MASS_KG <= mean / GRAVITY <= MOST_MASS_KG,
+        f"the plates carry {mean:.0f} N while the person stands, which is nobody's weight",
+    )
+    hold(
+        float(np.nanstd(vertical)) <= STEADY_FORCE * mean,
+        "the vertical force is not steady while the person stands: the body mass cannot be told",
+    )
     return mean / GRAVITY, say("markers", "mass", kg=mean / GRAVITY)
 
 
@@ -215,10 +192,10 @@ def stature(
         if head
         else leg_length_m / LEG_TO_STATURE[str(person.sex)]
     )
-    if not LEAST_STATURE_M <= height <= MOST_STATURE_M:
-        raise InputError(
-            f"the markers make a stature of {height:.2f} m",
-            where="stature_m (--stature-m)",
-            right="State it, or check the unit of the markers' file",
-        )
+    require(
+        LEAST_STATURE_M <= height <= MOST_STATURE_M,
+        f"the markers make a stature of {height:.2f} m",
+        "stature_m (--stature-m)",
+        "State it, or check the unit of the markers' file",
+    )
     return height, say("markers", "stature", m=height, head=head)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.sentences import say
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.model.parameters import GRAVITY, FootParameters, ModelParameters
@@ -136,14 +136,14 @@ def find_posture(recording: Recording, labelled: FoundMarkers) -> Posture:
     for side in SIDES:
         for label in (labelled.roles[f"heel_{side}"], *forefoot_labels(labelled, side)):
             height = float(np.nanmean(posture.points[label][posture.foot_flat[side], 2]))
-            if not LOWEST_FOOT_MARKER_M <= height <= HIGHEST_FOOT_MARKER_M:
-                raise InputError(
-                    f"is {height:.3f} m above the floor while the foot is flat on it",
-                    file=recording.path,
-                    where=f"marker {label}",
-                    right="The floor must be at height zero, in the file's unit; "
-                    "check the unit, the upward axis and the laboratory's origin",
-                )
+            require(
+                LOWEST_FOOT_MARKER_M <= height <= HIGHEST_FOOT_MARKER_M,
+                f"is {height:.3f} m above the floor while the foot is flat on it",
+                f"marker {label}",
+                "The floor must be at height zero, in the file's unit; "
+                "check the unit, the upward axis and the laboratory's origin",
+                file=recording.path,
+            )
     return posture
 
 
@@ -209,21 +209,23 @@ def _foot_flat(
     lag = max(1, round(LAG_S * hz))
     quiet = np.ones(len(heights[0]), dtype=bool)
     for z in heights:
-        if not np.isfinite(z).any():
-            raise InputError(
-                "heel and forefoot are never seen", file=recording.path, where=f"{side} foot"
-            )
+        require(
+            np.isfinite(z).any(),
+            "heel and forefoot are never seen",
+            f"{side} foot",
+            file=recording.path,
+        )
         rate = np.full(len(z), np.nan)
         rate[lag:-lag] = (z[2 * lag :] - z[: -2 * lag]) / (2 * lag) * hz
         with np.errstate(invalid="ignore"):
             quiet &= (np.abs(rate) < SLOW_M_PER_S) & (z < np.nanmin(z) + LOW_M)
-    if not quiet.any():
-        raise InputError(
-            "is never flat on the floor, so its sole cannot be told",
-            file=recording.path,
-            where=f"{side} foot",
-            right="Calibrate from a standing trial or a longer walk",
-        )
+    require(
+        quiet.any(),
+        "is never flat on the floor, so its sole cannot be told",
+        f"{side} foot",
+        "Calibrate from a standing trial or a longer walk",
+        file=recording.path,
+    )
     flat = quiet & np.all([np.abs(z - np.median(z[quiet])) <= FLAT_M for z in heights], axis=0)
     flat = flat if flat.any() else quiet
     leg = [
@@ -233,13 +235,13 @@ def _foot_flat(
         and (role.startswith(("asis", "psis", "sacrum")) or role.endswith(side))
     ]
     seen = np.stack([np.isfinite(points[label]).all(axis=1) & flat for label in leg])
-    if not seen.all(axis=0).any():
-        raise InputError(
-            f"is not seen together with the others of pelvis and {side} leg while the foot is flat",
-            file=recording.path,
-            where=f"marker {leg[int(np.argmin(seen.sum(axis=1)))]}",
-            right="Fill its gaps, leave it out of the marker map, or give a standing trial",
-        )
+    require(
+        seen.all(axis=0).any(),
+        f"is not seen together with the others of pelvis and {side} leg while the foot is flat",
+        f"marker {leg[int(np.argmin(seen.sum(axis=1)))]}",
+        "Fill its gaps, leave it out of the marker map, or give a standing trial",
+        file=recording.path,
+    )
     return flat
 
 
@@ -407,13 +409,13 @@ def right_handed(recording: Recording, marker_map: MarkerMap) -> Recording:
         return recording
     corners = [plate.corners_m for plate in recording.plates if plate.corners_m is not None]
     # clockwise from above
-    if corners and all(np.cross(c[0] - c[1], c[0] - c[3])[2] < 0.0 for c in corners):
-        raise InputError(
-            "every left marker lies to the right of its right one, though its force plates lie "
-            "in a right-handed frame: left and right labels are exchanged",
-            file=recording.path,
-            right="Correct the labels, or exchange right and left in a marker map of your own",
-        )
+    require(
+        not (corners and all(np.cross(c[0] - c[1], c[0] - c[3])[2] < 0.0 for c in corners)),
+        "every left marker lies to the right of its right one, though its force plates lie "
+        "in a right-handed frame: left and right labels are exchanged",
+        right="Correct the labels, or exchange right and left in a marker map of your own",
+        file=recording.path,
+    )
     return _turned(recording, np.diag([1.0, -1.0, 1.0]), NOTE)
 
 

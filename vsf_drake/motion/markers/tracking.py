@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.sentences import say
 from vsf_drake.motion.events import runs, words
 from vsf_drake.motion.formats.recording import Recording
@@ -32,7 +32,7 @@ from vsf_drake.motion.markers.segments import (
     RigidPoses,
     SegmentMarkers,
 )
-from vsf_drake.motion.trajectory import low_pass
+from vsf_drake.motion.trajectory import columns_at, low_pass
 
 # Fills what the cameras did not see, where that is honest, and refuses where it is not.
 
@@ -101,12 +101,12 @@ def fill_gaps(
 
     A marker that is never seen is left out if its segment can do without it, else refused.
     """
-    if not longest_gap_s >= 0.0:
-        raise InputError(
-            f"the longest gap to fill is {longest_gap_s:g} s",
-            where="longest_gap_s (--longest-gap-s)",
-            right="It must be zero or more",
-        )
+    require(
+        longest_gap_s >= 0.0,
+        f"the longest gap to fill is {longest_gap_s:g} s",
+        "longest_gap_s (--longest-gap-s)",
+        "It must be zero or more",
+    )
     rate = recording.marker_rate_hz
     if not recording.markers or not rate:
         raise InputError("there are no markers in this recording", file=recording.path)
@@ -263,7 +263,7 @@ def _placed_by_cluster(
     offset_B = np.einsum("nji,nj->ni", poses.R_WB, p_WM[first:last, own] - poses.p_WB) - p_BM[own]
     known = np.flatnonzero(np.isfinite(offset_B[:, 0]))
     every = np.arange(last - first)
-    blended = np.stack([np.interp(every, known, offset_B[known, i]) for i in range(3)], axis=1)
+    blended = columns_at(every, known, offset_B[known])
     placed = np.einsum("nij,nj->ni", poses.R_WB, p_BM[own] + blended) + poses.p_WB
     return start, placed[start - first : stop - first]
 
@@ -337,12 +337,12 @@ def _usable(work: _Work, notes: list[str]) -> tuple[int, int]:
             ),
         )
     lacking = f"{listed(list(missing), most=MOST_LISTED)} {'is' if len(missing) == 1 else 'are'}"
-    if stop - start < FEWEST_FRAMES:
-        raise InputError(
-            f"only {stop - start} frames show every needed marker; {lacking} missing elsewhere",
-            file=file,
-            right=f"At least {FEWEST_FRAMES} are needed",
-        )
+    require(
+        stop - start >= FEWEST_FRAMES,
+        f"only {stop - start} frames show every needed marker; {lacking} missing elsewhere",
+        right=f"At least {FEWEST_FRAMES} are needed",
+        file=file,
+    )
     if (start, stop) != (0, frames):
         notes += say(
             "markers",
@@ -532,20 +532,20 @@ def _check_scale(filled: FilledMarkers) -> None:
                 one, other = (filled.markers[segment.labels[k]] for k in (a, b))
                 ratios.append(float(np.median(np.linalg.norm(one - other, axis=1))) / standing)
     scale = float(np.median(ratios)) if ratios else 1.0
-    if not 1 / OTHER_UNIT < scale < OTHER_UNIT:
-        raise InputError(
-            f"its markers lie {scale:.3g} times as far apart as in the standing trial: one of "
-            "the two files is in another unit than it says",
-            file=filled.path,
-            right="Give laboratory.length_unit (--length-unit) where a file states the wrong one",
-        )
-    if abs(scale - 1) > OTHER_PERSON:
-        raise InputError(
-            f"its markers lie {scale:.2f} times as far apart as in the standing trial, which "
-            "seems to be of another person",
-            file=filled.path,
-            right="Give the standing trial of the same session",
-        )
+    require(
+        1 / OTHER_UNIT < scale < OTHER_UNIT,
+        f"its markers lie {scale:.3g} times as far apart as in the standing trial: one of "
+        "the two files is in another unit than it says",
+        right="Give laboratory.length_unit (--length-unit) where a file states the wrong one",
+        file=filled.path,
+    )
+    require(
+        abs(scale - 1) <= OTHER_PERSON,
+        f"its markers lie {scale:.2f} times as far apart as in the standing trial, which "
+        "seems to be of another person",
+        right="Give the standing trial of the same session",
+        file=filled.path,
+    )
 
 
 def _check_places(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None:
@@ -565,14 +565,16 @@ def _check_places(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> Non
         if PARENTS[name] is not None
     )
     segments_astray = {name for _, name, _ in astray}
-    if len(segments_astray) > MOST_ASTRAY or (gap > LOST_JOINT_M and len(segments_astray) != 1):
-        raise InputError(
-            f"the segments do not fit together (the {apart.replace('_', ' ')} is {1e3 * gap:.0f} "
-            "mm from its joint): the standing trial seems to be of another person or of another "
-            "placement of the markers",
-            file=filled.path,
-            right="Give the standing trial of the same session",
-        )
+    require(
+        not (
+            len(segments_astray) > MOST_ASTRAY or (gap > LOST_JOINT_M and len(segments_astray) != 1)
+        ),
+        f"the segments do not fit together (the {apart.replace('_', ' ')} is {1e3 * gap:.0f} "
+        "mm from its joint): the standing trial seems to be of another person or of another "
+        "placement of the markers",
+        right="Give the standing trial of the same session",
+        file=filled.path,
+    )
     if not astray:
         return
     rms, name, _ = astray[0]
@@ -724,12 +726,12 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
     listed = ", ".join(f"{label} {before:.0f} to {now:.0f}" for now, before, label in changes)
     shown = f"; if undone, residuals change (mm RMS): {listed}"
     frames = suspect[explained]
-    if frames.size > SWAPPED_THROUGHOUT * len(filled.time_s):
-        raise InputError(
-            f"markers {_words(exchange)} are exchanged with respect to the standing trial{shown}",
-            file=filled.path,
-            right="Correct the labels in one of the two files",
-        )
+    require(
+        frames.size <= SWAPPED_THROUGHOUT * len(filled.time_s),
+        f"markers {_words(exchange)} are exchanged with respect to the standing trial{shown}",
+        right="Correct the labels in one of the two files",
+        file=filled.path,
+    )
     raise InputError(
         f"markers {_words(exchange)} exchange places at {filled.time_s[frames[0]]:.3f} s (for "
         f"{frames.size} frames in all){shown}",
