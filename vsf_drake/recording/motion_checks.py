@@ -238,13 +238,14 @@ def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Chec
     if not known or 1.0 / spacing(time_s) <= 2.5 * ROUGH_HZ:
         return None
     angle = max(known, key=known.__getitem__)
+    value = float(np.degrees(known[angle]))
     return checked(
         "smoothness",
         "smoothness of angles",
-        grade(known[angle], *ROUGH_DEG),
-        known[angle],
+        grade(value, *ROUGH_DEG),
+        value,
         "deg",
-        cost_bw=HIP_BW_PER_DEG * known[angle],
+        cost_bw=HIP_BW_PER_DEG * value,
         angle=angle,
         above_hz=ROUGH_HZ,
     )
@@ -253,10 +254,10 @@ def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Chec
 def _main_content(
     time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray], above_hz: float
 ) -> dict[str, float]:
-    """Content (degrees) of the sagittal angles above a frequency, of those long enough to tell."""
+    """Content (rad) of the sagittal angles above a frequency, of those long enough to tell."""
     rate = 1.0 / spacing(time_s)
     return {
-        key: float(np.degrees(size))
+        key: size
         for key in MAIN
         if key in angles_rad
         and (size := high_content(angles_rad[key][:, None], rate, above_hz)) is not None
@@ -279,7 +280,7 @@ def smoothed(
     ]
     if not known or speed_m_per_s < SMOOTHED_M_PER_S or strides_per_s < LEAST_STRIDES_PER_S:
         return None
-    value = float(np.sqrt(np.mean(np.square(known))))
+    value = float(np.degrees(np.sqrt(np.mean(np.square(known)))))
     lacks = value < SMOOTHED_DEG
     return checked(
         "smoothed",
