@@ -16,7 +16,6 @@ from vsf_drake.cli import app as cli
 from vsf_drake.cli.app import Contact, Model, Out, app, path, progress, say
 from vsf_drake.cli.options import from_fields
 from vsf_drake.cli.recordings import judged
-from vsf_drake.model.scenario import Scenario
 from vsf_drake.simulation.options import BenchOptions, StandingOptions, StepOptions
 
 
@@ -57,7 +56,7 @@ class ExportRequest:
     """Which files of the foot are written."""
 
     fulcrum_mm: float = same_as(
-        Scenario,
+        StandingOptions,
         "fulcrum_mm",
         help="Fulcrum position, from the keel's posterior end, in the files in which it is fixed.",
     )

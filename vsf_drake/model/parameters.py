@@ -33,6 +33,9 @@ when it acts in loading only (loss / stored energy = time * pi^2 / (2 * 0.6 s)),
 keel's. A choice; McGeehan 2021 starts its contact fit from 0.5 s, at which the foam can hardly be
 compressed within a step. Chosen after both had been tried on a public recorded walk, with which
 this one also agreed better: that walk is no independent test of it."""
+MID_FULCRUM_MM = 108.0
+"""Where the fulcrum stands if nobody says: the middle of McGeehan's five positions, 66 to 151 mm
+from the keel's posterior end (a choice)."""
 SIDES = ("left", "right")
 PELVIS_TRANSLATIONS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 PELVIS_ROTATIONS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")

@@ -26,7 +26,7 @@ from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import PACKAGE, user_path
 from vsf_drake.base.schema import check, choice, load_yaml, quantity
 from vsf_drake.model.ground import Ground, check_ground, load_ground
-from vsf_drake.model.parameters import GRAVITY, SIDES, Subject
+from vsf_drake.model.parameters import GRAVITY, MID_FULCRUM_MM, SIDES, Subject
 
 KINDS = ("bench", "person", "leg")
 # as `plants.foot.CONTACTS`
@@ -121,7 +121,7 @@ class Scenario:
     model: str | None = None  # parameter file of the devices; None: the nominal ones
     contact_file: str | None = None  # fitted contact to write into them
     fulcrum_mm: float = quantity(
-        108.0,
+        MID_FULCRUM_MM,
         unit="mm",
         low=0.0,
         high=1000.0,

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vsf_drake.base.schema import option, quantity, same_as
-from vsf_drake.model.scenario import Scenario
+from vsf_drake.base.schema import option, quantity
+from vsf_drake.model.parameters import MID_FULCRUM_MM
 
 _PAPER = "McGeehan 2021"
 MAX_STEP_MS = 10.0  # a choice: the foam is stiff
@@ -52,8 +52,11 @@ class BenchOptions:
 class StandingOptions:
     """How somebody stands."""
 
-    fulcrum_mm: float = same_as(
-        Scenario, "fulcrum_mm", help="Fulcrum position from the keel's posterior end."
+    fulcrum_mm: float = quantity(
+        MID_FULCRUM_MM,
+        unit="mm",
+        source=_PAPER,
+        help="Fulcrum position from the keel's posterior end.",
     )
     duration_s: float = quantity(10.0, unit="s", source="choice", help="How long to stand.")
     upright: bool = option(

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.sentences import say
 from vsf_drake.laws.beam import section_inertia
-from vsf_drake.model.parameters import GRAVITY, FootParameters, ModelParameters
+from vsf_drake.model.parameters import GRAVITY, MID_FULCRUM_MM, FootParameters, ModelParameters
 from vsf_drake.motion.formats.read import axis_name
 from vsf_drake.motion.formats.recording import SIDES, Recording
 from vsf_drake.motion.markers.maps import FoundMarkers, MarkerMap
@@ -256,8 +256,7 @@ def _foot_flat(
 STANDING_SHARE = 0.5
 # in mid-stance at 1.1 m/s: Schwartz et al. (2008, doi 10.1016/j.jbiomech.2008.03.015)
 WALKING_SHARE = 0.85
-# where the fulcrum is taken to have stood, if nobody says: mid-range of 66 to 151 mm (a choice)
-MID_FULCRUM_M = 0.108
+MID_FULCRUM_M = 1e-3 * MID_FULCRUM_MM  # where the fulcrum is taken to have stood
 LEAST_LOAD_N, NEAR_M, SAME_WEIGHT = 50.0, 0.2, 0.1
 """A plate carries a foot if it bears so much, its centre of pressure is so near to that ankle and
 twice as far from the other; the feet carry the person if their loads make up the weight to this
