@@ -51,7 +51,7 @@ from vsf_drake.fit.solve import search
 from vsf_drake.model.model_file import load_model
 from vsf_drake.optimal_control.outcomes import outcomes
 from vsf_drake.optimal_control.search import eased
-from vsf_drake.validation import StudyOptions
+from vsf_drake.validation.options import StudyOptions
 from vsf_drake.validation.published_trends import load_evidence
 from vsf_drake.validation.roll_over_section import ISO_STEPS, QUICK_POSITIONS_M
 from vsf_drake.validation.run import LONG, SHIPPED

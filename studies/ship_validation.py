@@ -23,8 +23,9 @@ from shipped_sections.sensitivity import sensitivity_section
 from shipped_sections.settings import settings_section
 
 from vsf_drake.base.files import read_json, resource, write_json
-from vsf_drake.validation import Section, Study, StudyOptions, make_study
+from vsf_drake.validation.options import StudyOptions
 from vsf_drake.validation.run import LONG, SHIPPED, Finished, SectionStore, shipped_key
+from vsf_drake.validation.study import Section, Study, make_study
 from vsf_drake.walks.embedded import embedded_bench, embedded_contact, embedded_trials
 
 TIER = "laboratory"

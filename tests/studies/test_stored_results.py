@@ -38,7 +38,7 @@ from vsf_drake.fit.solve import prior_samples
 from vsf_drake.model.contact_file import load_contact
 from vsf_drake.optimal_control import StrideOptions
 from vsf_drake.tuning.common import FREE_COSTS
-from vsf_drake.validation import StudyOptions
+from vsf_drake.validation.options import StudyOptions
 from vsf_drake.validation.published_trends import TrendTable, judged
 from vsf_drake.validation.run import LONG, SHIPPED, SectionStore, shipped_key
 from vsf_drake.walks.embedded import embedded_bench, embedded_contact, embedded_trials
