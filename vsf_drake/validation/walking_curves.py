@@ -8,11 +8,12 @@ cuts is left out.
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
+import itertools
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -75,12 +76,11 @@ def mean_curves(both: np.ndarray) -> dict[str, np.ndarray]:
     """(101,) mean and sample SD of an ensemble's sides: `measured_mean`, `measured_sd`,
     `model_mean`, `model_sd`; NaN where not every walk knows it, so that no mean jumps. The SD of a
     single walk is NaN throughout."""
+    single = np.full(len(PERCENT), np.nan)
     arrays = {}
     for side, curves in zip(("measured", "model"), both, strict=True):
         arrays[f"{side}_mean"] = curves.mean(axis=0)
-        arrays[f"{side}_sd"] = (
-            curves.std(axis=0, ddof=1) if len(curves) > 1 else np.full(len(PERCENT), np.nan)
-        )
+        arrays[f"{side}_sd"] = curves.std(axis=0, ddof=1) if len(curves) > 1 else single
     return arrays
 
 
@@ -93,13 +93,13 @@ def _stance_curves(walk: StudyWalk, stance: StanceComparison) -> Curves:
     def both(series: Iterable[np.ndarray]) -> np.ndarray:
         return np.array([np.interp(instants, c.time_s, one) for one in series])
 
-    forces = [force / (result.subject_mass_kg * GRAVITY) for force in (c.measured, c.model)]
-    resultants = [np.linalg.norm(force, axis=1) for force in forces]
+    forces = np.array([c.measured, c.model]) / (result.subject_mass_kg * GRAVITY)
+    resultants = np.linalg.norm(forces, axis=2)
     impulses = both(cumulative_integral(resultant, c.step_s) for resultant in resultants)
     curves = {"resultant": both(resultants), "impulse": impulses - impulses[:, :1]}
     for i, name in ((2, "vertical"), (0, "fore_aft"), (1, "medio_lateral")):
         if name != "medio_lateral" or np.any(plate.force_W[:, 1]):
-            curves[name] = both(force[:, i] for force in forces)
+            curves[name] = both(forces[:, :, i])
     cop = np.array([stance.measured_cop[:, 0], stance.model_cop[:, 0]])
     if plate.has_cop and np.isfinite(cop[0]).any():
         curves["cop"] = (cop - np.nanmin(cop[0])) / result.foot_length_m
@@ -169,6 +169,8 @@ ALPHA = 0.05
 LEAST_WALKS = 3
 RESAMPLES = 2000
 _LEAST_POINTS = 10
+_Span = tuple[float, float, float | None]
+"""First and last point, p."""
 _FLAT = 1e-9
 """Share of the curve's largest spread below which a point does not vary (the impulse at heel strike
 is zero always)."""
@@ -216,6 +218,28 @@ def spm_version() -> str | None:
         return None
 
 
+def compared_groups(
+    conditions: Sequence[Sequence[Curves]], *, seed: int
+) -> tuple[tuple[GroupDifference, ...], dict[str, np.ndarray]]:
+    """Where the curves of walks differ, by condition and, of several conditions, over all walks.
+
+    Arrays (101,): `group_G_Q_measured_mean`, `_measured_sd`, `_model_mean`, `_model_sd`, and those
+    of `differing_regions` likewise; G is a group, Q one of QUANTITIES.
+    """
+    groups: dict[int | str, Sequence[Curves]] = dict(enumerate(conditions))
+    if len(groups) > 1:
+        groups["all"] = [*itertools.chain(*conditions)]
+    differences = []
+    arrays = {}
+    for i, (group, curves) in enumerate(groups.items()):
+        for name, both in ensembles(curves).items():
+            tested, found = differing_regions(both, seed=(seed, i, [*QUANTITIES].index(name)))
+            differences.append(GroupDifference(**vars(tested), group=group, quantity=name))
+            for key, curve in (mean_curves(both) | found).items():
+                arrays[f"group_{group}_{name}_{key}"] = curve
+    return tuple(differences), arrays
+
+
 def differing_regions(
     both: np.ndarray, *, seed: tuple[int, ...]
 ) -> tuple[Tested, dict[str, np.ndarray]]:
@@ -229,48 +253,41 @@ def differing_regions(
     n = len(difference)
     known = np.isfinite(difference).all(axis=0)
     mean = np.where(known, difference.mean(axis=0), np.nan)
-    arrays = {
-        "difference_mean": mean,
-        **{key: np.full(len(PERCENT), np.nan) for key in ("difference_low", "difference_high")},
-    }
-    tested = Tested(
-        n=n, largest_difference=float(max(mean[known], key=abs)) if known.any() else None
-    )
+    band = np.full((2, len(PERCENT)), np.nan)
+    largest = float(max(mean[known], key=abs)) if known.any() else None
+
+    def tested(**found: Any) -> tuple[Tested, dict[str, np.ndarray]]:
+        curves = (mean, *band)
+        return Tested(n=n, largest_difference=largest, **found), {
+            f"difference_{key}": curve
+            for key, curve in zip(("mean", "low", "high"), curves, strict=True)
+        }
+
     if n < LEAST_WALKS:
-        return dataclasses.replace(
-            tested, why=f"{n} walk{'s' * (n != 1)}: a test needs {LEAST_WALKS}"
-        ), arrays
+        return tested(why=f"{n} walk{'s' * (n != 1)}: a test needs {LEAST_WALKS}")
 
     # the longest run of points that all walks know and at which they vary
     sd = np.where(known, difference.std(axis=0, ddof=1), 0.0)
     used = longest_run(known & (sd > _FLAT * sd.max()))
     if len(used) < _LEAST_POINTS:
-        return dataclasses.replace(
-            tested, why="there are too few points at which all walks differ"
-        ), arrays
+        return tested(why="there are too few points at which all walks differ")
     own = difference[:, used]
-    first = int(used[0])
-    low, high = bootstrap_band(own, seed=seed)
-    arrays["difference_low"][used], arrays["difference_high"][used] = low, high
+    band[:, used] = low, high = bootstrap_band(own, seed=seed)
 
     why = "spm1d is not installed"
     if spm_version() is not None:
         try:
             threshold, spans = _spm(model[:, used], measured[:, used])
-            regions, share = _regions(spans, first, own)
-            return dataclasses.replace(
-                tested, method=SPM, threshold=threshold, regions=regions, share=share
-            ), arrays
+            regions, share = _regions(spans, int(used[0]), own)
+            return tested(method=SPM, threshold=threshold, regions=regions, share=share)
         except Exception as error:  # whatever the optional package dislikes, the bands remain
             raise_if_interrupted()
             why = f"spm1d refused the curves ({' '.join(str(error).split())[:120]})"
-    bands: list[tuple[float, float, float | None]] = [
-        (float(start), float(stop - 1), None) for start, stop in runs((low > 0.0) | (high < 0.0))
+    bands: list[_Span] = [
+        (start, stop - 1, None) for start, stop in runs((low > 0.0) | (high < 0.0))
     ]
-    regions, share = _regions(bands, first, own)
-    return dataclasses.replace(
-        tested, method=BOOTSTRAP, why=why, regions=regions, share=share
-    ), arrays
+    regions, share = _regions(bands, int(used[0]), own)
+    return tested(method=BOOTSTRAP, why=why, regions=regions, share=share)
 
 
 def bootstrap_band(
@@ -284,9 +301,7 @@ def bootstrap_band(
     return low, high
 
 
-def _spm(
-    model: np.ndarray, measured: np.ndarray
-) -> tuple[float | None, list[tuple[float, float, float | None]]]:
+def _spm(model: np.ndarray, measured: np.ndarray) -> tuple[float | None, list[_Span]]:
     """Threshold of |t| (None where it cannot be exceeded) and regions (first, last point, p).
 
     With two degrees of freedom the theory can give a narrow region a p above ALPHA: such a one is
@@ -300,29 +315,30 @@ def _spm(
             .inference(ALPHA, two_tailed=True)
         )
     return finite(test.zstar), [
-        (float(c.endpoints[0]), float(c.endpoints[1]), float(c.P))
-        for c in test.clusters
-        if c.P <= ALPHA
+        (*map(float, cluster.endpoints), float(cluster.P))
+        for cluster in test.clusters
+        if cluster.P <= ALPHA
     ]
 
 
 def _regions(
-    spans: list[tuple[float, float, float | None]], first: int, difference: np.ndarray
+    spans: list[_Span], first: int, difference: np.ndarray
 ) -> tuple[tuple[Region, ...], float]:
     """The regions (first, last point, p) as records, and the share of the points in them."""
     points = np.arange(difference.shape[1])
-    inside = np.zeros(difference.shape[1], dtype=bool)
+    inside = np.zeros(len(points), dtype=bool)
     regions = []
     for start, end, p in sorted(spans):
         own = (points >= start - 1e-9) & (points <= end + 1e-9)
         inside |= own
-        mean = difference[:, own].mean() if own.any() else difference[:, round(start)].mean()
+        if not own.any():  # between two points
+            own = points == round(start)
         regions.append(
             Region(
-                start_percent=first + start,
-                end_percent=first + end,
+                start_percent=float(first + start),
+                end_percent=float(first + end),
                 p=p,
-                mean_difference=float(mean),
+                mean_difference=float(difference[:, own].mean()),
             )
         )
     return tuple(regions), float(inside.mean())

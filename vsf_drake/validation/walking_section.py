@@ -11,8 +11,9 @@ import numpy as np
 
 from vsf_drake.base.errors import SimulationError
 from vsf_drake.base.files import flat
-from vsf_drake.base.progress import Progress
+from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.base.sentences import say
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.plants.foot import keel_joint_positions
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
@@ -21,13 +22,10 @@ from vsf_drake.simulation.walk import Walker
 from vsf_drake.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, Section, Study, StudyWalk
 from vsf_drake.validation.walking_curves import (
     LEAST_WALKS,
-    QUANTITIES,
     Curves,
     GroupDifference,
-    differing_regions,
-    ensembles,
+    compared_groups,
     free_moment_errors,
-    mean_curves,
     spm_version,
     walk_curves,
 )
@@ -42,7 +40,7 @@ from vsf_drake.walks.fulcrum_sweep import (
     swept,
 )
 from vsf_drake.walks.metrics import walk_metrics
-from vsf_drake.walks.null_model import ALONE, CUT, several_settings
+from vsf_drake.walks.null_model import several_settings
 from vsf_drake.walks.numbers import Spread, finite, rms, spread
 from vsf_drake.walks.prediction import LAYERS, MOMENTUM, layers_of
 from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, Scored
@@ -170,12 +168,12 @@ class WalkingTable:
 def layers_section(study: Study, *, progress: Progress | None = None) -> Section[LayersTable]:
     """Every walk in layers; ValueError without a contact that keeps what its plates taught."""
     contact = study.contact
-    rows = list[LayerRow]()
     if contact is None:
         raise ValueError("layers are what a contact's plates taught")
+    show = part_of(progress)
+    rows = list[LayerRow]()
     for i, walk in enumerate(study.walks):
-        if progress:
-            progress("walking with the person's own momentum", i / len(study.walks))
+        show("walking with the person's own momentum", i / len(study.walks))
         found = layers_of(
             walk.recorded,
             walk.label,
@@ -202,13 +200,11 @@ def layers_section(study: Study, *, progress: Progress | None = None) -> Section
 def walking_section(study: Study, *, progress: Progress | None = None) -> Section[WalkingTable]:
     """Every number of Table 3, per walk and per condition, and curves.
 
-    Arrays (101 points of the measured stance; G is a group, Q one of QUANTITIES):
-    `group_G_Q_measured_mean`, `_measured_sd`, `_model_mean`, `_model_sd`, and those of
-    `differing_regions` likewise; those of `moved_fulcrum`.
+    Arrays (101 points of the measured stance; G is a group, Q one of QUANTITIES): those of
+    `compared_groups` and of `moved_fulcrum`.
     """
-    show = progress or (lambda what, fraction: None)
-    failures: dict[str, list[str]] = {}
-    sweeps = sweep_study(study, progress=lambda what, f: show(what, 0.7 * f), failures=failures)
+    show = part_of(progress)
+    sweeps, failures = sweep_study(study, progress=part_of(progress, 0.0, 0.7))
     show("walking with errors of hip and knee", 0.7)
     angle_errors = angle_error_rows(
         [JudgedTrial(walk.trial, walk.role, walk.metrics.null_bw) for walk in study.walks],
@@ -216,38 +212,23 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
         seed=study.options.seed,
     )
     show("comparing curves", 0.8)
-    rows = [_walk_row(walk, sweeps[walk.label]) for walk in study.walks]
+    rows = tuple(_walk_row(walk, sweeps[walk.label]) for walk in study.walks)
     curves = {walk.label: walk_curves(walk) for walk in study.walks}
-    by_position = {x: [row for row in rows if row.fulcrum_mm == x] for x in study.conditions()}
-    groups: dict[int | str, dict[str, np.ndarray]] = {
-        i: ensembles([curves[row.label] for row in own])
-        for i, own in enumerate(by_position.values())
-    }
-    if len(groups) > 1:
-        groups["all"] = ensembles([*curves.values()])
-    differences = []
-    arrays = dict[str, np.ndarray]()
-    for i, (group, quantities) in enumerate(groups.items()):
-        for name, both in quantities.items():
-            tested, more = differing_regions(
-                both, seed=(study.options.seed, i, list(QUANTITIES).index(name))
-            )
-            arrays |= {
-                f"group_{group}_{name}_{key}": value
-                for key, value in (mean_curves(both) | more).items()
-            }
-            differences.append(GroupDifference(**vars(tested), group=group, quantity=name))
+    differences, arrays = compared_groups(
+        [[curves[walk.label] for walk in own] for own in study.conditions().values()],
+        seed=study.options.seed,
+    )
     shown, moved = moved_fulcrum(study, curves)
-    arrays |= moved
     stance_r, stance_n = pearson(rows, "stance_measured_s", "stance_model_s")
-    method = next((d.method for d in differences if d.method), None)
     held_out, fitted, offsets_fitted = (
         summary([row for row in rows if row.role == role]) for role in ROLES
     )
-    right = [row.sweep.right for row in rows if row.sweep is not None]
+    named = [row.sweep.right for row in rows if row.sweep and row.sweep.right is not None]
     table = WalkingTable(
-        rows=tuple(rows),
-        conditions=tuple(condition(x, own) for x, own in by_position.items()),
+        rows=rows,
+        conditions=tuple(
+            condition(x, [row for row in rows if row.fulcrum_mm == x]) for x in study.conditions()
+        ),
         held_out=held_out,
         fitted=fitted,
         offsets_fitted=offsets_fitted,
@@ -262,52 +243,28 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
                 for error in corrected_deg(walk.result, walk.recorded.trajectory).values()
             )
         ),
-        sweeps=sum(one is not None for one in right),
-        sweeps_right=right.count(True),
+        sweeps=len(named),
+        sweeps_right=sum(named),
         spm1d=spm_version(),
-        difference_method=method,
-        differences=tuple(differences),
+        difference_method=next((d.method for d in differences if d.method), None),
+        differences=differences,
         synthetic=study.synthetic,
     )
     show("comparing curves", 1.0)
-    single, few = (
-        [f"{x:g} mm" for x, own in by_position.items() if len(own) < n] for n in (2, LEAST_WALKS)
-    )
-    lacking = {
-        "stances": [label for label, own in curves.items() if not own],
-        "cop": [walk.label for walk in study.walks if not walk.recorded.prosthetic_plate.has_cop],
-        **{
-            name: [label for label, own in curves.items() if own and name not in own]
-            for name in ("medio_lateral", "free_moment")
-        },
-        **{
-            f"null_{why}": [row.label for row in rows if row.null_model_unknown == why]
-            for why in (ALONE, CUT)
-        },
-    }
-    first = next((reasons[0] for reasons in failures.values()), "")
     return Section(
         table=table,
-        arrays=arrays,
+        arrays=arrays | moved,
         missing=tuple(
             say(
                 "walking",
                 "missing",
-                single=single,
-                few=few,
-                lacking=lacking,
+                study=study,
+                table=table,
+                curves=curves,
+                failures=failures,
+                published=PUBLISHED,
                 fewest=LEAST_WALKS,
                 fewest_r=LEAST_FOR_R,
-                gone=[
-                    f"{name} ({own['fulcrum_mm']:g} mm)"
-                    for name, own in PUBLISHED.items()
-                    if name not in {row.name for row in table.conditions}
-                ],
-                stance_n=stance_n if stance_r is None else None,
-                quick=study.options.quick,
-                walks=sum(len(row.sweep.fulcrum_mm) for row in rows if row.sweep is not None),
-                lost={label: len(reasons) for label, reasons in failures.items()},
-                first=" ".join(first.split())[:300].rstrip("."),
             )
         ),
     )
@@ -371,9 +328,12 @@ LEAST_FOR_R = 3
 """Walks that a correlation needs."""
 _PAPER = ("fulcrum_mm", JUDGED, "cop_rmse_fl", "stance_measured_s", "stance_measured_s_sd")
 PUBLISHED = {
-    "low": dict(zip(_PAPER, (66.0, 0.10, 0.089, 0.73, 0.02), strict=True)),
-    "medium": dict(zip(_PAPER, (108.0, 0.13, 0.095, 0.79, 0.01), strict=True)),
-    "high": dict(zip(_PAPER, (151.0, 0.14, 0.057, 0.71, 0.02), strict=True)),
+    name: dict(zip(_PAPER, numbers, strict=True))
+    for name, *numbers in (
+        ("low", 66.0, 0.10, 0.089, 0.73, 0.02),
+        ("medium", 108.0, 0.13, 0.095, 0.79, 0.01),
+        ("high", 151.0, 0.14, 0.057, 0.71, 0.02),
+    )
 }
 """McGeehan 2021 (doi 10.1115/1.4050456), as far as known here: its Table 3 itself is not."""
 _SAME_SETTING_MM = 1.0
@@ -393,24 +353,22 @@ def condition(fulcrum_mm: float, rows: Sequence[WalkRow]) -> WalkingCondition:
     """All walks at one fulcrum position; the paper's name is None for one that the paper did not
     walk on."""
     by_role = {role: own for role in ROLES if (own := [row for row in rows if row.role == role])}
-    name = next(
-        (
-            name
-            for name, own in PUBLISHED.items()
-            if abs(own["fulcrum_mm"] - fulcrum_mm) <= _SAME_SETTING_MM
-        ),
-        None,
-    )
+    sources = {"all": rows, **by_role} if len(by_role) > 1 else by_role
+    near = [
+        name
+        for name, own in PUBLISHED.items()
+        if abs(own["fulcrum_mm"] - fulcrum_mm) <= _SAME_SETTING_MM
+    ]
     return WalkingCondition(
         fulcrum_mm=fulcrum_mm,
-        name=name,
-        paper=PUBLISHED[name] if name else None,
+        name=near[0] if near else None,
+        paper=PUBLISHED[near[0]] if near else None,
         scores={
             source: ScoreSpreads(
                 n=len(own),
                 spreads={key: spread(row.scores[key] for row in own) for key in SCORED},
             )
-            for source, own in (({"all": rows} if len(by_role) > 1 else {}) | by_role).items()
+            for source, own in sources.items()
         },
     )
 
@@ -424,16 +382,10 @@ def summary(rows: Sequence[WalkRow]) -> RoleSummary | None:
     }
     scores["null_model_unknown"] = rows[0].null_model_unknown if scores[NULL] is None else ""
     for key in WORST:
-        _, worst, label = max(
-            (
-                (abs(value), value, row.label)
-                for row in rows
-                if (value := row.scores[key]) is not None
-            ),
-            key=lambda item: item[0],
-            default=(None, None, None),
-        )
-        scores |= {f"{key}_worst": worst, f"{key}_worst_trial": label}
+        known = [row for row in rows if row.scores[key] is not None]
+        worst = max(known, key=lambda row: abs(row.number(key)), default=None)
+        scores[f"{key}_worst"] = worst and worst.scores[key]
+        scores[f"{key}_worst_trial"] = worst and worst.label
     beaten = [row.beats_null for row in rows if row.beats_null is not None]
     return RoleSummary(
         n=len(rows), beats_null=sum(beaten), beats_null_of=len(beaten), scores=scores
@@ -447,35 +399,35 @@ QUICK_POSITIONS = 6
 
 
 def sweep_study(
-    study: Study, *, progress: Progress | None = None, failures: dict[str, list[str]] | None = None
-) -> dict[str, FulcrumSweep]:
-    """By walk: the resultant's error over the fulcrum's position, all that was fitted as it was.
-    `failures` takes, by walk, why positions have no error; only of walks that have such."""
+    study: Study, *, progress: Progress | None = None
+) -> tuple[dict[str, FulcrumSweep], dict[str, list[str]]]:
+    """By walk: the resultant's error over the fulcrum's position, all that was fitted as it was;
+    and why positions have no error, only of walks that have such."""
+    show = part_of(progress)
     count = QUICK_POSITIONS if study.options.quick else SWEEP_POSITIONS
-    positions = {walk.label: sweep_positions(walk.trial, count) for walk in study.walks}
     cases = [
         WalkCase(trial=walk.trial, fulcrum_m=float(x), step_s=SWEEP_STEP_S, label=walk.label)
         for walk in study.walks
-        for x in positions[walk.label]
+        for x in sweep_positions(walk.trial, count)
     ]
-    outcomes = iter(
-        simulate_batch(
-            cases,
-            workers=study.options.workers,
-            progress=progress
-            and (lambda state: progress("moving the fulcrum", state.done / state.total)),
-        )
+    outcomes = simulate_batch(
+        cases,
+        workers=study.options.workers,
+        progress=lambda state: show("moving the fulcrum", state.done / state.total),
     )
+    found = [judged(outcome) for outcome in outcomes]
     sweeps = {}
-    for walk in study.walks:
-        found = [judged(next(outcomes)) for _ in positions[walk.label]]
-        errors, reasons = zip(*found, strict=True)
+    failures = {}
+    for i, walk in enumerate(study.walks):
+        errors, reasons = zip(*found[i * count : (i + 1) * count], strict=True)
         sweeps[walk.label] = swept(
-            positions[walk.label], np.array(errors, dtype=float), true_m=walk.trial.fulcrum_m
+            sweep_positions(walk.trial, count),
+            np.array(errors, dtype=float),
+            true_m=walk.trial.fulcrum_m,
         )
-        if failures is not None and any(reasons):
+        if any(reasons):
             failures[walk.label] = [*filter(None, reasons)]
-    return sweeps
+    return sweeps, failures
 
 
 def sweep_entry(sweep: FulcrumSweep) -> SweepEntry:
@@ -503,11 +455,42 @@ def moved_fulcrum(
     and its place (mm along the unbent keel).
     """
     walk = study.shown
-    own = curves[study.shown.label]
+    own = curves[walk.label]
     if not own:
         return None, {}
     trial = walk.trial
-    foot = walk.trial.model.foot
+    walker = Walker(trial.subject, trial.model)
+    names = [name for name in ("resultant", "cop") if name in own]
+    rows = []
+    for x in np.unique(np.round([*sweep_positions(trial), trial.fulcrum_m], 6)):
+        result = walk.result
+        if x != round(trial.fulcrum_m, 6):
+            try:
+                moved = walker.walk(
+                    trial.trajectory,
+                    fulcrum_m=float(x),
+                    start_s=trial.start_s,
+                    end_s=trial.end_s,
+                    step_s=SWEEP_STEP_S,
+                    offsets=trial.offsets,
+                )
+            except SimulationError:
+                continue
+            result = walker.result(moved, trial, trial.offsets, energy=False)
+        plate = walk.recorded.prosthetic_plate
+        comparison = compare(result, plate)
+        found = walk_curves(dataclasses.replace(walk, result=result, comparison=comparison))
+        keel_mm, load = _most_loaded_keel(result, trial.model.foot)
+        rows.append(
+            {
+                "fulcrum_mm": 1e3 * x,
+                JUDGED: walk_metrics(result, plate, comparison=comparison).error_bw,
+                "keel_mm": keel_mm,
+                "load": load,
+                **{f"{name}_model": found[name][1] for name in names},
+            }
+        )
+    arrays = {f"moved_{key}": np.array([row[key] for row in rows], dtype=float) for key in rows[0]}
     others = [one for one in study.walks if one is not walk and curves[one.label]]
     others = [one for one in others if one.role == FITTED] or others
     between = several_settings(one.trial.fulcrum_m for one in others)
@@ -515,60 +498,9 @@ def moved_fulcrum(
         others = sorted(
             others, key=lambda one: rmse(curves[one.label]["resultant"][0], own["resultant"][0])
         )[:1]
-    walker = Walker(trial.subject, trial.model)
-    plate = walk.recorded.prosthetic_plate
-    joints_mm = 1e3 * np.array(
-        [0.0, *keel_joint_positions(foot.keel), sum(foot.keel.element_lengths_m)]
-    )
-    spheres_mm = np.concatenate([zone.x_mm for zone in foot.zones])
-    ahead = spheres_mm > 1e3 * foot.fulcrum.foremost_m
-    rows = []
-    for x in np.unique(np.round([*sweep_positions(trial), trial.fulcrum_m], 6)):
-        result = walk.result
-        if x != round(trial.fulcrum_m, 6):
-            try:
-                result = walker.result(
-                    walker.walk(
-                        trial.trajectory,
-                        fulcrum_m=float(x),
-                        start_s=trial.start_s,
-                        end_s=trial.end_s,
-                        step_s=SWEEP_STEP_S,
-                        offsets=trial.offsets,
-                    ),
-                    trial,
-                    trial.offsets,
-                    energy=False,
-                )
-            except SimulationError:
-                continue
-        comparison = compare(result, plate)
-        found = walk_curves(dataclasses.replace(walk, result=result, comparison=comparison))
-        loads = result.sphere_normal_n[:, ahead]
-        i = int(np.argmax(loads.sum(axis=1)))
-        slopes = np.cumsum(
-            [
-                angle[i]
-                for name, angle in zip(result.coordinate_names, result.q.T, strict=True)
-                # the toe up is positive
-                if name.startswith("keel_")
-            ]
-        )
-        pieces = np.diff(joints_mm) * [np.cos(slopes), np.sin(slopes)]
-        rows.append(
-            {
-                "fulcrum_mm": 1e3 * x,
-                JUDGED: walk_metrics(result, plate, comparison=comparison).error_bw,
-                "keel_mm": np.vstack([np.zeros(2), np.cumsum(pieces, axis=1).T]),
-                "load": [loads[i].sum(), loads[i] @ spheres_mm[ahead] / max(loads[i].sum(), 1e-9)],
-                **{f"{name}_model": found[name][1] for name in ("resultant", "cop") if name in own},
-            }
-        )
-    arrays = {f"moved_{key}": np.array([row[key] for row in rows], dtype=float) for key in rows[0]}
-    for name in ("resultant", "cop"):
-        if name in own:
-            arrays[f"moved_{name}_measured"] = own[name][0]
-        if others and name in own and all(name in curves[one.label] for one in others):
+    for name in names:
+        arrays[f"moved_{name}_measured"] = own[name][0]
+        if others and all(name in curves[one.label] for one in others):
             arrays[f"moved_{name}_null"] = between_settings(
                 np.array([one.trial.fulcrum_m for one in others]),
                 np.array([curves[one.label][name][0] for one in others]),
@@ -576,3 +508,21 @@ def moved_fulcrum(
             )
     null_label = BETWEEN if between else others[0].label if others else None
     return ShownWalk(label=walk.label, fulcrum_mm=walk.fulcrum_mm, null_label=null_label), arrays
+
+
+def _most_loaded_keel(result: WalkResult, foot: FootParameters) -> tuple[np.ndarray, list[float]]:
+    """The keel (mm) and its load (N, mm), as `moved_fulcrum` has them."""
+    spheres_mm = np.concatenate([zone.x_mm for zone in foot.zones])
+    ahead = spheres_mm > 1e3 * foot.fulcrum.foremost_m
+    loads = result.sphere_normal_n[:, ahead]
+    i = int(np.argmax(loads.sum(axis=1)))
+    # the toe up is positive
+    bends = [
+        column for column, name in enumerate(result.coordinate_names) if name.startswith("keel_")
+    ]
+    slopes = np.cumsum(result.q[i, bends])
+    joints_m = [0.0, *keel_joint_positions(foot.keel), sum(foot.keel.element_lengths_m)]
+    pieces_mm = np.diff(1e3 * np.array(joints_m)) * [np.cos(slopes), np.sin(slopes)]
+    keel_mm = np.vstack([np.zeros(2), np.cumsum(pieces_mm, axis=1).T])
+    load_n = loads[i].sum()
+    return keel_mm, [load_n, loads[i] @ spheres_mm[ahead] / max(load_n, 1e-9)]
