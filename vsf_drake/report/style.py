@@ -22,6 +22,7 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import TightLayoutEngine
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogFormatter
 from matplotlib.typing import ColorType
 
@@ -161,6 +162,11 @@ def tag(
         va=va,
         annotation_clip=False,
     )
+
+
+def entry(name: str, **look: Any) -> Line2D:
+    """What a legend shows of a line or mark in this look."""
+    return Line2D([], [], label=name, **look)
 
 
 def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:

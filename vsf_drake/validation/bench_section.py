@@ -84,6 +84,11 @@ class LoadPoint:
     stiffness_n_per_mm: float
     closed_form_n_per_mm: float
 
+    @property
+    def closed_form_off(self) -> float:
+        """Share by which the closed form misses it."""
+        return abs(self.closed_form_n_per_mm / self.stiffness_n_per_mm - 1.0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class BenchSectionTable:

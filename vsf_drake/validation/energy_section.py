@@ -57,6 +57,18 @@ class EnergyRow(StanceNumbers):
     stance: int  # from 1
     coarse_remainder_max_j: float | None  # in twice the step; None where that walk failed
 
+    @property
+    def coarse_ratio(self) -> float | None:
+        """That remainder in parts of this one; None where there is none of them."""
+        known = self.coarse_remainder_max_j is not None and self.remainder_max_j > 0.0
+        return self.coarse_remainder_max_j / self.remainder_max_j if known else None
+
+    @property
+    def beam_ratio(self) -> float | None:
+        """What keel and support hold, in parts of the closed form."""
+        held = self.keel_at_most_j + self.fulcrum_at_most_j
+        return held / self.beam_j if self.beam_j else None
+
 
 @dataclass(frozen=True, kw_only=True)
 class MovedRow:

@@ -25,6 +25,7 @@ from vsf_drake.report.style import (
     label,
     tag,
 )
+from vsf_drake.report.validation.panels import section_chapter
 
 if TYPE_CHECKING:
     from vsf_drake.device.bench_lines import SettingRow
@@ -32,28 +33,21 @@ if TYPE_CHECKING:
 
 _MARKERS = {"model": "o", "nominal": "s", "soft_support": "v", "refined": "D", "calibrated": "^"}
 _SLOPE_ABOVE_N = 200.0
-_LEAST_TOLD = 1e-4
-"""Share of the mass below which an error has no number in a sentence."""
 
 
 def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
     """The chapter; `table` and `arrays` of the saved bench section."""
-    points = table.load_points
-    forefoot = _forefoot(table)
-    rates = sorted(
-        (row for row in table.rates if row.fulcrum_mm is not None),
-        key=lambda row: row.fulcrum_mm or 0.0,
-    )
-    speeds = {row.speed_mm_per_min for row in rates}
-    ends = {
-        speed: [row for row in rates if row.speed_mm_per_min == speed]
-        for speed in sorted(speeds, reverse=True)
+    figures = {
+        "bench_curves": _curves_figure(table, arrays),
+        "bench_stiffness": _stiffness_figure(table),
     }
-    facts = {
-        "line_of": {line.key: line for line in table.lines},
-        "pressed": [row for row in forefoot if row.lines["model"]],
-        "heel": next((row for row in table.settings if row.fulcrum_mm is None), None),
-        "comparison_rows": [
+    if table.lines[0].statistics is not None:
+        figures["bench_errors"] = _errors_figure(table)
+    return section_chapter(
+        "bench",
+        table,
+        figures,
+        comparison_rows=[
             {"of": line.name + more, **vars(own)}
             for line in table.lines
             for more, own in (
@@ -62,10 +56,10 @@ def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
             )
             if own
         ],
-        "setting_rows": [
+        setting_rows=[
             {
                 **vars(row),
-                "setting": _position(row.fulcrum_mm),
+                "setting": _setting_name(row.fulcrum_mm),
                 "repeats": row.repeats or None,
                 **{
                     f"{key}_{name}": value
@@ -76,79 +70,30 @@ def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
             }
             for row in table.settings
         ],
-        "chord_shares": [
-            (words, shares)
-            for key, words in (
-                ("measured", _source(table)),
-                ("model", f"simulated ({table.lines[0].name})"),
-            )
-            if (
-                shares := [
-                    (row.fulcrum_mm, curve.curvature_share)
-                    for row in forefoot
-                    if (curve := row.lines[key])
-                ]
-            )
-        ],
-        "loops": [(speed, own[0], own[-1]) for speed, own in ends.items() if len(own) > 1],
-        "rate_rows": [
+        rate_rows=[
             {
                 **vars(row),
-                "setting": _position(row.fulcrum_mm),
+                "setting": _setting_name(row.fulcrum_mm),
                 "lost_share": 1.0 - row.return_ratio,
             }
             for row in table.rates
         ],
-        "moved_ends": [
-            (own[0], own[-1])
-            for x in _ends(row.fulcrum_mm for row in points)
-            if (own := [row for row in points if row.fulcrum_mm == x])
-        ],
-        "beam_off": max(
-            (abs(row.closed_form_n_per_mm / row.stiffness_n_per_mm - 1.0) for row in points),
-            default=None,
-        ),
-    }
-    figures = {
-        "bench_curves": _curves_figure(table, arrays),
-        "bench_stiffness": _stiffness_figure(table),
-    }
-    if table.lines[0].statistics is not None:
-        figures["bench_errors"] = _errors_figure(table)
-    return Chapter(
-        name="bench",
-        title="Bench",
-        template="validation/bench.html.j2",
-        facts={**vars(table), **facts},
-        figures=figures,
     )
 
 
 def standing_chapter(table: StoodTable, arrays: Arrays) -> Chapter:
     """What the ground carries of a standing person, and how the feet share it, per fulcrum
     position."""
-    stood = [row for row in table.rows if row.failure is None]
-    facts = {
-        "stood": stood,
-        "shares": [100.0 * row.prosthetic_share for row in stood],
-        "tellable": abs(table.worst_mass_error or 0.0) >= _LEAST_TOLD,
-    }
-    return Chapter(
-        name="standing",
-        title="Standing",
-        template="validation/standing.html.j2",
-        facts={**vars(table), **facts},
-    )
+    return section_chapter("standing", table)
+
+
+def _setting_name(fulcrum_mm: float | None) -> str:
+    """A setting in a table."""
+    return "heel" if fulcrum_mm is None else f"{fulcrum_mm:g} mm"
 
 
 def _forefoot(table: BenchSectionTable) -> list[SettingRow]:
     return [row for row in table.settings if row.fulcrum_mm is not None]
-
-
-def _ends(positions: Iterable[float]) -> list[float]:
-    """The least and the largest of them."""
-    ordered = sorted(positions)
-    return [*ordered[:1], *ordered[-1:]]
 
 
 def _source(table: BenchSectionTable) -> str:
@@ -309,11 +254,6 @@ def _setting(axes: Axes, i: int, row: SettingRow, table: BenchSectionTable, arra
     if ends:
         name = "heel" if row.fulcrum_mm is None else f"{row.fulcrum_mm:g}"
         tag(axes, name, (ends[0], load[-1]), colour, offset=(0, 5), ha="center")
-
-
-def _position(fulcrum_mm: float | None) -> str:
-    """A position in a table."""
-    return "heel" if fulcrum_mm is None else f"{fulcrum_mm:g} mm"
 
 
 def _of_line(rows: Iterable[SettingRow], line: str, key: str) -> np.ndarray:

@@ -36,14 +36,17 @@ _MAKERS: dict[str, tuple[str, Callable[..., Chapter]]] = {
     "standing": ("Standing", standing_chapter),
     "walking": ("Walking", walking_chapter),
     "layers": ("Prediction in layers", layers_chapter),
-    "walking_exact": ("Without errors of measurement", exact_chapter),
-    "layers_exact": ("Prediction in layers", partial(layers_chapter, exact=True)),
+    "walking_exact": ("Walking without errors of measurement", exact_chapter),
+    "layers_exact": (
+        "Prediction in layers without errors of measurement",
+        partial(layers_chapter, exact=True),
+    ),
     "energy": ("Energy storage and return", energy_chapter),
-    "roll_over": ("Roll-over", roll_over_chapter),
+    "roll_over": ("Roll-over and inclined loading", roll_over_chapter),
     "settings": ("Can two settings be distinguished?", settings_chapter),
     "sensitivity": ("Sensitivity", sensitivity_chapter),
 }
-"""By section: what its chapter is called if it cannot be made, and what makes it."""
+"""By section: what its chapter is called, and what makes it."""
 _OF_STUDIES = ("settings", "sensitivity")  # computed by studies/ship_validation.py
 
 
@@ -87,7 +90,7 @@ def make_chapters(
 
             chapter = made_chapter(name, title, make, lenient)
             why = [*map(str, section.get("missing") or ()), *chapter.missing]
-        chapters.append(replace(chapter, name=name, missing=why))
+        chapters.append(replace(chapter, name=name, title=title, missing=why))
     return [
         *chapters,
         made_chapter("made", "How this was made", partial(_making, content), lenient),

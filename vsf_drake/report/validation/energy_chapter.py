@@ -25,6 +25,7 @@ from vsf_drake.report.style import (
     name_of,
     say_synthetic,
 )
+from vsf_drake.report.validation.panels import section_chapter
 
 if TYPE_CHECKING:
     from vsf_drake.validation.energy_section import (
@@ -62,72 +63,15 @@ _LOSSES = ("keel_loss", "foam_loss", "friction_loss", "fulcrum_loss")
 
 def energy_chapter(table: EnergyTable, arrays: Arrays) -> Chapter:
     """What the foot stores and returns by fulcrum position, and how well its balance closes."""
-    trials = table.trials
     figures = {}
-    facts = {**vars(table), "trials": plain(trials), "conditions": plain(table.conditions)}
-    if trials:
-        facts |= {
-            "firsts": [trials[i] for i in _first_of_each(table).values()],
-            "stored_at_ends": [
-                (name, *ends)
-                for name, stored in (
-                    (
-                        "as recorded",
-                        [(c.fulcrum_mm, c.means["stored_j"] or 0.0) for c in table.conditions],
-                    ),
-                    (
-                        "under the same load",
-                        [(row.fulcrum_mm, row.stored_j) for row in table.same_load],
-                    ),
-                    (
-                        "with the same motion",
-                        [(row.fulcrum_mm, row.stored_j) for row in table.same_motion],
-                    ),
-                )
-                if (ends := _at_ends(stored))
-            ],
-            "remainder_ratios": [
-                row.coarse_remainder_max_j / row.remainder_max_j
-                for row in trials
-                if row.coarse_remainder_max_j is not None and row.remainder_max_j > 0.0
-            ],
-            "lost_first_j": sum(
-                trials[0].terms_j[f"{name}_j"] for name in table.terms if name.endswith("_loss")
-            ),
-            "beam_ratios": [
-                (row.keel_at_most_j + row.fulcrum_at_most_j) / row.beam_j
-                for row in trials
-                if row.beam_j
-            ],
-        }
+    if table.trials:
         figures = {
             "energy_stance": _stance_figure(table, arrays),
             "energy_position": _position_figure(table),
-            "energy_balance": _balance_figure(trials[0]),
+            "energy_balance": _balance_figure(table.trials[0]),
             "energy_power": _power_figure(table, arrays),
         }
-    return Chapter(
-        name="energy",
-        title="Energy storage and return",
-        template="validation/energy.html.j2",
-        facts=facts,
-        figures=figures,
-    )
-
-
-def _at_ends(stored: Sequence[tuple[float, float]]) -> tuple[float, ...]:
-    """Softest position (mm), mean energy stored there (J), and the same of the stiffest; nothing
-    for one position."""
-    places = sorted({at for at, _ in stored})
-    return (
-        tuple(
-            number
-            for x in (places[0], places[-1])
-            for number in (x, float(np.mean([energy for at, energy in stored if at == x])))
-        )
-        if len(places) > 1
-        else ()
-    )
+    return section_chapter("energy", table, figures, condition_rows=plain(table.conditions))
 
 
 def _first_of_each(table: EnergyTable) -> dict[float, int]:

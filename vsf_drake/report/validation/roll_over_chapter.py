@@ -22,6 +22,8 @@ from vsf_drake.report.style import (
     name_of,
     tag,
 )
+from vsf_drake.report.validation.panels import section_chapter
+from vsf_drake.walks.numbers import spread
 
 if TYPE_CHECKING:
     from vsf_drake.device.roll_over import Iso
@@ -37,24 +39,22 @@ _PANELS = (
 def roll_over_chapter(table: RollOverTable, arrays: Arrays) -> Chapter:
     """The chapter of a saved section (`validation.roll_over_section`)."""
     iso = table.iso
-    inclined = table.inclined
-    pairs = [
-        (row, other)
-        for row in iso.positions
-        for other in iso.with_friction
-        if row.fulcrum_mm == other.fulcrum_mm
-    ]
-    radii = [_radii(row, table) for row in table.conditions]
-    worst: dict[str, float | None] = {}
-    for name in ("off", "off_after_heel"):
-        known = [row[name] for row in radii]
-        worst[f"{name}_worst"] = max(
-            (abs(value) for value in known if value is not None), default=None
-        )
-    facts = {
-        "radii": radii,
-        **worst,
-        "condition_rows": [
+    figures: dict[str, Figure] = {}
+    if table.walks:
+        figures |= {
+            "roll_over_shapes": _shape_figure(table, arrays),
+            "roll_over_measures": _measures_figure(table),
+        }
+    if iso.positions:
+        figures["iso_22675_profile"] = _iso_figure(iso, arrays)
+    if table.inclined:
+        figures["inclined_loading"] = _inclined_figure(table.inclined, arrays)
+    return section_chapter(
+        "roll_over",
+        table,
+        figures,
+        radii=[_radii(row, table) for row in table.conditions],
+        condition_rows=[
             {
                 "fulcrum_mm": row.fulcrum_mm,
                 "source": words,
@@ -68,50 +68,24 @@ def roll_over_chapter(table: RollOverTable, arrays: Arrays) -> Chapter:
             for row in table.conditions
             for means, words in ((row.measured, "plate"), (row.model, "model"))
         ],
-        "iso_ends": [*iso.positions[:1], *iso.positions[1:][-1:]],
-        "followed": [
+        followed=[
             {**vars(row), "follows": "yes" if row.follows else "NO"} for row in iso.positions
         ],
-        "changes": {
-            name: [
-                100.0 * (getattr(other, name) / getattr(row, name) - 1.0)
-                for row, other in pairs
-                if getattr(row, name) is not None and getattr(other, name) is not None
-            ]
-            for name in ("deflection_forefoot_mm", "radius_m", "dorsiflexing_moment_nm")
-        },
-        "sliding_j": [other.lost_by_sliding_j for _, other in pairs],
-        "inclined_ends": [
-            (words, own[0], own[-1])
-            for angle, words in ((-15.0, "heel"), (20.0, "forefoot"))
-            if (own := [row for row in inclined if row.angle_deg == angle])
+        rough=[
+            (row, other)
+            for row in iso.positions
+            for other in iso.with_friction
+            if row.fulcrum_mm == other.fulcrum_mm
         ],
-        "inclined_rows": [
+        inclined_rows=[
             {**vars(row), "zones": ", ".join(row.zones_loaded).replace("_", " ")}
-            for row in inclined
+            for row in table.inclined
         ],
-    }
-    figures: dict[str, Figure] = {}
-    if table.walks:
-        figures |= {
-            "roll_over_shapes": _shape_figure(table, arrays),
-            "roll_over_measures": _measures_figure(table),
-        }
-    if iso.positions:
-        figures["iso_22675_profile"] = _iso_figure(iso, arrays)
-    if inclined:
-        figures["inclined_loading"] = _inclined_figure(inclined, arrays)
-    return Chapter(
-        name="roll-over",
-        title="Roll-over and inclined loading",
-        template="validation/roll_over.html.j2",
-        facts={**vars(table), **facts},
-        figures=figures,
     )
 
 
 def _radii(condition: RollOverCondition, table: RollOverTable) -> dict[str, float | None]:
-    """What the radii of a condition are, over the whole shape and without the heel's part (mm), by
+    """What the radii of a condition are, over the whole shape and without the heel's part (m), by
     how much the model's is off (%), and how far apart the shapes are (mm)."""
     found: dict[str, float | None] = {"fulcrum_mm": condition.fulcrum_mm}
     for end, name in (("", "radius_m"), ("_after_heel", "radius_after_heel_m")):
@@ -119,13 +93,12 @@ def _radii(condition: RollOverCondition, table: RollOverTable) -> dict[str, floa
         measured = condition.measured[name].mean
         found[f"model{end}"] = model
         found[f"measured{end}"] = measured
-        found[f"off{end}"] = (
-            None if model is None or measured is None else 100.0 * (model / measured - 1.0)
-        )
+        known = model is not None and measured is not None
+        found[f"off{end}"] = 100.0 * (model / measured - 1.0) if known else None
     own = [row for row in table.walks if row.fulcrum_mm == condition.fulcrum_mm]
     for name in ("heel_apart", "later_apart"):
-        known = [getattr(row, f"{name}_m") for row in own if getattr(row, f"{name}_m") is not None]
-        found[f"{name}_mm"] = 1e3 * float(np.mean(known)) if known else None
+        apart_m = spread(getattr(row, f"{name}_m") for row in own).mean
+        found[f"{name}_mm"] = None if apart_m is None else 1e3 * apart_m
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from vsf_drake.report.style import (
     name_of,
     say_synthetic,
 )
-from vsf_drake.walks.quantities import JUDGED
+from vsf_drake.report.validation.panels import section_chapter
 
 if TYPE_CHECKING:
     from vsf_drake.validation.walking_section import LayersTable, WalkingCondition, WalkingTable
@@ -39,8 +39,6 @@ _CURVES = (
     ("walking_others", ("resultant", "medio_lateral", "impulse", "free_moment")),
 )
 """The figures of curves: the first is shown, the other folded."""
-_POINTWISE = "pointwise bootstrap"
-"""The method of a section that was made without spm1d, as it is saved."""
 _PERCENT = np.linspace(0.0, 100.0, 101)
 _NAMES = {
     "resultant": ("resultant force", "BW"),
@@ -58,11 +56,7 @@ _MOST_NAMED = 24
 
 def walking_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
     """Table 3, Figures 5 to 7, null model, sweep, and where the curves differ."""
-    rows = table.rows
     group = _main_group(table)
-    swept = [row.sweep for row in rows if row.sweep and row.sweep.right is not None]
-    ends = [sweep for sweep in swept if sweep.at_end]
-    limits = [(d.n, d.threshold) for d in table.differences if d.threshold is not None]
     figures = {"walking_errors": walk_errors_figure(table)}
     ensembles = []
     for name, quantities in _CURVES:
@@ -77,104 +71,47 @@ def walking_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
             title = f"{name}_{part // _ACROSS + 1}" if len(conditions) > _ACROSS else name
             figures[title] = _ensemble_figure(table, arrays, shown, own)
             ensembles.append((title, list(_extremes(table, arrays, shown, own))))
-    drawn = any(_has_curves(arrays, group, quantity) for quantity in _NAMES)
-    if drawn:
+    if any(_has_curves(arrays, group, quantity) for quantity in _NAMES):
         figures["walking_differences"] = _difference_figure(table, arrays)
-    any_sweep = any(np.isfinite(row.sweep.errors_bw).any() for row in rows if row.sweep)
-    if any_sweep:
-        figures["walking_sweep"] = fit_sweep_figure(
-            [(row.label, row.fulcrum_mm, row.sweep) for row in rows if row.sweep],
-            synthetic=table.synthetic,
-        )
-    facts = {
-        "pointwise": table.difference_method == _POINTWISE,
-        "drawn_differences": drawn,
-        "over_all": [
+    sweeps = [(row.label, row.fulcrum_mm, row.sweep) for row in table.rows if row.sweep]
+    if any(np.isfinite(sweep.errors_bw).any() for _, _, sweep in sweeps):
+        figures["walking_sweep"] = fit_sweep_figure(sweeps, synthetic=table.synthetic)
+    return _chapter(
+        table,
+        figures,
+        exact=False,
+        ensembles=ensembles,
+        over_all=[
             {**vars(d), "curve": _NAMES[d.quantity][0], "unit": _NAMES[d.quantity][1]}
             for d in table.differences
             if d.group == group and d.largest_difference is not None
         ],
-        "ensembles": ensembles,
-        "fewest_tested": min((n for n, _ in limits), default=None),
-        "largest_threshold": max((threshold for _, threshold in limits), default=None),
-        "times_s": [
-            (name, float(np.mean(known)))
-            for name, key in (
-                ("heel strike", "heel_strike_error_s"),
-                ("toe-off", "toe_off_error_s"),
-                ("stance", "stance_error_s"),
-            )
-            if (known := [value for row in rows if (value := row.scores[key]) is not None])
-        ],
-        "paper": [c.paper for c in table.conditions if c.paper],
-        "any_sweep": any_sweep,
-        "sweeps": len(swept),
-        "sweeps_at_end": len(ends),
-        "off_inside_mm": max(
-            (abs(sweep.off_mm) for sweep in swept if not sweep.at_end and sweep.off_mm is not None),
-            default=None,
-        ),
-        "sweeps_unknown": [row.label for row in rows if row.sweep and row.sweep.right is None],
-    }
-    return Chapter(
-        name="walking",
-        title="Walking",
-        template="validation/walking.html.j2",
-        facts={**vars(table), **_walks(table), **facts, "exact": False},
-        figures=figures,
     )
 
 
 def exact_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
     """Table 3 and every walk whose motion and force belong together: what of an error is the
     model's own."""
-    return Chapter(
-        name="walking_exact",
-        title="Walking without errors of measurement",
-        template="validation/walking.html.j2",
-        facts={**vars(table), **_walks(table), "exact": True},
-    )
+    return _chapter(table, exact=True)
 
 
 def layers_chapter(table: LayersTable, arrays: Arrays, *, exact: bool = False) -> Chapter:
     """Every walk in layers; `exact`: those without errors of measurement."""
-    title = "Prediction in layers" + exact * " without errors of measurement"
-    return Chapter(
-        name="layers_exact" if exact else "layers",
-        title=title,
-        template="validation/layers.html.j2",
-        facts={
-            **vars(table),
-            "rows": [{**vars(row), **row.scores} for row in table.rows],
-            "keys": [f"{layer}_{JUDGED}" for layer in ("physics", "momentum", "discrepancy")],
-            "exact": exact,
-            "not_held": f"{say('not_held')[0]}.",
-        },
+    return section_chapter(
+        "layers",
+        table,
+        exact=exact,
+        rows=[{**vars(row), **row.scores} for row in table.rows],
+        not_held=f"{say('not_held')[0]}.",
     )
 
 
-def _walks(table: WalkingTable) -> dict[str, Any]:
-    """Rows of the tables that both chapters have."""
-    return {
-        "condition_rows": list(_condition_rows(table)),
-        "repeated": [row for row in table.angle_errors if row.role == _told(table)],
-        "with_spread": lambda columns: tuple(
-            one
-            for own in columns
-            for one in (own, (f"{own[0]}_sd", "SD", own[2].replace("+", ""), *own[3:]))
-        ),
-    }
-
-
-def _told(table: WalkingTable) -> str | None:
-    """The role of which the headline is: of walks that the fit has not seen if there are any."""
-    return next(
-        (
-            name
-            for name in ("held out", "offsets fitted", "fitted")
-            if any(row.role == name for row in table.rows)
-        ),
-        None,
+def _chapter(
+    table: WalkingTable, figures: Mapping[str, Figure] | None = None, **facts: Any
+) -> Chapter:
+    """With the rows of the tables that both chapters have."""
+    return section_chapter(
+        "walking", table, figures, condition_rows=list(_condition_rows(table)), **facts
     )
 
 
