@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from vsf_drake.base.files import plain
@@ -21,11 +20,12 @@ from vsf_drake.report.style import (
     Arrays,
     colour_of,
     drawing,
+    entry,
     label,
     name_of,
     say_synthetic,
 )
-from vsf_drake.report.validation.panels import section_chapter
+from vsf_drake.report.validation.panels import mark, section_chapter
 
 if TYPE_CHECKING:
     from vsf_drake.validation.energy_section import (
@@ -58,6 +58,8 @@ _STORES = (
     ("fulcrum_strain", "fulcrum", 0.5, "////"),
     ("foam_strain", "foam", 0.2, ""),
 )
+_DOTTED: dict[str, Any] = {"linestyle": (0, (1, 1))}
+_LOST = _DOTTED | {"linewidth": 1.4}
 _LOSSES = ("keel_loss", "foam_loss", "friction_loss", "fulcrum_loss")
 
 
@@ -108,42 +110,22 @@ def _position_figure(table: EnergyTable) -> Figure:
     """Stored and returned energy over the fulcrum's position: as recorded, under the same load,
     with the same motion.
     """
-    trials = table.trials
-    moved = [
-        (rows, title)
-        for rows, title in ((table.same_load, "same load"), (table.same_motion, "same motion"))
-        if rows
-    ]
+    ways = {"as recorded": (), "same load": table.same_load, "same motion": table.same_motion}
+    titles = [title for title, rows in ways.items() if rows or title == "as recorded"]
     with drawing(PANEL[0], 1.05 * PANEL[1]) as figure:
-        panels = figure.subplots(1, 1 + len(moved), sharey=True, squeeze=False)[0]
-        _recorded(panels[0], trials, table.conditions)
-        for axes, (rows, _) in zip(panels[1:], moved, strict=True):
-            _moved(axes, rows, trials)
-        for axes, title in zip(
-            panels, ("as recorded", *(title for _, title in moved)), strict=True
-        ):
-            label(
-                axes,
-                x="fulcrum (mm)",
-                y="energy of a stance (J)" if axes is panels[0] else "",
-                title=title,
-            )
-            axes.set_ylim(bottom=0.0)
-        handles = [
-            Line2D(
-                [],
-                [],
-                color=NEUTRAL,
-                marker="o",
-                markerfacecolor=NEUTRAL if full else "white",
-                label=name,
-                **SIMULATED,
-            )
-            for _, name, full in _KINDS
-        ]
+        panels = figure.subplots(1, len(titles), sharey=True, squeeze=False)[0]
+        for axes, title in zip(panels, titles, strict=True):
+            if axes is panels[0]:
+                _recorded(axes, table.trials, table.conditions)
+            else:
+                _moved(axes, ways[title], table.trials)
+            y = "energy of a stance (J)" if axes is panels[0] else ""
+            label(axes, x="fulcrum (mm)", y=y, title=title)
+        panels[0].set_ylim(bottom=0.0)
+        handles = [entry(name, **mark(NEUTRAL, full) | SIMULATED) for _, name, full in _KINDS]
         handles += [
-            Line2D([], [], color=colour_of(x), linewidth=2.0, label=f"recorded at {x:g} mm")
-            for x in sorted({row.fulcrum_mm for row in trials})
+            entry(f"recorded at {x:g} mm", color=colour_of(x), linewidth=2.0)
+            for x in sorted({row.fulcrum_mm for row in table.trials})
         ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
         say_synthetic(figure, table.synthetic, "walks")
@@ -158,38 +140,25 @@ def _recorded(
         means = np.array([c.means[key] for c in conditions], dtype=float)
         axes.plot(places, means, color=NEUTRAL, zorder=1, **SIMULATED)
         for row in trials:
-            colour = colour_of(row.fulcrum_mm)
-            axes.plot(
-                row.fulcrum_mm,
-                getattr(row, key),
-                marker="o",
-                linestyle="",
-                markersize=5,
-                color=colour,
-                markerfacecolor=colour if full else "white",
-            )
+            look = mark(colour_of(row.fulcrum_mm), full, markersize=5)
+            axes.plot(row.fulcrum_mm, getattr(row, key), **look)
 
 
 def _moved(axes: Axes, rows: Sequence[MovedRow], trials: Sequence[EnergyRow]) -> None:
     """Means over the trials of each condition, where all of them could be walked."""
     own = {row.label: row.fulcrum_mm for row in trials}
     for home in sorted(set(own.values())):
-        mine = [row for row in rows if own.get(row.label) == home]
-        at = {
-            x: [row for row in mine if row.fulcrum_mm == x]
-            for x in sorted({row.fulcrum_mm for row in mine})
-        }
-        places = [x for x, of in at.items() if len(of) == len({row.label for row in mine})]
-        colour = colour_of(home)
+        at: dict[float, list[MovedRow]] = {}
+        for row in sorted(rows, key=lambda row: row.fulcrum_mm):
+            if own.get(row.label) == home:
+                at.setdefault(row.fulcrum_mm, []).append(row)
+        walks = len({row.label for here in at.values() for row in here})
+        places = [x for x, here in at.items() if len(here) == walks]
         for key, _, full in _KINDS:
             axes.plot(
                 places,
                 [float(np.mean([getattr(row, key) for row in at[x]])) for x in places],
-                color=colour,
-                marker="o",
-                markersize=5,
-                markerfacecolor=colour if full else "white",
-                **SIMULATED,
+                **mark(colour_of(home), full, markersize=5) | SIMULATED,
             )
 
 
@@ -201,22 +170,13 @@ def _power_figure(table: EnergyTable, arrays: Arrays) -> Figure:
     with drawing(*PANEL) as figure:
         axes = figure.subplots()
         for home in sorted(set(homes)):
-            colour = colour_of(home)
-            axes.plot(
-                middle,
-                arrays["pylon_power_w"][homes == home].mean(axis=0),
-                color=colour,
-                linewidth=1.8,
-                label=name_of(home),
-            )
-            axes.plot(
-                middle,
-                arrays["shank_power_w"][homes == home].mean(axis=0),
-                color=colour,
-                linewidth=1.2,
-                linestyle=(0, (1, 1)),
-            )
-        axes.plot([], [], color=NEUTRAL, linestyle=(0, (1, 1)), label="foot and socket together")
+            for body, look in (
+                ("pylon", {"linewidth": 1.8, "label": name_of(home)}),
+                ("shank", _DOTTED | {"linewidth": 1.2}),
+            ):
+                power = arrays[f"{body}_power_w"][homes == home].mean(axis=0)
+                axes.plot(middle, power, color=colour_of(home), **look)
+        axes.plot([], [], color=NEUTRAL, label="foot and socket together", **_DOTTED)
         axes.axhline(0.0, color="0.3", linewidth=0.8)
         axes.set_xlim(0.0, 100.0)
         axes.legend(loc="upper left")
@@ -248,28 +208,17 @@ def _stance_figure(table: EnergyTable, arrays: Arrays) -> Figure:
                 )
                 base = top
             axes.plot(percent, base, color=colour, **SIMULATED)
-            axes.plot(
-                percent,
-                np.sum([terms[name] for name in _LOSSES], axis=0),
-                color="0.1",
-                linestyle=(0, (1, 1)),
-                linewidth=1.4,
-            )
+            lost = np.sum([terms[name] for name in _LOSSES], axis=0)
+            axes.plot(percent, lost, color="0.1", **_LOST)
             axes.set_xlim(0.0, 100.0)
             axes.set_ylim(bottom=0.0)
-            label(
-                axes,
-                x="stance (%)",
-                y="energy (J)" if axes is panels[0] else "",
-                title=f"{fulcrum:g} mm",
-            )
+            y = "energy (J)" if axes is panels[0] else ""
+            label(axes, x="stance (%)", y=y, title=f"{fulcrum:g} mm")
         handles: list[Artist] = [
             Patch(facecolor=("0.3", alpha), edgecolor="white", hatch=hatch, label=text)
             for _, text, alpha, hatch in _STORES
         ]
-        handles.append(
-            Line2D([], [], color="0.1", linestyle=(0, (1, 1)), linewidth=1.4, label="lost so far")
-        )
+        handles.append(entry("lost so far", color="0.1", **_LOST))
         figure.legend(handles=handles, loc="lower center", ncols=4)
         say_synthetic(figure, table.synthetic, "walks")
     return figure

@@ -7,8 +7,25 @@ from collections.abc import Mapping
 from typing import Any
 
 from matplotlib.figure import Figure
+from matplotlib.typing import ColorType
 
 from vsf_drake.report.page import Chapter
+
+
+def mark(colour: ColorType, full: bool, marker: str = "o", **more: Any) -> dict[str, Any]:
+    """The look of a mark without a line, open or full."""
+    return {
+        "linestyle": "",
+        "marker": marker,
+        "color": colour,
+        "markerfacecolor": colour if full else "white",
+        **more,
+    }
+
+
+def plate_name(synthetic: bool) -> str:
+    """What a legend calls the force plate."""
+    return "plate (SYNTHETIC)" if synthetic else "plate"
 
 
 def section_chapter(

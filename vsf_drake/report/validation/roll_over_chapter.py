@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import (
@@ -18,11 +17,12 @@ from vsf_drake.report.style import (
     Arrays,
     colour_of,
     drawing,
+    entry,
     label,
     name_of,
     tag,
 )
-from vsf_drake.report.validation.panels import section_chapter
+from vsf_drake.report.validation.panels import mark, plate_name, section_chapter
 from vsf_drake.walks.numbers import spread
 
 if TYPE_CHECKING:
@@ -33,6 +33,12 @@ _PANELS = (
     ("radius_m", 1e3, "radius", "(mm)"),
     ("effective_foot_length_ratio", 1.0, "effective /\nfoot length", "(ratio)"),
     ("mean_moment_arm_m", 1e3, "mean\nmoment arm", "(mm)"),
+)
+_ISO = (
+    ("force_n", "(N)", "Force along the line"),
+    ("deflection_mm", "(mm)", "Deflection"),
+    ("moment_nm", "(N m)", "Moment, toe up +"),
+    ("strain_j", "(J)", "Stored energy"),
 )
 
 
@@ -105,33 +111,31 @@ def _radii(condition: RollOverCondition, table: RollOverTable) -> dict[str, floa
 def _inclined_figure(rows: Sequence[InclinedRow], arrays: Arrays) -> Figure:
     """Load and displacement of the foot pressed at an angle."""
     with drawing(*PANEL) as figure:
-        for axes, sign, title in zip(
-            figure.subplots(1, 2, width_ratios=(1.0, 1.6), sharey=True),
-            ("minus", "plus"),
-            ("Heel, -15°", "Forefoot, +20°"),
-            strict=True,
-        ):
-            for i, row in enumerate(rows):
-                if (row.angle_deg > 0.0) == (sign == "plus"):
-                    name = f"inclined_{sign}{abs(row.angle_deg):.0f}_{row.fulcrum_mm:.0f}"
-                    load = arrays[f"{name}_load_n"]
-                    loading = slice(0, int(np.argmax(load)) + 1)
-                    x = 1e3 * arrays[f"{name}_displacement_m"][loading]
-                    colour = colour_of(row.fulcrum_mm)
-                    axes.plot(x, load[loading], color=colour, **SIMULATED)
-                    if sign == "plus":
-                        tag(
-                            axes,
-                            f"{row.fulcrum_mm:g}",
-                            (x[-1], load[loading][-1]),
-                            colour,
-                            ha="center",
-                            offset=(0, 4 + 9 * (i % 2)),
-                        )
+        heel, forefoot = figure.subplots(1, 2, width_ratios=(1.0, 1.6), sharey=True)
+        for i, row in enumerate(rows):
+            sign = "plus" if row.angle_deg > 0.0 else "minus"
+            name = f"inclined_{sign}{abs(row.angle_deg):.0f}_{row.fulcrum_mm:.0f}"
+            load = arrays[f"{name}_load_n"]
+            top = int(np.argmax(load))
+            x = 1e3 * arrays[f"{name}_displacement_m"][: top + 1]
+            colour = colour_of(row.fulcrum_mm)
+            axes = forefoot if sign == "plus" else heel
+            axes.plot(x, load[: top + 1], color=colour, **SIMULATED)
+            if axes is forefoot:
+                offset = (0, 4 + 9 * (i % 2))
+                tag(
+                    axes,
+                    f"{row.fulcrum_mm:g}",
+                    (x[-1], load[top]),
+                    colour,
+                    ha="center",
+                    offset=offset,
+                )
+        for axes, y, title in ((heel, "load (N)", "Heel, -15°"), (forefoot, "", "Forefoot, +20°")):
             axes.set_xlim(left=0.0)
             axes.margins(y=0.15)
             axes.set_ylim(bottom=0.0)
-            label(axes, x="displacement (mm)", y="load (N)" if sign == "minus" else "", title=title)
+            label(axes, x="displacement (mm)", y=y, title=title)
     return figure
 
 
@@ -139,34 +143,17 @@ def _iso_figure(iso: Iso, arrays: Arrays) -> Figure:
     """The foot under the ISO 22675 loading profile: the force, and how the foot answers at each
     position."""
     with drawing(PANEL[0], 1.5 * PANEL[1]) as figure:
-        (force, deflection), (moment, strain) = figure.subplots(2, 2, sharex=True)
+        panels = figure.subplots(2, 2, sharex=True).ravel()
         time = 1e3 * arrays["iso_time_s"]
-        force.plot(time, arrays["iso_wanted_n"], color=NEUTRAL, **MEASURED)
-        for row in iso.positions:
-            for axes, what in (
-                (force, "force_n"),
-                (deflection, "deflection_mm"),
-                (moment, "moment_nm"),
-                (strain, "strain_j"),
-            ):
-                axes.plot(
-                    time,
-                    arrays[f"iso_{row.fulcrum_mm:.0f}_{what}"],
-                    color=colour_of(row.fulcrum_mm),
-                    **SIMULATED,
-                )
-        for axes, x, y, title in (
-            (force, "", "(N)", "Force along the line"),
-            (deflection, "", "(mm)", "Deflection"),
-            (moment, "time (ms)", "(N m)", "Moment, toe up +"),
-            (strain, "time (ms)", "(J)", "Stored energy"),
-        ):
-            label(axes, x=x, y=y, title=title)
-        handles = [Line2D([], [], color=NEUTRAL, label="profile", **MEASURED)]
+        panels[0].plot(time, arrays["iso_wanted_n"], color=NEUTRAL, **MEASURED)
+        for axes, (what, unit, title) in zip(panels, _ISO, strict=True):
+            for row in iso.positions:
+                curve = arrays[f"iso_{row.fulcrum_mm:.0f}_{what}"]
+                axes.plot(time, curve, color=colour_of(row.fulcrum_mm), **SIMULATED)
+            label(axes, x="time (ms)" if axes in panels[2:] else "", y=unit, title=title)
+        handles = [entry("profile", color=NEUTRAL, **MEASURED)]
         handles += [
-            Line2D(
-                [], [], color=colour_of(row.fulcrum_mm), label=name_of(row.fulcrum_mm), **SIMULATED
-            )
+            entry(name_of(row.fulcrum_mm), color=colour_of(row.fulcrum_mm), **SIMULATED)
             for row in iso.positions
         ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
@@ -191,13 +178,7 @@ def _shape_figure(table: RollOverTable, arrays: Arrays) -> Figure:
                 ends += [(x, y) for x, y in zip(forward, up, strict=True) if np.isfinite(x)][-1:]
             if ends:
                 tag(axes, f"{fulcrum:g}", max(ends), colour_of(fulcrum), offset=(4, 2))
-        axes.plot(
-            [],
-            [],
-            color=NEUTRAL,
-            label="plate (SYNTHETIC)" if table.synthetic else "plate",
-            **MEASURED,
-        )
+        axes.plot([], [], color=NEUTRAL, label=plate_name(table.synthetic), **MEASURED)
         axes.plot([], [], color=NEUTRAL, label="model", **SIMULATED)
         axes.margins(x=0.1, y=0.5)
         axes.set_aspect("equal", adjustable="datalim")
@@ -214,26 +195,14 @@ def _measures_figure(table: RollOverTable) -> Figure:
             for side, marker, shift in (("measured", "o", 4.0), ("model", "D", -4.0)):
                 for row in table.walks:
                     value = getattr(getattr(row, side), name)
-                    colour = colour_of(row.fulcrum_mm)
+                    look = mark(colour_of(row.fulcrum_mm), side == "measured", marker, markersize=6)
                     if value is not None:
-                        axes.plot(
-                            row.fulcrum_mm + shift,
-                            scale * value,
-                            marker,
-                            markersize=6,
-                            color=colour,
-                            markerfacecolor=colour if side == "measured" else "white",
-                        )
+                        axes.plot(row.fulcrum_mm + shift, scale * value, **look)
             axes.margins(x=0.2, y=0.15)
             label(axes, x="fulcrum (mm)", y=unit, title=title)
         handles = [
-            Line2D(
-                [], [], color=NEUTRAL, marker=marker, linestyle="", markerfacecolor=face, label=said
-            )
-            for marker, face, said in (
-                ("o", NEUTRAL, "plate (SYNTHETIC)" if table.synthetic else "plate"),
-                ("D", "white", "model"),
-            )
+            entry(plate_name(table.synthetic), **mark(NEUTRAL, True)),
+            entry("model", **mark(NEUTRAL, False, "D")),
         ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
     return figure

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from vsf_drake.base.sentences import say
@@ -23,11 +22,12 @@ from vsf_drake.report.style import (
     Arrays,
     colour_of,
     drawing,
+    entry,
     label,
     name_of,
     say_synthetic,
 )
-from vsf_drake.report.validation.panels import section_chapter
+from vsf_drake.report.validation.panels import mark, plate_name, section_chapter
 
 if TYPE_CHECKING:
     from vsf_drake.validation.walking_section import LayersTable, WalkingCondition, WalkingTable
@@ -185,18 +185,14 @@ def _difference_figure(table: WalkingTable, arrays: Arrays) -> Figure:
             axes.set_xlabel("stance (%)")
             axes.tick_params(labelbottom=True)
         panels[0].set_xlim(0.0, 100.0)
-        handles: list[Artist] = [
-            Line2D([], [], color="black", linewidth=2.0, label="mean of all walks")
-        ]
+        handles: list[Artist] = [entry("mean of all walks", color="black", linewidth=2.0)]
         if any(d.method for d in table.differences if d.group == group):
             handles += [
                 Patch(facecolor=NEUTRAL, alpha=0.4, label="its 95 % band"),
-                Line2D([], [], color="0.1", linewidth=4.0, label="different from zero"),
+                entry("different from zero", color="0.1", linewidth=4.0),
             ]
         handles += [
-            Line2D(
-                [], [], color=colour_of(c.fulcrum_mm), linewidth=1.3, label=name_of(c.fulcrum_mm)
-            )
+            entry(name_of(c.fulcrum_mm), color=colour_of(c.fulcrum_mm), linewidth=1.3)
             for c in (table.conditions if group == "all" else ())
         ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
@@ -261,14 +257,8 @@ def _ensemble_figure(
                 )
         panels[0, 0].set_xlim(0.0, 100.0)
         handles = [
-            Line2D(
-                [],
-                [],
-                color=NEUTRAL,
-                label="plate (SYNTHETIC)" if table.synthetic else "plate",
-                **MEASURED,
-            ),
-            Line2D([], [], color="0.2", label="simulated", **SIMULATED),
+            entry(plate_name(table.synthetic), color=NEUTRAL, **MEASURED),
+            entry("simulated", color="0.2", **SIMULATED),
         ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
     return figure
@@ -297,23 +287,10 @@ def walk_errors_figure(table: WalkingTable) -> Figure:
         axes = figure.subplots()
         for place, row in enumerate(rows):
             colour = colour_of(row.fulcrum_mm)
-            error = row.error_bw
-            null = row.null_bw
-            if error is not None and null is not None:
-                axes.plot(
-                    [100.0 * error, 100.0 * null], [place, place], color=colour, linewidth=1.0
-                )
-            if null is not None:
-                axes.plot(100.0 * null, place, marker="x", color="0.1", markersize=6)
-            if error is not None:
-                axes.plot(
-                    100.0 * error,
-                    place,
-                    marker="o",
-                    markersize=7,
-                    color=colour,
-                    markerfacecolor="white" if row.role == "held out" else colour,
-                )
+            error, null = 100.0 * np.array([row.error_bw, row.null_bw], dtype=float)
+            axes.plot([error, null], [place, place], color=colour, linewidth=1.0)
+            axes.plot(null, place, marker="x", color="0.1", markersize=6)
+            axes.plot(error, place, **mark(colour, row.role != "held out", markersize=7))
         axes.set_ylim(len(rows) - 0.4, -0.6)
         axes.set_yticks(
             range(len(rows)),
@@ -325,19 +302,10 @@ def walk_errors_figure(table: WalkingTable) -> Figure:
         axes.set_xlim(left=0.0)
         axes.grid(False, axis="y")
         handles = [
-            Line2D(
-                [],
-                [],
-                color="0.2",
-                marker="o",
-                linestyle="",
-                markersize=7,
-                label=role,
-                markerfacecolor="white" if role == "held out" else "0.2",
-            )
+            entry(role, **mark("0.2", role != "held out", markersize=7))
             for role in dict.fromkeys(row.role for row in rows)
         ]
-        handles.append(Line2D([], [], color="0.1", marker="x", linestyle="", label="null model"))
+        handles.append(entry("null model", color="0.1", marker="x", linestyle=""))
         figure.legend(handles=handles, loc="lower center", ncols=len(handles))
         label(axes, x="resultant force, RMS error (% BW)", y="")
         say_synthetic(figure, table.synthetic, "walks")
