@@ -32,6 +32,10 @@ if TYPE_CHECKING:
     from vsf_drake.validation.bench_section import BenchSectionTable, StoodTable
 
 _MARKERS = {"model": "o", "nominal": "s", "soft_support": "v", "refined": "D", "calibrated": "^"}
+_MISSED = (
+    ("stiffness_n_per_mm", "stiffness_rmse_n_per_mm", "N/mm", "Stiffness", ""),
+    ("mid_range_mm", "mid_range_rmse_mm", "mm", "Mid-range displacement", FULCRUM),
+)
 _SLOPE_ABOVE_N = 200.0
 
 
@@ -164,21 +168,12 @@ def _errors_figure(table: BenchSectionTable) -> Figure:
     rows = _forefoot(table)
     x = [row.fulcrum_mm for row in rows]
     with drawing(PANEL[0], 1.6 * PANEL[1]) as figure:
-        for axes, key, unit, limit in zip(
-            figure.subplots(2, sharex=True),
-            ("stiffness_n_per_mm", "mid_range_mm"),
-            ("N/mm", "mm"),
-            ("stiffness_rmse_n_per_mm", "mid_range_rmse_mm"),
-            strict=True,
+        for axes, (key, rmse, unit, title, x_label) in zip(
+            figure.subplots(2, sharex=True), _MISSED, strict=True
         ):
             if not table.measured_synthetic:
-                axes.axhspan(
-                    -table.limits[limit],
-                    table.limits[limit],
-                    color=SHADE,
-                    zorder=0,
-                    label="paper's RMSE",
-                )
+                limit = table.limits[rmse]
+                axes.axhspan(-limit, limit, color=SHADE, zorder=0, label="paper's RMSE")
             axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
             for line in table.lines:
                 own = line.key == "model"
@@ -192,12 +187,7 @@ def _errors_figure(table: BenchSectionTable) -> Figure:
                     linewidth=0.8,
                     linestyle="-" if own else ":",
                 )
-            label(
-                axes,
-                x="" if unit == "N/mm" else FULCRUM,
-                y=f"less {_source(table)} ({unit})",
-                title="Stiffness" if unit == "N/mm" else "Mid-range displacement",
-            )
+            label(axes, x=x_label, y=f"less {_source(table)} ({unit})", title=title)
         figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=2)
     return figure
 

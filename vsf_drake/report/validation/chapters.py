@@ -149,29 +149,35 @@ class Panel:
     x_range: tuple[float, float]
     y_range: tuple[float, float]
 
+    def across(self, x: np.ndarray) -> np.ndarray:
+        """Where these are from left to right."""
+        low, high = self.x_range
+        return _LEFT + (x - low) / (high - low) * (_WIDE - _LEFT - _RIGHT)
+
+    def down(self, y: np.ndarray) -> np.ndarray:
+        """Where these are from top to bottom."""
+        low, high = self.y_range
+        return _HIGH - _BOTTOM - (y - low) / (high - low) * (_HIGH - _TOP - _BOTTOM)
+
     def points(self, x: np.ndarray, y: np.ndarray) -> str:
         """A line for SVG, without what is not known."""
-        (x0, x1), (y0, y1) = self.x_range, self.y_range
-        across = _LEFT + (x - x0) / (x1 - x0) * (_WIDE - _LEFT - _RIGHT)
-        up = _HIGH - _BOTTOM - (y - y0) / (y1 - y0) * (_HIGH - _TOP - _BOTTOM)
-        return " ".join(
-            f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True) if np.isfinite(a + b)
-        )
+        places = zip(self.across(x), self.down(y), strict=True)
+        return " ".join(f"{a:.1f},{b:.1f}" for a, b in places if np.isfinite(a + b))
 
     @property
     def ticks(self) -> dict[str, list[tuple[str, str]]]:
         """Of each axis: where, as SVG has it, and what stands there."""
-        found = {}
-        for i, (axis, span) in enumerate((("x", self.x_range), ("y", self.y_range))):
-            values = [v for v in MaxNLocator(5).tick_values(*span) if span[0] <= v <= span[1]]
-            at = (np.array(values), np.full(len(values), self.y_range[0]))
-            places = self.points(
-                *(at if axis == "x" else (np.full(len(values), self.x_range[0]), at[0]))
-            ).split()
-            found[axis] = [
-                (place.split(",")[i], f"{v:g}") for place, v in zip(places, values, strict=True)
+        return {
+            axis: [
+                (f"{place(tick):.1f}", f"{tick:g}")
+                for tick in MaxNLocator(5).tick_values(low, high)
+                if low <= tick <= high
             ]
-        return found
+            for axis, place, (low, high) in (
+                ("x", self.across, self.x_range),
+                ("y", self.down, self.y_range),
+            )
+        }
 
 
 def moved_walk(arrays: Arrays, own_mm: float) -> dict[str, Any]:
@@ -205,12 +211,10 @@ def moved_walk(arrays: Arrays, own_mm: float) -> dict[str, Any]:
             if f"{name}_{key}" in arrays
         }
         models = scale * arrays[f"{name}_model"]
-        low, high = (
-            function([function(line) for line in (*lines.values(), models)])
-            for function in (np.nanmin, np.nanmax)
-        )
+        every = np.vstack([*lines.values(), models])
+        high = 1.05 * np.nanmax(every)
         panel = Panel(
-            name, title, "stance on the plate (%)", (0.0, 100.0), (min(low, 0.0), 1.05 * high)
+            name, title, "stance on the plate (%)", (0.0, 100.0), (min(np.nanmin(every), 0.0), high)
         )
         panels.append(panel)
         still[name] = {key: panel.points(percent, line) for key, line in lines.items()}
