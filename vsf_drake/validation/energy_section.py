@@ -9,6 +9,7 @@ x²/2. The verdict is of the first two.
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ import numpy as np
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.files import flat
-from vsf_drake.base.progress import Progress
+from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.base.sentences import say
 from vsf_drake.base.threads import side_by_side
 from vsf_drake.motion.events import find_stances
@@ -34,7 +35,8 @@ from vsf_drake.walks.energy_ledger import (
     stance_energy,
     walk_with_same_load,
 )
-from vsf_drake.walks.numbers import spread
+from vsf_drake.walks.numbers import by_fulcrum, spread
+from vsf_drake.walks.quantities import known
 from vsf_drake.walks.recorded_walk import reached, walkers_of
 
 STEPS_S = {
@@ -147,28 +149,35 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
         "quick" if study.options.quick else "full" if study.options.full else ""
     ]
     positions = reached(study.model.foot, PUBLISHED_FULCRUMS_M)
-    own = [
-        EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=walk.trial.fulcrum_m, step_s=step)
-        for step in (fine, coarse_step)
-        for walk in study.walks
-    ]
-    elsewhere = [
-        EnergyCase(
-            label=walk.label, trial=walk.trial, fulcrum_m=x, step_s=moved, search_step_s=step
+    own = [(walk, walk.trial.fulcrum_m) for walk in study.walks]
+    elsewhere = [(walk, x) for walk in study.walks for x in positions]
+    parts = [
+        [
+            EnergyCase(
+                label=walk.label,
+                trial=walk.trial,
+                fulcrum_m=x,
+                step_s=step,
+                search_step_s=search_step,
+            )
+            for walk, x in places
+        ]
+        for places, step, search_step in (
+            (own, fine, None),
+            (own, coarse_step, None),
+            (elsewhere, moved, None),
+            (elsewhere, moved, search),
         )
-        for step in (None, search)
-        for walk in study.walks
-        for x in positions
     ]
-    every = walk_cases(
-        [*own, *elsewhere],
-        workers=study.options.workers,
-        progress=progress and (lambda f: progress("walking in small steps", 0.95 * f)),
+    show = part_of(progress, share=0.95)
+    every = iter(
+        walk_cases(
+            [*itertools.chain(*parts)],
+            workers=study.options.workers,
+            progress=lambda fraction: show("walking in small steps", fraction),
+        )
     )
-    count = len(study.walks)
-    reported = every[:count]
-    twins = every[count : 2 * count]
-    walks = every[2 * count :]
+    reported, twins, kept, loaded = [[next(every) for _ in part] for part in parts]
 
     coarse = {
         (walk.case.label, i): stance.row.remainder_max_j
@@ -186,21 +195,17 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
         for i, stance in enumerate(walk.stances)
     )
     motion, load = (
-        tuple(_moved(walk) for walk in part if walk.stances)
-        for part in (walks[: len(walks) // 2], walks[len(walks) // 2 :])
+        tuple(_moved(walk) for walk in walks if walk.stances) for walks in (kept, loaded)
     )
-    conditions = tuple(
-        _condition(x, [row for row in trials if row.fulcrum_mm == x])
-        for x in sorted({row.fulcrum_mm for row in trials})
-    )
+    conditions = tuple(_condition(x, rows) for x, rows in by_fulcrum(trials).items())
     persons = len({walk.trial.subject for walk in study.walks})
     judged = {
         key: _judged(load, motion, conditions if persons == 1 else (), key)
         for key in ("stored_j", "returned_j")
     }
     remainder, balance, distal = (
-        max((one for row in trials if (one := getattr(row, key)) is not None), default=None)
-        for key in ("remainder_share", "balance_share", "distal_share")
+        max(known(getattr(row, f"{name}_share") for row in trials), default=None)
+        for name in ("remainder", "balance", "distal")
     )
     table = EnergyTable(
         trials=trials,
@@ -223,40 +228,20 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
         softer=judged,
         synthetic=study.synthetic,
     )
-    stances = [stance for walk in reported for stance in walk.stances]
-    curves = (
-        {
-            name: np.array([stance.curves[name] for stance in stances])
-            for name in ("terms_j", "pylon_power_w", "shank_power_w")
-        }
-        if stances
-        else {}
-    )
+    curves = [stance.curves for walk in reported for stance in walk.stances]
     return Section(
         table=table,
-        arrays={"percent": PERCENT} | curves,
+        arrays={"percent": PERCENT}
+        | {name: np.array([one[name] for one in curves]) for name in (curves or [()])[0]},
         missing=tuple(
             say(
                 "energy",
                 "missing",
                 reaches_all=len(positions) == len(PUBLISHED_FULCRUMS_M),
-                failed=[
-                    (
-                        walk.case.label,
-                        1e3 * walk.case.fulcrum_m,
-                        walk.case.search_step_s is not None,
-                        walk.failure,
-                    )
-                    for walk in (*reported, *walks)
-                    if walk.failure
-                ],
-                unconverged=[
-                    (walk.case.label, walk.unconverged_steps)
-                    for walk in reported
-                    if walk.unconverged_steps
-                ],
-                one_position=len(conditions) == 1,
-                persons=persons if len(conditions) > 1 else 1,
+                walks=[*reported, *kept, *loaded],
+                reported=reported,
+                conditions=conditions,
+                persons=persons,
             )
         ),
     )
@@ -312,32 +297,35 @@ def _judged(
     key: str,
 ) -> Softer:
     """Whether the energy `key` falls with the setting's stiffness."""
-
-    def falls(values: Sequence[float]) -> bool | None:
-        return bool(np.all(np.diff(values) < 0)) if len(values) > 1 else None
-
-    def in_trials(rows: Sequence[MovedRow]) -> tuple[bool | None, tuple[str, ...]]:
-        curves: dict[str, list[float]] = {}
-        for row in sorted(rows, key=lambda row: row.fulcrum_mm):
-            curves.setdefault(row.label, []).append(getattr(row, key))
-        positions = len({row.fulcrum_mm for row in rows})
-        verdicts = {
-            label: falls(values) for label, values in curves.items() if len(values) == positions
-        }
-        known = [one for one in verdicts.values() if one is not None]
-        return all(known) if known else None, tuple(
-            label for label, one in verdicts.items() if one is False
-        )
-
-    recorded = falls([mean for row in conditions if (mean := row.means[key]) is not None])
-    same_load, against = in_trials(load)
+    means = [mean for row in conditions if (mean := row.means[key]) is not None]
+    recorded = _falls(means)
+    in_load = _falls_by_trial(load, key)
+    in_motion = _falls_by_trial(motion, key)
+    same_load = all(in_load.values()) if in_load else None
     return Softer(
         recorded=recorded,
         same_load=same_load,
-        same_load_against=against,
-        same_motion=in_trials(motion)[0],
+        same_load_against=tuple(label for label, falls in in_load.items() if not falls),
+        same_motion=all(in_motion.values()) if in_motion else None,
         both=None if same_load is None or recorded is None else same_load and recorded,
     )
+
+
+def _falls(values: Sequence[float]) -> bool | None:
+    return bool(np.all(np.diff(values) < 0)) if len(values) > 1 else None
+
+
+def _falls_by_trial(rows: Sequence[MovedRow], key: str) -> dict[str, bool]:
+    """Of the trials that were walked at all positions, if these are several."""
+    curves: dict[str, list[float]] = {}
+    positions = by_fulcrum(rows)
+    for row in itertools.chain(*positions.values()):
+        curves.setdefault(row.label, []).append(getattr(row, key))
+    return {
+        label: falls
+        for label, values in curves.items()
+        if len(values) == len(positions) and (falls := _falls(values)) is not None
+    }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -37,7 +37,7 @@ from vsf_drake.walks.comparison import (
     percent_instants,
     resample,
 )
-from vsf_drake.walks.numbers import Spread, spread
+from vsf_drake.walks.numbers import Spread, by_fulcrum, spread
 from vsf_drake.walks.recorded_walk import reached
 
 LEAST_FORCE_N = 50.0
@@ -162,10 +162,7 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
                     for axis, column in zip(("forward", "up"), points.T, strict=True)
                 }
             rows.append(row)
-    conditions = tuple(
-        _condition(x, [row for row in rows if row.fulcrum_mm == x])
-        for x in sorted({row.fulcrum_mm for row in rows})
-    )
+    conditions = tuple(_condition(x, own) for x, own in by_fulcrum(rows).items())
     iso = Iso(
         force_n=force,
         force_from="weight" if given is None else "given",

@@ -356,11 +356,9 @@ def validation_content(
             say(
                 "validation",
                 "verdict",
-                walking=found.get("walking"),
-                bench=found.get("bench"),
-                layers=found.get("layers"),
+                found=found,
                 to_come="walking" not in finished,
-                unmet=[row.what for row in summary if row.met is False],
+                summary=summary,
             )
         ),
         synthetic=study.synthetic or bench_synthetic,
@@ -411,25 +409,16 @@ def first_line(study: Study) -> str:
 
 
 def _notes(study: Study, finished: Mapping[str, Finished]) -> list[str]:
-    own = [walk.label for walk in study.walks if walk.trial.model == study.model]
-    prints: dict[str, list[str]] = {}
+    recordings: dict[str, list[str]] = {}
     for walk in study.walks:
-        prints.setdefault(fingerprint(walk.recorded), []).append(walk.label)
-    unusable = [
-        f"{walk.label}: {walk.recorded.judged.note}"
-        for walk in study.walks
-        if walk.recorded.judged is not None and walk.recorded.judged.mark == "unusable"
-    ]
-    return unusable + say(
+        recordings.setdefault(fingerprint(walk.recorded), []).append(walk.label)
+    return say(
         "validation",
         "notes",
-        contact=study.contact,
+        study=study,
         bench=bench_doubts(study.bench) if study.bench else (),
-        persons=len({walk.trial.subject for walk in study.walks}),
-        other_models_than=own[0] if len(own) < len(study.walks) else None,
-        repeated=[labels for labels in prints.values() if len(labels) > 1],
-        unconverged=[walk.label for walk in study.walks if not walk.result.converged],
-        failed=[(name, one.failure) for name, one in finished.items() if one.section is None],
+        recordings=recordings.values(),
+        finished=finished,
     )
 
 
@@ -439,112 +428,25 @@ def _notes(study: Study, finished: Mapping[str, Finished]) -> list[str]:
 # Published: McGeehan, Adamczyk, Nichols and Hahn 2021, doi 10.1115/1.4050456.
 
 
-class _InputLine(NamedTuple):
-    """A line of the summary."""
-
-    what: str
-    key: str  # where the value stands, "section/key/key"
-    unit: str
-    form: str = "{:z.2f}"  # of the value as it is shown, times `scale`
-    scale: float = 1.0
-    paper: str | None = None  # the published figure in words
-    most: float | None = None  # what the value may be
-    least: float | None = None
-
-
-_REMAINDER = "energy/ledger_remainder_share_max"
-_HELD_OUT = "walking/held_out/"
-_LINES = (
-    _InputLine(
-        "Bench: R² of stiffness over fulcrum positions",
-        "bench/stiffness_r2",
-        "",
-        "{:.4f}",
-        paper="0.98",
-        least=0.98,
-    ),
-    _InputLine(
-        "Bench: RMSE of stiffness", "bench/stiffness_rmse_n_per_mm", "N/mm", paper="1.37", most=1.37
-    ),
-    _InputLine(
-        "Bench: RMSE of mid-range displacement",
-        "bench/mid_range_rmse_mm",
-        "mm",
-        paper="0.45",
-        most=0.45,
-    ),
-    _InputLine(
-        "Fitted walks: resultant GRF, RMSE, mean",
-        "walking/fitted/grf_rmse_bw",
-        "% BW",
-        scale=100.0,
-        paper="5.3",
-        most=0.053,
-    ),
-    _InputLine(
-        "Held-out walks: resultant GRF, RMSE, mean",
-        f"{_HELD_OUT}grf_rmse_bw",
-        "% BW",
-        scale=100.0,
-        paper="10 to 14",
-        most=0.10,
-    ),
-    _InputLine(
-        "Held-out walks: resultant GRF, RMSE, worst",
-        f"{_HELD_OUT}grf_rmse_bw_worst",
-        "% BW",
-        scale=100.0,
-        paper="14",
-        most=0.14,
-    ),
-    _InputLine(
-        "Held-out walks: null model (other walks' plate curves, interpolated between settings), "
-        "mean",
-        f"{_HELD_OUT}null_model_grf_rmse_bw",
-        "% BW",
-        scale=100.0,
-    ),
-    _InputLine(
-        "Held-out walks: nearest single plate curve of another walk, mean",
-        f"{_HELD_OUT}stretched_null_grf_rmse_bw",
-        "% BW",
-        scale=100.0,
-    ),
-    _InputLine(
-        "Held-out walks: CoP along the foot, RMSE, mean",
-        f"{_HELD_OUT}cop_rmse_fl",
-        "% foot length",
-        scale=100.0,
-        paper="5.7 to 9.5",
-        most=0.095,
-    ),
-    _InputLine(
-        "Held-out walks: CoP across the foot, RMSE, mean",
-        f"{_HELD_OUT}cop_ml_rmse_fl",
-        "% foot length",
-        scale=100.0,
-    ),
-    _InputLine(
-        "Held-out walks: impulse, RMSE, mean",
-        f"{_HELD_OUT}impulse_rmse_bws",
-        "BW s",
-        "{:.4f}",
-        paper="0.01 to 0.05",
-        most=0.05,
-    ),
-    _InputLine("Stance time: correlation over trials", "walking/stance_r", "", "{:.3f}"),
-    _InputLine(
-        "Energy balance: remainder over stored energy, worst trial",
-        _REMAINDER,
-        "%",
-        scale=100.0,
-        most=0.01,
-    ),
-)
-_ANSWERS = (
-    ("energy/softer_stores_more", "Energy: a softer setting stores more"),
-    ("energy/softer_returns_more", "Energy: a softer setting returns more"),
-)
+_SUMMARY = """
+bench/stiffness_r2              | Bench: R² of stiffness over fulcrum positions | | 1 | {:z.4f} | 0.98 | at least 0.98
+bench/stiffness_rmse_n_per_mm   | Bench: RMSE of stiffness | N/mm | 1 | {:z.2f} | 1.37 | at most 1.37
+bench/mid_range_rmse_mm         | Bench: RMSE of mid-range displacement | mm | 1 | {:z.2f} | 0.45 | at most 0.45
+walking/fitted/grf_rmse_bw      | Fitted walks: resultant GRF, RMSE, mean | % BW | 100 | {:z.2f} | 5.3 | at most 5.3
+walking/held_out/grf_rmse_bw    | Held-out walks: resultant GRF, RMSE, mean | % BW | 100 | {:z.2f} | 10 to 14 | at most 10
+walking/held_out/grf_rmse_bw_worst | Held-out walks: resultant GRF, RMSE, worst | % BW | 100 | {:z.2f} | 14 | at most 14
+walking/held_out/null_model_grf_rmse_bw | Held-out walks: null model (other walks' plate curves, interpolated between settings), mean | % BW | 100 | {:z.2f} | |
+walking/held_out/stretched_null_grf_rmse_bw | Held-out walks: nearest single plate curve of another walk, mean | % BW | 100 | {:z.2f} | |
+walking/held_out/cop_rmse_fl    | Held-out walks: CoP along the foot, RMSE, mean | % foot length | 100 | {:z.2f} | 5.7 to 9.5 | at most 9.5
+walking/held_out/cop_ml_rmse_fl | Held-out walks: CoP across the foot, RMSE, mean | % foot length | 100 | {:z.2f} | |
+walking/held_out/impulse_rmse_bws | Held-out walks: impulse, RMSE, mean | BW s | 1 | {:z.4f} | 0.01 to 0.05 | at most 0.05
+walking/stance_r                | Stance time: correlation over trials | | 1 | {:z.3f} | |
+energy/ledger_remainder_share_max | Energy balance: remainder over stored energy, worst trial | % | 100 | {:z.2f} | | at most 1
+energy/softer_stores_more       | Energy: a softer setting stores more | | 1 | | | yes
+energy/softer_returns_more      | Energy: a softer setting returns more | | 1 | | | yes
+"""  # noqa: E501 (a table)
+"""Where a value stands, what it is, its unit as it is shown, by what it is multiplied then, its
+format (none for yes or no), the published figure in words, and what is asked of it."""
 
 
 def summary_rows(
@@ -561,52 +463,45 @@ def summary_rows(
         return value
 
     rows = []
-    fitted = bool(at("bench/contact_on_bench"))
-    for line in _LINES:
-        value = at(line.key)
-        what = line.what
-        limit, relation = (
-            (line.most, "at most") if line.most is not None else (line.least, "at least")
-        )
-        of_bench = line.key.startswith("bench/")
-        made = bench_synthetic if of_bench else synthetic
-        if made or (fitted and of_bench):
-            limit = None
-        if fitted and of_bench:
-            what += " (fitted to a bench)"
-        if line.key == _REMAINDER and value is not None:
-            what += f" (in steps of {1e3 * at('energy/step_s'):g} ms)"
-        text = None if value is None else line.form.format(line.scale * value)
-        rows.append(
-            SummaryRow(
-                what=what,
-                key=line.key,
-                value=value,
-                unit=line.unit,
-                paper=line.paper,
-                synthetic=made,
-                shown=line.form.format(0.0)
-                if text and not float(text)
-                else text,  # a zero has no sign
-                asked=None if limit is None else f"{relation} {line.scale * limit:g}",
-                met=None
-                if value is None or limit is None
-                else bool(value <= limit if line.most is not None else value >= limit),
-            )
-        )
-    for key, what in _ANSWERS:
+    for line in _SUMMARY.strip().splitlines():
+        key, what, unit, scale, form, paper, asked = map(str.strip, line.split("|"))
         value = at(key)
+        fitted = key.startswith("bench/") and bool(at("bench/contact_on_bench"))
+        made = bench_synthetic if key.startswith("bench/") else synthetic
+        if fitted:
+            what += " (fitted to a bench)"
+        if key == "energy/ledger_remainder_share_max" and value is not None:
+            what += f" (in steps of {1e3 * at('energy/step_s'):g} ms)"
+        if made or fitted:
+            asked = ""
+        if value is None:
+            shown = None
+        elif form:
+            shown = form.format(float(scale) * value)
+        else:
+            shown = "yes" if value else "no"
         rows.append(
             SummaryRow(
                 what=what,
                 key=key,
                 value=value,
-                unit="",
-                paper=None,
-                asked=None if synthetic else "yes",
-                synthetic=synthetic,
-                met=None if synthetic else value,
-                shown=None if value is None else "yes" if value else "no",
+                unit=unit,
+                paper=paper or None,
+                shown=shown,
+                asked=asked or None,
+                met=_met(value, asked, float(scale)),
+                synthetic=made,
             )
         )
     return tuple(rows)
+
+
+def _met(value: Any, asked: str, scale: float) -> bool | None:
+    """Whether a value is as a line of the summary asks; None where that cannot be told."""
+    if value is None or not asked:
+        return None
+    relation, _, limit = asked.rpartition(" ")
+    if not relation:
+        return bool(value)
+    most = float(limit) / scale
+    return bool(value <= most if relation == "at most" else value >= most)

@@ -23,6 +23,7 @@ from vsf_drake.simulation.results import WalkResult
 from vsf_drake.validation.options import StudyOptions
 from vsf_drake.walks.comparison import Comparison, compare
 from vsf_drake.walks.metrics import WalkMetrics, known_curves, walk_metrics, warnings
+from vsf_drake.walks.numbers import by_fulcrum
 from vsf_drake.walks.recorded_walk import ValidatedWalk, check_named_once, labels_of, walk_trial
 
 FITTED, HELD_OUT, OFFSETS_FITTED = "fitted", "held out", "offsets fitted"
@@ -72,10 +73,9 @@ class Study:
         tells."""
         return any(walk.trial.synthetic for walk in self.walks)
 
-    def conditions(self) -> dict[float, tuple[StudyWalk, ...]]:
+    def conditions(self) -> dict[float, list[StudyWalk]]:
         """Walks by fulcrum position (mm), softest first."""
-        positions = sorted({walk.fulcrum_mm for walk in self.walks})
-        return {x: tuple(walk for walk in self.walks if walk.fulcrum_mm == x) for x in positions}
+        return by_fulcrum(self.walks)
 
     @property
     def shown(self) -> StudyWalk:

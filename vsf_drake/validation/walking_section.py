@@ -41,7 +41,7 @@ from vsf_drake.walks.fulcrum_sweep import (
 )
 from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.null_model import several_settings
-from vsf_drake.walks.numbers import Spread, finite, rms, spread
+from vsf_drake.walks.numbers import Spread, by_fulcrum, finite, rms, spread
 from vsf_drake.walks.prediction import LAYERS, MOMENTUM, layers_of
 from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, Scored
 from vsf_drake.walks.sweep_table import judged
@@ -226,9 +226,7 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     named = [row.sweep.right for row in rows if row.sweep and row.sweep.right is not None]
     table = WalkingTable(
         rows=rows,
-        conditions=tuple(
-            condition(x, [row for row in rows if row.fulcrum_mm == x]) for x in study.conditions()
-        ),
+        conditions=tuple(condition(x, own) for x, own in by_fulcrum(rows).items()),
         held_out=held_out,
         fitted=fitted,
         offsets_fitted=offsets_fitted,

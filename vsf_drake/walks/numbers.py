@@ -4,9 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from operator import attrgetter
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
+
+
+class _AtFulcrum(Protocol):
+    @property
+    def fulcrum_mm(self) -> float: ...
+
+
+T = TypeVar("T", bound=_AtFulcrum)
+
+
+def by_fulcrum(rows: Iterable[T]) -> dict[float, list[T]]:
+    """Rows by their `fulcrum_mm`, softest first."""
+    groups: dict[float, list[T]] = {}
+    for row in sorted(rows, key=attrgetter("fulcrum_mm")):
+        groups.setdefault(row.fulcrum_mm, []).append(row)
+    return groups
 
 
 def known(values: Iterable[float | None]) -> np.ndarray:

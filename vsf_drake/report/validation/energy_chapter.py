@@ -26,6 +26,7 @@ from vsf_drake.report.style import (
     say_synthetic,
 )
 from vsf_drake.report.validation.panels import mark, section_chapter
+from vsf_drake.walks.numbers import by_fulcrum
 
 if TYPE_CHECKING:
     from vsf_drake.validation.energy_section import (
@@ -76,14 +77,6 @@ def energy_chapter(table: EnergyTable, arrays: Arrays) -> Chapter:
     return section_chapter("energy", table, figures, condition_rows=plain(table.conditions))
 
 
-def _first_of_each(table: EnergyTable) -> dict[float, int]:
-    """Row of `trials` of the first stance at each position (mm), softest first."""
-    first: dict[float, int] = {}
-    for i, row in enumerate(table.trials):
-        first.setdefault(row.fulcrum_mm, i)
-    return dict(sorted(first.items()))
-
-
 def _balance_figure(row: EnergyRow) -> Figure:
     """Where the limb's work is at toe-off of a stance, one term after the other taken off it."""
     with drawing(PANEL[0], 1.15 * PANEL[1]) as figure:
@@ -125,7 +118,7 @@ def _position_figure(table: EnergyTable) -> Figure:
         handles = [entry(name, **mark(NEUTRAL, full) | SIMULATED) for _, name, full in _KINDS]
         handles += [
             entry(f"recorded at {x:g} mm", color=colour_of(x), linewidth=2.0)
-            for x in sorted({row.fulcrum_mm for row in table.trials})
+            for x in by_fulcrum(table.trials)
         ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
         say_synthetic(figure, table.synthetic, "walks")
@@ -148,10 +141,7 @@ def _moved(axes: Axes, rows: Sequence[MovedRow], trials: Sequence[EnergyRow]) ->
     """Means over the trials of each condition, where all of them could be walked."""
     own = {row.label: row.fulcrum_mm for row in trials}
     for home in sorted(set(own.values())):
-        at: dict[float, list[MovedRow]] = {}
-        for row in sorted(rows, key=lambda row: row.fulcrum_mm):
-            if own.get(row.label) == home:
-                at.setdefault(row.fulcrum_mm, []).append(row)
+        at = by_fulcrum(row for row in rows if own.get(row.label) == home)
         walks = len({row.label for here in at.values() for row in here})
         places = [x for x, here in at.items() if len(here) == walks]
         for key, _, full in _KINDS:
@@ -187,12 +177,13 @@ def _power_figure(table: EnergyTable, arrays: Arrays) -> Figure:
 def _stance_figure(table: EnergyTable, arrays: Arrays) -> Figure:
     """Where the energy of the foot is over a stance: strain of keel, support and foam stacked, and
     losses so far; one trial a fulcrum position."""
-    shown = _first_of_each(table).items()
+    shown = by_fulcrum(table.trials)
     percent = arrays["percent"]
     with drawing(PANEL[0], 1.05 * PANEL[1]) as figure:
         panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
-        for axes, (fulcrum, i) in zip(panels, shown, strict=True):
-            terms = dict(zip(table.terms, arrays["terms_j"][i], strict=True))
+        for axes, (fulcrum, rows) in zip(panels, shown.items(), strict=True):
+            curves = arrays["terms_j"][table.trials.index(rows[0])]
+            terms = dict(zip(table.terms, curves, strict=True))
             colour = colour_of(fulcrum)
             base = np.zeros(len(percent))
             for name, _, alpha, hatch in _STORES:
