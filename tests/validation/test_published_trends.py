@@ -139,7 +139,7 @@ def test_a_walk_is_one_repetition_however_often_it_is_asked_and_what_failed_is_t
     def heels(*rates):
         return [
             [
-                dict.fromkeys((name for name, _ in AT_THE_HEEL.values()), 1.0)
+                dict.fromkeys((name for name, *_ in AT_THE_HEEL.values()), 1.0)
                 | {"loading_rate": rate}
                 for rate in rates
             ]

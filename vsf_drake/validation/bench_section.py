@@ -9,6 +9,7 @@ forefoot's positions; the heel stands apart.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Callable, Container, Mapping, Sequence
@@ -19,7 +20,7 @@ from scipy.optimize import least_squares
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.files import resource
-from vsf_drake.base.progress import Progress
+from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.base.schema import to_plain
 from vsf_drake.base.sentences import say
 from vsf_drake.device import bench_lines as lines
@@ -38,7 +39,7 @@ from vsf_drake.plants.foot import with_elements
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, STEPS_PER_MM
 from vsf_drake.simulation.results import standing_table
 from vsf_drake.simulation.standing import simulate_standing
-from vsf_drake.validation.study import Section, Study
+from vsf_drake.validation.study import Section, Study, told
 from vsf_drake.walks.recorded_walk import reached
 
 PAPER = {"stiffness_r2": 0.98, "stiffness_rmse_n_per_mm": 1.37, "mid_range_rmse_mm": 0.45}
@@ -46,6 +47,7 @@ PAPER = {"stiffness_r2": 0.98, "stiffness_rmse_n_per_mm": 1.37, "mid_range_rmse_
 FINER = 4
 """Parts into which each keel element is cut for the line that tells the coarseness of the keel from
 the rest."""
+_OTHER_MODELS = {"nominal": "nominal", "soft_support": "laminate on a soft support"}
 QUICK_FULCRUMS = 3
 QUICK_SPEEDS_MM_PER_MIN = (50.0, 5000.0)
 
@@ -119,32 +121,16 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
     Arrays: see `curve_arrays`.
     """
 
-    def show(what: str, fraction: float) -> None:
-        if progress:
-            progress(f"bench: {what}", fraction)
-
     foot = study.model.foot
     bench = study.bench
     quick = study.options.quick
+    show = part_of(progress, name="bench: ")
     settings = lines.settings_of(bench, PUBLISHED_FULCRUMS_M)
-    missing = say(
-        "bench",
-        "inputs",
-        given=bench,
-        weak=[s for s in settings if s.passes and not s.judged],
-        forefoot=any(s.passes for s in settings[:-1]),
-        heel=settings[-1].passes,
-        repeated=any(len(s.passes) > 1 for s in settings),
-    )
-    fulcrums = reached(
-        foot, [setting.fulcrum_m for setting in settings if setting.fulcrum_m is not None]
-    )
+    missing = say("bench", "inputs", given=bench, settings=settings)
+    positions = [x for setting in settings if (x := setting.fulcrum_m) is not None]
+    fulcrums = reached(foot, positions)
     missing += say(
-        "roll_over",
-        "unreached",
-        positions_m=[
-            x for setting in settings if (x := setting.fulcrum_m) is not None and x not in fulcrums
-        ],
+        "roll_over", "unreached", positions_m=[x for x in positions if x not in fulcrums]
     )
     show("calibration", 0.1)
     feet, uncalibrated = _feet(study, settings)
@@ -153,9 +139,8 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
     unconverged = 0
     for i, (line, own_foot) in enumerate(feet):
         show("pressing", 0.2 + 0.07 * i)
-        curves[line.key], steps, failures = _press(line, own_foot, settings, fulcrums)
+        curves[line.key], steps = _press(line, own_foot, settings, fulcrums, missing)
         unconverged += steps
-        missing += failures
     rows = tuple(
         SettingRow(
             fulcrum_mm=in_mm(setting.fulcrum_m),
@@ -183,8 +168,6 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
         )
         for line, _ in feet
     )
-    arrays = lines.curve_arrays(settings, curves)
-    own = models[0].statistics
     show("speeds", 0.5)
     if quick and len(fulcrums) > QUICK_FULCRUMS:
         fulcrums = [fulcrums[0], fulcrums[len(fulcrums) // 2], fulcrums[-1]]
@@ -197,21 +180,14 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
     points, failed_points = load_points(
         study.model, fulcrums, lambda f: show("load points", 0.9 + 0.1 * f)
     )
-    found = {name: None if own is None else getattr(own, name) for name in PAPER}
+    found = {name: getattr(models[0].statistics, name, None) for name in PAPER}
     table = BenchSectionTable(
         **found,
         limits=PAPER,
-        within_limits={
-            name: None
-            if (value := found[name]) is None
-            else bool(value >= limit if name == "stiffness_r2" else value <= limit)
-            for name, limit in PAPER.items()
-        },
+        within_limits={name: _within(name, value) for name, value in found.items()},
         measured_name=bench.name if bench else None,
         measured_synthetic=bench.synthetic if bench else None,
-        touch_down_extrapolated=sum(curve.first_load_n > 0.0 for curve in bench.curves)
-        if bench
-        else 0,
+        touch_down_extrapolated=sum(one.first_load_n > 0.0 for one in bench.curves) if bench else 0,
         contact_on_bench=tuple(text for text in study.contact.verdict if "bench" in text)
         if study.contact
         else None,
@@ -221,7 +197,18 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
         load_points=tuple(points),
         unconverged_steps=unconverged + sum(row.unconverged_steps for row in loops),
     )
-    return Section(table=table, arrays=arrays, missing=(*missing, *failed_loops, *failed_points))
+    return Section(
+        table=table,
+        arrays=lines.curve_arrays(settings, curves),
+        missing=(*missing, *failed_loops, *failed_points),
+    )
+
+
+def _within(name: str, value: float | None) -> bool | None:
+    """Whether a number is as good as the paper's."""
+    if value is None:
+        return None
+    return bool(value >= PAPER[name] if name == "stiffness_r2" else value <= PAPER[name])
 
 
 def _feet(
@@ -229,46 +216,46 @@ def _feet(
 ) -> tuple[list[tuple[PressedModel, FootParameters]], list[str]]:
     """The models that are to be pressed, each with its foot, and why none of them is calibrated."""
     foot = study.model.foot
-    nominal = load_model(resource("models/nominal.yaml")).foot
-    own = "fitted contact" if study.contact else "nominal" if nominal == foot else "study's model"
-    elements = FINER * len(foot.keel.element_lengths_m)
-    feet = [(PressedModel(key="model", name=own), foot)]
-    if nominal != foot:
-        feet.append((PressedModel(key="nominal", name="nominal"), nominal))
-    if (other := load_model(resource("models/soft_support.yaml")).foot) != foot:
-        feet.append((PressedModel(key="soft_support", name="laminate on a soft support"), other))
-    feet.append(
-        (
-            PressedModel(key="refined", name=f"{own}, {elements} elements"),
-            with_elements(foot, elements),
-        )
+    others = {
+        name: load_model(resource(f"models/{file}.yaml")).foot
+        for file, name in _OTHER_MODELS.items()
+    }
+    own = (
+        "fitted contact"
+        if study.contact
+        else "nominal"
+        if others["nominal"] == foot
+        else "study's model"
     )
+    elements = FINER * len(foot.keel.element_lengths_m)
+    finer = PressedModel(key="refined", name=f"{own}, {elements} elements")
+    feet = [
+        (PressedModel(key="model", name=own), foot),
+        *(
+            (PressedModel(key=key, name=name), others[name])
+            for key, name in _OTHER_MODELS.items()
+            if others[name] != foot
+        ),
+        (finer, with_elements(foot, elements)),
+    ]
     curves = {
-        s.fulcrum_m: s.curve
+        x: curve
         for s in settings
-        if s.judged
-        and s.fulcrum_m is not None
-        and s.curve is not None
-        and reached(foot, [s.fulcrum_m])
+        if s.judged and (x := s.fulcrum_m) is not None and (curve := s.curve) and reached(foot, [x])
     }
     if len(curves) < 3:
-        return feet, say("bench", "uncalibrated", error=None) if curves else []
-    try:
+        return feet, say("bench", "uncalibrated") if curves else []
+    missing: list[str] = []
+    with told(missing, "The foot could not be calibrated to the bench curves"):
         tuned, at_bound = calibrated(foot, curves)
-    except (InputError, SimulationError) as error:
-        return feet, say("bench", "uncalibrated", error=error)
-    feet.append(
-        (
-            PressedModel(
-                key="calibrated",
-                name="calibrated to two curves",
-                at_bound=tuple(at_bound),
-                fitted_mm=(round(1e3 * min(curves), 6), round(1e3 * max(curves), 6)),
-            ),
-            tuned,
+        line = PressedModel(
+            key="calibrated",
+            name="calibrated to two curves",
+            at_bound=tuple(at_bound),
+            fitted_mm=(round(1e3 * min(curves), 6), round(1e3 * max(curves), 6)),
         )
-    )
-    return feet, []
+        feet.append((line, tuned))
+    return feet, missing
 
 
 def _press(
@@ -276,30 +263,23 @@ def _press(
     foot: FootParameters,
     settings: Sequence[SettingLines],
     fulcrums_m: Container[float],
-) -> tuple[list[Curve | None], int, list[str]]:
-    """The foot's curves by setting, its unconverged steps, and what could not be done."""
+    missing: list[str],
+) -> tuple[list[Curve | None], int]:
+    """The foot's curves by setting, and its unconverged steps; `missing` takes what could not be
+    done."""
     machine = Machine(foot)
     curves = list[Curve | None]()
     unconverged = 0
-    missing = []
     for setting in settings:
-        curve = None
+        fulcrum = setting.fulcrum_m
+        curves.append(None)
         # finer keel and calibration are the forefoot's: at the heel those feet are the study's
-        if (
-            fulcrum in fulcrums_m
-            if (fulcrum := setting.fulcrum_m) is not None
-            else line.key not in ("refined", "calibrated")
-        ):
-            try:
-                x, load, steps = machine.press(
-                    setting.fulcrum_m, max(setting.load_n, lines.LEAST_LOAD_N)
-                )
-                curve = lines.up_to(*lines.rising(x, load), setting.load_n)
+        if line.key not in ("refined", "calibrated") if fulcrum is None else fulcrum in fulcrums_m:
+            with told(missing, f"Bench, {line.name}, {setting.where}"):
+                x, load, steps = machine.press(fulcrum, max(setting.load_n, lines.LEAST_LOAD_N))
+                curves[-1] = lines.up_to(*lines.rising(x, load), setting.load_n)
                 unconverged += steps
-            except (InputError, SimulationError) as error:
-                missing.append(f"Bench, {line.name}, {setting.where}: {error}.")
-        curves.append(curve)
-    return curves, unconverged, missing
+    return curves, unconverged
 
 
 # The foot calibrated to measured curves of its softest and its stiffest setting: the others are
@@ -401,32 +381,28 @@ def rates(
     missing: list[str] = []
     cases = [*itertools.product(fulcrums_m, speeds_mm_per_min)]
     for i, (fulcrum, speed) in enumerate(cases, start=1):
-        try:
+        where = f"Loading and unloading at {speed:g} mm/min, {lines.where_of(fulcrum)}"
+        with told(missing, where):
             (x, load, unconverged), (x_coarse, load_coarse, more) = (
                 machine.loop(fulcrum, 1e-3 * speed / 60.0, steps_per_mm=share * STEPS_PER_MM)
                 for share in (1.0, 0.5)
             )
-        except (InputError, SimulationError) as error:
-            missing.append(
-                f"Loading and unloading at {speed:g} mm/min, {lines.where_of(fulcrum)}: {error}."
+            steps = len(x) // 2 + 1
+            stored = 1e-3 * float(np.trapezoid(load[:steps], x[:steps]))
+            # of first order in the step: Richardson's extrapolation to none, 2 L(h) - L(2 h)
+            lost = 1e-3 * float(2.0 * np.trapezoid(load, x) - np.trapezoid(load_coarse, x_coarse))
+            rows.append(
+                LoopRow(
+                    fulcrum_mm=in_mm(fulcrum),
+                    speed_mm_per_min=speed,
+                    stored_j=stored,
+                    lost_j=lost,
+                    return_ratio=1.0 - lost / stored,
+                    unconverged_steps=unconverged + more,
+                    # at high speed the keel rings at first touch
+                    stiffness_n_per_mm=mean_slope(*lines.rising(x[:steps], load[:steps])),
+                )
             )
-            continue
-        steps = len(x) // 2 + 1
-        stored = 1e-3 * float(np.trapezoid(load[:steps], x[:steps]))
-        # of first order in the step: Richardson's extrapolation to none, 2 L(h) - L(2 h)
-        lost = 1e-3 * float(2.0 * np.trapezoid(load, x) - np.trapezoid(load_coarse, x_coarse))
-        rows.append(
-            LoopRow(
-                fulcrum_mm=in_mm(fulcrum),
-                speed_mm_per_min=speed,
-                stored_j=stored,
-                lost_j=lost,
-                return_ratio=1.0 - lost / stored,
-                unconverged_steps=unconverged + more,
-                # at high speed the keel rings at first touch
-                stiffness_n_per_mm=mean_slope(*lines.rising(x[:steps], load[:steps])),
-            )
-        )
         if progress:
             progress(i / len(cases))
     return rows, missing
@@ -452,23 +428,18 @@ def load_points(
             continue
         machine = Machine(foot)
         for fulcrum in fulcrums_m:
-            try:
+            where = f"Stiffness with the load at {1e3 * point:g} mm, {lines.where_of(fulcrum)}"
+            with told(missing, where):
                 x, load, _ = machine.press(fulcrum)
-            except (InputError, SimulationError) as error:
-                missing.append(
-                    f"Stiffness with the load at {1e3 * point:g} mm, {lines.where_of(fulcrum)}: "
-                    f"{error}."
+                rows.append(
+                    LoadPoint(
+                        load_point_mm=round(1e3 * point, 6),
+                        fulcrum_mm=round(1e3 * fulcrum, 6),
+                        stiffness_n_per_mm=mean_slope(x, load),
+                        closed_form_n_per_mm=1e-3
+                        * float(closed_form_stiffness(to_plain(foot), fulcrum)),
+                    )
                 )
-                continue
-            rows.append(
-                LoadPoint(
-                    load_point_mm=round(1e3 * point, 6),
-                    fulcrum_mm=round(1e3 * fulcrum, 6),
-                    stiffness_n_per_mm=mean_slope(x, load),
-                    closed_form_n_per_mm=1e-3
-                    * float(closed_form_stiffness(to_plain(foot), fulcrum)),
-                )
-            )
         if progress:
             progress(i / len(LOAD_POINT_SHIFTS_M))
     return rows, missing
@@ -501,6 +472,18 @@ class StoodRow:
     held_nm: Mapping[str, float]
     stands: bool
     notes: tuple[str, ...]
+
+
+_STOOD = (
+    "weight_n",
+    "mean_vertical_n",
+    "prosthetic_share",
+    "drift_mm",
+    "turn_deg",
+    "held_nm",
+    "stands",
+    "notes",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -536,11 +519,8 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
     missing = []
     conditions = study.conditions()
     for i, (fulcrum, (walk, *_)) in enumerate(conditions.items()):
-
-        def show(fraction: float, i: int = i, fulcrum: float = fulcrum) -> None:
-            if progress:
-                progress(f"standing, fulcrum at {fulcrum:g} mm", (i + fraction) / len(conditions))
-
+        show = part_of(progress, i / len(conditions), 1.0 / len(conditions))
+        what = f"standing, fulcrum at {fulcrum:g} mm"
         subject = walk.trial.subject
         try:
             stood = standing_table(
@@ -549,7 +529,7 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
                     study.model,
                     fulcrum_m=walk.trial.fulcrum_m,
                     duration_s=duration,
-                    progress=show,
+                    progress=functools.partial(show, what),
                 )
             )
         except (InputError, SimulationError) as error:
@@ -569,14 +549,7 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
                 mass_known_kg=subject.mass_kg,
                 mass_predicted_kg=predicted,
                 mass_error=predicted / subject.mass_kg - 1.0,
-                weight_n=stood.weight_n,
-                mean_vertical_n=stood.mean_vertical_n,
-                prosthetic_share=stood.prosthetic_share,
-                drift_mm=stood.drift_mm,
-                turn_deg=stood.turn_deg,
-                held_nm=stood.held_nm,
-                stands=stood.stands,
-                notes=stood.notes,
+                **{name: getattr(stood, name) for name in _STOOD},
             )
         )
     if study.options.quick:
@@ -587,7 +560,7 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
         worst_mass_error=max((row.mass_error for row in standing), key=abs, default=None),
         paper_mass_error=PAPER_MASS_ERROR,
         duration_s=duration,
-        all_stand=len(standing) == len(rows) and all(row.stands for row in standing)
+        all_stand=all(isinstance(row, StoodRow) and row.stands for row in rows)
         if standing
         else None,
     )

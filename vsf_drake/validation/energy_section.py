@@ -62,8 +62,8 @@ class EnergyRow(StanceNumbers):
     @property
     def coarse_ratio(self) -> float | None:
         """That remainder in parts of this one; None where there is none of them."""
-        known = self.coarse_remainder_max_j is not None and self.remainder_max_j > 0.0
-        return self.coarse_remainder_max_j / self.remainder_max_j if known else None
+        coarse_j = self.coarse_remainder_max_j
+        return coarse_j / self.remainder_max_j if coarse_j and self.remainder_max_j > 0.0 else None
 
     @property
     def beam_ratio(self) -> float | None:
@@ -229,10 +229,11 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
         synthetic=study.synthetic,
     )
     curves = [stance.curves for walk in reported for stance in walk.stances]
+    names = ("terms_j", "pylon_power_w", "shank_power_w") if curves else ()
     return Section(
         table=table,
         arrays={"percent": PERCENT}
-        | {name: np.array([one[name] for one in curves]) for name in (curves or [()])[0]},
+        | {name: np.array([one[name] for one in curves]) for name in names},
         missing=tuple(
             say(
                 "energy",

@@ -8,7 +8,7 @@ Level 1 of a tuning keeps the motion, so it has no say here.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,11 +16,12 @@ import numpy as np
 
 from vsf_drake.base.errors import FitError, InputError, SimulationError
 from vsf_drake.base.files import resource, sha256
-from vsf_drake.base.progress import Progress
+from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.collocation.solution import TrajectorySolution
-from vsf_drake.device.equal_load import EqualLoad, at_equal_load, missed
+from vsf_drake.device.equal_load import at_equal_load, missed
 from vsf_drake.device.stiffness_map.cells import with_heel
 from vsf_drake.model.parameters import ModelParameters, Subject
+from vsf_drake.motion.events import Stance
 from vsf_drake.motion.trial import Trial
 from vsf_drake.optimal_control import StrideOptions, StrideTuning
 from vsf_drake.optimal_control.outcomes import KINDS, MEASURES, outcomes
@@ -45,6 +46,7 @@ from vsf_drake.validation.roll_over_section import (
     walked_shapes,
 )
 from vsf_drake.validation.study import Study, StudyWalk
+from vsf_drake.walks.numbers import known
 from vsf_drake.walks.published import (
     LEVEL_2,
     LOAD,
@@ -78,25 +80,25 @@ ADAPTED = MEASURES | {
 }
 """By measure: the outcome of a stride that adapts which stands for it."""
 AT_THE_HEEL = {
-    "heel energy returned": ("returned_energy", KINDS["returned_energy"][0]),
+    "heel energy returned": ("returned_energy", *KINDS["returned_energy"]),
     "heel loading rate": (
         "loading_rate",
         "largest rate of the vertical force early in stance, from one instant of "
         "the grid to the next",
+        "BW/s",
     ),
-    "stance knee flexion": ("knee_flexion", "largest prosthetic knee flexion early in stance"),
+    "stance knee flexion": (
+        "knee_flexion",
+        "largest prosthetic knee flexion early in stance",
+        "deg",
+    ),
     "knee extensor moment": (
         "knee_extensor_moment",
         "largest prosthetic knee extensor moment early in stance",
+        "N m/kg",
     ),
 }
-"""The same of strides that adapt to the heel: the outcome, and what it is."""
-HEEL_UNITS = {
-    "returned_energy": "J/kg",
-    "loading_rate": "BW/s",
-    "knee_flexion": "deg",
-    "knee_extensor_moment": "N m/kg",
-}
+"""The same of strides that adapt to the heel: the outcome, what it is, and its unit."""
 STANDS_FOR = "push-off work", "dorsiflexion", "heel energy returned", "metabolic cost"
 """What of the model only stands for a measure: it has its sign, not its mean."""
 WHOLE_STANCE = "what is given back over the whole stance, of which the heel's share is not known"
@@ -157,7 +159,7 @@ class TrendTable:
 def published_trends(study: Study, *, progress: Progress | None = None) -> TrendTable:
     """Rolls the study's foot at three settings under its subject's weight, takes its walks as they
     are, lets them adapt, and judges."""
-    show = progress or (lambda what, fraction: None)
+    show = part_of(progress)
     subject = study.walks[0].recorded.subject
     quick = study.options.quick
     settings = reached(study.model.foot, QUICK_POSITIONS_M)
@@ -168,7 +170,7 @@ def published_trends(study: Study, *, progress: Progress | None = None) -> Trend
     walked, missing = own_motion_evidence(
         study, progress=lambda f: show("walking in small steps", 0.05 + 0.1 * f)
     )
-    adapted, failed = level_2_evidence(study, progress=lambda what, f: show(what, 0.15 + 0.85 * f))
+    adapted, failed = level_2_evidence(study, progress=part_of(progress, 0.15, 0.85))
     evidence = (*loaded, *walked, *adapted)
     stiffness = {LOAD: tuple(load_stiffness)} | _own_stiffness(adapted)
     return TrendTable(
@@ -237,114 +239,77 @@ def load_evidence(
         for ratio in HEELS
     ]
 
-    def evidence(
-        measure: str,
-        unit: str,
-        stands: str,
-        rows: Sequence[EqualLoad],
-        value: Callable[[EqualLoad], float | None],
-        aside: str = "",
-    ) -> Evidence:
-        known = [value(row) for row in rows]
-        off = missed(rows)
-        return Evidence(
-            measure=measure,
-            way=LOAD,
-            unit=unit,
-            stands=f"{stands}; {off}" if off else stands,
-            aside=aside,
-            same=measure not in STANDS_FOR,
-            values=tuple(() if each is None else (float(each),) for each in known),
+    rolled = {"settings": settings, "heels": heels}
+    evidence = []
+    for of, measure, unit, number, stands, aside in _rows(_UNDER_LOAD):
+        off = missed(rolled[of])
+        size = mass if unit == "J/kg" else 1.0
+        numbers = [(vars(one.row) | vars(one) | one.outcomes)[number] for one in rolled[of]]
+        evidence.append(
+            _evidence(
+                measure,
+                LOAD,
+                unit,
+                f"{stands}; {off}" if off else stands,
+                [() if value is None else (float(value / size),) for value in numbers],
+                aside=aside,
+            )
         )
+    return evidence, [row.stiffness for row in settings]
 
-    def outcome(name: str, size: float = 1.0) -> Callable[[EqualLoad], float]:
-        return lambda row: row.outcomes[name] / size
 
-    heel = f"with {HEELS[0]:g}, {HEELS[1]:g} and {HEELS[2]:g} times the heel's stiffness"
-    nobody = "there is no knee: a point where the person's is, on the pylon's line"
-    return [
-        evidence(
-            "energy stored",
-            "J/kg",
-            "largest in keel, fulcrum and foam late in stance",
-            settings,
-            outcome("stored_energy", mass),
-        ),
-        evidence(
-            "energy returned",
-            "J/kg",
-            "given back after that",
-            settings,
-            outcome("returned_energy", mass),
-        ),
-        evidence(
-            "push-off work",
-            "J/kg",
-            "energy given back late in stance stands for it",
-            settings,
-            outcome("returned_energy", mass),
-            "the same number as energy returned, which is counted",
-        ),
-        evidence(
-            "push-off power",
-            "W/kg",
-            "largest rate of giving back, over 20 ms",
-            settings,
-            outcome("push_off_power"),
-            "the load sets the pace, not a person",
-        ),
-        evidence(
-            "roll-over radius",
-            "m",
-            "circle nearest to the roll-over shape",
-            settings,
-            lambda row: row.row.radius_m,
-        ),
-        evidence(
-            "effective foot length ratio",
-            "m/m",
-            "from the rear end of the sole",
-            settings,
-            lambda row: row.row.effective_foot_length_ratio,
-        ),
-        evidence(
-            "plantarflexor moment",
-            "N m/kg",
-            "largest moment about the pylon's end that turns the toe up",
-            settings,
-            outcome("ankle_moment"),
-        ),
-        evidence(
-            "dorsiflexion",
-            "deg",
-            "largest turn of the keel's end stands for the angle",
-            settings,
-            outcome("dorsiflexion"),
-        ),
-        evidence(
-            "knee flexor moment",
-            "N m/kg",
-            "largest moment of the ground's force about the knee late in stance",
-            settings,
-            outcome("knee_flexor_moment"),
-            nobody,
-        ),
-        evidence(
-            "heel energy returned",
-            "J/kg",
-            f"what is held in the first half, {heel}, stands for it",
-            heels,
-            lambda row: row.early_j / mass,
-        ),
-        evidence(
-            "knee extensor moment",
-            "N m/kg",
-            f"largest moment of the ground's force about the knee early in stance, {heel}",
-            heels,
-            lambda row: row.knee_extensor_moment,
-            nobody,
-        ),
-    ], [row.stiffness for row in settings]
+_TIMES = f"with {HEELS[0]:g}, {HEELS[1]:g} and {HEELS[2]:g} times the heel's stiffness"
+_NOBODY = "there is no knee: a point where the person's is, on the pylon's line"
+_UNDER_LOAD = f"""
+settings | energy stored   | J/kg | stored_energy   | largest in keel, fulcrum and foam late in stance |
+settings | energy returned | J/kg | returned_energy | given back after that |
+settings | push-off work   | J/kg | returned_energy | energy given back late in stance stands for it | the same number as energy returned, which is counted
+settings | push-off power  | W/kg | push_off_power  | largest rate of giving back, over 20 ms | the load sets the pace, not a person
+settings | roll-over radius | m   | radius_m        | circle nearest to the roll-over shape |
+settings | effective foot length ratio | m/m | effective_foot_length_ratio | from the rear end of the sole |
+settings | plantarflexor moment | N m/kg | ankle_moment | largest moment about the pylon's end that turns the toe up |
+settings | dorsiflexion    | deg  | dorsiflexion    | largest turn of the keel's end stands for the angle |
+settings | knee flexor moment | N m/kg | knee_flexor_moment | largest moment of the ground's force about the knee late in stance | {_NOBODY}
+heels    | heel energy returned | J/kg | early_j    | what is held in the first half, {_TIMES}, stands for it |
+heels    | knee extensor moment | N m/kg | knee_extensor_moment | largest moment of the ground's force about the knee early in stance, {_TIMES} | {_NOBODY}
+"""  # noqa: E501 (a table)
+"""What the foot alone has: over which of its variants, the measure, its unit, the number of an
+`EqualLoad` (energies in J), what that is, and why it is never counted."""
+_OWN_MOTION = """
+energy stored      | J/kg   | stored_j       | largest in keel, fulcrum and foam in a stance
+energy returned    | J/kg   | returned_j     | given back after that
+push-off work      | J/kg   | returned_j     | energy given back stands for it
+push-off power     | W/kg   | distal_peak_w  | largest distal power of the pylon
+knee flexor moment | N m/kg | knee_flexor_nm | largest load that drives the knee in the second half of stance
+roll-over radius   | m      | radius_m       | circle nearest to the roll-over shape, seen from the shank
+effective foot length ratio | m/m | effective_foot_length_ratio | from the rear end of the sole, seen from the shank
+"""  # noqa: E501 (a table)
+"""What walks of their own motion have: the measure, its unit, the number of a stance or a footfall
+(of the whole person), and what that is."""
+
+
+def _rows(table: str) -> list[list[str]]:
+    return [[cell.strip() for cell in line.split("|")] for line in table.strip().splitlines()]
+
+
+def _evidence(
+    measure: str,
+    way: str,
+    unit: str,
+    stands: str,
+    values: Iterable[Iterable[float]],
+    *,
+    aside: str = "",
+) -> Evidence:
+    return Evidence(
+        measure=measure,
+        way=way,
+        unit=unit,
+        stands=stands,
+        values=tuple(map(tuple, values)),
+        same=measure not in STANDS_FOR,
+        aside=aside,
+    )
 
 
 def own_motion_evidence(
@@ -367,61 +332,26 @@ def own_motion_evidence(
         workers=study.options.workers,
         progress=progress,
     )
-    mass = study.walks[0].recorded.subject.mass_kg
-    found: dict[str, dict[float, list[float]]] = {}
-    missing = [f"{one.case.label}: {one.failure}" for one in energies if one.failure]
+    numbers = []
     for walk, energy in zip(walks, energies, strict=True):
-        numbers: dict[str, float | None] = {}
-        if energy.stances:
-            row = energy.stances[0].row
-            numbers = {
-                "energy stored": row.stored_j / mass,
-                "energy returned": row.returned_j / mass,
-                "push-off work": row.returned_j / mass,
-                "push-off power": row.distal_peak_w / mass,
-                "knee flexor moment": _late_flexor_moment(
-                    walk, energy.stances[0].stance.start_s, energy.stances[0].stance.end_s
-                )
-                / mass,
-            }
-        shapes, _ = walked_shapes(walk)
-        if shapes:
-            numbers |= {
-                "roll-over radius": shapes[0][0].model.radius_m,
-                "effective foot length ratio": shapes[0][0].model.effective_foot_length_ratio,
-            }
-        for measure, value in numbers.items():
-            if value is not None and np.isfinite(value):
-                found.setdefault(measure, {x: [] for x in conditions})[walk.fulcrum_mm].append(
-                    value
-                )
-    stands = {
-        "energy stored": ("J/kg", "largest in keel, fulcrum and foam in a stance"),
-        "energy returned": ("J/kg", "given back after that"),
-        "push-off work": ("J/kg", "energy given back stands for it"),
-        "push-off power": ("W/kg", "largest distal power of the pylon"),
-        "knee flexor moment": (
-            "N m/kg",
-            "largest load that drives the knee in the second half of stance",
-        ),
-        "roll-over radius": ("m", "circle nearest to the roll-over shape, seen from the shank"),
-        "effective foot length ratio": (
-            "m/m",
-            "from the rear end of the sole, seen from the shank",
-        ),
-    }
-    return [
-        Evidence(
-            measure=measure,
-            way=OWN_MOTION,
-            unit=stands[measure][0],
-            stands=stands[measure][1],
-            same=measure not in STANDS_FOR,
-            aside=MADE if study.synthetic else "",
-            values=tuple(map(tuple, by_setting.values())),
-        )
-        for measure, by_setting in found.items()
-    ], missing
+        own: dict[str, Any] = {}
+        for one in energy.stances[:1]:
+            own |= vars(one.row) | {"knee_flexor_nm": _late_flexor_moment(walk, one.stance)}
+        for footfall, _ in walked_shapes(walk)[0][:1]:
+            own |= vars(footfall.model)
+        numbers.append((walk.fulcrum_mm, own))
+    mass = study.walks[0].recorded.subject.mass_kg
+    evidence = []
+    for measure, unit, number, stands in _rows(_OWN_MOTION):
+        size = mass if unit.endswith("/kg") else 1.0
+        values = [
+            (known(own.get(number) for at, own in numbers if at == x) / size).tolist()
+            for x in conditions
+        ]
+        if any(values):
+            aside = MADE if study.synthetic else ""
+            evidence.append(_evidence(measure, OWN_MOTION, unit, stands, values, aside=aside))
+    return evidence, [f"{one.case.label}: {one.failure}" for one in energies if one.failure]
 
 
 def level_2_evidence(
@@ -431,7 +361,6 @@ def level_2_evidence(
     stiffest setting, and at the recorded one with HEELS. A repetition for the first walk of each
     setting, its mean over WEIGHTS; in the quick form one walk and one weight. And what is not
     there."""
-    show = progress or (lambda what, fraction: None)
     if len({walk.trial.subject for walk in study.walks}) > 1:
         return [], ["Strides that adapt need walks of one person."]
     first = [own[0] for own in study.conditions().values()]
@@ -441,60 +370,46 @@ def level_2_evidence(
     counts = dict.fromkeys(found, 0)
     missing = []
     for i, walk in enumerate(walks):
-
-        def each(what: str, fraction: float, i: int = i, label: str = walk.label) -> None:
-            show(f"{label}, adapting: {what}", (i + fraction) / len(walks))
-
+        show = part_of(progress, i / len(walks), 1.0 / len(walks), name=f"{walk.label}, adapting: ")
         try:
-            by_kind = _adapted(walk.trial, weights, each)
+            by_kind = _adapted(walk.trial, weights, show)
         except (FitError, InputError, SimulationError) as error:
             missing.append(f"{walk.label}, adapting: {error}")
             continue
         for kind, by_weight in by_kind.items():
-            known = [rows for rows in by_weight if rows]
-            if len(known) < len(weights):
-                lost = f"{len(weights) - len(known)} of {len(weights)} weights"
+            whole = [rows for rows in by_weight if rows]
+            counts[kind] += len(whole)
+            if len(whole) < len(weights):
                 missing.append(
-                    f"{walk.label}, adapting: with {lost} there is no stride at each {kind}."
+                    f"{walk.label}, adapting: with {len(weights) - len(whole)} of {len(weights)} "
+                    f"weights there is no stride at each {kind}."
                 )
-            if known:
-                counts[kind] += len(known)
+            if whole:
                 found[kind].append(
                     [
-                        {
-                            name: float(np.mean([rows[k][name] for rows in known]))
-                            for name in known[0][k]
-                        }
-                        for k in range(len(known[0]))
+                        {name: float(np.mean([row[name] for row in same])) for name in same[0]}
+                        for same in zip(*whole, strict=True)
                     ]
                 )
     mass = study.walks[0].recorded.subject.mass_kg
     evidence = []
     named = {measure: (name, *KINDS[name]) for measure, name in ADAPTED.items()}
-    heel = {
-        measure: (name, label, HEEL_UNITS[name]) for measure, (name, label) in AT_THE_HEEL.items()
-    }
-    for kind, measures in (("setting", named), ("heel", heel)):
+    for kind, measures in (("setting", named), ("heel", AT_THE_HEEL)):
         repetitions = found[kind]
         tried = (
             f"mean of {counts[kind]} of {len(walks) * len(weights)} strides that adapt, "
-            f"{len(repetitions)} walks"
+            f"{len(repetitions)} walks{', SYNTHETIC' if study.synthetic else ''}"
         )
-        tried += ", SYNTHETIC" if study.synthetic else ""
         for measure, (name, label, unit) in measures.items() if repetitions else ():
-            size = mass if name in ("stored_energy", "returned_energy") else 1.0
+            size = mass if unit == "J" else 1.0
             evidence.append(
-                Evidence(
-                    measure=measure,
-                    way=LEVEL_2,
-                    unit="J/kg" if size == mass else unit,
-                    stands=f"{label}; {tried}",
-                    same=measure not in STANDS_FOR,
+                _evidence(
+                    measure,
+                    LEVEL_2,
+                    "J/kg" if unit == "J" else unit,
+                    f"{label}; {tried}",
+                    [[row[name] / size for row in same] for same in zip(*repetitions, strict=True)],
                     aside=WHOLE_STANCE if measure == "heel energy returned" else "",
-                    values=tuple(
-                        tuple(rows[k][name] / size for rows in repetitions)
-                        for k in range(len(repetitions[0]))
-                    ),
                 )
             )
     return evidence, missing
@@ -582,10 +497,11 @@ def _early(solution: TrajectorySolution, stride: Stride, trial: Trial) -> dict[s
     }
 
 
-def _late_flexor_moment(walk: StudyWalk, start_s: float, end_s: float) -> float:
+def _late_flexor_moment(walk: StudyWalk, stance: Stance) -> float:
     """Largest flexor moment (N m) of the prosthetic knee in the second half of a stance; knee
     flexion is positive."""
     result = walk.result
     name = f"knee_angle_{walk.trial.subject.prosthetic_side[0]}"
-    late = (result.time_s >= 0.5 * (start_s + end_s)) & (result.time_s <= end_s)
+    middle_s = 0.5 * (stance.start_s + stance.end_s)
+    late = (result.time_s >= middle_s) & (result.time_s <= stance.end_s)
     return float(result.generalized_force[late, result.coordinate_names.index(name)].max())

@@ -3,8 +3,9 @@ sections found."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -94,6 +95,15 @@ class Section(Generic[Table_co]):
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
     """curves, names without "/"; NaN where there is nothing"""
     missing: tuple[str, ...] = ()  # sentences on what is not there, and why
+
+
+@contextlib.contextmanager
+def told(missing: list[str], what: str) -> Iterator[None]:
+    """What cannot be done within is a sentence among `missing`, and stops nothing else."""
+    try:
+        yield
+    except (InputError, SimulationError) as error:
+        missing.append(f"{what}: {error}.")
 
 
 def make_study(

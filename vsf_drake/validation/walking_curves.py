@@ -315,7 +315,7 @@ def _spm(model: np.ndarray, measured: np.ndarray) -> tuple[float | None, list[_S
             .inference(ALPHA, two_tailed=True)
         )
     return finite(test.zstar), [
-        (*map(float, cluster.endpoints), float(cluster.P))
+        (float(cluster.endpoints[0]), float(cluster.endpoints[1]), float(cluster.P))
         for cluster in test.clusters
         if cluster.P <= ALPHA
     ]

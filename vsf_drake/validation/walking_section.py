@@ -382,8 +382,8 @@ def summary(rows: Sequence[WalkRow]) -> RoleSummary | None:
     for key in WORST:
         known = [row for row in rows if row.scores[key] is not None]
         worst = max(known, key=lambda row: abs(row.number(key)), default=None)
-        scores[f"{key}_worst"] = worst and worst.scores[key]
-        scores[f"{key}_worst_trial"] = worst and worst.label
+        scores[f"{key}_worst"] = worst.scores[key] if worst else None
+        scores[f"{key}_worst_trial"] = worst.label if worst else None
     beaten = [row.beats_null for row in rows if row.beats_null is not None]
     return RoleSummary(
         n=len(rows), beats_null=sum(beaten), beats_null_of=len(beaten), scores=scores

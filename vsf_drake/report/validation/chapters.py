@@ -167,17 +167,18 @@ class Panel:
     @property
     def ticks(self) -> dict[str, list[tuple[str, str]]]:
         """Of each axis: where, as SVG has it, and what stands there."""
-        return {
-            axis: [
-                (f"{place(tick):.1f}", f"{tick:g}")
-                for tick in MaxNLocator(5).tick_values(low, high)
+        found = {}
+        for axis, place, (low, high) in (
+            ("x", self.across, self.x_range),
+            ("y", self.down, self.y_range),
+        ):
+            ticks = np.asarray(MaxNLocator(5).tick_values(low, high))
+            found[axis] = [
+                (f"{at:.1f}", f"{tick:g}")
+                for at, tick in zip(place(ticks), ticks, strict=True)
                 if low <= tick <= high
             ]
-            for axis, place, (low, high) in (
-                ("x", self.across, self.x_range),
-                ("y", self.down, self.y_range),
-            )
-        }
+        return found
 
 
 def moved_walk(arrays: Arrays, own_mm: float) -> dict[str, Any]:

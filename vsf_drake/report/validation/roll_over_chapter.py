@@ -99,8 +99,9 @@ def _radii(condition: RollOverCondition, table: RollOverTable) -> dict[str, floa
         measured = condition.measured[name].mean
         found[f"model{end}"] = model
         found[f"measured{end}"] = measured
-        known = model is not None and measured is not None
-        found[f"off{end}"] = 100.0 * (model / measured - 1.0) if known else None
+        found[f"off{end}"] = (
+            None if model is None or measured is None else 100.0 * (model / measured - 1.0)
+        )
     own = [row for row in table.walks if row.fulcrum_mm == condition.fulcrum_mm]
     for name in ("heel_apart", "later_apart"):
         apart_m = spread(getattr(row, f"{name}_m") for row in own).mean
