@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError, SimulationError
-from vsf_drake.base.progress import Progress
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.base.sentences import say
 from vsf_drake.device.bench_metrics import stiffness
 from vsf_drake.device.roll_over import (
@@ -29,7 +29,7 @@ from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, PUBLISHED_SPEED_M_PER_S
 from vsf_drake.simulation.roll_over import RollOver
-from vsf_drake.validation.study import Section, Study, StudyWalk
+from vsf_drake.validation.study import Section, Study, StudyWalk, told
 from vsf_drake.walks.comparison import (
     PERCENT,
     StanceComparison,
@@ -118,23 +118,19 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
     wanted = QUICK_POSITIONS_M if quick else PUBLISHED_FULCRUMS_M
     fulcrums = reached(foot, wanted)
 
-    def part(start: float, share: float, more: str = "") -> Progress:
-        return lambda what, fraction: (
-            progress(what + more, start + share * fraction) if progress else None
-        )
-
+    show = part_of(progress)
     inclined, curves, failed = _inclined_loading(
         foot,
         fulcrums,
         steps_per_mm=QUICK_STEPS_PER_MM if quick else STEPS_PER_MM,
-        progress=part(0.0, 0.3),
+        progress=part_of(progress, 0.0, 0.3),
     )
     rolled, more, failed_rolls = iso_roll_over(
         foot,
         fulcrums,
         force_n=force,
         steps=QUICK_ISO_STEPS if quick else ISO_STEPS,
-        progress=part(0.3, 0.4),
+        progress=part_of(progress, 0.3, 0.4),
     )
     rough, _, failed_rough = iso_roll_over(
         foot,
@@ -142,7 +138,7 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
         force_n=force,
         steps=QUICK_ISO_STEPS,
         friction=True,
-        progress=part(0.7, 0.1, " with friction"),
+        progress=lambda what, fraction: show(f"{what} with friction", 0.7 + 0.1 * fraction),
     )
     missing = [
         *say("roll_over", "unreached", positions_m=[x for x in wanted if x not in fulcrums]),
@@ -152,7 +148,7 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
     ]
     rows: list[Footfall] = []
     for i, walk in enumerate(study.walks):
-        part(0.8, 0.2)("roll-over shapes", i / len(study.walks))
+        show("roll-over shapes", 0.8 + 0.2 * i / len(study.walks))
         shapes, unknown = walked_shapes(walk)
         missing += unknown
         for row, seen in shapes:
@@ -184,20 +180,20 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
 
 
 def _condition(fulcrum_mm: float, rows: Sequence[Footfall]) -> RollOverCondition:
-    def means(shapes: Sequence[RollShape]) -> dict[str, Spread]:
-        radii = [
-            None if (r := shape.radius_m) is None else r / row.leg_length_m
-            for row, shape in zip(rows, shapes, strict=True)
-        ]
-        return {"radius_leg_lengths": spread(radii)} | {
+    def means(side: str) -> dict[str, Spread]:
+        shapes = [getattr(row, side) for row in rows]
+        found = {
             field.name: spread(getattr(shape, field.name) for shape in shapes)
             for field in fields(RollShape)
         }
+        radii = [
+            shape.radius_m and shape.radius_m / row.leg_length_m
+            for row, shape in zip(rows, shapes, strict=True)
+        ]
+        return {"radius_leg_lengths": spread(radii), **found}
 
     return RollOverCondition(
-        fulcrum_mm=fulcrum_mm,
-        model=means([row.model for row in rows]),
-        measured=means([row.measured for row in rows]),
+        fulcrum_mm=fulcrum_mm, model=means("model"), measured=means("measured")
     )
 
 
@@ -225,49 +221,42 @@ def _inclined_loading(
     sites = machine.machine.foot.sites
     rows: list[InclinedRow] = []
     curves: Curves = {}
-    missing = []
+    missing: list[str] = []
     cases = [(angle, fulcrum) for angle in ANGLES_DEG for fulcrum in fulcrums_m]
     for i, (angle, fulcrum) in enumerate(cases):
         progress("pressing the inclined foot", i / len(cases))
-        try:
+        pitch = -np.radians(angle)
+        where = f"Inclined loading at {angle:+g} degrees, fulcrum {1e3 * fulcrum:g} mm"
+        with told(missing, where):
             run = machine.press(
                 fulcrum_m=fulcrum,
-                pitch_rad=-np.radians(angle),
+                pitch_rad=pitch,
                 max_load_n=LARGEST_LOAD_N,
                 speed_m_per_s=PUBLISHED_SPEED_M_PER_S,
                 steps_per_mm=steps_per_mm,
             )
-        except SimulationError as error:
-            missing.append(
-                f"Inclined loading at {angle:+g} degrees, fulcrum {1e3 * fulcrum:g} mm: {error}."
+            displacement = np.append(0.0, float(machine.touch_height(pitch)[0]) - run.mount[:, 1])
+            load = np.append(0.0, run.grf_W[:, 2])
+            peak = int(np.argmax(load))
+            x = displacement[: peak + 1]
+            f = load[: peak + 1]
+            bearing = sites.zone[run.sphere_normal_n[peak - 1] > BORNE_N]
+            rows.append(
+                InclinedRow(
+                    angle_deg=angle,
+                    fulcrum_mm=1e3 * fulcrum,
+                    stiffness_n_per_mm=1e-3 * stiffness(x, f),
+                    displacement_mm=1e3 * float(np.interp(LARGEST_LOAD_N, f, x)),
+                    energy_stored_j=float(np.trapezoid(f, x)),
+                    zones_loaded=tuple(sites.zone_names[zone] for zone in np.unique(bearing)),
+                    unconverged_steps=run.unconverged_steps,
+                )
             )
-            continue
-        displacement = np.append(
-            0.0, float(machine.touch_height(-np.radians(angle))[0]) - run.mount[:, 1]
-        )
-        load = np.append(0.0, run.grf_W[:, 2])
-        peak = int(np.argmax(load))
-        x = displacement[: peak + 1]
-        f = load[: peak + 1]
-        bearing = run.sphere_normal_n[peak - 1] > BORNE_N
-        rows.append(
-            InclinedRow(
-                angle_deg=angle,
-                fulcrum_mm=1e3 * fulcrum,
-                stiffness_n_per_mm=1e-3 * stiffness(x, f),
-                displacement_mm=1e3 * float(np.interp(LARGEST_LOAD_N, f, x)),
-                energy_stored_j=float(np.trapezoid(f, x)),
-                zones_loaded=tuple(
-                    name
-                    for i, name in enumerate(sites.zone_names)
-                    if bearing[sites.zone == i].any()
-                ),
-                unconverged_steps=run.unconverged_steps,
-            )
-        )
-        at = np.union1d(np.round(np.linspace(0, len(load) - 1, CURVE_POINTS)).astype(int), [peak])
-        name = f"inclined_{'minus' if angle < 0 else 'plus'}{abs(angle):.0f}_{1e3 * fulcrum:.0f}"
-        curves |= {f"{name}_displacement_m": displacement[at], f"{name}_load_n": load[at]}
+            every = np.round(np.linspace(0, len(load) - 1, CURVE_POINTS)).astype(int)
+            at = np.union1d(every, [peak])
+            sign = "minus" if angle < 0 else "plus"
+            name = f"inclined_{sign}{abs(angle):.0f}_{1e3 * fulcrum:.0f}"
+            curves |= {f"{name}_displacement_m": displacement[at], f"{name}_load_n": load[at]}
     return rows, curves, missing
 
 

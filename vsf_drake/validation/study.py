@@ -14,7 +14,7 @@ import numpy as np
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.files import sha256
-from vsf_drake.base.progress import Progress
+from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.model.bench_curves import BenchCurves, load_bench_curves
 from vsf_drake.model.contact_file import FittedContact, load_contact
 from vsf_drake.model.parameters import ModelParameters
@@ -135,47 +135,34 @@ def make_study(
         for kind, file, used in (("contact", contact, fitted), ("bench", bench, curves))
         if file is not None and used is not None
     }
-    every: list[Trial] = []
-    read: list[tuple[Trial, Trial]] = []
     failed: list[tuple[str, str]] = []
-    for manifest in map(Path, manifests):
-        try:
-            every.append(load_trial(manifest))
-        except InputError as error:
-            failed.append((manifest.stem, str(error)))
-    for recorded in judge(every) if every else ():
-        try:
-            read.append(
-                (
-                    recorded,
-                    recorded if fitted is None else trial_with(recorded, fitted, file=contact),
-                )
-            )
-        except InputError as error:
-            failed.append((recorded.path.stem, str(error)))
-    walked: list[tuple[str, Trial, ValidatedWalk]] = []
-    for i, (label, (recorded, trial)) in enumerate(
-        zip(labels_of([one for one, _ in read]), read, strict=True)
-    ):
 
-        def show(what: str, fraction: float, label: str = label, i: int = i) -> None:
-            if progress:
-                progress(f"{label}: {what}", (i + fraction) / len(read))
-
+    @contextlib.contextmanager
+    def apart(label: str) -> Iterator[None]:
+        """A trial that cannot be used is kept apart."""
         try:
-            walked.append(
-                (
-                    label,
-                    recorded,
-                    walk_trial(
-                        trial, with_fit=fitted is None, step_s=options.step_s, progress=show
-                    ),
-                )
-            )
+            yield
         except (InputError, SimulationError) as error:
             failed.append((label, str(error)))
             if isinstance(error, SimulationError) and len(manifests) == 1:
                 raise
+
+    every: list[Trial] = []
+    for manifest in map(Path, manifests):
+        with apart(manifest.stem):
+            every.append(load_trial(manifest))
+    read: list[tuple[Trial, Trial]] = []
+    for recorded in judge(every) if every else ():
+        with apart(recorded.path.stem):
+            trial = recorded if fitted is None else trial_with(recorded, fitted, file=contact)
+            read.append((recorded, trial))
+    walked: list[tuple[str, Trial, ValidatedWalk]] = []
+    labels = labels_of([recorded for recorded, _ in read])
+    for i, (label, (recorded, trial)) in enumerate(zip(labels, read, strict=True)):
+        show = part_of(progress, i / len(read), 1.0 / len(read), name=f"{label}: ")
+        with apart(label):
+            walk = walk_trial(trial, with_fit=fitted is None, step_s=options.step_s, progress=show)
+            walked.append((label, recorded, walk))
     if not walked:
         raise InputError(
             "no trial can be used: " + "; ".join(f"{label}: {why}" for label, why in failed)

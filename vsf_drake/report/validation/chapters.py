@@ -98,29 +98,26 @@ def make_chapters(
 
 
 def _summary(content: Content, arrays: Arrays) -> Chapter:
-    tables = {
-        name: (content["sections"].get(name) or {}).get("table") or {}
-        for name in ("bench", "walking")
-    }
-    shown = tables["walking"].get("shown") or {}
     moved = {
         key.removeprefix("walking/moved_"): array
         for key, array in arrays.items()
         if "/moved_" in key
     }
+    tables = {
+        name: (content["sections"].get(name) or {}).get("table") or {}
+        for name in ("bench", "walking")
+    }
+    shown = tables["walking"].get("shown")
     return Chapter(
         name="summary",
         title="",
         template="validation/summary.html.j2",
         missing=content.get("notes", ()),
         facts={
+            "verdict": (),
+            "failed": (),
             **content,
-            "summary": [row for row in content["summary"] if row.get("value") is not None],
-            "verdict": content.get("verdict", ()),
-            "failed": content.get("failed", ()),
-            "on_bench": tables["bench"].get("contact_on_bench"),
-            "walk": shown,
-            "synthetic_walk": tables["walking"].get("synthetic"),
+            **tables,
             "moved": moved_walk(moved, shown["fulcrum_mm"]) if moved and shown else None,
         },
     )

@@ -146,31 +146,24 @@ def _show_published(
     saved: Content, arrays: Arrays, *, folder: Path, lenient: bool
 ) -> dict[str, Any]:
     table = record(TrendTable, saved)
-    rows = [
-        {**vars(row), "met": row.verdict != CONTRADICTED or bool(row.aside)} for row in table.rows
-    ]
-    measures = [
-        {
-            **vars(one),
-            "met": one.verdict != CONTRADICTED,
-            "by": ", ".join(one.by),
-            "verdict": one.verdict.replace("_", " "),
-        }
-        for one in table.measures
-    ]
     facts = {
         "t": table,
-        "measures": measures,
-        "own": table.foot_s_own_signs,
+        "measures": [
+            {
+                **vars(one),
+                "met": one.verdict != CONTRADICTED,
+                "by": ", ".join(one.by),
+                "verdict": one.verdict.replace("_", " "),
+            }
+            for one in table.measures
+        ],
+        "rows": [
+            {**vars(row), "met": row.verdict != CONTRADICTED or bool(row.aside)}
+            for row in table.rows
+        ],
         "of": len(MEASURES),
         "signs_of": SIGNS_OF,
-        "by_foot_alone": table.reproduced(by_foot_alone=True),
-        "by_strides": table.reproduced(by_foot_alone=False),
-        "contradicted": [one.measure for one in table.measures if one.verdict == CONTRADICTED],
-        "groups": [
-            (verdict.replace("_", " "), [row for row in rows if row["verdict"] == verdict])
-            for verdict in (CONTRADICTED, REPRODUCED, CANNOT_SAY)
-        ],
+        "verdicts": (CONTRADICTED, REPRODUCED, CANNOT_SAY),
     }
     return {
         "title": "Against published effects of stiffness",
