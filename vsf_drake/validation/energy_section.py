@@ -270,15 +270,14 @@ def _result_remainder(study: Study, reported: Sequence[EnergyWalk]) -> float | N
     shares = []
     for walk, own in zip(study.walks, reported, strict=True):
         result = walk.result
-        ledger = dict(zip(result.energy_names, result.energy_j.T, strict=True))
-        for one in own.stances if "remainder" in ledger else ():
-            stance = one.stance
-            stored = one.row.stored_j
-            inside = ledger["remainder"][
-                (result.time_s >= stance.start_s) & (result.time_s <= stance.end_s)
-            ]
-            if stored > 0.0 and inside.size:
-                shares.append(float(np.abs(inside - inside[0]).max()) / stored)
+        if "remainder" not in result.energy_names:
+            continue
+        remainder = result.energy_j[:, result.energy_names.index("remainder")]
+        for one in own.stances:
+            after = result.time_s >= one.stance.start_s
+            inside = remainder[after & (result.time_s <= one.stance.end_s)]
+            if one.row.stored_j > 0.0 and inside.size:
+                shares.append(float(np.abs(inside - inside[0]).max()) / one.row.stored_j)
     return max(shares, default=None)
 
 

@@ -270,31 +270,6 @@ def is_kept(path: Path, names: Container[str]) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SavedSection:
-    """A section as `validation.json` has it; no table if it failed."""
-
-    table: object | None
-    missing: tuple[str, ...]
-    wall_s: float
-    failure: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrialRow:
-    """One walk: how the prosthesis sits under its pylon (height + shorter, fore-aft + forward,
-    alignment + toe up)."""
-
-    height_mm: float
-    fore_aft_mm: float
-    alignment_deg: float
-    label: str
-    role: str
-    fulcrum_mm: float
-    synthetic: bool
-    warnings: str | None
-
-
-@dataclass(frozen=True, kw_only=True)
 class SummaryRow:
     """A line of the summary: `value` as its section holds it at `key`, and whether it is as
     `asked`, which only measured data can tell."""
@@ -318,12 +293,15 @@ class Validation:
     verdict: tuple[str, ...]  # sentences, the one that decides first
     first_line: str
     synthetic: bool  # any walk, or the bench
-    sections: Mapping[str, SavedSection]
+    sections: Mapping[str, Mapping[str, object]]
+    """by name: `table` (None if it failed), `missing`, `wall_s`, `failure`"""
     options: Mapping[str, object]  # of `StudyOptions`, with the step
     contact: str
     failed: tuple[tuple[str, str], ...]  # labels of what could not be used, and why
     notes: tuple[str, ...]
-    trials: tuple[TrialRow, ...]
+    trials: tuple[Mapping[str, object], ...]
+    """of each walk what is known beforehand, and how the prosthesis sits under its pylon (height +
+    shorter, fore-aft + forward, alignment + toe up)"""
     provenance: Mapping[str, object]
     summary: tuple[SummaryRow, ...]
 
@@ -332,19 +310,6 @@ def validation_content(
     study: Study, finished: Mapping[str, Finished], *, exact: Study | None = None
 ) -> tuple[Validation, dict[str, np.ndarray]]:
     """Content and arrays ("section/name") of a validation from its sections, of `run_sections`."""
-    trials = tuple(
-        TrialRow(
-            height_mm=1e3 * walk.trial.offsets.height_m,
-            fore_aft_mm=1e3 * walk.trial.offsets.fore_aft_m,
-            alignment_deg=math.degrees(walk.trial.offsets.alignment_rad),
-            label=walk.label,
-            role=walk.role,
-            fulcrum_mm=walk.fulcrum_mm,
-            synthetic=walk.trial.synthetic,
-            warnings=" ".join(walk.warnings) or None,
-        )
-        for walk in study.walks
-    )
     sections = {name: one.section for name, one in finished.items()}
     found = {name: section.table for name, section in sections.items() if section}
     bench_synthetic = study.bench is not None and study.bench.synthetic
@@ -363,22 +328,34 @@ def validation_content(
         ),
         synthetic=study.synthetic or bench_synthetic,
         sections={
-            name: SavedSection(
-                table=section.table if section else None,
-                wall_s=finished[name].wall_s,
-                failure=finished[name].failure,
-                missing=(
-                    *say("validation", "shipped", date=finished[name].computed),
-                    *(section.missing if section else ()),
-                ),
-            )
-            for name, section in sections.items()
+            name: {
+                "table": one.section and one.section.table,
+                "missing": [
+                    *say("validation", "shipped", date=one.computed),
+                    *(one.section.missing if one.section else ()),
+                ],
+                "wall_s": one.wall_s,
+                "failure": one.failure,
+            }
+            for name, one in finished.items()
         },
         options=to_plain(study.options) | {"step_s": study.options.step_s},
         contact=say("validation", "contact", contact=study.contact, name=study.contact_name)[0],
         failed=study.failed,
         notes=tuple(_notes(study, finished)),
-        trials=trials,
+        trials=tuple(
+            {
+                "height_mm": 1e3 * walk.trial.offsets.height_m,
+                "fore_aft_mm": 1e3 * walk.trial.offsets.fore_aft_m,
+                "alignment_deg": math.degrees(walk.trial.offsets.alignment_rad),
+                "label": walk.label,
+                "role": walk.role,
+                "fulcrum_mm": walk.fulcrum_mm,
+                "synthetic": walk.trial.synthetic,
+                "warnings": " ".join(walk.warnings) or None,
+            }
+            for walk in study.walks
+        ),
         provenance=provenance(
             dict(study.inputs)
             | {
@@ -398,14 +375,7 @@ def validation_content(
 
 def first_line(study: Study) -> str:
     """Where the data come from, in one sentence."""
-    synthetic = [walk.label for walk in study.walks if walk.trial.synthetic]
-    return say(
-        "validation",
-        "first_line",
-        synthetic=synthetic,
-        all_synthetic=len(synthetic) == len(study.walks),
-        bench=study.bench,
-    )[0]
+    return say("validation", "first_line", walks=study.walks, bench=study.bench)[0]
 
 
 def _notes(study: Study, finished: Mapping[str, Finished]) -> list[str]:

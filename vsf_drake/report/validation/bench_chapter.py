@@ -36,6 +36,7 @@ _MISSED = (
     ("stiffness_n_per_mm", "stiffness_rmse_n_per_mm", "N/mm", "Stiffness", ""),
     ("mid_range_mm", "mid_range_rmse_mm", "mm", "Mid-range displacement", FULCRUM),
 )
+_PUBLISHED: dict[str, Any] = {"marker": "_", "markeredgewidth": 3.0}
 _SLOPE_ABOVE_N = 200.0
 
 
@@ -118,22 +119,11 @@ def _stiffness_figure(table: BenchSectionTable) -> Figure:
             axes.plot(x, measured, color=NEUTRAL, label=_source(table), **MEASURED)
         axes.plot(x, model, color=NEUTRAL, label=table.lines[0].name, **SIMULATED)
         for i, row in enumerate(rows):
-            look: dict[str, Any] = {
-                "color": colour_of(x[i]),
-                "linestyle": "",
-                "marker": MARKERS[i % len(MARKERS)],
-            }
+            marker = MARKERS[i % len(MARKERS)]
+            look: dict[str, Any] = {"color": colour_of(x[i]), "linestyle": "", "marker": marker}
             if row.published_n_per_mm is not None:
-                axes.plot(
-                    x[i],
-                    row.published_n_per_mm,
-                    **(look | {"marker": "_"}),
-                    markersize=20,
-                    markeredgewidth=3.0,
-                )
-            axes.errorbar(
-                x[i], measured[i], yerr=half[i] if np.isfinite(half[i]) else None, capsize=4, **look
-            )
+                axes.plot(x[i], row.published_n_per_mm, **look | _PUBLISHED, markersize=20)
+            axes.errorbar(x[i], measured[i], yerr=half[i], capsize=4, **look)
             axes.plot(
                 x[i], model[i], markersize=10, markerfacecolor="none", markeredgewidth=1.4, **look
             )
@@ -145,16 +135,13 @@ def _stiffness_figure(table: BenchSectionTable) -> Figure:
             linestyle="",
             label="tuned joints of the authors' model, small loads",
         )
-        axes.plot(
-            [],
-            [],
-            marker="_",
-            markersize=14,
-            markeredgewidth=3.0,
-            color=NEUTRAL,
-            linestyle="",
-            label="published end points",
-        )
+        mean = {
+            "color": NEUTRAL,
+            "linestyle": "",
+            "markersize": 14,
+            "label": "published end points",
+        }
+        axes.plot([], [], **mean | _PUBLISHED)
         axes.set_ylim(bottom=0.0)
         axes.margins(x=0.1, y=0.12)
         axes.legend(loc="upper left")
@@ -221,10 +208,8 @@ def _setting(axes: Axes, i: int, row: SettingRow, table: BenchSectionTable, arra
     half = arrays["measured_half_width_mm"][i]
     measured = arrays["measured_mm"][i]
     model = arrays["model_mm"][i]
-    if np.isfinite(half).any():
-        axes.fill_betweenx(
-            load, measured - half, measured + half, color=colour, alpha=0.2, linewidth=0
-        )
+    low, high = measured - half, measured + half
+    axes.fill_betweenx(load, low, high, color=colour, alpha=0.2, linewidth=0)
     axes.plot(measured, load, color=colour, **MEASURED)
     axes.plot(model, load, color=colour, **SIMULATED)
     if (
