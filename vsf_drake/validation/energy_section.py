@@ -375,8 +375,7 @@ def walk_cases(
 
 def _walk(walker: Walker, case: EnergyCase) -> EnergyWalk:
     trial = case.trial
-    off_bw = None
-    height_mm = None
+    same = None
     try:
         if case.search_step_s is None:
             walk = walker.walk(
@@ -395,15 +394,11 @@ def _walk(walker: Walker, case: EnergyCase) -> EnergyWalk:
                 step_s=case.step_s,
                 search_step_s=case.search_step_s,
             )
-            if not same.kept:
-                return EnergyWalk(
-                    case=case, failure=say("energy", "not_kept", off_bw=same.off_bw)[0]
-                )
             walk = same.walk
-            off_bw = same.off_bw
-            height_mm = same.height_mm
     except (InputError, SimulationError) as error:
         return EnergyWalk(case=case, failure=str(error))
+    if same and not same.kept:
+        return EnergyWalk(case=case, failure=say("energy", "not_kept", off_bw=same.off_bw)[0])
     energy = prosthesis_energy(walker, walk)
     stances = tuple(
         stance_energy(energy, stance, foot=trial.model.foot, fulcrum_m=case.fulcrum_m)
@@ -416,6 +411,6 @@ def _walk(walker: Walker, case: EnergyCase) -> EnergyWalk:
         case=case,
         stances=stances,
         unconverged_steps=int(np.sum(~walk.record.converged)),
-        off_bw=off_bw,
-        height_mm=height_mm,
+        off_bw=same.off_bw if same else None,
+        height_mm=same.height_mm if same else None,
     )

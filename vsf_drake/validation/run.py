@@ -270,6 +270,16 @@ def is_kept(path: Path, names: Container[str]) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SavedSection:
+    """A section as `validation.json` has it; no table if it failed."""
+
+    table: object | None
+    missing: tuple[str, ...]
+    wall_s: float
+    failure: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class SummaryRow:
     """A line of the summary: `value` as its section holds it at `key`, and whether it is as
     `asked`, which only measured data can tell."""
@@ -293,8 +303,7 @@ class Validation:
     verdict: tuple[str, ...]  # sentences, the one that decides first
     first_line: str
     synthetic: bool  # any walk, or the bench
-    sections: Mapping[str, Mapping[str, object]]
-    """by name: `table` (None if it failed), `missing`, `wall_s`, `failure`"""
+    sections: Mapping[str, SavedSection]
     options: Mapping[str, object]  # of `StudyOptions`, with the step
     contact: str
     failed: tuple[tuple[str, str], ...]  # labels of what could not be used, and why
@@ -328,15 +337,15 @@ def validation_content(
         ),
         synthetic=study.synthetic or bench_synthetic,
         sections={
-            name: {
-                "table": one.section and one.section.table,
-                "missing": [
+            name: SavedSection(
+                table=one.section.table if one.section else None,
+                missing=(
                     *say("validation", "shipped", date=one.computed),
                     *(one.section.missing if one.section else ()),
-                ],
-                "wall_s": one.wall_s,
-                "failure": one.failure,
-            }
+                ),
+                wall_s=one.wall_s,
+                failure=one.failure,
+            )
             for name, one in finished.items()
         },
         options=to_plain(study.options) | {"step_s": study.options.step_s},

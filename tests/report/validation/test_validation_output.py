@@ -20,7 +20,7 @@ from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import drawing, label
 from vsf_drake.report.validation import chapters, output
 from vsf_drake.report.validation.output import VALIDATION, write_validation
-from vsf_drake.validation.run import SummaryRow, Validation
+from vsf_drake.validation.run import SavedSection, SummaryRow, Validation
 
 THIRD = 1.0 / 3.0
 TEMPLATE = """
@@ -58,12 +58,7 @@ def walking(table, arrays):
 
 
 def section(table, failure=""):
-    return {
-        "table": table,
-        "missing": ["No CoP was measured."],
-        "wall_s": 1.0,
-        "failure": failure,
-    }
+    return SavedSection(table=table, missing=("No CoP was measured.",), wall_s=1.0, failure=failure)
 
 
 def content(**sections):

@@ -135,13 +135,15 @@ def _stiffness_figure(table: BenchSectionTable) -> Figure:
             linestyle="",
             label="tuned joints of the authors' model, small loads",
         )
-        mean = {
-            "color": NEUTRAL,
-            "linestyle": "",
-            "markersize": 14,
-            "label": "published end points",
-        }
-        axes.plot([], [], **mean | _PUBLISHED)
+        axes.plot(
+            [],
+            [],
+            color=NEUTRAL,
+            linestyle="",
+            markersize=14,
+            label="published end points",
+            **_PUBLISHED,
+        )
         axes.set_ylim(bottom=0.0)
         axes.margins(x=0.1, y=0.12)
         axes.legend(loc="upper left")
@@ -208,8 +210,7 @@ def _setting(axes: Axes, i: int, row: SettingRow, table: BenchSectionTable, arra
     half = arrays["measured_half_width_mm"][i]
     measured = arrays["measured_mm"][i]
     model = arrays["model_mm"][i]
-    low, high = measured - half, measured + half
-    axes.fill_betweenx(load, low, high, color=colour, alpha=0.2, linewidth=0)
+    axes.fill_betweenx(load, measured - half, measured + half, color=colour, alpha=0.2, linewidth=0)
     axes.plot(measured, load, color=colour, **MEASURED)
     axes.plot(model, load, color=colour, **SIMULATED)
     if (
