@@ -273,19 +273,13 @@ def test_the_verdict_compares_the_model_with_the_null_model_on_walks_it_has_not_
         }
         | found
     )
-    assert say(
-        "validation", "verdict", walking=walking, to_come=False, bench=None, layers=None, unmet=[]
-    ) == [said]
-    assert say(
-        "validation",
-        "verdict",
-        walking=None,
-        to_come=False,
-        bench=None,
-        layers=None,
-        unmet=["bench"],
-    ) == ["No walk could be compared with its plate.", "Criteria not met: bench."]
-    assert (
-        say("validation", "verdict", walking=None, to_come=True, bench=None, layers=None, unmet=[])
-        == []
-    ), "not yet"
+
+    def verdict(to_come=False, summary=(), **found):
+        return say("validation", "verdict", found=found, to_come=to_come, summary=summary)
+
+    assert verdict(walking=walking) == [said]
+    assert verdict(summary=[{"what": "bench", "met": False}, {"what": "energy", "met": None}]) == [
+        "No walk could be compared with its plate.",
+        "Criteria not met: bench.",
+    ]
+    assert verdict(to_come=True) == [], "not yet"
