@@ -294,7 +294,11 @@ SAMPLES = 20
 """Loads a curve, evenly up to its largest."""
 MIDDLE_N = 300.0
 """Load at which the foam's depth is one of the unknowns: nearly independent of its exponent."""
-_LOW, _HIGH = (math.log(1e9), math.log(1e-4), 1.0), (math.log(1e11), math.log(3e-2), 6.0)
+_BOUNDS = {
+    "keel modulus": (math.log(1e9), math.log(1e11)),
+    "foam stiffness": (math.log(1e-4), math.log(3e-2)),
+    "foam exponent": (1.0, 6.0),
+}
 """log flexural modulus (Pa), log foam depth (m) at 300 N, exponent."""
 _EVALUATIONS = 60
 _STEP = 1e-3
@@ -325,20 +329,14 @@ def calibrated(
         pressed = {x: at_loads(*machine.press(x, float(loads[x][-1]))[:2], loads[x]) for x in ends}
         return np.concatenate([(pressed[x] - measured[x]) / measured[x][-1] for x in ends])
 
-    k = foot.series_stiffness_n_per_m
     n = foot.series_exponent
-    start = np.array(
-        [
-            math.log(foot.keel.flexural_modulus_pa),
-            math.log(MIDDLE_N / secant_stiffness(k, n, MIDDLE_N)),
-            max(n, 1.0 + 10 * _STEP),
-        ]
-    )
-    start = np.clip(start, np.array(_LOW) + 10 * _STEP, np.array(_HIGH) - 10 * _STEP)
+    depth_m = MIDDLE_N / secant_stiffness(foot.series_stiffness_n_per_m, n, MIDDLE_N)
+    start = np.array([math.log(foot.keel.flexural_modulus_pa), math.log(depth_m), n])
+    low, high = np.array([*_BOUNDS.values()]).T
     fit = least_squares(
         residuals,
-        start,
-        bounds=(_LOW, _HIGH),
+        np.clip(start, low + 10 * _STEP, high - 10 * _STEP),
+        bounds=(low, high),
         diff_step=_STEP,
         xtol=1e-5,
         ftol=1e-6,
@@ -346,13 +344,8 @@ def calibrated(
     )
     if not fit.success:
         raise InputError(f"the calibration to the measured curves found no end: {fit.message}")
-    return trial(fit.x), [
-        name
-        for name, state in zip(
-            ("keel modulus", "foam stiffness", "foam exponent"), fit.active_mask, strict=True
-        )
-        if state
-    ]
+    at_bound = zip(_BOUNDS, fit.active_mask, strict=True)
+    return trial(fit.x), [name for name, state in at_bound if state]
 
 
 # What the paper's bench did not do: other speeds, the way back with its energy, other points of the

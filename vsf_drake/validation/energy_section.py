@@ -35,7 +35,7 @@ from vsf_drake.walks.energy_ledger import (
     stance_energy,
     walk_with_same_load,
 )
-from vsf_drake.walks.numbers import by_fulcrum, spread
+from vsf_drake.walks.numbers import by_fulcrum, cells, spread
 from vsf_drake.walks.quantities import known
 from vsf_drake.walks.recorded_walk import reached, walkers_of
 
@@ -283,11 +283,8 @@ def _result_remainder(study: Study, reported: Sequence[EnergyWalk]) -> float | N
 
 def _condition(fulcrum_mm: float, rows: Sequence[EnergyRow]) -> EnergyCondition:
     """Mean and sample SD (None for one stance) over the stances at one position."""
-    means: dict[str, float | None] = {}
-    for key in SPREAD:
-        own = spread(getattr(row, key) for row in rows)
-        means |= {key: own.mean, f"{key}_sd": own.sd}
-    return EnergyCondition(fulcrum_mm=fulcrum_mm, n=len(rows), means=means)
+    means = {key: spread(getattr(row, key) for row in rows) for key in SPREAD}
+    return EnergyCondition(fulcrum_mm=fulcrum_mm, n=len(rows), means=cells(means))
 
 
 def _judged(

@@ -89,6 +89,12 @@ class RollOverCondition:
     model: Mapping[str, Spread]
     measured: Mapping[str, Spread]
 
+    def off(self, name: str) -> float | None:
+        """By how many percent the model's mean misses the plate's."""
+        model = self.model[name].mean
+        measured = self.measured[name].mean
+        return None if model is None or measured is None else 100.0 * (model / measured - 1.0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class RollOverTable:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, Protocol, TypeVar
@@ -51,6 +51,15 @@ class Spread:
     mean: float | None
     sd: float | None
     n: int
+
+
+def cells(spreads: Mapping[str, Spread], mean: str = "") -> dict[str, float | None]:
+    """In one row: means under their names and the ending `mean`, deviations under `NAME_sd`."""
+    return {
+        name + end: value
+        for name, own in spreads.items()
+        for end, value in ((mean, own.mean), ("_sd", own.sd))
+    }
 
 
 def spread(values: Iterable[float | None]) -> Spread:

@@ -74,21 +74,9 @@ def make_chapters(
         elif section.get("failure") or section.get("table") is None:
             why = say("validation", "not_computed", why=section.get("failure") or "unknown")
         else:
-            own = {
-                key.removeprefix(f"{name}/"): array
-                for key, array in arrays.items()
-                if key.startswith(f"{name}/")
-            }
-
-            def make(
-                name: str = name,
-                maker: Callable[..., Chapter] = maker,
-                saved: object = section["table"],
-                own: Arrays = own,
-            ) -> Chapter:
-                return maker(record(tables[name], saved), own)
-
-            chapter = made_chapter(name, title, make, lenient)
+            make = partial(_chapter_of, maker, tables[name], section["table"])
+            own = _within(arrays, f"{name}/")
+            chapter = made_chapter(name, title, partial(make, own), lenient)
             why = [*map(str, section.get("missing") or ()), *chapter.missing]
         chapters.append(replace(chapter, name=name, title=title, missing=why))
     return [
@@ -97,12 +85,21 @@ def make_chapters(
     ]
 
 
-def _summary(content: Content, arrays: Arrays) -> Chapter:
-    moved = {
-        key.removeprefix("walking/moved_"): array
-        for key, array in arrays.items()
-        if "/moved_" in key
+def _chapter_of(
+    maker: Callable[..., Chapter], kind: type, saved: object, arrays: Arrays
+) -> Chapter:
+    return maker(record(kind, saved), arrays)
+
+
+def _within(arrays: Arrays, begin: str) -> Arrays:
+    """Those whose names begin so, by the rest of their names."""
+    return {
+        key.removeprefix(begin): array for key, array in arrays.items() if key.startswith(begin)
     }
+
+
+def _summary(content: Content, arrays: Arrays) -> Chapter:
+    moved = _within(arrays, "walking/moved_")
     tables = {
         name: (content["sections"].get(name) or {}).get("table") or {}
         for name in ("bench", "walking")

@@ -23,11 +23,11 @@ from vsf_drake.report.style import (
     tag,
 )
 from vsf_drake.report.validation.panels import mark, plate_name, section_chapter
-from vsf_drake.walks.numbers import spread
+from vsf_drake.walks.numbers import cells
 
 if TYPE_CHECKING:
     from vsf_drake.device.roll_over import Iso
-    from vsf_drake.validation.roll_over_section import InclinedRow, RollOverCondition, RollOverTable
+    from vsf_drake.validation.roll_over_section import InclinedRow, RollOverTable
 
 _PANELS = (
     ("radius_m", 1e3, "radius", "(mm)"),
@@ -59,17 +59,12 @@ def roll_over_chapter(table: RollOverTable, arrays: Arrays) -> Chapter:
         "roll_over",
         table,
         figures,
-        radii=[_radii(row, table) for row in table.conditions],
         condition_rows=[
             {
                 "fulcrum_mm": row.fulcrum_mm,
                 "source": words,
                 "footfalls": means["radius_m"].n,
-                **{
-                    f"{name}_{what}": getattr(own, what)
-                    for what in ("mean", "sd")
-                    for name, own in means.items()
-                },
+                **cells(means, "_mean"),
             }
             for row in table.conditions
             for means, words in ((row.measured, "plate"), (row.model, "model"))
@@ -88,25 +83,6 @@ def roll_over_chapter(table: RollOverTable, arrays: Arrays) -> Chapter:
             for row in table.inclined
         ],
     )
-
-
-def _radii(condition: RollOverCondition, table: RollOverTable) -> dict[str, float | None]:
-    """What the radii of a condition are, over the whole shape and without the heel's part (m), by
-    how much the model's is off (%), and how far apart the shapes are (mm)."""
-    found: dict[str, float | None] = {"fulcrum_mm": condition.fulcrum_mm}
-    for end, name in (("", "radius_m"), ("_after_heel", "radius_after_heel_m")):
-        model = condition.model[name].mean
-        measured = condition.measured[name].mean
-        found[f"model{end}"] = model
-        found[f"measured{end}"] = measured
-        found[f"off{end}"] = (
-            None if model is None or measured is None else 100.0 * (model / measured - 1.0)
-        )
-    own = [row for row in table.walks if row.fulcrum_mm == condition.fulcrum_mm]
-    for name in ("heel_apart", "later_apart"):
-        apart_m = spread(getattr(row, f"{name}_m") for row in own).mean
-        found[f"{name}_mm"] = None if apart_m is None else 1e3 * apart_m
-    return found
 
 
 def _inclined_figure(rows: Sequence[InclinedRow], arrays: Arrays) -> Figure:

@@ -28,6 +28,7 @@ from vsf_drake.report.style import (
     say_synthetic,
 )
 from vsf_drake.report.validation.panels import mark, plate_name, section_chapter
+from vsf_drake.walks.numbers import cells
 
 if TYPE_CHECKING:
     from vsf_drake.validation.walking_section import LayersTable, WalkingCondition, WalkingTable
@@ -121,10 +122,7 @@ def _condition_rows(table: WalkingTable) -> Iterable[dict[str, Any]]:
     for condition in table.conditions:
         name = _heading(condition)
         for source, own in condition.scores.items():
-            row: dict[str, Any] = {"setting": name, "source": source, "n": own.n}
-            for key, spread in own.spreads.items():
-                row |= {key: spread.mean, f"{key}_sd": spread.sd}
-            yield row
+            yield {"setting": name, "source": source, "n": own.n, **cells(own.spreads)}
         if condition.paper and not table.synthetic:
             yield {"setting": name, "source": "paper", "n": None, **condition.paper}
 
