@@ -274,20 +274,22 @@ def differing_regions(
     own = difference[:, used]
     band[:, used] = low, high = bootstrap_band(own, seed=seed)
 
-    why = "spm1d is not installed"
+    method = BOOTSTRAP
+    why: str | None = "spm1d is not installed"
+    threshold = None
+    spans: list[_Span] = [
+        (start, stop - 1, None) for start, stop in runs((low > 0.0) | (high < 0.0))
+    ]
     if spm_version() is not None:
         try:
             threshold, spans = _spm(model[:, used], measured[:, used])
-            regions, share = _regions(spans, int(used[0]), own)
-            return tested(method=SPM, threshold=threshold, regions=regions, share=share)
+            method = SPM
+            why = None
         except Exception as error:  # whatever the optional package dislikes, the bands remain
             raise_if_interrupted()
             why = f"spm1d refused the curves ({' '.join(str(error).split())[:120]})"
-    bands: list[_Span] = [
-        (start, stop - 1, None) for start, stop in runs((low > 0.0) | (high < 0.0))
-    ]
-    regions, share = _regions(bands, int(used[0]), own)
-    return tested(method=BOOTSTRAP, why=why, regions=regions, share=share)
+    regions, share = _regions(spans, int(used[0]), own)
+    return tested(method=method, why=why, threshold=threshold, regions=regions, share=share)
 
 
 def bootstrap_band(
