@@ -241,12 +241,14 @@ def test_legs_are_the_persons_and_both_feet_carry_body_weight_and_push_by_what_t
     0.18 m/s, which alone is 1.4 % of body weight."""
     _, trial, walker, stride = embedded_stride
     body = walker.gait.person.body
-    for name, length in (
-        ("shank_P", body.prosthetic_thigh_length),
-        ("shank_I", body.thigh_length),
-        ("foot_I", body.shank_length),
+    upright = stride.chain.points(np.zeros((1, 8)))[0]
+    for upper, lower, length in (
+        ("hip P", "knee P", body.prosthetic_thigh_length),
+        ("hip I", "knee I", body.thigh_length),
+        ("knee I", "ankle I", body.shank_length),
     ):
-        assert abs(stride.chain.joints[name]) == pytest.approx(length, rel=1e-12)
+        (above,), (below,) = (upright[stride.chain.rows(name)] for name in (upper, lower))
+        assert abs(above - below) == pytest.approx(length, rel=1e-12)
     t = np.linspace(0.0, stride.period_s, 2001)
     total = sum(stride.measured(foot, t)[0][:, :2] for foot in stride.forces) / (
         trial.subject.mass_kg * GRAVITY

@@ -30,14 +30,29 @@ from pydrake.multibody.tree import BodyIndex
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.simulation.mechanism import gait_mechanism
+from vsf_drake.simulation.sagittal.model import sagittal_coordinates
+from vsf_drake.simulation.sagittal.planar_dynamics import (
+    PlanarDynamics,
+    PlanarMotion,
+    planar_tree,
+    without_branch,
+)
 from vsf_drake.simulation.walk import Walker
 
 FEET = {"P": "prosthetic", "I": "intact"}  # in this order wherever both appear
-SEGMENTS = ("pelvis", "thigh_P", "shank_P", "thigh_I", "shank_I", "foot_I")
-"""Rigid segments of the sagittal model; socket, pylon and prosthetic foot belong to "shank_P"."""
 TILT, TX, TY, HIP_P, KNEE_P, HIP_I, KNEE_I, ANKLE_I = range(
     8
 )  # places of the coordinates in `sagittal_coordinates`
+SEGMENTS = {
+    TILT: "pelvis",
+    HIP_P: "thigh_P",
+    KNEE_P: "shank_P",
+    HIP_I: "thigh_I",
+    KNEE_I: "shank_I",
+    ANKLE_I: "foot_I",
+}
+"""Rigid segments of the sagittal model by the coordinate that moves each; socket, pylon and
+prosthetic foot belong to "shank_P"."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,7 +63,7 @@ class _Points:
     labels: tuple[
         str, ...
     ]  # (k,) "hip P", "knee P", "ankle P", "sphere P", the same with I, "mass"
-    segment: np.ndarray  # (k,) index into SEGMENTS of what carries the point
+    carrier: np.ndarray  # (k,) place of the coordinate of SEGMENTS that carries the point
     mass: np.ndarray  # (k,) kg where the point is a centre of mass, else 0
     radius: np.ndarray  # (k,) m where it is the centre of a contact sphere, else 0
 
@@ -108,27 +123,23 @@ def body_points(
         (plant.get_body(BodyIndex(int(body))).body_frame(), site[:3], site[3])
         for body, site in zip(mechanism.site_bodies, mechanism.sites, strict=True)
     ]
-    for s, foot, distal, own_spheres in (
-        ("P", "shank_P", person.socket.distal, spheres[:count]),
-        ("I", "foot_I", segments[f"foot_{side['I']}"].body_frame(), spheres[count:]),
+    carriers = {}
+    for coordinate, name in SEGMENTS.items():
+        part, _, s = name.partition("_")
+        carriers[segments[f"{part}_{side[s]}" if s else part].index()] = coordinate
+    for s, hip, foot, distal, own_spheres in (
+        ("P", HIP_P, KNEE_P, person.socket.distal, spheres[:count]),
+        ("I", HIP_I, ANKLE_I, segments[f"foot_{side['I']}"].body_frame(), spheres[count:]),
     ):
         points += [
-            (segments[f"thigh_{side[s]}"].body_frame(), nil, f"hip {s}", f"thigh_{s}", 0.0, 0.0),
-            (segments[f"shank_{side[s]}"].body_frame(), nil, f"knee {s}", f"shank_{s}", 0.0, 0.0),
+            (segments[f"thigh_{side[s]}"].body_frame(), nil, f"hip {s}", hip, 0.0, 0.0),
+            (segments[f"shank_{side[s]}"].body_frame(), nil, f"knee {s}", hip + 1, 0.0, 0.0),
             (distal, nil, f"ankle {s}", foot, 0.0, 0.0),
             *(
                 (frame, p_BS, f"sphere {s}", foot, 0.0, radius)
                 for frame, p_BS, radius in own_spheres
             ),
         ]
-    carriers = {
-        segments["pelvis"].index(): "pelvis",
-        segments[f"thigh_{side['P']}"].index(): "thigh_P",
-        **{
-            segments[f"{part}_{side['I']}"].index(): f"{part}_I"
-            for part in ("thigh", "shank", "foot")
-        },
-    }
     for body in (plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies())):
         if (mass := body.get_mass(context)) > 0.0:
             points.append(
@@ -136,7 +147,7 @@ def body_points(
                     body.body_frame(),
                     body.CalcCenterOfMassInBodyFrame(context),
                     "mass",
-                    carriers.get(body.index(), "shank_P"),
+                    carriers.get(body.index(), KNEE_P),
                     mass,
                     0.0,
                 )
@@ -156,7 +167,7 @@ def body_points(
     _, _, labels, carrier, masses, radii = zip(*points, strict=True)
     return BodyPoints(
         labels=labels,
-        segment=np.array([SEGMENTS.index(name) for name in carrier]),
+        carrier=np.array(carrier),
         mass=np.array(masses),
         radius=np.array(radii),
         pelvis=pelvis,
@@ -165,107 +176,53 @@ def body_points(
     )
 
 
-# The sagittal model's geometry: a planar tree of rigid segments, for many instants at once.
+# The sagittal model's geometry: the walker's planar tree of rigid segments, for many instants at
+# once, with the sagittal coordinates alone; everything else is at zero, and the prosthesis, which
+# may be turned out of the plane, is where that puts it.
 #
-# Points of the plane are complex numbers x + i z (x forward, z up), so that a turn by an angle
-# toward "front up" is a factor exp(i angle). With out-of-plane coordinates at zero every joint of
-# the person turns about W's y axis:
-#
-#     trunk     phi = tilt
-#     thigh     phi + hip flexion
-#     shank     phi + hip flexion - knee angle              (prosthetic side: socket, pylon and foot
-#                                                           move with it)
-#     foot      phi + hip flexion - knee angle + ankle      (intact side)
-#
-# Lengths are the Walker's own, read off its plant with every coordinate at zero.
-
-
-_TURNS: dict[str, tuple[tuple[int, float], ...]] = {"pelvis": ((TILT, 1.0),)}
-_TURNS["thigh_P"] = (*_TURNS["pelvis"], (HIP_P, 1.0))
-_TURNS["shank_P"] = (*_TURNS["thigh_P"], (KNEE_P, -1.0))
-_TURNS["thigh_I"] = (*_TURNS["pelvis"], (HIP_I, 1.0))
-_TURNS["shank_I"] = (*_TURNS["thigh_I"], (KNEE_I, -1.0))
-_TURNS["foot_I"] = (*_TURNS["shank_I"], (ANKLE_I, 1.0))
-_ORDERS = (_TURNS["shank_P"], _TURNS["foot_I"])  # the joints down either leg, with their signs
-_PARENT = {
-    "thigh_P": "pelvis",
-    "shank_P": "thigh_P",
-    "thigh_I": "pelvis",
-    "shank_I": "thigh_I",
-    "foot_I": "shank_I",
-}
-
-
-_JOINT_OF = {
-    "thigh_P": "hip P",
-    "shank_P": "knee P",
-    "thigh_I": "hip I",
-    "shank_I": "knee I",
-    "foot_I": "ankle I",
-}
+# Points of the plane are complex numbers x + i z (x forward, z up).
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SagittalChain(_Points):
     """A planar person with the points on it."""
 
-    joints: dict[
-        str, complex
-    ]  # by segment, its proximal joint in its parent's axes (m); the pelvis's is 0
-    local: np.ndarray  # (k,) complex, the points from their segments' joints (m)
+    dynamics: PlanarDynamics
+    local: np.ndarray  # (k,) complex, the points in the frames of what carries them (m)
+
+    def _moved(self, q: np.ndarray) -> tuple[PlanarMotion, np.ndarray]:
+        """The links at q (n, 8), and the points (k, n)."""
+        still = np.zeros_like(q.T)
+        motion = self.dynamics.move(q.T, still, still)
+        origin, turn = frames(motion, self.dynamics.link[self.carrier])
+        return motion, origin + turn * self.local[:, None]
 
     def points(self, q: np.ndarray) -> np.ndarray:
-        return self._placed(q)[0]
-
-    def _placed(self, q: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """The points, and by segment its proximal joint (n,)."""
-        origin = {"pelvis": q[:, TX] + 1j * q[:, TY]}
-        turn = {
-            name: np.exp(1j * sum(sign * q[:, c] for c, sign in _TURNS[name])) for name in SEGMENTS
-        }
-        for name in SEGMENTS[1:]:
-            parent = _PARENT[name]
-            origin[name] = origin[parent] + self.joints[name] * turn[parent]
-        names = [SEGMENTS[s] for s in self.segment]
-        return np.stack(
-            [origin[name] + r * turn[name] for name, r in zip(names, self.local, strict=True)],
-            axis=1,
-        ), origin
+        return self._moved(q)[1].T
 
     def linearised(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The points, and their derivatives (n, k, 8), complex: a turn by a joint moves a point p
-        about the joint's place o by dp = i (p - o)."""
-        places, origin = self._placed(q)
-        J = np.zeros((*places.shape, 8), dtype=complex)
-        J[:, :, TX], J[:, :, TY] = 1.0, 1j
-        pivot = {
-            TILT: "pelvis",
-            HIP_P: "thigh_P",
-            KNEE_P: "shank_P",
-            HIP_I: "thigh_I",
-            KNEE_I: "shank_I",
-            ANKLE_I: "foot_I",
-        }
-        for k, segment in enumerate(self.segment):
-            for c, sign in _TURNS[SEGMENTS[segment]]:
-                J[:, k, c] = 1j * sign * (places[:, k] - origin[pivot[c]])
-        return places, J
+        """The points, and their derivatives (n, k, 8), complex: the velocity of a point at unit
+        rate of a coordinate that carries it."""
+        motion, places = self._moved(q)
+        link = self.dynamics.link
+        omega, vx, vz = motion.S[:, link, None]
+        carries = self.dynamics.carries[np.ix_(link, link[self.carrier])]
+        J = carries[:, :, None] * (vx + 1j * vz - 1j * omega * places)
+        return places.T, J.transpose(2, 1, 0)
 
     def curvature(self, J: np.ndarray, pull: np.ndarray) -> np.ndarray:
         """(n, 8, 8) sum over points of Re(conj(pull) d2p/dq2): what curved paths add to a
         least-squares Hessian.
 
-        d2p/dq_c dq_d is i s_c dp/dq_d, c being the joint nearer to the pelvis and s_c its sign. J
-        (n, k, 8) are derivatives from `linearised`, or sums of them; pull (n, k) complex residuals,
-        each part times its weight.
+        d2p/dq_c dq_d is -i w_c dp/dq_d, c being the joint nearer to the pelvis and w_c its sign
+        about +y. J (n, k, 8) are derivatives from `linearised`, or sums of them; pull (n, k)
+        complex residuals, each part times its weight.
         """
-        turned = np.einsum("nk,nkd->nd", pull.conj(), 1j * J).real
-        H = np.zeros((len(J), 8, 8))
-        for order in _ORDERS:
-            for place, (c, sign) in enumerate(order):
-                for deeper, _ in order[place:]:
-                    H[:, c, deeper] = H[:, deeper, c] = sign * turned[:, deeper]
-        return H
+        link = self.dynamics.link
+        turned = np.einsum("nk,nkd->nd", pull.conj(), -1j * J).real
+        deeper = self.dynamics.turn[link][:, None] * self.dynamics.carries[np.ix_(link, link)]
+        H = deeper * turned[:, None, :]
+        return H + np.triu(H, 1).transpose(0, 2, 1)
 
     def mass_center(self, q: np.ndarray) -> np.ndarray:
         return np.asarray(self.points(q) @ self.mass / self.mass.sum())
@@ -282,20 +239,29 @@ class SagittalChain(_Points):
         return np.where(self.radius > 0.0, 0.5 - 0.5 * np.tanh(0.5 * (gap - FLOOR_M) / FADE_M), 0.0)
 
 
+def frames(motion: PlanarMotion, link: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Origins of links' frames, and the factors by which they are turned; complex, (k, ...)."""
+    return (motion.x + 1j * motion.z)[link], (motion.c - 1j * motion.s)[link]
+
+
 def sagittal_chain(walker: Walker, offsets: GeometricOffsets, *, fulcrum_m: float) -> SagittalChain:
     """The sagittal model of a person with the prosthesis as `offsets` place it."""
     zero = body_points(walker, offsets, (), np.zeros((1, 0)), fulcrum_m=fulcrum_m)
-    places = zero.places[0, :, 0] + 1j * zero.places[0, :, 2]
-    base = {"pelvis": zero.pelvis[0, 0] + 1j * zero.pelvis[0, 2]}
-    base |= {name: places[zero.labels.index(label)] for name, label in _JOINT_OF.items()}
-    joints = {"pelvis": 0j} | {name: base[name] - base[parent] for name, parent in _PARENT.items()}
+    tree = without_branch(
+        gait_mechanism(walker.gait, walker.context).tree,
+        walker.gait.person.socket.coordinate_names[0],
+    )
+    names = sagittal_coordinates(walker.subject.prosthetic_side)
+    dynamics = PlanarDynamics(planar_tree(tree, names))
+    nil = np.zeros(len(names))
+    origin, turn = frames(dynamics.move(nil, nil, nil), dynamics.link[zero.carrier])
     return SagittalChain(
         labels=zero.labels,
-        segment=zero.segment,
+        carrier=zero.carrier,
         mass=zero.mass,
         radius=zero.radius,
-        joints=joints,
-        local=places - np.array([base[SEGMENTS[s]] for s in zero.segment]),
+        dynamics=dynamics,
+        local=(zero.seen(np.array([1.0, 0.0]))[0] - origin) / turn,
     )
 
 

@@ -43,7 +43,7 @@ class PlanarDynamics:
         (
             self.parent,
             self.coordinate,
-            self._turn,
+            self.turn,
             self._direction,
             self._offset,
             self._angle,
@@ -51,7 +51,7 @@ class PlanarDynamics:
             self._moment,
             self._inertia,
         ) = (np.array(column).T for column in zip(*map(astuple, tree.links), strict=True))
-        self.link = np.argsort(self.coordinate)  # (L,) of the coordinates
+        self.link = np.argsort(self.coordinate)  # (L,) of the coordinates; `turn` (L,) as of `Link`
         # (L, L), [i, j] is 1 where link i carries link j, or is it
         self.carries = np.eye(len(tree.links))
         for j, link in enumerate(tree.links):
@@ -63,7 +63,7 @@ class PlanarDynamics:
         v = v[self.coordinate]
         a = a[self.coordinate]
         tail = (-1, *(1,) * (q.ndim - 1))
-        turn = self._turn.reshape(tail)
+        turn = self.turn.reshape(tail)
         angle = self._angle.reshape(tail)
         own = angle + turn * q
         phi = self.of_carriers(own)
