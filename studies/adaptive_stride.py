@@ -42,7 +42,6 @@ from vsf_drake.device.equal_load import at_equal_load
 from vsf_drake.model.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial, load_trial
-from vsf_drake.optimal_control import StrideOptions, StrideTuning
 from vsf_drake.optimal_control.outcomes import (
     SIGNS_OF,
     beyond_the_load,
@@ -52,8 +51,16 @@ from vsf_drake.optimal_control.outcomes import (
     steady_signs,
 )
 from vsf_drake.optimal_control.resimulate import resimulate_prescribed, resimulate_with_feedback
-from vsf_drake.optimal_control.search import Fixed, StrideSearch, eased, position_mm, swept, tracked
-from vsf_drake.optimal_control.stride import MM, Stride
+from vsf_drake.optimal_control.search import (
+    Fixed,
+    StrideSearch,
+    StrideTuning,
+    eased,
+    position_mm,
+    swept,
+    tracked,
+)
+from vsf_drake.optimal_control.stride import MM, Stride, StrideOptions
 from vsf_drake.optimal_control.trajectory import solved_trajectory
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing

@@ -22,7 +22,6 @@ from vsf_drake.cli.options import Asked, fields_of, flags, from_fields, made
 from vsf_drake.cli.recordings import ImportRequest
 from vsf_drake.cli.study import StudyRequest
 from vsf_drake.cli.sweep import SweepRequest
-from vsf_drake.collocation.problem import METHODS as OF_COLLOCATION
 from vsf_drake.device.stiffness_map.make import DRAWS, standard_axes
 from vsf_drake.fit.options import ContactFitOptions
 from vsf_drake.model.parameters import ModelParameters
@@ -35,7 +34,7 @@ from vsf_drake.simulation.bench import run_bench
 from vsf_drake.simulation.options import BenchOptions, StandingOptions, StepOptions
 from vsf_drake.simulation.standing import simulate_standing
 from vsf_drake.simulation.walk import simulate_trial
-from vsf_drake.tuning.common import METHODS, FreeMotionOptions, GivenMotionOptions
+from vsf_drake.tuning.common import FreeMotionOptions, GivenMotionOptions
 from vsf_drake.tuning.options import TuningOptions
 from vsf_drake.validation.options import StudyOptions
 from vsf_drake.walks.recorded_walk import walk_trial
@@ -93,7 +92,6 @@ def test_both_levels_of_a_tuning_have_the_defaults_that_its_help_tells():
     for level, schema in ((GivenMotionOptions, TuningOptions), (FreeMotionOptions, StrideOptions)):
         for name, field in fields_of(level).items():
             assert getattr(schema(), name) == getattr(level(), name), flags(field)
-    assert METHODS == OF_COLLOCATION
 
 
 def test_functions_have_the_defaults_of_the_classes_from_which_commands_are_made(told):

@@ -18,9 +18,9 @@ from command_line import exit_code, read_json
 from made_tuning import BEST_MM, POSITIONS, failed_table, small_table
 from sweep_files import copied
 
-from vsf_drake import optimal_control as level2
 from vsf_drake.base.files import resource
 from vsf_drake.cli import tune
+from vsf_drake.optimal_control.stride import StrideOptions
 from vsf_drake.tuning import inputs
 from vsf_drake.tuning.table import DesignValue
 
@@ -150,7 +150,7 @@ def test_without_trials_the_embedded_person_is_tuned_with_the_contact_that_was_f
     quick, whole, free = (call[0] for call in made["calls"])
     assert quick.labels == free.labels == ("medium_2",)
     assert whole.labels == ("medium_1", "medium_2", "medium_3")
-    assert isinstance(made["calls"][2][2], level2.StrideOptions)
+    assert isinstance(made["calls"][2][2], StrideOptions)
     assert quick.synthetic and not quick.notes
     assert all("A fitted contact was applied" in " ".join(trial.notes) for trial in quick.trials)
 
@@ -203,7 +203,9 @@ def test_each_level_gets_its_options_and_its_progress_is_shown(run, tmp_path, mo
         ("tuning.problem", ("StiffnessTuning",)),
         ("tuning.solve", ("solve",)),
         ("tuning.solution", ("tuning_table", "tuning_arrays")),
-        ("optimal_control", ("StrideTuning", "solve", "stride_table", "stride_arrays")),
+        ("optimal_control.search", ("StrideTuning",)),
+        ("optimal_control.solve", ("solve",)),
+        ("optimal_control.saved", ("stride_table", "stride_arrays")),
     ):
         for name in names:
             monkeypatch.setattr(f"vsf_drake.{home}.{name}", made[name])

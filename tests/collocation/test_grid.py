@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.collocation import Grid, Layout
+from vsf_drake.collocation.problem import Grid, Layout
 
 LAYOUT = Layout(("x", "y"), ("w",), ("s",))
 GRIDS = pytest.mark.parametrize(

@@ -14,14 +14,9 @@ from collocation_problems import (
 )
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.collocation import (
-    CollocationOptions,
-    Grid,
-    Start,
-    TrajectoryProblem,
-    resampled,
-    solve,
-)
+from vsf_drake.collocation.problem import Grid, TrajectoryProblem
+from vsf_drake.collocation.solution import Start, resampled
+from vsf_drake.collocation.sqp import CollocationOptions, solve
 
 
 def test_the_spring_that_makes_a_prescribed_oscillation_cheapest_is_in_resonance_or_on_its_bound():

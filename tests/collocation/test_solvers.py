@@ -10,8 +10,10 @@ from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from pydrake.solvers import SnoptSolver
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.collocation import Start, confirm, program, solve
+from vsf_drake.collocation.program import confirm, program
 from vsf_drake.collocation.scaled import Scaled
+from vsf_drake.collocation.solution import Start
+from vsf_drake.collocation.sqp import solve
 
 
 def pushed():

@@ -12,18 +12,10 @@ from collocation_problems import (
 )
 
 from vsf_drake.base.errors import FitError, InputError
-from vsf_drake.collocation import (
-    CollocationOptions,
-    Design,
-    Grid,
-    Layout,
-    Limits,
-    Residuals,
-    Start,
-    TrajectoryProblem,
-    confirm,
-    solve,
-)
+from vsf_drake.collocation.problem import Design, Grid, Layout, Limits, Residuals, TrajectoryProblem
+from vsf_drake.collocation.program import confirm
+from vsf_drake.collocation.solution import Start
+from vsf_drake.collocation.sqp import CollocationOptions, solve
 
 
 def zero(problem):

@@ -8,20 +8,19 @@ import pytest
 from collocation_problems import Outputs, chain
 from scipy.linalg import null_space
 
-from vsf_drake.collocation import (
+from vsf_drake.collocation.problem import (
     Convex,
     Design,
     Grid,
     Layout,
     Limits,
     Residuals,
-    Start,
     TrajectoryProblem,
-    confirm,
-    solve,
 )
+from vsf_drake.collocation.program import confirm
 from vsf_drake.collocation.scaled import Scaled
-from vsf_drake.collocation.sqp import stiffened, with_curvature
+from vsf_drake.collocation.solution import Start
+from vsf_drake.collocation.sqp import solve, stiffened, with_curvature
 from vsf_drake.collocation.step import (
     SOFT,
     Kkt,

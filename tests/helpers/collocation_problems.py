@@ -7,15 +7,8 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.special import j1
 
-from vsf_drake.collocation import (
-    Design,
-    Grid,
-    Layout,
-    Limits,
-    Residuals,
-    Start,
-    TrajectoryProblem,
-)
+from vsf_drake.collocation.problem import Design, Grid, Layout, Limits, Residuals, TrajectoryProblem
+from vsf_drake.collocation.solution import Start
 
 
 class Outputs:

@@ -16,17 +16,8 @@ from vsf_drake.model.contact_file import load_contact
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.optimal_control import (
-    StrideOptions,
-    StrideTuning,
-    normal,
-    saved,
-    solve,
-    stride_arrays,
-    stride_table,
-)
+from vsf_drake.optimal_control import normal, saved
 from vsf_drake.optimal_control.outcomes import (
-    KINDS,
     MEASURES,
     muscle_energy,
     outcomes,
@@ -35,20 +26,23 @@ from vsf_drake.optimal_control.outcomes import (
     taken_and_given,
 )
 from vsf_drake.optimal_control.resimulate import resimulate_prescribed
-from vsf_drake.optimal_control.saved import as_good, as_little
+from vsf_drake.optimal_control.saved import as_good, as_little, stride_arrays, stride_table
 from vsf_drake.optimal_control.search import (
     Fixed,
     Held,
     StrideSearch,
     StrideSolution,
+    StrideTuning,
     swept,
     tracked,
     with_recorded,
 )
-from vsf_drake.optimal_control.stride import MM, STEADY, TYPICAL_ACTIVATION, WORK
+from vsf_drake.optimal_control.solve import solve
+from vsf_drake.optimal_control.stride import MM, STEADY, TYPICAL_ACTIVATION, WORK, StrideOptions
 from vsf_drake.optimal_control.trajectory import solved_trajectory
 from vsf_drake.tuning.common import FREE_COSTS, least_seen
 from vsf_drake.tuning.options import TuningOptions
+from vsf_drake.tuning.quantities import FREE_OUTCOMES
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 
 
@@ -480,7 +474,7 @@ def test_outcomes_of_the_recorded_setting_are_of_the_best_stride_there(monkeypat
     """Not of the recorded motion: their difference would be that of the motion. What changes by no
     more than on a finer grid, or than a laboratory sees, is not said to change."""
     monkeypatch.setattr(
-        saved, "outcomes", lambda solution, stride: dict.fromkeys(KINDS, solution.last_cost)
+        saved, "outcomes", lambda solution, stride: dict.fromkeys(FREE_OUTCOMES, solution.last_cost)
     )
     stride, fine = OnlyGrid("coarse"), OnlyGrid("fine")
     result = StrideSolution(

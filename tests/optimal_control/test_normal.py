@@ -12,9 +12,9 @@ from vsf_drake.model.contact_file import load_contact
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.optimal_control import StrideOptions, StrideTuning
 from vsf_drake.optimal_control.normal import normal_gait
-from vsf_drake.optimal_control.stride import MM
+from vsf_drake.optimal_control.search import StrideTuning
+from vsf_drake.optimal_control.stride import MM, StrideOptions
 from vsf_drake.simulation.sagittal.model import SagittalModel
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.walks.embedded import embedded_contact

@@ -36,7 +36,7 @@ from vsf_drake.base.files import plain, record, resource, sha256
 from vsf_drake.fit.options import FitNoise
 from vsf_drake.fit.solve import prior_samples
 from vsf_drake.model.contact_file import load_contact
-from vsf_drake.optimal_control import StrideOptions
+from vsf_drake.optimal_control.stride import StrideOptions
 from vsf_drake.tuning.common import FREE_COSTS
 from vsf_drake.validation.options import StudyOptions
 from vsf_drake.validation.published_trends import TrendTable, judged

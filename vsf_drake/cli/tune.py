@@ -27,12 +27,12 @@ from vsf_drake.tuning.common import (
 if TYPE_CHECKING:
     import numpy as np
 
-    from vsf_drake import optimal_control as level2
+    from vsf_drake.optimal_control.stride import StrideOptions
     from vsf_drake.tuning.inputs import TuningTrials
     from vsf_drake.tuning.options import TuningOptions
     from vsf_drake.tuning.table import TuningTable
 
-    Options = TuningOptions | level2.StrideOptions
+    Options = TuningOptions | StrideOptions
     Arrays = dict[str, np.ndarray]
 
 _OPTIONS = fields_of(GivenMotionOptions, FreeMotionOptions)
@@ -42,6 +42,8 @@ _ONLY = {
     "pareto": (1, ""),
 }
 """The level that has an option, where the other has not, and why."""
+LEVEL_2 = {"alignment": "alignment_rad"}
+"""What level 2 calls variables of the design, where that is another name."""
 _IN_RESULTS = {"bounds_mm": "fulcrum_range_mm", "speed_m_per_s": "speed"}
 """What results call options that were given, where that is not the field's name."""
 
@@ -186,21 +188,19 @@ def _check(cost: str, level: int, search: Asked) -> None:
 
 
 def _level_options(level: int, quick: bool, search: Asked) -> Options:
-    from vsf_drake import optimal_control as level2
+    from vsf_drake.optimal_control.stride import StrideOptions
     from vsf_drake.tuning.options import TuningOptions
 
-    short: Asked = {"starts": 1, "confirm": (), "draws": 0} if quick else {}
+    short: Asked = {"starts": 1, "confirm": (), "draws": 0}
     with named_as_options(GivenMotionOptions, FreeMotionOptions):
         if level == 1:
-            short |= {"sweep_mm": 5.0, "more_starts": 0} if quick else {}
-            return TuningOptions(**short | search)
-        short |= {"intervals": 20, "positions": 5} if quick else {}
-        design = [
-            "alignment_rad" if name == "alignment" else name for name in search.get("design", ())
-        ]
-        given = {**short, **search, "design": tuple(design)}
+            short |= {"sweep_mm": 5.0, "more_starts": 0}
+            return TuningOptions(**(short if quick else {}) | search)
+        short |= {"intervals": 20, "positions": 5}
+        given = (short if quick else {}) | search
+        given["design"] = tuple(LEVEL_2.get(name, name) for name in search.get("design", ()))
         given.pop("workers", None)
-        return level2.StrideOptions(**given)
+        return StrideOptions(**given)
 
 
 def _tuned_trials(
@@ -246,19 +246,22 @@ def _solved(
     show: Progress,
     warm: tuple[TuningTable, Arrays] | None,
 ) -> tuple[TuningTable, Arrays]:
-    from vsf_drake import optimal_control as level2
+    from vsf_drake.optimal_control import solve as level2
+    from vsf_drake.optimal_control.saved import stride_arrays, stride_table
+    from vsf_drake.optimal_control.search import StrideTuning
+    from vsf_drake.tuning import solve as level1
     from vsf_drake.tuning.options import TuningOptions
     from vsf_drake.tuning.problem import StiffnessTuning
     from vsf_drake.tuning.solution import tuning_arrays, tuning_table
-    from vsf_drake.tuning.solve import solve
 
+    old, old_arrays = warm or (None, None)
     if isinstance(options, TuningOptions):
-        begin = None if warm is None else {row.name: row.value for row in warm[0].design}
-        if begin is not None and warm is not None and warm[0].fulcrum_mm is not None:
-            begin["fulcrum"] = warm[0].fulcrum_mm
+        begin = None if old is None else {row.name: row.value for row in old.design}
+        if begin is not None and old is not None and old.fulcrum_mm is not None:
+            begin["fulcrum"] = old.fulcrum_mm
         tuning = StiffnessTuning(given.trials, cost=cost, labels=given.labels, options=options)
-        solution = solve(tuning, progress=show, warm_start=begin)
+        solution = level1.solve(tuning, progress=show, warm_start=begin)
         return tuning_table(solution), tuning_arrays(solution)
-    free = level2.StrideTuning(given.trials, cost=cost, labels=given.labels, options=options)
-    stride = level2.solve(free, progress=show, warm_start=None if warm is None else warm[1])
-    return level2.stride_table(stride), level2.stride_arrays(stride)
+    free = StrideTuning(given.trials, cost=cost, labels=given.labels, options=options)
+    stride = level2.solve(free, progress=show, warm_start=old_arrays)
+    return stride_table(stride), stride_arrays(stride)

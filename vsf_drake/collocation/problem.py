@@ -22,8 +22,8 @@ import scipy.sparse as sp
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.schema import check, choice, quantity
+from vsf_drake.collocation.methods import METHODS
 
-METHODS = ("hermite_simpson", "trapezoidal")
 KINDS = ("q", "v", "a", "w", "u", "s")
 Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 """phi, phi' >= or <= 0, phi'' >= 0 of an array, each of its shape."""

@@ -15,46 +15,6 @@ from vsf_drake.optimal_control.stride import Stride
 from vsf_drake.simulation.sagittal.model import SOCKET
 from vsf_drake.walks.published import direction, published_effects
 
-KINDS = {
-    "push_off_work": ("push-off work on the residual limb", "J/kg"),
-    "push_off_power": ("largest power of the prosthesis on its socket", "W/kg"),
-    "com_push_off_work": ("push-off work of the prosthetic leg on the centre of mass", "J/kg"),
-    "stored_energy": (
-        "energy that the prosthesis takes in over stance, negative work on its socket",
-        "J",
-    ),
-    "returned_energy": ("energy that the prosthesis gives back, positive work on its socket", "J"),
-    "strain_energy": ("largest energy in keel and support", "J"),
-    "dorsiflexion": ("largest turn of the keel's end, toe up", "deg"),
-    "ankle_moment": ("largest moment at the pylon's end that turns the toe up", "N m/kg"),
-    "prosthetic_first_peak": ("prosthetic first peak of the vertical force", "BW"),
-    "prosthetic_second_peak": ("prosthetic second peak of the vertical force", "BW"),
-    "intact_first_peak": ("intact first peak of the vertical force", "BW"),
-    "intact_knee_moment": ("peak intact knee moment, either sign", "N m/kg"),
-    "prosthetic_hip_moment": ("peak prosthetic hip moment, either sign", "N m/kg"),
-    "prosthetic_knee_moment": ("peak prosthetic knee moment, either sign", "N m/kg"),
-    "knee_flexor_moment": ("largest prosthetic knee flexor moment late in stance", "N m/kg"),
-    "knee_extension": (
-        "least prosthetic knee flexion late in stance, negative, by markers on the socket",
-        "deg",
-    ),
-    "socket_moment": ("peak moment on the residual limb", "N m/kg"),
-    "metabolic": ("joint-work estimate of metabolic energy", "J/(kg m)"),
-    "joint_load": ("squared joint and socket load", "1"),
-    "activation": ("squared activations of the muscles", "1"),
-    "muscle_energy": ("metabolic energy of the muscles by their activation", "J/(kg m)"),
-    "stride_time": ("time of a stride", "s"),
-    "stride_length": ("length of a stride", "m"),
-    "motion_change": (
-        "root mean square change of the joint angles from the consistent stride",
-        "deg",
-    ),
-    "force_change": (
-        "root mean square change of the ground reaction from the consistent stride, worse foot",
-        "BW",
-    ),
-}
-"""Labels and units."""
 SIGNS_OF = "Nichols 2023"
 """The source, in the table of published effects, whose signs were measured on the
 variable-stiffness foot itself."""
@@ -71,7 +31,7 @@ MEASURES = {
 
 
 def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
-    """KINDS of a solved stride; the changes are from its reference, NaN where nothing was
+    """FREE_OUTCOMES of a solved stride; the changes are from its reference, NaN where nothing was
     recorded."""
     y = solution.last_y()
     index = stride.function.index

@@ -222,7 +222,7 @@ class SagittalChain(_Points):
         turned = np.einsum("nk,nkd->nd", pull.conj(), -1j * J).real
         deeper = self.dynamics.turn[link][:, None] * self.dynamics.carries[np.ix_(link, link)]
         H = deeper * turned[:, None, :]
-        return H + np.triu(H, 1).transpose(0, 2, 1)
+        return np.asarray(H + np.triu(H, 1).transpose(0, 2, 1))
 
     def mass_center(self, q: np.ndarray) -> np.ndarray:
         return np.asarray(self.points(q) @ self.mass / self.mass.sum())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -11,15 +12,16 @@ import numpy as np
 from vsf_drake.base.schema import to_plain
 from vsf_drake.base.sentences import say
 from vsf_drake.collocation.solution import TrajectorySolution
-from vsf_drake.optimal_control.outcomes import KINDS, outcomes
+from vsf_drake.optimal_control.outcomes import outcomes
 from vsf_drake.optimal_control.search import StrideSolution, position_mm
-from vsf_drake.optimal_control.stride import LABELS, MM, OWN, TYPICAL_ACTIVATION, Stride
+from vsf_drake.optimal_control.stride import MM, OWN, PACE, TYPICAL_ACTIVATION, Stride
 from vsf_drake.simulation.archive import provenance
-from vsf_drake.simulation.sagittal.model import DESIGN
 from vsf_drake.tuning import table as t
 from vsf_drake.tuning.common import WEIGHTED, least_seen
+from vsf_drake.tuning.quantities import FREE_OUTCOMES, FREE_TERMS
 
-UNITS = ("m", "1", "rad", "1")
+UNITS = {"heel_stiffness": "1", "alignment_rad": "rad", "keel_thickness": "1", PACE: "s"}
+"""Of FREE but for the fulcrum."""
 # standard deviations over the drawn contacts by which an outcome's range must exceed to matter (a
 # choice)
 SURE = 2.0
@@ -38,53 +40,13 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
     best = result.shown
     stride = result.search.stride
     names = tuning.options.weights if tuning.cost == WEIGHTED else (tuning.cost,)
-    (low, high), p = stride.reach_mm, best.last.p
-    design = [
-        t.DesignValue(
-            "fulcrum", "mm", position_mm(best), low=low, high=high, default=stride.own_m / MM
-        )
-    ]
-    design += [
-        t.DesignValue(
-            name,
-            UNITS[i],
-            float(p[i]),
-            low=float(best.problem.p_low[i]),
-            high=float(best.problem.p_high[i]),
-            default=float(OWN[i]),
-        )
-        for i, name in enumerate(DESIGN)
-        if name in tuning.options.design
-    ]
-    if best.problem.p_low[-1] < best.problem.p_high[-1]:
-        time_s = stride.grid.duration_s
-        low_s, high_s, found_s = (
-            float(time_s * x[-1]) for x in (best.problem.p_low, best.problem.p_high, p)
-        )
-        design.append(
-            t.DesignValue(
-                "stride time",
-                "s",
-                found_s,
-                low=low_s,
-                high=high_s,
-                default=time_s if tuning.speed_m_per_s is None else None,
-            )
-        )
-    label = " and ".join(LABELS[name] for name in names)
     near = as_good(result)
-    width = (near[1] - near[0]) / (high - low) if near else 0.0
-    grid_share = result.grid_share
-    failed = sum(not solution.success for solution in result.asked_again) + (grid_share is None)
-    lost = [row.fulcrum_mm for row in result.sweep if row.solution is None and row.tried]
-    ends = [[cost for cost in row.tried.values() if np.isfinite(cost)] for row in result.sweep]
-    different = sum(max(costs) - min(costs) > APART * abs(min(costs)) for costs in ends if costs)
     return t.as_saved(
         t.TuningTable(
             format=t.FORMAT,
             level=2,
             cost_name=tuning.cost,
-            cost_label=label,
+            cost_label=" and ".join(FREE_TERMS[name].label for name in names),
             cost_unit="1",
             optimal=result.success,
             status=result.message,
@@ -92,27 +54,8 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
             cost=best.last_cost,
             at_bound=best.at_bound if result.success else (),
             fulcrum_interval_mm=near,
-            interval_meaning=say(
-                "stride",
-                "interval",
-                little=as_little(result),
-                grid_share=grid_share,
-                result=result,
-                failed=failed,
-            )[0]
-            if near
-            else "",
-            undecided=say(
-                "stride",
-                "undecided",
-                near=near,
-                share=width,
-                failed=failed,
-                count=len(result.asked_again) + 1,
-            )[0]
-            if width > DECIDED or (near and failed)
-            else "",
-            design=tuple(design),
+            **_worth(result, near),
+            design=tuple(_design(result, best)),
             terms=tuple(
                 t.Term(name, _term_label(result, name), value) for name, value in best.terms.items()
             ),
@@ -129,11 +72,11 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
             ),
             outcomes=tuple(_outcomes(result)),
             solver=t.SolverEnd(
-                name="Gauss-Newton SQP",
-                message=best.message,
-                iterations=best.iterations,
-                evaluations=best.evaluations,
-                optimality=best.optimality,
+                "Gauss-Newton SQP",
+                best.message,
+                best.iterations,
+                best.evaluations,
+                best.optimality,
             ),
             confirmed_by=tuple(result.confirmed),
             starts=tuple(
@@ -142,39 +85,88 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
             checks=tuple(result.checks),
             pareto=(),
             pareto_names=(),
-            robustness=tuple(
-                t.ChangedOptimum(
-                    what, position_mm(s) if s.success else None, s.last_cost if s.success else None
-                )
-                for what, s in (
-                    *((f"drawn contact {i + 1}", s) for i, (s, _) in enumerate(result.drawn)),
-                    *(
-                        (f"weight {held.weight:g} of able-bodied walking", held.free)
-                        for held in result.held
-                    ),
-                )
-            ),
+            robustness=tuple(_changed(result)),
             trials=(tuning.label,),
             recorded_mm=(stride.own_m / MM,),
             synthetic=tuning.trial.synthetic,
-            notes=(
-                *(
-                    ()
-                    if tuning.speed_m_per_s is None
-                    else say(
-                        "stride", "speed", asked=tuning.speed_m_per_s, recorded=tuning.stride.speed
-                    )
-                ),
-                *say("stride", "limits", tracks=tuning.cost == "tracking"),
-                *tuning.recorded.notes,
-                *say("stride", "sweep", lost=lost, different=different, count=len(result.sweep)),
-            ),
+            notes=tuple(_notes(result)),
             wall_s=result.wall_s,
             provenance=t.Provenance(
                 options=to_plain(tuning.options), **provenance(tuning.trial.inputs)
             ),
         )
     )
+
+
+def _worth(result: StrideSolution, near: tuple[float, float] | None) -> dict[str, str]:
+    """What the interval of the optimum holds, and why no recommendation follows from it."""
+    if near is None:
+        return {"interval_meaning": "", "undecided": ""}
+    asked = result.asked_again
+    failed = sum(not solution.success for solution in asked) + (result.grid_share is None)
+    low, high = result.search.stride.reach_mm
+    share = (near[1] - near[0]) / (high - low)
+    meaning = say(
+        "stride",
+        "interval",
+        little=as_little(result),
+        grid_share=result.grid_share,
+        result=result,
+        failed=failed,
+    )
+    undecided = say(
+        "stride", "undecided", near=near, share=share, failed=failed, count=len(asked) + 1
+    )
+    return {
+        "interval_meaning": meaning[0],
+        "undecided": undecided[0] if share > DECIDED or failed else "",
+    }
+
+
+def _design(result: StrideSolution, best: TrajectorySolution) -> Iterator[t.DesignValue]:
+    """What was free, whether it is in this solution or not."""
+    tuning = result.tuning
+    stride = result.search.stride
+    own_mm = stride.own_m / MM
+    yield t.DesignValue("fulcrum", "mm", position_mm(best), *stride.reach_mm, default=own_mm)
+    ends = best.problem.p_low, best.problem.p_high
+    for i, (name, unit) in enumerate(UNITS.items(), start=1):
+        of_stride = name == PACE and ends[0][i] < ends[1][i]
+        if not of_stride and name not in tuning.options.design:
+            continue
+        scale = stride.grid.duration_s if of_stride else 1.0
+        value, low, high, own = (float(scale * p[i]) for p in (best.last.p, *ends, OWN))
+        yield t.DesignValue(
+            "stride time" if of_stride else name,
+            unit,
+            value,
+            low,
+            high,
+            default=None if of_stride and tuning.speed_m_per_s is not None else own,
+        )
+
+
+def _changed(result: StrideSolution) -> Iterator[t.ChangedOptimum]:
+    """Where the optimum goes with drawn contacts and other weights of able-bodied walking."""
+    again = {f"drawn contact {i + 1}": s for i, (s, _) in enumerate(result.drawn)}
+    again |= {f"weight {held.weight:g} of able-bodied walking": held.free for held in result.held}
+    for what, s in again.items():
+        found = (position_mm(s), s.last_cost) if s.success else (None, None)
+        yield t.ChangedOptimum(what, *found)
+
+
+def _notes(result: StrideSolution) -> list[str]:
+    tuning = result.tuning
+    speeds = {"asked": tuning.speed_m_per_s, "recorded": tuning.stride.speed}
+    ends = [[cost for cost in row.tried.values() if np.isfinite(cost)] for row in result.sweep]
+    different = sum(max(costs) - min(costs) > APART * abs(min(costs)) for costs in ends if costs)
+    lost = [row.fulcrum_mm for row in result.sweep if row.solution is None and row.tried]
+    return [
+        *([] if tuning.speed_m_per_s is None else say("stride", "speed", **speeds)),
+        *say("stride", "limits", tracks=tuning.cost == "tracking"),
+        *tuning.recorded.notes,
+        *say("stride", "sweep", lost=lost, different=different, count=len(result.sweep)),
+    ]
 
 
 def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
@@ -218,15 +210,16 @@ def _term_label(result: StrideSolution, name: str) -> str:
     tuning = result.tuning
     weights = tuning.options.weights if tuning.cost == WEIGHTED else {tuning.cost: 1.0}
     sizes = {**result.search.sizes, "activation": TYPICAL_ACTIVATION}
+    label = FREE_TERMS[name].label
     # which counts as it is
     if tuning.cost == "tracking" or name not in weights or name not in sizes:
-        return LABELS[name]
+        return label
     share = weights[name] / sum(weights.values())
-    return f"{f'{share:.2g} × ' if share < 1.0 else ''}{LABELS[name]} / {abs(sizes[name]):.3g}"
+    return f"{f'{share:.2g} × ' if share < 1.0 else ''}{label} / {abs(sizes[name]):.3g}"
 
 
 def _outcomes(result: StrideSolution) -> list[t.Outcome]:
-    """The cost and KINDS, each setting with its best stride, and of the tracked recording.
+    """The cost and FREE_OUTCOMES, each setting with its best stride, and of the tracked recording.
     `uncertainty`: standard deviation over the drawn contacts together with the change on the finer
     grid, None where one of them is not known and where nothing was recorded to compare with."""
 
@@ -249,7 +242,7 @@ def _outcomes(result: StrideSolution) -> list[t.Outcome]:
     rows = []
     for name, (label, unit) in {
         "cost": ("whole cost, what holds it included", "1"),
-        **KINDS,
+        **FREE_OUTCOMES,
     }.items():
         by_grid = np.nan if finer is None else abs(finer[name] - best[name])
         spread = (

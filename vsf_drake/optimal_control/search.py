@@ -23,7 +23,7 @@ from vsf_drake.optimal_control.stride import MM, PACE, SAME_SPEED, Stride, Strid
 from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.tuning import table as t
-from vsf_drake.tuning.common import FREE_COSTS, WEIGHTED, TuningCheck, check_cost
+from vsf_drake.tuning.common import FREE_COSTS, WEIGHTED, Checks, check_cost
 
 NEAR_ENOUGH = {"violation": 1e-6, "optimality": 2e-3, "gain": 1e-5}
 """Where a search for another cost than tracking ends: the last part of a thousand of a cost takes
@@ -334,7 +334,7 @@ class StrideSolution:
     sweep: list[Fixed] = field(default_factory=list)  # the best stride at each fixed position
     free: list[tuple[float, TrajectorySolution]] = field(default_factory=list)
     """from where (mm), the fulcrum free"""
-    checks: list[TuningCheck] = field(default_factory=list)  # what the optimum was held against
+    checks: Checks = field(default_factory=lambda: Checks(2))  # what the optimum was held against
     confirmed: list[t.Confirmation] = field(default_factory=list)  # by other solvers
     carried_out: TrajectorySolution | None = None  # the optimum, on a finer grid if that converged
     simulated: dict[str, np.ndarray] = field(default_factory=dict)

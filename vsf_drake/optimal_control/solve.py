@@ -12,7 +12,6 @@ import numpy as np
 
 from vsf_drake.base.errors import FitError, InputError, SimulationError
 from vsf_drake.base.progress import Progress
-from vsf_drake.base.sentences import say
 from vsf_drake.collocation.program import confirm
 from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
 from vsf_drake.device.equal_load import at_equal_load, missed
@@ -42,7 +41,8 @@ from vsf_drake.optimal_control.stride import FREE, MM, Stride
 from vsf_drake.optimal_control.trajectory import solved_trajectory
 from vsf_drake.simulation.sagittal.model import SagittalModel
 from vsf_drake.tuning import table as t
-from vsf_drake.tuning.common import FREE_COSTS, TuningCheck
+from vsf_drake.tuning.common import FREE_COSTS
+from vsf_drake.tuning.quantities import FREE_CHECKS
 
 # what a tracked stride may differ from its recording by, root mean square (a choice)
 ANGLE_DEG = 2.0
@@ -51,10 +51,6 @@ STARTS = 0.005  # share of the cost within which searches from several starts mu
 # how near to its own position a consistent stride, tracked with the fulcrum free, must end (a
 # choice)
 FOUND_MM = 10.0
-SIGNS_LABEL = (
-    "signs as published of the variable-stiffness foot, at every step, that the foot alone lacks "
-    "under an equal load; at the worst weight of able-bodied walking"
-)
 
 
 def solve(
@@ -195,9 +191,7 @@ def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
     if len(result.settings) < 3 or not all(
         solution.success for held in result.held for solution in held.over
     ):
-        result.checks.append(
-            TuningCheck("signs", SIGNS_LABEL, None, "", None, None, say("stride", "no_signs")[0])
-        )
+        result.checks.add("signs", None, None, part="no_signs")
         return
     rows = [
         (options.normal_weight, tuple(solution for _, solution in result.settings)),
@@ -213,9 +207,7 @@ def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
             tuning.trial.subject, tuning.trial.model, [MM * mm for mm, _ in result.settings]
         )
     except SimulationError as error:
-        result.checks.append(
-            TuningCheck("signs", SIGNS_LABEL, None, "", None, None, f"The foot alone: {error}.")
-        )
+        result.checks.add("signs", None, None, part="no_foot_alone", error=error)
         return
     load = [one.outcomes for one in alone]
     signs = {weight: published_signs(over) for weight, over in by_weight.items()}
@@ -230,25 +222,18 @@ def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
     beyond = [beyond_the_load(over, load) for over in by_weight.values()]
     lacks = len(beyond[0])
     least = min(sum(own.values()) for own in beyond)
-    result.checks.append(
-        TuningCheck(
-            "signs",
-            SIGNS_LABEL,
-            float(least),
-            f"of {lacks}",
-            f">= {lacks}",
-            least == lacks,
-            say(
-                "stride",
-                "signs",
-                signs=signs,
-                bent=bent,
-                source=SIGNS_OF,
-                load=published_signs(load, every_step=True),
-                missed=missed(alone),
-                least=least,
-            )[0],
-        )
+    result.checks.add(
+        "signs",
+        least,
+        f">= {lacks}",
+        least == lacks,
+        unit=f"of {lacks}",
+        signs=signs,
+        bent=bent,
+        source=SIGNS_OF,
+        load=published_signs(load, every_step=True),
+        missed=missed(alone),
+        least=least,
     )
 
 
@@ -257,38 +242,12 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
     search = result.search
     stride = result.search.stride
 
-    def add(
-        name: str,
-        label: str,
-        value: float | None,
-        unit: str,
-        target: str,
-        met: bool | None,
-        *,
-        part: str = "",
-        **numbers: Any,
-    ) -> None:
-        result.checks.append(
-            TuningCheck(
-                name, label, value, unit, target, met, say("stride", part or name, **numbers)[0]
-            )
-        )
-
+    add = result.checks.add
     worst, force = _tracking_errors(result.tracked, tuning.stride)
-    add(
-        "tracking_motion",
-        "tracked stride, worst angle",
-        worst,
-        "deg",
-        f"<= {ANGLE_DEG:g}",
-        worst <= ANGLE_DEG,
-        worst=worst,
-    )
+    add("tracking_motion", worst, f"<= {ANGLE_DEG:g}", worst <= ANGLE_DEG, worst=worst)
     add(
         "tracking_force",
-        "tracked stride, resultant force of the worse foot",
         100.0 * force,
-        "% body weight",
         f"<= {100.0 * FORCE_BW:g}",
         force <= FORCE_BW,
         force=force,
@@ -298,9 +257,7 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
     rest = 1e-9 if tuning.cost == "tracking" else NEAR_ENOUGH["gain"] * (1.0 + abs(fixed))
     add(
         "fixed_positions",
-        "against the best fixed position",
         best.last_cost - fixed,
-        "1",
         f"<= {rest:.1g}",
         best.last_cost <= fixed + rest,
         cost=best.last_cost,
@@ -319,9 +276,7 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         more = (most - least) / abs(least)
         add(
             "starts",
-            "how much more searches from several positions end with",
             100.0 * more,
-            "%",
             f"<= {100.0 * STARTS:g}",
             more <= STARTS and len(ends) == len(result.free),
             converged=len(ends),
@@ -331,19 +286,16 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         )
 
     def changed(
-        name: str, label: str, what: str, done: float, start: Start, **changes: Any
+        name: str, what: str, done: float, start: Start, **changes: Any
     ) -> TrajectorySolution:
         other = unless_interrupted(search.changed(**changes).free(start, what, done))
         moved = position_mm(other) - position_mm(best) if other.success else None
         add(
             name,
-            label,
             moved,
-            "mm",
             "",
-            None,
             part="change",
-            label_of=label,
+            label_of=FREE_CHECKS[name].label,
             moved=moved,
             message=other.message,
             change=(other.last_cost - best.last_cost) / abs(best.last_cost),
@@ -353,24 +305,13 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
     # What the full model carries out is the stride on a finer grid: an error of integration is no
     # error of the model.
     grid = dataclasses.replace(stride.grid, intervals=2 * stride.grid.intervals)
-    fine = changed(
-        "mesh", "twice as many intervals", "finer mesh", 0.4, resampled(best, grid), grid=grid
-    )
+    fine = changed("mesh", "finer mesh", 0.4, resampled(best, grid), grid=grid)
     if progress:
         progress("re-simulating", 0.5)
     result.carried_out = fine if fine.success else best
     mm = position_mm(result.carried_out)
     intervals = result.carried_out.problem.grid.intervals
-    add(
-        "carried_out",
-        "fulcrum of the stride that the full model carries out",
-        mm,
-        "mm",
-        "",
-        None,
-        mm=mm,
-        intervals=intervals,
-    )
+    add("carried_out", mm, "", mm=mm, intervals=intervals)
     trajectory = solved_trajectory(
         result.carried_out,
         tuning.walker,
@@ -384,17 +325,7 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         try:
             run = simulate(tuning.walker, trajectory)
         except (SimulationError, FitError) as error:
-            result.checks.append(
-                TuningCheck(
-                    f"resimulation_{kind}",
-                    f"re-simulation, {kind}",
-                    None,
-                    "% body weight",
-                    "",
-                    False,
-                    str(error),
-                )
-            )
+            add(f"resimulation_{kind}", None, "", False, row="resimulation", kind=kind, error=error)
         else:
             result.checks.append(run.as_check())
             result.simulated |= run.arrays()
@@ -407,19 +338,16 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         off = position_mm(found) - stride.own_m / MM if found.success else None
         add(
             f"found_from_{mm:.0f}",
-            f"consistent stride, tracked from {mm:.0f} mm",
             off,
-            "mm",
             f"<= {FOUND_MM:g}",
             off is not None and abs(off) <= FOUND_MM,
-            part="found",
+            row="found",
             mm=mm,
             off=off,
             message=found.message,
         )
     changed(
         "smoothing",
-        "contact smoothed over twice the depth",
         "softer contact",
         0.7,
         best.last,

@@ -74,16 +74,6 @@ from vsf_drake.tuning.costs import NEGATIVE_EFFICIENCY, POSITIVE_EFFICIENCY
 
 MM = 1e-3
 SAME_SPEED = 0.005  # m/s, half of the last digit in which a speed is given (a choice)
-LABELS = {
-    "joint_load": "joint and socket load",
-    "metabolic": "metabolic estimate",
-    "activation": "squared activations of the muscles",
-    "push_off": "push-off work, negative",
-    "tracking": "deviation from the consistent stride",
-    "normal": "deviation from able-bodied walking",
-    "smooth": "squared accelerations",
-    "steady": "half of the joint and socket load, for steady torques",
-}
 Term = Residuals | Convex
 PACE = "stride_time"  # over the recorded one
 FREE = (*DESIGN, PACE)  # what all instants share

@@ -11,6 +11,9 @@ from typing import Any, ClassVar
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.schema import SEED, check, choice, option, quantity
+from vsf_drake.base.sentences import say
+from vsf_drake.collocation.methods import METHODS
+from vsf_drake.tuning.quantities import FREE_CHECKS, GIVEN_CHECKS
 
 # costs that stand for themselves; "weighted" adds them up
 COSTS = ("joint_load", "metabolic", "push_off", "tracking")
@@ -25,8 +28,6 @@ JOINTS = (
     "knee_adduction",
     "knee_rotation",
 )
-METHODS = ("hermite_simpson", "trapezoidal")
-"""Those of `vsf_drake.collocation`, which takes long to import."""
 SETTINGS = SOFTEST, OPTIMUM, STIFFEST, RECORDED = "softest", "optimum", "stiffest", "recorded"
 """Settings of the fulcrum that a reader compares; the recorded one is each trial's own, the device
 as it is."""
@@ -72,6 +73,46 @@ class TuningCheck:
     target: float | str | None
     met: bool | None
     sentence: str
+
+
+class Checks(list[TuningCheck]):
+    """What a solution of a level was held against, in the words of that level."""
+
+    def __init__(self, level: int) -> None:
+        super().__init__()
+        self.labels = {1: GIVEN_CHECKS, 2: FREE_CHECKS}[level]
+        self.wording = {1: "level1", 2: "stride"}[level]
+
+    def add(
+        self,
+        name: str,
+        value: float | None,
+        target: float | str | None,
+        met: bool | None = None,
+        *,
+        row: str = "",
+        part: str = "",
+        unit: str | None = None,
+        **numbers: Any,
+    ) -> None:
+        """One more, met where its value is no more than a number as a target, unless `met` says.
+
+        `row` of the labels, the name unless given; `part` of the wording, the row unless given.
+        """
+        own = self.labels[row or name]
+        if met is None and value is not None and isinstance(target, float):
+            met = value <= target
+        self.append(
+            TuningCheck(
+                name,
+                own.label.format(**numbers),
+                None if value is None else float(value),
+                own.unit if unit is None else unit,
+                target,
+                None if met is None else bool(met),
+                say(self.wording, part or row or name, **numbers)[0],
+            )
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

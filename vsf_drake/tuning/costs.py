@@ -20,32 +20,13 @@ from vsf_drake.simulation.reactions import follow, sum_sites
 from vsf_drake.simulation.walk import Walk, Walker
 from vsf_drake.tuning.common import COSTS, WEIGHTED
 from vsf_drake.tuning.options import TuningOptions
+from vsf_drake.tuning.quantities import GIVEN_COSTS
 from vsf_drake.walks.comparison import resample
 
 CONSISTENCY = "consistency"
 TRACKING = "tracking"
 POSITIVE_EFFICIENCY = 0.25
 NEGATIVE_EFFICIENCY = 1.2
-KINDS = {
-    "joint_load": ("load on the prosthetic leg and residual limb", "1"),
-    "metabolic": ("joint-work estimate of energy", "J/kg"),
-    "push_off": ("push-off work, with a minus", "J/kg"),
-    TRACKING: ("deviation from the recorded ground reaction force", "BW²"),
-    WEIGHTED: ("weighted sum of costs", "1"),
-}
-"""Label and unit of each cost."""
-LABELS = {
-    "fore_aft": "fore-aft force",
-    "lateral": "lateral force",
-    "vertical": "vertical force",
-    "joint_moments": "prosthetic hip and knee moments squared",
-    "socket": "socket force and moment squared",
-    "push_off_work": "minus the work on the shank in late stance",
-    "positive_work": f"positive work of the prosthetic joints / {POSITIVE_EFFICIENCY:g}",
-    "negative_work": f"negative work of the prosthetic joints / {NEGATIVE_EFFICIENCY:g}",
-    CONSISTENCY: "change of the ground reaction force",
-} | {name: label for name, (label, _) in KINDS.items()}
-"""Of terms, and of costs that are terms of a weighted one."""
 LEAST_TRACKING = 0.01**2
 """BW²: a recorded force is not known better than 1 % of body weight, so that tracking is not
 divided by less."""
@@ -403,6 +384,6 @@ def combine(name: str, size: Mapping[str, float], options: TuningOptions) -> Com
     if name == WEIGHTED:
         whole = sum(options.weights.values())
         factors = {cost: options.weights[cost] / whole / size[cost] for cost in options.weighed}
-        return Combination(name, *KINDS[name], factors | {CONSISTENCY: share}, 1.0)
+        return Combination(name, *GIVEN_COSTS[name], factors | {CONSISTENCY: share}, 1.0)
     holding = {} if name == TRACKING else {CONSISTENCY: share * size[name]}
-    return Combination(name, *KINDS[name], {name: 1.0} | holding, size[name])
+    return Combination(name, *GIVEN_COSTS[name], {name: 1.0} | holding, size[name])

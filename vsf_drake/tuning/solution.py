@@ -12,10 +12,11 @@ from vsf_drake.base.schema import to_plain
 from vsf_drake.base.tables import Headline, LabelledArrays, Quantity, Tabular
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.tuning import table as t
-from vsf_drake.tuning.common import RECORDED, SETTINGS, WEIGHTED, TuningCheck, least_seen
-from vsf_drake.tuning.costs import CONSISTENCY, LABELS
+from vsf_drake.tuning.common import RECORDED, SETTINGS, WEIGHTED, Checks, least_seen
+from vsf_drake.tuning.costs import CONSISTENCY
 from vsf_drake.tuning.problem import StiffnessTuning, TuningEvaluation
-from vsf_drake.tuning.sweep import KINDS, SAME_LOAD, SettingSweep
+from vsf_drake.tuning.quantities import GIVEN_OUTCOMES, GIVEN_TERMS, SAME_LOAD
+from vsf_drake.tuning.sweep import SettingSweep
 from vsf_drake.tuning.uncertainty import Worth, difference
 
 AT_BOUND = 1e-3  # share of a bound's width within which a variable counts as on the bound
@@ -58,7 +59,7 @@ class TuningSolution(Tabular):
     draw_failures: list[str] = field(default_factory=list)  # why some could not be walked
     pareto: list[t.ParetoPoint] = field(default_factory=list)
     robustness: list[t.ChangedOptimum] = field(default_factory=list)
-    checks: list[TuningCheck] = field(default_factory=list)
+    checks: Checks = field(default_factory=lambda: Checks(1))
     notes: list[str] = field(default_factory=list)  # what a reader has to know
     wall_s: float = 0.0
 
@@ -99,30 +100,14 @@ class TuningSolution(Tabular):
         if not self.values or swept is None:  # `values` raises for a tuning that failed
             raise FitError("the tuning was ended before its sweep")
         dims = ("fulcrum_mm", "trial")
+        named = {"cost": (swept.cost, combination.label, combination.unit)}
+        for name, each in swept.terms.items():
+            named[f"term_{name}"] = each.T, GIVEN_TERMS[name].label, combination.unit
+        for name, each in swept.outcomes.items():
+            named[name] = each.T, *GIVEN_OUTCOMES[name]
         quantities = [
-            Quantity(
-                name="cost",
-                values=swept.cost,
-                dims=dims[:1],
-                unit=combination.unit,
-                meaning=combination.label,
-            ),
-            *(
-                Quantity(
-                    name=f"term_{name}",
-                    values=each.T,
-                    dims=dims,
-                    unit=combination.unit,
-                    meaning=LABELS[name],
-                )
-                for name, each in swept.terms.items()
-            ),
-            *(
-                Quantity(
-                    name=name, values=each.T, dims=dims, unit=KINDS[name][1], meaning=KINDS[name][0]
-                )
-                for name, each in swept.outcomes.items()
-            ),
+            Quantity(name=name, values=values, dims=dims[: values.ndim], unit=unit, meaning=label)
+            for name, (values, label, unit) in named.items()
         ]
         fulcrum = Quantity(
             name="fulcrum_mm",
@@ -172,8 +157,8 @@ def tuning_table(solution: TuningSolution) -> t.TuningTable:
     worth = solution.worth
     searched = solution.searched
     combination = tuning.combination
-    terms = {name: float(term[0]) for name, term in best.terms.items()}
-    weighted = tuning.cost_name == WEIGHTED
+    weighted = combination.factors if tuning.cost_name == WEIGHTED else {}
+    shares = {name: f"{factor:.3g} × " for name, factor in weighted.items()}
     inputs = {
         f"{label}: {file}": digest
         for label, trial in zip(tuning.labels, tuning.trials, strict=True)
@@ -194,35 +179,21 @@ def tuning_table(solution: TuningSolution) -> t.TuningTable:
             fulcrum_interval_mm=worth.interval_mm if worth else None,
             interval_meaning=worth.interval_meaning if worth else "",
             design=tuple(
-                t.DesignValue(
-                    name=v.name,
-                    unit=v.unit,
-                    value=float(x),
-                    low=v.low,
-                    high=v.high,
-                    default=v.default,
-                )
+                t.DesignValue(v.name, v.unit, float(x), v.low, v.high, v.default)
                 for v, x in zip(tuning.design, best.x, strict=True)
             ),
             terms=tuple(
-                t.Term(
-                    name,
-                    f"{f'{combination.factors[name]:.3g} × ' if weighted else ''}{LABELS[name]}",
-                    value,
-                )
-                for name, value in terms.items()
+                t.Term(name, shares.get(name, "") + GIVEN_TERMS[name].label, float(term[0]))
+                for name, term in best.terms.items()
             ),
-            sweep=()
-            if swept is None
-            else tuple(
+            sweep=tuple(
                 t.SweepPoint(
-                    fulcrum_mm=float(mm),
-                    cost=float(swept.cost[j]),
-                    terms=_means(swept.terms, j),
-                    outcomes=_means(swept.outcomes, j),
+                    float(mm), float(cost), _means(swept.terms, j), _means(swept.outcomes, j)
                 )
-                for j, mm in enumerate(swept.fulcrum_mm)
-            ),
+                for j, (mm, cost) in enumerate(zip(swept.fulcrum_mm, swept.cost, strict=True))
+            )
+            if swept
+            else (),
             outcomes=tuple(_outcomes(solution)),
             solver=t.SolverEnd(
                 name=searched.solver if searched else None,
@@ -232,14 +203,8 @@ def tuning_table(solution: TuningSolution) -> t.TuningTable:
                 optimality=searched.optimality if searched else None,
             ),
             confirmed_by=tuple(
-                t.Confirmation(
-                    solver=other.solver,
-                    fulcrum_mm=float(other.x[0]),
-                    cost=other.cost,
-                    success=other.success,
-                    message=other.message,
-                )
-                for other in solution.confirmed
+                t.Confirmation(s.solver, float(s.x[0]), s.cost, s.success, s.message)
+                for s in solution.confirmed
             ),
             starts=tuple(
                 t.SearchEnd(float(s.start[0]), float(s.x[0]), s.cost, s.success)
@@ -291,10 +256,10 @@ def _outcomes(solution: TuningSolution) -> list[t.Outcome]:
     for name, each in (
         solution.compared.outcomes | solution.same_load if solution.compared else {}
     ).items():
-        label, unit = (KINDS | SAME_LOAD)[name]
+        label, unit = (GIVEN_OUTCOMES | SAME_LOAD)[name]
         at = dict(zip(SETTINGS, each.mean(axis=0).tolist(), strict=True))
         change = difference(swept.outcomes.get(name, each) if swept else each, tuning.groups)
-        known = name in KINDS or bool(np.isfinite(each).all())
+        known = name in GIVEN_OUTCOMES or bool(np.isfinite(each).all())
         rows.append(
             t.Outcome(
                 name=name,

@@ -16,7 +16,6 @@ from vsf_drake.base.progress import Progress
 from vsf_drake.base.sentences import say
 from vsf_drake.fit.drake_solve import solved
 from vsf_drake.tuning import sweep as sweeps
-from vsf_drake.tuning.common import TuningCheck
 from vsf_drake.tuning.costs import CONSISTENCY, TRACKING, value_of
 from vsf_drake.tuning.options import DesignVariable
 from vsf_drake.tuning.problem import StiffnessTuning, TuningEvaluation
@@ -311,7 +310,7 @@ def _judge(solution: TuningSolution, searched: TuningSearch, first: TuningSearch
     solution.pareto = sweeps.pareto(tuning, fine)
     solution.robustness = sweeps.other_optima(tuning, fine, solution.draws)
     run.stage = "checks"
-    solution.checks = _checks(solution, fine, best, first)
+    _check(solution, fine, best, first)
 
 
 def _warm(tuning: StiffnessTuning, values: Mapping[str, float] | None) -> list[np.ndarray]:
@@ -378,38 +377,14 @@ nothing."""
 DIFFERENCE = 1e-4  # step of the central differences, share of a bound's width
 
 
-def _checks(
+def _check(
     solution: TuningSolution, fine: SettingSweep, best: TuningEvaluation, first: TuningSearch
-) -> list[TuningCheck]:
-    tuning, checks, at_mm = solution.tuning, list[TuningCheck](), float(best.x[0])
-    size = "size of the cost"
-    own = tuning.combination.size
+) -> None:
+    tuning = solution.tuning
     options = tuning.options
-
-    def add(
-        name: str,
-        label: str,
-        value: float | None,
-        unit: str,
-        target: float,
-        met: bool | None = None,
-        *,
-        part: str = "",
-        **numbers: Any,
-    ) -> None:
-        """`met` is whether the value is at most the target, unless given."""
-        met = value <= target if met is None and value is not None else met
-        checks.append(
-            TuningCheck(
-                name,
-                label,
-                None if value is None else float(value),
-                unit,
-                target,
-                None if met is None else bool(met),
-                say("level1", part or name, **numbers)[0],
-            )
-        )
+    add = solution.checks.add
+    at_mm = float(best.x[0])
+    own = tuning.combination.size
 
     # A sweep that is coarser than a millimetre can only tell whether one of its positions is
     # better.
@@ -419,36 +394,24 @@ def _checks(
     worse = (best.cost - (least if is_fine else float(np.nanmin(fine.cost)))) / own
     add(
         "brute_force_position",
-        "distance from the sweep's minimum",
         abs(at_mm - where),
-        "mm",
         NEAR_MM,
         step_mm=step,
         swept_mm=where,
         best_mm=at_mm,
     )
-    add(
-        "brute_force_cost",
-        "difference from the sweep's minimum",
-        worse,
-        size,
-        NEAR_COST,
-        (-NEAR_COST if is_fine else -np.inf) <= worse <= NEAR_COST,
-        worse=worse,
-    )
+    near = (-NEAR_COST if is_fine else -np.inf) <= worse <= NEAR_COST
+    add("brute_force_cost", worse, NEAR_COST, near, worse=worse)
     for other in solution.confirmed:
         away = abs(other.x[0] - at_mm)
         apart = abs(other.cost - best.cost) / own
-        name = other.solver.upper()
         add(
             f"solver_{other.solver}",
-            f"difference of the cost where {name} ends",
             apart,
-            size,
             SAME_COST,
             other.success and away <= NEAR_MM and apart <= SAME_COST,
-            part="solver",
-            name_of=name,
+            row="solver",
+            name_of=other.solver.upper(),
             end_mm=other.x[0],
             away_mm=away,
             message=other.message,
@@ -457,9 +420,7 @@ def _checks(
         error, variable, at = _gradient_error(tuning)
         add(
             "gradient",
-            "largest error of the gradient against central differences",
             error,
-            "1",
             GRADIENT,
             worst=error,
             label_of=variable.label,
@@ -467,12 +428,10 @@ def _checks(
             unit_of=variable.unit,
         )
     except SimulationError as why:
-        add("gradient", "error of the gradient", None, "1", GRADIENT, part="untried", error=why)
+        add("gradient", None, GRADIENT, row="no_gradient", part="untried", error=why)
     add(
         "step",
-        "shift of the optimum between the two steps",
         abs(at_mm - first.x[0]),
-        "mm",
         NEAR_MM,
         searched_ms=1e3 * first.step_s,
         searched_mm=first.x[0],
@@ -480,50 +439,25 @@ def _checks(
         best_mm=at_mm,
     )
     if options.support_width_m:
-        label, sharp = "change of the cost without smoothing", tuning.without_smoothing()
+        sharp = tuning.without_smoothing()
         try:
             change = abs(sharp.evaluate(best.x, derivatives=False).cost - best.cost) / own
             ended = search(sharp, best.x, step_s=options.step_s)
             away = abs(ended.x[0] - at_mm)
-            add("smoothing", label, change, size, NEAR_COST, change=change)
-            add(
-                "smoothing_shift",
-                "shift of the optimum without smoothing",
-                away,
-                "mm",
-                NEAR_MM,
-                away_mm=away,
-                message=ended.message,
-            )
+            add("smoothing", change, NEAR_COST, change=change)
+            add("smoothing_shift", away, NEAR_MM, away_mm=away, message=ended.message)
         except SimulationError as why:
-            add("smoothing", label, None, size, NEAR_COST, part="untried", error=why)
-    count = best.unconverged
-    add("convergence", "steps of the walks that did not converge", count, "1", 0.0, count=count)
+            add("smoothing", None, NEAR_COST, part="untried", error=why)
+    add("convergence", best.unconverged, 0.0, count=best.unconverged)
     change = float(np.mean([np.sqrt(value_of(walk.terms[CONSISTENCY])) for walk in best.walks]))
-    add(
-        "force_change",
-        "change of the ground reaction force from the recorded setting",
-        change,
-        "BW",
-        options.consistency_bw,
-        change=change,
-        allowed=options.consistency_bw,
-    )
+    allowed = options.consistency_bw
+    add("force_change", change, allowed, change=change, allowed=allowed)
     if all(TRACKING in terms for terms in tuning.own):
         error, trial = max(
             (np.sqrt(value_of(terms[TRACKING])), part.label)
             for terms, part in zip(tuning.own, tuning.parts, strict=True)
         )
-        add(
-            "recorded_force",
-            "error of the ground reaction force at the recorded setting",
-            error,
-            "BW",
-            FORCE_BW,
-            error=error,
-            trial=trial,
-        )
-    return checks
+        add("recorded_force", error, FORCE_BW, error=error, trial=trial)
 
 
 def _gradient_error(tuning: StiffnessTuning) -> tuple[float, DesignVariable, float]:

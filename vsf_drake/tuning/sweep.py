@@ -15,27 +15,13 @@ from vsf_drake.motion.events import find_stances
 from vsf_drake.simulation.walk import Walk
 from vsf_drake.tuning.costs import CONSISTENCY, StanceFrame, value_of
 from vsf_drake.tuning.problem import SettingOutcome, StiffnessTuning, TrialTuning
+from vsf_drake.tuning.quantities import SAME_LOAD
 from vsf_drake.tuning.table import ChangedOptimum, ParetoPoint
 from vsf_drake.walks.energy_ledger import prosthesis_energy, stance_energy, walk_with_same_load
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 Share = Callable[[float], None]  # called with the share of a stage that is done
-KINDS = {
-    "stored_energy": ("energy stored in keel, foam and support", "J"),
-    "returned_energy": ("energy returned by toe-off", "J"),
-    "push_off_work": ("push-off work on the shank", "J/kg"),
-    "joint_work_energy": ("joint-work estimate of metabolic energy", "J/kg"),
-    "hip_moment": ("peak prosthetic hip flexion moment, either sign", "N m/kg"),
-    "knee_moment": ("peak prosthetic knee flexion moment, either sign", "N m/kg"),
-    "first_peak": ("first peak of the vertical force", "BW"),
-    "second_peak": ("second peak of the vertical force", "BW"),
-    "loading_rate": ("loading rate of the vertical force", "BW/s"),
-    "socket_force": ("peak force on the residual limb", "BW"),
-    "socket_moment": ("peak moment on the residual limb", "N m/kg"),
-    "force_change": ("change of the ground reaction force from the recorded setting, RMS", "BW"),
-}
-"""What a person and a device would notice of a setting: label and unit."""
 RISE = (0.2, 0.8)  # shares of the first peak between which the loading rate is taken (a choice)
 
 
@@ -48,7 +34,7 @@ class SettingSweep:
     costs: dict[str, np.ndarray]  # by name of a cost, the consistency among them, (T, m)
     terms: dict[str, np.ndarray]  # of the tuned cost, by name, (T, m)
     outcomes: dict[str, np.ndarray] = field(default_factory=dict)
-    """KINDS by name, (T, m), if asked for"""
+    """GIVEN_OUTCOMES by name, (T, m), if asked for"""
     forces: dict[tuple[int, int], np.ndarray] = field(default_factory=dict)
     """(n, 3) N in W by trial and setting, too"""
     failures: tuple[str, ...] = ()  # why a walk failed, in words
@@ -202,8 +188,8 @@ def local_minima(cost: np.ndarray) -> list[int]:
 def outcomes(
     part: TrialTuning, result: SettingOutcome, *, energies: bool = True
 ) -> dict[str, float]:
-    """KINDS of one walk. Stored and returned energy take a third of a walk's time; they are NaN
-    unless asked for."""
+    """GIVEN_OUTCOMES of one walk. Stored and returned energy take a third of a walk's time; they
+    are NaN unless asked for."""
     frame = result.frame
     loads = result.loads
     inside = frame.inside > 0.0
@@ -275,13 +261,6 @@ def _vertical_peaks(frame: StanceFrame, vertical: np.ndarray) -> tuple[float, fl
 # rises and sinks by what keeps the vertical force that of the trial's own setting
 # (`walks.energy_ledger`); everything else of the motion stays. It is no prediction of
 # how a person adapts, and no cost counts it; it tells the direction in which the device works.
-
-
-SAME_LOAD = {
-    "stored_energy_same_load": ("energy stored under the recorded setting's load", "J"),
-    "returned_energy_same_load": ("energy returned under the recorded setting's load", "J"),
-    "push_off_work_same_load": ("push-off work under the recorded setting's load", "J/kg"),
-}
 
 
 def same_load_outcomes(

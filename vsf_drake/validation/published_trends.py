@@ -23,21 +23,22 @@ from vsf_drake.device.stiffness_map.cells import with_heel
 from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.trial import Trial
-from vsf_drake.optimal_control import StrideOptions, StrideTuning
-from vsf_drake.optimal_control.outcomes import KINDS, MEASURES, outcomes
+from vsf_drake.optimal_control.outcomes import MEASURES, outcomes
 from vsf_drake.optimal_control.search import (
     Fixed,
     StrideSearch,
+    StrideTuning,
     eased,
     held_by,
     swept,
     tracked,
     unless_interrupted,
 )
-from vsf_drake.optimal_control.stride import MM, Stride
+from vsf_drake.optimal_control.stride import MM, Stride, StrideOptions
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.sagittal.model import SagittalModel
 from vsf_drake.simulation.walk import Walker
+from vsf_drake.tuning.quantities import FREE_OUTCOMES
 from vsf_drake.validation.energy_section import EnergyCase, walk_cases
 from vsf_drake.validation.roll_over_section import (
     ISO_STEPS,
@@ -80,7 +81,7 @@ ADAPTED = MEASURES | {
 }
 """By measure: the outcome of a stride that adapts which stands for it."""
 AT_THE_HEEL = {
-    "heel energy returned": ("returned_energy", *KINDS["returned_energy"]),
+    "heel energy returned": ("returned_energy", *FREE_OUTCOMES["returned_energy"]),
     "heel loading rate": (
         "loading_rate",
         "largest rate of the vertical force early in stance, from one instant of "
@@ -393,7 +394,7 @@ def level_2_evidence(
                 )
     mass = study.walks[0].recorded.subject.mass_kg
     evidence = []
-    named = {measure: (name, *KINDS[name]) for measure, name in ADAPTED.items()}
+    named = {measure: (name, *FREE_OUTCOMES[name]) for measure, name in ADAPTED.items()}
     for kind, measures in (("setting", named), ("heel", AT_THE_HEEL)):
         repetitions = found[kind]
         tried = (

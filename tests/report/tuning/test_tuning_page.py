@@ -24,7 +24,6 @@ from made_tuning import (
 from page_reader import Balanced
 from readable import assert_readable
 
-from vsf_drake import optimal_control as level2
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import plain
 from vsf_drake.report.page import _PAGES, chapter_page
@@ -37,7 +36,7 @@ from vsf_drake.report.tuning.figures import (
     terms_figure,
 )
 from vsf_drake.report.tuning.reading import root_mean_squares
-from vsf_drake.tuning import costs, sweep
+from vsf_drake.tuning import quantities
 from vsf_drake.tuning.table import SweepPoint, Term, tuning_of
 
 HARDLY = "THE SETTING HARDLY MATTERS"
@@ -135,11 +134,11 @@ def test_every_figure_can_be_read_on_a_telephone(kind):
 
 LABELS = {
     1: (
-        sweep.KINDS | sweep.SAME_LOAD,
-        costs.LABELS,
-        [label for label, _ in costs.KINDS.values()],
+        quantities.GIVEN_OUTCOMES | quantities.SAME_LOAD,
+        quantities.GIVEN_TERMS,
+        quantities.GIVEN_COSTS,
     ),
-    2: (level2.outcomes.KINDS, level2.stride.LABELS, level2.stride.LABELS.values()),
+    2: (quantities.FREE_OUTCOMES, quantities.FREE_TERMS, quantities.FREE_TERMS),
 }
 """Of a level: outcomes with their units, terms, and costs."""
 
@@ -148,6 +147,7 @@ LABELS = {
 def test_every_label_that_there_is_fits_its_figure(level):
     """Titles of all outcomes, the longest names of terms and costs, and trials with long names."""
     kinds, terms, costs = LABELS[level]
+    terms, costs = ({name: own.label for name, own in each.items()} for each in (terms, costs))
     like, first = made_table().outcomes[0], made_table().sweep[0]
     outcomes = tuple(
         dataclasses.replace(like, name=name, label=label, unit=unit, matters=False)
@@ -178,7 +178,9 @@ def test_every_label_that_there_is_fits_its_figure(level):
         "terms",
     )
     held = dataclasses.replace(
-        table, cost_label=max(costs, key=len), terms=(Term("consistency", "the hold", 1.0),)
+        table,
+        cost_label=max(costs.values(), key=len),
+        terms=(Term("consistency", "the hold", 1.0),),
     )
     assert_readable(cost_curve_figure(held, {}), "cost")
     if level == 1:

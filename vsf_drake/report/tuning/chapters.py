@@ -19,7 +19,7 @@ from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.tuning import figures, reading
 from vsf_drake.report.tuning.reading import Arrays
 from vsf_drake.tuning.common import SEEN
-from vsf_drake.tuning.costs import KINDS
+from vsf_drake.tuning.quantities import GIVEN_COSTS
 from vsf_drake.tuning.table import FORMAT, Provenance, TuningTable, tuning_of
 from vsf_drake.walks.metrics import UNFITTED
 
@@ -238,7 +238,7 @@ def _pareto(table: TuningTable, arrays: Arrays) -> Facts:
         if len(rows) > 1
         else None
     )
-    costs = [f"{label} ({unit})" for label, unit in map(KINDS.__getitem__, table.pareto_names)]
+    costs = [GIVEN_COSTS[name].heading for name in table.pareto_names]
     return {
         "ends": ends,
         "front": words("pareto", t=table, ends=ends, costs=costs)[0],

@@ -25,7 +25,7 @@ from vsf_drake.report.style import (
 )
 from vsf_drake.report.tuning import reading
 from vsf_drake.report.tuning.reading import Arrays
-from vsf_drake.tuning.costs import KINDS
+from vsf_drake.tuning.quantities import GIVEN_COSTS
 from vsf_drake.tuning.table import TuningTable
 
 NOT_OPTIMAL = "NOT OPTIMAL"
@@ -415,9 +415,7 @@ def pareto_figure(figure: Figure, table: TuningTable) -> None:
         for row in table.pareto
         if row.fulcrum_mm is not None and row.first is not None and row.second is not None
     ]
-    first, second = (
-        f"{name} ({unit})" for name, unit in map(KINDS.__getitem__, table.pareto_names)
-    )
+    first, second = (GIVEN_COSTS[name].heading for name in table.pareto_names)
     figure.set_size_inches(PANEL[0], 3.7)
     axes = figure.subplots()
     x, y = ([at[k] for _, at in points] for k in (0, 1))
