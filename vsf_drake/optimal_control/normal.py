@@ -16,7 +16,7 @@ from functools import cache
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import require
 from vsf_drake.base.files import MOST_JSON_BYTES, read_text, resource
 from vsf_drake.model.parameters import GRAVITY
 
@@ -99,12 +99,12 @@ def normal_gait(speed_m_per_s: float, leg_m: float, where: str = "speed_m_per_s"
     table = _table()
     unit = float(np.sqrt(GRAVITY * leg_m))
     speed, (low, high) = speed_m_per_s / unit, (unit * reach for reach in REACH)
-    if not low <= speed_m_per_s <= high:
-        raise InputError(
-            f"{speed_m_per_s:.2f} m/s is out of what was published of able-bodied walking",
-            where=where,
-            right=f"With a leg of {leg_m:.2f} m it must lie from {low:.2f} to {high:.2f} m/s",
-        )
+    require(
+        low <= speed_m_per_s <= high,
+        f"{speed_m_per_s:.2f} m/s is out of what was published of able-bodied walking",
+        where,
+        f"With a leg of {leg_m:.2f} m it must lie from {low:.2f} to {high:.2f} m/s",
+    )
 
     def between(speeds: np.ndarray, values: np.ndarray) -> np.ndarray:
         at = int(np.clip(np.searchsorted(speeds, speed) - 1, 0, len(speeds) - 2))

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import GRAVITY, PELVIS_ROTATIONS
 from vsf_drake.motion.contacts import TOLERANCE_S, WIDEN_S
@@ -230,13 +230,13 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
 def _shown(trial: Trial, walker: Walker | None) -> tuple[slice, BodyPoints, SagittalChain]:
     walker = walker or Walker(trial.subject, trial.model)
     motion = trial.trajectory
-    if walker.subject.prosthetic_side != trial.subject.prosthetic_side:
-        raise InputError(
-            f"the walker's prosthesis is on the {walker.subject.prosthetic_side}, the trial's on "
-            f"the {trial.subject.prosthetic_side}",
-            file=trial.path,
-            where="subject.prosthetic_side",
-        )
+    require(
+        walker.subject.prosthetic_side == trial.subject.prosthetic_side,
+        f"the walker's prosthesis is on the {walker.subject.prosthetic_side}, the trial's on "
+        f"the {trial.subject.prosthetic_side}",
+        "subject.prosthetic_side",
+        file=trial.path,
+    )
     rate = (len(motion.time_s) - 1) / (motion.end_s - motion.start_s)
     rows = slice(None, None, max(1, round(rate / MOST_HZ)))
     points = sagittal.body_points(
@@ -414,13 +414,13 @@ def _heading(points: BodyPoints, *, file: Path | None = None) -> np.ndarray:
     """(2,) unit vector in the floor along which the pelvis travels."""
     way = (points.pelvis[-1] - points.pelvis[0])[:2]
     length = float(np.linalg.norm(way))
-    if length < LEAST_WAY_M:
-        raise InputError(
-            f"the pelvis gets only {length:.2f} m ahead",
-            file=file,
-            where="kinematics",
-            right="On a treadmill, give the manifest its belt_speed_m_per_s",
-        )
+    require(
+        length >= LEAST_WAY_M,
+        f"the pelvis gets only {length:.2f} m ahead",
+        "kinematics",
+        "On a treadmill, give the manifest its belt_speed_m_per_s",
+        file=file,
+    )
     return np.asarray(way / length)
 
 
@@ -508,14 +508,14 @@ def find_period(
 
     def period(seconds: float, method: str) -> tuple[float, str]:
         closing = alike.closing(seconds)
-        if closing > LARGEST_CLOSING:
-            raise InputError(
-                f"its two ends, {seconds:.3f} s apart ({method}), differ by "
-                f"{np.degrees(closing):.1f}° RMS",
-                file=file,
-                where="kinematics",
-                right="A periodic stride needs steady walking",
-            )
+        require(
+            not closing > LARGEST_CLOSING,  # it may be unknown
+            f"its two ends, {seconds:.3f} s apart ({method}), differ by "
+            f"{np.degrees(closing):.1f}° RMS",
+            "kinematics",
+            "A periodic stride needs steady walking",
+            file=file,
+        )
         return seconds, method
 
     record = float(time_s[-1] - time_s[0])
@@ -529,13 +529,13 @@ def find_period(
     if lengths:
         low = np.median(lengths) / MOST_SHARE
         high = np.median(lengths) / LEAST_SHARE
-    if record < low:
-        raise InputError(
-            f"the motion lasts {record:.2f} s, a stride at least {low:.2f} s",
-            file=file,
-            where="kinematics",
-            right="A periodic stride needs a whole one: record longer",
-        )
+    require(
+        record >= low,
+        f"the motion lasts {record:.2f} s, a stride at least {low:.2f} s",
+        "kinematics",
+        "A periodic stride needs a whole one: record longer",
+        file=file,
+    )
     for stances, where in ((loaded, "the plates"), (moved, "the motion of the foot")):
         for foot, what, seconds, count in _intervals(stances, low, high):
             method = f"{count + 1} {what} of the {FEET[foot]} foot in {where}"
@@ -547,22 +547,22 @@ def find_period(
                 return period(alike.best(*bracket)[0], f"{method}, sharpened by self-similarity")
             return period(seconds, method)
     high = min(high, record - LEAST_OVERLAP_S)
-    if low >= high:
-        raise InputError(
-            f"the motion lasts {record:.2f} s and shows no two strikes of one foot; a stride "
-            f"takes at least {low:.2f} s",
-            file=file,
-            where="kinematics",
-            right="Record longer",
-        )
+    require(
+        low < high,
+        f"the motion lasts {record:.2f} s and shows no two strikes of one foot; a stride "
+        f"takes at least {low:.2f} s",
+        "kinematics",
+        "Record longer",
+        file=file,
+    )
     seconds, inside = alike.best(low, high)
-    if not inside:
-        raise InputError(
-            f"the motion does not repeat itself between {low:.2f} and {high:.2f} s",
-            file=file,
-            where="kinematics",
-            right="A periodic stride needs steady walking over more than a stride",
-        )
+    require(
+        inside,
+        f"the motion does not repeat itself between {low:.2f} and {high:.2f} s",
+        "kinematics",
+        "A periodic stride needs steady walking over more than a stride",
+        file=file,
+    )
     return period(seconds, "self-similarity of the motion and the forces")
 
 

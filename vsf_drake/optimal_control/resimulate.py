@@ -15,7 +15,7 @@ from functools import reduce
 
 import numpy as np
 
-from vsf_drake.base.errors import FitError, InputError, SimulationError
+from vsf_drake.base.errors import FitError, SimulationError, require
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trajectory import low_pass
@@ -230,18 +230,18 @@ def walk_prescribed(
     """The run behind `resimulate_prescribed`; the trajectory's start is one of its instants."""
     side = walker.subject.prosthetic_side
     t = trajectory
-    if tuple(t.names) != sagittal_coordinates(side):
-        raise InputError(
-            f"are {', '.join(t.names)}",
-            where="names",
-            right=f"For a prosthesis on the {side}: {', '.join(sagittal_coordinates(side))}",
-        )
-    if walker.free:
-        raise InputError(
-            f"{', '.join(walker.free)} are free",
-            where="walker",
-            right="Give a walker that prescribes all",
-        )
+    require(
+        tuple(t.names) == sagittal_coordinates(side),
+        f"are {', '.join(t.names)}",
+        "names",
+        f"For a prosthesis on the {side}: {', '.join(sagittal_coordinates(side))}",
+    )
+    require(
+        not walker.free,
+        f"{', '.join(walker.free)} are free",
+        "walker",
+        "Give a walker that prescribes all",
+    )
     if 0.0 < step_s < t.period_s:
         step_s = t.period_s / round(t.period_s / step_s)  # of which a period is a whole number
     start_s = t.start_s - math.ceil(LEAD * t.period_s / step_s) * step_s

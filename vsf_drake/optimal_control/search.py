@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.base.errors import FitError, InputError
+from vsf_drake.base.errors import FitError, InputError, require
 from vsf_drake.base.progress import Progress
 from vsf_drake.collocation import sqp
 from vsf_drake.collocation.problem import Grid
@@ -64,12 +64,12 @@ class StrideTuning:
         options: StrideOptions | None = None,
         labels: Sequence[str] | None = None,
     ) -> None:
-        if len(trials) != 1:
-            raise InputError(
-                f"{len(trials)} trials are given",
-                where="trials",
-                right="A free motion is solved for one recorded stride at a time: give one",
-            )
+        require(
+            len(trials) == 1,
+            f"{len(trials)} trials are given",
+            "trials",
+            "A free motion is solved for one recorded stride at a time: give one",
+        )
         self.trial = trials[0]
         self.cost = check_cost(cost, FREE_COSTS)
         self.options = options or StrideOptions()
@@ -115,15 +115,12 @@ class StrideTuning:
             )
         low, high = self.stride.reach_mm
         fulcrum = self.trial.model.foot.fulcrum
-        if not fulcrum.rearmost_m / MM - 1e-6 <= low < high <= fulcrum.foremost_m / MM + 1e-6:
-            raise InputError(
-                f"{low:g} to {high:g} mm is out of the carriage's reach",
-                where="bounds_mm",
-                right=(
-                    f"It must lie within {fulcrum.rearmost_m / MM:g} to "
-                    f"{fulcrum.foremost_m / MM:g} mm"
-                ),
-            )
+        require(
+            fulcrum.rearmost_m / MM - 1e-6 <= low < high <= fulcrum.foremost_m / MM + 1e-6,
+            f"{low:g} to {high:g} mm is out of the carriage's reach",
+            "bounds_mm",
+            f"It must lie within {fulcrum.rearmost_m / MM:g} to {fulcrum.foremost_m / MM:g} mm",
+        )
 
 
 def position_mm(solution: TrajectorySolution) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.base.errors import FitError, InputError, SimulationError
+from vsf_drake.base.errors import FitError, InputError, SimulationError, require
 from vsf_drake.base.progress import Progress
 from vsf_drake.collocation.program import confirm
 from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
@@ -65,20 +65,20 @@ def solve(
     began = time.perf_counter()
     warm = None
     if warm_start is not None:
-        if not {"tracked_z", "tracked_p"} <= warm_start.keys():
-            raise InputError(
-                "holds no stride",
-                where="warm_start",
-                right="Give the result of a tuning at level 2",
-            )
+        require(
+            {"tracked_z", "tracked_p"} <= warm_start.keys(),
+            "holds no stride",
+            "warm_start",
+            "Give the result of a tuning at level 2",
+        )
         warm = Start(z=np.array(warm_start["tracked_z"]), p=np.array(warm_start["tracked_p"]))
         shapes = (tuning.stride.grid.instants, tuning.stride.function.layout.size), (len(FREE),)
-        if (warm.z.shape, warm.p.shape) != shapes:
-            raise InputError(
-                "is of another number of intervals, or of an earlier version",
-                where="warm_start",
-                right="Leave it out, or give the same options",
-            )
+        require(
+            (warm.z.shape, warm.p.shape) == shapes,
+            "is of another number of intervals, or of an earlier version",
+            "warm_start",
+            "Leave it out, or give the same options",
+        )
     result = StrideSolution(
         tuning=tuning,
         tracked=tracked(tuning.stride, progress, warm),

@@ -45,7 +45,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError, require
+from vsf_drake.base.errors import require
 from vsf_drake.base.schema import choice, quantity
 from vsf_drake.collocation import problem as collocation
 from vsf_drake.collocation.problem import Convex, Curve, Grid, Layout, Residuals
@@ -150,10 +150,12 @@ class StrideOptions(FreeMotionOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.stages:
-            raise InputError("there are none", where="stages", right="Give at least one")
-        if not all(factor > 0.0 for factor in self.hold_factors):
-            raise InputError(f"{self.hold_factors} are not all above 0", where="hold_factors")
+        require(self.stages, "there are none", "stages", "Give at least one")
+        require(
+            all(factor > 0.0 for factor in self.hold_factors),
+            f"{self.hold_factors} are not all above 0",
+            "hold_factors",
+        )
         for factor in self.hold_factors:
             require(
                 1e-4 <= factor * self.normal_weight <= 1e3,

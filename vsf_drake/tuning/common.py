@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.schema import SEED, check, choice, option, quantity
 from vsf_drake.base.sentences import say
 from vsf_drake.collocation.methods import METHODS
@@ -175,13 +175,13 @@ class CommonOptions:
         for item in dataclasses.fields(self):
             names = getattr(self, item.name)
             if str(item.type) == "tuple[str, ...]":
-                if not isinstance(names, tuple):
-                    raise InputError(
-                        f"is a {type(names).__name__}, no tuple of names", where=item.name
-                    )
+                require(
+                    isinstance(names, tuple),
+                    f"is a {type(names).__name__}, no tuple of names",
+                    item.name,
+                )
                 for name in names:
-                    if names.count(name) > 1:
-                        raise InputError(f"names {name} twice", where=item.name)
+                    require(names.count(name) <= 1, f"names {name} twice", item.name)
         check(self)
         known = next(
             item.metadata["options"] for item in dataclasses.fields(self) if item.name == "design"
@@ -192,14 +192,18 @@ class CommonOptions:
             _check_pair("bounds_mm", self.bounds_mm)
         for name, weight in self.weights.items():
             check_name(name, self.costs, "weights")
-            if not _is_number(weight):
-                raise InputError(
-                    f"{weight!r} is no weight",
-                    where=f"weights[{name!r}]",
-                    right="It must be a number from 0 on",
-                )
-        if not sum(self.weights.values()) > 0.0:
-            raise InputError("are all zero", where="weights", right="One of them must be above 0")
+            require(
+                _is_number(weight),
+                f"{weight!r} is no weight",
+                f"weights[{name!r}]",
+                "It must be a number from 0 on",
+            )
+        require(
+            sum(self.weights.values()) > 0.0,
+            "are all zero",
+            "weights",
+            "One of them must be above 0",
+        )
 
     @property
     def weighed(self) -> tuple[str, ...]:
@@ -282,11 +286,15 @@ def _is_number(value: Any) -> bool:
 
 
 def _check_pair(where: str, pair: Any) -> None:
-    if not isinstance(pair, (tuple, list)) or len(pair) != 2 or not all(map(_is_number, pair)):
-        raise InputError(f"{pair!r} is no pair of numbers", where=where, right="Give (low, high)")
-    if not pair[0] < pair[1]:
-        raise InputError(
-            f"its lower bound {pair[0]:g} is not below its upper one {pair[1]:g}",
-            where=where,
-            right="No setting meets both: give the lower one first",
-        )
+    require(
+        isinstance(pair, (tuple, list)) and len(pair) == 2 and all(map(_is_number, pair)),
+        f"{pair!r} is no pair of numbers",
+        where,
+        "Give (low, high)",
+    )
+    require(
+        pair[0] < pair[1],
+        f"its lower bound {pair[0]:g} is not below its upper one {pair[1]:g}",
+        where,
+        "No setting meets both: give the lower one first",
+    )

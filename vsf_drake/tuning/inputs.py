@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import require
 from vsf_drake.base.progress import Progress
 from vsf_drake.model.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import trial_with
@@ -107,10 +107,10 @@ def load_tuning_trials(
 def check_one_person(trials: Sequence[Trial]) -> None:
     """Raises InputError unless all trials are of one subject, with the prosthesis on one side."""
     for trial in trials[1:]:
-        if trial.subject != trials[0].subject:
-            raise InputError(
-                f"is of another subject than {trials[0].path}",
-                file=trial.path,
-                where="subject",
-                right="A setting is one person's: tune one subject at a time",
-            )
+        require(
+            trial.subject == trials[0].subject,
+            f"is of another subject than {trials[0].path}",
+            "subject",
+            "A setting is one person's: tune one subject at a time",
+            file=trial.path,
+        )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import require
 from vsf_drake.base.schema import choice, quantity
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.simulation.variables import Variable
@@ -57,21 +57,20 @@ class TuningOptions(GivenMotionOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.joints:
-            raise InputError("is empty", where="joints", right=f"Give some of {', '.join(JOINTS)}")
-        if len(self.pareto) not in (0, 2):
-            raise InputError(
-                f"names {len(self.pareto)} cost{'s' * (len(self.pareto) != 1)}",
-                where="pareto",
-                right="Give two costs, or none",
-            )
+        require(self.joints, "is empty", "joints", f"Give some of {', '.join(JOINTS)}")
+        require(
+            len(self.pareto) in (0, 2),
+            f"names {len(self.pareto)} cost{'s' * (len(self.pareto) != 1)}",
+            "pareto",
+            "Give two costs, or none",
+        )
         for step in (self.step_s, self.search_step_s):
-            if self.cutoff_hz >= 0.5 / step:
-                raise InputError(
-                    f"{self.cutoff_hz:g} Hz cannot be told from steps of {1e3 * step:g} ms",
-                    where="cutoff_hz",
-                    right=f"It must be below {0.5 / step:g} Hz",
-                )
+            require(
+                self.cutoff_hz < 0.5 / step,
+                f"{self.cutoff_hz:g} Hz cannot be told from steps of {1e3 * step:g} ms",
+                "cutoff_hz",
+                f"It must be below {0.5 / step:g} Hz",
+            )
 
 
 MM = 1e-3
@@ -100,17 +99,14 @@ def design_variables(
     InputError."""
     low = max(foot.fulcrum.rearmost_m for foot in feet) / MM
     high = min(foot.fulcrum.foremost_m for foot in feet) / MM
-    if not low < high:
-        raise InputError(
-            "the carriages of these trials' feet have no range in common", where="trials"
-        )
+    require(low < high, "the carriages of these trials' feet have no range in common", "trials")
     bounds = options.bounds_mm or (low, high)
-    if bounds[0] < low - 1e-6 or bounds[1] > high + 1e-6:
-        raise InputError(
-            f"{bounds[0]:g} to {bounds[1]:g} mm is out of the carriage's reach",
-            where="bounds_mm",
-            right=f"It must lie within {low:g} to {high:g} mm",
-        )
+    require(
+        low - 1e-6 <= bounds[0] and bounds[1] <= high + 1e-6,
+        f"{bounds[0]:g} to {bounds[1]:g} mm is out of the carriage's reach",
+        "bounds_mm",
+        f"It must lie within {low:g} to {high:g} mm",
+    )
     variables = [
         DesignVariable(
             "fulcrum", "fulcrum position", "mm", float(bounds[0]), float(bounds[1]), float("nan")
@@ -124,20 +120,19 @@ def design_variables(
         "keel_thickness": ("keel thickness", "mm", t, 0.8 * t, 1.25 * t, 0.3 * t, 3.0 * t),
     }
     for name in options.design:
-        if name == "heel_stiffness" and not any(
-            zone.name.startswith(HEEL) for zone in feet[0].zones
-        ):
-            raise InputError(
-                "the model has no contact zone whose name begins with 'heel'", where="design"
-            )
+        require(
+            name != "heel_stiffness" or any(zone.name.startswith(HEEL) for zone in feet[0].zones),
+            "the model has no contact zone whose name begins with 'heel'",
+            "design",
+        )
         label, unit, default, *own, least, most = known[name]
         low, high = options.design_bounds.get(name, own)
-        if low < least or high > most:
-            raise InputError(
-                f"{low:g} to {high:g} is out of range",
-                where=f"design_bounds[{name!r}]",
-                right=f"It must lie within {least:g} to {most:g} {unit}",
-            )
+        require(
+            least <= low and high <= most,
+            f"{low:g} to {high:g} is out of range",
+            f"design_bounds[{name!r}]",
+            f"It must lie within {least:g} to {most:g} {unit}",
+        )
         variables.append(DesignVariable(name, label, unit, float(low), float(high), default))
     return tuple(variables)
 

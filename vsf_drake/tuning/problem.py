@@ -19,7 +19,7 @@ import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractValue
 from pydrake.solvers import MathematicalProgram
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import require
 from vsf_drake.base.threads import side_by_side
 from vsf_drake.motion.events import within
 from vsf_drake.motion.trial import Trial
@@ -185,12 +185,12 @@ class StiffnessTuning:
         # Costs at the trials' own settings.
         self.own = [costs.walk_terms(frame, frame.own, self.options) for frame in frames]
         self.size = costs.sizes(self.own)
-        if any(name not in self.size for name in needed):
-            raise InputError(
-                "the force of a trial's plate does not cover its window",
-                where="trials",
-                right="Choose a window that the plate covers, or another cost",
-            )
+        require(
+            not any(name not in self.size for name in needed),
+            "the force of a trial's plate does not cover its window",
+            "trials",
+            "Choose a window that the plate covers, or another cost",
+        )
         self.combination = costs.combine(cost, self.size, self.options)
         self.own_cost = float(
             np.mean([costs.value_of(self.combination.terms(own)) for own in self.own])
@@ -281,16 +281,14 @@ class StiffnessTuning:
 def _names(given: Sequence[str] | None, default: tuple[str, ...], where: str) -> tuple[str, ...]:
     if given is None:
         return default
-    if (
-        isinstance(given, str)
-        or len(given) != len(default)
-        or not all(isinstance(name, str) for name in given)
-    ):
-        raise InputError(
-            f"{given!r} does not name {len(default)} trials",
-            where=where,
-            right="Give one name a trial",
-        )
+    require(
+        not isinstance(given, str)
+        and len(given) == len(default)
+        and all(isinstance(name, str) for name in given),
+        f"{given!r} does not name {len(default)} trials",
+        where,
+        "Give one name a trial",
+    )
     return tuple(given)
 
 
@@ -307,25 +305,25 @@ def _walkers(trials: Sequence[Trial]) -> list[Walker]:
 
 
 def _check_trials(trials: Sequence[Trial], needed: Sequence[str], options: TuningOptions) -> None:
-    if isinstance(trials, (Trial, str, bytes)) or not all(
-        isinstance(trial, Trial) for trial in trials
-    ):
-        raise InputError(
-            "is no list of trials", where="trials", right="Give a list of what load_trial returns"
-        )
-    if not trials:
-        raise InputError("there is no trial to tune to", where="trials")
+    require(
+        not isinstance(trials, (Trial, str, bytes))
+        and all(isinstance(trial, Trial) for trial in trials),
+        "is no list of trials",
+        "trials",
+        "Give a list of what load_trial returns",
+    )
+    require(trials, "there is no trial to tune to", "trials")
     first = trials[0]
     for trial in trials:
         side = trial.subject.prosthetic_side
-        if side != first.subject.prosthetic_side:
-            raise InputError(
-                f"its prosthesis is on the {side}, that of {first.path} on the "
-                f"{first.subject.prosthetic_side}",
-                file=trial.path,
-                where="subject",
-                right="Tune one person at a time",
-            )
+        require(
+            side == first.subject.prosthetic_side,
+            f"its prosthesis is on the {side}, that of {first.path} on the "
+            f"{first.subject.prosthetic_side}",
+            "subject",
+            "Tune one person at a time",
+            file=trial.path,
+        )
         if {"joint_load", "metabolic"} & set(needed):
             _check_planes(trial, options.joints)
         if costs.TRACKING not in needed:
@@ -335,23 +333,21 @@ def _check_trials(trials: Sequence[Trial], needed: Sequence[str], options: Tunin
         known = np.zeros((0, 3))
         if plate is not None:
             known = plate.force_W[~within(plate.time_s, trial.unmeasured.get(side, ()))]
-        if not np.any(known[:, 2] > 0.0):
-            raise InputError(
-                f"no plate measured the force on the {side} (prosthetic) foot, which is to be "
-                "tracked",
-                file=trial.path,
-                where="forces",
-                right=f"{right}forces",
-            )
+        require(
+            np.any(known[:, 2] > 0.0),
+            f"no plate measured the force on the {side} (prosthetic) foot, which is to be tracked",
+            "forces",
+            f"{right}forces",
+            file=trial.path,
+        )
         for i, axis in enumerate(("fore-aft", "lateral")):
-            if not np.any(known[:, i]):
-                raise InputError(
-                    f"its plate has no {axis} force (zero throughout), and all components are "
-                    "tracked",
-                    file=trial.path,
-                    where="forces",
-                    right=f"{right}all components of the force",
-                )
+            require(
+                np.any(known[:, i]),
+                f"its plate has no {axis} force (zero throughout), and all components are tracked",
+                "forces",
+                f"{right}all components of the force",
+                file=trial.path,
+            )
 
 
 def _check_planes(trial: Trial, joints: Sequence[str]) -> None:
@@ -365,15 +361,13 @@ def _check_planes(trial: Trial, joints: Sequence[str]) -> None:
             "taken as zero" in note and name in note.replace(",", " ").replace(".", " ").split()
             for note in trial.notes
         )
-        if (
-            noted
-            or name not in names
-            or np.ptp(trial.trajectory.values[:, names.index(name)]) == 0.0
-        ):
-            raise InputError(
-                f"the recording has no {name}, so that no moment about that axis can be told",
-                file=trial.path,
-                where="kinematics",
-                right=f"Give joints={tuple(planar) or ('hip_flexion', 'knee_angle')}, or a "
-                "recording in three dimensions",
-            )
+        require(
+            not noted
+            and name in names
+            and np.ptp(trial.trajectory.values[:, names.index(name)]) != 0.0,
+            f"the recording has no {name}, so that no moment about that axis can be told",
+            "kinematics",
+            f"Give joints={tuple(planar) or ('hip_flexion', 'knee_angle')}, or a "
+            "recording in three dimensions",
+            file=trial.path,
+        )

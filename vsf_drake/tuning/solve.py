@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.solvers import IpoptSolver, NloptSolver, SnoptSolver, SolverOptions
 from scipy.stats import qmc
 
-from vsf_drake.base.errors import FitError, InputError, SimulationError
+from vsf_drake.base.errors import FitError, SimulationError, require
 from vsf_drake.base.progress import Progress
 from vsf_drake.base.sentences import say
 from vsf_drake.fit.drake_solve import solved
@@ -317,12 +317,12 @@ def _warm(tuning: StiffnessTuning, values: Mapping[str, float] | None) -> list[n
     if values is None:
         return []
     names = [variable.name for variable in tuning.design]
-    if not set(names) <= values.keys():
-        raise InputError(
-            f"does not hold {', '.join(names)}",
-            where="warm_start",
-            right="Give the content of a tuning.json of the same variables",
-        )
+    require(
+        set(names) <= values.keys(),
+        f"does not hold {', '.join(names)}",
+        "warm_start",
+        "Give the content of a tuning.json of the same variables",
+    )
     return [np.clip([values[name] for name in names], tuning.low, tuning.high)]
 
 

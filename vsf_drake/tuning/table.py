@@ -214,6 +214,16 @@ class TuningTable:
         return next((row for row in self.outcomes if row.name == "cost"), None)
 
     @property
+    def hardly(self) -> str:
+        """What the setting hardly changes: the "cost", the "outcomes" where that is none of them,
+        or "" for neither."""
+        row = self.cost_outcome
+        if row is not None:
+            return "cost" if row.matters is False and len(self.swept()[0]) else ""
+        none = self.outcomes and all(other.matters is False for other in self.outcomes)
+        return "outcomes" if none else ""
+
+    @property
     def interval_says(self) -> str:
         """`fulcrum_interval_mm` in whole millimetres, no narrower than it is; "" for none."""
         if self.fulcrum_interval_mm is None:

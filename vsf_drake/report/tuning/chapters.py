@@ -6,7 +6,7 @@ Chapters are functions of saved records and arrays: numbers, decisions and figur
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from vsf_drake.walks.metrics import UNFITTED
 Facts = dict[str, Any]
 """Of a chapter: figures by name under "figures", the rest as its template calls it; `t` is the
 record."""
+Make = Callable[[TuningTable, Arrays], Facts]
 _SEEN = {True: "yes", False: "NO", None: None}
 
 
@@ -40,20 +41,31 @@ def tuning_page(
 ) -> Facts:
     """What `page.chapter_page` is to be given of tuning.json and tuning.npz: chapters that there is
     anything of."""
-    made = (  # name, title, the part that it tells of ("" for none), what else it needs
+    # name, title, the part that it tells of ("" for none), what else it needs
+    made: Sequence[tuple[str, str, Make, str, tuple[str, ...]]] = (
         ("answer", "", _answer, "", ("sweep", "terms", "outcomes", "design")),
         ("outcomes", "What changes with the setting", _outcomes, "outcomes", ("sweep",)),
         ("motion", "Motion and forces", _motion, "", ("sweep",)),
         ("pareto", "Between two costs", _pareto, "pareto", ()),
-        ("robustness", "How firm the setting is", _robustness, "robustness", ("sweep",)),
+        (
+            "robustness",
+            "How firm the setting is",
+            lambda table, arrays: {"figures": {"robustness": figures.robustness_figure(table)}},
+            "robustness",
+            ("sweep",),
+        ),
         ("range", "The whole range", _range, "sweep", ("terms", "outcomes")),
-        ("checks", "Checks", _checks, "", ("checks", "solver", "confirmed_by", "starts")),
+        (
+            "checks",
+            "Checks",
+            lambda table, arrays: {},
+            "",
+            ("checks", "solver", "confirmed_by", "starts"),
+        ),
         ("made", "How this was made", _made, "", ("provenance",)),
     )
 
-    def shown(
-        name: str, title: str, make: Callable[[TuningTable, Arrays], Facts], parts: tuple[str, ...]
-    ) -> Chapter:
+    def shown(name: str, title: str, make: Make, parts: tuple[str, ...]) -> Chapter:
         table = tuning_of(saved, parts)
         facts = make(table, arrays)
         return Chapter(
@@ -86,68 +98,22 @@ def first_line(table: TuningTable) -> list[str]:
 def answer(table: TuningTable) -> list[str]:
     """Which setting, how much better than others, and whether that is more than the uncertainty; in
     sentences."""
-    if not table.optimal or table.cost is None:
-        return words("answer", t=table)
-    (x, costs), row, holding = table.swept(), table.cost_outcome, table.holding
-    others = [other for other in table.outcomes if other is not row]
-    more, no_more, open_ = (
-        [other.label for other in others if other.matters is kind] for kind in (True, False, None)
-    )
-    matters = None if row is None else row.matters
-    nothing = row is None and bool(others) and not more and not open_
-    places = reading.compared(table, table.cost_at, table.cost)
-    own = table.rest
-    held = table.held_from
-    least = None
-    if held is not None and own is not None:
-        ends = {x[0]: "the softest setting", x[-1]: "the stiffest"}
-        least = {
-            "mm": held[0],
-            "end": ends.get(held[0], ""),
-            "more": own - held[1],
-            "percent": 100.0 * (own - held[1]) / held[1] if held[1] > 0.0 else None,
-        }
-    return words(
-        "answer",
-        t=table,
-        span=(x[0], x[-1]) if len(x) else None,
-        row=row,
-        places=places,
-        holding=holding,
-        size=float(costs.max() - costs.min()) if len(costs) else None,
-        hardly="outcomes" if nothing else "cost" if matters is False and len(costs) else "",
-        rest=[]
-        if own is None or not (places and holding)
-        else reading.compared(table, table.rest_at, own),
-        least_rest=least,
-        all_more=len(more) > max(1, len(others) - 1),
-        more=more,
-        no_more=no_more,
-        unknown=matters is None and not more and not no_more,
-    )
+    places: list[reading.Compared] = []
+    rest: list[reading.Compared] = []
+    if table.optimal and table.cost is not None:
+        places = reading.compared(table, table.cost_at, table.cost)
+        if places and table.holding and table.rest is not None:
+            rest = reading.compared(table, table.rest_at, table.rest)
+    return words("answer", t=table, places=places, rest=rest)
 
 
 def _answer(table: TuningTable, arrays: Arrays) -> Facts:
-    x, y = table.swept()
-    if len(x) < 2:
-        return {"sentences": answer(table), "curve": None, "drawn": {}}
-    low = int(np.argmin(y))
-    high = int(np.argmax(y))
-    drawn = {"cost": figures.cost_curve_figure(table, arrays)}
-    if len(table.terms) > 1:
-        drawn["terms"] = figures.terms_figure(table)
-    return {
-        "sentences": answer(table),
-        "figures": drawn,
-        "drawn": list(drawn),
-        "curve": {
-            "span": (x[0], x[-1]),
-            "least": y[low],
-            "least_mm": x[low],
-            "most": y[high],
-            "most_mm": x[high],
-        },
-    }
+    drawn = {}
+    if len(table.swept()[0]) > 1:
+        drawn["cost"] = figures.cost_curve_figure(table, arrays)
+        if len(table.terms) > 1:
+            drawn["terms"] = figures.terms_figure(table)
+    return {"sentences": answer(table), "figures": drawn, "drawn": list(drawn)}
 
 
 FIRST = (
@@ -229,30 +195,15 @@ def _motion(table: TuningTable, arrays: Arrays) -> Facts:
 
 
 def _pareto(table: TuningTable, arrays: Arrays) -> Facts:
-    rows = [row for row in table.pareto if row.first is not None and row.second is not None]
-    ends = (
-        {
-            key: (min(getattr(row, key) for row in rows), max(getattr(row, key) for row in rows))
-            for key in ("fulcrum_mm", "first", "second")
-        }
-        if len(rows) > 1
-        else None
-    )
+    known = [row for row in table.pareto if row.first is not None and row.second is not None]
+    shown = known if len(known) > 1 else []
     costs = [GIVEN_COSTS[name].heading for name in table.pareto_names]
     return {
-        "ends": ends,
-        "front": words("pareto", t=table, ends=ends, costs=costs)[0],
+        "shown": shown,
+        "front": words("pareto", rows=shown, costs=costs)[0],
         "costs": costs,
-        "figures": {"pareto": figures.pareto_figure(table)} if ends else {},
+        "figures": {"pareto": figures.pareto_figure(table)} if shown else {},
     }
-
-
-def _robustness(table: TuningTable, arrays: Arrays) -> Facts:
-    return {"figures": {"robustness": figures.robustness_figure(table)}}
-
-
-def _checks(table: TuningTable, arrays: Arrays) -> Facts:
-    return {"unmet": [row.label for row in table.checks if row.met is False]}
 
 
 def _range(table: TuningTable, arrays: Arrays) -> Facts:

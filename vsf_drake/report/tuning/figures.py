@@ -89,11 +89,20 @@ def _colour(fulcrum_mm: float | None) -> Any:
     return NEUTRAL if fulcrum_mm is None else colour_of(fulcrum_mm)
 
 
-def _point(axes: Axes, fulcrum_mm: float, x: float, y: float, **look: Any) -> None:
+def _mark(
+    axes: Axes, fulcrum_mm: float, y: float, marker: str, size: float, edge: float, **look: Any
+) -> None:
+    """What stands out of a curve over the fulcrum: white, with an edge in the position's colour."""
     axes.plot(
-        x,
+        fulcrum_mm,
         y,
-        **{"marker": "o", "markersize": 8, "linestyle": "", "color": _colour(fulcrum_mm), **look},
+        marker,
+        markersize=size,
+        color="white",
+        markeredgecolor=_colour(fulcrum_mm),
+        markeredgewidth=edge,
+        zorder=5,
+        **look,
     )
 
 
@@ -170,37 +179,21 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
             marker="",
             label="cost by itself",
         )
-        _point(
-            axes,
-            *least[:1],
-            *least,
-            marker="D",
-            color="white",
-            markeredgecolor=_colour(least[0]),
-            markeredgewidth=1.6,
-            zorder=5,
-            label=f"its least, {least[0]:.1f} mm",
-        )
+        _mark(axes, *least, "D", 8, 1.6, label=f"its least, {least[0]:.1f} mm")
     if best is not None and table.cost is not None:
-        look = (
-            {
-                "marker": "*",
-                "markersize": 15,
-                "color": "white",
-                "markeredgecolor": _colour(best),
-                "markeredgewidth": 1.6,
-                "label": f"optimum, {best:.1f} mm",
-            }
-            if table.optimal
-            else {
-                "marker": "x",
-                "markersize": 11,
-                "color": _FAILED,
-                "markeredgewidth": 2.4,
-                "label": f"last iterate, {NOT_OPTIMAL}",
-            }
-        )
-        _point(axes, best, best, table.cost, zorder=5, **look)
+        if table.optimal:
+            _mark(axes, best, table.cost, "*", 15, 1.6, label=f"optimum, {best:.1f} mm")
+        else:
+            axes.plot(
+                best,
+                table.cost,
+                "x",
+                markersize=11,
+                color=_FAILED,
+                markeredgewidth=2.4,
+                zorder=5,
+                label=f"last iterate, {NOT_OPTIMAL}",
+            )
     label(
         axes,
         x=FULCRUM,
@@ -258,18 +251,7 @@ def outcomes_figure(figure: Figure, table: TuningTable) -> None:
             axes.axhspan(here - error, here + error, color="0.8", alpha=0.5, zorder=0)
         _curve(axes, x, y, linewidth=1.5, markersize=3.0)
         if here is not None and best is not None and table.optimal:
-            _point(
-                axes,
-                best,
-                best,
-                here,
-                marker="*",
-                markersize=12,
-                color="white",
-                zorder=5,
-                markeredgecolor=_colour(best),
-                markeredgewidth=1.4,
-            )
+            _mark(axes, best, here, "*", 12, 1.4)
         if np.ptp(y) == 0.0:
             axes.margins(y=0.5)
         axes.set_ylabel(row.unit if row.unit not in ("", "1") else "no unit")
@@ -303,17 +285,14 @@ def _forces(
     time: Callable[[str], Any],
     looks: Mapping[str, Mapping[str, Any]],
     *,
-    vertical: int,
     x_label: str,
     sharex: bool = False,
 ) -> None:
-    """A row for each of `rows` (what its arrays begin with, by title), fore-aft (column 0 of
-    arrays) and vertical."""
+    """A row for each of `rows` (what its arrays begin with, by title), fore-aft (the first
+    column of arrays) and vertical (the last)."""
     panels = figure.subplots(len(rows), 2, sharex=sharex, squeeze=False)
     for row, (title, prefix) in zip(panels, rows.items(), strict=True):
-        for axes, column, direction in zip(
-            row, (0, vertical), ("fore-aft", "vertical"), strict=True
-        ):
+        for axes, column, direction in zip(row, (0, -1), ("fore-aft", "vertical"), strict=True):
             for name, look in looks.items():
                 if f"{prefix}{name}" in arrays:
                     axes.plot(
@@ -336,7 +315,6 @@ def stride_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> N
         rows,
         lambda prefix: 100.0 * np.asarray(arrays["phase"]),
         _LINES,
-        vertical=1,
         x_label="gait cycle (%)",
         sharex=True,
     )
@@ -364,7 +342,6 @@ def stance_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> N
         {f"{trial}: ": prefix for trial, prefix in shown.items()},
         lambda prefix: arrays[f"{prefix}time"],
         looks,
-        vertical=2,
         x_label="time (s)",
     )
 
@@ -423,7 +400,7 @@ def pareto_figure(figure: Figure, table: TuningTable) -> None:
     wide, tall = (max(float(np.ptp(values or [0.0])), 1e-300) for values in (x, y))
     named: list[tuple[float, float]] = []
     for mm, (at_x, at_y) in points:
-        _point(axes, mm, at_x, at_y, markersize=7)
+        axes.plot(at_x, at_y, "o", color=_colour(mm), markersize=7)
         # Points that are far enough from all named ones have a name of their own.
         if all(
             np.hypot((at_x - other_x) / wide, (at_y - other_y) / tall) > 0.08
@@ -450,7 +427,7 @@ def robustness_figure(figure: Figure, table: TuningTable) -> None:
     if table.fulcrum_mm is not None:
         axes.axvline(table.fulcrum_mm, color="black", linewidth=1.0, zorder=1)
     for place, (_, mm) in enumerate(rows):
-        _point(axes, mm, mm, place, markersize=7, zorder=2)
+        axes.plot(mm, place, "o", color=_colour(mm), markersize=7, zorder=2)
     axes.set_yticks(range(len(rows)), [textwrap.fill(what, 24) for what, _ in rows])
     axes.set_ylim(len(rows) - 0.4, -0.6)
     if ends:
