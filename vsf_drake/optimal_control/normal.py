@@ -64,7 +64,7 @@ def without_side(coordinate: str) -> str:
 
 
 @cache
-def _table() -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _table() -> dict[str, tuple[np.ndarray, ...]]:
     """By quantity: dimensionless speeds (G,), coefficients (G, 1 + 2 harmonics), standard
     deviations (G,)."""
     lines = [
@@ -72,25 +72,17 @@ def _table() -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
         for line in read_text(resource(TABLE), most=MOST_JSON_BYTES).splitlines()
         if not line.startswith("#")
     ]
-    rows: dict[str, list[dict[str, str]]] = {}
+    rows: dict[str, list[tuple[float, list[float], float]]] = {}
     for row in csv.DictReader(lines):
-        rows.setdefault(row["quantity"], []).append(row)
+        series = [
+            float(value)
+            for name, value in row.items()
+            if value and name[0] in "ab" and name[1:].isdigit()
+        ]
+        own = rows.setdefault(row["quantity"], [])
+        own.append((float(row["speed"]), series, float(row["sd"])))
     return {
-        quantity: (
-            np.array([float(row["speed"]) for row in own]),
-            np.array(
-                [
-                    [
-                        float(row[name])
-                        for name in row
-                        if name[0] in "ab" and name[1:].isdigit() and row[name]
-                    ]
-                    for row in own
-                ]
-            ),
-            np.array([float(row["sd"]) for row in own]),
-        )
-        for quantity, own in rows.items()
+        quantity: tuple(map(np.array, zip(*own, strict=True))) for quantity, own in rows.items()
     }
 
 

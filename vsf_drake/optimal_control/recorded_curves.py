@@ -26,6 +26,7 @@ from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass
 from vsf_drake.optimal_control.recorded_projection import TX, Misfit
+from vsf_drake.walks.comparison import resample
 
 Span = tuple[float, float]
 # order of the periodic curves (a choice): 12 to 15 Hz at usual cadences, twice what joint angles
@@ -123,8 +124,7 @@ def fit_periodic(
 def changes(times: np.ndarray, values: np.ndarray, period_s: float) -> np.ndarray:
     """(j, ...) value(t + period) - value(t) of values (n, ...) at the times (n,) that have both."""
     early = times[times + period_s <= times[-1]]
-    columns = values.reshape(len(values), -1).T
-    later = np.array([np.interp(early + period_s, times, column) for column in columns]).T
+    later = resample(early + period_s, times, values.reshape(len(values), -1))
     return np.asarray(later.reshape(len(early), *values.shape[1:]) - values[: len(early)])
 
 
@@ -221,7 +221,7 @@ def close(
         if converged:
             break
         cost, g, N, B = squares.terms(x)
-    return squares.curves(x), complex(*x[squares.last + 1 :]), converged
+    return squares.curves(x), complex(*x[-2:]), converged
 
 
 class _Squares:
@@ -241,99 +241,75 @@ class _Squares:
         along[:, -1] = height[:, -1] = MASS_PLACE_M**-2
         self.chain = misfit.chain
         self.misfit = dataclasses.replace(misfit, along=along, height=height)
-        self.times = times
         self.weights = weights
         self.period_s = curves.period_s
-        self.size, self.last = len(curves.coefficients), curves.coefficients.size
-        basis = _harmonics(times, self.period_s, curves.order)[0]
-        self.weighted = weights[:, None] * basis
-        self.pairs = _pairs(basis, weights)
         # values on an even grid of 4 H phases; their second derivatives up to the order H, what is
         # faster is dropped
         count = 4 * curves.order
-        self.grid = self.period_s * np.arange(count) / count
-        self.on_grid = _harmonics(self.grid, self.period_s, curves.order)[0]
-        self.pairs_on_grid = _pairs(self.on_grid, np.ones(count))
+        grid = self.period_s * np.arange(count) / count
         rate = 2.0 * np.pi * np.fft.fftfreq(count, self.period_s / count)
         slow = np.abs(np.fft.fftfreq(count, 1.0 / count)) <= curves.order
         self.twice = np.fft.ifft(
             (-(rate**2) * slow)[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0
         ).real
-        self.wanted = acceleration.sample(self.grid)[0] @ np.array([1.0, 1j])
+        self.gone = grid / self.period_s
+        self.wanted = acceleration.sample(grid)[0] @ np.array([1.0, 1j])
         self.scale = weights.sum() / count / ACCELERATION**2
+        self.by_x = self._by_x(times, curves.order)
+        self.on_grid = self._by_x(grid, curves.order)
+
+    def _by_x(self, times: np.ndarray, order: int) -> np.ndarray:
+        """(n, 8, .) derivatives of q(t) by x but for d; q is linear in x."""
+        basis = _harmonics(times, self.period_s, order)[0]
+        by_coefficients = np.einsum("nb,cd->ncbd", basis, np.eye(8)).reshape(len(times), 8, -1)
+        by_advance = np.outer(times / self.period_s, np.eye(8)[TX])
+        return np.concatenate([by_coefficients, by_advance[:, :, None]], axis=2)
 
     def curves(self, x: np.ndarray) -> PeriodicCurves:
-        return PeriodicCurves(
-            self.period_s, x[self.last] * np.eye(8)[TX], x[: self.last].reshape(self.size, 8)
-        )
+        return PeriodicCurves(self.period_s, x[-3] * np.eye(8)[TX], x[:-3].reshape(-1, 8))
 
     def _off(self, x: np.ndarray, places: np.ndarray) -> np.ndarray:
         """r'' - a on the grid."""
-        return np.asarray(
-            self.twice @ (places[:, -1] - x[self.last] * self.grid / self.period_s) - self.wanted
-        )
+        return np.asarray(self.twice @ (places[:, -1] - x[-3] * self.gone) - self.wanted)
 
     def cost(self, x: np.ndarray) -> float:
-        now = self.curves(x)
-        d = complex(*x[self.last + 1 :])
-        r = self._off(x, self.chain.with_mass(self.chain.points(now.sample(self.grid)[0])))
-        misfit = self.misfit.cost(now.sample(self.times)[0], d)
+        r = self._off(x, self.chain.with_mass(self.chain.points(self.on_grid @ x[:-2])))
+        misfit = self.misfit.cost(self.by_x @ x[:-2], complex(*x[-2:]))
         return float(self.weights @ misfit + self.scale * np.sum(np.abs(r) ** 2))
 
     def terms(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
         """Cost, half its gradient, half its second derivatives in two parts, by slopes and by
         curvature."""
-        now = self.curves(x)
-        d = complex(*x[self.last + 1 :])
-        last = self.last
-
-        # What is recorded: q(t) = s t/T e_TX + basis(t) coefficients, so that an instant's blocks
-        # by q become those by the coefficients through its row of the basis, and those by the
-        # advance s through t/T.
-        A, b, C, D, e, bent_places = self.misfit.normal(now.sample(self.times)[0], d)
-        gone = self.times / self.period_s
-        weights = self.weights
-        N = np.zeros((last + 3, last + 3))
-        N[:last, :last] = self._spread(A, self.pairs)
-        N[:last, last] = (self.weighted.T @ (gone[:, None] * A[:, :, TX])).ravel()
-        N[:last, last + 1 :] = (self.weighted.T @ C.reshape(len(C), 16)).reshape(last, 2)
-        N[last, last] = weights @ (gone**2 * A[:, TX, TX])
-        N[last, last + 1 :] = (weights * gone) @ C[:, TX]
-        N[last + 1 :, last + 1 :] = np.diag(weights @ D)
-        N[last:, :last] = N[:last, last:].T
-        N[last + 1 :, last] = N[last, last + 1 :]
-        g = np.concatenate(
-            [(self.weighted.T @ b).ravel(), [(weights * gone) @ b[:, TX]], weights @ e]
+        # What is recorded: an instant's blocks by q become those by x through what q is of x.
+        A, b, C, D, e, bent_places = self.misfit.normal(self.by_x @ x[:-2], complex(*x[-2:]))
+        weighted = self.weights[:, None, None] * self.by_x
+        by_d = np.einsum("ncx,ncd->xd", weighted, C)
+        N = np.block(
+            [
+                [_by_q_and_q(weighted, A, self.by_x), by_d],
+                [by_d.T, np.diag(self.weights @ D)],
+            ]
         )
+        g = np.concatenate([np.einsum("ncx,nc->x", weighted, b), self.weights @ e])
 
         # The acceleration: r'' - a on the grid is linear in the places there, its curvature that of
         # the mass's path.
-        places, J = map(self.chain.with_mass, self.chain.linearised(now.sample(self.grid)[0]))
+        places, J = map(self.chain.with_mass, self.chain.linearised(self.on_grid @ x[:-2]))
         r = self._off(x, places)
         J_mass = J[:, -1]
         bent = self.chain.curvature(J_mass[:, None], self.scale * (self.twice.T @ r)[:, None])
-        J_r = self.twice @ (self.on_grid[:, :, None] * J_mass[:, None, :]).reshape(
-            len(self.grid), last
-        )
+        J_r = self.twice @ np.einsum("nc,ncx->nx", J_mass, self.on_grid[:, :, :-1])
         B = np.zeros(N.shape)
-        B[:last, :last] = self._spread(bent_places, self.pairs) + self._spread(
-            bent, self.pairs_on_grid
-        )
-        N[:last, :last] += self.scale * (J_r.conj().T @ J_r).real
-        g[:last] += self.scale * (J_r.conj().T @ r).real
+        B[:-2, :-2] = _by_q_and_q(weighted, bent_places, self.by_x)
+        B[:-2, :-2] += _by_q_and_q(self.on_grid, bent, self.on_grid)
+        N[:-3, :-3] += self.scale * (J_r.conj().T @ J_r).real
+        g[:-3] += self.scale * (J_r.conj().T @ r).real
         return self.cost(x), g, N, B
 
-    def _spread(self, blocks: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-        """Blocks (., 8, 8) by q(t) as one by the coefficients."""
-        summed = (blocks.reshape(len(blocks), 64).T @ pairs).reshape(8, 8, self.size, self.size)
-        return np.asarray(summed.transpose(2, 0, 3, 1)).reshape(self.last, self.last)
 
-
-def _pairs(basis: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(n, b b) weighted products of the columns of a basis (n, b)."""
-    return np.asarray(weights[:, None, None] * basis[:, :, None] * basis[:, None, :]).reshape(
-        len(basis), -1
-    )
+def _by_q_and_q(left: np.ndarray, blocks: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Blocks (n, 8, 8) by q(t) as one by what q is linear in."""
+    return np.tensordot(left, blocks @ right, axes=([0, 1], [0, 1]))
 
 
 # The ground's forces over a recorded stride, both feet, seen from the side and made periodic.

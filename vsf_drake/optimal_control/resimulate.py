@@ -38,6 +38,7 @@ from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper, Torqu
 from vsf_drake.simulation.stepping.tree import tree_arrays
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
 from vsf_drake.tuning.common import TuningCheck
+from vsf_drake.walks.comparison import resample
 
 PRESCRIBED = "prescribed"
 FEEDBACK = "feedback"
@@ -186,9 +187,7 @@ def _assess(
             rate_hz=1.0 / walk.step_s,
             cutoff_hz=CUTOFF_HZ,
         )
-        grf[foot] = np.column_stack(
-            [np.interp(instants, time, column) for column in force[:, [0, 2]].T]
-        )
+        grf[foot] = resample(instants, time, force[:, [0, 2]])
         grf[foot][~counted] = np.nan
 
     motion_rms = {}

@@ -137,6 +137,15 @@ class Fixed:
     tried: dict[str, float] = field(default_factory=dict)
     """how each search began and ended: cost, or NaN"""
 
+    def take(self, kind: str, solution: TrajectorySolution) -> None:
+        """How a search ended that began so, unless Ctrl-C ended it."""
+        unless_interrupted(solution)
+        self.tried[kind] = solution.last_cost if solution.success else float("nan")
+        if solution.success and (
+            self.solution is None or solution.last_cost < self.solution.last_cost
+        ):
+            self.solution = solution
+
 
 @dataclass(eq=False)
 class StrideSearch:
@@ -220,19 +229,13 @@ def swept(search: StrideSearch, start: Start, rows: list[Fixed], *, chains: bool
 
     def tried(row: Fixed, kind: str, begin: Start) -> Start:
         """Where the search ended; where it began, if it did not converge."""
-        solution = unless_interrupted(
-            search.at(
-                row.fulcrum_mm,
-                begin,
-                f"{row.fulcrum_mm:.0f} mm, {kind}",
-                sum(len(other.tried) for other in rows) / count,
-            )
+        solution = search.at(
+            row.fulcrum_mm,
+            begin,
+            f"{row.fulcrum_mm:.0f} mm, {kind}",
+            sum(len(other.tried) for other in rows) / count,
         )
-        row.tried[kind] = solution.last_cost if solution.success else float("nan")
-        if solution.success and (
-            row.solution is None or solution.last_cost < row.solution.last_cost
-        ):
-            row.solution = solution
+        row.take(kind, solution)
         return solution.last if solution.success else begin
 
     if search.cost != "tracking":
@@ -267,14 +270,9 @@ def with_recorded(search: StrideSearch, rows: list[Fixed]) -> None:
     for neighbour in beside:
         assert neighbour.solution is not None
         kind = f"from {neighbour.fulcrum_mm:.0f} mm"
-        solution = unless_interrupted(
-            search.at(own_mm, neighbour.solution.last, f"recorded position, {kind}", 0.8)
+        recorded.take(
+            kind, search.at(own_mm, neighbour.solution.last, f"recorded position, {kind}", 0.8)
         )
-        recorded.tried[kind] = solution.last_cost if solution.success else float("nan")
-        if solution.success and (
-            recorded.solution is None or solution.last_cost < recorded.solution.last_cost
-        ):
-            recorded.solution = solution
     rows.append(recorded)
     rows.sort(key=lambda row: row.fulcrum_mm)
 

@@ -12,12 +12,10 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.autodiffutils import AutoDiffXd, ExtractValue
-from pydrake.solvers import MathematicalProgram
 
 from vsf_drake.base.errors import require
 from vsf_drake.base.threads import side_by_side
@@ -29,8 +27,6 @@ from vsf_drake.tuning import costs
 from vsf_drake.tuning.common import WEIGHTED, check_cost
 from vsf_drake.tuning.options import DesignVariable, TuningOptions, design_variables, walk_setting
 from vsf_drake.walks.recorded_walk import labels_of
-
-Scaled = Callable[[np.ndarray, bool], tuple[float, np.ndarray]]  # see `StiffnessTuning.scaled`
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,34 +244,6 @@ class StiffnessTuning:
         means = {name: np.mean([terms[name] for terms in each], axis=0) for name in each[0]}
         self._last = TuningEvaluation(x=x, step_s=step, terms=means, walks=walks)
         return self._last
-
-    def scaled(
-        self, u: np.ndarray, gradient: bool = True, *, step_s: float | None = None
-    ) -> tuple[float, np.ndarray]:
-        """The cost over its size at search coordinates u (P,), and its gradient (P,) by them, empty
-        without."""
-        at = self.evaluate(self.from_u(u), derivatives=gradient, step_s=step_s)
-        size = self.combination.size
-        return at.cost / size, at.gradient * (
-            self.high - self.low
-        ) / size if gradient else np.zeros(0)
-
-    def program(self, cost: Scaled | None = None) -> MathematicalProgram:
-        """The tuning for Drake's solvers: u within 0 and 1, and the cost as of `scaled`, or `cost`
-        in its place."""
-        evaluate, program = cost or self.scaled, MathematicalProgram()
-        u = program.NewContinuousVariables(len(self.design), "u")
-        program.AddBoundingBoxConstraint(0.0, 1.0, u)
-
-        def of(at: np.ndarray) -> float | AutoDiffXd:
-            if at.dtype != object:
-                return evaluate(at, False)[0]
-            value, gradient = evaluate(ExtractValue(at).ravel(), True)
-            return AutoDiffXd(value, gradient @ np.array([entry.derivatives() for entry in at]))
-
-        program.AddCost(of, vars=u)
-        program.SetInitialGuess(u, self.to_u(self.start))
-        return program
 
 
 def _names(given: Sequence[str] | None, default: tuple[str, ...], where: str) -> tuple[str, ...]:

@@ -8,7 +8,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydrake.solvers import IpoptSolver, NloptSolver, SnoptSolver, SolverOptions
+from pydrake.autodiffutils import AutoDiffXd, ExtractValue
+from pydrake.solvers import (
+    IpoptSolver,
+    MathematicalProgram,
+    NloptSolver,
+    SnoptSolver,
+    SolverOptions,
+)
 from scipy.stats import qmc
 
 from vsf_drake.base.errors import FitError, SimulationError, require
@@ -81,14 +88,33 @@ class Run:
         return evaluated
 
     def cost(self, u: np.ndarray, gradient: bool) -> tuple[float, np.ndarray]:
-        """Of the program: over its size, with the gradient by u; a failed walk costs LOST."""
+        """Over its size, with the gradient by u, or none; a failed walk costs LOST."""
+        tuning = self.tuning
         try:
-            if self.at(self.tuning.from_u(u), derivatives=gradient) is None:
-                return LOST, np.zeros(len(u))
-            return self.tuning.scaled(u, gradient, step_s=self.step_s)
+            at = self.at(tuning.from_u(u), derivatives=gradient)
         except KeyboardInterrupt:
             self.interrupted = True
             raise
+        if at is None:
+            return LOST, np.zeros(len(u))
+        size = tuning.combination.size
+        by_u = at.gradient * (tuning.high - tuning.low) if gradient else np.zeros(0)
+        return at.cost / size, by_u / size
+
+    def program(self) -> MathematicalProgram:
+        """The tuning for Drake's solvers: u within 0 and 1, and the cost."""
+        program = MathematicalProgram()
+        u = program.NewContinuousVariables(len(self.tuning.design), "u")
+        program.AddBoundingBoxConstraint(0.0, 1.0, u)
+
+        def of(at: np.ndarray) -> float | AutoDiffXd:
+            if at.dtype != object:
+                return self.cost(at, False)[0]
+            value, gradient = self.cost(ExtractValue(at).ravel(), True)
+            return AutoDiffXd(value, gradient @ np.array([entry.derivatives() for entry in at]))
+
+        program.AddCost(of, vars=u)
+        return program
 
 
 def search(
@@ -137,7 +163,7 @@ def search(
     options = SolverOptions()
     for name, value in settings.items():
         options.SetOption(kind.id(), name, value)
-    result = solved(kind(), tuning.program(run.cost), tuning.to_u(start), options, run)
+    result = solved(kind(), run.program(), tuning.to_u(start), options, run)
     success = bool(result.is_success())
     message = f"{solver}: {result.get_solution_result().name}"
     assert run.here is not None
