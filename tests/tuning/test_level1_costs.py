@@ -8,6 +8,8 @@ import pytest
 from vsf_drake.motion.events import Stance
 from vsf_drake.tuning.costs import (
     CONSISTENCY,
+    NEGATIVE_EFFICIENCY,
+    POSITIVE_EFFICIENCY,
     StanceFrame,
     WalkLoads,
     deviation,
@@ -19,6 +21,7 @@ from vsf_drake.tuning.costs import (
     walk_terms,
 )
 from vsf_drake.tuning.options import TuningOptions
+from vsf_drake.tuning.quantities import GIVEN_TERMS
 
 N, STEP, MASS, LEG = 1000, 1e-3, 80.0, 0.9
 WEIGHT, LASTS = MASS * 9.81, 0.6
@@ -171,3 +174,11 @@ def test_a_load_that_only_moves_a_joints_inertia_works_by_the_change_of_half_its
     v = np.vstack([walk.record.v0, walk.record.v])[:, joints]
     work = np.cumsum(part.frame(2e-3).rates * np.diff(v, axis=0), axis=0)
     np.testing.assert_allclose(work, 0.5 * (v[1:] ** 2 - v[0] ** 2), atol=1e-9)
+
+
+def test_labels_of_the_joints_work_tell_the_efficiencies_by_which_it_counts():
+    for name, efficiency in (
+        ("positive_work", POSITIVE_EFFICIENCY),
+        ("negative_work", NEGATIVE_EFFICIENCY),
+    ):
+        assert GIVEN_TERMS[name].label.endswith(f"/ {efficiency:g}")

@@ -381,14 +381,10 @@ def _unknown_spans(
     more than 0.12 s."""
     unknown: dict[str, tuple[Span, ...]] = {}
     for s, side in _sides(trial).items():
-        if trial.unmeasured.get(side):
-            unknown[s] = tuple(trial.unmeasured[side])
-            continue
         plate = trial.plates.get(side)
-        spans: list[Span] = []
-        for stance in moved[s]:
-            if plate is None:
-                break
+        spans = list(trial.unmeasured.get(side, ()))
+        for stance in () if spans or plate is None else moved[s]:
+            assert plate is not None
             start = max(stance.start_s, plate.time_s[0])
             end = min(stance.end_s, plate.time_s[-1])
             own = [

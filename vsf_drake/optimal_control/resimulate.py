@@ -40,8 +40,6 @@ from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
 from vsf_drake.tuning.common import TuningCheck
 from vsf_drake.walks.comparison import resample
 
-PRESCRIBED = "prescribed"
-FEEDBACK = "feedback"
 TARGET_PERCENT_BW, MOST_FEEDBACK = 3.0, 0.1
 """What a re-simulation may differ by, root mean square of a foot's resultant over the stride,
 40 Hz; and what of the solution's torques the feedback may add (choices)."""
@@ -78,7 +76,6 @@ class Resimulation:
 
     trajectory: SagittalTrajectory
     body_weight_n: float
-    kind: str  # "prescribed" or "feedback"
     fell_after_s: float | None  # from the run's start
     why: str
     grf: Mapping[str, np.ndarray]
@@ -87,6 +84,10 @@ class Resimulation:
     """by coordinate, deviation from the solution, deg or mm; {} if prescribed"""
     unconverged_steps: int  # of the run, accepted without convergence
     feedback: FeedbackUse | None  # None if prescribed
+
+    @property
+    def kind(self) -> str:
+        return "prescribed" if self.feedback is None else "feedback"
 
     @property
     def fell(self) -> bool:
@@ -163,16 +164,15 @@ def _assess(
     walker: Walker,
     walk: Walk,
     trajectory: SagittalTrajectory,
-    record: Record,
+    run: Driven,
     *,
-    kind: str,
     shift_s: float = 0.0,
-    fell_s: float | None = None,
-    why: str = "",
     feedback: FeedbackUse | None = None,
 ) -> Resimulation:
-    """Lays a run, until `fell_s`, beside the solution, its clock ahead by `shift_s`, whole
+    """Lays a run, until a fall, beside the solution, its clock ahead by `shift_s`, whole
     periods."""
+    record = run.record
+    fell_s = run.fell_s
     time = record.time_s
     instants = np.asarray(trajectory.time_s, dtype=float) + shift_s
     last = time[-1] if fell_s is None else min(fell_s, time[-1])
@@ -191,7 +191,7 @@ def _assess(
         grf[foot][~counted] = np.nan
 
     motion_rms = {}
-    if kind == FEEDBACK:
+    if feedback is not None:
         columns = [walk.mechanism.tree.index(name) for name in trajectory.names]
         deviation = record.q[shown][:, columns] - SolutionMotion(trajectory).sample(time[shown])[0]
         rms = (
@@ -204,8 +204,7 @@ def _assess(
     return Resimulation(
         trajectory=trajectory,
         body_weight_n=weight_n,
-        kind=kind,
-        why=why,
+        why=run.why,
         feedback=feedback,
         grf=grf,
         motion_rms=motion_rms,
@@ -220,7 +219,7 @@ def resimulate_prescribed(
     """Follows the solution's motion and compares the ground reaction over the period, `LEAD` of one
     walked ahead; SimulationError where the model cannot follow it."""
     walk = walk_prescribed(walker, trajectory, step_s=step_s)
-    return _assess(walker, walk, trajectory, walk.record, kind=PRESCRIBED)
+    return _assess(walker, walk, trajectory, Driven(walk.record, np.zeros((0, COORDINATES))))
 
 
 def walk_prescribed(
@@ -353,11 +352,8 @@ def resimulate_with_feedback(
         walker,
         walk,
         trajectory,
-        driven.record,
-        kind=FEEDBACK,
+        driven,
         shift_s=shift_s,
-        fell_s=driven.fell_s,
-        why=driven.why,
         feedback=use,
     )
 
@@ -368,8 +364,16 @@ class Driven:
 
     record: Record
     feedback: np.ndarray  # (m, 8) N m, N on each of the coordinates over each step
-    fell_s: float | None  # when the person was down or the run diverged; None if neither
-    why: str  # in words
+    fell_s: float | None = None  # when the person was down or the run diverged; None if neither
+    why: str = ""  # in words
+
+
+def _coordinates(walk: Walk, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of `names` in the plant, and of what is neither among them nor in socket or keel."""
+    mechanism = walk.mechanism
+    moving = np.array([mechanism.tree.index(name) for name in names], dtype=np.int64)
+    free = [*moving, *mechanism.spring_index, *mechanism.keel_coordinates]
+    return moving, np.setdiff1d(np.arange(mechanism.tree.num_coordinates), free)
 
 
 def drive(
@@ -390,10 +394,7 @@ def drive(
     to which the feedback -gains (state - states) compares; q0, v0 of all coordinates at the start.
     """
     mechanism = walk.mechanism
-    tree = walk.mechanism.tree
-    moving = np.array([tree.index(name) for name in names], dtype=np.int64)
-    inside = np.concatenate([mechanism.spring_index, mechanism.keel_coordinates])
-    held = np.setdiff1d(np.arange(tree.num_coordinates), np.concatenate([moving, inside]))
+    moving, held = _coordinates(walk, names)
     n = len(time_s)
     torques = Torques(
         coordinates=moving,
@@ -573,9 +574,7 @@ def linear_steps(walk: Walk, names: Sequence[str], first: int, last: int) -> Lin
     h = walk.step_s
     tree = mechanism.tree
     forces = mechanism.forces
-    moving = np.array([tree.index(name) for name in names], dtype=np.int64)
-    inside = np.unique(np.concatenate([forces.spring_index, forces.keel_coordinates]))
-    held = np.setdiff1d(np.arange(tree.num_coordinates), np.concatenate([moving, inside]))
+    moving, held = _coordinates(walk, names)
     dofs = split_coordinates(tree, forces, held)
     workspace = step_workspace(tree, forces, dofs)
     arrays = tree_arrays(tree)

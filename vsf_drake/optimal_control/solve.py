@@ -233,7 +233,6 @@ def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
         source=SIGNS_OF,
         load=published_signs(load, every_step=True),
         missed=missed(alone),
-        least=least,
     )
 
 
@@ -244,14 +243,8 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
 
     add = result.checks.add
     worst, force = _tracking_errors(result.tracked, tuning.stride)
-    add("tracking_motion", worst, f"<= {ANGLE_DEG:g}", worst <= ANGLE_DEG, worst=worst)
-    add(
-        "tracking_force",
-        100.0 * force,
-        f"<= {100.0 * FORCE_BW:g}",
-        force <= FORCE_BW,
-        force=force,
-    )
+    add("tracking_motion", worst, ANGLE_DEG)
+    add("tracking_force", 100.0 * force, 100.0 * FORCE_BW)
     fixed = min(solution.last_cost for _, solution in result.solved)
     # Neither search goes on for what is less than this.
     rest = 1e-9 if tuning.cost == "tracking" else NEAR_ENOUGH["gain"] * (1.0 + abs(fixed))
@@ -277,12 +270,11 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         add(
             "starts",
             100.0 * more,
-            f"<= {100.0 * STARTS:g}",
+            100.0 * STARTS,
             more <= STARTS and len(ends) == len(result.free),
             converged=len(ends),
             count=len(result.free),
             spread=high_mm - low_mm,
-            more=more,
         )
 
     def changed(
@@ -296,7 +288,6 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
             "",
             part="change",
             label_of=FREE_CHECKS[name].label,
-            moved=moved,
             message=other.message,
             change=(other.last_cost - best.last_cost) / abs(best.last_cost),
         )
@@ -309,9 +300,8 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
     if progress:
         progress("re-simulating", 0.5)
     result.carried_out = fine if fine.success else best
-    mm = position_mm(result.carried_out)
     intervals = result.carried_out.problem.grid.intervals
-    add("carried_out", mm, "", mm=mm, intervals=intervals)
+    add("carried_out", position_mm(result.carried_out), "", intervals=intervals)
     trajectory = solved_trajectory(
         result.carried_out,
         tuning.walker,
@@ -339,11 +329,10 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         add(
             f"found_from_{mm:.0f}",
             off,
-            f"<= {FOUND_MM:g}",
+            FOUND_MM,
             off is not None and abs(off) <= FOUND_MM,
             row="found",
             mm=mm,
-            off=off,
             message=found.message,
         )
     changed(

@@ -46,7 +46,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from vsf_drake.base.errors import require
-from vsf_drake.base.schema import choice, quantity
+from vsf_drake.base.schema import choice
 from vsf_drake.collocation import problem as collocation
 from vsf_drake.collocation.problem import Convex, Curve, Grid, Layout, Residuals
 from vsf_drake.collocation.solution import Start, TrajectorySolution
@@ -69,7 +69,7 @@ from vsf_drake.simulation.sagittal.model import (
     SagittalModel,
     Smoothing,
 )
-from vsf_drake.tuning.common import FREE_COSTS, WEIGHTED, FreeMotionOptions
+from vsf_drake.tuning.common import FREE_COSTS, WEIGHTED, FreeMotionOptions, chosen
 from vsf_drake.tuning.costs import NEGATIVE_EFFICIENCY, POSITIVE_EFFICIENCY
 
 MM = 1e-3
@@ -123,30 +123,28 @@ class StrideOptions(FreeMotionOptions):
     costs: ClassVar[tuple[str, ...]] = FREE_COSTS
 
     design: tuple[str, ...] = choice((), options=DESIGN[1:], source="choice")
-    iterations: int = quantity(200, unit="1", low=1, high=10000, source="choice")
+    iterations: int = chosen(200, "1", low=1, high=10000)
     confirm: tuple[str, ...] = choice(
         ("snopt", "ipopt"), options=("snopt", "ipopt"), source="choice"
     )
-    draws: int = quantity(3, unit="1", low=0, high=1000, source="choice")
-    normal_weight: float = quantity(2.0, unit="1", low=1e-4, high=1e3, source="choice")
-    angle_deg: float = quantity(2.0, unit="deg", low=0.1, high=30.0, source="choice")
-    place_m: float = quantity(0.01, unit="m", low=1e-4, high=0.2, source="choice")
-    force_bw: float = quantity(0.05, unit="BW", low=1e-3, high=1.0, source="choice")
-    cop_m: float = quantity(0.05, unit="m", low=1e-3, high=0.2, source="choice")
-    acceleration_rad_per_s2: float = quantity(
-        20.0, unit="rad/s^2", low=0.1, high=1e4, source="choice"
-    )
-    acceleration_m_per_s2: float = quantity(2.0, unit="m/s^2", low=0.01, high=1e3, source="choice")
-    acceleration_weight: float = quantity(0.005, unit="1", low=0.0, high=10.0, source="choice")
-    smooth_weight: float = quantity(0.0005, unit="1", low=0.0, high=10.0, source="choice")
-    torque_weight: float = quantity(0.1, unit="1", low=0.0, high=10.0, source="choice")
-    smooth_power_w: float = quantity(5.0, unit="W", low=0.1, high=100.0, source="choice")
-    torque_nm_per_kg: float = quantity(4.0, unit="N m/kg", low=0.5, high=20.0, source="choice")
-    angle_margin_deg: float = quantity(15.0, unit="deg", low=1.0, high=90.0, source="choice")
-    clearance_m: float = quantity(0.01, unit="m", low=-0.05, high=0.05, source="choice")
+    draws: int = chosen(3, "1", low=0, high=1000)
+    normal_weight: float = chosen(2.0, "1", low=1e-4, high=1e3)
+    angle_deg: float = chosen(2.0, "deg", low=0.1, high=30.0)
+    place_m: float = chosen(0.01, "m", low=1e-4, high=0.2)
+    force_bw: float = chosen(0.05, "BW", low=1e-3, high=1.0)
+    cop_m: float = chosen(0.05, "m", low=1e-3, high=0.2)
+    acceleration_rad_per_s2: float = chosen(20.0, "rad/s^2", low=0.1, high=1e4)
+    acceleration_m_per_s2: float = chosen(2.0, "m/s^2", low=0.01, high=1e3)
+    acceleration_weight: float = chosen(0.005, "1", low=0.0, high=10.0)
+    smooth_weight: float = chosen(0.0005, "1", low=0.0, high=10.0)
+    torque_weight: float = chosen(0.1, "1", low=0.0, high=10.0)
+    smooth_power_w: float = chosen(5.0, "W", low=0.1, high=100.0)
+    torque_nm_per_kg: float = chosen(4.0, "N m/kg", low=0.5, high=20.0)
+    angle_margin_deg: float = chosen(15.0, "deg", low=1.0, high=90.0)
+    clearance_m: float = chosen(0.01, "m", low=-0.05, high=0.05)
     stages: tuple[Smoothing, ...] = STAGES
     hold_factors: tuple[float, ...] = (0.25, 4.0)  # a choice
-    positions: int = quantity(9, unit="1", low=2, high=100, source="choice")
+    positions: int = chosen(9, "1", low=2, high=100)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -12,6 +12,7 @@ from scipy.interpolate import BPoly, CubicSpline
 from vsf_drake.collocation.solution import TrajectorySolution
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.optimal_control.stride import FREE, OWN
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.tuning.options import device_values
 
@@ -118,27 +119,15 @@ def whole_motion(
     return CoordinateTrajectory(times, values, names)
 
 
-def design_values(
-    walker: Walker,
-    *,
-    heel_stiffness: float = 1.0,
-    alignment_rad: float = 0.0,
-    keel_thickness: float = 1.0,
-) -> dict[str, float]:
+def design_values(walker: Walker, **design: float) -> dict[str, float]:
     """Values for `Walker.walk` with which the full model has the device of
     `simulation.sagittal.model.DESIGN`: heel and keel over the walker's (see
     `tuning.options.device_values`), the foot's turn, toes up, beyond the offsets."""
     values: dict[str, float] = {}
-    for name, x, own in (
-        ("heel_stiffness", heel_stiffness, 1.0),
-        ("alignment", alignment_rad, 0.0),
-        ("keel_thickness", keel_thickness, 1.0),
-    ):
-        if x != own:
-            values |= {
-                changed: value
-                for changed, (value, _) in device_values(name, x, walker.variables, {}).items()
-            }
+    for name, x in design.items():
+        if x != OWN[FREE.index(name)]:
+            changed = device_values(name.removesuffix("_rad"), x, walker.variables, {})
+            values |= {variable: value for variable, (value, _) in changed.items()}
     return values
 
 

@@ -7,13 +7,16 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.schema import SEED, check, choice, option, quantity
 from vsf_drake.base.sentences import say
 from vsf_drake.collocation.methods import METHODS
 from vsf_drake.tuning.quantities import FREE_CHECKS, GIVEN_CHECKS
+
+if TYPE_CHECKING:
+    from vsf_drake.motion.trial import Trial
 
 # costs that stand for themselves; "weighted" adds them up
 COSTS = ("joint_load", "metabolic", "push_off", "tracking")
@@ -38,6 +41,11 @@ body weight of a plate's force, one degree of a joint angle by markers within a 
 between sessions it is 2 to 5 degrees: McGinley 2009, doi:10.1016/j.gaitpost.2008.09.003)."""
 
 
+def chosen(default: Any, unit: str, **told: Any) -> Any:
+    """A number as of `quantity` whose default is a choice."""
+    return quantity(default, unit=unit, source="choice", **told)
+
+
 def check_name(name: str, known: Sequence[str], where: str) -> str:
     """Returns a name that is one of those known, or raises InputError with the one that is
     meant."""
@@ -49,6 +57,15 @@ def check_name(name: str, known: Sequence[str], where: str) -> str:
             right=f"Did you mean {near[0]}?" if near else f"There are: {', '.join(known)}",
         )
     return name
+
+
+def digests(labels: Sequence[str], trials: Sequence[Trial]) -> dict[str, str]:
+    """SHA-256 by trial and file of what the trials were read from."""
+    return {
+        f"{label}: {file}": digest
+        for label, trial in zip(labels, trials, strict=True)
+        for file, digest in trial.inputs.items()
+    }
 
 
 def least_seen(values: Iterable[float], unit: str) -> float:
@@ -81,7 +98,7 @@ class Checks(list[TuningCheck]):
     def __init__(self, level: int) -> None:
         super().__init__()
         self.labels = {1: GIVEN_CHECKS, 2: FREE_CHECKS}[level]
-        self.wording = {1: "level1", 2: "stride"}[level]
+        self.wording, self.at_most = {1: ("level1", ""), 2: ("stride", "<= {:g}")}[level]
 
     def add(
         self,
@@ -95,11 +112,13 @@ class Checks(list[TuningCheck]):
         unit: str | None = None,
         **numbers: Any,
     ) -> None:
-        """One more, met where its value is no more than a number as a target, unless `met` says.
+        """One more, met where its value is no more than a number as a target, unless `met` says;
+        its sentence knows value, target and `numbers`.
 
         `row` of the labels, the name unless given; `part` of the wording, the row unless given.
         """
         own = self.labels[row or name]
+        limited = isinstance(target, float)
         if met is None and value is not None and isinstance(target, float):
             met = value <= target
         self.append(
@@ -108,9 +127,9 @@ class Checks(list[TuningCheck]):
                 own.label.format(**numbers),
                 None if value is None else float(value),
                 own.unit if unit is None else unit,
-                target,
+                self.at_most.format(target) if self.at_most and limited else target,
                 None if met is None else bool(met),
-                say(self.wording, part or row or name, **numbers)[0],
+                say(self.wording, part or row or name, value=value, target=target, **numbers)[0],
             )
         )
 
@@ -163,13 +182,13 @@ class CommonOptions:
             "recorded setting.",
         },
     )
-    socket_weight: float = quantity(0.01, unit="1", low=0.0, high=100.0, source="choice")
-    late_share: float = quantity(0.5, unit="1", low=0.0, high=0.95, source="choice")
-    starts: int = quantity(3, unit="1", low=1, source="choice")
-    iterations: int = quantity(60, unit="1", low=1, source="choice")
+    socket_weight: float = chosen(0.01, "1", low=0.0, high=100.0)
+    late_share: float = chosen(0.5, "1", low=0.0, high=0.95)
+    starts: int = chosen(3, "1", low=1)
+    iterations: int = chosen(60, "1", low=1)
     confirm: tuple[str, ...] = choice((), options=("snopt", "ipopt", "nlopt"), source="choice")
-    draws: int = quantity(6, unit="1", low=0, source="choice")
-    seed: int = quantity(0, unit="1", low=0, source="choice", help=SEED)
+    draws: int = chosen(6, "1", low=0)
+    seed: int = chosen(0, "1", low=0, help=SEED)
 
     def __post_init__(self) -> None:
         for item in dataclasses.fields(self):
@@ -235,12 +254,8 @@ class GivenMotionOptions(CommonOptions):
         metavar="A,B",
         help="Two costs whose trade-off is reported.",
     )
-    workers: int | None = quantity(
-        None,
-        unit="1",
-        low=1,
-        source="choice",
-        help="Threads for the walks. Default: one per core.",
+    workers: int | None = chosen(
+        None, "1", low=1, help="Threads for the walks. Default: one per core."
     )
 
 
@@ -255,14 +270,7 @@ class FreeMotionOptions(CommonOptions):
             `stride.SAME_SPEED` to count.
     """
 
-    intervals: int = quantity(
-        40,
-        unit="1",
-        low=10,
-        high=400,
-        source="choice",
-        help="Level 2: intervals of the stride.",
-    )
+    intervals: int = chosen(40, "1", low=10, high=400, help="Level 2: intervals of the stride.")
     method: str = choice(
         METHODS[0],
         options=METHODS,
@@ -270,10 +278,9 @@ class FreeMotionOptions(CommonOptions):
         metavar="|".join(METHODS),
         help="Level 2: method of collocation.",
     )
-    speed_m_per_s: float | None = quantity(
+    speed_m_per_s: float | None = chosen(
         None,
-        unit="m/s",
-        source="choice",
+        "m/s",
         flag="--speed",
         metavar="M/S",
         shown="the recorded one",

@@ -14,6 +14,7 @@ from vsf_drake.model.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.recording import MARKS
+from vsf_drake.tuning.common import digests
 from vsf_drake.walks.embedded import SETTINGS, embedded_contact, embedded_trials
 from vsf_drake.walks.metrics import unfitted_note
 from vsf_drake.walks.offsets import fit_offsets
@@ -43,11 +44,7 @@ class TuningTrials:
     @property
     def inputs(self) -> dict[str, str]:
         """SHA-256 by trial and file."""
-        return {
-            f"{label}: {file}": digest
-            for label, trial in zip(self.labels, self.trials, strict=True)
-            for file, digest in trial.inputs.items()
-        }
+        return digests(self.labels, self.trials)
 
 
 def embedded_tuning_trials(*, level: int, quick: bool = False) -> tuple[Path, ...]:

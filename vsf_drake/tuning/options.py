@@ -12,7 +12,7 @@ from vsf_drake.base.errors import require
 from vsf_drake.base.schema import choice, quantity
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.simulation.variables import Variable
-from vsf_drake.tuning.common import DESIGN, JOINTS, GivenMotionOptions
+from vsf_drake.tuning.common import DESIGN, JOINTS, GivenMotionOptions, chosen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,20 +37,20 @@ class TuningOptions(GivenMotionOptions):
     confirm: tuple[str, ...] = choice(
         ("ipopt", "nlopt"), options=("ipopt", "nlopt"), source="choice"
     )
-    consistency_weight: float = quantity(0.2, unit="1", low=0.0, high=100.0, source="choice")
-    consistency_bw: float = quantity(0.1, unit="BW", low=1e-4, high=1.0, source="choice")
+    consistency_weight: float = chosen(0.2, "1", low=0.0, high=100.0)
+    consistency_bw: float = chosen(0.1, "BW", low=1e-4, high=1.0)
     cutoff_hz: float = quantity(40.0, unit="Hz", low=5.0, high=200.0, source="McGeehan 2021")
     """of forces and moments"""
-    margin_s: float = quantity(0.05, unit="s", low=0.0, high=0.2, source="choice")
-    step_s: float = quantity(1e-3, unit="s", low=1e-5, high=0.01, source="choice")
+    margin_s: float = chosen(0.05, "s", low=0.0, high=0.2)
+    step_s: float = chosen(1e-3, "s", low=1e-5, high=0.01)
     """of walks whose numbers are given"""
-    search_step_s: float = quantity(2e-3, unit="s", low=1e-5, high=0.01, source="choice")
+    search_step_s: float = chosen(2e-3, "s", low=1e-5, high=0.01)
     """that look for a start"""
-    support_width_m: float = quantity(4e-3, unit="m", low=0.0, high=0.05, source="choice")
-    sweep_mm: float = quantity(1.0, unit="mm", low=0.1, high=20.0, source="choice")  # spacing
-    more_starts: int = quantity(3, unit="1", low=0, source="choice")
+    support_width_m: float = chosen(4e-3, "m", low=0.0, high=0.05)
+    sweep_mm: float = chosen(1.0, "mm", low=0.1, high=20.0)  # spacing
+    more_starts: int = chosen(3, "1", low=0)
     """random ones, on top where a design is tuned"""
-    tolerance: float = quantity(1e-6, unit="1", low=1e-12, high=1e-2, source="choice")
+    tolerance: float = chosen(1e-6, "1", low=1e-12, high=1e-2)
     """optimality of a search"""
     same_load: bool = True
     """whether settings are compared under one load too, see `sweep.same_load_outcomes`"""

@@ -12,7 +12,7 @@ from vsf_drake.base.schema import to_plain
 from vsf_drake.base.tables import Headline, LabelledArrays, Quantity, Tabular
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.tuning import table as t
-from vsf_drake.tuning.common import RECORDED, SETTINGS, WEIGHTED, Checks, least_seen
+from vsf_drake.tuning.common import RECORDED, SETTINGS, WEIGHTED, Checks, digests, least_seen
 from vsf_drake.tuning.costs import CONSISTENCY
 from vsf_drake.tuning.problem import StiffnessTuning, TuningEvaluation
 from vsf_drake.tuning.quantities import GIVEN_OUTCOMES, GIVEN_TERMS, SAME_LOAD
@@ -157,13 +157,9 @@ def tuning_table(solution: TuningSolution) -> t.TuningTable:
     worth = solution.worth
     searched = solution.searched
     combination = tuning.combination
+    inputs = digests(tuning.labels, tuning.trials)
     weighted = combination.factors if tuning.cost_name == WEIGHTED else {}
     shares = {name: f"{factor:.3g} × " for name, factor in weighted.items()}
-    inputs = {
-        f"{label}: {file}": digest
-        for label, trial in zip(tuning.labels, tuning.trials, strict=True)
-        for file, digest in trial.inputs.items()
-    }
     return t.as_saved(
         t.TuningTable(
             format=t.FORMAT,
@@ -220,7 +216,8 @@ def tuning_table(solution: TuningSolution) -> t.TuningTable:
             notes=tuple(solution.notes),
             wall_s=solution.wall_s,
             provenance=t.Provenance(
-                options=to_plain(tuning.options), **provenance(inputs, tuning.options.seed)
+                options=to_plain(tuning.options),
+                **provenance(inputs, tuning.options.seed),
             ),
         )
     )

@@ -427,7 +427,7 @@ def _check(
         best_mm=at_mm,
     )
     near = (-NEAR_COST if is_fine else -np.inf) <= worse <= NEAR_COST
-    add("brute_force_cost", worse, NEAR_COST, near, worse=worse)
+    add("brute_force_cost", worse, NEAR_COST, near)
     for other in solution.confirmed:
         away = abs(other.x[0] - at_mm)
         apart = abs(other.cost - best.cost) / own
@@ -444,15 +444,7 @@ def _check(
         )
     try:
         error, variable, at = _gradient_error(tuning)
-        add(
-            "gradient",
-            error,
-            GRADIENT,
-            worst=error,
-            label_of=variable.label,
-            value_of=at,
-            unit_of=variable.unit,
-        )
+        add("gradient", error, GRADIENT, variable=variable, at=at)
     except SimulationError as why:
         add("gradient", None, GRADIENT, row="no_gradient", part="untried", error=why)
     add(
@@ -470,20 +462,19 @@ def _check(
             change = abs(sharp.evaluate(best.x, derivatives=False).cost - best.cost) / own
             ended = search(sharp, best.x, step_s=options.step_s)
             away = abs(ended.x[0] - at_mm)
-            add("smoothing", change, NEAR_COST, change=change)
-            add("smoothing_shift", away, NEAR_MM, away_mm=away, message=ended.message)
+            add("smoothing", change, NEAR_COST)
+            add("smoothing_shift", away, NEAR_MM, message=ended.message)
         except SimulationError as why:
             add("smoothing", None, NEAR_COST, part="untried", error=why)
-    add("convergence", best.unconverged, 0.0, count=best.unconverged)
+    add("convergence", best.unconverged, 0.0)
     change = float(np.mean([np.sqrt(value_of(walk.terms[CONSISTENCY])) for walk in best.walks]))
-    allowed = options.consistency_bw
-    add("force_change", change, allowed, change=change, allowed=allowed)
+    add("force_change", change, options.consistency_bw)
     if all(TRACKING in terms for terms in tuning.own):
         error, trial = max(
             (np.sqrt(value_of(terms[TRACKING])), part.label)
             for terms, part in zip(tuning.own, tuning.parts, strict=True)
         )
-        add("recorded_force", error, FORCE_BW, error=error, trial=trial)
+        add("recorded_force", error, FORCE_BW, trial=trial)
 
 
 def _gradient_error(tuning: StiffnessTuning) -> tuple[float, DesignVariable, float]:

@@ -27,6 +27,7 @@ Facts = dict[str, Any]
 """Of a chapter: figures by name under "figures", the rest as its template calls it; `t` is the
 record."""
 Make = Callable[[TuningTable, Arrays], Facts]
+FORM = "{:.4g}"
 _SEEN = {True: "yes", False: "NO", None: None}
 
 
@@ -207,9 +208,11 @@ def _pareto(table: TuningTable, arrays: Arrays) -> Facts:
 
 
 def _range(table: TuningTable, arrays: Arrays) -> Facts:
-    headings = {"fulcrum_mm": "fulcrum (mm)", "cost": f"cost ({table.cost_unit})"}
-    headings |= {f"term_{row.name}": f"in the cost: {row.label}" for row in table.terms}
-    headings |= {f"outcome_{row.name}": f"{row.label} ({row.unit})" for row in table.outcomes}
+    named = {"fulcrum_mm": ("fulcrum (mm)", "{:.1f}"), "cost": (f"cost ({table.cost_unit})", FORM)}
+    for term in table.terms:
+        named[f"term_{term.name}"] = f"in the cost: {term.label}", FORM
+    for row in table.outcomes:
+        named[f"outcome_{row.name}"] = f"{row.label} ({row.unit})", FORM
     rows = [
         {
             "fulcrum_mm": point.fulcrum_mm,
@@ -225,14 +228,7 @@ def _range(table: TuningTable, arrays: Arrays) -> Facts:
     )
     return {
         "rows": rows,
-        "columns": [
-            (
-                key,
-                headings.get(key, key.partition("_")[2]),
-                "{:.1f}" if key == "fulcrum_mm" else "{:.4g}",
-            )
-            for key in keys
-        ],
+        "columns": [(key, *named.get(key, (key.partition("_")[2], FORM))) for key in keys],
     }
 
 
