@@ -171,7 +171,7 @@ def periodic_bsplines(count: int) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def low_pass(values: np.ndarray, *, rate_hz: float, cutoff_hz: float, order: int = 4) -> np.ndarray:
-    """`values` (n,) or (n, m) without what is faster than `cutoff_hz`, in phase with the input.
+    """`values` (n, ...) without what is faster than `cutoff_hz`, in phase with the input.
 
     At the cut-off the amplitude is 1/sqrt(2). `order` is that of the result: two passes of order
     / 2. The ends are extended by odd reflection. InputError where the cut-off is impossible at this

@@ -415,17 +415,23 @@ class Stride:
             dataclasses.replace(part, name=name) for name, terms in parts.items() for part in terms
         ]
 
+    def _mean_square(
+        self,
+        outputs: list[int],
+        weight: np.ndarray | float,
+        target: np.ndarray | float = 0.0,
+    ) -> Residuals:
+        """The mean over the stride of what outputs are off a target, squared, weighted, summed."""
+        return Residuals(outputs=outputs, target=target, weight=2.0 * weight / self.grid.duration_s)
+
     def _joint_load(self, factor: float) -> list[Term]:
         weight = self.model.weight
         moment = self.model.weight * self.leg_m
-        each = 2.0 * factor / self.grid.duration_s
         socket = self.function.starting_with("force_")
-        scale = np.array([weight, weight, moment])
+        scale = np.array([weight, weight, moment])[: len(socket)]
         return [
-            Residuals(outputs=self.function.starting_with("torque_"), weight=each / moment**2),
-            Residuals(
-                outputs=socket, weight=each * self.options.socket_weight / scale[: len(socket)] ** 2
-            ),
+            self._mean_square(self.function.starting_with("torque_"), factor / moment**2),
+            self._mean_square(socket, factor * self.options.socket_weight / scale**2),
         ]
 
     def _metabolic(self, factor: float) -> list[Term]:
@@ -437,12 +443,7 @@ class Stride:
         ]
 
     def _activation(self, factor: float) -> list[Term]:
-        return [
-            Residuals(
-                outputs=self.function.starting_with("activation_"),
-                weight=2.0 * factor / self.grid.duration_s,
-            )
-        ]
+        return [self._mean_square(self.function.starting_with("activation_"), factor)]
 
     def _push_off(self, factor: float) -> list[Term]:
         (power,) = self.function.index("prosthesis_power")
@@ -455,40 +456,33 @@ class Stride:
         ]
 
     def _normal(self, factor: float) -> list[Term]:
-        # twice the half
         target = self.able_bodied
-        each = factor / self.grid.duration_s
         angle_sd = self.gait.angle_sd(self.model.coordinates)
         force_sd = self.model.weight * np.array([self.gait.sd[name] for name in FORCES])
         knee = [
             name.startswith("knee") and name.endswith(self.model.subject.prosthetic_side[0])
             for name in self.model.coordinates
         ]
-        angles = Residuals(
-            outputs=self.function.starting_with("q_"),
-            target=target.q + np.where(knee, self.bend_rad, 0.0),
-            weight=each / np.isfinite(angle_sd).sum() / angle_sd**2,
-        )
+        # half of the mean over angles, and half of that over forces
         return [
-            angles,
+            self._mean_square(
+                self.function.starting_with("q_"),
+                0.5 * factor / np.isfinite(angle_sd).sum() / angle_sd**2,
+                target.q + np.where(knee, self.bend_rad, 0.0),
+            ),
             *(
-                Residuals(
-                    outputs=self.function.index(f"{foot}_fx", f"{foot}_fz"),
-                    target=force,
-                    weight=each / (2 * len(target.force)) / force_sd**2,
+                self._mean_square(
+                    self.function.index(f"{foot}_fx", f"{foot}_fz"),
+                    0.5 * factor / (2 * len(target.force)) / force_sd**2,
+                    force,
                 )
                 for foot, force in target.force.items()
             ),
         ]
 
     def _smooth(self, factor: float) -> list[Term]:
-        fast = self._fast
-        return [
-            Residuals(
-                outputs=self.function.starting_with("a_"),
-                weight=2.0 * factor / self.grid.duration_s / len(fast) / fast**2,
-            )
-        ]
+        each = factor / len(self._fast) / self._fast**2
+        return [self._mean_square(self.function.starting_with("a_"), each)]
 
     @property
     def _fast(self) -> np.ndarray:
@@ -503,38 +497,26 @@ class Stride:
         n = self.function.layout.n
         scale = np.full(n, np.radians(options.angle_deg))
         scale[1:3] = options.place_m
-        each = 2.0 * factor / self.grid.duration_s
-        terms: list[Term] = [
-            Residuals(
-                outputs=self.function.starting_with("q_"),
-                target=reference.q,
-                weight=0.5 * each / n / scale**2,
-            )
-        ]
-        terms.append(
-            Residuals(
-                outputs=self.function.starting_with("a_"),
-                target=reference.a,
-                weight=each * options.acceleration_weight / n / self._fast**2,
-            )
-        )
-        for foot, force in reference.force.items():
-            outputs = self.function.index(f"{foot}_fx", f"{foot}_fz", f"{foot}_cop_moment")
-            scales = self.model.weight * np.array(
-                [options.force_bw, options.force_bw, options.cop_m]
-            )
-            terms.append(
-                Residuals(
-                    outputs=outputs,
-                    target=np.column_stack([force, reference.moment[foot]]),
-                    weight=0.5
-                    * each
-                    / (3 * len(reference.force))
-                    * reference.known[foot][:, None]
-                    / scales**2,
+        forces = self.model.weight * np.array([options.force_bw, options.force_bw, options.cop_m])
+        count = 3 * len(reference.force)
+        return [
+            self._mean_square(
+                self.function.starting_with("q_"), 0.5 * factor / n / scale**2, reference.q
+            ),
+            self._mean_square(
+                self.function.starting_with("a_"),
+                factor * options.acceleration_weight / n / self._fast**2,
+                reference.a,
+            ),
+            *(
+                self._mean_square(
+                    self.function.index(f"{foot}_fx", f"{foot}_fz", f"{foot}_cop_moment"),
+                    0.5 * factor / count * reference.known[foot][:, None] / forces**2,
+                    np.column_stack([force, reference.moment[foot]]),
                 )
-            )
-        return terms
+                for foot, force in reference.force.items()
+            ),
+        ]
 
     def _tracking(self, factor: float) -> list[Term]:
         return self._deviation(factor) + self._joint_load(

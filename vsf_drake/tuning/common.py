@@ -202,9 +202,7 @@ class CommonOptions:
                 for name in names:
                     require(names.count(name) <= 1, f"names {name} twice", item.name)
         check(self)
-        known = next(
-            item.metadata["options"] for item in dataclasses.fields(self) if item.name == "design"
-        )
+        known = type(self).__dataclass_fields__["design"].metadata["options"]
         for name, pair in self.design_bounds.items():
             _check_pair(f"design_bounds[{check_name(name, known, 'design_bounds')!r}]", pair)
         if self.bounds_mm is not None:

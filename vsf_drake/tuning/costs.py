@@ -76,16 +76,8 @@ def walk_loads(
     parts[0][:, 0] -= walk.mechanism.ground_height * parts[0][:, 4]
     parts[0][:, 1] += walk.mechanism.ground_height * parts[0][:, 3]
 
-    # One low-pass for all columns, then apart again.
-    flat = low_pass(
-        np.column_stack([part.reshape(len(part), -1) for part in parts]),
-        rate_hz=1.0 / walk.step_s,
-        cutoff_hz=cutoff_hz,
-    )
-    smooth = np.split(flat, np.cumsum([part[0].size for part in parts])[:-1], axis=1)
-    return WalkLoads(
-        *(series.reshape(part.shape) for series, part in zip(smooth, parts, strict=True))
-    )
+    rate_hz = 1.0 / walk.step_s
+    return WalkLoads(*(low_pass(part, rate_hz=rate_hz, cutoff_hz=cutoff_hz) for part in parts))
 
 
 @dataclass(frozen=True, eq=False)
