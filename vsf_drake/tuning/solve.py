@@ -371,24 +371,9 @@ def _fault(solution: TuningSolution) -> str:
 
 
 def _notes(solution: TuningSolution) -> list[str]:
-    tuning = solution.tuning
     swept = solution.sweep
-    return say(
-        "level1",
-        "notes",
-        solution=solution,
-        options=tuning.options,
-        swept=swept,
-        size=tuning.combination.size,
-        held=solution.best.terms.get(CONSISTENCY),
-        support_mm=1e3 * tuning.parts[0].support_width_m,
-        believable=swept and swept.believable(tuning.options.consistency_bw)[1],
-        most_change=None if swept is None else np.nanmax(swept.force_change),
-        tracked=tuning.cost_name == TRACKING,
-        recorded=[float(part.own[0]) for part in tuning.parts],
-        synthetic=sum(trial.synthetic for trial in tuning.trials),
-        trials=len(tuning.trials),
-    )
+    most_change = None if swept is None else np.nanmax(swept.force_change)
+    return say("level1", "notes", solution=solution, most_change=most_change)
 
 
 NEAR_MM, NEAR_COST, SAME_COST, GRADIENT = 1.0, 5e-3, 1e-3, 0.01
