@@ -191,7 +191,8 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
     off = np.degrees(periodic.changes(time[inside], projected, T))
     apart = {name: _rms(off[:, c]) for c, name in enumerate(names) if name in turned and len(off)}
     closing = max(apart.items(), key=lambda each: each[1], default=None)
-    standing = {"prosthetic": _within(t, prosthetic, T), "intact": _within(t, intact, T)}
+    spans = {"prosthetic": prosthetic, "intact": intact or (0.0, T)}
+    standing = {foot: ~np.isnan(share_of(own, t, T)) for foot, own in spans.items()}
     errors = _errors(
         chain, final, wanted, chain.near_floor(wanted, points.ground), weights, standing
     )
@@ -445,12 +446,11 @@ def _within_stride(
     return None, "not seen"
 
 
-def _within(times: np.ndarray, stance: Span | None, period_s: float) -> np.ndarray:
-    return (
-        np.mod(times - stance[0], period_s) <= stance[1] - stance[0]
-        if stance
-        else np.ones(len(times), dtype=bool)
-    )
+def share_of(span: Span, times: np.ndarray, period_s: float) -> np.ndarray:
+    """(n,) share of the way from a span's start to its end at times modulo the period, NaN outside
+    of it."""
+    share = np.mod(times - span[0], period_s) / (span[1] - span[0])
+    return np.where(share <= 1.0, share, np.nan)
 
 
 def _first_strike(stances: Sequence[Stance], window: Span, *, file: Path | None) -> Stance:

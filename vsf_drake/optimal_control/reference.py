@@ -19,7 +19,7 @@ from vsf_drake.collocation.problem import Grid
 from vsf_drake.collocation.solution import TrajectorySolution, resampled
 from vsf_drake.optimal_control.normal import ANGLES, FORCES, NormalGait, without_side
 from vsf_drake.optimal_control.recorded_projection import TILT, TX, TY
-from vsf_drake.optimal_control.recorded_stride import RecordedStride
+from vsf_drake.optimal_control.recorded_stride import RecordedStride, share_of
 from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel, Smoothing
 
 SWING_MIDDLE = (0.3, 0.7)  # share of a swing in which the foot must clear the ground
@@ -55,35 +55,33 @@ def stride_reference(
     """The recorded stride at instants (N,) s."""
     period = recorded.period_s
     never = np.zeros(len(times), dtype=bool)
-    names = ("force", "cop_x", "moment", "known", "stance", "clear")
-    by_foot: dict[str, dict[str, np.ndarray]] = {name: {} for name in names}
+    measured = {foot: recorded.measured(foot, times) for foot in FEET}
+    stance = dict.fromkeys(FEET, never)
+    clear = dict.fromkeys(FEET, never)
     for foot, span in zip(FEET, (recorded.prosthetic_stance, recorded.intact_stance), strict=True):
-        force, cop = recorded.measured(foot, times)
-        by_foot["force"][foot], by_foot["cop_x"][foot] = (
-            np.nan_to_num(force[:, :2]),
-            np.nan_to_num(cop),
-        )
-        by_foot["moment"][foot] = np.zeros(len(times))
-        by_foot["known"][foot] = np.isfinite(force[:, :2]).all(axis=1)
-        by_foot["stance"][foot] = by_foot["clear"][foot] = never
         if span is not None:
-            by_foot["stance"][foot] = ~np.isnan(_share(times, *span, period))
-            swing = _share(times, span[1], span[0] + period, period)
-            by_foot["clear"][foot] = (swing >= SWING_MIDDLE[0]) & (swing <= SWING_MIDDLE[1])
+            stance[foot] = ~np.isnan(share_of(span, times, period))
+            clear[foot] = _in_the_middle(share_of((span[1], span[0] + period), times, period))
     q, v, a = recorded.sample(times)
     return StrideReference(
         q=q,
         v=v,
         a=a,
-        **by_foot,
-        late=_share(times, *recorded.prosthetic_stance, period) >= late_share,
+        force={foot: np.nan_to_num(force[:, :2]) for foot, (force, _) in measured.items()},
+        cop_x={foot: np.nan_to_num(cop) for foot, (_, cop) in measured.items()},
+        moment=dict.fromkeys(FEET, np.zeros(len(times))),
+        known={
+            foot: np.isfinite(force[:, :2]).all(axis=1) for foot, (force, _) in measured.items()
+        },
+        stance=stance,
+        clear=clear,
+        late=share_of(recorded.prosthetic_stance, times, period) >= late_share,
     )
 
 
-def _share(times_s: np.ndarray, start: float, end: float, period_s: float) -> np.ndarray:
-    """(N,) share of the way from start to end at times modulo the period, NaN outside of it."""
-    share = np.mod(times_s - start, period_s) / (end - start)
-    return np.where(share <= 1.0, share, np.nan)
+def _in_the_middle(swing: np.ndarray) -> np.ndarray:
+    """(N,) whether shares of a swing are in its middle."""
+    return (swing >= SWING_MIDDLE[0]) & (swing <= SWING_MIDDLE[1])
 
 
 def consistent_reference(
@@ -98,17 +96,18 @@ def consistent_reference(
     z = resampled(solution, grid).z
     times = np.append(old.times_s, old.duration_s)
 
-    def at(name: str) -> np.ndarray:
-        values = y[:, outputs.index(name)]
-        return np.asarray(
-            CubicSpline(times, np.append(values, values[0]), bc_type="periodic")(grid.times_s)
-        )
+    kinds = ("fx", "fz", "my")
+
+    def at(foot: str) -> np.ndarray:
+        values = y[:, [outputs.index(f"{foot}_{kind}") for kind in kinds]]
+        spline = CubicSpline(times, np.vstack([values, values[:1]]), bc_type="periodic")
+        return np.asarray(spline(grid.times_s).T)
 
     force = {}
     cop = {}
     moment = {}
     for foot, recorded_x in recorded.cop_x.items():
-        fx, fz, my = (at(f"{foot}_{part}") for part in ("fx", "fz", "my"))
+        fx, fz, my = at(foot)
         cop[foot] = np.where(fz > LOADED_N, -my / np.maximum(fz, LOADED_N), recorded_x)
         force[foot], moment[foot] = np.column_stack([fx, fz]), my + cop[foot] * fz
     return dataclasses.replace(
@@ -189,8 +188,5 @@ def normal_reference(
         known=dict.fromkeys(FEET, never),
         stance=stance,
         late=stance["prosthetic"] & (phase >= late_share * ends["prosthetic"]),
-        clear={
-            foot: (share >= SWING_MIDDLE[0]) & (share <= SWING_MIDDLE[1])
-            for foot, share in swing.items()
-        },
+        clear={foot: _in_the_middle(share) for foot, share in swing.items()},
     )
