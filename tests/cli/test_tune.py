@@ -151,7 +151,7 @@ def test_without_trials_the_embedded_person_is_tuned_with_the_contact_that_was_f
     assert quick.labels == free.labels == ("medium_2",)
     assert whole.labels == ("medium_1", "medium_2", "medium_3")
     assert isinstance(made["calls"][2][2], StrideOptions)
-    assert quick.synthetic and not quick.notes
+    assert all(trial.synthetic for trial in quick.trials) and not quick.notes
     assert all("A fitted contact was applied" in " ".join(trial.notes) for trial in quick.trials)
 
 

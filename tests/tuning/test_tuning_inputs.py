@@ -29,7 +29,8 @@ def test_embedded_trials_come_with_the_contact_that_was_fitted_to_their_person()
     given = load_tuning_trials([], quick=True)
     recorded = load_trial(MEDIUM)
     fitted = load_contact(embedded_contact()).values
-    assert given.labels == ("medium_2",) and given.synthetic and given.notes == ()
+    assert given.labels == ("medium_2",) and given.notes == ()
+    assert all(trial.synthetic for trial in given.trials)
     assert given.recorded_mm == [108.0]
     assert given.trials[0].model != recorded.model
     assert given.trials[0].model.foot.fulcrum.stiffness_n_per_m == fitted["fulcrum.stiffness"]

@@ -38,10 +38,6 @@ class TuningTrials:
         return [round(1e3 * trial.fulcrum_m, 9) for trial in self.trials]
 
     @property
-    def synthetic(self) -> bool:
-        return any(trial.synthetic for trial in self.trials)
-
-    @property
     def inputs(self) -> dict[str, str]:
         """SHA-256 by trial and file."""
         return digests(self.labels, self.trials)

@@ -165,6 +165,7 @@ class StiffnessTuning:
         needed = self.options.weighed if cost == WEIGHTED else (cost,)
         _check_trials(trials, needed, self.options)
         self.trials = tuple(trials)
+        self.synthetic = any(trial.synthetic for trial in trials)
         self.labels = _names(labels, labels_of(trials), "labels")
         # the fulcrum first
         self.design = design_variables(self.options, [trial.model.foot for trial in trials])

@@ -122,7 +122,7 @@ class TuningSolution(Tabular):
             about={
                 "cost_name": self.tuning.cost_name,
                 "optimum_mm": self.fulcrum_mm,
-                "synthetic": any(trial.synthetic for trial in self.tuning.trials),
+                "synthetic": self.tuning.synthetic,
             },
         )
 
@@ -144,7 +144,7 @@ class TuningSolution(Tabular):
             kind="Tuning",
             name=", ".join(tuning.labels),
             failure="" if self.success else self.message,
-            synthetic=any(trial.synthetic for trial in tuning.trials),
+            synthetic=tuning.synthetic,
             facts=facts if self.success else (),
         )
 
@@ -212,7 +212,7 @@ def tuning_table(solution: TuningSolution) -> t.TuningTable:
             robustness=tuple(solution.robustness),
             trials=tuning.labels,
             recorded_mm=tuple(float(part.own[0]) for part in tuning.parts),
-            synthetic=any(trial.synthetic for trial in tuning.trials),
+            synthetic=tuning.synthetic,
             notes=tuple(solution.notes),
             wall_s=solution.wall_s,
             provenance=t.Provenance(
