@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 from vsf_drake.base.errors import FitError, InputError, SimulationError
 from vsf_drake.base.files import flat
 from vsf_drake.base.sentences import say
-from vsf_drake.base.threads import side_by_side
+from vsf_drake.base.threads import one_thread, side_by_side
 from vsf_drake.fit.parameters import owner
 from vsf_drake.fit.problem import check_recordings, labels_with
 from vsf_drake.fit.solution import ALIKE, ContactFitSolution, JointEnd, far_parameters
@@ -168,6 +168,7 @@ class Assessment:
         return mean(s.number(key) for s in self.scores if s.role == role)
 
 
+@one_thread()
 def assess(
     solution: ContactFitSolution,
     held_out: Sequence[Trial] = (),

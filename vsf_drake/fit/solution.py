@@ -12,6 +12,7 @@ import numpy as np
 
 from vsf_drake.base.errors import FitError, SimulationError
 from vsf_drake.base.tables import Headline, LabelledArrays, Tabular, record_arrays
+from vsf_drake.base.threads import one_thread
 from vsf_drake.fit.options import JOINT
 from vsf_drake.fit.paper import PaperEnd, search_like_the_paper
 from vsf_drake.fit.parameters import OFFSET_HEIGHT, FitParameters, TrialMap, owner
@@ -391,6 +392,7 @@ def _splines(values: Mapping[str, float], kind: str) -> dict[str, tuple[float, .
     return {name: tuple(coefficients) for name, coefficients in by_coordinate.items()}
 
 
+@one_thread()
 def solve(
     fit: ContactFit,
     *,
