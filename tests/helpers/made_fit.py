@@ -240,7 +240,15 @@ def made_fit(**changes: Any) -> FitTable:
                 ODD, "held out", 108.0, floor_grf_rmse_bw=None, curves=made_curves(cop=False)
             ),
         ),
-        verdict=("The fitted trials are left with 2.0 % body weight.", "Not <so> sure & so on."),
+        verdict=(
+            "The fitted trials are left with 2.0 % body weight.",
+            "Not <so> sure & so on.",
+            "Ended at a bound: socket.tz.stiffness.",
+        ),
+        headline=(
+            "The fitted trials are left with 2.0 % body weight.",
+            "! Ended at a bound: socket.tz.stiffness.",
+        ),
         bench=BENCH,
         left_out=(
             LeftOut(kind="trial", left_out=("soft",), scores={"grf_rmse_bw": 0.04}),
@@ -276,6 +284,7 @@ def failed_fit(**changes: Any) -> FitTable:
             "success": False,
             "message": "no <search> converged",
             "verdict": (),
+            "headline": (),
             "left_out": (),
             "parameters": (),
             "searches": SEARCHES[1:],

@@ -25,7 +25,6 @@ from vsf_drake.report.fit_output import (
     HEADINGS,
     clear_fit,
     fit_page,
-    fit_result,
     trial_cells,
     write_fit,
 )
@@ -62,18 +61,17 @@ def test_page_is_whole_html_that_loads_nothing_with_the_verdict_before_any_numbe
     )
     assert re.findall(r"<h2>(.*?)</h2>", page) == ["Verdict", "What to do next"]
     shown = page[: page.index("<details")]
-    first, second, _ = fit_result(made_fit())
-    assert f"<p><strong>{first}</strong></p>" in html.unescape(
-        shown
-    ) and f"<p>{second}</p>" in html.unescape(shown)
-    assert '<p class="missing">At a bound: socket.tz.stiffness.</p>' in shown
+    first, warning = made_fit().headline
+    assert f"<p><strong>{first}</strong></p>" in html.unescape(shown)
+    assert f'<p class="missing">{warning.removeprefix("! ")}</p>' in shown
+    assert "Not &lt;so&gt;" not in shown, "the rest of the verdict is folded"
     assert (
         "<li>Not &lt;so&gt; sure &amp; so on.</li>" in page
         and "&lt;b&gt;odd&lt;/b&gt; $x_$ ü" in page
     )
 
 
-def test_unusable_recordings_and_far_offsets_stand_open_on_the_page_and_on_the_screen():
+def test_unusable_recordings_and_far_offsets_are_alarms_that_stand_open_on_the_page():
     mark = RecordingMark(
         mark="unusable", expected_error_bw=0.12, verdict="unusable, expected error 12.0 % > 10 % BW"
     )
@@ -93,9 +91,9 @@ def test_unusable_recordings_and_far_offsets_stand_open_on_the_page_and_on_the_s
         "FAR OFFSET: the fitted height is -55 mm,",
         "FAR OFFSET: the fitted inversion is +5.7",
     ]
-    shown = html.unescape(fit_page(table, {}))
+    shown = html.unescape(fit_page(replace(table, headline=()), {}))
     for alarm in table.alarms:
-        assert f"! {alarm}" in fit_result(table) and alarm in shown[: shown.index("<details")]
+        assert alarm in shown[: shown.index("<details")], "also where nothing was judged"
 
 
 @pytest.mark.slow
@@ -170,61 +168,9 @@ def test_a_failed_fit_says_so_in_its_first_line_and_shows_no_number_as_a_result(
     Balanced().feed(page)
 
 
-def test_a_null_model_that_is_not_known_and_a_layer_that_was_not_learned_are_said_with_the_reason():
-    metrics = replace(
-        METRICS,
-        null_model_grf_rmse_bw=None,
-        stretched_null_grf_rmse_bw=None,
-        null_model_unknown="cut",
-    )
-    fit = made_fit()
-    trials = (*fit.trials[:2], made_trial("other", "held out", 108.0, metrics=metrics))
-    first, *rest = fit_result(
-        replace(fit, trials=trials, layers=replace(fit.layers, discrepancy=None))
-    )
-    assert first.endswith(
-        "4.1 % with the person's momentum; null model not known: no stance of this walk was seen "
-        "from strike to lift-off."
-    )
-    assert any(
-        line.startswith("! The third layer") and "could not be learned" in line for line in rest
-    )
-
-
-def test_a_fit_in_few_lines_stands_beside_the_null_model_and_warns_of_what_limits_it():
-    """Each layer of the made-up held-out trial has one error in all its scores: 5, 4.1 and 4.2 %;
-    its own is 2 %."""
-    first, second, *rest = fit_result(made_fit())
-    assert first.startswith(
-        "1 held-out walk: resultant force 2.0 % BW off by the foot's physics, 4.1 % with the "
-        "person's momentum, 4.2 % with the discrepancy of fitted walks; null model 5.0 %, "
-        "nearest single curve 6.0 %."
-    )
-    assert (
-        "stiffness 0.76 N/mm off; fulcrum found where it stood in 3 of 3 walks, of which 1 could "
-        "have erred to both sides."
-    ) in second
-    assert rest == ["! At a bound: socket.tz.stiffness."]
-    worse = made_trial("other", "held out", 108.0, metrics=replace(METRICS, grf_rmse_bw=0.06))
-    table = made_fit(trials=(made_trial(), worse), bench=None, uncertainty=None, layers=None)
-    assert fit_result(table)[2:] == [
-        "! Physics alone is no nearer to the plate than the null model in 1 of 1 walks: other.",
-        (
-            "! All fitted walks have one fulcrum position: predictions at other positions are "
-            "not to be trusted."
-        ),
-        "! No bench was given: whether this is still the foot of the bench is unknown.",
-    ]
-    near = (made_trial(), made_trial("near", fulcrum_mm=66.4), worse)
-    assert any("one fulcrum position" in line for line in fit_result(made_fit(trials=near)))
-    assert any(
-        "No walk was held out" in line for line in fit_result(made_fit(trials=(made_trial(),)))
-    )
-
-
 def test_a_fit_without_a_bench_has_its_page_and_doubts_about_a_bench_stand_in_its_head():
     page = fit_page(made_fit(bench=None), {})
-    assert "No bench was given" in page
+    assert "Press the foot in a testing machine" in page
     doubted = fit_page(made_fit(bench=replace(BENCH, doubts=("kgf, not N?",))), {})
     assert "kgf, not N?" in doubted[: doubted.index("<details")] and "kgf" not in page
 

@@ -11,7 +11,7 @@ import typer
 
 from vsf_drake.base.errors import FitError, require
 from vsf_drake.base.schema import choice, option
-from vsf_drake.cli.app import Out, app, interrupted, path, print_text, say, warn
+from vsf_drake.cli.app import Out, app, interrupted, path, say, warn
 from vsf_drake.cli.options import Asked, fields_of, flags, from_fields
 from vsf_drake.cli.recordings import AcceptUnusable, judged
 from vsf_drake.fit.options import JOINT, PAPER, ContactFitOptions
@@ -129,7 +129,7 @@ def fit(
     from vsf_drake.cli.fit_run import Checkpoint, make_task, run_task
     from vsf_drake.model.bench_curves import bench_doubts
     from vsf_drake.motion.trial import load_trial
-    from vsf_drake.report.fit_output import CHECKPOINT, CONTACT, FIT, found, synthetic_of
+    from vsf_drake.report.fit_output import CHECKPOINT, CONTACT, FIT, synthetic_of
     from vsf_drake.report.results_folder import PAGE
 
     FIT.check(out)
@@ -156,5 +156,6 @@ def fit(
             f"the fit failed: {table.message.removesuffix('.')}. See {out / 'report.html'}; "
             "no contact.yaml was written"
         )
-    print_text("fit", **found(table))
+    for sentence in table.headline:
+        say(sentence)
     say(f"written to {out / PAGE}; {CONTACT} beside it is for --contact")

@@ -33,8 +33,11 @@ from vsf_drake.walks.fulcrum_sweep import SWEEP_STEP_S, FulcrumSweep, sweep_posi
 from vsf_drake.walks.metrics import WalkMetrics, known_curves, walk_metrics
 from vsf_drake.walks.null_model import several_settings
 from vsf_drake.walks.prediction import PHYSICS, LayerTable, layer_sentences, layer_table
-from vsf_drake.walks.quantities import JUDGED, Judged, Scored, known, mean, quantity
+from vsf_drake.walks.quantities import JUDGED, Judged, Scored, mean, quantity
 
+FIRST = "> "
+WARNING = "! "
+"""How sentences of a verdict begin that page and screen show first."""
 FITTED = "fitted"
 HELD_OUT = "held out"
 # within which a held-out trial's own height is looked for: 5 SD of a fitted trial's (its prior)
@@ -92,6 +95,12 @@ class TrialScore(Judged):
     sweep: FulcrumSweep | None
     floor_grf_rmse_bw: float | None = None
     own_height_m: float | None = None
+
+    @property
+    def below_floor(self) -> bool:
+        """Whether the fit is left with less than the true foot would be."""
+        floor = self.floor_grf_rmse_bw
+        return floor is not None and self.error_bw is not None and self.error_bw < floor
 
     def number(self, name: str) -> Any:
         """What it, its metrics or its sweep (`sweep_best_mm`) holds under this name."""
@@ -163,9 +172,13 @@ class Assessment:
     layers: LayerTable | None = None  # likewise
     simulated_bench: SimulatedBench | None = None
 
+    def of(self, role: str) -> list[TrialScore]:
+        """The trials of a role."""
+        return [score for score in self.scores if score.role == role]
+
     def mean(self, role: str, key: str = JUDGED) -> float | None:
         """Mean of a metric over the trials of a role; None where there is none."""
-        return mean(s.number(key) for s in self.scores if s.role == role)
+        return mean(score.number(key) for score in self.of(role))
 
 
 @one_thread()
@@ -424,60 +437,54 @@ def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None)
 
 def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, ...]:
     """What to make of a fit that succeeded, in sentences with the numbers that they come from."""
-    scores = assessment.scores
-    rows = assessment.left_out
-    layer = None if assessment.layers is None else assessment.layers.earned
-    held_out = [s for s in scores if s.role == HELD_OUT]
-    alone = {row.left_out for row in rows if row.kind == "trial"}
-    left_out = []
-    for kind in ("trial", "stiffness"):
-        own = [row for row in rows if row.kind == kind]
-        if kind == "trial" or {row.left_out for row in own} != alone:
-            left_out.append(
-                (
-                    kind,
-                    known(row.error_bw for row in own),
-                    [", ".join(row.left_out) for row in own if row.failed],
-                )
-            )
-    judged = [s for s in held_out if s.error_bw is not None]
+    return tuple(map(unmarked, marked_verdict(solution, assessment)))
+
+
+def marked_verdict(solution: ContactFitSolution, assessment: Assessment) -> list[str]:
+    """The same; those that tell most begin with FIRST, those that warn with WARNING."""
+    layers = assessment.layers
+    layer = None if layers is None else layers.earned
+    end = solution.end if isinstance(solution.end, JointEnd) else None
+    known = None if end is None else end.uncertainty
+    left_out = {
+        kind: [row for row in assessment.left_out if row.kind == kind]
+        for kind in ("trial", "stiffness")
+    }
+    if {row.left_out for row in left_out["stiffness"]} == {
+        row.left_out for row in left_out["trial"]
+    }:
+        del left_out["stiffness"]  # one trial a stiffness: the same fits
     sentences = say(
         "fit_verdict",
         percent=quantity(JUDGED).told,
+        told=assessment,
         message=solution.message,
-        alone=assessment.simulated_bench,
         contradiction=solution.contradiction,
-        fitted=assessment.mean(FITTED),
         paper=PUBLISHED,
-        paper_bw=PUBLISHED.fitted_grf_rmse_bw,
         one_setting=not several_settings(t.fulcrum_m for t in solution.fit.trials),
-        held_out=held_out,
-        held=assessment.mean(HELD_OUT),
-        own_height_mm=1e3 * OWN_HEIGHT_M,
-        worst=max(judged, key=lambda s: s.error_bw or 0.0, default=None),
+        own_height_m=OWN_HEIGHT_M,
         disturbed=[
             row
             for row in assessment.angle_errors
             if row.role == HELD_OUT and row.sd_deg and row.walks and row.layer == (layer or PHYSICS)
         ],
         layer=layer,
-        nulls=known(s.null_bw for s in held_out),
-        not_known=[s for s in held_out if s.metrics.null_model_unknown],
-        stretched=known(s.nearest_bw for s in held_out),
-        beaten=[s.label for s in held_out if s.metrics.beats_null is False],
-        below=[
-            s.label
-            for s in scores
-            if s.floor_grf_rmse_bw is not None
-            and s.error_bw is not None
-            and s.error_bw < s.floor_grf_rmse_bw
-        ],
-        left_out=left_out,
-        swept=[s for s in scores if s.sweep is not None],
-        bench=assessment.bench,
-        joint=_own_worth(solution.end) if isinstance(solution.end, JointEnd) else None,
+        left_out=[*left_out.items()],
+        end=end,
+        noise_too_small=NOISE_TOO_SMALL,
+        sure_share=SURE_SHARE,
+        alike_within=ALIKE,
+        shared=known and [name for name in known.names if owner(name) is None],
+        pairs=known and [pair for pair in known.together if not any(map(owner, pair.names))],
+        unidentified=known
+        and [name for name in known.unidentified if not name.startswith(("curve.", "trial."))],
     )
-    return (*sentences, *(layer_sentences(assessment.layers) if assessment.layers else ()))
+    return sentences + (layer_sentences(layers) if layers else [])
+
+
+def unmarked(sentence: str) -> str:
+    """A sentence of the verdict without its mark."""
+    return sentence.removeprefix(FIRST).removeprefix(WARNING)
 
 
 def simulated_bench(solution: ContactFitSolution) -> SimulatedBench:
@@ -510,61 +517,19 @@ def failure(solution: ContactFitSolution) -> tuple[str, ...]:
     end = solution.end
     assert isinstance(end, JointEnd)
     at = end.evaluation
-    free = solution.fit.parameters.free
     gradient = at.jacobian.T @ at.residual
     # what a step along one parameter alone would gain, were the residuals linear
     gain = 0.5 * gradient**2 / np.maximum(np.einsum("mp,mp->p", at.jacobian, at.jacobian), 1e-12)
-    steepest = sorted(zip(gain.tolist(), (item.name for item in free), strict=True), reverse=True)[
-        :STEEPEST_FEW
-    ]
-    best = end.searches[end.best]
+    names = (item.name for item in solution.fit.parameters.free)
+    steepest = sorted(zip(gain.tolist(), names, strict=True), reverse=True)[:STEEPEST_FEW]
     return tuple(
         say(
             "fit_failed",
             message=solution.message,
-            cost=best.cost,
-            start_cost=best.start_cost,
-            searches=len(end.searches),
-            at_bound=end.uncertainty.at_bound,
+            end=end,
             far=far_parameters(end),
-            steepest=[(name, value) for value, name in steepest if value > 0.0],
-            large=sorted(
-                (row for row in end.noise_ratios() if row.ratio > NOISE_TOO_SMALL),
-                key=lambda row: -row.ratio,
-            ),
-            cut=any(s.cut for s in end.searches),
-            failed=sum(s.failed for s in end.searches),
+            steepest=[row for row in steepest if row[0] > 0.0],
+            noise_too_small=NOISE_TOO_SMALL,
             iterations=solution.fit.joint.iterations,
-            ended=any("limit of" in s.message for s in end.searches),
         )
     )
-
-
-def _own_worth(end: JointEnd) -> dict[str, object]:
-    """What a joint fit knows of its own worth."""
-    u = end.uncertainty
-    ratios = end.noise_ratios()
-    cost = end.searches[end.best].cost
-    shared = [name for name in u.names if owner(name) is None]
-    return {
-        "ratios": [row.ratio for row in ratios],
-        "large": [row for row in ratios if row.ratio > NOISE_TOO_SMALL],
-        "shared": len(shared),
-        "known": sum(name not in u.unidentified for name in shared),
-        "sure_share": SURE_SHARE,
-        "weak": sum(s < 1.0 for s in u.singular_values),
-        "at_bound": u.at_bound,
-        "unidentified": [
-            name for name in u.unidentified if not name.startswith(("curve.", "trial."))
-        ],
-        "pairs": [pair for pair in u.together if all(owner(name) is None for name in pair.names)],
-        "alike": sum(s.success for s in end.alike()),
-        "alike_within": f"{ALIKE:g}",
-        "searches": sum(not s.met for s in end.searches),
-        "met": sum(s.met > 0 for s in end.searches),
-        "untried": end.searches[end.best].success and "limit of" in end.searches[end.best].message,
-        "late": end.late,
-        "cost": cost,
-        "lost": sum(not s.success for s in end.searches),
-        "better": [s.cost for s in end.searches if not s.success and s.cost < cost - ALIKE],
-    }

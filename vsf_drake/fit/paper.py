@@ -237,8 +237,7 @@ def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
     does not carry."""
 
     def surplus_n(c: Comparison) -> float:
-        rows = [c.within(stance.measured.start_s, stance.measured.end_s) for stance in c.stances]
-        return sum(float(np.sum(c.model[own, 2] - c.measured[own, 2])) for own in rows)
+        return sum(float(np.sum(c.model[own, 2] - c.measured[own, 2])) for own in c.measured_rows())
 
     began = time.perf_counter()
     stiffness = SOFTEST_N_PER_MM

@@ -12,9 +12,11 @@ import numpy as np
 from vsf_drake.base.files import plain
 from vsf_drake.base.schema import to_plain
 from vsf_drake.fit.assessment import (
+    FIRST,
     FITTED,
     HELD_OUT,
     PUBLISHED,
+    WARNING,
     Assessment,
     BenchRow,
     LeftOut,
@@ -23,7 +25,8 @@ from vsf_drake.fit.assessment import (
     TrialScore,
     bench_row,
     failure,
-    verdict,
+    marked_verdict,
+    unmarked,
 )
 from vsf_drake.fit.paper import PaperEnd, PaperState
 from vsf_drake.fit.problem import ContactFit, labels_with
@@ -73,7 +76,8 @@ class FitTable:
     that did not converge all numbers are those of its best point, and `verdict` says what stood in
     the way: they are no result.
 
-    Of `searches` to `noise_ratios` one strategy knows nothing: the joint one of `paper`, the
+    `headline` is what page and screen show of `verdict` first, warnings last and with "! " in
+    front. Of `searches` to `noise_ratios` one strategy knows nothing: the joint one of `paper`, the
     paper's of the others.
     """
 
@@ -82,6 +86,7 @@ class FitTable:
     success: bool
     message: str
     verdict: tuple[str, ...]
+    headline: tuple[str, ...] = ()
     left_out: tuple[LeftOut, ...]
     angle_errors: tuple[AngleErrorRow, ...] = ()
     layers: LayerTable | None = None
@@ -144,78 +149,94 @@ def fit_table(
         options: what else was asked for.
         inputs: SHA-256 of files that were read beside the trials', by name.
     """
-    every = [*fit.trials, *held_out]
-    labels = labels_with(fit, held_out)
-    hashes = {
-        f"{name}: {file}": digest
-        for trial, name in zip(every, labels, strict=True)
-        for file, digest in trial.inputs.items()
-    }
+    trials = [*fit.trials, *held_out]
+    roles = [FITTED] * len(fit.trials) + [HELD_OUT] * len(held_out)
+    every = [*zip(labels_with(fit, held_out), roles, trials, strict=True)]
     bench = fit.bench
-    end = None if solution is None else solution.end
-    good = solution if solution is not None and solution.success and not failed else None
-    lost = (
-        solution.opened()
-        if solution is not None and not solution.success and isinstance(end, JointEnd)
-        else None
-    )
-    told = good or lost
-    judged = None if told is None else assessment
-    scores: Sequence[TrialScore | None] = [None] * len(every) if judged is None else judged.scores
     table = FitTable(
         strategy=fit.options.strategy,
-        success=good is not None,
-        message=failed or ("" if solution is None else solution.message),
-        verdict=failure(lost)
-        if lost
-        else ()
-        if good is None or judged is None
-        else verdict(good, judged),
-        contradiction=None if solution is None else solution.contradiction,
-        simulated_bench=None if judged is None else judged.simulated_bench,
-        left_out=() if judged is None else judged.left_out,
-        angle_errors=() if judged is None else judged.angle_errors,
-        layers=None if judged is None else judged.layers,
+        success=False,
+        message=failed,
+        verdict=(),
+        left_out=(),
         trials=tuple(
             FitTrialRow(
                 label=name,
                 file=trial.path.name,
-                role=FITTED if i < len(fit.trials) else HELD_OUT,
+                role=role,
                 synthetic=trial.synthetic,
                 fulcrum_mm=round(1e3 * trial.fulcrum_m, 9),
                 notes=tuple(trial.notes),
                 recording=trial.judged,
-                score=score,
             )
-            for i, (trial, name, score) in enumerate(zip(every, labels, scores, strict=True))
+            for name, role, trial in every
         ),
-        synthetic=any(trial.synthetic for trial in every)
-        or (bench is not None and bench.synthetic),
+        synthetic=any(part.synthetic for part in (*trials, bench) if part is not None),
         subject=fit.walker.subject,
-        bench=judged.bench if judged is not None else None if bench is None else bench_row(bench),
-        parameters=() if told is None else told.parameter_rows(),
+        bench=None if bench is None else bench_row(bench),
+        parameters=(),
         options={**to_plain(dict(options or {})), **to_plain(fit.options)},
-        wall_s=None if solution is None else solution.wall_s,
+        wall_s=None,
         versions=provenance()["versions"],
-        inputs_sha256={**hashes, **(inputs or {})},
+        inputs_sha256={
+            f"{name}: {file}": digest
+            for name, _, trial in every
+            for file, digest in trial.inputs.items()
+        }
+        | dict(inputs or {}),
     )
+    return table if solution is None else _ended(table, solution, assessment)
+
+
+def _ended(
+    table: FitTable, solution: ContactFitSolution, assessment: Assessment | None
+) -> FitTable:
+    """The table with what the solution found: all of it where it succeeded, of a joint fit that did
+    not converge what its best point is."""
+    end = solution.end
+    failed = bool(table.message)
     table = replace(
-        table, verdict=(*table.alarms, *table.verdict) if table.success else table.verdict
+        table,
+        message=table.message or solution.message,
+        contradiction=solution.contradiction,
+        wall_s=solution.wall_s,
     )
     if isinstance(end, PaperEnd):
-        return replace(table, paper=end.state)
-    if end is None:
+        table = replace(table, paper=end.state)
+    else:
+        table = replace(table, searches=end.searches, best_search=end.best)
+    if failed if solution.success else isinstance(end, PaperEnd):
         return table
-    table = replace(table, searches=end.searches, best_search=end.best)
-    return (
-        table
-        if told is None
-        else replace(
+    found = solution.opened()
+    table = replace(table, parameters=found.parameter_rows())
+    if isinstance(end, JointEnd):
+        table = replace(
             table,
             uncertainty=end.uncertainty,
-            curves=curve_rows(told.values),
+            curves=curve_rows(found.values),
             noise_ratios=end.noise_ratios(),
         )
+    if assessment is not None:
+        judged = vars(assessment)
+        rows = zip(table.trials, assessment.scores, strict=True)
+        table = replace(
+            table,
+            trials=tuple(replace(row, score=score) for row, score in rows),
+            **{name: judged[name] for name in judged if name != "scores"},
+        )
+    if not solution.success:
+        return replace(table, verdict=failure(found))
+    sentences = [f"{WARNING}{alarm}" for alarm in table.alarms]
+    if assessment is not None:
+        sentences += marked_verdict(solution, assessment)
+    return replace(
+        table,
+        success=True,
+        verdict=tuple(map(unmarked, sentences)),
+        headline=(
+            *(line.removeprefix(FIRST) for line in sentences if line.startswith(FIRST)),
+            *(line for line in sentences if line.startswith(WARNING)),
+        ),
     )
 
 
@@ -242,6 +263,7 @@ def curve_rows(values: Mapping[str, float]) -> tuple[SmoothErrorRow, ...]:
 def fit_json(table: FitTable) -> dict[str, Any]:
     """What `fit.json` holds of the table."""
     values: dict[str, Any] = plain(table)
+    del values["headline"]
     for search in values["searches"]:
         del search["start"], search["u"], search["smooth"], search["beside"]
     for trial in values["trials"]:

@@ -6,32 +6,30 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from matplotlib.figure import Figure
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import write_text
 from vsf_drake.base.sentences import say
-from vsf_drake.fit.assessment import FITTED, HELD_OUT, LEFT_OUT, NOISE_TOO_SMALL, Beside
+from vsf_drake.fit.assessment import FITTED, HELD_OUT, Beside
 from vsf_drake.fit.parameters import REFERENCE_DEPTH_M
 from vsf_drake.fit.solution import ParameterRow
 from vsf_drake.fit.table import FitTable, FitTrialRow, fit_arrays, fit_json
 from vsf_drake.model.contact_file import FittedContact, save_contact
 from vsf_drake.report.fit_figures import fit_figures, is_smooth, trial_name
-from vsf_drake.report.page import UNKNOWN, number, render, said, shown
+from vsf_drake.report.page import UNKNOWN, number, render, shown
 from vsf_drake.report.results_folder import PAGE, ResultsFolder
 from vsf_drake.report.style import save_figure
 from vsf_drake.simulation.archive import remove_result
 from vsf_drake.walks.null_model import several_settings
-from vsf_drake.walks.prediction import LAYERS, PHYSICS, LayerTable
+from vsf_drake.walks.prediction import LAYERS, LayerTable
 from vsf_drake.walks.quantities import (
     FLOOR,
     IN_LATE_STANCE,
     JUDGED,
     NULL,
     STRETCHED,
-    mean,
     quantity,
 )
 
@@ -128,175 +126,47 @@ def write_fit(table: FitTable, out: Path, *, contact: FittedContact | None = Non
 # The page, and numbers of the table as text: in the units that people use.
 
 
-def fit_result(table: FitTable) -> list[str]:
-    """What a fit that succeeded is worth, in few lines; one that begins with "! " is a warning."""
-    return say("fit_result", **found(table))
-
-
-def found(table: FitTable) -> dict[str, Any]:
-    """What screen and page tell of a fit that succeeded, as their templates call it."""
-    every = [trial.score for trial in table.trials if trial.score is not None]
-    held_out = [score for score in every if score.role == HELD_OUT]
-    percent = quantity(JUDGED).told
-
-    def off(name: str) -> str:
-        return percent(mean(score.number(name) for score in held_out or every))
-
-    layer = (table.layers and table.layers.earned) or PHYSICS
-    unknown = [score.metrics.null_model_unknown for score in held_out or every]
-    return {
-        "no_null": unknown[0] if all(unknown) else "",
-        "t": table,
-        "scores": held_out or every,
-        "held_out": bool(held_out),
-        "nulls": sum(score.metrics.beats_null is not None for score in held_out),
-        "beaten": [score.label for score in held_out if score.metrics.beats_null is False],
-        "percent": percent,
-        "off": off,
-        "one_setting": _one_setting(table),
-        "swept": [score for score in every if score.sweep is not None],
-        "disturbed": [
-            row
-            for row in table.angle_errors
-            if row.role == HELD_OUT and row.sd_deg and row.layer == layer
-        ],
-        "large": [
-            f"{row.trial} {row.series}" for row in table.noise_ratios if row.ratio > NOISE_TOO_SMALL
-        ],
-    }
-
-
 def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
     """The page as HTML; figures as `fit_figures` makes them of the same table."""
-    bench = table.bench
-    joint = table.strategy == "joint"
-    scores = [trial.score for trial in table.trials if trial.score is not None]
-    columns = told_columns(table.trials) if scores else [0, 1, 2]
-    kind = "contact fit" if joint else "contact fit by the paper's procedure"
+    judged = [trial for trial in table.trials if trial.score is not None]
+    columns = told_columns(judged) if judged else [0, 1, 2]
+    kind = "Contact fit" if table.strategy == "joint" else "Contact fit by the paper's procedure"
     title = f"{kind}, {table.subject.name}{' (SYNTHETIC)' if table.synthetic else ''}"
     own = own_parameters(table)
-    curves = {
-        trial_name(i, trial): trial.role
-        for i, trial in enumerate(table.trials)
-        if trial_name(i, trial) in figures
-    }
+    curves = {trial_name(i, trial): trial.role for i, trial in enumerate(table.trials)}
+    drawn = [name for name in curves if name in figures]
     return str(
         render(
             "fit.html.j2",
             fit=table,
             figures=figures,
             synthetic=synthetic_of(table),
-            title=title[0].upper() + title[1:] if table.success else f"FAILED: {title}",
-            judged=bool(scores),
+            title=title if table.success else f"FAILED: {title[0].lower()}{title[1:]}",
             trial_headings=[HEADINGS[i] for i in columns],
             trial_rows=[
-                [trial_cells(trial)[i] for i in columns]
-                for trial in table.trials
-                if trial.score or not scores
+                [trial_cells(trial)[i] for i in columns] for trial in judged or table.trials
             ],
-            angle_error_rows=[
-                (
-                    row.role,
-                    row.layer,
-                    f"{row.sd_deg:g}",
-                    str(row.walks),
-                    str(row.failed),
-                    shown(row, JUDGED),
-                    shown(row, f"{JUDGED}_worst"),
-                    f"{row.beats_null} of {row.beats_null_of}",
-                )
-                for row in table.angle_errors
-            ],
-            foot_length_m=scores[0].metrics.foot_length_m if scores else None,
             layer_headings=LAYER_HEADINGS,
-            layer_rows=layer_rows(table.layers) if table.layers else [],
-            null_known=any(score.null_bw is not None for score in scores),
-            floor_known=any(score.number(FLOOR) is not None for score in scores),
-            sweep_known=any(score.sweep is not None for score in scores),
-            result=fit_result(table) if table.success and scores else [],
-            one_setting=_one_setting(table),
-            held_out=any(trial.role == HELD_OUT for trial in table.trials),
-            curves=list(curves),
-            shown_curve=next(
-                (name for name, role in curves.items() if role == HELD_OUT),
-                next(iter(curves), None),
+            layer_rows=layer_rows,
+            one_setting=not several_settings(
+                1e-3 * trial.fulcrum_mm for trial in table.trials if trial.role == FITTED
             ),
-            bench_rows=[] if bench is None else _bench_rows(bench.fulcrum_mm, bench.stiffness),
-            mid_range_rows=[] if bench is None else _bench_rows(bench.fulcrum_mm, bench.mid_range),
-            own_rows=[
-                _parameter(row, table)
-                if joint
-                else (
-                    row.name,
-                    shown_value(row, row.value),
-                    shown_value(row, row.start),
-                    shown_unit(row),
-                )
-                for row in (own if joint else table.parameters)
-            ],
-            rest_rows=[
-                _parameter(row, table)
-                for row in table.parameters
-                if not row.frozen and row not in own
-            ],
-            frozen_rows=[
-                (row.name, shown_value(row, row.value), shown_unit(row))
-                for row in table.parameters
-                if row.frozen
-            ],
+            curves=drawn,
+            shown_curve=min(drawn, key=lambda name: curves[name] != HELD_OUT, default=None),
+            bench_rows=_bench_rows,
+            own=own,
+            rest=[row for row in table.parameters if not row.frozen and row not in own],
             reference_depth_mm=1e3 * REFERENCE_DEPTH_M,
-            smooth=[row for row in table.curves if row.largest_deg != 0.0],
-            noise_rows=[(row.trial, row.series, f"{row.ratio:.2f}") for row in table.noise_ratios],
-            left_out_rows=[
-                (
-                    row.kind,
-                    ", ".join(row.left_out),
-                    *(
-                        (f"failed: {row.failed}", "", "")
-                        if row.failed
-                        else (shown(row, name) for name in LEFT_OUT)
-                    ),
-                )
-                for row in table.left_out
-            ],
-            search_rows=[
-                (
-                    str(i),
-                    _cost(s.start_cost),
-                    _cost(s.cost),
-                    str(s.evaluations),
-                    str(s.failed),
-                    "yes" if s.success else "NO",
-                    str(s.met or ""),
-                    s.message,
-                )
-                for i, s in enumerate(table.searches, start=1)
-            ],
-            option_rows=[
-                *(
-                    (
-                        name,
-                        said(dict(sorted(value.items())) if isinstance(value, Mapping) else value),
-                    )
-                    for name, value in sorted(table.options.items())
-                ),
-                ("wall time (s)", number(table.wall_s, "{:.1f}")),
-            ],
+            infinity=math.inf,
+            shown_value=shown_value,
+            shown_unit=shown_unit,
+            shown_interval=shown_interval,
         )
     )
 
 
-def _one_setting(table: FitTable) -> bool:
-    return not several_settings(
-        1e-3 * trial.fulcrum_mm for trial in table.trials if trial.role == FITTED
-    )
-
-
-def _bench_rows(fulcrum_mm: Sequence[float], quantity: Beside | None) -> list[tuple[str, ...]]:
-    """Measured, fitted and difference at each position and the heel; none where nothing was
-    judged."""
-    if quantity is None:
-        return []
+def _bench_rows(fulcrum_mm: Sequence[float], quantity: Beside) -> list[tuple[str, ...]]:
+    """Measured, fitted and difference at each position and the heel."""
     rows = [
         (f"{x:g}", k, fitted)
         for x, k, fitted in zip(fulcrum_mm, quantity.measured, quantity.model, strict=True)
@@ -306,30 +176,6 @@ def _bench_rows(fulcrum_mm: Sequence[float], quantity: Beside | None) -> list[tu
     return [
         (x, f"{k:.2f}", f"{fitted:.2f}", number(fitted - k, "{:+.2f}")) for x, k, fitted in rows
     ]
-
-
-def _parameter(row: ParameterRow, table: FitTable) -> tuple[str, ...]:
-    warnings = [
-        *(["at a bound"] if row.at_bound else []),
-        *(
-            ["not identified"]
-            if table.uncertainty and row.name in table.uncertainty.unidentified
-            else []
-        ),
-    ]
-    return (
-        row.name,
-        shown_value(row, row.value),
-        shown_interval(row),
-        shown_unit(row),
-        number(row.share_of_prior, "{:.0f}", 100.0),
-        shown_value(row, row.spread_over_starts),
-        ", ".join(warnings),
-    )
-
-
-def _cost(cost: float) -> str:
-    return number(cost if math.isfinite(cost) else None, "{:.1f}")
 
 
 def shown_unit(row: ParameterRow) -> str:

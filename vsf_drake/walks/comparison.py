@@ -53,6 +53,23 @@ class StanceComparison:
     measured_cop: np.ndarray  # of the whole stance; NaN where the plate is not loaded
     model_cop: np.ndarray  # NaN where it cannot be compared
 
+    @property
+    def strike_error_s(self) -> float | None:
+        """The model's strike less the measured one; None unless both were seen, in the compared
+        time."""
+        own = self.model
+        real = self.measured
+        seen = own and own.start_seen and real.start_seen and real.start_s >= self.span[0]
+        return own.start_s - real.start_s if own and seen else None
+
+    @property
+    def lift_off_error_s(self) -> float | None:
+        """Likewise of the lift-off."""
+        own = self.model
+        real = self.measured
+        seen = own and own.end_seen and real.end_seen and real.end_s <= self.span[1]
+        return own.end_s - real.end_s if own and seen else None
+
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
@@ -70,6 +87,10 @@ class Comparison:
     def within(self, start_s: float, end_s: float) -> np.ndarray:
         """(n,) whether the instant lies in [start_s, end_s]."""
         return (self.time_s >= start_s - 1e-9) & (self.time_s <= end_s + 1e-9)
+
+    def measured_rows(self) -> list[np.ndarray]:
+        """For each measured stance, (n,) whether the instant lies in it."""
+        return [self.within(item.measured.start_s, item.measured.end_s) for item in self.stances]
 
 
 def compare(result: ComparableWalk, plate: PlateRecording) -> Comparison:

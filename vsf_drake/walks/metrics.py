@@ -197,70 +197,58 @@ def agreement(
     """The numbers that a comparison with `plate` gives by itself."""
     model = c.model / body_weight_n
     measured = c.measured / body_weight_n
-    resultant = np.linalg.norm(model, axis=1)
-    measured_resultant = np.linalg.norm(measured, axis=1)
-    s = c.scored
-    wanted = sum(item.measured.duration_s + 2 * MARGIN_S for item in c.stances)
-    load = float(np.sum(model[s, 2]))
-    measured_load = float(np.sum(measured[s, 2]))
-
-    # cumulative impulse (BW s) over each stance
-    rows = [c.within(item.measured.start_s, item.measured.end_s) for item in c.stances]
-    impulse, measured_impulse = (
-        _joined([cumulative_integral(series[own], c.step_s) for own in rows])
-        for series in (resultant, measured_resultant)
-    )
+    scored = model[c.scored]
+    wanted = measured[c.scored]
+    both = [np.linalg.norm(force, axis=1) for force in (model, measured)]
+    resultants = [force[c.scored] for force in both]
+    impulses = [
+        _joined([cumulative_integral(force[own], c.step_s) for own in c.measured_rows()])
+        for force in both
+    ]
 
     # centre of pressure (m) where both have one
     seen = [np.isfinite(item.model_cop[:, 0]) for item in c.stances]
-    cop = _joined([item.model_cop[own] for item, own in zip(c.stances, seen, strict=True)], width=2)
-    measured_cop = _joined(
-        [item.measured_cop[own] for item, own in zip(c.stances, seen, strict=True)], width=2
-    )
+    centres = [
+        _joined([cop[own] for cop, own in zip(of_stances, seen, strict=True)], width=2)
+        for of_stances in (
+            [item.model_cop for item in c.stances],
+            [item.measured_cop for item in c.stances],
+        )
+    ]
+    fore_aft, lateral = zip(*(cop.T for cop in centres), strict=True)
     footprint = np.repeat(np.arange(len(seen)), [np.count_nonzero(own) for own in seen])
 
     whole = [item for item in c.stances if item.inside]
-    both = [(item.model, item.measured) for item in c.stances if item.model is not None]
+    of_model = [item.model for item in whole if item.model and item.model.complete]
+    load = float(np.sum(scored[:, 2]))
+    measured_load = float(np.sum(wanted[:, 2]))
+    margins_s = sum(item.measured.duration_s + 2 * MARGIN_S for item in c.stances)
     return Agreement(
-        grf_rmse_bw=_known(rmse(resultant[s], measured_resultant[s])),
-        grf_r2=_known(r_squared(resultant[s], measured_resultant[s])),
-        vertical_rmse_bw=_known(rmse(model[s, 2], measured[s, 2])),
-        fore_aft_rmse_bw=_known(rmse(model[s, 0], measured[s, 0])),
-        medio_lateral_rmse_bw=_known(rmse(model[s, 1], measured[s, 1]))
+        grf_rmse_bw=_known(rmse(*resultants)),
+        grf_r2=_known(r_squared(*resultants)),
+        vertical_rmse_bw=_known(rmse(scored[:, 2], wanted[:, 2])),
+        fore_aft_rmse_bw=_known(rmse(scored[:, 0], wanted[:, 0])),
+        medio_lateral_rmse_bw=_known(rmse(scored[:, 1], wanted[:, 1]))
         if np.any(plate.force_W[:, 1])
         else None,
         vertical_impulse_error=load / measured_load - 1.0 if measured_load else None,
-        impulse_rmse_bws=_known(rmse(impulse, measured_impulse)),
-        impulse_r2=_known(r_squared(impulse, measured_impulse)),
-        cop_rmse_fl=_known(rmse(cop[:, 0], measured_cop[:, 0]) / foot_length_m),
-        cop_ml_rmse_fl=_known(rmse(cop[:, 1], measured_cop[:, 1]) / foot_length_m),
-        cop_r2=_known(r_squared(cop[:, 0], measured_cop[:, 0], groups=footprint)),
-        cop_points=len(cop),
-        stance_measured_s=mean([item.measured.duration_s for item in whole]),
-        stance_model_s=mean(
-            [s.model.duration_s for s in whole if s.model is not None and s.model.complete]
-        ),
-        heel_strike_error_s=mean(
-            [
-                own.start_s - real.start_s
-                for own, real in both
-                if own.start_seen and real.start_seen and real.start_s >= c.time_s[0]
-            ]
-        ),
-        toe_off_error_s=mean(
-            [
-                own.end_s - real.end_s
-                for own, real in both
-                if own.end_seen and real.end_seen and real.end_s <= c.time_s[-1]
-            ]
-        ),
+        impulse_rmse_bws=_known(rmse(*impulses)),
+        impulse_r2=_known(r_squared(*impulses)),
+        cop_rmse_fl=_known(rmse(*fore_aft) / foot_length_m),
+        cop_ml_rmse_fl=_known(rmse(*lateral) / foot_length_m),
+        cop_r2=_known(r_squared(*fore_aft, groups=footprint)),
+        cop_points=len(footprint),
+        stance_measured_s=mean(item.measured.duration_s for item in whole),
+        stance_model_s=mean(stance.duration_s for stance in of_model),
+        heel_strike_error_s=mean(item.strike_error_s for item in c.stances),
+        toe_off_error_s=mean(item.lift_off_error_s for item in c.stances),
         stances=tuple(_stance(c, item, model, measured) for item in c.stances),
         extra_model_stances=c.extra_model_stances,
         scored_window_s=tuple(
-            (float(c.time_s[start]), float(c.time_s[stop - 1])) for start, stop in runs(s)
+            (float(c.time_s[start]), float(c.time_s[stop - 1])) for start, stop in runs(c.scored)
         ),
-        coverage=sum(item.span[1] - item.span[0] for item in c.stances) / wanted
-        if wanted
+        coverage=sum(item.span[1] - item.span[0] for item in c.stances) / margins_s
+        if margins_s
         else None,
         heading_deg=float(np.degrees(np.arctan2(c.heading[1], c.heading[0]))),
         body_weight_n=body_weight_n,
@@ -383,11 +371,9 @@ def warnings(
     time = result.time_s
     vertical = result.grf_W[:, 2]
     peaks = [
-        np.linalg.norm(
-            comparison.measured[comparison.within(s.measured.start_s, s.measured.end_s)], axis=1
-        ).max()
-        for s in comparison.stances
-        if s.inside
+        np.linalg.norm(comparison.measured[own], axis=1).max()
+        for item, own in zip(comparison.stances, comparison.measured_rows(), strict=True)
+        if item.inside
     ]
     apart = np.concatenate(
         [np.linalg.norm(s.model_cop - s.measured_cop, axis=1) for s in comparison.stances] or [[]]
