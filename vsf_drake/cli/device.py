@@ -345,7 +345,7 @@ def simulate(
             name=f"{walked.name} (recorded at {1e3 * recorded.fulcrum_m:g} mm)",
         )
     with progress() as show:
-        walk = walk_trial(walked, with_fit=asked.fit_offsets, step_s=step_s, progress=show)
+        result, fit = walk_trial(walked, with_fit=asked.fit_offsets, step_s=step_s, progress=show)
         if fitted is not None and layered and moved is None:
             show("predicting in layers", 1.0)
             layers = layers_of(
@@ -356,10 +356,10 @@ def simulate(
                 step_s=step_s,
             )
     metrics = write_walk(
-        walk.result,
-        walk.trial,
+        result,
+        walked,
         out,
-        fit=walk.fit,
+        fit=fit,
         layers=layers,
         replay=asked.replay,
         opensim=asked.opensim,

@@ -218,13 +218,10 @@ class ContactFit:
     ) -> tuple[Comparison, WalkResult, Walk]:
         """A trial's walk with these values of its variables, beside its plate; SimulationError if
         it diverges."""
-        walk = self.walker.walk(
-            trial.trajectory,
+        walk = self.walker.walk_trial(
+            trial,
             fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m,
-            start_s=trial.start_s,
-            end_s=trial.end_s,
             step_s=step_s,
-            offsets=trial.offsets,
             values=values,
             with_respect_to=with_respect_to,
             perturbations=perturbations,

@@ -298,9 +298,7 @@ def _scaling_effect(trial: Trial, ratio: float, options: ImportOptions) -> list[
     try:
         pair = trial, _scaled(trial, ratio)
         errors = [
-            walk_metrics(
-                walk_trial(each, with_fit=True, step_s=STEP_S).result, each.prosthetic_plate
-            )
+            walk_metrics(walk_trial(each, with_fit=True, step_s=STEP_S)[0], each.prosthetic_plate)
             for each in pair
         ]
     except VsfError as error:

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -274,6 +274,16 @@ class Walker:
         )
         return q0, v0, rest_speed, by
 
+    def walk_trial(self, trial: Trial, **changes: Any) -> Walk:
+        """`walk` of a recorded trial, as its manifest says but for `changes`."""
+        recorded = {
+            "fulcrum_m": trial.fulcrum_m,
+            "start_s": trial.start_s,
+            "end_s": trial.end_s,
+            "offsets": trial.offsets,
+        }
+        return self.walk(trial.trajectory, **recorded | changes)
+
     def result(
         self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True
     ) -> WalkResult:
@@ -394,11 +404,9 @@ def simulate_trial(
     respond. Raises what `Walker.walk` does."""
     walker = Walker(trial.subject, trial.model)
     offsets = offsets or trial.offsets
-    walk = walker.walk(
-        trial.trajectory,
+    walk = walker.walk_trial(
+        trial,
         fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m,
-        start_s=trial.start_s,
-        end_s=trial.end_s,
         step_s=step_s,
         offsets=offsets,
         progress=progress,

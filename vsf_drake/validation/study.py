@@ -8,7 +8,7 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -25,7 +25,8 @@ from vsf_drake.validation.options import StudyOptions
 from vsf_drake.walks.comparison import Comparison, compare
 from vsf_drake.walks.metrics import WalkMetrics, known_curves, walk_metrics, warnings
 from vsf_drake.walks.numbers import by_fulcrum
-from vsf_drake.walks.recorded_walk import ValidatedWalk, check_named_once, labels_of, walk_trial
+from vsf_drake.walks.offsets import OffsetFit
+from vsf_drake.walks.recorded_walk import check_named_once, labels_of, walk_trial
 
 FITTED, HELD_OUT, OFFSETS_FITTED = "fitted", "held out", "offsets fitted"
 """What a walk's agreement with its plate is worth: the fit has seen it, has not, or its offsets
@@ -156,13 +157,13 @@ def make_study(
         with apart(recorded.path.stem):
             trial = recorded if fitted is None else trial_with(recorded, fitted, file=contact)
             read.append((recorded, trial))
-    walked: list[tuple[str, Trial, ValidatedWalk]] = []
+    walked: list[_Walked] = []
     labels = labels_of([recorded for recorded, _ in read])
     for i, (label, (recorded, trial)) in enumerate(zip(labels, read, strict=True)):
         show = part_of(progress, i / len(read), 1.0 / len(read), name=f"{label}: ")
         with apart(label):
             walk = walk_trial(trial, with_fit=fitted is None, step_s=options.step_s, progress=show)
-            walked.append((label, recorded, walk))
+            walked.append(_Walked(label, recorded, trial, *walk))
     if not walked:
         raise InputError(
             "no trial can be used: " + "; ".join(f"{label}: {why}" for label, why in failed)
@@ -171,16 +172,16 @@ def make_study(
     return Study(
         walks=tuple(sorted(walks, key=lambda walk: (walk.fulcrum_mm, walk.label))),
         failed=tuple(failed),
-        model=walked[0][2].trial.model,
+        model=walked[0].trial.model,
         contact=fitted,
         contact_name="" if contact is None else Path(contact).name,
         bench=curves,
         options=options,
         inputs=inputs
         | {
-            f"{label}: {file}": digest
-            for label, trial, _ in walked
-            for file, digest in trial.inputs.items()
+            f"{one.label}: {file}": digest
+            for one in walked
+            for file, digest in one.recorded.inputs.items()
         },
     )
 
@@ -195,29 +196,32 @@ def _bench(file: str | Path) -> BenchCurves:
     return load_bench_curves(file)
 
 
-def _study_walk(
-    i: int, walked: list[tuple[str, Trial, ValidatedWalk]], fitted: FittedContact | None
-) -> StudyWalk:
+class _Walked(NamedTuple):
+    """What `_study_walk` judges: a trial as it was read, and walked."""
+
+    label: str
+    recorded: Trial
+    trial: Trial
+    result: WalkResult
+    fit: OffsetFit | None
+
+
+def _study_walk(i: int, walked: Sequence[_Walked], fitted: FittedContact | None) -> StudyWalk:
     """The i-th walk."""
-    label, recorded, walk = walked[i]
+    label, recorded, trial, result, fit = walked[i]
     prints = set() if fitted is None else {trial.fingerprint for trial in fitted.trials}
-    seen = [fingerprint(trial) in prints for _, trial, _ in walked]
-    others = [
-        trial for j, (_, trial, _) in enumerate(walked) if j != i and (seen[j] or not any(seen))
-    ]
+    seen = [fingerprint(one.recorded) in prints for one in walked]
+    others = [one.recorded for j, one in enumerate(walked) if j != i and (seen[j] or not any(seen))]
     plate = recorded.prosthetic_plate
-    result = walk.result
     comparison = compare(result, plate)
     metrics = walk_metrics(result, plate, comparison=comparison, others=known_curves(others))
     return StudyWalk(
         label=label,
         role=OFFSETS_FITTED if fitted is None else FITTED if seen[i] else HELD_OUT,
         recorded=recorded,
-        trial=walk.trial
-        if walk.fit is None
-        else dataclasses.replace(walk.trial, offsets=walk.fit.offsets),
+        trial=trial if fit is None else dataclasses.replace(trial, offsets=fit.offsets),
         result=result,
         comparison=comparison,
         metrics=metrics,
-        warnings=tuple(warnings(result, comparison, metrics, walk.fit)),
+        warnings=tuple(warnings(result, comparison, metrics, fit)),
     )

@@ -260,13 +260,10 @@ def walk_with_same_load(
                 )
             ]
         )
-        return walker.walk(
-            trial.trajectory,
+        return walker.walk_trial(
+            trial,
             fulcrum_m=x,
-            start_s=trial.start_s,
-            end_s=trial.end_s,
             step_s=step,
-            offsets=trial.offsets,
             perturbations=perturbations,
             values={"perturbation.height": 1.0} if perturbations else {},
         )

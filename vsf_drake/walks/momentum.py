@@ -89,26 +89,6 @@ def variables_of(trial: Trial) -> tuple[str, ...]:
     )
 
 
-def walk_of(
-    walker: Walker,
-    trial: Trial,
-    values: Mapping[str, float],
-    step_s: float,
-    with_respect_to: Sequence[str] = (),
-) -> Walk:
-    """A trial walked as its manifest says, with these values."""
-    return walker.walk(
-        trial.trajectory,
-        fulcrum_m=trial.fulcrum_m,
-        start_s=trial.start_s,
-        end_s=trial.end_s,
-        step_s=step_s,
-        offsets=trial.offsets,
-        values=values,
-        with_respect_to=with_respect_to,
-    )
-
-
 def with_corrections(errors: Mapping[str, float], trial: Trial, c: np.ndarray) -> dict[str, float]:
     """Values of the trial's walk with its errors and the corrections c (4,)."""
     return {
@@ -141,8 +121,11 @@ def corrected(
     windows = tuple[slice, ...]()
     for _ in range(MOST_STEPS):
         try:
-            walk = walk_of(
-                walker, trial, with_corrections(errors, trial, c), FIT_STEP_S, variables_of(trial)
+            walk = walker.walk_trial(
+                trial,
+                values=with_corrections(errors, trial, c),
+                step_s=FIT_STEP_S,
+                with_respect_to=variables_of(trial),
             )
         except SimulationError:
             return MomentumCorrection(believed=False, why_not="walk")
@@ -279,7 +262,7 @@ def bias_of(walker: Walker, trials: Mapping[str, Trial]) -> MomentumBias | None:
 def missed(walker: Walker, trial: Trial) -> np.ndarray | None:
     """(6,) BW by which m (a_com - g) exceeds the plate in the windows that the plate saw loaded;
     None without one."""
-    walk = walk_of(walker, trial, {}, FIT_STEP_S)
+    walk = walker.walk_trial(trial, step_s=FIT_STEP_S)
     plate = trial.prosthetic_plate
     heading = walking_direction(walker.result(walk, trial, trial.offsets, energy=False))
     on_plate = np.column_stack(

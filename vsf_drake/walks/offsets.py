@@ -173,16 +173,9 @@ class OffsetProblem:
         self, offsets: GeometricOffsets, step_s: float, with_respect_to: Sequence[str] = ()
     ) -> Walk:
         """The trial's walk with these offsets."""
-        trial = self.trial
         self.simulations += 1
-        return self.walker.walk(
-            trial.trajectory,
-            fulcrum_m=trial.fulcrum_m,
-            start_s=trial.start_s,
-            end_s=trial.end_s,
-            step_s=step_s,
-            offsets=offsets,
-            with_respect_to=with_respect_to,
+        return self.walker.walk_trial(
+            self.trial, step_s=step_s, offsets=offsets, with_respect_to=with_respect_to
         )
 
     def _evaluate(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

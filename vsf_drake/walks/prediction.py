@@ -34,7 +34,6 @@ from vsf_drake.walks.momentum import (
     MomentumCorrection,
     bias_of,
     corrected,
-    walk_of,
     with_corrections,
 )
 from vsf_drake.walks.null_model import KnownCurve, NullErrors, null_errors
@@ -290,7 +289,6 @@ def layer_sentences(table: LayerTable) -> list[str]:
 def _compared(
     walker: Walker, trial: Trial, values: Mapping[str, float], step_s: float
 ) -> tuple[Comparison, WalkResult]:
-    result = walker.result(
-        walk_of(walker, trial, values, step_s), trial, trial.offsets, energy=False
-    )
+    walk = walker.walk_trial(trial, values=values, step_s=step_s)
+    result = walker.result(walk, trial, trial.offsets, energy=False)
     return compare(result, trial.prosthetic_plate), result

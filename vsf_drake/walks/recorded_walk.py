@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.progress import Progress
-from vsf_drake.model.contact_file import load_contact
 from vsf_drake.model.parameters import FootParameters
-from vsf_drake.motion.fitted_trial import trial_with
-from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
 from vsf_drake.walks.offsets import OffsetFit, fit_offsets
@@ -44,45 +42,14 @@ def check_named_once(manifests: Sequence[str | Path]) -> None:
             raise InputError("is named twice", file=manifests[i], right="Name every trial once")
 
 
-@dataclass(frozen=True)
-class ValidatedWalk:
-    """One trial of the validation: what was recorded (as it was walked), what was simulated, with
-    which offsets."""
-
-    trial: Trial
-    result: WalkResult
-    fit: OffsetFit | None
-
-
-def validate_walk(
-    manifest: str | Path,
-    *,
-    with_fit: bool = True,
-    contact: str | Path | None = None,
-    step_s: float = DEFAULT_STEP_S,
-    progress: Progress | None = None,
-) -> ValidatedWalk:
-    """Simulates the trial of `manifest`, after fitting the geometric offsets if `with_fit`.
-
-    The numbers of a contact file replace the model's; it has offsets of its own, so `with_fit` must
-    then be False. InputError if a file cannot be used, SimulationError if the walk fails.
-    """
-    if with_fit and contact is not None:
-        raise ValueError("a fitted contact has its offsets already: they are not fitted on top")
-    trial = load_trial(manifest)
-    if contact is not None:
-        trial = trial_with(trial, load_contact(contact), file=contact)
-    return walk_trial(trial, with_fit=with_fit, step_s=step_s, progress=progress)
-
-
 def walk_trial(
     trial: Trial,
     *,
     with_fit: bool,
     step_s: float = DEFAULT_STEP_S,
     progress: Progress | None = None,
-) -> ValidatedWalk:
-    """Simulates a trial that was read, after fitting its geometric offsets if `with_fit`."""
+) -> tuple[WalkResult, OffsetFit | None]:
+    """A trial simulated after fitting its geometric offsets if `with_fit`, and that fit."""
     walker = Walker(trial.subject, trial.model)
     fit = None
     if with_fit:
@@ -93,16 +60,13 @@ def walk_trial(
             and (lambda n, _: progress("fitting offsets", min(0.99, n / _TYPICAL_EVALUATIONS))),
         )
     offsets = fit.offsets if fit else trial.offsets
-    walk = walker.walk(
-        trial.trajectory,
-        fulcrum_m=trial.fulcrum_m,
-        start_s=trial.start_s,
-        end_s=trial.end_s,
+    walk = walker.walk_trial(
+        trial,
         step_s=step_s,
         offsets=offsets,
-        progress=progress and (lambda f: progress("walking", f)),
+        progress=None if progress is None else functools.partial(progress, "walking"),
     )
-    return ValidatedWalk(trial=trial, result=walker.result(walk, trial, offsets), fit=fit)
+    return walker.result(walk, trial, offsets), fit
 
 
 def labels_of(trials: Sequence[Trial]) -> tuple[str, ...]:
