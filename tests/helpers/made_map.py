@@ -6,12 +6,13 @@ from __future__ import annotations
 import numpy as np
 
 from vsf_drake.base.schema import to_plain
-from vsf_drake.device.stiffness_map import FORMAT, MapTable, StiffnessMap
+from vsf_drake.device.stiffness_map import FORMAT, MapTable, StiffnessMap, iso_22675
 from vsf_drake.device.stiffness_map.cells import ROLLED
 from vsf_drake.device.stiffness_map.surface import LoadRecord, MapQuantity
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.simulation.archive import provenance
 
+LOAD = iso_22675(2e-3)
 AXES = {
     "mass_kg": (50.0, 70.0, 90.0, 110.0),
     "slope_deg": (-6.0, -2.0, 2.0, 6.0),
@@ -49,11 +50,9 @@ def made_map(radius, factors=(), unknown=False):
     arrays |= {f"held_out/{name}": function(*held.T[:3]) for name, function in functions.items()}
     arrays |= {
         "held_out/at": held,
-        "load/time_s": np.linspace(0.0, 0.6, 301),
-        "load/tilt_rad": np.zeros(301),
-        "load/force_bw": np.zeros(301),
+        **{f"load/{name}": getattr(LOAD, name) for name in ("time_s", "tilt_rad", "force_bw")},
     }
-    units = {"stiffness": "N/mm", **{name: unit for name, (unit, _) in ROLLED.items()}}
+    units = {name: unit for name, (unit, _) in ROLLED.items()}
     table = MapTable(
         format=FORMAT,
         axes=AXES,

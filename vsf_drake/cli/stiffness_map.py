@@ -243,7 +243,7 @@ def _target(text: str) -> tuple[str, float]:
     from vsf_drake.device.stiffness_map.cells import ROLLED
 
     name, _, value = (part.strip() for part in text.partition("="))
-    known = ["stiffness", *(name for name in ROLLED if name != "loading_rate")]
+    known = [name for name in ROLLED if name != "loading_rate"]
     require(
         name != "loading_rate",
         "is the load's, which is given: no fulcrum changes it",

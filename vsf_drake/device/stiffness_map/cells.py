@@ -29,6 +29,7 @@ from vsf_drake.device.roll_over import (
     tilt_rad,
 )
 from vsf_drake.model.parameters import GRAVITY, FootParameters
+from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.roll_over import RollOver
 
 ISO = "ISO 22675"
@@ -71,6 +72,10 @@ class Cell:
 
 
 ROLLED = {
+    "stiffness": (
+        "N/mm",
+        "forefoot stiffness in the testing machine, mean slope from 200 to 600 N",
+    ),
     "radius": ("m", "radius of the circle nearest to the roll-over shape"),
     "eflr": ("1", "effective foot length, along the sole, over the foot's length"),
     "moment_arm": (
@@ -88,7 +93,7 @@ ROLLED = {
         "load's own, since the force is given",
     ),
 }
-"""What the machine tells of a cell: unit and meaning."""
+"""What the machines tell of a cell: unit and meaning; the load does not change the stiffness."""
 # it passes through zero downhill: errors and bands of it are no shares of itself
 SIGNED = "moment_arm"
 
@@ -218,10 +223,16 @@ def roll_cells(foot: FootParameters, load: Load, cells: Sequence[Cell]) -> list[
     """Rolls one foot (its heel as it is) through cells, in one machine; a task for a worker
     process."""
     machine = RollOver(foot, friction=False)
-    return [_rolled(machine, load, cell) for cell in cells]
+    pressed = BenchStiffness(
+        foot, fulcrums_m=[1e-3 * cell.fulcrum_mm for cell in cells], heel=False
+    ).evaluate({})[0]
+    return [
+        _rolled(machine, load, cell, 1e-3 * float(stiffness))
+        for cell, stiffness in zip(cells, pressed, strict=True)
+    ]
 
 
-def _rolled(machine: RollOver, load: Load, cell: Cell) -> Rolled:
+def _rolled(machine: RollOver, load: Load, cell: Cell, stiffness: float) -> Rolled:
     line = load.tilt_rad + np.radians(cell.slope_deg)  # of the pylon's line against the ground
     tilt = line - np.radians(cell.alignment_deg)
     force = cell.mass_kg * GRAVITY * load.force_bw * np.cos(tilt) / np.cos(line)
@@ -256,6 +267,7 @@ def _rolled(machine: RollOver, load: Load, cell: Cell) -> Rolled:
     normal = cell.mass_kg * GRAVITY * load.force_bw / np.cos(line)
     rises = (normal[window:] - normal[:-window])[load.time_s[window:] <= 0.5 * duration]
     values = {
+        "stiffness": stiffness,
         "radius": row.radius_m,
         "eflr": row.effective_foot_length_ratio,
         "moment_arm": None if row.mean_moment_arm_m is None else 1e3 * row.mean_moment_arm_m,

@@ -14,7 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -37,10 +37,8 @@ from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.batch.processes import checked, chosen
-from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.walk import Walker
 
-STIFFNESS = ("N/mm", "forefoot stiffness in the testing machine, mean slope from 200 to 600 N")
 HELD_OUT = 40  # cells between those of the grid
 DRAWS = 40
 FULCRUMS = 9
@@ -180,7 +178,6 @@ def make_map(
         for i, name in enumerate(ROLLED)
     }
     made |= {"held_out/at": np.array([[getattr(cell, name) for name in grid] for cell in held])}
-    made |= _bench(model.foot, feet, grid, coarse, held)
     table = MapTable(
         format=FORMAT,
         axes=grid,
@@ -190,7 +187,7 @@ def make_map(
         held_out=HELD_OUT,
         quantities=tuple(
             MapQuantity(name=name, unit=unit, meaning=meaning)
-            for name, (unit, meaning) in {"stiffness": STIFFNESS, **ROLLED}.items()
+            for name, (unit, meaning) in ROLLED.items()
             if all(np.isfinite(made[f"{kind}/{name}"]).all() for kind in arrays)
         ),
         unknown={
@@ -276,29 +273,3 @@ def _run(
                 done += len(task.cells)
                 if progress:
                     progress(f"rolling the foot, {done} of {total}", done / total)
-
-
-def _bench(
-    foot: FootParameters,
-    feet: Sequence[FootParameters],
-    grid: Mapping[str, Sequence[float]],
-    coarse: Mapping[str, Sequence[float]],
-    held: Sequence[Cell],
-) -> dict[str, np.ndarray]:
-    """Forefoot stiffness (N/mm), which the load does not change, in the shapes of the others."""
-    place = [item.name for item in fields(Cell)].index("fulcrum_mm")
-
-    def spread(own: FootParameters, axes: Mapping[str, Sequence[float]]) -> np.ndarray:
-        at = BenchStiffness(
-            own, fulcrums_m=[1e-3 * x for x in axes["fulcrum_mm"]], heel=False
-        ).evaluate({})[0]
-        shape = [len(at) if i == place else 1 for i in range(len(axes))]
-        return np.broadcast_to(1e-3 * at.reshape(shape), tuple(map(len, axes.values()))).copy()
-
-    apart = BenchStiffness(foot, fulcrums_m=[1e-3 * cell.fulcrum_mm for cell in held], heel=False)
-    empty = np.zeros((0, *map(len, coarse.values())))
-    return {
-        "cells/stiffness": spread(foot, grid),
-        "held_out/stiffness": 1e-3 * apart.evaluate({})[0],
-        "draws/stiffness": np.array([spread(own, coarse) for own in feet]) if feet else empty,
-    }

@@ -21,7 +21,6 @@ from vsf_drake.base.files import record
 from vsf_drake.base.schema import from_plain
 from vsf_drake.device.stiffness_map.cells import SIGNED, Cell, Load, roll_cells, with_heel
 from vsf_drake.model.parameters import FootParameters
-from vsf_drake.simulation.bench_stiffness import BenchStiffness
 
 FORMAT = "vsf_drake stiffness map 1"
 FEWEST_VALUES = 4  # of an axis: a cubic's
@@ -182,9 +181,6 @@ class StiffnessMap:
         cell = Cell(**self._place(where))
         item = self.quantity(quantity)
         foot = with_heel(from_plain(FootParameters, self.table.foot, where="foot"), cell.heel_ratio)
-        if item.name == "stiffness":
-            bench = BenchStiffness(foot, fulcrums_m=[1e-3 * cell.fulcrum_mm], heel=False)
-            return 1e-3 * float(bench.evaluate({})[0][0])
         load = Load(
             name=self.table.load.name,
             shape_ends_s=self.table.load.shape_ends_s,
