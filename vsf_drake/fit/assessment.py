@@ -132,6 +132,15 @@ class Beside:
     heel_model: float | None
     rmse: float
 
+    def rows(self, fulcrum_mm: Sequence[float]) -> list[tuple[float | str, float, float]]:
+        """Where (mm), measured and model, the heel last where it was measured."""
+        rows: list[tuple[float | str, float, float]] = [
+            *zip(fulcrum_mm, self.measured, self.model, strict=True)
+        ]
+        if self.heel_measured is not None and self.heel_model is not None:
+            rows.append(("heel", self.heel_measured, self.heel_model))
+        return rows
+
 
 @dataclass(frozen=True, kw_only=True)
 class BenchRow:

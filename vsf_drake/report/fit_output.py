@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import write_text
 from vsf_drake.base.sentences import say
-from vsf_drake.fit.assessment import FITTED, HELD_OUT, Beside
+from vsf_drake.fit.assessment import FITTED, HELD_OUT
 from vsf_drake.fit.parameters import REFERENCE_DEPTH_M
 from vsf_drake.fit.solution import ParameterRow
 from vsf_drake.fit.table import FitTable, FitTrialRow, fit_arrays, fit_json
@@ -23,10 +23,8 @@ from vsf_drake.report.results_folder import PAGE, ResultsFolder
 from vsf_drake.report.style import save_figure
 from vsf_drake.simulation.archive import remove_result
 from vsf_drake.walks.null_model import several_settings
-from vsf_drake.walks.prediction import LAYERS, LayerTable
 from vsf_drake.walks.quantities import (
     FLOOR,
-    IN_LATE_STANCE,
     JUDGED,
     NULL,
     STRETCHED,
@@ -146,36 +144,23 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
             trial_rows=[
                 [trial_cells(trial)[i] for i in columns] for trial in judged or table.trials
             ],
-            layer_headings=LAYER_HEADINGS,
-            layer_rows=layer_rows,
             one_setting=not several_settings(
                 1e-3 * trial.fulcrum_mm for trial in table.trials if trial.role == FITTED
             ),
+            heading=lambda name: _headings([name])[0],
             curves=drawn,
             shown_curve=min(drawn, key=lambda name: curves[name] != HELD_OUT, default=None),
-            bench_rows=_bench_rows,
             own=own,
             rest=[row for row in table.parameters if not row.frozen and row not in own],
             reference_depth_mm=1e3 * REFERENCE_DEPTH_M,
             infinity=math.inf,
+            degrees=math.degrees,
+            why_not=lambda reason: say("not_corrected", "words", why_not=reason)[0],
             shown_value=shown_value,
             shown_unit=shown_unit,
             shown_interval=shown_interval,
         )
     )
-
-
-def _bench_rows(fulcrum_mm: Sequence[float], quantity: Beside) -> list[tuple[str, ...]]:
-    """Measured, fitted and difference at each position and the heel."""
-    rows = [
-        (f"{x:g}", k, fitted)
-        for x, k, fitted in zip(fulcrum_mm, quantity.measured, quantity.model, strict=True)
-    ]
-    if quantity.heel_measured is not None and quantity.heel_model is not None:
-        rows.append(("heel", quantity.heel_measured, quantity.heel_model))
-    return [
-        (x, f"{k:.2f}", f"{fitted:.2f}", number(fitted - k, "{:+.2f}")) for x, k, fitted in rows
-    ]
 
 
 def shown_unit(row: ParameterRow) -> str:
@@ -204,56 +189,6 @@ def own_parameters(table: FitTable) -> list[ParameterRow]:
         for row in table.parameters
         if not row.frozen and not is_smooth(row.name) and not row.name.startswith("trial.")
     ]
-
-
-_NULLS = (NULL, IN_LATE_STANCE, STRETCHED)
-LAYER_HEADINGS = (
-    *_FIRST,
-    "physics % BW",
-    "+ momentum % BW",
-    "+ discrepancy % BW",
-    *_headings(_NULLS),
-    "fore-aft, three layers % BW",
-    "CoP, physics and + momentum % FL",
-    "CoP lateral, the same % FL",
-    "momentum's correction",
-)
-"""Of the cells of `layer_rows`."""
-
-
-def layer_rows(table: LayerTable) -> list[tuple[str, ...]]:
-    """Every trial in layers as text."""
-
-    def beside(name: str, layers: Sequence[str] = LAYERS) -> list[str]:
-        return [shown(row.layers[layer], name) for layer in layers]
-
-    rows = []
-    for row in table.trials:
-        done = row.correction
-        turned = [
-            math.degrees(done.hip_flexion_rad),
-            math.degrees(done.knee_angle_rad),
-            math.degrees(done.alignment_rad),
-        ]
-        rows.append(
-            (
-                row.label,
-                FITTED if row.fitted else HELD_OUT.replace(" ", "\u00a0"),
-                f"{row.fulcrum_mm:g}",
-                *beside(JUDGED),
-                *(shown(row, name) for name in _NULLS),
-                ", ".join(beside("fore_aft_rmse_bw")),
-                # the discrepancy moves none
-                ", ".join(beside("cop_rmse_fl", LAYERS[:2])),
-                ", ".join(beside("cop_ml_rmse_fl", LAYERS[:2])),
-                "height {:+.1f} mm, hip {:+.1f}°, knee {:+.1f}°, alignment {:+.1f}°".format(
-                    1e3 * done.height_m, *turned
-                )
-                if done.believed
-                else f"none: {say('not_corrected', 'words', why_not=done.why_not)[0]}",
-            )
-        )
-    return rows
 
 
 def synthetic_of(table: FitTable) -> list[str]:
