@@ -8,7 +8,7 @@ import difflib
 import fnmatch
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import yaml
@@ -27,17 +27,13 @@ def with_frozen(
     Where several patterns fit a parameter, the longest decides: --freeze 'socket.*' --free
     socket.tz.stiffness.
     """
+    for option, patterns in (("--free", free), ("--freeze", freeze)):
+        for pattern in patterns:
+            _check_pattern(pattern, parameters, where=option)
     items = []
-    given = [("--free", pattern, False) for pattern in free] + [
-        ("--freeze", pattern, True) for pattern in freeze
-    ]
-    for option, pattern, _ in given:
-        _check_pattern(pattern, parameters, where=option)
     for item in parameters.items:
-        fitting = [
-            (len(pattern), frozen) for _, pattern, frozen in given if _fits(pattern, item.name)
-        ]
-        items.append(dataclasses.replace(item, frozen=max(fitting)[1]) if fitting else item)
+        own = _longest((*freeze, *free), item.name)
+        items.append(item if own is None else dataclasses.replace(item, frozen=own in freeze))
     require(
         not all(item.frozen for item in items),
         "all parameters are frozen",
@@ -98,9 +94,7 @@ def with_priors(parameters: FitParameters, widths: Mapping[str, str]) -> FitPara
     for pattern in widths:
         _check_pattern(pattern, parameters, where="--prior")
     for item in parameters.items:
-        own = max(
-            (pattern for pattern in widths if _fits(pattern, item.name)), key=len, default=None
-        )
+        own = _longest(widths, item.name)
         items.append(
             item if own is None else dataclasses.replace(item, scale=_width(item, own, widths[own]))
         )
@@ -158,6 +152,11 @@ def _check_pattern(pattern: str, parameters: FitParameters, *, where: str) -> No
                 else f"There are {', '.join(families)}; fit.json of any fit lists them all"
             ),
         )
+
+
+def _longest(patterns: Iterable[str], name: str) -> str | None:
+    """The one that decides; None where none fits."""
+    return max((one for one in patterns if _fits(one, name)), key=len, default=None)
 
 
 def _fits(pattern: str, name: str) -> bool:

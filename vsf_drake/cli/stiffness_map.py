@@ -3,6 +3,7 @@ wanted."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -125,16 +126,8 @@ def stiffness_map(
         if name in grids
     }
     wanted = [_target(text) for text in target or ()]
-    make = partial(
-        _made,
-        out,
-        load=load,
-        model=model,
-        contact=contact,
-        draws=draws,
-        seed=seed,
-        workers=workers,
-    )
+    files = {"--load": load, "--model": model, "--contact": contact}
+    make = partial(_made, out, files=files, draws=draws, seed=seed, workers=workers)
     from vsf_drake.report.map_page import MAP, map_rows, read_map
 
     if not wanted:
@@ -153,8 +146,7 @@ def stiffness_map(
         require(len(values) == 1, f"has {len(values)} values", name, "Give one with --target")
     if (out / MAP.table).is_file():
         mapped = read_map(out)
-        for option, file in (("--load", load), ("--model", model), ("--contact", contact)):
-            _check_same(mapped, option, file, out)
+        _check_same(mapped, files, out)
         require(
             draws is None or draws == mapped.table.draws,
             f"{draws} is not that of the map in {out}",
@@ -182,9 +174,7 @@ def _made(
     out: Path,
     given: dict[str, tuple[float, ...]],
     *,
-    load: Path | None,
-    model: Path | None,
-    contact: Path | None,
+    files: Mapping[str, Path | None],
     draws: int | None,
     seed: int,
     workers: int | None,
@@ -194,7 +184,8 @@ def _made(
     from vsf_drake.report.map_page import MAP, write_map
 
     MAP.check(out)
-    own: ModelParameters = model_of(model, contact)
+    load = files["--load"]
+    own: ModelParameters = model_of(files["--model"], files["--contact"])
     axes = check_axes(standard_axes(own.foot) | given, own.foot)
     stance = iso_22675() if load is None else load_profile(load)
     with progress() as show:
@@ -205,38 +196,32 @@ def _made(
             draws=DRAWS if draws is None else draws,
             seed=seed,
             workers=workers,
-            inputs=_inputs(load, model, contact),
+            inputs=_inputs(files),
             progress=show,
         )
         show("writing the page", 0.99)
         write_map(out, table, arrays)
 
 
-def _inputs(load: Path | None, model: Path | None, contact: Path | None) -> dict[str, str]:
+def _inputs(files: Mapping[str, Path | None]) -> dict[str, str]:
+    """SHA-256 of the files that were given, by option and name."""
     from vsf_drake.base.files import sha256
 
-    return {
-        f"{option} {file.name}": sha256(file)
-        for option, file in (("--load", load), ("--model", model), ("--contact", contact))
-        if file is not None
-    }
+    return {f"{option} {file.name}": sha256(file) for option, file in files.items() if file}
 
 
-def _check_same(mapped: StiffnessMap, option: str, file: Path | None, out: Path) -> None:
-    """Raises InputError if the map in `out` was made with another file of that option than the one
-    given."""
-    if file is None:
-        return
-    from vsf_drake.base.files import sha256
-
-    made = {digest for name, digest in mapped.table.inputs.items() if name.startswith(f"{option} ")}
-    require(
-        sha256(file) in made,
-        f"is not what the map in {out} was made with",
-        option,
-        "Leave it out, or choose another folder",
-        file=file,
-    )
+def _check_same(mapped: StiffnessMap, files: Mapping[str, Path | None], out: Path) -> None:
+    """Raises InputError if the map in `out` was made with another file than one that is given."""
+    made = {(name.split()[0], digest) for name, digest in mapped.table.inputs.items()}
+    for name, digest in _inputs(files).items():
+        option = name.split()[0]
+        require(
+            (option, digest) in made,
+            f"is not what the map in {out} was made with",
+            option,
+            "Leave it out, or choose another folder",
+            file=files[option],
+        )
 
 
 def _target(text: str) -> tuple[str, float]:

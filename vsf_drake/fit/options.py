@@ -4,6 +4,7 @@ which noise."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -22,6 +23,10 @@ _CHOICE = "choice"
 _PAPER = "McGeehan 2021"
 _HALF = "half of what McGeehan 2021 (doi 10.1115/1.4050456) is left with on its fitted trial"
 _ABOVE_0 = 1e-12
+_noise = partial(quantity, low=_ABOVE_0, high=1.0, source=_HALF)
+_step = partial(quantity, unit="s", low=_ABOVE_0, high=0.01, source=_CHOICE)
+_count = partial(quantity, unit="1", low=1, source=_CHOICE)
+_seed = partial(quantity, 0, unit="1", low=0, source=_CHOICE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,12 +41,12 @@ class FitNoise:
     1 / (2 pi 6 Hz) = 27 ms), those of the model last as long as a phase of stance.
     """
 
-    fore_aft: float = quantity(0.025, unit="body weights", low=_ABOVE_0, high=1.0, source=_HALF)
-    lateral: float = quantity(0.025, unit="body weights", low=_ABOVE_0, high=1.0, source=_HALF)
-    vertical: float = quantity(0.025, unit="body weights", low=_ABOVE_0, high=1.0, source=_HALF)
-    resultant: float = quantity(0.025, unit="body weights", low=_ABOVE_0, high=1.0, source=_HALF)
-    cop_fore_aft: float = quantity(0.03, unit="foot lengths", low=_ABOVE_0, high=1.0, source=_HALF)
-    cop_lateral: float = quantity(0.03, unit="foot lengths", low=_ABOVE_0, high=1.0, source=_HALF)
+    fore_aft: float = _noise(0.025, unit="body weights")
+    lateral: float = _noise(0.025, unit="body weights")
+    vertical: float = _noise(0.025, unit="body weights")
+    resultant: float = _noise(0.025, unit="body weights")
+    cop_fore_aft: float = _noise(0.03, unit="foot lengths")
+    cop_lateral: float = _noise(0.03, unit="foot lengths")
     correlation_s: float = quantity(
         0.05, unit="s", low=_ABOVE_0, high=1.0, source="choice between 27 ms and a stance"
     )
@@ -82,11 +87,9 @@ class ContactFitOptions:
     only_ends: ClassVar[tuple[str, ...]] = ("iterations", "time_limit_s")
     series: tuple[str, ...] = choice((*FORCES, *COP), options=SERIES, source=_CHOICE)
     noise: FitNoise = field(default_factory=FitNoise)
-    starts: int = quantity(
-        5, unit="1", low=1, source=_CHOICE, help="Searches from different starts."
-    )
-    screened: int = quantity(12, unit="1", low=1, source=_CHOICE)
-    seed: int = quantity(0, unit="1", low=0, source=_CHOICE, help=SEED)
+    starts: int = _count(5, help="Searches from different starts.")
+    screened: int = _count(12)
+    seed: int = _seed(help=SEED)
     solver: str = choice(
         "gauss_newton",
         options=SOLVERS,
@@ -94,9 +97,7 @@ class ContactFitOptions:
         metavar="|".join(SOLVERS),
         help="Solver of each search.",
     )
-    iterations: int = quantity(
-        300, unit="1", low=1, source=_CHOICE, help="Largest number of walks of a search."
-    )
+    iterations: int = _count(300, help="Largest number of walks of a search.")
     time_limit_s: float | None = quantity(
         None,
         unit="s",
@@ -108,8 +109,8 @@ class ContactFitOptions:
         "run may end elsewhere.",
     )
     tolerance: float = quantity(1e-5, unit="1", low=_ABOVE_0, high=0.01, source=_CHOICE)
-    step_s: float = quantity(2e-3, unit="s", low=_ABOVE_0, high=0.01, source=_CHOICE)
-    report_step_s: float = quantity(1e-3, unit="s", low=_ABOVE_0, high=0.01, source=_CHOICE)
+    step_s: float = _step(2e-3)
+    report_step_s: float = _step(1e-3)
 
     def __post_init__(self) -> None:
         check(self)
@@ -156,15 +157,15 @@ class PaperOptions:
     )
     series: ClassVar[tuple[str, ...]] = (RESULTANT,)
     report_step_s: ClassVar[float] = 1e-3
-    scenarios: int = quantity(100, unit="1", low=1, source=_CHOICE)
+    scenarios: int = _count(100)
     iterations: int = quantity(100, unit="1", low=1, source=_PAPER)
     objective_tolerance_n: float = quantity(0.1, unit="N", low=_ABOVE_0, source=_PAPER)
     parameter_tolerance: float = quantity(1e-3, unit="1", low=_ABOVE_0, source=_PAPER)
     settled: int = quantity(1, unit="1", low=1, source=_PAPER)
     restarts: int = quantity(2, unit="1", low=0, source=_CHOICE)
     step_s: float = quantity(2e-3, unit="s", low=_ABOVE_0, source=_CHOICE)
-    seed: int = quantity(0, unit="1", low=0, source=_CHOICE)
-    workers: int = quantity(2, unit="1", low=1, source=_CHOICE)
+    seed: int = _seed()
+    workers: int = _count(2)
 
     def __post_init__(self) -> None:
         check(self)

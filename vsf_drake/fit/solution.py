@@ -257,37 +257,23 @@ class ContactFitSolution(Tabular):
 
     def labelled(self) -> LabelledArrays:
         """One row a parameter: value, start and 95 % interval, each in the `unit` of its row."""
-        text = {"name": "parameter", "unit": "of the numbers of the row"}
-        numbers = {
-            "value": "fitted value",
-            "start": "where the search began",
-            "low_95": "95 % interval, lower end",
-            "high_95": "95 % interval, upper end",
-            "share_of_prior": "standard error over that of the prior",
+        columns = {
+            "name": {"meaning": "parameter"},
+            "unit": {"meaning": "of the numbers of the row"},
+            "value": {"unit": "by row", "meaning": "fitted value"},
+            "start": {"unit": "by row", "meaning": "where the search began"},
+            "low_95": {"unit": "by row", "meaning": "95 % interval, lower end"},
+            "high_95": {"unit": "by row", "meaning": "95 % interval, upper end"},
+            "share_of_prior": {"unit": "1", "meaning": "standard error over that of the prior"},
+            "frozen": {"meaning": "whether it was not fitted"},
+            "at_bound": {"meaning": "whether it ended on a bound"},
         }
-        flags = {"frozen": "whether it was not fitted", "at_bound": "whether it ended on a bound"}
-        rows = [
-            {
-                **vars(row),
-                **dict(zip(("low_95", "high_95"), row.interval_95 or (None, None), strict=True)),
-            }
-            for row in self.parameter_rows()
-        ]
-        return record_arrays(
-            rows,
-            {
-                **{name: {"meaning": meaning} for name, meaning in text.items()},
-                **{
-                    name: {
-                        "unit": "1" if name == "share_of_prior" else "by row",
-                        "meaning": meaning,
-                    }
-                    for name, meaning in numbers.items()
-                },
-                **{name: {"meaning": meaning} for name, meaning in flags.items()},
-            },
-            {"strategy": self.fit.options.strategy, "synthetic": self._synthetic},
-        )
+        rows = []
+        for row in self.parameter_rows():
+            low, high = row.interval_95 or (None, None)
+            rows.append({**vars(row), "low_95": low, "high_95": high})
+        strategy = self.fit.options.strategy
+        return record_arrays(rows, columns, {"strategy": strategy, "synthetic": self._synthetic})
 
     def headline(self) -> Headline:
         """How many parameters were found, and which lie on a bound."""
@@ -367,19 +353,11 @@ class ContactFitSolution(Tabular):
             try:
                 _, result = self.predict(trial, label, step_s=self.fit.options.report_step_s)
             except SimulationError as error:
-                return replace(
-                    self,
-                    success=False,
-                    message=f"the walk {label} fails at the step of the report: {error}",
-                )
+                why = f"the walk {label} fails at the step of the report: {error}"
+                return replace(self, success=False, message=why)
             if not result.converged:
-                return replace(
-                    self,
-                    success=False,
-                    message=(
-                        f"{result.unconverged_steps} steps of the walk {label} did not converge"
-                    ),
-                )
+                why = f"{result.unconverged_steps} steps of the walk {label} did not converge"
+                return replace(self, success=False, message=why)
         return self
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -55,25 +55,26 @@ def map_page(
     """What `page.chapter_page` is to be given of map.json and map.npz."""
     mapped = StiffnessMap(map_of(saved), arrays)
     drawn = [name for name in AXES if len(mapped.table.axes[name]) > 1]
-    chapters = [
-        made_chapter("answer", "", partial(_answer, mapped, drawn[:1] or ["mass_kg"]), lenient)
+    sections: list[tuple[str, str, Callable[..., _Told]]] = [
+        ("answer", "", partial(_answer, drawn=drawn[:1] or ["mass_kg"])),
+        *((name, f"What {AXES[name][0]} does", partial(_axis, name=name)) for name in drawn[1:]),
+        ("inverse", "Which fulcrum gives a radius", _inverse),
+        ("surface", "How well the surface holds, and how it was made", _made),
     ]
-    chapters += [
-        made_chapter(name, f"What {AXES[name][0]} does", partial(_axis, mapped, name), lenient)
-        for name in drawn[1:]
-    ]
-    chapters += [
-        made_chapter("inverse", "Which fulcrum gives a radius", partial(_inverse, mapped), lenient),
-        made_chapter(
-            "surface",
-            "How well the surface holds, and how it was made",
-            partial(_made, mapped),
-            lenient,
-        ),
-    ]
+
+    def chapter(name: str, title: str, make: Callable[..., _Told]) -> Chapter:
+        template, figures, facts = make(mapped)
+        middle = {axis: values[len(values) // 2] for axis, values in mapped.table.axes.items()}
+        facts |= {"t": mapped.table, "middle": middle, "axes": AXES, "leg_m": LEG_M}
+        path = f"map/{template}.html.j2"
+        return Chapter(name=name, title=title, template=path, figures=figures, facts=facts)
+
     return {
         "title": "Stiffness map",
-        "chapters": chapters,
+        "chapters": [
+            made_chapter(section[0], section[1], partial(chapter, *section), lenient)
+            for section in sections
+        ],
         "synthetic": False,
         "first_line": str(render("map/first_line.txt.j2")).strip(),
     }
@@ -118,72 +119,51 @@ def map_rows(mapped: StiffnessMap, **where: float) -> list[dict[str, float]]:
     return rows
 
 
-def _answer(mapped: StiffnessMap, drawn: list[str]) -> Chapter:
+_Told = tuple[str, dict[str, Figure], dict[str, Any]]
+"""What a section has: the stem of its template, its figures and facts."""
+
+
+def _answer(mapped: StiffnessMap, drawn: list[str]) -> _Told:
     figures = {f"by_{AXES[name][0]}": curves_figure(mapped, name, published=True) for name in drawn}
-    return Chapter(
-        name="answer",
-        title="",
-        template="map/answer.html.j2",
-        figures=figures,
-        facts={
+    measures = {measure for measure, _ in _MEASURES.values()}
+    return (
+        "answer",
+        figures,
+        {
             "drawn": list(figures),
-            **_facts(mapped),
             "rows": map_rows(mapped),
             "published": [
                 row
                 for row in published_effects()
-                if row.mean is not None
-                and row.measure in {measure for measure, _ in _MEASURES.values()}
+                if row.mean is not None and row.measure in measures
             ],
         },
     )
 
 
-def _axis(mapped: StiffnessMap, name: str) -> Chapter:
+def _axis(mapped: StiffnessMap, name: str) -> _Told:
     values = mapped.table.axes[name]
+    word, unit = AXES[name]
     ends = [
         (value, map_rows(mapped, **{name: value})[_ROWS // 2]) for value in (values[0], values[-1])
     ]
-    return Chapter(
-        name=name,
-        title=f"What {AXES[name][0]} does",
-        template="map/axis.html.j2",
-        figures={f"by_{AXES[name][0]}": curves_figure(mapped, name)},
-        facts={**_facts(mapped), "name": AXES[name][0], "unit": AXES[name][1], "ends": ends},
-    )
+    figures = {f"by_{word}": curves_figure(mapped, name)}
+    return "axis", figures, {"name": word, "unit": unit, "ends": ends}
 
 
-def _inverse(mapped: StiffnessMap) -> Chapter:
+def _inverse(mapped: StiffnessMap) -> _Told:
     masses = mapped.table.axes["mass_kg"]
-    answers = (
-        []
-        if "radius" in mapped.table.unknown
-        else [
-            mapped.inverse("radius", target, mass_kg=mass)
-            for mass in dict.fromkeys((masses[0], masses[len(masses) // 2], masses[-1]))
-            for target in _TARGETS_M
-        ]
-    )
-    return Chapter(
-        name="inverse",
-        title="Which fulcrum gives a radius",
-        template="map/inverse.html.j2",
-        facts={**_facts(mapped), "answers": answers},
-    )
+    answers = [
+        mapped.inverse("radius", target, mass_kg=mass)
+        for mass in dict.fromkeys((masses[0], masses[len(masses) // 2], masses[-1]))
+        for target in _TARGETS_M
+        if "radius" not in mapped.table.unknown
+    ]
+    return "inverse", {}, {"answers": answers}
 
 
-def _made(mapped: StiffnessMap) -> Chapter:
-    return Chapter(
-        name="surface",
-        title="How well the surface holds, and how it was made",
-        template="map/made.html.j2",
-        facts=_facts(mapped),
-    )
-
-
-def _facts(mapped: StiffnessMap) -> dict[str, Any]:
-    middle = {name: values[len(values) // 2] for name, values in mapped.table.axes.items()}
-    return {"t": mapped.table, "middle": middle, "axes": AXES, "leg_m": LEG_M}
+def _made(mapped: StiffnessMap) -> _Told:
+    return "made", {}, {}
 
 
 def curves_figure(mapped: StiffnessMap, name: str, *, published: bool = False) -> Figure:
@@ -193,7 +173,9 @@ def curves_figure(mapped: StiffnessMap, name: str, *, published: bool = False) -
     known = [item.name for item in table.quantities if item.name in _PANELS]
     shown = {panel: title for panel, title in _PANELS.items() if panel in known}
     values = table.axes[name]
-    chosen = list(dict.fromkeys((values[0], values[len(values) // 2], values[-1])))
+    shades = dict.fromkeys((values[0], values[len(values) // 2], values[-1]))
+    light = np.linspace(0.0, _LIGHTEST, len(shades))
+    chosen = dict(zip(shades, colormaps["viridis"](light), strict=True))
     positions = np.linspace(table.axes["fulcrum_mm"][0], table.axes["fulcrum_mm"][-1], _CURVES)
     middle_mass = table.axes["mass_kg"][len(table.axes["mass_kg"]) // 2]
     with drawing(1.4 * PANEL[0], 2.2 * PANEL[1]) as figure:
@@ -201,11 +183,10 @@ def curves_figure(mapped: StiffnessMap, name: str, *, published: bool = False) -
         for axes, (panel, title) in zip(panels, shown.items(), strict=False):
             if published and panel in _MEASURES:
                 _published_bands(axes, panel)
-            for i, value in enumerate(chosen):
+            for value, colour in chosen.items():
                 mass = value if name == "mass_kg" else middle_mass
                 scale = 1.0 / mass if panel in ("stored", "returned") else 1.0
                 curve, low, high = scale * mapped.along(panel, positions, **{name: value})
-                colour = colormaps["viridis"](_LIGHTEST * i / max(1, len(chosen) - 1))
                 axes.plot(positions, curve, color=colour, linewidth=1.6)
                 axes.fill_between(positions, low, high, color=colour, alpha=0.15, linewidth=0)
             label(
@@ -216,13 +197,8 @@ def curves_figure(mapped: StiffnessMap, name: str, *, published: bool = False) -
             )
         word, unit = AXES[name]
         handles: list[Any] = [
-            Line2D(
-                [],
-                [],
-                color=colormaps["viridis"](_LIGHTEST * i / max(1, len(chosen) - 1)),
-                label=f"{word} {value:g} {unit}",
-            )
-            for i, value in enumerate(chosen)
+            Line2D([], [], color=colour, label=f"{word} {value:g} {unit}")
+            for value, colour in chosen.items()
         ]
         if published:
             handles += [
@@ -241,14 +217,8 @@ def _published_bands(axes: Axes, panel: str) -> None:
     ]
     for row in rows:
         if row.mean is not None and row.sd is not None:
-            axes.axhspan(
-                scale * (row.mean - row.sd),
-                scale * (row.mean + row.sd),
-                color=_FEET[row.condition],
-                alpha=0.08,
-                linewidth=0,
-                zorder=0,
-            )
-            axes.axhline(
-                scale * row.mean, color=_FEET[row.condition], linewidth=0.9, linestyle=":", zorder=1
-            )
+            colour = _FEET[row.condition]
+            mean = scale * row.mean
+            sd = scale * row.sd
+            axes.axhspan(mean - sd, mean + sd, color=colour, alpha=0.08, linewidth=0, zorder=0)
+            axes.axhline(mean, color=colour, linewidth=0.9, linestyle=":", zorder=1)
