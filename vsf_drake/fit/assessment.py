@@ -237,17 +237,18 @@ def assess(
             where="floors",
             right=f"There are: {', '.join(names)}",
         )
-    heights = [height_of(solution, trial) for trial in held_out] if own_height else []
-    if own_height:
-        held_out = [_raised(trial, height) for trial, height in zip(held_out, heights, strict=True)]
+    heights = [height_of(solution, trial) if own_height else None for trial in held_out]
+    held_out = [_raised(*pair) for pair in zip(held_out, heights, strict=True)]
+    every = [*fit.trials, *held_out]
     scores = []
-    for i, (trial, name) in enumerate(zip([*fit.trials, *held_out], names, strict=True)):
+    for i, (trial, name) in enumerate(zip(every, names, strict=True)):
         tell(f"scoring {name}", i / len(names))
         others = [one for one in fit.trials if one is not trial]
         label = name if i < len(fit.trials) else None
         scores.append(_trial_score(solution, trial, label, name, others, sweep, floors.get(name)))
     for i, height in enumerate(heights, start=len(fit.trials)):
-        scores[i] = replace(scores[i], own_height_m=height)
+        if height is not None:
+            scores[i] = replace(scores[i], own_height_m=height)
     joint = isinstance(solution.end, JointEnd)  # the paper's fit is of one trial
     left = _left_out(solution, tell) if leave_out and joint and len(fit.trials) > 1 else ()
     table = None
@@ -261,7 +262,7 @@ def assess(
         rows = angle_error_rows(
             [
                 JudgedTrial(trial_with(trial, contact), score.role, score.null_bw)
-                for trial, score in zip([*fit.trials, *held_out], scores, strict=True)
+                for trial, score in zip(every, scores, strict=True)
             ],
             step_s=fit.options.report_step_s,
             seed=fit.options.seed,
@@ -284,14 +285,9 @@ def height_of(solution: ContactFitSolution, trial: Trial) -> float:
     trial's own plate."""
 
     def error(height_m: float) -> float:
-        try:
-            comparison, result = solution.predict(
-                _raised(trial, height_m), None, step_s=solution.fit.options.report_step_s
-            )
-        except SimulationError:
-            return np.inf
-        found = walk_metrics(result, trial.prosthetic_plate, comparison=comparison).error_bw
-        return np.inf if found is None else found
+        raised = _raised(trial, height_m)
+        found = _error_bw(solution, raised, None, step_s=solution.fit.options.report_step_s)
+        return np.inf if np.isnan(found) else found
 
     found = minimize_scalar(
         error, bounds=(-OWN_HEIGHT_M, OWN_HEIGHT_M), method="bounded", options={"xatol": 1e-5}
@@ -299,7 +295,19 @@ def height_of(solution: ContactFitSolution, trial: Trial) -> float:
     return float(found.x)
 
 
-def _raised(trial: Trial, height_m: float) -> Trial:
+def _error_bw(solution: ContactFitSolution, trial: Trial, label: str | None, **how: float) -> float:
+    """The error that a predicted walk is judged by; NaN where there is none."""
+    try:
+        comparison, result = solution.predict(trial, label, **how)
+    except SimulationError:
+        return np.nan
+    found = walk_metrics(result, trial.prosthetic_plate, comparison=comparison).error_bw
+    return np.nan if found is None else found
+
+
+def _raised(trial: Trial, height_m: float | None) -> Trial:
+    if height_m is None:
+        return trial
     return replace(
         trial, offsets=replace(trial.offsets, height_m=trial.offsets.height_m + height_m)
     )
@@ -430,14 +438,7 @@ def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None)
     """Error of one trial over the carriage's range."""
 
     def error(position: float) -> float:
-        try:
-            comparison, result = solution.predict(
-                trial, label, step_s=SWEEP_STEP_S, fulcrum_m=float(position)
-            )
-        except SimulationError:
-            return np.nan
-        found = walk_metrics(result, trial.prosthetic_plate, comparison=comparison).error_bw
-        return np.nan if found is None else found
+        return _error_bw(solution, trial, label, step_s=SWEEP_STEP_S, fulcrum_m=float(position))
 
     positions = sweep_positions(trial)
     with side_by_side(2) as pool:

@@ -406,48 +406,33 @@ class TrialTerms:
         measured = c.measured[rows]
         by = np.zeros((len(rows), 3, 0)) if force_by is None else force_by[rows]
         weight_n = self.trial.subject.mass_kg * GRAVITY
-        of_forces = []
+        size = np.linalg.norm(model, axis=1)
+        # d|F| = F / |F| . dF
+        direction = model / np.maximum(size, _LEAST_RESULTANT_N)[:, None]
+        forces = {name: ((model - measured)[:, i], by[:, i]) for i, name in enumerate(FORCES)} | {
+            RESULTANT: (
+                size - np.linalg.norm(measured, axis=1),
+                np.einsum("ni,nip->np", direction, by),
+            )
+        }
+        series = self.fit.options.series
+        of_forces = [
+            self._term(name, c.time_s[rows], *(part / weight_n for part in forces[name]))
+            for name in series
+            if name in forces
+        ]
         of_centres = []
-        for name in self.fit.options.series:
-            if name in FORCES:
-                i = FORCES.index(name)
-                of_forces.append(
-                    self._term(
-                        name,
-                        c.time_s[rows],
-                        (model - measured)[:, i] / weight_n,
-                        by[:, i] / weight_n,
-                    )
+        length = result.foot_length_m
+        for name in (name for name in series if name in COP):
+            axis = COP.index(name)
+            for i, stance in enumerate(c.stances):
+                error = (stance.model_cop - stance.measured_cop)[::STRIDE, axis] / length
+                slope = cop_by[i][::STRIDE, axis] / length if cop_by else np.zeros((len(error), 0))
+                instants = np.linspace(stance.measured.start_s, stance.measured.end_s, len(error))
+                # Where either foot is not loaded there is no centre to compare; the force says so.
+                of_centres.append(
+                    self._term(name, instants, np.nan_to_num(error), np.nan_to_num(slope))
                 )
-            elif name == RESULTANT:
-                size = np.linalg.norm(model, axis=1)
-                wanted = np.linalg.norm(measured, axis=1)
-                # d|F| = F / |F| . dF
-                direction = model / np.maximum(size, _LEAST_RESULTANT_N)[:, None]
-                of_forces.append(
-                    self._term(
-                        name,
-                        c.time_s[rows],
-                        (size - wanted) / weight_n,
-                        np.einsum("ni,nip->np", direction, by) / weight_n,
-                    )
-                )
-            else:
-                axis = COP.index(name)
-                length = result.foot_length_m
-                for i, stance in enumerate(c.stances):
-                    error = (stance.model_cop - stance.measured_cop)[::STRIDE, axis] / length
-                    slope = (
-                        cop_by[i][::STRIDE, axis] / length if cop_by else np.zeros((len(error), 0))
-                    )
-                    instants = np.linspace(
-                        stance.measured.start_s, stance.measured.end_s, len(error)
-                    )
-                    # Where either foot is not loaded there is no centre to compare; the force says
-                    # so.
-                    of_centres.append(
-                        self._term(name, instants, np.nan_to_num(error), np.nan_to_num(slope))
-                    )
         return of_forces + of_centres
 
     def _term(

@@ -255,34 +255,25 @@ def layer_table(
 def layer_sentences(table: LayerTable) -> list[str]:
     """Which layer the held-out trials earn, and what keeps the others from it."""
     rows = [row for row in table.trials if not row.fitted] or [*table.trials]
-    null, null_predicted, stretched = (
-        mean(row.number(name) for row in rows) for name in (NULL, IN_LATE_STANCE, STRETCHED)
-    )
     known = table.discrepancy
     positions = np.array([curve.fulcrum_m for curve in known.curves] if known else [])
     judged = [
-        (error, row.null_bw)
+        (row.error_in(table.earned), row.null_bw)
         for row in rows
-        if table.earned
-        and (error := row.error_in(table.earned)) is not None
-        and row.null_bw is not None
+        if table.earned and row.null_bw is not None
     ]
+    nearer = [error < null for error, null in judged if error is not None and null is not None]
     return say(
         "prediction",
-        earned=table.earned,
-        judged=len(judged),
-        below=sum(error < null for error, null in judged),
-        **{layer: table.mean(layer) for layer in LAYERS},
-        null=null,
-        untried=table.untried,
-        null_predicted=null_predicted,
-        stretched=stretched,
-        refused=[row for row in rows if not row.correction.believed],
-        believed=[row for row in rows if row.correction.believed],
+        t=table,
+        rows=rows,
+        nearer=nearer,
+        **{
+            name: mean(row.number(name) for row in rows)
+            for name in (NULL, IN_LATE_STANCE, STRETCHED)
+        },
         few_settings=len(settings_of(positions)) < LEAST_SETTINGS,
         code_scale=CODE_SCALE,
-        shares=known and [100.0 * share for share in known.shared],
-        own=known and [100.0 * (a + b) for a, b in zip(known.shared, known.own, strict=True)],
     )
 
 
