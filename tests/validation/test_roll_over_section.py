@@ -14,10 +14,11 @@ from made_study import embedded_study, saved_section
 from vsf_drake.base.errors import InputError
 from vsf_drake.device.roll_over import (
     DURATION_S,
-    SECOND_PEAK_S,
+    Load,
     described,
     fit_arc,
     force_share,
+    iso_22675,
     iso_roll_over,
     mean_moment_arm,
     rolled_row,
@@ -203,9 +204,7 @@ def test_with_friction_the_grounds_moment_about_the_mount_is_what_the_drive_hold
     run, following = machine.roll(
         fulcrum_m=0.108, time_s=time, tilt_rad=tilt_rad(time), force_n=765.0 * force_share(time)
     )
-    moment = rolled_row(
-        machine, run, following, 0.108, duration_s=DURATION_S, shape_ends_s=SECOND_PEAK_S
-    )[1]["moment_nm"]
+    moment = rolled_row(machine, run, following, 0.108, iso_22675())[1]["moment_nm"]
     loaded, most = following.wanted_n > 100.0, 2.0 * foot.mass_kg * GRAVITY * foot.length_m
     np.testing.assert_allclose(-run.load[loaded, 2], moment[loaded], atol=most)
     assert np.abs(run.mount[:, 1] * run.grf_W[:, 0]).max() > 10.0 * most, (
@@ -323,14 +322,14 @@ def test_the_arm_in_walking_and_under_the_profile_differ_by_their_loads_alone():
         force[0] = 0.0
         place = {"fulcrum_m": walk.trial.fulcrum_m, "time_s": time - time[0]}
         run, following = machine.roll(**place, tilt_rad=tilt, force_n=force)
-        row, _ = rolled_row(
-            machine,
-            run,
-            following,
-            walk.trial.fulcrum_m,
-            duration_s=time[-1] - time[0],
+        load = Load(
+            name=walk.label,
+            time_s=place["time_s"],
+            tilt_rad=tilt,
+            force_bw=force,
             shape_ends_s=time[-1] - time[0],
         )
+        row, _ = rolled_row(machine, run, following, walk.trial.fulcrum_m, load)
         driven.append(1e3 * row.mean_moment_arm_m)
         walked.append(1e3 * walked_shapes(walk)[0][0][0].model.mean_moment_arm_m)
     rows, _, _ = iso_roll_over(

@@ -22,12 +22,11 @@ from vsf_drake.base.errors import SimulationError
 from vsf_drake.base.sentences import say
 from vsf_drake.device.roll_over import (
     DURATION_S,
-    SECOND_PEAK_S,
     IsoRow,
     energy_taken,
-    force_share,
-    rolled_row,
-    tilt_rad,
+    iso_22675,
+    returned_late,
+    roll_under,
 )
 from vsf_drake.model.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.anthropometry import scale_body
@@ -65,24 +64,15 @@ def at_equal_load(
     the load by more than a roll-over may is there: see `missed`.
     """
     machine = RollOver(model.foot, friction=False)
-    time = np.linspace(0.0, DURATION_S, steps + 1)
-    tilt = tilt_rad(time)
+    load = iso_22675(DURATION_S / steps)
     body = scale_body(subject, model.foot, model.socket)
     knee_m = body.residual_length + body.pylon_length
     mass_kg = subject.mass_kg
-    late = time[1:] > 0.5 * DURATION_S
+    late = load.time_s[1:] > 0.5 * DURATION_S
     window = max(1, round(WINDOW_S * steps / DURATION_S))
     found = []
     for fulcrum in settings_m:
-        run, following = machine.roll(
-            fulcrum_m=fulcrum,
-            time_s=time,
-            tilt_rad=tilt,
-            force_n=mass_kg * GRAVITY * force_share(time),
-        )
-        row, _ = rolled_row(
-            machine, run, following, fulcrum, duration_s=DURATION_S, shape_ends_s=SECOND_PEAK_S
-        )
+        run, row, _ = roll_under(machine, load, fulcrum, force_n=mass_kg * GRAVITY * load.force_bw)
         if row.unconverged_steps:
             raise SimulationError(
                 f"{row.unconverged_steps} steps of the foot alone with the fulcrum at "
@@ -90,7 +80,6 @@ def at_equal_load(
                 time_s=DURATION_S,
             )
         strain, taken = energy_taken(run)
-        fullest = int(np.argmax(np.where(late, strain, 0.0)))
         ankle = np.column_stack([run.mount[:, 0], np.zeros(steps), run.mount[:, 1]])
         arm = run.cop_W - (ankle + knee_m * line_of_force(run.mount[:, 2]))
         # positive: a flexor's
@@ -108,7 +97,7 @@ def at_equal_load(
                     "knee_flexor_moment": float(np.nanmax(knee[late])),
                     "push_off_power": float(given.max()) / mass_kg,
                     "stored_energy": row.stored_forefoot_j,
-                    "returned_energy": float(taken[fullest:].max() - taken[-1]),
+                    "returned_energy": returned_late(run, load),
                 },
             )
         )

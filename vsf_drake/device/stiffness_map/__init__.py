@@ -7,7 +7,8 @@ inverse.
     mapped.inverse("radius", 0.25, mass_kg=90.0, slope_deg=0.0)
 """
 
-from vsf_drake.device.stiffness_map.cells import Load, iso_22675, load_profile
+from vsf_drake.device.roll_over import Load, iso_22675
+from vsf_drake.device.stiffness_map.cells import load_profile
 from vsf_drake.device.stiffness_map.make import make_map, standard_axes
 from vsf_drake.device.stiffness_map.surface import (
     FORMAT,

@@ -20,21 +20,11 @@ from scipy.interpolate import PchipInterpolator
 
 from vsf_drake.base.errors import InputError, SimulationError, require
 from vsf_drake.base.text_table import table_rows, text_lines
-from vsf_drake.device.roll_over import (
-    DURATION_S,
-    SECOND_PEAK_S,
-    energy_taken,
-    force_share,
-    rolled_row,
-    tilt_rad,
-)
+from vsf_drake.device.roll_over import STEP_S, Load, returned_late, roll_under
 from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.roll_over import RollOver
 
-ISO = "ISO 22675"
-# half and twice of it change no quantity by more than 0.6 % (225 cells, nominal foot)
-STEP_S = 1e-3
 # over which a loading rate is taken: shorter ones tell the time step (a choice)
 RATE_WINDOW_S = 0.02
 COLUMNS = ("time_s", "tilt_deg", "force_bw")
@@ -44,20 +34,6 @@ _LARGEST_TILT_DEG = 45.0
 _PEAK_BW = (0.3, 5.0)
 _FIRST_SHARE = 0.05
 _HEEL = "heel"  # how the names of the heel's contact zones begin
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Load:
-    """A stance: n + 1 instants from 0, evenly spaced."""
-
-    name: str
-    time_s: np.ndarray
-    tilt_rad: np.ndarray
-    """of the ground against the plane across the pylon, negative with its front down: heel
-    loading"""
-    force_bw: np.ndarray  # along the pylon, over body weight; 0 at first
-    shape_ends_s: float
-    """when the roll-over shape ends: the second peak, later the load only leaves the toe"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,19 +72,6 @@ ROLLED = {
 """What the machines tell of a cell: unit and meaning; the load does not change the stiffness."""
 # it passes through zero downhill: errors and bands of it are no shares of itself
 SIGNED = "moment_arm"
-
-
-def iso_22675(step_s: float = STEP_S) -> Load:
-    """The loading profile of ISO 22675, its first peak the body weight (no load level of the
-    standard)."""
-    time = np.linspace(0.0, DURATION_S, round(DURATION_S / step_s) + 1)
-    return Load(
-        name=ISO,
-        time_s=time,
-        tilt_rad=tilt_rad(time),
-        force_bw=force_share(time),
-        shape_ends_s=SECOND_PEAK_S,
-    )
 
 
 def load_profile(path: str | Path, step_s: float = STEP_S) -> Load:
@@ -236,10 +199,9 @@ def _rolled(machine: RollOver, load: Load, cell: Cell, stiffness: float) -> Roll
     line = load.tilt_rad + np.radians(cell.slope_deg)  # of the pylon's line against the ground
     tilt = line - np.radians(cell.alignment_deg)
     force = cell.mass_kg * GRAVITY * load.force_bw * np.cos(tilt) / np.cos(line)
+    fulcrum_m = 1e-3 * cell.fulcrum_mm
     try:
-        run, following = machine.roll(
-            fulcrum_m=1e-3 * cell.fulcrum_mm, time_s=load.time_s, tilt_rad=tilt, force_n=force
-        )
+        run, row, _ = roll_under(machine, load, fulcrum_m, force_n=force, tilt_rad=tilt)
     except SimulationError as error:
         return Rolled(
             values=dict.fromkeys(ROLLED, np.nan),
@@ -250,33 +212,21 @@ def _rolled(machine: RollOver, load: Load, cell: Cell, stiffness: float) -> Roll
                 f"mm: {error}"
             ),
         )
-    duration = float(load.time_s[-1])
-    row, _ = rolled_row(
-        machine,
-        run,
-        following,
-        1e-3 * cell.fulcrum_mm,
-        duration_s=duration,
-        shape_ends_s=load.shape_ends_s,
-    )
-    late = run.time_s > 0.5 * duration
-    strain, taken_in = energy_taken(run)
-    fullest = int(np.argmax(np.where(late, strain, 0.0)))
     step = float(load.time_s[1])
     window = max(1, round(RATE_WINDOW_S / step))
     normal = cell.mass_kg * GRAVITY * load.force_bw / np.cos(line)
-    rises = (normal[window:] - normal[:-window])[load.time_s[window:] <= 0.5 * duration]
+    rises = (normal[window:] - normal[:-window])[load.time_s[window:] <= 0.5 * load.duration_s]
     values = {
         "stiffness": stiffness,
         "radius": row.radius_m,
         "eflr": row.effective_foot_length_ratio,
         "moment_arm": None if row.mean_moment_arm_m is None else 1e3 * row.mean_moment_arm_m,
         "stored": row.stored_forefoot_j,
-        "returned": float(taken_in[fullest:].max() - taken_in[-1]),
+        "returned": returned_late(run, load),
         "loading_rate": 1e-3 * float(rises.max()) / (window * step),
     }
     return Rolled(
         values={name: np.nan if value is None else value for name, value in values.items()},
-        residual=following.residual_n / float(force.max()),
-        follows=following.follows,
+        residual=row.residual_n / float(force.max()),
+        follows=row.follows,
     )

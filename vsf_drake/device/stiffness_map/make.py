@@ -21,7 +21,8 @@ import numpy as np
 
 from vsf_drake.base.errors import SimulationError, require
 from vsf_drake.base.schema import to_plain
-from vsf_drake.device.stiffness_map.cells import ROLLED, Cell, Load, Rolled, roll_cells, with_heel
+from vsf_drake.device.roll_over import Load
+from vsf_drake.device.stiffness_map.cells import ROLLED, Cell, Rolled, roll_cells, with_heel
 from vsf_drake.device.stiffness_map.surface import (
     FEWEST_DRAWS,
     FEWEST_VALUES,
@@ -200,7 +201,7 @@ def make_map(
         largest_residual=max(reply.residual for reply in own),
         load=LoadRecord(
             name=load.name,
-            duration_s=float(load.time_s[-1]),
+            duration_s=load.duration_s,
             steps=len(load.time_s) - 1,
             shape_ends_s=load.shape_ends_s,
         ),

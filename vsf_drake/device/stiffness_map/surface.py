@@ -19,7 +19,8 @@ from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import record
 from vsf_drake.base.schema import from_plain
-from vsf_drake.device.stiffness_map.cells import SIGNED, Cell, Load, roll_cells, with_heel
+from vsf_drake.device.roll_over import Load
+from vsf_drake.device.stiffness_map.cells import SIGNED, Cell, roll_cells, with_heel
 from vsf_drake.model.parameters import FootParameters
 
 FORMAT = "vsf_drake stiffness map 1"
