@@ -49,23 +49,23 @@ _GOOD = "#1f6f8b"
 _BAD = "#b3261e"
 _PRIOR = ((2.0, "0.95"), (1.0, "0.87"))
 _WIDEST = 4.5
+_STAR: dict[str, Any] = {"marker": "*", "markersize": 12, "color": "white"}
+_FIT: dict[str, Any] = {"marker": "o", "markersize": 7, "markeredgewidth": 1.8}
 
 
 def fit_figures(table: FitTable) -> dict[str, Figure]:
     """The figures by the name of their files, without those for which this fit has nothing."""
     figures: dict[str, Figure] = {}
-    scores = [trial.score for trial in table.trials if trial.score is not None]
-    if scores:
+    if any(trial.score for trial in table.trials):
         figures["errors"] = fit_error_figure(table)
-    if any(score.sweep is not None for score in scores):
-        figures["sweep"] = fit_sweep_figure(
-            [
-                (trial.label, trial.fulcrum_mm, trial.score.sweep)
-                for trial in table.trials
-                if trial.score is not None and trial.score.sweep is not None
-            ],
-            synthetic=any(trial.synthetic for trial in table.trials),
-        )
+    swept = [
+        (trial.label, trial.fulcrum_mm, trial.score.sweep)
+        for trial in table.trials
+        if trial.score is not None and trial.score.sweep is not None
+    ]
+    if swept:
+        synthetic = any(trial.synthetic for trial in table.trials)
+        figures["sweep"] = fit_sweep_figure(swept, synthetic=synthetic)
     for i, trial in enumerate(table.trials):
         if trial.score is not None:
             figures[trial_name(i, trial)] = fit_trial_figure(trial, trial.score)
@@ -90,9 +90,14 @@ def is_smooth(name: str) -> bool:
     return name.startswith("curve.") or (name.startswith("trial.") and ".path." in name)
 
 
-def _dot(name: str, marker: str = "o", **look: Any) -> Line2D:
+def _line(name: str, **look: Any) -> Line2D:
+    """A line in a legend."""
+    return Line2D([], [], label=name, **look)
+
+
+def _dot(name: str, **look: Any) -> Line2D:
     """A marker alone in a legend."""
-    return Line2D([], [], linestyle="", label=name, marker=marker, **look)
+    return _line(name, linestyle="", **{"marker": "o"} | look)
 
 
 def fit_bench_figure(bench: BenchRow) -> Figure:
@@ -164,15 +169,8 @@ def _bench(axes: Axes, x: Sequence[float], quantity: Beside) -> list[Artist]:
     axes.set_ylim(0.0, 1.2 * max(*measured, *model))
     axes.margins(x=0.1)
     return [
-        Line2D([], [], label="measured, ± 2 standard deviations", **solid),
-        Line2D(
-            [],
-            [],
-            marker="o",
-            markerfacecolor="white",
-            label="fitted, with its difference",
-            **dashed,
-        ),
+        _line("measured, ± 2 standard deviations", **solid),
+        _line("fitted, with its difference", marker="o", markerfacecolor="white", **dashed),
     ]
 
 
@@ -205,15 +203,8 @@ def fit_error_figure(table: FitTable) -> Figure:
             if (error := score.error_bw) is not None:
                 colour = colour_of(trial.fulcrum_mm)
                 axes.plot([0.0, 100.0 * error], [y, y], color=colour, linewidth=1.2, alpha=0.6)
-                axes.plot(
-                    100.0 * error,
-                    y,
-                    marker="o",
-                    color=colour,
-                    markersize=7,
-                    markeredgewidth=1.8,
-                    markerfacecolor=colour if trial.role == _FITTED else "white",
-                )
+                inside = colour if trial.role == _FITTED else "white"
+                axes.plot(100.0 * error, y, color=colour, markerfacecolor=inside, **_FIT)
         axes.set_xlim(left=0.0)
         axes.margins(x=0.08)
         axes.set_yticks(range(len(rows)), names)
@@ -228,17 +219,9 @@ def fit_error_figure(table: FitTable) -> Figure:
                 + ": left of its\ndiamond nearer to the plate\nthan the null model" * beaten
             ),
         )
-        handles: list[Artist] = [_dot("fitted trial", color=NEUTRAL, markersize=7)]
+        handles: list[Artist] = [_dot("fitted trial", color=NEUTRAL, **_FIT)]
         if any(trial.role != _FITTED for trial, _ in rows):
-            handles.append(
-                _dot(
-                    "held-out trial",
-                    color=NEUTRAL,
-                    markersize=7,
-                    markerfacecolor="white",
-                    markeredgewidth=1.8,
-                )
-            )
+            handles.append(_dot("held-out trial", color=NEUTRAL, markerfacecolor="white", **_FIT))
         handles += [
             _dot(name, **look)
             for name, values, look in beside
@@ -279,18 +262,13 @@ def fit_parameter_figure(
             )
         handles: list[Artist] = [
             Patch(facecolor=_PRIOR[1][1], label="prior, ± 1 SD (lighter: ± 2)"),
-            Line2D([], [], color=_GOOD, marker="o", label="fitted value and 95 % interval"),
-            Line2D(
-                [],
-                [],
-                color=NEUTRAL,
-                marker="o",
-                markerfacecolor="white",
-                label="not identified: mostly prior",
+            _line("fitted value and 95 % interval", color=_GOOD, marker="o"),
+            _line(
+                "not identified: mostly prior", color=NEUTRAL, marker="o", markerfacecolor="white"
             ),
         ]
         if any(row.at_bound for row, _ in free):
-            handles.append(Line2D([], [], color=_BAD, marker="s", label="at a bound"))
+            handles.append(_line("at a bound", color=_BAD, marker="s"))
         legend_below(figure, handles)
     return figure
 
@@ -415,7 +393,7 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
         )
         legend_below(
             figure,
-            [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)],
+            [_line(name, **look) for name, look in zip(names, looks, strict=True)],
         )
         title = (
             f"{trial.label}: {trial.role}, fulcrum {trial.fulcrum_mm:g} "
@@ -444,13 +422,11 @@ def fit_sweep_figure(trials: Sequence[TrialSweep], *, synthetic: bool) -> Figure
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         handles: list[Artist] = [
-            Line2D([], [], color=NEUTRAL, linewidth=6.0, alpha=0.3, label="where it stood"),
-            _dot(
-                "least error of a trial", "*", color="white", markersize=12, markeredgecolor="black"
-            ),
+            _line("where it stood", color=NEUTRAL, linewidth=6.0, alpha=0.3),
+            _dot("least error of a trial", markeredgecolor="black", **_STAR),
         ]
         if any(np.isnan(sweep.errors_bw).any() for _, _, sweep in trials):
-            handles.append(_dot("the walk failed", "x", color="black"))
+            handles.append(_dot("the walk failed", marker="x", color="black"))
         label(axes, x=FULCRUM, y="resultant, RMS error (% BW)")
         legend_below(figure, handles)
         say_synthetic(figure, synthetic, "trials")
@@ -465,15 +441,7 @@ def _sweep(axes: Axes, name: str, fulcrum_mm: float, sweep: FulcrumSweep) -> Non
     known = np.isfinite(errors)
     if sweep.best_mm is not None and known.any():
         least = float(errors[known].min())
-        axes.plot(
-            sweep.best_mm,
-            least,
-            marker="*",
-            markersize=12,
-            color="white",
-            markeredgecolor=colour,
-            zorder=5,
-        )
+        axes.plot(sweep.best_mm, least, markeredgecolor=colour, zorder=5, **_STAR)
         if sweep.right is False:
             tag(
                 axes,
