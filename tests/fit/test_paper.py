@@ -320,7 +320,7 @@ class Broken:
         self.subject, self.model, self.variables = walker.subject, walker.model, walker.variables
         self.walks, self.error = 0, error
 
-    def walk(self, *_, **__):
+    def walk_trial(self, *_, **__):
         self.walks += 1
         raise self.error
 
