@@ -36,9 +36,8 @@ class FitTask:
     """A fit that can be done; `options` are what was asked for."""
 
     problem: ContactFit
-    quick: bool
+    request: FitRequest
     held_out: Sequence[Trial]
-    own_height: bool  # whether held-out trials have heights that are fitted to their own plates
     options: Mapping[str, object]
     inputs: Mapping[str, str]
 
@@ -114,9 +113,8 @@ def make_task(
     )
     return FitTask(
         problem=problem,
-        quick=request.quick,
+        request=request,
         held_out=held_out,
-        own_height=request.held_out_height,
         inputs={}
         if request.bench is None
         else {f"bench: {request.bench.name}": sha256(request.bench)},
@@ -204,9 +202,9 @@ def run_task(task: FitTask, out: Path, checkpoint: Checkpoint) -> FitTable:
             judged = assess(
                 solution,
                 task.held_out,
-                sweep=not task.quick,
-                leave_out=not task.quick,
-                own_height=task.own_height,
+                sweep=not task.request.quick,
+                leave_out=not task.request.quick,
+                own_height=task.request.held_out_height,
                 progress=judging,
             )
         except (FitError, SimulationError) as error:

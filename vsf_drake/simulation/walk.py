@@ -276,7 +276,7 @@ class Walker:
 
     def walk_trial(self, trial: Trial, **changes: Any) -> Walk:
         """`walk` of a recorded trial, as its manifest says but for `changes`."""
-        recorded = {
+        recorded: dict[str, Any] = {
             "fulcrum_m": trial.fulcrum_m,
             "start_s": trial.start_s,
             "end_s": trial.end_s,
