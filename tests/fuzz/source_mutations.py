@@ -186,9 +186,9 @@ BY_HAND = (
     Mutation("map", CELLS, "damping_n_s_per_m=ratio * zone", "damping_n_s_per_m=1.0 * zone"),
     Mutation(
         "map",
-        CELLS,
-        "taken_in[fullest:].max() - taken_in[-1]",
-        "taken_in[fullest:].max() + taken_in[-1]",
+        ROLL_OVER,
+        "taken[fullest:].max() - taken[-1]",
+        "taken[fullest:].max() + taken[-1]",
     ),
     Mutation("map", CELLS, "RATE_WINDOW_S = 0.02", "RATE_WINDOW_S = 0.05"),
     Mutation("map", ROLL_OVER, "164.651497111425", "166.651497111425"),
