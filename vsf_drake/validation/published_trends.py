@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.base.errors import FitError, InputError, SimulationError
-from vsf_drake.base.files import resource, sha256
+from vsf_drake.base.files import resource, sha256, table_of
 from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.collocation.solution import TrajectorySolution
 from vsf_drake.device.equal_load import at_equal_load, missed
@@ -240,57 +240,31 @@ def load_evidence(
         for ratio in HEELS
     ]
 
-    rolled = {"settings": settings, "heels": heels}
     evidence = []
-    for of, measure, unit, number, stands, aside in _rows(_UNDER_LOAD):
-        off = missed(rolled[of])
-        size = mass if unit == "J/kg" else 1.0
-        numbers = [(vars(one.row) | vars(one) | one.outcomes)[number] for one in rolled[of]]
-        evidence.append(
-            _evidence(
-                measure,
-                LOAD,
-                unit,
-                f"{stands}; {off}" if off else stands,
-                [() if value is None else (float(value / size),) for value in numbers],
-                aside=aside,
+    for of, rolled in (("load", settings), ("load on heels", heels)):
+        off = missed(rolled)
+        for row in _measures(of):
+            size = mass if row["unit"] == "J/kg" else 1.0
+            stands = row["stands"].format(*HEELS)
+            numbers = [(vars(one.row) | vars(one) | one.outcomes)[row["number"]] for one in rolled]
+            evidence.append(
+                _evidence(
+                    row["measure"],
+                    LOAD,
+                    row["unit"],
+                    f"{stands}; {off}" if off else stands,
+                    [() if value is None else (float(value / size),) for value in numbers],
+                    aside=row["aside"],
+                )
             )
-        )
     return evidence, [row.stiffness for row in settings]
 
 
-_TIMES = f"with {HEELS[0]:g}, {HEELS[1]:g} and {HEELS[2]:g} times the heel's stiffness"
-_NOBODY = "there is no knee: a point where the person's is, on the pylon's line"
-_UNDER_LOAD = f"""
-settings | energy stored   | J/kg | stored_energy   | largest in keel, fulcrum and foam late in stance |
-settings | energy returned | J/kg | returned_energy | given back after that |
-settings | push-off work   | J/kg | returned_energy | energy given back late in stance stands for it | the same number as energy returned, which is counted
-settings | push-off power  | W/kg | push_off_power  | largest rate of giving back, over 20 ms | the load sets the pace, not a person
-settings | roll-over radius | m   | radius_m        | circle nearest to the roll-over shape |
-settings | effective foot length ratio | m/m | effective_foot_length_ratio | from the rear end of the sole |
-settings | plantarflexor moment | N m/kg | ankle_moment | largest moment about the pylon's end that turns the toe up |
-settings | dorsiflexion    | deg  | dorsiflexion    | largest turn of the keel's end stands for the angle |
-settings | knee flexor moment | N m/kg | knee_flexor_moment | largest moment of the ground's force about the knee late in stance | {_NOBODY}
-heels    | heel energy returned | J/kg | early_j    | what is held in the first half, {_TIMES}, stands for it |
-heels    | knee extensor moment | N m/kg | knee_extensor_moment | largest moment of the ground's force about the knee early in stance, {_TIMES} | {_NOBODY}
-"""  # noqa: E501 (a table)
-"""What the foot alone has: over which of its variants, the measure, its unit, the number of an
-`EqualLoad` (energies in J), what that is, and why it is never counted."""
-_OWN_MOTION = """
-energy stored      | J/kg   | stored_j       | largest in keel, fulcrum and foam in a stance
-energy returned    | J/kg   | returned_j     | given back after that
-push-off work      | J/kg   | returned_j     | energy given back stands for it
-push-off power     | W/kg   | distal_peak_w  | largest distal power of the pylon
-knee flexor moment | N m/kg | knee_flexor_nm | largest load that drives the knee in the second half of stance
-roll-over radius   | m      | radius_m       | circle nearest to the roll-over shape, seen from the shank
-effective foot length ratio | m/m | effective_foot_length_ratio | from the rear end of the sole, seen from the shank
-"""  # noqa: E501 (a table)
-"""What walks of their own motion have: the measure, its unit, the number of a stance or a footfall
-(of the whole person), and what that is."""
-
-
-def _rows(table: str) -> list[list[str]]:
-    return [[cell.strip() for cell in line.split("|")] for line in table.strip().splitlines()]
+def _measures(of: str) -> list[dict[str, str]]:
+    """What is had of the foot alone, over settings (`load`) or heels (`load on heels`), or of walks
+    of their own motion: the measure, its unit, the number of an `EqualLoad`, of a stance or of a
+    footfall (energies in J, of the whole person), what that is, and why it is never counted."""
+    return [row for row in table_of("validation/evidence.csv") if row["of"] == of]
 
 
 def _evidence(
@@ -343,15 +317,19 @@ def own_motion_evidence(
         numbers.append((walk.fulcrum_mm, own))
     mass = study.walks[0].recorded.subject.mass_kg
     evidence = []
-    for measure, unit, number, stands in _rows(_OWN_MOTION):
-        size = mass if unit.endswith("/kg") else 1.0
+    aside = MADE if study.synthetic else ""
+    for row in _measures("own motion"):
+        size = mass if row["unit"].endswith("/kg") else 1.0
         values = [
-            (known(own.get(number) for at, own in numbers if at == x) / size).tolist()
+            (known(own.get(row["number"]) for at, own in numbers if at == x) / size).tolist()
             for x in conditions
         ]
         if any(values):
-            aside = MADE if study.synthetic else ""
-            evidence.append(_evidence(measure, OWN_MOTION, unit, stands, values, aside=aside))
+            evidence.append(
+                _evidence(
+                    row["measure"], OWN_MOTION, row["unit"], row["stands"], values, aside=aside
+                )
+            )
     return evidence, [f"{one.case.label}: {one.failure}" for one in energies if one.failure]
 
 

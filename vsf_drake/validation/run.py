@@ -18,7 +18,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from vsf_drake.base.errors import FitError, InputError, SimulationError
-from vsf_drake.base.files import plain, read_json, read_npz, record, replaced, sha256, write_json
+from vsf_drake.base.files import (
+    plain,
+    read_json,
+    read_npz,
+    record,
+    replaced,
+    sha256,
+    table_of,
+    write_json,
+)
 from vsf_drake.base.progress import Progress
 from vsf_drake.base.schema import to_plain
 from vsf_drake.base.sentences import say
@@ -407,27 +416,6 @@ def _notes(study: Study, finished: Mapping[str, Finished]) -> list[str]:
 # Published: McGeehan, Adamczyk, Nichols and Hahn 2021, doi 10.1115/1.4050456.
 
 
-_SUMMARY = """
-bench/stiffness_r2              | Bench: R² of stiffness over fulcrum positions | | 1 | {:z.4f} | 0.98 | at least 0.98
-bench/stiffness_rmse_n_per_mm   | Bench: RMSE of stiffness | N/mm | 1 | {:z.2f} | 1.37 | at most 1.37
-bench/mid_range_rmse_mm         | Bench: RMSE of mid-range displacement | mm | 1 | {:z.2f} | 0.45 | at most 0.45
-walking/fitted/grf_rmse_bw      | Fitted walks: resultant GRF, RMSE, mean | % BW | 100 | {:z.2f} | 5.3 | at most 5.3
-walking/held_out/grf_rmse_bw    | Held-out walks: resultant GRF, RMSE, mean | % BW | 100 | {:z.2f} | 10 to 14 | at most 10
-walking/held_out/grf_rmse_bw_worst | Held-out walks: resultant GRF, RMSE, worst | % BW | 100 | {:z.2f} | 14 | at most 14
-walking/held_out/null_model_grf_rmse_bw | Held-out walks: null model (other walks' plate curves, interpolated between settings), mean | % BW | 100 | {:z.2f} | |
-walking/held_out/stretched_null_grf_rmse_bw | Held-out walks: nearest single plate curve of another walk, mean | % BW | 100 | {:z.2f} | |
-walking/held_out/cop_rmse_fl    | Held-out walks: CoP along the foot, RMSE, mean | % foot length | 100 | {:z.2f} | 5.7 to 9.5 | at most 9.5
-walking/held_out/cop_ml_rmse_fl | Held-out walks: CoP across the foot, RMSE, mean | % foot length | 100 | {:z.2f} | |
-walking/held_out/impulse_rmse_bws | Held-out walks: impulse, RMSE, mean | BW s | 1 | {:z.4f} | 0.01 to 0.05 | at most 0.05
-walking/stance_r                | Stance time: correlation over trials | | 1 | {:z.3f} | |
-energy/ledger_remainder_share_max | Energy balance: remainder over stored energy, worst trial | % | 100 | {:z.2f} | | at most 1
-energy/softer_stores_more       | Energy: a softer setting stores more | | 1 | | | yes
-energy/softer_returns_more      | Energy: a softer setting returns more | | 1 | | | yes
-"""  # noqa: E501 (a table)
-"""Where a value stands, what it is, its unit as it is shown, by what it is multiplied then, its
-format (none for yes or no), the published figure in words, and what is asked of it."""
-
-
 def summary_rows(
     sections: Mapping[str, object], *, synthetic: bool, bench_synthetic: bool
 ) -> tuple[SummaryRow, ...]:
@@ -442,8 +430,13 @@ def summary_rows(
         return value
 
     rows = []
-    for line in _SUMMARY.strip().splitlines():
-        key, what, unit, scale, form, paper, asked = map(str.strip, line.split("|"))
+    # Where a value stands, what it is, its unit as it is shown, by what it is multiplied then, its
+    # format (none for yes or no), the published figure in words, and what is asked of it.
+    for line in table_of("validation/summary.csv"):
+        key = line["key"]
+        what = line["what"]
+        scale = float(line["scale"])
+        asked = line["asked"]
         value = at(key)
         fitted = key.startswith("bench/") and bool(at("bench/contact_on_bench"))
         made = bench_synthetic if key.startswith("bench/") else synthetic
@@ -455,8 +448,8 @@ def summary_rows(
             asked = ""
         if value is None:
             shown = None
-        elif form:
-            shown = form.format(float(scale) * value)
+        elif line["form"]:
+            shown = line["form"].format(scale * value)
         else:
             shown = "yes" if value else "no"
         rows.append(
@@ -464,11 +457,11 @@ def summary_rows(
                 what=what,
                 key=key,
                 value=value,
-                unit=unit,
-                paper=paper or None,
+                unit=line["unit"],
+                paper=line["paper"] or None,
                 shown=shown,
                 asked=asked or None,
-                met=_met(value, asked, float(scale)),
+                met=_met(value, asked, scale),
                 synthetic=made,
             )
         )
