@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 from made_steps import STANCE_S, TIME, feet, steps
 
-from vsf_drake.motion.events import find_scuffs, find_stances, kinematic_stances, walking_direction
+from vsf_drake.motion.events import (
+    find_scuffs,
+    find_stances,
+    kinematic_stances,
+    united,
+    walking_direction,
+)
 
 FORCE_TIME = np.arange(0.0, 2.0, 0.001)
 
@@ -44,6 +50,13 @@ def test_short_drop_out_does_not_end_a_stance():
     force[(FORCE_TIME > 0.8) & (FORCE_TIME < 0.81)] = 0.0
     assert len(find_stances(FORCE_TIME, force)) == 1
     assert len(find_stances(FORCE_TIME, force, bridge_s=0.005)) == 2
+
+
+def test_spans_less_than_a_bridge_apart_are_one_and_so_are_those_that_touch():
+    spans = ((0.0, 1.0), (1.5, 2.0))
+    assert united(spans, bridge_s=0.5) == united(spans) == spans
+    assert united(spans, bridge_s=0.5 + 1e-9) == ((0.0, 2.0),)
+    assert united(((0.0, 1.0), (1.0, 2.0))) == ((0.0, 2.0),)
 
 
 def test_ends_outside_the_record_are_told():

@@ -175,6 +175,12 @@ def test_a_fit_without_a_bench_has_its_page_and_doubts_about_a_bench_stand_in_it
     assert "kgf, not N?" in doubted[: doubted.index("<details")] and "kgf" not in page
 
 
+def test_a_trial_may_be_named_with_the_sign_that_parts_cells():
+    table = made_fit(trials=(made_trial("a│b"),))
+    left_out = replace(table.left_out[0], left_out=("a│b",))
+    assert "a|b" in fit_page(replace(table, left_out=(left_out,)), {})
+
+
 def test_synthetic_data_are_named_in_title_and_text():
     table = made_fit(
         synthetic=True, trials=(made_trial(synthetic=True),), bench=replace(BENCH, synthetic=True)

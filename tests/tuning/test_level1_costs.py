@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.motion.events import Stance
+from vsf_drake.tuning.common import Checks
 from vsf_drake.tuning.costs import (
     CONSISTENCY,
     NEGATIVE_EFFICIENCY,
@@ -58,6 +59,13 @@ def frame(*, rates=(0.0, 0.0), twist=(0.0,) * 6, own=None, plate=None):
         own=own or loads(),
         plate_W=None if plate is None else constant(*plate),
     )
+
+
+def test_a_check_is_judged_by_a_whole_number_too():
+    checks = Checks(1)
+    checks.add("force_change", 0.2, 1)
+    checks.add("force_change", 2.0, 1)
+    assert [check.met for check in checks] == [True, False]
 
 
 def test_joints_and_socket_count_by_their_squares_over_weight_and_leg():

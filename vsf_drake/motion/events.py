@@ -48,11 +48,12 @@ def overlap_s(a: Timed, b: Timed) -> float:
 
 
 def united(spans: Iterable[Span], *, bridge_s: float = 0.0) -> tuple[Span, ...]:
-    """Spans in order of time; those that overlap, touch or are no more than `bridge_s` apart are
+    """Spans in order of time; those that overlap, touch or are less than `bridge_s` apart are
     one."""
     merged: list[Span] = []
     for start, end in sorted(spans):
-        if merged and start - merged[-1][1] <= bridge_s:
+        apart_s = start - merged[-1][1] if merged else np.inf
+        if apart_s <= 0.0 or apart_s < bridge_s:
             merged[-1] = (merged[-1][0], max(merged[-1][1], end))
         else:
             merged.append((start, end))

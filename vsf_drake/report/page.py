@@ -348,6 +348,8 @@ def _environment() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        # A name may hold anything and ends no cell of `records`; what is marked up is a template's.
+        finalize=lambda value: value.replace("│", "|") if type(value) is str else value,
     )
     pages.filters |= {
         "number": number,

@@ -118,16 +118,16 @@ class Checks(list[TuningCheck]):
         `row` of the labels, the name unless given; `part` of the wording, the row unless given.
         """
         own = self.labels[row or name]
-        limited = isinstance(target, float)
-        if met is None and value is not None and isinstance(target, float):
-            met = value <= target
+        limit = None if target is None or isinstance(target, str) else float(target)
+        if met is None and value is not None and limit is not None:
+            met = value <= limit
         self.append(
             TuningCheck(
                 name,
                 own.label.format(**numbers),
                 None if value is None else float(value),
                 own.unit if unit is None else unit,
-                self.at_most.format(target) if self.at_most and limited else target,
+                self.at_most.format(target) if self.at_most and limit is not None else target,
                 None if met is None else bool(met),
                 say(self.wording, part or row or name, value=value, target=target, **numbers)[0],
             )

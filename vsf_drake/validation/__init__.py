@@ -1,5 +1,5 @@
-"""The paper's study on any trials: bench, standing, walking, energy, roll-over, what it can tell
-apart, sensitivity.
+"""The paper's study on any trials: bench, standing, walking, energy, roll-over.
 
-`study.make_study` reads and walks the trials; each section is a function of the study.
+`study.make_study` reads and walks the trials; each section is a function of the study. Which
+settings can be told apart, and sensitivity, are records of what a study has computed.
 """

@@ -48,10 +48,19 @@ def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
     }
     if table.lines[0].statistics is not None:
         figures["bench_errors"] = _errors_figure(table)
+    forefoot = sorted(
+        (row for row in table.rates if row.fulcrum_mm is not None),
+        key=lambda row: row.fulcrum_mm or 0.0,
+    )
+    at_speed = {
+        speed: [row for row in forefoot if row.speed_mm_per_min == speed]
+        for speed in sorted({row.speed_mm_per_min for row in forefoot}, reverse=True)
+    }
     return section_chapter(
         "bench",
         table,
         figures,
+        loops=[(speed, own[0], own[-1]) for speed, own in at_speed.items() if len(own) > 1],
         comparison_rows=[
             {"of": line.name + more, **vars(own)}
             for line in table.lines

@@ -26,7 +26,7 @@ from vsf_drake.report.style import (
     say_synthetic,
 )
 from vsf_drake.report.validation.panels import mark, section_chapter
-from vsf_drake.walks.numbers import by_fulcrum
+from vsf_drake.walks.numbers import by_fulcrum, spread
 
 if TYPE_CHECKING:
     from vsf_drake.validation.energy_section import (
@@ -67,14 +67,40 @@ _LOSSES = ("keel_loss", "foam_loss", "friction_loss", "fulcrum_loss")
 def energy_chapter(table: EnergyTable, arrays: Arrays) -> Chapter:
     """What the foot stores and returns by fulcrum position, and how well its balance closes."""
     figures = {}
+    facts: dict[str, object] = {}
     if table.trials:
+        stored: dict[str, list[tuple[float, float | None]]] = {
+            "as recorded": [(row.fulcrum_mm, row.means["stored_j"]) for row in table.conditions],
+            "under the same load": [(row.fulcrum_mm, row.stored_j) for row in table.same_load],
+            "with the same motion": [(row.fulcrum_mm, row.stored_j) for row in table.same_motion],
+        }
+        first = table.trials[0].terms_j
+        facts = {
+            "stored_at_ends": [
+                (name, *_ends(rows)) for name, rows in stored.items() if len(dict(rows)) > 1
+            ],
+            "lost_first_j": sum(
+                first[f"{name}_j"] for name in table.terms if name.endswith("_loss")
+            ),
+        }
         figures = {
             "energy_stance": _stance_figure(table, arrays),
             "energy_position": _position_figure(table),
             "energy_balance": _balance_figure(table.trials[0]),
             "energy_power": _power_figure(table, arrays),
         }
-    return section_chapter("energy", table, figures, condition_rows=plain(table.conditions))
+    return section_chapter(
+        "energy", table, figures, condition_rows=plain(table.conditions), **facts
+    )
+
+
+def _ends(rows: Sequence[tuple[float, float | None]]) -> list[tuple[float, float | None]]:
+    """The softest and the stiffest position (mm), and the mean at each."""
+    places = {place for place, _ in rows}
+    return [
+        (end, spread(value for place, value in rows if place == end).mean)
+        for end in (min(places), max(places))
+    ]
 
 
 def _balance_figure(row: EnergyRow) -> Figure:

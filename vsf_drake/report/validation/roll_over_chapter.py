@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,10 +23,10 @@ from vsf_drake.report.style import (
     tag,
 )
 from vsf_drake.report.validation.panels import mark, plate_name, section_chapter
-from vsf_drake.walks.numbers import cells
+from vsf_drake.walks.numbers import by_fulcrum, cells, known, spread
 
 if TYPE_CHECKING:
-    from vsf_drake.device.roll_over import Iso
+    from vsf_drake.device.roll_over import Iso, IsoRow
     from vsf_drake.validation.roll_over_section import InclinedRow, RollOverTable
 
 _PANELS = (
@@ -34,6 +34,7 @@ _PANELS = (
     ("effective_foot_length_ratio", 1.0, "effective /\nfoot length", "(ratio)"),
     ("mean_moment_arm_m", 1e3, "mean\nmoment arm", "(mm)"),
 )
+_WITH_FRICTION = ("deflection_forefoot_mm", "radius_m", "dorsiflexing_moment_nm")
 _ISO = (
     ("force_n", "(N)", "Force along the line"),
     ("deflection_mm", "(mm)", "Deflection"),
@@ -55,10 +56,23 @@ def roll_over_chapter(table: RollOverTable, arrays: Arrays) -> Chapter:
         figures["iso_22675_profile"] = _iso_figure(iso, arrays)
     if table.inclined:
         figures["inclined_loading"] = _inclined_figure(table.inclined, arrays)
+    conditions = table.conditions
+    at_one_position = by_fulcrum(table.walks).values()
+    rough = [
+        (row, other)
+        for row in iso.positions
+        for other in iso.with_friction
+        if row.fulcrum_mm == other.fulcrum_mm
+    ]
     return section_chapter(
         "roll_over",
         table,
         figures,
+        off=_sizes(row.off("radius_m") for row in conditions),
+        off_after_heel=_sizes(row.off("radius_after_heel_m") for row in conditions),
+        after_heel=[row for row in conditions if row.off("radius_after_heel_m") is not None],
+        heel_apart_mm=_means_mm([walk.heel_apart_m for walk in own] for own in at_one_position),
+        later_apart_mm=_means_mm([walk.later_apart_m for walk in own] for own in at_one_position),
         condition_rows=[
             {
                 "fulcrum_mm": row.fulcrum_mm,
@@ -72,17 +86,30 @@ def roll_over_chapter(table: RollOverTable, arrays: Arrays) -> Chapter:
         followed=[
             {**vars(row), "follows": "yes" if row.follows else "NO"} for row in iso.positions
         ],
-        rough=[
-            (row, other)
-            for row in iso.positions
-            for other in iso.with_friction
-            if row.fulcrum_mm == other.fulcrum_mm
-        ],
+        rough=rough,
+        changes={name: _percents(rough, name) for name in _WITH_FRICTION},
         inclined_rows=[
             {**vars(row), "zones": ", ".join(row.zones_loaded).replace("_", " ")}
             for row in table.inclined
         ],
     )
+
+
+def _sizes(values: Iterable[float | None]) -> np.ndarray:
+    """Of those that are known."""
+    return np.asarray(np.abs(known(values)))
+
+
+def _means_mm(groups: Iterable[Iterable[float | None]]) -> np.ndarray:
+    """Of the groups of which something is known."""
+    return 1e3 * known(spread(group).mean for group in groups)
+
+
+def _percents(pairs: Sequence[tuple[IsoRow, IsoRow]], name: str) -> np.ndarray:
+    """By how many percent a number of the second is larger, where both are known."""
+    numbers = np.array([[getattr(row, name) for row in pair] for pair in pairs], dtype=float)
+    first, second = numbers.reshape(-1, 2).T
+    return known(100.0 * (second / first - 1.0))
 
 
 def _inclined_figure(rows: Sequence[InclinedRow], arrays: Arrays) -> Figure:

@@ -28,7 +28,7 @@ from vsf_drake.report.style import (
     say_synthetic,
 )
 from vsf_drake.report.validation.panels import mark, plate_name, section_chapter
-from vsf_drake.walks.numbers import cells
+from vsf_drake.walks.numbers import cells, spread
 
 if TYPE_CHECKING:
     from vsf_drake.validation.walking_section import LayersTable, WalkingCondition, WalkingTable
@@ -111,8 +111,21 @@ def _chapter(
     table: WalkingTable, figures: Mapping[str, Figure] | None = None, **facts: Any
 ) -> Chapter:
     """With the rows of the tables that both chapters have."""
+    off_s = {
+        words: spread(row.scores[f"{key}_error_s"] for row in table.rows).mean
+        for words, key in (
+            ("heel strike", "heel_strike"),
+            ("toe-off", "toe_off"),
+            ("stance", "stance"),
+        )
+    }
     return section_chapter(
-        "walking", table, figures, condition_rows=list(_condition_rows(table)), **facts
+        "walking",
+        table,
+        figures,
+        condition_rows=list(_condition_rows(table)),
+        times_s={words: value for words, value in off_s.items() if value is not None},
+        **facts,
     )
 
 
