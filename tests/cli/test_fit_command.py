@@ -58,18 +58,20 @@ def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
     first, second, third, *rest, last = [line for line in said.splitlines() if line]
     assert first == "SYNTHETIC, not recorded: medium_1, the bench."
     error = f"{100 * metrics['grf_rmse_bw']:.1f} % body weight"
-    assert second.startswith(f"SYNTHETIC: The fitted trials are left with {error} (resultant")
+    assert second == (
+        f"1 fitted walk (SYNTHETIC): resultant force {error} off (RMS); null model not known."
+    )
     assert third.startswith(
-        f"SYNTHETIC: Centre of pressure: {100 * metrics['cop_rmse_fl']:.1f} % of the foot's length "
-        f"off fore-aft, {100 * metrics['cop_ml_rmse_fl']:.1f} % laterally"
+        f"Centre of pressure {100 * metrics['cop_rmse_fl']:.1f} % of the foot's length off "
+        f"fore-aft, {100 * metrics['cop_ml_rmse_fl']:.1f} % laterally; bench (SYNTHETIC): stiffness"
     )
     assert any("not known of medium_1: no curve of another walk" in line for line in rest)
     assert any(line.startswith("! No trial was held out") for line in rest)
     assert last.startswith(f"written to {quick_fit / 'report.html'}")
     shown = page[: page.index("<details")]
-    for line in (second, third, *rest):  # said once: on the screen, on the page, in the file
-        told = line.removeprefix("SYNTHETIC: ").removeprefix("! ")
-        assert told in shown and told in table["verdict"]
+    assert second in shown and third in shown
+    for line in rest:  # said once: on the screen, on the page, in the file
+        assert line.removeprefix("! ") in shown and line.removeprefix("! ") in table["verdict"]
     assert all(text in page for text in table["verdict"])
     assert f"model's prosthetic foot, {1e3 * metrics['foot_length_m']:.0f} mm" in " ".join(
         page.split()
@@ -361,5 +363,5 @@ def test_two_trials_and_the_bench_predict_others(run, tmp_path):
     assert all(trial["sweep"]["right"] for trial in table["trials"])
     assert all(trial["metrics"]["null_model_grf_rmse_bw"] > 0.02 for trial in table["trials"])
     assert table["bench"]["rmse_n_per_mm"] <= 0.7 and len(table["left_out"]) == 4
-    assert "the fulcrum fits best where it really stood in 5 of 5 trials" in " ".join(said.split())
+    assert "bench (SYNTHETIC)" in said and "fulcrum found where it stood in 5 of 5 walks" in said
     assert {"bench.png", "sweep.svg", "trial_5_high_3.png"} < set(table["files"])

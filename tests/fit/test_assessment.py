@@ -477,7 +477,9 @@ def solution(
         ),
     )
     return SimpleNamespace(
-        fit=SimpleNamespace(trials=[SimpleNamespace(fulcrum_m=x) for x in fulcrums]),
+        fit=SimpleNamespace(
+            trials=[SimpleNamespace(fulcrum_m=x, synthetic=False) for x in fulcrums]
+        ),
         end=end,
         message="done",
         contradiction=contradiction,
@@ -809,16 +811,16 @@ def test_what_tells_most_and_what_warns_is_marked_for_page_and_screen():
     layers = made_layers(made_layer_row("good", (0.05, 0.041, 0.042), null=0.05))
     told = Assessment(scores=(trial_score(), held), left_out=(), bench=bench(0.76), layers=layers)
     marked = marked_verdict(solution(), told)
-    assert [sentence.split(":")[0][:62] for sentence in marked if sentence[0] == ">"] == [
-        "> 1 held-out trial",
-        "> Centre of pressure",
-        "> Moved over its range, the fulcrum fits best where it really ",
-        "> On the bench, to which it was fitted too, the forefoot is 0.",
-        "> In layers, the held-out trials are 5.0 % body weight off by ",
-    ]
+    walks, others, *full = marked
+    assert walks == (
+        "> 1 held-out walk: resultant force 2.0 % body weight off (RMS) by the foot's physics, "
+        "4.1 % with the person's momentum, 4.2 % with the discrepancy of fitted walks; null model "
+        "5.0 %, nearest single curve 6.0 %. Physics alone is nearer than the null model in 1 of 1."
+    )
+    assert "bench: stiffness 0.76 N/mm off; fulcrum found where it stood in 1 of 1 walks" in others
     assert "4.1 % with the person's own momentum and 4.2 % with the discrepancy" in marked[-2]
-    assert not any(sentence[0] == "!" for sentence in marked)
-    assert verdict(solution(), told) == tuple(sentence.removeprefix("> ") for sentence in marked)
+    assert not any(sentence[0] in ">!" for sentence in full)
+    assert verdict(solution(), told) == tuple(full)
     doubtful = marked_verdict(
         solution(
             fulcrums=(0.1, 0.1),
@@ -852,4 +854,6 @@ def test_what_tells_most_and_what_warns_is_marked_for_page_and_screen():
         "The null model's error is not k",
         "On the bench, to which it was f",
     }
-    assert alone[0].startswith("> The fitted trials are left with 2.0 %")
+    assert alone[0] == (
+        "> 1 fitted walk: resultant force 2.0 % body weight off (RMS); null model not known."
+    )

@@ -127,7 +127,6 @@ def fit(
             "Decide for one",
         )
     from vsf_drake.cli.fit_run import Checkpoint, make_task, run_task
-    from vsf_drake.fit.assessment import WARNING
     from vsf_drake.model.bench_curves import bench_doubts
     from vsf_drake.motion.trial import load_trial
     from vsf_drake.report.fit_output import CHECKPOINT, CONTACT, FIT, synthetic_of
@@ -158,6 +157,5 @@ def fit(
             "no contact.yaml was written"
         )
     for sentence in table.headline:
-        warns = sentence.startswith(WARNING)
-        say(f"SYNTHETIC: {sentence}" if synthetic and not warns else sentence)
+        say(sentence)
     say(f"written to {out / PAGE}; {CONTACT} beside it is for --contact")

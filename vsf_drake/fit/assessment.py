@@ -8,7 +8,7 @@ model that stands for the foot errs least where the fulcrum really stood.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -447,11 +447,11 @@ def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None)
 
 def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, ...]:
     """What to make of a fit that succeeded, in sentences with the numbers that they come from."""
-    return tuple(map(unmarked, marked_verdict(solution, assessment)))
+    return in_full(marked_verdict(solution, assessment))
 
 
 def marked_verdict(solution: ContactFitSolution, assessment: Assessment) -> list[str]:
-    """The same; those that tell most begin with FIRST, those that warn with WARNING."""
+    """The same, those that warn with WARNING in front, and its short form with FIRST."""
     layers = assessment.layers
     layer = None if layers is None else layers.earned
     end = solution.end if isinstance(solution.end, JointEnd) else None
@@ -468,6 +468,7 @@ def marked_verdict(solution: ContactFitSolution, assessment: Assessment) -> list
         "fit_verdict",
         percent=quantity(JUDGED).told,
         told=assessment,
+        synthetic=any(trial.synthetic for trial in solution.fit.trials),
         message=solution.message,
         contradiction=solution.contradiction,
         paper=PUBLISHED,
@@ -492,9 +493,11 @@ def marked_verdict(solution: ContactFitSolution, assessment: Assessment) -> list
     return sentences + (layer_sentences(layers) if layers else [])
 
 
-def unmarked(sentence: str) -> str:
-    """A sentence of the verdict without its mark."""
-    return sentence.removeprefix(FIRST).removeprefix(WARNING)
+def in_full(sentences: Iterable[str]) -> tuple[str, ...]:
+    """The marked verdict without its short form and without marks."""
+    return tuple(
+        sentence.removeprefix(WARNING) for sentence in sentences if not sentence.startswith(FIRST)
+    )
 
 
 def simulated_bench(solution: ContactFitSolution) -> SimulatedBench:

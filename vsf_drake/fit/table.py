@@ -25,8 +25,8 @@ from vsf_drake.fit.assessment import (
     TrialScore,
     bench_row,
     failure,
+    in_full,
     marked_verdict,
-    unmarked,
 )
 from vsf_drake.fit.paper import PaperEnd, PaperState
 from vsf_drake.fit.problem import ContactFit, labels_with
@@ -76,9 +76,9 @@ class FitTable:
     that did not converge all numbers are those of its best point, and `verdict` says what stood in
     the way: they are no result.
 
-    `headline` is what page and screen show of `verdict` first, warnings last and with "! " in
-    front. Of `searches` to `noise_ratios` one strategy knows nothing: the joint one of `paper`, the
-    paper's of the others.
+    `headline` is what page and screen show first: the short form of `verdict`, then its warnings
+    with "! " in front. Of `searches` to `noise_ratios` one strategy knows nothing: the joint one of
+    `paper`, the paper's of the others.
     """
 
     kind: Literal["fit"] = "fit"
@@ -232,7 +232,7 @@ def _ended(
     return replace(
         table,
         success=True,
-        verdict=tuple(map(unmarked, sentences)),
+        verdict=in_full(sentences),
         headline=(
             *(line.removeprefix(FIRST) for line in sentences if line.startswith(FIRST)),
             *(line for line in sentences if line.startswith(WARNING)),

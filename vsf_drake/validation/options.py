@@ -16,7 +16,7 @@ class StudyOptions:
     quick: bool = option(
         False, "The short form: one embedded walk per setting, coarser steps, small samples."
     )
-    full: bool = option(False, "With energies in finer steps.")
+    full: bool = option(False, "Compute energies in steps of 0.125 ms instead of 0.25.")
     seed: int = quantity(0, unit="1", low=0, source="choice", help=SEED)
     workers: int | None = quantity(
         None,
