@@ -216,7 +216,9 @@ def test_ctrl_c_leaves_no_process_and_a_sweep_that_goes_on(tmp_path, whom):
     (os.kill if whom == "the script" else os.killpg)(first.pid, signal.SIGINT)
     _, errors = first.communicate(timeout=60)
     assert first.returncode != 0
-    assert errors.strip().endswith("KeyboardInterrupt") and errors.count("Traceback") == 1
+    # one process says so; an exception that it was handling just then may stand above
+    assert errors.strip().endswith("KeyboardInterrupt")
+    assert errors.splitlines().count("KeyboardInterrupt") == 1
     assert gone_soon(first.pid)
     kept = list(cache.rglob("*.npz"))
     assert 10 <= len(kept) < 60
