@@ -1,0 +1,414 @@
+"""A number of eight walks side by side, for compiled code that is written once for one walk and
+for eight.
+
+`Lane` holds a float64 of each walk in one register of the processor, `Mask` a truth value of each;
+numba works on them as on float and bool, but `if` cannot choose for each walk: such code says
+`select`, and asks `some` or `every` walk where work can be left out. One operation on lanes is to
+the bit what it is on the float64 of each walk: nothing is contracted, and sine, cosine and powers
+are the functions of this module.
+
+`lanes` takes arrays whose last axis is the walk's as arrays of lanes. It uses the low-level
+interface of numba.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import extending
+from numba.core import cgutils, types
+from numba.core.imputils import impl_ret_borrowed
+from numba.core.typeconv.castgraph import Conversion
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import (
+    lower_builtin,
+    lower_cast,
+    models,
+    overload,
+    register_jitable,
+    register_model,
+)
+from numba.np.arrayobj import populate_array
+
+WIDTH = 8
+"""Walks in a lane: as fast as any other number on processors with registers of two, four and eight
+numbers."""
+SHARED = ("inertias", "gravity", "keel_starts")
+"""Fields of float arrays that `lanes` leaves as they are: the walks have them in common."""
+
+
+class Lane(types.Type):
+    """A float64 of each of WIDTH walks."""
+
+    def __init__(self) -> None:
+        super().__init__("Lane")
+
+    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
+        """Whether a number of `other` can stand for one of each walk."""
+        return Conversion.promote if isinstance(other, (types.Float, types.Integer)) else None
+
+    def unify(self, typingctx: Any, other: Any) -> Any:
+        """The type that holds both."""
+        return self if isinstance(other, (types.Float, types.Integer)) else None
+
+
+class Mask(types.Type):
+    """A truth value of each of WIDTH walks."""
+
+    def __init__(self) -> None:
+        super().__init__("Mask")
+
+    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
+        """Whether `other` can stand for one of each walk."""
+        return Conversion.promote if isinstance(other, types.Boolean) else None
+
+    def unify(self, typingctx: Any, other: Any) -> Any:
+        """The type that holds both."""
+        return self if isinstance(other, types.Boolean) else None
+
+
+LANE = Lane()
+MASK = Mask()
+_intrinsic: Any = extending.intrinsic
+_DOUBLES = ir.VectorType(ir.DoubleType(), WIDTH)
+_BITS = ir.VectorType(ir.IntType(1), WIDTH)
+
+
+@register_model(Lane)
+class _LaneModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _DOUBLES)
+
+
+@register_model(Mask)
+class _MaskModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _BITS)
+
+
+def _of_each(builder: Any, value: Any) -> Any:
+    """The same value for each walk."""
+    kind = ir.VectorType(value.type, WIDTH)
+    if isinstance(value, ir.Constant):
+        return ir.Constant(kind, [value.constant] * WIDTH)
+    none = ir.Constant(kind, ir.Undefined)
+    first = builder.insert_element(none, value, ir.Constant(ir.IntType(32), 0))
+    places = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
+    return builder.shuffle_vector(first, none, places)
+
+
+@lower_cast(types.Float, Lane)
+@lower_cast(types.Integer, Lane)
+def _number_to_lane(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
+    return _of_each(builder, context.cast(builder, value, fromty, types.float64))
+
+
+@lower_cast(types.Boolean, Mask)
+def _truth_to_mask(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
+    return _of_each(builder, value)
+
+
+def _operator(
+    functions: tuple[Any, ...], kind: Any, single: Any, result: Any, emit: Callable[..., Any]
+) -> None:
+    """Gives `functions` of one or two arguments of `kind` (an instance), or one and a `single`."""
+
+    def typed(self: Any, args: Any, kws: Any) -> Any:
+        own = any(arg == kind for arg in args)
+        if own and all(arg == kind or isinstance(arg, single) for arg in args):
+            return signature(result, *(kind for _ in args))
+        return None
+
+    for function in functions:
+        infer_global(function)(type("_Template", (AbstractTemplate,), {"generic": typed}))
+        for count in (1, 2):
+            lower_builtin(function, *[type(kind)] * count)(
+                lambda context, builder, sig, args: emit(builder, *args)
+            )
+
+
+def _llvm(name: str) -> Callable[..., Any]:
+    """A function of LLVM's own on the numbers of all walks."""
+
+    def emit(builder: Any, *args: Any) -> Any:
+        kind = ir.FunctionType(_DOUBLES, [_DOUBLES] * len(args))
+        function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{WIDTH}f64")
+        return builder.call(function, args)
+
+    return emit
+
+
+_NUMBER = (types.Float, types.Integer)
+for _functions, _emit in (
+    ((operator.add, operator.iadd), lambda builder, x, y: builder.fadd(x, y)),
+    ((operator.sub, operator.isub), lambda builder, x, y: builder.fsub(x, y)),
+    ((operator.mul, operator.imul), lambda builder, x, y: builder.fmul(x, y)),
+    ((operator.truediv, operator.itruediv), lambda builder, x, y: builder.fdiv(x, y)),
+    ((operator.neg,), lambda builder, x: builder.fneg(x)),
+    ((math.sqrt,), _llvm("sqrt")),
+    ((math.fabs, abs), _llvm("fabs")),
+    ((math.copysign,), _llvm("copysign")),
+):
+    _operator(_functions, LANE, _NUMBER, LANE, _emit)
+for _function, _sign in (
+    (operator.lt, "<"),
+    (operator.le, "<="),
+    (operator.gt, ">"),
+    (operator.ge, ">="),
+):
+    _operator(
+        (_function,),
+        LANE,
+        _NUMBER,
+        MASK,
+        lambda builder, x, y, sign=_sign: builder.fcmp_ordered(sign, x, y),
+    )
+for _functions, _emit in (
+    ((operator.and_, operator.iand), lambda builder, x, y: builder.and_(x, y)),
+    ((operator.or_, operator.ior), lambda builder, x, y: builder.or_(x, y)),
+):
+    _operator(_functions, MASK, types.Boolean, MASK, _emit)
+
+
+# In place of `if` on numbers: of float and bool, of lanes and masks, and in Python of numpy arrays
+# and of arrays of AutoDiffXd.
+
+
+def select(where: Any, yes: Any, no: Any) -> Any:
+    """`yes` where `where` holds, else `no`; both are worked out."""
+    if isinstance(where, (bool, np.bool_)):
+        return yes if where else no
+    return np.where(where, yes, no)
+
+
+def some(where: Any) -> bool:
+    """Whether it holds in any walk."""
+    return bool(np.any(where))
+
+
+def every(where: Any) -> bool:
+    """Whether it holds in all walks."""
+    return bool(np.all(where))
+
+
+def negated(where: Any) -> Any:
+    """Where it does not hold."""
+    return np.logical_not(where)
+
+
+@_intrinsic
+def _select(typingctx: Any, where: Any, yes: Any, no: Any) -> Any:
+    kind = LANE if where == MASK else types.float64
+    return kind(where, kind, kind), lambda context, builder, sig, args: builder.select(*args)
+
+
+@_intrinsic
+def _negated(typingctx: Any, where: Any) -> Any:
+    return where(where), lambda context, builder, sig, args: builder.not_(args[0])
+
+
+def _reduced(sign: str, against: int) -> Any:
+    """Whether the bits of a mask, read as one number, are as `sign` says to `against`."""
+
+    def typed(typingctx: Any, where: Any) -> Any:
+        def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            bits = ir.IntType(WIDTH)
+            number = builder.bitcast(args[0], bits)
+            return builder.icmp_unsigned(sign, number, ir.Constant(bits, against))
+
+        return types.boolean(where), emit
+
+    return _intrinsic(typed)
+
+
+_some = _reduced("!=", 0)
+_every = _reduced("==", (1 << WIDTH) - 1)
+
+
+@overload(select, strict=False)
+def _select_of(where: Any, yes: Any, no: Any) -> Any:
+    return lambda where, yes, no: _select(where, yes, no)  # noqa: PLW0108 (numba compiles it)
+
+
+@overload(some, strict=False)
+def _some_of(where: Any) -> Any:
+    if where == MASK:
+        return lambda where: _some(where)  # noqa: PLW0108
+    return lambda where: where
+
+
+@overload(every, strict=False)
+def _every_of(where: Any) -> Any:
+    if where == MASK:
+        return lambda where: _every(where)  # noqa: PLW0108
+    return lambda where: where
+
+
+@overload(negated, strict=False)
+def _negated_of(where: Any) -> Any:
+    if where == MASK:
+        return lambda where: _negated(where)  # noqa: PLW0108
+    return lambda where: not where
+
+
+# Functions that are the same to the bit for one walk and for eight.
+
+
+@_intrinsic
+def _floor(typingctx: Any, x: Any) -> Any:
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        if x == LANE:
+            return _llvm("floor")(builder, *args)
+        return builder.call(builder.module.declare_intrinsic("llvm.floor", [args[0].type]), args)
+
+    return x(x), emit
+
+
+@_intrinsic
+def _power(typingctx: Any, x: Any, n: Any) -> Any:
+    """The library's power of a float64, for one walk after the other."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        single = ir.DoubleType()
+        power = builder.module.declare_intrinsic("llvm.pow", [single])
+        result = ir.Constant(_DOUBLES, ir.Undefined)
+        for walk in range(WIDTH):
+            place = ir.Constant(ir.IntType(32), walk)
+            pair = [builder.extract_element(value, place) for value in args]
+            result = builder.insert_element(result, builder.call(power, pair), place)
+        return result
+
+    return LANE(LANE, LANE), emit
+
+
+def power(x: Any, n: Any) -> Any:
+    """x to the power n, of x >= 0."""
+    return x**n
+
+
+@overload(power, strict=False)
+def _power_of(x: Any, n: Any) -> Any:
+    if LANE not in (x, n):
+        return lambda x, n: x**n
+
+    def lanes_power(x: Any, n: Any) -> Any:
+        if every((n >= 1.0) & (n <= 1.0)):  # what the library gives, too
+            return x
+        return _power(x, n)
+
+    return lanes_power
+
+
+HALF_PI_1 = float.fromhex("0x1.921fb544p+0")
+HALF_PI_2 = float.fromhex("0x1.0b4611a6p-34")
+HALF_PI_3 = float.fromhex("0x1.3198a2e037073p-69")
+"""pi / 2 in three parts; the first two have 33 bits, so that their products with whole numbers up
+to 2^20 are exact."""
+
+
+@register_jitable
+def sine_cosine(x: Any) -> tuple[Any, Any]:
+    """Sine and cosine of an angle (rad), within two units in the last place of 1 up to 1e6 rad.
+
+    The nearest multiple of pi / 2 is taken from the angle in three parts (Cody, Waite 1980,
+    Software Manual for the Elementary Functions). For what is left, at most pi / 4, the series of
+    Taylor end where their next terms are below the rounding of 1.
+    """
+    turns: Any = _floor(x * (2.0 / math.pi) + 0.5)
+    r = ((x - turns * HALF_PI_1) - turns * HALF_PI_2) - turns * HALF_PI_3
+    y = r * r
+    s = 1.0 / 6227020800.0 - y / 1307674368000.0
+    s = 1.0 / 362880.0 - y * (1.0 / 39916800.0 - y * s)
+    s = 1.0 / 6.0 - y * (1.0 / 120.0 - y * (1.0 / 5040.0 - y * s))
+    s = r - r * (y * s)
+    c = 1.0 / 87178291200.0 - y / 20922789888000.0
+    c = 1.0 / 3628800.0 - y * (1.0 / 479001600.0 - y * c)
+    c = 1.0 / 24.0 - y * (1.0 / 720.0 - y * (1.0 / 40320.0 - y * c))
+    c = 1.0 - y * (0.5 - y * c)
+
+    # the quarter of the circle, 0 to 3, which exchanges them and turns their signs
+    quarter = turns - 4.0 * _floor(0.25 * turns)
+    odd = ((quarter > 0.5) & (quarter < 1.5)) | (quarter > 2.5)
+    sine = select(odd, c, s)
+    cosine = select(odd, s, c)
+    return (
+        select(quarter > 1.5, -sine, sine),
+        select((quarter > 0.5) & (quarter < 2.5), -cosine, cosine),
+    )
+
+
+# Arrays whose last axis is the walk's.
+
+
+def _laned(kind: Any, width: int, name: str = "") -> Any:
+    """The type of what `lanes` makes of a `kind`, the field `name` of a tuple."""
+    if isinstance(kind, types.NamedTuple):
+        parts = [_laned(of, width, field) for of, field in zip(kind, kind.fields, strict=True)]
+        return types.NamedTuple(parts, kind.instance_class)
+    if isinstance(kind, types.Array) and kind.dtype == types.float64 and name not in SHARED:
+        return types.Array(
+            LANE if width > 1 else types.float64, kind.ndim - 1, "C", aligned=width == 1
+        )
+    return kind
+
+
+def _as_lanes(context: Any, builder: Any, kind: Any, made: Any, value: Any, width: int) -> Any:
+    """`value` of the type `kind` as one of the type `made`, without a copy."""
+    if kind == made:
+        return value
+    if isinstance(kind, types.NamedTuple):
+        parts = [
+            _as_lanes(context, builder, of, to, builder.extract_value(value, i), width)
+            for i, (of, to) in enumerate(zip(kind, made, strict=True))
+        ]
+        return context.make_tuple(builder, made, parts)
+    array = context.make_array(kind)(context, builder, value)
+    view = context.make_array(made)(context, builder)
+    pointer = context.get_data_type(made.dtype).as_pointer()
+    populate_array(
+        view,
+        data=builder.bitcast(array.data, pointer),
+        shape=cgutils.unpack_tuple(builder, array.shape)[:-1],
+        strides=cgutils.unpack_tuple(builder, array.strides)[:-1],
+        itemsize=context.get_constant(types.intp, 8 * width),
+        meminfo=array.meminfo,
+        parent=array.parent,
+    )
+    return view._getvalue()
+
+
+def _python_lanes(value: Any, width: int) -> Any:
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return type(value)(
+            *(
+                part if name in SHARED else _python_lanes(part, width)
+                for name, part in zip(value._fields, value, strict=True)
+            )
+        )
+    if isinstance(value, np.ndarray) and value.dtype == np.float64:
+        return value[..., 0]
+    return value
+
+
+@_intrinsic(prefer_literal=True)
+def _lanes(typingctx: Any, value: Any, width: Any) -> Any:
+    """Float arrays of `value`, an array or a named tuple of arrays and such tuples, whose last axis
+    holds `width` walks, as arrays of lanes, for 1 walk of float64; nothing is copied. What is no
+    array of float64 stays, and so do the fields SHARED."""
+    made = _laned(value, width.literal_value)
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        new = _as_lanes(context, builder, value, made, args[0], width.literal_value)
+        return impl_ret_borrowed(context, builder, made, new)
+
+    return made(value, width), emit
+
+
+_settings: Any = numba.config
+lanes: Any = _python_lanes if _settings.DISABLE_JIT else _lanes
