@@ -118,6 +118,12 @@ def internal(function: Callable[_P, _R_co]) -> Compiled[_P, _R_co]:
     return compiled(function, no_cpython_wrapper=True, forceinline=True)
 
 
+def part(function: Callable[_P, _R_co]) -> Compiled[_P, _R_co]:
+    """For long functions that only compiled ones call: as `internal`, but called and not copied
+    to where it is."""
+    return compiled(function, no_cpython_wrapper=True)
+
+
 class _Announced(event.Listener):
     """Says once why nothing seems to happen: before what takes long is compiled, not where its code
     is kept, nor in the processes that a command starts."""

@@ -18,7 +18,6 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
-import numba
 import numpy as np
 from llvmlite import ir
 from numba import extending
@@ -39,7 +38,15 @@ from numba.np.arrayobj import populate_array
 WIDTH = 8
 """Walks in a lane: as fast as any other number on processors with registers of two, four and eight
 numbers."""
-SHARED = ("inertias", "gravity", "keel_starts")
+SHARED = (
+    "inertias",
+    "gravity",
+    "keel_starts",
+    "row_numbers",
+    "feedforward",
+    "feedback",
+    "reference",
+)
 """Fields of float arrays that `lanes` leaves as they are: the walks have them in common."""
 
 
@@ -202,6 +209,11 @@ def negated(where: Any) -> Any:
     return np.logical_not(where)
 
 
+def first(where: Any) -> Any:
+    """The first walk in which it holds, alone."""
+    return where
+
+
 @_intrinsic
 def _select(typingctx: Any, where: Any, yes: Any, no: Any) -> Any:
     kind = LANE if where == MASK else types.float64
@@ -211,6 +223,16 @@ def _select(typingctx: Any, where: Any, yes: Any, no: Any) -> Any:
 @_intrinsic
 def _negated(typingctx: Any, where: Any) -> Any:
     return where(where), lambda context, builder, sig, args: builder.not_(args[0])
+
+
+@_intrinsic
+def _first(typingctx: Any, where: Any) -> Any:
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        bits = ir.IntType(WIDTH)
+        number = builder.bitcast(args[0], bits)
+        return builder.bitcast(builder.and_(number, builder.neg(number)), _BITS)
+
+    return where(where), emit
 
 
 def _reduced(sign: str, against: int) -> Any:
@@ -255,6 +277,13 @@ def _negated_of(where: Any) -> Any:
     if where == MASK:
         return lambda where: _negated(where)  # noqa: PLW0108
     return lambda where: not where
+
+
+@overload(first, strict=False)
+def _first_of(where: Any) -> Any:
+    if where == MASK:
+        return lambda where: _first(where)  # noqa: PLW0108
+    return lambda where: where
 
 
 # Functions that are the same to the bit for one walk and for eight.
@@ -346,69 +375,51 @@ def sine_cosine(x: Any) -> tuple[Any, Any]:
 # Arrays whose last axis is the walk's.
 
 
-def _laned(kind: Any, width: int, name: str = "") -> Any:
+def _laned(kind: Any, name: str = "") -> Any:
     """The type of what `lanes` makes of a `kind`, the field `name` of a tuple."""
-    if isinstance(kind, types.NamedTuple):
-        parts = [_laned(of, width, field) for of, field in zip(kind, kind.fields, strict=True)]
+    if isinstance(kind, types.BaseNamedTuple):
+        parts = [_laned(of, field) for of, field in zip(kind, kind.fields, strict=True)]
+        if all(part == parts[0] for part in parts):
+            return types.NamedUniTuple(parts[0], len(parts), kind.instance_class)
         return types.NamedTuple(parts, kind.instance_class)
     if isinstance(kind, types.Array) and kind.dtype == types.float64 and name not in SHARED:
-        return types.Array(
-            LANE if width > 1 else types.float64, kind.ndim - 1, "C", aligned=width == 1
-        )
+        return types.Array(LANE, kind.ndim - 1, "C", aligned=False)
     return kind
 
 
-def _as_lanes(context: Any, builder: Any, kind: Any, made: Any, value: Any, width: int) -> Any:
+def _as_lanes(context: Any, builder: Any, kind: Any, made: Any, value: Any) -> Any:
     """`value` of the type `kind` as one of the type `made`, without a copy."""
     if kind == made:
         return value
-    if isinstance(kind, types.NamedTuple):
+    if isinstance(kind, types.BaseNamedTuple):
         parts = [
-            _as_lanes(context, builder, of, to, builder.extract_value(value, i), width)
+            _as_lanes(context, builder, of, to, builder.extract_value(value, i))
             for i, (of, to) in enumerate(zip(kind, made, strict=True))
         ]
         return context.make_tuple(builder, made, parts)
     array = context.make_array(kind)(context, builder, value)
     view = context.make_array(made)(context, builder)
-    pointer = context.get_data_type(made.dtype).as_pointer()
     populate_array(
         view,
-        data=builder.bitcast(array.data, pointer),
+        data=builder.bitcast(array.data, context.get_data_type(LANE).as_pointer()),
         shape=cgutils.unpack_tuple(builder, array.shape)[:-1],
         strides=cgutils.unpack_tuple(builder, array.strides)[:-1],
-        itemsize=context.get_constant(types.intp, 8 * width),
+        itemsize=context.get_constant(types.intp, 8 * WIDTH),
         meminfo=array.meminfo,
         parent=array.parent,
     )
     return view._getvalue()
 
 
-def _python_lanes(value: Any, width: int) -> Any:
-    if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return type(value)(
-            *(
-                part if name in SHARED else _python_lanes(part, width)
-                for name, part in zip(value._fields, value, strict=True)
-            )
-        )
-    if isinstance(value, np.ndarray) and value.dtype == np.float64:
-        return value[..., 0]
-    return value
-
-
-@_intrinsic(prefer_literal=True)
-def _lanes(typingctx: Any, value: Any, width: Any) -> Any:
+@_intrinsic
+def lanes(typingctx: Any, value: Any) -> Any:
     """Float arrays of `value`, an array or a named tuple of arrays and such tuples, whose last axis
-    holds `width` walks, as arrays of lanes, for 1 walk of float64; nothing is copied. What is no
-    array of float64 stays, and so do the fields SHARED."""
-    made = _laned(value, width.literal_value)
+    holds WIDTH walks, as arrays of lanes; nothing is copied. What is no array of float64 stays, and
+    so do the fields SHARED."""
+    made = _laned(value)
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        new = _as_lanes(context, builder, value, made, args[0], width.literal_value)
+        new = _as_lanes(context, builder, value, made, args[0])
         return impl_ret_borrowed(context, builder, made, new)
 
-    return made(value, width), emit
-
-
-_settings: Any = numba.config
-lanes: Any = _python_lanes if _settings.DISABLE_JIT else _lanes
+    return made(value), emit

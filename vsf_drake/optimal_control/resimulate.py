@@ -27,15 +27,12 @@ from vsf_drake.optimal_control.trajectory import (
     SolutionMotion,
     whole_motion,
 )
-from vsf_drake.simulation.reactions import foot_reaction
+from vsf_drake.simulation.reactions import INTACT, PROSTHETIC, foot_reaction
 from vsf_drake.simulation.results import coordinate_unit
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
-from vsf_drake.simulation.stepping.assembly import SITE_RECORD, split_coordinates, step_workspace
-from vsf_drake.simulation.stepping.directions import make_directions, tangent_workspace
-from vsf_drake.simulation.stepping.newton import FLAT, step, tangent_matrix
-from vsf_drake.simulation.stepping.sensitivity import linearise
+from vsf_drake.simulation.stepping.newton import FLAT
+from vsf_drake.simulation.stepping.sensitivity import OneStep
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper, Torques
-from vsf_drake.simulation.stepping.tree import tree_arrays
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
 from vsf_drake.tuning.common import TuningCheck
 from vsf_drake.walks.comparison import resample
@@ -178,12 +175,11 @@ def _assess(
     last = time[-1] if fell_s is None else min(fell_s, time[-1])
     counted = (instants >= time[0] - 1e-9) & (instants <= last + 1e-9)
     shown = (time >= instants[0] - 1e-9) & (time <= min(instants[-1], last) + 1e-9)
-    count = len(walker.gait.person.foot.sites.radius)
     weight_n = walker.subject.mass_kg * GRAVITY
     grf = {}
-    for foot, sites in zip(FEET, (slice(0, count), slice(count, None)), strict=True):
+    for foot, place in zip(FEET, (PROSTHETIC, INTACT), strict=True):
         force = low_pass(
-            foot_reaction(record, sites, walk.mechanism.ground_height).grf_W,
+            foot_reaction(record, place, walk.mechanism.ground_height).grf_W,
             rate_hz=1.0 / walk.step_s,
             cutoff_hz=CUTOFF_HZ,
         )
@@ -400,7 +396,7 @@ def drive(
         coordinates=moving,
         sensed=moving,
         feedforward=np.ascontiguousarray(feedforward),
-        gain=np.ascontiguousarray(gains),
+        feedback=np.ascontiguousarray(gains),
         reference=np.ascontiguousarray(states),
     )
     inputs = Inputs(
@@ -439,7 +435,7 @@ def drive(
             for name in ("time_s", "prescribed_q", "fulcrum", "ground")
         }
         kept = {
-            name: getattr(torques, name)[:done] for name in ("feedforward", "gain", "reference")
+            name: getattr(torques, name)[:done] for name in ("feedforward", "feedback", "reference")
         }
         record = stepper.run(
             dataclasses.replace(inputs, **rows, torques=torques._replace(**kept)), q0, v0
@@ -572,57 +568,34 @@ def linear_steps(walk: Walk, names: Sequence[str], first: int, last: int) -> Lin
     mechanism = walk.mechanism
     record = walk.record
     h = walk.step_s
-    tree = mechanism.tree
-    forces = mechanism.forces
     moving, held = _coordinates(walk, names)
-    dofs = split_coordinates(tree, forces, held)
-    workspace = step_workspace(tree, forces, dofs)
-    arrays = tree_arrays(tree)
-    directions = make_directions(
-        tree, forces, dofs, (), measured=np.zeros(len(forces.sites), dtype=bool)
-    )
-    tangent = tangent_workspace(tree, dofs, directions)
+    one = OneStep(mechanism.tree, mechanism.forces, held)
+    dofs = one.dofs
+    tangent = one.tangent
     f = len(dofs.free)
     place = dofs.place[moving]
     rest = np.setdiff1d(np.arange(f), place)
-    sites = np.zeros((len(forces.sites), len(SITE_RECORD)))
-    support = np.zeros(3)
-    load = np.zeros(tree.num_coordinates)
     A = np.zeros((last - first, 2 * f, 2 * f))
     B = np.zeros((last - first, 2 * f, len(moving)))
     inner = np.zeros((last - first, f, len(moving)))
     eye = np.eye(f)
     for row, k in enumerate(range(first, last)):
         q0, v0 = (record.q0, record.v0) if k == 0 else (record.q[k - 1], record.v[k - 1])
-        q = q0.copy()
-        v = v0.copy()
-        workspace.applied[:] = 0.0
-        workspace.applied[moving] = record.load[k, moving]
-        step(
+        one.workspace.applied[moving] = record.load[k, moving]
+        one.take(
             h,
-            arrays,
-            forces,
-            dofs,
-            workspace,
-            mechanism.ground_height,
-            0.0,
-            float(walk.fulcrum_m[k + 1]),
+            q0,
+            v0,
             record.q[k, held],
-            np.zeros((0, 0)),
-            np.zeros(0),
-            q,
-            v,
-            load,
-            sites,
-            support,
+            ground=mechanism.ground_height,
+            fulcrum=float(walk.fulcrum_m[k + 1]),
+            least_slope=FLAT,
         )
-        tangent_matrix(h, arrays, forces, dofs, workspace, FLAT, sites)
-        linearise(h, arrays, forces, dofs, directions, workspace, tangent, q0, v, sites, support)
 
         # The step's equations G(q0, v0, v, u) = 0 give dv; then dq = dq0 + h dv, as the step is
         # implicit.
         answer = np.linalg.solve(
-            workspace.A, np.hstack([-tangent.Gq[:, :f], -tangent.Gv[:, :f], eye[:, place]])
+            one.workspace.A, np.hstack([-tangent.Gq[:, :f], -tangent.Gv[:, :f], eye[:, place]])
         )
         A[row, f:], B[row, f:] = h * answer[:, : 2 * f], h * answer[:, 2 * f :]
         A[row, :f], B[row, :f] = h * A[row, f:], h * B[row, f:]

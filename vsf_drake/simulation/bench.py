@@ -45,10 +45,10 @@ def advance_to_load(
     """
 
     def reached(done: int, record: Record) -> bool:
-        return bool(record.site("normal_force")[done - 1].sum() >= load_n)
+        return bool(record.wrench[done - 1, 0, 5] >= load_n)
 
     record = stepper.run(inputs, q0, np.zeros_like(q0), stop=reached)
-    load = record.site("normal_force").sum(axis=1)
+    load = record.wrench[:, 0, 5]
     above = np.flatnonzero(load >= load_n)
     end = len(load)
     if not above.size:
@@ -145,7 +145,7 @@ class Bench:
             fulcrum_m=None if self.heel else fulcrum_m,
             time_s=record.time_s[:end],
             platen_m=np.asarray(platen_m, dtype=float)[1 : end + 1],
-            load_n=record.site("normal_force")[:end].sum(axis=1),
+            load_n=record.wrench[:end, 0, 5],
             **record.counts(end),
         )
 

@@ -92,6 +92,7 @@ def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
         ground_height=heights[0],
         sites=np.vstack([_ground_sites(forces, context) for forces in gait.forces.values()]),
         bodies=[*foot.sites.body_indices, *gait.person.intact_sites.body_indices],
+        others=len(gait.person.intact_sites.body_indices),
         socket=socket,
         socket_index=_integers(velocity_indices(gait.plant, gait.person.socket.coordinate_names)),
     )
@@ -106,9 +107,11 @@ def _mechanism(
     sites: np.ndarray,
     bodies: Iterable[Any],
     ground_height: float,
+    others: int = 0,
     socket: np.ndarray | None = None,
     socket_index: np.ndarray | None = None,
 ) -> Mechanism:
+    """`others`: how many of the sites, the last ones, are on the other foot."""
     read = _reader(forces, context)
     own = plant.GetMyContextFromRoot(context)
     limits = np.full(plant.num_velocities(), UNLIMITED)
@@ -128,6 +131,7 @@ def _mechanism(
         tree=tree_of(plant, own),
         sites=sites,
         site_bodies=_integers(bodies),
+        feet=np.repeat([0, 1], [len(sites) - others, others]),
         ground_height=ground_height,
         springs=springs if socket is None else np.vstack([springs, socket]),
         spring_index=keel if socket_index is None else np.concatenate([keel, socket_index]),

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,13 +13,16 @@ from vsf_drake.laws.bushing import axis_force, excess
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.simulation.stepping import tree as rb
-from vsf_drake.simulation.stepping.assembly import SITE_RECORD, SPRING_COLUMNS
+from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
 from vsf_drake.simulation.stepping.stepper import Mechanism, Record
 from vsf_drake.simulation.stepping.tree import Motion, Tree, TreeArrays
 
 LOADED_N = THRESHOLD_N
 """Vertical force (N) below which a centre of pressure has no meaning."""
+PROSTHETIC = 0
+INTACT = 1
+"""Feet of a walking person, see `Mechanism.feet`."""
 SOCKET = slice(-6, None)  # the socket's springs, the last of a walking person's mechanism
 
 
@@ -84,10 +86,10 @@ def reaction_sensitivity(
     )
 
 
-def foot_reaction(record: Record, rows: slice, ground_height: float = 0.0) -> FootReaction:
-    """Sums the sites `rows` of `record`; the centre of pressure is where the horizontal moment
-    vanishes."""
-    total = sum_sites(record.sites[:, rows])
+def foot_reaction(record: Record, foot: int, ground_height: float = 0.0) -> FootReaction:
+    """The resultant on a foot of `record` (`Mechanism.feet`); the centre of pressure is where the
+    horizontal moment vanishes."""
+    total = record.wrench[:, foot]
     (moment_x, moment_y, moment_z), grf = total[:, :3].T, total[:, 3:]
     loaded = grf[:, 2] > LOADED_N
     cop = np.full_like(grf, np.nan)
@@ -97,26 +99,6 @@ def foot_reaction(record: Record, rows: slice, ground_height: float = 0.0) -> Fo
     cop[loaded] = np.stack([px, py, np.full_like(px, ground_height)], axis=1)[loaded]
     free = np.where(loaded, moment_z - (px * grf[:, 1] - py * grf[:, 0]), 0.0)
     return FootReaction(grf_W=grf, cop_W=cop, free_moment_nm=free)
-
-
-def sum_sites(sites: np.ndarray) -> np.ndarray:
-    """(n, 6) moment about W's origin and force of the sites (n, S, 9). The contact points are
-    `depth` under the ground, and moments are about its height."""
-    depth, fz, fx, fy, x, y = (
-        sites[:, :, SITE_RECORD.index(name)]
-        for name in ("depth", "normal_force", "friction_x", "friction_y", "x", "y")
-    )
-    along = partial(np.einsum, "ns,ns->n")
-    return np.column_stack(
-        [
-            along(y, fz) + along(depth, fy),
-            -along(depth, fx) - along(x, fz),
-            along(x, fy) - along(y, fx),
-            fx.sum(axis=1),
-            fy.sum(axis=1),
-            fz.sum(axis=1),
-        ]
-    )
 
 
 def _socket(
@@ -229,7 +211,7 @@ def _follow(
 ) -> None:
     last = bodies[bodies.shape[0] - 1]
     for k in range(q.shape[0]):
-        rb.place(tree, q[k], motion)
+        rb.place(tree, tree.all, q[k], motion)
         rb.put(motion.V, 0, rb.REST)
 
         # Outwards: V_b = V_p + S_c v_c; of what is inside the sums of I V, of V . I V / 2 and of m
@@ -469,7 +451,7 @@ def _sum_driver_power(
     V = motion.V
     S = motion.S
     for k in range(q.shape[0]):
-        rb.place(tree, q[k], motion)
+        rb.place(tree, tree.all, q[k], motion)
         rb.inverse_dynamics(tree, u[k], a[k], motion, load)
         for c in range(q.shape[1]):
             power[k] += load[c] * u[k, c] if driven[c] else 0.0

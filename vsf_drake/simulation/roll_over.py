@@ -24,7 +24,7 @@ from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.bench import MOUNT_COORDINATES, make_roll_over_machine
 from vsf_drake.simulation.bench import advance_to_load
 from vsf_drake.simulation.mechanism import roll_over_mechanism
-from vsf_drake.simulation.reactions import energy_ledger, foot_reaction
+from vsf_drake.simulation.reactions import PROSTHETIC, energy_ledger, foot_reaction
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
 
 # share of the largest force by which a run that follows its profile may be off (a choice)
@@ -107,8 +107,8 @@ def _follow_coarsely(
                 dataclasses.replace(first, time_s=time_s[k : k + 2], prescribed_q=path), q, v
             )
             last[:] = [record]
-            normal = record.site("normal_force").sum()
-            along = record.site("friction_x").sum()
+            along = record.wrench[0, PROSTHETIC, 3]
+            normal = record.wrench[0, PROSTHETIC, 5]
             return float(np.cos(then[0, 2]) * normal - np.sin(then[0, 2]) * along)
 
         step = float(time_s[k + 1] - time_s[k])
@@ -309,7 +309,7 @@ class RollOver:
         stepper, inputs, q0 = self._begin(fulcrum_m, time_s, mount)
         record = stepper.run(inputs, q0, np.zeros_like(q0))
         columns = inputs.prescribed[:3]
-        reaction = foot_reaction(record, slice(0, None))
+        reaction = foot_reaction(record, PROSTHETIC)
         keel = [stepper.mechanism.tree.index(name) for name in self.machine.foot.keel_joint_names]
         return RollOverRun(
             time_s=record.time_s,
@@ -411,8 +411,8 @@ class RollOver:
                 self._inputs(stepper, fulcrum_m, time_s, mount), q0, np.zeros_like(q0)
             )
             return np.asarray(
-                line[:, 0] * record.site("friction_x").sum(axis=1)
-                + line[:, 2] * record.site("normal_force").sum(axis=1)
+                line[:, 0] * record.wrench[:, PROSTHETIC, 3]
+                + line[:, 2] * record.wrench[:, PROSTHETIC, 5]
             )
 
         height = _smooth_path(coarse_s, coarse, time_s, force_along, force_n[1:])

@@ -34,7 +34,14 @@ from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
 from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, rest_sensitivity
-from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Record, Stepper
+from vsf_drake.simulation.stepping.stepper import (
+    ALONE,
+    WITH_SENSITIVITIES,
+    Inputs,
+    Mechanism,
+    Record,
+    Stepper,
+)
 from vsf_drake.simulation.variables import (
     OFFSETS,
     MotionPerturbation,
@@ -171,7 +178,7 @@ class Walker:
             fulcrum=np.array(fulcrum),
             ground=np.full(len(moments), mechanism.ground_height),
         )
-        compile_s = stepper.warm_up(sensitivities=bool(tangents))
+        compile_s = stepper.warm_up(WITH_SENSITIVITIES if tangents else ALONE)
         q0, v0, rest_speed, by = self._start(
             stepper, inputs, trajectory, initial or {}, perturbation_rate, tangents
         )
@@ -184,8 +191,8 @@ class Walker:
             )
         record = stepper.run(inputs, q0, v0, forward=forward, progress=progress)
         prosthetic, intact = (
-            reactions.foot_reaction(record, rows, mechanism.ground_height)
-            for rows in (slice(0, count), slice(count, None))
+            reactions.foot_reaction(record, foot, mechanism.ground_height)
+            for foot in (reactions.PROSTHETIC, reactions.INTACT)
         )
         return Walk(
             mechanism=mechanism,

@@ -16,7 +16,7 @@ from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.events import Span, Stance, find_stances, within
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import Trial
-from vsf_drake.simulation.reactions import follow, sum_sites
+from vsf_drake.simulation.reactions import PROSTHETIC, follow
 from vsf_drake.simulation.walk import Walk, Walker
 from vsf_drake.tuning.common import COSTS, WEIGHTED
 from vsf_drake.tuning.options import TuningOptions
@@ -61,7 +61,7 @@ def walk_loads(
     record = walk.record
     tree = walk.mechanism.tree
     columns = [tree.index(name) for name in joints]
-    wrench = sum_sites(record.sites[:, : len(walker.gait.person.foot.sites.radius)])
+    wrench = record.wrench[:, PROSTHETIC]
     parts = [value[:, :, None] for value in (wrench, record.load[:, columns], walk.socket_wrench)]
     if by is not None:
         loads = walk.load_sensitivity

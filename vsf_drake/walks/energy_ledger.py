@@ -34,6 +34,7 @@ from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.reactions import (
+    PROSTHETIC,
     FootReaction,
     SegmentMotion,
     central,
@@ -41,7 +42,6 @@ from vsf_drake.simulation.reactions import (
     follow,
     spring_loss,
     spring_strain,
-    sum_sites,
     work,
 )
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
@@ -129,8 +129,8 @@ def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
     }
     terms[REMAINDER] = terms[INPUT] - np.sum([terms[name] for name in (*STORED, *LOST)], axis=0)
 
-    ground = sum_sites(record.sites[:, :count])
-    # `sum_sites` has moments about the ground's height
+    ground = record.wrench[:, PROSTHETIC].copy()
+    # its moments are about the ground's height
     ground[:, 0] -= m.ground_height * ground[:, 4]
     ground[:, 1] += m.ground_height * ground[:, 3]
     weight = np.column_stack(

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from vsf_drake.laws.compiled import internal
+from vsf_drake.laws.compiled import internal, part
+from vsf_drake.laws.lanes import select, some
 from vsf_drake.laws.scalar import friction_per_speed, normal_force, spring_force
 from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.tree import Motion, Six, Three, Tree
@@ -61,6 +62,7 @@ class Forces(NamedTuple):
 
     sites: np.ndarray  # (S, 11) SITE_COLUMNS
     site_bodies: np.ndarray  # (S,)
+    feet: np.ndarray  # (S,) which resultant the site is a part of, from 0 on
     springs: np.ndarray  # (k, 6) SPRING_COLUMNS
     spring_index: np.ndarray  # (k,) coordinates
     fulcrum: np.ndarray  # (2,) stiffness (N/m), damping (N s/m); zero for none
@@ -79,6 +81,7 @@ class ContactWorkspace(NamedTuple):
     depth0: np.ndarray  # (S,) likewise
     gain: np.ndarray  # (S,) derivative of the normal force by -v_z at the end (N s/m)
     elastic: np.ndarray  # (S,) by depth (N/m)
+    now: np.ndarray  # (S, 9) SITE_RECORD of the near sites at the velocities that are tried
     V: np.ndarray  # (B, 6) velocities at the end
     F: np.ndarray  # (B, 6) wrench of the ground
     K: np.ndarray  # (B, 6, 6) -dF/dV
@@ -89,12 +92,7 @@ class ContactWorkspace(NamedTuple):
 
 @internal
 def find_sites(
-    h: float,
-    forces: Forces,
-    motion: Motion,
-    ground: float,
-    contact: ContactWorkspace,
-    record: np.ndarray,
+    h: float, forces: Forces, motion: Motion, ground: float, contact: ContactWorkspace
 ) -> None:
     """Centres, depths and which sites are near the ground at height `ground` (m) at the end of the
     step.
@@ -113,12 +111,8 @@ def find_sites(
                 + motion.R[b, i, 1] * sites[s, 1]
                 + motion.R[b, i, 2] * sites[s, 2]
             )
-        depth = sites[s, 3] - (contact.center[s, 2] - ground)
-        contact.depth0[s] = depth
-        for i in range(9):
-            record[s, i] = 0.0
-        record[s, 0], record[s, 7], record[s, 8] = depth, contact.center[s, 0], contact.center[s, 1]
-        if depth > -MAX_APPROACH * h:
+        contact.depth0[s] = sites[s, 3] - (contact.center[s, 2] - ground)
+        if some(contact.depth0[s] > -MAX_APPROACH * h):
             contact.near[count] = s
             count += 1
     contact.near[-1] = count
@@ -131,7 +125,6 @@ def add_sites(
     contact: ContactWorkspace,
     ground_rate: float,
     wanted: np.ndarray,
-    record: np.ndarray,
 ) -> None:
     """Adds the ground's wrench on each body to F at the end velocities V, for the near sites that
     are wanted.
@@ -142,6 +135,7 @@ def add_sites(
     """
     sites = forces.sites
     V = contact.V
+    now = contact.now
     for a in range(contact.near[-1]):
         s = contact.near[a]
         if not wanted[s]:
@@ -158,27 +152,84 @@ def add_sites(
 
         # Forces at the depth and the velocity that the step ends with.
         depth = contact.depth0[s] - h * vz
+        now[s, 0] = depth
+        now[s, 4] = ground_rate - vz
+        now[s, 5] = vx
+        now[s, 6] = vy
+        if not some(depth > 0.0):
+            now[s, 1] = 0.0
+            now[s, 2] = 0.0
+            now[s, 3] = 0.0
+            continue
         fn, by_depth, by_rate = normal_force(
             depth, ground_rate - vz, sites[s, 4], sites[s, 5], sites[s, 6], sites[s, 7]
         )
-        fx = 0.0
-        fy = 0.0
-        if fn > 0.0:
-            ratio, _ = friction_per_speed(
-                math.sqrt(vx * vx + vy * vy), sites[s, 8], sites[s, 9], sites[s, 10]
-            )
-            fx = -ratio * fn * vx
-            fy = -ratio * fn * vy
-            rb.add(contact.F, b, rb.wrench(x, y, z, fx, fy, fn))
+        ratio, _ = friction_per_speed(
+            math.sqrt(vx * vx + vy * vy), sites[s, 8], sites[s, 9], sites[s, 10]
+        )
+        fx = -ratio * fn * vx
+        fy = -ratio * fn * vy
+        rb.add(contact.F, b, rb.wrench(x, y, z, fx, fy, fn))
+        contact.gain[s] = h * by_depth + by_rate
+        contact.elastic[s] = by_depth
+        now[s, 1] = fn
+        now[s, 2] = fx
+        now[s, 3] = fy
 
-        contact.gain[s], contact.elastic[s] = h * by_depth + by_rate, by_depth
-        record[s, 0], record[s, 1], record[s, 2], record[s, 3] = depth, fn, fx, fy
-        record[s, 4], record[s, 5], record[s, 6] = ground_rate - vz, vx, vy
+
+@part
+def record_sites(
+    h: float,
+    forces: Forces,
+    contact: ContactWorkspace,
+    active: bool,
+    sites: np.ndarray,
+    wrench: np.ndarray,
+) -> None:
+    """Writes where a walk is `active` the sites (S, 9) SITE_RECORD at the end of the step, if there
+    is room for them, and the wrench (feet, 6) of each foot, its moment about W's origin at the
+    ground's height.
+
+    The contact point stays under the sphere's centre, which rolls ahead of the slipping point: p_xy
+    + h (v + w x c). It is `depth` under the ground.
+    """
+    V = contact.V
+    center = contact.center
+    now = contact.now
+    for foot in range(wrench.shape[0]):
+        for i in range(6):
+            wrench[foot, i] = select(active, 0.0, wrench[foot, i])
+    for s in range(sites.shape[0]):
+        for i in range(9):
+            sites[s, i] = select(active, 0.0, sites[s, i])
+        sites[s, 0] = select(active, contact.depth0[s], sites[s, 0])
+        sites[s, 7] = select(active, center[s, 0], sites[s, 7])
+        sites[s, 8] = select(active, center[s, 1], sites[s, 8])
+    for a in range(contact.near[-1]):
+        s = contact.near[a]
+        b = forces.site_bodies[s]
+        near = active & (contact.depth0[s] > -MAX_APPROACH * h)
+        x = center[s, 0] + h * (V[b, 3] + V[b, 1] * center[s, 2] - V[b, 2] * center[s, 1])
+        y = center[s, 1] + h * (V[b, 4] + V[b, 2] * center[s, 0] - V[b, 0] * center[s, 2])
+        if some(near & (now[s, 1] > 0.0)):
+            depth = now[s, 0]
+            fn = now[s, 1]
+            fx = now[s, 2]
+            fy = now[s, 3]
+            foot = forces.feet[s]
+            on_foot = rb.wrench(x, y, -depth, fx, fy, fn)
+            for i in range(6):
+                wrench[foot, i] += select(near, on_foot[i], 0.0)
+        if sites.shape[0] > 0:
+            for i in range(7):
+                sites[s, i] = select(near, now[s, i], sites[s, i])
+            sites[s, 7] = select(near, x, sites[s, 7])
+            sites[s, 8] = select(near, y, sites[s, 8])
 
 
 @internal
 def site_tangent(
-    sites: np.ndarray, s: int, gain: float, record: np.ndarray, least_slope: float
+    sites: np.ndarray, s: int, gain: float, now: np.ndarray, least_slope: float
 ) -> Six:
     """K = -dforce/dvelocity of a loaded site as xx, xy, yy, xz, yz, zz (zx and zy are 0).
 
@@ -187,20 +238,22 @@ def site_tangent(
     gain u. A curve mu(V) that falls more steeply counts as `least_slope` (s/m); up to the threshold
     mu' = rho, so that the second term is 0.
     """
-    fn = record[s, 1]
-    vx = record[s, 5]
-    vy = record[s, 6]
+    fn = now[s, 1]
+    vx = now[s, 5]
+    vy = now[s, 6]
     speed = math.sqrt(vx * vx + vy * vy)
     ratio, slope = friction_per_speed(speed, sites[s, 8], sites[s, 9], sites[s, 10])
-    xx = ratio * fn
-    xy = 0.0
-    yy = ratio * fn
-    if speed > sites[s, 10]:
-        along = (max(slope, least_slope) - ratio) * fn / (speed * speed)
-        xx = xx + along * vx * vx
-        xy = along * vx * vy
-        yy = yy + along * vy * vy
-    return xx, xy, yy, -ratio * vx * gain, -ratio * vy * gain, gain
+    slope = select(slope > least_slope, slope, least_slope)
+    along = select(speed > sites[s, 10], (slope - ratio) * fn / (speed * speed), 0.0)
+    held = select(fn > 0.0, gain, 0.0)
+    return (
+        ratio * fn + along * vx * vx,
+        along * vx * vy,
+        ratio * fn + along * vy * vy,
+        -ratio * vx * held,
+        -ratio * vy * held,
+        held,
+    )
 
 
 @internal
@@ -210,7 +263,6 @@ def tangents(
     links: np.ndarray,
     dofs: FreePrescribed,
     least_slope: float,
-    record: np.ndarray,
 ) -> None:
     """K (6, 6) = -dF/dV of every moving body with all that it carries.
 
@@ -224,25 +276,26 @@ def tangents(
     for k in range(moving.shape[0]):
         b = links[moving[k], 2]
         contact.loaded[b] = False
-        K[b, :, :] = 0.0
+        rb.clear_square(K, b)
     for a in range(contact.near[-1]):
         s = contact.near[a]
-        if not dofs.site_moves[s] or record[s, 1] <= 0.0:
+        if not (dofs.site_moves[s] and some(contact.now[s, 1] > 0.0)):
             continue
         b = forces.site_bodies[s]
         contact.loaded[b] = True
-        xx, xy, yy, xz, yz, zz = site_tangent(forces.sites, s, contact.gain[s], record, least_slope)
+        xx, xy, yy, xz, yz, zz = site_tangent(
+            forces.sites, s, contact.gain[s], contact.now, least_slope
+        )
         x = contact.center[s, 0]
         y = contact.center[s, 1]
         z = contact.center[s, 2] - forces.sites[s, 3]
-        # k X, row by row.
-        rows = (
-            (xz * y - xy * z, xx * z - xz * x, xy * x - xx * y, xx, xy, xz),
-            (yz * y - yy * z, xy * z - yz * x, yy * x - xy * y, xy, yy, yz),
-            (zz * y, -zz * x, 0.0, 0.0, 0.0, zz),
-        )
-        for k in range(6):
-            rb.add_column(K, b, k, rb.wrench(x, y, z, rows[0][k], rows[1][k], rows[2][k]))
+        # k X, column by column.
+        rb.add_column(K, b, 0, rb.wrench(x, y, z, xz * y - xy * z, yz * y - yy * z, zz * y))
+        rb.add_column(K, b, 1, rb.wrench(x, y, z, xx * z - xz * x, xy * z - yz * x, -zz * x))
+        rb.add_column(K, b, 2, rb.wrench(x, y, z, xy * x - xx * y, yy * x - xy * y, 0.0))
+        rb.add_column(K, b, 3, rb.wrench(x, y, z, xx, xy, 0.0))
+        rb.add_column(K, b, 4, rb.wrench(x, y, z, xy, yy, 0.0))
+        rb.add_column(K, b, 5, rb.wrench(x, y, z, xz, yz, zz))
 
     # Inwards: a joint moves all that it carries.
     for k in range(moving.shape[0] - 1, -1, -1):
@@ -286,6 +339,10 @@ class FreePrescribed(NamedTuple):
     site_rests: np.ndarray  # (S,) the opposite
     moving: np.ndarray  # links whose body one moves, parents first
     still: np.ndarray  # the other links
+    base: np.ndarray
+    """(k,) bodies that no free coordinate moves, and that a moving one hangs on or a site is on"""
+    carried: np.ndarray
+    """(n, k) whether the coordinate is one of `still` and carries that body"""
 
 
 class Workspace(NamedTuple):
@@ -294,6 +351,7 @@ class Workspace(NamedTuple):
     motion: Motion
     contact: ContactWorkspace
     v0: np.ndarray  # (n,) here and below
+    v: np.ndarray  # at the end, as far as Newton's method has come
     acceleration: np.ndarray
     bias: np.ndarray
     applied: np.ndarray  # torques on free coordinates
@@ -304,14 +362,14 @@ class Workspace(NamedTuple):
     forces"""
     r: np.ndarray  # (f,)
     dv: np.ndarray  # (f, 1) step of Newton's method
+    kept: np.ndarray  # (f,) another one
     y: np.ndarray  # (f,)
     M: np.ndarray  # (f, f) here and below
     L: np.ndarray
     A: np.ndarray
     springs: np.ndarray  # (k,)
-    fulcrum: np.ndarray
-    """(3,) where the support is (m from A), the weight of the foremost body under it, its slope"""
-    keel: np.ndarray  # (1,) which of the keel's bodies that is
+    fulcrum: np.ndarray  # (4,) see `find_support`
+    support: np.ndarray  # (3,) force on the keel (N), deflection (m), rate (m/s) that are tried
     tolerance: float  # a step has converged when sqrt(r^T M^-1 r) is below it, in sqrt(kg) m/s
 
 
@@ -322,6 +380,9 @@ def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Fre
     place_of = np.full(tree.num_coordinates, -1)
     place_of[free] = np.arange(len(free))
     moves = np.asarray(tree.ancestors[:, free].any(axis=1))
+    on = np.concatenate([tree.links[moves[tree.links[:, 2]], 1], forces.site_bodies])
+    base = np.unique(on[~moves[on]])
+    held_still = ~moves[tree.coordinate_bodies]
     return FreePrescribed(
         prescribed=np.asarray(prescribed, dtype=np.int64),
         free=free,
@@ -333,42 +394,49 @@ def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Fre
         site_rests=~moves[forces.site_bodies],
         moving=np.flatnonzero(moves[tree.links[:, 2]]),
         still=np.flatnonzero(~moves[tree.links[:, 2]]),
+        base=base,
+        carried=np.ascontiguousarray(tree.ancestors[base].T & held_still[:, None]),
     )
 
 
 def step_workspace(
-    tree: Tree, forces: Forces, dofs: FreePrescribed, tolerance: float = TOLERANCE
+    tree: Tree,
+    forces: Forces,
+    dofs: FreePrescribed,
+    tolerance: float = TOLERANCE,
+    walks: tuple[int, ...] = (),
 ) -> Workspace:
-    """Workspace for a step of this tree."""
-    n = tree.num_coordinates
+    """Workspace for a step of this tree, or of each of so many `walks`, which are the last axis."""
+    n = (tree.num_coordinates, *walks)
     f = len(dofs.free)
     sites = len(forces.sites)
     bodies = len(tree.body_names)
     contact = ContactWorkspace(
         near=np.zeros(sites + 1, dtype=np.int64),
-        center=np.zeros((sites, 3)),
+        center=np.zeros((sites, 3, *walks)),
+        now=np.zeros((sites, len(SITE_RECORD), *walks)),
         loaded=np.zeros(bodies, dtype=np.bool_),
-        **{name: np.zeros(sites) for name in ("depth0", "gain", "elastic")},
-        V=np.zeros((bodies, 6)),
-        F=np.zeros((bodies, 6)),
-        K=np.zeros((bodies, 6, 6)),
-        W=np.zeros((1, 6)),
+        **{name: np.zeros((sites, *walks)) for name in ("depth0", "gain", "elastic")},
+        V=np.zeros((bodies, 6, *walks)),
+        F=np.zeros((bodies, 6, *walks)),
+        K=np.zeros((bodies, 6, 6, *walks)),
+        W=np.zeros((1, 6, *walks)),
         support_jacobian=np.zeros(n),
     )
     return Workspace(
-        motion=rb.work_space(tree),
+        motion=rb.work_space(tree, walks),
         contact=contact,
-        **{name: np.zeros(n) for name in ("v0", "acceleration", "bias", "applied", "tau", "trial")},
-        dA=np.zeros((bodies, 6)),
-        r=np.zeros(f),
-        dv=np.zeros((f, 1)),
-        y=np.zeros(f),
-        M=np.zeros((f, f)),
-        L=np.zeros((f, f)),
-        A=np.zeros((f, f)),
-        springs=np.zeros(len(forces.springs)),
-        fulcrum=np.zeros(3),
-        keel=np.zeros(1, dtype=np.int64),
+        **{
+            name: np.zeros(n)
+            for name in ("v0", "v", "acceleration", "bias", "applied", "tau", "trial")
+        },
+        dA=np.zeros((bodies, 6, *walks)),
+        dv=np.zeros((f, 1, *walks)),
+        **{name: np.zeros((f, *walks)) for name in ("r", "y", "kept")},
+        **{name: np.zeros((f, f, *walks)) for name in ("M", "L", "A")},
+        springs=np.zeros((len(forces.springs), *walks)),
+        fulcrum=np.zeros((4, *walks)),
+        support=np.zeros((3, *walks)),
         tolerance=tolerance,
     )
 
@@ -408,54 +476,68 @@ def _unit_wrench(forces: Forces, motion: Motion, x: float, y: float, z: float) -
 
 @internal
 def find_support(
-    forces: Forces, motion: Motion, position: float, contact: ContactWorkspace
-) -> tuple[int, float, float, float]:
-    """Writes unit wrench W and row of the support at `position` (m from A).
+    forces: Forces, motion: Motion, position: float, contact: ContactWorkspace, fulcrum: np.ndarray
+) -> float:
+    """Writes unit wrench W and row of the support at `position` (m from A); returns the deflection
+    (m).
 
     The row is d deflection / d q, the power S_c . W of a unit force on each coordinate. It holds
-    only the keel's: the pair of forces does no work on what carries both bodies. Returns the
-    foremost piece of the keel that bears it, its weight (the piece behind it has the rest), the
-    derivative of that by position (1/m), and the deflection (m).
+    only the keel's: the pair of forces does no work on what carries both bodies. Writes to fulcrum
+    (4,) the position, of the foremost piece of the keel that bears it the weight (the piece behind
+    it has the rest), the derivative of that by position (1/m), and which it is.
     """
-    # The foremost piece j that bears, and its share.
+    # The point on the foremost piece that bears, and on the one behind it.
     starts = forces.keel_starts
     width = forces.support_width
-    j = 0
-    weight = 1.0
-    slope = 0.0
-    while j + 1 < starts.shape[0] and starts[j + 1] - width <= position:
-        j += 1
-    if j > 0 and position - starts[j] < width:
-        t = 0.5 * ((position - starts[j]) / width + 1.0)
-        weight = t * t * (3.0 - 2.0 * t)
-        slope = 3.0 * t * (1.0 - t) / width
+    x, y, z = _point(forces, motion, 0, position)
+    x0 = x
+    y0 = y
+    z0 = z
+    along = position - starts[0]
+    front = 0.0 * position
+    for j in range(1, starts.shape[0]):
+        bears = position >= starts[j] - width
+        if some(bears):
+            x1, y1, z1 = _point(forces, motion, j, position)
+            x0 = select(bears, x, x0)
+            y0 = select(bears, y, y0)
+            z0 = select(bears, z, z0)
+            x = select(bears, x1, x)
+            y = select(bears, y1, y)
+            z = select(bears, z1, z)
+            along = select(bears, position - starts[j], along)
+            front = front + select(bears, 1.0, 0.0)
+    ahead = _unit_wrench(forces, motion, x, y, z)
 
-    # Where the force acts: on piece j, or in the shares of both between their points.
-    F = forces.frame_body
-    R = motion.R
-    p = motion.p
-    x, y, z = _point(forces, motion, j, position)
-    front = _unit_wrench(forces, motion, x, y, z)
-    if weight < 1.0:
-        x0, y0, z0 = _point(forces, motion, j - 1, position)
-        x = x0 + weight * (x - x0)
-        y = y0 + weight * (y - y0)
-        z = z0 + weight * (z - z0)
+    # The share of the foremost piece, and where the force acts: between both points by their
+    # shares.
+    weight = 0.0 * position + 1.0
+    slope = 0.0 * position
+    if width > 0.0:
+        shared = (front > 0.5) & (along < width)
+        t = 0.5 * (along / width + 1.0)
+        weight = select(shared, t * t * (3.0 - 2.0 * t), weight)
+        slope = select(shared, 3.0 * t * (1.0 - t) / width, slope)
+        x = select(shared, x0 + weight * (x - x0), x)
+        y = select(shared, y0 + weight * (y - y0), y)
+        z = select(shared, z0 + weight * (z - z0), z)
     W = _unit_wrench(forces, motion, x, y, z)
     rb.put(contact.W, 0, W)
 
-    # Joints behind piece j carry all of the force, that of piece j its share alone.
-    contact.support_jacobian[:] = 0.0
-    for k in range(j + 1):
+    # Joints behind the foremost piece carry all of the force, its own joint its share alone.
+    for k in range(starts.shape[0]):
         c = forces.keel_coordinates[k]
         S = rb.six(motion.S, c)
-        contact.support_jacobian[c] = rb.dot(S, W) if k < j else weight * rb.dot(S, front)
-    return (
-        j,
-        weight,
-        slope,
-        R[F, 0, 2] * (x - p[F, 0]) + R[F, 1, 2] * (y - p[F, 1]) + R[F, 2, 2] * (z - p[F, 2]),
-    )
+        own = select(front > k - 0.5, weight * rb.dot(S, ahead), 0.0)
+        contact.support_jacobian[c] = select(front > k + 0.5, rb.dot(S, W), own)
+    fulcrum[0] = position
+    fulcrum[1] = weight
+    fulcrum[2] = slope
+    fulcrum[3] = front
+    F = forces.frame_body
+    R = motion.R
+    p = motion.p
+    return R[F, 0, 2] * (x - p[F, 0]) + R[F, 1, 2] * (y - p[F, 1]) + R[F, 2, 2] * (z - p[F, 2])
 
 
 @internal
@@ -479,7 +561,9 @@ def add_support(
         rate += row[c] * v[c]
     deflection = deflection0 + h * rate
     force = -forces.fulcrum[0] * deflection - forces.fulcrum[1] * rate
-    record[0], record[1], record[2] = force, deflection, rate
+    record[0] = force
+    record[1] = deflection
+    record[2] = rate
     for k in range(forces.keel_coordinates.shape[0]):
         c = forces.keel_coordinates[k]
         tau[c] += row[c] * force
@@ -493,7 +577,6 @@ def add_support_tangent(
     directions: TangentDirections,
     workspace: Workspace,
     tangent: Tangent,
-    support: np.ndarray,
 ) -> None:
     """Adds the support to Gq and E: only keel coordinates up to it change its forces, and only they
     feel them.
@@ -503,11 +586,12 @@ def add_support_tangent(
     df/dx = -k (dw0/dx + h dw'/dx) - d dw'/dx.
     """
     motion = workspace.motion
+    support = workspace.support
     V = workspace.contact.V
     row = workspace.contact.support_jacobian
     d_row = tangent.d_row
     keel = forces.keel_coordinates
-    front = workspace.keel[0]
+    front = int(workspace.fulcrum[3])
     weight = workspace.fulcrum[1]
     slope = workspace.fulcrum[2]
     for column in range(front + 2 if directions.slides else front + 1):

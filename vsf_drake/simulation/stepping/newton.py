@@ -23,10 +23,17 @@ import math
 
 import numpy as np
 
-from vsf_drake.laws.compiled import compiled, internal
+from vsf_drake.laws.compiled import compiled, internal, part
+from vsf_drake.laws.lanes import every, negated, select, some
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping import tree as rb
-from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
+from vsf_drake.simulation.stepping.assembly import (
+    Forces,
+    FreePrescribed,
+    Workspace,
+    find_sites,
+    find_support,
+)
 from vsf_drake.simulation.stepping.tree import TreeArrays
 
 MAX_ITERATIONS = 30
@@ -40,7 +47,7 @@ FLAT = 0.0
 LENGTHEN = 4.0  # of a step along which the slope becomes steeper
 
 
-@compiled
+@part
 def step(
     h: float,
     tree: TreeArrays,
@@ -51,155 +58,208 @@ def step(
     ground_rate: float,
     fulcrum: float,
     q_next: np.ndarray,
-    M: np.ndarray,
-    C: np.ndarray,
+    active: bool,
+    ready: bool,
     q: np.ndarray,
     v: np.ndarray,
     load: np.ndarray,
     sites: np.ndarray,
+    wrench: np.ndarray,
     support: np.ndarray,
-) -> tuple[int, bool]:
+) -> tuple[float, bool]:
     """Advances q, v (n,) in place by h; returns (Newton iterations, converged).
 
     Height (m) of the ground, its rate, the fulcrum (m from A) and the prescribed coordinates q_next
-    are those at the end. The mass matrix M (n, n) and C(q0, v0) v0 - tau_g(q0) (n,) are worked out
-    here where M is (0, 0). Writes sites (S, 9) and support (3,), see `assembly`, and to load (n,)
-    the forces that drive the coordinates: those that hold the prescribed ones, and in the others
-    what `workspace` applies, but for the residual.
+    are those at the end. Poses and velocities of `dofs.base` and the bias of the coordinates that
+    are `dofs.still` are in `workspace` already where it is `ready`. Only a walk that is `active`
+    goes on; nothing of another is written. Writes sites (S, 9), wrench (feet, 6) and support (3,),
+    see `assembly`, and to load (n,) the forces that drive the coordinates: those that hold the
+    prescribed ones, and in the others what `workspace` applies, but for the residual.
     """
-    free = dofs.free
     prescribed = dofs.prescribed
     motion = workspace.motion
     contact = workspace.contact
-    nf = free.shape[0]
+    acceleration = workspace.acceleration
     bias = workspace.bias
-    r = workspace.r
-    dv = workspace.dv
-    trial = workspace.trial
-
-    # The pose q0, frozen over the step: motions S of the joints, centres and depths d0 of the
-    # spheres, and the support with its deflection w0 and the power `row` of its force on each
-    # coordinate.
-    rb.place(tree, q, motion)
-    assembly.find_sites(h, forces, motion, ground, contact, sites)
-    deflection, workspace.fulcrum[0] = 0.0, fulcrum
-    if forces.fulcrum[0] > 0.0:
-        workspace.keel[0], workspace.fulcrum[1], workspace.fulcrum[2], deflection = (
-            assembly.find_support(forces, motion, fulcrum, contact)
-        )
 
     # Prescribed coordinates c are known: v_c = (q_next - q0)_c / h and a_c = (v - v0)_c / h; a = 0
     # in all others.
     copy(v, workspace.v0)
-    workspace.acceleration[:] = 0.0
+    copy(v, workspace.v)
+    for c in range(v.shape[0]):
+        acceleration[c] = 0.0
     for k in range(prescribed.shape[0]):
         c = prescribed[k]
-        v[c] = (q_next[k] - q[c]) / h
-        workspace.acceleration[c] = (v[c] - workspace.v0[c]) / h
+        workspace.v[c] = (q_next[k] - q[c]) / h
+        acceleration[c] = (workspace.v[c] - workspace.v0[c]) / h
 
-    # bias = C(q0, v0) v0 - tau_g + M a with that a, by inverse dynamics if M and C are not given,
-    # and M = L L^T over
-    # the free coordinates. Their equations are then   r(v) = M (v - v0) + h (bias - tau(v)) = 0.
-    given = M.shape[0] > 0
-    if given:
-        for i in range(q.shape[0]):
-            bias[i] = C[i]
-            for k in range(prescribed.shape[0]):
-                bias[i] += M[i, prescribed[k]] * workspace.acceleration[prescribed[k]]
-        for i in range(nf):
-            for k in range(nf):
-                workspace.M[i, k] = M[free[i], free[k]]
+    # The pose q0, frozen over the step: motions S of the joints, centres and depths d0 of the
+    # spheres, and the support with its deflection w0 and the power `row` of its force on each
+    # coordinate. bias = C(q0, v0) v0 - tau_g + M a with that a, by inverse dynamics, and M = L L^T
+    # over the free coordinates. Their equations are then
+    # r(v) = M (v - v0) + h (bias - tau(v)) = 0.
+    if not ready:
+        rb.stop_world(tree, motion)
+        rb.place(tree, dofs.still, q, motion)
+        rb.outwards(tree, dofs.still, workspace.v0, acceleration, motion)
+        velocities(tree.links, dofs.still, motion.S, workspace.v, contact.V)
+    rb.place(tree, dofs.moving, q, motion)
+    rb.outwards(tree, dofs.moving, workspace.v0, acceleration, motion)
+    rb.inwards(tree, dofs.moving, motion, bias)
+    if ready:
+        for c in range(v.shape[0]):
+            for k in range(dofs.base.shape[0]):
+                if dofs.carried[c, k]:
+                    bias[c] += rb.dot(rb.six(motion.S, c), rb.six(motion.f, dofs.base[k]))
     else:
-        rb.inverse_dynamics(tree, workspace.v0, workspace.acceleration, motion, bias)
-        rb.mass_matrix(tree, motion, free, dofs.above, dofs.counts, workspace.M)
+        rb.inwards(tree, dofs.still, motion, bias)
+    rb.mass_matrix(tree, motion, dofs.free, dofs.above, dofs.counts, workspace.M)
     cholesky(workspace.M, workspace.L)
+    find_sites(h, forces, motion, ground, contact)
+    deflection = 0.0 * fulcrum
+    if some(forces.fulcrum[0] > 0.0):
+        deflection = find_support(forces, motion, fulcrum, contact, workspace.fulcrum)
+    copy(workspace.v, workspace.trial)
+    velocities(tree.links, dofs.moving, motion.S, workspace.trial, contact.V)
+    iterations, converged = _newton(
+        h, tree, forces, dofs, workspace, deflection, ground_rate, q, active
+    )
 
-    # Newton's method from v = v0: solve A dv = -r with A = dr/dv, go to v + length dv, until r^T
-    # M^-1 r, twice the kinetic energy of what is left, is small. In the first round dv is 0: it
-    # works out r at v0 alone.
-    dv[:, :] = 0.0
-    copy(v, trial)
-    _velocities(tree.links, motion.S, trial, contact.V)
-    slope0 = 0.0
-    converged = False
-    iterations = 0
-    while iterations < MAX_ITERATIONS:
-        iterations += 1
+    # Forces on what only prescribed coordinates move, which had no part in r; the loads that hold
+    # these; then q = q0 + h v, with prescribed coordinates where they were to go without rounding.
+    assembly.add_sites(h, forces, contact, ground_rate, dofs.site_rests)
+    _loads(h, tree, dofs, workspace, active, load)
+    assembly.record_sites(h, forces, contact, active, sites, wrench)
+    for i in range(3):
+        support[i] = select(active, workspace.support[i], support[i])
+    for c in range(q.shape[0]):
+        v[c] = select(active, workspace.v[c], v[c])
+        q[c] = select(active, q[c] + h * v[c], q[c])
+    for k in range(prescribed.shape[0]):
+        q[prescribed[k]] = select(active, q_next[k], q[prescribed[k]])
+    return iterations, converged
+
+
+@internal
+def _newton(
+    h: float,
+    tree: TreeArrays,
+    forces: Forces,
+    dofs: FreePrescribed,
+    workspace: Workspace,
+    deflection: float,
+    ground_rate: float,
+    q: np.ndarray,
+    active: bool,
+) -> tuple[float, bool]:
+    """Newton's method from `workspace.v`, to which it writes; returns (iterations, converged).
+
+    Solves A dv = -r with A = dr/dv, goes to v + length dv, until r^T M^-1 r, twice the kinetic
+    energy of what is left, is small. In the first round dv is 0: it works out r at the start alone.
+    A walk that has `stopped`, since it has converged, is not active or is no longer finite, stays
+    where it is while others go on.
+    """
+    free = dofs.free
+    nf = free.shape[0]
+    v = workspace.v
+    trial = workspace.trial
+    r = workspace.r
+    dv = workspace.dv
+    for i in range(nf):
+        dv[i, 0] = 0.0
+    slope0 = 0.0 * h
+    count = 0.0 * h
+    converged = h < 0.0
+    stopped = negated(active)
+    most = workspace.tolerance * workspace.tolerance
+    for iteration in range(1, MAX_ITERATIONS + 1):
+        count = select(stopped, count, count + 1.0)
 
         # Line search on the slope dv . r(v + length dv), which is slope0 < 0 at length 0. Still
         # steeper there: further. Uphill by more than OVERSHOOT: back to where the chord between
         # both slopes vanishes, by 0.1 to 0.9.
-        length = 1.0
+        length = 0.0 * h + 1.0
+        done = stopped
         for _ in range(MAX_TRIALS):
             for i in range(nf):
                 trial[free[i]] = v[free[i]] + length * dv[i, 0]
-            _residual(
-                h, tree.links, forces, dofs, workspace, deflection, ground_rate, q, sites, support
-            )
-            converged = scaled_norm(workspace.L, r, workspace.y) <= workspace.tolerance
-            slope = 0.0
+            _residual(h, tree.links, forces, dofs, workspace, deflection, ground_rate, q)
+            size = _energy(workspace.L, r, workspace.y)
+            converged = size <= most
+            stopped = converged | negated(size < math.inf) | negated(active)
+            slope = 0.0 * h
             for i in range(nf):
                 slope += dv[i, 0] * r[i]
-            if slope < slope0 and length >= 1.0 and not converged:
-                length *= LENGTHEN
-            elif converged or slope0 >= 0.0 or slope <= OVERSHOOT * -slope0:
+            longer = (slope < slope0) & (length >= 1.0) & negated(stopped)
+            flat = (slope0 >= 0.0) | (slope <= OVERSHOOT * -slope0)
+            done = done | (negated(longer) & (stopped | flat))
+            if every(done):
                 break
-            else:
-                length *= min(max(slope0 / (slope0 - slope), 0.1), 0.9)
-        copy(trial, v)
-        if converged:
+            chord = slope0 / (slope0 - slope)
+            chord = select(chord > 0.1, chord, 0.1)
+            chord = select(chord < 0.9, chord, 0.9)
+            length = select(done, length, select(longer, LENGTHEN * length, length * chord))
+        for i in range(nf):
+            v[free[i]] = trial[free[i]]
+        if every(stopped):
             break
 
         # The next direction: from EXACT_FROM on with the friction curve as it is if that descends,
         # dv . r < 0, else with its falling branch flat. If neither descends (slope0 >= 0) the next
         # step is taken whole.
-        slope0 = 0.0
-        for least_slope in (EXACT, FLAT):
-            if least_slope == EXACT and iterations < EXACT_FROM:
-                continue
-            tangent_matrix(h, tree, forces, dofs, workspace, least_slope, sites)
+        exact = iteration >= EXACT_FROM
+        slope0 = _direction(h, tree, forces, dofs, workspace, EXACT if exact else FLAT, stopped)
+        climbs = (slope0 >= 0.0) & negated(stopped)
+        if exact and some(climbs):
             for i in range(nf):
-                dv[i, 0] = -r[i]
-            solve_columns(workspace.A, dv)
-            slope0 = 0.0
+                workspace.kept[i] = dv[i, 0]
+            flat_slope = _direction(h, tree, forces, dofs, workspace, FLAT, stopped)
+            slope0 = select(climbs, flat_slope, slope0)
             for i in range(nf):
-                slope0 += dv[i, 0] * r[i]
-            if slope0 < 0.0:
-                break
-
-    # Forces on what only prescribed coordinates move, which had no part in r; the loads that hold
-    # these; then q = q0 + h v, with prescribed coordinates where they were to go without rounding.
-    assembly.add_sites(h, forces, contact, ground_rate, dofs.site_rests, sites)
-    _loads(h, tree, dofs, workspace, given, M, v, load)
-    for c in range(q.shape[0]):
-        q[c] += h * v[c]
-    for k in range(prescribed.shape[0]):
-        q[prescribed[k]] = q_next[k]
-
-    # The contact point stays under the sphere's centre, which rolls ahead of the slipping point:
-    # p_xy + h (v + w x c).
-    for a in range(contact.near[-1]):
-        s = contact.near[a]
-        b = forces.site_bodies[s]
-        V = contact.V
-        center = contact.center
-        sites[s, 7] += h * (V[b, 3] + V[b, 1] * center[s, 2] - V[b, 2] * center[s, 1])
-        sites[s, 8] += h * (V[b, 4] + V[b, 2] * center[s, 0] - V[b, 0] * center[s, 2])
-    return iterations, converged
+                dv[i, 0] = select(climbs, dv[i, 0], workspace.kept[i])
+    return count, converged
 
 
 @internal
-def _velocities(links: np.ndarray, S: np.ndarray, v: np.ndarray, V: np.ndarray) -> None:
-    """V_b = V_parent + S_c v_c of all bodies."""
-    rb.put(V, 0, rb.REST)
-    for m in range(links.shape[0]):
-        parent = links[m, 1]
-        b = links[m, 2]
-        c = links[m, 3]
-        rb.put(V, b, rb.six(V, parent) if c < 0 else rb.plus(rb.six(V, parent), rb.six(S, c), v[c]))
+def _direction(
+    h: float,
+    tree: TreeArrays,
+    forces: Forces,
+    dofs: FreePrescribed,
+    workspace: Workspace,
+    least_slope: float,
+    stopped: bool,
+) -> float:
+    """Writes dv = -A^-1 r, 0 of a walk that has `stopped`; returns dv . r."""
+    dv = workspace.dv
+    r = workspace.r
+    tangent_matrix(h, tree, forces, dofs, workspace, least_slope)
+    for i in range(r.shape[0]):
+        dv[i, 0] = select(stopped, 0.0, -r[i])
+    solve_columns(workspace.A, dv)
+    slope = 0.0 * h
+    for i in range(r.shape[0]):
+        dv[i, 0] = select(stopped, 0.0, dv[i, 0])
+        slope += dv[i, 0] * r[i]
+    return select(stopped, 0.0, slope)
 
 
 @internal
+def velocities(
+    links: np.ndarray, rows: np.ndarray, S: np.ndarray, v: np.ndarray, V: np.ndarray
+) -> None:
+    """V_b = V_parent + S_c v_c of the bodies of the links `rows`; the world is at rest."""
+    for k in range(rows.shape[0]):
+        parent = links[rows[k], 1]
+        b = links[rows[k], 2]
+        c = links[rows[k], 3]
+        if c < 0:
+            rb.put(V, b, rb.six(V, parent))
+        else:
+            rb.put(V, b, rb.plus(rb.six(V, parent), rb.six(S, c), v[c]))
+
+
+@part
 def _residual(
     h: float,
     links: np.ndarray,
@@ -209,36 +269,31 @@ def _residual(
     deflection: float,
     ground_rate: float,
     q: np.ndarray,
-    sites: np.ndarray,
-    support: np.ndarray,
 ) -> None:
     """r (f,) = M (v - v0) + h (bias - tau) at the trial velocity, over the free coordinates."""
-    motion = workspace.motion
     contact = workspace.contact
     tau = workspace.tau
     trial = workspace.trial
-    V = contact.V
     F = contact.F
-    S = motion.S
+    S = workspace.motion.S
     free = dofs.free
     moving = dofs.moving
 
     # End velocities of the bodies that move with it, and the ground's wrenches F on them.
+    velocities(links, moving, S, trial, contact.V)
+    for k in range(dofs.base.shape[0]):
+        rb.put(F, dofs.base[k], rb.REST)
     for k in range(moving.shape[0]):
-        parent = links[moving[k], 1]
-        b = links[moving[k], 2]
-        c = links[moving[k], 3]
-        rb.put(
-            V, b, rb.six(V, parent) if c < 0 else rb.plus(rb.six(V, parent), rb.six(S, c), trial[c])
-        )
-    F[:] = 0.0
-    assembly.add_sites(h, forces, contact, ground_rate, dofs.site_moves, sites)
+        rb.put(F, links[moving[k], 2], rb.REST)
+    assembly.add_sites(h, forces, contact, ground_rate, dofs.site_moves)
 
     # tau_c = applied + springs + support + S_c . (sum of F over all that c carries)
     copy(workspace.applied, tau)
     assembly.add_springs(h, trial, q, forces, tau, workspace.springs)
-    if forces.fulcrum[0] > 0.0:
-        assembly.add_support(h, trial, forces, deflection, contact.support_jacobian, tau, support)
+    if some(forces.fulcrum[0] > 0.0):
+        assembly.add_support(
+            h, trial, forces, deflection, contact.support_jacobian, tau, workspace.support
+        )
     for k in range(moving.shape[0] - 1, -1, -1):
         parent = links[moving[k], 1]
         b = links[moving[k], 2]
@@ -248,12 +303,13 @@ def _residual(
         rb.add(F, parent, rb.six(F, b))
 
     for i in range(free.shape[0]):
-        workspace.r[i] = h * (workspace.bias[free[i]] - tau[free[i]])
+        left = h * (workspace.bias[free[i]] - tau[free[i]])
         for k in range(free.shape[0]):
-            workspace.r[i] += workspace.M[i, k] * (trial[free[k]] - workspace.v0[free[k]])
+            left += workspace.M[i, k] * (trial[free[k]] - workspace.v0[free[k]])
+        workspace.r[i] = left
 
 
-@compiled
+@part
 def tangent_matrix(
     h: float,
     tree: TreeArrays,
@@ -261,7 +317,6 @@ def tangent_matrix(
     dofs: FreePrescribed,
     workspace: Workspace,
     least_slope: float,
-    sites: np.ndarray,
 ) -> None:
     """Writes A (f, f) = dr/dv at the last residual; a friction curve that falls more counts as
     `least_slope` (s/m).
@@ -273,7 +328,7 @@ def tangent_matrix(
     S = workspace.motion.S
     A = workspace.A
     free = dofs.free
-    assembly.tangents(forces, contact, tree.links, dofs, least_slope, sites)
+    assembly.tangents(forces, contact, tree.links, dofs, least_slope)
     for i in range(free.shape[0]):
         copy(workspace.M[i], A[i])
 
@@ -295,17 +350,18 @@ def tangent_matrix(
         i = dofs.place[forces.spring_index[k]]
         if i >= 0:
             A[i, i] += h * workspace.springs[k]
-    if forces.fulcrum[0] > 0.0:
+    if some(forces.fulcrum[0] > 0.0):
         gain = h * (h * forces.fulcrum[0] + forces.fulcrum[1])
         row = contact.support_jacobian
         keel = forces.keel_coordinates
         for a in range(keel.shape[0]):
             i = dofs.place[keel[a]]
-            if i >= 0 and row[keel[a]] != 0.0:
+            if i >= 0:
+                power = gain * row[keel[a]]
                 for k in range(keel.shape[0]):
                     j = dofs.place[keel[k]]
                     if j >= 0:
-                        A[i, j] += gain * row[keel[a]] * row[keel[k]]
+                        A[i, j] += power * row[keel[k]]
 
 
 @internal
@@ -314,64 +370,61 @@ def _loads(
     tree: TreeArrays,
     dofs: FreePrescribed,
     workspace: Workspace,
-    given: bool,
-    M: np.ndarray,
-    v: np.ndarray,
+    active: bool,
     load: np.ndarray,
 ) -> None:
-    """Loads of all coordinates, and A and f of `workspace.motion` at the accelerations of the step,
-    unless `given`.
+    """Loads of all coordinates, and A and f of the moving bodies of `workspace.motion` at the
+    accelerations of the step.
 
     load = C v0 - tau_g + M (v - v0) / h - (tau - applied) - S_c . F: what the equations of motion
     leave to the drive.
     """
     motion = workspace.motion
+    links = tree.links
     F = workspace.contact.F
     dA = workspace.dA
-    S = workspace.motion.S
+    S = motion.S
+    v = workspace.v
 
-    # F of all that each body carries, also where nothing free moves it.
-    for k in range(dofs.still.shape[0] - 1, -1, -1):
-        rb.add(F, tree.links[dofs.still[k], 1], rb.six(F, tree.links[dofs.still[k], 2]))
-
-    # Inverse dynamics so far has a = 0 in the free coordinates. Their (v - v0) / h add to it: M a
-    # if M is given, else dA_b = dA_parent + S_c a_c to the accelerations and I_b dA_b, summed
-    # inwards, to the forces.
-    if given:
-        for c in range(v.shape[0]):
-            load[c] = workspace.bias[c]
-            for k in range(dofs.free.shape[0]):
-                load[c] += M[c, dofs.free[k]] * (v[dofs.free[k]] - workspace.v0[dofs.free[k]]) / h
-    else:
-        dA[:] = 0.0
-        for k in range(dofs.moving.shape[0]):
-            m = dofs.moving[k]
-            parent = tree.links[m, 1]
-            b = tree.links[m, 2]
-            c = tree.links[m, 3]
-            change = rb.six(dA, parent) if dofs.body_moves[parent] else rb.REST
-            if c >= 0 and dofs.place[c] >= 0:
-                change = rb.plus(change, rb.six(S, c), (v[c] - workspace.v0[c]) / h)
-            rb.put(dA, b, change)
-            rb.add(motion.A, b, change)
-        for k in range(dofs.moving.shape[0]):
-            b = tree.links[dofs.moving[k], 2]
-            rb.put(dA, b, rb.inertia_times(motion.own, b, rb.six(dA, b)))
-        for m in range(tree.links.shape[0] - 1, -1, -1):
-            parent = tree.links[m, 1]
-            b = tree.links[m, 2]
-            c = tree.links[m, 3]
-            rb.add(motion.f, b, rb.six(dA, b))
-            rb.add(dA, parent, rb.six(dA, b))
-            if c >= 0:
-                load[c] = rb.dot(rb.six(S, c), rb.six(motion.f, b))
-
-    # Less what the stiff forces give. The tau of free coordinates has S_c . F already; `applied` is
-    # the drive's own.
+    # Inverse dynamics so far has a = 0 in the free coordinates. Their (v - v0) / h add to it:
+    # dA_b = dA_parent + S_c a_c to the accelerations and I_b dA_b, summed inwards, to the forces.
+    # What is summed has F less.
+    for k in range(dofs.base.shape[0]):
+        rb.put(dA, dofs.base[k], rb.REST)
+    for k in range(dofs.moving.shape[0]):
+        m = dofs.moving[k]
+        b = links[m, 2]
+        c = links[m, 3]
+        change = rb.six(dA, links[m, 1])
+        if c >= 0 and dofs.place[c] >= 0:
+            change = rb.plus(change, rb.six(S, c), (v[c] - workspace.v0[c]) / h)
+        rb.put(dA, b, change)
+        rb.add(motion.A, b, change)
+    for k in range(dofs.moving.shape[0]):
+        b = links[dofs.moving[k], 2]
+        rb.put(dA, b, rb.inertia_times(motion.own, b, rb.six(dA, b)))
+    for k in range(dofs.moving.shape[0] - 1, -1, -1):
+        parent = links[dofs.moving[k], 1]
+        b = links[dofs.moving[k], 2]
+        c = links[dofs.moving[k], 3]
+        rb.add(motion.f, b, rb.six(dA, b))
+        rb.add(dA, parent, rb.six(dA, b))
+        if c >= 0:
+            own = rb.dot(rb.six(S, c), rb.six(motion.f, b))
+            own -= workspace.tau[c] - workspace.applied[c]
+            # the tau of free coordinates has S_c . F already; `applied` is the drive's own
+            if dofs.place[c] < 0:
+                own -= rb.dot(rb.six(S, c), rb.six(F, b))
+            load[c] = select(active, own, load[c])
     for c in range(v.shape[0]):
-        load[c] -= workspace.tau[c] - workspace.applied[c]
-        if dofs.place[c] < 0:
-            load[c] -= rb.dot(rb.six(S, c), rb.six(F, tree.bodies[c]))
+        if dofs.place[c] < 0 and not dofs.body_moves[tree.bodies[c]]:
+            own = workspace.bias[c] - (workspace.tau[c] - workspace.applied[c])
+            for k in range(dofs.base.shape[0]):
+                if dofs.carried[c, k]:
+                    b = dofs.base[k]
+                    left = rb.plus(rb.six(dA, b), rb.six(F, b), -1.0)
+                    own += rb.dot(rb.six(S, c), left)
+            load[c] = select(active, own, load[c])
 
 
 # Small dense linear algebra without calls out of compiled code: a dozen unknowns, thousands of
@@ -385,68 +438,71 @@ def copy(source: np.ndarray, target: np.ndarray) -> None:
         target[i] = source[i]
 
 
-@internal
+@part
 def cholesky(A: np.ndarray, L: np.ndarray) -> None:
-    """Writes the lower factor L with A = L L^T of a symmetric positive definite A; what is above
-    L's diagonal stays."""
+    """Writes the lower factor L with A = L L^T of a symmetric positive definite A, with 1 / L_jj on
+    its diagonal; what is above that stays."""
     n = A.shape[0]
     for j in range(n):
         d = A[j, j]
         for k in range(j):
             d -= L[j, k] * L[j, k]
-        L[j, j] = math.sqrt(d)
+        inverse = 1.0 / math.sqrt(d)
+        L[j, j] = inverse
         for i in range(j + 1, n):
             s = A[i, j]
             for k in range(j):
                 s -= L[i, k] * L[j, k]
-            L[i, j] = s / L[j, j]
+            L[i, j] = s * inverse
 
 
 @internal
-def scaled_norm(L: np.ndarray, r: np.ndarray, y: np.ndarray) -> float:
-    """Norm sqrt(r^T A^-1 r) = |y| of r for A = L L^T, where L y = r; y (n,) is work space."""
-    n = r.shape[0]
+def _energy(L: np.ndarray, r: np.ndarray, y: np.ndarray) -> float:
+    """r^T A^-1 r = |y|^2 of r with L of `cholesky`, where L y = r; y (n,) is work space."""
     total = 0.0
-    for i in range(n):
+    for i in range(r.shape[0]):
         s = r[i]
         for k in range(i):
             s -= L[i, k] * y[k]
-        y[i] = s / L[i, i]
+        y[i] = s * L[i, i]
         total += y[i] * y[i]
-    return math.sqrt(total)
+    return total
 
 
-@internal
+@part
 def solve_columns(A: np.ndarray, B: np.ndarray) -> None:
     """Overwrites B (n, m) with A^-1 B by Gaussian elimination with partial pivoting; A is
     destroyed."""
     n, m = B.shape
 
-    # Downwards: bring the largest entry of column k to the diagonal, and clear what is under it.
+    # Downwards: bring the largest entry of column k to the diagonal, by exchanging rows of the
+    # walks in which one is larger, and clear what is under it.
     for k in range(n):
-        pivot = k
         for i in range(k + 1, n):
-            if abs(A[i, k]) > abs(A[pivot, k]):
-                pivot = i
-        if pivot != k:
-            for j in range(k, n):
-                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
-            for j in range(m):
-                B[k, j], B[pivot, j] = B[pivot, j], B[k, j]
-        for i in range(k + 1, n):
-            factor = A[i, k] / A[k, k]
-            if factor != 0.0:
-                for j in range(k + 1, n):
-                    A[i, j] -= factor * A[k, j]
+            larger = math.fabs(A[i, k]) > math.fabs(A[k, k])
+            if some(larger):
+                for j in range(k, n):
+                    above = A[k, j]
+                    A[k, j] = select(larger, A[i, j], above)
+                    A[i, j] = select(larger, above, A[i, j])
                 for j in range(m):
-                    B[i, j] -= factor * B[k, j]
+                    above = B[k, j]
+                    B[k, j] = select(larger, B[i, j], above)
+                    B[i, j] = select(larger, above, B[i, j])
+        inverse = 1.0 / A[k, k]
+        for i in range(k + 1, n):
+            factor = A[i, k] * inverse
+            for j in range(k + 1, n):
+                A[i, j] -= factor * A[k, j]
+            for j in range(m):
+                B[i, j] -= factor * B[k, j]
+        A[k, k] = inverse
 
     # Upwards: back substitution.
     for k in range(n - 1, -1, -1):
         for j in range(m):
-            B[k, j] /= A[k, k]
+            B[k, j] *= A[k, k]
         for i in range(k):
             factor = A[i, k]
-            if factor != 0.0:
-                for j in range(m):
-                    B[i, j] -= factor * B[k, j]
+            for j in range(m):
+                B[i, j] -= factor * B[k, j]

@@ -14,13 +14,14 @@ down or a law has a corner: the instant at which that happens is not differentia
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.laws.compiled import compiled, internal
+from vsf_drake.laws.compiled import compiled, internal, part
 from vsf_drake.laws.scalar import spring_force
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping import tree as rb
@@ -37,8 +38,14 @@ from vsf_drake.simulation.stepping.directions import (
 from vsf_drake.simulation.stepping.newton import EXACT, copy, solve_columns, step, tangent_matrix
 from vsf_drake.simulation.stepping.tree import Motion, Six, Three, Tree, TreeArrays
 
-if TYPE_CHECKING:
-    from vsf_drake.simulation.stepping.stepper import Record
+
+class Carried(NamedTuple):
+    """Derivatives that a run leaves, see `stepper.Record`."""
+
+    wrench_by: np.ndarray
+    load_by: np.ndarray
+    q_by: np.ndarray
+    v_by: np.ndarray
 
 
 @internal
@@ -51,7 +58,7 @@ def carry(
     directions: TangentDirections,
     A: np.ndarray,
     tangent: Tangent,
-    record: Record,
+    record: Carried,
 ) -> None:
     """Takes `tangent` from the start to the end of the step that was just linearised, and writes to
     `record`.
@@ -59,7 +66,10 @@ def carry(
     It ends `end_share` of the way from instant k of the run's grid to the next, and is `share` of
     that way; A is its `newton.tangent_matrix`, which is lost, and `tangent` as `linearise` left it.
     """
-    nf, (C, P), rhs, end = dofs.free.shape[0], directions.unit.shape, tangent.rhs, tangent.v_end
+    nf = dofs.free.shape[0]
+    C, P = directions.unit.shape
+    rhs = tangent.rhs
+    end = tangent.v_end
 
     # du of prescribed directions: 0, but for perturbations, which go straight over the step, as in
     # `stepper.substep`.
@@ -122,7 +132,7 @@ def carry(
 
 
 @internal
-def write_state(k: int, directions: TangentDirections, tangent: Tangent, record: Record) -> None:
+def write_state(k: int, directions: TangentDirections, tangent: Tangent, record: Carried) -> None:
     """Writes the derivatives of the state at the end of step k."""
     for j in range(directions.body.shape[0]):
         c = directions.coordinate[j]
@@ -185,41 +195,13 @@ def rest_sensitivity(
     ground (m). InputError if no force holds one of the others at rest, so that its rest has no
     derivative.
     """
-    h = 1e-3
-    dofs = assembly.split_coordinates(tree, forces, prescribed)
-    workspace = assembly.step_workspace(tree, forces, dofs)
-    arrays = rb.tree_arrays(tree)
-    directions = make_directions(
-        tree, forces, dofs, tangents, measured=np.zeros(len(forces.sites), dtype=bool)
-    )
-    tangent = tangent_workspace(tree, dofs, directions)
-    end = q.copy()
-    v = np.zeros_like(q)
-    support = np.zeros(3)
-    sites = np.zeros((len(forces.sites), len(assembly.SITE_RECORD)))
-
     # At rest dv0 = dv = 0 over any step: the free directions must balance, Gq_free dq =
     # -(Gq_prescribed unit + E).
-    step(
-        h,
-        arrays,
-        forces,
-        dofs,
-        workspace,
-        ground,
-        0.0,
-        fulcrum,
-        q[prescribed],
-        np.zeros((0, 0)),
-        np.zeros(0),
-        end,
-        v,
-        np.zeros_like(q),
-        sites,
-        support,
-    )
-    tangent_matrix(h, arrays, forces, dofs, workspace, EXACT, sites)
-    linearise(h, arrays, forces, dofs, directions, workspace, tangent, q, v, sites, support)
+    one = OneStep(tree, forces, prescribed, tangents)
+    one.take(1e-3, q, np.zeros_like(q), q[prescribed], ground=ground, fulcrum=fulcrum)
+    dofs = one.dofs
+    directions = one.directions
+    tangent = one.tangent
     count = len(dofs.free)
     by = np.zeros((len(q), len(tangents)))
     try:
@@ -238,6 +220,112 @@ def rest_sensitivity(
     return by
 
 
+class OneStep:
+    """Single steps of a tree and their derivatives. `tangent` and `workspace` hold what the last
+    one left: `newton.tangent_matrix` in `workspace.A`, and what `linearise` writes."""
+
+    def __init__(
+        self,
+        tree: Tree,
+        forces: Forces,
+        prescribed: np.ndarray,
+        tangents: Sequence[ParameterTangent] = (),
+    ) -> None:
+        self.dofs = assembly.split_coordinates(tree, forces, prescribed)
+        self.workspace = assembly.step_workspace(tree, forces, self.dofs)
+        self.directions = make_directions(
+            tree,
+            forces,
+            self.dofs,
+            tangents,
+            measured=np.zeros(len(forces.sites), dtype=bool),
+        )
+        self.tangent = tangent_workspace(tree, self.dofs, self.directions)
+        self._tree = rb.tree_arrays(tree)
+        self._forces = forces
+
+    def take(
+        self,
+        h: float,
+        q0: np.ndarray,
+        v0: np.ndarray,
+        q_next: np.ndarray,
+        *,
+        ground: float,
+        fulcrum: float,
+        least_slope: float = EXACT,
+    ) -> np.ndarray:
+        """v (n,) at the end of a step from q0, v0 (n,) over a ground (m) at rest; see
+        `newton.step`. A friction curve that falls more counts as `least_slope` (s/m)."""
+        v = v0.copy()
+        _linear_step(
+            h,
+            self._tree,
+            self._forces,
+            self.dofs,
+            self.directions,
+            self.workspace,
+            self.tangent,
+            least_slope,
+            ground,
+            fulcrum,
+            q_next,
+            q0,
+            q0.copy(),
+            v,
+            np.zeros_like(v),
+            np.zeros((0, 9)),
+            np.zeros((0, 6)),
+            np.zeros(3),
+        )
+        return v
+
+
+@compiled
+def _linear_step(
+    h: float,
+    tree: TreeArrays,
+    forces: Forces,
+    dofs: FreePrescribed,
+    directions: TangentDirections,
+    workspace: Workspace,
+    tangent: Tangent,
+    least_slope: float,
+    ground: float,
+    fulcrum: float,
+    q_next: np.ndarray,
+    q0: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    load: np.ndarray,
+    sites: np.ndarray,
+    wrench: np.ndarray,
+    support: np.ndarray,
+) -> None:
+    """A step from q0, v to q, v (n,), and its linearisation."""
+    step(
+        h,
+        tree,
+        forces,
+        dofs,
+        workspace,
+        ground,
+        0.0,
+        fulcrum,
+        q_next,
+        True,
+        False,
+        q,
+        v,
+        load,
+        sites,
+        wrench,
+        support,
+    )
+    tangent_matrix(h, tree, forces, dofs, workspace, least_slope)
+    linearise(h, tree, forces, dofs, directions, workspace, tangent, q0, v)
+
+
 # Exact derivatives of one step's equations, compiled.
 #
 # With the residual r / h = ID(q0, v0, (v - v0) / h) - tau(q0, v) of `newton`, `linearise` writes
@@ -250,7 +338,7 @@ def rest_sensitivity(
 # `newton.tangent_matrix`.
 
 
-@compiled
+@part
 def linearise(
     h: float,
     tree: TreeArrays,
@@ -261,18 +349,15 @@ def linearise(
     tangent: Tangent,
     q0: np.ndarray,
     v: np.ndarray,
-    sites: np.ndarray,
-    support: np.ndarray,
 ) -> None:
-    """Writes Gq, Gv, B, E and the measured wrench's composites of `tangent`, right after `step` and
-    a `tangent_matrix`.
+    """Writes Gq, Gv, B, E and the measured wrench's composites of `tangent`, right after a `step`
+    for which nothing was ready, and a `tangent_matrix`.
 
-    q0 (n,) are the coordinates at its start, v (n,) the velocities at its end; it left sites (S, 9)
-    and support (3,).
+    q0 (n,) are the coordinates at its start, v (n,) the velocities at its end.
     """
     _direction_motions(directions, workspace, tangent)
     _coriolis(tree, dofs, workspace.motion, tangent)
-    _add_site_tangents(h, tree.links, forces, dofs, directions, workspace, tangent, sites)
+    _add_site_tangents(h, tree.links, forces, dofs, directions, workspace, tangent)
     tangent.Gq[:] = 0.0
     tangent.Gv[:] = 0.0
     tangent.B[:] = 0.0
@@ -280,7 +365,7 @@ def linearise(
     _rows(h, tree.bodies, directions, workspace, tangent)
     _springs(h, forces, dofs, directions, q0, v, tangent)
     if forces.fulcrum[0] > 0.0:
-        assembly.add_support_tangent(h, forces, dofs, directions, workspace, tangent, support)
+        assembly.add_support_tangent(h, forces, dofs, directions, workspace, tangent)
 
 
 @internal
@@ -552,7 +637,6 @@ def _add_site_tangents(
     directions: TangentDirections,
     workspace: Workspace,
     tangent: Tangent,
-    sites: np.ndarray,
 ) -> None:
     """Composites of P and of the measured wrench, and what parameters change directly."""
     contact = workspace.contact
@@ -569,8 +653,8 @@ def _add_site_tangents(
         tangent.shift[links[moving[k], 2], :, :] = 0.0
     for a in range(contact.near[-1]):
         s = contact.near[a]
-        if dofs.site_moves[s] and sites[s, 1] > 0.0:
-            _site(h, s, forces, directions, workspace, tangent, sites)
+        if dofs.site_moves[s] and contact.now[s, 1] > 0.0:
+            _site(h, s, forces, directions, workspace, tangent)
             tangent.touched[forces.site_bodies[s]] = True
 
     # Inwards: sums over all that a body carries.
@@ -597,21 +681,21 @@ def _site(
     directions: TangentDirections,
     workspace: Workspace,
     tangent: Tangent,
-    sites: np.ndarray,
 ) -> None:
     """One loaded site: six unit displacements, six unit velocities, and its parameters."""
     contact = workspace.contact
     b = forces.site_bodies[s]
     radius = forces.sites[s, 3]
     V = contact.V
+    now = contact.now
     wx = V[b, 0]
     wy = V[b, 1]
     wz = V[b, 2]
-    fn = sites[s, 1]
-    fx = sites[s, 2]
-    fy = sites[s, 3]
-    vx = sites[s, 5]
-    vy = sites[s, 6]
+    fn = now[s, 1]
+    fx = now[s, 2]
+    fy = now[s, 3]
+    vx = now[s, 5]
+    vy = now[s, 6]
     x = contact.center[s, 0]
     y = contact.center[s, 1]
     top = contact.center[s, 2]
@@ -622,15 +706,15 @@ def _site(
     by_depth = contact.elastic[s]
     along_x = ratio * vx * by_depth
     along_y = ratio * vy * by_depth
-    K = assembly.site_tangent(forces.sites, s, contact.gain[s], sites, EXACT)
+    K = assembly.site_tangent(forces.sites, s, contact.gain[s], now, EXACT)
 
     # Velocity of the sphere's centre, and where the contact point is at the end of the step.
     ox = V[b, 3] + wy * top - wz * y
     oy = V[b, 4] + wz * x - wx * top
     # z1 is from the ground, about which the measured moment is taken.
-    x1 = sites[s, 7]
-    y1 = sites[s, 8]
-    z1 = -sites[s, 0]
+    x1 = x + h * ox
+    y1 = y + h * oy
+    z1 = -now[s, 0]
     measured = directions.measured[s]
     for i in range(6):
         sx = 1.0 if i == 0 else 0.0
@@ -729,7 +813,7 @@ def _site(
             gy = change * vy
             gz = 0.0
         else:
-            gz = unit * _normal_derivative(forces.sites, s, column, sites[s, 0], sites[s, 4])
+            gz = unit * _normal_derivative(forces.sites, s, column, now[s, 0], now[s, 4])
             # friction is in proportion to the normal force
             gx = -ratio * vx * gz
             gy = -ratio * vy * gz

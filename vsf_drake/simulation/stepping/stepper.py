@@ -1,10 +1,12 @@
 """The implicit stepper: advances a plant of one-degree-of-freedom joints under stiff forces by
-fixed steps.
+fixed steps, one walk or several side by side.
 
-All of a step is compiled (`newton`), and so is the loop over them (the last section). Mass matrix,
-Coriolis and gravity terms come from compiled rigid-body dynamics, or on request from Drake. Any
-subset of coordinates is prescribed: it follows its values exactly at every step, and the loads that
-this takes come out with it. First order in the step. A step that does not converge is halved.
+All of a step is compiled (`newton`), and so is the loop over them (the last section). Any subset of
+coordinates is prescribed: it follows its values exactly at every step, and the loads that this
+takes come out with it. First order in the step. A step that does not converge is halved.
+
+Walks side by side are taken WIDTH at a time in the lanes of the processor (`laws.lanes`) by the
+same code as one alone, and every one is to the bit what it is alone.
 """
 
 from __future__ import annotations
@@ -13,37 +15,41 @@ import dataclasses
 import gc
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.framework import Context
 
 from vsf_drake.base.errors import SimulationError
-from vsf_drake.laws.compiled import compiled
+from vsf_drake.laws.compiled import compiled, internal
+from vsf_drake.laws.lanes import SHARED, WIDTH, every, first, lanes, negated, select, some
 from vsf_drake.simulation.stepping import assembly
+from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
 from vsf_drake.simulation.stepping.directions import ParameterTangent, Tangent, TangentDirections
-from vsf_drake.simulation.stepping.newton import EXACT, copy, step, tangent_matrix
+from vsf_drake.simulation.stepping.newton import EXACT, copy, step, tangent_matrix, velocities
 from vsf_drake.simulation.stepping.sensitivity import (
+    Carried,
     ForwardSensitivity,
     carry,
     linearise,
     write_state,
 )
-from vsf_drake.simulation.stepping.tree import Tree, TreeArrays, tree_arrays, tree_of
+from vsf_drake.simulation.stepping.tree import Motion, Tree, TreeArrays, tree_arrays
 
-CHUNK = 32  # steps between looks for progress and interruption
+CHUNK = 128  # steps between looks for progress and interruption
+LOOKS = 32  # steps between looks whether a run may stop
 MAX_SPEED = 1e3  # coordinate speed (m/s or rad/s) beyond which a simulation counts as diverged
-_warm: set[bool] = set()  # whether with sensitivities: the variants of `advance` that are compiled
+_warm: set[str] = set()  # the variants of `advance` that are compiled
 SETTLED_TOLERANCE, SETTLED_SPEED = 1e-10, 1e-9
 """Of the steps that lead to rest (with the usual one they would coast at 1e-7 m/s), and m/s or
 rad/s at it."""
-DYNAMICS = ("compiled", "drake")
+ALONE, SIDE_BY_SIDE, WITH_SENSITIVITIES = "one walk", "walks side by side", "sensitivities"
+"""Variants of the compiled loop."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,7 @@ class Mechanism:
     tree: Tree  # of the plant, with the parameters that `context` holds
     sites: np.ndarray
     site_bodies: np.ndarray
+    feet: np.ndarray
     ground_height: float  # z (m) of the ground in W, where it does not move
     springs: np.ndarray
     spring_index: np.ndarray  # keel joints, then the socket's six
@@ -87,38 +94,55 @@ class Inputs:
     torques: Torques | None = None  # on coordinates that are not prescribed, of the n steps
 
 
-class Stepper:
-    """Runs a `Mechanism`; holds no state between runs.
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One of the runs that `run_side_by_side` takes."""
 
-    Mass matrix, Coriolis and gravity terms are compiled or, with `dynamics` "drake", from the
-    plant, with calls from Python in every step, which takes about four times as long. A step has
-    converged within `tolerance`, see `assembly.Workspace`. ValueError if the plant's Context no
-    longer holds what the mechanism was read from.
+    mechanism: Mechanism
+    inputs: Inputs
+    q0: np.ndarray  # (n,) at the start
+    v0: np.ndarray
+
+
+def run_side_by_side(
+    runs: Sequence[Run],
+    *,
+    tolerance: float = assembly.TOLERANCE,
+    sites: bool = True,
+    stop: Callable[[int, Record], bool] | None = None,
+    progress: Callable[[float], None] | None = None,
+    forward: ForwardSensitivity | None = None,
+) -> list[Record | SimulationError]:
+    """The record of each run, or why there is none: a coordinate becomes NaN, too fast or larger
+    than its limit. It is the same to the bit in whatever company a run is taken.
+
+    The runs have the bodies, joints, inertias and keel of the first one, and prescribe the same
+    coordinates; numbers of frames, contact, springs and support, motions, grids and lengths are
+    their own. A step has converged within `tolerance`, see `assembly.Workspace`. `sites`: whether
+    the record of each site is kept. `stop` is called now and then with the number of finished steps
+    and the record of each run (true ends the run), `progress` with the finished fraction. `forward`
+    says what the sensitivities of a single run are carried to.
     """
+    done: list[Record | SimulationError] = []
+    for begin in range(0, len(runs), WIDTH):
+        block = _Block(runs[begin : begin + WIDTH], tolerance, sites=sites, forward=forward)
+        share = len(block.runs) / len(runs)
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        *,
-        dynamics: str = "compiled",
-        tolerance: float = assembly.TOLERANCE,
-    ) -> None:
-        if dynamics not in DYNAMICS:
-            raise ValueError(f"dynamics is {dynamics!r}, but must be one of {', '.join(DYNAMICS)}")
-        if dynamics == "drake":
-            now = tree_of(mechanism.plant, mechanism.context)
-            if not all(
-                np.array_equal(getattr(now, name), getattr(mechanism.tree, name))
-                for name in ("frames", "inertias", "gravity")
-            ):
-                raise ValueError(
-                    "the plant's Context has changed since the mechanism was read from it; read "
-                    "it again"
-                )
+        def tell(finished: float, begin: int = begin, share: float = share) -> None:
+            if progress:
+                progress(begin / len(runs) + share * finished)
+
+        done += block.run(stop, tell)
+    return done
+
+
+class Stepper:
+    """Runs one `Mechanism`; holds no state between runs. See `run_side_by_side` for the
+    arguments."""
+
+    def __init__(self, mechanism: Mechanism, *, tolerance: float = assembly.TOLERANCE) -> None:
         self.mechanism = mechanism
-        self.dynamics = dynamics
         self.tolerance = tolerance
-        self.tree = tree_arrays(mechanism.tree)
 
     def run(
         self,
@@ -130,96 +154,23 @@ class Stepper:
         stop: Callable[[int, Record], bool] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Record:
-        """Advances from `q0`, `v0` over the grid of `inputs`, with sensitivities to what `forward`
-        holds.
+        """Advances from `q0`, `v0` over the grid of `inputs`; SimulationError as said there."""
+        (outcome,) = run_side_by_side(
+            [Run(self.mechanism, inputs, q0, v0)],
+            tolerance=self.tolerance,
+            stop=stop,
+            progress=progress,
+            forward=forward,
+        )
+        if isinstance(outcome, SimulationError):
+            raise outcome
+        return outcome
 
-        `stop` is called now and then with the number of finished steps and the record (true ends
-        the run), `progress` with the finished fraction. SimulationError if a coordinate becomes
-        NaN, too fast or larger than its limit.
-        """
-        m = self.mechanism
-        steps = len(inputs.time_s) - 1
-        forces = m.forces
-        drive = drive_of(inputs)
-        if forward is not None and (self.dynamics != "compiled" or inputs.torques is not None):
-            raise ValueError("sensitivities need the compiled dynamics, and no torques")
-        record = _empty_record(drive, q0, v0, sites=len(m.sites), forward=forward)
-        q = np.array(q0, dtype=float)
-        v = np.array(v0, dtype=float)
-        start = Start(
-            q=np.empty_like(q),
-            load=np.empty_like(q),
-            q_next=np.empty(len(inputs.prescribed)),
-            M=np.zeros((0, 0)),
-            C=np.zeros(0),
-        )
-        dofs = assembly.split_coordinates(
-            m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64)
-        )
-        workspace = assembly.step_workspace(m.tree, forces, dofs, self.tolerance)
-        directions, tangent = (
-            (None, None) if forward is None else forward.prepare(m.tree, forces, dofs, steps)
-        )
-        go = (
-            advance
-            if self.dynamics == "compiled"
-            else partial(advance.py_func, dynamics=_drakes_dynamics(m.plant, m.context))
-        )
-        done = 0
-        while done < steps:
-            last = min(done + CHUNK, steps)
-            failed, coordinate = go(
-                done,
-                last,
-                self.tree,
-                forces,
-                dofs,
-                workspace,
-                drive,
-                MAX_SPEED,
-                q,
-                v,
-                start,
-                record,
-                directions,
-                tangent,
-            )
-            if failed >= 0:
-                raise SimulationError(
-                    f"coordinate {m.tree.coordinate_names[coordinate]} diverged (speed "
-                    f"{v[coordinate]:.3g})",
-                    time_s=float(inputs.time_s[failed + 1]),
-                )
-            done = last
-            if progress:
-                progress(done / steps)
-            if stop and stop(done, record):
-                break
-        if done < steps:
-            record = record._replace(
-                **{
-                    name: value[:done]
-                    for name, value in record._asdict().items()
-                    if name not in ("q0", "v0")
-                }
-            )
-        beyond = np.abs(record.q) > m.limits
-        if np.any(beyond):
-            row, column = np.argwhere(beyond)[0]
-            raise SimulationError(
-                f"coordinate {m.tree.coordinate_names[column]} reached "
-                f"{record.q[row, column]:.3g}, beyond the {m.limits[column]:g} (m or rad) to "
-                "which the model means anything",
-                time_s=float(record.time_s[row]),
-            )
-        return record
-
-    def warm_up(self, *, sensitivities: bool = False) -> float:
-        """Seconds in which a throw-away step has compiled the run, or the one with `sensitivities`;
-        0 if it was."""
-        if sensitivities in _warm:
+    def warm_up(self, variant: str = ALONE) -> float:
+        """Seconds in which a throw-away step has compiled a variant of the loop; 0 if it was."""
+        if variant in _warm:
             return 0.0
-        _warm.add(sensitivities)
+        _warm.add(variant)
         started = time.perf_counter()
         collecting = gc.isenabled()
         # looking through what the compiler makes, again and again, is a seventh of its time
@@ -232,17 +183,17 @@ class Stepper:
             fulcrum=np.zeros(2),
             ground=np.zeros(2),
         )
-        forward = (
-            ForwardSensitivity(
-                tangents=(ParameterTangent(),),
-                measured=np.ones(len(self.mechanism.sites), dtype=bool),
-                q0=np.zeros((n, 1)),
-            )
-            if sensitivities
-            else None
+        forward = ForwardSensitivity(
+            tangents=(ParameterTangent(),),
+            measured=np.ones(len(self.mechanism.sites), dtype=bool),
+            q0=np.zeros((n, 1)),
         )
+        run = Run(self.mechanism, held, np.zeros(n), np.zeros(n))
         try:
-            self.run(held, np.zeros(n), np.zeros(n), forward=forward)
+            run_side_by_side(
+                [run] * (2 if variant == SIDE_BY_SIDE else 1),
+                forward=forward if variant == WITH_SENSITIVITIES else None,
+            )
         finally:
             if collecting:
                 gc.enable()
@@ -252,55 +203,53 @@ class Stepper:
         self, inputs: Inputs, q0: np.ndarray, *, step_s: float = 0.02, steps: int = 100
     ) -> tuple[np.ndarray, float]:
         """Rest position with everything prescribed held at the first row of `inputs`, and the
-        largest speed left.
+        largest speed left; see `settle_side_by_side`."""
+        run = Run(self.mechanism, inputs, q0, np.zeros_like(q0))
+        (outcome,) = settle_side_by_side([run], step_s=step_s, steps=steps)
+        if isinstance(outcome, SimulationError):
+            raise outcome
+        return outcome
 
-        Large implicit steps without damping and friction, which would only delay the same
-        equilibrium, until no coordinate is faster than SETTLED_SPEED, at most `steps` of them.
-        """
-        m = self.mechanism
-        sites = m.sites.copy()
-        springs = m.springs.copy()
-        fulcrum = m.fulcrum.copy()
-        columns = [
-            assembly.SITE_COLUMNS.index(name) for name in ("damping", "mu_static", "mu_kinetic")
-        ]
-        sites[:, columns], springs[:, assembly.SPRING_COLUMNS.index("damping")], fulcrum[1] = (
-            0.0,
-            0.0,
-            0.0,
-        )
-        undamped = dataclasses.replace(m, sites=sites, springs=springs, fulcrum=fulcrum)
-        stepper = Stepper(undamped, dynamics=self.dynamics, tolerance=SETTLED_TOLERANCE)
-        held = Inputs(
+
+def settle_side_by_side(
+    runs: Sequence[Run], *, step_s: float = 0.02, steps: int = 100
+) -> list[tuple[np.ndarray, float] | SimulationError]:
+    """Of each run the rest position near its q0 with everything prescribed held at the first row of
+    its inputs, and the largest speed left.
+
+    Large implicit steps without damping and friction, which would only delay the same equilibrium,
+    until no coordinate is faster than SETTLED_SPEED, at most `steps` of them.
+    """
+    columns = [assembly.SITE_COLUMNS.index(name) for name in ("damping", "mu_static", "mu_kinetic")]
+    held = []
+    for run in runs:
+        sites = run.mechanism.sites.copy()
+        springs = run.mechanism.springs.copy()
+        fulcrum = run.mechanism.fulcrum.copy()
+        sites[:, columns] = 0.0
+        springs[:, assembly.SPRING_COLUMNS.index("damping")] = 0.0
+        fulcrum[1] = 0.0
+        still = Inputs(
             time_s=step_s * np.arange(steps + 1),
-            prescribed=inputs.prescribed,
-            prescribed_q=np.repeat(inputs.prescribed_q[:1], steps + 1, axis=0),
-            fulcrum=np.full(steps + 1, inputs.fulcrum[0]),
-            ground=np.full(steps + 1, inputs.ground[0]),
+            prescribed=run.inputs.prescribed,
+            prescribed_q=np.repeat(run.inputs.prescribed_q[:1], steps + 1, axis=0),
+            fulcrum=np.full(steps + 1, run.inputs.fulcrum[0]),
+            ground=np.full(steps + 1, run.inputs.ground[0]),
         )
-        record = stepper.run(
-            held,
-            q0,
-            np.zeros_like(q0),
-            stop=lambda done, record: bool(np.abs(record.v[done - 1]).max() < SETTLED_SPEED),
-        )
-        return record.q[-1], float(np.abs(record.v[-1]).max())
-
-
-def _drakes_dynamics(
-    plant: MultibodyPlant, context: Context
-) -> Callable[[np.ndarray, np.ndarray], Any]:
-    """q, v -> M and C of `newton.step` from the plant, whose `context` they overwrite: Drake's
-    own."""
-    applied = MultibodyForces(plant)
-
-    def dynamics(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        plant.SetPositionsAndVelocities(context, np.concatenate((q, v)))
-        plant.CalcForceElementsContribution(context, applied)
-        bias = plant.CalcInverseDynamics(context, np.zeros_like(v), applied)
-        return np.ascontiguousarray(plant.CalcMassMatrix(context)), np.asarray(bias)
-
-    return dynamics
+        undamped = dataclasses.replace(run.mechanism, sites=sites, springs=springs, fulcrum=fulcrum)
+        held.append(Run(undamped, still, run.q0, np.zeros_like(run.q0)))
+    records = run_side_by_side(
+        held,
+        tolerance=SETTLED_TOLERANCE,
+        sites=False,
+        stop=lambda done, record: bool(np.abs(record.v[done - 1]).max() < SETTLED_SPEED),
+    )
+    return [
+        record
+        if isinstance(record, SimulationError)
+        else (record.q[-1], float(np.abs(record.v[-1]).max()))
+        for record in records
+    ]
 
 
 # What a run of the stepper leaves.
@@ -317,7 +266,10 @@ class Record(NamedTuple):
     load: np.ndarray
     """(n, coordinates) what drives the coordinates, on average over the step: it holds the
     prescribed ones, and is what was applied to the others."""
-    sites: np.ndarray  # (n, S, 9) columns SITE_RECORD
+    sites: np.ndarray  # (n, S, 9) columns SITE_RECORD; S = 0 where it was not kept
+    wrench: np.ndarray
+    """(n, feet, 6) of the ground on each foot: moment about W's origin at the ground's height, and
+    force"""
     fulcrum: np.ndarray  # (n, 3) support force (N), deflection (m), rate (m/s)
     iterations: np.ndarray  # (n,) of Newton's method
     parts: np.ndarray  # (n,) substeps that the step was cut into, 1 if it converged at once
@@ -343,34 +295,341 @@ class Record(NamedTuple):
         }
 
 
-def _empty_record(
-    drive: Drive, q0: np.ndarray, v0: np.ndarray, *, sites: int, forward: ForwardSensitivity | None
-) -> Record:
-    """Workspace for a run from q0, v0 with so many sites."""
-    steps = len(drive.time_s) - 1
-    n = len(q0)
-    P = 0 if forward is None else len(forward.tangents)
-    state = (steps if forward is not None and forward.loads else 0, n, P)
-    shapes = {
-        "q": (steps, n),
-        "v": (steps, n),
-        "load": (steps, n),
-        "sites": (steps, sites, len(assembly.SITE_RECORD)),
-        "fulcrum": (steps, 3),
-        "wrench_by": (steps, 6, P),
-        "load_by": state,
-        "q_by": state,
-        "v_by": state,
-    }
-    return Record(
-        time_s=drive.time_s[1:].copy(),
-        q0=np.array(q0),
-        v0=np.array(v0),
-        iterations=np.zeros(steps, dtype=np.int64),
-        parts=np.zeros(steps, dtype=np.int64),
-        converged=np.zeros(steps, dtype=np.bool_),
-        **{name: np.zeros(shape) for name, shape in shapes.items()},
-    )
+# A block of at most WIDTH runs: their numbers stacked along a last axis, if there are more than
+# one.
+
+_T = TypeVar("_T")
+
+
+def _stacked(parts: Sequence[_T], name: str = "") -> _T:
+    """Arrays of float64, alone or in named tuples, along a new last axis; fields that walks share,
+    and everything else, of the first."""
+    first_one: Any = parts[0]
+    if isinstance(first_one, tuple):
+        made = (
+            _stacked(column, field)
+            for field, column in zip(first_one._fields, zip(*parts, strict=True), strict=True)
+        )
+        return type(first_one)(*made)
+    if isinstance(first_one, np.ndarray) and first_one.dtype == np.float64 and name not in SHARED:
+        return np.stack(parts, axis=-1)
+    return first_one
+
+
+class _Block:
+    """At most WIDTH runs, and the arrays that they are advanced on."""
+
+    def __init__(
+        self,
+        runs: Sequence[Run],
+        tolerance: float,
+        *,
+        sites: bool,
+        forward: ForwardSensitivity | None,
+    ) -> None:
+        self.runs = runs
+        of_first = runs[0].mechanism
+        filled = [*runs, *[runs[-1]] * (WIDTH - len(runs) if len(runs) > 1 else 0)]
+        walks = (len(filled),) if len(filled) > 1 else ()
+        if forward is not None and (walks or runs[0].inputs.torques is not None):
+            raise ValueError("sensitivities are carried along one run, without torques")
+        self.lengths = [len(run.inputs.time_s) - 1 for run in runs]
+        steps = max(self.lengths)
+        n = of_first.tree.num_coordinates
+        together: Callable[[Sequence[_T]], _T] = _stacked if walks else lambda parts: parts[0]
+        self.tree = together([tree_arrays(run.mechanism.tree) for run in filled])
+        self.forces = together([run.mechanism.forces for run in filled])
+        prescribed = np.asarray(runs[0].inputs.prescribed, dtype=np.int64)
+        self.dofs = assembly.split_coordinates(of_first.tree, of_first.forces, prescribed)
+        self.workspace = assembly.step_workspace(
+            of_first.tree, of_first.forces, self.dofs, tolerance, walks
+        )
+        self.drive = together([_drive_of(run.inputs, steps) for run in filled])
+        self.live = forward is not None
+        still = int(np.sum(self.dofs.carried.any(axis=1)))
+        size = POSE * len(self.dofs.base) + 7 * still
+        numbers = np.zeros((size, len(filled)))
+        self.state = State(
+            q=together([np.array(run.q0, dtype=float) for run in filled]),
+            v=together([np.array(run.v0, dtype=float) for run in filled]),
+            steps=together(
+                [
+                    np.array([float(length)])
+                    for length in [*self.lengths, *[0] * (len(filled) - len(runs))]
+                ]
+            ),
+            failed=np.full((2, *walks), -1.0),
+            **{name: np.zeros((n, *walks)) for name in ("q0", "v0", "q1", "v1", "load")},
+            q_next=np.zeros((len(prescribed), *walks)),
+            row=numbers if walks else numbers[:, 0],
+            row_numbers=numbers,
+        )
+        count = len(of_first.sites) if sites else 0
+        shapes = {
+            "q": (n,),
+            "v": (n,),
+            "load": (n,),
+            "sites": (count, len(assembly.SITE_RECORD)),
+            "wrench": (int(of_first.feet.max(initial=0)) + 1, 6),
+            "fulcrum": (3,),
+            "counts": (3,),
+        }
+        self.written = Written(
+            **{name: np.zeros((steps, *shape, *walks)) for name, shape in shapes.items()}
+        )
+        self.directions, self.tangent = (
+            (None, None)
+            if forward is None
+            else forward.prepare(of_first.tree, of_first.forces, self.dofs, steps)
+        )
+        carried = 0 if forward is None else len(forward.tangents)
+        state = (steps if forward is not None and forward.loads else 0, n, carried)
+        self.carried = Carried(np.zeros((steps, 6, carried)), *(np.zeros(state) for _ in range(3)))
+        self.motions: list[_Prescribed] = []
+        self.motion_of = np.zeros(len(filled), dtype=np.int64)
+        if not self.live:
+            for walk, run in enumerate(filled):
+                self.motion_of[walk] = self._motion(run)
+        self.walks = walks
+
+    def _motion(self, run: Run) -> int:
+        """Which of `motions` is the one that prescribes this run, a new one if none is."""
+        new = _Prescribed(run, self.dofs)
+        for place, known in enumerate(self.motions):
+            if known.equals(new):
+                return place
+        self.motions.append(new)
+        return len(self.motions) - 1
+
+    def run(
+        self, stop: Callable[[int, Record], bool] | None, progress: Callable[[float], None]
+    ) -> list[Record | SimulationError]:
+        """Advances all of them; see `run_side_by_side`."""
+        steps = max(self.lengths)
+        chunk = CHUNK if stop is None else LOOKS
+        rows = np.zeros((max(1, len(self.motions)), chunk, len(self.state.row_numbers)))
+        go = advance_side_by_side if self.walks else advance
+        done = 0
+        while done < steps and max(self.lengths) > done:
+            last = min(done + chunk, steps)
+            for place, motion in enumerate(self.motions):
+                motion.write_rows(done, last, rows[place])
+            go(
+                done,
+                last,
+                self.tree,
+                self.forces,
+                self.dofs,
+                self.workspace,
+                self.drive,
+                MAX_SPEED,
+                self.state,
+                self.written,
+                rows,
+                self.motion_of,
+                self.live,
+                self.directions,
+                self.tangent,
+                self.carried,
+            )
+            done = last
+            progress(done / steps)
+            if stop:
+                self._look(stop, done)
+        return [self._outcome(walk) for walk in range(len(self.runs))]
+
+    def _look(self, stop: Callable[[int, Record], bool], done: int) -> None:
+        """Ends the runs that may stop after `done` steps."""
+        for walk, length in enumerate(self.lengths):
+            if done < length and stop(done, self._record(walk, length)):
+                self.lengths[walk] = done
+                self._of(self.state.steps, walk)[...] = done
+
+    def _of(self, array: np.ndarray, walk: int) -> np.ndarray:
+        """The part of an array that is one run's."""
+        return array[..., walk] if self.walks else array
+
+    def _record(self, walk: int, steps: int) -> Record:
+        run = self.runs[walk]
+        rows = {
+            name: self._of(array, walk)[:steps] for name, array in self.written._asdict().items()
+        }
+        iterations, parts, failed = rows.pop("counts").T
+        return Record(
+            time_s=run.inputs.time_s[1 : steps + 1].astype(float),
+            q0=np.array(run.q0),
+            v0=np.array(run.v0),
+            iterations=iterations.astype(np.int64),
+            parts=parts.astype(np.int64),
+            converged=failed == 0.0,
+            **rows,
+            **{name: array[:steps] for name, array in self.carried._asdict().items()},
+        )
+
+    def _outcome(self, walk: int) -> Record | SimulationError:
+        mechanism = self.runs[walk].mechanism
+        names = mechanism.tree.coordinate_names
+        record = self._record(walk, self.lengths[walk])
+        step, coordinate = (int(number) for number in self._of(self.state.failed, walk))
+        if step >= 0:
+            return SimulationError(
+                f"coordinate {names[coordinate]} diverged (speed {record.v[step, coordinate]:.3g})",
+                time_s=float(record.time_s[step]),
+            )
+        beyond = np.abs(record.q) > mechanism.limits
+        if np.any(beyond):
+            row, column = np.argwhere(beyond)[0]
+            return SimulationError(
+                f"coordinate {names[column]} reached {record.q[row, column]:.3g}, beyond the "
+                f"{mechanism.limits[column]:g} (m or rad) to which the model means anything",
+                time_s=float(record.time_s[row]),
+            )
+        return Record(*map(np.ascontiguousarray, record))
+
+
+# What only prescribed coordinates move is known before a run: the poses, velocities and
+# accelerations of the bodies that everything else hangs on, and what of the loads their own inertia
+# takes. It is worked out ahead, WIDTH steps at a time in the lanes, and once for all runs of a
+# block that share it.
+
+
+POSE = 30
+"""Numbers of a body in a row: R_WB (9), p_WB (3), velocity, acceleration, and velocity at the end
+of the step (6 each). After the bodies come 7 of each coordinate: its load, and its motion."""
+
+
+@dataclass(eq=False)
+class _Prescribed:
+    """The motion of the links that are `dofs.still` in a run, over its steps."""
+
+    run: Run
+    dofs: FreePrescribed
+    frames: np.ndarray = field(init=False)
+    columns: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.frames = self.run.mechanism.tree.frames[self.dofs.still]
+        of_still = self.dofs.carried.any(axis=1)
+        self.columns = np.flatnonzero(of_still[self.dofs.prescribed])
+        self._lanes: Any = None
+
+    def equals(self, other: _Prescribed) -> bool:
+        """Whether another one is the same."""
+        ours = self.run
+        theirs = other.run
+        moved = self.dofs.prescribed[self.columns]
+        return all(
+            a is b or np.array_equal(a, b)
+            for a, b in (
+                (ours.inputs.time_s, theirs.inputs.time_s),
+                (
+                    ours.inputs.prescribed_q[:, self.columns],
+                    theirs.inputs.prescribed_q[:, self.columns],
+                ),
+                (ours.q0[moved], theirs.q0[moved]),
+                (ours.v0[moved], theirs.v0[moved]),
+                (self.frames, other.frames),
+            )
+        )
+
+    def _prepared(self) -> tuple[TreeArrays, Motion, np.ndarray, tuple[np.ndarray, ...]]:
+        """Tree and work space with lanes of steps, and q, v0, a, v (blocks, n, WIDTH) of them."""
+        tree = self.run.mechanism.tree
+        moved = self.dofs.prescribed[self.columns]
+        h = np.diff(self.run.inputs.time_s)[:, None]
+        q = self.run.inputs.prescribed_q[:, self.columns].astype(float)
+        q[0] = self.run.q0[moved]
+        v = np.diff(q, axis=0) / h
+        v0 = np.vstack([self.run.v0[moved], v[:-1]])
+        blocks = -(-len(h) // WIDTH)
+        laned = []
+        for rows in (q[:-1], v0, (v - v0) / h, v):
+            whole = np.zeros((blocks * WIDTH, tree.num_coordinates))
+            whole[: len(h), moved] = rows
+            laned.append(
+                np.ascontiguousarray(
+                    whole.reshape(blocks, WIDTH, tree.num_coordinates).transpose(0, 2, 1)
+                )
+            )
+        return (
+            _stacked([tree_arrays(tree)] * WIDTH),
+            rb.work_space(tree, (WIDTH,)),
+            np.zeros((len(tree.body_names), 6, WIDTH)),
+            tuple(laned),
+        )
+
+    def write_rows(self, begin: int, last: int, rows: np.ndarray) -> None:
+        """Writes to rows (chunk, size) those of the steps `begin` ... `last` - 1; `begin` is a
+        multiple of WIDTH."""
+        if not rows.shape[1]:
+            return
+        if self._lanes is None:
+            self._lanes = self._prepared()
+        tree, motion, V, (q, v0, a, v) = self._lanes
+        low = begin // WIDTH
+        high = min(-(-last // WIDTH), len(q))
+        if low < high:
+            write_rows(
+                tree,
+                self.dofs,
+                motion,
+                V,
+                *(lane[low:high] for lane in (q, v0, a, v)),
+                rows[: last - begin],
+            )
+
+
+@compiled
+def write_rows(
+    tree: TreeArrays,
+    dofs: FreePrescribed,
+    motion: Motion,
+    V: np.ndarray,
+    q: np.ndarray,
+    v0: np.ndarray,
+    a: np.ndarray,
+    v: np.ndarray,
+    rows: np.ndarray,
+) -> None:
+    """Writes rows (steps, size) for q, v0, a at the starts of the steps and v at their ends
+    (blocks, n, WIDTH); V (B, 6, WIDTH) is work space."""
+    in_lanes = lanes(tree)
+    moved = lanes(motion)
+    end = lanes(V)
+    laned_q = lanes(q)
+    laned_v0 = lanes(v0)
+    laned_a = lanes(a)
+    laned_v = lanes(v)
+    load = lanes(q)
+    for block in range(q.shape[0]):
+        rb.stop_world(in_lanes, moved)
+        rb.place(in_lanes, dofs.still, laned_q[block], moved)
+        rb.outwards(in_lanes, dofs.still, laned_v0[block], laned_a[block], moved)
+        velocities(in_lanes.links, dofs.still, moved.S, laned_v[block], end)
+        # the place of q is free now
+        rb.inwards(in_lanes, dofs.still, moved, load[block])
+        for walk in range(WIDTH):
+            k = block * WIDTH + walk
+            if k >= rows.shape[0]:
+                break
+            at = 0
+            for i in range(dofs.base.shape[0]):
+                b = dofs.base[i]
+                for x in range(3):
+                    for y in range(3):
+                        rows[k, at + 3 * x + y] = motion.R[b, x, y, walk]
+                    rows[k, at + 9 + x] = motion.p[b, x, walk]
+                for x in range(6):
+                    rows[k, at + 12 + x] = motion.V[b, x, walk]
+                    rows[k, at + 18 + x] = motion.A[b, x, walk]
+                    rows[k, at + 24 + x] = V[b, x, walk]
+                at += POSE
+            for c in range(dofs.carried.shape[0]):
+                if carries(dofs, c):
+                    rows[k, at] = q[block, c, walk]
+                    for x in range(6):
+                        rows[k, at + 1 + x] = motion.S[c, x, walk]
+                    at += 7
 
 
 # Steps one after the other, each halved where it does not converge (compiled).
@@ -391,30 +650,50 @@ class Drive(NamedTuple):
     torques: Torques
 
 
-class Start(NamedTuple):
-    """Work space of `advance`: a substep's start and what it takes from there."""
+class State(NamedTuple):
+    """Where a run is, and what a step and its pieces begin with; n coordinates, p prescribed."""
 
-    q: np.ndarray  # (n,) coordinates there
+    q: np.ndarray  # (n,)
+    v: np.ndarray
+    steps: np.ndarray  # (1,) how many there are
+    failed: np.ndarray  # (2,) step and coordinate that diverged, or -1
+    q0: np.ndarray  # (n,) at the start of the step
+    v0: np.ndarray
+    q1: np.ndarray  # (n,) at the start of its piece
+    v1: np.ndarray
     load: np.ndarray  # (n,) see `newton.step`
     q_next: np.ndarray  # (p,) where the prescribed coordinates go
-    M: np.ndarray  # (0, 0) and C (0,), see `newton.step`
-    C: np.ndarray
+    row: np.ndarray  # see POSE
+    row_numbers: np.ndarray  # (size, walks) the same memory
 
 
-def drive_of(inputs: Inputs) -> Drive:
-    """The inputs as arrays for compiled code."""
+class Written(NamedTuple):
+    """`Record` of n steps for compiled code; `counts` are iterations, parts, and how many pieces
+    did not converge."""
+
+    q: np.ndarray
+    v: np.ndarray
+    load: np.ndarray
+    sites: np.ndarray
+    wrench: np.ndarray
+    fulcrum: np.ndarray
+    counts: np.ndarray
+
+
+def _drive_of(inputs: Inputs, steps: int) -> Drive:
+    """The inputs as arrays for compiled code, their last row repeated up to so many steps."""
     time_s, prescribed_q, fulcrum, ground = (
         np.ascontiguousarray(column, dtype=float)
         for column in (inputs.time_s, inputs.prescribed_q, inputs.fulcrum, inputs.ground)
     )
-    return Drive(
-        time_s,
-        prescribed_q,
-        fulcrum,
-        ground,
-        np.gradient(ground, time_s),
-        no_torques(len(time_s) - 1) if inputs.torques is None else inputs.torques,
+    rate = np.gradient(ground, time_s)
+    more = steps + 1 - len(time_s)
+    columns = (
+        column if more == 0 else np.concatenate([column, np.repeat(column[-1:], more, axis=0)])
+        for column in (time_s, prescribed_q, fulcrum, ground, rate)
     )
+    torques = no_torques(steps) if inputs.torques is None else inputs.torques
+    return Drive(*columns, torques=torques)
 
 
 @compiled
@@ -451,18 +730,57 @@ def next_substep(done: int, size: int, converged: bool) -> tuple[int, int, bool]
     return done, min(size, PARTS), True
 
 
-@compiled
-def diverged(q: np.ndarray, v: np.ndarray, max_speed: float) -> int:
-    """Index of the first coordinate that is not finite or not slower than `max_speed`, or -1."""
-    for c in range(q.shape[0]):
-        if not (math.isfinite(q[c]) and abs(v[c]) < max_speed):
-            return c
-    return -1
+@internal
+def carries(dofs: FreePrescribed, c: int) -> bool:
+    """Whether a coordinate that is `dofs.still` carries one of the base bodies."""
+    for k in range(dofs.base.shape[0]):
+        if dofs.carried[c, k]:
+            return True
+    return False
+
+
+@internal
+def _read_row(
+    dofs: FreePrescribed,
+    workspace: Workspace,
+    state: State,
+    rows: np.ndarray,
+    motion_of: np.ndarray,
+    k: int,
+) -> None:
+    """Places the base bodies of each walk as its motion's row k says, unloaded, with the loads and
+    motions of the coordinates that carry them."""
+    for walk in range(state.row_numbers.shape[1]):
+        for i in range(state.row_numbers.shape[0]):
+            state.row_numbers[i, walk] = rows[motion_of[walk], k, i]
+    motion = workspace.motion
+    row = state.row
+    at = 0
+    for i in range(dofs.base.shape[0]):
+        b = dofs.base[i]
+        for x in range(3):
+            for y in range(3):
+                motion.R[b, x, y] = row[at + 3 * x + y]
+            motion.p[b, x] = row[at + 9 + x]
+        for x in range(6):
+            motion.V[b, x] = row[at + 12 + x]
+            motion.A[b, x] = row[at + 18 + x]
+            workspace.contact.V[b, x] = row[at + 24 + x]
+            motion.f[b, x] = 0.0
+        for x in range(10):
+            motion.composite[b, x] = 0.0
+        at += POSE
+    for c in range(dofs.carried.shape[0]):
+        if carries(dofs, c):
+            workspace.bias[c] = row[at]
+            for x in range(6):
+                motion.S[c, x] = row[at + 1 + x]
+            at += 7
 
 
 @partial(compiled, nogil=True)
 def advance(
-    first: int,
+    begin: int,
     last: int,
     tree: TreeArrays,
     forces: Forces,
@@ -470,41 +788,49 @@ def advance(
     workspace: Workspace,
     drive: Drive,
     max_speed: float,
-    q: np.ndarray,
-    v: np.ndarray,
-    start: Start,
-    record: Record,
-    directions: TangentDirections | None = None,
-    tangent: Tangent | None = None,
-    dynamics: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None,
-) -> tuple[int, int]:
-    """Advances q, v (n,) in place over steps first ... last - 1; returns step and coordinate that
-    diverged or -1.
+    state: State,
+    written: Written,
+    rows: np.ndarray,
+    motion_of: np.ndarray,
+    live: bool,
+    directions: TangentDirections | None,
+    tangent: Tangent | None,
+    carried: Carried,
+) -> None:
+    """Advances `state` over the steps `begin` ... `last` - 1, as far as a walk has them and has not
+    diverged.
 
-    With `directions` and `tangent` the sensitivities are carried along. Uncompiled
-    (`advance.py_func`) it takes mass matrix, Coriolis and gravity terms from `dynamics`.
+    rows (motions, steps, size) hold what is known ahead of each step, and motion_of (walks,) which
+    motion is a walk's, unless everything is worked out `live`. With `directions` and `tangent` the
+    sensitivities are `carried` along.
     """
-    M = start.M
-    C = start.C
-    q0 = start.q
-    load = start.load
-    q_next = start.q_next
-    for k in range(first, last):
-        record.iterations[k], record.parts[k], record.converged[k] = 0, 0, True
-        done = record.parts[k]  # a literal 0 would compile what it is given to twice
-        size = done + PARTS
-        record.load[k] = 0.0
+    for k in range(begin, last):
+        running = (state.steps[0] > k) & (state.failed[0] < 0.0)
+        if not some(running):
+            break
+        counts = written.counts[k]
+        for c in range(state.q.shape[0]):
+            written.load[k, c] = 0.0
 
         # Torques that are held over the whole step come from the state at its start.
-        sample_torques(k, drive.torques, q, v, workspace.applied)
+        sample_torques(k, drive.torques, state.q, state.v, workspace.applied)
 
-        # One step of h, or substeps of it: a substep that does not converge is taken back and
+        # One step of h. Then substeps of it for each walk that has not converged, one walk after
+        # the other, as they are cut differently: a substep that does not converge is taken back and
         # halved.
-        while done < PARTS:
-            h, fulcrum, ground, ground_rate = substep(drive, k, done, size, q_next)
-            copy(q, q0)
-            if dynamics is not None:
-                M, C = dynamics(q, v)
+        copy(state.q, state.q0)
+        copy(state.v, state.v0)
+        if not live:
+            _read_row(dofs, workspace, state, rows, motion_of, k - begin)
+        waiting = running
+        going = running
+        done = begin * 0  # a literal 0 would compile what it is given to twice
+        size = done + PARTS
+        while some(waiting):
+            whole = done == 0 and size == PARTS
+            h, fulcrum, ground, ground_rate = substep(drive, k, done, size, state.q_next)
+            copy(state.q, state.q1)
+            copy(state.v, state.v1)
             iterations, converged = step(
                 h,
                 tree,
@@ -514,59 +840,100 @@ def advance(
                 ground,
                 ground_rate,
                 fulcrum,
-                q_next,
-                M,
-                C,
-                q,
-                v,
-                load,
-                record.sites[k],
-                record.fulcrum[k],
+                state.q_next,
+                going,
+                whole and not live,
+                state.q,
+                state.v,
+                state.load,
+                written.sites[k],
+                written.wrench[k],
+                written.fulcrum[k],
             )
+            counts[0] += iterations
             share = size / PARTS
             end = (done + size) / PARTS
-            done, size, accepted = next_substep(done, size, converged)
-
-            record.iterations[k] += iterations
-            if accepted:
-                record.parts[k] += 1
-                record.converged[k] &= converged
-                for i in range(q.shape[0]):
-                    record.load[k, i] += share * load[i]
-                if directions is not None and tangent is not None:
-                    tangent_matrix(h, tree, forces, dofs, workspace, EXACT, record.sites[k])
-                    linearise(
-                        h,
-                        tree,
-                        forces,
-                        dofs,
-                        directions,
-                        workspace,
-                        tangent,
-                        q0,
-                        v,
-                        record.sites[k],
-                        record.fulcrum[k],
-                    )
-                    carry(h, k, end, share, dofs, directions, workspace.A, tangent, record)
+            if whole:
+                accepted = going & converged
+                finished = accepted
             else:
-                copy(q0, q)
-                copy(workspace.v0, v)
-        if directions is not None and tangent is not None and record.load_by.shape[0] > 0:
-            write_state(k, directions, tangent, record)
-        copy(q, record.q[k])
-        copy(v, record.v[k])
-        c = diverged(q, v, max_speed)
-        if c >= 0:
-            return k, c
-    return -1, -1
+                done, size, taken = next_substep(done, size, every(converged | negated(going)))
+                accepted = going & taken
+                finished = accepted & (done == PARTS)
+            counts[1] += select(accepted, 1.0, 0.0)
+            counts[2] += select(accepted & negated(converged), 1.0, 0.0)
+            for c in range(state.q.shape[0]):
+                written.load[k, c] += select(accepted, share * state.load[c], 0.0)
+                state.q[c] = select(going & negated(accepted), state.q1[c], state.q[c])
+                state.v[c] = select(going & negated(accepted), state.v1[c], state.v[c])
+            if directions is not None and tangent is not None and some(accepted):
+                tangent_matrix(h, tree, forces, dofs, workspace, EXACT)
+                linearise(h, tree, forces, dofs, directions, workspace, tangent, state.q1, state.v)
+                carry(h, k, end, share, dofs, directions, workspace.A, tangent, carried)
+
+            # The first attempt is over, or that walk: the next one begins with halves.
+            if some(finished) or whole:
+                waiting = waiting & negated(finished)
+                going = first(waiting)
+                done = 0 * done
+                size = done + PARTS // 2
+        if directions is not None and tangent is not None and carried.load_by.shape[0] > 0:
+            write_state(k, directions, tangent, carried)
+        copy(state.q, written.q[k])
+        copy(state.v, written.v[k])
+        for c in range(state.q.shape[0]):
+            fine = (math.fabs(state.v[c]) < max_speed) & (math.fabs(state.q[c]) < math.inf)
+            lost = running & negated(fine) & (state.failed[0] < 0.0)
+            state.failed[0] = select(lost, 1.0 * k, state.failed[0])
+            state.failed[1] = select(lost, 1.0 * c, state.failed[1])
+
+
+@partial(compiled, nogil=True)
+def advance_side_by_side(
+    begin: int,
+    last: int,
+    tree: TreeArrays,
+    forces: Forces,
+    dofs: FreePrescribed,
+    workspace: Workspace,
+    drive: Drive,
+    max_speed: float,
+    state: State,
+    written: Written,
+    rows: np.ndarray,
+    motion_of: np.ndarray,
+    live: bool,
+    directions: None,
+    tangent: None,
+    carried: Carried,
+) -> None:
+    """`advance` of WIDTH walks, whose numbers are along the last axis of the arrays."""
+    advance(
+        begin,
+        last,
+        lanes(tree),
+        lanes(forces),
+        dofs,
+        lanes(workspace),
+        lanes(drive),
+        max_speed,
+        lanes(state),
+        lanes(written),
+        rows,
+        motion_of,
+        live,
+        directions,
+        tangent,
+        carried,
+    )
 
 
 # Forces that a sampled controller exerts on free coordinates: worked out at the start of a step and
 # held over it.
 #
-#     tau = feedforward - gain @ (state - reference),        state = positions, then velocities, of
-#                                                            sensed coordinates
+#     tau = feedforward - feedback @ (state - reference),
+#
+# where the state is the positions, then the velocities, of sensed coordinates.
 #
 # A step that is cut into substeps keeps what its start gave.
 
@@ -577,7 +944,7 @@ class Torques(NamedTuple):
     coordinates: np.ndarray  # (c,) indices, 0 of them for none
     sensed: np.ndarray  # (s,) indices, 0 of them without feedback
     feedforward: np.ndarray  # (n, c)
-    gain: np.ndarray  # (n, c, 2 s)
+    feedback: np.ndarray  # (n, c, 2 s)
     reference: np.ndarray  # (n, 2 s)
 
 
@@ -588,7 +955,7 @@ def no_torques(steps: int) -> Torques:
         coordinates=none,
         sensed=none,
         feedforward=np.zeros((steps, 0)),
-        gain=np.zeros((steps, 0, 0)),
+        feedback=np.zeros((steps, 0, 0)),
         reference=np.zeros((steps, 0)),
     )
 
@@ -603,6 +970,6 @@ def sample_torques(
         value = torques.feedforward[k, i]
         for j in range(s):
             c = torques.sensed[j]
-            value -= torques.gain[k, i, j] * (q[c] - torques.reference[k, j])
-            value -= torques.gain[k, i, s + j] * (v[c] - torques.reference[k, s + j])
+            value -= torques.feedback[k, i, j] * (q[c] - torques.reference[k, j])
+            value -= torques.feedback[k, i, s + j] * (v[c] - torques.reference[k, s + j])
         force[torques.coordinates[i]] = value

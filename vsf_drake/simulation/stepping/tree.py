@@ -7,7 +7,6 @@ random states); they exist because a step has no time for calls into Python.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +15,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Joint, PrismaticJoint, RevoluteJoint, RigidBody
 from pydrake.systems.framework import Context
 
-from vsf_drake.laws.compiled import internal
+from vsf_drake.laws.compiled import internal, part
+from vsf_drake.laws.lanes import sine_cosine
 
 WELD = 0
 REVOLUTE = 1
@@ -360,10 +360,23 @@ def transposed_times(K: np.ndarray, b: int, a: Six) -> Six:
 
 
 @internal
+def clear_square(K: np.ndarray, b: int) -> None:
+    """Sets K[b] of an array (n, 6, 6) to 0."""
+    for i in range(6):
+        for j in range(6):
+            K[b, i, j] = 0.0
+
+
+@internal
 def add_column(K: np.ndarray, b: int, i: int, a: Six) -> None:
     """Adds a vector to column i of K[b]."""
-    for k in range(6):
-        K[b, k, i] += a[k]
+    p, q, r, x, y, z = a
+    K[b, 0, i] += p
+    K[b, 1, i] += q
+    K[b, 2, i] += r
+    K[b, 3, i] += x
+    K[b, 4, i] += y
+    K[b, 5, i] += z
 
 
 @internal
@@ -539,6 +552,7 @@ class TreeArrays(NamedTuple):
     inertias: np.ndarray
     gravity: np.ndarray
     bodies: np.ndarray
+    all: np.ndarray  # (m,) rows of links: every one
 
 
 class Motion(NamedTuple):
@@ -557,26 +571,37 @@ class Motion(NamedTuple):
 
 def tree_arrays(tree: Tree) -> TreeArrays:
     """The arrays of `tree`."""
-    return TreeArrays(tree.links, tree.frames, tree.inertias, tree.gravity, tree.coordinate_bodies)
-
-
-def work_space(tree: Tree) -> Motion:
-    """Workspace for one state of `tree`."""
-    n = tree.num_coordinates
-    bodies = len(tree.body_names)
-    return Motion(
-        R=np.zeros((bodies, 3, 3)),
-        p=np.zeros((bodies, 3)),
-        S=np.zeros((n, 6)),
-        own=np.zeros((bodies, 10)),
-        composite=np.zeros((bodies, 10)),
-        **{name: np.zeros((bodies, 6)) for name in ("V", "A", "f")},
+    return TreeArrays(
+        links=tree.links,
+        frames=tree.frames,
+        inertias=tree.inertias,
+        gravity=tree.gravity,
+        bodies=tree.coordinate_bodies,
+        all=np.arange(len(tree.links)),
     )
 
 
-@internal
-def place(tree: TreeArrays, q: np.ndarray, motion: Motion) -> None:
-    """Poses and joint motions at coordinates q (n,).
+def work_space(tree: Tree, walks: tuple[int, ...] = ()) -> Motion:
+    """Workspace for one state of `tree`, or of each of so many `walks`; the world is placed."""
+    n = tree.num_coordinates
+    bodies = len(tree.body_names)
+    R = np.zeros((bodies, 3, 3, *walks))
+    for i in range(3):
+        R[0, i, i] = 1.0
+    return Motion(
+        R=R,
+        p=np.zeros((bodies, 3, *walks)),
+        S=np.zeros((n, 6, *walks)),
+        own=np.zeros((bodies, 10, *walks)),
+        composite=np.zeros((bodies, 10, *walks)),
+        **{name: np.zeros((bodies, 6, *walks)) for name in ("V", "A", "f")},
+    )
+
+
+@part
+def place(tree: TreeArrays, links: np.ndarray, q: np.ndarray, motion: Motion) -> None:
+    """Poses and joint motions of the `links` (rows of the tree's) at coordinates q (n,); what they
+    hang on is placed.
 
     From the world outwards, over each joint: X_WB = X_WP X_PF X_FM(q) X_MB, with F fixed to the
     parent P, M to the body B, and X_FM a turn about or a shift along the axis that both share.
@@ -584,11 +609,8 @@ def place(tree: TreeArrays, q: np.ndarray, motion: Motion) -> None:
     R = motion.R
     p = motion.p
     frames = tree.frames
-    for i in range(3):
-        p[0, i] = 0.0
-        for k in range(3):
-            R[0, i, k] = 1.0 if i == k else 0.0
-    for m in range(tree.links.shape[0]):
+    for a in range(links.shape[0]):
+        m = links[a]
         kind = tree.links[m, 0]
         parent = tree.links[m, 1]
         child = tree.links[m, 2]
@@ -606,7 +628,8 @@ def place(tree: TreeArrays, q: np.ndarray, motion: Motion) -> None:
                 pM = (x + q[c] * ax, y + q[c] * ay, z + q[c] * az)
             else:  # (axis, origin x axis): W's origin moves as a point of the body
                 put(motion.S, c, (ax, ay, az, y * az - z * ay, z * ax - x * az, x * ay - y * ax))
-                F = _turned(F, ax, ay, az, math.sin(q[c]), math.cos(q[c]))
+                sine, cosine = sine_cosine(q[c])
+                F = _turned(F, ax, ay, az, sine, cosine)
 
         # The frame M itself for now; X_MB then leads to the body.
         _write_pose(R, p, child, F, pM)
@@ -626,28 +649,20 @@ def _write_pose(
         p[b, i] = position[i]
 
 
-@internal
-def inverse_dynamics(
-    tree: TreeArrays, v: np.ndarray, a: np.ndarray, motion: Motion, tau: np.ndarray
+@part
+def outwards(
+    tree: TreeArrays, links: np.ndarray, v: np.ndarray, a: np.ndarray, motion: Motion
 ) -> None:
-    """Forces tau (n,) for velocities v and accelerations a (n,) at the placed pose, gravity
-    included.
-
-    Leaves V, A, own and composite inertias and transmitted forces in `motion`.
-    """
+    """Velocities, accelerations and own inertial forces of the bodies of the placed `links`, for
+    velocities v and accelerations a (n,), gravity included; what they hang on has its own."""
     S = motion.S
     V = motion.V
     A = motion.A
     own = motion.own
     composite = motion.composite
     f = motion.f
-    put(V, 0, REST)
-    put(A, 0, (0.0, 0.0, 0.0, -tree.gravity[0], -tree.gravity[1], -tree.gravity[2]))
-    put(f, 0, REST)
-    composite[0, :] = 0.0
-
-    # Outwards: velocities, accelerations, and what each body's own inertia takes.
-    for m in range(tree.links.shape[0]):
+    for k in range(links.shape[0]):
+        m = links[k]
         parent = tree.links[m, 1]
         b = tree.links[m, 2]
         c = tree.links[m, 3]
@@ -673,19 +688,51 @@ def inverse_dynamics(
         for i in range(10):
             composite[b, i] = own[b, i]
 
-    # Inwards: what each joint transmits is what all that it carries takes.
-    for m in range(tree.links.shape[0] - 1, -1, -1):
+
+@part
+def inwards(tree: TreeArrays, links: np.ndarray, motion: Motion, tau: np.ndarray) -> None:
+    """After `outwards`: what the joints of the `links` transmit, and carry, is what all outboard of
+    them takes, and is; their coordinates' forces go to tau (n,)."""
+    f = motion.f
+    composite = motion.composite
+    for k in range(links.shape[0] - 1, -1, -1):
+        m = links[k]
         parent = tree.links[m, 1]
         b = tree.links[m, 2]
         c = tree.links[m, 3]
         if c >= 0:
-            tau[c] = dot(six(S, c), six(f, b))
+            tau[c] = dot(six(motion.S, c), six(f, b))
         add(f, parent, six(f, b))
         for i in range(10):
             composite[parent, i] += composite[b, i]
 
 
 @internal
+def stop_world(tree: TreeArrays, motion: Motion) -> None:
+    """The world of `motion` at rest and unloaded, with gravity as its upward acceleration."""
+    put(motion.V, 0, REST)
+    put(motion.A, 0, (0.0, 0.0, 0.0, -tree.gravity[0], -tree.gravity[1], -tree.gravity[2]))
+    put(motion.f, 0, REST)
+    for i in range(10):
+        motion.composite[0, i] = 0.0
+        motion.own[0, i] = 0.0
+
+
+@internal
+def inverse_dynamics(
+    tree: TreeArrays, v: np.ndarray, a: np.ndarray, motion: Motion, tau: np.ndarray
+) -> None:
+    """Forces tau (n,) for velocities v and accelerations a (n,) at the placed pose, gravity
+    included.
+
+    Leaves V, A, own and composite inertias and transmitted forces in `motion`.
+    """
+    stop_world(tree, motion)
+    outwards(tree, tree.all, v, a, motion)
+    inwards(tree, tree.all, motion, tau)
+
+
+@part
 def mass_matrix(
     tree: TreeArrays,
     motion: Motion,
@@ -701,7 +748,9 @@ def mass_matrix(
     own last.
     """
     S = motion.S
-    M[:] = 0.0
+    for i in range(coordinates.shape[0]):
+        for j in range(coordinates.shape[0]):
+            M[i, j] = 0.0
     for i in range(coordinates.shape[0]):
         c = coordinates[i]
         # The momentum of all that coordinate i carries as it moves at unit rate alone, felt by each
