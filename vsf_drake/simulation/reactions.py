@@ -392,11 +392,11 @@ def _driver_power(
     a = np.diff(record.v, axis=0) / h[1:, None]
     _sum_driver_power(
         rb.tree_arrays(tree),
-        record.q,
+        np.ascontiguousarray(record.q),
         central(record.v),
         np.vstack([a, a[-1:]]),
         np.isin(np.arange(tree.num_coordinates), driven),
-        record.sites,
+        np.ascontiguousarray(record.sites),
         mechanism.site_bodies,
         mechanism.ground_height,
         rb.work_space(tree),

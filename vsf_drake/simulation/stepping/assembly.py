@@ -18,7 +18,7 @@ from vsf_drake.laws.compiled import internal, part
 from vsf_drake.laws.lanes import select, some
 from vsf_drake.laws.scalar import friction_per_speed, normal_force, spring_force
 from vsf_drake.simulation.stepping import tree as rb
-from vsf_drake.simulation.stepping.tree import Motion, Six, Three, Tree
+from vsf_drake.simulation.stepping.tree import Motion, Six, Three, Tree, Zeros
 
 if TYPE_CHECKING:
     from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
@@ -81,7 +81,9 @@ class ContactWorkspace(NamedTuple):
     depth0: np.ndarray  # (S,) likewise
     gain: np.ndarray  # (S,) derivative of the normal force by -v_z at the end (N s/m)
     elastic: np.ndarray  # (S,) by depth (N/m)
-    now: np.ndarray  # (S, 9) SITE_RECORD of the near sites at the velocities that are tried
+    now: np.ndarray
+    """(S, 7) of SITE_RECORD at the velocities that are tried; of a site that is not loaded only
+    its force of 0"""
     V: np.ndarray  # (B, 6) velocities at the end
     F: np.ndarray  # (B, 6) wrench of the ground
     K: np.ndarray  # (B, 6, 6) -dF/dV
@@ -142,25 +144,17 @@ def add_sites(
             continue
         b = forces.site_bodies[s]
 
-        # Velocity of the contact point.
+        # Depth and velocity of the contact point that the step ends with, and the forces there.
         x = contact.center[s, 0]
         y = contact.center[s, 1]
         z = contact.center[s, 2] - sites[s, 3]
-        vx = V[b, 3] + V[b, 1] * z - V[b, 2] * y
-        vy = V[b, 4] + V[b, 2] * x - V[b, 0] * z
         vz = V[b, 5] + V[b, 0] * y - V[b, 1] * x
-
-        # Forces at the depth and the velocity that the step ends with.
         depth = contact.depth0[s] - h * vz
-        now[s, 0] = depth
-        now[s, 4] = ground_rate - vz
-        now[s, 5] = vx
-        now[s, 6] = vy
         if not some(depth > 0.0):
             now[s, 1] = 0.0
-            now[s, 2] = 0.0
-            now[s, 3] = 0.0
             continue
+        vx = V[b, 3] + V[b, 1] * z - V[b, 2] * y
+        vy = V[b, 4] + V[b, 2] * x - V[b, 0] * z
         fn, by_depth, by_rate = normal_force(
             depth, ground_rate - vz, sites[s, 4], sites[s, 5], sites[s, 6], sites[s, 7]
         )
@@ -172,9 +166,13 @@ def add_sites(
         rb.add(contact.F, b, rb.wrench(x, y, z, fx, fy, fn))
         contact.gain[s] = h * by_depth + by_rate
         contact.elastic[s] = by_depth
+        now[s, 0] = depth
         now[s, 1] = fn
         now[s, 2] = fx
         now[s, 3] = fy
+        now[s, 4] = ground_rate - vz
+        now[s, 5] = vx
+        now[s, 6] = vy
 
 
 @part
@@ -182,6 +180,7 @@ def record_sites(
     h: float,
     forces: Forces,
     contact: ContactWorkspace,
+    ground_rate: float,
     active: bool,
     sites: np.ndarray,
     wrench: np.ndarray,
@@ -207,24 +206,32 @@ def record_sites(
         sites[s, 8] = select(active, center[s, 1], sites[s, 8])
     for a in range(contact.near[-1]):
         s = contact.near[a]
+        loaded = some(now[s, 1] > 0.0)
+        if not (loaded or sites.shape[0] > 0):
+            continue
         b = forces.site_bodies[s]
         near = active & (contact.depth0[s] > -MAX_APPROACH * h)
-        x = center[s, 0] + h * (V[b, 3] + V[b, 1] * center[s, 2] - V[b, 2] * center[s, 1])
-        y = center[s, 1] + h * (V[b, 4] + V[b, 2] * center[s, 0] - V[b, 0] * center[s, 2])
-        if some(near & (now[s, 1] > 0.0)):
-            depth = now[s, 0]
-            fn = now[s, 1]
-            fx = now[s, 2]
-            fy = now[s, 3]
-            foot = forces.feet[s]
-            on_foot = rb.wrench(x, y, -depth, fx, fy, fn)
+        x0 = center[s, 0]
+        y0 = center[s, 1]
+        z0 = center[s, 2]
+        x = x0 + h * (V[b, 3] + V[b, 1] * z0 - V[b, 2] * y0)
+        y = y0 + h * (V[b, 4] + V[b, 2] * x0 - V[b, 0] * z0)
+        if loaded:
+            on_foot = rb.wrench(x, y, -now[s, 0], now[s, 2], now[s, 3], now[s, 1])
             for i in range(6):
-                wrench[foot, i] += select(near, on_foot[i], 0.0)
+                wrench[forces.feet[s], i] += select(near, on_foot[i], 0.0)
         if sites.shape[0] > 0:
-            for i in range(7):
-                sites[s, i] = select(near, now[s, i], sites[s, i])
-            sites[s, 7] = select(near, x, sites[s, 7])
-            sites[s, 8] = select(near, y, sites[s, 8])
+            z = z0 - forces.sites[s, 3]
+            vx = V[b, 3] + V[b, 1] * z - V[b, 2] * y0
+            vy = V[b, 4] + V[b, 2] * x0 - V[b, 0] * z
+            vz = V[b, 5] + V[b, 0] * y0 - V[b, 1] * x0
+            values = (contact.depth0[s] - h * vz, ground_rate - vz, vx, vy, x, y)
+            for i in range(6):
+                column = i + 3 if i > 0 else 0  # the forces are between depth and depth rate
+                sites[s, column] = select(near, values[i], sites[s, column])
+            if loaded:
+                for i in range(1, 4):
+                    sites[s, i] = select(near, now[s, i], sites[s, i])
 
 
 @internal
@@ -404,39 +411,39 @@ def step_workspace(
     forces: Forces,
     dofs: FreePrescribed,
     tolerance: float = TOLERANCE,
-    walks: tuple[int, ...] = (),
+    zeros: Zeros = np.zeros,
 ) -> Workspace:
-    """Workspace for a step of this tree, or of each of so many `walks`, which are the last axis."""
-    n = (tree.num_coordinates, *walks)
+    """Workspace for a step of this tree, on arrays that `zeros` makes of their shapes."""
+    n = (tree.num_coordinates,)
     f = len(dofs.free)
     sites = len(forces.sites)
     bodies = len(tree.body_names)
     contact = ContactWorkspace(
         near=np.zeros(sites + 1, dtype=np.int64),
-        center=np.zeros((sites, 3, *walks)),
-        now=np.zeros((sites, len(SITE_RECORD), *walks)),
+        center=zeros((sites, 3)),
+        now=zeros((sites, 7)),
         loaded=np.zeros(bodies, dtype=np.bool_),
-        **{name: np.zeros((sites, *walks)) for name in ("depth0", "gain", "elastic")},
-        V=np.zeros((bodies, 6, *walks)),
-        F=np.zeros((bodies, 6, *walks)),
-        K=np.zeros((bodies, 6, 6, *walks)),
-        W=np.zeros((1, 6, *walks)),
-        support_jacobian=np.zeros(n),
+        **{name: zeros((sites,)) for name in ("depth0", "gain", "elastic")},
+        V=zeros((bodies, 6)),
+        F=zeros((bodies, 6)),
+        K=zeros((bodies, 6, 6)),
+        W=zeros((1, 6)),
+        support_jacobian=zeros(n),
     )
     return Workspace(
-        motion=rb.work_space(tree, walks),
+        motion=rb.work_space(tree, zeros),
         contact=contact,
         **{
-            name: np.zeros(n)
+            name: zeros(n)
             for name in ("v0", "v", "acceleration", "bias", "applied", "tau", "trial")
         },
-        dA=np.zeros((bodies, 6, *walks)),
-        dv=np.zeros((f, 1, *walks)),
-        **{name: np.zeros((f, *walks)) for name in ("r", "y", "kept")},
-        **{name: np.zeros((f, f, *walks)) for name in ("M", "L", "A")},
-        springs=np.zeros((len(forces.springs), *walks)),
-        fulcrum=np.zeros((4, *walks)),
-        support=np.zeros((3, *walks)),
+        dA=zeros((bodies, 6)),
+        dv=zeros((f, 1)),
+        **{name: zeros((f,)) for name in ("r", "y", "kept")},
+        **{name: zeros((f, f)) for name in ("M", "L", "A")},
+        springs=zeros((len(forces.springs),)),
+        fulcrum=zeros((4,)),
+        support=zeros((3,)),
         tolerance=tolerance,
     )
 

@@ -129,7 +129,7 @@ def step(
     # these; then q = q0 + h v, with prescribed coordinates where they were to go without rounding.
     assembly.add_sites(h, forces, contact, ground_rate, dofs.site_rests)
     _loads(h, tree, dofs, workspace, active, load)
-    assembly.record_sites(h, forces, contact, active, sites, wrench)
+    assembly.record_sites(h, forces, contact, ground_rate, active, sites, wrench)
     for i in range(3):
         support[i] = select(active, workspace.support[i], support[i])
     for c in range(q.shape[0]):
@@ -416,14 +416,15 @@ def _loads(
             if dofs.place[c] < 0:
                 own -= rb.dot(rb.six(S, c), rb.six(F, b))
             load[c] = select(active, own, load[c])
+    for k in range(dofs.base.shape[0]):
+        b = dofs.base[k]
+        rb.put(dA, b, rb.plus(rb.six(dA, b), rb.six(F, b), -1.0))
     for c in range(v.shape[0]):
         if dofs.place[c] < 0 and not dofs.body_moves[tree.bodies[c]]:
             own = workspace.bias[c] - (workspace.tau[c] - workspace.applied[c])
             for k in range(dofs.base.shape[0]):
                 if dofs.carried[c, k]:
-                    b = dofs.base[k]
-                    left = rb.plus(rb.six(dA, b), rb.six(F, b), -1.0)
-                    own += rb.dot(rb.six(S, c), left)
+                    own += rb.dot(rb.six(S, c), rb.six(dA, dofs.base[k]))
             load[c] = select(active, own, load[c])
 
 

@@ -26,7 +26,17 @@ from pydrake.systems.framework import Context
 
 from vsf_drake.base.errors import SimulationError
 from vsf_drake.laws.compiled import compiled, internal
-from vsf_drake.laws.lanes import SHARED, WIDTH, every, first, lanes, negated, select, some
+from vsf_drake.laws.lanes import (
+    SHARED,
+    WIDTH,
+    every,
+    first,
+    lanes,
+    negated,
+    select,
+    side_by_side,
+    some,
+)
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
@@ -312,7 +322,8 @@ def _stacked(parts: Sequence[_T], name: str = "") -> _T:
         )
         return type(first_one)(*made)
     if isinstance(first_one, np.ndarray) and first_one.dtype == np.float64 and name not in SHARED:
-        return np.stack(parts, axis=-1)
+        together = side_by_side(first_one.shape)
+        return np.stack(parts, axis=-1, out=together)
     return first_one
 
 
@@ -330,7 +341,8 @@ class _Block:
         self.runs = runs
         of_first = runs[0].mechanism
         filled = [*runs, *[runs[-1]] * (WIDTH - len(runs) if len(runs) > 1 else 0)]
-        walks = (len(filled),) if len(filled) > 1 else ()
+        walks = len(filled) > 1
+        zeros: rb.Zeros = side_by_side if walks else np.zeros
         if forward is not None and (walks or runs[0].inputs.torques is not None):
             raise ValueError("sensitivities are carried along one run, without torques")
         self.lengths = [len(run.inputs.time_s) - 1 for run in runs]
@@ -342,13 +354,13 @@ class _Block:
         prescribed = np.asarray(runs[0].inputs.prescribed, dtype=np.int64)
         self.dofs = assembly.split_coordinates(of_first.tree, of_first.forces, prescribed)
         self.workspace = assembly.step_workspace(
-            of_first.tree, of_first.forces, self.dofs, tolerance, walks
+            of_first.tree, of_first.forces, self.dofs, tolerance, zeros
         )
         self.drive = together([_drive_of(run.inputs, steps) for run in filled])
         self.live = forward is not None
         still = int(np.sum(self.dofs.carried.any(axis=1)))
         size = POSE * len(self.dofs.base) + 7 * still
-        numbers = np.zeros((size, len(filled)))
+        numbers = side_by_side((size,)) if walks else np.zeros((size, 1))
         self.state = State(
             q=together([np.array(run.q0, dtype=float) for run in filled]),
             v=together([np.array(run.v0, dtype=float) for run in filled]),
@@ -358,12 +370,13 @@ class _Block:
                     for length in [*self.lengths, *[0] * (len(filled) - len(runs))]
                 ]
             ),
-            failed=np.full((2, *walks), -1.0),
-            **{name: np.zeros((n, *walks)) for name in ("q0", "v0", "q1", "v1", "load")},
-            q_next=np.zeros((len(prescribed), *walks)),
+            failed=zeros((2,)),
+            **{name: zeros((n,)) for name in ("q0", "v0", "load")},
+            q_next=zeros((len(prescribed),)),
             row=numbers if walks else numbers[:, 0],
             row_numbers=numbers,
         )
+        self.state.failed[...] = -1.0
         count = len(of_first.sites) if sites else 0
         shapes = {
             "q": (n,),
@@ -374,9 +387,7 @@ class _Block:
             "fulcrum": (3,),
             "counts": (3,),
         }
-        self.written = Written(
-            **{name: np.zeros((steps, *shape, *walks)) for name, shape in shapes.items()}
-        )
+        self.written = Written(**{name: zeros((steps, *shape)) for name, shape in shapes.items()})
         self.directions, self.tangent = (
             (None, None)
             if forward is None
@@ -484,7 +495,7 @@ class _Block:
                 f"{mechanism.limits[column]:g} (m or rad) to which the model means anything",
                 time_s=float(record.time_s[row]),
             )
-        return Record(*map(np.ascontiguousarray, record))
+        return record
 
 
 # What only prescribed coordinates move is known before a run: the poses, velocities and
@@ -546,15 +557,13 @@ class _Prescribed:
         for rows in (q[:-1], v0, (v - v0) / h, v):
             whole = np.zeros((blocks * WIDTH, tree.num_coordinates))
             whole[: len(h), moved] = rows
-            laned.append(
-                np.ascontiguousarray(
-                    whole.reshape(blocks, WIDTH, tree.num_coordinates).transpose(0, 2, 1)
-                )
-            )
+            lane = side_by_side((blocks, tree.num_coordinates))
+            lane[...] = whole.reshape(blocks, WIDTH, tree.num_coordinates).transpose(0, 2, 1)
+            laned.append(lane)
         return (
             _stacked([tree_arrays(tree)] * WIDTH),
-            rb.work_space(tree, (WIDTH,)),
-            np.zeros((len(tree.body_names), 6, WIDTH)),
+            rb.work_space(tree, side_by_side),
+            side_by_side((len(tree.body_names), 6)),
             tuple(laned),
         )
 
@@ -657,10 +666,8 @@ class State(NamedTuple):
     v: np.ndarray
     steps: np.ndarray  # (1,) how many there are
     failed: np.ndarray  # (2,) step and coordinate that diverged, or -1
-    q0: np.ndarray  # (n,) at the start of the step
+    q0: np.ndarray  # (n,) at the start of the step, or of its piece
     v0: np.ndarray
-    q1: np.ndarray  # (n,) at the start of its piece
-    v1: np.ndarray
     load: np.ndarray  # (n,) see `newton.step`
     q_next: np.ndarray  # (p,) where the prescribed coordinates go
     row: np.ndarray  # see POSE
@@ -750,11 +757,15 @@ def _read_row(
 ) -> None:
     """Places the base bodies of each walk as its motion's row k says, unloaded, with the loads and
     motions of the coordinates that carry them."""
-    for walk in range(state.row_numbers.shape[1]):
-        for i in range(state.row_numbers.shape[0]):
-            state.row_numbers[i, walk] = rows[motion_of[walk], k, i]
-    motion = workspace.motion
     row = state.row
+    if rows.shape[0] == 1:
+        for i in range(row.shape[0]):
+            row[i] = rows[0, k, i]
+    else:
+        for walk in range(state.row_numbers.shape[1]):
+            for i in range(row.shape[0]):
+                state.row_numbers[i, walk] = rows[motion_of[walk], k, i]
+    motion = workspace.motion
     at = 0
     for i in range(dofs.base.shape[0]):
         b = dofs.base[i]
@@ -809,8 +820,7 @@ def advance(
         if not some(running):
             break
         counts = written.counts[k]
-        for c in range(state.q.shape[0]):
-            written.load[k, c] = 0.0
+        total = written.load[k]
 
         # Torques that are held over the whole step come from the state at its start.
         sample_torques(k, drive.torques, state.q, state.v, workspace.applied)
@@ -818,8 +828,6 @@ def advance(
         # One step of h. Then substeps of it for each walk that has not converged, one walk after
         # the other, as they are cut differently: a substep that does not converge is taken back and
         # halved.
-        copy(state.q, state.q0)
-        copy(state.v, state.v0)
         if not live:
             _read_row(dofs, workspace, state, rows, motion_of, k - begin)
         waiting = running
@@ -829,8 +837,8 @@ def advance(
         while some(waiting):
             whole = done == 0 and size == PARTS
             h, fulcrum, ground, ground_rate = substep(drive, k, done, size, state.q_next)
-            copy(state.q, state.q1)
-            copy(state.v, state.v1)
+            copy(state.q, state.q0)
+            copy(state.v, state.v0)
             iterations, converged = step(
                 h,
                 tree,
@@ -862,13 +870,16 @@ def advance(
                 finished = accepted & (done == PARTS)
             counts[1] += select(accepted, 1.0, 0.0)
             counts[2] += select(accepted & negated(converged), 1.0, 0.0)
-            for c in range(state.q.shape[0]):
-                written.load[k, c] += select(accepted, share * state.load[c], 0.0)
-                state.q[c] = select(going & negated(accepted), state.q1[c], state.q[c])
-                state.v[c] = select(going & negated(accepted), state.v1[c], state.v[c])
+            for c in range(total.shape[0]):
+                total[c] += select(accepted, share * state.load[c], 0.0)
+            back = going & negated(accepted)
+            if some(back):
+                for c in range(total.shape[0]):
+                    state.q[c] = select(back, state.q0[c], state.q[c])
+                    state.v[c] = select(back, state.v0[c], state.v[c])
             if directions is not None and tangent is not None and some(accepted):
                 tangent_matrix(h, tree, forces, dofs, workspace, EXACT)
-                linearise(h, tree, forces, dofs, directions, workspace, tangent, state.q1, state.v)
+                linearise(h, tree, forces, dofs, directions, workspace, tangent, state.q0, state.v)
                 carry(h, k, end, share, dofs, directions, workspace.A, tangent, carried)
 
             # The first attempt is over, or that walk: the next one begins with halves.

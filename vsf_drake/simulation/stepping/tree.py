@@ -7,6 +7,7 @@ random states); they exist because a step has no time for calls into Python.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ PRISMATIC = 2
 # a motion or a force, see the section on spatial algebra
 Six = tuple[float, float, float, float, float, float]
 Three = tuple[float, float, float]
+Zeros = Callable[[tuple[int, ...]], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -581,20 +583,20 @@ def tree_arrays(tree: Tree) -> TreeArrays:
     )
 
 
-def work_space(tree: Tree, walks: tuple[int, ...] = ()) -> Motion:
-    """Workspace for one state of `tree`, or of each of so many `walks`; the world is placed."""
+def work_space(tree: Tree, zeros: Zeros = np.zeros) -> Motion:
+    """Workspace for one state of `tree`, the world is placed; `zeros` makes arrays of a shape."""
     n = tree.num_coordinates
     bodies = len(tree.body_names)
-    R = np.zeros((bodies, 3, 3, *walks))
+    R = zeros((bodies, 3, 3))
     for i in range(3):
         R[0, i, i] = 1.0
     return Motion(
         R=R,
-        p=np.zeros((bodies, 3, *walks)),
-        S=np.zeros((n, 6, *walks)),
-        own=np.zeros((bodies, 10, *walks)),
-        composite=np.zeros((bodies, 10, *walks)),
-        **{name: np.zeros((bodies, 6, *walks)) for name in ("V", "A", "f")},
+        p=zeros((bodies, 3)),
+        S=zeros((n, 6)),
+        own=zeros((bodies, 10)),
+        composite=zeros((bodies, 10)),
+        **{name: zeros((bodies, 6)) for name in ("V", "A", "f")},
     )
 
 
