@@ -1,5 +1,5 @@
 """A number of eight walks side by side, for compiled code that is written once for one walk and
-for eight.
+for eight; or eight numbers of one walk.
 
 `Lane` holds a float64 of each walk in one register of the processor, `Mask` a truth value of each;
 numba works on them as on float and bool, but `if` cannot choose for each walk: such code says
@@ -7,7 +7,8 @@ numba works on them as on float and bool, but `if` cannot choose for each walk: 
 the bit what it is on the float64 of each walk: nothing is contracted, and sine, cosine and powers
 are the functions of this module.
 
-`lanes` takes arrays whose last axis is the walk's as arrays of lanes. It uses the low-level
+`lanes` takes arrays whose last axis is the walk's as arrays of lanes, `eights` those whose numbers
+are treated alike. It uses the low-level
 interface of numba.
 """
 
@@ -216,7 +217,7 @@ def first(where: Any) -> Any:
 
 @_intrinsic
 def _select(typingctx: Any, where: Any, yes: Any, no: Any) -> Any:
-    kind = LANE if where == MASK else types.float64
+    kind = LANE if MASK == where or LANE in (yes, no) else types.float64
     return kind(where, kind, kind), lambda context, builder, sig, args: builder.select(*args)
 
 
@@ -324,7 +325,7 @@ def power(x: Any, n: Any) -> Any:
 @overload(power, strict=False)
 def _power_of(x: Any, n: Any) -> Any:
     if LANE not in (x, n):
-        return lambda x, n: x**n
+        return lambda x, n: x if n == 1.0 else x**n
 
     def lanes_power(x: Any, n: Any) -> Any:
         if every((n >= 1.0) & (n <= 1.0)):  # what the library gives, too
@@ -409,6 +410,32 @@ def _as_lanes(context: Any, builder: Any, kind: Any, made: Any, value: Any) -> A
         parent=array.parent,
     )
     return view._getvalue()
+
+
+@_intrinsic
+def eights(typingctx: Any, array: Any) -> Any:
+    """A contiguous array whose last axis has a multiple of WIDTH numbers as one of lanes, each of
+    WIDTH numbers that follow each other; nothing is copied."""
+    made = types.Array(LANE, array.ndim, "C", aligned=False)
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        old = context.make_array(array)(context, builder, args[0])
+        shape = cgutils.unpack_tuple(builder, old.shape)
+        strides = cgutils.unpack_tuple(builder, old.strides)
+        width = context.get_constant(types.intp, WIDTH)
+        view = context.make_array(made)(context, builder)
+        populate_array(
+            view,
+            data=builder.bitcast(old.data, context.get_data_type(LANE).as_pointer()),
+            shape=[*shape[:-1], builder.sdiv(shape[-1], width)],
+            strides=[*strides[:-1], builder.mul(strides[-1], width)],
+            itemsize=context.get_constant(types.intp, 8 * WIDTH),
+            meminfo=old.meminfo,
+            parent=old.parent,
+        )
+        return impl_ret_borrowed(context, builder, made, view._getvalue())
+
+    return made(array), emit
 
 
 def side_by_side(shape: tuple[int, ...]) -> np.ndarray:

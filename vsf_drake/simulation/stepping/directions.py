@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vsf_drake.laws.lanes import WIDTH
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed
 from vsf_drake.simulation.stepping.tree import Tree
 
@@ -58,7 +59,7 @@ class TangentDirections(NamedTuple):
 
 class Tangent(NamedTuple):
     """Work space and state of the sensitivities: B bodies, f free coordinates, r rows, C
-    directions, P parameters."""
+    directions, P parameters, filled up to a multiple of `lanes.WIDTH`."""
 
     S: np.ndarray  # (C, 6) motion of a unit of each direction
     rate: np.ndarray
@@ -66,13 +67,16 @@ class Tangent(NamedTuple):
     start"""
     second: np.ndarray  # (C, 6) likewise to the acceleration
     end: np.ndarray  # (C, 6) likewise to the velocity at the step's end
-    coriolis: np.ndarray  # (B, 6, 6) composites: derivative of inertial forces by velocity
-    shift: np.ndarray  # (B, 6, 6) of contact by displacement
-    measured_shift: np.ndarray  # (B, 6, 6) of the measured wrench by displacement
-    measured_K: np.ndarray  # (B, 6, 6) and by minus the velocity
+    units: np.ndarray  # (6, WIDTH) the six unit motions, and so are the columns of the next four
+    coriolis: np.ndarray  # (B, 6, WIDTH) composites: derivative of inertial forces by velocity
+    shift: np.ndarray  # of contact by displacement
+    measured_shift: np.ndarray  # of the measured wrench by displacement
+    measured_K: np.ndarray  # and by minus the velocity
+    wrench_by_q: np.ndarray  # (C, 6) of the measured wrench by a displacement of each direction
+    wrench_by_end: np.ndarray  # and by minus the velocity at the end
     touched: np.ndarray  # (B,) whether the body, or one that it carries, has a loaded site
-    dF: np.ndarray  # (B, P, 6) what parameters change directly in the wrenches
-    dT: np.ndarray  # (P, 6) and in the measured one
+    dF: np.ndarray  # (B, 6, P) what parameters change directly in the wrenches
+    dT: np.ndarray  # (6, P) and in the measured one
     Gq: np.ndarray  # (r, C) derivatives of the residual / h by displacement
     Gv: np.ndarray  # (r, C) by the initial velocity
     E: np.ndarray  # (r, P) by parameters
@@ -206,19 +210,21 @@ def _where(values: np.ndarray) -> Iterator[np.ndarray]:
 def tangent_workspace(tree: Tree, dofs: FreePrescribed, directions: TangentDirections) -> Tangent:
     """Workspace for these directions; the state's sensitivities are those of a start where only
     prescribed directions change."""
-    B, f, r, (C, P) = (
-        len(tree.body_names),
-        len(dofs.free),
-        len(directions.rows),
-        directions.unit.shape,
-    )
+    B = len(tree.body_names)
+    f = len(dofs.free)
+    r = len(directions.rows)
+    C, count = directions.unit.shape
+    P = filled_up(count)
+    q = np.zeros((C, P))
+    q[:, :count] = directions.unit
     v = np.zeros((C, P))
     v[directions.perturbation_direction, directions.perturbation_parameter] = directions.path_rate
     shapes: dict[str, tuple[int, ...]] = {
         **dict.fromkeys(("S", "rate", "second", "end"), (C, 6)),
-        **dict.fromkeys(("coriolis", "shift", "measured_shift", "measured_K"), (B, 6, 6)),
-        "dF": (B, P, 6),
-        "dT": (P, 6),
+        **dict.fromkeys(("wrench_by_q", "wrench_by_end"), (C, 6)),
+        **dict.fromkeys(("coriolis", "shift", "measured_shift", "measured_K"), (B, 6, WIDTH)),
+        "dF": (B, 6, P),
+        "dT": (6, P),
         **dict.fromkeys(("Gq", "Gv", "B"), (r, C)),
         "E": (r, P),
         "v_end": (C, P),
@@ -226,11 +232,17 @@ def tangent_workspace(tree: Tree, dofs: FreePrescribed, directions: TangentDirec
         "d_row": (len(dofs.place),),
     }
     return Tangent(
+        units=np.eye(6, WIDTH),
         touched=np.zeros(B, dtype=np.bool_),
-        q=directions.unit.copy(),
+        q=q,
         v=v,
         **{name: np.zeros(shape) for name, shape in shapes.items()},
     )
+
+
+def filled_up(count: int) -> int:
+    """The least multiple of WIDTH that holds so many parameters."""
+    return -(-count // WIDTH) * WIDTH
 
 
 def _mount_motions(tree: Tree, frame_body: int, *, mirrored: bool) -> np.ndarray:

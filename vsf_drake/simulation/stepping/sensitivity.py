@@ -22,6 +22,7 @@ import numpy as np
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.laws.compiled import compiled, internal, part
+from vsf_drake.laws.lanes import eights
 from vsf_drake.laws.scalar import spring_force
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping import tree as rb
@@ -67,7 +68,7 @@ def carry(
     that way; A is its `newton.tangent_matrix`, which is lost, and `tangent` as `linearise` left it.
     """
     nf = dofs.free.shape[0]
-    C, P = directions.unit.shape
+    C = directions.unit.shape[0]
     rhs = tangent.rhs
     end = tangent.v_end
 
@@ -81,54 +82,69 @@ def carry(
             there = directions.path[k, e] + end_share * (there - directions.path[k, e])
         end[j, p] = (there - tangent.q[j, p]) / h
 
+    # WIDTH parameters at a time from here on.
+    rhs8 = eights(rhs)
+    end8 = eights(end)
+    q8 = eights(tangent.q)
+    v8 = eights(tangent.v)
+    E8 = eights(tangent.E)
+    blocks = rhs8.shape[1]
+
     # Solve A dv = -h (E + Gq dq0 + Gv dv0) - B du for the free directions.
     for i in range(nf):
-        for p in range(P):
-            rhs[i, p] = -h * tangent.E[i, p]
-        for j in range(C):
-            by_q = -h * tangent.Gq[i, j]
-            by_v = -h * tangent.Gv[i, j]
-            by_end = -tangent.B[i, j] if j >= nf else 0.0
-            for p in range(P):
-                rhs[i, p] += by_q * tangent.q[j, p] + by_v * tangent.v[j, p] + by_end * end[j, p]
-    solve_columns(A, rhs)
+        for p in range(blocks):
+            left = E8[i, p]
+            for j in range(C):
+                left += tangent.Gq[i, j] * q8[j, p] + tangent.Gv[i, j] * v8[j, p]
+            pulled = 0.0 * left
+            for j in range(nf, C):
+                pulled += tangent.B[i, j] * end8[j, p]
+            rhs8[i, p] = -h * left - pulled
+    solve_columns(A, rhs8)
     for i in range(nf):
         copy(rhs[i], end[i])
 
     # The measured wrench: dT + (P S - K (V_p x S)) dq0 - K S dv, summed over the directions.
-    wrench = record.wrench_by[k]
-    for i in range(6):
-        for p in range(P):
-            wrench[i, p] = tangent.dT[p, i]
+    wrench = eights(record.wrench_by[k])
+    dT8 = eights(tangent.dT)
+    by_q = tangent.wrench_by_q
+    by_end = tangent.wrench_by_end
     for j in range(C):
         b = directions.body[j]
         if tangent.touched[b]:
             S = rb.six(tangent.S, j)
-            K_S = rb.times(tangent.measured_K, b, S)
             K_end = rb.times(tangent.measured_K, b, rb.six(tangent.end, j))
-            P_S = rb.plus(rb.times(tangent.measured_shift, b, S), K_end, -1.0)
-            for i in range(6):
-                for p in range(P):
-                    wrench[i, p] += P_S[i] * tangent.q[j, p] - K_S[i] * end[j, p]
+            rb.put(by_q, j, rb.plus(rb.times(tangent.measured_shift, b, S), K_end, -1.0))
+            rb.put(by_end, j, rb.times(tangent.measured_K, b, S))
+        else:
+            rb.put(by_q, j, rb.REST)
+            rb.put(by_end, j, rb.REST)
+    for i in range(6):
+        for p in range(blocks):
+            force = dT8[i, p]
+            for j in range(C):
+                force += by_q[j, i] * q8[j, p] - by_end[j, i] * end8[j, p]
+            wrench[i, p] = force
 
     # The load that holds a prescribed coordinate is what its own equation leaves, on average over
     # the substeps of a step: dload = E + Gq dq0 + Gv dv0 + B dv / h.
     for i in range(nf, directions.rows.shape[0]):
-        load = record.load_by[k, directions.rows[i]]
-        for p in range(P):
-            load[p] += share * tangent.E[i, p]
-        for j in range(C):
-            by_q = share * tangent.Gq[i, j]
-            by_v = share * tangent.Gv[i, j]
-            by_end = share * tangent.B[i, j] / h
-            for p in range(P):
-                load[p] += by_q * tangent.q[j, p] + by_v * tangent.v[j, p] + by_end * end[j, p]
+        load = eights(record.load_by[k])
+        c = directions.rows[i]
+        for p in range(blocks):
+            left = E8[i, p]
+            for j in range(C):
+                left += tangent.Gq[i, j] * q8[j, p] + tangent.Gv[i, j] * v8[j, p]
+            pulled = 0.0 * left
+            for j in range(C):
+                pulled += tangent.B[i, j] * end8[j, p]
+            load[c, p] += share * (left + pulled / h)
 
     # The state at the end: dv, and dq0 + h dv.
     for j in range(C):
-        for p in range(P):
-            tangent.v[j, p] = end[j, p]
-            tangent.q[j, p] += h * end[j, p]
+        for p in range(blocks):
+            v8[j, p] = end8[j, p]
+            q8[j, p] += h * end8[j, p]
 
 
 @internal
@@ -174,7 +190,7 @@ class ForwardSensitivity:
             tree, forces, dofs, self.tangents, measured=self.measured, loads=self.loads
         )
         tangent = tangent_workspace(tree, dofs, directions)
-        tangent.q[: len(dofs.free)] = self.q0[dofs.free]
+        tangent.q[: len(dofs.free), : len(self.tangents)] = self.q0[dofs.free]
         return directions, tangent
 
 
@@ -205,7 +221,7 @@ def rest_sensitivity(
     count = len(dofs.free)
     by = np.zeros((len(q), len(tangents)))
     try:
-        moved = tangent.Gq[:, count:] @ directions.unit[count:] + tangent.E
+        moved = tangent.Gq[:, count:] @ directions.unit[count:] + tangent.E[:, : len(tangents)]
         by[dofs.free] = -np.linalg.solve(tangent.Gq[:, :count], moved)
     except np.linalg.LinAlgError:
         loose = dofs.free[np.argmin(np.abs(tangent.Gq[:, :count]).sum(axis=1))]
@@ -435,37 +451,42 @@ def _direction_motions(
 def _coriolis(tree: TreeArrays, dofs: FreePrescribed, motion: Motion, tangent: Tangent) -> None:
     """Composites of v x* I - I v x + (I v) x-bar*, by which inertial forces depend on velocities.
 
-    Column i is that applied to the unit motion e:  v x* (I e) + e x* (I v) - I (v x e).
+    Column i is that applied to the unit motion e:  v x* (I e) + e x* (I v) - I (v x e). The six
+    of them are in one lane.
     """
-    C = tangent.coriolis
+    C = eights(tangent.coriolis)
+    units = eights(tangent.units)
+    e = (units[0, 0], units[1, 0], units[2, 0], units[3, 0], units[4, 0], units[5, 0])
     for k in range(dofs.moving.shape[0]):
         b = tree.links[dofs.moving[k], 2]
-        C[b, :, :] = 0.0
+        for i in range(6):
+            C[b, i, 0] = 0.0
         if tree.inertias[b, 0] > 0.0:
             v = rb.six(motion.V, b)
             momentum = rb.inertia_times(motion.own, b, v)
-            for i in range(6):
-                e = (
-                    1.0 if i == 0 else 0.0,
-                    1.0 if i == 1 else 0.0,
-                    1.0 if i == 2 else 0.0,
-                    1.0 if i == 3 else 0.0,
-                    1.0 if i == 4 else 0.0,
-                    1.0 if i == 5 else 0.0,
-                )
-                I_e = rb.inertia_times(motion.own, b, e)
-                column = rb.plus(rb.cross_force(v, I_e), rb.cross_force(e, momentum), 1.0)
-                rb.add_column(
-                    C,
-                    b,
-                    i,
-                    rb.plus(column, rb.inertia_times(motion.own, b, rb.cross_motion(v, e)), -1.0),
-                )
+            I_e = rb.inertia_times(motion.own, b, e)
+            columns = rb.plus(rb.cross_force(v, I_e), rb.cross_force(e, momentum), 1.0)
+            I_turned = rb.inertia_times(motion.own, b, rb.cross_motion(v, e))
+            _add_rows(C, b, rb.plus(columns, I_turned, -1.0))
     for k in range(dofs.moving.shape[0] - 1, -1, -1):
         parent = tree.links[dofs.moving[k], 1]
         b = tree.links[dofs.moving[k], 2]
         if dofs.body_moves[parent]:
-            rb.add_composite(C, parent, b)
+            _add_composite(C, parent, b)
+
+
+@internal
+def _add_rows(K: np.ndarray, b: int, rows: Six) -> None:
+    """Adds six rows in lanes to K[b] of an array (n, 6, 1) of lanes."""
+    for i in range(6):
+        K[b, i, 0] += rows[i]
+
+
+@internal
+def _add_composite(K: np.ndarray, parent: int, b: int) -> None:
+    """Adds K[b] of an array (n, 6, 1) of lanes to K[parent]."""
+    for i in range(6):
+        K[parent, i, 0] += K[b, i, 0]
 
 
 @internal
@@ -556,8 +577,13 @@ def _rows(
                 tangent.Gv[i, j] = rb.dot(by_rate, S_j) + 2.0 * rb.dot(by_second, rate) - mass / h
                 tangent.B[i, j] = mass + h * rb.dot(by_end, S_j)
         if tangent.touched[b]:
-            for p in range(tangent.E.shape[1]):
-                tangent.E[i, p] -= rb.dot(S, rb.six(tangent.dF[b], p))
+            dF8 = eights(tangent.dF[b])
+            E8 = eights(tangent.E[i])
+            for p in range(E8.shape[0]):
+                power = S[0] * dF8[0, p]
+                for x in range(1, 6):
+                    power += S[x] * dF8[x, p]
+                E8[p] -= power
 
 
 @internal
@@ -641,16 +667,23 @@ def _add_site_tangents(
     """Composites of P and of the measured wrench, and what parameters change directly."""
     contact = workspace.contact
     moving = dofs.moving
+    shift = eights(tangent.shift)
+    measured_shift = eights(tangent.measured_shift)
+    measured_K = eights(tangent.measured_K)
+    dF = eights(tangent.dF)
     tangent.dT[:] = 0.0
     for m in range(links.shape[0]):
         b = links[m, 2]
         tangent.touched[b] = False
-        tangent.measured_shift[b, :, :] = 0.0
-        tangent.measured_K[b, :, :] = 0.0
-        tangent.dF[b, :, :] = 0.0
+        for i in range(6):
+            measured_shift[b, i, 0] = 0.0
+            measured_K[b, i, 0] = 0.0
+            for p in range(dF.shape[2]):
+                dF[b, i, p] = 0.0
     tangent.touched[0] = False
     for k in range(moving.shape[0]):
-        tangent.shift[links[moving[k], 2], :, :] = 0.0
+        for i in range(6):
+            shift[links[moving[k], 2], i, 0] = 0.0
     for a in range(contact.near[-1]):
         s = contact.near[a]
         if dofs.site_moves[s] and contact.now[s, 1] > 0.0:
@@ -664,13 +697,13 @@ def _add_site_tangents(
         if not tangent.touched[b]:
             continue
         tangent.touched[parent] = True
-        rb.add_composite(tangent.measured_shift, parent, b)
-        rb.add_composite(tangent.measured_K, parent, b)
-        for p in range(tangent.dF.shape[1]):
-            for i in range(6):
-                tangent.dF[parent, p, i] += tangent.dF[b, p, i]
+        _add_composite(measured_shift, parent, b)
+        _add_composite(measured_K, parent, b)
+        for i in range(6):
+            for p in range(dF.shape[2]):
+                dF[parent, i, p] += dF[b, i, p]
         if dofs.body_moves[parent]:
-            rb.add_composite(tangent.shift, parent, b)
+            _add_composite(shift, parent, b)
 
 
 @internal
@@ -716,71 +749,20 @@ def _site(
     y1 = y + h * oy
     z1 = -now[s, 0]
     measured = directions.measured[s]
-    for i in range(6):
-        sx = 1.0 if i == 0 else 0.0
-        sy = 1.0 if i == 1 else 0.0
-        sz = 1.0 if i == 2 else 0.0
-        lx = 1.0 if i == 3 else 0.0
-        ly = 1.0 if i == 4 else 0.0
-        lz = 1.0 if i == 5 else 0.0
-
-        # Displacement s: of the point; of the velocity that its body gives it, s x v + r w x (s x
-        # e_z), as the point stays straight under the centre while the body turns.
-        cx = lx + sy * top - sz * y
-        cy = ly + sz * x - sx * top
-        cz = lz + sx * y - sy * x
-        ux = sy * vz - sz * vy + radius * (wz * sx)
-        uy = sz * vx - sx * vz + radius * (wz * sy)
-        uz = sx * vy - sy * vx - radius * (wx * sx + wy * sy)
-        gx, gy, gz = site_force_derivative(K, along_x, along_y, by_depth, ux, uy, uz, cz)
-        rb.add_column(
-            tangent.shift, b, i, rb.moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz)
-        )
-        if measured:
-            rb.add_column(
-                tangent.measured_shift,
-                b,
-                i,
-                rb.moved_wrench(
-                    x1,
-                    y1,
-                    z1,
-                    gx,
-                    gy,
-                    gz,
-                    fx,
-                    fy,
-                    fn,
-                    cx + h * (sy * vz - sz * oy),
-                    cy + h * (sz * ox - sx * vz),
-                    cz + h * uz,
-                ),
-            )
-
-            # Velocity u of the body: -K u, and the point's way over the step.
-            ux = lx + sy * z - sz * y
-            uy = ly + sz * x - sx * z
-            uz = lz + sx * y - sy * x
-            gx, gy, gz = site_force_derivative(K, 0.0, 0.0, 0.0, ux, uy, uz, 0.0)
-            rb.add_column(
-                tangent.measured_K,
-                b,
-                i,
-                rb.moved_wrench(
-                    x1,
-                    y1,
-                    z1,
-                    -gx,
-                    -gy,
-                    -gz,
-                    fx,
-                    fy,
-                    fn,
-                    -h * (lx + sy * top - sz * y),
-                    -h * (ly + sz * x - sx * top),
-                    -h * uz,
-                ),
-            )
+    _site_units(
+        h,
+        b,
+        measured,
+        workspace,
+        tangent,
+        K,
+        (along_x, along_y, by_depth),
+        radius,
+        (x, y, z),
+        (vx, vy, vz),
+        (fx, fy, fn),
+        (x1, y1, z1),
+    )
 
     # Parameters: a rise moves the centre up in its body's frame, others change friction or the
     # normal force alone.
@@ -817,15 +799,103 @@ def _site(
             # friction is in proportion to the normal force
             gx = -ratio * vx * gz
             gy = -ratio * vy * gz
-        rb.add(tangent.dF[b], p, rb.moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
+        rb.add_column(
+            tangent.dF, b, p, rb.moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz)
+        )
         if measured:
-            rb.add(
-                tangent.dT,
-                p,
-                rb.moved_wrench(
-                    x1, y1, z1, gx, gy, gz, fx, fy, fn, cx + h * ux, cy + h * uy, cz + h * uz
-                ),
+            change = rb.moved_wrench(
+                x1, y1, z1, gx, gy, gz, fx, fy, fn, cx + h * ux, cy + h * uy, cz + h * uz
             )
+            for i in range(6):
+                tangent.dT[i, p] += change[i]
+
+
+@internal
+def _site_units(
+    h: float,
+    b: int,
+    measured: bool,
+    workspace: Workspace,
+    tangent: Tangent,
+    K: Six,
+    by_rise: Three,
+    radius: float,
+    point: Three,
+    velocity: Three,
+    force: Three,
+    end: Three,
+) -> None:
+    """Adds what the displacements and velocities of body b change in the wrench of a loaded site;
+    `end` is where its point is at the end of the step, from the ground."""
+    V = workspace.contact.V
+    wx = V[b, 0]
+    wy = V[b, 1]
+    wz = V[b, 2]
+    x, y, z = point
+    vx, vy, vz = velocity
+    fx, fy, fn = force
+    x1, y1, z1 = end
+    along_x, along_y, by_depth = by_rise
+    top = z + radius
+    ox = V[b, 3] + wy * top - wz * y
+    oy = V[b, 4] + wz * x - wx * top
+
+    # Six unit displacements in one lane: of the point; of the velocity that its body gives it,
+    # s x v + r w x (s x e_z), as the point stays straight under the centre while the body turns.
+    units = eights(tangent.units)
+    sx = units[0, 0]
+    sy = units[1, 0]
+    sz = units[2, 0]
+    lx = units[3, 0]
+    ly = units[4, 0]
+    lz = units[5, 0]
+    cx = lx + sy * top - sz * y
+    cy = ly + sz * x - sx * top
+    cz = lz + sx * y - sy * x
+    ux = sy * vz - sz * vy + radius * (wz * sx)
+    uy = sz * vx - sx * vz + radius * (wz * sy)
+    uz = sx * vy - sy * vx - radius * (wx * sx + wy * sy)
+    gx, gy, gz = site_force_derivative(K, along_x, along_y, by_depth, ux, uy, uz, cz)
+    _add_rows(
+        eights(tangent.shift), b, rb.moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz)
+    )
+    if measured:
+        on_way = rb.moved_wrench(
+            x1,
+            y1,
+            z1,
+            gx,
+            gy,
+            gz,
+            fx,
+            fy,
+            fn,
+            cx + h * (sy * vz - sz * oy),
+            cy + h * (sz * ox - sx * vz),
+            cz + h * uz,
+        )
+        _add_rows(eights(tangent.measured_shift), b, on_way)
+
+        # Velocity u of the body: -K u, and the point's way over the step.
+        ux = lx + sy * z - sz * y
+        uy = ly + sz * x - sx * z
+        uz = lz + sx * y - sy * x
+        gx, gy, gz = site_force_derivative(K, 0.0, 0.0, 0.0, ux, uy, uz, 0.0)
+        by_velocity = rb.moved_wrench(
+            x1,
+            y1,
+            z1,
+            -gx,
+            -gy,
+            -gz,
+            fx,
+            fy,
+            fn,
+            -h * (lx + sy * top - sz * y),
+            -h * (ly + sz * x - sx * top),
+            -h * uz,
+        )
+        _add_rows(eights(tangent.measured_K), b, by_velocity)
 
 
 @internal

@@ -40,7 +40,12 @@ from vsf_drake.laws.lanes import (
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
-from vsf_drake.simulation.stepping.directions import ParameterTangent, Tangent, TangentDirections
+from vsf_drake.simulation.stepping.directions import (
+    ParameterTangent,
+    Tangent,
+    TangentDirections,
+    filled_up,
+)
 from vsf_drake.simulation.stepping.newton import EXACT, copy, step, tangent_matrix, velocities
 from vsf_drake.simulation.stepping.sensitivity import (
     Carried,
@@ -393,7 +398,8 @@ class _Block:
             if forward is None
             else forward.prepare(of_first.tree, of_first.forces, self.dofs, steps)
         )
-        carried = 0 if forward is None else len(forward.tangents)
+        self.count = 0 if forward is None else len(forward.tangents)
+        carried = filled_up(self.count)
         state = (steps if forward is not None and forward.loads else 0, n, carried)
         self.carried = Carried(np.zeros((steps, 6, carried)), *(np.zeros(state) for _ in range(3)))
         self.motions: list[_Prescribed] = []
@@ -474,7 +480,10 @@ class _Block:
             parts=parts.astype(np.int64),
             converged=failed == 0.0,
             **rows,
-            **{name: array[:steps] for name, array in self.carried._asdict().items()},
+            **{
+                name: array[:steps, :, : self.count]
+                for name, array in self.carried._asdict().items()
+            },
         )
 
     def _outcome(self, walk: int) -> Record | SimulationError:
