@@ -347,7 +347,8 @@ class FreePrescribed(NamedTuple):
     moving: np.ndarray  # links whose body one moves, parents first
     still: np.ndarray  # the other links
     base: np.ndarray
-    """(k,) bodies that no free coordinate moves, and that a moving one hangs on or a site is on"""
+    """(k,) bodies that no free coordinate moves, and that a moving one hangs on, a site is on or
+    the support acts on"""
     carried: np.ndarray
     """(n, k) whether the coordinate is one of `still` and carries that body"""
 
@@ -387,7 +388,14 @@ def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Fre
     place_of = np.full(tree.num_coordinates, -1)
     place_of[free] = np.arange(len(free))
     moves = np.asarray(tree.ancestors[:, free].any(axis=1))
-    on = np.concatenate([tree.links[moves[tree.links[:, 2]], 1], forces.site_bodies])
+    on = np.concatenate(
+        [
+            tree.links[moves[tree.links[:, 2]], 1],
+            forces.site_bodies,
+            forces.keel_bodies,
+            [forces.frame_body],
+        ]
+    )
     base = np.unique(on[~moves[on]])
     held_still = ~moves[tree.coordinate_bodies]
     return FreePrescribed(
