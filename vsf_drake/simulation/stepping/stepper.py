@@ -798,6 +798,37 @@ def _read_row(
             at += 7
 
 
+@internal
+def _end_step(
+    k: int,
+    running: bool,
+    dofs: FreePrescribed,
+    drive: Drive,
+    max_speed: float,
+    state: State,
+    written: Written,
+) -> None:
+    """Writes the state at the end of step k, and which walks that are `running` have diverged.
+
+    Prescribed coordinates of a step that was cut get the velocity of the whole step, which is known
+    ahead of the next one; that of the last piece is the same but for rounding.
+    """
+    cut = running & (written.counts[k, 1] > 1.0)
+    if some(cut):
+        h = drive.time_s[k + 1] - drive.time_s[k]
+        for i in range(dofs.prescribed.shape[0]):
+            c = dofs.prescribed[i]
+            whole = (drive.prescribed_q[k + 1, i] - drive.prescribed_q[k, i]) / h
+            state.v[c] = select(cut, whole, state.v[c])
+    copy(state.q, written.q[k])
+    copy(state.v, written.v[k])
+    for c in range(state.q.shape[0]):
+        fine = (math.fabs(state.v[c]) < max_speed) & (math.fabs(state.q[c]) < math.inf)
+        lost = running & negated(fine) & (state.failed[0] < 0.0)
+        state.failed[0] = select(lost, 1.0 * k, state.failed[0])
+        state.failed[1] = select(lost, 1.0 * c, state.failed[1])
+
+
 @partial(compiled, nogil=True)
 def advance(
     begin: int,
@@ -899,13 +930,7 @@ def advance(
                 size = done + PARTS // 2
         if directions is not None and tangent is not None and carried.load_by.shape[0] > 0:
             write_state(k, directions, tangent, carried)
-        copy(state.q, written.q[k])
-        copy(state.v, written.v[k])
-        for c in range(state.q.shape[0]):
-            fine = (math.fabs(state.v[c]) < max_speed) & (math.fabs(state.q[c]) < math.inf)
-            lost = running & negated(fine) & (state.failed[0] < 0.0)
-            state.failed[0] = select(lost, 1.0 * k, state.failed[0])
-            state.failed[1] = select(lost, 1.0 * c, state.failed[1])
+        _end_step(k, running, dofs, drive, max_speed, state, written)
 
 
 @partial(compiled, nogil=True)
