@@ -31,7 +31,7 @@ from vsf_drake.optimal_control.trajectory import (
     solved_trajectory,
     whole_motion,
 )
-from vsf_drake.simulation.reactions import foot_reaction
+from vsf_drake.simulation.reactions import PROSTHETIC, foot_reaction
 from vsf_drake.simulation.sagittal.model import DESIGN, sagittal_coordinates
 
 FEET = ("prosthetic", "intact")
@@ -303,8 +303,7 @@ def test_loads_of_a_prescribed_walk_reproduce_it_without_feedback(fine):
     )
     assert run.fell_s is None
     np.testing.assert_allclose(run.record.q[:, columns], record.q[rows, columns], atol=1e-5)
-    prosthetic = slice(0, len(embedded_walker().gait.person.foot.sites.radius))
-    ours = foot_reaction(run.record, prosthetic, walk.mechanism.ground_height).grf_W
+    ours = foot_reaction(run.record, PROSTHETIC, walk.mechanism.ground_height).grf_W
     assert np.abs(ours - walk.prosthetic.grf_W[rows]).max() < 1.0
 
 

@@ -103,7 +103,7 @@ class Case:
             work_space(self.tree),
             np.zeros(n),
         )
-        place(self.arrays, self.q, self.motion)
+        place(self.arrays, self.arrays.all, self.q, self.motion)
         inverse_dynamics(self.arrays, self.v, self.a, self.motion, self.tau)
 
     def matrix(self, coordinates) -> np.ndarray:

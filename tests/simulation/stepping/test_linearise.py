@@ -4,6 +4,7 @@ differences of the rest."""
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import numba
 import numpy as np
@@ -16,26 +17,21 @@ from vsf_drake.laws.compiled import compiled
 from vsf_drake.plants.foot import mount_pose, set_mount
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.stepping.assembly import (
+    TOLERANCE,
     find_sites,
     find_support,
-    split_coordinates,
     step_workspace,
 )
-from vsf_drake.simulation.stepping.directions import (
-    ParameterTangent,
-    make_directions,
-    tangent_workspace,
+from vsf_drake.simulation.stepping.directions import ParameterTangent
+from vsf_drake.simulation.stepping.newton import FLAT, _residual, velocities
+from vsf_drake.simulation.stepping.sensitivity import OneStep
+from vsf_drake.simulation.stepping.tree import (
+    inverse_dynamics,
+    mass_matrix,
+    place,
+    tree_arrays,
+    work_space,
 )
-from vsf_drake.simulation.stepping.newton import (
-    EXACT,
-    FLAT,
-    _residual,
-    _velocities,
-    step,
-    tangent_matrix,
-)
-from vsf_drake.simulation.stepping.sensitivity import linearise
-from vsf_drake.simulation.stepping.tree import inverse_dynamics, mass_matrix, place, tree_arrays
 from vsf_drake.simulation.variables import added
 
 STEP_S, FULCRUM_M = 1e-3, 0.11
@@ -46,20 +42,22 @@ MOUNT = (2e-3, 5e-3, 0.03, -0.05, 0.04)
 
 
 @numba.njit
-def _residual_at(tree, forces, dofs, workspace, ground, fulcrum, q, v0, a, v, sites, support):
+def _residual_at(tree, forces, dofs, workspace, ground, fulcrum, q, v0, a, v):
     """The residual of a step from q, v0 to v, held coordinates accelerated by a: parts have no
     Python wrapper."""
-    place(tree, q, workspace.motion)
-    find_sites(STEP_S, forces, workspace.motion, ground, workspace.contact, sites)
+    motion = workspace.motion
+    contact = workspace.contact
+    place(tree, tree.all, q, motion)
+    find_sites(STEP_S, forces, motion, ground, contact)
     deflection = 0.0
     if forces.fulcrum[0] > 0.0:
-        _, _, _, deflection = find_support(forces, workspace.motion, fulcrum, workspace.contact)
+        deflection = find_support(forces, motion, fulcrum, contact, workspace.fulcrum)
     workspace.v0[:] = v0
     workspace.trial[:] = v
-    inverse_dynamics(tree, v0, a, workspace.motion, workspace.bias)
-    mass_matrix(tree, workspace.motion, dofs.free, dofs.above, dofs.counts, workspace.M)
-    _velocities(tree.links, workspace.motion.S, v, workspace.contact.V)
-    _residual(STEP_S, tree.links, forces, dofs, workspace, deflection, 0.0, q, sites, support)
+    inverse_dynamics(tree, v0, a, motion, workspace.bias)
+    mass_matrix(tree, motion, dofs.free, dofs.above, dofs.counts, workspace.M)
+    velocities(tree.links, tree.all, motion.S, v, contact.V)
+    _residual(STEP_S, tree.links, forces, dofs, workspace, deflection, 0.0, q)
 
 
 class Instant:
@@ -85,67 +83,41 @@ class Instant:
         self.mechanism, tree = mechanism, mechanism.tree
         n = tree.num_coordinates
         self.held = np.array([tree.index(name) for name in HELD])
-        self.dofs = split_coordinates(tree, mechanism.forces, self.held)
         self.q = rng.uniform(-0.05, 0.05, n) * np.where(
             np.char.startswith(tree.coordinate_names, "socket_t"), 0.05, 1
         )
         self.q[tree.index("fulcrum")] = fulcrum
         self.v0 = rng.uniform(-speed, speed, n)
-        self.workspace = step_workspace(tree, mechanism.forces, self.dofs)
-        arrays = tree_arrays(tree)
-        compiled(place.py_func)(arrays, self.q, self.workspace.motion)
-        R, p, b = self.workspace.motion.R, self.workspace.motion.p, mechanism.site_bodies
-        bottoms = (p[b] + np.einsum("sij,sj->si", R[b], mechanism.sites[:, :3]))[
-            :, 2
-        ] - mechanism.sites[:, 3]
-        self.ground = bottoms.min() + depth
-        held_v = self.v0[self.held] + STEP_S * rng.uniform(-3.0, 3.0, len(self.held))
-        q, self.v = self.q.copy(), self.v0.copy()
-        sites, support = np.zeros((len(mechanism.sites), 9)), np.zeros(3)
-        _, self.converged = step(
-            STEP_S,
-            arrays,
-            mechanism.forces,
-            self.dofs,
-            self.workspace,
-            self.ground,
-            0.0,
-            fulcrum,
-            self.q[self.held] + STEP_S * held_v,
-            np.zeros((0, 0)),
-            np.zeros(0),
-            q,
-            self.v,
-            np.zeros(n),
-            sites,
-            support,
-        )
         tangents = [walker.variables[name].by_unit for name in names]
         tangents += [
             ParameterTangent(coordinate=name, perturbation=np.ones(2)) for name in HELD[:-1]
         ]
-        directions = make_directions(
-            tree, mechanism.forces, self.dofs, tangents, measured=np.zeros(len(sites), dtype=bool)
-        )
-        self.tangent = tangent_workspace(tree, self.dofs, directions)
-        tangent_matrix(STEP_S, arrays, mechanism.forces, self.dofs, self.workspace, FLAT, sites)
-        self.flat = self.workspace.A.copy()
-        tangent_matrix(STEP_S, arrays, mechanism.forces, self.dofs, self.workspace, EXACT, sites)
-        self.A, self.sites = self.workspace.A.copy(), sites
-        linearise(
+        one = OneStep(tree, mechanism.forces, self.held, tangents)
+        self.dofs, self.workspace, self.tangent = one.dofs, one.workspace, one.tangent
+        arrays, placed = tree_arrays(tree), work_space(tree)
+        compiled(place.py_func)(arrays, arrays.all, self.q, placed)
+        b = mechanism.site_bodies
+        bottoms = (placed.p[b] + np.einsum("sij,sj->si", placed.R[b], mechanism.sites[:, :3]))[
+            :, 2
+        ] - mechanism.sites[:, 3]
+        self.ground = bottoms.min() + depth
+        held_v = self.v0[self.held] + STEP_S * rng.uniform(-3.0, 3.0, len(self.held))
+        step = partial(
+            one.take,
             STEP_S,
-            arrays,
-            mechanism.forces,
-            self.dofs,
-            directions,
-            self.workspace,
-            self.tangent,
             self.q,
-            self.v,
-            sites,
-            support,
+            self.v0,
+            self.q[self.held] + STEP_S * held_v,
+            ground=self.ground,
+            fulcrum=fulcrum,
         )
-        count = len(self.dofs.free)
+        step(least_slope=FLAT)
+        self.flat = self.workspace.A.copy()
+        self.v = step()
+        self.A, self.sites = self.workspace.A.copy(), self.workspace.contact.now.copy()
+        r = self.workspace.r
+        self.converged = r @ np.linalg.solve(self.workspace.M, r) <= TOLERANCE**2
+        count, directions = len(self.dofs.free), one.directions
         self.by_variable = (self.tangent.Gq[:, count:] @ directions.unit[count:] + self.tangent.E)[
             :, : len(names)
         ]
@@ -185,7 +157,6 @@ class Instant:
         for name, change in zip(self.walker.gait.prescribed, shift, strict=True):
             q[tree.index(name)] += change
         q[tree.index("fulcrum")] += slide
-        sites = np.zeros((len(mechanism.sites), 9))
         a[self.held] = (v - v0)[self.held] / STEP_S
         _residual_at(
             tree_arrays(tree),
@@ -198,10 +169,9 @@ class Instant:
             v0,
             a,
             v,
-            sites,
-            np.zeros(3),
         )
-        loaded, law = sites[:, 1] > 0.0, mechanism.sites
+        sites, law = workspace.contact.now, mechanism.sites
+        loaded = sites[:, 1] > 0.0
         speed = np.hypot(sites[:, 5], sites[:, 6]) / law[:, 10]
         kinds = [
             loaded,
