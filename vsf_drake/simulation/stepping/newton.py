@@ -157,7 +157,7 @@ def _newton(
     Solves A dv = -r with A = dr/dv, goes to v + length dv, until r^T M^-1 r, twice the kinetic
     energy of what is left, is small. In the first round dv is 0: it works out r at the start alone.
     A walk that has `stopped`, since it has converged, is not active or is no longer finite, stays
-    where it is while others go on.
+    where it is while others go on. What is no longer finite ends as NaN.
     """
     free = dofs.free
     nf = free.shape[0]
@@ -170,6 +170,7 @@ def _newton(
     slope0 = 0.0 * h
     count = 0.0 * h
     converged = h < 0.0
+    lost = converged
     stopped = negated(active)
     most = workspace.tolerance * workspace.tolerance
     for iteration in range(1, MAX_ITERATIONS + 1):
@@ -186,7 +187,8 @@ def _newton(
             _residual(h, tree.links, forces, dofs, workspace, deflection, ground_rate, q)
             size = _energy(workspace.L, r, workspace.y)
             converged = size <= most
-            stopped = converged | negated(size < math.inf) | negated(active)
+            lost = negated(size < math.inf)
+            stopped = converged | lost | negated(active)
             slope = 0.0 * h
             for i in range(nf):
                 slope += dv[i, 0] * r[i]
@@ -217,6 +219,8 @@ def _newton(
             slope0 = select(climbs, flat_slope, slope0)
             for i in range(nf):
                 dv[i, 0] = select(climbs, dv[i, 0], workspace.kept[i])
+    for i in range(nf):
+        v[free[i]] = select(lost, math.nan, v[free[i]])
     return count, converged
 
 
