@@ -149,7 +149,9 @@ def add_sites(
         y = contact.center[s, 1]
         z = contact.center[s, 2] - sites[s, 3]
         vz = V[b, 5] + V[b, 0] * y - V[b, 1] * x
-        depth = contact.depth0[s] - h * vz
+        depth = contact.depth0[s]
+        # of a walk for which it is not near it stays there
+        depth = select(depth > -MAX_APPROACH * h, depth - h * vz, depth)
         if not some(depth > 0.0):
             now[s, 1] = 0.0
             continue
