@@ -218,10 +218,11 @@ def record_sites(
         z0 = center[s, 2]
         x = x0 + h * (V[b, 3] + V[b, 1] * z0 - V[b, 2] * y0)
         y = y0 + h * (V[b, 4] + V[b, 2] * x0 - V[b, 0] * z0)
+        held = near & (now[s, 1] > 0.0)
         if loaded:
             on_foot = rb.wrench(x, y, -now[s, 0], now[s, 2], now[s, 3], now[s, 1])
             for i in range(6):
-                wrench[forces.feet[s], i] += select(near, on_foot[i], 0.0)
+                wrench[forces.feet[s], i] += select(held, on_foot[i], 0.0)
         if sites.shape[0] > 0:
             z = z0 - forces.sites[s, 3]
             vx = V[b, 3] + V[b, 1] * z - V[b, 2] * y0
@@ -233,7 +234,7 @@ def record_sites(
                 sites[s, column] = select(near, values[i], sites[s, column])
             if loaded:
                 for i in range(1, 4):
-                    sites[s, i] = select(near, now[s, i], sites[s, i])
+                    sites[s, i] = select(held, now[s, i], sites[s, i])
 
 
 @internal
