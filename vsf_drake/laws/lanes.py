@@ -378,7 +378,7 @@ def sine_cosine(x: Any) -> tuple[Any, Any]:
 
 def _laned(kind: Any, name: str = "") -> Any:
     """The type of what `lanes` makes of a `kind`, the field `name` of a tuple."""
-    if isinstance(kind, types.BaseNamedTuple):
+    if hasattr(kind, "instance_class"):
         parts = [_laned(of, field) for of, field in zip(kind, kind.fields, strict=True)]
         if all(part == parts[0] for part in parts):
             return types.NamedUniTuple(parts[0], len(parts), kind.instance_class)
@@ -392,7 +392,7 @@ def _as_lanes(context: Any, builder: Any, kind: Any, made: Any, value: Any) -> A
     """`value` of the type `kind` as one of the type `made`, without a copy."""
     if kind == made:
         return value
-    if isinstance(kind, types.BaseNamedTuple):
+    if hasattr(kind, "instance_class"):
         parts = [
             _as_lanes(context, builder, of, to, builder.extract_value(value, i))
             for i, (of, to) in enumerate(zip(kind, made, strict=True))

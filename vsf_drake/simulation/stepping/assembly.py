@@ -555,7 +555,10 @@ def find_support(
     F = forces.frame_body
     R = motion.R
     p = motion.p
-    return R[F, 0, 2] * (x - p[F, 0]) + R[F, 1, 2] * (y - p[F, 1]) + R[F, 2, 2] * (z - p[F, 2])
+    deflection: float = (
+        R[F, 0, 2] * (x - p[F, 0]) + R[F, 1, 2] * (y - p[F, 1]) + R[F, 2, 2] * (z - p[F, 2])
+    )
+    return deflection
 
 
 @internal

@@ -245,7 +245,8 @@ def _direction(
     for i in range(r.shape[0]):
         dv[i, 0] = select(stopped, 0.0, dv[i, 0])
         slope += dv[i, 0] * r[i]
-    return select(stopped, 0.0, slope)
+    descent: float = select(stopped, 0.0, slope)
+    return descent
 
 
 @internal
@@ -306,10 +307,13 @@ def _residual(
             tau[c] += rb.dot(rb.six(S, c), rb.six(F, b))
         rb.add(F, parent, rb.six(F, b))
 
+    change = workspace.y
+    for i in range(free.shape[0]):
+        change[i] = trial[free[i]] - workspace.v0[free[i]]
     for i in range(free.shape[0]):
         left = h * (workspace.bias[free[i]] - tau[free[i]])
         for k in range(free.shape[0]):
-            left += workspace.M[i, k] * (trial[free[k]] - workspace.v0[free[k]])
+            left += workspace.M[i, k] * change[k]
         workspace.r[i] = left
 
 

@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -313,14 +313,12 @@ class Record(NamedTuple):
 # A block of at most WIDTH runs: their numbers stacked along a last axis, if there are more than
 # one.
 
-_T = TypeVar("_T")
 
-
-def _stacked(parts: Sequence[_T], name: str = "") -> _T:
+def _stacked(parts: Sequence[Any], name: str = "") -> Any:
     """Arrays of float64, alone or in named tuples, along a new last axis; fields that walks share,
     and everything else, of the first."""
-    first_one: Any = parts[0]
-    if isinstance(first_one, tuple):
+    first_one = parts[0]
+    if hasattr(first_one, "_fields"):
         made = (
             _stacked(column, field)
             for field, column in zip(first_one._fields, zip(*parts, strict=True), strict=True)
@@ -353,7 +351,7 @@ class _Block:
         self.lengths = [len(run.inputs.time_s) - 1 for run in runs]
         steps = max(self.lengths)
         n = of_first.tree.num_coordinates
-        together: Callable[[Sequence[_T]], _T] = _stacked if walks else lambda parts: parts[0]
+        together: Callable[[Sequence[Any]], Any] = _stacked if walks else lambda parts: parts[0]
         self.tree = together([tree_arrays(run.mechanism.tree) for run in filled])
         self.forces = together([run.mechanism.forces for run in filled])
         prescribed = np.asarray(runs[0].inputs.prescribed, dtype=np.int64)
@@ -393,11 +391,12 @@ class _Block:
             "counts": (3,),
         }
         self.written = Written(**{name: zeros((steps, *shape)) for name, shape in shapes.items()})
-        self.directions, self.tangent = (
-            (None, None)
-            if forward is None
-            else forward.prepare(of_first.tree, of_first.forces, self.dofs, steps)
-        )
+        self.directions: TangentDirections | None = None
+        self.tangent: Tangent | None = None
+        if forward is not None:
+            self.directions, self.tangent = forward.prepare(
+                of_first.tree, of_first.forces, self.dofs, steps
+            )
         self.count = 0 if forward is None else len(forward.tangents)
         carried = filled_up(self.count)
         state = (steps if forward is not None and forward.loads else 0, n, carried)
@@ -529,7 +528,7 @@ class _Prescribed:
 
     def __post_init__(self) -> None:
         self.frames = self.run.mechanism.tree.frames[self.dofs.still]
-        of_still = self.dofs.carried.any(axis=1)
+        of_still = np.asarray(self.dofs.carried.any(axis=1))
         self.columns = np.flatnonzero(of_still[self.dofs.prescribed])
         self._lanes: Any = None
 
@@ -592,7 +591,10 @@ class _Prescribed:
                 self.dofs,
                 motion,
                 V,
-                *(lane[low:high] for lane in (q, v0, a, v)),
+                q[low:high],
+                v0[low:high],
+                a[low:high],
+                v[low:high],
                 rows[: last - begin],
             )
 
@@ -704,12 +706,19 @@ def _drive_of(inputs: Inputs, steps: int) -> Drive:
     )
     rate = np.gradient(ground, time_s)
     more = steps + 1 - len(time_s)
-    columns = (
-        column if more == 0 else np.concatenate([column, np.repeat(column[-1:], more, axis=0)])
-        for column in (time_s, prescribed_q, fulcrum, ground, rate)
+    if more > 0:
+        time_s, prescribed_q, fulcrum, ground, rate = (
+            np.concatenate([column, np.repeat(column[-1:], more, axis=0)])
+            for column in (time_s, prescribed_q, fulcrum, ground, rate)
+        )
+    return Drive(
+        time_s=time_s,
+        prescribed_q=prescribed_q,
+        fulcrum=fulcrum,
+        ground=ground,
+        ground_rate=rate,
+        torques=no_torques(steps) if inputs.torques is None else inputs.torques,
     )
-    torques = no_torques(steps) if inputs.torques is None else inputs.torques
-    return Drive(*columns, torques=torques)
 
 
 @compiled
@@ -756,6 +765,18 @@ def carries(dofs: FreePrescribed, c: int) -> bool:
 
 
 @internal
+def _fill_row(state: State, rows: np.ndarray, motion_of: np.ndarray, k: int) -> None:
+    """Writes to the state's row the k-th of each walk's motion."""
+    if rows.shape[0] == 1:
+        for i in range(state.row.shape[0]):
+            state.row[i] = rows[0, k, i]
+        return
+    for walk in range(state.row_numbers.shape[1]):
+        for i in range(state.row_numbers.shape[0]):
+            state.row_numbers[i, walk] = rows[motion_of[walk], k, i]
+
+
+@internal
 def _read_row(
     dofs: FreePrescribed,
     workspace: Workspace,
@@ -767,13 +788,7 @@ def _read_row(
     """Places the base bodies of each walk as its motion's row k says, unloaded, with the loads and
     motions of the coordinates that carry them."""
     row = state.row
-    if rows.shape[0] == 1:
-        for i in range(row.shape[0]):
-            row[i] = rows[0, k, i]
-    else:
-        for walk in range(state.row_numbers.shape[1]):
-            for i in range(row.shape[0]):
-                state.row_numbers[i, walk] = rows[motion_of[walk], k, i]
+    _fill_row(state, rows, motion_of, k)
     motion = workspace.motion
     at = 0
     for i in range(dofs.base.shape[0]):
@@ -948,8 +963,8 @@ def advance_side_by_side(
     rows: np.ndarray,
     motion_of: np.ndarray,
     live: bool,
-    directions: None,
-    tangent: None,
+    directions: TangentDirections | None,
+    tangent: Tangent | None,
     carried: Carried,
 ) -> None:
     """`advance` of WIDTH walks, whose numbers are along the last axis of the arrays."""
