@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import extending
-from numba.core import cgutils, types
+from numba.core import cgutils, config, types
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.typeconv.castgraph import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
@@ -290,6 +290,11 @@ def _first_of(where: Any) -> Any:
 # Functions that are the same to the bit for one walk and for eight.
 
 
+def floor(x: Any) -> Any:
+    """The largest whole number that is not above x."""
+    return np.floor(x)
+
+
 @_intrinsic
 def _floor(typingctx: Any, x: Any) -> Any:
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -298,6 +303,11 @@ def _floor(typingctx: Any, x: Any) -> Any:
         return builder.call(builder.module.declare_intrinsic("llvm.floor", [args[0].type]), args)
 
     return x(x), emit
+
+
+@overload(floor, strict=False)
+def _floor_of(x: Any) -> Any:
+    return lambda x: _floor(x)  # noqa: PLW0108
 
 
 @_intrinsic
@@ -350,7 +360,7 @@ def sine_cosine(x: Any) -> tuple[Any, Any]:
     Software Manual for the Elementary Functions). For what is left, at most pi / 4, the series of
     Taylor end where their next terms are below the rounding of 1.
     """
-    turns: Any = _floor(x * (2.0 / math.pi) + 0.5)
+    turns: Any = floor(x * (2.0 / math.pi) + 0.5)
     r = ((x - turns * HALF_PI_1) - turns * HALF_PI_2) - turns * HALF_PI_3
     y = r * r
     s = 1.0 / 6227020800.0 - y / 1307674368000.0
@@ -363,7 +373,7 @@ def sine_cosine(x: Any) -> tuple[Any, Any]:
     c = 1.0 - y * (0.5 - y * c)
 
     # the quarter of the circle, 0 to 3, which exchanges them and turns their signs
-    quarter = turns - 4.0 * _floor(0.25 * turns)
+    quarter = turns - 4.0 * floor(0.25 * turns)
     odd = ((quarter > 0.5) & (quarter < 1.5)) | (quarter > 2.5)
     sine = select(odd, c, s)
     cosine = select(odd, s, c)
@@ -449,10 +459,7 @@ def side_by_side(shape: tuple[int, ...]) -> np.ndarray:
 
 
 @_intrinsic
-def lanes(typingctx: Any, value: Any) -> Any:
-    """Float arrays of `value`, an array or a named tuple of arrays and such tuples, whose last axis
-    holds WIDTH walks, as arrays of lanes; nothing is copied. What is no array of float64 stays, and
-    so do the fields SHARED."""
+def _lanes(typingctx: Any, value: Any) -> Any:
     made = _laned(value)
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -460,3 +467,10 @@ def lanes(typingctx: Any, value: Any) -> Any:
         return impl_ret_borrowed(context, builder, made, new)
 
     return made(value), emit
+
+
+_settings: Any = config
+lanes: Any = (lambda value: value) if _settings.DISABLE_JIT else _lanes
+"""Float arrays of a value, an array or a named tuple of arrays and such tuples, whose last axis
+holds WIDTH walks, as arrays of lanes; nothing is copied. What is no array of float64 stays, and so
+do the fields SHARED. With NUMBA_DISABLE_JIT=1 a lane is a row of WIDTH numbers, as it is."""
