@@ -185,7 +185,7 @@ def test_runs_are_what_the_test_needs():
     assert len({run.mechanism.springs.tobytes() for run in runs}) == COUNT
     assert all(record.wrench[:, PROSTHETIC, 5].max() > 50.0 for record in records)
     rounds = np.array([record.iterations[:LOOKS] for record in records])
-    assert np.sum(np.ptp(rounds, axis=0) > 0) > LOOKS // 2
+    assert np.sum(np.ptp(rounds, axis=0) > 0) > 5
     distance = np.array([np.abs(run.inputs.fulcrum[0] - JOINTS_M).min() for run in runs])
     assert 2 < np.sum(distance < WIDTH_M) < COUNT - 2
     assert min(len(record.time_s) for record in records) > LOOKS
