@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import vsf_drake
+from vsf_drake.walks.embedded import embedded_trials
 
 
 def test_importing_the_package_loads_neither_drake_nor_numpy_and_little_at_all():
@@ -28,6 +29,34 @@ def test_importing_the_package_loads_neither_drake_nor_numpy_and_little_at_all()
         if name.split(".")[0] in ("pydrake", "numpy", "scipy", "numba", "importlib")
     ]
     assert [name for name in loaded if name.startswith("vsf_drake")] == ["vsf_drake"]
+
+
+@pytest.mark.parametrize(
+    ("words", "without"),
+    [
+        (
+            "import vsf_drake.simulation.walk",
+            ("scipy.signal", "scipy.stats", "scipy.ndimage", "matplotlib", "rich", "jinja2.ext"),
+        ),
+        (
+            "from vsf_drake.cli import main; main()",
+            ("scipy.signal", "scipy.stats", "scipy.ndimage"),
+        ),
+    ],
+    ids=["a walk", "simulate"],
+)
+def test_what_takes_long_to_load_and_is_not_needed_is_not_loaded(words, without, tmp_path):
+    """scipy.signal loads scipy.stats: together a sixth of a warm `simulate`."""
+    code = "import atexit, sys; atexit.register(lambda: print(*sys.modules)); " + words
+    trial = embedded_trials("exact")[0]
+    done = subprocess.run(
+        [sys.executable, "-c", code, "simulate", trial, "--out", tmp_path / "walk"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    loaded = done.stdout.split()
+    assert "vsf_drake.simulation.walk" in loaded and not set(without) & set(loaded)
 
 
 def test_every_name_is_there_described_and_the_one_that_a_type_checker_sees():

@@ -204,3 +204,39 @@ def test_without_a_home_nothing_is_kept_in_the_current_folder(monkeypatch, tmp_p
     monkeypatch.chdir(tmp_path)
     assert module._folder() == ""
     assert list(tmp_path.iterdir()) == []
+
+
+IN_TURN = """
+import sys, time
+from numba.core import event
+from vsf_drake.laws.pressed import pressed
+
+class Slow(event.Listener):
+    def on_start(self, event):
+        if event.data["dispatcher"].py_func.__name__ == "pressed":
+            print("begins", flush=True)
+            time.sleep(1.5)
+
+    def on_end(self, event):
+        pass
+
+event.register("numba:compile", Slow())
+pressed(0.01)
+print(*map(sum, (pressed.stats.cache_misses.values(), pressed.stats.cache_hits.values())))
+"""
+
+
+def test_of_two_processes_that_need_a_function_at_once_one_compiles_and_the_other_waits(package):
+    started = [sys.executable, "-c", IN_TURN]
+    options = {
+        "env": os.environ
+        | {"PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": str(package.parent / "kept")},
+        "cwd": package.parent,
+        "stdout": subprocess.PIPE,
+        "text": True,
+    }
+    with subprocess.Popen(started, **options) as first:
+        assert first.stdout.readline() == "begins\n"
+        with subprocess.Popen(started, **options) as second:
+            assert second.communicate()[0] == "0 1\n"
+        assert first.communicate()[0] == "1 0\n"

@@ -8,8 +8,12 @@ import dataclasses
 import numpy as np
 import pytest
 from made_steps import STANCE_S, TIME, feet, steps
+from scipy.signal import find_peaks
 
 from vsf_drake.motion.events import (
+    PROMINENCE,
+    SHORTEST_S,
+    _extremes,
     find_scuffs,
     find_stances,
     kinematic_stances,
@@ -167,3 +171,17 @@ def test_direction_of_walking_does_not_matter(heading):
         strict=True,
     ):
         assert (one.start_s, one.end_s) == pytest.approx((other.start_s, other.end_s), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("level", [False, True])
+def test_extremes_are_the_peaks_that_scipy_finds(seed, level):
+    """Of ripples on a slow wave, also where three samples in a row are level."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(500) / 100.0
+    values = np.sin(6.0 * time_s) + 0.2 * rng.normal(size=len(time_s))
+    values = np.repeat(values, 3)[: len(time_s)] if level else values
+    peaks, _ = find_peaks(
+        values, prominence=PROMINENCE * np.ptp(values), distance=round(100 * SHORTEST_S)
+    )
+    assert len(peaks) > 1 and _extremes(values, time_s) == list(time_s[peaks])

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass, window_bsplines
@@ -98,13 +99,11 @@ TIME = np.arange(0.0, 4.0, 1.0 / RATE)
 MIDDLE = (TIME > 1.0) & (TIME < 3.0)
 
 
-def gain_and_lag(frequency, cutoff, rate=RATE, order=4):
+def gain_and_lag(frequency, cutoff, rate=RATE):
     """Amplitude and phase (rad) of the filtered sine by projection, over whole periods in the
     middle."""
     time = np.arange(0.0, 4.0, 1.0 / rate)
-    out = low_pass(
-        np.sin(2 * np.pi * frequency * time), rate_hz=rate, cutoff_hz=cutoff, order=order
-    )
+    out = low_pass(np.sin(2 * np.pi * frequency * time), rate_hz=rate, cutoff_hz=cutoff)
     middle = (time >= 1.0) & (time < 3.0 - 0.5 / rate)
     carrier = np.exp(-2j * np.pi * frequency * time[middle])
     phasor = 2 * np.mean(out[middle] * carrier)
@@ -114,9 +113,8 @@ def gain_and_lag(frequency, cutoff, rate=RATE, order=4):
 @pytest.mark.parametrize(
     ("cutoff", "rate"), [(6.0, 1000.0), (40.0, 1000.0), (40.0, 100.0), (10.0, 60.0)]
 )
-@pytest.mark.parametrize("order", [2, 4, 8])
-def test_amplitude_at_the_cutoff_is_minus_3_db(cutoff, rate, order):
-    gain, lag = gain_and_lag(cutoff, cutoff, rate, order)
+def test_amplitude_at_the_cutoff_is_minus_3_db(cutoff, rate):
+    gain, lag = gain_and_lag(cutoff, cutoff, rate)
     assert gain == pytest.approx(1 / np.sqrt(2), rel=1e-4) and abs(lag) < 1e-6
 
 
@@ -127,3 +125,16 @@ def test_impossible_cutoff_is_refused(cutoff):
         match=r"impossible at 1000 samples per second\. It must be above 0 and below 500",
     ):
         low_pass(np.zeros(100), rate_hz=RATE, cutoff_hz=cutoff)
+
+
+@pytest.mark.parametrize("shape", [(1500, 3), (1500,), (7, 2, 3), (2, 1)])
+@pytest.mark.parametrize("cutoff", [6.0, 40.0, 450.0])
+def test_the_filter_is_that_of_scipy_run_forward_and_backward(shape, cutoff):
+    values = 300.0 + np.cumsum(np.random.default_rng(0).normal(size=shape), axis=0)
+    warped = np.tan(np.pi * cutoff / RATE) / (np.sqrt(2.0) - 1.0) ** 0.25
+    section = butter(2, RATE / np.pi * np.arctan(warped), fs=RATE, output="sos")
+    reflected = min(len(values) - 1, int(np.ceil(2.0 * RATE / cutoff)))
+    expected = sosfiltfilt(section, values, axis=0, padtype="odd", padlen=reflected)
+    np.testing.assert_allclose(
+        low_pass(values, rate_hz=RATE, cutoff_hz=cutoff), expected, rtol=1e-11
+    )

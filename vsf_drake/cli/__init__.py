@@ -3,6 +3,8 @@ imported."""
 
 from __future__ import annotations
 
+import atexit
+import gc
 import importlib
 import os
 import signal
@@ -22,6 +24,7 @@ from vsf_drake.cli.guide import GUIDES, guide_to
 
 # how long after a signal fell into a callback of compiled code it is raised once more (a choice)
 RAISED_AGAIN_S = 0.05
+GARBAGE_OBJECTS = 100_000  # after so many new ones Python looks for garbage (a choice)
 INTERRUPTED = "interrupted; results are written whole or not at all"
 
 
@@ -32,8 +35,15 @@ def main() -> None:
     SIGTERM and the closing of the terminal end it as Ctrl-C does, with exit codes 143 and 129.
     Where it does not run in the main thread, signals are left to the caller.
     """
-    with _Signals() as signals:
-        code = _ended(signals)
+    # looking for garbage among what is imported, and at the end, takes a fifth of a short command
+    thresholds = gc.get_threshold()
+    gc.set_threshold(GARBAGE_OBJECTS, *thresholds[1:])
+    atexit.register(gc.freeze)
+    try:
+        with _Signals() as signals:
+            code = _ended(signals)
+    finally:
+        gc.set_threshold(*thresholds)
     # out here, where no traceback keeps parts of Drake into Python's own end, which may abort on
     # them
     sys.exit(code)

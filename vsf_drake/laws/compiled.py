@@ -5,7 +5,8 @@ numba takes kept code for valid as long as the file of the compiled function is 
 code also holds the functions of other files that it calls. So our code is kept in a folder that is
 named after the content of every file with compiled functions: in NUMBA_CACHE_DIR if that is set,
 else in the package's own `__pycache__`, else in the user's cache; where none of them can be written
-every process compiles anew.
+every process compiles anew. Of processes that need the same function at the same time, as the
+workers of a first sweep do, one compiles it and the others wait.
 
 Division by zero gives infinity as in numpy arrays, not an exception; the steppers look for numbers
 that are not finite. With NUMBA_DISABLE_JIT=1, for a debugger, nothing is compiled, and such a
@@ -15,6 +16,7 @@ division of two Python numbers raises.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
 import logging
 import multiprocessing
@@ -23,7 +25,7 @@ import shutil
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -32,6 +34,7 @@ from typing import Any, ParamSpec, Protocol, TypeVar, cast
 import numba
 import numpy as np
 from numba.core import event
+from numba.core.compiler_lock import global_compiler_lock
 
 COMPILED = (
     "laws",
@@ -44,6 +47,7 @@ COMPILED = (
 KEPT = 4
 """How many states of the sources keep their machine code for longer than a day after they were last
 used."""
+LOADED_S = 1.0  # a function that is kept is loaded within less
 _PACKAGE = Path(__file__).resolve().parents[1]
 _settings: Any = numba.config  # whose attributes it makes at the import
 _lock = threading.Lock()
@@ -108,6 +112,7 @@ def compiled(
             finally:
                 _settings.CACHE_DIR = users
         if on_disk is not None and str(on_disk.stats.cache_path).startswith(_FOLDER):
+            _take_turns(on_disk)
             return cast("Compiled[_P, _R_co]", on_disk)
     return cast("Compiled[_P, _R_co]", numba.njit(**options)(function))
 
@@ -124,6 +129,49 @@ def part(function: Callable[_P, _R_co]) -> Compiled[_P, _R_co]:
     return compiled(function, no_cpython_wrapper=True)
 
 
+def _take_turns(dispatcher: Any) -> None:
+    """One process at a time compiles this function for the same arguments, or loads it."""
+    compile_or_load = dispatcher.compile
+
+    def in_turn(signature: tuple[Any, ...]) -> Any:
+        if signature in dispatcher.overloads:
+            return compile_or_load(signature)
+        function = dispatcher.py_func
+        name = f"{function.__module__}.{function.__qualname__} {signature}"
+        # numba's own lock comes first in every thread, else two of them could wait for each other
+        with global_compiler_lock, _alone(name, waiting=lambda: announced.tell(dispatcher)):
+            return compile_or_load(signature)
+
+    dispatcher.compile = in_turn
+
+
+@contextlib.contextmanager
+def _alone(name: str, *, waiting: Callable[[], None]) -> Iterator[None]:
+    """While no other process is within the same `name`, if the file system has locks; `waiting` is
+    called if that takes longer than loading does."""
+    lock = Path(_FOLDER) / f"{hashlib.sha256(name.encode()).hexdigest()[:16]}.lock"
+    with contextlib.ExitStack() as held:
+        with contextlib.suppress(OSError):
+            file = os.open(lock, os.O_RDWR | os.O_CREAT)
+            held.callback(os.close, file)
+            by_then = time.monotonic() + LOADED_S
+            while not _locked(file) and time.monotonic() < by_then:
+                time.sleep(0.02)
+            if not _locked(file):
+                waiting()
+                fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _locked(file: int) -> bool:
+    """Whether this process has the lock on an open file now."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
 class _Announced(event.Listener):
     """Says once why nothing seems to happen: before what takes long is compiled, not where its code
     is kept, nor in the processes that a command starts."""
@@ -132,7 +180,11 @@ class _Announced(event.Listener):
 
     def on_start(self, event: Any) -> None:
         """A function is to be compiled."""
-        own = event.data["dispatcher"].py_func.__module__.startswith(
+        self.tell(event.data["dispatcher"])
+
+    def tell(self, dispatcher: Any) -> None:
+        """A function is to be compiled, or another process compiles it and this one waits."""
+        own = dispatcher.py_func.__module__.startswith(
             ("vsf_drake.simulation.", "vsf_drake.systems.")
         )
         if own and not self.said and multiprocessing.parent_process() is None:
@@ -143,7 +195,8 @@ class _Announced(event.Listener):
         """It was."""
 
 
-event.register("numba:compile", _Announced())  # type: ignore[no-untyped-call]
+announced = _Announced()
+event.register("numba:compile", announced)  # type: ignore[no-untyped-call]
 
 
 @cache

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
 import numpy as np
-from scipy.ndimage import median_filter
 from scipy.spatial import Delaunay
 
 from vsf_drake.base.errors import InputError, require
@@ -381,6 +380,8 @@ def _by_time(load: _Load, floor: _FeetOnFloor, stated: str | None) -> _Load:
 
 
 def _turns(nearest: np.ndarray, times: np.ndarray) -> list[tuple[int, int, str]]:
+    from scipy.ndimage import median_filter  # noqa: PLC0415 (a walk needs none)
+
     width = 2 * int(SHORTEST_TURN_S / spacing(times)) + 1
     smooth = (
         median_filter(nearest, size=width, mode="nearest")

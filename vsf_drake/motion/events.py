@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import find_peaks
 
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.markers.segments import FootTrack
@@ -281,12 +281,32 @@ def walking_direction(feet: Mapping[str, FootTrack], pelvis_W: np.ndarray) -> np
 
 
 def _extremes(values: np.ndarray, time_s: np.ndarray) -> list[float]:
-    peaks, _ = find_peaks(
-        values,
-        prominence=PROMINENCE * np.ptp(values),
-        distance=max(1, round(SHORTEST_S / spacing(time_s))),
-    )
-    return [float(instant) for instant in time_s[peaks]]
+    """Instants of the maxima of `values` (n,) that stand out by PROMINENCE, the middle one of level
+    samples; of those closer than SHORTEST_S the higher one. (scipy.signal.find_peaks has the same,
+    and loads scipy.stats with it.)"""
+    steps = np.sign(np.diff(values))
+    slopes = np.flatnonzero(steps)
+    tops = [
+        int(before + 1 + after) // 2
+        for before, after in pairwise(slopes)
+        if steps[before] > 0.0 > steps[after]
+    ]
+    apart = max(1, round(SHORTEST_S / spacing(time_s)))
+    kept: list[int] = []
+    for top in sorted(tops, key=lambda top: (values[top], top), reverse=True):
+        if all(abs(top - other) >= apart for other in kept):
+            kept.append(top)
+    least = PROMINENCE * np.ptp(values)
+    return [float(time_s[top]) for top in sorted(kept) if _stands_out_by(values, top) >= least]
+
+
+def _stands_out_by(values: np.ndarray, top: int) -> float:
+    """How far one has to go down from a maximum of (n,) before one can climb higher."""
+    higher = np.flatnonzero(values > values[top])
+    place = np.searchsorted(higher, top)
+    left = higher[place - 1] if place else 0
+    right = higher[place] if place < len(higher) else len(values)
+    return float(values[top] - max(values[left:top].min(), values[top:right].min()))
 
 
 def _with_ends(

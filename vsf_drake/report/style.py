@@ -20,6 +20,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import TightLayoutEngine
 from matplotlib.lines import Line2D
@@ -226,5 +227,6 @@ def save_figure(
         # settled with the PNG; it asks for what no canvas of SVG has
         figure.set_layout_engine("none")
         with style(), rc_context({"svg.fonttype": letters}), replaced(paths[1], "wb") as stream:
-            figure.savefig(stream, format="svg", metadata={"Date": None})
+            canvas: Any = FigureCanvasSVG(figure)
+            canvas.print_svg(stream, metadata={"Date": None})
     return tuple(paths if svg else paths[:1])

@@ -33,6 +33,7 @@ from typing import Any
 import vsf_drake
 from vsf_drake.base.errors import InputError, VsfError
 from vsf_drake.base.threads import garbage_left
+from vsf_drake.laws.compiled import announced
 from vsf_drake.simulation.variables import check_whole
 
 IN_FLIGHT = 256  # tasks that an executor of unknown size is given at a time
@@ -217,6 +218,7 @@ def serve(descriptor: int) -> None:
     """The life of a worker process: takes jobs from the pipe until its other end is closed, by will
     or by death."""
     gc.enable()
+    announced.said = True  # by the command, if there is anything to compile
     with Connection(descriptor) as pipe, contextlib.suppress(EOFError, ConnectionError):
         pipe.send(_READY)
         while True:
