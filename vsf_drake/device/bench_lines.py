@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import isotonic_regression
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import flat
@@ -308,9 +308,8 @@ def mean_and_half_width(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     mean = values.mean(axis=0)
     if count < 2:
         return mean, np.full_like(mean, np.nan)
-    return mean, student.ppf(0.5 + 0.5 * LEVEL, count - 1) * values.std(axis=0, ddof=1) / math.sqrt(
-        count
-    )
+    quantile = stdtrit(count - 1, 0.5 + 0.5 * LEVEL)
+    return mean, quantile * values.std(axis=0, ddof=1) / math.sqrt(count)
 
 
 def load_measured_bench(path: str | Path) -> BenchMeasurement:

@@ -27,7 +27,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import truncnorm
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.threads import side_by_side
@@ -321,6 +320,8 @@ class PaperSpace:
         before cutting off, is cut into `count` slices of equal probability and each slice is met
         once (McKay, Beckman & Conover 1979, doi 10.1080/00401706.1979.10489755).
         """
+        from scipy.stats import truncnorm  # noqa: PLC0415 (half a second, for who draws)
+
         columns = []
         for value, low, high in zip(centre, self.low, self.high, strict=True):
             share = (random.permutation(count) + random.uniform(size=count)) / count

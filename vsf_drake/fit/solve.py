@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pydrake.solvers import IpoptSolver, NloptSolver, SnoptSolver, SolverInterface, SolverOptions
 from scipy.optimize import lsq_linear
-from scipy.stats import norm, qmc
+from scipy.special import ndtr, ndtri
 
 from vsf_drake.base.errors import SimulationError
 from vsf_drake.base.files import plain
@@ -158,11 +158,13 @@ def run_searches(
 
 def prior_samples(parameters: FitParameters, count: int, seed: list[int]) -> np.ndarray:
     """(count, P) Latin hypercube samples u of the prior: stratified, normal, within the bounds."""
+    from scipy.stats import qmc  # noqa: PLC0415 (half a second, for who draws)
+
     low, high = parameters.bounds
     sampler = qmc.LatinHypercube(len(parameters), rng=np.random.default_rng(seed))
-    below = norm.cdf(low)
-    above = norm.cdf(high)
-    return np.asarray(np.clip(norm.ppf(below + sampler.random(count) * (above - below)), low, high))
+    below = ndtr(low)
+    above = ndtr(high)
+    return np.asarray(np.clip(ndtri(below + sampler.random(count) * (above - below)), low, high))
 
 
 def _start(fit: ContactFit, i: int) -> np.ndarray:

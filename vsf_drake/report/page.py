@@ -11,6 +11,7 @@ import csv
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -195,7 +196,7 @@ class ShownChapter:
         """What is not there: also told to who made the page."""
         text = _one_line(text, caller)
         self.missing.append(text.striptags() if isinstance(text, Markup) else text)
-        absent: Markup = _macros.absent(text)
+        absent: Markup = _macros().absent(text)
         return absent
 
     def _table(
@@ -214,7 +215,7 @@ class ShownChapter:
                 for i, column in enumerate(shown_columns)
                 if not values or any(row[i] is not None for row in values)
             ]
-            table: Markup = _macros.table(
+            table: Markup = _macros().table(
                 [column.heading for _, column in known],
                 [[cell(column, row[i]) for i, column in known] for row in values],
                 _one_line("", caller),
@@ -242,7 +243,7 @@ class ShownChapter:
                 )
                 self.files |= {path.relative_to(self._folder) for path in paths}
                 figure = paths[0].read_bytes()
-            shown: Markup = _macros.figure(
+            shown: Markup = _macros().figure(
                 figure, _one_line(alt), _one_line("", caller), _one_line(title)
             )
             return shown
@@ -372,5 +373,9 @@ def _environment() -> Environment:
     return pages
 
 
+@cache
+def _macros() -> Any:
+    return _PAGES.get_template("macros.html.j2").module
+
+
 _PAGES = _environment()
-_macros: Any = _PAGES.get_template("macros.html.j2").module

@@ -16,7 +16,6 @@ from pydrake.solvers import (
     SnoptSolver,
     SolverOptions,
 )
-from scipy.stats import qmc
 
 from vsf_drake.base.errors import FitError, SimulationError, require
 from vsf_drake.base.progress import Progress
@@ -267,6 +266,8 @@ def _search(
         raise FitError(f"the walks fail at every position: {coarse.failures[0]}")
     starts = [coarse.x[i] for i in minima]
     if len(tuning.design) > 1 and options.more_starts:
+        from scipy.stats import qmc  # noqa: PLC0415 (half a second, for who draws)
+
         rng = np.random.default_rng([options.seed, 1])
         starts += map(
             tuning.from_u,

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.sentences import say
@@ -161,7 +161,7 @@ def flat_range(
             [excess[rows] - excess[rows].mean(axis=0) for rows in _members(groups)]
         )
         error = np.sqrt(np.sum(left**2, axis=0) / freedoms / len(each))
-        allowed = np.maximum(allowed, student.ppf(CONFIDENCE, freedoms) * error)
+        allowed = np.maximum(allowed, stdtrit(freedoms, CONFIDENCE) * error)
     at = int(np.abs(fulcrum_mm - best_mm).argmin())
     with np.errstate(invalid="ignore"):
         worse = np.flatnonzero(~(excess.mean(axis=0) <= allowed))
