@@ -83,7 +83,10 @@ EXACT = {f"{name}_exact": _SECTIONS[name] for name in ("layers", "walking")}
 LONG = {"settings": SettingsTable, "sensitivity": SensitivityTable}
 """Sections that come with the package, with the record that each holds."""
 NAMES = (*_SECTIONS, *EXACT, *LONG)
-EVERY_S = 5.0  # between two pages that grow (a choice: to write one takes about 3)
+EVERY_S = 5.0
+PAGE_SHARE = 0.2
+"""Least time between two pages that grow, and the share of it that writing them may take
+(choices)."""
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
@@ -118,8 +121,8 @@ def run_sections(
     A section that fails (a bench that gives way, a simulation that diverges) is named with the
     reason and stops no other. Finished sections are kept in `folder`, so that an interrupted run of
     the same study goes on; those that take long may come from `shipped`. `grown` is called with
-    what is finished and what is to come, after the first section that was computed and then, at
-    most every EVERY_S, after others but the last.
+    what is finished and what is to come, after the first section that was computed and then, not
+    too often, after others but the last.
     """
     finished: dict[str, Finished] = {}
     taught = study.contact and (study.contact.momentum or study.contact.discrepancy)
@@ -132,7 +135,7 @@ def run_sections(
         plan += [(name, part, exact) for name, part in EXACT.items()]
     total = sum(part.about_s for _, part, _ in plan)
     before = 0.0
-    shown_s = -math.inf
+    next_s = -math.inf
     for i, (name, part, own) in enumerate(plan):
 
         def show(
@@ -161,10 +164,12 @@ def run_sections(
         )
         if store:
             store.write(name, finished[name])
-        if grown and i + 1 < len(plan) and time.perf_counter() > shown_s + EVERY_S:
+        ended_s = time.perf_counter()
+        if grown and i + 1 < len(plan) and ended_s > next_s:
             show("writing the page", 1.0)
             grown(finished, [*(name for name, _, _ in plan[i + 1 :]), *stored])
             shown_s = time.perf_counter()
+            next_s = shown_s + max(EVERY_S, (shown_s - ended_s) / PAGE_SHARE)
     return finished | stored
 
 
