@@ -35,7 +35,8 @@ from scipy.integrate import solve_ivp
 from scipy.stats import binomtest, norm
 
 from vsf_drake.base.files import resource
-from vsf_drake.laws.stick_slip import friction_coefficient
+from vsf_drake.laws.contact_law import LawConstants
+from vsf_drake.laws.stick_slip import per_speed
 from vsf_drake.model.model_file import load_model
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.foot_wiring import WiredFoot
@@ -151,19 +152,11 @@ def _slide(
 
 
 def _expected_distance(mu: float, limit: float) -> float:
+    law = LawConstants(mu_static=mu, mu_kinetic=KINETIC_SHARE * mu, threshold_velocity=limit)
+
     def rates(_, y):
-        return [
-            y[1],
-            9.81
-            * (
-                PULL
-                - float(
-                    friction_coefficient(
-                        y[1], mu_static=mu, mu_kinetic=KINETIC_SHARE * mu, threshold_velocity=limit
-                    )
-                )
-            ),
-        ]
+        speed = y[1]
+        return [speed, 9.81 * (PULL - per_speed(speed, law)[0] * speed)]
 
     return float(
         solve_ivp(rates, (0.0, DURATION_S), [0.0, 0.0], rtol=1e-8, atol=1e-10, max_step=2e-3).y[

@@ -29,6 +29,7 @@ from vsf_drake.fit.paper import (
 )
 from vsf_drake.fit.parameters import zones_of
 from vsf_drake.fit.problem import ContactFit
+from vsf_drake.laws.contact_law import LawConstants
 from vsf_drake.laws.kelvin_voigt import normal_force
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.manifest import GeometricOffsets
@@ -168,10 +169,10 @@ def test_initial_guess_is_the_papers_and_a_sphere_a_millimetre_deep_carries_its_
         )
     for exponent in (1.0, 1.5, 2.0):
         values = space.values(np.tile([4.0, exponent, 2.5, 0.8], 5))
-        own = {name: values[f"contact.midfoot.{name}"] for name in LAW}
-        assert normal_force(1e-3, 0.0, **own) == pytest.approx(4.0)
-        assert normal_force(1e-3, 1e-3, **own) == pytest.approx(4.0 + 2.5)
-        assert normal_force(0.8e-3, 1e-3, **own) == pytest.approx(4.0 * 0.8**exponent + 2.5)
+        own = LawConstants(**{name: values[f"contact.midfoot.{name}"] for name in LAW})
+        assert normal_force(1e-3, 0.0, own)[0] == pytest.approx(4.0)
+        assert normal_force(1e-3, 1e-3, own)[0] == pytest.approx(4.0 + 2.5)
+        assert normal_force(0.8e-3, 1e-3, own)[0] == pytest.approx(4.0 * 0.8**exponent + 2.5)
 
 
 @given(st.integers(1, 60), st.integers(0, 1000), st.floats(0.0, 1.0))

@@ -12,8 +12,11 @@ from pydrake.math import RigidTransform
 from pydrake.symbolic import Expression
 from pydrake.systems.framework import Context
 
-from vsf_drake.laws.kelvin_voigt import UNLOADING_BRANCHES, normal_force, penetration_depth
-from vsf_drake.laws.stick_slip import friction_force
+from vsf_drake.laws._elementwise import positive_part
+from vsf_drake.laws.contact_law import LawConstants
+from vsf_drake.laws.kelvin_voigt import normal_force
+from vsf_drake.laws.lanes import root
+from vsf_drake.laws.stick_slip import SMOOTH_STICK_SLIP, STICK_SLIP
 from vsf_drake.systems._system import System, cross, system_template
 from vsf_drake.systems.contact import _on_plane
 from vsf_drake.systems.joint_forces import _JointForces
@@ -97,8 +100,6 @@ class KelvinVoigtContact(_AtSites):
 
     Args:
         body_indices: of each sphere's body.
-        unloading: branch of the law while the depth falls, "continuous" or "printed"; else
-            ValueError.
 
     Parameters in the Context: p_BS (N, 3) m, centres in their bodies' frames; radius (N,) m;
     stiffness, exponent, damping, full_damping_depth (N,) of the law, SI; ground_height (m), z of
@@ -116,26 +117,18 @@ class KelvinVoigtContact(_AtSites):
         damping: np.ndarray,
         full_damping_depth: np.ndarray,
         ground_height: float = 0.0,
-        unloading: str = "continuous",
     ) -> None:
-        if unloading not in UNLOADING_BRANCHES:
-            raise ValueError(
-                f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}"
-            )
-        self._unloading, count = (
-            unloading,
-            self._declare_sites(
-                body_indices,
-                p_BS=p_BS,
-                ground_height=ground_height,
-                each={
-                    "radius": radius,
-                    "stiffness": stiffness,
-                    "exponent": exponent,
-                    "damping": damping,
-                    "full_damping_depth": full_damping_depth,
-                },
-            ),
+        count = self._declare_sites(
+            body_indices,
+            p_BS=p_BS,
+            ground_height=ground_height,
+            each={
+                "radius": radius,
+                "stiffness": stiffness,
+                "exponent": exponent,
+                "damping": damping,
+                "full_damping_depth": full_damping_depth,
+            },
         )
         contact = self._declare_cached("contact", self._calc_contact)
         self._declare_parts(contact, normal_force=count, depth=count, depth_rate=count)
@@ -147,9 +140,9 @@ class KelvinVoigtContact(_AtSites):
         ground_height = law.pop("ground_height")
         p_WS, p_BoS_W = self._positions(context, law.pop("p_BS"))
         v_WS = self._velocities(context, p_BoS_W)
-        depth = penetration_depth(p_WS[:, 2] - ground_height, radius)
+        depth = positive_part(radius - (p_WS[:, 2] - ground_height))
         depth_rate = -v_WS[:, 2]
-        force = normal_force(depth, depth_rate, **law, unloading=self._unloading)
+        force, _, _ = normal_force(depth, depth_rate, LawConstants(**law))
         return {
             "normal_force": force,
             "depth": depth,
@@ -163,7 +156,7 @@ class KelvinVoigtContact(_AtSites):
 class StickSlipFriction(_AtSites):
     """Stick-slip friction of N spheres on the ground plane.
 
-    The law is `vsf_drake.laws.stick_slip.friction_force`. The slip is the horizontal velocity of
+    The law is `vsf_drake.laws.stick_slip`. The slip is the horizontal velocity of
     the point C that is fixed to the body, one full radius (not radius less depth) below the sphere
     centre S: (v_Sx - w_y radius, v_Sy + w_x radius). The force acts at C.
 
@@ -212,9 +205,10 @@ class StickSlipFriction(_AtSites):
         p_BoC_W[:, 2] -= law.pop("radius")
         v_WC = self._velocities(context, p_BoC_W)
         f_C_W = 0.0 * v_WC
-        f_C_W[:, :2] = friction_force(
-            v_WC[:, :2], self._value(context, "normal_force"), **law, smooth=self._smooth
-        )
+        curve = SMOOTH_STICK_SLIP if self._smooth else STICK_SLIP
+        speed = root(v_WC[:, 0] * v_WC[:, 0] + v_WC[:, 1] * v_WC[:, 1])
+        ratio, _ = curve.per_speed(speed, LawConstants(**law))
+        f_C_W[:, :2] = -(ratio * self._value(context, "normal_force"))[:, None] * v_WC[:, :2]
         return {"friction_force": f_C_W.ravel(), "applied": (p_BoC_W, f_C_W)}
 
 

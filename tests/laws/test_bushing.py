@@ -2,8 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from vsf_drake.laws.bushing import axis_force
+from vsf_drake.laws import bushing
 
 AXIS = {
     "stiffness": 1e5,
@@ -13,6 +15,10 @@ AXIS = {
     "rate_limit": 0.5,
     "stop_ratio": 10.0,
 }
+
+
+def axis_force(displacement, rate, **axis):
+    return bushing.axis_force(displacement, rate, **axis)[0]
 
 
 def test_inside_the_limits_it_is_a_spring_and_damper_and_softer_when_pulled():
@@ -52,3 +58,15 @@ def test_gradients_equal_finite_differences_and_are_finite_at_the_kinks(
         assert np.all(
             np.isfinite(autodiff_gradient(lambda x: axis_force(x[0], x[1], **AXIS), [q, 0.5]))
         )
+
+
+@given(q=st.floats(-0.03, 0.03), v=st.floats(-1.0, 1.0))
+def test_its_derivatives_are_those_of_the_force_and_at_a_corner_of_one_side(q, v):
+    _, by_q, by_v = bushing.axis_force(q, v, **AXIS)
+    for slope, q_step, v_step in ((by_q, 1e-7, 0.0), (by_v, 0.0, 1e-6)):
+        step = q_step + v_step
+        low, mid, high = (
+            axis_force(q + side * q_step, v + side * v_step, **AXIS) for side in (-1.0, 0.0, 1.0)
+        )
+        bend = abs(high - 2.0 * mid + low) / step
+        assert slope == pytest.approx((high - low) / (2.0 * step), rel=1e-6, abs=0.51 * bend)

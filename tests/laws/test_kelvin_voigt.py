@@ -3,7 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.laws.kelvin_voigt import normal_force, penetration_depth
+from vsf_drake.laws import kelvin_voigt
+from vsf_drake.laws._elementwise import positive_part
+from vsf_drake.laws.contact_law import LawConstants
 
 FOAM = {"stiffness": 24120.0, "exponent": 1.0, "damping": 15635.0, "full_damping_depth": 1e-3}
 HEEL = {
@@ -12,15 +14,10 @@ HEEL = {
     "damping": 3585.0,
     "full_damping_depth": 1.3e-3,
 }
-BRANCHES = pytest.mark.parametrize("unloading", ["continuous", "printed"])
 
 
-def test_penetration_is_radius_less_height_also_of_a_centre_below_the_ground_and_never_negative():
-    np.testing.assert_allclose(
-        penetration_depth([0.05, 0.04, 0.03, 0.0, -0.01], 0.04),
-        [0.0, 0.0, 0.01, 0.04, 0.05],
-        atol=1e-17,
-    )
+def normal_force(depth, rate, **law):
+    return kelvin_voigt.normal_force(depth, rate, LawConstants(**law))[0]
 
 
 def test_law_is_spring_and_damper_once_damping_is_full_and_fades_the_damping_in_before():
@@ -32,38 +29,24 @@ def test_law_is_spring_and_damper_once_damping_is_full_and_fades_the_damping_in_
     assert normal_force(0.325e-3, 0.2, **HEEL) == pytest.approx(expected, rel=1e-12)
 
 
-@BRANCHES
-def test_never_adhesive_and_without_damping_while_the_sphere_leaves(unloading):
+def test_never_adhesive_and_without_damping_while_the_sphere_leaves():
     depth, rate = np.meshgrid(np.linspace(0.0, 0.02, 41), np.linspace(-10.0, 10.0, 41))
     for law in (FOAM, HEEL):
-        assert np.min(normal_force(depth, rate, **law, unloading=unloading)) >= 0.0
-    resting = normal_force(2e-3, 0.0, **FOAM, unloading=unloading)
-    assert normal_force(2e-3, -5.0, **FOAM, unloading=unloading) == resting
+        assert np.min(normal_force(depth, rate, **law)) >= 0.0
+    assert normal_force(2e-3, -5.0, **FOAM) == normal_force(2e-3, 0.0, **FOAM)
 
 
-def test_printed_unloading_branch_jumps_unless_the_exponent_is_one():
-    for exponent, jumps in ((1.0, False), (1.5, True), (7.66, True)):
-        law = FOAM | {"exponent": exponent}
-        leaving, entering = normal_force(2e-3, np.array([-1e-12, 0.0]), **law, unloading="printed")
-        assert leaving == pytest.approx(24120.0 * 2e-3)
-        assert (abs(leaving - entering) > 1.0) == jumps
-    with pytest.raises(ValueError, match="continuous, printed"):
-        normal_force(1e-3, 0.0, **FOAM, unloading="as_printed")
-
-
-@BRANCHES
 def test_gradients_equal_finite_differences_and_are_finite_at_touch_down(
-    assert_gradient, autodiff_gradient, unloading
+    assert_gradient, autodiff_gradient
 ):
     def force(x):
         return normal_force(
-            penetration_depth(x[0], 0.0424),
+            positive_part(0.0424 - x[0]),
             x[1],
             stiffness=1e4 * x[2],
             exponent=x[3],
             damping=1e3 * x[4],
             full_damping_depth=1e-3 * x[5],
-            unloading=unloading,
         )
 
     for exponent in (1.0, 1.5, 7.66):

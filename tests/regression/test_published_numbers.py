@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
 import vsf_drake as vsf
 from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness
+from vsf_drake.laws.contact_law import LawConstants
 from vsf_drake.laws.kelvin_voigt import normal_force
-from vsf_drake.laws.stick_slip import friction_force
+from vsf_drake.laws.stick_slip import STICK_SLIP
 from vsf_drake.model.parameters import FootParameters, ModelParameters, SocketParameters
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.plants.foot import add_foot
@@ -146,18 +146,14 @@ def person() -> dict[str, float]:
 def laws() -> dict[str, float]:
     """k d^n + b d' with k 1e6 N/m^2, d 2 mm, b 50 N s/m, d' 0.1 m/s; a beam of 15 N m^2, 66 mm from
     pin to support, 100 N at 199 mm: F a^2 C / (3 E I) with a 133 mm."""
-    friction = {"mu_static": 0.5, "mu_kinetic": 0.3, "threshold_velocity": 0.1}
+    friction = LawConstants(mu_static=0.5, mu_kinetic=0.3, threshold_velocity=0.1)
     beam = {"bending_stiffness": 15.0, "support": 0.066, "load_point": 0.199}
     rigid = {"fulcrum_stiffness": 1e15, "series_stiffness": 1e15}
-    depth = {"stiffness": 1e6, "exponent": 2.0, "damping": 50.0, "full_damping_depth": 1e-3}
+    depth = LawConstants(stiffness=1e6, exponent=2.0, damping=50.0, full_damping_depth=1e-3)
     return {
-        "friction at the threshold, 100 N": np.linalg.norm(
-            friction_force(np.array([0.1, 0.0]), 100.0, **friction)
-        ),
-        "friction far beyond it, 100 N": np.linalg.norm(
-            friction_force(np.array([2.0, 0.0]), 100.0, **friction)
-        ),
-        "normal force, eq. (1), n = 2, full damping": float(normal_force(2e-3, 0.1, **depth)),
+        "friction at the threshold, 100 N": STICK_SLIP.per_speed(0.1, friction)[0] * 0.1 * 100.0,
+        "friction far beyond it, 100 N": STICK_SLIP.per_speed(2.0, friction)[0] * 2.0 * 100.0,
+        "normal force, eq. (1), n = 2, full damping": normal_force(2e-3, 0.1, depth)[0],
         "end of an overhung beam, load 100 N": 1e5 / combined_stiffness(**beam, **rigid),
         "a fine chain of joints instead of the beam": 1e5
         / lumped_stiffness(**beam, **rigid, element_lengths=(0.229 / 200,) * 200),

@@ -10,6 +10,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialVelocity
 
+from vsf_drake.laws.contact_law import LawConstants
 from vsf_drake.laws.kelvin_voigt import normal_force
 from vsf_drake.systems import TestingMachine
 
@@ -52,9 +53,8 @@ def about_origin(arms, force):
     return np.append(np.cross(arms, upward).sum(axis=0), upward.sum(axis=0))
 
 
-@pytest.mark.parametrize("unloading", ["continuous", "printed"])
 @pytest.mark.parametrize("rise", [-0.06, 0.3])
-def test_normal_forces_are_the_law_of_each_sphere(unloading, rise):
+def test_normal_forces_are_the_law_of_each_sphere(rise):
     v = np.array([0.1, 0.05, rise])
     arms, z, rate = kinematics(v)
     depth = np.maximum(0.0, RADIUS + 0.01 - z)
@@ -65,9 +65,8 @@ def test_normal_forces_are_the_law_of_each_sphere(unloading, rise):
         radius=RADIUS,
         **FOAM,
         ground_height=0.01,
-        unloading=unloading,
     )
-    out, force = evaluate(system, v), normal_force(depth, -rate, **FOAM, unloading=unloading)
+    out, force = evaluate(system, v), normal_force(depth, -rate, LawConstants(**FOAM))[0]
     for name, value in (
         ("depth", depth),
         ("depth_rate", -rate),
@@ -75,10 +74,7 @@ def test_normal_forces_are_the_law_of_each_sphere(unloading, rise):
         ("wrench", about_origin(arms, force)),
     ):
         np.testing.assert_allclose(out[name], value, rtol=1e-12, atol=1e-12, err_msg=name)
-    for change, message in (
-        ({"stiffness": np.ones(2)}, "stiffness must have shape"),
-        ({"unloading": "no"}, "unload"),
-    ):
+    for change, message in (({"stiffness": np.ones(2)}, "stiffness must have shape"),):
         with pytest.raises(ValueError, match=message):
             KelvinVoigtContact(
                 **{"body_indices": [0] * 3, "p_BS": p_BS, "radius": RADIUS} | FOAM | change

@@ -1,5 +1,6 @@
-"""Force laws as pure functions of arrays: no simulator, no state, no pydrake.
+"""Force laws as pure functions of numbers: no simulator, no state, no pydrake.
 
-Every function works on float arrays and on object arrays of `pydrake.autodiffutils.AutoDiffXd`,
-broadcasts over sites, and has finite gradients wherever its value is finite.
+Those of `compiled.generic` take floats, arrays, `pydrake.autodiffutils.AutoDiffXd` and object
+arrays of it, and are compiled for one walk and for eight; gradients are finite wherever the value
+is.
 """

@@ -7,29 +7,30 @@ a limit the axis's own stiffness or damping is multiplied by 1 + stop_ratio.
 
 from __future__ import annotations
 
-import numpy as np
+from vsf_drake.laws._elementwise import Values
+from vsf_drake.laws.compiled import generic
+from vsf_drake.laws.lanes import select
 
-from vsf_drake.laws._elementwise import Array, Values, positive_part
 
-
-def excess(x: Values, limit: Values) -> Array:
+@generic
+def excess(x: Values, limit: Values) -> Values:
     """sign(x) · max(|x| - limit, 0): the signed part of `x` beyond +-`limit`."""
-    x = np.asarray(x)
-    return positive_part(x - limit) - positive_part(-x - limit)
+    return select(x > limit, x - limit, select(x < -limit, x + limit, 0.0 * x))
 
 
+@generic
 def axis_force(
     displacement: Values,
     rate: Values,
-    *,
     stiffness: Values,
     stiffness_negative: Values,
     damping: Values,
     limit: Values,
     rate_limit: Values,
     stop_ratio: Values,
-) -> Array:
-    """Force on the socket along one axis, opposing its displacement q and rate v.
+) -> tuple[Values, Values, Values]:
+    """Force on the socket along one axis, opposing its displacement q and rate v, and its
+    derivatives by q and by v.
 
     -(k q + c v) - stop_ratio · (k excess(q, limit) + c excess(v, rate_limit)), with k =
     stiffness_negative where q < 0. Continuous everywhere, with kinks at q = 0 (if the two
@@ -43,7 +44,15 @@ def axis_force(
         limit, rate_limit: where the stops begin, in the units of displacement and rate.
         stop_ratio: added stiffness and damping beyond the limits, as multiples of k and c.
     """
-    displacement = np.asarray(displacement)
-    k = np.where(displacement < 0, stiffness_negative, stiffness)
-    elastic = k * (displacement + stop_ratio * excess(displacement, limit))
-    return np.asarray(-elastic - damping * (rate + stop_ratio * excess(rate, rate_limit)))
+    k = select(displacement < 0.0, stiffness_negative, stiffness)
+    stop = stop_ratio * k
+    brake = stop_ratio * damping
+    stopped = (displacement > limit) | (displacement < -limit)
+    braked = (rate > rate_limit) | (rate < -rate_limit)
+    force = (
+        -k * displacement
+        - damping * rate
+        - stop * excess(displacement, limit)
+        - brake * excess(rate, rate_limit)
+    )
+    return force, -k - select(stopped, stop, 0.0), -damping - select(braked, brake, 0.0)

@@ -35,6 +35,7 @@ import numba
 import numpy as np
 from numba.core import event
 from numba.core.compiler_lock import global_compiler_lock
+from numba.extending import register_jitable
 
 COMPILED = (
     "laws",
@@ -49,6 +50,7 @@ KEPT = 4
 used."""
 LOADED_S = 1.0  # a function that is kept is loaded within less
 _PACKAGE = Path(__file__).resolve().parents[1]
+_INSIDE = {"error_model": "numpy", "_nrt": False, "forceinline": True}
 _settings: Any = numba.config  # whose attributes it makes at the import
 _lock = threading.Lock()
 _P = ParamSpec("_P")
@@ -170,6 +172,14 @@ def _locked(file: int) -> bool:
     except BlockingIOError:
         return False
     return True
+
+
+def generic(function: Callable[_P, _R_co]) -> Callable[_P, _R_co]:
+    """For functions of any kind of number: of float64 and `lanes.Lane` in compiled functions, which
+    they become a part of, and as they are written in Python, of floats, AutoDiffXd and arrays of
+    either."""
+    either: Any = register_jitable(**_INSIDE)(function)
+    return cast("Callable[_P, _R_co]", either)
 
 
 class _Announced(event.Listener):

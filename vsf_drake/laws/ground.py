@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsf_drake.laws._elementwise import Array, Values, power
-from vsf_drake.laws.compiled import compiled
+from vsf_drake.laws._elementwise import Values
+from vsf_drake.laws.compiled import compiled, generic
+from vsf_drake.laws.lanes import plain, power
 
 SAME_HEIGHT_M = 1e-9
 """Patches whose heights differ by no more are equally high: rounding must not choose between
@@ -61,9 +62,10 @@ def foam_root(depth: float, softness: float, exponent: float) -> float:
     return d
 
 
+@generic
 def foam_depth(
-    depth: Values, *, stiffness: Values, exponent: Values, compliance: Values
-) -> tuple[Array, Array]:
+    depth: Values, stiffness: Values, exponent: Values, compliance: Values
+) -> tuple[Values, Values]:
     """Share d of a penetration that the sphere's foam takes, the ground below taking the rest, and
     d's slope.
 
@@ -72,23 +74,12 @@ def foam_depth(
     A rigid ground has compliance 0.
 
     Args:
-        depth: (m) >= 0 of sphere and ground together. stiffness: N/m**exponent. compliance: m/N.
+        depth: (m) > 0 of sphere and ground together. stiffness: N/m**exponent. compliance: m/N.
     """
-    depth = np.asarray(depth)
-    softness = np.asarray(compliance * stiffness)
-    root = np.vectorize(lambda *x: foam_root(*map(_plain, x)), otypes=[float])(
-        depth, softness, exponent
-    )
-    touching = root > 0
-    safe = np.where(touching, root, 1.0)
+    softness = compliance * stiffness
+    d = foam_root(plain(depth), plain(softness), plain(exponent))
     # One Newton step from the root in the full scalars carries derivatives by every argument
     # exactly.
-    soft = softness * power(safe, exponent)
-    d = safe - (safe + soft - depth) / (1.0 + soft * exponent / safe)
-    d = np.where(touching, d, 0.0 * d + 1.0)
-    slope = 1.0 / (1.0 + exponent * softness * power(d, exponent) / d)
-    return np.where(touching, d, 0.0 * d), np.where(touching, slope, 0.0 * slope + 1.0)
-
-
-def _plain(x: Values) -> float:
-    return float(x.value() if hasattr(x, "value") else x)
+    soft = softness * power(d, exponent)
+    d = d - (d + soft - depth) / (1.0 + soft * exponent / d)
+    return d, 1.0 / (1.0 + exponent * softness * power(d, exponent) / d)

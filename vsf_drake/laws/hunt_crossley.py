@@ -11,25 +11,57 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
+from vsf_drake.laws import contact_law
+from vsf_drake.laws._elementwise import Values, positive_part
+from vsf_drake.laws.compiled import generic
+from vsf_drake.laws.contact_law import ContactLaw, LawConstants
+from vsf_drake.laws.lanes import logarithm, power, select
+from vsf_drake.laws.stick_slip import STICK_SLIP
 
-from vsf_drake.laws._elementwise import Array, Values, positive_part, power
 
-
+@generic
 def normal_force(
-    depth: Values, depth_rate: Values, *, stiffness: Values, exponent: Values, dissipation: Values
-) -> Array:
-    """Force (N) stiffness · depth**exponent · max(0, 1 + dissipation · depth_rate).
+    depth: Values, depth_rate: Values, site: LawConstants
+) -> tuple[Values, Values, Values]:
+    """Force (N) stiffness · depth**exponent · max(0, 1 + dissipation · depth_rate), and its
+    derivatives by depth and by depth rate.
 
     Args:
         depth: penetration (m), >= 0. depth_rate: m/s, positive while it grows.
-        stiffness: N/m**exponent. exponent: >= 1. dissipation: s/m.
+        site: stiffness (N/m**exponent), exponent (>= 1), dissipation (s/m).
     """
-    return np.asarray(
-        stiffness
-        * power(depth, exponent)
-        * positive_part(1.0 + dissipation * np.asarray(depth_rate))
-    )
+    elastic = site.stiffness * power(depth, site.exponent)
+    factor = positive_part(1.0 + site.dissipation * depth_rate)
+
+    by_depth = site.exponent * elastic / select(depth > 0.0, depth, 1.0)
+    by_rate = select(factor > 0.0, elastic * site.dissipation, 0.0)
+    return elastic * factor, by_depth * factor, by_rate
+
+
+@generic
+def by_constant(
+    constant: int, signed_depth: Values, depth_rate: Values, site: LawConstants
+) -> Values:
+    """Derivative of the normal force by one of its constants, 0 by another's."""
+    depth = positive_part(signed_depth)
+    factor = positive_part(1.0 + site.dissipation * depth_rate)
+    if constant == contact_law.STIFFNESS:
+        return power(depth, site.exponent) * factor
+    elastic = site.stiffness * power(depth, site.exponent)
+    if constant == contact_law.EXPONENT:
+        return elastic * logarithm(select(depth > 0.0, depth, 1.0)) * factor
+    if constant == contact_law.DISSIPATION:
+        return select(factor > 0.0, elastic * depth_rate, 0.0)
+    return 0.0 * depth
+
+
+LAW = ContactLaw(
+    name="hunt_crossley",
+    constants=("stiffness", "exponent", "dissipation"),
+    force=normal_force,
+    by_constant=by_constant,
+    friction=STICK_SLIP,
+)
 
 
 def matched_dissipation(

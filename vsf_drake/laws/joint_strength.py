@@ -45,8 +45,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vsf_drake.laws.kelvin_voigt import smooth_step
-from vsf_drake.laws.smooth_contact import rounded_positive_part
+from vsf_drake.laws._elementwise import rounded_positive_part, smooth_step
 
 GRAVITY_OF_SOURCE = 9.81  # m/s^2, by which the source divides
 SLOW = 0.5  # rad/s

@@ -8,63 +8,65 @@ library's "Linear" law.
 
 from __future__ import annotations
 
-import numpy as np
-
-from vsf_drake.laws._elementwise import Array, Values, positive_part, power, unit_clip
-
-UNLOADING_BRANCHES = ("continuous", "printed")
-
-
-def smooth_step(u: Values) -> Array:
-    """Cubic step u² (3 - 2 u) from 0 at u <= 0 to 1 at u >= 1, with zero slope at both ends."""
-    clipped = unit_clip(u)
-    return np.asarray(clipped * clipped * (3.0 - 2.0 * clipped))
+from vsf_drake.laws import contact_law
+from vsf_drake.laws._elementwise import Values, positive_part, smooth_step, smooth_step_slope
+from vsf_drake.laws.compiled import generic
+from vsf_drake.laws.contact_law import ContactLaw, LawConstants
+from vsf_drake.laws.lanes import logarithm, power, select
+from vsf_drake.laws.stick_slip import STICK_SLIP
 
 
-def penetration_depth(height: Values, radius: Values) -> Array:
-    """Depth max(0, radius - height) (m) of a sphere whose centre is `height` (m) above the ground,
-    and which is pushed up below it too; the library's plane, by the distance |z|, pushes it out of
-    the other face."""
-    return positive_part(np.asarray(radius) - height)
-
-
+@generic
 def normal_force(
-    depth: Values,
-    depth_rate: Values,
-    *,
-    stiffness: Values,
-    exponent: Values,
-    damping: Values,
-    full_damping_depth: Values,
-    unloading: str = "continuous",
-) -> Array:
+    depth: Values, depth_rate: Values, site: LawConstants
+) -> tuple[Values, Values, Values]:
     """Normal force stiffness · depthⁿ + damping · max(depth_rate, 0) · smooth_step(depth /
-    full_damping_depth).
+    full_damping_depth), and its derivatives by depth and by depth rate.
 
     Never negative (no adhesion) and without damping while the sphere leaves, so all loss is in the
-    loading branch. Valid for exponents >= 1.
+    loading branch. Valid for exponents n >= 1.
 
     Args:
         depth: penetration (m), >= 0.
         depth_rate: its rate (m/s), positive while it grows; also when there is no contact.
-        stiffness: N/mⁿ with n = `exponent`. damping: N s/m, in full from `full_damping_depth`
-            (m, > 0) on.
-        unloading: "continuous": stiffness · depthⁿ on both branches, as the library does.
-            "printed": stiffness · depth while depth_rate < 0, as eq. (1) prints it. For n != 1 this
-            jumps where the depth rate changes sign and mixes the units of the stiffness. Others:
-            ValueError.
-
-    Returns:
-        Force (N), of the common shape of the arguments.
+        site: stiffness (N/mⁿ), exponent, damping (N s/m), in full from full_damping_depth (m, > 0)
+            on.
     """
-    if unloading not in UNLOADING_BRANCHES:
-        raise ValueError(
-            f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}"
-        )
-    depth = np.asarray(depth)
-    elastic = stiffness * power(depth, exponent)
-    if unloading == "printed":
-        elastic = np.where(np.asarray(depth_rate) < 0, stiffness * depth, elastic)
-    return np.asarray(
-        elastic + damping * positive_part(depth_rate) * smooth_step(depth / full_damping_depth)
-    )
+    elastic = site.stiffness * power(depth, site.exponent)
+    u = depth / site.full_damping_depth
+    ramp = smooth_step(u) * site.damping
+    closing = positive_part(depth_rate)
+    force = elastic + ramp * closing
+
+    by_depth = site.exponent * elastic / select(depth > 0.0, depth, 1.0)
+    steeper = smooth_step_slope(u) / site.full_damping_depth * site.damping
+    return force, by_depth + steeper * closing, select(depth_rate > 0.0, ramp, 0.0)
+
+
+@generic
+def by_constant(
+    constant: int, signed_depth: Values, depth_rate: Values, site: LawConstants
+) -> Values:
+    """Derivative of the normal force by one of its constants, 0 by another's."""
+    depth = positive_part(signed_depth)
+    closing = positive_part(depth_rate)
+    u = depth / site.full_damping_depth
+    if constant == contact_law.STIFFNESS:
+        return power(depth, site.exponent)
+    if constant == contact_law.EXPONENT:
+        safe = select(depth > 0.0, depth, 1.0)
+        return site.stiffness * power(depth, site.exponent) * logarithm(safe)
+    if constant == contact_law.DAMPING:
+        return smooth_step(u) * closing
+    if constant == contact_law.FULL_DAMPING_DEPTH:
+        return -smooth_step_slope(u) * u / site.full_damping_depth * site.damping * closing
+    return 0.0 * depth
+
+
+LAW = ContactLaw(
+    name="kelvin_voigt",
+    constants=("stiffness", "exponent", "damping", "full_damping_depth"),
+    force=normal_force,
+    by_constant=by_constant,
+    friction=STICK_SLIP,
+)

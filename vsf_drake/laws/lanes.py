@@ -310,26 +310,40 @@ def _floor_of(x: Any) -> Any:
     return lambda x: _floor(x)  # noqa: PLW0108
 
 
-@_intrinsic
-def _power(typingctx: Any, x: Any, n: Any) -> Any:
-    """The library's power of a float64, for one walk after the other."""
+def _one_by_one(name: str) -> Any:
+    """A function of the library's on the float64 of one walk after the other."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        single = ir.DoubleType()
-        power = builder.module.declare_intrinsic("llvm.pow", [single])
+        function = builder.module.declare_intrinsic(name, [ir.DoubleType()])
         result = ir.Constant(_DOUBLES, ir.Undefined)
         for walk in range(WIDTH):
             place = ir.Constant(ir.IntType(32), walk)
-            pair = [builder.extract_element(value, place) for value in args]
-            result = builder.insert_element(result, builder.call(power, pair), place)
+            given = [builder.extract_element(value, place) for value in args]
+            result = builder.insert_element(result, builder.call(function, given), place)
         return result
 
-    return LANE(LANE, LANE), emit
+    return emit
+
+
+@_intrinsic
+def _power(typingctx: Any, x: Any, n: Any) -> Any:
+    return LANE(LANE, LANE), _one_by_one("llvm.pow")
+
+
+@_intrinsic
+def _logarithm(typingctx: Any, x: Any) -> Any:
+    return LANE(LANE), _one_by_one("llvm.log")
 
 
 def power(x: Any, n: Any) -> Any:
-    """x to the power n, of x >= 0."""
-    return x**n
+    """x to the power n, of x >= 0 and n > 0; the gradient at x = 0 by an n that is an AutoDiffXd is
+    zero."""
+    if np.asarray(n).dtype != object:
+        return x**n
+    # AutoDiffXd ** AutoDiffXd does not exist
+    safe = select(x > 0.0, x, 0.0 * x + 1.0)
+    value = np.exp(n * np.log(safe))
+    return select(x > 0.0, value, 0.0 * value)
 
 
 @overload(power, strict=False)
@@ -343,6 +357,39 @@ def _power_of(x: Any, n: Any) -> Any:
         return _power(x, n)
 
     return lanes_power
+
+
+def logarithm(x: Any) -> Any:
+    """Natural logarithm of x > 0."""
+    return np.log(x)
+
+
+@overload(logarithm, strict=False)
+def _logarithm_of(x: Any) -> Any:
+    if x == LANE:
+        return lambda x: _logarithm(x)  # noqa: PLW0108
+    return lambda x: math.log(x)  # noqa: PLW0108
+
+
+def root(x: Any) -> Any:
+    """Square root of x >= 0, whose gradient at 0 is zero."""
+    safe = select(x > 0.0, x, 0.0 * x + 1.0)
+    return select(x > 0.0, np.sqrt(safe), 0.0 * x)
+
+
+@overload(root, strict=False)
+def _root_of(x: Any) -> Any:
+    return lambda x: math.sqrt(x)  # noqa: PLW0108
+
+
+def plain(x: Any) -> Any:
+    """The number without its derivatives."""
+    return x.value() if hasattr(x, "value") else x
+
+
+@overload(plain, strict=False)
+def _plain_of(x: Any) -> Any:
+    return lambda x: x
 
 
 HALF_PI_1 = float.fromhex("0x1.921fb544p+0")

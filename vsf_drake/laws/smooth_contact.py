@@ -4,66 +4,92 @@ depth rate.
 `kelvin_voigt.normal_force` with depth and closing rate replaced by rounded positive parts of the
 signed depth and of the depth rate: too large, by at most n k d**(n - 1) 3/16 depth_width with d
 3/16 depth_width over the depth, and by its damping at 3/16 rate_width. Above a ground that gives,
-the penetration is rounded before foam and ground share it.
+the penetration is rounded before foam and ground share it. Friction is smooth too.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from vsf_drake.laws import kelvin_voigt
-from vsf_drake.laws._elementwise import Array, Values
-from vsf_drake.laws.ground import foam_depth
+from vsf_drake.laws import contact_law, kelvin_voigt
+from vsf_drake.laws._elementwise import (
+    Array,
+    Values,
+    rounded_positive_part,
+    rounded_positive_part_by_width,
+    rounded_positive_part_slope,
+)
+from vsf_drake.laws.compiled import generic
+from vsf_drake.laws.contact_law import ContactLaw, LawConstants
+from vsf_drake.laws.lanes import power, select
+from vsf_drake.laws.stick_slip import SMOOTH_STICK_SLIP
+
+_PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
-def rounded_positive_part(x: Values, width: Values) -> Array:
-    """max(x, 0) with its corner rounded over |x| < width: C2, convex, 3/16 width too large at 0.
-
-    Takes real, complex and AutoDiffXd arrays; only real parts are compared, so that a complex step
-    differentiates it.
-    """
-    x = np.asarray(x)
-    real = x if x.dtype == object else x.real
-    # With t = x / width + 1 from 0 to 2: w/16 t^3 (4 - t), whose value, slope and curvature are 0,
-    # 0, 0 at t = 0 and w, 1, 0 at t = 2, as those of max(x, 0) at the ends; the curvature 3/4 t
-    # (2 - t) / w is nowhere negative.
-    t = x / width + 1.0
-    inside = (width / 16.0) * t * t * t * (4.0 - t)
-    return np.asarray(np.where(real >= width, x, np.where(real <= -width, 0.0 * x, inside)))
+@generic
+def penetration(signed_depth: Values, site: LawConstants) -> tuple[Values, Values]:
+    """Rounded positive part of the depth (m) of a sphere's lowest point below the ground, negative
+    above it, and its slope."""
+    return (
+        rounded_positive_part(signed_depth, site.depth_width),
+        rounded_positive_part_slope(signed_depth, site.depth_width),
+    )
 
 
+@generic
 def normal_force(
-    signed_depth: Values,
-    depth_rate: Values,
-    *,
-    stiffness: Values,
-    exponent: Values,
-    damping: Values,
-    full_damping_depth: Values,
-    depth_width: Values,
-    rate_width: Values,
-    compliance: Values = 0.0,
-) -> Array:
-    """Force (N) of a sphere whose lowest point is `signed_depth` (m) below the ground, negative
-    above it.
+    depth: Values, depth_rate: Values, site: LawConstants
+) -> tuple[Values, Values, Values]:
+    """Force (N) and its derivatives by depth and depth rate.
 
     Args:
-        depth_rate: m/s, positive while the depth grows.
-        stiffness, exponent, damping, full_damping_depth: as in `kelvin_voigt.normal_force`.
-        depth_width, rate_width: half-widths of the rounded corners (m, m/s), > 0.
-        compliance: of the ground in series (m/N).
+        depth: of `penetration` (m), >= 0. depth_rate: m/s, positive while it grows.
+        site: stiffness, exponent, damping, full_damping_depth as in `kelvin_voigt.normal_force`;
+            depth_width, rate_width: half-widths of the rounded corners (m, m/s), > 0.
     """
-    depth, share = foam_depth(
-        rounded_positive_part(signed_depth, depth_width),
-        stiffness=stiffness,
-        exponent=exponent,
-        compliance=compliance,
-    )
-    return kelvin_voigt.normal_force(
-        depth,
-        rounded_positive_part(share * depth_rate, rate_width),
-        stiffness=stiffness,
-        exponent=exponent,
-        damping=damping,
-        full_damping_depth=full_damping_depth,
-    )
+    closing = rounded_positive_part(depth_rate, site.rate_width)
+    force, by_depth, by_closing = kelvin_voigt.normal_force(depth, closing, site)
+    return force, by_depth, by_closing * rounded_positive_part_slope(depth_rate, site.rate_width)
+
+
+@generic
+def by_constant(
+    constant: int, signed_depth: Values, depth_rate: Values, site: LawConstants
+) -> Values:
+    """Derivative of the normal force by one of its constants, 0 by another's."""
+    depth = rounded_positive_part(signed_depth, site.depth_width)
+    closing = rounded_positive_part(depth_rate, site.rate_width)
+    if constant == contact_law.DEPTH_WIDTH:
+        by_depth = kelvin_voigt.normal_force(depth, closing, site)[1]
+        return by_depth * rounded_positive_part_by_width(signed_depth, site.depth_width)
+    if constant == contact_law.RATE_WIDTH:
+        by_closing = kelvin_voigt.normal_force(depth, closing, site)[2]
+        return by_closing * rounded_positive_part_by_width(depth_rate, site.rate_width)
+    return kelvin_voigt.by_constant(constant, depth, closing, site)
+
+
+def strain(signed_depth: Array, site: LawConstants) -> tuple[Array, Array]:
+    """Elastic force stiffness · penetrationⁿ (N) and its integral by the depth (J), by a Gauss rule
+    within the corner and in closed form beyond it."""
+    n = site.exponent
+    width = site.depth_width
+    force = site.stiffness * power(rounded_positive_part(signed_depth, width), n)
+    half = 0.5 * (np.clip(signed_depth, -width, width) + width)
+    within = half[..., None] * (1.0 + _PLACES) - np.asarray(width)[..., None]
+    pressed = rounded_positive_part(within, np.asarray(width)[..., None])
+    corner = half * np.sum(_WEIGHTS * power(pressed, np.asarray(n)[..., None]), axis=-1)
+    beyond = select(signed_depth > width, signed_depth, width)
+    straight = (power(beyond, n + 1.0) - power(width, n + 1.0)) / (n + 1.0)
+    return force, site.stiffness * (corner + straight)
+
+
+LAW = ContactLaw(
+    name="smooth",
+    constants=(*kelvin_voigt.LAW.constants, "depth_width", "rate_width"),
+    force=normal_force,
+    by_constant=by_constant,
+    friction=SMOOTH_STICK_SLIP,
+    penetration=penetration,
+    strain=strain,
+)

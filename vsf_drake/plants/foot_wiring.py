@@ -18,6 +18,7 @@ from pydrake.systems.framework import (
 )
 
 from vsf_drake.base.errors import require
+from vsf_drake.laws.contact import CONTACT_LAWS
 from vsf_drake.model.ground import Ground, check_ground, ground_arrays
 from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import ActuatorParameters, FrictionParameters
@@ -31,7 +32,7 @@ from vsf_drake.plants.contact_geometry import (
 from vsf_drake.plants.foot import grip_limit, place_fulcrum, support_of
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
 from vsf_drake.systems.contact import DrakeReaction
-from vsf_drake.systems.foot_forces import CONTACT_LAWS, DEVICE, FORCES, Constant, FootForces
+from vsf_drake.systems.foot_forces import DEVICE, FORCES, Constant, FootForces
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand
 from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 

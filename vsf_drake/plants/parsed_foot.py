@@ -13,12 +13,12 @@ from pydrake.multibody import tree
 from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.base.errors import InputError, require
+from vsf_drake.laws.contact import CONTACT_LAWS
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.contact_geometry import own_geometry
 from vsf_drake.plants.export import NAME, pad_of, rigid_foot
 from vsf_drake.plants.foot import CONTACTS, add_foot, checked_side, with_implicit_device
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
 AGREEMENT = 1e-9
 """Of masses, inertias, springs (relative) and places (m): files have 12 digits."""

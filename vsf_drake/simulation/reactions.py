@@ -11,6 +11,8 @@ import numpy as np
 
 from vsf_drake.laws.bushing import axis_force, excess
 from vsf_drake.laws.compiled import compiled
+from vsf_drake.laws.contact import FIRST_COLUMN, LAWS
+from vsf_drake.laws.contact_law import constants_of
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
@@ -117,7 +119,7 @@ def socket_wrench(mechanism: Mechanism, record: Record) -> np.ndarray:
     """(n, 6) force (N) and moment (N m) of the bushing on the socket, by its axes, at the ends of
     the steps."""
     q, v, constants = _socket(mechanism, record)
-    return np.asarray(axis_force(q, v, **constants))
+    return np.asarray(axis_force(q, v, **constants)[0])
 
 
 def load_sensitivity(
@@ -128,10 +130,7 @@ def load_sensitivity(
 ) -> LoadSensitivity:
     """Of a record whose run carried `tangents` with loads."""
     index, (q, v, constants) = mechanism.spring_index[SOCKET], _socket(mechanism, record)
-    k = np.where(q >= 0.0, constants["stiffness"], constants["stiffness_negative"])
-    stop = constants["stop_ratio"]
-    by_q = -k * (1.0 + stop * (np.abs(q) > constants["limit"]))
-    by_v = -constants["damping"] * (1.0 + stop * (np.abs(v) > constants["rate_limit"]))
+    _, by_q, by_v = axis_force(q, v, **constants)
     socket = by_q[:, :, None] * record.q_by[:, index] + by_v[:, :, None] * record.v_by[:, index]
     for p, by_unit in enumerate(tangents):
         if by_unit.springs is not None:
@@ -139,7 +138,7 @@ def load_sensitivity(
             unit = constants | dict(
                 zip(SPRING_COLUMNS[:3], by_unit.springs[SOCKET, :3].T, strict=True)
             )
-            socket[:, :, p] += axis_force(q, v, **unit)
+            socket[:, :, p] += axis_force(q, v, **unit)[0]
     return LoadSensitivity(
         names=names, load=record.load_by, socket=socket, q=record.q_by, v=record.v_by
     )
@@ -292,7 +291,7 @@ def energy_ledger(
     strain, foam, friction = contact_terms(mechanism, record, len(mechanism.sites))
     first = record.site("depth")[0] - h[0] * record.site("depth_rate")[0]
     ledger |= {
-        "contact_strain": strain - _foam_strain(mechanism.sites, first[None]),
+        "contact_strain": strain - _strain(mechanism, first[None])[1].sum(axis=1),
         "contact_loss": work(foam, h),
         "friction_loss": work(friction, h),
     }
@@ -339,7 +338,6 @@ def contact_terms(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of the first `count` sites: strain of the foam (n,) J, and (n,) W that its damping (what its
     force exceeds the elastic one by) and that friction takes."""
-    sites = mechanism.sites[:count]
     depth, normal, rate, fx, fy, x, y = (
         record.site(name)[:, :count]
         for name in (
@@ -352,20 +350,19 @@ def contact_terms(
             "slip_y",
         )
     )
-    damping = np.where(
-        normal > 0, normal - sites[:, 4] * np.maximum(depth, 0.0) ** sites[:, 5], 0.0
-    )
+    elastic, strain = _strain(mechanism, depth)
+    damping = np.where(normal > 0, normal - elastic, 0.0)
     return (
-        _foam_strain(sites, depth),
+        strain.sum(axis=1),
         np.sum(damping * central(rate), axis=1),
         -np.sum(fx * central(x) + fy * central(y), axis=1),
     )
 
 
-def _foam_strain(sites: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    k = sites[:, 4]
-    n = sites[:, 5]
-    return np.asarray(np.sum(k * np.maximum(depth, 0.0) ** (n + 1) / (n + 1), axis=1))
+def _strain(mechanism: Mechanism, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Elastic force (N) and energy (J) of the first sites at depths (n, count), each (n, count)."""
+    site = constants_of(mechanism.sites[: depth.shape[1], FIRST_COLUMN:])
+    return LAWS[mechanism.law].strain(depth, site)
 
 
 def _plant_energies(mechanism: Mechanism, record: Record) -> tuple[np.ndarray, np.ndarray]:

@@ -1,5 +1,4 @@
-"""What acts on a foot at one instant: compiled for float, and the same code over the array laws for
-AutoDiffXd.
+"""What acts on a foot at one instant: compiled for float, and as it is written for AutoDiffXd.
 
     K (= body frame F of the rigid frame), z up, x to the toe; keel body i turns about -y_K at its
         joint
@@ -21,14 +20,11 @@ from typing import Any
 import numpy as np
 import pydrake.math
 
-from vsf_drake.laws._elementwise import positive_part
+from vsf_drake.laws import contact
 from vsf_drake.laws.compiled import Compiled, compiled, internal
-from vsf_drake.laws.ground import foam_depth, foam_root, patch_under
-from vsf_drake.laws.hunt_crossley import normal_force as hunt_crossley_force
-from vsf_drake.laws.kelvin_voigt import normal_force as kelvin_voigt_force
-from vsf_drake.laws.scalar import friction_per_speed, normal_force
-from vsf_drake.laws.smooth_contact import normal_force as smooth_force
-from vsf_drake.laws.stick_slip import coefficient_per_speed
+from vsf_drake.laws.contact_law import LawConstants
+from vsf_drake.laws.ground import foam_depth, patch_under
+from vsf_drake.laws.lanes import root
 
 SCALARS = (
     "threshold_velocity",
@@ -49,8 +45,6 @@ PATCH_COLUMNS = (
     "mu_static",
     "mu_kinetic",
 )
-SMOOTH, HUNT_CROSSLEY = 1, 2
-"""Numbers of these contact laws; 0 is kelvin_voigt."""
 HEAD = 15
 """Numbers before the joints': wrench 6, carriage, support, grf 3, cop 3, free moment."""
 
@@ -80,56 +74,6 @@ def slices(joints: int, sites: int, velocities: int) -> dict[str, slice]:
     }
 
 
-@internal
-def _rounded(x: float, width: float) -> float:
-    """`smooth_contact.rounded_positive_part`."""
-    if x >= width:
-        return x
-    if x <= -width:
-        return 0.0
-    t = x / width + 1.0
-    return width / 16.0 * t * t * t * (4.0 - t)
-
-
-@internal
-def _press(
-    law: int,
-    signed: float,
-    rate: float,
-    site: np.ndarray,
-    compliance: float,
-    depth_width: float,
-    rate_width: float,
-) -> float:
-    """Normal force (N) of one sphere."""
-    depth = _rounded(signed, depth_width) if law == SMOOTH else max(signed, 0.0)
-    if compliance > 0.0 and depth > 0.0:  # foam and ground in series: `ground.foam_depth`
-        softness = compliance * site[1]
-        depth = foam_root(depth, softness, site[2])
-        rate /= 1.0 + site[2] * softness * depth ** site[2] / depth
-    if law == SMOOTH:
-        rate = _rounded(rate, rate_width)
-    elif law == HUNT_CROSSLEY:
-        force: float = site[1] * depth ** site[2] * max(1.0 + site[5] * rate, 0.0)
-        return force
-    return normal_force(depth, rate, site[1], site[2], site[3], site[4])[0]
-
-
-@internal
-def _stick(
-    law: int, squared: float, mu_static: float, mu_kinetic: float, threshold: float
-) -> float:
-    """mu(V) / V (s/m), of V^2."""
-    speed = math.sqrt(squared)
-    if law != SMOOTH:
-        return friction_per_speed(speed, mu_static, mu_kinetic, threshold)[0]
-    u = speed / threshold
-    if u < 1.0:
-        return mu_static * (1.5 - 0.5 * u * u) / threshold
-    w = min(2.0 * (u - 1.0), 1.0)
-    return (mu_static - (mu_static - mu_kinetic) * w * w * (3.0 - 2.0 * w)) / speed
-
-
 @partial(compiled, allocates=True)
 def foot_vector(
     law: int,
@@ -151,6 +95,7 @@ def foot_vector(
     """All outputs of one foot, see `slices`.
 
     Args:
+        law: number of the contact law.
         starts: (m,) m, of the keel joints. site_keel: (N,) keel body of each sphere, -1 for the
             frame.
         sites: (N, SITE_COLUMNS). patches: (M, PATCH_COLUMNS). joints: (m, 2) stiffness and damping.
@@ -254,7 +199,26 @@ def foot_vector(
         wfy = V[4] + V[2] * rx - V[0] * rz + X[1, 0] * vx + X[1, 2] * vz
         wfz = V[5] + V[0] * ry - V[1] * rx + X[2, 0] * vx + X[2, 2] * vz
         approach = -(nx * wfx + ny * wfy + nz * wfz)
-        force = _press(law, signed, approach, sites[s], patches[patch, 4], scalars[1], scalars[2])
+
+        # Normal force, of a ground that gives with the foam's share of depth and rate.
+        site = LawConstants(
+            sites[s, 1],
+            sites[s, 2],
+            sites[s, 3],
+            sites[s, 4],
+            patches[patch, 5],
+            patches[patch, 6],
+            scalars[0],
+            sites[s, 5],
+            scalars[1],
+            scalars[2],
+        )
+        depth, _ = contact.penetration(law, signed, site)
+        closing = approach
+        if patches[patch, 4] > 0.0 and depth > 0.0:
+            depth, share = foam_depth(depth, site.stiffness, site.exponent, patches[patch, 4])
+            closing = share * approach
+        force = contact.force(law, depth, closing, site)[0] if depth > 0.0 else 0.0
         first = HEAD + 2 * m
         out[first + s], out[first + count + s], out[first + 2 * count + s] = (
             force,
@@ -276,9 +240,7 @@ def foot_vector(
         cx = cx - lift * nx
         cy = cy - lift * ny
         cz = cz - lift * nz
-        grip = -force * _stick(
-            law, cx * cx + cy * cy + cz * cz, patches[patch, 5], patches[patch, 6], scalars[0]
-        )
+        grip = -force * contact.per_speed(law, root(cx * cx + cy * cy + cz * cz), site)[0]
         f = out[first + 3 * count + 3 * s : first + 3 * count + 3 * s + 3]
         f[0], f[1], f[2] = grip * cx, grip * cy, grip * cz
 
@@ -366,50 +328,6 @@ def _pressure_centre(
     )
 
 
-# The same for AutoDiffXd: the functions above in Python, with the array laws in place of their
-# scalar forms.
-
-
-def _press_by_law(
-    law: int,
-    signed: Any,
-    rate: Any,
-    site: np.ndarray,
-    compliance: Any,
-    depth_width: Any,
-    rate_width: Any,
-) -> Any:
-    _, k, n, damping, full_depth, dissipation = site
-    elastic = {"stiffness": k, "exponent": n}
-    damped = {"damping": damping, "full_damping_depth": full_depth}
-    depth, share = foam_depth(positive_part(signed), **elastic, compliance=compliance)
-    if law == SMOOTH:
-        force = smooth_force(
-            signed,
-            rate,
-            **elastic,
-            **damped,
-            depth_width=depth_width,
-            rate_width=rate_width,
-            compliance=compliance,
-        )
-    elif law == HUNT_CROSSLEY:
-        force = hunt_crossley_force(depth, share * rate, **elastic, dissipation=dissipation)
-    else:
-        force = kelvin_voigt_force(depth, share * rate, **elastic, **damped)
-    return np.asarray(force).item()
-
-
-def _stick_by_law(law: int, squared: Any, mu_static: Any, mu_kinetic: Any, threshold: Any) -> Any:
-    return coefficient_per_speed(
-        squared,
-        mu_static=mu_static,
-        mu_kinetic=mu_kinetic,
-        threshold_velocity=threshold,
-        smooth=law == SMOOTH,
-    ).item()
-
-
 def _in_python(function: Compiled[..., Any], **names: Any) -> Any:
     """The function that was compiled, with `names` in place of what it calls."""
     python: Any = function.py_func
@@ -420,8 +338,6 @@ def _in_python(function: Compiled[..., Any], **names: Any) -> Any:
 
 foot_vector_in_python = _in_python(
     foot_vector,
-    _press=_press_by_law,
-    _stick=_stick_by_law,
     patch_under=_in_python(patch_under),
     _pressure_centre=_in_python(_pressure_centre),
 )

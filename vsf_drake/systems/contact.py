@@ -11,7 +11,9 @@ from pydrake.geometry import GeometryId
 from pydrake.multibody.plant import ContactResults, ContactResults_
 from pydrake.systems.framework import Context
 
-from vsf_drake.laws.kelvin_voigt import normal_force, penetration_depth
+from vsf_drake.laws._elementwise import positive_part
+from vsf_drake.laws.contact_law import LawConstants
+from vsf_drake.laws.kelvin_voigt import normal_force
 from vsf_drake.systems._system import System, cross, system_template
 
 
@@ -176,8 +178,8 @@ class TestingMachine(System):
         V_WB = np.array([velocities[body].get_coeffs() for body in self._bodies])
         p_BoS_W = (X_WB[:, :, :3] @ law.pop("p_BS")[:, :, None])[:, :, 0]
         v_WS = V_WB[:, 3:] + cross(V_WB[:, :3], p_BoS_W)
-        depth = penetration_depth(X_WB[:, 2, 3] + p_BoS_W[:, 2], height)
-        force = normal_force(depth, velocity - v_WS[:, 2], **law)
+        depth = positive_part(height - X_WB[:, 2, 3] - p_BoS_W[:, 2])
+        force, _, _ = normal_force(depth, velocity - v_WS[:, 2], LawConstants(**law))
         f_S_W = force[:, None] * np.array([0.0, 0.0, 1.0])
         F_Bo_W = np.concatenate((cross(p_BoS_W, f_S_W), f_S_W), axis=1)
         return {

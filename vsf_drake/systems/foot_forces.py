@@ -11,11 +11,10 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import Context
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.laws.contact import CONTACT_LAWS
 from vsf_drake.systems import _foot_kernel as kernel
 from vsf_drake.systems._system import System, system_template
 
-CONTACT_LAWS = ("kelvin_voigt", "smooth", "hunt_crossley")
-"""In the order of their numbers in the kernel."""
 PER_JOINT = ("joint_stiffness", "joint_damping")
 DEVICE = dict.fromkeys(PER_JOINT, "m") | dict.fromkeys(
     ("fulcrum_stiffness", "fulcrum_damping", "fulcrum_m", "carriage_gain", "carriage_rate_gain"), ""
@@ -77,6 +76,9 @@ class FootForces(System):
             force · mu_static / threshold_velocity on the roughest patch, that each keel body bears
             there. None: no limit.
 
+    Attributes:
+        law: number of the contact law.
+
     Parameters in the Context: joint_stiffness, joint_damping (m,) N m/rad, N m s/rad;
     fulcrum_stiffness, fulcrum_damping N/m, N s/m; fulcrum_m (m from A); carriage_gain,
     carriage_rate_gain N/m, N s/m; and with a law p_BS (N, 3) m, radius (N,) m, stiffness, exponent,
@@ -115,7 +117,7 @@ class FootForces(System):
         self._at = np.array(
             [position_indices, num_positions + np.array(velocity_indices)], dtype=np.int64
         )
-        self._law = CONTACT_LAWS.index(law or CONTACT_LAWS[0])
+        self.law = CONTACT_LAWS.index(law or CONTACT_LAWS[0])
         self._starts = np.array(keel_starts, dtype=float)
         self._site_keel = np.array(site_keel if law else [], dtype=np.int64)
         m = len(self._starts)
@@ -156,7 +158,7 @@ class FootForces(System):
             for names in (kernel.SITE_COLUMNS, kernel.PATCH_COLUMNS, PER_JOINT)
         )
         return (
-            self._law,
+            self.law,
             self._starts,
             self._site_keel,
             c["p_BS"],

@@ -86,7 +86,9 @@ class SocketBushing(_JointForces):
         self._declare_output("wrench", 6, self._force)
 
     def _force(self, context: Context) -> np.ndarray:
-        return axis_force(*self._motion(context), **self._constants(context))
+        force: np.ndarray
+        force, _, _ = axis_force(*self._motion(context), **self._constants(context))
+        return force
 
 
 @system_template(AutoDiffXd, Expression)

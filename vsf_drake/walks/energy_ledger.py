@@ -107,7 +107,7 @@ def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
     # the limb's wrench on the socket passes through all six joints of the bushing, whose links
     # weigh nothing
     constants = dict(zip(SPRING_COLUMNS, m.springs[-6:].T, strict=True))
-    force = axis_force(record.q[:, socket], record.v[:, socket], **constants)
+    force, _, _ = axis_force(record.q[:, socket], record.v[:, socket], **constants)
     limb: np.ndarray = np.linalg.solve(motion.joints, force[..., None])[..., 0]
 
     terms = {

@@ -34,7 +34,7 @@ def test_steps_solve_drakes_equations_of_motion_with_the_forces_they_record(walk
         need -= ground_on_coordinates(plant, context, mechanism, record.sites[k])
         law = dict(zip(SPRING_COLUMNS, mechanism.springs.T, strict=True))
         springs = mechanism.spring_index
-        need[springs] -= axis_force(q[springs], v[springs], **law)
+        need[springs] -= axis_force(q[springs], v[springs], **law)[0]
         need -= record.fulcrum[k, 0] * support_row(plant, context, person.gait.person.foot, 0.108)
         r = 2e-3 * (need - record.load[k])[free]
         M = plant.CalcMassMatrix(context)[np.ix_(free, free)]

@@ -31,8 +31,7 @@ import numpy as np
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.schema import check, quantity
 from vsf_drake.laws import kelvin_voigt
-from vsf_drake.laws.kelvin_voigt import smooth_step
-from vsf_drake.laws.smooth_contact import rounded_positive_part
+from vsf_drake.laws._elementwise import rounded_positive_part, smooth_step
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
