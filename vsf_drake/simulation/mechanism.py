@@ -15,6 +15,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.laws import kelvin_voigt
+from vsf_drake.laws.contact_law import LawConstants
 from vsf_drake.plants.bench import BenchDiagram, RollOverDiagram
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.gait import GaitDiagram
@@ -37,17 +39,17 @@ def bench_mechanism(bench: BenchDiagram, context: Context) -> Mechanism:
     """The bench with the parameters in `context` (the diagram's)."""
     read = _reader(bench.machine, context)
     points = read("p_BS")
-    law = [read(name) for name in ("stiffness", "exponent", "damping", "full_damping_depth")]
-    none = np.zeros(len(points))
-    # The platen's balls touch the foot in points and do not rub; the threshold velocity then has no
-    # part.
+    names = kelvin_voigt.LAW.constants
+    # the platen's balls touch the foot in points and do not rub
+    constants = LawConstants(**{name: read(name) for name in names})
+    columns = (np.broadcast_to(value, len(points)) for value in constants)
     return _mechanism(
         bench.plant,
         bench.foot,
         bench.forces,
         context,
         bodies=bench.machine_bodies,
-        sites=np.column_stack([points, none, *law, none, none, none + 1.0]),
+        sites=np.column_stack([points, np.zeros(len(points)), *columns]),
         ground_height=bench.contact_height,
     )
 
@@ -61,6 +63,7 @@ def roll_over_mechanism(machine: RollOverDiagram, context: Context) -> Mechanism
         context,
         bodies=machine.foot.sites.body_indices,
         sites=_ground_sites(machine.forces, context),
+        law=machine.forces.law,
         ground_height=0.0,
     )
 
@@ -90,6 +93,7 @@ def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
         gait.forces["prosthetic"],
         context,
         ground_height=heights[0],
+        law=gait.forces["prosthetic"].law,
         sites=np.vstack([_ground_sites(forces, context) for forces in gait.forces.values()]),
         bodies=[*foot.sites.body_indices, *gait.person.intact_sites.body_indices],
         others=len(gait.person.intact_sites.body_indices),
@@ -108,6 +112,7 @@ def _mechanism(
     bodies: Iterable[Any],
     ground_height: float,
     others: int = 0,
+    law: int = 0,
     socket: np.ndarray | None = None,
     socket_index: np.ndarray | None = None,
 ) -> Mechanism:
@@ -141,6 +146,7 @@ def _mechanism(
         keel_coordinates=keel,
         frame_body=int(foot.frame.index()),
         limits=limits,
+        law=law,
     )
 
 

@@ -14,29 +14,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from vsf_drake.laws.bushing import axis_force
 from vsf_drake.laws.compiled import internal, part
-from vsf_drake.laws.lanes import select, some
-from vsf_drake.laws.scalar import friction_per_speed, normal_force, spring_force
+from vsf_drake.laws.contact import friction_per_speed, normal_force
+from vsf_drake.laws.contact_law import LAW_COLUMNS
+from vsf_drake.laws.lanes import negated, select, some
 from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.tree import Motion, Six, Three, Tree, Zeros
 
 if TYPE_CHECKING:
     from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
 
-SITE_COLUMNS = (
-    "p_BS_x",
-    "p_BS_y",
-    "p_BS_z",
-    "radius",
-    "stiffness",
-    "exponent",
-    "damping",
-    "full_damping_depth",
-    "mu_static",
-    "mu_kinetic",
-    "threshold_velocity",
-)
-"""Columns of a site, a sphere of the foot: centre in its body, radius, normal law, friction law."""
+SITE_COLUMNS = ("p_BS_x", "p_BS_y", "p_BS_z", "radius", *LAW_COLUMNS)
+"""Columns of a site, a sphere of the foot: centre in its body, radius, constants of the contact
+law."""
 SPRING_COLUMNS = ("stiffness", "stiffness_negative", "damping", "limit", "rate_limit", "stop_ratio")
 """Columns of a sprung coordinate."""
 SITE_RECORD = (
@@ -60,7 +51,8 @@ TOLERANCE = 1e-7
 class Forces(NamedTuple):
     """What acts on the tree: S sites, k springs, K bodies of the keel from A to the toe."""
 
-    sites: np.ndarray  # (S, 11) SITE_COLUMNS
+    law: int  # number of the contact law
+    sites: np.ndarray  # (S, 14) SITE_COLUMNS
     site_bodies: np.ndarray  # (S,)
     feet: np.ndarray  # (S,) which resultant the site is a part of, from 0 on
     springs: np.ndarray  # (k, 6) SPRING_COLUMNS
@@ -152,17 +144,13 @@ def add_sites(
         depth = contact.depth0[s]
         # of a walk for which it is not near it stays there
         depth = select(depth > -MAX_APPROACH * h, depth - h * vz, depth)
-        if not some(depth > 0.0):
+        fn, by_depth, by_rate = normal_force(forces.law, depth, ground_rate - vz, sites, s)
+        if not some(negated(fn <= 0.0)):
             now[s, 1] = 0.0
             continue
         vx = V[b, 3] + V[b, 1] * z - V[b, 2] * y
         vy = V[b, 4] + V[b, 2] * x - V[b, 0] * z
-        fn, by_depth, by_rate = normal_force(
-            depth, ground_rate - vz, sites[s, 4], sites[s, 5], sites[s, 6], sites[s, 7]
-        )
-        ratio, _ = friction_per_speed(
-            math.sqrt(vx * vx + vy * vy), sites[s, 8], sites[s, 9], sites[s, 10]
-        )
+        ratio, _ = friction_per_speed(forces.law, math.sqrt(vx * vx + vy * vy), sites, s)
         fx = -ratio * fn * vx
         fy = -ratio * fn * vy
         rb.add(contact.F, b, rb.wrench(x, y, z, fx, fy, fn))
@@ -238,23 +226,20 @@ def record_sites(
 
 
 @internal
-def site_tangent(
-    sites: np.ndarray, s: int, gain: float, now: np.ndarray, least_slope: float
-) -> Six:
+def site_tangent(forces: Forces, s: int, gain: float, now: np.ndarray, least_slope: float) -> Six:
     """K = -dforce/dvelocity of a loaded site as xx, xy, yy, xz, yz, zz (zx and zy are 0).
 
     Of friction -rho(V) fn u, with rho = mu / V, by u in the plane: fn (rho 1 + (mu' - rho) u u^T /
     V^2), as V rho' = mu' - rho; by u_z: the normal force falls by `gain` and friction with it, -rho
-    gain u. A curve mu(V) that falls more steeply counts as `least_slope` (s/m); up to the threshold
-    mu' = rho, so that the second term is 0.
+    gain u. A curve mu(V) that falls more steeply counts as `least_slope` (s/m).
     """
     fn = now[s, 1]
     vx = now[s, 5]
     vy = now[s, 6]
     speed = math.sqrt(vx * vx + vy * vy)
-    ratio, slope = friction_per_speed(speed, sites[s, 8], sites[s, 9], sites[s, 10])
+    ratio, slope = friction_per_speed(forces.law, speed, forces.sites, s)
     slope = select(slope > least_slope, slope, least_slope)
-    along = select(speed > sites[s, 10], (slope - ratio) * fn / (speed * speed), 0.0)
+    along = select(speed > 0.0, (slope - ratio) * fn / (speed * speed), 0.0)
     held = select(fn > 0.0, gain, 0.0)
     return (
         ratio * fn + along * vx * vx,
@@ -293,9 +278,7 @@ def tangents(
             continue
         b = forces.site_bodies[s]
         contact.loaded[b] = True
-        xx, xy, yy, xz, yz, zz = site_tangent(
-            forces.sites, s, contact.gain[s], contact.now, least_slope
-        )
+        xx, xy, yy, xz, yz, zz = site_tangent(forces, s, contact.gain[s], contact.now, least_slope)
         x = contact.center[s, 0]
         y = contact.center[s, 1]
         z = contact.center[s, 2] - forces.sites[s, 3]
@@ -325,7 +308,7 @@ def add_springs(
     for k in range(forces.spring_index.shape[0]):
         c = forces.spring_index[k]
         s = forces.springs
-        force, by_x, by_rate = spring_force(
+        force, by_x, by_rate = axis_force(
             q0[c] + h * v[c], v[c], s[k, 0], s[k, 1], s[k, 2], s[k, 3], s[k, 4], s[k, 5]
         )
         tau[c] += force

@@ -21,9 +21,10 @@ from typing import NamedTuple
 import numpy as np
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.laws.bushing import axis_force
 from vsf_drake.laws.compiled import compiled, internal, part
+from vsf_drake.laws.contact import friction_by_constant, normal_by_constant
 from vsf_drake.laws.lanes import eights
-from vsf_drake.laws.scalar import spring_force
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
@@ -603,7 +604,7 @@ def _springs(
         c = forces.spring_index[k]
         i = dofs.place[c]
         if i >= 0:
-            _, by_x, _ = spring_force(
+            _, by_x, _ = axis_force(
                 q0[c] + h * v[c], v[c], s[k, 0], s[k, 1], s[k, 2], s[k, 3], s[k, 4], s[k, 5]
             )
             tangent.Gq[i, i] -= by_x
@@ -612,7 +613,7 @@ def _springs(
         c = forces.spring_index[k]
         i = dofs.place[c]
         if i >= 0:
-            force, _, _ = spring_force(
+            force, _, _ = axis_force(
                 q0[c] + h * v[c],
                 v[c],
                 directions.spring_unit[e, 0],
@@ -638,20 +639,10 @@ def _springs(
 # rho = mu / V; its wrench by r x g + c x f with r the point and c the way that it goes.
 
 
-_CHANGED = (
-    "p_BS_z",
-    "stiffness",
-    "exponent",
-    "damping",
-    "full_damping_depth",
-    "mu_static",
-    "mu_kinetic",
-    "threshold_velocity",
+RISE, MU_STATIC, THRESHOLD = map(
+    assembly.SITE_COLUMNS.index, ("p_BS_z", "mu_static", "threshold_velocity")
 )
-RISE, STIFFNESS, EXPONENT, DAMPING, FULL_DEPTH, MU_STATIC, MU_KINETIC, THRESHOLD = map(
-    assembly.SITE_COLUMNS.index, _CHANGED
-)
-"""Columns of a site that parameters change."""
+"""Columns of a site: its centre's height, and from the second to the third those of friction."""
 
 
 @internal
@@ -739,7 +730,7 @@ def _site(
     by_depth = contact.elastic[s]
     along_x = ratio * vx * by_depth
     along_y = ratio * vy * by_depth
-    K = assembly.site_tangent(forces.sites, s, contact.gain[s], now, EXACT)
+    K = assembly.site_tangent(forces, s, contact.gain[s], now, EXACT)
 
     # Velocity of the sphere's centre, and where the contact point is at the end of the step.
     ox = V[b, 3] + wy * top - wz * y
@@ -785,17 +776,16 @@ def _site(
             uy = wz * cx - wx * cz
             uz = wx * cy - wy * cx
             gx, gy, gz = site_force_derivative(K, along_x, along_y, by_depth, ux, uy, uz, cz)
-        elif column >= MU_STATIC:
-            change = (
-                -unit
-                * fn
-                * _friction_derivative(forces.sites, s, column, math.sqrt(vx * vx + vy * vy))
-            )
+        elif MU_STATIC <= column <= THRESHOLD:
+            speed = math.sqrt(vx * vx + vy * vy)
+            change = -unit * fn * friction_by_constant(forces.law, column, speed, forces.sites, s)
             gx = change * vx
             gy = change * vy
             gz = 0.0
         else:
-            gz = unit * _normal_derivative(forces.sites, s, column, now[s, 0], now[s, 4])
+            gz = unit * normal_by_constant(
+                forces.law, column, now[s, 0], now[s, 4], forces.sites, s
+            )
             # friction is in proportion to the normal force
             gx = -ratio * vx * gz
             gy = -ratio * vy * gz
@@ -917,52 +907,3 @@ def site_force_derivative(
         -(xy * ux + yy * uy + yz * uz) + along_y * rise,
         -zz * uz - by_depth * rise,
     )
-
-
-@internal
-def _normal_derivative(site: np.ndarray, s: int, column: int, depth: float, rate: float) -> float:
-    """Derivative of the normal force k d^n + ramp(d / full) damping rate (closing alone) by one of
-    its constants.
-
-    With u = d / full up to 1:  ramp = u^2 (3 - 2 u),  d ramp / d full = -6 u^2 (1 - u) / full.
-    """
-    stiffness: float = site[s, 4]
-    exponent: float = site[s, 5]
-    damping: float = site[s, 6]
-    full: float = site[s, 7]
-    if column == STIFFNESS:
-        return math.pow(depth, exponent)
-    if column == EXPONENT:
-        return stiffness * math.pow(depth, exponent) * math.log(depth)
-    if rate <= 0.0:
-        return 0.0
-    u = min(depth / full, 1.0)
-    if column == DAMPING:
-        return u * u * (3.0 - 2.0 * u) * rate
-    return -6.0 * u * (1.0 - u) * u / full * damping * rate
-
-
-@internal
-def _friction_derivative(site: np.ndarray, s: int, column: int, speed: float) -> float:
-    """Derivative of mu(V) / V (s/m) by one of the friction law's constants
-    (`laws.scalar.friction_per_speed`).
-
-    mu = mu_static V / threshold up to the threshold, mu_kinetic from 1.5 of it, and straight
-    between, where `share` is how far V has gone from the first to the second.
-    """
-    mu_static: float = site[s, 8]
-    mu_kinetic: float = site[s, 9]
-    threshold: float = site[s, 10]
-    if speed <= threshold:
-        if column == MU_STATIC:
-            return 1.0 / threshold
-        return -mu_static / (threshold * threshold) if column == THRESHOLD else 0.0
-    if speed >= 1.5 * threshold:
-        return 1.0 / speed if column == MU_KINETIC else 0.0
-    share = (speed - threshold) / (0.5 * threshold)
-    if column == MU_STATIC:
-        return (1.0 - share) / speed
-    if column == MU_KINETIC:
-        return share / speed
-    # d mu / d threshold, over the speed
-    return 2.0 * (mu_static - mu_kinetic) / (threshold * threshold)

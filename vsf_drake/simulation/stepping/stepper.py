@@ -90,6 +90,7 @@ class Mechanism:
     """(n,) coordinates (m, rad) beyond which the model means nothing; a run that ends there has
     failed."""
     support_width: float = 0.0  # at most half the distance of two joints
+    law: int = 0
 
     @property
     def forces(self) -> Forces:
@@ -235,7 +236,8 @@ def settle_side_by_side(
     Large implicit steps without damping and friction, which would only delay the same equilibrium,
     until no coordinate is faster than SETTLED_SPEED, at most `steps` of them.
     """
-    columns = [assembly.SITE_COLUMNS.index(name) for name in ("damping", "mu_static", "mu_kinetic")]
+    lossy = ("damping", "dissipation", "mu_static", "mu_kinetic")
+    columns = [assembly.SITE_COLUMNS.index(name) for name in lossy]
     held = []
     for run in runs:
         sites = run.mechanism.sites.copy()
