@@ -35,7 +35,7 @@ def test_matched_dissipation_loses_in_a_stroke_what_the_papers_law_loses(exponen
     of the whole."""
     depth, w, b = 6e-3, 0.2, 250.0
     k = 400.0 * depth**-exponent
-    dissipation = matched_dissipation(stiffness=k, exponent=exponent, damping=b, depth=depth)
+    dissipation = matched_dissipation(stiffness=k, exponent=exponent, damping=b, depth=depth)[0]
 
     def loss(force):
         return quad(
@@ -67,7 +67,15 @@ def test_matched_dissipation_loses_in_a_stroke_what_the_papers_law_loses(exponen
     assert matched == pytest.approx(paper, rel=4.0 / np.pi / 1200.0 * 1.01)
     for nothing in ("stiffness", "damping"):
         law = {"stiffness": k, "exponent": exponent, "damping": b, "depth": depth} | {nothing: 0.0}
-        assert matched_dissipation(**law) == 0.0
+        assert matched_dissipation(**law)[0] == 0.0
+    law = {"stiffness": k, "exponent": exponent, "damping": b}
+    for name, slope in zip(law, matched_dissipation(**law, depth=depth)[1:], strict=True):
+        step = 1e-6 * law[name]
+        low, high = (
+            matched_dissipation(**law | {name: law[name] + side * step}, depth=depth)[0]
+            for side in (-1.0, 1.0)
+        )
+        assert slope == pytest.approx((high - low) / (2.0 * step), rel=1e-7)
 
 
 def test_gradient_by_every_argument_and_finite_at_touch_down(assert_gradient, autodiff_gradient):

@@ -4,7 +4,7 @@ options."""
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -20,6 +20,8 @@ from vsf_drake import __version__
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import user_path
 from vsf_drake.base.schema import SEED
+from vsf_drake.cli.options import named_as_options
+from vsf_drake.simulation.options import LawOptions
 
 if TYPE_CHECKING:
     from vsf_drake.model.parameters import ModelParameters
@@ -198,26 +200,33 @@ def needed(out: Path | None) -> Path:
 def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:
     """The model of a file, or the nominal one, with the fitted contact of another."""
     from vsf_drake.base.files import resource
-    from vsf_drake.model.contact_file import load_contact, model_with
+    from vsf_drake.model.contact_file import fitted_model, load_contact
     from vsf_drake.model.model_file import load_model
 
     model = load_model(path or resource("models/nominal.yaml"))
-    return (
-        model if contact is None else model_with(model, load_contact(contact).values, file=contact)
-    )
+    return model if contact is None else fitted_model(model, load_contact(contact), file=contact)
 
 
-def read_trials(paths: list[Path], contact: Path | None) -> list[Trial]:
-    """The trials of manifests, with the fitted contact if there is one."""
+def read_trials(paths: list[Path], contact: Path | None, *, law: str | None = None) -> list[Trial]:
+    """The trials of manifests, with the fitted contact if there is one, under a contact law."""
     from vsf_drake.model.contact_file import load_contact
     from vsf_drake.motion.fitted_trial import trial_with
     from vsf_drake.motion.trial import load_trial
 
     fitted = None if contact is None else load_contact(contact)
-    trials = map(load_trial, paths)
-    return [
-        trial if fitted is None else trial_with(trial, fitted, file=contact) for trial in trials
+    trials = [
+        trial if fitted is None else trial_with(trial, fitted, file=contact)
+        for trial in map(load_trial, paths)
     ]
+    return under(law, trials)
+
+
+def under(law: str | None, trials: Iterable[Trial]) -> list[Trial]:
+    """The trials with the contact law of --law."""
+    from vsf_drake.motion.fitted_trial import under_law
+
+    with named_as_options(LawOptions):
+        return [under_law(trial, law) for trial in trials]
 
 
 def contact_hash(path: Path | None) -> dict[str, str]:

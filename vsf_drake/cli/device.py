@@ -16,7 +16,7 @@ from vsf_drake.cli import app as cli
 from vsf_drake.cli.app import Contact, Model, Out, app, path, progress, say
 from vsf_drake.cli.options import from_fields
 from vsf_drake.cli.recordings import judged
-from vsf_drake.simulation.options import BenchOptions, StandingOptions, StepOptions
+from vsf_drake.simulation.options import BenchOptions, LawOptions, StandingOptions, StepOptions
 
 
 @app.command()
@@ -264,7 +264,7 @@ def stand(
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkRequest(StepOptions):
+class WalkRequest(StepOptions, LawOptions):
     """How a trial is walked, and what is written."""
 
     contact: Path | None = option(
@@ -330,6 +330,7 @@ def simulate(
         walked = dataclasses.replace(recorded, notes=(note, *recorded.notes))
     else:
         walked = trial_with(recorded, fitted, file=contact)
+    [walked] = cli.under(asked.law, [walked])
     moved = None
     layered = fitted is not None and bool(fitted.momentum or fitted.discrepancy)
     if fulcrum_mm is not None:

@@ -11,14 +11,15 @@ import typer
 
 from vsf_drake.base.errors import FitError, require
 from vsf_drake.base.schema import choice, option
-from vsf_drake.cli.app import Out, app, interrupted, path, say, warn
+from vsf_drake.cli.app import Out, app, interrupted, path, say, under, warn
 from vsf_drake.cli.options import Asked, fields_of, flags, from_fields
 from vsf_drake.cli.recordings import AcceptUnusable, judged
 from vsf_drake.fit.options import JOINT, PAPER, ContactFitOptions
+from vsf_drake.simulation.options import LawOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class FitRequest:
+class FitRequest(LawOptions):
     """What is asked of a fit beside its options."""
 
     bench: Path | None = option(
@@ -72,7 +73,7 @@ class FitRequest:
     quick: bool = option(False, "One search, no fulcrum sweeps, no trial left out in turn.")
 
 
-_OF_BOTH = {"bench", "hold_out", "held_out_height", "strategy", "seed", "quick"}
+_OF_BOTH = {"law", "bench", "hold_out", "held_out_height", "strategy", "seed", "quick"}
 """Options that are not of the joint strategy alone."""
 
 
@@ -135,7 +136,7 @@ def fit(
     FIT.check(out)
     checkpoint = Checkpoint(out / CHECKPOINT, resume=resume)
     read = judged(
-        [load_trial(file) for file in (*trials, *request.hold_out)], accept=accept_unusable
+        under(request.law, map(load_trial, (*trials, *request.hold_out))), accept=accept_unusable
     )
     task = make_task(read[: len(trials)], read[len(trials) :], request, search)
     synthetic = synthetic_of(task.table())

@@ -34,7 +34,7 @@ from vsf_drake.cli.app import (
 )
 from vsf_drake.cli.options import from_fields, number_of
 from vsf_drake.cli.recordings import judged
-from vsf_drake.simulation.options import StepOptions
+from vsf_drake.simulation.options import LawOptions, StepOptions
 
 if TYPE_CHECKING:
     from vsf_drake.motion.trial import Trial
@@ -49,7 +49,7 @@ MANY = 2_000  # walks above which a sweep has to be meant
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweepRequest(StepOptions):
+class SweepRequest(StepOptions, LawOptions):
     """What is swept, and how."""
 
     fulcrum_mm: str | None = option(
@@ -105,7 +105,7 @@ def sweep(
     if asked.list_variables:
         from vsf_drake.simulation.walk import Walker
 
-        for trial in read_trials(trials, contact):
+        for trial in read_trials(trials, contact, law=asked.law):
             own = Walker(trial.subject, trial.model).variables
             print_text("variables", trial=trial, variables=_within_reach(own, [trial], ()).values())
         return
@@ -131,7 +131,7 @@ def sweep(
         meant=asked.yes,
     )
     loaded, variables = _loaded(
-        trials, contact, axes, positions, sampled=sample is not None, fit_offsets=asked.fit_offsets
+        trials, contact, axes, positions, sampled=sample is not None, asked=asked
     )
     check_sweep_folder(out, loaded.values(), parquet=asked.parquet)
     plan: dict[str, object] = {
@@ -139,6 +139,7 @@ def sweep(
         "step_ms": asked.step_ms,
         "fit_offsets": asked.fit_offsets,
         "contact": contact_hash(contact),
+        "law": asked.law,
         "sample": None,
     }
     if sample is None:
@@ -236,7 +237,7 @@ def _loaded(
     positions: tuple[float, ...],
     *,
     sampled: bool,
-    fit_offsets: bool,
+    asked: SweepRequest,
 ) -> tuple[dict[str, Trial], dict[str, Variable]]:
     """Trials by a name that is theirs alone, and the variables of the first; each can take what is
     asked for. Warns of a foot that was fitted to nobody."""
@@ -251,9 +252,9 @@ def _loaded(
             "the trial stands twice",
             file=file,
         )
-    loaded = judged(read_trials(trials, contact))
+    loaded = judged(read_trials(trials, contact, law=asked.law))
     if contact is None:
-        warn(unfitted_note(loaded[0], offsets_fitted=fit_offsets))
+        warn(unfitted_note(loaded[0], offsets_fitted=asked.fit_offsets))
     names = [trial.name for trial in loaded]
     variables: dict[str, Variable] = {}
     for file, trial in zip(trials, loaded, strict=True):

@@ -14,6 +14,7 @@ from vsf_drake.base.progress import Progress
 from vsf_drake.cli.app import Contact, Out, app, interrupted, path, print_text, progress, say
 from vsf_drake.cli.options import Asked, fields_of, flags, from_fields, named_as_options
 from vsf_drake.cli.recordings import AcceptUnusable, judged
+from vsf_drake.simulation.options import LawOptions
 from vsf_drake.tuning.common import (
     COSTS,
     DESIGN,
@@ -78,6 +79,7 @@ def tune(
     ] = 1,
     contact: Contact = None,
     *,
+    asked_law: LawOptions,
     search: Annotated[Asked, GivenMotionOptions, FreeMotionOptions],
     warm_start: Annotated[
         Path | None,
@@ -101,7 +103,7 @@ def tune(
     as not optimal. So are those of a tuning that Ctrl-C ended.
     """
     _check(cost, level, search)
-    asked = {"cost": cost, "level": level, "quick": quick}
+    asked = {"cost": cost, "level": level, "quick": quick, "law": asked_law.law}
     asked |= {_IN_RESULTS.get(name, name): value for name, value in search.items()}
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.tuning.chapters import TUNING, write_tuning
@@ -112,11 +114,12 @@ def tune(
     options = _level_options(level, quick, search)
     TUNING.check(out)
     warm = None if warm_start is None else read_warm_start(warm_start)
-    with progress() as show:
+    with progress() as show, named_as_options(LawOptions):
         try:
             given = load_tuning_trials(
                 trials or (),
                 contact=contact,
+                law=asked_law.law,
                 level=level,
                 quick=quick,
                 progress=show,

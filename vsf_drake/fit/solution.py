@@ -170,6 +170,7 @@ class ContactFitSolution(Tabular):
         solver = {"solver": self.fit.joint.solver} if isinstance(self.end, JointEnd) else {}
         return FittedContact(
             format=FORMAT,
+            law=self.fit.walker.model.contact_law,
             strategy=self.fit.options.strategy,
             converged=True,
             verdict=verdict,

@@ -1,27 +1,21 @@
-"""The table of contact laws, and what compiled code and Python call: the law is a whole number, its
-place in the table, that all walks and sites of a call have in common.
-
-A new law is a file like `kelvin_voigt` and a line in LAWS; see docs/contacts.md.
-"""
+"""What compiled code and Python call of the contact laws: the law is a whole number, its place in
+the table `model.contact_laws`, that all walks and sites of a call have in common."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Any
 
-from vsf_drake.laws import hunt_crossley, kelvin_voigt, smooth_contact
 from vsf_drake.laws._elementwise import Values
 from vsf_drake.laws.compiled import generic
-from vsf_drake.laws.contact_law import LawConstants
+from vsf_drake.laws.contact_law import ContactLaw, LawConstants
 from vsf_drake.laws.lanes import negated, some
+from vsf_drake.model.contact_laws import CONTACT_LAWS
 
-LAWS = (
-    kelvin_voigt.LAW,
-    smooth_contact.LAW,
-    hunt_crossley.LAW,
+LAWS: tuple[ContactLaw, ...] = tuple(
+    import_module(f"vsf_drake.laws.{file}").LAW for file in CONTACT_LAWS.values()
 )
-CONTACT_LAWS = tuple(law.name for law in LAWS)
-"""Names of the laws, in the order of their numbers."""
 FIRST_COLUMN = 4
 """Of a site's row, after its centre and radius: where `contact_law.LAW_COLUMNS` begin."""
 

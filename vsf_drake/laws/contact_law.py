@@ -2,8 +2,8 @@
 with its derivatives.
 
 A law is written once, as functions of any kind of number (`compiled.generic`): compiled for one
-walk and for lanes of walks, and as Python for arrays and AutoDiffXd. `contact` has the table of
-all laws.
+walk and for lanes of walks, and as Python for arrays and AutoDiffXd. `model.contact_laws` has
+the table of all laws, `contact` calls them.
 """
 
 from __future__ import annotations
@@ -75,9 +75,8 @@ def power_law_strain(signed: Array, site: LawConstants) -> tuple[Array, Array]:
 
 
 class ContactLaw(NamedTuple):
-    """A law by its name; the functions take and return any kind of number."""
+    """A law, LAW of its file; the functions take and return any kind of number."""
 
-    name: str
     constants: tuple[str, ...]
     """of LAW_COLUMNS, what the normal force depends on"""
     force: Callable[[Values, Values, LawConstants], tuple[Values, Values, Values]]
@@ -93,6 +92,10 @@ class ContactLaw(NamedTuple):
     strain: Callable[[Array, LawConstants], tuple[Array, Array]] = power_law_strain
     """depth below the ground, negative above it (m, an array), constants -> elastic force (N) and
     the energy stored in it (J); the rest of the force is damping"""
+    stable_steps: float = 1.6
+    """how far the law may be stepped explicitly, see `plants.foot.largest_step`"""
+    sticking_steps: float = 4.0
+    """likewise its friction, see `plants.foot.grip_limit`"""
 
 
 def constants_of(columns: Any) -> LawConstants:

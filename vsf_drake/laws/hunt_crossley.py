@@ -11,8 +11,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from scipy.special import beta, digamma
+
 from vsf_drake.laws import contact_law
-from vsf_drake.laws._elementwise import Values, positive_part
+from vsf_drake.laws._elementwise import Array, Values, positive_part
 from vsf_drake.laws.compiled import generic
 from vsf_drake.laws.contact_law import ContactLaw, LawConstants
 from vsf_drake.laws.lanes import logarithm, power, select
@@ -56,7 +59,6 @@ def by_constant(
 
 
 LAW = ContactLaw(
-    name="hunt_crossley",
     constants=("stiffness", "exponent", "dissipation"),
     force=normal_force,
     by_constant=by_constant,
@@ -65,17 +67,19 @@ LAW = ContactLaw(
 
 
 def matched_dissipation(
-    *, stiffness: float, exponent: float, damping: float, depth: float
-) -> float:
+    *, stiffness: Array, exponent: Array, damping: Array, depth: float
+) -> tuple[Array, Array, Array, Array]:
     """Dissipation (s/m) that loses in a half-sine stroke to `depth` D (m), well beyond the
-    full-damping depth, what `kelvin_voigt` with full `damping` (N s/m) loses.
+    full-damping depth, what `kelvin_voigt` with full `damping` (N s/m) loses, 0 without stiffness;
+    and its derivatives by stiffness, exponent and damping.
 
     For depth(t) = D sin(w t): loading alone loses damping D² w pi/4 there, both branches here
     stiffness dissipation D**(n + 2) w B((n + 1)/2, 3/2), with Euler's beta function B (derived).
     """
-    if stiffness == 0.0 or damping == 0.0:
-        return 0.0
-    a = 0.5 * (exponent + 1.0)
-    b = 1.5
-    beta = math.exp(math.lgamma(a) + math.lgamma(b) - math.lgamma(a + b))
-    return damping * 0.25 * math.pi / (stiffness * math.pow(depth, exponent) * beta)
+    half = 0.5 * (np.asarray(exponent) + 1.0)
+    soft = np.asarray(stiffness) == 0.0
+    scale = np.where(soft, 1.0, stiffness) * np.power(depth, exponent) * beta(half, 1.5)
+    by_damping = np.where(soft, 0.0, 0.25 * np.pi / scale)
+    matched = damping * by_damping
+    by_log = math.log(depth) + 0.5 * (digamma(half) - digamma(half + 1.5))
+    return matched, -matched / np.where(soft, 1.0, stiffness), -matched * by_log, by_damping

@@ -64,9 +64,10 @@ def by_constant(
 
 
 LAW = ContactLaw(
-    name="kelvin_voigt",
     constants=("stiffness", "exponent", "damping", "full_damping_depth"),
     force=normal_force,
     by_constant=by_constant,
     friction=STICK_SLIP,
+    stable_steps=3.1,
+    sticking_steps=8.0,
 )

@@ -85,11 +85,12 @@ def strain(signed_depth: Array, site: LawConstants) -> tuple[Array, Array]:
 
 
 LAW = ContactLaw(
-    name="smooth",
     constants=(*kelvin_voigt.LAW.constants, "depth_width", "rate_width"),
     force=normal_force,
     by_constant=by_constant,
     friction=SMOOTH_STICK_SLIP,
     penetration=penetration,
     strain=strain,
+    stable_steps=3.1,
+    sticking_steps=8.0,
 )

@@ -3,6 +3,7 @@ can be trusted.
 
     format: vsf_drake contact 1
     subject: {mass_kg: 78.0, stature_m: 1.81, prosthetic_side: right}
+    law: kelvin_voigt
     strategy: joint
     converged: true
     verdict: [Two settings were fitted., ...]
@@ -43,6 +44,7 @@ from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import write_text
 from vsf_drake.base.schema import check, choice, load_yaml, quantity, to_plain
 from vsf_drake.base.yaml_file import Dumper
+from vsf_drake.model.contact_laws import CONTACT_LAWS, FITTED_LAW
 from vsf_drake.model.model_file import check_model, foam_under_load
 from vsf_drake.model.parameters import SIDES, ModelParameters, person_coordinates
 
@@ -198,6 +200,8 @@ class FittedContact:
     format: str = choice(options=(FORMAT,), source="version of this schema")
     """name and version of the file format"""
     subject: FittedSubject
+    law: str = choice(FITTED_LAW, options=tuple(CONTACT_LAWS), source="the fit")
+    """contact law with which it was fitted"""
     strategy: str  # procedure of the fit, as `fit --strategy`
     converged: bool  # whether the fit converged
     verdict: tuple[str, ...] = ()  # of the fit, in sentences
@@ -497,6 +501,13 @@ def model_with(
     if foam is not None and foam != foam_under_load(model.foot):
         foot = replace(foot, series_stiffness_n_per_m=foam[0], series_exponent=foam[1])
     return check_model(replace(model, foot=foot, socket=socket), file=file)
+
+
+def fitted_model(
+    model: ModelParameters, contact: FittedContact, *, file: str | Path | None = None
+) -> ModelParameters:
+    """`model` with the fitted values that are its own, and the law that they were fitted with."""
+    return replace(model_with(model, contact.values, file=file), contact_law=contact.law)
 
 
 def _with(part: T, field: str, value: Any) -> T:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from vsf_drake.base.schema import choice, quantity
+from vsf_drake.model.contact_laws import CONTACT_LAWS, FITTED_LAW
 
 _PAPER = "McGeehan 2021"
 _PUBLIC = "GaitModel_VSF scripts"
@@ -501,6 +502,8 @@ class ModelParameters:
     foot: FootParameters = field(default_factory=FootParameters)
     socket: SocketParameters = field(default_factory=SocketParameters)
     intact_foot: IntactFootParameters = field(default_factory=IntactFootParameters)
+    contact_law: str = choice(FITTED_LAW, options=tuple(CONTACT_LAWS), source="McGeehan 2021")
+    """of both feet, in walks"""
 
 
 def _measured(low: float, high: float, what: str, *, unit: str = "m") -> Any:

@@ -16,7 +16,7 @@ from vsf_drake.base.errors import require
 from vsf_drake.base.files import sha256
 from vsf_drake.base.schema import check
 from vsf_drake.base.sentences import say
-from vsf_drake.model.contact_file import FittedContact, FittedTrial, model_with
+from vsf_drake.model.contact_file import FittedContact, FittedTrial, fitted_model
 from vsf_drake.model.parameters import Subject
 from vsf_drake.motion.events import Stance, known_stances
 from vsf_drake.motion.manifest import GeometricOffsets
@@ -68,12 +68,32 @@ def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None 
     )
     return dataclasses.replace(
         trial,
-        model=model_with(trial.model, contact.values, file=file),
+        model=fitted_model(trial.model, contact, file=file),
         offsets=check(GeometricOffsets(**offsets), file=file),
         trajectory=_trajectory(trial, contact, here),
         notes=(*trial.notes, *notes),
         inputs=trial.inputs
         | ({} if file is None else {f"contact: {Path(file).name}": sha256(file)}),
+    )
+
+
+def under_law(trial: Trial, law: str | None) -> Trial:
+    """`trial` with that contact law in its model, or its own for None; a note says so.
+
+    Refused where a contact was fitted with another."""
+    own = trial.model.contact_law
+    if law in (None, own):
+        return trial
+    require(
+        not any(note.startswith(APPLIED) for note in trial.notes),
+        f"the contact of {trial.name} was fitted with {own}",
+        "law",
+        f"Its numbers are no others' law: fit with {law} first, or walk without a fitted contact",
+    )
+    return dataclasses.replace(
+        trial,
+        model=dataclasses.replace(trial.model, contact_law=law),
+        notes=(*trial.notes, *say("trial", "law", law=law)),
     )
 
 

@@ -22,7 +22,6 @@ Drake 1.51 gives no gradients through contact with materials of their own.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from pydrake import geometry
@@ -57,15 +56,13 @@ RIGID_N_PER_M = 1e12
 GROUND_THICKNESS_M = 1.0
 
 
-def dissipation(sites: ContactSites) -> np.ndarray:
+def dissipation(
+    stiffness: np.ndarray, exponent: np.ndarray, damping: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """(N,) s/m of the Hunt-Crossley law that loses what the paper's law loses in a stroke to
-    MATCHED_DEPTH_M."""
-    rows = zip(sites.stiffness, sites.exponent, sites.damping, strict=True)
-    return np.array(
-        [
-            matched_dissipation(stiffness=k, exponent=n, damping=b, depth=MATCHED_DEPTH_M)
-            for k, n, b in rows
-        ]
+    MATCHED_DEPTH_M, and its derivatives by the three constants of that."""
+    return matched_dissipation(
+        stiffness=stiffness, exponent=exponent, damping=damping, depth=MATCHED_DEPTH_M
     )
 
 
@@ -76,7 +73,7 @@ def point_law(sites: ContactSites) -> tuple[np.ndarray, np.ndarray]:
     k = np.array(
         [secant_stiffness(stiffness, exponent, REFERENCE_LOAD_N) for stiffness, exponent in rows]
     )
-    return k, dissipation(replace(sites, stiffness=k, exponent=np.ones_like(k)))
+    return k, dissipation(k, np.ones_like(k), sites.damping)[0]
 
 
 def pad_widths(sites: ContactSites) -> np.ndarray:

@@ -28,6 +28,9 @@ from pydrake.systems.framework import Context
 
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.laws.beam import section_inertia
+from vsf_drake.laws.contact import LAWS
+from vsf_drake.laws.contact_law import ContactLaw
+from vsf_drake.model.contact_laws import CONTACT_LAWS
 from vsf_drake.model.model_file import check_foot, check_fulcrum, secant_stiffness
 from vsf_drake.model.parameters import SIDES, FootParameters, KeelParameters
 from vsf_drake.plants.contact_geometry import (
@@ -46,7 +49,7 @@ from vsf_drake.plants.foot_handles import (
 )
 from vsf_drake.plants.solids import FORWARD, RIGHTWARD, box
 
-CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", *DRAKE_CONTACTS)
+CONTACTS = (*CONTACT_LAWS, *DRAKE_CONTACTS)
 """What a foot can meet the ground by: three laws of `systems.FootForces`, and two contacts of
 Drake's own."""
 
@@ -357,13 +360,6 @@ ROD_M = 10.0
 """Length of the rod that stands for the support's direction (a choice)."""
 CARRIAGE_FREQUENCY = 2 * np.pi * 100.0
 """Natural frequency (rad/s) of the carriage's actuator, critically damped (a choice)."""
-STABLE_STEPS = {"kelvin_voigt": 3.1, "smooth": 3.1, "hunt_crossley": 1.6}
-"""Of `largest_step`, from drops of the nominal foot: smooth at 0.1 ms and 0.05 ms, ragged at
-0.15 ms and 0.1 ms."""
-STICKING_STEPS = {"kelvin_voigt": 8.0, "smooth": 8.0, "hunt_crossley": 4.0}
-"""Of `grip_limit`, from drops of the nominal foot under 10 to 80 kg, level and on its forefoot: up
-to here forces are within 3 % of their peak (root mean square) of those of a tenth of the step, at
-twice that up to 46 % off."""
 
 
 def largest_step(foot: FootHandles) -> float:
@@ -371,12 +367,13 @@ def largest_step(foot: FootHandles) -> float:
     plant; inf without.
 
     Our laws act there as forces from the start of the step. The dampers must not reverse in one the
-    speed of the keel piece they act on: STABLE_STEPS times the least mass over damping lets through
-    what stayed smooth in drops of the nominal foot and little else. Nor may the springs: an
+    speed of the keel piece they act on: the law's `stable_steps` times the least mass over damping
+    lets through what stayed smooth in drops of the nominal foot and little else (at 0.1 ms, and
+    0.05 ms for hunt_crossley; they were ragged at 0.15 ms and 0.1 ms). Nor may the springs: an
     undamped mass m on a spring k diverges beyond 2 sqrt(m / k), of which half is taken, k the slope
     of the foam's force under REFERENCE_LOAD_N on each sphere.
     """
-    if foot.contact not in STABLE_STEPS:
+    if foot.contact not in CONTACT_LAWS:
         return np.inf
     sites = foot.sites
     mass = _piece_masses(foot)
@@ -389,7 +386,7 @@ def largest_step(foot: FootHandles) -> float:
     )
     with np.errstate(divide="ignore"):
         longest = (
-            STABLE_STEPS[foot.contact] * mass / (on @ sites.damping),
+            _law(foot).stable_steps * mass / (on @ sites.damping),
             np.sqrt(mass / (on @ slope)),
         )
     return float(np.min(longest))
@@ -401,9 +398,15 @@ def grip_limit(foot: FootHandles, time_step_s: float) -> np.ndarray:
 
     While the foot sticks, friction is a damper of mu_static / threshold velocity times the load on
     the piece. It is as explicit as the foam's and grows with the load, so `FootForces` looks at it
-    while it runs.
+    while it runs. Up to the law's `sticking_steps` forces are within 3 % of their peak (root mean
+    square) of those of a tenth of the step, at twice that up to 46 % off, in drops of the nominal
+    foot under 10 to 80 kg, level and on its forefoot.
     """
-    return STICKING_STEPS[foot.contact] / time_step_s * _piece_masses(foot)
+    return _law(foot).sticking_steps / time_step_s * _piece_masses(foot)
+
+
+def _law(foot: FootHandles) -> ContactLaw:
+    return LAWS[list(CONTACT_LAWS).index(foot.contact)]
 
 
 def _piece_masses(foot: FootHandles) -> np.ndarray:

@@ -18,7 +18,7 @@ from pydrake.systems.framework import (
 )
 
 from vsf_drake.base.errors import require
-from vsf_drake.laws.contact import CONTACT_LAWS
+from vsf_drake.model.contact_laws import CONTACT_LAWS
 from vsf_drake.model.ground import Ground, check_ground, ground_arrays
 from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import ActuatorParameters, FrictionParameters
@@ -210,6 +210,7 @@ def add_rigid_foot(
     friction: FrictionParameters,
     ground: Ground,
     *,
+    law: str,
     name: str,
 ) -> FootForces:
     """Adds contact and friction of spheres on one rigid body: a `FootForces` whose keel exerts
@@ -229,7 +230,7 @@ def add_rigid_foot(
             frame_body_index=sites.body_indices[0],
             keel_starts=np.zeros(1),
             site_keel=[-1] * len(sites.body_indices),
-            law="kelvin_voigt",
+            law=law,
             constants={
                 **dict.fromkeys(DEVICE, 0.0),
                 **_contact_constants(sites, friction, check_ground(ground)),
@@ -344,7 +345,7 @@ def _contact_constants(
         "p_BS": sites.p_BS,
         "radius": sites.radius,
         **sites.law,
-        "dissipation": dissipation(sites),
+        "dissipation": dissipation(sites.stiffness, sites.exponent, sites.damping)[0],
         "depth_width": DEPTH_WIDTH_M,
         "rate_width": RATE_WIDTH_M_PER_S,
         "threshold_velocity": friction.threshold_velocity_m_per_s,

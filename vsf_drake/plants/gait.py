@@ -102,7 +102,13 @@ def make_gait(
     driver = add_forces(builder, plant, "driver", servo(plant, prescribed, inertia))
     wired = wire_foot(builder, plant, person.foot, ground=ground)
     intact = add_rigid_foot(
-        builder, plant, person.intact_sites, model.intact_foot.friction, ground, name="intact_foot"
+        builder,
+        plant,
+        person.intact_sites,
+        model.intact_foot.friction,
+        ground,
+        law=model.contact_law,
+        name="intact_foot",
     )
     builder.ExportInput(wired.fulcrum_position, "fulcrum_position")
     builder.ExportInput(driver.GetInputPort("desired_state"), "desired_state")

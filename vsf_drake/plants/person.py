@@ -124,7 +124,13 @@ def add_person(plant: MultibodyPlant, subject: Subject, model: ModelParameters) 
         segments=segments,
         intact_sites=_intact_sites(model.intact_foot, body, foot, sound),
         socket=socket,
-        foot=add_foot(plant, place, model.foot, side=subject.prosthetic_side),
+        foot=add_foot(
+            plant,
+            place,
+            model.foot,
+            side=subject.prosthetic_side,
+            contact=model.contact_law,
+        ),
     )
 
 

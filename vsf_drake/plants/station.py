@@ -52,7 +52,7 @@ from pydrake.systems.primitives import PassThrough
 
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import opened, resource, user_path
-from vsf_drake.model.contact_file import load_contact, model_with
+from vsf_drake.model.contact_file import fitted_model, load_contact
 from vsf_drake.model.model_file import check_fulcrum, load_model
 from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.model.scenario import Scenario, check_scenario, scenario_ground
@@ -111,7 +111,7 @@ def make_station(
     model = load_model(user_path(scenario.model)) if scenario.model else ModelParameters()
     if scenario.contact_file:
         path = user_path(scenario.contact_file)
-        model = model_with(model, load_contact(path).values, file=path)
+        model = fitted_model(model, load_contact(path), file=path)
     check_fulcrum(1e-3 * scenario.fulcrum_mm, model.foot, where="fulcrum_mm")
     builder = DiagramBuilder()
     visual = visual or meshcat is not None

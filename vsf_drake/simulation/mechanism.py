@@ -16,12 +16,15 @@ from pydrake.systems.framework import Context
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.laws import kelvin_voigt
+from vsf_drake.laws.contact import LAWS
 from vsf_drake.laws.contact_law import LawConstants
 from vsf_drake.plants.bench import BenchDiagram, RollOverDiagram
+from vsf_drake.plants.contact_geometry import dissipation
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.gait import GaitDiagram
 from vsf_drake.plants.wiring import velocity_indices
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
+from vsf_drake.simulation.stepping.directions import ParameterTangent
 from vsf_drake.simulation.stepping.stepper import Mechanism
 from vsf_drake.simulation.stepping.tree import tree_of
 from vsf_drake.simulation.variables import Variable, check_number
@@ -29,6 +32,9 @@ from vsf_drake.systems._system import System
 from vsf_drake.systems.foot_forces import FootForces
 
 UNLIMITED = 1e30
+DISSIPATION = SITE_COLUMNS.index("dissipation")
+MATCHED = [SITE_COLUMNS.index(name) for name in ("stiffness", "exponent", "damping")]
+"""Columns of a site that its dissipation is matched to."""
 # turn of one keel joint (rad) beyond which a leaf spring would long have broken (a choice)
 LARGEST_KEEL_ANGLE = 1.0
 LARGEST_SOCKET_SHIFT, LARGEST_SOCKET_ANGLE = 0.1, 1.0
@@ -154,7 +160,7 @@ def edited(
     mechanism: Mechanism, variables: Mapping[str, Variable], values: Mapping[str, float]
 ) -> Mechanism:
     """The mechanism with contact, springs and support as the checked `values` say; the rest is the
-    caller's."""
+    caller's. A dissipation is matched to what is changed (`plants.contact_geometry`)."""
     arrays = {name: getattr(mechanism, name).copy() for name in ("sites", "springs", "fulcrum")}
     for name, value in values.items():
         for key, array in arrays.items():
@@ -165,7 +171,33 @@ def edited(
                     if variables[name].added
                     else np.where(unit, value * unit, array)
                 )
+    if "dissipation" in LAWS[mechanism.law].constants:
+        before, after = (_matched(sites)[0] for sites in (mechanism.sites, arrays["sites"]))
+        arrays["sites"][:, DISSIPATION] = np.where(
+            after == before, mechanism.sites[:, DISSIPATION], after
+        )
     return dataclasses.replace(mechanism, **arrays)
+
+
+def tangents_of(
+    mechanism: Mechanism, tangents: Iterable[ParameterTangent]
+) -> tuple[ParameterTangent, ...]:
+    """`tangents` at the mechanism's numbers: with what a matched dissipation changes by."""
+    if "dissipation" not in LAWS[mechanism.law].constants:
+        return tuple(tangents)
+    _, *by = _matched(mechanism.sites)
+    whole = []
+    for by_unit in tangents:
+        sites = by_unit.sites
+        if sites is not None:
+            sites = sites.copy()
+            sites[:, DISSIPATION] += np.sum(sites[:, MATCHED] * np.transpose(by), axis=1)
+        whole.append(dataclasses.replace(by_unit, sites=sites))
+    return tuple(whole)
+
+
+def _matched(sites: np.ndarray) -> tuple[np.ndarray, ...]:
+    return dissipation(*sites[:, MATCHED].T)
 
 
 def supported_over(mechanism: Mechanism, width_m: float) -> Mechanism:

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vsf_drake.base.schema import option, quantity
+from vsf_drake.base.schema import choice, option, quantity
+from vsf_drake.model.contact_laws import CONTACT_LAWS
 from vsf_drake.model.parameters import MID_FULCRUM_MM
 
 _PAPER = "McGeehan 2021"
@@ -23,6 +24,19 @@ class StepOptions:
         high=MAX_STEP_MS,
         source="choice",
         help="Step of the simulations.",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawOptions:
+    """How the feet and the ground press each other."""
+
+    law: str | None = choice(
+        None,
+        options=tuple(CONTACT_LAWS),
+        source="choice",
+        metavar="|".join(CONTACT_LAWS),
+        help="Contact law. Default: that of the fitted contact, else of the model.",
     )
 
 

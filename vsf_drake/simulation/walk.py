@@ -28,7 +28,7 @@ from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.simulation import reactions
 from vsf_drake.simulation.archive import provenance
-from vsf_drake.simulation.mechanism import edited, gait_mechanism, supported_over
+from vsf_drake.simulation.mechanism import edited, gait_mechanism, supported_over, tangents_of
 from vsf_drake.simulation.options import MAX_STEP_MS, StepOptions
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
@@ -139,9 +139,8 @@ class Walker:
         variables = self.variables | perturbation_variables(perturbations, names, moments)
         values = check_values(values, variables)
         with_respect_to = check_names(with_respect_to, variables, where="with_respect_to")
-        tangents = tuple(variables[name].by_unit for name in with_respect_to)
-        for name, by_unit in zip(with_respect_to, tangents, strict=True):
-            if with_loads and by_unit.coordinate is not None:
+        for name in with_respect_to:
+            if with_loads and variables[name].by_unit.coordinate is not None:
                 raise InputError(
                     f"loads are not differentiated by {name}: it moves a prescribed coordinate",
                     where="with_respect_to",
@@ -161,6 +160,7 @@ class Walker:
                 **{name: own[name] + more for name, more in zip(OFFSETS, geometry, strict=True)},
             )
             mechanism = edited(gait_mechanism(self.gait, self.context), variables, values)
+        tangents = tangents_of(mechanism, (variables[name].by_unit for name in with_respect_to))
         trajectory.sample(moments[[0, -1]])  # a window outside the recording is told as that
         _check_memory(
             moments,

@@ -11,7 +11,7 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import Context
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.laws.contact import CONTACT_LAWS
+from vsf_drake.model.contact_laws import CONTACT_LAWS, FITTED_LAW
 from vsf_drake.systems import _foot_kernel as kernel
 from vsf_drake.systems._system import System, system_template
 
@@ -117,7 +117,7 @@ class FootForces(System):
         self._at = np.array(
             [position_indices, num_positions + np.array(velocity_indices)], dtype=np.int64
         )
-        self.law = CONTACT_LAWS.index(law or CONTACT_LAWS[0])
+        self.law = list(CONTACT_LAWS).index(law or FITTED_LAW)
         self._starts = np.array(keel_starts, dtype=float)
         self._site_keel = np.array(site_keel if law else [], dtype=np.int64)
         m = len(self._starts)

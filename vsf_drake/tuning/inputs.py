@@ -11,7 +11,7 @@ from pathlib import Path
 from vsf_drake.base.errors import require
 from vsf_drake.base.progress import Progress
 from vsf_drake.model.contact_file import load_contact
-from vsf_drake.motion.fitted_trial import trial_with
+from vsf_drake.motion.fitted_trial import trial_with, under_law
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.recording import MARKS
 from vsf_drake.tuning.common import digests
@@ -55,6 +55,7 @@ def load_tuning_trials(
     manifests: Sequence[str | Path],
     *,
     contact: str | Path | None = None,
+    law: str | None = None,
     level: int = 1,
     quick: bool = False,
     progress: Progress | None = None,
@@ -62,7 +63,8 @@ def load_tuning_trials(
 ) -> TuningTrials:
     """Reads trials of one person; without any, the `embedded_tuning_trials` with the contact that
     was fitted to them. Without a contact file, height, fore-aft position and alignment of the
-    prosthesis are fitted to each trial's plate. `judge` says what the recordings are worth, or
+    prosthesis are fitted to each trial's plate. `law` is the contact law, by default that of the
+    contact file, else of the trial's model. `judge` says what the recordings are worth, or
     refuses them: see `Trial.judged`.
     """
     if not manifests:
@@ -79,9 +81,11 @@ def load_tuning_trials(
     ]
     if contact is not None:
         fitted = load_contact(contact)
+        with_contact = (trial_with(trial, fitted, file=contact) for trial in trials)
         return TuningTrials(
-            tuple(trial_with(trial, fitted, file=contact) for trial in trials), labels, tuple(marks)
+            tuple(under_law(trial, law) for trial in with_contact), labels, tuple(marks)
         )
+    trials = tuple(under_law(trial, law) for trial in trials)
     fitted_trials = []
     notes = [unfitted_note(trials[0], offsets_fitted=True), *marks]
     for i, (trial, label) in enumerate(zip(trials, labels, strict=True)):
