@@ -23,8 +23,8 @@ PACKAGE = ROOT / "vsf_drake"
 FILES = sorted(PACKAGE.rglob("*.py"))
 FLOORS = (
     "base",
-    "model",
     "laws",
+    "model",
     "motion",
     "systems",
     "plants",

@@ -160,6 +160,37 @@ def test_a_walk_with_its_offsets_fitted_to_its_own_plate_is_called_no_prediction
     )
 
 
+def test_a_walk_has_the_law_that_is_asked_for_and_its_results_say_so(run, tmp_path):
+    peaks = {}
+    for law in ("kelvin_voigt", "hunt_crossley"):
+        words = ("--contact", "none", "--law", law, "--no-replay", "--step-ms", "2")
+        code, _, _ = run("simulate", TRIAL, "--out", tmp_path / law, *words)
+        assert code == 0
+        about = yaml.safe_load((tmp_path / law / "result.yaml").read_text(encoding="utf-8"))
+        assert about["parameters"]["model"]["contact_law"] == law
+        peaks[law] = load_walk(tmp_path / law).grf_W[:, 2].max()
+    assert "The contact law is hunt_crossley." in about["notes"]
+    assert 1.0 < abs(peaks["kelvin_voigt"] - peaks["hunt_crossley"]) < 200.0
+
+
+def test_a_contact_brings_the_law_that_it_was_fitted_with_and_no_other_goes_with_it(run, tmp_path):
+    own = dataclasses.replace(OWN, fingerprint=fingerprint(load_trial(TRIAL)))
+    smooth = tmp_path / "contact.yaml"
+    save_contact(made_contact(values=CHANGE, trials=(own,), law="smooth"), smooth)
+    words = ("--contact", smooth, "--no-replay", "--step-ms", "2")
+    assert run("simulate", TRIAL, "--out", tmp_path / "walk", *words)[0] == 0
+    about = yaml.safe_load((tmp_path / "walk" / "result.yaml").read_text(encoding="utf-8"))
+    assert about["parameters"]["model"]["contact_law"] == "smooth"
+    for command in (["simulate"], ["sweep", "--fulcrum-mm", "66"], ["tune"]):
+        code, _, err = run(
+            *command, TRIAL, "--out", tmp_path / "out", "--contact", smooth, "--law", "kelvin_voigt"
+        )
+        assert code == 2 and "--law: the contact of" in err and "was fitted with smooth" in err
+    code, _, err = run("simulate", TRIAL, "--out", tmp_path / "out", "--law", "rigid")
+    assert code == 2 and "--law" in err and "kelvin_voigt" in err
+    assert not (tmp_path / "out").exists()
+
+
 def test_offsets_are_not_fitted_on_top_of_a_fitted_contact(run, tmp_path, contact):
     for command in (["simulate"], ["sweep", "--fulcrum-mm", "66"]):
         code, _, err = run(

@@ -162,7 +162,7 @@ def test_dropped_leg_comes_to_rest_on_its_weight_at_a_millisecond(contact):
 def test_on_the_forefoot_of_a_heavier_leg_a_step_that_friction_does_not_bear_ends_the_run(
     monkeypatch,
 ):
-    """A step that friction bears is as near as STICKING_STEPS says, and halved at least twice as
+    """A step that friction bears is as near as `grip_limit` says, and halved at least twice as
     near: forces from the start of a step are of first order. Level, the heel bears the leg at the
     longer step too.
     """

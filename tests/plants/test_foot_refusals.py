@@ -182,7 +182,15 @@ def test_foot_is_wired_in_its_own_plant_after_finalize_and_before_its_force_port
         plant.Finalize()
         refused("another plant.*the plant that it was added to", wire_foot, builder, plant, foot)
     with pytest.raises(ValueError, match="bodies, but must be on one"):
-        add_rigid_foot(builder, plant, own.sites, FrictionParameters(), Ground(), name="rigid")
+        add_rigid_foot(
+            builder,
+            plant,
+            own.sites,
+            FrictionParameters(),
+            Ground(),
+            law="smooth",
+            name="rigid",
+        )
 
 
 def test_a_port_that_cannot_act_is_refused_and_leaves_those_that_do(ready):

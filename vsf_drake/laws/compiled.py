@@ -39,7 +39,6 @@ from numba.extending import register_jitable
 
 COMPILED = (
     "laws",
-    "model/contact_laws.py",
     "simulation/stepping",
     "simulation/reactions.py",
     "systems/_foot_kernel.py",

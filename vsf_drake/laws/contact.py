@@ -1,5 +1,5 @@
 """What compiled code and Python call of the contact laws: the law is a whole number, its place in
-the table `model.contact_laws`, that all walks and sites of a call have in common."""
+the table `laws.contact_laws`, that all walks and sites of a call have in common."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 from vsf_drake.laws._elementwise import Values
 from vsf_drake.laws.compiled import generic
 from vsf_drake.laws.contact_law import ContactLaw, LawConstants
+from vsf_drake.laws.contact_laws import CONTACT_LAWS
 from vsf_drake.laws.lanes import negated, some
-from vsf_drake.model.contact_laws import CONTACT_LAWS
 
 LAWS: tuple[ContactLaw, ...] = tuple(
     import_module(f"vsf_drake.laws.{file}").LAW for file in CONTACT_LAWS.values()

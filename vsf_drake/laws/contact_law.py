@@ -2,7 +2,7 @@
 with its derivatives.
 
 A law is written once, as functions of any kind of number (`compiled.generic`): compiled for one
-walk and for lanes of walks, and as Python for arrays and AutoDiffXd. `model.contact_laws` has
+walk and for lanes of walks, and as Python for arrays and AutoDiffXd. `laws.contact_laws` has
 the table of all laws, `contact` calls them.
 """
 

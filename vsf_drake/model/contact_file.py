@@ -44,7 +44,7 @@ from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import write_text
 from vsf_drake.base.schema import check, choice, load_yaml, quantity, to_plain
 from vsf_drake.base.yaml_file import Dumper
-from vsf_drake.model.contact_laws import CONTACT_LAWS, FITTED_LAW
+from vsf_drake.laws.contact_laws import CONTACT_LAWS, FITTED_LAW
 from vsf_drake.model.model_file import check_model, foam_under_load
 from vsf_drake.model.parameters import SIDES, ModelParameters, person_coordinates
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from vsf_drake.base.schema import choice, quantity
-from vsf_drake.model.contact_laws import CONTACT_LAWS, FITTED_LAW
+from vsf_drake.laws.contact_laws import CONTACT_LAWS, FITTED_LAW
 
 _PAPER = "McGeehan 2021"
 _PUBLIC = "GaitModel_VSF scripts"

@@ -25,7 +25,7 @@ from vsf_drake.base import errors
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import PACKAGE, user_path
 from vsf_drake.base.schema import check, choice, load_yaml, quantity
-from vsf_drake.model.contact_laws import CONTACT_LAWS
+from vsf_drake.laws.contact_laws import CONTACT_LAWS
 from vsf_drake.model.ground import Ground, check_ground, load_ground
 from vsf_drake.model.parameters import GRAVITY, MID_FULCRUM_MM, SIDES, Subject
 

@@ -30,7 +30,7 @@ from vsf_drake.base.errors import InputError, require
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.laws.contact import LAWS
 from vsf_drake.laws.contact_law import ContactLaw
-from vsf_drake.model.contact_laws import CONTACT_LAWS
+from vsf_drake.laws.contact_laws import CONTACT_LAWS
 from vsf_drake.model.model_file import check_foot, check_fulcrum, secant_stiffness
 from vsf_drake.model.parameters import SIDES, FootParameters, KeelParameters
 from vsf_drake.plants.contact_geometry import (

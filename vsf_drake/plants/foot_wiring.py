@@ -18,7 +18,7 @@ from pydrake.systems.framework import (
 )
 
 from vsf_drake.base.errors import require
-from vsf_drake.model.contact_laws import CONTACT_LAWS
+from vsf_drake.laws.contact_laws import CONTACT_LAWS
 from vsf_drake.model.ground import Ground, check_ground, ground_arrays
 from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import ActuatorParameters, FrictionParameters

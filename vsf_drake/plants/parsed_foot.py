@@ -13,7 +13,7 @@ from pydrake.multibody import tree
 from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.base.errors import InputError, require
-from vsf_drake.model.contact_laws import CONTACT_LAWS
+from vsf_drake.laws.contact_laws import CONTACT_LAWS
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.contact_geometry import own_geometry
 from vsf_drake.plants.export import NAME, pad_of, rigid_foot

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from vsf_drake.base.schema import choice, option, quantity
-from vsf_drake.model.contact_laws import CONTACT_LAWS
+from vsf_drake.laws.contact_laws import CONTACT_LAWS
 from vsf_drake.model.parameters import MID_FULCRUM_MM
 
 _PAPER = "McGeehan 2021"

@@ -11,7 +11,7 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import Context
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.model.contact_laws import CONTACT_LAWS, FITTED_LAW
+from vsf_drake.laws.contact_laws import CONTACT_LAWS, FITTED_LAW
 from vsf_drake.systems import _foot_kernel as kernel
 from vsf_drake.systems._system import System, system_template
 

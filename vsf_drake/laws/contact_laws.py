@@ -1,4 +1,4 @@
-"""The table of contact laws: a law's name, and its file in `vsf_drake.laws`. Its place here is its
+"""The table of contact laws: the name of each and its file beside this one. Its place here is its
 number in compiled code."""
 
 CONTACT_LAWS = {
