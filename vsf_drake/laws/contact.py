@@ -47,7 +47,8 @@ force = _by_number([law.force for law in LAWS])
 """law, depth, depth rate, constants -> `ContactLaw.force`."""
 per_speed = _by_number([law.friction.per_speed for law in LAWS])
 """law, slip speed, constants -> `Friction.per_speed`."""
-_force_by = _by_number([law.by_constant for law in LAWS])
+force_by = _by_number([law.by_constant for law in LAWS])
+"""law, place of a constant, signed depth, depth rate, constants -> `ContactLaw.by_constant`."""
 _friction_by = _by_number([law.friction.by_constant for law in LAWS])
 
 
@@ -94,7 +95,7 @@ def normal_by_constant(
     law: int, column: int, depth: Values, rate: Values, sites: Any, s: int
 ) -> Values:
     """Derivative of the normal force by a column of the site."""
-    return _force_by(law, column - FIRST_COLUMN, depth, rate, law_constants(sites, s))
+    return force_by(law, column - FIRST_COLUMN, depth, rate, law_constants(sites, s))
 
 
 @generic

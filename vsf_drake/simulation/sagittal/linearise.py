@@ -1,5 +1,5 @@
-"""Derivatives of the sagittal model's outputs: closed form for the bodies, complex steps in the
-small laws.
+"""Derivatives of the sagittal model's outputs: closed form for bodies and contact, complex steps in
+springs and support.
 
 With S_k a joint, i a link that it carries, V and A twists and their rates, parent(k) what carries
 the joint itself,
@@ -374,17 +374,11 @@ def ground_changes(
     A turn of the link shifts that point by (z of the centre, -x): it stays straight under the
     centre.
     """
-    h = 1j * IMAGINARY_STEP
     x = at.x
     z = at.z
-    rate = -at.vz
-    fz, mu = normal(spheres, at.depth, rate, heel, smoothing), friction(spheres, at.slip, smoothing)
-    by_depth = normal(spheres, at.depth + h, rate, heel, smoothing).imag / IMAGINARY_STEP
-    by_rate = normal(spheres, at.depth, rate + h, heel, smoothing).imag / IMAGINARY_STEP
-    fz_by_heel = np.where(
-        tall(spheres.heel, fz), normal(spheres, at.depth, rate, heel + h, smoothing).imag, 0.0
-    )
-    by_slip = -fz * friction(spheres, at.slip + h, smoothing).imag / IMAGINARY_STEP
+    fz, by_depth, by_rate, fz_by_heel = normal(spheres, at.depth, -at.vz, heel, smoothing)
+    mu, mu_slope = friction(spheres, at.slip, smoothing)
+    by_slip = -fz * mu_slope
     wrench = wrenches(at, fz, mu)
     fx, nil, one = wrench[1], np.zeros_like(fz), np.ones_like(fz)
     centre_z = z + tall(spheres.columns["radius"], z)
@@ -407,7 +401,7 @@ def ground_changes(
     by_twist = np.stack(
         [change(nil, nil, x, z), change(nil, nil, nil, one), change(nil, nil, -one, nil)], 1
     )
-    by_heel = wrenches(at, fz_by_heel / IMAGINARY_STEP, mu)
+    by_heel = wrenches(at, fz_by_heel, mu)
 
     changes = []
     for foot in feet:  # sums over the spheres that each link carries

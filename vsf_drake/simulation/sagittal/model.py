@@ -24,14 +24,20 @@ gyration, as `plants.anthropometry` has it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.schema import check, quantity
-from vsf_drake.laws import kelvin_voigt
-from vsf_drake.laws._elementwise import rounded_positive_part, smooth_step
+from vsf_drake.laws import contact, kelvin_voigt, smooth_contact
+from vsf_drake.laws._elementwise import (
+    rounded_positive_part,
+    rounded_positive_part_slope,
+    smooth_step,
+)
+from vsf_drake.laws.contact import LAWS
+from vsf_drake.laws.contact_law import DISSIPATION, LAW_COLUMNS, STIFFNESS, LawConstants
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
@@ -158,7 +164,7 @@ class SagittalModel:
             self.shank if able_bodied else int(self.dynamics.link[names.index("socket_flexion")])
         )
         self.socket_bends = plane.links[self.socket].turn * plane.links[self.shank].turn
-        self.spheres, first = merged_spheres(plane, sites, bodies, heel)
+        self.spheres, first = merged_spheres(plane, sites, bodies, heel, mechanism.law)
         prosthetic = int(np.sum(first < count))
         self.feet = slice(0, prosthetic), slice(prosthetic, None)
         self.outputs = (
@@ -198,8 +204,8 @@ class SagittalModel:
         at = touch(self.spheres, motion, self.ground)
         wrench = wrenches(
             at,
-            normal(self.spheres, at.depth, -at.vz, p[1], smoothing),
-            friction(self.spheres, at.slip, smoothing),
+            normal(self.spheres, at.depth, -at.vz, p[1], smoothing).force,
+            friction(self.spheres, at.slip, smoothing)[0],
         )
         taken = self.dynamics.inertial(motion)
         for sphere, link in enumerate(self.spheres.link):
@@ -344,7 +350,6 @@ def spring_forces(
 # m over which the lowest of a foot's spheres is blended from one to the next; a choice
 SOLE_BLEND = 2e-3
 _ROUNDING = 9  # digits (m) to which two places are one
-_NORMAL = ("stiffness", "exponent", "damping", "full_damping_depth")
 FRICTION_CORNER = 0.2  # half-width of the corner at the threshold, over that
 
 
@@ -359,6 +364,7 @@ class Spheres:
     columns: dict[str, np.ndarray]
     """(s,) each, radius and constants of the laws by the stepper's names"""
     heel: np.ndarray  # (s,) bool, of a zone whose stiffness is a design variable
+    law: int  # number of the contact law
 
 
 @dataclass(frozen=True, eq=False)
@@ -374,9 +380,9 @@ class Touch:
 
 
 def merged_spheres(
-    tree: PlanarTree, rows: np.ndarray, bodies: np.ndarray, heel: np.ndarray
+    tree: PlanarTree, rows: np.ndarray, bodies: np.ndarray, heel: np.ndarray, law: int
 ) -> tuple[Spheres, np.ndarray]:
-    """Rows (S, 11) of the stepper's sites on the plant's `bodies` (S,), heel (S,) bool; and the
+    """Rows (S, 14) of the stepper's sites on the plant's `bodies` (S,), heel (S,) bool; and the
     first row of each."""
     merged: dict[tuple[float, ...], list[int]] = {}  # the rows that the plane does not tell apart
     links = []
@@ -394,6 +400,7 @@ def merged_spheres(
         x=x,
         z=z,
         heel=heel[first],
+        law=law,
         count=np.array([float(len(alike)) for alike in merged.values()]),
         columns=dict(zip(SITE_COLUMNS, rows[first].T, strict=True)),
     ), first
@@ -419,25 +426,61 @@ def touch(spheres: Spheres, motion: PlanarMotion, ground: float) -> Touch:
     )
 
 
+class Pressed(NamedTuple):
+    """Normal forces (s, ...) N of the spheres, and their derivatives."""
+
+    force: np.ndarray
+    by_depth: np.ndarray  # N/m
+    by_rate: np.ndarray  # N s/m
+    by_heel: np.ndarray  # N, by the scale of the heel's stiffness
+
+
 def normal(
     spheres: Spheres, depth: np.ndarray, rate: np.ndarray, heel: np.ndarray, smoothing: Smoothing
-) -> np.ndarray:
-    """(s, ...) N at depths (m) and their rates (m/s); `heel` scales the heel's stiffness."""
-    law: dict[str, Any] = {name: tall(spheres.columns[name], depth) for name in _NORMAL}
-    law["stiffness"] = law["stiffness"] * np.where(tall(spheres.heel, depth), heel, 1.0)
-    law["damping"] = smoothing.damping * law["damping"]
-    force = kelvin_voigt.normal_force(
-        rounded_positive_part(depth, smoothing.depth_m),
-        rounded_positive_part(rate, smoothing.rate_m_per_s),
-        **law,
+) -> Pressed:
+    """The law of the spheres at depths (m) and their rates (m/s), with its corners rounded; `heel`
+    scales the heel's stiffness.
+
+    A dissipation is matched to a stiffness (`plants.contact_geometry`) and falls as that rises.
+    """
+    own = LawConstants(**{name: tall(spheres.columns[name], depth) for name in LAW_COLUMNS})
+    scale = np.where(tall(spheres.heel, depth), heel, 1.0)
+    site = own._replace(
+        stiffness=own.stiffness * scale,
+        damping=smoothing.damping * own.damping,
+        dissipation=smoothing.damping * own.dissipation / scale,
+        depth_width=smoothing.depth_m,
+        rate_width=smoothing.rate_m_per_s,
     )
-    return np.asarray(tall(spheres.count, depth) * force)
+    pressed, slope = smooth_contact.penetration(depth, site)
+    law = spheres.law
+    closing = rate
+    rate_slope: np.ndarray | float = 1.0
+    if LAWS[law] in (kelvin_voigt.LAW, smooth_contact.LAW):
+        law = LAWS.index(kelvin_voigt.LAW)
+        closing = rounded_positive_part(rate, site.rate_width)
+        rate_slope = rounded_positive_part_slope(rate, site.rate_width)
+    force, by_depth, by_closing = contact.force(law, pressed, closing, site)
+    by_scale = (
+        contact.force_by(law, STIFFNESS, pressed, closing, site) * own.stiffness
+        - contact.force_by(law, DISSIPATION, pressed, closing, site) * site.dissipation / scale
+    )
+    by_heel = np.where(tall(spheres.heel, depth), by_scale, 0.0)
+    count = tall(spheres.count, depth)
+    return Pressed(
+        force=count * force,
+        by_depth=count * slope * by_depth,
+        by_rate=count * rate_slope * by_closing,
+        by_heel=count * by_heel,
+    )
 
 
-def friction(spheres: Spheres, slip: np.ndarray, smoothing: Smoothing) -> np.ndarray:
+def friction(
+    spheres: Spheres, slip: np.ndarray, smoothing: Smoothing
+) -> tuple[np.ndarray, np.ndarray]:
     """(s, ...) coefficients of the friction -coefficient fz at slips (m/s), odd in them: linear as
     the stepper's law up to 0.8 of the threshold, from 1.2 of it mu_static, and friction_rise of
-    that more for each threshold beyond.
+    that more for each threshold beyond; and their slopes (s/m).
 
     Between them it is rounded, and by up to 0.0375 mu_static lower than the law with its corner at
     the threshold. The law's fall to `mu_kinetic` beyond the threshold is left out, since a falling
@@ -448,11 +491,16 @@ def friction(spheres: Spheres, slip: np.ndarray, smoothing: Smoothing) -> np.nda
     mu_static, threshold = (
         tall(spheres.columns[name], slip) for name in ("mu_static", "threshold_velocity")
     )
-    u = slip / np.maximum(threshold, smoothing.friction_velocity_m_per_s)
+    reached = np.maximum(threshold, smoothing.friction_velocity_m_per_s)
+    u = slip / reached
+    level = 1.0 - smoothing.friction_rise
     beyond = rounded_positive_part(u - 1.0, FRICTION_CORNER) - rounded_positive_part(
         -u - 1.0, FRICTION_CORNER
     )
-    return np.asarray(mu_static * (u - (1.0 - smoothing.friction_rise) * beyond))
+    bend = rounded_positive_part_slope(u - 1.0, FRICTION_CORNER) + rounded_positive_part_slope(
+        -u - 1.0, FRICTION_CORNER
+    )
+    return mu_static * (u - level * beyond), mu_static * (1.0 - level * bend) / reached
 
 
 def wrenches(at: Touch, fz: np.ndarray, coefficient: np.ndarray) -> np.ndarray:
