@@ -84,7 +84,7 @@ LONG = {"settings": SettingsTable, "sensitivity": SensitivityTable}
 """Sections that come with the package, with the record that each holds."""
 NAMES = (*_SECTIONS, *EXACT, *LONG)
 EVERY_S = 5.0
-PAGE_SHARE = 0.2
+PAGE_SHARE = 0.1
 """Least time between two pages that grow, and the share of it that writing them may take
 (choices)."""
 _PACKAGE = Path(__file__).resolve().parents[1]
