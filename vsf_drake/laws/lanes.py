@@ -441,6 +441,8 @@ def _laned(kind: Any, name: str = "") -> Any:
             return types.NamedUniTuple(parts[0], len(parts), kind.instance_class)
         return types.NamedTuple(parts, kind.instance_class)
     if isinstance(kind, types.Array) and kind.dtype == types.float64 and name not in SHARED:
+        if kind.layout != "C":
+            raise TypeError(f"{name or 'an array'} is not contiguous: it has no lanes")
         return types.Array(LANE, kind.ndim - 1, "C", aligned=False)
     return kind
 

@@ -118,9 +118,10 @@ class Instant:
         r = self.workspace.r
         self.converged = r @ np.linalg.solve(self.workspace.M, r) <= TOLERANCE**2
         count, directions = len(self.dofs.free), one.directions
-        self.by_variable = (self.tangent.Gq[:, count:] @ directions.unit[count:] + self.tangent.E)[
-            :, : len(names)
-        ]
+        self.by_variable = (
+            self.tangent.Gq[:, count:] @ directions.unit[count:]
+            + self.tangent.E[:, : directions.unit.shape[1]]
+        )[:, : len(names)]
         self.by_q, self.by_v = self.tangent.Gq[:, :count].copy(), self.tangent.Gv[:, :count].copy()
         way = [directions.coordinate.tolist().index(c) for c in self.held[:-1]]
         self.by_held_q, self.by_held_v, self.by_held_end = (

@@ -287,6 +287,8 @@ class OneStep:
             ground,
             fulcrum,
             q_next,
+            True,
+            False,
             q0,
             q0.copy(),
             v,
@@ -311,6 +313,8 @@ def _linear_step(
     ground: float,
     fulcrum: float,
     q_next: np.ndarray,
+    active: bool,
+    ready: bool,
     q0: np.ndarray,
     q: np.ndarray,
     v: np.ndarray,
@@ -319,7 +323,8 @@ def _linear_step(
     wrench: np.ndarray,
     support: np.ndarray,
 ) -> None:
-    """A step from q0, v to q, v (n,), and its linearisation."""
+    """A step from q0, v to q, v (n,), and its linearisation; `active` and `ready` are no literals,
+    for which the step would be compiled again."""
     step(
         h,
         tree,
@@ -330,8 +335,8 @@ def _linear_step(
         0.0,
         fulcrum,
         q_next,
-        True,
-        False,
+        active,
+        ready,
         q,
         v,
         load,

@@ -132,12 +132,13 @@ def run_side_by_side(
     """The record of each run, or why there is none: a coordinate becomes NaN, too fast or larger
     than its limit. It is the same to the bit in whatever company a run is taken.
 
-    The runs have the bodies, joints, inertias and keel of the first one, and prescribe the same
-    coordinates; numbers of frames, contact, springs and support, motions, grids and lengths are
-    their own. A step has converged within `tolerance`, see `assembly.Workspace`. `sites`: whether
-    the record of each site is kept. `stop` is called now and then with the number of finished steps
-    and the record of each run (true ends the run), `progress` with the finished fraction. `forward`
-    says what the sensitivities of a single run are carried to.
+    The runs have the bodies, joints, inertias and keel of the first one, its contact law and width
+    of the support, and prescribe the same coordinates; numbers of frames, contact, springs and
+    support, motions, grids and lengths are their own. ValueError if law or width differ. A step has
+    converged within `tolerance`, see `assembly.Workspace`. `sites`: whether the record of each site
+    is kept. `stop` is called now and then with the number of finished steps and the record of each
+    run (true ends the run), `progress` with the finished fraction. `forward` says what the
+    sensitivities of a single run are carried to.
     """
     done: list[Record | SimulationError] = []
     for begin in range(0, len(runs), WIDTH):
@@ -343,6 +344,8 @@ class _Block:
         sites: bool,
         forward: ForwardSensitivity | None,
     ) -> None:
+        if len({(run.mechanism.law, run.mechanism.support_width) for run in runs}) > 1:
+            raise ValueError("runs side by side have one contact law and one width of the support")
         self.runs = runs
         of_first = runs[0].mechanism
         filled = [*runs, *[runs[-1]] * (WIDTH - len(runs) if len(runs) > 1 else 0)]
