@@ -12,6 +12,7 @@ import numpy as np
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.schema import to_plain
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
+from vsf_drake.laws.keel import chain, piece_at
 from vsf_drake.model.model_file import check_fulcrum, check_model, secant_stiffness
 from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.bench import BenchDiagram, make_bench
@@ -288,16 +289,16 @@ def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> Keel
             f"{load_n} is no load", where="load_n", right="Give a finite number of newtons"
         )
     stiffness: np.ndarray = np.diag(np.concatenate(([0.0], keel_joint_stiffness(foot.keel))))
-    lengths_P = _behind(foot, fulcrum_m)
-    lengths_C = _behind(foot, foot.load_point_m)
+    starts = np.concatenate(([0.0], keel_joint_positions(foot.keel)))
+    points = fulcrum_m, foot.load_point_m
     support = foot.fulcrum.stiffness_n_per_m
-    q = np.zeros(len(lengths_P))
+    q = np.zeros(len(starts))
     hessian = stiffness
     share = 0.0
     step = min(1.0, FIRST_STEP_N / max(abs(load_n), 1e-300))
     while share < 1.0:
         tried = min(share + step, 1.0)
-        moved, hessian = _balance(q, tried * load_n, stiffness, support, lengths_P, lengths_C)
+        moved, hessian = _balance(q, tried * load_n, stiffness, support, starts, points)
         if moved is None:
             step *= 0.5
             if step < LEAST_STEP:
@@ -309,23 +310,15 @@ def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> Keel
         else:
             q = moved
             share = tried
-    inclined = np.cumsum(q)
-    point = np.array([lengths_C @ np.cos(inclined), lengths_C @ np.sin(inclined)])
-    z_P, by_P, _ = _height(lengths_P, inclined)
+    _, z_P, by_P, _ = _material_point(starts, q, fulcrum_m)
+    x_C, z_C, by_C, _ = _material_point(starts, q, foot.load_point_m)
     moments = np.column_stack([stiffness @ q / foot.keel.flexural_modulus_pa, z_P * by_P])
     return KeelShape(
         angles=q,
-        load_point_K=point,
+        load_point_K=np.array([x_C, z_C]),
         support_force_n=-support * z_P,
-        rise_by=-_height(lengths_C, inclined)[1] @ np.linalg.solve(hessian, moments),
+        rise_by=-by_C @ np.linalg.solve(hessian, moments),
     )
-
-
-def _behind(foot: FootParameters, x: float) -> np.ndarray:
-    """(m,) length of every piece that lies between A and the material point at `x`."""
-    starts = np.concatenate(([0.0], keel_joint_positions(foot.keel)))
-    ends = np.append(starts[1:], np.inf)
-    return np.asarray(np.clip(x, starts, ends) - starts)
 
 
 def _balance(
@@ -333,16 +326,16 @@ def _balance(
     load: float,
     stiffness: np.ndarray,
     support: float,
-    lengths_P: np.ndarray,
-    lengths_C: np.ndarray,
+    starts: np.ndarray,
+    points: tuple[float, float],
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """The stable equilibrium that Newton's method reaches from `q`, None where it reaches none; and
-    the Hessian."""
-    enough = BALANCED * (abs(load) * float(lengths_C.sum()) + 1e-6)
+    the Hessian. `points` (m from A) are where support and load are."""
+    supported, loaded = points
+    enough = BALANCED * (abs(load) * loaded + 1e-6)
     for _ in range(ITERATIONS):
-        inclined = np.cumsum(q)
-        z_P, by_P, twice_P = _height(lengths_P, inclined)
-        _, by_C, twice_C = _height(lengths_C, inclined)
+        _, z_P, by_P, twice_P = _material_point(starts, q, supported)
+        _, _, by_C, twice_C = _material_point(starts, q, loaded)
         moment = stiffness @ q + support * z_P * by_P - load * by_C
         hessian = stiffness + support * (np.outer(by_P, by_P) + z_P * twice_P) - load * twice_C
         try:
@@ -357,11 +350,21 @@ def _balance(
     return None, hessian
 
 
-def _height(lengths: np.ndarray, inclined: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Height of a material point, its gradient (m,) and its Hessian (m, m) by the joint angles."""
-    rising = lengths * np.cos(inclined)
-    sine = lengths * np.sin(inclined)
-    by = np.cumsum(rising[::-1])[::-1]
-    rest = np.cumsum(sine[::-1])[::-1]
-    m = len(lengths)
-    return float(sine.sum()), by, -rest[np.maximum.outer(np.arange(m), np.arange(m))]
+def _material_point(
+    starts: np.ndarray, turns: np.ndarray, position: float
+) -> tuple[float, float, np.ndarray, np.ndarray]:
+    """x and z of a point of the keel, and the gradient (m,) and Hessian (m, m) of its height by the
+    joint angles."""
+    c, s, x, z = chain(starts, turns)
+    piece = piece_at(starts, position)
+    along = position - starts[piece]
+    x_P = x[piece] + along * c[piece]
+    z_P = z[piece] + along * s[piece]
+    joints = np.arange(len(starts))
+    outer = np.maximum.outer(joints, joints)
+    return (
+        x_P,
+        z_P,
+        np.where(joints <= piece, x_P - x, 0.0),
+        np.where(outer <= piece, z[outer] - z_P, 0.0),
+    )

@@ -24,6 +24,7 @@ from vsf_drake.laws import contact
 from vsf_drake.laws.compiled import Compiled, compiled, internal
 from vsf_drake.laws.contact_law import LawConstants
 from vsf_drake.laws.ground import foam_depth, patch_under
+from vsf_drake.laws.keel import lay_chain, piece_at
 from vsf_drake.laws.lanes import root
 
 SCALARS = (
@@ -120,32 +121,25 @@ def foot_vector(
     # The planar chain in K: a keel body at the angle sum(q_0..q_i), positive toe up, and each joint
     # a length further along the body before it; velocities are those formulas' time derivatives,
     # relative to the frame.
-    angle = rate = 0.0
+    turns = state[at[0, :m]]
+    lay_chain(starts, turns, cos, sin, place[:, 0], place[:, 1])
+    rate = 0.0
     for i in range(m):
-        if i == 0:
-            place[0, 0] = starts[0]
-        else:
+        if i > 0:
             length = starts[i] - starts[i - 1]
-            place[i, 0], place[i, 1] = (
-                place[i - 1, 0] + length * cos[i - 1],
-                place[i - 1, 1] + length * sin[i - 1],
-            )
             moving[i, 0] = moving[i - 1, 0] - length * rates[i - 1] * sin[i - 1]
             moving[i, 1] = moving[i - 1, 1] + length * rates[i - 1] * cos[i - 1]
-        q = state[at[0, i]]
+        q = turns[i]
         v = state[at[1, i]]
-        angle = angle + q
         rate = rate + v
-        sin[i], cos[i], rates[i] = math.sin(angle), math.cos(angle), rate
+        rates[i] = rate
         spring[i] = -(joints[i, 0] * q + joints[i, 1] * v)
         moment[i] = spring[i]
 
     # The support: f = -(k w + c w') along z_K at the keel's point `position` from A, w its height
     # in K. About a joint behind the point it has the lever arm x - x_j. The carriage's servo is a
     # spring and damper to `position`.
-    i = 0
-    while i + 1 < m and starts[i + 1] <= position:
-        i += 1
+    i = piece_at(starts, position)
     arm = position - starts[i]
     height = place[i, 1] + arm * sin[i]
     rise = moving[i, 1] + arm * rates[i] * cos[i]

@@ -13,6 +13,7 @@ from vsf_drake.base.errors import SimulationError
 from vsf_drake.base.files import flat
 from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.base.sentences import say
+from vsf_drake.laws.keel import chain
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.plants.foot import keel_joint_positions
@@ -518,9 +519,11 @@ def _most_loaded_keel(result: WalkResult, foot: FootParameters) -> tuple[np.ndar
     bends = [
         column for column, name in enumerate(result.coordinate_names) if name.startswith("keel_")
     ]
-    slopes = np.cumsum(result.q[i, bends])
-    joints_m = [0.0, *keel_joint_positions(foot.keel), sum(foot.keel.element_lengths_m)]
-    pieces_mm = np.diff(1e3 * np.array(joints_m)) * [np.cos(slopes), np.sin(slopes)]
-    keel_mm = np.vstack([np.zeros(2), np.cumsum(pieces_mm, axis=1).T])
+    starts = np.array([0.0, *keel_joint_positions(foot.keel)])
+    c, s, x, z = chain(starts, result.q[i, bends])
+    last = sum(foot.keel.element_lengths_m) - starts[-1]
+    keel_mm = 1e3 * np.column_stack(
+        [np.append(x, x[-1] + last * c[-1]), np.append(z, z[-1] + last * s[-1])]
+    )
     load_n = loads[i].sum()
     return keel_mm, [load_n, loads[i] @ spheres_mm[ahead] / max(load_n, 1e-9)]

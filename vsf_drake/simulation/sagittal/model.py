@@ -38,6 +38,7 @@ from vsf_drake.laws._elementwise import (
 )
 from vsf_drake.laws.contact import LAWS
 from vsf_drake.laws.contact_law import DISSIPATION, LAW_COLUMNS, STIFFNESS, LawConstants
+from vsf_drake.laws.keel import chain
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
@@ -280,16 +281,10 @@ class Support:
     def deflection(self, w: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Height (...) of P over the undeformed keel (m) at the turns w (K, ...), and (K, ...) its
         derivatives by w."""
-        starts = tall(self.starts, w)
         signs = tall(self.signs, w)
-        angle = np.cumsum(signs * w, axis=0)
-        c = np.cos(angle)
-        s = np.sin(angle)
-        lengths = np.diff(starts, axis=0)
+        c, s, x, z = chain(self.starts, signs * w)
         zero = np.zeros_like(c[:1])
-        x = np.concatenate([zero, np.cumsum(lengths * c[:-1], axis=0)])
-        z = np.concatenate([zero, np.cumsum(lengths * s[:-1], axis=0)])
-        along = position - starts
+        along = position - tall(self.starts, w)
         past = np.concatenate(
             [zero + 1.0, smooth_step(0.5 * (along[1:] / SUPPORT_WIDTH + 1.0)), zero]
         )
