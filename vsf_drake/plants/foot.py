@@ -50,8 +50,8 @@ from vsf_drake.plants.foot_handles import (
 from vsf_drake.plants.solids import FORWARD, RIGHTWARD, box
 
 CONTACTS = (*CONTACT_LAWS, *DRAKE_CONTACTS)
-"""What a foot can meet the ground by: three laws of `systems.FootForces`, and two contacts of
-Drake's own."""
+"""What a foot can meet the ground by: the laws of `systems.FootForces`, and two contacts of Drake's
+own."""
 
 
 def keel_joint_positions(keel: KeelParameters) -> np.ndarray:
