@@ -1,6 +1,6 @@
 """Prints how fast each way of advancing is and how right, as one table.
 
-    python tests/benchmarks/run.py [--quick] [--only NAME ...]
+    python tests/benchmarks/run.py [--quick] [--only NAME ...] [--store FILE.json]
 
 Simulated time over wall time on one core, compilation excluded, with the accuracy beside it: of
 walking the root mean square difference of the 40 Hz resultants of the prosthetic foot's ground
@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import json
+import platform
 import sys
 from pathlib import Path
 
@@ -20,6 +22,8 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "helpers"))
 sys.path.append(str(Path(__file__).resolve().parents[2] / "studies" / "examples"))
 import walks
 from table import Row, format_table
+
+from vsf_drake.simulation.archive import provenance
 
 
 def mujoco() -> list[Row]:
@@ -40,6 +44,7 @@ def mujoco() -> list[Row]:
 
 GROUPS = {
     "stepper": walks.stepper,
+    "side_by_side": walks.side_by_side,
     "simulator": walks.simulator,
     "mujoco": mujoco,
     "sweeps": walks.sweeps,
@@ -56,9 +61,28 @@ def main() -> None:
     parser.add_argument(
         "--quick", action="store_true", help="without the sweeps, unless --only names them"
     )
+    parser.add_argument(
+        "--store", type=Path, metavar="FILE.json", help="rows, versions and the processor's name"
+    )
     options = parser.parse_args()
     names = options.only or [name for name in GROUPS if name != "sweeps" or not options.quick]
-    print(format_table([row for name in names for row in GROUPS[name]()]))
+    rows = [row for name in names for row in GROUPS[name]()]
+    print(format_table(rows))
+    if options.store:
+        made = {
+            "processor": processor(),
+            "versions": provenance()["versions"],
+            "rows": [row._asdict() | {"faster": row.faster} for row in rows],
+        }
+        options.store.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
+
+
+def processor() -> str:
+    """Its name, as the system tells it."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.processor()
 
 
 if __name__ == "__main__":

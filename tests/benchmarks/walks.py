@@ -79,6 +79,17 @@ def best(run: Callable[[], Any], repeats: int = REPEATS) -> Any:
     return min((run() for _ in range(repeats)), key=lambda run: run.wall_s)
 
 
+def processor_s(run: Callable[[], Any], repeats: int = REPEATS) -> float:
+    """Least processor time of `repeats` runs, after one that compiles."""
+    run()
+    spent = []
+    for _ in range(repeats):
+        started = time.process_time()
+        run()
+        spent.append(time.process_time() - started)
+    return min(spent)
+
+
 def difference(force: np.ndarray, step_s: float, exact: np.ndarray, exact_step_s: float) -> float:
     """RMS difference of the 40 Hz resultants of forces (n, 3) at the ends of steps, each
     millisecond or at the longer step, in percent of body weight."""
@@ -126,6 +137,47 @@ def stepper() -> list[Row]:
             )
         )
     return [*made, _sensitivities(), _bench()]
+
+
+def side_by_side() -> list[Row]:
+    """Eight walks in the lanes of one core: with other settings of the foot under one motion, and
+    with eight motions; and whether each is to the bit what it is alone."""
+    walker = the_walker()
+    first = the_trial()
+    settings = [INSIDE_M + 0.004 * i for i in range(8)]
+    shared = [
+        {"trajectory": first.trajectory, **span(), "fulcrum_m": setting} for setting in settings
+    ]
+    others = [load_trial(path) for path in embedded_trials("exact")[:8]]
+    motions = [
+        {
+            "trajectory": trial.trajectory,
+            "fulcrum_m": setting,
+            "start_s": max(trial.start_s, trial.end_s - WALK_S),
+            "end_s": trial.end_s,
+        }
+        for trial, setting in zip(others, settings, strict=True)
+    ]
+    rows = [
+        Row("one walk, everything of it", WALK_S, processor_s(lambda: walker.walk(**shared[0])), "")
+    ]
+    for name, requests in (("one motion", shared), ("eight motions", motions)):
+        spent = processor_s(lambda requests=requests: walker.walk_many(requests))
+        together = walker.walk_many(requests)
+        alone = [walker.walk(**request) for request in requests]
+        equal = all(
+            a.record.wrench.tobytes() == b.record.wrench.tobytes()
+            for a, b in zip(together, alone, strict=True)
+        )
+        rows.append(
+            Row(
+                f"eight walks side by side, {name}",
+                sum(len(walk.record.time_s) for walk in alone) * MILLISECOND,
+                spent,
+                f"each {'to the bit what it is alone' if equal else 'DIFFERENT from alone'}",
+            )
+        )
+    return rows
 
 
 def _sensitivities() -> Row:
