@@ -301,7 +301,17 @@ def stepped(at, steps):
 
 @pytest.mark.parametrize("smoothing", SMOOTHINGS)
 def test_closed_form_is_that_of_complex_steps(person, smoothing):
-    _, model = person
+    assert_closed_form(person[1], smoothing)
+
+
+@pytest.mark.parametrize("law", ["smooth", "hunt_crossley"])
+def test_closed_form_of_other_laws_too(walker, law):
+    own = walker("right")
+    other = Walker(own.subject, replace(own.model, contact_law=law))
+    assert_closed_form(SagittalModel(other), Smoothing())
+
+
+def assert_closed_form(model, smoothing):
     at = drawn(model, 40, seed=4)
     values, by = linearise(model, *at, smoothing)
     known = (
