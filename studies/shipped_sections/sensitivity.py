@@ -79,8 +79,8 @@ def sensitivity_section(
     walked = chosen_walks(study, one=quick)
     show = progress or (lambda what, fraction: None)
     show("as the study is", 0.0)
-    with chosen(study.options.workers, None, AT_ONCE) as (executor, most):
-        walks = DesignWalks(walked, executor=executor, count=max(1, most // 2))
+    with chosen(study.options.workers, None, AT_ONCE) as (executor, _, count):
+        walks = DesignWalks(walked, executor=executor, count=count)
         factors = sensitivity_factors(
             walks.trials[0].variables, walked[0].trial.subject.prosthetic_side
         )

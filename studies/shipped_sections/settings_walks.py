@@ -139,7 +139,7 @@ def walk_all(
     recordings."""
     each = len(positions_m) * (1 + RECORDINGS * draws)
     every = []
-    with chosen(workers, None, each * len(bases)) as (pool, most):
+    with chosen(workers, None, each * len(bases)) as (pool, _, count):
         for i, base in enumerate(bases):
             trials = [base.trial]
             for draw in range(draws):
@@ -166,7 +166,7 @@ def walk_all(
             records = [
                 base.record(outcome)
                 for outcome in simulate_batch(
-                    cases, keep=KEEP, executor=pool, workers=max(1, most // 2), progress=show
+                    cases, keep=KEEP, executor=pool, workers=count, progress=show
                 )
             ]
             values = _known(records, "values", len(NAMES)).reshape(

@@ -18,6 +18,7 @@ from walk_over_ground import walk_over
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.files import resource
+from vsf_drake.laws.lanes import WIDTH
 from vsf_drake.model.ground import Ground
 from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.fitted_trial import fingerprint, gait_phase, trial_with
@@ -28,7 +29,15 @@ from vsf_drake.simulation import walk as module
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.stepper import Stepper
 from vsf_drake.simulation.variables import MotionPerturbation
-from vsf_drake.simulation.walk import Walker, bytes_a_step, simulate_trial, walk_notes
+from vsf_drake.simulation.walk import (
+    MOST_BYTES,
+    Walk,
+    Walker,
+    bytes_a_step,
+    simulate_trial,
+    trial_request,
+    walk_notes,
+)
 from vsf_drake.walks.embedded import embedded_trials
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
@@ -171,6 +180,72 @@ def test_result_tells_the_numbers_that_were_used(trial):
     parameters = walker.result(walk, trial, GeometricOffsets()).parameters
     assert parameters["fulcrum_m"] == [0.151, 0.151]
     assert parameters["stepper"]["fulcrum_stiffness_and_damping"][0] == 5e4
+
+
+def test_walks_side_by_side_are_each_what_they_are_alone_to_the_bit(trial):
+    """Other lengths, steps, devices, grounds, motions, supports; one that is differentiated, one
+    that diverges and one that cannot be walked among them."""
+    walker = Walker(trial.subject, trial.model)
+    sag = MotionPerturbation("sag", "pelvis_ty", lambda t: np.cos(3.0 * t))
+    part = {"start_s": 0.45, "end_s": 0.5}
+    requests = [
+        trial_request(trial, **part),
+        trial_request(trial, **part, fulcrum_m=0.14, step_s=2e-3),
+        trial_request(trial, start_s=0.4, end_s=0.47, offsets=GeometricOffsets(height_m=0.003)),
+        trial_request(trial, **part, values={"coordinate.pelvis_ty": -0.6}),
+        trial_request(trial, **part, values={"contact.heel.stiffness": 2e5, "offset.toe_out": 0.1}),
+        trial_request(trial, **part, perturbations=[sag], values={"perturbation.sag": 0.002}),
+        trial_request(trial, **part, fulcrum_m=0.5),
+        trial_request(trial, **part, fulcrum_m=0.1005, support_width_m=2e-3),  # beside a joint
+        trial_request(trial, **part, with_respect_to=("offset.height", "fulcrum.shift")),
+        trial_request(trial, **part, fulcrum_m=lambda t: 0.1 + 0.1 * (t - 0.45)),
+    ]
+    together = walker.walk_many(requests)
+    assert [type(walk).__name__ for walk in together].count("Walk") == 8
+    for request, walk in zip(requests, together, strict=True):
+        if not isinstance(walk, Walk):
+            with pytest.raises(type(walk), match=re.escape(str(walk))):
+                walker.walk(**request)
+            continue
+        alone = walker.walk(**request)
+        for name, array in alone.record._asdict().items():
+            np.testing.assert_array_equal(getattr(walk.record, name), array, err_msg=name)
+        assert walk.cop_W.tobytes() == alone.cop_W.tobytes()
+        assert (walk.sensitivity is None) == ("with_respect_to" not in request)
+        if walk.sensitivity is not None:
+            assert walk.sensitivity.grf_W.tobytes() == alone.sensitivity.grf_W.tobytes()
+        assert walk.rest_speed == alone.rest_speed
+    assert walker.walk_many([]) == []
+
+
+def test_walks_side_by_side_see_what_was_changed_in_the_Context(trial):
+    walker = Walker(trial.subject, trial.model)
+    requests = [trial_request(trial, start_s=0.45, end_s=0.46)] * 2
+    before = walker.walk_many(requests)
+    forces = walker.gait.forces["prosthetic"]
+    forces.SetParameters(forces.GetMyContextFromRoot(walker.context), fulcrum_stiffness=5e4)
+    after = walker.walk_many(requests)
+    assert {float(walk.mechanism.fulcrum[0]) for walk in after} == {5e4}
+    assert all(
+        not np.array_equal(old.record.q, new.record.q)
+        for old, new in zip(before, after, strict=True)
+    )
+
+
+@pytest.mark.parametrize(("count", "steps"), [(1, 10), (8, 1000), (9, 1000), (25, 1000), (0, 1)])
+def test_walks_are_asked_for_in_even_parts_that_fill_the_lanes(walker, count, steps):
+    parts = walker("right").parts([steps] * count)
+    assert [i for part in parts for i in part] == [*range(count)]
+    sizes = [len(part) for part in parts]
+    assert len(sizes) == -(-count // WIDTH)
+    assert max(sizes, default=0) - min(sizes, default=0) <= 1
+
+
+def test_long_walks_are_made_fewer_at_a_time(walker, motion):
+    """All that are made at a time take half of the memory that one may take at most."""
+    step_bytes = bytes_a_step(run(walker, motion, end_s=0.01).mechanism)
+    parts = walker("right").parts([int(0.24 * MOST_BYTES / step_bytes)] * 4)
+    assert [len(part) for part in parts] == [2, 2]
 
 
 def test_a_trial_is_simulated_at_another_setting(trial):

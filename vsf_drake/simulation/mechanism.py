@@ -156,6 +156,17 @@ def _mechanism(
     )
 
 
+def mounted(mechanism: Mechanism, foot: FootHandles) -> Mechanism:
+    """The mechanism with the foot's mount as its Context has it now; the rest is as it was read."""
+    tree = mechanism.tree
+    frames = tree.frames.copy()
+    X_MB = foot.mount.CalcPoseInBodyFrame(mechanism.context).inverse()
+    [row] = np.flatnonzero(tree.links[:, 2] == int(foot.frame.index()))
+    frames[row, 12:21] = X_MB.rotation().matrix().ravel()
+    frames[row, 21:24] = X_MB.translation()
+    return dataclasses.replace(mechanism, tree=dataclasses.replace(tree, frames=frames))
+
+
 def edited(
     mechanism: Mechanism, variables: Mapping[str, Variable], values: Mapping[str, float]
 ) -> Mechanism:

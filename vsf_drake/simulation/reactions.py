@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -28,13 +29,31 @@ INTACT = 1
 SOCKET = slice(-6, None)  # the socket's springs, the last of a walking person's mechanism
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FootReaction:
     """Resultant on one foot over n instants, in W."""
 
     grf_W: np.ndarray  # (n, 3) N
-    cop_W: np.ndarray  # (n, 3) m on the ground, NaN below LOADED_N
-    free_moment_nm: np.ndarray  # (n,) about the vertical through the centre of pressure
+    moment_W: np.ndarray  # (n, 3) N m about W's origin at the ground's height
+    ground_height: float
+
+    @cached_property
+    def cop_W(self) -> np.ndarray:
+        """(n, 3) m on the ground, where the horizontal moment vanishes; NaN below LOADED_N."""
+        cop = np.full_like(self.grf_W, np.nan)
+        loaded = self.grf_W[:, 2] > LOADED_N
+        vertical = self.grf_W[loaded, 2]
+        cop[loaded, 0] = -self.moment_W[loaded, 1] / vertical
+        cop[loaded, 1] = self.moment_W[loaded, 0] / vertical
+        cop[loaded, 2] = self.ground_height
+        return cop
+
+    @cached_property
+    def free_moment_nm(self) -> np.ndarray:
+        """(n,) about the vertical through the centre of pressure; 0 below LOADED_N."""
+        x, y, _ = self.cop_W.T
+        free = self.moment_W[:, 2] - (x * self.grf_W[:, 1] - y * self.grf_W[:, 0])
+        return np.where(np.isnan(x), 0.0, free)
 
 
 @dataclass(frozen=True)
@@ -89,18 +108,9 @@ def reaction_sensitivity(
 
 
 def foot_reaction(record: Record, foot: int, ground_height: float = 0.0) -> FootReaction:
-    """The resultant on a foot of `record` (`Mechanism.feet`); the centre of pressure is where the
-    horizontal moment vanishes."""
-    total = record.wrench[:, foot]
-    (moment_x, moment_y, moment_z), grf = total[:, :3].T, total[:, 3:]
-    loaded = grf[:, 2] > LOADED_N
-    cop = np.full_like(grf, np.nan)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        px = -moment_y / grf[:, 2]
-        py = moment_x / grf[:, 2]
-    cop[loaded] = np.stack([px, py, np.full_like(px, ground_height)], axis=1)[loaded]
-    free = np.where(loaded, moment_z - (px * grf[:, 1] - py * grf[:, 0]), 0.0)
-    return FootReaction(grf_W=grf, cop_W=cop, free_moment_nm=free)
+    """The resultant on a foot of `record` (`Mechanism.feet`)."""
+    wrench = np.array(record.wrench[:, foot])
+    return FootReaction(grf_W=wrench[:, 3:], moment_W=wrench[:, :3], ground_height=ground_height)
 
 
 def _socket(

@@ -177,6 +177,10 @@ class WalkResult(Tabular):
         )
 
 
+ARRAYS = {f.name: f.metadata for f in dataclasses.fields(WalkResult) if "shape" in f.metadata}
+"""Arrays of a `WalkResult` by name, each with its shape, unit and meaning."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BenchSetting:
     """One pass of the testing machine; `fulcrum_m` (from the keel's posterior end) is None for the

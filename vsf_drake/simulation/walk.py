@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, SimulationError, VsfError
 from vsf_drake.base.schema import check, to_plain
 from vsf_drake.base.sentences import say
+from vsf_drake.laws.lanes import WIDTH
 from vsf_drake.model.model_file import (
     FOAM_LOADS_N,
     check_fulcrum,
@@ -28,19 +31,29 @@ from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.simulation import reactions
 from vsf_drake.simulation.archive import provenance
-from vsf_drake.simulation.mechanism import edited, gait_mechanism, supported_over, tangents_of
+from vsf_drake.simulation.mechanism import (
+    edited,
+    gait_mechanism,
+    mounted,
+    supported_over,
+    tangents_of,
+)
 from vsf_drake.simulation.options import MAX_STEP_MS, StepOptions
-from vsf_drake.simulation.results import WalkResult
+from vsf_drake.simulation.results import ARRAYS, WalkResult
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
 from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, rest_sensitivity
 from vsf_drake.simulation.stepping.stepper import (
     ALONE,
+    SIDE_BY_SIDE,
     WITH_SENSITIVITIES,
     Inputs,
     Mechanism,
     Record,
+    Run,
     Stepper,
+    run_side_by_side,
+    settle_side_by_side,
 )
 from vsf_drake.simulation.variables import (
     OFFSETS,
@@ -59,6 +72,10 @@ if TYPE_CHECKING:
 
 DEFAULT_STEP_S = 1e-3 * StepOptions.step_ms
 MOST_BYTES = 1e9  # of memory that a walk with its recording may take
+# recorded motions, on the instants of a walk, that a walker keeps for the next walk along them: how
+# many, and of how many bytes at most
+KEPT_MOTIONS = 16
+KEPT_BYTES = 1e7
 
 
 class Walker:
@@ -85,7 +102,15 @@ class Walker:
         self.context = self.gait.diagram.CreateDefaultContext()
         self.free = tuple(free)
         self._reading = threading.Lock()
-        self.variables = gait_variables(self.gait, gait_mechanism(self.gait, self.context))
+        held = self.context.get_parameters()
+        self._held = [
+            held.get_numeric_parameter(i) for i in range(held.num_numeric_parameter_groups())
+        ]
+        self._parameters = np.zeros(0)  # what they were when `_mechanism` was read
+        self._mechanism: Mechanism
+        self._refresh()
+        self._motions: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = {}
+        self.variables = gait_variables(self.gait, self._mechanism)
 
     def walk(
         self,
@@ -133,6 +158,87 @@ class Walker:
             SimulationError: the run diverges.
         """
         started = time.perf_counter()
+        self._refresh()
+        plan = self._plan(
+            trajectory,
+            fulcrum_m=fulcrum_m,
+            start_s=start_s,
+            end_s=end_s,
+            step_s=step_s,
+            offsets=offsets,
+            perturbations=perturbations,
+            values=values,
+            with_respect_to=with_respect_to,
+            with_loads=with_loads,
+            support_width_m=support_width_m,
+            initial=initial,
+        )
+        [walk] = self._walked([plan], started_s=started, progress=progress)
+        if isinstance(walk, SimulationError):
+            raise walk
+        return walk
+
+    def walk_many(self, requests: Sequence[Mapping[str, Any]]) -> list[Walk | VsfError]:
+        """Several walks of this person side by side: for each of the `requests`, which are
+        arguments of `walk` by name, the walk that it gives alone, to the bit, or why there is none.
+
+        Those with sensitivities follow one after the other. Many at a time take much memory, see
+        `parts`.
+        """
+        started = time.perf_counter()
+        self._refresh()
+        made: dict[int, Walk | VsfError] = {}
+        alike: dict[tuple[object, ...], list[tuple[int, _Plan]]] = {}
+        for i, request in enumerate(requests):
+            try:
+                plan = self._plan(**request)
+            except InputError as error:
+                made[i] = error
+            else:
+                own = (i,) if plan.tangents else ()
+                key = (plan.held.prescribed.tobytes(), plan.mechanism.support_width, *own)
+                alike.setdefault(key, []).append((i, plan))
+        for members in alike.values():
+            walks = self._walked([plan for _, plan in members], started_s=started)
+            made |= {i: walk for (i, _), walk in zip(members, walks, strict=True)}
+            started = time.perf_counter()
+        return [made[i] for i in range(len(requests))]
+
+    def walk_each(self, requests: Sequence[Mapping[str, Any]]) -> Iterator[Walk | VsfError]:
+        """`walk_many` of any number of requests, a part of them at a time (`parts`), for who needs
+        them one after the other."""
+        steps = [
+            len(walk_grid(one["start_s"], one["end_s"], one.get("step_s", DEFAULT_STEP_S))[0])
+            for one in requests
+        ]
+        for rows in self.parts(steps):
+            yield from self.walk_many([requests[i] for i in rows])
+
+    def parts(self, steps: Sequence[int]) -> list[range]:
+        """Walks of so many steps in parts that `walk_many` should be asked for at a time: what it
+        can make side by side in the memory that one may take, evenly."""
+        most = 0.5 * MOST_BYTES / (max(steps, default=1) * bytes_a_step(self._mechanism))
+        count = -(-len(steps) // max(1, min(WIDTH, int(most))))
+        ends = [i * len(steps) // max(count, 1) for i in range(count + 1)]
+        return [range(*pair) for pair in itertools.pairwise(ends)]
+
+    def _plan(
+        self,
+        trajectory: CoordinateTrajectory,
+        *,
+        fulcrum_m: float | Callable[[np.ndarray], np.ndarray],
+        start_s: float,
+        end_s: float,
+        step_s: float = DEFAULT_STEP_S,
+        offsets: GeometricOffsets | None = None,
+        perturbations: Sequence[MotionPerturbation] = (),
+        values: Mapping[str, float] | None = None,
+        with_respect_to: Sequence[str] = (),
+        with_loads: bool = False,
+        support_width_m: float = 0.0,
+        initial: Mapping[str, float] | None = None,
+    ) -> _Plan:
+        """What `walk` is asked for, checked and read."""
         moments, step_s = walk_grid(start_s, end_s, step_s)
         offsets = check_offsets(offsets)
         names = self.gait.prescribed
@@ -152,14 +258,7 @@ class Walker:
         fulcrum = slide + fulcrum_on_grid(fulcrum_m, moments)
         for position in (fulcrum.min(), fulcrum.max()):
             check_fulcrum(float(position), self.model.foot)
-        with self._reading:
-            own = mount_of(offsets)
-            set_mount(
-                self.gait.plant_context(self.context),
-                self.gait.person.foot,
-                **{name: own[name] + more for name, more in zip(OFFSETS, geometry, strict=True)},
-            )
-            mechanism = edited(gait_mechanism(self.gait, self.context), variables, values)
+        mechanism = edited(self._mounted(offsets, geometry), variables, values)
         tangents = tangents_of(mechanism, (variables[name].by_unit for name in with_respect_to))
         trajectory.sample(moments[[0, -1]])  # a window outside the recording is told as that
         _check_memory(
@@ -167,74 +266,166 @@ class Walker:
             bytes_a_step(mechanism, by=len(tangents), loads=with_loads),
             len(trajectory.time_s),
         )
-        stepper = Stepper(supported_over(mechanism, support_width_m))
-        mechanism = stepper.mechanism
+        mechanism = supported_over(mechanism, support_width_m)
+
+        # the motion of the prescribed coordinates on the grid
+        initial = initial or {}
+        recorded, recorded_rate = self._motion(trajectory, moments, initial)
+        count = len(names)
+        prescribed_q = np.empty((len(moments), count + 1))
+        q = np.add(recorded[:, :count], shift, out=prescribed_q[:, :-1])
+        if perturbations:
+            q += perturbation
+        prescribed_q[:, -1] = fulcrum
         tree = mechanism.tree
-        q = trajectory.ordered(names).sample(moments)[0] + shift + perturbation
         inputs = Inputs(
             time_s=moments,
             prescribed=np.array([tree.index(name) for name in (*names, "fulcrum")]),
-            prescribed_q=np.column_stack([q, fulcrum]),
+            prescribed_q=prescribed_q,
             fulcrum=np.array(fulcrum),
             ground=np.full(len(moments), mechanism.ground_height),
         )
-        compile_s = stepper.warm_up(WITH_SENSITIVITIES if tangents else ALONE)
-        q0, v0, rest_speed, by = self._start(
-            stepper, inputs, trajectory, initial or {}, perturbation_rate, tangents
+
+        # Prescribed coordinates, and free ones that the recording knows, have its position and
+        # velocity at the start, and the rate of perturbations. Everything else (socket, keel, the
+        # free ones in `initial`) settles with those held.
+        known = [*names, *(name for name in self.free if name not in initial)]
+        rows = np.array([tree.index(name) for name in known], dtype=np.int64)
+        held = dataclasses.replace(
+            inputs,
+            prescribed=np.concatenate([inputs.prescribed, rows[count:]]),
+            prescribed_q=np.concatenate([prescribed_q[0], recorded[0, count:]])[None, :],
         )
-        count = len(self.gait.person.foot.sites.radius)
-        measured = np.arange(len(mechanism.sites)) < count
-        forward = None
-        if tangents:
-            forward = ForwardSensitivity(
-                tangents=tangents, measured=measured, q0=by, loads=with_loads
+        guess = np.zeros(tree.num_coordinates)
+        guess[held.prescribed] = held.prescribed_q[0]
+        for name, value in initial.items():
+            guess[tree.index(name)] = value
+        v0 = np.zeros_like(guess)
+        v0[rows] = recorded_rate
+        v0[rows[:count]] += perturbation_rate
+        return _Plan(
+            mechanism=mechanism,
+            inputs=inputs,
+            held=held,
+            guess=guess,
+            v0=v0,
+            with_respect_to=with_respect_to,
+            tangents=tangents,
+            with_loads=with_loads,
+            values=values,
+            perturbations={f"perturbation.{item.name}": item.coordinate for item in perturbations},
+            step_s=step_s,
+        )
+
+    def _walked(
+        self,
+        plans: Sequence[_Plan],
+        *,
+        started_s: float,
+        progress: Callable[[float], None] | None = None,
+    ) -> list[Walk | SimulationError]:
+        """The planned walks side by side, or why there is none: they prescribe the same coordinates
+        and have one support width; one with sensitivities is alone. The work on them began at
+        `started_s` of the performance counter."""
+        with_sensitivities = bool(plans[0].tangents)
+        together = SIDE_BY_SIDE if len(plans) > 1 else ALONE
+        compile_s = Stepper(plans[0].mechanism).warm_up(
+            WITH_SENSITIVITIES if with_sensitivities else together
+        )
+        settled = settle_side_by_side(
+            [Run(plan.mechanism, plan.held, plan.guess, plan.v0) for plan in plans]
+        )
+        runs = [
+            Run(plan.mechanism, plan.inputs, rest[0], plan.v0)
+            for plan, rest in zip(plans, settled, strict=True)
+            if not isinstance(rest, SimulationError)
+        ]
+        forward = self._forward(plans[0], runs[0].q0) if with_sensitivities and runs else None
+        records = iter(run_side_by_side(runs, forward=forward, progress=progress))
+        took_s = (time.perf_counter() - started_s - compile_s) / len(plans)
+        outcomes: list[Walk | SimulationError] = []
+        for plan, rest in zip(plans, settled, strict=True):
+            if isinstance(rest, SimulationError):
+                outcomes.append(rest)
+                continue
+            record = next(records)
+            outcomes.append(
+                record
+                if isinstance(record, SimulationError)
+                else self._finished(plan, record, rest[1], wall_s=took_s, compile_s=compile_s)
             )
-        record = stepper.run(inputs, q0, v0, forward=forward, progress=progress)
-        prosthetic, intact = (
-            reactions.foot_reaction(record, foot, mechanism.ground_height)
-            for foot in (reactions.PROSTHETIC, reactions.INTACT)
+        return outcomes
+
+    def _forward(self, plan: _Plan, q0: np.ndarray) -> ForwardSensitivity:
+        """What a walk with sensitivities carries along from rest at q0 (coordinates,)."""
+        mechanism = plan.mechanism
+        by = rest_sensitivity(
+            mechanism.tree,
+            mechanism.forces,
+            plan.held.prescribed,
+            q0,
+            plan.tangents,
+            fulcrum=float(plan.inputs.fulcrum[0]),
+            ground=float(plan.inputs.ground[0]),
         )
+        measured = np.arange(len(mechanism.sites)) < len(self.gait.person.foot.sites.radius)
+        return ForwardSensitivity(
+            tangents=plan.tangents, measured=measured, q0=by, loads=plan.with_loads
+        )
+
+    def _finished(
+        self, plan: _Plan, record: Record, rest_speed: float, *, wall_s: float, compile_s: float
+    ) -> Walk:
+        """The walk that was planned and left this record."""
+        mechanism = plan.mechanism
+        names = plan.with_respect_to
+        prosthetic = reactions.foot_reaction(record, reactions.PROSTHETIC, mechanism.ground_height)
         return Walk(
             mechanism=mechanism,
             record=record,
+            spheres=len(self.gait.person.foot.sites.radius),
             prosthetic=prosthetic,
-            intact=intact,
-            sensitivity=reactions.reaction_sensitivity(record, prosthetic, with_respect_to)
-            if tangents
+            sensitivity=reactions.reaction_sensitivity(record, prosthetic, names)
+            if plan.tangents
             else None,
-            load_sensitivity=reactions.load_sensitivity(
-                mechanism, record, with_respect_to, tangents
-            )
-            if tangents and with_loads
+            load_sensitivity=reactions.load_sensitivity(mechanism, record, names, plan.tangents)
+            if plan.tangents and plan.with_loads
             else None,
-            commanded=q[1:],
-            fulcrum_m=np.array(fulcrum),
-            values=values,
-            step_s=step_s,
-            perturbations={f"perturbation.{item.name}": item.coordinate for item in perturbations},
-            wall_s=time.perf_counter() - started - compile_s,
+            commanded=plan.inputs.prescribed_q[1:, :-1],
+            fulcrum_m=plan.inputs.fulcrum,
+            values=plan.values,
+            step_s=plan.step_s,
+            perturbations=plan.perturbations,
+            wall_s=wall_s,
             compile_s=compile_s,
             rest_speed=rest_speed,
         )
 
-    def _start(
-        self,
-        stepper: Stepper,
-        inputs: Inputs,
-        trajectory: CoordinateTrajectory,
-        initial: Mapping[str, float],
-        rate: np.ndarray,
-        tangents: tuple[ParameterTangent, ...],
-    ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
-        """q0, v0 (coordinates,) at the start of `inputs`, the largest speed that was taken for
-        rest, and dq0 (n, P).
+    def _refresh(self) -> None:
+        """Reads the mechanism anew if another parameter of the Context has changed than the foot's
+        mount."""
+        with self._reading:
+            set_mount(self.gait.plant_context(self.context), self.gait.person.foot)
+            parameters = np.concatenate([group.value() for group in self._held])
+            if not np.array_equal(parameters, self._parameters, equal_nan=True):
+                self._mechanism = gait_mechanism(self.gait, self.context)
+                self._parameters = parameters
 
-        Prescribed coordinates, and free ones that the recording knows, have its position and
-        velocity, and the `rate` (prescribed,) of perturbations. Everything else (socket, keel, the
-        free ones in `initial`) settles with those held.
-        """
-        tree = stepper.mechanism.tree
-        prescribed = self.gait.prescribed
+    def _mounted(self, offsets: GeometricOffsets, geometry: np.ndarray) -> Mechanism:
+        """The mechanism with the foot mounted by the offsets and the `geometry` (OFFSETS,) added to
+        them."""
+        own = mount_of(offsets)
+        mount = {name: own[name] + more for name, more in zip(OFFSETS, geometry, strict=True)}
+        foot = self.gait.person.foot
+        with self._reading:
+            set_mount(self.gait.plant_context(self.context), foot, **mount)
+            return mounted(self._mechanism, foot)
+
+    def _motion(
+        self, trajectory: CoordinateTrajectory, moments: np.ndarray, initial: Mapping[str, float]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What is recorded of the prescribed coordinates, then of the free ones that are not in
+        `initial`: positions (n + 1, c) at the moments, and the rates (c,) at the first."""
         for name in initial:
             if name not in self.free:
                 raise InputError(
@@ -242,54 +433,33 @@ class Walker:
                     where=f"initial[{name!r}]",
                     right=f"Free are: {', '.join(self.free)}",
                 )
-        recorded = [name for name in self.free if name not in initial]
-        unknown = [name for name in recorded if name not in trajectory.names]
+        free = tuple(name for name in self.free if name not in initial)
+        unknown = [name for name in free if name not in trajectory.names]
         if unknown:
             raise InputError(
                 f"the free coordinate {unknown[0]} has no start",
                 where="initial",
                 right="Give it there, or a recording that holds it",
             )
-        known = [*prescribed, *recorded]
-        q, v, _ = trajectory.ordered(known).sample(float(inputs.time_s[0]))
-        rows = np.array([tree.index(name) for name in known], dtype=np.int64)
-        held = dataclasses.replace(
-            inputs,
-            prescribed=np.concatenate([inputs.prescribed, rows[len(prescribed) :]]),
-            prescribed_q=np.concatenate([inputs.prescribed_q[0], q[0, len(prescribed) :]])[None, :],
-        )
-        q0 = np.zeros(tree.num_coordinates)
-        q0[held.prescribed] = held.prescribed_q[0]
-        for name, value in initial.items():
-            q0[tree.index(name)] = value
-        q0, rest_speed = stepper.settle(held, q0)
-        v0 = np.zeros_like(q0)
-        v0[rows] = v[0]
-        v0[rows[: len(prescribed)]] += rate
-        by = (
-            rest_sensitivity(
-                tree,
-                stepper.mechanism.forces,
-                held.prescribed,
-                q0,
-                tangents,
-                fulcrum=float(inputs.fulcrum[0]),
-                ground=float(inputs.ground[0]),
-            )
-            if tangents
-            else np.zeros((len(q0), 0))
-        )
-        return q0, v0, rest_speed, by
+        key = (trajectory, float(moments[0]), float(moments[-1]), len(moments), free)
+        with self._reading:
+            kept = self._motions.get(key)
+        if kept is not None:
+            return kept
+        q, v, _ = trajectory.ordered((*self.gait.prescribed, *free)).sample(moments)
+        motion = (q, v[0].copy())
+        for shared in motion:
+            shared.setflags(write=False)
+        if q.nbytes <= KEPT_BYTES:
+            with self._reading:
+                if len(self._motions) >= KEPT_MOTIONS:
+                    del self._motions[next(iter(self._motions))]
+                self._motions[key] = motion
+        return motion
 
     def walk_trial(self, trial: Trial, **changes: Any) -> Walk:
         """`walk` of a recorded trial, as its manifest says but for `changes`."""
-        recorded: dict[str, Any] = {
-            "fulcrum_m": trial.fulcrum_m,
-            "start_s": trial.start_s,
-            "end_s": trial.end_s,
-            "offsets": trial.offsets,
-        }
-        return self.walk(trial.trajectory, **recorded | changes)
+        return self.walk(**trial_request(trial, **changes))
 
     def result(
         self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True
@@ -298,12 +468,11 @@ class Walker:
         as long as the run.
         """
         record = walk.record
-        tree = walk.mechanism.tree
-        sites = self.gait.person.foot.sites
-        count = len(sites.radius)
-        prescribed = np.isin(tree.coordinate_names, self.gait.prescribed)
-        ledger = self.energies(walk) if energy else {}
         counts = record.counts()
+        arrays, columns = self.arrays(
+            walk, [name for name in ARRAYS if energy or name != "energy_j"]
+        )
+        sites = self.gait.person.foot.sites
         used = {  # contact, springs and support as the run used them, whatever the model file says
             "site_columns": list(SITE_COLUMNS),
             "sites": walk.mechanism.sites.tolist(),
@@ -312,31 +481,14 @@ class Walker:
             "fulcrum_stiffness_and_damping": walk.mechanism.fulcrum.tolist(),
             "support_width_m": walk.mechanism.support_width,
         }
-        friction = np.stack([record.site("friction_x"), record.site("friction_y")], axis=2)
         return WalkResult(
-            time_s=record.time_s,
-            coordinate_names=tree.coordinate_names,
-            q=record.q,
-            v=record.v,
-            generalized_force=np.where(prescribed, record.load, 0.0),
-            grf_W=walk.prosthetic.grf_W,
-            cop_W=walk.prosthetic.cop_W,
-            free_moment_nm=walk.prosthetic.free_moment_nm,
-            intact_grf_W=walk.intact.grf_W,
-            intact_cop_W=walk.intact.cop_W,
-            sphere_normal_n=record.site("normal_force")[:, :count].copy(),
-            sphere_depth_m=np.maximum(record.site("depth")[:, :count], 0.0),
-            sphere_friction_W=friction[:, :count],
-            socket_wrench=walk.socket_wrench,
-            fulcrum_m=walk.fulcrum_m[1:],
-            prescribed_q=walk.commanded,
-            prescribed_names=self.gait.prescribed,
-            energy_names=tuple(ledger),
-            energy_j=np.stack([*ledger.values()], axis=1)
-            if ledger
-            else np.zeros((len(record.time_s), 0)),
+            **{"energy_j": np.zeros((len(record.time_s), 0))} | arrays,
+            coordinate_names=columns["q"],
+            prescribed_names=columns["prescribed_q"],
+            energy_names=columns.get("energy_j", ()),
             sphere_zones=tuple(sites.zone_names[i] for i in sites.zone),
-            **counts,
+            unconverged_steps=counts["unconverged_steps"],
+            refined_steps=counts["refined_steps"],
             converged=counts["unconverged_steps"] == 0,
             simulated_s=float(record.time_s[-1] - record.time_s[0] + walk.step_s),
             wall_s=walk.wall_s,
@@ -360,12 +512,63 @@ class Walker:
             notes=(*trial.notes, *walk_notes(walk, self.subject, self.model)),
         )
 
+    def arrays(
+        self, walk: Walk, names: Collection[str]
+    ) -> tuple[dict[str, np.ndarray], dict[str, tuple[str, ...]]]:
+        """Arrays of the walk's `WalkResult` by name, those `names` alone; and the names of columns
+        of those of them whose columns are coordinates or energies."""
+        record = walk.record
+        count = walk.spheres
+        prescribed = self.gait.prescribed
+        coordinates = walk.mechanism.tree.coordinate_names
+        columns = dict.fromkeys(("q", "v", "generalized_force"), coordinates)
+        columns["prescribed_q"] = prescribed
+        ledger = self.energies(walk) if "energy_j" in names else {}
+        columns["energy_j"] = tuple(ledger)
+        made: dict[str, Callable[[], np.ndarray]] = {
+            "time_s": lambda: record.time_s,
+            "q": lambda: record.q,
+            "v": lambda: record.v,
+            "generalized_force": lambda: np.where(
+                np.isin(coordinates, prescribed), record.load, 0.0
+            ),
+            "grf_W": lambda: walk.prosthetic.grf_W,
+            "cop_W": lambda: walk.prosthetic.cop_W,
+            "free_moment_nm": lambda: walk.prosthetic.free_moment_nm,
+            "intact_grf_W": lambda: walk.intact.grf_W,
+            "intact_cop_W": lambda: walk.intact.cop_W,
+            "sphere_normal_n": lambda: np.array(record.site("normal_force")[:, :count]),
+            "sphere_depth_m": lambda: np.maximum(record.site("depth")[:, :count], 0.0),
+            "sphere_friction_W": lambda: np.stack(
+                [record.site("friction_x")[:, :count], record.site("friction_y")[:, :count]], axis=2
+            ),
+            "socket_wrench": lambda: walk.socket_wrench,
+            "fulcrum_m": lambda: walk.fulcrum_m[1:],
+            "prescribed_q": lambda: walk.commanded,
+            "energy_j": lambda: np.stack([*ledger.values()], axis=1),
+        }
+        return (
+            {name: made[name]() for name in names},
+            {name: of for name, of in columns.items() if name in names},
+        )
+
     def energies(self, walk: Walk) -> dict[str, np.ndarray]:
         """The terms of `reactions.energy_ledger` of a walk, each (n,) J."""
         driven = [walk.mechanism.tree.index(name) for name in (*self.gait.prescribed, "fulcrum")]
         return reactions.energy_ledger(
             walk.mechanism, walk.record, driven=np.array(driven), fulcrum_m=walk.fulcrum_m
         )
+
+
+def trial_request(trial: Trial, **changes: Any) -> dict[str, Any]:
+    """What `Walker.walk` takes for a recorded trial, as its manifest says but for `changes`."""
+    return {
+        "trajectory": trial.trajectory,
+        "fulcrum_m": trial.fulcrum_m,
+        "start_s": trial.start_s,
+        "end_s": trial.end_s,
+        "offsets": trial.offsets,
+    } | changes
 
 
 def bytes_a_step(mechanism: Mechanism, *, by: int = 0, loads: bool = False) -> float:
@@ -421,6 +624,23 @@ def simulate_trial(
     return walker.result(walk, trial, offsets)
 
 
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """A walk that was asked for, checked and read: what the stepper needs of it."""
+
+    mechanism: Mechanism
+    inputs: Inputs
+    held: Inputs  # what is held while the rest settles, of one instant
+    guess: np.ndarray  # (coordinates,) from where that settles
+    v0: np.ndarray  # (coordinates,) at the start
+    with_respect_to: tuple[str, ...]
+    tangents: tuple[ParameterTangent, ...]  # of these
+    with_loads: bool
+    values: Mapping[str, float]
+    perturbations: Mapping[str, str]  # the coordinate that each changes, by variable
+    step_s: float
+
+
 # One run of a walking person, as the stepper left it.
 
 
@@ -430,8 +650,8 @@ class Walk:
 
     mechanism: Mechanism
     record: Record
+    spheres: int  # of the prosthetic foot, the first of the record's sites
     prosthetic: reactions.FootReaction
-    intact: reactions.FootReaction
     sensitivity: reactions.ReactionSensitivity | None
     """Of `prosthetic` to the variables that the walk was asked for; None if to none."""
     commanded: np.ndarray  # (n, prescribed) the motion at the ends of the steps
@@ -446,6 +666,30 @@ class Walk:
     load_sensitivity: reactions.LoadSensitivity | None = None
     """Of `record.load`, the socket's wrench and the state to those variables; None unless asked
     for."""
+
+    @cached_property
+    def intact(self) -> reactions.FootReaction:
+        """The other foot's."""
+        return reactions.foot_reaction(self.record, reactions.INTACT, self.mechanism.ground_height)
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """(n,) the ends of the steps."""
+        return self.record.time_s
+
+    @property
+    def grf_W(self) -> np.ndarray:
+        """(n, 3) N on the prosthetic foot."""
+        return self.prosthetic.grf_W
+
+    @property
+    def cop_W(self) -> np.ndarray:
+        """(n, 3) m of it, NaN unloaded."""
+        return self.prosthetic.cop_W
+
+    def column(self, name: str) -> np.ndarray:
+        """(n,) history of one coordinate."""
+        return self.record.q[:, self.mechanism.tree.index(name)]
 
     @property
     def socket_wrench(self) -> np.ndarray:
@@ -569,15 +813,19 @@ def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str
 def _too_deep(walk: Walk, model: ModelParameters) -> list[tuple[str, float, float | None, float]]:
     """Feet that go deeper (m) into the ground than what their contact stands for is thick (m), and
     since when (s)."""
-    count = sum(len(zone.x_mm) for zone in model.foot.zones)
-    depth = walk.record.site("depth")
+    sites = walk.mechanism.sites
+    of_site = walk.record.site("depth").max(axis=0)
     feet = []
-    for foot, depths, limit in (
-        ("prosthetic", depth[:, :count], model.foot.foam_thickness_m),
-        ("intact", depth[:, count:], float(walk.mechanism.sites[count:, 3].max(initial=0.0))),
+    for foot, rows, limit in (
+        ("prosthetic", slice(0, walk.spheres), model.foot.foam_thickness_m),
+        (
+            "intact",
+            slice(walk.spheres, None),
+            float(sites[walk.spheres :, 3].max(initial=0.0)),
+        ),
     ):
-        deepest = depths.max(axis=1, initial=0.0)
-        if deepest.max() > limit:
+        if of_site[rows].max(initial=0.0) > limit:
+            deepest = walk.record.site("depth")[:, rows].max(axis=1)
             since = (
                 None
                 if deepest[0] > limit

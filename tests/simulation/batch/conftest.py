@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from vsf_drake.motion.trial import Trial, load_trial
-from vsf_drake.simulation.batch import WalkCase, WalkOutcome, run
+from vsf_drake.simulation.batch import WalkCase, WalkOutcome, cases
+from vsf_drake.simulation.walk import Walker
 from vsf_drake.walks.embedded import embedded_trials
 
 LOADED_S = 0.45
@@ -43,11 +45,19 @@ def sweep(trial: Trial) -> Callable[..., list[WalkCase]]:
 
 
 @pytest.fixture
-def walks(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Gets an entry for each walk that is really made in this process."""
-    made, real = [], run._walked
-    monkeypatch.setattr(run, "_walked", lambda *words: (made.append(1), real(*words))[1])
+def walks(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Gets an entry for each walk that is asked for in this process."""
+    made, real = [], Walker.walk_many
+    monkeypatch.setattr(
+        Walker, "walk_many", lambda self, asked: (made.extend(asked), real(self, asked))[1]
+    )
     return made
+
+
+@pytest.fixture
+def blocks_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """blocks_of(count): workers are given at most so many walks at a time."""
+    return lambda count: monkeypatch.setattr(cases, "BLOCK", count)
 
 
 @pytest.fixture(scope="session")

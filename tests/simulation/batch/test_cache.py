@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import subprocess
 import sys
+import zipfile
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -14,10 +15,12 @@ import pytest
 
 import vsf_drake
 from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.base.files import read_npz
 from vsf_drake.laws.compiled import sources_sha256
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.simulation.batch import WalkCase, cases, run, simulate_batch
 from vsf_drake.simulation.batch.cases import Planner
+from vsf_drake.simulation.walk import Walker
 
 PACKAGE = Path(vsf_drake.__file__).parent
 
@@ -29,24 +32,29 @@ def entries(folder: Path) -> list[Path]:
 def test_a_second_sweep_reads_what_the_first_has_walked(tmp_path, walks, sweep, assert_same):
     first = simulate_batch(sweep(3), workers=1, cache=tmp_path)
     again = simulate_batch(sweep(3), workers=1, cache=tmp_path)
-    assert len(walks) == 3 and len(entries(tmp_path)) == 3
+    assert len(walks) == 3 and len(entries(tmp_path)) == 1
     assert [o.from_cache for o in first + again] == [False] * 3 + [True] * 3
     assert_same(first, again)
     assert [o.wall_s for o in first] == [o.wall_s for o in again]
     assert [o.notes for o in first] == [o.notes for o in again]
 
 
-def test_a_sweep_that_was_stopped_goes_on_from_there(tmp_path, walks, sweep, assert_same):
+def test_a_sweep_that_was_stopped_goes_on_from_there(
+    tmp_path, walks, sweep, assert_same, blocks_of
+):
+    """The block that was finished last is kept before anybody is told of it."""
+
     def stop(state):
         if state.done == 3:
             raise KeyboardInterrupt
 
+    blocks_of(2)
     with pytest.raises(KeyboardInterrupt):
         simulate_batch(sweep(5), workers=1, cache=tmp_path, progress=stop)
-    assert len(walks) == 3
+    assert len(walks) == 4
     outcomes = simulate_batch(sweep(5), workers=1, cache=tmp_path)
     assert len(walks) == 5
-    assert [o.from_cache for o in outcomes] == [True] * 3 + [False] * 2
+    assert [o.from_cache for o in outcomes] == [True] * 4 + [False]
     assert_same(outcomes, simulate_batch(sweep(5), workers=1))
 
 
@@ -90,7 +98,7 @@ def test_whatever_changes_the_numbers_changes_the_key(monkeypatch, trial):
     real = cases.software()
     for name in real:
         monkeypatch.setattr(cases, "software", lambda name=name: real | {name: "another"})
-        found.append(plan.task(WalkCase(trial=trial)).key)
+        found.append(Planner(("grf_W",)).task(WalkCase(trial=trial)).key)
     assert len(set(found)) == len(found)
 
 
@@ -173,13 +181,16 @@ def test_every_source_that_a_walk_imports_is_in_the_digest_or_makes_no_numbers(t
 def test_a_failed_simulation_is_kept_and_an_unusable_case_is_not(
     monkeypatch, tmp_path, trial, walks
 ):
-    def diverge(walker, task):
-        walks.append(1)
-        if task.options["values"]:
-            raise InputError("there is no such variable")
-        raise SimulationError("keel_1 diverged", time_s=0.1)
+    def diverge(walker, requests):
+        walks.extend(requests)
+        return [
+            InputError("there is no such variable")
+            if request["values"]
+            else SimulationError("keel_1 diverged", time_s=0.1)
+            for request in requests
+        ]
 
-    monkeypatch.setattr(run, "_walked", diverge)
+    monkeypatch.setattr(Walker, "walk_many", diverge)
     both = [WalkCase(trial=trial), WalkCase(trial=trial, values={"nonsense": 1.0})]
     for _ in range(2):
         failed, refused = simulate_batch(both, workers=1, cache=tmp_path)
@@ -188,42 +199,76 @@ def test_a_failed_simulation_is_kept_and_an_unusable_case_is_not(
     assert len(entries(tmp_path)) == 1 and len(walks) == 3
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5])
-def test_a_damaged_entry_is_noticed_computed_anew_and_replaced(
-    tmp_path, walks, sweep, assert_same, share
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])
+def test_a_damaged_file_is_noticed_and_its_walks_alone_are_computed_anew(
+    tmp_path, walks, sweep, assert_same, blocks_of, share
 ):
-    first = simulate_batch(sweep(1), workers=1, cache=tmp_path)
-    [path] = entries(tmp_path)
+    blocks_of(2)
+    first = simulate_batch(sweep(6)[:4], workers=1, cache=tmp_path)
+    path = entries(tmp_path)[0]
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
-    second = simulate_batch(sweep(1), workers=1, cache=tmp_path)
-    assert len(walks) == 2 and not second[0].from_cache
-    assert any("cache entry was damaged" in note for note in second[0].notes)
-    third = simulate_batch(sweep(1), workers=1, cache=tmp_path)
-    assert len(walks) == 2 and not any("cache" in note for note in third[0].notes)
-    assert_same(first, second)
-    assert_same(first, third)
+    walks.clear()
+    second = simulate_batch(sweep(6), workers=1, cache=tmp_path)
+    assert len(walks) == 4
+    damaged = [o for o in second if any("cache was damaged" in note for note in o.notes)]
+    assert not any(o.from_cache for o in damaged)
+    # of a file without content nobody can say what it held
+    assert len(damaged) == (4 if share == 0.0 else 2)
+    third = simulate_batch(sweep(6), workers=1, cache=tmp_path)
+    assert len(walks) == 4 and not any("cache" in note for o in third for note in o.notes)
+    assert_same(first, second[:4])
+    assert_same(second, third)
 
 
 def test_no_changed_byte_anywhere_changes_what_is_read(tmp_path, sweep):
-    [outcome] = simulate_batch(sweep(1), workers=1, cache=tmp_path)
+    outcomes = simulate_batch(sweep(2), workers=1, cache=tmp_path)
     path, store = entries(tmp_path)[0], run.WalkCache(tmp_path)
+    planner = Planner(run.DEFAULT_KEEP)
+    tasks = [planner.task(case) for case in sweep(2)]
     content, noticed = path.read_bytes(), 0
     for place in np.linspace(0, len(content) - 1, 400).astype(int):
         path.write_bytes(content[:place] + bytes([content[place] ^ 0xFF]) + content[place + 1 :])
-        reply, note = store.read(path.stem)
-        noticed += bool(note)
-        if reply is not None:  # the byte was one of the archive's own, a date for example
-            assert all(
-                reply.arrays[name].tobytes() == array.tobytes()
-                for name, array in outcome.arrays.items()
-            )
-            assert reply.text == "" and reply.unconverged_steps == outcome.unconverged_steps
+        replies, notes = store.read([task.key for task in tasks], tasks[0].made_by)
+        noticed += bool(notes)
+        assert not notes or not replies
+        if replies:  # the byte was one of the archive's own, a date for example
+            for task, outcome in zip(tasks, outcomes, strict=True):
+                reply = replies[task.key]
+                assert all(
+                    reply.arrays[name].tobytes() == array.tobytes()
+                    for name, array in outcome.arrays.items()
+                )
+                assert reply.text == "" and reply.unconverged_steps == outcome.unconverged_steps
     assert noticed > 350
 
 
+def test_a_sound_file_with_another_number_in_it_is_noticed(tmp_path, walks, sweep):
+    simulate_batch(sweep(2), workers=1, cache=tmp_path)
+    [path] = entries(tmp_path)
+    arrays = read_npz(path)
+    about = arrays.pop(run.ABOUT)
+    arrays["grf_W"][7, 2] = np.nextafter(arrays["grf_W"][7, 2], np.inf)
+    np.savez(path, **arrays)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr(run.ABOUT, about)
+    outcomes = simulate_batch(sweep(2), workers=1, cache=tmp_path)
+    assert len(walks) == 4 and all("SHA-256 differs" in outcome.notes[-1] for outcome in outcomes)
+
+
+def test_files_of_other_software_and_of_earlier_versions_are_left_alone(tmp_path, walks, sweep):
+    (tmp_path / "00").mkdir()
+    others = [tmp_path / "00" / f"{'0' * 64}.npz", tmp_path / f"{'0' * 24}-{'1' * 24}.npz"]
+    for path in others:
+        path.write_bytes(b"of an earlier version")
+    [outcome] = simulate_batch(sweep(1), workers=1, cache=tmp_path)
+    assert outcome.notes == simulate_batch(sweep(1), workers=1)[0].notes
+    assert all(path.read_bytes() == b"of an earlier version" for path in others)
+
+
 def test_a_full_disk_ends_with_a_message_and_leaves_sound_entries_only(
-    monkeypatch, tmp_path, walks, sweep
+    monkeypatch, tmp_path, walks, sweep, blocks_of
 ):
+    blocks_of(1)
     real = run.replaced
 
     @contextmanager

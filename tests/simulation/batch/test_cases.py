@@ -3,12 +3,22 @@ names the field."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.laws.lanes import WIDTH
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.simulation.batch import WalkCase, grid_values, sample_values, simulate_batch
+from vsf_drake.simulation.batch import (
+    DEFAULT_KEEP,
+    WalkCase,
+    grid_values,
+    sample_values,
+    simulate_batch,
+)
+from vsf_drake.simulation.batch.cases import BLOCK, BLOCK_STEPS, Planner, blocks
 from vsf_drake.simulation.stepping.directions import ParameterTangent
 from vsf_drake.simulation.variables import Variable
 
@@ -48,6 +58,34 @@ def test_what_is_no_trial_is_refused_before_anything_runs(sweep, walks):
     with pytest.raises(InputError, match="member 1 is a str, no Trial"):
         simulate_batch([*sweep(1), WalkCase(trial="walk")], workers=1)
     assert not walks
+
+
+@pytest.mark.parametrize("workers", [1, 2, 5])
+def test_blocks_hold_one_person_each_and_leave_no_worker_without_work(trial, sweep, workers):
+    """Full lanes as long as there are walks for them; the last blocks are small, so that nobody
+    waits long for the last worker."""
+    heavier = replace(trial, subject=replace(trial.subject, mass_kg=90.0))
+    longer = replace(trial, end_s=trial.end_s + 0.05)
+    planner = Planner(DEFAULT_KEEP)
+    cases = [WalkCase(trial=heavier), *sweep(90), WalkCase(trial=longer), WalkCase(trial=heavier)]
+    tasks = [planner.task(case) for case in cases]
+    made = [*blocks(tasks, workers)]
+    assert sorted(task.key for block in made for task in block) == sorted(t.key for t in tasks)
+    assert all(len({task.person_key for task in block}) == 1 for block in made)
+    assert len(made) >= workers and max(map(len, made)) <= BLOCK
+    assert all([t.steps for t in block] == sorted(t.steps for t in block) for block in made)
+    whole = [len(block) for block in made if len(block) >= WIDTH]
+    assert whole and sum(whole) >= 93 - 2 * workers * WIDTH
+    if workers > 1:
+        assert len(made[-1]) <= WIDTH
+
+
+def test_long_walks_go_in_small_blocks(trial):
+    """Minutes of walking: an interruption shall not cost an hour."""
+    planner = Planner(DEFAULT_KEEP)
+    slow = [planner.task(WalkCase(trial=trial, fulcrum_m=0.08 + 1e-4 * i)) for i in range(40)]
+    long = [replace(task, steps=BLOCK_STEPS) for task in slow]
+    assert [len(block) for block in blocks(long, 1)] == [WIDTH] * 5
 
 
 VARIABLES = {

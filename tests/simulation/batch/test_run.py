@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.base.errors import InputError, VsfError
-from vsf_drake.simulation.batch import SweepProgress, WalkCase, run, simulate_batch
+from vsf_drake.simulation.batch import SweepProgress, WalkCase, processes, run, simulate_batch
 from vsf_drake.simulation.batch.processes import LINE_EVERY_S, sparse_lines
 from vsf_drake.simulation.walk import Walker
 
@@ -54,6 +54,40 @@ def test_same_numbers_on_one_worker_on_two_and_on_threads_in_any_order(sweep, as
         assert_same(one, simulate_batch(cases, keep=keep, executor=threads))
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as processes:
         assert_same(one, simulate_batch(cases, keep=keep, executor=processes, workers=1))
+
+
+def test_same_numbers_in_any_grouping(trial, sweep, assert_same, blocks_of):
+    """Persons, motions and lengths of time may lie in one block or in another."""
+    heavier = replace(trial, subject=replace(trial.subject, mass_kg=90.0))
+    later = replace(trial, start_s=trial.start_s + 0.02)
+    cases = [
+        *sweep(3),
+        WalkCase(trial=heavier),
+        WalkCase(trial=later),
+        WalkCase(trial=trial, values=UNDER_GROUND),
+        WalkCase(trial=trial, values={"offset.height": 0.002}),
+        WalkCase(trial=trial, values={"coordinate.hip_flexion_r": 0.01}, step_s=2e-3),
+    ]
+    whole = simulate_batch(cases, workers=1)
+    assert [o.ok for o in whole] == [i != 5 for i in range(len(cases))]
+    for size in (1, 3):
+        blocks_of(size)
+        assert_same(whole, simulate_batch(cases, workers=1))
+    assert_same(whole, simulate_batch(cases[::-1], workers=1)[::-1])
+
+
+def test_a_fault_of_the_program_in_one_walk_ends_no_other_of_its_block(monkeypatch, sweep):
+    real = Walker.walk_many
+
+    def faulty(walker, requests):
+        if any(request["fulcrum_m"] == sweep(4)[2].fulcrum_m for request in requests):
+            raise ZeroDivisionError("a fault")
+        return real(walker, requests)
+
+    monkeypatch.setattr(Walker, "walk_many", faulty)
+    outcomes = simulate_batch(sweep(4), workers=1)
+    assert [o.ok for o in outcomes] == [True, True, False, True]
+    assert "ZeroDivisionError: a fault" in outcomes[2].failure
 
 
 def test_failing_members_are_reported_with_their_parameters_and_the_others_finish(trial, sweep):
@@ -97,14 +131,14 @@ class CountedWalker(Walker):
         type(self).built += 1
         self.busy = threading.Lock()
 
-    def walk(self, *args, **kwargs):
-        type(self).walked += 1
+    def walk_many(self, requests):
+        type(self).walked += len(requests)
         if not self.busy.acquire(blocking=False):
             type(self).clashes += 1
-            return super().walk(*args, **kwargs)
+            return super().walk_many(requests)
         try:
             time.sleep(0.01)
-            return super().walk(*args, **kwargs)
+            return super().walk_many(requests)
         finally:
             self.busy.release()
 
@@ -179,6 +213,18 @@ def test_no_more_workers_are_started_than_there_are_walks_to_make(started, sweep
     assert started == [3] and all(outcome.from_cache for outcome in outcomes)
     simulate_batch(sweep(3), workers=2)
     assert started == [3, 2]
+
+
+def test_where_nobody_says_how_many_no_more_workers_are_started_than_the_walks_are_worth(
+    started, sweep, monkeypatch
+):
+    """A quarter of a second of walking is done before another process has started."""
+    monkeypatch.setattr(processes, "cores", lambda: 3)
+    simulate_batch(sweep(4))
+    assert started == []
+    monkeypatch.setattr(processes, "WORTH_STEPS", 100)
+    simulate_batch(sweep(4))
+    assert started == [3]
 
 
 def test_a_pool_that_would_fork_is_refused(sweep):

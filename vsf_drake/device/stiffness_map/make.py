@@ -262,7 +262,7 @@ def _run(
     running = dict[Future[list[Rolled]], _Task]()
     done = 0
     total = sum(len(task.cells) for task in tasks)
-    with chosen(checked(workers, executor), executor, len(tasks)) as (pool, most):
+    with chosen(checked(workers, executor), executor, len(tasks)) as (pool, most, _):
         while queue or running:
             while queue and len(running) < most:
                 task = queue.popleft()

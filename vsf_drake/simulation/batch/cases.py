@@ -8,21 +8,22 @@ import hashlib
 import itertools
 import json
 import platform
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.schema import to_plain
 from vsf_drake.laws.compiled import sources_sha256
+from vsf_drake.laws.lanes import WIDTH
 from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.simulation.archive import provenance
-from vsf_drake.simulation.results import WalkResult
+from vsf_drake.simulation.results import ARRAYS
 from vsf_drake.simulation.variables import (
     Variable,
     check_names,
@@ -31,14 +32,17 @@ from vsf_drake.simulation.variables import (
     is_number,
     shown,
 )
-from vsf_drake.simulation.walk import DEFAULT_STEP_S, fulcrum_on_grid, walk_grid
+from vsf_drake.simulation.walk import (
+    DEFAULT_STEP_S,
+    Walk,
+    fulcrum_on_grid,
+    walk_grid,
+)
 
 if TYPE_CHECKING:
     from vsf_drake.motion.trial import Trial
 
 
-ARRAYS = {f.name: f.metadata for f in dataclasses.fields(WalkResult) if "shape" in f.metadata}
-"""Arrays of a `WalkResult` by name, each with its shape, unit and meaning."""
 OFFSETS = tuple(f.name for f in dataclasses.fields(GeometricOffsets))
 DEFAULT_KEEP = ("time_s", "grf_W", "cop_W")
 Person = tuple[Subject, ModelParameters, tuple[str, ...]]  # with the free coordinates
@@ -91,17 +95,32 @@ class WalkCase:
         )
 
 
+class WalkScorer(Protocol):
+    """What says numbers of the walks of one trial, where they are made; picklable."""
+
+    @property
+    def key(self) -> str:
+        """SHA-256 of everything that its numbers depend on beside the walk."""
+
+    def __call__(self, walks: Sequence[Walk], /) -> Sequence[Mapping[str, float | None]]:
+        """The numbers of each of the walks, which share their instants; ValueError if none of them
+        can have any."""
+
+
 @dataclass(frozen=True, eq=False)
 class WorkerTask:
     """What a worker needs for one walk."""
 
     key: str  # of everything that the numbers depend on
+    made_by: str  # of software and of what is kept, the same for all tasks of a batch
     person_key: str  # of `person`
     person: Person
     motion_key: str  # of the trajectory `motion`
     motion: Any
+    steps: int
     options: dict[str, Any]  # of `Walker.walk`, picklable
     keep: tuple[str, ...]
+    scorer: WalkScorer | None
     software: dict[str, str]  # what must run it
 
 
@@ -109,8 +128,14 @@ class Planner:
     """Turns cases into tasks; hashes each person and each recording once, however many cases share
     it."""
 
-    def __init__(self, keep: tuple[str, ...]) -> None:
+    def __init__(
+        self, keep: tuple[str, ...], score: Callable[[Trial], WalkScorer] | None = None
+    ) -> None:
         self.keep = keep
+        self._score = score
+        self._scorers: dict[int, tuple[WalkScorer, Trial]] = {}
+        self._software = software()
+        self._made_by = digest({"keep": sorted(keep), "software": self._software})
         self._keys: dict[tuple[object, ...], tuple[str, Any]] = {}
 
     def task(self, case: WalkCase) -> WorkerTask:
@@ -155,7 +180,7 @@ class Planner:
         person = (trial.subject, trial.model, free)
         person_key = self._key((id(trial.subject), id(trial.model), free), person, _person_key)
         motion_key = self._key((id(trial.trajectory),), trial.trajectory, _motion_key)
-        made_by = software()
+        scorer = None if self._score is None else self._scorer(trial, self._score)
         key = _finite_digest(
             "offsets",
             {
@@ -163,21 +188,30 @@ class Planner:
                 "motion": motion_key,
                 **plain,
                 "offsets": to_plain(offsets),
-                "keep": sorted(self.keep),
-                "software": made_by,
+                "made_by": self._made_by,
+                "score": "" if scorer is None else scorer.key,
             },
             arrays,
         )
         return WorkerTask(
             key=key,
+            made_by=self._made_by,
             person_key=person_key,
             person=person,
             motion_key=motion_key,
             motion=trial.trajectory,
+            steps=len(moments) - 1,
             options=options | {"offsets": offsets},
             keep=self.keep,
-            software=made_by,
+            scorer=scorer,
+            software=self._software,
         )
+
+    def _scorer(self, trial: Trial, score: Callable[[Trial], WalkScorer]) -> WalkScorer:
+        if id(trial) not in self._scorers:
+            # likewise
+            self._scorers[id(trial)] = score(trial), trial
+        return self._scorers[id(trial)][0]
 
     def _key(self, identity: tuple[object, ...], part: Any, key_of: Callable[[Any], str]) -> str:
         if identity not in self._keys:
@@ -186,12 +220,40 @@ class Planner:
         return self._keys[identity][0]
 
 
-def check_keep(keep: Iterable[str]) -> tuple[str, ...]:
-    """`keep` as names of arrays, each once; InputError if one is none of `ARRAYS`, or there is
-    none."""
+BLOCK = 32
+"""Most walks that a worker is given at a time: what an interruption costs, at most, and what one
+file of the cache holds."""
+BLOCK_STEPS = 100_000  # above which a block is of WIDTH walks only: some seconds of work
+
+
+def blocks(tasks: Sequence[WorkerTask], workers: int) -> Iterator[tuple[WorkerTask, ...]]:
+    """The tasks in blocks of one person, of like length side by side; smaller towards the end, so
+    that so many workers end together."""
+    people: dict[str, list[WorkerTask]] = {}
+    for task in tasks:
+        people.setdefault(task.person_key, []).append(task)
+    left = len(tasks)
+    for own in people.values():
+        own.sort(key=lambda task: task.steps)
+        at = 0
+        while at < len(own):
+            each = -(-left // workers)
+            share = each if workers == 1 else max(-(-each // 2), min(each, WIDTH))
+            size = min(share, BLOCK, max(WIDTH, BLOCK_STEPS // own[at].steps))
+            if size > WIDTH:
+                size -= size % WIDTH
+            block = tuple(own[at : at + size])
+            yield block
+            at += len(block)
+            left -= len(block)
+
+
+def check_keep(keep: Iterable[str], *, scored: bool) -> tuple[str, ...]:
+    """`keep` as names of arrays, each once; InputError if one is none of `ARRAYS`, or there is none
+    and nothing is `scored` either."""
     names = (keep,) if isinstance(keep, str) else tuple(dict.fromkeys(keep))
     unknown = [name for name in names if name not in ARRAYS]
-    if unknown or not names:
+    if unknown or not (names or scored):
         raise InputError(
             f"{unknown[0]!r} is no array of a walk" if unknown else "names no array",
             where="keep",

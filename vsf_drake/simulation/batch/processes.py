@@ -37,6 +37,9 @@ from vsf_drake.laws.compiled import announced
 from vsf_drake.simulation.variables import check_whole
 
 IN_FLIGHT = 256  # tasks that an executor of unknown size is given at a time
+WORTH_STEPS = 600_000
+"""Steps of walking that are worth one more process: its start takes two seconds of processor time,
+a step with all that is made of it some microseconds."""
 LINE_EVERY_S = 30.0
 _ONE_THREAD = {
     name: "1"
@@ -272,28 +275,37 @@ def checked(workers: Any, executor: Any) -> int | None:
 
 
 @contextmanager
-def chosen(workers: int | None, executor: Any, tasks: int) -> Iterator[tuple[Any, int]]:
-    """The executor and how many tasks to keep submitted; ends what it has started, also after an
-    interruption.
+def chosen(
+    workers: int | None, executor: Any, tasks: int, steps: int | None = None
+) -> Iterator[tuple[Any, int, int]]:
+    """The executor, how many tasks to keep submitted, and how many workers it has, as far as is
+    known; ends what it has started, also after an interruption.
 
     Args:
         workers: 1 for this process, more for this and others, None for one a core; beside
             `executor` its size.
         executor: of the caller, who also ends it; None for one of our own.
         tasks: how many there are: no more workers are started.
+        steps: of walking in all tasks: where nobody says how many workers, no more are started than
+            these are worth.
     """
     if executor is not None:
         with garbage_left():  # it may have threads
-            yield executor, IN_FLIGHT if workers is None else 2 * workers
+            yield (
+                executor,
+                IN_FLIGHT if workers is None else 2 * workers,
+                cores() if workers is None else workers,
+            )
         return
-    count = min(cores() if workers is None else workers, tasks)
+    worth = tasks if steps is None else 1 + steps // WORTH_STEPS
+    count = min(min(cores(), worth) if workers is None else workers, tasks)
     if count <= 1:
-        yield _InProcess(), 1
+        yield _InProcess(), 1, 1
         return
     own = ProcessWorkers(count, here=True)
     with garbage_left():
         try:
-            yield own, 2 * count
+            yield own, 2 * count, count
         finally:
             # at once: whoever leaves in good order waits for no task
             own.shutdown(cancel_futures=True)

@@ -3,34 +3,37 @@ numbers anywhere."""
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import io
 import json
+import os
 import threading
 import time
 import zipfile
-from collections import deque
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType, SimpleNamespace
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vsf_drake.base.errors import InputError, SimulationError, VsfError, raise_if_interrupted
-from vsf_drake.base.files import read_npz, replaced, user_path
+from vsf_drake.base.files import MOST_FILE_BYTES, read_bytes, read_npz, replaced, user_path
 from vsf_drake.base.schema import to_plain
 from vsf_drake.base.tables import Headline, LabelledArrays, Tabular
 from vsf_drake.model.contact_file import variable_unit
 from vsf_drake.simulation.batch.cases import (
-    ARRAYS,
     DEFAULT_KEEP,
     Planner,
     WalkCase,
+    WalkScorer,
     WorkerTask,
+    blocks,
     check_keep,
     digest,
     software,
@@ -44,7 +47,10 @@ from vsf_drake.simulation.batch.processes import (
     reporting,
 )
 from vsf_drake.simulation.results import walk_arrays
-from vsf_drake.simulation.walk import Walker
+from vsf_drake.simulation.walk import Walk, Walker, walk_notes
+
+if TYPE_CHECKING:
+    from vsf_drake.motion.trial import Trial
 
 TRIAL = (
     "name",
@@ -64,6 +70,7 @@ def simulate_batch(
     cases: Iterable[WalkCase],
     *,
     keep: Iterable[str] = DEFAULT_KEEP,
+    score: Callable[[Trial], WalkScorer] | None = None,
     workers: int | None = None,
     executor: Any = None,
     cache: str | Path | None = None,
@@ -71,23 +78,28 @@ def simulate_batch(
 ) -> list[WalkOutcome]:
     """Simulates every case; each worker builds a person once and walks it often.
 
-    A member that fails (its parameters cannot be used, its run diverges) is an outcome with a
-    `failure`; the others go on. A killed worker costs its own task, which is tried once more. On
-    one kind of processor the numbers are the same bit for bit on any number of workers. With
-    `cache`, whatever is finished is kept at once, failed simulations too (not what the machine
-    did): the same call goes on where it stopped, and equal walks are not repeated.
+    Workers take blocks of walks of one person. A member that fails (its parameters cannot be used,
+    its run diverges) is an outcome with a `failure`; the others go on. A killed worker costs its
+    own block, whose walks are tried once more, each alone. On one kind of processor the numbers are
+    the same bit for bit in any grouping and on any number of workers. With `cache`, each finished
+    block is kept at once, failed simulations too (not what the machine did): the same call goes on
+    where it stopped, and equal walks are not repeated.
 
     Args:
         cases: what to walk. Equal ones are walked once.
-        keep: arrays of `WalkResult` to bring back, by name. `energy_j` doubles the time.
+        keep: arrays of `WalkResult` to bring back, by name; () for none, with `score`. `energy_j`
+            doubles the time.
+        score: gives what tells the numbers of a trial's walks where they are made, so that no
+            arrays have to be brought back for them; they are the outcomes' `scores`.
         workers: 1 for this process; more for as many, of which this one is the first; None for one
-            a core. There are never more than walks to make.
+            a core, if there is so much to do. There are never more than walks to make.
         executor: instead, any `concurrent.futures.Executor` (its processes must not be forked) or
             dask's `Client.get_executor()`; `workers` then says how many it has, if known. It is not
             shut down. For many sweeps in a row give each the same `ProcessWorkers(count)`, which
             also keeps every walk out of this process. A `ThreadPoolExecutor` starts at once and is
             nearly as fast, but what kills a thread kills the sweep.
-        cache: folder of finished walks, see `vsf_drake.simulation.batch.run`.
+        cache: folder of finished walks, created if needed; files of other software in it are left
+            alone.
         progress: True shows a bar on a terminal and sparse lines elsewhere, on stderr; or a
             function that is called with a `SweepProgress` after every member. Nothing is shown by
             default.
@@ -97,7 +109,7 @@ def simulate_batch(
     """
     count = checked(workers, executor)
     cases = list(cases)
-    kept = check_keep(keep)
+    kept = check_keep(keep, scored=score is not None)
     for i, case in enumerate(cases):
         if not isinstance(case, WalkCase):
             raise InputError(f"member {i} is a {type(case).__name__}, no WalkCase", where="cases")
@@ -110,15 +122,17 @@ def simulate_batch(
     with reporting(progress) as report:
         sweep = _BatchRun(cases, report)
         store = None if cache is None else WalkCache(cache)
-        todo = sweep.plan(Planner(kept), store)
+        todo = sweep.plan(Planner(kept, score), store)
+        steps = sum(task.steps for task in todo)
         with (
-            chosen(count, executor, len(todo)) as (pool, most),
-            closing(_dispatch(todo, pool, most)) as replies,
+            chosen(count, executor, len(todo), steps) as (pool, most, size),
+            closing(_dispatch(blocks(todo, size), pool, most)) as finished,
         ):
-            for task, reply in replies:
+            for block in finished:
                 if store is not None:
-                    store.write(task, reply)
-                sweep.settle(task.key, reply)
+                    store.write(block)
+                for task, reply in block:
+                    sweep.settle(task.key, reply)
     return [sweep.outcomes[i] for i in range(len(cases))]
 
 
@@ -135,8 +149,10 @@ class WalkOutcome(Tabular):
     from_cache: bool = False
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Names of the columns of those kept arrays whose columns are coordinates or energies."""
+    scores: Mapping[str, float | None] = field(default_factory=dict)
+    """What `score` says of it; nothing of a failed one."""
     notes: tuple[str, ...] = ()
-    """on the run (an implausible load, a loaded start) and on its cache entry"""
+    """on the run (an implausible load, a loaded start) and on the cache"""
     _arrays: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
@@ -202,7 +218,7 @@ class _BatchRun:
         self._report = report
         self.outcomes: dict[int, WalkOutcome] = {}
         self._members: dict[str, list[int]] = {}
-        self._damage: dict[str, str] = {}
+        self._damage: Mapping[str, str] = {}
         self._refused = 0
         self._started = time.monotonic()
 
@@ -219,9 +235,9 @@ class _BatchRun:
             else:
                 self._members.setdefault(task.key, []).append(i)
                 tasks[task.key] = task
-        for key in list(tasks):
-            reply, self._damage[key] = (None, "") if store is None else store.read(key)
-            if reply is not None:
+        if store is not None and tasks:
+            kept, self._damage = store.read([*tasks], next(iter(tasks.values())).made_by)
+            for key, reply in kept.items():
                 self._place(self._members[key], reply, from_cache=True)
                 del tasks[key]
         self._started = time.monotonic()
@@ -232,7 +248,9 @@ class _BatchRun:
         """Takes in what a worker answered to the task `key`."""
         self._place(
             self._members[key],
-            replace(reply, notes=tuple(filter(None, (*reply.notes, self._damage[key])))),
+            replace(reply, notes=(*reply.notes, self._damage[key]))
+            if key in self._damage
+            else reply,
         )
         self._tell()
 
@@ -263,6 +281,7 @@ class _BatchRun:
                 wall_s=reply.wall_s,
                 from_cache=from_cache,
                 columns=reply.columns,
+                scores=MappingProxyType(reply.scores),
                 notes=reply.notes,
                 _arrays=reply.arrays,
             )
@@ -277,8 +296,6 @@ def _said(error: Exception) -> str:
 # for good: Drake does not free a diagram with Python systems in it.
 
 
-# in place of a trial
-_NAMELESS: Any = SimpleNamespace(name="", notes=(), synthetic=False, inputs={})
 _lock = threading.Lock()
 _idle: dict[str, list[Walker]] = {}
 
@@ -301,63 +318,114 @@ class Reply:
     text: str = ""
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
     columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    scores: dict[str, float | None] = field(default_factory=dict)
     unconverged_steps: int | None = None
     refined_steps: int | None = None
     wall_s: float | None = None
     notes: tuple[str, ...] = ()
 
 
-def run_task(task: WorkerTask) -> Reply:
-    """Walks, and answers in any case: only an interruption or the end of the process leaves it
-    without a reply."""
-    try:
-        here = software()
-        if task.software != here:
-            differ = [
-                f"{name} {here.get(name)} instead of {value}"
-                for name, value in task.software.items()
-                if here.get(name) != value
-            ]
-            return Reply(Kind.REFUSED, f"the worker runs other software: {', '.join(differ)}")
-        with _walker(task) as walker:
-            return _walked(walker, task)
-    except Exception as error:  # whatever it is, it concerns this member only
-        kind = (
-            Kind.FAILED
-            if isinstance(error, SimulationError)
-            else Kind.MACHINE
-            if isinstance(error, (MemoryError, OSError))
-            else Kind.REFUSED
+def run_block(tasks: Sequence[WorkerTask]) -> list[Reply]:
+    """Walks the tasks, all of one person, and answers to each in any case: only an interruption or
+    the end of the process leaves them without replies."""
+    here = software()
+    wanted = tasks[0].software
+    if wanted != here:
+        differ = [
+            f"{name} {here.get(name)} instead of {value}"
+            for name, value in wanted.items()
+            if here.get(name) != value
+        ]
+        return [Reply(Kind.REFUSED, f"the worker runs other software: {', '.join(differ)}")] * len(
+            tasks
         )
-        if kind is Kind.REFUSED:
-            raise_if_interrupted()
-        return Reply(kind, _said(error))
+    try:
+        with _walker(tasks[0]) as walker:
+            return [
+                reply
+                for rows in walker.parts([task.steps for task in tasks])
+                for reply in _walked(walker, tasks[rows.start : rows.stop])
+            ]
+    except Exception as error:  # the person cannot be built
+        return [_refusal(error)] * len(tasks)
 
 
-def _walked(walker: Walker, task: WorkerTask) -> Reply:
-    walk = walker.walk(task.motion, **task.options)
-    result = walker.result(walk, _NAMELESS, task.options["offsets"], energy="energy_j" in task.keep)
-    arrays = {name: np.array(getattr(result, name)) for name in task.keep}
+def _walked(walker: Walker, tasks: Sequence[WorkerTask]) -> list[Reply]:
+    try:
+        walks = walker.walk_many([{"trajectory": task.motion, **task.options} for task in tasks])
+        scores = _scored(tasks, walks)
+        return [
+            _refusal(walk)
+            if isinstance(walk, Exception)
+            else _refusal(score)
+            if isinstance(score, Exception)
+            else _packed(walker, task, walk, score)
+            for task, walk, score in zip(tasks, walks, scores, strict=True)
+        ]
+    except Exception as error:  # whatever it is, it concerns one member only
+        raise_if_interrupted()
+        if len(tasks) == 1:
+            return [_refusal(error)]
+        return [reply for task in tasks for reply in _walked(walker, [task])]
+
+
+def _scored(
+    tasks: Sequence[WorkerTask], walks: Sequence[Walk | VsfError]
+) -> list[Mapping[str, float | None] | Exception]:
+    """What the scorer of each walk says, or why nothing; no scores where there is no scorer."""
+    scores: list[Mapping[str, float | None] | Exception] = [{} for _ in tasks]
+    alike: dict[tuple[int, float], list[tuple[int, Walk]]] = {}
+    for i, (task, walk) in enumerate(zip(tasks, walks, strict=True)):
+        if task.scorer is not None and not isinstance(walk, Exception):
+            alike.setdefault((id(task.scorer), walk.step_s), []).append((i, walk))
+    for members in alike.values():
+        scorer = tasks[members[0][0]].scorer
+        assert scorer is not None
+        try:
+            found: Sequence[Any] = scorer([walk for _, walk in members])
+        except ValueError as error:
+            found = [error] * len(members)
+        for (i, _), score in zip(members, found, strict=True):
+            scores[i] = score
+    return scores
+
+
+def _refusal(error: Exception) -> Reply:
+    kind = (
+        Kind.FAILED
+        if isinstance(error, SimulationError)
+        else Kind.MACHINE
+        if isinstance(error, (MemoryError, OSError))
+        else Kind.REFUSED
+    )
+    if kind is Kind.REFUSED:
+        raise_if_interrupted()
+    return Reply(kind, _said(error))
+
+
+def _packed(
+    walker: Walker, task: WorkerTask, walk: Walk, scores: Mapping[str, float | None]
+) -> Reply:
+    arrays, columns = walker.arrays(walk, task.keep)
     for name, array in arrays.items():
         # a foot in the air has no centre of pressure
         if not name.endswith("cop_W") and not np.isfinite(array).all():
             row = int(np.argwhere(~np.isfinite(array))[0][0])
-            raise SimulationError(
-                f"{name} is not a finite number", time_s=float(result.time_s[row])
+            error = SimulationError(
+                f"{name} is not a finite number", time_s=float(walk.time_s[row])
             )
-    columns = {
-        name: tuple(getattr(result, named))
-        for name in task.keep
-        if isinstance(named := ARRAYS[name].get("columns"), str)
-    }
+            return _refusal(error)
+    counts = walk.record.counts()
     return Reply(
         Kind.DONE,
-        arrays=arrays,
+        # of their own: a view would keep all of the walk
+        arrays={name: np.array(array) for name, array in arrays.items()},
         columns=columns,
-        unconverged_steps=result.unconverged_steps,
-        refined_steps=result.refined_steps,
-        wall_s=result.wall_s,
-        notes=tuple(result.notes),
+        scores=dict(scores),
+        unconverged_steps=counts["unconverged_steps"],
+        refined_steps=counts["refined_steps"],
+        wall_s=walk.wall_s,
+        notes=tuple(walk_notes(walk, walker.subject, walker.model)),
     )
 
 
@@ -377,71 +445,81 @@ def _walker(task: WorkerTask) -> Iterator[Walker]:
             waiting.append(walker)
 
 
-ATTEMPTS = 2  # how often a task is tried whose worker dies under it
+ATTEMPTS = 2  # how often a task is tried whose worker dies under it; the last time alone
 LOOK_EVERY_S = 0.2  # how often to look for tasks that were cancelled from outside: nobody tells
+Block = tuple[WorkerTask, ...]
 
 
 def _dispatch(
-    tasks: Iterable[WorkerTask], executor: Any, most: int
-) -> Generator[tuple[WorkerTask, Reply]]:
-    """Yields each task with its reply as they finish, with `most` kept submitted; closing it calls
-    off the others."""
-    queue = deque(tasks)
-    tried: dict[str, int] = {}
-    running: dict[Future[Reply], WorkerTask] = {}
+    waiting: Iterator[Block], executor: Any, most: int
+) -> Generator[list[tuple[WorkerTask, Reply]]]:
+    """Yields the tasks of each block with their replies as they finish, with `most` blocks kept
+    submitted; closing it calls off the others."""
+    again = deque[Block]()
+    tried = Counter[str]()
+    running: dict[Future[list[Reply]], Block] = {}
     closed = ""
+    block = next(waiting, None)
     try:
-        while queue or running:
-            while queue and len(running) < most and not closed:
-                task = queue.popleft()
+        while block or running:
+            while block and len(running) < most and not closed:
                 try:
-                    running[executor.submit(run_task, task)] = task
+                    running[executor.submit(run_block, block)] = block
                 except RuntimeError as error:
                     # broken or shut down; it was given, so it is not ours to replace
                     closed = f"the executor takes no more work ({error})"
-                    queue.appendleft(task)
-            if closed:
-                while queue:
-                    yield queue.popleft(), Reply(Kind.MACHINE, closed)
+                else:
+                    block = next(waiting, None) or (again.popleft() if again else None)
+            while closed and block:
+                yield [(task, Reply(Kind.MACHINE, closed)) for task in block]
+                block = next(waiting, None) or (again.popleft() if again else None)
             done = [future for future in running if future.done()]
             if not done:  # `wait` alone misses what a shutdown has cancelled, for ever
                 wait(running, timeout=LOOK_EVERY_S, return_when=FIRST_COMPLETED)
             for future in done:
-                task = running.pop(future)
-                reply = _reply(future)
-                tried[task.key] = tried.get(task.key, 0) + (reply.kind is Kind.MACHINE)
-                if reply.kind is Kind.MACHINE and tried[task.key] < ATTEMPTS:
-                    queue.append(task)
-                    continue
-                times = f" (tried {tried[task.key]} times)" if reply.kind is Kind.MACHINE else ""
-                yield task, replace(reply, text=reply.text + times)
+                tasks = running.pop(future)
+                finished = []
+                for task, reply in zip(tasks, _replies(future, len(tasks)), strict=True):
+                    lost = reply.kind is Kind.MACHINE
+                    tried[task.key] += lost
+                    if lost and (len(tasks) > 1 or tried[task.key] < ATTEMPTS):
+                        again.append((task,))
+                        continue
+                    times = f" (tried {tried[task.key]} times)" if lost else ""
+                    finished.append((task, replace(reply, text=reply.text + times)))
+                yield finished
+            block = block or next(waiting, None) or (again.popleft() if again else None)
     finally:
         for future in running:
             future.cancel()
 
 
-def _reply(future: Future[Reply]) -> Reply:
+def _replies(future: Future[list[Reply]], count: int) -> list[Reply]:
     try:
         return future.result()
     except WorkerStartError:
         raise
     except CancelledError:
-        return Reply(Kind.MACHINE, "the executor cancelled it")
+        text = "the executor cancelled it"
     except Exception as error:  # of the executor: a killed worker, a broken pool, a lost connection
-        return Reply(Kind.MACHINE, f"{type(error).__name__}: {error}")
+        text = f"{type(error).__name__}: {error}"
+    return [Reply(Kind.MACHINE, text)] * count
 
 
 # Finished walks on disk, each under the hash of everything that its numbers depend on.
 #
-# One `.npz` a walk, in sub-folders by the first two digits: the arrays, and `about.json` with what
-# made them and the hash of the content. It is written under a temporary name and renamed, so that
-# there is a whole entry or none, whenever the program or the machine stops. Nothing is ever
-# removed: delete the folder to start afresh.
+# One file a block, whose name begins with the hash of software and kept arrays: a zip file with
+# `about.json`, which says of each walk how it ended and with what it was made, and the arrays of
+# all of them, one walk's rows after the other's, so that numpy reads it too. It is written under a
+# temporary name and renamed, so that there is a whole file or none, whenever the program or the
+# machine stops. What is damaged all the same is renamed and computed anew; nothing is ever removed:
+# delete the folder to start afresh.
 
 
 ABOUT = "about.json"
 # replies worth keeping: a simulation that failed will fail again; a machine may not
 LASTING = (Kind.DONE, Kind.FAILED)
+_NAMED = 24  # digits of the two hashes in a file's name
 
 
 class WalkCache:
@@ -460,73 +538,114 @@ class WalkCache:
                 f"cannot be a folder ({error.strerror})", file=self.folder, where="cache"
             ) from None
 
-    def _path(self, key: str) -> Path:
-        return self.folder / key[:2] / f"{key}.npz"
+    def read(self, keys: Collection[str], made_by: str) -> tuple[dict[str, Reply], dict[str, str]]:
+        """By key, the replies that were kept; and a sentence for what may have been in a file that
+        cannot be trusted."""
+        wanted = set(keys)
+        found: dict[str, Reply] = {}
+        damaged: dict[Path, str] = {}
+        for path in sorted(self.folder.glob(f"{made_by[:_NAMED]}-*.npz")):
+            try:
+                kept = _decoded(path)
+            except Exception as error:  # a damaged file can make its readers raise anything
+                damaged[path] = (
+                    f"A file of the cache was damaged ({error}); this was computed anew."
+                )
+            else:
+                found |= {key: reply for key, reply in kept.items() if key in wanted}
+        said: dict[str, str] = {}
+        for path, sentence in damaged.items():
+            missing = wanted - found.keys()
+            with contextlib.suppress(OSError, InputError):
+                content = read_bytes(path, most=MOST_FILE_BYTES)
+                missing = {key for key in missing if key.encode() in content} or missing
+                os.replace(path, path.with_suffix(".damaged"))
+            said |= dict.fromkeys(missing, sentence)
+        return found, said
 
-    def read(self, key: str) -> tuple[Reply | None, str]:
-        """The reply that was kept, or None; and a sentence if there is an entry that cannot be
-        trusted."""
-        path = self._path(key)
-        if not path.exists():
-            return None, ""
-        try:
-            return _decoded(path, key), ""
-        except Exception as error:  # a damaged file can make its readers raise anything
-            return None, f"Its cache entry was damaged ({error}); it was computed anew."
-
-    def write(self, task: WorkerTask, reply: Reply) -> None:
-        """Keeps `reply`, if it is worth keeping; InputError if the disk is full."""
-        if reply.kind not in LASTING:
+    def write(self, block: Sequence[tuple[WorkerTask, Reply]]) -> None:
+        """Keeps those replies that are worth it; InputError if the disk is full."""
+        lasting = [(task, reply) for task, reply in block if reply.kind in LASTING]
+        if not lasting:
             return
-        path = self._path(task.key)
+        made_by = lasting[0][0].made_by[:_NAMED]
+        name = digest([task.key for task, _ in lasting])[:_NAMED]
         try:
-            path.parent.mkdir(exist_ok=True)
-            with replaced(path, "wb", lasting=True) as stream:
-                stream.write(_encoded(task, reply))
+            with replaced(self.folder / f"{made_by}-{name}.npz", "wb", lasting=True) as stream:
+                stream.write(_encoded(lasting))
         except (OSError, InputError) as error:
             cause = error.strerror if isinstance(error, OSError) else error.what
             raise InputError(
-                f"a finished walk cannot be kept ({cause})",
+                f"finished walks cannot be kept ({cause})",
                 file=self.folder,
                 where="cache",
                 right="Make room and run the same again: it goes on from what is there",
             ) from None
 
 
-_PLAIN = ("text", "unconverged_steps", "refined_steps", "wall_s", "notes", "columns")
+_PLAIN = ("text", "scores", "unconverged_steps", "refined_steps", "wall_s", "notes", "columns")
 """What an entry says of a `Reply` beside its kind and arrays."""
 
 
-def _encoded(task: WorkerTask, reply: Reply) -> bytes:
-    options = {name: value for name, value in task.options.items() if not callable(value)}
-    about: dict[str, Any] = {
-        "key": task.key,
-        "kind": reply.kind.value,
-        **{name: to_plain(getattr(reply, name)) for name in _PLAIN},
-        "made_with": {
-            "person": task.person_key,
-            "motion": task.motion_key,
-            "keep": list(task.keep),
-            **to_plain(options),
-        },
-        "software": task.software,
+def _encoded(block: Sequence[tuple[WorkerTask, Reply]]) -> bytes:
+    """Replies of one person's walks, all with the same arrays or, where they failed, none."""
+    done = [reply.arrays for _, reply in block if reply.kind is Kind.DONE]
+    arrays = {name: np.concatenate([each[name] for each in done]) for name in (done or [{}])[0]}
+    entries = [
+        {
+            "key": task.key,
+            "kind": reply.kind.value,
+            "rows": task.steps if reply.kind is Kind.DONE else 0,
+            **{name: getattr(reply, name) for name in _PLAIN},
+            "made_with": {
+                "motion": task.motion_key,
+                **{
+                    name: to_plain(value)
+                    for name, value in task.options.items()
+                    if not callable(value)
+                },
+            },
+        }
+        for task, reply in block
+    ]
+    first = block[0][0]
+    about = {
+        "walks": entries,
+        "person": first.person_key,
+        "keep": list(first.keep),
+        "software": first.software,
     }
-    about["content_sha256"] = digest(about, reply.arrays)
+    about["content_sha256"] = digest(about, arrays)
     buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **reply.arrays)
-    with zipfile.ZipFile(buffer, "a") as archive:
-        archive.writestr(ABOUT, json.dumps(about, indent=1))
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr(ABOUT, json.dumps(about))
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w") as member:
+                np.lib.format.write_array(member, array, allow_pickle=False)
     return buffer.getvalue()
 
 
-def _decoded(path: Path, key: str) -> Reply:
+def _decoded(path: Path) -> dict[str, Reply]:
     arrays = read_npz(path)
     about = json.loads(arrays.pop(ABOUT))
     expected = about.pop("content_sha256")
-    if digest(about, arrays) != expected or about["key"] != key:
+    if digest(about, arrays) != expected:
         raise ValueError("its SHA-256 differs")
-    about |= {
-        "notes": tuple(about["notes"]),
-        "columns": {name: tuple(of) for name, of in about["columns"].items()},
-    }
-    return Reply(Kind(about["kind"]), arrays=arrays, **{name: about[name] for name in _PLAIN})
+    replies = {}
+    row = 0
+    for entry in about["walks"]:
+        own = slice(row, row + entry["rows"])
+        row = own.stop
+        said = {name: entry[name] for name in _PLAIN} | {
+            "notes": tuple(entry["notes"]),
+            "columns": {name: tuple(of) for name, of in entry["columns"].items()},
+        }
+        kind = Kind(entry["kind"])
+        replies[entry["key"]] = Reply(
+            kind,
+            arrays={name: array[own] for name, array in arrays.items()}
+            if kind is Kind.DONE
+            else {},
+            **said,
+        )
+    return replies
