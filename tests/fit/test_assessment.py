@@ -3,7 +3,6 @@ words."""
 
 from __future__ import annotations
 
-import threading
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +19,7 @@ from made_fit import (
     recording,
 )
 
-from vsf_drake.base.errors import FitError, SimulationError
+from vsf_drake.base.errors import FitError
 from vsf_drake.fit import assessment as module
 from vsf_drake.fit.assessment import (
     LEFT_OUT,
@@ -69,22 +68,14 @@ class Model:
             machine=None,
             options=SimpleNamespace(series=("vertical", "cop_fore_aft"), report_step_s=2e-3),
         )
-        self.asked, self.lock = [], threading.Lock()
+        self.asked = []
 
     def check(self):
         pass
 
-    def predict(self, trial, label, *, step_s, fulcrum_m=None):
-        with self.lock:
-            self.asked.append((trial.path.stem, label, step_s, fulcrum_m))
-        walk = self.walker.walk(
-            trial.trajectory,
-            fulcrum_m=fulcrum_m or trial.fulcrum_m,
-            start_s=trial.start_s,
-            end_s=trial.end_s,
-            step_s=step_s,
-            offsets=trial.offsets,
-        )
+    def predict(self, trial, label, *, step_s):
+        self.asked.append((trial.path.stem, label))
+        walk = self.walker.walk_trial(trial, step_s=step_s)
         result = self.walker.result(walk, trial, trial.offsets, energy=False)
         return compare(result, trial.prosthetic_plate), result
 
@@ -105,7 +96,7 @@ def test_scores_are_the_metrics_of_fitted_and_held_out_trials_beside_the_harder_
         leave_out=False,
         floors={"medium_1": 0.01},
     )
-    assert [(name, label) for name, label, *_ in model.asked] == [
+    assert model.asked == [
         ("low_1", "low_1"),
         ("high_1", "high_1"),
         ("medium_1", None),
@@ -188,14 +179,15 @@ def test_the_own_height_of_a_held_out_trial_made_its_plate_and_is_said_to_be_no_
 
 @pytest.fixture
 def sweep_of(monkeypatch, trials):
-    monkeypatch.setattr(
-        module, "walk_metrics", lambda result, *_, **__: SimpleNamespace(error_bw=result)
-    )
-
     def make(error, fulcrum_m=0.066):
         trial = replace(trials["low_1"], fulcrum_m=fulcrum_m)
         model = SimpleNamespace(
-            predict=lambda trial, label, *, step_s, fulcrum_m: (None, error(fulcrum_m))
+            fit=SimpleNamespace(walker=None), fitted_for=lambda trial, label: {"values": {}}
+        )
+        monkeypatch.setattr(
+            module,
+            "fulcrum_errors",
+            lambda walker, trial, positions, values: np.array([error(x) for x in positions]),
         )
         return sweep_fulcrum(model, trial, None)
 
@@ -208,12 +200,7 @@ def parabola(best, floor=0.02, width=0.05):
 
 
 def failing(error, where):
-    def walk(position):
-        if where(position):
-            raise SimulationError("broke", time_s=0.1)
-        return error(position)
-
-    return walk
+    return lambda position: np.nan if where(position) else error(position)
 
 
 @pytest.mark.parametrize("best", [0.07, 0.1234])

@@ -191,15 +191,17 @@ def test_distal_power_is_force_times_the_velocity_of_the_segment_at_the_centre_o
     twist = np.concatenate([omega, -np.cross(omega, center)])[None]
     reaction = FootReaction(
         grf_W=np.array([[50.0, 0.0, 700.0]]),
-        cop_W=np.array([[0.1, 0.0, 0.0]]),
-        free_moment_nm=np.array([3.0]),
+        moment_W=np.array([[0.0, -0.1 * 700.0, 3.0]]),
+        ground_height=0.0,
     )
     assert distal_power(reaction, twist)[0] == pytest.approx(50.0 * -1.0 + 700.0 * -0.2)
 
 
 def test_free_moment_works_on_a_segment_that_turns_about_the_vertical():
     reaction = FootReaction(
-        grf_W=np.array([[0.0, 0.0, 700.0]]), cop_W=np.zeros((1, 3)), free_moment_nm=np.array([3.0])
+        grf_W=np.array([[0.0, 0.0, 700.0]]),
+        moment_W=np.array([[0.0, 0.0, 3.0]]),
+        ground_height=0.0,
     )
     assert distal_power(reaction, np.array([[0.0, 0.0, 0.5, 0.0, 0.0, 0.0]]))[0] == pytest.approx(
         1.5
@@ -207,9 +209,7 @@ def test_free_moment_works_on_a_segment_that_turns_about_the_vertical():
 
 
 def test_no_power_passes_where_the_foot_is_in_the_air():
-    reaction = FootReaction(
-        grf_W=np.zeros((1, 3)), cop_W=np.full((1, 3), np.nan), free_moment_nm=np.zeros(1)
-    )
+    reaction = FootReaction(grf_W=np.zeros((1, 3)), moment_W=np.zeros((1, 3)), ground_height=0.0)
     assert distal_power(reaction, np.ones((1, 6)))[0] == 0.0
 
 

@@ -3,18 +3,17 @@ doubted."""
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
+from vsf_drake.base.errors import InputError
 from vsf_drake.model.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.walks.comparison import compare
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
-from vsf_drake.walks.fulcrum_sweep import SWEEP_STEP_S, sweep_positions, swept
+from vsf_drake.walks.fulcrum_sweep import SWEEP_STEP_S, fulcrum_errors, sweep_positions, swept
 from vsf_drake.walks.metrics import walk_metrics
 
 AT = np.array([0.066, 0.087, 0.108, 0.129, 0.151])
@@ -54,20 +53,13 @@ def test_a_manifest_with_another_setting_than_the_walk_had_is_doubted_by_a_fit_o
     )
     walker, positions = Walker(trial.subject, trial.model), sweep_positions(trial)
 
-    def error(position: float) -> float:
-        at = dataclasses.replace(trial, fulcrum_m=position)
-        walk = walker.walk(
-            at.trajectory,
-            fulcrum_m=position,
-            start_s=at.start_s,
-            end_s=at.end_s,
-            step_s=SWEEP_STEP_S,
-            offsets=at.offsets,
-        )
-        result, plate = walker.result(walk, at, at.offsets, energy=False), at.prosthetic_plate
-        return walk_metrics(result, plate, comparison=compare(result, plate)).grf_rmse_bw
-
-    errors = [error(position) for position in positions]
+    errors = fulcrum_errors(walker, trial, positions)
+    assert not np.isnan(errors).any()
+    middle = len(positions) // 2
+    walk = walker.walk_trial(trial, fulcrum_m=positions[middle], step_s=SWEEP_STEP_S)
+    result, plate = walker.result(walk, trial, trial.offsets, energy=False), trial.prosthetic_plate
+    alone = walk_metrics(result, plate, comparison=compare(result, plate))
+    assert alone.grf_rmse_bw == errors[middle]
     assert not swept(positions, errors, true_m=0.108).doubted
     for wrong in (0.066, 0.151):
         found = swept(positions, errors, true_m=wrong)
@@ -76,3 +68,12 @@ def test_a_manifest_with_another_setting_than_the_walk_had_is_doubted_by_a_fit_o
             and found.best_mm == pytest.approx(108.0, abs=10.5)
             and found.gain_bw > 0.05
         )
+
+
+def test_a_walk_that_fails_has_no_error_and_ends_no_other_but_what_cannot_be_walked_is_told():
+    trial = load_trial(embedded_trials("exact")[0])
+    walker = Walker(trial.subject, trial.model)
+    buried = {"values": {"coordinate.pelvis_ty": -0.6}}
+    assert np.isnan(fulcrum_errors(walker, trial, AT[:2], **buried)).all()
+    with pytest.raises(InputError, match=r"values\['nonsense'\]|nonsense"):
+        fulcrum_errors(walker, trial, AT[:2], values={"nonsense": 1.0})

@@ -54,9 +54,7 @@ def test_pages_and_csv_show_a_number_as_the_table_says(other_words):
     assert column(ERROR) == (ERROR, "GRF (BW)", "{:.4f}", 1.0)
     assert shown({f"{ERROR}_worst": 0.0234}, f"{ERROR}_worst") == "0.0234"
     assert "0.0200" in trial_cells(made_trial())
-    table, _ = sweep_table(
-        [], {}, variables={}, fulcrum=True, plan={}, fits={}, show=lambda fraction: None
-    )
+    table, _ = sweep_table([], {}, variables={}, fulcrum=True, plan={}, fits={})
     assert table.columns[ERROR] == {"unit": "body weights", "meaning": "told anew"}
     assert {name: table.columns[name] for name in SCORES} == {
         name: {"unit": quantity(name).unit, "meaning": quantity(name).meaning} for name in SCORES

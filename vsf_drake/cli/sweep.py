@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from vsf_drake.walks.sweep_table import SweepRow, SweepTable
 
 SHIFT = "fulcrum.shift"
-# walks that a sweep may have: their series are in memory at the end, some 70 kB each for 1.2 s
-MOST = 20_000
+# walks that a sweep may have: their numbers are in memory at the end, some kilobytes each
+MOST = 100_000
 MANY = 2_000  # walks above which a sweep has to be meant
 
 
@@ -112,6 +112,7 @@ def sweep(
     check_contact_use(contact, fit_offsets=asked.fit_offsets)
     from vsf_drake.report.outputs import check_sweep_folder
     from vsf_drake.simulation.batch import WalkCase, grid_values, sample_values, simulate_batch
+    from vsf_drake.walks.plate_score import plate_scorer
     from vsf_drake.walks.sweep_table import sweep_table
 
     out = needed(out)
@@ -177,18 +178,18 @@ def sweep(
     ]
     varied = {item.name: variables[item.name] for item in axes}
     try:
-        outcomes = simulate_batch(cases, workers=workers, cache=out / "cache", progress=True)
-        with progress() as show:
-            table, rows = sweep_table(
-                outcomes,
-                loaded,
-                variables=varied,
-                fulcrum=bool(positions),
-                plan=plan,
-                fits=fits,
-                show=lambda f: show("comparing", f),
-            )
-            _written(table, rows, out, parquet=asked.parquet)
+        outcomes = simulate_batch(
+            cases,
+            keep=(),
+            score=plate_scorer,
+            workers=workers,
+            cache=out / "cache",
+            progress=True,
+        )
+        table, rows = sweep_table(
+            outcomes, loaded, variables=varied, fulcrum=bool(positions), plan=plan, fits=fits
+        )
+        _written(table, rows, out, parquet=asked.parquet)
     except KeyboardInterrupt:
         interrupted(
             f"; the finished walks are in {out / 'cache'}: the same command goes on from them"
@@ -381,7 +382,7 @@ def check_count(count: int, *, meant: bool) -> None:
     )
     require(
         count <= MANY or meant,
-        f"these are {count} walks, about {count * 70e-6:.1f} GB in the cache",
+        f"these are {count} walks",
         "sweep",
         "Add --yes if that is meant",
     )

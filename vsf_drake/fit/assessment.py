@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 from vsf_drake.base.errors import FitError, InputError, SimulationError
 from vsf_drake.base.files import flat
 from vsf_drake.base.sentences import say
-from vsf_drake.base.threads import one_thread, side_by_side
+from vsf_drake.base.threads import one_thread
 from vsf_drake.fit.parameters import owner
 from vsf_drake.fit.problem import check_recordings, labels_with
 from vsf_drake.fit.solution import ALIKE, ContactFitSolution, JointEnd, far_parameters
@@ -29,7 +29,7 @@ from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.walks.angle_errors import AngleErrorRow, JudgedTrial, angle_error_rows
 from vsf_drake.walks.comparison import rmse
-from vsf_drake.walks.fulcrum_sweep import SWEEP_STEP_S, FulcrumSweep, sweep_positions, swept
+from vsf_drake.walks.fulcrum_sweep import FulcrumSweep, fulcrum_errors, sweep_positions, swept
 from vsf_drake.walks.metrics import WalkMetrics, known_curves, walk_metrics
 from vsf_drake.walks.null_model import several_settings
 from vsf_drake.walks.prediction import PHYSICS, LayerTable, layer_sentences, layer_table
@@ -436,13 +436,11 @@ def bench_row(bench: BenchMeasurement) -> BenchRow:
 
 def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None) -> FulcrumSweep:
     """Error of one trial over the carriage's range."""
-
-    def error(position: float) -> float:
-        return _error_bw(solution, trial, label, step_s=SWEEP_STEP_S, fulcrum_m=float(position))
-
     positions = sweep_positions(trial)
-    with side_by_side(2) as pool:
-        return swept(positions, [*pool.map(error, positions)], true_m=trial.fulcrum_m)
+    errors = fulcrum_errors(
+        solution.fit.walker, trial, positions, **solution.fitted_for(trial, label)
+    )
+    return swept(positions, errors, true_m=trial.fulcrum_m)
 
 
 def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, ...]:

@@ -212,7 +212,6 @@ class ContactFit:
         values: Mapping[str, float],
         *,
         step_s: float,
-        fulcrum_m: float | None = None,
         perturbations: Sequence[MotionPerturbation] = (),
         with_respect_to: Sequence[str] = (),
     ) -> tuple[Comparison, WalkResult, Walk]:
@@ -220,7 +219,6 @@ class ContactFit:
         it diverges."""
         walk = self.walker.walk_trial(
             trial,
-            fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m,
             step_s=step_s,
             values=values,
             with_respect_to=with_respect_to,
@@ -377,7 +375,6 @@ class TrialTerms:
         *,
         derivatives: bool = False,
         step_s: float | None = None,
-        fulcrum_m: float | None = None,
     ) -> tuple[Comparison, WalkResult, np.ndarray | None, tuple[np.ndarray, ...]]:
         """The trial's walk at u beside its plate, and by u: (n, 3, P) N of the force and (101, 2,
         P) m of each CoP."""
@@ -386,7 +383,6 @@ class TrialTerms:
             self.trial,
             at.values,
             step_s=step_s or self.fit.options.step_s,
-            fulcrum_m=fulcrum_m,
             perturbations=self.map.perturbations,
             with_respect_to=at.names if derivatives else (),
         )

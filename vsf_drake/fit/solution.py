@@ -198,16 +198,20 @@ class ContactFitSolution(Tabular):
         )
 
     def predict(
-        self, trial: Trial, label: str | None, *, step_s: float, fulcrum_m: float | None = None
+        self, trial: Trial, label: str | None, *, step_s: float
     ) -> tuple[Comparison, WalkResult]:
         """A trial's walk with the fitted parameters beside its plate; `label` None if the trial was
         not fitted."""
+        return self.fit.walk(trial, step_s=step_s, **self.fitted_for(trial, label))[:2]
+
+    def fitted_for(self, trial: Trial, label: str | None) -> dict[str, Any]:
+        """The `values` and `perturbations` of the trial's walk with the fitted parameters. FitError
+        if the fit failed."""
         self.check()
         if isinstance(self.end, PaperEnd):
-            return self.fit.walk(trial, self.end.values, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
-        return self.fit.terms_of(trial, label).walk(self.end.u, step_s=step_s, fulcrum_m=fulcrum_m)[
-            :2
-        ]
+            return {"values": self.end.values}
+        own = self.fit.terms_of(trial, label).map
+        return {"values": own.at(self.end.u).values, "perturbations": own.perturbations}
 
     def parameter_rows(self) -> tuple[ParameterRow, ...]:
         """Every parameter with its value and what is known of it. FitError if the fit failed."""

@@ -19,7 +19,7 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.plants.foot import keel_joint_positions
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
-from vsf_drake.simulation.walk import Walker
+from vsf_drake.simulation.walk import Walk, Walker, trial_request
 from vsf_drake.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, Section, Study, StudyWalk
 from vsf_drake.validation.walking_curves import (
     LEAST_WALKS,
@@ -43,9 +43,9 @@ from vsf_drake.walks.fulcrum_sweep import (
 from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.null_model import several_settings
 from vsf_drake.walks.numbers import Spread, by_fulcrum, finite, rms, spread
+from vsf_drake.walks.plate_score import judged, plate_scorer
 from vsf_drake.walks.prediction import LAYERS, MOMENTUM, layers_of
 from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, Scored
-from vsf_drake.walks.sweep_table import judged
 
 ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)
 BETWEEN = "other walks, interpolated between settings"
@@ -411,6 +411,8 @@ def sweep_study(
     ]
     outcomes = simulate_batch(
         cases,
+        keep=(),
+        score=plate_scorer,
         workers=study.options.workers,
         progress=lambda state: show("moving the fulcrum", state.done / state.total),
     )
@@ -461,21 +463,24 @@ def moved_fulcrum(
     walker = Walker(trial.subject, trial.model)
     names = [name for name in ("resultant", "cop") if name in own]
     rows = []
-    for x in np.unique(np.round([*sweep_positions(trial), trial.fulcrum_m], 6)):
+    own_m = round(trial.fulcrum_m, 6)
+    positions = np.unique(np.round([*sweep_positions(trial), trial.fulcrum_m], 6))
+    moved = walker.walk_each(
+        [
+            trial_request(trial, fulcrum_m=float(x), step_s=SWEEP_STEP_S)
+            for x in positions
+            if x != own_m
+        ]
+    )
+    for x in positions:
         result = walk.result
-        if x != round(trial.fulcrum_m, 6):
-            try:
-                moved = walker.walk(
-                    trial.trajectory,
-                    fulcrum_m=float(x),
-                    start_s=trial.start_s,
-                    end_s=trial.end_s,
-                    step_s=SWEEP_STEP_S,
-                    offsets=trial.offsets,
-                )
-            except SimulationError:
+        if x != own_m:
+            other = next(moved)
+            if isinstance(other, SimulationError):
                 continue
-            result = walker.result(moved, trial, trial.offsets, energy=False)
+            if not isinstance(other, Walk):
+                raise other
+            result = walker.result(other, trial, trial.offsets, energy=False)
         plate = walk.recorded.prosthetic_plate
         comparison = compare(result, plate)
         found = walk_curves(dataclasses.replace(walk, result=result, comparison=comparison))

@@ -26,9 +26,9 @@ from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.walks.metrics import walk_metrics
+from vsf_drake.walks.plate_score import judged, plate_scorer
 from vsf_drake.walks.prediction import PHYSICS, layers_in, predict
 from vsf_drake.walks.quantities import Judged, known, mean
-from vsf_drake.walks.sweep_table import judged
 
 SD_DEG = (0.0, 0.25, 0.5, 1.0)
 DRAWS = 4
@@ -109,7 +109,8 @@ def angle_error_rows(
                 keys.append((role, sd_deg, null))
     errors_bw: dict[str, list[float | None]] = {}
     with side_by_side(2) as pool:
-        errors_bw[PHYSICS] = [judged(one)[0] for one in simulate_batch(cases, executor=pool)]
+        outcomes = simulate_batch(cases, keep=(), score=plate_scorer, workers=2, executor=pool)
+        errors_bw[PHYSICS] = [judged(outcome)[0] for outcome in outcomes]
         if contact is not None:
             walker = Walker(trials[0].trial.subject, trials[0].trial.model)
             found = [

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -23,6 +24,7 @@ MARGIN_S = 0.25
 PERCENT = np.linspace(0.0, 100.0, 101)
 _MINIMUM_PATH_M = 0.2
 _SHORTEST_RUN_S = 0.02
+_MOST_OF_RATE = 0.45  # of a cut-off, as a share of the samples per second
 
 if TYPE_CHECKING:
     from vsf_drake.simulation.reactions import ReactionSensitivity
@@ -86,7 +88,7 @@ class Comparison:
 
     def within(self, start_s: float, end_s: float) -> np.ndarray:
         """(n,) whether the instant lies in [start_s, end_s]."""
-        return (self.time_s >= start_s - 1e-9) & (self.time_s <= end_s + 1e-9)
+        return _within(self.time_s, start_s, end_s)
 
     def measured_rows(self) -> list[np.ndarray]:
         """For each measured stance, (n,) whether the instant lies in it."""
@@ -103,15 +105,102 @@ def compare(result: ComparableWalk, plate: PlateRecording) -> Comparison:
     with MARGIN_S before and after, but for the spans in which the plate's force is unknown and the
     stances that these touch. ValueError if the two have no time in common.
     """
-    grid = uniform_grid(result.time_s)
-    step = float(grid[1] - grid[0])
+    return compare_all([result], plate)[0]
 
-    # forces on the model's instants, where the plate has a record too
-    heading = walking_direction(result)
-    axes = walk_axes(heading)
-    raw = resample(grid, result.time_s, result.grf_W @ axes.T)
-    model = low_pass(raw, rate_hz=1.0 / step, cutoff_hz=FORCE_CUTOFF_HZ)
-    plate_force = plate.force_W @ axes.T
+
+def compare_all(walks: Sequence[ComparableWalk], plate: PlateRecording) -> list[Comparison]:
+    """`compare` of each of some walks on the same instants: what filters them takes all at once,
+    and the plate is filtered once. ValueError if they do not share their instants, too."""
+    time_s = walks[0].time_s
+    if not all(np.array_equal(walk.time_s, time_s) for walk in walks[1:]):
+        raise ValueError("walks that are compared together must have the same instants")
+    grid = uniform_grid(time_s)
+    step = float(grid[1] - grid[0])
+    real = _measured(plate, float(grid[0]), step, len(grid))
+
+    # the model's forces in W on even instants (n, 3, walks), as they are and filtered
+    raw = resample(grid, time_s, np.stack([walk.grf_W for walk in walks], axis=2))
+    smooth = low_pass(raw, rate_hz=1.0 / step, cutoff_hz=FORCE_CUTOFF_HZ)
+    loaded = (
+        smooth[:, 2]
+        if FORCE_CUTOFF_HZ <= _MOST_OF_RATE / step
+        else _smooth_load(raw[:, 2], 1.0 / step)
+    )
+    centres = _filtered_parts(
+        [walk.cop_W[:, :2] for walk in walks],
+        time_s,
+        [(walk.grf_W[:, 2], walk.cop_W) for walk in walks],
+        grid,
+        loaded,
+    )
+
+    # by the axes of each walk, with its stances
+    measured: dict[bytes, np.ndarray] = {}
+    comparisons = []
+    for w, walk in enumerate(walks):
+        heading = walking_direction(walk)
+        axes = walk_axes(heading)
+        model_stances = [
+            stance
+            for stance in find_stances(grid, raw[:, 2, w], threshold_n=THRESHOLD_N)
+            if not any(common((stance.start_s, stance.end_s), span) for span in plate.unknown_s)
+            or partner(stance, real.known)
+        ]
+        stances = []
+        for own in real.stances:
+            model_cop = _at(own.instants, centres[w], 2)
+            model_cop[own.beyond] = np.nan
+            stances.append(
+                StanceComparison(
+                    measured=own.stance,
+                    model=partner(own.stance, model_stances),
+                    measured_cop=own.cop_W @ axes[:2, :2].T,
+                    model_cop=model_cop @ axes[:2, :2].T,
+                    inside=own.inside,
+                    span=own.span,
+                )
+            )
+        comparisons.append(
+            Comparison(
+                time_s=real.time_s,
+                step_s=step,
+                model=smooth[real.seen, :, w] @ axes.T,
+                measured=measured.setdefault(heading.tobytes(), real.force_W @ axes.T),
+                scored=real.scored,
+                stances=tuple(stances),
+                heading=heading,
+                extra_model_stances=sum(
+                    partner(stance, real.known) is None for stance in model_stances
+                ),
+            )
+        )
+    return comparisons
+
+
+class _MeasuredStance(NamedTuple):
+    stance: Stance
+    instants: np.ndarray  # (101,) s
+    cop_W: np.ndarray  # (101, 2) m, of the whole stance; NaN where the plate is not loaded
+    beyond: np.ndarray  # (101,) whether no model can be compared
+    inside: bool
+    span: tuple[float, float]
+
+
+class _Measured(NamedTuple):
+    """A plate on the instants of walks, in W."""
+
+    seen: np.ndarray  # (grid,) whether the plate has a record, too
+    time_s: np.ndarray  # (n,) of those instants
+    force_W: np.ndarray  # (n, 3) N, low-passed
+    known: list[Stance]  # all that the plate knows
+    stances: list[_MeasuredStance]  # of them that overlap `time_s`
+    scored: np.ndarray  # (n,) see `Comparison`
+
+
+@lru_cache(maxsize=64)
+def _measured(plate: PlateRecording, start_s: float, step: float, count: int) -> _Measured:
+    """The plate on `count` even instants."""
+    grid = start_s + step * np.arange(count)
     seen = (grid >= plate.time_s[0] - 1e-9) & (grid <= plate.time_s[-1] + 1e-9)
     if np.count_nonzero(seen) < 2:
         raise ValueError(
@@ -119,37 +208,20 @@ def compare(result: ComparableWalk, plate: PlateRecording) -> Comparison:
             f"overlap the simulation, {grid[0]:g} to {grid[-1]:g} s"
         )
     time = grid[seen]
-
-    # each measured stance with the model's that overlaps it most, and both centres of pressure over
-    # its percents
-    measured_stances = known_stances(plate)
-    model_stances = [
-        stance
-        for stance in find_stances(grid, raw[:, 2], threshold_n=THRESHOLD_N)
-        if not any(common((stance.start_s, stance.end_s), span) for span in plate.unknown_s)
-        or partner(stance, measured_stances)
-    ]
+    known = known_stances(plate)
     stances = []
-    for stance in (s for s in measured_stances if s.end_s > time[0] and s.start_s < time[-1]):
+    for stance in (s for s in known if s.end_s > time[0] and s.start_s < time[-1]):
         instants = percent_instants(stance)
-        cop = [
-            filtered_while_loaded((p @ axes.T)[:, :2], t, force, p, instants)
-            for t, force, p in (
-                (plate.time_s, plate_force[:, 2], plate.cop_W),
-                (result.time_s, result.grf_W[:, 2], result.cop_W),
-            )
-        ]
-        cop[1][
-            (instants < time[0] - 1e-9)
-            | (instants > time[-1] + 1e-9)
-            | np.isnan(cop[0]).any(axis=1)
-        ] = np.nan
+        cop = filtered_while_loaded(
+            plate.cop_W[:, :2], plate.time_s, plate.force_W[:, 2], plate.cop_W, instants
+        )
+        beyond = (instants < time[0] - 1e-9) | (instants > time[-1] + 1e-9)
         stances.append(
-            StanceComparison(
-                measured=stance,
-                model=partner(stance, model_stances),
-                measured_cop=cop[0],
-                model_cop=cop[1],
+            _MeasuredStance(
+                stance=stance,
+                instants=instants,
+                cop_W=cop,
+                beyond=beyond | np.isnan(cop).any(axis=1),
                 inside=bool(
                     stance.complete and stance.start_s >= time[0] and stance.end_s <= time[-1]
                 ),
@@ -159,23 +231,19 @@ def compare(result: ComparableWalk, plate: PlateRecording) -> Comparison:
                 ),
             )
         )
-    comparison = Comparison(
-        time_s=time,
-        step_s=step,
-        model=model[seen],
-        measured=_filtered_plate(time, step, plate, plate_force),
-        scored=np.zeros(len(time), dtype=bool),
-        stances=tuple(stances),
-        heading=heading,
-        extra_model_stances=sum(
-            partner(stance, measured_stances) is None for stance in model_stances
-        ),
-    )
-    for item in stances:
-        comparison.scored[comparison.within(*item.span)] = True
+    scored = np.zeros(len(time), dtype=bool)
+    for own in stances:
+        scored[_within(time, *own.span)] = True
     for span in plate.unknown_s:
-        comparison.scored[comparison.within(*span)] = False
-    return comparison
+        scored[_within(time, *span)] = False
+    return _Measured(
+        seen=seen,
+        time_s=time,
+        force_W=_filtered_plate(time, step, plate),
+        known=known,
+        stances=stances,
+        scored=scored,
+    )
 
 
 def walking_direction(result: ComparableWalk) -> np.ndarray:
@@ -198,18 +266,24 @@ def percent_instants(stance: Stance) -> np.ndarray:
 
 
 def resample(grid: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(n, m) values at `time` -> at `grid`, on straight lines."""
-    return np.column_stack([np.interp(grid, time, column) for column in values.T])
+    """(n, ...) values at `time` -> at `grid`, on straight lines; beyond its ends the last."""
+    left = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 2)
+    share = np.clip((grid - time[left]) / (time[left + 1] - time[left]), 0.0, 1.0)
+    share = share.reshape(-1, *[1] * (values.ndim - 1))
+    before = values[left]
+    return np.asarray(before + share * (values[left + 1] - before))
 
 
-def _filtered_plate(
-    time: np.ndarray, step: float, plate: PlateRecording, force: np.ndarray
-) -> np.ndarray:
+def _within(time: np.ndarray, start_s: float, end_s: float) -> np.ndarray:
+    return (time >= start_s - 1e-9) & (time <= end_s + 1e-9)
+
+
+def _filtered_plate(time: np.ndarray, step: float, plate: PlateRecording) -> np.ndarray:
     before = int(min(MARGIN_S, time[0] - plate.time_s[0]) / step + 1e-6)
     after = int(min(MARGIN_S, plate.time_s[-1] - time[-1]) / step + 1e-6)
     wide = time[0] + step * np.arange(-before, len(time) + after)
     smooth = low_pass(
-        resample(wide, plate.time_s, force), rate_hz=1.0 / step, cutoff_hz=FORCE_CUTOFF_HZ
+        resample(wide, plate.time_s, plate.force_W), rate_hz=1.0 / step, cutoff_hz=FORCE_CUTOFF_HZ
     )
     return smooth[before : before + len(time)]
 
@@ -229,28 +303,67 @@ def filtered_while_loaded(
         time, vertical, cop: (n,) s, (n,) N and (n, 2 or 3) m, which tell when the foot is loaded.
     """
     grid = uniform_grid(time)
-    rate = 1.0 / float(grid[1] - grid[0])
-    curve = np.full((len(instants), series.shape[1]), np.nan)
-    smooth = low_pass(
-        np.interp(grid, time, vertical), rate_hz=rate, cutoff_hz=min(FORCE_CUTOFF_HZ, 0.45 * rate)
+    loaded = _smooth_load(resample(grid, time, vertical[:, None]), 1.0 / float(grid[1] - grid[0]))
+    [parts] = _filtered_parts([series], time, [(vertical, cop)], grid, loaded)
+    return _at(instants, parts, series.shape[1])
+
+
+class _Part(NamedTuple):
+    """A series while the foot is loaded once."""
+
+    instants: np.ndarray  # (k,) s
+    values: np.ndarray  # (k, m)
+
+
+def _smooth_load(vertical: np.ndarray, rate_hz: float) -> np.ndarray:
+    """Of which a foot is taken for loaded, from the vertical force (n, ...) at even instants."""
+    return low_pass(
+        vertical, rate_hz=rate_hz, cutoff_hz=min(FORCE_CUTOFF_HZ, _MOST_OF_RATE * rate_hz)
     )
-    valid = (vertical > THRESHOLD_N) & np.isfinite(cop).all(axis=1)
-    for start, stop in runs(smooth > THRESHOLD_N):
-        # the grid is rounded
-        own = valid & (time >= grid[start] - 1e-9) & (time <= grid[stop - 1] + 1e-9)
-        if np.count_nonzero(own) < 2:
-            continue
-        first, last = time[own][[0, -1]]
-        points = grid[(grid >= first - 1e-9) & (grid <= last + 1e-9)]
-        if last - first < _SHORTEST_RUN_S or len(points) < 2:
-            continue
+
+
+def _filtered_parts(
+    series: Sequence[np.ndarray],
+    time: np.ndarray,
+    loads: Sequence[tuple[np.ndarray, np.ndarray]],
+    grid: np.ndarray,
+    smooth: np.ndarray,
+) -> list[list[_Part]]:
+    """For each of w series (n, m) its parts under load, low-passed; `loads` are the vertical force
+    (n,) and centre of pressure (n, 2 or 3) of each, `smooth` (grid, w) its `_smooth_load`."""
+    rate = 1.0 / float(grid[1] - grid[0])
+    parts: list[list[_Part]] = [[] for _ in series]
+    alike: dict[int, list[tuple[int, int]]] = {}
+    for w, (own_series, (vertical, cop)) in enumerate(zip(series, loads, strict=True)):
+        valid = (vertical > THRESHOLD_N) & np.isfinite(cop).all(axis=1)
+        for start, stop in runs(smooth[:, w] > THRESHOLD_N):
+            # the grid is rounded
+            own = np.flatnonzero(valid & _within(time, grid[start], grid[stop - 1]))
+            if len(own) < 2:
+                continue
+            first, last = time[own[[0, -1]]]
+            points = grid[_within(grid, first, last)]
+            if last - first < _SHORTEST_RUN_S or len(points) < 2:
+                continue
+            alike.setdefault(len(points), []).append((w, len(parts[w])))
+            parts[w].append(_Part(points, resample(points, time[own], own_series[own])))
+    for members in alike.values():
         filtered = low_pass(
-            resample(points, time[own], series[own]),
+            np.stack([parts[w][i].values for w, i in members], axis=2),
             rate_hz=rate,
-            cutoff_hz=min(COP_CUTOFF_HZ, 0.45 * rate),
+            cutoff_hz=min(COP_CUTOFF_HZ, _MOST_OF_RATE * rate),
         )
-        here = (instants >= points[0]) & (instants <= points[-1])
-        curve[here] = resample(instants[here], points, filtered)
+        for k, (w, i) in enumerate(members):
+            parts[w][i] = parts[w][i]._replace(values=filtered[:, :, k])
+    return parts
+
+
+def _at(instants: np.ndarray, parts: Sequence[_Part], width: int) -> np.ndarray:
+    """(k, width) at the instants (k,); NaN outside of the parts."""
+    curve = np.full((len(instants), width), np.nan)
+    for part in parts:
+        here = (instants >= part.instants[0]) & (instants <= part.instants[-1])
+        curve[here] = resample(instants[here], part.instants, part.values)
     return curve
 
 
@@ -321,7 +434,25 @@ def compare_sensitivity(
 def rmse(model: np.ndarray, measured: np.ndarray) -> float:
     """Root of the mean squared difference; NaN without a sample."""
     difference = np.asarray(model, dtype=float) - np.asarray(measured, dtype=float)
-    return float(np.sqrt(np.mean(difference**2))) if difference.size else float("nan")
+    return float(row_rmse(difference.reshape(1, -1))[0])
+
+
+def row_rmse(difference: np.ndarray, counted: np.ndarray | None = None) -> np.ndarray:
+    """(w,) root of the mean square of each row of differences (w, n), of what is `counted` (w, n)
+    in it; NaN without a sample."""
+    if counted is None:
+        squares = difference**2
+        count: np.ndarray | int = difference.shape[1]
+    else:
+        squares = np.where(counted, difference, 0.0) ** 2
+        count = np.count_nonzero(counted, axis=1)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(row_sums(squares) / np.asarray(count, dtype=float)))
+
+
+def row_sums(values: np.ndarray) -> np.ndarray:
+    """(w,) sum of each row (w, n), the same to the bit whichever rows stand beside it."""
+    return np.asarray(np.ascontiguousarray(values).sum(axis=1))
 
 
 def r_squared(
@@ -333,20 +464,42 @@ def r_squared(
     With labels `groups` (n,) SST is taken about the mean of each group, so that a distance between
     groups (footprints along a walkway) is not counted as explained.
     """
-    model = np.asarray(model, dtype=float)
-    measured = np.asarray(measured, dtype=float)
-    labels = np.zeros(measured.shape) if groups is None else np.asarray(groups)
-    total = sum(
-        float(np.sum((part - part.mean()) ** 2))
-        for part in (measured[labels == g] for g in np.unique(labels))
-    )
-    return 1.0 - float(np.sum((model - measured) ** 2)) / total if total > 0.0 else float("nan")
+    model = np.asarray(model, dtype=float).reshape(1, -1)
+    measured = np.asarray(measured, dtype=float).reshape(1, -1)
+    return float(row_r_squared(model, measured, groups=groups)[0])
+
+
+def row_r_squared(
+    model: np.ndarray,
+    measured: np.ndarray,
+    *,
+    groups: np.ndarray | None = None,
+    counted: np.ndarray | None = None,
+) -> np.ndarray:
+    """(w,) `r_squared` of each row (w, n), of what is `counted` (w, n) in it; `measured` may be one
+    row for all."""
+    shape = np.broadcast_shapes(model.shape, measured.shape)
+    own = np.ones(shape, dtype=bool) if counted is None else counted
+    difference = np.where(own, model - measured, 0.0)
+    labels = np.zeros(shape[1]) if groups is None else np.asarray(groups)
+    total = np.zeros(shape[0])
+    for g in np.unique(labels):
+        of_group = own[:, labels == g]
+        part = np.where(of_group, measured[:, labels == g], 0.0)
+        count = np.maximum(np.count_nonzero(of_group, axis=1), 1)
+        mean = (row_sums(part) / count)[:, None]
+        total += row_sums(np.where(of_group, part - mean, 0.0) ** 2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = 1.0 - row_sums(difference**2) / total
+    return np.where(total > 0.0, found, np.nan)
 
 
 def cumulative_integral(values: np.ndarray, step: float) -> np.ndarray:
-    """(n,) integral from the first sample to each by the trapezoidal rule; starts at zero."""
+    """(..., n) integral along the last axis from the first sample to each by the trapezoidal rule;
+    starts at zero."""
     values = np.asarray(values, dtype=float)
-    return np.concatenate(([0.0], np.cumsum(0.5 * step * (values[1:] + values[:-1]))))
+    steps = 0.5 * step * (values[..., 1:] + values[..., :-1])
+    return np.concatenate([np.zeros_like(values[..., :1]), np.cumsum(steps, axis=-1)], axis=-1)
 
 
 def uniform_grid(time_s: np.ndarray) -> np.ndarray:

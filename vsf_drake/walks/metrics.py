@@ -37,13 +37,16 @@ from vsf_drake.simulation.results import WalkResult, coordinate_unit
 from vsf_drake.walks.comparison import (
     FORCE_CUTOFF_HZ,
     MARGIN_S,
+    PERCENT,
     Comparison,
     StanceComparison,
     compare,
     cumulative_integral,
     percent_instants,
-    r_squared,
     rmse,
+    row_r_squared,
+    row_rmse,
+    row_sums,
 )
 from vsf_drake.walks.null_model import KnownCurve, NullErrors, null_errors
 from vsf_drake.walks.quantities import Judged, known, mean
@@ -195,65 +198,108 @@ def agreement(
     c: Comparison, plate: PlateRecording, *, body_weight_n: float, foot_length_m: float
 ) -> Agreement:
     """The numbers that a comparison with `plate` gives by itself."""
-    model = c.model / body_weight_n
-    measured = c.measured / body_weight_n
-    scored = model[c.scored]
-    wanted = measured[c.scored]
-    both = [np.linalg.norm(force, axis=1) for force in (model, measured)]
-    resultants = [force[c.scored] for force in both]
+    return agreements([c], plate, body_weight_n=body_weight_n, foot_length_m=foot_length_m)[0]
+
+
+def agreements(
+    comparisons: Sequence[Comparison],
+    plate: PlateRecording,
+    *,
+    body_weight_n: float,
+    foot_length_m: float,
+) -> list[Agreement]:
+    """`agreement` of each of what `compare_all` gave of some walks and `plate`."""
+    c = comparisons[0]
+    shared = all(other.measured is c.measured for other in comparisons)
+    rows = c.measured_rows()
+    # (walks, n, 3) BW; one row of what is measured if it is the same for all
+    model = np.stack([each.model for each in comparisons]) / body_weight_n
+    measured = (
+        np.stack([each.measured for each in (comparisons[:1] if shared else comparisons)])
+        / body_weight_n
+    )
+    scored = model[:, c.scored]
+    wanted = measured[:, c.scored]
+    both = [np.linalg.norm(force, axis=2) for force in (model, measured)]
+    resultants = [force[:, c.scored] for force in both]
     impulses = [
-        _joined([cumulative_integral(force[own], c.step_s) for own in c.measured_rows()])
+        np.concatenate(
+            [
+                np.empty((len(force), 0)),
+                *(cumulative_integral(force[:, own], c.step_s) for own in rows),
+            ],
+            axis=1,
+        )
         for force in both
     ]
+    loads = [row_sums(force[:, :, 2]) for force in (scored, wanted)]
+    axes_rmse = [row_rmse(scored[:, :, i] - wanted[:, :, i]) for i in range(3)]
 
-    # centre of pressure (m) where both have one
-    seen = [np.isfinite(item.model_cop[:, 0]) for item in c.stances]
-    centres = [
-        _joined([cop[own] for cop, own in zip(of_stances, seen, strict=True)], width=2)
-        for of_stances in (
-            [item.model_cop for item in c.stances],
-            [item.measured_cop for item in c.stances],
+    # centre of pressure (m) where both have one, (walks, percents of all stances, 2)
+    of_model, of_plate = (
+        np.stack([np.concatenate([np.empty((0, 2)), *cops]) for cops in of_walks])
+        for of_walks in (
+            [[item.model_cop for item in each.stances] for each in comparisons],
+            [[item.measured_cop for item in each.stances] for each in comparisons],
         )
-    ]
-    fore_aft, lateral = zip(*(cop.T for cop in centres), strict=True)
-    footprint = np.repeat(np.arange(len(seen)), [np.count_nonzero(own) for own in seen])
-
-    whole = [item for item in c.stances if item.inside]
-    of_model = [item.model for item in whole if item.model and item.model.complete]
-    load = float(np.sum(scored[:, 2]))
-    measured_load = float(np.sum(wanted[:, 2]))
-    margins_s = sum(item.measured.duration_s + 2 * MARGIN_S for item in c.stances)
-    return Agreement(
-        grf_rmse_bw=_known(rmse(*resultants)),
-        grf_r2=_known(r_squared(*resultants)),
-        vertical_rmse_bw=_known(rmse(scored[:, 2], wanted[:, 2])),
-        fore_aft_rmse_bw=_known(rmse(scored[:, 0], wanted[:, 0])),
-        medio_lateral_rmse_bw=_known(rmse(scored[:, 1], wanted[:, 1]))
-        if np.any(plate.force_W[:, 1])
-        else None,
-        vertical_impulse_error=load / measured_load - 1.0 if measured_load else None,
-        impulse_rmse_bws=_known(rmse(*impulses)),
-        impulse_r2=_known(r_squared(*impulses)),
-        cop_rmse_fl=_known(rmse(*fore_aft) / foot_length_m),
-        cop_ml_rmse_fl=_known(rmse(*lateral) / foot_length_m),
-        cop_r2=_known(r_squared(*fore_aft, groups=footprint)),
-        cop_points=len(footprint),
-        stance_measured_s=mean(item.measured.duration_s for item in whole),
-        stance_model_s=mean(stance.duration_s for stance in of_model),
-        heel_strike_error_s=mean(item.strike_error_s for item in c.stances),
-        toe_off_error_s=mean(item.lift_off_error_s for item in c.stances),
-        stances=tuple(_stance(c, item, model, measured) for item in c.stances),
-        extra_model_stances=c.extra_model_stances,
-        scored_window_s=tuple(
-            (float(c.time_s[start]), float(c.time_s[stop - 1])) for start, stop in runs(c.scored)
-        ),
-        coverage=sum(item.span[1] - item.span[0] for item in c.stances) / margins_s
-        if margins_s
-        else None,
-        heading_deg=float(np.degrees(np.arctan2(c.heading[1], c.heading[0]))),
-        body_weight_n=body_weight_n,
-        foot_length_m=foot_length_m,
     )
+    seen = np.isfinite(of_model[:, :, 0])
+    footprint = np.repeat(np.arange(len(c.stances)), len(PERCENT))
+    apart = of_model - of_plate
+    numbers = {
+        "grf_rmse_bw": row_rmse(resultants[0] - resultants[1]),
+        "grf_r2": row_r_squared(*resultants),
+        "vertical_rmse_bw": axes_rmse[2],
+        "fore_aft_rmse_bw": axes_rmse[0],
+        "medio_lateral_rmse_bw": axes_rmse[1]
+        if np.any(plate.force_W[:, 1])
+        else np.full(len(model), np.nan),
+        "impulse_rmse_bws": row_rmse(impulses[0] - impulses[1]),
+        "impulse_r2": row_r_squared(*impulses),
+        "cop_rmse_fl": row_rmse(apart[:, :, 0], seen) / foot_length_m,
+        "cop_ml_rmse_fl": row_rmse(apart[:, :, 1], seen) / foot_length_m,
+        "cop_r2": row_r_squared(
+            of_model[:, :, 0], of_plate[:, :, 0], groups=footprint, counted=seen
+        ),
+    }
+    peaks = [_peaks(c, force) for force in (model, measured)]
+    whole = [i for i, item in enumerate(c.stances) if item.inside]
+    margins_s = sum(item.measured.duration_s + 2 * MARGIN_S for item in c.stances)
+    of_plate_s = mean(c.stances[i].measured.duration_s for i in whole)
+    windows = tuple(
+        (float(c.time_s[start]), float(c.time_s[stop - 1])) for start, stop in runs(c.scored)
+    )
+    coverage = (
+        sum(item.span[1] - item.span[0] for item in c.stances) / margins_s if margins_s else None
+    )
+    found = []
+    for w, each in enumerate(comparisons):
+        m = 0 if shared else w
+        own = [each.stances[i].model for i in whole]
+        found.append(
+            Agreement(
+                **{name: _known(values[w]) for name, values in numbers.items()},
+                vertical_impulse_error=float(loads[0][w] / loads[1][m]) - 1.0
+                if loads[1][m]
+                else None,
+                cop_points=int(np.count_nonzero(seen[w])),
+                stance_measured_s=of_plate_s,
+                stance_model_s=mean(one.duration_s for one in own if one and one.complete),
+                heel_strike_error_s=mean(item.strike_error_s for item in each.stances),
+                toe_off_error_s=mean(item.lift_off_error_s for item in each.stances),
+                stances=tuple(
+                    _stance(item, peaks[0][i][w], peaks[1][i][m])
+                    for i, item in enumerate(each.stances)
+                ),
+                extra_model_stances=each.extra_model_stances,
+                scored_window_s=windows,
+                coverage=coverage,
+                heading_deg=float(np.degrees(np.arctan2(each.heading[1], each.heading[0]))),
+                body_weight_n=body_weight_n,
+                foot_length_m=foot_length_m,
+            )
+        )
+    return found
 
 
 def stance_curve(plate: PlateRecording, *, subject_mass_kg: float) -> np.ndarray | None:
@@ -289,39 +335,48 @@ def _angle_rmse_deg(result: WalkResult) -> float | None:
     return float(np.degrees(rmse(followed, result.prescribed_q[:, [i for i, _ in rotations]])))
 
 
-def _stance(
-    c: Comparison, item: StanceComparison, model: np.ndarray, measured: np.ndarray
-) -> StanceMetrics:
-    start, middle, end = np.linspace(item.measured.start_s, item.measured.end_s, 3)
-    first, second, whole = c.within(start, middle), c.within(middle, end), c.within(start, end)
-
-    def peaks(force: np.ndarray) -> Peaks:
-        return Peaks(
-            vertical_first_half=_known(np.max(force[first, 2], initial=-np.inf)),
-            vertical_second_half=_known(np.max(force[second, 2], initial=-np.inf)),
-            braking=_known(np.min(force[whole, 0], initial=np.inf)),
-            propulsion=_known(np.max(force[whole, 0], initial=-np.inf)),
+def _peaks(c: Comparison, force: np.ndarray) -> list[list[Peaks]]:
+    """Of each stance the peaks in each of the forces (w, n, 3), in BW."""
+    found = []
+    for item in c.stances:
+        start, middle, end = np.linspace(item.measured.start_s, item.measured.end_s, 3)
+        vertical = force[:, :, 2]
+        along = force[:, c.within(start, end), 0]
+        found.append(
+            [
+                Peaks(
+                    vertical_first_half=_known(first),
+                    vertical_second_half=_known(second),
+                    braking=_known(least),
+                    propulsion=_known(most),
+                )
+                for first, second, least, most in zip(
+                    vertical[:, c.within(start, middle)].max(axis=1, initial=-np.inf),
+                    vertical[:, c.within(middle, end)].max(axis=1, initial=-np.inf),
+                    along.min(axis=1, initial=np.inf),
+                    along.max(axis=1, initial=-np.inf),
+                    strict=True,
+                )
+            ]
         )
+    return found
 
+
+def _stance(item: StanceComparison, model: Peaks, measured: Peaks) -> StanceMetrics:
     return StanceMetrics(
         measured_start_s=item.measured.start_s,
         measured_end_s=item.measured.end_s,
         model_start_s=item.model.start_s if item.model and item.model.start_seen else None,
         model_end_s=item.model.end_s if item.model and item.model.end_seen else None,
         complete=item.inside,
-        model_peaks_bw=peaks(model),
-        measured_peaks_bw=peaks(measured),
+        model_peaks_bw=model,
+        measured_peaks_bw=measured,
     )
 
 
 def _largest(peaks: Iterable[Peaks]) -> float | None:
     both = ((peak.vertical_first_half, peak.vertical_second_half) for peak in peaks)
     return max(known(half for halves in both for half in halves), default=None)
-
-
-def _joined(parts: Sequence[np.ndarray], width: int = 1) -> np.ndarray:
-    """(n, width) or, of width 1, (n,) parts one after the other; also of none."""
-    return np.concatenate([np.empty((0, width) if width > 1 else 0), *parts])
 
 
 def _known(value: float) -> float | None:

@@ -264,7 +264,7 @@ def missed(walker: Walker, trial: Trial) -> np.ndarray | None:
     None without one."""
     walk = walker.walk_trial(trial, step_s=FIT_STEP_S)
     plate = trial.prosthetic_plate
-    heading = walking_direction(walker.result(walk, trial, trial.offsets, energy=False))
+    heading = walking_direction(walk)
     on_plate = np.column_stack(
         [np.interp(walk.record.time_s, plate.time_s, column) for column in plate.force_W.T]
     )

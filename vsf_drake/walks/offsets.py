@@ -185,9 +185,8 @@ class OffsetProblem:
         offsets = _offsets(x)
         walk = self.walk(offsets, FIT_STEP_S, VARIABLES)
         assert walk.sensitivity is not None
-        result = self.walker.result(walk, trial, offsets, energy=False)
-        c = compare(result, trial.prosthetic_plate)
-        by = compare_sensitivity(c, result, walk.sensitivity)
+        c = compare(walk, trial.prosthetic_plate)
+        by = compare_sensitivity(c, walk, walk.sensitivity)
 
         # Forces fore-aft and vertical and the centre of pressure over their noise, the offsets over
         # their prior.

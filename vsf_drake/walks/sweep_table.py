@@ -3,31 +3,20 @@ they say together."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from vsf_drake.base.schema import to_plain
 from vsf_drake.base.tables import Headline, LabelledArrays, Tabular, record_arrays
-from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trial import RecordingMark, Trial
 from vsf_drake.simulation.batch.cases import software
 from vsf_drake.simulation.batch.run import WalkOutcome
 from vsf_drake.simulation.variables import Variable
-from vsf_drake.walks.comparison import compare
-from vsf_drake.walks.metrics import agreement
 from vsf_drake.walks.offsets import OffsetFit
+from vsf_drake.walks.plate_score import AGREED, PLATE_PEAK
 from vsf_drake.walks.quantities import JUDGED, Judged, Scored, quantity
 
-AGREED = (
-    JUDGED,
-    "cop_rmse_fl",
-    "cop_ml_rmse_fl",
-    "vertical_impulse_error",
-    "peak_vertical_bw",
-)
 STEPS = ("unconverged_steps", "refined_steps")
 SCORES = AGREED + STEPS
 """Columns of a sweep: what a finished walk says of its plate, and of its own steps."""
@@ -148,62 +137,12 @@ class Sweep(Tabular):
         return any(trial.synthetic for trial in self.table.trials)
 
 
-@dataclass(frozen=True, eq=False)
-class SweptWalk:
-    """A finished walk of a sweep as `compare` reads it; arrays as in `WalkResult`.
-
-    The pelvis, whose path gives the walking direction, must be prescribed: its history is that of
-    the recording.
-    """
-
-    outcome: WalkOutcome
-    time_s: np.ndarray
-    grf_W: np.ndarray
-    cop_W: np.ndarray
-
-    def column(self, name: str) -> np.ndarray:
-        """(n,) history of one prescribed coordinate."""
-        case = self.outcome.case
-        recorded: np.ndarray = case.trial.trajectory.ordered((name,)).sample(self.time_s)[0][:, 0]
-        return recorded + case.values.get(f"coordinate.{name}", 0.0)
-
-
-def as_walk(outcome: WalkOutcome) -> SweptWalk:
-    """A finished walk as `compare` reads it."""
-    return SweptWalk(
-        outcome, **{name: outcome.arrays[name] for name in ("time_s", "grf_W", "cop_W")}
-    )
-
-
 def scores(outcome: WalkOutcome) -> dict[str, float | None]:
-    """Scores of a finished walk; ValueError if it has no instant in common with the plate."""
-    return _scores(outcome)[0]
-
-
-def judged(outcome: WalkOutcome) -> tuple[float | None, str]:
-    """The error (BW) that a walk is judged by, or None and why."""
-    if outcome.failure is not None:
-        return None, outcome.failure
-    try:
-        error = scores(outcome)[JUDGED]
-    except ValueError as problem:  # no instant in common with the plate
-        return None, str(problem)
-    return error, "no stance was simulated" if error is None else ""
-
-
-def _scores(outcome: WalkOutcome) -> tuple[dict[str, float | None], float | None]:
-    """With the largest vertical force (BW) that the plate measured."""
-    trial = outcome.case.trial
-    plate = trial.prosthetic_plate
-    agreed = agreement(
-        compare(as_walk(outcome), plate),
-        plate,
-        body_weight_n=trial.subject.mass_kg * GRAVITY,
-        foot_length_m=trial.model.foot.length_m,
-    )
-    of_walk = {name: getattr(agreed, name) for name in AGREED}
-    of_walk |= {name: getattr(outcome, name) for name in STEPS}
-    return of_walk, agreed.measured_peak_vertical_bw
+    """SCORES of a walk that a `plate_scorer` was given; None of a failed one."""
+    return {
+        **{name: outcome.scores.get(name) for name in AGREED},
+        **{name: getattr(outcome, name) for name in STEPS},
+    }
 
 
 def sweep_table(
@@ -214,41 +153,33 @@ def sweep_table(
     fulcrum: bool,
     plan: Mapping[str, object],
     fits: Mapping[str, OffsetFit],
-    show: Callable[[float], None],
 ) -> tuple[SweepTable, list[SweepRow]]:
     """What sweep.json holds, and the rows of sweep.csv.
 
-    The `outcomes` are of walks of the `trials`, which are given by the names that the table shall
-    have; `variables` were varied, and the `fulcrum`; `plan` is what was asked for, `fits` are those
-    of the trials' offsets, if they were fitted; `show` is called with the finished fraction.
+    The `outcomes` are of walks of the `trials` that a `plate_scorer` was given, by the names that
+    the table shall have; `variables` were varied, and the `fulcrum`; `plan` is what was asked for,
+    `fits` are those of the trials' offsets, if they were fitted.
     """
     rows: list[SweepRow] = []
     measured_peaks = dict[str, float | None]()
     name_of = {id(trial): name for name, trial in trials.items()}
-    for i, outcome in enumerate(outcomes):
+    for outcome in outcomes:
         case = outcome.case
-        failure = outcome.failure or ""
-        walk_scores: dict[str, float | None] = dict.fromkeys(SCORES)
         name = name_of[id(case.trial)]
         if outcome.ok:
-            try:
-                walk_scores, measured_peak = _scores(outcome)
-                measured_peaks.setdefault(name, measured_peak)
-            except ValueError as error:  # no instant in common with the plate
-                failure = str(error)
+            measured_peaks.setdefault(name, outcome.scores[PLATE_PEAK])
         at = case.fulcrum_m
         position_m = case.trial.fulcrum_m if at is None or callable(at) else at
         rows.append(
             SweepRow(
                 trial=name,
                 fulcrum_mm=round(1e3 * position_m, 9),
-                scores=walk_scores,
+                scores=scores(outcome),
                 notes=outcome.notes,
                 values={key: case.values[key] for key in variables},
-                failure=" ".join(failure.split()),
+                failure=" ".join((outcome.failure or "").split()),
             )
         )
-        show((i + 1) / len(outcomes))
     varied = (*(["fulcrum_mm"] if fulcrum else []), *variables)
     failures = tuple(row.failure for row in rows if row.failure)
     return SweepTable(
