@@ -12,17 +12,18 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from vsf_drake.base.errors import require
+from vsf_drake.base.errors import SimulationError, require
 from vsf_drake.base.threads import side_by_side
 from vsf_drake.motion.events import within
 from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.walk import Walk, Walker
+from vsf_drake.simulation.walk import Walk, Walker, trial_request
 from vsf_drake.tuning import costs
 from vsf_drake.tuning.common import WEIGHTED, check_cost
 from vsf_drake.tuning.options import DesignVariable, TuningOptions, design_variables, walk_setting
@@ -88,30 +89,49 @@ class TrialTuning:
         walk, loads = self._walk(x, step_s, base or {}, derivatives=derivatives)
         return SettingOutcome(costs.walk_terms(frame, loads, self.options), walk, loads, frame)
 
+    def at_each(
+        self, settings: np.ndarray, *, step_s: float, base: Mapping[str, float] | None = None
+    ) -> Iterator[SettingOutcome | SimulationError]:
+        """`at` each of the settings (m, P), without derivatives, or why it fails."""
+        frame = self.frame(step_s, base)
+        requests = [self._request(x, step_s, base or {})[0] for x in settings]
+        for walk in self.walker.walk_each(requests):
+            if isinstance(walk, Walk):
+                loads = self._loads(walk, None)
+                terms = costs.walk_terms(frame, loads, self.options)
+                yield SettingOutcome(terms, walk, loads, frame)
+            elif isinstance(walk, SimulationError):
+                yield walk
+            else:
+                raise walk
+
     def _walk(
         self, x: np.ndarray, step_s: float, base: Mapping[str, float], *, derivatives: bool = False
     ) -> tuple[Walk, costs.WalkLoads]:
-        trial = self.trial
-        values, by = walk_setting(self.design, x, self.walker.variables, trial.model.foot, base)
+        request, by = self._request(x, step_s, base)
         walk = self.walker.walk(
-            trial.trajectory,
-            fulcrum_m=1e-3 * x[0],
-            start_s=trial.start_s,
-            end_s=trial.end_s,
-            step_s=step_s,
-            offsets=trial.offsets,
-            values=values,
+            **request,
             with_respect_to=tuple(by) if derivatives else (),
             with_loads=derivatives,
+        )
+        return walk, self._loads(walk, np.array([*by.values()]) if derivatives else None)
+
+    def _request(
+        self, x: np.ndarray, step_s: float, base: Mapping[str, float]
+    ) -> tuple[dict[str, Any], Mapping[str, np.ndarray]]:
+        """What `Walker.walk` takes at x, and the derivatives of its values by x."""
+        trial = self.trial
+        values, by = walk_setting(self.design, x, self.walker.variables, trial.model.foot, base)
+        return trial_request(
+            trial,
+            fulcrum_m=1e-3 * x[0],
+            step_s=step_s,
+            values=values,
             support_width_m=self.support_width_m,
-        )
-        return walk, costs.walk_loads(
-            self.walker,
-            walk,
-            np.array([*by.values()]) if derivatives else None,
-            self.joints,
-            self.options.cutoff_hz,
-        )
+        ), by
+
+    def _loads(self, walk: Walk, by: np.ndarray | None) -> costs.WalkLoads:
+        return costs.walk_loads(self.walker, walk, by, self.joints, self.options.cutoff_hz)
 
 
 @dataclass(frozen=True, eq=False)

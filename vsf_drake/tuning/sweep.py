@@ -11,6 +11,7 @@ import numpy as np
 
 from vsf_drake.base.errors import SimulationError
 from vsf_drake.base.threads import side_by_side
+from vsf_drake.laws.lanes import WIDTH
 from vsf_drake.motion.events import find_stances
 from vsf_drake.simulation.walk import Walk
 from vsf_drake.tuning.costs import CONSISTENCY, StanceFrame, value_of
@@ -122,36 +123,44 @@ def sweep(
         part.frame(step_s, base)  # made here: what threads share is not made by them
     grf: dict[tuple[int, int], np.ndarray] = {}
 
-    def walked(job: tuple[int, int]) -> tuple[dict[str, dict[str, float]], bool] | str:
-        part = tuning.parts[job[0]]
-        j = job[1]
-        try:
-            walk = part.at(settings[job], step_s=step_s, base=base)
-        except SimulationError as error:
-            return f"{part.label} at {settings[job][0]:g} mm: {error}"
-        if forces:
-            grf[job] = walk.loads.grf[..., 0]
-        energies = energies_every > 0 and (j % energies_every == 0 or j == shape[1] - 1)
-        terms = tuning.combination.terms(walk.terms)
-        return {
-            "costs": {name: value_of(parts) for name, parts in walk.terms.items()},
-            "terms": {name: float(term[0]) for name, term in terms.items()},
-            "outcomes": outcomes(part, walk, energies=energies) if energies_every else {},
-        }, bool(walk.walk.record.converged.all())
+    def walked(job: tuple[int, range]) -> list[tuple[dict[str, dict[str, float]], bool] | str]:
+        i, own = job
+        part = tuning.parts[i]
+        results: list[tuple[dict[str, dict[str, float]], bool] | str] = []
+        found = part.at_each(settings[i, own.start : own.stop], step_s=step_s, base=base)
+        for j, walk in zip(own, found, strict=True):
+            if isinstance(walk, SimulationError):
+                results.append(f"{part.label} at {settings[i, j][0]:g} mm: {walk}")
+                continue
+            if forces:
+                grf[i, j] = walk.loads.grf[..., 0]
+            energies = energies_every > 0 and (j % energies_every == 0 or j == shape[1] - 1)
+            terms = tuning.combination.terms(walk.terms)
+            numbers = {
+                "costs": {name: value_of(parts) for name, parts in walk.terms.items()},
+                "terms": {name: float(term[0]) for name, term in terms.items()},
+                "outcomes": outcomes(part, walk, energies=energies) if energies_every else {},
+            }
+            results.append((numbers, bool(walk.walk.record.converged.all())))
+        return results
 
     table: dict[str, dict[str, np.ndarray]] = {"costs": {}, "terms": {}, "outcomes": {}}
     failures: list[str] = []
     unconverged = 0
-    for job, result in _each(
-        tuning, walked, [(i, j) for j in range(shape[1]) for i in range(shape[0])], progress
-    ):
-        if isinstance(result, str):
-            failures.append(result)
-            continue
-        for kind, numbers in result[0].items():
-            for name, value in numbers.items():
-                table[kind].setdefault(name, np.full(shape, np.nan))[job] = value
-        unconverged += not result[1]
+    jobs = [
+        (i, range(j, min(j + WIDTH, shape[1])))
+        for j in range(0, shape[1], WIDTH)
+        for i in range(shape[0])
+    ]
+    for (i, own), results in _each(tuning, walked, jobs, progress):
+        for j, result in zip(own, results, strict=True):
+            if isinstance(result, str):
+                failures.append(result)
+                continue
+            for kind, numbers in result[0].items():
+                for name, value in numbers.items():
+                    table[kind].setdefault(name, np.full(shape, np.nan))[i, j] = value
+            unconverged += not result[1]
     return SettingSweep(x=x, **table, forces=grf, failures=tuple(failures), unconverged=unconverged)
 
 
