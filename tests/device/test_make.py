@@ -66,14 +66,22 @@ def test_the_table_tells_cells_errors_and_what_it_was_made_of(small):
     assert {name: float(arrays[f"cells/{name}"][0, 0, 2, 0, 0]) for name in ROLLED} == reply.values
 
 
-def test_threads_of_a_callers_executor_give_the_same_numbers(small, monkeypatch):
+@pytest.mark.parametrize("at_once", [1, 3])
+def test_threads_of_a_callers_executor_give_the_same_numbers(small, monkeypatch, at_once):
     monkeypatch.setattr(make, "HELD_OUT", 6)
-    monkeypatch.setattr(make, "_AT_ONCE", 3)
+    monkeypatch.setattr(make, "_AT_ONCE", at_once)
     with ThreadPoolExecutor(2) as pool:
         table, arrays = make_map(MODEL, axes=SMALL, load=LOAD, draws=0, executor=pool, workers=2)
     assert table.quantities == small[0].quantities
     for name, values in small[1].items():
         np.testing.assert_array_equal(arrays[name], values)
+
+
+def test_two_workers_make_the_same_map_to_the_bit(small, monkeypatch):
+    monkeypatch.setattr(make, "HELD_OUT", 6)
+    _, arrays = make_map(MODEL, axes=SMALL, load=LOAD, draws=0, workers=2)
+    for name, values in small[1].items():
+        np.testing.assert_array_equal(arrays[name], values, err_msg=name)
 
 
 @pytest.mark.parametrize(

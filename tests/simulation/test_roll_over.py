@@ -17,6 +17,7 @@ from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.model.parameters import ContactZone, FootParameters
 from vsf_drake.simulation.roll_over import (
     FOLLOWS_WITHIN,
+    Rolling,
     RollOver,
     in_mount_frame,
     line_of_force,
@@ -170,6 +171,31 @@ def test_rolled_foot_follows_a_profile(machine):
     np.testing.assert_allclose(along, force[1:], atol=following.residual_n + 1e-9)
     np.testing.assert_allclose(run.mount[:, 2], -tilt[1:], atol=1e-12)
     assert run.unconverged_steps == 0
+
+
+def test_feet_rolled_side_by_side_are_to_the_bit_what_each_is_alone_and_one_that_fails_fails_alone(
+    machine,
+):
+    time, tilt, force = stance(300)
+    cases = [
+        Rolling(fulcrum_m=fulcrum, time_s=time, tilt_rad=tilt, force_n=share * force)
+        for fulcrum, share in ((0.066, 1.0), (0.108, np.nan), (0.151, 0.6))
+    ]
+    together = machine.roll_side_by_side(cases)
+    assert isinstance(together[1], SimulationError)
+    for k in (0, 2):
+        (alone,) = machine.roll_side_by_side([cases[k]])
+        for of_all, own in zip(together[k], alone, strict=True):
+            for name, value in vars(own).items():
+                np.testing.assert_equal(getattr(of_all, name), value, err_msg=name)
+
+
+@pytest.mark.parametrize("fulcrum", [0.066, 0.151])
+def test_a_light_load_that_passes_from_heel_to_toe_is_followed_there_too(machine, fulcrum):
+    """In mid-stance such a load leaves the heel within some milliseconds."""
+    time, tilt, force = stance(largest_n=400.0)
+    _, following = machine.roll(fulcrum_m=fulcrum, time_s=time, tilt_rad=tilt, force_n=force)
+    assert following.follows
 
 
 def test_rigid_sphere_rolls_on_an_arc_of_its_own_radius():

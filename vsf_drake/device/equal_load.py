@@ -26,11 +26,11 @@ from vsf_drake.device.roll_over import (
     energy_taken,
     iso_22675,
     returned_late,
-    roll_under,
+    rolled_row,
 )
 from vsf_drake.model.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.anthropometry import scale_body
-from vsf_drake.simulation.roll_over import FOLLOWS_WITHIN, RollOver, line_of_force
+from vsf_drake.simulation.roll_over import FOLLOWS_WITHIN, Rolling, RollOver, line_of_force
 
 # of a stance; 1200 change no outcome by more than 0.5 % (nominal foot, 66, 108 and 151 mm)
 STEPS = 600
@@ -71,8 +71,18 @@ def at_equal_load(
     late = load.time_s[1:] > 0.5 * DURATION_S
     window = max(1, round(WINDOW_S * steps / DURATION_S))
     found = []
-    for fulcrum in settings_m:
-        run, row, _ = roll_under(machine, load, fulcrum, force_n=mass_kg * GRAVITY * load.force_bw)
+    force = mass_kg * GRAVITY * load.force_bw
+    outcomes = machine.roll_side_by_side(
+        [
+            Rolling(fulcrum_m=fulcrum, time_s=load.time_s, tilt_rad=load.tilt_rad, force_n=force)
+            for fulcrum in settings_m
+        ]
+    )
+    for fulcrum, outcome in zip(settings_m, outcomes, strict=True):
+        if isinstance(outcome, SimulationError):
+            raise outcome
+        run, following = outcome
+        row, _ = rolled_row(machine, run, following, fulcrum, load)
         if row.unconverged_steps:
             raise SimulationError(
                 f"{row.unconverged_steps} steps of the foot alone with the fulcrum at "

@@ -11,7 +11,13 @@ from vsf_drake.base.errors import SimulationError
 from vsf_drake.base.progress import Progress
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import FootParameters
-from vsf_drake.simulation.roll_over import Following, RollOver, RollOverRun, in_mount_frame
+from vsf_drake.simulation.roll_over import (
+    Following,
+    Rolling,
+    RollOver,
+    RollOverRun,
+    in_mount_frame,
+)
 
 Curves = dict[str, np.ndarray]
 
@@ -158,18 +164,23 @@ def iso_roll_over(
     }
     rows: list[IsoRow] = []
     missing: list[str] = []
-    for i, fulcrum in enumerate(fulcrums_m):
-        if progress:
-            progress("rolling the foot over", i / len(fulcrums_m))
+    if progress:
+        progress("rolling the foot over", 0.0)
+    outcomes = machine.roll_side_by_side(
+        [
+            Rolling(fulcrum_m=fulcrum, time_s=load.time_s, tilt_rad=load.tilt_rad, force_n=force)
+            for fulcrum in fulcrums_m
+        ]
+    )
+    for fulcrum, outcome in zip(fulcrums_m, outcomes, strict=True):
         place = (
             f"The ISO 22675 profile, fulcrum {1e3 * fulcrum:g} "
             f"mm{', with friction' if friction else ''}"
         )
-        try:
-            _, row, own = roll_under(machine, load, fulcrum, force_n=force)
-        except SimulationError as error:
-            missing.append(f"{place}: {error}.")
+        if isinstance(outcome, SimulationError):
+            missing.append(f"{place}: {outcome}.")
             continue
+        row, own = rolled_row(machine, *outcome, fulcrum, load)
         rows.append(row)
         if not row.follows and not friction:
             missing += say("roll_over", "not_followed", place=place, residual_n=row.residual_n)
@@ -193,24 +204,6 @@ def returned_late(run: RollOverRun, load: Load) -> float:
     late = run.time_s > 0.5 * load.duration_s
     fullest = int(np.argmax(np.where(late, strain, 0.0)))
     return float(taken[fullest:].max() - taken[-1])
-
-
-def roll_under(
-    machine: RollOver,
-    load: Load,
-    fulcrum_m: float,
-    *,
-    force_n: np.ndarray,
-    tilt_rad: np.ndarray | None = None,
-) -> tuple[RollOverRun, IsoRow, Curves]:
-    """A foot rolled under this force, at the load's tilt or another; what comes of it."""
-    run, following = machine.roll(
-        fulcrum_m=fulcrum_m,
-        time_s=load.time_s,
-        tilt_rad=load.tilt_rad if tilt_rad is None else tilt_rad,
-        force_n=force_n,
-    )
-    return run, *rolled_row(machine, run, following, fulcrum_m, load)
 
 
 def rolled_row(

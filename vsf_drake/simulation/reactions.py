@@ -291,6 +291,17 @@ def energy_ledger(
         + _applied_work(record, driven, h)
     }
     ledger["gravity_work"], ledger["kinetic"] = _plant_energies(mechanism, record)
+    ledger |= strains_and_losses(mechanism, record, fulcrum_m=fulcrum_m)
+    ledger["remainder"] = total(ledger, INPUTS) - total(ledger, STORED) - total(ledger, LOST)
+    return ledger
+
+
+def strains_and_losses(
+    mechanism: Mechanism, record: Record, *, fulcrum_m: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The terms of `energy_ledger` of keel, support, socket and foam, with the carriage's work."""
+    h = np.diff(record.time_s, prepend=2 * record.time_s[0] - record.time_s[1])
+    ledger = dict[str, np.ndarray]()
     of_keel = np.isin(mechanism.spring_index, mechanism.keel_coordinates)
     for name, rows in (("keel", of_keel), ("socket", ~of_keel)):
         ledger[f"{name}_strain"] = spring_strain(mechanism, record.q, rows) - spring_strain(
@@ -305,7 +316,6 @@ def energy_ledger(
         "contact_loss": work(foam, h),
         "friction_loss": work(friction, h),
     }
-    ledger["remainder"] = total(ledger, INPUTS) - total(ledger, STORED) - total(ledger, LOST)
     return ledger
 
 

@@ -1,52 +1,70 @@
-"""Force control of the roll-over machine: a smooth path of the mount's height on which the foot
-bears a given force.
+"""The roll-over machine: a path of the mount's height on which the foot bears a given force.
 
-First the heights are found one after the other in coarse steps, each the root of one equation. In
-fine steps this would not do: pressed at its toe, the keel's inertia makes the inverse from force to
-height unstable. So the path is then a cubic spline, whose coefficients are improved together by
-Gauss-Newton steps on the force over the whole stance.
+It is found in two moves. First the mount is free to move up and down under the force itself, and
+what it carries without bending has no inertia. What the ground then bears differs from the force
+by the inertia of the keel alone, a few per cent of it at most; without friction it is also what the
+same path bears when it is prescribed. Then a cubic spline is added to that path, whose coefficients
+are found together by a Gauss-Newton step on the force over the whole stance. Height after height
+this would not do: pressed at its toe, the keel's inertia makes the inverse from force to height
+unstable.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import BSpline, make_lsq_spline
+from scipy.interpolate import BSpline
 from scipy.sparse import csr_array
-from scipy.sparse.linalg import spsolve
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.bench import MOUNT_COORDINATES, make_roll_over_machine
 from vsf_drake.simulation.bench import advance_to_load
 from vsf_drake.simulation.mechanism import roll_over_mechanism
-from vsf_drake.simulation.reactions import PROSTHETIC, energy_ledger, foot_reaction
-from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
+from vsf_drake.simulation.reactions import PROSTHETIC, foot_reaction, strains_and_losses
+from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
+from vsf_drake.simulation.stepping.stepper import (
+    SIDE_BY_SIDE,
+    Inputs,
+    Record,
+    Run,
+    Stepper,
+    Torques,
+    run_side_by_side,
+)
 
 # share of the largest force by which a run that follows its profile may be off (a choice)
 FOLLOWS_WITHIN = 0.01
-COARSE_STEPS = 60
-COARSE_TOLERANCE_N = 0.1
 KNOTS = 120
 DEGREE = 3
-APART = 7
+APART = 5
 """Coefficients whose effects one run tells apart: each reaches over 4 intervals of the spline, and
-dies out in 3."""
+dies out in the next."""
+SLOPE_STEP_S = 2e-3  # of the runs that tell the coefficients' effects
 MOST_IMPROVEMENTS = 6
-_GOOD_ENOUGH = 1e-3
-_WORTHWHILE = 0.95
+SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step, one after the other until one makes it better
 # what a second difference of the coefficients costs: 25 m/s^2 as much as 0.2 N (a choice)
 ROUGHNESS_N_PER_M = 300.0
 _TRIAL_M = 5e-5
-_MOST_TRIALS = 40
-_FIRST_STIFFNESS = 5e4
-_LONGEST_MOVE_M = 2e-3
 LONGEST_TRAVEL_M = 0.12  # travel after which a foot that does not bear the load has given way
 LARGEST_PITCH_RAD = np.radians(60.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rolling:
+    """What a foot is rolled by, over n + 1 instants."""
+
+    fulcrum_m: float  # from A
+    time_s: np.ndarray
+    tilt_rad: np.ndarray
+    """of the ground against the plane across the fixed line, negative with its front down"""
+    force_n: np.ndarray  # along the line; 0 at first
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,152 +87,67 @@ class Following:
         return self.residual_n <= FOLLOWS_WITHIN * float(np.max(self.wanted_n))
 
 
-def _follow_coarsely(
-    stepper: Stepper,
-    first: Inputs,
-    q0: np.ndarray,
-    *,
-    time_s: np.ndarray,
-    tilt_rad: np.ndarray,
-    force_n: np.ndarray,
-    start_height_m: float,
-) -> np.ndarray:
-    """(n + 1,) heights (m) of the mount above the tilt axis at which the foot bears `force_n`, step
-    by step.
+class _Splines(NamedTuple):
+    """Cubic splines of c coefficients over a stance of n steps, and over the same in coarse
+    steps."""
 
-    `first` are inputs of a single step from rest at q0: of the mount's three coordinates, then the
-    carriage.
+    basis: np.ndarray  # (n + 1, c) values at the instants
+    coarse_s: np.ndarray
+    coarse_basis: np.ndarray
+    columns: np.ndarray
+    """(n, APART) coefficient that the trial of each group of every APART-th moves at each end of a
+    step, -1 for none"""
+    roughness: np.ndarray  # (c, c) what bending costs, N^2/m^2
+
+
+@lru_cache(maxsize=4)
+def _splines(begin_s: float, end_s: float, steps: int) -> _Splines:
+    time = np.linspace(begin_s, end_s, steps + 1)
+    coarse = np.linspace(begin_s, end_s, max(1, round((end_s - begin_s) / SLOPE_STEP_S)) + 1)
+    inner = np.linspace(begin_s, end_s, KNOTS + 1)
+    knots = np.concatenate([np.full(DEGREE, begin_s), inner, np.full(DEGREE, end_s)])
+    count = KNOTS + DEGREE
+    newest = np.searchsorted(knots[:count], time[1:], side="right") - 1
+    groups = np.arange(APART)
+    columns = newest[:, None] - (newest[:, None] - groups) % APART
+    bending = np.diff(np.eye(count), n=2, axis=0)
+    weight = ROUGHNESS_N_PER_M**2 * steps / (end_s - begin_s) * 1e-3
+    return _Splines(
+        basis=BSpline.design_matrix(time, knots, DEGREE).toarray(),
+        coarse_s=coarse,
+        coarse_basis=BSpline.design_matrix(coarse, knots, DEGREE).toarray(),
+        columns=columns,
+        roughness=weight * bending.T @ bending,
+    )
+
+
+def _change_of_height(
+    splines: _Splines,
+    time_s: np.ndarray,
+    excess_n: np.ndarray,
+    changes: np.ndarray,
+) -> np.ndarray:
+    """(n + 1,) m, the spline that, added to the height, leaves least of the force's excess (n,) N.
+
+    `changes` (APART, coarse steps) N/m are what the force changes by with each group of
+    coefficients.
     """
-    heights = np.full(len(time_s), start_height_m)
-    q, v = np.array(q0), np.zeros_like(q0)
-    rate = 0.0
-    stiffness = _FIRST_STIFFNESS
-    for k in range(len(time_s) - 1):
-        now = mount_path(tilt_rad[k : k + 1], heights[k : k + 1])
-        last: list[Record] = []
-
-        def force(
-            height: float,
-            k: int = k,
-            now: np.ndarray = now,
-            q: np.ndarray = q,
-            v: np.ndarray = v,
-            last: list[Record] = last,
-        ) -> float:
-            then = mount_path(tilt_rad[k + 1 : k + 2], np.array([height]))
-            path = np.column_stack([np.vstack([now, then]), first.prescribed_q[:, 3:]])
-            record = stepper.run(
-                dataclasses.replace(first, time_s=time_s[k : k + 2], prescribed_q=path), q, v
-            )
-            last[:] = [record]
-            along = record.wrench[0, PROSTHETIC, 3]
-            normal = record.wrench[0, PROSTHETIC, 5]
-            return float(np.cos(then[0, 2]) * normal - np.sin(then[0, 2]) * along)
-
-        step = float(time_s[k + 1] - time_s[k])
-        heights[k + 1], stiffness = _root(
-            force, heights[k] + rate * step, float(force_n[k + 1]), stiffness
-        )
-        rate = (heights[k + 1] - heights[k]) / step
-        q = last[0].q[-1]
-        v = last[0].v[-1]
-    return heights
-
-
-def _smooth_path(
-    coarse_s: np.ndarray,
-    coarse_m: np.ndarray,
-    time_s: np.ndarray,
-    force_along: Callable[[np.ndarray], np.ndarray],
-    wanted_n: np.ndarray,
-) -> np.ndarray:
-    """(n + 1,) heights (m) at `time_s` on a spline, on which the force is as near the wanted one
-    (n,) as it comes.
-
-    `coarse_m` is a first guess; `force_along` leads from heights at `time_s` to the force (n,) N at
-    the steps' ends.
-    """
-    inner = np.linspace(time_s[0], time_s[-1], KNOTS + 1)
-    knots = np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
-    basis = BSpline.design_matrix(np.clip(time_s, inner[0], inner[-1]), knots, DEGREE).tocsr()
-    guess = make_lsq_spline(time_s, np.interp(time_s, coarse_s, coarse_m), knots, DEGREE)
-    coefficients = np.asarray(guess.c)
-    coefficients[0] = coarse_m[0]
-    residual = force_along(basis @ coefficients) - wanted_n
-    bending = csr_array(np.diff(np.eye(len(coefficients)), n=2, axis=0))
-    weight = ROUGHNESS_N_PER_M**2 * len(residual) / (time_s[-1] - time_s[0]) * 1e-3
-
-    def cost(c: np.ndarray, r: np.ndarray) -> float:
-        return float(r @ r + weight * np.sum((bending @ c) ** 2))
-
-    for _ in range(MOST_IMPROVEMENTS):
-        if np.abs(residual).max() <= _GOOD_ENOUGH * np.max(wanted_n):
-            break
-        slopes = csr_array(
-            _slopes(basis, knots, coefficients, time_s, force_along, residual + wanted_n)
-        )
-        matrix = (slopes.T @ slopes + weight * (bending.T @ bending)).tocsc()
-        downhill = -(slopes.T @ residual) - weight * (bending.T @ (bending @ coefficients))
-        change = spsolve(matrix[1:, 1:], downhill[1:])
-        before = cost(coefficients, residual)
-        for share in (1.0, 0.5, 0.25, 0.1):
-            trial = coefficients.copy()
-            trial[1:] += share * change
-            off = force_along(basis @ trial) - wanted_n
-            if cost(trial, off) < cost(coefficients, residual):
-                coefficients = trial
-                residual = off
-                break
-        if cost(coefficients, residual) > _WORTHWHILE * before:
-            break
-    return np.asarray(basis @ coefficients)
-
-
-def _slopes(
-    basis: csr_array,
-    knots: np.ndarray,
-    coefficients: np.ndarray,
-    time_s: np.ndarray,
-    force_along: Callable[[np.ndarray], np.ndarray],
-    force_n: np.ndarray,
-) -> np.ndarray:
-    """(n, coefficients) derivatives (N/m) of the force by the spline's coefficients, by
-    differences."""
-    slopes = np.zeros((len(time_s) - 1, len(coefficients)))
-    until = np.append(knots[APART:], np.full(APART, np.inf))
-    for group in range(APART):
-        columns = np.arange(group, len(coefficients), APART)
-        trial = coefficients.copy()
-        trial[columns] -= _TRIAL_M
-        change = (force_along(basis @ trial) - force_n) / -_TRIAL_M
-        for column in columns:
-            rows = (time_s[1:] >= knots[column]) & (time_s[1:] < until[column])
-            slopes[rows, column] = change[rows]
-    return slopes
-
-
-def _root(
-    force: Callable[[float], float], guess: float, wanted: float, stiffness: float
-) -> tuple[float, float]:
-    """The height with the wanted force, and the slope -dF/dh (N/m) there; `force` is last called at
-    that height."""
-    # the force is too large at `low`, too small at `high`
-    height = guess
-    low = -np.inf
-    high = np.inf
-    before: tuple[float, float] | None = None
-    for trial in range(_MOST_TRIALS):
-        excess = force(height) - wanted
-        if abs(excess) <= COARSE_TOLERANCE_N or trial == _MOST_TRIALS - 1:
-            break
-        low, high = (max(low, height), high) if excess > 0.0 else (low, min(high, height))
-        if before is not None and height != before[0]:
-            slope = -(excess - before[1]) / (height - before[0])
-            stiffness = slope if slope > 1.0 else stiffness
-        before = (height, excess)
-        following = height + float(np.clip(excess / stiffness, -_LONGEST_MOVE_M, _LONGEST_MOVE_M))
-        height = following if low < following < high else 0.5 * (low + high)
-    return height, stiffness
+    steps = len(excess_n)
+    at = time_s[1:]
+    values = np.column_stack([np.interp(at, splines.coarse_s[1:], row) for row in changes])
+    known = splines.columns >= 0
+    slopes = csr_array(
+        (
+            np.where(known, values, 0.0).ravel(),
+            np.maximum(splines.columns, 0).ravel(),
+            APART * np.arange(steps + 1),
+        ),
+        shape=(steps, splines.basis.shape[1]),
+    )
+    matrix = (slopes.T @ slopes).toarray() + splines.roughness
+    downhill = -(slopes.T @ excess_n)
+    # the first coefficient is the height at the start, where the foot just touches
+    return np.asarray(splines.basis[:, 1:] @ np.linalg.solve(matrix[1:, 1:], downhill[1:]))
 
 
 # Where the foot's mount goes when the platform under it tilts: the test's frame and the platform's.
@@ -258,6 +191,8 @@ def in_mount_frame(points_W: np.ndarray, mount: np.ndarray) -> np.ndarray:
 
 # Presses and rolls the prosthetic foot alone over level ground, by the implicit stepper.
 
+UP = MOUNT_COORDINATES.index("mount_up")
+
 
 @dataclass(frozen=True, eq=False)
 class RollOverRun:
@@ -271,7 +206,7 @@ class RollOverRun:
     cop_W: np.ndarray  # (n, 3) m, NaN below 20 N
     sphere_normal_n: np.ndarray  # (n, spheres)
     keel_turn_rad: np.ndarray  # (n,) of the keel's front end against the mount, toe up
-    energy: dict[str, np.ndarray]  # `simulation.reactions.energy_ledger` (n,) J by name
+    energy: dict[str, np.ndarray]  # `simulation.reactions.strains_and_losses`, (n,) J by name
     unconverged_steps: int  # that were accepted without convergence
 
 
@@ -284,6 +219,18 @@ class RollOver:
         self.context = self.machine.diagram.CreateDefaultContext()
         self.parameters = parameters
         self.friction = friction
+        self.mechanism = roll_over_mechanism(self.machine, self.context)
+        tree = self.mechanism.tree
+        names = (*MOUNT_COORDINATES, self.machine.foot.carriage_joint_name)
+        self.driven = np.array([tree.index(name) for name in names])
+        bends = tree.ancestors[:, self.mechanism.keel_coordinates].any(axis=1, keepdims=True)
+        sliding = self.mechanism.sites.copy()
+        sliding[:, [SITE_COLUMNS.index(name) for name in ("mu_static", "mu_kinetic")]] = 0.0
+        self.guessed = dataclasses.replace(
+            self.mechanism,
+            sites=sliding,
+            tree=dataclasses.replace(tree, inertias=np.where(bends, tree.inertias, 0.0)),
+        )
         sites = self.machine.foot.sites
         plant = self.machine.plant
         straight = plant.CreateDefaultContext()
@@ -306,24 +253,10 @@ class RollOver:
         """Moves the mount along `mount` (n + 1, 3: MOUNT_COORDINATES) at `time_s` (n + 1,), the
         foot at rest at first.
         """
-        stepper, inputs, q0 = self._begin(fulcrum_m, time_s, mount)
-        record = stepper.run(inputs, q0, np.zeros_like(q0))
-        columns = inputs.prescribed[:3]
-        reaction = foot_reaction(record, PROSTHETIC)
-        keel = [stepper.mechanism.tree.index(name) for name in self.machine.foot.keel_joint_names]
-        return RollOverRun(
-            time_s=record.time_s,
-            mount=record.q[:, columns],
-            load=record.load[:, columns],
-            grf_W=reaction.grf_W,
-            cop_W=reaction.cop_W,
-            sphere_normal_n=record.site("normal_force"),
-            keel_turn_rad=record.q[:, keel].sum(axis=1),
-            energy=energy_ledger(
-                stepper.mechanism, record, driven=inputs.prescribed, fulcrum_m=inputs.fulcrum
-            ),
-            unconverged_steps=record.counts()["unconverged_steps"],
-        )
+        run = self.along(fulcrum_m, np.asarray(time_s, dtype=float), mount)
+        stepper = Stepper(self.mechanism)
+        stepper.warm_up()
+        return self.result(run, stepper.run(run.inputs, run.q0, run.v0))
 
     def press(
         self,
@@ -361,11 +294,13 @@ class RollOver:
 
         steps = int(np.ceil(min(LONGEST_TRAVEL_M, top) * 1e3 * steps_per_mm))
         travel = 1e-3 / steps_per_mm * np.arange(steps + 1)
-        stepper, down, q0 = self._begin(fulcrum_m, travel / speed_m_per_s, lowered(travel))
+        down = self.along(fulcrum_m, travel / speed_m_per_s, lowered(travel))
+        stepper = Stepper(self.mechanism)
+        stepper.warm_up()
         _, count = advance_to_load(
             stepper,
-            down,
-            q0,
+            down.inputs,
+            down.q0,
             max_load_n,
             travel,
             foot="foot",
@@ -380,71 +315,207 @@ class RollOver:
     def roll(
         self, *, fulcrum_m: float, time_s: np.ndarray, tilt_rad: np.ndarray, force_n: np.ndarray
     ) -> tuple[RollOverRun, Following]:
-        """Rolls the foot: tilt and force (n + 1,) along the fixed line are given, the mount's
-        height is found.
+        """Rolls the foot once, see `roll_side_by_side`; SimulationError if it cannot be rolled."""
+        (outcome,) = self.roll_side_by_side(
+            [Rolling(fulcrum_m=fulcrum_m, time_s=time_s, tilt_rad=tilt_rad, force_n=force_n)]
+        )
+        if isinstance(outcome, SimulationError):
+            raise outcome
+        return outcome
 
-        The foot starts unloaded, as it touches. Returns the run along the heights that were found,
-        and how well it follows the force.
+    def roll_side_by_side(
+        self, cases: Sequence[Rolling]
+    ) -> list[tuple[RollOverRun, Following] | SimulationError]:
+        """Rolls the foot: tilt and force along the fixed line are given, evenly spaced in time, and
+        the mount's height is found.
+
+        The foot starts unloaded, as it touches, and moves with its mount at first. Returns of each
+        case the run along the heights that were found, and how well it follows the force, or why
+        there is none; it is the same to the bit in whatever company.
         """
-        # Height above T along the line of force at which the unloaded foot touches the tilted
-        # platform.
-        touch = self.touch_height(-tilt_rad) / np.cos(tilt_rad)
-        start = mount_path(tilt_rad[:1], touch[:1])
-        stepper, first, q0 = self._begin(
-            fulcrum_m, np.asarray(time_s[:2]), np.repeat(start, 2, axis=0)
-        )
-        coarse_s = np.linspace(time_s[0], time_s[-1], COARSE_STEPS + 1)
-        coarse = _follow_coarsely(
-            stepper,
-            first,
-            q0,
-            time_s=coarse_s,
-            tilt_rad=np.interp(coarse_s, time_s, tilt_rad),
-            force_n=np.interp(coarse_s, time_s, force_n),
-            start_height_m=float(touch[0]),
-        )
-        line = line_of_force(-tilt_rad[1:])
+        Stepper(self.mechanism).warm_up(SIDE_BY_SIDE)
+        searches = [_Search(self, case) for case in cases]
+        guesses = run_side_by_side([search.pushed() for search in searches], sites=False)
+        for search, guess in zip(searches, guesses, strict=True):
+            search.begin(guess)
+        open_ones = [search for search in searches if search.failure is None]
+        if self.friction:  # it has no part in the guess
+            _measure(open_ones, [search.height for search in open_ones])
+        for _ in range(MOST_IMPROVEMENTS):
+            _improve(open_ones)
+            open_ones = [search for search in open_ones if search.goes_on]
+        as_guessed = [s for s in searches if s.record is None and s.failure is None]
+        _measure(as_guessed, [search.height for search in as_guessed])
+        return [search.outcome() for search in searches]
 
-        def force_along(height: np.ndarray) -> np.ndarray:
-            mount = mount_path(tilt_rad, height)
-            record = stepper.run(
-                self._inputs(stepper, fulcrum_m, time_s, mount), q0, np.zeros_like(q0)
-            )
-            return np.asarray(
-                line[:, 0] * record.wrench[:, PROSTHETIC, 3]
-                + line[:, 2] * record.wrench[:, PROSTHETIC, 5]
-            )
-
-        height = _smooth_path(coarse_s, coarse, time_s, force_along, force_n[1:])
-        mount = mount_path(tilt_rad, height)
-        run = self.follow(fulcrum_m=fulcrum_m, time_s=time_s, mount=mount)
-        return run, Following(
-            wanted_n=np.asarray(force_n[1:], dtype=float),
-            force_n=np.sum(run.grf_W * line, axis=1),
-            deflection_m=touch[1:] - height[1:],
-        )
-
-    def _begin(
-        self, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray
-    ) -> tuple[Stepper, Inputs, np.ndarray]:
-        """The machine along `mount`, and where it is at rest at first."""
+    def along(self, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray) -> Run:
+        """The machine along `mount`, from rest."""
         check_fulcrum(fulcrum_m, self.parameters)
-        stepper = Stepper(roll_over_mechanism(self.machine, self.context))
-        stepper.warm_up()
-        inputs = self._inputs(stepper, fulcrum_m, np.asarray(time_s, dtype=float), mount)
-        q0 = np.zeros(stepper.mechanism.tree.num_coordinates)
-        q0[inputs.prescribed] = inputs.prescribed_q[0]
-        return stepper, inputs, q0
-
-    def _inputs(
-        self, stepper: Stepper, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray
-    ) -> Inputs:
-        names = (*MOUNT_COORDINATES, self.machine.foot.carriage_joint_name)
         fulcrum = np.full(len(time_s), fulcrum_m)
-        return Inputs(
+        inputs = Inputs(
             time_s=time_s,
-            prescribed=np.array([stepper.mechanism.tree.index(name) for name in names]),
+            prescribed=self.driven,
             prescribed_q=np.column_stack([mount, fulcrum]),
             fulcrum=fulcrum,
             ground=np.zeros(len(time_s)),
         )
+        q0 = np.zeros(self.mechanism.tree.num_coordinates)
+        q0[self.driven] = inputs.prescribed_q[0]
+        return Run(self.mechanism, inputs, q0, np.zeros_like(q0))
+
+    def result(self, run: Run, record: Record) -> RollOverRun:
+        """What the record of a run tells."""
+        columns = self.driven[:3]
+        reaction = foot_reaction(record, PROSTHETIC)
+        keel = [self.mechanism.tree.index(name) for name in self.machine.foot.keel_joint_names]
+        return RollOverRun(
+            time_s=record.time_s,
+            mount=record.q[:, columns],
+            load=record.load[:, columns],
+            grf_W=reaction.grf_W,
+            cop_W=reaction.cop_W,
+            sphere_normal_n=record.site("normal_force"),
+            keel_turn_rad=record.q[:, keel].sum(axis=1),
+            energy=strains_and_losses(self.mechanism, record, fulcrum_m=run.inputs.fulcrum),
+            unconverged_steps=record.counts()["unconverged_steps"],
+        )
+
+
+class _Search:
+    """The height of the mount in one case, as far as it is found."""
+
+    def __init__(self, machine: RollOver, case: Rolling) -> None:
+        self.machine = machine
+        self.case = case
+        self.time_s = np.asarray(case.time_s, dtype=float)
+        self.tilt = np.asarray(case.tilt_rad, dtype=float)
+        self.line = line_of_force(-self.tilt[1:])
+        self.wanted = np.asarray(case.force_n[1:], dtype=float)
+        # Height above T along the line of force at which the unloaded foot touches the tilted
+        # platform.
+        self.touch = machine.touch_height(-self.tilt) / np.cos(self.tilt)
+        touching = mount_path(self.tilt[:2], self.touch[:2])
+        self.rate = (touching[1] - touching[0]) / (self.time_s[1] - self.time_s[0])
+        self.splines = _splines(float(self.time_s[0]), float(self.time_s[-1]), len(self.wanted))
+        self.height = self.touch
+        self.excess = np.full(len(self.wanted), np.inf)  # (n,) N of the force along `height`
+        self.record: Record | None = None  # of the run along `height`
+        self.failure: SimulationError | None = None
+        self.goes_on = True
+
+    def along(self, time_s: np.ndarray, tilt: np.ndarray, height: np.ndarray) -> Run:
+        """The machine along a height (n + 1,), moving with its mount at first."""
+        run = self.machine.along(self.case.fulcrum_m, time_s, mount_path(tilt, height))
+        run.v0[self.machine.driven[:3]] = self.rate
+        return run
+
+    def pushed(self) -> Run:
+        """The machine under the force, its mount free to move up and down, without friction."""
+        machine = self.machine
+        run = self.along(self.time_s, self.tilt, self.touch)
+        held = np.delete(np.arange(len(machine.driven)), UP)
+        steps = len(self.wanted)
+        down = Torques(
+            coordinates=machine.driven[[UP]],
+            sensed=np.zeros(0, dtype=np.int64),
+            feedforward=-(self.wanted / np.cos(self.tilt[1:]))[:, None],
+            feedback=np.zeros((steps, 1, 0)),
+            reference=np.zeros((steps, 0)),
+        )
+        inputs = dataclasses.replace(
+            run.inputs,
+            prescribed=machine.driven[held],
+            prescribed_q=run.inputs.prescribed_q[:, held],
+            torques=down,
+        )
+        return Run(machine.guessed, inputs, run.q0, run.v0)
+
+    def begin(self, guess: Record | SimulationError) -> None:
+        """Takes the path of the free mount."""
+        if isinstance(guess, SimulationError):
+            self.failure = guess
+            return
+        up = guess.q[:, self.machine.driven[UP]]
+        self.height = np.append(self.touch[:1], up / np.cos(self.tilt[1:]))
+        self.excess = _force_along(self.line, guess) - self.wanted
+
+    def trials(self) -> list[Run]:
+        """The path, and with each group of coefficients moved, in coarse steps."""
+        time = self.splines.coarse_s
+        tilt = np.interp(time, self.time_s, self.tilt)
+        height = np.interp(time, self.time_s, self.height)
+        moved = (
+            height - _TRIAL_M * self.splines.coarse_basis[:, group::APART].sum(axis=1)
+            for group in range(APART)
+        )
+        return [self.along(time, tilt, path) for path in (height, *moved)]
+
+    def change(self, tried: Sequence[Record]) -> np.ndarray:
+        """(n + 1,) m by which the height is to change, from the records of `trials`."""
+        line = line_of_force(-np.interp(self.splines.coarse_s[1:], self.time_s, self.tilt))
+        forces = [_force_along(line, record) for record in tried]
+        changes = (np.array(forces[1:]) - forces[0]) / -_TRIAL_M
+        return _change_of_height(self.splines, self.time_s, self.excess, changes)
+
+    def take(self, height: np.ndarray, outcome: Record | SimulationError) -> bool:
+        """Takes a height and what came of it, unless the one of before is better; whether it
+        did."""
+        the_same = height is self.height
+        if isinstance(outcome, SimulationError):
+            self.failure = outcome if the_same else None
+            return False
+        excess = _force_along(self.line, outcome) - self.wanted
+        better = bool(excess @ excess < self.excess @ self.excess)
+        if the_same or better:
+            self.height = height
+            self.excess = excess
+            self.record = outcome
+            self.goes_on = bool(np.abs(excess).max() > FOLLOWS_WITHIN * self.wanted.max())
+        return better
+
+    def outcome(self) -> tuple[RollOverRun, Following] | SimulationError:
+        """What the case came to."""
+        if self.record is None:
+            return self.failure or SimulationError("the foot was not rolled", time_s=0.0)
+        run = self.along(self.time_s, self.tilt, self.height)
+        return self.machine.result(run, self.record), Following(
+            wanted_n=self.wanted,
+            force_n=self.wanted + self.excess,
+            deflection_m=self.touch[1:] - self.height[1:],
+        )
+
+
+def _measure(searches: Sequence[_Search], heights: Sequence[np.ndarray]) -> list[bool]:
+    """Moves the mount of each along its height; whether it was taken."""
+    runs = [
+        search.along(search.time_s, search.tilt, height)
+        for search, height in zip(searches, heights, strict=True)
+    ]
+    outcomes = run_side_by_side(runs)
+    return [
+        search.take(height, outcome)
+        for search, height, outcome in zip(searches, heights, outcomes, strict=True)
+    ]
+
+
+def _improve(searches: Sequence[_Search]) -> None:
+    """One step of Gauss-Newton of each, or as much of it as makes it better."""
+    records = run_side_by_side([run for each in searches for run in each.trials()], sites=False)
+    waiting = []
+    for k, search in enumerate(searches):
+        search.goes_on = False
+        own = records[k * (1 + APART) : (k + 1) * (1 + APART)]
+        tried = [record for record in own if not isinstance(record, SimulationError)]
+        if len(tried) == len(own):
+            waiting.append((search, search.change(tried)))
+    for share in SHARES:
+        taken = _measure(
+            [search for search, _ in waiting],
+            [search.height + share * change for search, change in waiting],
+        )
+        waiting = [pair for pair, done in zip(waiting, taken, strict=True) if not done]
+
+
+def _force_along(line: np.ndarray, record: Record) -> np.ndarray:
+    """(n,) N of the ground on the foot along the line (n, 3)."""
+    return np.asarray(np.sum(line * record.wrench[:, PROSTHETIC, 3:], axis=1))

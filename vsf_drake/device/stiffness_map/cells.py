@@ -20,10 +20,10 @@ from scipy.interpolate import PchipInterpolator
 
 from vsf_drake.base.errors import InputError, SimulationError, require
 from vsf_drake.base.text_table import table_rows, text_lines
-from vsf_drake.device.roll_over import STEP_S, Load, returned_late, roll_under
+from vsf_drake.device.roll_over import STEP_S, Load, returned_late, rolled_row
 from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
-from vsf_drake.simulation.roll_over import RollOver
+from vsf_drake.simulation.roll_over import Following, Rolling, RollOver, RollOverRun
 
 # over which a loading rate is taken: shorter ones tell the time step (a choice)
 RATE_WINDOW_S = 0.02
@@ -186,35 +186,58 @@ def roll_cells(foot: FootParameters, load: Load, cells: Sequence[Cell]) -> list[
     """Rolls one foot (its heel as it is) through cells, in one machine; a task for a worker
     process."""
     machine = RollOver(foot, friction=False)
-    pressed = BenchStiffness(
-        foot, fulcrums_m=[1e-3 * cell.fulcrum_mm for cell in cells], heel=False
-    ).evaluate({})[0]
+    positions = sorted({1e-3 * cell.fulcrum_mm for cell in cells})
+    pressed = BenchStiffness(foot, fulcrums_m=positions, heel=False).evaluate({})[0]
+    stiffness = dict(zip(positions, 1e-3 * pressed, strict=True))
+    outcomes = machine.roll_side_by_side([_rolling(load, cell) for cell in cells])
     return [
-        _rolled(machine, load, cell, 1e-3 * float(stiffness))
-        for cell, stiffness in zip(cells, pressed, strict=True)
+        _failed(cell, outcome)
+        if isinstance(outcome, SimulationError)
+        else _rolled(machine, load, cell, outcome, float(stiffness[1e-3 * cell.fulcrum_mm]))
+        for cell, outcome in zip(cells, outcomes, strict=True)
     ]
 
 
-def _rolled(machine: RollOver, load: Load, cell: Cell, stiffness: float) -> Rolled:
-    line = load.tilt_rad + np.radians(cell.slope_deg)  # of the pylon's line against the ground
+def _rolling(load: Load, cell: Cell) -> Rolling:
+    line = _line(load, cell)
     tilt = line - np.radians(cell.alignment_deg)
-    force = cell.mass_kg * GRAVITY * load.force_bw * np.cos(tilt) / np.cos(line)
-    fulcrum_m = 1e-3 * cell.fulcrum_mm
-    try:
-        run, row, _ = roll_under(machine, load, fulcrum_m, force_n=force, tilt_rad=tilt)
-    except SimulationError as error:
-        return Rolled(
-            values=dict.fromkeys(ROLLED, np.nan),
-            residual=np.nan,
-            follows=False,
-            failure=(
-                f"{cell.mass_kg:g} kg, slope {cell.slope_deg:g} deg, fulcrum {cell.fulcrum_mm:g} "
-                f"mm: {error}"
-            ),
-        )
+    return Rolling(
+        fulcrum_m=1e-3 * cell.fulcrum_mm,
+        time_s=load.time_s,
+        tilt_rad=tilt,
+        force_n=cell.mass_kg * GRAVITY * load.force_bw * np.cos(tilt) / np.cos(line),
+    )
+
+
+def _line(load: Load, cell: Cell) -> np.ndarray:
+    """(n + 1,) rad, of the pylon's line against the ground."""
+    return np.asarray(load.tilt_rad + np.radians(cell.slope_deg))
+
+
+def _failed(cell: Cell, error: SimulationError) -> Rolled:
+    return Rolled(
+        values=dict.fromkeys(ROLLED, np.nan),
+        residual=np.nan,
+        follows=False,
+        failure=(
+            f"{cell.mass_kg:g} kg, slope {cell.slope_deg:g} deg, fulcrum {cell.fulcrum_mm:g} "
+            f"mm: {error}"
+        ),
+    )
+
+
+def _rolled(
+    machine: RollOver,
+    load: Load,
+    cell: Cell,
+    outcome: tuple[RollOverRun, Following],
+    stiffness: float,
+) -> Rolled:
+    run, following = outcome
+    row, _ = rolled_row(machine, run, following, 1e-3 * cell.fulcrum_mm, load)
     step = float(load.time_s[1])
     window = max(1, round(RATE_WINDOW_S / step))
-    normal = cell.mass_kg * GRAVITY * load.force_bw / np.cos(line)
+    normal = cell.mass_kg * GRAVITY * load.force_bw / np.cos(_line(load, cell))
     rises = (normal[window:] - normal[:-window])[load.time_s[window:] <= 0.5 * load.duration_s]
     values = {
         "stiffness": stiffness,
@@ -227,6 +250,6 @@ def _rolled(machine: RollOver, load: Load, cell: Cell, stiffness: float) -> Roll
     }
     return Rolled(
         values={name: np.nan if value is None else value for name, value in values.items()},
-        residual=row.residual_n / float(force.max()),
+        residual=row.residual_n / float(following.wanted_n.max()),
         follows=row.follows,
     )

@@ -54,7 +54,7 @@ AXES = {
 }
 """Each axis with what it may be; the fulcrum's reach is the foot's."""
 _SIDE = "right"  # of the person whose variables the draws name; the nominal foot has no side
-_AT_ONCE = 12  # cells of a task
+_AT_ONCE = 32  # cells of a task
 
 
 def standard_axes(foot: FootParameters) -> dict[str, tuple[float, ...]]:
