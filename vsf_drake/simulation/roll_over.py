@@ -43,9 +43,9 @@ from vsf_drake.simulation.stepping.stepper import (
 FOLLOWS_WITHIN = 0.01
 KNOTS = 120
 DEGREE = 3
-APART = 5
-"""Coefficients whose effects one run tells apart: each reaches over 4 intervals of the spline, and
-dies out in the next."""
+APART = 4
+"""Coefficients whose effects one run tells apart: each reaches over 4 intervals of the spline; what
+is left of it in the next is taken for theirs."""
 SLOPE_STEP_S = 2e-3  # of the runs that tell the coefficients' effects
 MOST_IMPROVEMENTS = 6
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step, one after the other until one makes it better
@@ -342,7 +342,8 @@ class RollOver:
         if self.friction:  # it has no part in the guess
             _measure(open_ones, [search.height for search in open_ones])
         for _ in range(MOST_IMPROVEMENTS):
-            _improve(open_ones)
+            if open_ones:
+                _improve(open_ones)
             open_ones = [search for search in open_ones if search.goes_on]
         as_guessed = [s for s in searches if s.record is None and s.failure is None]
         _measure(as_guessed, [search.height for search in as_guessed])
