@@ -76,6 +76,8 @@ MOST_BYTES = 1e9  # of memory that a walk with its recording may take
 # many, and of how many bytes at most
 KEPT_MOTIONS = 16
 KEPT_BYTES = 1e7
+OF_SITES = ("sphere_normal_n", "sphere_depth_m", "sphere_friction_W", "energy_j")
+"""Arrays of a result for which a walk's record needs its sites."""
 
 
 class Walker:
@@ -178,12 +180,14 @@ class Walker:
             raise walk
         return walk
 
-    def walk_many(self, requests: Sequence[Mapping[str, Any]]) -> list[Walk | VsfError]:
+    def walk_many(
+        self, requests: Sequence[Mapping[str, Any]], *, sites: bool = True
+    ) -> list[Walk | VsfError]:
         """Several walks of this person side by side: for each of the `requests`, which are
         arguments of `walk` by name, the walk that it gives alone, to the bit, or why there is none.
 
         Those with sensitivities follow one after the other. Many at a time take much memory, see
-        `parts`.
+        `parts`. Without `sites` the records have nothing of single spheres, which is sooner.
         """
         started = time.perf_counter()
         self._refresh()
@@ -199,12 +203,14 @@ class Walker:
                 key = (plan.held.prescribed.tobytes(), plan.mechanism.support_width, *own)
                 alike.setdefault(key, []).append((i, plan))
         for members in alike.values():
-            walks = self._walked([plan for _, plan in members], started_s=started)
+            walks = self._walked([plan for _, plan in members], started_s=started, sites=sites)
             made |= {i: walk for (i, _), walk in zip(members, walks, strict=True)}
             started = time.perf_counter()
         return [made[i] for i in range(len(requests))]
 
-    def walk_each(self, requests: Sequence[Mapping[str, Any]]) -> Iterator[Walk | VsfError]:
+    def walk_each(
+        self, requests: Sequence[Mapping[str, Any]], *, sites: bool = True
+    ) -> Iterator[Walk | VsfError]:
         """`walk_many` of any number of requests, a part of them at a time (`parts`), for who needs
         them one after the other."""
         steps = [
@@ -212,7 +218,7 @@ class Walker:
             for one in requests
         ]
         for rows in self.parts(steps):
-            yield from self.walk_many([requests[i] for i in rows])
+            yield from self.walk_many([requests[i] for i in rows], sites=sites)
 
     def parts(self, steps: Sequence[int]) -> list[range]:
         """Walks of so many steps in parts that `walk_many` should be asked for at a time: what it
@@ -322,6 +328,7 @@ class Walker:
         plans: Sequence[_Plan],
         *,
         started_s: float,
+        sites: bool = True,
         progress: Callable[[float], None] | None = None,
     ) -> list[Walk | SimulationError]:
         """The planned walks side by side, or why there is none: they prescribe the same coordinates
@@ -341,7 +348,7 @@ class Walker:
             if not isinstance(rest, SimulationError)
         ]
         forward = self._forward(plans[0], runs[0].q0) if with_sensitivities and runs else None
-        records = iter(run_side_by_side(runs, forward=forward, progress=progress))
+        records = iter(run_side_by_side(runs, sites=sites, forward=forward, progress=progress))
         took_s = (time.perf_counter() - started_s - compile_s) / len(plans)
         outcomes: list[Walk | SimulationError] = []
         for plan, rest in zip(plans, settled, strict=True):
@@ -813,19 +820,14 @@ def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str
 def _too_deep(walk: Walk, model: ModelParameters) -> list[tuple[str, float, float | None, float]]:
     """Feet that go deeper (m) into the ground than what their contact stands for is thick (m), and
     since when (s)."""
-    sites = walk.mechanism.sites
-    of_site = walk.record.site("depth").max(axis=0)
+    other = float(walk.mechanism.sites[walk.spheres :, 3].max(initial=0.0))
     feet = []
-    for foot, rows, limit in (
-        ("prosthetic", slice(0, walk.spheres), model.foot.foam_thickness_m),
-        (
-            "intact",
-            slice(walk.spheres, None),
-            float(sites[walk.spheres :, 3].max(initial=0.0)),
-        ),
+    for foot, place, limit in (
+        ("prosthetic", reactions.PROSTHETIC, model.foot.foam_thickness_m),
+        ("intact", reactions.INTACT, other),
     ):
-        if of_site[rows].max(initial=0.0) > limit:
-            deepest = walk.record.site("depth")[:, rows].max(axis=1)
+        deepest = walk.record.deepest[:, place]
+        if deepest.max(initial=0.0) > limit:
             since = (
                 None
                 if deepest[0] > limit

@@ -73,7 +73,7 @@ def fulcrum_errors(
     requests = [
         trial_request(trial, fulcrum_m=float(x), step_s=SWEEP_STEP_S, **fitted) for x in positions
     ]
-    for i, walk in enumerate(walker.walk_each(requests)):
+    for i, walk in enumerate(walker.walk_each(requests, sites=False)):
         if isinstance(walk, InputError):
             raise walk
         if isinstance(walk, Walk):

@@ -47,7 +47,7 @@ from vsf_drake.simulation.batch.processes import (
     reporting,
 )
 from vsf_drake.simulation.results import walk_arrays
-from vsf_drake.simulation.walk import Walk, Walker, walk_notes
+from vsf_drake.simulation.walk import OF_SITES, Walk, Walker, walk_notes
 
 if TYPE_CHECKING:
     from vsf_drake.motion.trial import Trial
@@ -352,7 +352,10 @@ def run_block(tasks: Sequence[WorkerTask]) -> list[Reply]:
 
 def _walked(walker: Walker, tasks: Sequence[WorkerTask]) -> list[Reply]:
     try:
-        walks = walker.walk_many([{"trajectory": task.motion, **task.options} for task in tasks])
+        walks = walker.walk_many(
+            [{"trajectory": task.motion, **task.options} for task in tasks],
+            sites=any(name in OF_SITES for task in tasks for name in task.keep),
+        )
         scores = _scored(tasks, walks)
         return [
             _refusal(walk)

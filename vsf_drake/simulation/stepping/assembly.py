@@ -176,8 +176,8 @@ def record_sites(
     wrench: np.ndarray,
 ) -> None:
     """Writes where a walk is `active` the sites (S, 9) SITE_RECORD at the end of the step, if there
-    is room for them, and the wrench (feet, 6) of each foot, its moment about W's origin at the
-    ground's height.
+    is room for them, and wrench (feet, 7): the wrench on each foot, its moment about W's origin at
+    the ground's height, and how deep its lowest loaded site is.
 
     The contact point stays under the sphere's centre, which rolls ahead of the slipping point: p_xy
     + h (v + w x c). It is `depth` under the ground.
@@ -186,7 +186,7 @@ def record_sites(
     center = contact.center
     now = contact.now
     for foot in range(wrench.shape[0]):
-        for i in range(6):
+        for i in range(7):
             wrench[foot, i] = select(active, 0.0, wrench[foot, i])
     for s in range(sites.shape[0]):
         for i in range(9):
@@ -211,6 +211,8 @@ def record_sites(
             on_foot = rb.wrench(x, y, -now[s, 0], now[s, 2], now[s, 3], now[s, 1])
             for i in range(6):
                 wrench[forces.feet[s], i] += select(held, on_foot[i], 0.0)
+            deeper = held & (now[s, 0] > wrench[forces.feet[s], 6])
+            wrench[forces.feet[s], 6] = select(deeper, now[s, 0], wrench[forces.feet[s], 6])
         if sites.shape[0] > 0:
             z = z0 - forces.sites[s, 3]
             vx = V[b, 3] + V[b, 1] * z - V[b, 2] * y0

@@ -72,7 +72,7 @@ def step(
     Height (m) of the ground, its rate, the fulcrum (m from A) and the prescribed coordinates q_next
     are those at the end. Poses and velocities of `dofs.base` and the bias of the coordinates that
     are `dofs.still` are in `workspace` already where it is `ready`. Only a walk that is `active`
-    goes on; nothing of another is written. Writes sites (S, 9), wrench (feet, 6) and support (3,),
+    goes on; nothing of another is written. Writes sites (S, 9), wrench (feet, 7) and support (3,),
     see `assembly`, and to load (n,) the forces that drive the coordinates: those that hold the
     prescribed ones, and in the others what `workspace` applies, but for the residual.
     """

@@ -294,7 +294,7 @@ class OneStep:
             v,
             np.zeros_like(v),
             np.zeros((0, 9)),
-            np.zeros((int(self._forces.feet.max(initial=0)) + 1, 6)),
+            np.zeros((int(self._forces.feet.max(initial=0)) + 1, 7)),
             np.zeros(3),
         )
         return v

@@ -288,6 +288,7 @@ class Record(NamedTuple):
     wrench: np.ndarray
     """(n, feet, 6) of the ground on each foot: moment about W's origin at the ground's height, and
     force"""
+    deepest: np.ndarray  # (n, feet) m in the ground of the foot's lowest loaded site, 0 without
     fulcrum: np.ndarray  # (n, 3) support force (N), deflection (m), rate (m/s)
     iterations: np.ndarray  # (n,) of Newton's method
     parts: np.ndarray  # (n,) substeps that the step was cut into, 1 if it converged at once
@@ -391,7 +392,7 @@ class _Block:
             "v": (n,),
             "load": (n,),
             "sites": (count, len(assembly.SITE_RECORD)),
-            "wrench": (int(of_first.feet.max(initial=0)) + 1, 6),
+            "wrench": (int(of_first.feet.max(initial=0)) + 1, 7),
             "fulcrum": (3,),
             "counts": (3,),
         }
@@ -476,6 +477,7 @@ class _Block:
             name: self._of(array, walk)[:steps] for name, array in self.written._asdict().items()
         }
         iterations, parts, failed = rows.pop("counts").T
+        on_feet = rows.pop("wrench")
         return Record(
             time_s=run.inputs.time_s[1 : steps + 1].astype(float),
             q0=np.array(run.q0),
@@ -483,6 +485,8 @@ class _Block:
             iterations=iterations.astype(np.int64),
             parts=parts.astype(np.int64),
             converged=failed == 0.0,
+            wrench=on_feet[:, :, :6],
+            deepest=on_feet[:, :, 6],
             **rows,
             **{
                 name: array[:steps, :, : self.count]
