@@ -49,7 +49,9 @@ def walks(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Gets an entry for each walk that is asked for in this process."""
     made, real = [], Walker.walk_many
     monkeypatch.setattr(
-        Walker, "walk_many", lambda self, asked: (made.extend(asked), real(self, asked))[1]
+        Walker,
+        "walk_many",
+        lambda self, asked, **more: (made.extend(asked), real(self, asked, **more))[1],
     )
     return made
 

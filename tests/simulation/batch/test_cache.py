@@ -181,7 +181,7 @@ def test_every_source_that_a_walk_imports_is_in_the_digest_or_makes_no_numbers(t
 def test_a_failed_simulation_is_kept_and_an_unusable_case_is_not(
     monkeypatch, tmp_path, trial, walks
 ):
-    def diverge(walker, requests):
+    def diverge(walker, requests, **_):
         walks.extend(requests)
         return [
             InputError("there is no such variable")

@@ -79,10 +79,10 @@ def test_same_numbers_in_any_grouping(trial, sweep, assert_same, blocks_of):
 def test_a_fault_of_the_program_in_one_walk_ends_no_other_of_its_block(monkeypatch, sweep):
     real = Walker.walk_many
 
-    def faulty(walker, requests):
+    def faulty(walker, requests, **more):
         if any(request["fulcrum_m"] == sweep(4)[2].fulcrum_m for request in requests):
             raise ZeroDivisionError("a fault")
-        return real(walker, requests)
+        return real(walker, requests, **more)
 
     monkeypatch.setattr(Walker, "walk_many", faulty)
     outcomes = simulate_batch(sweep(4), workers=1)
@@ -131,14 +131,14 @@ class CountedWalker(Walker):
         type(self).built += 1
         self.busy = threading.Lock()
 
-    def walk_many(self, requests):
+    def walk_many(self, requests, **more):
         type(self).walked += len(requests)
         if not self.busy.acquire(blocking=False):
             type(self).clashes += 1
-            return super().walk_many(requests)
+            return super().walk_many(requests, **more)
         try:
             time.sleep(0.01)
-            return super().walk_many(requests)
+            return super().walk_many(requests, **more)
         finally:
             self.busy.release()
 

@@ -21,7 +21,7 @@ from vsf_drake.base.errors import InputError
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.model.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.simulation import walk as walk_module
-from vsf_drake.simulation.stepping.stepper import Stepper
+from vsf_drake.simulation.stepping.stepper import run_side_by_side
 from vsf_drake.simulation.variables import MotionPerturbation, perturbation_variables
 from vsf_drake.simulation.walk import Walker
 
@@ -345,7 +345,7 @@ ROLLED = {"fulcrum_m": 0.1, "start_s": 0.1, "end_s": 0.8, "step_s": 1e-3, "suppo
 def exact_steps(monkeypatch):
     """Newton's method to the last digits: a difference of loads sees what it leaves, over the
     step's square."""
-    monkeypatch.setattr(walk_module, "Stepper", partial(Stepper, tolerance=1e-12))
+    monkeypatch.setattr(walk_module, "run_side_by_side", partial(run_side_by_side, tolerance=1e-12))
 
 
 def series(walk):

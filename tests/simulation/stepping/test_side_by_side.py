@@ -232,11 +232,18 @@ def test_steps_that_are_cut_are_cut_beside_others_as_alone():
     assert all(part.max() > 1 for part in parts)
     assert not alone(cut[2]).converged.all()
     a, b, c = cut
-    runs = different_runs()
-    assert all(np.all(alone(run).parts == 1) for run in runs[:5])
+    runs = [changed(run, support_width=0.0) for run in different_runs()[:5]]
+    assert all(np.all(alone(run).parts == 1) for run in runs)
     assert_as_alone([runs[0], a, runs[1], b, runs[2], c, runs[3], runs[4]])
     assert_as_alone([c, c, a])
     assert_as_alone([b, a])
+
+
+def test_runs_with_another_law_or_support_are_refused():
+    run = different_runs()[0]
+    for other in (changed(run, support_width=0.0), changed(run, law=1)):
+        with pytest.raises(ValueError, match="one contact law and one width"):
+            run_side_by_side([run, other])
 
 
 def test_run_that_diverges_ends_alone():
