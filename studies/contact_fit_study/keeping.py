@@ -76,6 +76,14 @@ def meaning(
         if isinstance(node, ast.Import | ast.ImportFrom):
             within = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
             names |= {within + alias.name for alias in node.names}
+        elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "import_module":
+            # of a name that is put together: any module of that package
+            folder = ast.unparse(node.args[0]).strip("f\"'").partition("{")[0]
+            names |= {
+                folder + file.stem
+                for root in roots
+                for file in root.joinpath(*folder.strip(".").split(".")).glob("*.py")
+            }
         elif isinstance(getattr(node, "body", None), list):
             node.body = [
                 line

@@ -55,8 +55,8 @@ from vsf_drake.report.outputs import check_sweep_folder
 from vsf_drake.report.tuning.chapters import TUNING
 from vsf_drake.report.validation.output import VALIDATION
 from vsf_drake.simulation.archive import check_target
-from vsf_drake.simulation.batch.cases import WorkerTask
-from vsf_drake.simulation.batch.run import Kind, Reply, WalkCache
+from vsf_drake.simulation.batch.cases import WorkerTask, digest
+from vsf_drake.simulation.batch.run import _NAMED, Kind, Reply, WalkCache
 from vsf_drake.simulation.results import load_walk, save_walk
 from vsf_drake.validation.bench_section import StoodTable
 from vsf_drake.validation.run import Finished, SectionStore
@@ -65,6 +65,7 @@ from vsf_drake.validation.study import Section
 MOST_S, MOST_BYTES = 10.0, 300_000_000
 FRAMES, SAMPLES = 20, 40
 KEY = "ab" * 32
+MADE_BY = "5" * 64
 """Of what is kept under a key."""
 
 
@@ -219,8 +220,8 @@ READERS = (
     ),
     Reader(
         "cache",
-        (f"{KEY[:2]}/{KEY}.npz",),
-        (lambda path: WalkCache(path.parents[1]).read(KEY),),
+        (f"{MADE_BY[:_NAMED]}-{digest([KEY])[:_NAMED]}.npz",),
+        (lambda path: WalkCache(path.parent).read([KEY], MADE_BY),),
         anything,
     ),
 )
@@ -463,20 +464,29 @@ def _write_results(folder: Path, validation: Path | None) -> None:
             "trials": [{"name": own.name, "file": str(own.path), "inputs": own.inputs}],
         },
     )
-    WalkCache(folder / "cache").write(
-        WorkerTask(
-            KEY, "person", None, "motion", None, {"step_s": 1e-3}, ("grf_W",), {"numpy": "2"}
-        ),
-        Reply(
-            Kind.DONE,
-            arrays={"grf_W": np.ones((4, 3))},
-            columns={"q": ("a", "b")},
-            unconverged_steps=0,
-            refined_steps=0,
-            wall_s=0.1,
-            notes=("a note",),
-        ),
+    task = WorkerTask(
+        key=KEY,
+        made_by=MADE_BY,
+        person_key="person",
+        person=None,
+        motion_key="motion",
+        motion=None,
+        steps=4,
+        options={"step_s": 1e-3},
+        keep=("grf_W",),
+        scorer=None,
+        software={"numpy": "2"},
     )
+    reply = Reply(
+        Kind.DONE,
+        arrays={"grf_W": np.ones((4, 3))},
+        columns={"q": ("a", "b")},
+        unconverged_steps=0,
+        refined_steps=0,
+        wall_s=0.1,
+        notes=("a note",),
+    )
+    WalkCache(folder / "cache").write([(task, reply)])
 
 
 def _save(

@@ -245,8 +245,8 @@ BY_HAND = (
     Mutation(
         "energy",
         REACTIONS,
-        "[px, py, np.full_like(px, ground_height)]",
-        "[py, px, np.full_like(px, ground_height)]",
+        "-self.moment_W[loaded, 1] / vertical",
+        "self.moment_W[loaded, 1] / vertical",
     ),
 )
 

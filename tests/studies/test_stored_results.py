@@ -541,7 +541,7 @@ def test_a_digest_knows_what_sources_say_and_not_how_they_are_written(tmp_path):
 
 @pytest.mark.parametrize("script", [script for script, _ in check_stored.CHECKS.values()])
 def test_a_law_that_changes_makes_every_result_one_of_other_sources(script, monkeypatch):
-    law = STUDIES.parent / "vsf_drake" / "laws" / "scalar.py"
+    law = STUDIES.parent / "vsf_drake" / "laws" / "kelvin_voigt.py"
     before = sources_sha256(STUDIES / script)
     monkeypatch.setattr(
         "contact_fit_study.keeping.meaning",

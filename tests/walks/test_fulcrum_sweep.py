@@ -13,8 +13,9 @@ from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.walks.comparison import compare
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
-from vsf_drake.walks.fulcrum_sweep import SWEEP_STEP_S, fulcrum_errors, sweep_positions, swept
+from vsf_drake.walks.fulcrum_sweep import SWEEP_STEP_S, sweep_positions, swept
 from vsf_drake.walks.metrics import walk_metrics
+from vsf_drake.walks.plate_score import fulcrum_errors
 
 AT = np.array([0.066, 0.087, 0.108, 0.129, 0.151])
 

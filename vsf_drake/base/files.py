@@ -147,7 +147,8 @@ def opened(
 def read_bytes(path: str | Path, *, most: int, right: str | None = None) -> bytes:
     """A file of at most `most` bytes through `opened`."""
     with opened(path, most=most, right=right) as stream:
-        return stream.read(most)
+        # not `most`, for which so much memory would be taken first
+        return stream.read(os.fstat(stream.fileno()).st_size)
 
 
 def read_text(path: str | Path, *, most: int, right: str | None = None) -> str:

@@ -29,9 +29,10 @@ from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.walks.angle_errors import AngleErrorRow, JudgedTrial, angle_error_rows
 from vsf_drake.walks.comparison import rmse
-from vsf_drake.walks.fulcrum_sweep import FulcrumSweep, fulcrum_errors, sweep_positions, swept
+from vsf_drake.walks.fulcrum_sweep import FulcrumSweep, sweep_positions, swept
 from vsf_drake.walks.metrics import WalkMetrics, known_curves, walk_metrics
 from vsf_drake.walks.null_model import several_settings
+from vsf_drake.walks.plate_score import fulcrum_errors
 from vsf_drake.walks.prediction import PHYSICS, LayerTable, layer_sentences, layer_table
 from vsf_drake.walks.quantities import JUDGED, Judged, Scored, mean, quantity
 

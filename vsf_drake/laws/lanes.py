@@ -207,76 +207,50 @@ def first(where: Any) -> Any:
     return where
 
 
-@_intrinsic
-def _select(typingctx: Any, where: Any, yes: Any, no: Any) -> Any:
+def _compiled_form(function: Any, typed: Callable[..., Any], emit: Callable[..., Any]) -> None:
+    """Gives a function of this module its compiled form: typed(*types) says the type of the result
+    and those of the arguments, emit(builder, kind, *values) makes it, with the first one's type.
+    As an operator, without a function of its own that each call would have to be resolved to."""
+
+    def generic(self: Any, args: Any, kws: Any) -> Any:
+        return None if kws else signature(*typed(*args))
+
+    infer_global(function)(type("_Template", (AbstractTemplate,), {"generic": generic}))
+    count = function.__code__.co_argcount
+    lower_builtin(function, *[types.Any] * count)(
+        lambda context, builder, sig, args: emit(builder, sig.args[0], *args)
+    )
+
+
+def _select_types(where: Any, yes: Any, no: Any) -> tuple[Any, ...]:
     kind = LANE if MASK == where or LANE in (yes, no) else types.float64
-    return kind(where, kind, kind), lambda context, builder, sig, args: builder.select(*args)
+    return kind, where, kind, kind
 
 
-@_intrinsic
-def _negated(typingctx: Any, where: Any) -> Any:
-    return where(where), lambda context, builder, sig, args: builder.not_(args[0])
+def _first_bit(builder: Any, kind: Any, where: Any) -> Any:
+    if kind != MASK:
+        return where
+    number = builder.bitcast(where, ir.IntType(WIDTH))
+    return builder.bitcast(builder.and_(number, builder.neg(number)), _BITS)
 
 
-@_intrinsic
-def _first(typingctx: Any, where: Any) -> Any:
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        bits = ir.IntType(WIDTH)
-        number = builder.bitcast(args[0], bits)
-        return builder.bitcast(builder.and_(number, builder.neg(number)), _BITS)
-
-    return where(where), emit
-
-
-def _reduced(sign: str, against: int) -> Any:
+def _reduced(sign: str, against: int) -> Callable[..., Any]:
     """Whether the bits of a mask, read as one number, are as `sign` says to `against`."""
 
-    def typed(typingctx: Any, where: Any) -> Any:
-        def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            bits = ir.IntType(WIDTH)
-            number = builder.bitcast(args[0], bits)
-            return builder.icmp_unsigned(sign, number, ir.Constant(bits, against))
+    def emit(builder: Any, kind: Any, where: Any) -> Any:
+        if kind != MASK:
+            return where
+        bits = ir.IntType(WIDTH)
+        return builder.icmp_unsigned(sign, builder.bitcast(where, bits), ir.Constant(bits, against))
 
-        return types.boolean(where), emit
-
-    return _intrinsic(typed)
+    return emit
 
 
-_some = _reduced("!=", 0)
-_every = _reduced("==", (1 << WIDTH) - 1)
-
-
-@overload(select, strict=False)
-def _select_of(where: Any, yes: Any, no: Any) -> Any:
-    return lambda where, yes, no: _select(where, yes, no)  # noqa: PLW0108 (numba compiles it)
-
-
-@overload(some, strict=False)
-def _some_of(where: Any) -> Any:
-    if where == MASK:
-        return lambda where: _some(where)  # noqa: PLW0108
-    return lambda where: where
-
-
-@overload(every, strict=False)
-def _every_of(where: Any) -> Any:
-    if where == MASK:
-        return lambda where: _every(where)  # noqa: PLW0108
-    return lambda where: where
-
-
-@overload(negated, strict=False)
-def _negated_of(where: Any) -> Any:
-    if where == MASK:
-        return lambda where: _negated(where)  # noqa: PLW0108
-    return lambda where: not where
-
-
-@overload(first, strict=False)
-def _first_of(where: Any) -> Any:
-    if where == MASK:
-        return lambda where: _first(where)  # noqa: PLW0108
-    return lambda where: where
+_compiled_form(select, _select_types, lambda builder, kind, *values: builder.select(*values))
+_compiled_form(negated, lambda where: (where, where), lambda builder, kind, x: builder.not_(x))
+_compiled_form(first, lambda where: (where, where), _first_bit)
+_compiled_form(some, lambda where: (types.boolean, where), _reduced("!=", 0))
+_compiled_form(every, lambda where: (types.boolean, where), _reduced("==", (1 << WIDTH) - 1))
 
 
 # Functions that are the same to the bit for one walk and for eight.

@@ -95,7 +95,7 @@ class TrialTuning:
         """`at` each of the settings (m, P), without derivatives, or why it fails."""
         frame = self.frame(step_s, base)
         requests = [self._request(x, step_s, base or {})[0] for x in settings]
-        for walk in self.walker.walk_each(requests, sites=False):
+        for walk in self.walker.walk_each(requests):
             if isinstance(walk, Walk):
                 loads = self._loads(walk, None)
                 terms = costs.walk_terms(frame, loads, self.options)

@@ -5,15 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
 from vsf_drake.motion.trial import Trial
-from vsf_drake.simulation.walk import Walk, Walker, trial_request
-from vsf_drake.walks.plate_score import plate_scorer
-from vsf_drake.walks.quantities import JUDGED
 
 SWEEP_POSITIONS = 18
 """Evenly spaced over the carriage, 5 mm apart on the nominal foot."""
@@ -61,25 +56,6 @@ def sweep_positions(trial: Trial, count: int = SWEEP_POSITIONS) -> np.ndarray:
     """(count,) m from A, evenly over the carriage of the trial's foot, both ends included."""
     reach = trial.model.foot.fulcrum
     return np.linspace(reach.rearmost_m, reach.foremost_m, count)
-
-
-def fulcrum_errors(
-    walker: Walker, trial: Trial, positions: np.ndarray, **fitted: Any
-) -> np.ndarray:
-    """(p,) BW, the error that the trial's walk is judged by with the fulcrum at each of the
-    positions (m); NaN where it fails. `fitted` is what else `Walker.walk_trial` takes."""
-    scorer = plate_scorer(trial)
-    errors = np.full(len(positions), np.nan)
-    requests = [
-        trial_request(trial, fulcrum_m=float(x), step_s=SWEEP_STEP_S, **fitted) for x in positions
-    ]
-    for i, walk in enumerate(walker.walk_each(requests, sites=False)):
-        if isinstance(walk, InputError):
-            raise walk
-        if isinstance(walk, Walk):
-            error = scorer([walk])[0][JUDGED]
-            errors[i] = np.nan if error is None else error
-    return errors
 
 
 def swept(

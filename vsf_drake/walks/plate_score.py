@@ -5,7 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
+
+from vsf_drake.base.errors import InputError
 from vsf_drake.base.schema import to_plain
 from vsf_drake.laws.compiled import sources_sha256
 from vsf_drake.model.parameters import GRAVITY
@@ -13,8 +17,9 @@ from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.batch.cases import PACKAGE, digest
 from vsf_drake.simulation.batch.run import WalkOutcome
-from vsf_drake.simulation.walk import Walk
+from vsf_drake.simulation.walk import Walk, Walker, trial_request
 from vsf_drake.walks.comparison import compare_all
+from vsf_drake.walks.fulcrum_sweep import SWEEP_STEP_S
 from vsf_drake.walks.metrics import agreements
 from vsf_drake.walks.quantities import JUDGED
 
@@ -77,3 +82,22 @@ def judged(outcome: WalkOutcome) -> tuple[float | None, str]:
         return None, outcome.failure
     error = outcome.scores[JUDGED]
     return error, "no stance was simulated" if error is None else ""
+
+
+def fulcrum_errors(
+    walker: Walker, trial: Trial, positions: np.ndarray, **fitted: Any
+) -> np.ndarray:
+    """(p,) BW, the error that the trial's walk is judged by with the fulcrum at each of the
+    positions (m); NaN where it fails. `fitted` is what else `Walker.walk_trial` takes."""
+    scorer = plate_scorer(trial)
+    errors = np.full(len(positions), np.nan)
+    requests = [
+        trial_request(trial, fulcrum_m=float(x), step_s=SWEEP_STEP_S, **fitted) for x in positions
+    ]
+    for i, walk in enumerate(walker.walk_each(requests, sites=False)):
+        if isinstance(walk, InputError):
+            raise walk
+        if isinstance(walk, Walk):
+            error = scorer([walk])[0][JUDGED]
+            errors[i] = np.nan if error is None else error
+    return errors
