@@ -126,7 +126,7 @@ def test_an_interrupted_command_says_so_and_leaves_nothing(run, tmp_path, trial_
 
 
 def test_diverging_simulation_says_when_and_leaves_nothing(run, tmp_path, trial_files, monkeypatch):
-    monkeypatch.setattr("vsf_drake.simulation.stepping.stepper.MAX_SPEED", 1e-6)
+    monkeypatch.setattr("vsf_drake.simulation.stepping.block.MAX_SPEED", 1e-6)
     code, _, err = run("simulate", trial_files.write(), "--out", tmp_path / "out")
     assert code == 3
     assert "t = " in err

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.simulation.stepping.stepper import Inputs
+from vsf_drake.simulation.stepping.runs import Inputs
 from vsf_drake.simulation.walk import Walk, Walker
 from vsf_drake.walks.embedded import embedded_trials
 

@@ -11,7 +11,8 @@ from vsf_drake.plants.bench import make_bench
 from vsf_drake.simulation.bench import keel_shape
 from vsf_drake.simulation.mechanism import bench_mechanism
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SPRING_COLUMNS
-from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
+from vsf_drake.simulation.stepping.runs import Inputs
+from vsf_drake.simulation.stepping.stepper import Stepper
 
 SPRING = 1e-5
 """Stiffness of what pulls, over the keel's own."""

@@ -11,7 +11,8 @@ from scipy.integrate import quad
 from vsf_drake.model.parameters import ContactZone, FootParameters
 from vsf_drake.simulation.reactions import LOST, energy_ledger, total
 from vsf_drake.simulation.roll_over import RollOver, roll_over_mechanism
-from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
+from vsf_drake.simulation.stepping.runs import Inputs
+from vsf_drake.simulation.stepping.stepper import Stepper
 
 
 def gap(ledger):

@@ -31,8 +31,9 @@ from vsf_drake.simulation.reactions import INTACT, PROSTHETIC, foot_reaction
 from vsf_drake.simulation.results import coordinate_unit
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.stepping.newton import FLAT
+from vsf_drake.simulation.stepping.runs import Inputs, Record, Torques
 from vsf_drake.simulation.stepping.sensitivity import OneStep
-from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper, Torques
+from vsf_drake.simulation.stepping.stepper import Stepper
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
 from vsf_drake.tuning.common import TuningCheck
 from vsf_drake.walks.comparison import resample

@@ -21,7 +21,8 @@ from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.mechanism import bench_mechanism
 from vsf_drake.simulation.options import BenchOptions
 from vsf_drake.simulation.results import BenchResult, BenchSetting
-from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
+from vsf_drake.simulation.stepping.runs import Inputs, Record
+from vsf_drake.simulation.stepping.stepper import Stepper
 
 PUBLISHED_FULCRUMS_M = tuple(x / 1e3 for x in BenchOptions.fulcrum_mm)
 PUBLISHED_SPEED_M_PER_S = 1e-3 * BenchOptions.speed_mm_per_min / 60.0

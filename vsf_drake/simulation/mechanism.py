@@ -25,7 +25,7 @@ from vsf_drake.plants.gait import GaitDiagram
 from vsf_drake.plants.wiring import velocity_indices
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
-from vsf_drake.simulation.stepping.stepper import Mechanism
+from vsf_drake.simulation.stepping.runs import Mechanism
 from vsf_drake.simulation.stepping.tree import tree_of
 from vsf_drake.simulation.variables import Variable, check_number
 from vsf_drake.systems._system import System

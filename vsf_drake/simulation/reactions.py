@@ -18,7 +18,7 @@ from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
-from vsf_drake.simulation.stepping.stepper import Mechanism, Record
+from vsf_drake.simulation.stepping.runs import Mechanism, Record
 from vsf_drake.simulation.stepping.tree import Motion, Tree, TreeArrays
 
 LOADED_N = THRESHOLD_N

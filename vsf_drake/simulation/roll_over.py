@@ -29,15 +29,8 @@ from vsf_drake.simulation.bench import advance_to_load
 from vsf_drake.simulation.mechanism import roll_over_mechanism
 from vsf_drake.simulation.reactions import PROSTHETIC, foot_reaction, strains_and_losses
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
-from vsf_drake.simulation.stepping.stepper import (
-    SIDE_BY_SIDE,
-    Inputs,
-    Record,
-    Run,
-    Stepper,
-    Torques,
-    run_side_by_side,
-)
+from vsf_drake.simulation.stepping.runs import Inputs, Record, Run, Torques
+from vsf_drake.simulation.stepping.stepper import SIDE_BY_SIDE, Stepper, run_side_by_side
 
 # share of the largest force by which a run that follows its profile may be off (a choice)
 FOLLOWS_WITHIN = 0.01

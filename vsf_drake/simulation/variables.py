@@ -43,7 +43,7 @@ from vsf_drake.simulation.stepping.directions import ParameterTangent
 
 if TYPE_CHECKING:
     from vsf_drake.plants.gait import GaitDiagram
-    from vsf_drake.simulation.stepping.stepper import Mechanism
+    from vsf_drake.simulation.stepping.runs import Mechanism
 
 OFFSETS = ("height", "fore_aft", "alignment", "inversion", "toe_out")
 SOCKET_AXES = ("tx", "ty", "tz", "flexion", "adduction", "rotation")

@@ -42,15 +42,12 @@ from vsf_drake.simulation.options import MAX_STEP_MS, StepOptions
 from vsf_drake.simulation.results import ARRAYS, WalkResult
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
+from vsf_drake.simulation.stepping.runs import Inputs, Mechanism, Record, Run
 from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, rest_sensitivity
 from vsf_drake.simulation.stepping.stepper import (
     ALONE,
     SIDE_BY_SIDE,
     WITH_SENSITIVITIES,
-    Inputs,
-    Mechanism,
-    Record,
-    Run,
     Stepper,
     run_side_by_side,
     settle_side_by_side,

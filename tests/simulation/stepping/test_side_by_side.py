@@ -16,15 +16,13 @@ from vsf_drake.model.parameters import FootParameters
 from vsf_drake.simulation.bench import Bench
 from vsf_drake.simulation.mechanism import bench_mechanism
 from vsf_drake.simulation.reactions import PROSTHETIC
+from vsf_drake.simulation.stepping.advance import PARTS
 from vsf_drake.simulation.stepping.assembly import MAX_APPROACH, SITE_COLUMNS, SPRING_COLUMNS
+from vsf_drake.simulation.stepping.block import LOOKS
 from vsf_drake.simulation.stepping.newton import solve_columns
+from vsf_drake.simulation.stepping.runs import Inputs, Record, Run
 from vsf_drake.simulation.stepping.stepper import (
-    LOOKS,
-    PARTS,
     SETTLED_SPEED,
-    Inputs,
-    Record,
-    Run,
     Stepper,
     run_side_by_side,
     settle_side_by_side,

@@ -13,22 +13,19 @@ from vsf_drake.base.errors import SimulationError
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.simulation.reactions import energy_ledger
-from vsf_drake.simulation.stepping.assembly import split_coordinates, step_workspace
-from vsf_drake.simulation.stepping.newton import MAX_ITERATIONS, step
-from vsf_drake.simulation.stepping.stepper import (
+from vsf_drake.simulation.stepping.advance import (
     LEVELS,
-    MAX_SPEED,
     PARTS,
     Drive,
-    Inputs,
-    Stepper,
-    Torques,
-    _drive_of,
     advance,
     next_substep,
-    no_torques,
     substep,
 )
+from vsf_drake.simulation.stepping.assembly import split_coordinates, step_workspace
+from vsf_drake.simulation.stepping.block import MAX_SPEED, _drive_of
+from vsf_drake.simulation.stepping.newton import MAX_ITERATIONS, step
+from vsf_drake.simulation.stepping.runs import Inputs, Torques, no_torques
+from vsf_drake.simulation.stepping.stepper import Stepper
 from vsf_drake.simulation.stepping.tree import tree_arrays
 
 walked = cache(cut_walk)

@@ -1,0 +1,350 @@
+"""The loop over the steps of a run, compiled: of one walk, and of WIDTH side by side."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from vsf_drake.laws.compiled import compiled, internal
+from vsf_drake.laws.lanes import every, first, lanes, negated, select, some
+from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
+from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
+from vsf_drake.simulation.stepping.newton import EXACT, copy, step, tangent_matrix
+from vsf_drake.simulation.stepping.runs import Torques
+from vsf_drake.simulation.stepping.sensitivity import Carried, carry, linearise, write_state
+from vsf_drake.simulation.stepping.tree import TreeArrays
+
+POSE = 30
+"""Numbers of a body in a row: R_WB (9), p_WB (3), velocity, acceleration, and velocity at the end
+of the step (6 each). After the bodies come 7 of each coordinate: its load, and its motion."""
+
+
+# Steps one after the other, each halved where it does not converge (compiled).
+
+
+LEVELS = 5  # how often a step is halved before it is accepted without convergence: down to 1/32
+PARTS = 1 << LEVELS
+
+
+class Drive(NamedTuple):
+    """`Inputs` of n steps for compiled code, with the rate of the ground's height."""
+
+    time_s: np.ndarray
+    prescribed_q: np.ndarray
+    fulcrum: np.ndarray
+    ground: np.ndarray
+    ground_rate: np.ndarray
+    torques: Torques
+
+
+class State(NamedTuple):
+    """Where a run is, and what a step and its pieces begin with; n coordinates, p prescribed."""
+
+    q: np.ndarray  # (n,)
+    v: np.ndarray
+    steps: np.ndarray  # (1,) how many there are
+    failed: np.ndarray  # (2,) step and coordinate that diverged, or -1
+    q0: np.ndarray  # (n,) at the start of the step, or of its piece
+    v0: np.ndarray
+    load: np.ndarray  # (n,) see `newton.step`
+    q_next: np.ndarray  # (p,) where the prescribed coordinates go
+    row: np.ndarray  # see POSE
+    row_numbers: np.ndarray  # (size, walks) the same memory
+
+
+class Written(NamedTuple):
+    """`Record` of n steps for compiled code; `counts` are iterations, parts, and how many pieces
+    did not converge."""
+
+    q: np.ndarray
+    v: np.ndarray
+    load: np.ndarray
+    sites: np.ndarray
+    wrench: np.ndarray
+    fulcrum: np.ndarray
+    counts: np.ndarray
+
+
+@compiled
+def substep(
+    drive: Drive, k: int, done: int, size: int, q_next: np.ndarray
+) -> tuple[float, float, float, float]:
+    """The piece of step k from `done` on with `size`, in PARTS of it: h, and fulcrum, ground,
+    ground_rate at its end; the prescribed coordinates at its end go to q_next (p,)."""
+    h = (drive.time_s[k + 1] - drive.time_s[k]) * (size / PARTS)
+    if done + size == PARTS:
+        copy(drive.prescribed_q[k + 1], q_next)
+        return h, drive.fulcrum[k + 1], drive.ground[k + 1], drive.ground_rate[k + 1]
+    share = (done + size) / PARTS
+    for i in range(q_next.shape[0]):
+        q_next[i] = drive.prescribed_q[k, i] + share * (
+            drive.prescribed_q[k + 1, i] - drive.prescribed_q[k, i]
+        )
+    return (
+        h,
+        drive.fulcrum[k] + share * (drive.fulcrum[k + 1] - drive.fulcrum[k]),
+        drive.ground[k] + share * (drive.ground[k + 1] - drive.ground[k]),
+        drive.ground_rate[k + 1],
+    )
+
+
+@compiled
+def next_substep(done: int, size: int, converged: bool) -> tuple[int, int, bool]:
+    """What is done and the next size after a substep, and whether that piece is accepted."""
+    if not converged and size > 1:
+        return done, size // 2, False
+    done += size
+    if done % (2 * size) == 0:
+        size *= 2
+    return done, min(size, PARTS), True
+
+
+@internal
+def carries(dofs: FreePrescribed, c: int) -> bool:
+    """Whether a coordinate that is `dofs.still` carries one of the base bodies."""
+    for k in range(dofs.base.shape[0]):
+        if dofs.carried[c, k]:
+            return True
+    return False
+
+
+@internal
+def _fill_row(state: State, rows: np.ndarray, motion_of: np.ndarray, k: int) -> None:
+    """Writes to the state's row the k-th of each walk's motion."""
+    if rows.shape[0] == 1:
+        for i in range(state.row.shape[0]):
+            state.row[i] = rows[0, k, i]
+        return
+    for walk in range(state.row_numbers.shape[1]):
+        for i in range(state.row_numbers.shape[0]):
+            state.row_numbers[i, walk] = rows[motion_of[walk], k, i]
+
+
+@internal
+def _read_row(
+    dofs: FreePrescribed,
+    workspace: Workspace,
+    state: State,
+    rows: np.ndarray,
+    motion_of: np.ndarray,
+    k: int,
+) -> None:
+    """Places the base bodies of each walk as its motion's row k says, unloaded, with the loads and
+    motions of the coordinates that carry them."""
+    row = state.row
+    _fill_row(state, rows, motion_of, k)
+    motion = workspace.motion
+    at = 0
+    for i in range(dofs.base.shape[0]):
+        b = dofs.base[i]
+        for x in range(3):
+            for y in range(3):
+                motion.R[b, x, y] = row[at + 3 * x + y]
+            motion.p[b, x] = row[at + 9 + x]
+        for x in range(6):
+            motion.V[b, x] = row[at + 12 + x]
+            motion.A[b, x] = row[at + 18 + x]
+            workspace.contact.V[b, x] = row[at + 24 + x]
+            motion.f[b, x] = 0.0
+        for x in range(10):
+            motion.composite[b, x] = 0.0
+        at += POSE
+    for c in range(dofs.carried.shape[0]):
+        if carries(dofs, c):
+            workspace.bias[c] = row[at]
+            for x in range(6):
+                motion.S[c, x] = row[at + 1 + x]
+            at += 7
+
+
+@internal
+def _end_step(
+    k: int,
+    running: bool,
+    dofs: FreePrescribed,
+    drive: Drive,
+    max_speed: float,
+    state: State,
+    written: Written,
+) -> None:
+    """Writes the state at the end of step k, and which walks that are `running` have diverged.
+
+    Prescribed coordinates of a step that was cut get the velocity of the whole step, which is known
+    ahead of the next one; that of the last piece is the same but for rounding.
+    """
+    cut = running & (written.counts[k, 1] > 1.0)
+    if some(cut):
+        h = drive.time_s[k + 1] - drive.time_s[k]
+        for i in range(dofs.prescribed.shape[0]):
+            c = dofs.prescribed[i]
+            whole = (drive.prescribed_q[k + 1, i] - drive.prescribed_q[k, i]) / h
+            state.v[c] = select(cut, whole, state.v[c])
+    copy(state.q, written.q[k])
+    copy(state.v, written.v[k])
+    for c in range(state.q.shape[0]):
+        fine = (math.fabs(state.v[c]) < max_speed) & (math.fabs(state.q[c]) < math.inf)
+        lost = running & negated(fine) & (state.failed[0] < 0.0)
+        state.failed[0] = select(lost, 1.0 * k, state.failed[0])
+        state.failed[1] = select(lost, 1.0 * c, state.failed[1])
+
+
+@partial(compiled, nogil=True)
+def advance(
+    begin: int,
+    last: int,
+    tree: TreeArrays,
+    forces: Forces,
+    dofs: FreePrescribed,
+    workspace: Workspace,
+    drive: Drive,
+    max_speed: float,
+    state: State,
+    written: Written,
+    rows: np.ndarray,
+    motion_of: np.ndarray,
+    live: bool,
+    directions: TangentDirections | None,
+    tangent: Tangent | None,
+    carried: Carried,
+) -> None:
+    """Advances `state` over the steps `begin` ... `last` - 1, as far as a walk has them and has not
+    diverged.
+
+    rows (motions, steps, size) hold what is known ahead of each step, and motion_of (walks,) which
+    motion is a walk's, unless everything is worked out `live`. With `directions` and `tangent` the
+    sensitivities are `carried` along.
+    """
+    for k in range(begin, last):
+        running = (state.steps[0] > k) & (state.failed[0] < 0.0)
+        if not some(running):
+            break
+        counts = written.counts[k]
+        total = written.load[k]
+
+        # Torques that are held over the whole step come from the state at its start.
+        sample_torques(k, drive.torques, state.q, state.v, workspace.applied)
+
+        # One step of h. Then substeps of it for each walk that has not converged, one walk after
+        # the other, as they are cut differently: a substep that does not converge is taken back and
+        # halved.
+        if not live:
+            _read_row(dofs, workspace, state, rows, motion_of, k - begin)
+        waiting = running
+        going = running
+        done = begin * 0  # a literal 0 would compile what it is given to twice
+        size = done + PARTS
+        while some(waiting):
+            whole = done == 0 and size == PARTS
+            h, fulcrum, ground, ground_rate = substep(drive, k, done, size, state.q_next)
+            copy(state.q, state.q0)
+            copy(state.v, state.v0)
+            iterations, converged = step(
+                h,
+                tree,
+                forces,
+                dofs,
+                workspace,
+                ground,
+                ground_rate,
+                fulcrum,
+                state.q_next,
+                going,
+                whole and not live,
+                state.q,
+                state.v,
+                state.load,
+                written.sites[k],
+                written.wrench[k],
+                written.fulcrum[k],
+            )
+            counts[0] += iterations
+            share = size / PARTS
+            end = (done + size) / PARTS
+            if whole:
+                accepted = going & converged
+                finished = accepted
+            else:
+                done, size, taken = next_substep(done, size, every(converged | negated(going)))
+                accepted = going & taken
+                finished = accepted & (done == PARTS)
+            counts[1] += select(accepted, 1.0, 0.0)
+            counts[2] += select(accepted & negated(converged), 1.0, 0.0)
+            for c in range(total.shape[0]):
+                total[c] += select(accepted, share * state.load[c], 0.0)
+            back = going & negated(accepted)
+            if some(back):
+                for c in range(total.shape[0]):
+                    state.q[c] = select(back, state.q0[c], state.q[c])
+                    state.v[c] = select(back, state.v0[c], state.v[c])
+            if directions is not None and tangent is not None and some(accepted):
+                tangent_matrix(h, tree, forces, dofs, workspace, EXACT)
+                linearise(h, tree, forces, dofs, directions, workspace, tangent, state.q0, state.v)
+                carry(h, k, end, share, dofs, directions, workspace.A, tangent, carried)
+
+            # The first attempt is over, or that walk: the next one begins with halves.
+            if some(finished) or whole:
+                waiting = waiting & negated(finished)
+                going = first(waiting)
+                done = 0 * done
+                size = done + PARTS // 2
+        if directions is not None and tangent is not None and carried.load_by.shape[0] > 0:
+            write_state(k, directions, tangent, carried)
+        _end_step(k, running, dofs, drive, max_speed, state, written)
+
+
+@partial(compiled, nogil=True)
+def advance_side_by_side(
+    begin: int,
+    last: int,
+    tree: TreeArrays,
+    forces: Forces,
+    dofs: FreePrescribed,
+    workspace: Workspace,
+    drive: Drive,
+    max_speed: float,
+    state: State,
+    written: Written,
+    rows: np.ndarray,
+    motion_of: np.ndarray,
+    live: bool,
+    directions: TangentDirections | None,
+    tangent: Tangent | None,
+    carried: Carried,
+) -> None:
+    """`advance` of WIDTH walks, whose numbers are along the last axis of the arrays."""
+    advance(
+        begin,
+        last,
+        lanes(tree),
+        lanes(forces),
+        dofs,
+        lanes(workspace),
+        lanes(drive),
+        max_speed,
+        lanes(state),
+        lanes(written),
+        rows,
+        motion_of,
+        live,
+        directions,
+        tangent,
+        carried,
+    )
+
+
+@compiled
+def sample_torques(
+    k: int, torques: Torques, q: np.ndarray, v: np.ndarray, force: np.ndarray
+) -> None:
+    """Writes the forces of step k from the state q, v (n,) at its start to `force` (n,)."""
+    s = torques.sensed.shape[0]
+    for i in range(torques.coordinates.shape[0]):
+        value = torques.feedforward[k, i]
+        for j in range(s):
+            c = torques.sensed[j]
+            value -= torques.feedback[k, i, j] * (q[c] - torques.reference[k, j])
+            value -= torques.feedback[k, i, s + j] * (v[c] - torques.reference[k, s + j])
+        force[torques.coordinates[i]] = value
