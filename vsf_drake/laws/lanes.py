@@ -488,4 +488,7 @@ _settings: Any = config
 lanes: Any = (lambda value: value) if _settings.DISABLE_JIT else _lanes
 """Float arrays of a value, an array or a named tuple of arrays and such tuples, whose last axis
 holds WIDTH walks, as arrays of lanes; nothing is copied. What is no array of float64 stays, and so
-do the fields SHARED. With NUMBA_DISABLE_JIT=1 a lane is a row of WIDTH numbers, as it is."""
+do the fields SHARED. With NUMBA_DISABLE_JIT=1 a lane is a row of WIDTH numbers, as it is, which
+serves for kinematics; walks then go alone."""
+TOGETHER = 1 if _settings.DISABLE_JIT else WIDTH
+"""How many walks go side by side."""

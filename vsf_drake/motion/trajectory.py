@@ -198,6 +198,8 @@ def low_pass(values: np.ndarray, *, rate_hz: float, cutoff_hz: float) -> np.ndar
             "filtered"
         )
     warped = np.tan(np.pi * cutoff_hz / rate_hz) / (np.sqrt(2.0) - 1.0) ** 0.25
+    if not values.size:  # LAPACK writes where it must not for no column
+        return values.copy()
     columns = values.reshape(len(values), -1)
     extension = min(len(columns) - 1, int(np.ceil(2.0 * rate_hz / cutoff_hz)))
     before = 2.0 * columns[0] - columns[extension:0:-1]

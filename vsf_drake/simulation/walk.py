@@ -445,7 +445,7 @@ class Walker:
                 where="initial",
                 right="Give it there, or a recording that holds it",
             )
-        key = (trajectory, float(moments[0]), float(moments[-1]), len(moments), free)
+        key = (trajectory, moments.tobytes(), free)
         with self._reading:
             kept = self._motions.get(key)
         if kept is not None:

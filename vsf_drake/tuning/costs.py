@@ -61,7 +61,7 @@ def walk_loads(
     record = walk.record
     tree = walk.mechanism.tree
     columns = [tree.index(name) for name in joints]
-    wrench = record.wrench[:, PROSTHETIC]
+    wrench = record.wrench[:, PROSTHETIC].copy()
     parts = [value[:, :, None] for value in (wrench, record.load[:, columns], walk.socket_wrench)]
     if by is not None:
         loads = walk.load_sensitivity

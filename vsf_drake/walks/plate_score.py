@@ -31,7 +31,9 @@ AGREED = (
     "peak_vertical_bw",
 )
 PLATE_PEAK = "measured_peak_vertical_bw"
-SCORED_BY = ("walks/comparison.py", "walks/metrics.py", "walks/plate_score.py")
+SCORED_BY = tuple(
+    f"walks/{name}.py" for name in ("comparison", "metrics", "plate_score", "quantities")
+)
 """Parts of the package that scores come from, beside those of a walk."""
 
 

@@ -220,6 +220,8 @@ class _BatchRun:
         self._members: dict[str, list[int]] = {}
         self._damage: Mapping[str, str] = {}
         self._refused = 0
+        self._cached = 0
+        self._failed = 0
         self._started = time.monotonic()
 
     def plan(self, planner: Planner, store: WalkCache | None) -> list[WorkerTask]:
@@ -255,14 +257,13 @@ class _BatchRun:
         self._tell()
 
     def _tell(self) -> None:
-        cached = sum(outcome.from_cache for outcome in self.outcomes.values())
         self._report(
             SweepProgress(
                 total=len(self._cases),
                 done=len(self.outcomes),
-                from_cache=cached,
-                failed=sum(not outcome.ok for outcome in self.outcomes.values()),
-                simulated=len(self.outcomes) - cached - self._refused,
+                from_cache=self._cached,
+                failed=self._failed,
+                simulated=len(self.outcomes) - self._cached - self._refused,
                 elapsed_s=time.monotonic() - self._started,
             )
         )
@@ -270,6 +271,8 @@ class _BatchRun:
     def _place(self, members: list[int], reply: Reply, *, from_cache: bool = False) -> None:
         for array in reply.arrays.values():
             array.setflags(write=False)
+        self._cached += len(members) * from_cache
+        self._failed += len(members) * (reply.kind is not Kind.DONE)
         for i in members:
             case = self._cases[i]
             failure = None if reply.kind is Kind.DONE else f"{case.describe()}: {reply.text}"

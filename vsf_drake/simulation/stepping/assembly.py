@@ -16,7 +16,7 @@ import numpy as np
 
 from vsf_drake.laws.bushing import axis_force
 from vsf_drake.laws.compiled import internal, part
-from vsf_drake.laws.contact import friction_per_speed, normal_force
+from vsf_drake.laws.contact import friction_per_speed, law_constants, normal_force, penetration
 from vsf_drake.laws.contact_law import LAW_COLUMNS
 from vsf_drake.laws.lanes import negated, select, some
 from vsf_drake.simulation.stepping import tree as rb
@@ -71,6 +71,9 @@ class ContactWorkspace(NamedTuple):
     near: np.ndarray  # (S + 1,) sites near the ground, their number last
     center: np.ndarray  # (S, 3) at the start of the step
     depth0: np.ndarray  # (S,) likewise
+    time: (
+        np.ndarray
+    )  # (S,) the step's h of a site that is near in that walk, else 0: it stays there
     gain: np.ndarray  # (S,) derivative of the normal force by -v_z at the end (N s/m)
     elastic: np.ndarray  # (S,) by depth (N/m)
     now: np.ndarray
@@ -106,7 +109,11 @@ def find_sites(
                 + motion.R[b, i, 2] * sites[s, 2]
             )
         contact.depth0[s] = sites[s, 3] - (contact.center[s, 2] - ground)
-        if some(contact.depth0[s] > -MAX_APPROACH * h):
+        reached, _ = penetration(
+            forces.law, contact.depth0[s] + MAX_APPROACH * h, law_constants(sites, s)
+        )
+        contact.time[s] = select(reached > 0.0, h, 0.0)
+        if some(reached > 0.0):
             contact.near[count] = s
             count += 1
     contact.near[-1] = count
@@ -141,9 +148,7 @@ def add_sites(
         y = contact.center[s, 1]
         z = contact.center[s, 2] - sites[s, 3]
         vz = V[b, 5] + V[b, 0] * y - V[b, 1] * x
-        depth = contact.depth0[s]
-        # of a walk for which it is not near it stays there
-        depth = select(depth > -MAX_APPROACH * h, depth - h * vz, depth)
+        depth = contact.depth0[s] - contact.time[s] * vz
         fn, by_depth, by_rate = normal_force(forces.law, depth, ground_rate - vz, sites, s)
         if not some(negated(fn <= 0.0)):
             now[s, 1] = 0.0
@@ -200,7 +205,7 @@ def record_sites(
         if not (loaded or sites.shape[0] > 0):
             continue
         b = forces.site_bodies[s]
-        near = active & (contact.depth0[s] > -MAX_APPROACH * h)
+        near = active & (contact.time[s] > 0.0)
         x0 = center[s, 0]
         y0 = center[s, 1]
         z0 = center[s, 2]
@@ -386,6 +391,8 @@ def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Fre
     )
     base = np.unique(on[~moves[on]])
     held_still = ~moves[tree.coordinate_bodies]
+    alone = held_still & ~tree.ancestors[base].any(axis=0)
+    base = np.union1d(base, tree.coordinate_bodies[alone])
     return FreePrescribed(
         prescribed=np.asarray(prescribed, dtype=np.int64),
         free=free,
@@ -419,7 +426,7 @@ def step_workspace(
         center=zeros((sites, 3)),
         now=zeros((sites, 7)),
         loaded=np.zeros(bodies, dtype=np.bool_),
-        **{name: zeros((sites,)) for name in ("depth0", "gain", "elastic")},
+        **{name: zeros((sites,)) for name in ("depth0", "time", "gain", "elastic")},
         V=zeros((bodies, 6)),
         F=zeros((bodies, 6)),
         K=zeros((bodies, 6, 6)),

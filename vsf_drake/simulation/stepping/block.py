@@ -54,6 +54,18 @@ def _stacked(parts: Sequence[Any], name: str = "") -> Any:
     return first_one
 
 
+def _in_common(run: Run) -> tuple[object, ...]:
+    """What all runs of a block must have alike, as far as it is not the tree's."""
+    torques = run.inputs.torques
+    of_torques = (
+        ()
+        if torques is None
+        else (torques.coordinates.tobytes(), torques.sensed.tobytes(), len(torques.feedforward))
+    )
+    prescribed = np.asarray(run.inputs.prescribed, dtype=np.int64).tobytes()
+    return run.mechanism.law, run.mechanism.support_width, prescribed, *of_torques
+
+
 class Block:
     """At most WIDTH runs, and the arrays that they are advanced on."""
 
@@ -65,8 +77,11 @@ class Block:
         sites: bool,
         forward: ForwardSensitivity | None,
     ) -> None:
-        if len({(run.mechanism.law, run.mechanism.support_width) for run in runs}) > 1:
-            raise ValueError("runs side by side have one contact law and one width of the support")
+        if len({_in_common(run) for run in runs}) > 1:
+            raise ValueError(
+                "runs side by side have one contact law and one width of the support, prescribe "
+                "the same coordinates and have torques on the same, for as many steps"
+            )
         self.runs = runs
         of_first = runs[0].mechanism
         filled = [*runs, *[runs[-1]] * (WIDTH - len(runs) if len(runs) > 1 else 0)]

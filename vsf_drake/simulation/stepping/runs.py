@@ -131,7 +131,9 @@ class Record(NamedTuple):
     v_by: np.ndarray
 
     def site(self, column: str) -> np.ndarray:
-        """(n, S) column of the sites' record by its name."""
+        """(n, S) column of the sites' record by its name; ValueError where it was not kept."""
+        if not self.sites.shape[1]:
+            raise ValueError("this record has nothing of single sites: ask for them in the run")
         return self.sites[:, :, assembly.SITE_RECORD.index(column)]
 
     def counts(self, steps: int | None = None) -> dict[str, int]:

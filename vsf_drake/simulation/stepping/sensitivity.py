@@ -42,7 +42,7 @@ from vsf_drake.simulation.stepping.tree import Motion, Six, Three, Tree, TreeArr
 
 
 class Carried(NamedTuple):
-    """Derivatives that a run leaves, see `stepper.Record`."""
+    """Derivatives that a run leaves, see `runs.Record`."""
 
     wrench_by: np.ndarray
     load_by: np.ndarray
@@ -74,7 +74,7 @@ def carry(
     end = tangent.v_end
 
     # du of prescribed directions: 0, but for perturbations, which go straight over the step, as in
-    # `stepper.substep`.
+    # `advance.substep`.
     for e in range(directions.perturbation_direction.shape[0]):
         j = directions.perturbation_direction[e]
         p = directions.perturbation_parameter[e]

@@ -1,7 +1,7 @@
 """The implicit stepper: advances a plant of one-degree-of-freedom joints under stiff forces by
 fixed steps, one walk or several side by side.
 
-All of a step is compiled (`newton`), and so is the loop over them (the last section). Any subset of
+All of a step is compiled (`newton`), and so is the loop over them (`advance`). Any subset of
 coordinates is prescribed: it follows its values exactly at every step, and the loads that this
 takes come out with it. First order in the step. A step that does not converge is halved.
 
@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from vsf_drake.base.errors import SimulationError
-from vsf_drake.laws.lanes import WIDTH
+from vsf_drake.laws.lanes import TOGETHER
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping.block import Block
 from vsf_drake.simulation.stepping.directions import ParameterTangent
@@ -48,15 +48,15 @@ def run_side_by_side(
 
     The runs have the bodies, joints, inertias and keel of the first one, its contact law and width
     of the support, and prescribe the same coordinates; numbers of frames, contact, springs and
-    support, motions, grids and lengths are their own. ValueError if law or width differ. A step has
-    converged within `tolerance`, see `assembly.Workspace`. `sites`: whether the record of each site
-    is kept. `stop` is called now and then with the number of finished steps and the record of each
-    run (true ends the run), `progress` with the finished fraction. `forward` says what the
-    sensitivities of a single run are carried to.
+    support, motions, grids and lengths are their own. ValueError if they do not fit together. A
+    step has converged within `tolerance`, see `assembly.Workspace`. `sites`: whether the record of
+    each site is kept. `stop` is called now and then with the number of finished steps and the
+    record of each run (true ends the run), `progress` with the finished fraction. `forward` says
+    what the sensitivities of a single run are carried to.
     """
     done: list[Record | SimulationError] = []
-    for begin in range(0, len(runs), WIDTH):
-        block = Block(runs[begin : begin + WIDTH], tolerance, sites=sites, forward=forward)
+    for begin in range(0, len(runs), TOGETHER):
+        block = Block(runs[begin : begin + TOGETHER], tolerance, sites=sites, forward=forward)
         share = len(block.runs) / len(runs)
 
         def tell(finished: float, begin: int = begin, share: float = share) -> None:
@@ -129,17 +129,6 @@ class Stepper:
             if collecting:
                 gc.enable()
         return time.perf_counter() - started
-
-    def settle(
-        self, inputs: Inputs, q0: np.ndarray, *, step_s: float = 0.02, steps: int = 100
-    ) -> tuple[np.ndarray, float]:
-        """Rest position with everything prescribed held at the first row of `inputs`, and the
-        largest speed left; see `settle_side_by_side`."""
-        run = Run(self.mechanism, inputs, q0, np.zeros_like(q0))
-        (outcome,) = settle_side_by_side([run], step_s=step_s, steps=steps)
-        if isinstance(outcome, SimulationError):
-            raise outcome
-        return outcome
 
 
 def settle_side_by_side(
