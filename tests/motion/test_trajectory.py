@@ -138,3 +138,7 @@ def test_the_filter_is_that_of_scipy_run_forward_and_backward(shape, cutoff):
     np.testing.assert_allclose(
         low_pass(values, rate_hz=RATE, cutoff_hz=cutoff), expected, rtol=1e-11
     )
+
+
+def test_low_pass_of_no_column_is_none():
+    assert low_pass(np.zeros((50, 0)), rate_hz=1000.0, cutoff_hz=20.0).shape == (50, 0)

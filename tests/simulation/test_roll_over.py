@@ -23,6 +23,7 @@ from vsf_drake.simulation.roll_over import (
     line_of_force,
     mount_path,
 )
+from vsf_drake.simulation.stepping.stepper import run_side_by_side
 
 FOOT = FootParameters()
 SLOW = 0.05 / 60.0
@@ -236,3 +237,22 @@ def test_foot_that_gives_way_is_a_failure_and_no_curve():
 def test_numbers_out_of_range_are_refused_by_name(machine, name, value):
     with pytest.raises(InputError, match=name):
         press(machine, 15.0, **{name: value})
+
+
+def test_carriage_that_slides_under_a_foot_in_the_air_takes_its_own_inertia_alone(machine):
+    """Nothing hangs on the carriage: m a along the keel, which is level. The mount bears that, too;
+    the machine has no gravity."""
+    time = 1e-3 * np.arange(101.0)
+    high = np.column_stack([np.zeros(101), np.full(101, 0.5), np.zeros(101)])
+    run = machine.along(0.108, time, high)
+    acceleration = 3.0
+    path = run.inputs.prescribed_q.copy()
+    path[:, 3] += 0.5 * acceleration * time**2
+    moved = replace(run, inputs=replace(run.inputs, prescribed_q=path))
+    (record,) = run_side_by_side([moved])
+    forward, _, _, carriage = machine.driven
+    tree = machine.mechanism.tree
+    mass = tree.inertias[tree.coordinate_bodies[carriage], 0]
+    late = slice(60, None)
+    np.testing.assert_allclose(record.load[late, carriage], mass * acceleration, rtol=1e-6)
+    np.testing.assert_allclose(record.load[late, forward].mean(), mass * acceleration, rtol=0.05)

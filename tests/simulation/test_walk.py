@@ -441,3 +441,14 @@ def test_hundreds_of_walks_stay_sound_with_any_parameters(setting, count, step_s
     found = drawn(setting, count, seed=1, step_s=step_s)
     assert_sound(found)
     assert sum(one.failure is not None for one in found) <= MOST_FAILED * len(found)
+
+
+def test_walks_of_as_many_steps_between_the_same_ends_have_their_own_motion(walker, motion):
+    """Two steps whose last one is cut short: the second walk is what it is with a walker that never
+    made the first."""
+    person = walker("right")
+    options = {"fulcrum_m": 0.108, "start_s": 0.0, "end_s": 0.3}
+    person.walk(motion("right"), step_s=5e-3, **options)
+    second = person.walk(motion("right"), step_s=5.01e-3, **options)
+    fresh = Walker(person.subject, person.model).walk(motion("right"), step_s=5.01e-3, **options)
+    assert second.record.q.tobytes() == fresh.record.q.tobytes()
