@@ -73,6 +73,10 @@ def quantity(
     return dataclasses.field(default=default, metadata={**known, **told})
 
 
+UNSAID = "unsaid"
+"""In the metadata of a field: its default is not written, as in files of before there was one."""
+
+
 def choice(
     default: Any = dataclasses.MISSING, *, options: tuple[str, ...], source: str, **told: str
 ) -> Any:
@@ -123,10 +127,15 @@ def dump_yaml(instance: Any) -> str:
 
 
 def to_plain(instance: Any) -> Any:
-    """`instance` as nested dicts, lists and scalars; fields that are None are left out."""
+    """`instance` as nested dicts, lists and scalars; fields that are None are left out, and those
+    that are `UNSAID` at their default."""
     if dataclasses.is_dataclass(instance) and not isinstance(instance, type):
-        pairs = ((f.name, getattr(instance, f.name)) for f in dataclasses.fields(instance))
-        return {name: to_plain(value) for name, value in pairs if value is not None}
+        pairs = ((f, getattr(instance, f.name)) for f in dataclasses.fields(instance))
+        return {
+            f.name: to_plain(value)
+            for f, value in pairs
+            if value is not None and not (f.metadata.get(UNSAID) and value == f.default)
+        }
     if isinstance(instance, (list, tuple)):
         return [to_plain(value) for value in instance]
     if isinstance(instance, dict):

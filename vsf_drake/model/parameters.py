@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from vsf_drake.base.schema import choice, quantity
+from vsf_drake.base.schema import UNSAID, choice, quantity
 from vsf_drake.laws.contact_laws import CONTACT_LAWS, FITTED_LAW
 
 _PAPER = "McGeehan 2021"
@@ -502,7 +502,9 @@ class ModelParameters:
     foot: FootParameters = field(default_factory=FootParameters)
     socket: SocketParameters = field(default_factory=SocketParameters)
     intact_foot: IntactFootParameters = field(default_factory=IntactFootParameters)
-    contact_law: str = choice(FITTED_LAW, options=tuple(CONTACT_LAWS), source="McGeehan 2021")
+    contact_law: str = choice(
+        FITTED_LAW, options=tuple(CONTACT_LAWS), source="McGeehan 2021", **{UNSAID: "yes"}
+    )
     """of both feet, in walks"""
 
 
