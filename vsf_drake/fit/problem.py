@@ -214,11 +214,13 @@ class ContactFit:
         step_s: float,
         perturbations: Sequence[MotionPerturbation] = (),
         with_respect_to: Sequence[str] = (),
+        fulcrum_m: float | None = None,
     ) -> tuple[Comparison, WalkResult, Walk]:
-        """A trial's walk with these values of its variables, beside its plate; SimulationError if
-        it diverges."""
+        """A trial's walk with these values of its variables, beside its plate, the fulcrum where it
+        stood or at `fulcrum_m` (m from A); SimulationError if it diverges."""
         walk = self.walker.walk_trial(
             trial,
+            fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m,
             step_s=step_s,
             values=values,
             with_respect_to=with_respect_to,

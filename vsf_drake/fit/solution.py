@@ -198,11 +198,12 @@ class ContactFitSolution(Tabular):
         )
 
     def predict(
-        self, trial: Trial, label: str | None, *, step_s: float
+        self, trial: Trial, label: str | None, *, step_s: float, fulcrum_m: float | None = None
     ) -> tuple[Comparison, WalkResult]:
         """A trial's walk with the fitted parameters beside its plate; `label` None if the trial was
-        not fitted."""
-        return self.fit.walk(trial, step_s=step_s, **self.fitted_for(trial, label))[:2]
+        not fitted, `fulcrum_m` (m from A) where the fulcrum is if not where it stood."""
+        fitted = self.fitted_for(trial, label)
+        return self.fit.walk(trial, step_s=step_s, fulcrum_m=fulcrum_m, **fitted)[:2]
 
     def fitted_for(self, trial: Trial, label: str | None) -> dict[str, Any]:
         """The `values` and `perturbations` of the trial's walk with the fitted parameters. FitError
