@@ -13,6 +13,7 @@ from command_line import read_json
 from made_contact import DISCREPANCY, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
 
 from vsf_drake.base.files import resource, sha256
+from vsf_drake.laws.contact_laws import FITTED_LAW
 from vsf_drake.model.contact_file import save_contact
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.formats.tables import read_storage
@@ -167,7 +168,7 @@ def test_a_walk_has_the_law_that_is_asked_for_and_its_results_say_so(run, tmp_pa
         code, _, _ = run("simulate", TRIAL, "--out", tmp_path / law, *words)
         assert code == 0
         about = yaml.safe_load((tmp_path / law / "result.yaml").read_text(encoding="utf-8"))
-        assert about["parameters"]["model"]["contact_law"] == law
+        assert about["parameters"]["model"].get("contact_law", FITTED_LAW) == law
         peaks[law] = load_walk(tmp_path / law).grf_W[:, 2].max()
     assert "The contact law is hunt_crossley." in about["notes"]
     assert 1.0 < abs(peaks["kelvin_voigt"] - peaks["hunt_crossley"]) < 200.0
