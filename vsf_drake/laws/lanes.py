@@ -438,9 +438,7 @@ def _as_lanes(context: Any, builder: Any, kind: Any, made: Any, value: Any) -> A
 
 
 @_intrinsic
-def eights(typingctx: Any, array: Any) -> Any:
-    """A contiguous array whose last axis has a multiple of WIDTH numbers as one of lanes, each of
-    WIDTH numbers that follow each other; nothing is copied."""
+def _eights(typingctx: Any, array: Any) -> Any:
     made = types.Array(LANE, array.ndim, "C", aligned=False)
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -461,6 +459,11 @@ def eights(typingctx: Any, array: Any) -> Any:
         return impl_ret_borrowed(context, builder, made, view._getvalue())
 
     return made(array), emit
+
+
+eights: Any = _eights
+"""A contiguous array whose last axis has a multiple of WIDTH numbers as one of lanes, each of WIDTH
+numbers that follow each other; nothing is copied."""
 
 
 def side_by_side(shape: tuple[int, ...]) -> np.ndarray:
