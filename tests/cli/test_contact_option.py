@@ -187,6 +187,9 @@ def test_a_contact_brings_the_law_that_it_was_fitted_with_and_no_other_goes_with
             *command, TRIAL, "--out", tmp_path / "out", "--contact", smooth, "--law", "kelvin_voigt"
         )
         assert code == 2 and "--law: the contact of" in err and "was fitted with smooth" in err
+        assert "vsf-drake fit --law kelvin_voigt" in " ".join(err.split())
+    code, _, err = run("simulate", TRIAL, "--out", tmp_path / "out", "--law", "smooth")
+    assert code == 2 and "--contact none" in " ".join(err.split())
     code, _, err = run("simulate", TRIAL, "--out", tmp_path / "out", "--law", "rigid")
     assert code == 2 and "--law" in err and "kelvin_voigt" in err
     assert not (tmp_path / "out").exists()

@@ -191,6 +191,15 @@ def test_feet_rolled_side_by_side_are_to_the_bit_what_each_is_alone_and_one_that
                 np.testing.assert_equal(getattr(of_all, name), value, err_msg=name)
 
 
+def test_feet_are_rolled_side_by_side_for_as_many_instants(machine):
+    cases = []
+    for steps in (300, 200):
+        time, tilt, force = stance(steps)
+        cases.append(Rolling(fulcrum_m=0.1, time_s=time, tilt_rad=tilt, force_n=force))
+    with pytest.raises(InputError, match="cases: have from 201 to 301 instants"):
+        machine.roll_side_by_side(cases)
+
+
 @pytest.mark.parametrize("fulcrum", [0.066, 0.151])
 def test_a_light_load_that_passes_from_heel_to_toe_is_followed_there_too(machine, fulcrum):
     """In mid-stance such a load leaves the heel within some milliseconds."""

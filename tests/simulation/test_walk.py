@@ -218,6 +218,49 @@ def test_walks_side_by_side_are_each_what_they_are_alone_to_the_bit(trial):
     assert walker.walk_many([]) == []
 
 
+def test_bad_input_ends_its_own_walk_alone_and_what_is_no_request_all(trial):
+    """Times that are none, a start that has no derivative: whether asked for together or each."""
+    walker = Walker(trial.subject, trial.model, free=("pelvis_tx",))
+    part = {"start_s": 0.05, "end_s": 0.052}
+    loose = {"initial": {"pelvis_tx": 0.0}, "with_respect_to": ("offset.height",)}
+    requests = [
+        trial_request(trial, **part),
+        trial_request(trial, **part | {"end_s": 0.04}),
+        trial_request(trial, **part, step_s="a millisecond"),
+        trial_request(trial, **part, **loose),
+        trial_request(trial, **part),
+    ]
+    words = (None, "no time to walk", "step_s", "no force holds pelvis_tx at rest", None)
+    for walks in (walker.walk_many(requests), [*walker.walk_each(requests)]):
+        for walk, word in zip(walks, words, strict=True):
+            assert isinstance(walk, Walk if word is None else InputError)
+            assert word is None or word in str(walk)
+    with pytest.raises(InputError, match=words[3]):
+        walker.walk(**requests[3])
+    for lacking in ("end_s", "fulcrum_m"):
+        broken = {name: value for name, value in requests[0].items() if name != lacking}
+        for ask in (walker.walk_many, lambda asked: [*walker.walk_each(asked)]):
+            with pytest.raises(TypeError, match=lacking):
+                ask([requests[0], broken])
+
+
+@pytest.mark.parametrize("forces", ["wrench", "load"])
+def test_a_walk_with_a_force_that_is_no_number_has_failed_and_no_other(monkeypatch, trial, forces):
+    real = module.run_side_by_side
+
+    def spoilt(runs, **more):
+        records = real(runs, **more)
+        getattr(records[0], forces)[3, 0] = np.nan
+        return records
+
+    monkeypatch.setattr(module, "run_side_by_side", spoilt)
+    walker = Walker(trial.subject, trial.model)
+    request = trial_request(trial, start_s=0.45, end_s=0.46)
+    failed, sound = walker.walk_many([request] * 2)
+    assert isinstance(failed, SimulationError) and isinstance(sound, Walk)
+    assert "is not a finite number" in str(failed) and failed.time_s == pytest.approx(0.454)
+
+
 def test_walks_side_by_side_see_what_was_changed_in_the_Context(trial):
     walker = Walker(trial.subject, trial.model)
     requests = [trial_request(trial, start_s=0.45, end_s=0.46)] * 2

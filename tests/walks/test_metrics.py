@@ -19,6 +19,7 @@ from made_results import (
     walk_load,
 )
 
+from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import plain, record
 from vsf_drake.walks.comparison import compare
 from vsf_drake.walks.metrics import WalkMetrics, stance_curve, walk_metrics
@@ -290,5 +291,5 @@ def test_what_cannot_be_known_is_none_and_comes_back_from_json():
     unseen = walk_metrics(walk, make_plate(stances=()))
     assert unseen.stances == () and unseen.grf_rmse_bw is unseen.impulse_rmse_bws is None
     assert unseen.extra_model_stances == 1
-    with pytest.raises(ValueError, match="does not overlap"):
+    with pytest.raises(InputError, match="does not overlap"):
         walk_metrics(walk, make_plate(start_s=5.0, end_s=6.0, stances=()))

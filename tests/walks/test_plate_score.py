@@ -55,6 +55,13 @@ def test_walks_that_are_compared_together_are_each_what_they_are_alone():
     assert numbers[3].grf_rmse_bw < 1e-12 < numbers[0].grf_rmse_bw
 
 
+def test_what_all_walks_beside_a_plate_share_cannot_be_changed_through_one_of_them():
+    one = compare(make_walk(), make_plate())
+    for shared in (one.time_s, one.scored):
+        with pytest.raises(ValueError, match="read-only"):
+            shared[:] = 0
+
+
 def test_walks_on_other_instants_are_not_compared_together():
     with pytest.raises(ValueError, match="same instants"):
         compare_all([make_walk(), make_walk(start_s=0.3)], make_plate())
@@ -111,5 +118,6 @@ def test_walks_beside_a_plate_of_another_time_fail_by_that_reason(trial):
     later = replace(trial, plates={side: replace(plate, time_s=plate.time_s + 100.0)})
     cases = [WalkCase(trial=later), WalkCase(trial=trial)]
     lost, sound = simulate_batch(cases, keep=(), score=plate_scorer, workers=1)
+    assert ": the plate's record, " in lost.failure and "Error" not in lost.failure
     assert "does not overlap the simulation" in lost.failure and sound.ok
     assert np.isfinite(sound.scores["grf_rmse_bw"])

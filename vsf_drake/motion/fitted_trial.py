@@ -88,7 +88,8 @@ def under_law(trial: Trial, law: str | None) -> Trial:
         not any(note.startswith(APPLIED) for note in trial.notes),
         f"the contact of {trial.name} was fitted with {own}",
         "law",
-        f"Its numbers are no others' law: fit with {law} first, or walk without a fitted contact",
+        f"Its numbers are no others' law: give --contact what `vsf-drake fit --law {law}` wrote, "
+        "or name the trial without a contact (`simulate` of an embedded one: --contact none)",
     )
     return dataclasses.replace(
         trial,

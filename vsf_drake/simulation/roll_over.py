@@ -319,13 +319,20 @@ class RollOver:
     def roll_side_by_side(
         self, cases: Sequence[Rolling]
     ) -> list[tuple[RollOverRun, Following] | SimulationError]:
-        """Rolls the foot: tilt and force along the fixed line are given, evenly spaced in time, and
-        the mount's height is found.
+        """Rolls the foot: tilt and force along the fixed line are given, evenly spaced in time, of
+        as many instants in all cases, and the mount's height is found.
 
         The foot starts unloaded, as it touches, and moves with its mount at first. Returns of each
         case the run along the heights that were found, and how well it follows the force, or why
         there is none; it is the same to the bit in whatever company.
         """
+        lengths = sorted({len(case.time_s) for case in cases})
+        if len(lengths) > 1:
+            raise InputError(
+                f"have from {lengths[0]} to {lengths[-1]} instants",
+                where="cases",
+                right="Roll those of one length together",
+            )
         Stepper(self.mechanism).warm_up(SIDE_BY_SIDE)
         searches = [_Search(self, case) for case in cases]
         guesses = run_side_by_side([search.pushed() for search in searches], sites=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import threading
@@ -173,7 +174,7 @@ class Walker:
             initial=initial,
         )
         [walk] = self._walked([plan], started_s=started, progress=progress)
-        if isinstance(walk, SimulationError):
+        if isinstance(walk, VsfError):
             raise walk
         return walk
 
@@ -181,10 +182,14 @@ class Walker:
         self, requests: Sequence[Mapping[str, Any]], *, sites: bool = True
     ) -> list[Walk | VsfError]:
         """Several walks of this person side by side: for each of the `requests`, which are
-        arguments of `walk` by name, the walk that it gives alone, to the bit, or why there is none.
+        arguments of `walk` by name, the walk that it gives alone, to the bit, or the error that
+        `walk` raises: of bad input too it ends no other.
 
         Those with sensitivities follow one after the other. Many at a time take much memory, see
         `parts`. Without `sites` the records have nothing of single spheres, which is sooner.
+
+        Raises:
+            TypeError: a request has not the arguments of `walk`: none of them is walked.
         """
         started = time.perf_counter()
         self._refresh()
@@ -193,7 +198,7 @@ class Walker:
         for i, request in enumerate(requests):
             try:
                 plan = self._plan(**request)
-            except InputError as error:
+            except VsfError as error:
                 made[i] = error
             else:
                 own = (i,) if plan.tangents else ()
@@ -209,11 +214,13 @@ class Walker:
         self, requests: Sequence[Mapping[str, Any]], *, sites: bool = True
     ) -> Iterator[Walk | VsfError]:
         """`walk_many` of any number of requests, a part of them at a time (`parts`), for who needs
-        them one after the other."""
-        steps = [
-            len(walk_grid(one["start_s"], one["end_s"], one.get("step_s", DEFAULT_STEP_S))[0])
-            for one in requests
-        ]
+        them one after the other; errors come and are raised as there, part by part."""
+        steps = [1] * len(requests)
+        for i, request in enumerate(requests):
+            with contextlib.suppress(InputError, KeyError):  # `walk_many` says it
+                start_s, end_s = request["start_s"], request["end_s"]
+                moments, _ = walk_grid(start_s, end_s, request.get("step_s", DEFAULT_STEP_S))
+                steps[i] = len(moments)
         for rows in self.parts(steps):
             yield from self.walk_many([requests[i] for i in rows], sites=sites)
 
@@ -327,7 +334,7 @@ class Walker:
         started_s: float,
         sites: bool = True,
         progress: Callable[[float], None] | None = None,
-    ) -> list[Walk | SimulationError]:
+    ) -> list[Walk | VsfError]:
         """The planned walks side by side, or why there is none: they prescribe the same coordinates
         and have one support width; one with sensitivities is alone. The work on them began at
         `started_s` of the performance counter."""
@@ -344,10 +351,13 @@ class Walker:
             for plan, rest in zip(plans, settled, strict=True)
             if not isinstance(rest, SimulationError)
         ]
-        forward = self._forward(plans[0], runs[0].q0) if with_sensitivities and runs else None
+        try:
+            forward = self._forward(plans[0], runs[0].q0) if with_sensitivities and runs else None
+        except InputError as error:  # its rest has no derivative
+            return [error]
         records = iter(run_side_by_side(runs, sites=sites, forward=forward, progress=progress))
         took_s = (time.perf_counter() - started_s - compile_s) / len(plans)
-        outcomes: list[Walk | SimulationError] = []
+        outcomes: list[Walk | VsfError] = []
         for plan, rest in zip(plans, settled, strict=True):
             if isinstance(rest, SimulationError):
                 outcomes.append(rest)
@@ -379,8 +389,14 @@ class Walker:
 
     def _finished(
         self, plan: _Plan, record: Record, rest_speed: float, *, wall_s: float, compile_s: float
-    ) -> Walk:
-        """The walk that was planned and left this record."""
+    ) -> Walk | SimulationError:
+        """The walk that was planned and left this record, failed if a force in it is no number."""
+        for what, forces in (("the ground's force", record.wrench), ("a load", record.load)):
+            if not np.isfinite(forces).all():
+                step = int(np.argwhere(~np.isfinite(forces))[0, 0])
+                return SimulationError(
+                    f"{what} is not a finite number", time_s=float(record.time_s[step])
+                )
         mechanism = plan.mechanism
         names = plan.with_respect_to
         prosthetic = reactions.foot_reaction(record, reactions.PROSTHETIC, mechanism.ground_height)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from vsf_drake.base.errors import InputError
 from vsf_drake.motion.events import Stance, common, find_stances, known_stances, runs
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import low_pass
@@ -103,14 +104,14 @@ def compare(result: ComparableWalk, plate: PlateRecording) -> Comparison:
     (Butterworth, 4th order, FORCE_CUTOFF_HZ). Centre of pressure: low-passed at COP_CUTOFF_HZ
     inside each interval with more than THRESHOLD_N only, never across a gap. Stances are scored
     with MARGIN_S before and after, but for the spans in which the plate's force is unknown and the
-    stances that these touch. ValueError if the two have no time in common.
+    stances that these touch. InputError if the two have no time in common.
     """
     return compare_all([result], plate)[0]
 
 
 def compare_all(walks: Sequence[ComparableWalk], plate: PlateRecording) -> list[Comparison]:
     """`compare` of each of some walks on the same instants: what filters them takes all at once,
-    and the plate is filtered once. ValueError if they do not share their instants, too."""
+    and the plate is filtered once. ValueError if they do not share their instants."""
     time_s = walks[0].time_s
     if not all(np.array_equal(walk.time_s, time_s) for walk in walks[1:]):
         raise ValueError("walks that are compared together must have the same instants")
@@ -199,11 +200,12 @@ class _Measured(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _measured(plate: PlateRecording, start_s: float, step: float, count: int) -> _Measured:
-    """The plate on `count` even instants."""
+    """The plate on `count` even instants, as arrays that nobody may change: they are kept for all
+    its walks."""
     grid = start_s + step * np.arange(count)
     seen = (grid >= plate.time_s[0] - 1e-9) & (grid <= plate.time_s[-1] + 1e-9)
     if np.count_nonzero(seen) < 2:
-        raise ValueError(
+        raise InputError(
             f"the plate's record, {plate.time_s[0]:g} to {plate.time_s[-1]:g} s, does not "
             f"overlap the simulation, {grid[0]:g} to {grid[-1]:g} s"
         )
@@ -236,10 +238,14 @@ def _measured(plate: PlateRecording, start_s: float, step: float, count: int) ->
         scored[_within(time, *own.span)] = True
     for span in plate.unknown_s:
         scored[_within(time, *span)] = False
+    force = _filtered_plate(time, step, plate)
+    of_stances = (array for own in stances for array in (own.instants, own.cop_W, own.beyond))
+    for shared in (seen, time, force, scored, *of_stances):
+        shared.setflags(write=False)
     return _Measured(
         seen=seen,
         time_s=time,
-        force_W=_filtered_plate(time, step, plate),
+        force_W=force,
         known=known,
         stances=stances,
         scored=scored,

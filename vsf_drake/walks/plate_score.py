@@ -48,7 +48,7 @@ class PlateScorer:
     key: str
 
     def __call__(self, walks: Sequence[Walk]) -> list[dict[str, float | None]]:
-        """ValueError if the walks have no instant in common with the plate."""
+        """InputError if the walks have no instant in common with the plate."""
         return [
             {name: getattr(agreed, name) for name in (*AGREED, PLATE_PEAK)}
             for agreed in agreements(

@@ -103,7 +103,7 @@ class WalkScorer(Protocol):
         """SHA-256 of everything that its numbers depend on beside the walk."""
 
     def __call__(self, walks: Sequence[Walk], /) -> Sequence[Mapping[str, float | None]]:
-        """The numbers of each of the walks, which share their instants; ValueError if none of them
+        """The numbers of each of the walks, which share their instants; InputError if none of them
         can have any."""
 
 

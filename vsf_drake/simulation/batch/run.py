@@ -389,7 +389,7 @@ def _scored(
         assert scorer is not None
         try:
             found: Sequence[Any] = scorer([walk for _, walk in members])
-        except ValueError as error:
+        except VsfError as error:
             found = [error] * len(members)
         for (i, _), score in zip(members, found, strict=True):
             scores[i] = score
@@ -413,14 +413,6 @@ def _packed(
     walker: Walker, task: WorkerTask, walk: Walk, scores: Mapping[str, float | None]
 ) -> Reply:
     arrays, columns = walker.arrays(walk, task.keep)
-    for name, array in arrays.items():
-        # a foot in the air has no centre of pressure
-        if not name.endswith("cop_W") and not np.isfinite(array).all():
-            row = int(np.argwhere(~np.isfinite(array))[0][0])
-            error = SimulationError(
-                f"{name} is not a finite number", time_s=float(walk.time_s[row])
-            )
-            return _refusal(error)
     counts = walk.record.counts()
     return Reply(
         Kind.DONE,
