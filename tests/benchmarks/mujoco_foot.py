@@ -31,7 +31,17 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 from table import Row
-from walks import EXACT_STEP_S, best, difference, stance, the_trial, the_walker
+from walks import (
+    EXACT_STEP_S,
+    WALK_S,
+    best,
+    difference,
+    processor_s,
+    shared_motion,
+    stance,
+    the_trial,
+    the_walker,
+)
 
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.plants.export import foot_mjcf
@@ -46,8 +56,8 @@ PREFIX = "foot_"
 
 
 class Run(NamedTuple):
-    """(n, 3) N of the floor on the foot at the ends of the steps, the state at the end, seconds
-    that it took."""
+    """(n, 3) N of the floor on the foot at the ends of the steps, the state at the end, seconds of
+    the processor that it took."""
 
     force: np.ndarray
     state: mujoco.MjData
@@ -56,7 +66,7 @@ class Run(NamedTuple):
 
 def rows() -> list[Row]:
     """Only the prosthesis and its foot: the shank is led, there is no other foot and no inverse
-    dynamics."""
+    dynamics. And the whole person in the same run, alone and eight times, over MuJoCo's time."""
     exact = stance(EXACT_STEP_S)
     ours, converged, made = exact.prosthetic.grf_W, walk(exact, EXACT_STEP_S).force, []
     for step_s in (1e-3, 2.5e-4):
@@ -73,6 +83,19 @@ def rows() -> list[Row]:
                     f"at 0.0625 ms; peak {np.linalg.norm(run.force, axis=1).max():.0f} N of "
                     f"{np.linalg.norm(ours, axis=1).max():.0f} N"
                 ),
+            )
+        )
+    mujoco_s = made[0].wall_s
+    requests = shared_motion()
+    for name, asked in (("person", requests[:1]), ("eight persons side by side", requests)):
+        spent = processor_s(lambda asked=asked: the_walker().walk_many(asked))
+        ratio = spent / len(asked) / mujoco_s
+        made.append(
+            Row(
+                f"{name}, beside MuJoCo",
+                len(asked) * WALK_S,
+                spent,
+                f"each {ratio:.2f} of the time of MuJoCo's prosthesis at 1 ms",
             )
         )
     return made
@@ -122,12 +145,12 @@ def lead(model: mujoco.MjModel, path: np.ndarray, own_q: np.ndarray, own_v: np.n
     velocity = np.diff(path, axis=0, prepend=2 * path[:1] - path[1:2]) / step_s
     push = ARMATURE * np.diff(velocity, axis=0) / step_s
     data.qpos[n:], data.qvel[n:] = own_q, own_v
-    force, started = np.zeros((len(push), 3)), time.perf_counter()
+    force, started = np.zeros((len(push), 3)), time.process_time()
     for i in range(len(push)):
         data.qpos[:n], data.qvel[:n], data.qfrc_applied[:n] = path[i], velocity[i], push[i]
         mujoco.mj_step(model, data)
         force[i] = data.qfrc_constraint[:3]
-    wall_s = time.perf_counter() - started
+    wall_s = time.process_time() - started
     if not np.isfinite(force).all() or data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
         raise RuntimeError(f"MuJoCo diverged at steps of {1e3 * step_s:g} ms")
     return Run(force, data, wall_s)

@@ -4,8 +4,9 @@
 
 Simulated time over wall time on one core, compilation excluded, with the accuracy beside it: of
 walking the root mean square difference of the 40 Hz resultants of the prosthetic foot's ground
-reaction in percent of body weight (BW), of the bench the largest difference of the load. Nothing is
-asserted: times belong to the machine.
+reaction in percent of body weight (BW), of the bench the largest difference of the load. Of whole
+commands processor time: they take some ten minutes, and are run if `--only commands` asks for them.
+Nothing is asserted: times belong to the machine.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).resolve().parents[1] / "helpers"))
 sys.path.append(str(Path(__file__).resolve().parents[2] / "studies" / "examples"))
 import walks
+from commands import commands
 from table import Row, format_table
 
 from vsf_drake.simulation.archive import provenance
@@ -48,6 +50,7 @@ GROUPS = {
     "simulator": walks.simulator,
     "mujoco": mujoco,
     "sweeps": walks.sweeps,
+    "commands": commands,
 }
 
 
@@ -59,13 +62,14 @@ def main() -> None:
         "--only", nargs="+", metavar="NAME", choices=GROUPS, help=f"of {', '.join(GROUPS)}"
     )
     parser.add_argument(
-        "--quick", action="store_true", help="without the sweeps, unless --only names them"
+        "--quick", action="store_true", help="without sweeps, unless --only names them"
     )
     parser.add_argument(
         "--store", type=Path, metavar="FILE.json", help="rows, versions and the processor's name"
     )
     options = parser.parse_args()
-    names = options.only or [name for name in GROUPS if name != "sweeps" or not options.quick]
+    left_out = {"commands", "sweeps"} if options.quick else {"commands"}
+    names = options.only or [name for name in GROUPS if name not in left_out]
     rows = [row for name in names for row in GROUPS[name]()]
     print(format_table(rows))
     if options.store:

@@ -139,24 +139,27 @@ def stepper() -> list[Row]:
     return [*made, _sensitivities(), _bench()]
 
 
+def shared_motion() -> list[dict[str, Any]]:
+    """Eight walks of one motion with the fulcrum in other places, as `Walker.walk_many` takes
+    them."""
+    motion = {"trajectory": the_trial().trajectory, **span()}
+    return [motion | {"fulcrum_m": INSIDE_M + 0.004 * i} for i in range(8)]
+
+
 def side_by_side() -> list[Row]:
     """Eight walks in the lanes of one core: with other settings of the foot under one motion, and
     with eight motions; and whether each is to the bit what it is alone."""
     walker = the_walker()
-    first = the_trial()
-    settings = [INSIDE_M + 0.004 * i for i in range(8)]
-    shared = [
-        {"trajectory": first.trajectory, **span(), "fulcrum_m": setting} for setting in settings
-    ]
+    shared = shared_motion()
     others = [load_trial(path) for path in embedded_trials("exact")[:8]]
     motions = [
         {
             "trajectory": trial.trajectory,
-            "fulcrum_m": setting,
+            "fulcrum_m": request["fulcrum_m"],
             "start_s": max(trial.start_s, trial.end_s - WALK_S),
             "end_s": trial.end_s,
         }
-        for trial, setting in zip(others, settings, strict=True)
+        for trial, request in zip(others, shared, strict=True)
     ]
     rows = [
         Row("one walk, everything of it", WALK_S, processor_s(lambda: walker.walk(**shared[0])), "")

@@ -169,6 +169,17 @@ def test_one_function_for_floats_arrays_lanes_and_compiled_code(law):
 
 
 @EACH
+def test_slow_foam_bears_what_the_testing_machine_takes_it_for(law):
+    """Stiffness · depthⁿ, once a rounded corner is behind: a bench is the same under every law."""
+    depths = np.linspace(1e-3, 8e-3, 8)
+    site = LawConstants(*CONSTANTS)
+    elastic, _ = LAWS[law].strain(depths, site)
+    np.testing.assert_allclose(elastic, site.stiffness * depths**site.exponent, rtol=1e-12)
+    slow, _, _ = LAWS[law].force(depths, -1e-6 + 0.0 * depths, site)
+    np.testing.assert_allclose(slow, elastic, rtol=1e-5, atol=0.2 * site.damping * site.rate_width)
+
+
+@EACH
 def test_gradients_of_autodiff_are_the_laws_own_derivatives(law):
     for depth, rate, speed in (
         (2e-3, 0.1, 0.02),

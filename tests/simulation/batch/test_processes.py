@@ -18,6 +18,7 @@ import pytest
 from deadly import Deadly, Unreadable
 from kills import gone_soon, session_of
 
+from vsf_drake.laws.lanes import WIDTH
 from vsf_drake.simulation.batch import WalkCase, processes, run, simulate_batch
 from vsf_drake.simulation.batch.processes import ProcessWorkers
 from vsf_drake.simulation.walk import Walker
@@ -248,9 +249,11 @@ def test_workers_do_not_outlive_a_parent_that_was_killed(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_dask_cluster_of_two_processes_gives_the_same_numbers(sweep, assert_same):
+def test_a_dask_cluster_of_two_processes_takes_whole_blocks_and_gives_the_same_numbers(
+    sweep, assert_same
+):
     distributed = pytest.importorskip("distributed", reason="pip install 'vsf-drake[cluster]'")
-    cases = sweep(10)
+    cases, sizes = sweep(24), []
     cases[4] = type(cases[4])(trial=cases[4].trial, values={"nonsense": 1.0})
     options = {
         "n_workers": 2,
@@ -259,10 +262,14 @@ def test_a_dask_cluster_of_two_processes_gives_the_same_numbers(sweep, assert_sa
         "dashboard_address": None,
     }
     with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
-        outcomes = simulate_batch(cases, executor=client.get_executor(), workers=2)
+        executor = client.get_executor()
+        submit = executor.submit
+        executor.submit = lambda run, block: (sizes.append(len(block)), submit(run, block))[1]
+        outcomes = simulate_batch(cases, executor=executor, workers=2)
         pids = client.run(os.getpid)
     assert len(set(pids.values()) - {os.getpid()}) == 2
-    assert [o.ok for o in outcomes] == [i != 4 for i in range(10)]
+    assert sum(sizes) == 24 and sizes[:2] == [WIDTH, WIDTH]
+    assert [o.ok for o in outcomes] == [i != 4 for i in range(24)]
     assert_same(outcomes, simulate_batch(cases, workers=1))
 
 
