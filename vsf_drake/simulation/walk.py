@@ -47,7 +47,6 @@ from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, rest_s
 from vsf_drake.simulation.stepping.stepper import (
     ALONE,
     SIDE_BY_SIDE,
-    WITH_SENSITIVITIES,
     Stepper,
     run_side_by_side,
     settle_side_by_side,
@@ -332,10 +331,7 @@ class Walker:
         and have one support width; one with sensitivities is alone. The work on them began at
         `started_s` of the performance counter."""
         with_sensitivities = bool(plans[0].tangents)
-        together = SIDE_BY_SIDE if len(plans) > 1 else ALONE
-        compile_s = Stepper(plans[0].mechanism).warm_up(
-            WITH_SENSITIVITIES if with_sensitivities else together
-        )
+        compile_s = Stepper(plans[0].mechanism).warm_up(SIDE_BY_SIDE if len(plans) > 1 else ALONE)
         settled = settle_side_by_side(
             [Run(plan.mechanism, plan.held, plan.guess, plan.v0) for plan in plans]
         )

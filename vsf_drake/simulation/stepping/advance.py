@@ -214,8 +214,8 @@ def advance(
     diverged.
 
     rows (motions, steps, size) hold what is known ahead of each step, and motion_of (walks,) which
-    motion is a walk's, unless everything is worked out `live`. With `directions` and `tangent` the
-    sensitivities are `carried` along.
+    motion is a walk's, unless everything is worked out `live`: then the sensitivities, for which
+    one walk has `directions` and `tangent`, are `carried` along.
     """
     for k in range(begin, last):
         running = (state.steps[0] > k) & (state.failed[0] < 0.0)
@@ -279,7 +279,7 @@ def advance(
                 for c in range(total.shape[0]):
                     state.q[c] = select(back, state.q0[c], state.q[c])
                     state.v[c] = select(back, state.v0[c], state.v[c])
-            if directions is not None and tangent is not None and some(accepted):
+            if directions is not None and tangent is not None and live and some(accepted):
                 tangent_matrix(h, tree, forces, dofs, workspace, EXACT)
                 linearise(h, tree, forces, dofs, directions, workspace, tangent, state.q0, state.v)
                 carry(h, k, end, share, dofs, directions, workspace.A, tangent, carried)

@@ -22,7 +22,6 @@ from vsf_drake.base.errors import SimulationError
 from vsf_drake.laws.lanes import TOGETHER
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping.block import Block
-from vsf_drake.simulation.stepping.directions import ParameterTangent
 from vsf_drake.simulation.stepping.runs import Inputs, Mechanism, Record, Run
 from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity
 
@@ -30,7 +29,7 @@ _warm: set[str] = set()  # the variants of the loop that are compiled
 SETTLED_TOLERANCE, SETTLED_SPEED = 1e-10, 1e-9
 """Of the steps that lead to rest (with the usual one they would coast at 1e-7 m/s), and m/s or
 rad/s at it."""
-ALONE, SIDE_BY_SIDE, WITH_SENSITIVITIES = "one walk", "walks side by side", "sensitivities"
+ALONE, SIDE_BY_SIDE = "one walk, with or without sensitivities", "walks side by side"
 """Variants of the compiled loop."""
 
 
@@ -114,17 +113,9 @@ class Stepper:
             fulcrum=np.zeros(2),
             ground=np.zeros(2),
         )
-        forward = ForwardSensitivity(
-            tangents=(ParameterTangent(),),
-            measured=np.ones(len(self.mechanism.sites), dtype=bool),
-            q0=np.zeros((n, 1)),
-        )
         run = Run(self.mechanism, held, np.zeros(n), np.zeros(n))
         try:
-            run_side_by_side(
-                [run] * (2 if variant == SIDE_BY_SIDE else 1),
-                forward=forward if variant == WITH_SENSITIVITIES else None,
-            )
+            run_side_by_side([run] * (2 if variant == SIDE_BY_SIDE else 1))
         finally:
             if collecting:
                 gc.enable()
