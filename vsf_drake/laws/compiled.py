@@ -37,7 +37,7 @@ import numpy as np
 from numba.core import compiler, event, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.typing import Context
+from numba.core.typing.context import Context
 from numba.extending import register_jitable
 
 COMPILED = (
@@ -93,20 +93,20 @@ def sources_sha256(package: Path, parts: Iterable[str]) -> str:
 
 
 def compiled(
-    function: Callable[_P, _R_co], *, allocates: bool = False, **options: Any
+    function: Callable[_P, _R_co], *, allocates: bool = False, **own: Any
 ) -> Compiled[_P, _R_co]:
-    """For functions that Python calls too. `options` are numba's. Only one that `allocates` arrays
-    counts references to them, which makes half of the code that there is to compile."""
+    """For functions that Python calls too; `own` are options of numba's. Only one that `allocates`
+    arrays counts references to them, which makes half of the code that there is to compile."""
     if _settings.DISABLE_JIT:
         plain: Any = function
         plain.py_func = function
         return cast("Compiled[_P, _R_co]", plain)
-    options = {
+    options: dict[str, Any] = {
         "pipeline_class": _Pipeline,
         "error_model": "numpy",
         "no_cfunc_wrapper": True,
         "_nrt": allocates,
-    } | options
+    } | own
     # kept, it would be found under its name by who wants to call it
     inner = options.get("no_cpython_wrapper")
     if _FOLDER and not inner and _unchanged(function.__code__.co_filename):
@@ -126,7 +126,7 @@ def compiled(
     return cast("Compiled[_P, _R_co]", numba.njit(**options)(function))
 
 
-class _Unfinished(JITCodeLibrary):  # type: ignore[misc]
+class _Unfinished(JITCodeLibrary):
     """The code of a function that only compiled ones call: it is optimised where it has become a
     part of one that Python calls, and not by itself before, which would take half of the time that
     compiling takes. Where numba has no such steps it is finished as any other."""
@@ -150,7 +150,7 @@ class _Unfinished(JITCodeLibrary):  # type: ignore[misc]
         """There is none to tell."""
 
 
-class _Typing(Context):  # type: ignore[misc]
+class _Typing(Context):
     """numba's own, whose contents it shares, but that it remembers which form of a function goes
     with which types: of `x * y` it would look through all that there is of strings, dates and sets
     again wherever it stands, which is a third of the time that compiling takes."""
@@ -162,7 +162,10 @@ class _Typing(Context):  # type: ignore[misc]
         self._found: dict[Any, Any] = {}
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
-        """The signature of `func` for these types."""
+        """The signature of `func` for these types; of a function of ours for any whole number where
+        one is given as such, for which it would be compiled again."""
+        if isinstance(func, types.Dispatcher):
+            args = tuple(types.unliteral(arg) for arg in args)
         if kws or not isinstance(func, types.Function | BuiltinFunctionType):
             return super().resolve_function_type(func, args, kws)
         known = self._found.get((func, args))
@@ -175,7 +178,7 @@ class _Typing(Context):  # type: ignore[misc]
 _typing = cache(_Typing)
 
 
-class _Pipeline(compiler.Compiler):  # type: ignore[misc]
+class _Pipeline(compiler.Compiler):
     """Compiles functions that Python calls."""
 
     def define_pipelines(self) -> Any:
@@ -284,14 +287,14 @@ class _Announced(event.Listener):
         )
         if own and not self.said and multiprocessing.parent_process() is None:
             self.said = True
-            logging.getLogger("vsf_drake").warning("compiling once, about 15 s")
+            logging.getLogger("vsf_drake").warning("compiling once, about 20 s")
 
     def on_end(self, event: Any) -> None:
         """It was."""
 
 
 announced = _Announced()
-event.register("numba:compile", announced)  # type: ignore[no-untyped-call]
+event.register("numba:compile", announced)
 
 
 @cache

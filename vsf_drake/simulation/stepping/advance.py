@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.laws.compiled import compiled, internal
+from vsf_drake.laws.compiled import compiled, internal, part
 from vsf_drake.laws.lanes import every, first, lanes, negated, select, some
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
 from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
@@ -191,8 +191,7 @@ def _end_step(
         state.failed[1] = select(lost, 1.0 * c, state.failed[1])
 
 
-@partial(compiled, nogil=True)
-def advance(
+def _advance(
     begin: int,
     last: int,
     tree: TreeArrays,
@@ -295,6 +294,10 @@ def advance(
         _end_step(k, running, dofs, drive, max_speed, state, written)
 
 
+advance = compiled(_advance, nogil=True)
+_advance_lanes = part(_advance)
+
+
 @partial(compiled, nogil=True)
 def advance_side_by_side(
     begin: int,
@@ -315,7 +318,7 @@ def advance_side_by_side(
     carried: Carried,
 ) -> None:
     """`advance` of WIDTH walks, whose numbers are along the last axis of the arrays."""
-    advance(
+    _advance_lanes(
         begin,
         last,
         lanes(tree),
@@ -335,7 +338,7 @@ def advance_side_by_side(
     )
 
 
-@compiled
+@internal
 def sample_torques(
     k: int, torques: Torques, q: np.ndarray, v: np.ndarray, force: np.ndarray
 ) -> None:
