@@ -336,7 +336,7 @@ def test_a_first_run_says_at_once_that_it_compiles_and_the_next_does_not(tmp_pat
         ).stderr
         for _ in range(2)
     ]
-    assert [text.count("compiling once, about 15 s") for text in said] == [1, 0]
+    assert [text.count("compiling once, about 20 s") for text in said] == [1, 0]
 
 
 def test_a_closed_terminal_ends_a_command_with_129():

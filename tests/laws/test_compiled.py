@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import operator
 import os
 import shutil
 import subprocess
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.laws import compiled as module
-from vsf_drake.laws.compiled import COMPILED, KEPT, compiled
+from vsf_drake.laws.compiled import COMPILED, KEPT, compiled, internal
 
 PACKAGE = Path(module.__file__).parents[1]
 CALLER = """
@@ -164,7 +165,7 @@ def test_what_takes_long_is_announced_once_and_by_the_command_itself(
         function = SimpleNamespace(py_func=SimpleNamespace(__module__=f"vsf_drake.{place}"))
         listener.on_start(SimpleNamespace(data={"dispatcher": function}))
     assert [record.getMessage() for record in caplog.records] == [
-        "compiling once, about 15 s"
+        "compiling once, about 20 s"
     ] * lines
 
 
@@ -242,3 +243,40 @@ def test_of_two_processes_that_need_a_function_at_once_one_compiles_and_the_othe
         with subprocess.Popen(started, **options) as second:
             assert second.communicate()[0] == "0 1\n"
         assert first.communicate()[0] == "1 0\n"
+
+
+def test_an_inner_function_is_compiled_once_for_all_whole_numbers_and_has_no_code_of_its_own():
+    @internal
+    def raised(x, n):
+        return x + n
+
+    @compiled
+    def outer(x):
+        return raised(x, 1) * raised(x, 2)
+
+    assert outer(3.0) == 20.0
+    assert len(raised.signatures) == 1
+    [inside] = [each.library for each in raised.overloads.values()]
+    [whole] = [each.library for each in outer.overloads.values()]
+    engine = whole.codegen._engine
+    assert [engine.is_symbol_defined(each.name) for each in inside.get_defined_functions()] == [
+        False
+    ]
+
+
+def test_what_is_remembered_of_types_is_what_numba_finds():
+    context = numba.core.registry.cpu_target.typing_context
+    ours = module._typing(context)
+    real, whole = numba.types.float64, numba.types.int64
+    for function, args in (
+        (operator.mul, (real, whole)),
+        (operator.add, (whole, whole)),
+        (operator.truediv, (whole, whole)),
+        (operator.getitem, (numba.types.Array(real, 2, "C"), whole)),
+    ):
+        for _ in range(2):
+            assert ours.resolve_function_type(function, args, {}) == (
+                context.resolve_function_type(function, args, {})
+            )
+    with pytest.raises(numba.TypingError):
+        ours.resolve_function_type(operator.mul, (real, numba.types.none), {})

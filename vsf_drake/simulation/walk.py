@@ -44,12 +44,12 @@ from vsf_drake.simulation.results import ARRAYS, WalkResult
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
 from vsf_drake.simulation.stepping.runs import Inputs, Mechanism, Record, Run
-from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, rest_sensitivity
+from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity
 from vsf_drake.simulation.stepping.stepper import (
     ALONE,
     SIDE_BY_SIDE,
-    WITH_SENSITIVITIES,
     Stepper,
+    rest_sensitivity,
     run_side_by_side,
     settle_side_by_side,
 )
@@ -339,10 +339,7 @@ class Walker:
         and have one support width; one with sensitivities is alone. The work on them began at
         `started_s` of the performance counter."""
         with_sensitivities = bool(plans[0].tangents)
-        together = SIDE_BY_SIDE if len(plans) > 1 else ALONE
-        compile_s = Stepper(plans[0].mechanism).warm_up(
-            WITH_SENSITIVITIES if with_sensitivities else together
-        )
+        compile_s = Stepper(plans[0].mechanism).warm_up(SIDE_BY_SIDE if len(plans) > 1 else ALONE)
         settled = settle_side_by_side(
             [Run(plan.mechanism, plan.held, plan.guess, plan.v0) for plan in plans]
         )
@@ -373,15 +370,7 @@ class Walker:
     def _forward(self, plan: _Plan, q0: np.ndarray) -> ForwardSensitivity:
         """What a walk with sensitivities carries along from rest at q0 (coordinates,)."""
         mechanism = plan.mechanism
-        by = rest_sensitivity(
-            mechanism.tree,
-            mechanism.forces,
-            plan.held.prescribed,
-            q0,
-            plan.tangents,
-            fulcrum=float(plan.inputs.fulcrum[0]),
-            ground=float(plan.inputs.ground[0]),
-        )
+        by = rest_sensitivity(Run(mechanism, plan.held, q0, np.zeros_like(q0)), plan.tangents)
         measured = np.arange(len(mechanism.sites)) < len(self.gait.person.foot.sites.radius)
         return ForwardSensitivity(
             tangents=plan.tangents, measured=measured, q0=by, loads=plan.with_loads

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.laws.compiled import compiled, internal
+from vsf_drake.laws.compiled import compiled, internal, part
 from vsf_drake.laws.lanes import every, first, lanes, negated, select, some
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
 from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
@@ -191,8 +191,7 @@ def _end_step(
         state.failed[1] = select(lost, 1.0 * c, state.failed[1])
 
 
-@partial(compiled, nogil=True)
-def advance(
+def _advance(
     begin: int,
     last: int,
     tree: TreeArrays,
@@ -214,8 +213,8 @@ def advance(
     diverged.
 
     rows (motions, steps, size) hold what is known ahead of each step, and motion_of (walks,) which
-    motion is a walk's, unless everything is worked out `live`. With `directions` and `tangent` the
-    sensitivities are `carried` along.
+    motion is a walk's, unless everything is worked out `live`: then the sensitivities, for which
+    one walk has `directions` and `tangent`, are `carried` along.
     """
     for k in range(begin, last):
         running = (state.steps[0] > k) & (state.failed[0] < 0.0)
@@ -279,7 +278,7 @@ def advance(
                 for c in range(total.shape[0]):
                     state.q[c] = select(back, state.q0[c], state.q[c])
                     state.v[c] = select(back, state.v0[c], state.v[c])
-            if directions is not None and tangent is not None and some(accepted):
+            if directions is not None and tangent is not None and live and some(accepted):
                 tangent_matrix(h, tree, forces, dofs, workspace, EXACT)
                 linearise(h, tree, forces, dofs, directions, workspace, tangent, state.q0, state.v)
                 carry(h, k, end, share, dofs, directions, workspace.A, tangent, carried)
@@ -293,6 +292,10 @@ def advance(
         if directions is not None and tangent is not None and carried.load_by.shape[0] > 0:
             write_state(k, directions, tangent, carried)
         _end_step(k, running, dofs, drive, max_speed, state, written)
+
+
+advance = compiled(_advance, nogil=True)
+_advance_lanes = part(_advance)
 
 
 @partial(compiled, nogil=True)
@@ -315,7 +318,7 @@ def advance_side_by_side(
     carried: Carried,
 ) -> None:
     """`advance` of WIDTH walks, whose numbers are along the last axis of the arrays."""
-    advance(
+    _advance_lanes(
         begin,
         last,
         lanes(tree),
@@ -335,7 +338,7 @@ def advance_side_by_side(
     )
 
 
-@compiled
+@internal
 def sample_torques(
     k: int, torques: Torques, q: np.ndarray, v: np.ndarray, force: np.ndarray
 ) -> None:

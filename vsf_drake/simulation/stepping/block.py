@@ -23,7 +23,12 @@ from vsf_drake.simulation.stepping.advance import (
     carries,
 )
 from vsf_drake.simulation.stepping.assembly import FreePrescribed
-from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections, filled_up
+from vsf_drake.simulation.stepping.directions import (
+    Tangent,
+    TangentDirections,
+    filled_up,
+    nothing_carried,
+)
 from vsf_drake.simulation.stepping.newton import velocities
 from vsf_drake.simulation.stepping.runs import Inputs, Record, Run, no_torques
 from vsf_drake.simulation.stepping.sensitivity import Carried, ForwardSensitivity
@@ -134,6 +139,8 @@ class Block:
         self.written = Written(**{name: zeros((steps, *shape)) for name, shape in shapes.items()})
         self.directions: TangentDirections | None = None
         self.tangent: Tangent | None = None
+        if not walks:  # with and without sensitivities alike: it is compiled once
+            self.directions, self.tangent = nothing_carried()
         if forward is not None:
             self.directions, self.tangent = forward.prepare(
                 of_first.tree, of_first.forces, self.dofs, steps

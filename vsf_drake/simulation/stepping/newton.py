@@ -23,7 +23,7 @@ import math
 
 import numpy as np
 
-from vsf_drake.laws.compiled import compiled, internal, part
+from vsf_drake.laws.compiled import internal, part
 from vsf_drake.laws.lanes import every, negated, select, some
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping import tree as rb
@@ -440,7 +440,7 @@ def _loads(
 # times.
 
 
-@compiled
+@internal
 def copy(source: np.ndarray, target: np.ndarray) -> None:
     """Copies a vector; the assignment of slices does the same but takes seconds to compile."""
     for i in range(source.shape[0]):

@@ -20,7 +20,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
 from vsf_drake.laws.bushing import axis_force
 from vsf_drake.laws.compiled import compiled, internal, part
 from vsf_drake.laws.contact import friction_by_constant, normal_by_constant
@@ -159,8 +158,7 @@ def write_state(k: int, directions: TangentDirections, tangent: Tangent, record:
                 record.v_by[k, c, p] = tangent.v[j, p]
 
 
-# Parameters whose sensitivities a run carries along, and how the state at its start depends on
-# them.
+# Parameters whose sensitivities a run carries along.
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,48 +191,6 @@ class ForwardSensitivity:
         tangent = tangent_workspace(tree, dofs, directions)
         tangent.q[: len(dofs.free), : len(self.tangents)] = self.q0[dofs.free]
         return directions, tangent
-
-
-def rest_sensitivity(
-    tree: Tree,
-    forces: Forces,
-    prescribed: np.ndarray,
-    q: np.ndarray,
-    tangents: tuple[ParameterTangent, ...],
-    *,
-    fulcrum: float,
-    ground: float,
-) -> np.ndarray:
-    """(n, P) derivatives of a rest position q (n,) by the parameters, from the linearised balance
-    of forces.
-
-    `prescribed` are indices of the coordinates that are held; fulcrum (m from A), height of the
-    ground (m). InputError if no force holds one of the others at rest, so that its rest has no
-    derivative.
-    """
-    # At rest dv0 = dv = 0 over any step: the free directions must balance, Gq_free dq =
-    # -(Gq_prescribed unit + E).
-    one = OneStep(tree, forces, prescribed, tangents)
-    one.take(1e-3, q, np.zeros_like(q), q[prescribed], ground=ground, fulcrum=fulcrum)
-    dofs = one.dofs
-    directions = one.directions
-    tangent = one.tangent
-    count = len(dofs.free)
-    by = np.zeros((len(q), len(tangents)))
-    try:
-        moved = tangent.Gq[:, count:] @ directions.unit[count:] + tangent.E[:, : len(tangents)]
-        by[dofs.free] = -np.linalg.solve(tangent.Gq[:, :count], moved)
-    except np.linalg.LinAlgError:
-        loose = dofs.free[np.argmin(np.abs(tangent.Gq[:, :count]).sum(axis=1))]
-        raise InputError(
-            f"no force holds {tree.coordinate_names[loose]} at rest: where it starts has no "
-            "derivative",
-            where="with_respect_to",
-            right="Let the recording say where it starts",
-        ) from None
-    shifted = directions.coordinate[count:] >= 0
-    np.add.at(by, directions.coordinate[count:][shifted], directions.unit[count:][shifted])
-    return by
 
 
 class OneStep:

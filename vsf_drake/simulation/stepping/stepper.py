@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from vsf_drake.base.errors import SimulationError
+from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.laws.lanes import TOGETHER
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping.block import Block
@@ -30,7 +30,7 @@ _warm: set[str] = set()  # the variants of the loop that are compiled
 SETTLED_TOLERANCE, SETTLED_SPEED = 1e-10, 1e-9
 """Of the steps that lead to rest (with the usual one they would coast at 1e-7 m/s), and m/s or
 rad/s at it."""
-ALONE, SIDE_BY_SIDE, WITH_SENSITIVITIES = "one walk", "walks side by side", "sensitivities"
+ALONE, SIDE_BY_SIDE = "one walk, with or without sensitivities", "walks side by side"
 """Variants of the compiled loop."""
 
 
@@ -114,17 +114,9 @@ class Stepper:
             fulcrum=np.zeros(2),
             ground=np.zeros(2),
         )
-        forward = ForwardSensitivity(
-            tangents=(ParameterTangent(),),
-            measured=np.ones(len(self.mechanism.sites), dtype=bool),
-            q0=np.zeros((n, 1)),
-        )
         run = Run(self.mechanism, held, np.zeros(n), np.zeros(n))
         try:
-            run_side_by_side(
-                [run] * (2 if variant == SIDE_BY_SIDE else 1),
-                forward=forward if variant == WITH_SENSITIVITIES else None,
-            )
+            run_side_by_side([run] * (2 if variant == SIDE_BY_SIDE else 1))
         finally:
             if collecting:
                 gc.enable()
@@ -171,3 +163,55 @@ def settle_side_by_side(
         else (record.q[-1], float(np.abs(record.v[-1]).max()))
         for record in records
     ]
+
+
+def rest_sensitivity(rest: Run, tangents: Sequence[ParameterTangent]) -> np.ndarray:
+    """(n, P) derivatives of a rest position, q0 of the run, by the parameters, from the linearised
+    balance of forces, with everything prescribed held as it is there.
+
+    InputError if no force holds one of the others at rest, so that its rest has no derivative.
+    """
+    # At rest dv0 = dv = 0 over any step: the free directions must balance, Gq_free dq =
+    # -(Gq_prescribed unit + E).
+    inputs = rest.inputs
+    still = Inputs(
+        time_s=np.array([0.0, 1e-3]),
+        prescribed=inputs.prescribed,
+        prescribed_q=np.repeat(rest.q0[None, inputs.prescribed], 2, axis=0),
+        fulcrum=np.full(2, inputs.fulcrum[0]),
+        ground=np.full(2, inputs.ground[0]),
+    )
+    by = np.zeros((len(rest.q0), len(tangents)))
+    forward = ForwardSensitivity(
+        tangents=tuple(
+            one
+            if one.perturbation is None
+            else dataclasses.replace(one, perturbation=one.perturbation[:2])
+            for one in tangents
+        ),
+        measured=np.zeros(len(rest.mechanism.sites), dtype=bool),
+        q0=by,
+    )
+    run = Run(rest.mechanism, still, rest.q0, np.zeros_like(rest.q0))
+    block = Block([run], assembly.TOLERANCE, sites=False, forward=forward)
+    block.run(None, lambda finished: None)
+    dofs = block.dofs
+    directions = block.directions
+    tangent = block.tangent
+    assert directions is not None
+    assert tangent is not None
+    count = len(dofs.free)
+    try:
+        moved = tangent.Gq[:, count:] @ directions.unit[count:] + tangent.E[:, : len(tangents)]
+        by[dofs.free] = -np.linalg.solve(tangent.Gq[:, :count], moved)
+    except np.linalg.LinAlgError:
+        loose = dofs.free[np.argmin(np.abs(tangent.Gq[:, :count]).sum(axis=1))]
+        name = rest.mechanism.tree.coordinate_names[loose]
+        raise InputError(
+            f"no force holds {name} at rest: where it starts has no derivative",
+            where="with_respect_to",
+            right="Let the recording say where it starts",
+        ) from None
+    shifted = directions.coordinate[count:] >= 0
+    np.add.at(by, directions.coordinate[count:][shifted], directions.unit[count:][shifted])
+    return by
