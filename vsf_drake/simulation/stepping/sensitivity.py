@@ -91,14 +91,18 @@ def carry(
     E8 = eights(tangent.E)
     blocks = rhs8.shape[1]
 
-    # Solve A dv = -h (E + Gq dq0 + Gv dv0) - B du for the free directions.
+    # Solve A dv = -h (E + Gq dq0 + Gv dv0) - B du for the free directions. Of the prescribed ones
+    # those that none of the WIDTH parameters displaces have no part.
+    start = directions.displaced_start
     for i in range(nf):
         for p in range(blocks):
             left = E8[i, p]
-            for j in range(C):
+            for j in range(nf):
                 left += tangent.Gq[i, j] * q8[j, p] + tangent.Gv[i, j] * v8[j, p]
             pulled = 0.0 * left
-            for j in range(nf, C):
+            for e in range(start[p], start[p + 1]):
+                j = directions.displaced[e]
+                left += tangent.Gq[i, j] * q8[j, p] + tangent.Gv[i, j] * v8[j, p]
                 pulled += tangent.B[i, j] * end8[j, p]
             rhs8[i, p] = -h * left - pulled
     solve_columns(A, rhs8)
@@ -123,7 +127,10 @@ def carry(
     for i in range(6):
         for p in range(blocks):
             force = dT8[i, p]
-            for j in range(C):
+            for j in range(nf):
+                force += by_q[j, i] * q8[j, p] - by_end[j, i] * end8[j, p]
+            for e in range(start[p], start[p + 1]):
+                j = directions.displaced[e]
                 force += by_q[j, i] * q8[j, p] - by_end[j, i] * end8[j, p]
             wrench[i, p] = force
 
@@ -142,8 +149,12 @@ def carry(
             load[c, p] += share * (left + pulled / h)
 
     # The state at the end: dv, and dq0 + h dv.
-    for j in range(C):
-        for p in range(blocks):
+    for p in range(blocks):
+        for j in range(nf):
+            v8[j, p] = end8[j, p]
+            q8[j, p] += h * end8[j, p]
+        for e in range(start[p], start[p + 1]):
+            j = directions.displaced[e]
             v8[j, p] = end8[j, p]
             q8[j, p] += h * end8[j, p]
 
@@ -175,6 +186,13 @@ class ForwardSensitivity:
     perturbations' rates."""
     loads: bool = False
     """Whether derivatives of loads and state are left too; not for shifts of a coordinate."""
+
+    def relative_to(self, tree: Tree) -> tuple[int, ...]:
+        """The bodies relative to which parameters move prescribed coordinates."""
+        names = {by_unit.coordinate for by_unit in self.tangents} - {None}
+        names |= {"fulcrum"} if any(by_unit.fulcrum_shift for by_unit in self.tangents) else set()
+        parents = dict(tree.links[:, [2, 1]].tolist())
+        return tuple(parents[tree.coordinate_bodies[tree.index(str(name))]] for name in names)
 
     def prepare(
         self, tree: Tree, forces: Forces, dofs: FreePrescribed, steps: int
@@ -373,7 +391,8 @@ def linearise(
     v: np.ndarray,
 ) -> None:
     """Writes Gq, Gv, B, E and the measured wrench's composites of `tangent`, right after a `step`
-    for which nothing was ready, and a `tangent_matrix`.
+    and a `tangent_matrix`. With rows of prescribed coordinates nothing was ready for the step; else
+    `dofs.base` held what the directions are relative to.
 
     q0 (n,) are the coordinates at its start, v (n,) the velocities at its end.
     """
@@ -663,6 +682,7 @@ def _add_site_tangents(
     """Composites of P and of the measured wrench, and what parameters change directly."""
     contact = workspace.contact
     moving = dofs.moving
+    every = directions.rows.shape[0] > dofs.free.shape[0]  # rows of all bodies need their dF
     shift = eights(tangent.shift)
     measured_shift = eights(tangent.measured_shift)
     measured_K = eights(tangent.measured_K)
@@ -674,8 +694,9 @@ def _add_site_tangents(
         for i in range(6):
             measured_shift[b, i, 0] = 0.0
             measured_K[b, i, 0] = 0.0
-            for p in range(dF.shape[2]):
-                dF[b, i, p] = 0.0
+            if every or dofs.body_moves[b]:
+                for p in range(dF.shape[2]):
+                    dF[b, i, p] = 0.0
     tangent.touched[0] = False
     for k in range(moving.shape[0]):
         for i in range(6):
@@ -695,9 +716,10 @@ def _add_site_tangents(
         tangent.touched[parent] = True
         _add_composite(measured_shift, parent, b)
         _add_composite(measured_K, parent, b)
-        for i in range(6):
-            for p in range(dF.shape[2]):
-                dF[parent, i, p] += dF[b, i, p]
+        if every or dofs.body_moves[parent]:
+            for i in range(6):
+                for p in range(dF.shape[2]):
+                    dF[parent, i, p] += dF[b, i, p]
         if dofs.body_moves[parent]:
             _add_composite(shift, parent, b)
 
