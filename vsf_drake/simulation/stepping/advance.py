@@ -12,9 +12,10 @@ from vsf_drake.laws.compiled import compiled, internal
 from vsf_drake.laws.lanes import every, first, lanes, negated, select, some
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
 from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
+from vsf_drake.simulation.stepping.linearise import linearise
 from vsf_drake.simulation.stepping.newton import EXACT, copy, step, tangent_matrix
 from vsf_drake.simulation.stepping.runs import Torques
-from vsf_drake.simulation.stepping.sensitivity import Carried, carry, linearise, write_state
+from vsf_drake.simulation.stepping.sensitivity import Carried, carry, write_state
 from vsf_drake.simulation.stepping.tree import TreeArrays
 
 POSE = 30
