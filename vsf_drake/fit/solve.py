@@ -30,8 +30,8 @@ the walks, than they are, and the part of the cost by which a last step may bett
 the noise the prior decides between minima that only bumps of the data part (graduated
 non-convexity: Blake & Zisserman 1987, Visual Reconstruction)."""
 MET = 0.05
-"""Searches that are as near as this at the end of the first stage, in standard deviations of the
-prior, are one."""
+"""A search that comes as near as this, in standard deviations of the prior, to where another one
+ended its first stage is one with it."""
 HOPS, HOP_TOLERANCE = re.compile(r"contact\..+\.rise"), 1e-3
 """Where the cost has minima beside each other: which zone of the sole strikes first. From where it
 ended a search hops by one standard deviation either way in each of these, goes down again, and
@@ -281,6 +281,11 @@ def _smoothed(
     stages are gone through.
     """
     smooth = np.zeros(0)
+    ends = {
+        i: other.smooth
+        for i, other in enumerate(others)
+        if other.success and not other.met and other.smooth.size
+    }
     for noise, coarser, tolerance in STAGES:
         _descend(
             tried,
@@ -288,18 +293,18 @@ def _smoothed(
             noise=noise,
             step_s=coarser * tried.fit.joint.step_s,
             tolerance=tolerance,
+            ends=() if smooth.size else tuple(ends.values()),
         )
         if not smooth.size:
             smooth = tried.last
-            for i, other in enumerate(others):
-                if (
-                    other.success
-                    and not other.met
-                    and other.smooth.size
-                    and (np.abs(smooth - other.smooth).max() <= MET)
-                ):
+            for i, end in ends.items():
+                if _met(smooth, end):
                     return smooth, i
     return smooth, None
+
+
+def _met(u: np.ndarray, end: np.ndarray) -> bool:
+    return bool(np.abs(u - end).max() <= MET)
 
 
 def _hopped(tried: _Tried) -> tuple[bool, str, np.ndarray]:
@@ -434,11 +439,13 @@ def _descend(
     step_s: float | None = None,
     tolerance: float | None = None,
     most: int | None = None,
+    ends: Sequence[np.ndarray] = (),
 ) -> tuple[bool, str]:
     """Gauss-Newton in a box as trust region (Conn, Gould & Toint 2000, Trust-Region Methods, ch.
     6), within the bounds; whether it converged, and how it ended. Leaves the last point in
     `tried.last`. At a kink of the cost a step is promised that is not to be had: there the region
-    shrinks until no step is left."""
+    shrinks until no step is left. It is over, too, where it meets one of the `ends` (P,) of
+    others."""
     fit, (low, high) = tried.fit, tried.fit.parameters.bounds
     tolerance = tolerance or fit.joint.tolerance
     most = most or fit.joint.iterations
@@ -466,6 +473,8 @@ def _descend(
                 radius = min(2.0 * radius, LARGEST_RADIUS)
             tried.last = u = np.clip(u + s, low, high)
             here = there
+            if any(_met(u, end) for end in ends):
+                return True, "it met another search"
         else:
             radius = (0.1 if there is None else 0.25) * size
         if radius < SMALLEST_RADIUS:
