@@ -91,7 +91,7 @@ def fitted_pair(stored: dict[str, Any]) -> Numbers:
         )
         u = fit.parameters.u(pair["values"])
         held = contact_fit.trial(tier, "medium_2")
-        comparison, result, _, _ = fit.terms_of(held, None).walk(
+        comparison, result = fit.terms_of(held, None).walk(
             u, step_s=ContactFitOptions().report_step_s
         )
         found = vars(walk_metrics(result, held.prosthetic_plate, comparison=comparison))
@@ -134,9 +134,7 @@ def fitted_session(stored: dict[str, Any]) -> Numbers:
     pair, fit = stored["cases"][case.name], session_fit.fit_of(case, session_fit.DATA)
     held = session_fit.read(session_fit.DATA, case, "medium_2")
     u, known = fit.parameters.u(pair["values"]), pair["end"]["parameters"]
-    comparison, result, _, _ = fit.terms_of(held, None).walk(
-        u, step_s=ContactFitOptions().report_step_s
-    )
+    comparison, result = fit.terms_of(held, None).walk(u, step_s=ContactFitOptions().report_step_s)
     found = vars(walk_metrics(result, held.prosthetic_plate, comparison=comparison))
     for key, was in pair["walked"]["medium_2"].items():
         yield f"{case.name} medium_2 {key}", found[key], was

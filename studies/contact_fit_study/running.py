@@ -100,7 +100,7 @@ def warm_up(tier: str) -> None:
     fit.evaluate(fit.parameters.start)
     fit.evaluate(fit.parameters.start, derivatives=False)
     held = trial(tier, case.held_out[0])
-    fit.terms_of(held, None).walk(fit.parameters.start, step_s=SWEEP_STEP_S, fulcrum_m=0.1)
+    fit.terms_of(held, None).walk(fit.parameters.start, step_s=SWEEP_STEP_S)
 
 
 def _solve(case: Case) -> ContactFitSolution:

@@ -142,7 +142,7 @@ def _own_plates(
         fit = ContactFit(made, bench=bench, walker=walker, labels=labels, options=options)
         before, headings = events, []
         for i, (trial, label) in enumerate(zip(made, labels, strict=True)):
-            comparison, result, _, _ = fit.terms_of(trial, label).walk(truth)
+            comparison, result = fit.terms_of(trial, label).walk(truth)
             plate = PlateRecording(
                 time_s=result.time_s,
                 force_W=result.grf_W,

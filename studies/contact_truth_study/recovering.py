@@ -84,7 +84,7 @@ def row(made: Made, found: FitSearch) -> dict[str, Any]:
     }
     errors = []
     for trial, label in zip(fit.trials, fit.labels, strict=True):
-        comparison, result, _, _ = fit.terms_of(trial, label).walk(found.u)
+        comparison, result = fit.terms_of(trial, label).walk(found.u)
         errors.append(
             walk_metrics(result, trial.prosthetic_plate, comparison=comparison).grf_rmse_bw
         )

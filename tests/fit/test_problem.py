@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.device.bench_metrics import mid_range_displacement
 from vsf_drake.fit import problem as module
 from vsf_drake.fit.options import FitNoise
@@ -142,6 +142,23 @@ def test_the_program_has_the_fits_cost_gradient_bounds_and_start(both):
     np.testing.assert_allclose(
         ExtractGradient(found)[0], at.jacobian.T @ at.residual @ turn, rtol=1e-12
     )
+
+
+def test_costs_of_points_are_those_of_each_alone_and_infinite_where_a_walk_fails(
+    both, stiff, monkeypatch
+):
+    fit = both()
+    points = np.array([somewhere(fit, seed) for seed in range(3)])
+    alone = [fit.evaluate(u, derivatives=False).cost for u in points]
+    assert fit.costs(points).tolist() == alone and fit.evaluations == 2 * len(points)
+    walks = fit.walks
+
+    def one_fails(trial, changes, **shared):
+        found = walks(trial, changes, **shared)
+        return [*found[:2], SimulationError("broke", time_s=0.3)] if trial is stiff else found
+
+    monkeypatch.setattr(fit, "walks", one_fails)
+    assert fit.costs(points).tolist() == [*alone[:2], np.inf]
 
 
 def test_trials_side_by_side_give_the_same_bits_as_one_after_the_other(both, soft, stiff):
@@ -323,9 +340,7 @@ def of(fit, *, derivatives=False):
 
 
 def own_walk(fit, **options):
-    comparison, result, _, _ = fit.terms_of(fit.trials[0], "own").walk(
-        fit.parameters.start, **options
-    )
+    comparison, result = fit.terms_of(fit.trials[0], "own").walk(fit.parameters.start, **options)
     return comparison, result
 
 

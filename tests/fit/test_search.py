@@ -322,7 +322,14 @@ def test_the_first_search_starts_as_the_parameters_say_and_others_at_the_best_of
         costs = [problem.evaluate(u, derivatives=False).cost for u in samples]
         np.testing.assert_array_equal(found.start, samples[int(np.argmin(costs))])
         assert found.start_cost == pytest.approx(min(costs), rel=1e-9)
-    failing(problem, monkeypatch, lambda u, _: np.array_equal(u, ended.searches[1].start))
+    costs = problem.costs
+    monkeypatch.setattr(
+        problem,
+        "costs",
+        lambda points: np.where(
+            (points == ended.searches[1].start).all(axis=1), np.inf, costs(points)
+        ),
+    )
     again = run_searches(problem, resume={"key": problem.key} | json.loads(ended.states[0]))
     assert not np.array_equal(again[1].start, ended.searches[1].start), (
         "a sample at which the walk fails"

@@ -32,9 +32,10 @@ from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.threads import side_by_side
 from vsf_drake.fit.options import PaperOptions
 from vsf_drake.fit.parameters import zones_of
-from vsf_drake.fit.problem import ContactFit
+from vsf_drake.fit.problem import ContactFit, raised
+from vsf_drake.laws.lanes import WIDTH
 from vsf_drake.simulation.variables import Variable
-from vsf_drake.walks.comparison import Comparison
+from vsf_drake.walks.comparison import Comparison, compare
 
 SPREAD, FOLD = 0.1, 10.0
 """Standard deviation of a parameter's distribution over its value at the centre, and by how many
@@ -211,24 +212,39 @@ class Score:
 
 
 def scores(fit: ContactFit, scenarios: Sequence[Mapping[str, float]]) -> list[Score]:
-    """Of several scenarios, on threads."""
+    """Of several scenarios, on threads, each of which walks some side by side."""
     assert isinstance(fit.options, PaperOptions)
+    parts = [scenarios[begin : begin + WIDTH] for begin in range(0, len(scenarios), WIDTH)]
     with side_by_side(fit.options.workers) as pool:
-        return list(pool.map(lambda values: _score(fit, values), scenarios))
+        found = pool.map(lambda part: _compared(fit, part), parts)
+        return [_score(comparisons) for part in found for comparisons in part]
 
 
-def _score(fit: ContactFit, values: Mapping[str, float]) -> Score:
+def _compared(
+    fit: ContactFit, scenarios: Sequence[Mapping[str, float]]
+) -> list[tuple[Comparison | SimulationError, ...]]:
+    """Of each scenario the walks of all trials beside their plates, or why one failed."""
+    changes = [{"values": values} for values in scenarios]
+    by_trial = [
+        [
+            walk if isinstance(walk, SimulationError) else compare(walk, trial.prosthetic_plate)
+            for walk in fit.walks(trial, changes, step_s=fit.options.step_s)
+        ]
+        for trial in fit.trials
+    ]
+    return list(zip(*by_trial, strict=True))
+
+
+def _score(comparisons: Sequence[Comparison | SimulationError]) -> Score:
     total = 0.0
-    for i, trial in enumerate(fit.trials, start=1):
-        try:
-            c, _, _ = fit.walk(trial, values, step_s=fit.options.step_s)
-        except SimulationError as error:
-            return Score(np.inf, i, error)
+    for i, c in enumerate(comparisons, start=1):
+        if isinstance(c, SimulationError):
+            return Score(np.inf, i, c)
         model, measured = (
             np.linalg.norm(force[c.scored], axis=1) for force in (c.model, c.measured)
         )
         total += float(np.sum((model - measured) ** 2))
-    return Score(total, len(fit.trials))
+    return Score(total, len(comparisons))
 
 
 def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
@@ -247,18 +263,17 @@ def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
         values = space.values(space.start)
         steps = steps + 1
         try:
-            comparisons = [
-                fit.walk(trial, values, step_s=options.step_s)[0] for trial in fit.trials
-            ]
+            [found] = _compared(fit, [values])
+            comparisons = [raised(c) for c in found]
             if sum(map(surplus_n, comparisons)) >= 0.0:
-                first = _score(fit, values)
+                first = _score(comparisons)
                 return PaperState(
                     stiffness=stiffness,
                     initial_objective_n2=first.objective_n2,
                     objective_n2=first.objective_n2,
                     best=tuple(map(float, space.start)),
                     instants=sum(int(c.scored.sum()) for c in comparisons),
-                    simulations=(steps + 1) * len(fit.trials),
+                    simulations=steps * len(fit.trials),
                     failed_simulations=len(failures),
                     wall_s=time.perf_counter() - began,
                 )

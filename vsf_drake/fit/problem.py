@@ -17,6 +17,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -24,11 +26,17 @@ import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractValue
 from pydrake.solvers import MathematicalProgram
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.schema import to_plain
 from vsf_drake.base.threads import side_by_side
 from vsf_drake.fit.options import COP, FORCES, PAPER, RESULTANT, ContactFitOptions, PaperOptions
-from vsf_drake.fit.parameters import FitParameters, TrialMap, owner, standard_parameters
+from vsf_drake.fit.parameters import (
+    FitParameters,
+    TrialMap,
+    WalkValues,
+    owner,
+    standard_parameters,
+)
 from vsf_drake.model.bench_curves import BenchMeasurement
 from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.motion.events import known_stances
@@ -37,8 +45,7 @@ from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.batch.cases import digest
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.results import WalkResult
-from vsf_drake.simulation.variables import MotionPerturbation
-from vsf_drake.simulation.walk import Walk, Walker
+from vsf_drake.simulation.walk import Walk, Walker, trial_request
 from vsf_drake.walks.comparison import Comparison, compare, compare_sensitivity
 from vsf_drake.walks.recorded_walk import labels_of
 
@@ -206,28 +213,25 @@ class ContactFit:
             labels=self.labels,
         )
 
-    def walk(
-        self,
-        trial: Trial,
-        values: Mapping[str, float],
-        *,
-        step_s: float,
-        perturbations: Sequence[MotionPerturbation] = (),
-        with_respect_to: Sequence[str] = (),
-        fulcrum_m: float | None = None,
-    ) -> tuple[Comparison, WalkResult, Walk]:
-        """A trial's walk with these values of its variables, beside its plate, the fulcrum where it
-        stood or at `fulcrum_m` (m from A); SimulationError if it diverges."""
-        walk = self.walker.walk_trial(
-            trial,
-            fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m,
-            step_s=step_s,
-            values=values,
-            with_respect_to=with_respect_to,
-            perturbations=perturbations,
-        )
+    def walk(self, trial: Trial, **changes: Any) -> tuple[Comparison, WalkResult]:
+        """A trial's walk beside its plate, `changes` as `Walker.walk_trial` takes them;
+        SimulationError if it diverges."""
+        walk = self.walker.walk_trial(trial, **changes)
         result = self.walker.result(walk, trial, trial.offsets, energy=False)
-        return compare(result, trial.prosthetic_plate), result, walk
+        return compare(result, trial.prosthetic_plate), result
+
+    def walks(
+        self, trial: Trial, changes: Sequence[Mapping[str, Any]], **shared: Any
+    ) -> list[Walk | SimulationError]:
+        """A trial's walks side by side, each with its `changes` and the `shared` ones, or why one
+        failed; nothing is recorded of single spheres."""
+        requests = [trial_request(trial, **shared, **own) for own in changes]
+        found = list[Walk | SimulationError]()
+        for walk in self.walker.walk_each(requests, sites=False):
+            if not isinstance(walk, Walk | SimulationError):
+                raise walk
+            found.append(walk)
+        return found
 
     def terms_of(self, trial: Trial, label: str | None) -> TrialTerms:
         """The comparison of any trial under this fit's parameters; `label` None if it has none of
@@ -268,11 +272,45 @@ class ContactFit:
         ):
             return self._last[3]
         self.evaluations += 1
-        with side_by_side(min(len(self._terms), os.cpu_count() or 1)) as pool:
+        with self._on_threads() as pool:
             each = pool.map(
                 lambda trial: trial.terms(u, derivatives=derivatives, step_s=step_s), self._terms
             )
             terms = [term for of_trial in each for term in of_trial]
+        evaluation = self._evaluation(u, terms, derivatives=derivatives, noise=noise)
+        self._last = (u.copy(), how, derivatives, evaluation)
+        return evaluation
+
+    def costs(self, points: np.ndarray) -> np.ndarray:
+        """(n,) the costs at points (n, P), inf where a walk, or the bench, fails; the walks of a
+        trial go side by side."""
+        self.evaluations += len(points)
+        with self._on_threads() as pool:
+            each = [*pool.map(lambda trial: trial.terms_at(points), self._terms)]
+        costs = np.full(len(points), np.inf)
+        for i, u in enumerate(points):
+            terms = list[ResidualTerm]()
+            try:
+                for of_trial in each:
+                    terms += raised(of_trial[i])
+                costs[i] = self._evaluation(u, terms, derivatives=False).cost
+            except SimulationError:
+                continue
+        return costs
+
+    def _on_threads(self) -> AbstractContextManager[ThreadPoolExecutor]:
+        """Threads for the trials."""
+        return side_by_side(min(len(self._terms), os.cpu_count() or 1))
+
+    def _evaluation(
+        self,
+        u: np.ndarray,
+        terms: Sequence[ResidualTerm],
+        *,
+        derivatives: bool,
+        noise: float = 1.0,
+    ) -> FitEvaluation:
+        """All residuals at u (P,), with those `terms` of the trials."""
         prior = [p for p, item in enumerate(self.parameters.free) if item.prior]
         terms = [
             replace(term, weight=term.weight / noise)
@@ -287,13 +325,11 @@ class ContactFit:
                 by=np.eye(len(u))[prior] if derivatives else np.zeros((len(prior), 0)),
             )
         )
-        evaluation = FitEvaluation(
+        return FitEvaluation(
             residual=np.concatenate([term.weight * term.residual for term in terms]),
             jacobian=np.vstack([term.weight * term.by for term in terms]),
             terms=tuple(terms),
         )
-        self._last = (u.copy(), how, derivatives, evaluation)
-        return evaluation
 
     def bench_stiffness(self, u: np.ndarray) -> np.ndarray:
         """(m,) N/m on the bench at u, the heel last if it was measured; SimulationError if the foot
@@ -371,38 +407,59 @@ class TrialTerms:
         self.label = label or trial.path.stem
         self.map = TrialMap(fit.parameters, fit.walker.variables, label, trial)
 
-    def walk(
-        self,
-        u: np.ndarray,
-        *,
-        derivatives: bool = False,
-        step_s: float | None = None,
-    ) -> tuple[Comparison, WalkResult, np.ndarray | None, tuple[np.ndarray, ...]]:
-        """The trial's walk at u beside its plate, and by u: (n, 3, P) N of the force and (101, 2,
-        P) m of each CoP."""
-        at = self.map.at(u)
-        comparison, result, walk = self.fit.walk(
+    def walk(self, u: np.ndarray, *, step_s: float | None = None) -> tuple[Comparison, WalkResult]:
+        """The trial's walk at u beside its plate."""
+        return self.fit.walk(
             self.trial,
-            at.values,
+            values=self.map.at(u).values,
             step_s=step_s or self.fit.options.step_s,
             perturbations=self.map.perturbations,
-            with_respect_to=at.names if derivatives else (),
         )
-        if not derivatives:
-            return comparison, result, None, ()
-        assert walk.sensitivity is not None
-        by = compare_sensitivity(comparison, result, walk.sensitivity)
-        return comparison, result, by.model @ at.by, tuple(cop @ at.by for cop in by.cop)
 
     def terms(
         self, u: np.ndarray, *, derivatives: bool, step_s: float | None = None
     ) -> list[ResidualTerm]:
         """The residuals at u."""
-        c, result, force_by, cop_by = self.walk(u, derivatives=derivatives, step_s=step_s)
+        at = self.map.at(u)
+        names = at.names if derivatives else ()
+        [walk] = self._walks([at], step_s=step_s, with_respect_to=names)
+        return self._terms(raised(walk), at)
+
+    def terms_at(self, points: np.ndarray) -> list[list[ResidualTerm] | SimulationError]:
+        """The residuals at points (n, P) without derivatives, or why a walk failed."""
+        every = [self.map.at(u) for u in points]
+        return [
+            walk if isinstance(walk, SimulationError) else self._terms(walk, at)
+            for at, walk in zip(every, self._walks(every), strict=True)
+        ]
+
+    def _walks(
+        self,
+        every: Sequence[WalkValues],
+        *,
+        step_s: float | None = None,
+        with_respect_to: Sequence[str] = (),
+    ) -> list[Walk | SimulationError]:
+        return self.fit.walks(
+            self.trial,
+            [{"values": at.values} for at in every],
+            step_s=step_s or self.fit.options.step_s,
+            perturbations=self.map.perturbations,
+            with_respect_to=with_respect_to,
+        )
+
+    def _terms(self, walk: Walk, at: WalkValues) -> list[ResidualTerm]:
+        """The residuals of a walk with these values, with derivatives if it has some."""
+        c = compare(walk, self.trial.prosthetic_plate)
         rows = np.flatnonzero(c.scored)[:: max(1, round(STRIDE * 2e-3 / c.step_s))]
         model = c.model[rows]
         measured = c.measured[rows]
-        by = np.zeros((len(rows), 3, 0)) if force_by is None else force_by[rows]
+        by = np.zeros((len(rows), 3, 0))
+        cop_by: tuple[np.ndarray, ...] = ()
+        if walk.sensitivity is not None:
+            found = compare_sensitivity(c, walk, walk.sensitivity)
+            by = found.model[rows] @ at.by
+            cop_by = tuple(cop[::STRIDE] @ at.by for cop in found.cop)
         weight_n = self.trial.subject.mass_kg * GRAVITY
         size = np.linalg.norm(model, axis=1)
         # d|F| = F / |F| . dF
@@ -420,12 +477,12 @@ class TrialTerms:
             if name in forces
         ]
         of_centres = []
-        length = result.foot_length_m
+        length = self.fit.walker.model.foot.length_m
         for name in (name for name in series if name in COP):
             axis = COP.index(name)
             for i, stance in enumerate(c.stances):
                 error = (stance.model_cop - stance.measured_cop)[::STRIDE, axis] / length
-                slope = cop_by[i][::STRIDE, axis] / length if cop_by else np.zeros((len(error), 0))
+                slope = cop_by[i][:, axis] / length if cop_by else np.zeros((len(error), 0))
                 instants = np.linspace(stance.measured.start_s, stance.measured.end_s, len(error))
                 # Where either foot is not loaded there is no centre to compare; the force says so.
                 of_centres.append(
@@ -447,6 +504,13 @@ class TrialTerms:
             by=by / sd,
             weight=noise.weight(spacing),
         )
+
+
+def raised(found: T | SimulationError) -> T:
+    """What was found, raising what failed."""
+    if isinstance(found, SimulationError):
+        raise found
+    return found
 
 
 def bench_of(foot: FootParameters, bench: BenchMeasurement) -> BenchStiffness:

@@ -203,7 +203,8 @@ class ContactFitSolution(Tabular):
         """A trial's walk with the fitted parameters beside its plate; `label` None if the trial was
         not fitted, `fulcrum_m` (m from A) where the fulcrum is if not where it stood."""
         fitted = self.fitted_for(trial, label)
-        return self.fit.walk(trial, step_s=step_s, fulcrum_m=fulcrum_m, **fitted)[:2]
+        where = {} if fulcrum_m is None else {"fulcrum_m": fulcrum_m}
+        return self.fit.walk(trial, step_s=step_s, **where, **fitted)
 
     def fitted_for(self, trial: Trial, label: str | None) -> dict[str, Any]:
         """The `values` and `perturbations` of the trial's walk with the fitted parameters. FitError

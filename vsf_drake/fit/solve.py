@@ -30,8 +30,8 @@ the walks, than they are, and the part of the cost by which a last step may bett
 the noise the prior decides between minima that only bumps of the data part (graduated
 non-convexity: Blake & Zisserman 1987, Visual Reconstruction)."""
 MET = 0.05
-"""Searches that are as near as this at the end of the first stage, in standard deviations of the
-prior, are one."""
+"""A search that comes as near as this, in standard deviations of the prior, to where another one
+ended its first stage is one with it."""
 HOPS, HOP_TOLERANCE = re.compile(r"contact\..+\.rise"), 1e-3
 """Where the cost has minima beside each other: which zone of the sole strikes first. From where it
 ended a search hops by one standard deviation either way in each of these, goes down again, and
@@ -170,14 +170,8 @@ def prior_samples(parameters: FitParameters, count: int, seed: list[int]) -> np.
 def _start(fit: ContactFit, i: int) -> np.ndarray:
     if i == 0:
         return fit.parameters.start
-
-    def cost(u: np.ndarray) -> float:
-        try:
-            return fit.evaluate(u, derivatives=False).cost
-        except SimulationError:
-            return np.inf
-
-    return min(prior_samples(fit.parameters, fit.joint.screened, [fit.joint.seed, i]), key=cost)
+    samples = prior_samples(fit.parameters, fit.joint.screened, [fit.joint.seed, i])
+    return np.asarray(samples[np.argmin(fit.costs(samples))])
 
 
 def search(
@@ -206,7 +200,8 @@ def search(
     beside = np.zeros((0, 1 + len(start)))
     tried = _Tried(fit, progress, until)
     try:
-        first = tried.at(start)
+        staged = fit.joint.solver == "gauss_newton" and not near
+        first = tried.at(start, derivatives=not staged)
         if first is None or not np.isfinite(first.cost):
             return FitSearch(
                 start=start,
@@ -286,6 +281,11 @@ def _smoothed(
     stages are gone through.
     """
     smooth = np.zeros(0)
+    ends = {
+        i: other.smooth
+        for i, other in enumerate(others)
+        if other.success and not other.met and other.smooth.size
+    }
     for noise, coarser, tolerance in STAGES:
         _descend(
             tried,
@@ -293,18 +293,18 @@ def _smoothed(
             noise=noise,
             step_s=coarser * tried.fit.joint.step_s,
             tolerance=tolerance,
+            ends=() if smooth.size else tuple(ends.values()),
         )
         if not smooth.size:
             smooth = tried.last
-            for i, other in enumerate(others):
-                if (
-                    other.success
-                    and not other.met
-                    and other.smooth.size
-                    and (np.abs(smooth - other.smooth).max() <= MET)
-                ):
+            for i, end in ends.items():
+                if _met(smooth, end):
                     return smooth, i
     return smooth, None
+
+
+def _met(u: np.ndarray, end: np.ndarray) -> bool:
+    return bool(np.abs(u - end).max() <= MET)
 
 
 def _hopped(tried: _Tried) -> tuple[bool, str, np.ndarray]:
@@ -380,6 +380,7 @@ class _Tried:
         self.interrupted = False
         self.best = np.zeros(0)
         self.best_cost = np.inf
+        self.best_evaluation: FitEvaluation | None = None
         self.first = 0.0
         self.last = np.zeros(0)
         self.rough = False
@@ -396,6 +397,9 @@ class _Tried:
         if time.perf_counter() > self.until and np.isfinite(self.best_cost):
             self.late = True
             raise _Late
+        whole = noise == 1.0 and step_s is None
+        if whole and self.best_evaluation is not None and np.array_equal(u, self.best):
+            return self.best_evaluation
         before = self.fit.evaluations
         try:
             evaluation = self.fit.evaluate(u, derivatives=derivatives, noise=noise, step_s=step_s)
@@ -408,9 +412,10 @@ class _Tried:
             self.interrupted = True
             raise
         self.count += self.fit.evaluations - before
-        if noise == 1.0 and step_s is None and evaluation.cost < self.best_cost:
+        if whole and evaluation.cost < self.best_cost:
             self.best = np.array(u)
             self.best_cost = evaluation.cost
+            self.best_evaluation = evaluation if derivatives else None
         if self.progress:
             self.progress(self.count, self.best_cost)
         return evaluation
@@ -434,11 +439,13 @@ def _descend(
     step_s: float | None = None,
     tolerance: float | None = None,
     most: int | None = None,
+    ends: Sequence[np.ndarray] = (),
 ) -> tuple[bool, str]:
     """Gauss-Newton in a box as trust region (Conn, Gould & Toint 2000, Trust-Region Methods, ch.
     6), within the bounds; whether it converged, and how it ended. Leaves the last point in
     `tried.last`. At a kink of the cost a step is promised that is not to be had: there the region
-    shrinks until no step is left."""
+    shrinks until no step is left. It is over, too, where it meets one of the `ends` (P,) of
+    others."""
     fit, (low, high) = tried.fit, tried.fit.parameters.bounds
     tolerance = tolerance or fit.joint.tolerance
     most = most or fit.joint.iterations
@@ -466,6 +473,8 @@ def _descend(
                 radius = min(2.0 * radius, LARGEST_RADIUS)
             tried.last = u = np.clip(u + s, low, high)
             here = there
+            if any(_met(u, end) for end in ends):
+                return True, "it met another search"
         else:
             radius = (0.1 if there is None else 0.25) * size
         if radius < SMALLEST_RADIUS:

@@ -7,8 +7,6 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import write_text
 from vsf_drake.base.sentences import say
@@ -110,9 +108,11 @@ def write_fit(table: FitTable, out: Path, *, contact: FittedContact | None = Non
     ]
 
     def more(folder: Path, _: object) -> None:
-        write_text(folder / PAGE, fit_page(table, figures))
-        for name, figure in figures.items():
-            save_figure(figure, folder / name)
+        images = {
+            name: save_figure(figure, folder / name)[0].read_bytes()
+            for name, figure in figures.items()
+        }
+        write_text(folder / PAGE, fit_page(table, images))
         if contact is not None:
             save_contact(contact, folder / CONTACT)
 
@@ -124,8 +124,9 @@ def write_fit(table: FitTable, out: Path, *, contact: FittedContact | None = Non
 # The page, and numbers of the table as text: in the units that people use.
 
 
-def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
-    """The page as HTML; figures as `fit_figures` makes them of the same table."""
+def fit_page(table: FitTable, figures: Mapping[str, bytes]) -> str:
+    """The page as HTML; figures are the PNG of those that `fit_figures` makes of the same
+    table."""
     judged = [trial for trial in table.trials if trial.score is not None]
     columns = told_columns(judged) if judged else [0, 1, 2]
     kind = "Contact fit" if table.strategy == "joint" else "Contact fit by the paper's procedure"

@@ -33,6 +33,7 @@ import operator
 import reprlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -260,14 +261,25 @@ def perturbation_variables(
             where="perturbations",
             right="Give a list, also for one perturbation",
         )
-    variables: dict[str, Variable] = {}
-    step = min(_RATE_STEP_S, (moments[-1] - moments[0]) / 4.0)
     for i, perturbation in enumerate(perturbations):
         if not isinstance(perturbation, MotionPerturbation):
             raise InputError(
                 f"is a {type(perturbation).__name__}, no MotionPerturbation",
                 where=f"perturbations[{i}]",
             )
+    return _perturbation_variables(tuple(perturbations), tuple(prescribed), moments.tobytes())
+
+
+@lru_cache(maxsize=16)
+def _perturbation_variables(
+    perturbations: tuple[MotionPerturbation, ...], prescribed: tuple[str, ...], instants: bytes
+) -> dict[str, Variable]:
+    """The same of perturbations, worked out once for the many walks of a search; the caller leaves
+    it as it is."""
+    moments = np.frombuffer(instants)
+    variables: dict[str, Variable] = {}
+    step = min(_RATE_STEP_S, (moments[-1] - moments[0]) / 4.0)
+    for i, perturbation in enumerate(perturbations):
         if not isinstance(perturbation.name, str) or not perturbation.name.strip():
             raise InputError(f"{perturbation.name!r} is no name", where=f"perturbations[{i}].name")
         name = f"perturbation.{perturbation.name}"

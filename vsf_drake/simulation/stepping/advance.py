@@ -12,9 +12,10 @@ from vsf_drake.laws.compiled import compiled, internal, part
 from vsf_drake.laws.lanes import every, first, lanes, negated, select, some
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
 from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
+from vsf_drake.simulation.stepping.linearise import linearise
 from vsf_drake.simulation.stepping.newton import EXACT, copy, step, tangent_matrix
 from vsf_drake.simulation.stepping.runs import Torques
-from vsf_drake.simulation.stepping.sensitivity import Carried, carry, linearise, write_state
+from vsf_drake.simulation.stepping.sensitivity import Carried, carry, write_state
 from vsf_drake.simulation.stepping.tree import TreeArrays
 
 POSE = 30
@@ -213,8 +214,8 @@ def _advance(
     diverged.
 
     rows (motions, steps, size) hold what is known ahead of each step, and motion_of (walks,) which
-    motion is a walk's, unless everything is worked out `live`: then the sensitivities, for which
-    one walk has `directions` and `tangent`, are `carried` along.
+    motion is a walk's, unless everything is worked out `live`. Of one walk with `directions` of
+    parameters the sensitivities are `carried` along.
     """
     for k in range(begin, last):
         running = (state.steps[0] > k) & (state.failed[0] < 0.0)
@@ -278,7 +279,12 @@ def _advance(
                 for c in range(total.shape[0]):
                     state.q[c] = select(back, state.q0[c], state.q[c])
                     state.v[c] = select(back, state.v0[c], state.v[c])
-            if directions is not None and tangent is not None and live and some(accepted):
+            if (
+                directions is not None
+                and tangent is not None
+                and directions.unit.shape[1] > 0
+                and some(accepted)
+            ):
                 tangent_matrix(h, tree, forces, dofs, workspace, EXACT)
                 linearise(h, tree, forces, dofs, directions, workspace, tangent, state.q0, state.v)
                 carry(h, k, end, share, dofs, directions, workspace.A, tangent, carried)

@@ -10,6 +10,7 @@ the same holds for their tangents (6, 6).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -340,8 +341,8 @@ class FreePrescribed(NamedTuple):
     moving: np.ndarray  # links whose body one moves, parents first
     still: np.ndarray  # the other links
     base: np.ndarray
-    """(k,) bodies that no free coordinate moves, and that a moving one hangs on, a site is on or
-    the support acts on"""
+    """(k,) bodies that no free coordinate moves, and that a moving one hangs on, a site is on, the
+    support acts on, or that were asked for"""
     carried: np.ndarray
     """(n, k) whether the coordinate is one of `still` and carries that body"""
 
@@ -374,8 +375,11 @@ class Workspace(NamedTuple):
     tolerance: float  # a step has converged when sqrt(r^T M^-1 r) is below it, in sqrt(kg) m/s
 
 
-def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> FreePrescribed:
-    """The split for `prescribed` coordinates."""
+def split_coordinates(
+    tree: Tree, forces: Forces, prescribed: np.ndarray, asked: Sequence[int] = ()
+) -> FreePrescribed:
+    """The split for `prescribed` coordinates; `base` has those bodies that are `asked` for too, as
+    far as no free coordinate moves them."""
     free = np.setdiff1d(np.arange(tree.num_coordinates), prescribed)
     above, counts = rb.chains(tree, free)
     place_of = np.full(tree.num_coordinates, -1)
@@ -387,6 +391,7 @@ def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Fre
             forces.site_bodies,
             forces.keel_bodies,
             [forces.frame_body],
+            np.array(asked, dtype=np.int64),
         ]
     )
     base = np.unique(on[~moves[on]])

@@ -101,12 +101,15 @@ class Block:
         self.tree = together([tree_arrays(run.mechanism.tree) for run in filled])
         self.forces = together([run.mechanism.forces for run in filled])
         prescribed = np.asarray(runs[0].inputs.prescribed, dtype=np.int64)
-        self.dofs = assembly.split_coordinates(of_first.tree, of_first.forces, prescribed)
+        relative_to = () if forward is None else forward.relative_to(of_first.tree)
+        self.dofs = assembly.split_coordinates(
+            of_first.tree, of_first.forces, prescribed, relative_to
+        )
         self.workspace = assembly.step_workspace(
             of_first.tree, of_first.forces, self.dofs, tolerance, zeros
         )
         self.drive = together([_drive_of(run.inputs, steps) for run in filled])
-        self.live = forward is not None
+        self.live = forward is not None and forward.loads
         still = int(np.sum(self.dofs.carried.any(axis=1)))
         size = POSE * len(self.dofs.base) + 7 * still
         numbers = side_by_side((size,)) if walks else np.zeros((size, 1))

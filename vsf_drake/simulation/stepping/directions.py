@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,6 +39,9 @@ class TangentDirections(NamedTuple):
     """(r, C) whether it carries the row's coordinate (or is it), is carried by it, or neither"""
     unit: np.ndarray
     """(C, P) displacement by a unit of each parameter at the start, 0 for free coordinates"""
+    displaced_start: np.ndarray
+    """(blocks + 1,) of each WIDTH parameters their entries in the next one"""
+    displaced: np.ndarray  # prescribed directions that any of these displaces
     perturbation_direction: np.ndarray
     """(K,) which direction a perturbation displaces, and which parameter it is"""
     perturbation_parameter: np.ndarray
@@ -127,11 +130,17 @@ def make_directions(
     rows = np.concatenate([dofs.free, dofs.prescribed]) if loads else dofs.free
     joints = tree.coordinate_bodies[rows]
     perturbed = {p: one for p, one in enumerate(tangents) if one.perturbation is not None}
+    perturbation_direction = np.array(
+        [direction_of[tree.index(one.coordinate or "")] for one in perturbed.values()],
+        dtype=np.int64,
+    )
+    perturbation_parameter = np.array(list(perturbed), dtype=np.int64)
+    displaces = np.zeros((len(unit), filled_up(len(tangents))), dtype=bool)
+    displaces[:, : len(tangents)] = unit != 0.0
+    displaces[perturbation_direction, perturbation_parameter] = True
+    by_block = displaces[len(dofs.free) :].reshape(-1, displaces.shape[1] // WIDTH, WIDTH)
+    block, displaced = _where(np.asarray(by_block.any(axis=2)).T)
     slide = np.array([by_unit.fulcrum_shift for by_unit in tangents])
-    sites = _stacked([by_unit.sites for by_unit in tangents], forces.sites.shape)
-    site, site_parameter, site_column = _where(sites.transpose(1, 0, 2))
-    springs = _stacked([by_unit.springs for by_unit in tangents], forces.springs.shape)
-    spring_parameter, spring_row = _where(np.asarray(springs.any(axis=2)))
     return TangentDirections(
         coordinate=np.maximum(coordinate, -1),
         body=body,
@@ -144,11 +153,10 @@ def make_directions(
             INBOARD,
             np.where(carriers[body][:, joints].T, OUTBOARD, UNRELATED),
         ),
-        perturbation_direction=np.array(
-            [direction_of[tree.index(one.coordinate or "")] for one in perturbed.values()],
-            dtype=np.int64,
-        ),
-        perturbation_parameter=np.array(list(perturbed), dtype=np.int64),
+        displaced_start=np.searchsorted(block, np.arange(by_block.shape[1] + 1)),
+        displaced=displaced + len(dofs.free),
+        perturbation_direction=perturbation_direction,
+        perturbation_parameter=perturbation_parameter,
         path=np.ascontiguousarray(
             np.array([one.perturbation for one in perturbed.values()], dtype=float).T
         )
@@ -157,16 +165,30 @@ def make_directions(
         path_rate=np.array([one.perturbation_rate for one in perturbed.values()], dtype=float),
         slide=slide,
         slides=bool(slide.any()),
-        site_start=np.searchsorted(site, np.arange(len(forces.sites) + 1)),
-        site_parameter=site_parameter,
-        site_column=site_column,
-        site_unit=sites[site_parameter, site, site_column],
-        spring_parameter=spring_parameter,
-        spring_row=spring_row,
-        spring_unit=springs[spring_parameter, spring_row, :3],
+        **_entries(tuple(tangents), forces.sites.shape, forces.springs.shape),
         support=_stacked([by_unit.fulcrum for by_unit in tangents], (2,)),
         measured=np.asarray(measured, dtype=np.bool_),
     )
+
+
+@lru_cache(maxsize=8)
+def _entries(
+    tangents: tuple[ParameterTangent, ...], of_sites: tuple[int, ...], of_springs: tuple[int, ...]
+) -> dict[str, np.ndarray]:
+    """What of the fields of `TangentDirections` sites and springs, arrays of these shapes, give."""
+    sites = _stacked([by_unit.sites for by_unit in tangents], of_sites)
+    site, site_parameter, site_column = _where(sites.transpose(1, 0, 2))
+    springs = _stacked([by_unit.springs for by_unit in tangents], of_springs)
+    spring_parameter, spring_row = _where(np.asarray(springs.any(axis=2)))
+    return {
+        "site_start": np.searchsorted(site, np.arange(of_sites[0] + 1)),
+        "site_parameter": site_parameter,
+        "site_column": site_column,
+        "site_unit": sites[site_parameter, site, site_column],
+        "spring_parameter": spring_parameter,
+        "spring_row": spring_row,
+        "spring_unit": springs[spring_parameter, spring_row, :3],
+    }
 
 
 def _carriers(tree: Tree) -> tuple[np.ndarray, np.ndarray]:
