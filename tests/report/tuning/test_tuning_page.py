@@ -322,7 +322,11 @@ def test_setting_interval_and_savings_are_those_of_the_parabola():
     assert "another recorded one (108 mm, within the interval: not told apart)" in words
     assert "% MORE than at the recorded setting (108 mm" in said(recorded_mm=(108.0,), cost=2.5)
     end = said(fulcrum_mm=66.0, cost=float(cost_of(66.0)), at_bound=("fulcrum",))
-    assert "It is the softest setting itself." in end
+    apart = "itself; no setting within the interval is told apart from it."
+    assert f"It is the softest setting {apart}" in end
+    one = (66.0, 66.0)
+    alone = said(fulcrum_mm=66.0, cost=float(cost_of(66.0)), fulcrum_interval_mm=one)
+    assert "It is the softest setting itself." in alone
     assert end.startswith(
         "THE RANGE DECIDES, not the cost: at the optimum fulcrum is at an end of its range"
     )
