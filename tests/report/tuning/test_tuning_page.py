@@ -368,8 +368,8 @@ def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
     held = made_table(sweep=sweep, terms=terms, recorded_mm=())
     words = " ".join(answer(held))
     assert words.startswith(
-        "THE DATA DO NOT DECIDE THIS SETTING. By itself the cost (load of the intact knee) is "
-        "least at 66.0 mm, the "
+        "THE DATA DO NOT DECIDE THIS SETTING. Of the settings swept, the cost by itself (load of "
+        "the intact knee) is least at 66.0 mm, the "
         "softest setting; at 104.2 mm it is 3.8 % more. What puts the optimum at 104.2 mm is "
         '"change of the force", a '
         "term that holds"
