@@ -8,6 +8,7 @@ import pytest
 from collocation_problems import Outputs, chain
 from scipy.linalg import null_space
 
+from vsf_drake.collocation.pattern import SOFT
 from vsf_drake.collocation.problem import (
     Convex,
     Design,
@@ -22,7 +23,6 @@ from vsf_drake.collocation.scaled import Scaled
 from vsf_drake.collocation.solution import Start
 from vsf_drake.collocation.sqp import solve, stiffened, with_curvature
 from vsf_drake.collocation.step import (
-    SOFT,
     Kkt,
     box_minimum,
     find_step,
@@ -268,14 +268,15 @@ def swing(intervals=12):
 
     def outputs(z, p):
         q, v, a, torque = z.T
+        off = q - np.resize(aim, len(q))
         by_z, by_p = np.zeros((len(z), 2, 4)), np.zeros((len(z), 2, 1))
         by_z[:, 0] = np.stack([9.81 * np.cos(q) + p[0], 0.3 + 0 * q, 1 + 0 * q, -1 + 0 * q], axis=1)
-        by_z[:, 1, 0], by_z[:, 1, 3], by_p[:, 0, 0] = 300.0 * np.sin(q - aim), torque, q
+        by_z[:, 1, 0], by_z[:, 1, 3], by_p[:, 0, 0] = 300.0 * np.sin(off), torque, q
         return (
             np.stack(
                 [
                     a + 9.81 * np.sin(q) + 0.3 * v + p[0] * q - torque,
-                    0.5 * torque**2 + 300.0 * (1.0 - np.cos(q - aim)),
+                    0.5 * torque**2 + 300.0 * (1.0 - np.cos(off)),
                 ],
                 axis=1,
             ),

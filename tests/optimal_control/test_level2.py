@@ -92,6 +92,18 @@ def test_a_stride_begins_in_balance_and_its_derivatives_equal_central_difference
     )
 
 
+def test_trajectories_one_below_the_other_have_the_derivatives_of_each_alone(stride):
+    """To the bit, each instant with its own centre of pressure."""
+    start = stride.start(stride.own_m / MM)
+    rng = np.random.default_rng(4)
+    shape = (3, *start.z.shape)
+    each = start.z + 1e-3 * rng.standard_normal(shape)
+    together = stride.function.linearise(np.concatenate(each), start.p)
+    alone = zip(*(stride.function.linearise(z, start.p) for z in each), strict=True)
+    for found, wanted in zip(together, alone, strict=True):
+        assert np.array_equal(found, np.concatenate(wanted))
+
+
 def test_a_stride_that_takes_longer_is_the_same_curve_with_slower_rates_at_the_recorded_speed(
     tuning, stride
 ):

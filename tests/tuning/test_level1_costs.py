@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from vsf_drake.motion.events import Stance
+from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass
+from vsf_drake.simulation.walk import Walker
 from vsf_drake.tuning.common import Checks
 from vsf_drake.tuning.costs import (
     CONSISTENCY,
@@ -21,7 +23,8 @@ from vsf_drake.tuning.costs import (
     value_of,
     walk_terms,
 )
-from vsf_drake.tuning.options import TuningOptions
+from vsf_drake.tuning.options import DesignVariable, TuningOptions
+from vsf_drake.tuning.problem import TrialTuning
 from vsf_drake.tuning.quantities import GIVEN_TERMS
 
 N, STEP, MASS, LEG = 1000, 1e-3, 80.0, 0.9
@@ -190,3 +193,36 @@ def test_labels_of_the_joints_work_tell_the_efficiencies_by_which_it_counts():
         ("negative_work", NEGATIVE_EFFICIENCY),
     ):
         assert GIVEN_TERMS[name].label.endswith(f"/ {efficiency:g}")
+
+
+def test_moments_of_the_ground_are_about_the_origin_wherever_the_floor_is(tuned_trials):
+    """Against the sum of p x F over the spheres, at their lowest points; and a floor that is raised
+    together with the motion gives the same push-off, whose shank moves past another place."""
+    trial = tuned_trials["medium_2"]
+    high = 0.3
+    names = trial.trajectory.names
+    values = trial.trajectory.values.copy()
+    values[:, names.index("pelvis_ty")] += high
+    motion = CoordinateTrajectory(trial.trajectory.time_s, values, names)
+    raised = dataclasses.replace(trial, trajectory=motion)
+    walker = Walker(trial.subject, trial.model)
+    for forces in walker.gait.forces.values():
+        forces.SetParameters(forces.GetMyContextFromRoot(walker.context), ground_height=high)
+    design, options = (DesignVariable("fulcrum", "", "mm", 66.0, 151.0, np.nan),), TuningOptions()
+    level = TrialTuning(Walker(trial.subject, trial.model), trial, "level", design, options)
+    tuning = TrialTuning(walker, raised, "raised", design, options)
+    one, other = (part.at(part.own, step_s=2e-3, derivatives=True) for part in (level, tuning))
+
+    record = other.walk.record
+    x, y, depth, fx, fy, fz = (
+        record.site(name)[:, : other.walk.spheres]
+        for name in ("x", "y", "depth", "friction_x", "friction_y", "normal_force")
+    )
+    z = high - depth
+    moment = np.stack([y * fz - z * fy, z * fx - x * fz, x * fy - y * fx], axis=2).sum(axis=1)
+    wanted = low_pass(moment, rate_hz=1.0 / other.walk.step_s, cutoff_hz=options.cutoff_hz)
+    assert np.abs(other.loads.ground[:, :3, 0] - wanted).max() < 1e-6
+    assert np.abs(wanted).max() > 100.0
+    assert one.terms["push_off"]["push_off_work"] == pytest.approx(
+        other.terms["push_off"]["push_off_work"], rel=1e-6
+    ), "and its derivative by the fulcrum"

@@ -186,7 +186,8 @@ class Grid:
 class InstantFunction(Protocol):
     """Outputs (m) of every instant as functions of its Z variables and of P design parameters.
 
-    Row i of z is instant i, for which the function may hold data of its own. A point that it cannot
+    Row i of z is instant i, for which the function may hold data of its own. `linearise` may be
+    given the instants several times over, one trajectory below the other. A point that it cannot
     evaluate has outputs that are not finite.
     """
 
@@ -195,7 +196,8 @@ class InstantFunction(Protocol):
         ...
 
     def linearise(self, z: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """y (N, m) and its derivatives by z (N, m, Z) and by p (N, m, P)."""
+        """y (r N, m) at z (r N, Z), p (P,), and its derivatives by z (r N, m, Z) and by p
+        (r N, m, P)."""
         ...
 
 

@@ -8,11 +8,13 @@ parameters, E equations and C limited outputs of an instant, L linear equations.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.collocation.pattern import KktPattern
 from vsf_drake.collocation.problem import TrajectoryProblem
 
 
@@ -84,6 +86,11 @@ class Scaled:
         self.row_scale = np.maximum(abs(wide).max(axis=1).toarray().ravel(), 1e-300)
         self.matrix = (sp.diags(1.0 / self.row_scale) @ wide).tocsr()
         self.right = right / self.row_scale
+
+    @cached_property
+    def pattern(self) -> KktPattern:
+        """Of the KKT matrices of all steps."""
+        return KktPattern(self.shape, self.parameters, self.equations, self.matrix)
 
     def scaled(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:
         """x, within the bounds."""
@@ -170,12 +177,16 @@ class Scaled:
         )
 
     def outputs(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """y (N, m) unscaled, and its derivatives (N, m, Z) and (N, m, P) by the scaled
-        variables."""
-        self.evaluations += 1
+        """y (N, m) unscaled, and its derivatives (N, m, Z) and (N, m, P) by the scaled variables;
+        of r points (r, N Z + P) that share p, (r N, ...) one below the other."""
+        points = np.atleast_2d(x) * self.x_scale
+        self.evaluations += len(points)
         with np.errstate(all="ignore"):
-            y, by_z, by_p = self.problem.function.linearise(*self.unscaled(x))
-            return y, by_z * self.problem.z_scale[:, None, :], by_p * self.problem.p_scale
+            y, by_z, by_p = self.problem.function.linearise(
+                points[:, : self.count].reshape(-1, self.shape[1]), points[0, self.count :]
+            )
+            z_scale = np.tile(self.problem.z_scale, (len(points), 1))
+            return y, by_z * z_scale[:, None, :], by_p * self.problem.p_scale
 
     def instant_terms(self, y: np.ndarray) -> dict[str, np.ndarray]:
         """(N,) what each instant adds to the cost's terms, by name, unscaled."""

@@ -370,6 +370,7 @@ class _SqpSearch:
 
 # of the scaled variables, for forward differences of derivatives that are exact to rounding
 DIFFERENCE = 1e-6
+TOGETHER = 4  # columns worked out at once: what they take together stays in the processor's caches
 STIFF = 10.0  # how much stiffer than the stiffest variable a bound or limit is that presses
 
 
@@ -391,23 +392,32 @@ def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
     np.add.at(forces.T, scaled.which, (multipliers / y_scale[scaled.which]).T)
 
     def pulled(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(N, Z) and (N, P): forces times the derivatives of the outputs at x."""
-        _, by_z, by_p = scaled.outputs(x)
-        return np.matmul(forces[:, None, :], by_z)[:, 0], np.matmul(forces[:, None, :], by_p)[:, 0]
+        """(r, N, Z) and (r, N, P): forces times the derivatives of the outputs at r points x."""
+        _, *slopes = scaled.outputs(x)
+        points = len(np.atleast_2d(x))
+        by_z, by_p = (
+            np.matmul(forces[:, None, :], by.reshape(points, *at.y.shape, by.shape[2]))[:, :, 0]
+            for by in slopes
+        )
+        return by_z, by_p
 
-    # Columns of the second derivatives, by z of all instants at once, then by p; their asymmetry is
-    # rounding.
-    base_z, base_p = pulled(at.x)
+    # Columns of the second derivatives, by z of all instants at once, then by p, but for those that
+    # are fixed; their asymmetry is rounding.
+    (base_z,), (base_p,) = pulled(at.x)
     own, mixed, shared = (part.copy() for part in at.hessian)
     rest = np.zeros_like(own)
-    for column in range(scaled.shape[1]):
-        moved = at.x.copy()
-        moved[column : scaled.count : scaled.shape[1]] += DIFFERENCE
-        rest[:, :, column] = (pulled(moved)[0] - base_z) / DIFFERENCE
-    for column in range(scaled.parameters):
+    fixed_z, fixed_p = scaled.split(scaled.fixed)
+    varied = np.flatnonzero(~fixed_z.all(axis=0))
+    for first in range(0, len(varied), TOGETHER):
+        columns = varied[first : first + TOGETHER]
+        moved = np.tile(at.x, (len(columns), 1))
+        for row, column in enumerate(columns):
+            moved[row, column : scaled.count : scaled.shape[1]] += DIFFERENCE
+        rest[:, :, columns] = np.moveaxis((pulled(moved)[0] - base_z) / DIFFERENCE, 0, 2)
+    for column in np.flatnonzero(~fixed_p):
         moved = at.x.copy()
         moved[scaled.count + column] += DIFFERENCE
-        by_z, by_p = pulled(moved)
+        (by_z,), (by_p,) = pulled(moved)
         mixed[:, :, column] += (by_z - base_z) / DIFFERENCE
         shared[:, column] += (by_p - base_p).sum(axis=0) / DIFFERENCE
     hessian = own + 0.5 * (rest + rest.transpose(0, 2, 1)), mixed, 0.5 * (shared + shared.T)

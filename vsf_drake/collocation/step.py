@@ -12,14 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.sparse.linalg import splu
 
 from vsf_drake.collocation.scaled import Linearised, Scaled
 
-# e: keeps dependent equations from making the matrix singular; what it changes is refined away
-SOFT = 1e-10
 REFINEMENTS, POOR = 5, 1e-10
 """Most rounds of refinement, and the relative residual above which diagonal pivots have failed."""
 ROUNDS = 40
@@ -34,12 +31,11 @@ class Kkt:
         [ H + D   A' ] [ step        ]   [ a ]
         [ A      -e  ] [ multipliers ] = [ b ]    A: linear equations, then the instants' equations
 
-    H is one block an instant, A couples neighbours, and only the few parameters touch all. The
-    unknowns are therefore eliminated instant by instant: its variables, the linear equations that
-    end there, its equations; parameters last. As H + D is positive and -e negative (quasi-definite,
-    Vanderbei 1995), pivots may stay on the diagonal, and their signs are the matrix's inertia;
-    iterative refinement with e = 0 makes up for what that costs in accuracy. Where it does not
-    (hardly any cost or damping, equations without derivatives), rows are exchanged after all.
+    The unknowns are eliminated instant by instant (`pattern`). As H + D is positive and -e negative
+    (quasi-definite, Vanderbei 1995), pivots may stay on the diagonal, and their signs are the
+    matrix's inertia; iterative refinement with e = 0 makes up for what that costs in accuracy.
+    Where it does not (hardly any cost or damping, equations without derivatives), rows are
+    exchanged after all.
 
     Args:
         at: the linearisation. damping: D (N Z + P,) of the scaled variables.
@@ -48,39 +44,30 @@ class Kkt:
     def __init__(self, scaled: Scaled, at: Linearised, damping: np.ndarray) -> None:
         self.scaled = scaled
         self.at = at
+        pattern = scaled.pattern
+        self.size = pattern.size
+        self.order = pattern.order
         self.variables = len(at.x)
-
-        # H + D: a block an instant, bordered by the parameters' rows and columns.
-        own, mixed, shared = at.hessian
-        border = sp.csr_matrix(mixed.reshape(scaled.count, scaled.parameters))
-        curved = sp.bmat([[_diagonal(own), border], [border.T, sp.csr_matrix(shared)]]) + sp.diags(
-            damping
-        )
-
-        # A: collocation, in which parameters have no part, above the instants' equations.
-        by_p = at.by_p[:, : scaled.equations].reshape(at.equations.size, scaled.parameters)
-        conditions = sp.bmat(
-            [
-                [scaled.matrix, sp.csr_matrix((len(at.linear), scaled.parameters))],
-                [_diagonal(at.by_z[:, : scaled.equations]), sp.csr_matrix(by_p)],
-            ]
-        )
 
         # Fixed variables keep their place, with a row of the identity: their step is what the right
         # side says, 0.
         self.free = np.where(scaled.fixed, 0.0, 1.0)
-        free = sp.diags(self.free)
-        conditions = conditions @ free
-        self.matrix = sp.bmat(
-            [[free @ curved @ free + sp.diags(1.0 - self.free), conditions.T], [conditions, None]],
-            format="csr",
+        free_z, free_p = scaled.split(self.free)
+        damping_z, damping_p = scaled.split(np.where(scaled.fixed, 1.0, damping))
+        own, mixed, shared = at.hessian
+        own = own * free_z[:, :, None] * free_z[:, None, :]
+        shared = shared * free_p[:, None] * free_p
+        z = np.arange(scaled.shape[1])
+        p = np.arange(scaled.parameters)
+        own[:, z, z] += damping_z
+        shared[p, p] += damping_p
+        self.matrix, self._whole = pattern.assembled(
+            (own, mixed * free_z[:, :, None] * free_p, shared),
+            scaled.matrix.data * self.free[scaled.matrix.indices],
+            at.by_z[:, : scaled.equations] * free_z[:, None, :],
+            at.by_p[:, : scaled.equations] * free_p,
         )
-
-        # What is factorised has -e below, and its unknowns in the order of elimination.
-        self.size = self.matrix.shape[0]
-        self.order = _order(scaled)
-        soft = np.concatenate([np.zeros(self.variables), np.full(self.size - self.variables, SOFT)])
-        self._whole = (self.matrix - sp.diags(soft)).tocsr()[self.order][:, self.order].tocsc()
+        self._largest = max(1.0, np.abs(self.matrix.data).max(initial=0.0))
         self._is_exchanged = False
         try:
             self._factors = splu(self._whole, permc_spec="NATURAL", diag_pivot_thresh=0.0)
@@ -120,38 +107,11 @@ class Kkt:
             off = left
 
         # Backward error: a residual that is small beside |b| + |A| |x| is rounding.
-        usual = np.abs(right).max() + max(1.0, abs(self.matrix).max()) * np.abs(unknowns).max()
+        usual = np.abs(right).max() + self._largest * np.abs(unknowns).max()
         if self._is_exchanged or np.abs(off).max() <= POOR * usual:
             return unknowns
         self._exchange()
         return self.solve(right)
-
-
-def _diagonal(blocks: np.ndarray) -> sp.csr_matrix:
-    count, high, wide = blocks.shape
-    columns = wide * np.repeat(np.arange(count), high)[:, None] + np.arange(wide)
-    return sp.csr_matrix(
-        (blocks.ravel(), columns.ravel(), wide * np.arange(count * high + 1)),
-        shape=(count * high, count * wide),
-    )
-
-
-def _order(scaled: Scaled) -> np.ndarray:
-    """Unknowns in the order of their elimination."""
-    count, size = scaled.shape
-    touched = scaled.matrix.tocoo()
-    last = np.zeros(scaled.matrix.shape[0], dtype=int)  # instant at which a linear equation ends
-    np.maximum.at(last, touched.row, touched.col // size)
-    instants = np.arange(count)
-    place = np.concatenate(
-        [
-            np.repeat(instants, size),
-            np.full(scaled.parameters, count),
-            last,
-            np.repeat(instants, scaled.equations),
-        ]
-    )
-    return np.argsort(place, kind="stable")
 
 
 @dataclass(frozen=True, eq=False)

@@ -226,7 +226,7 @@ class StrideFunction:
         size = layout.size
         n = layout.n
         whole = self._whole(y, q, v, z, pace)
-        moments_by = [by[my] + x * by[fz] for my, fz, x in self._feet]
+        moments_by = [by[my] + np.resize(x, len(z)) * by[fz] for my, fz, x in self._feet]
         by = np.concatenate([by, np.stack(moments_by), self._activation_by(y, by, q, v)]).transpose(
             2, 0, 1
         )
@@ -249,7 +249,7 @@ class StrideFunction:
     def _whole(
         self, y: np.ndarray, q: np.ndarray, v: np.ndarray, z: np.ndarray, pace: float
     ) -> np.ndarray:
-        moments = [y[my] + x * y[fz] for my, fz, x in self._feet]
+        moments = [y[my] + np.resize(x, len(z)) * y[fz] for my, fz, x in self._feet]
         active = self.muscles.activation(y[self._torques], q[self._moved], v[self._moved])
         return np.concatenate(
             [

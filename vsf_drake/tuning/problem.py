@@ -90,12 +90,18 @@ class TrialTuning:
         return SettingOutcome(costs.walk_terms(frame, loads, self.options), walk, loads, frame)
 
     def at_each(
-        self, settings: np.ndarray, *, step_s: float, base: Mapping[str, float] | None = None
+        self,
+        settings: np.ndarray,
+        *,
+        step_s: float,
+        base: Mapping[str, float] | None = None,
+        sites: bool = False,
     ) -> Iterator[SettingOutcome | SimulationError]:
-        """`at` each of the settings (m, P), without derivatives, or why it fails."""
+        """`at` each of the settings (m, P), without derivatives, or why it fails; `sites` as of
+        `Walker.walk_many`."""
         frame = self.frame(step_s, base)
         requests = [self._request(x, step_s, base or {})[0] for x in settings]
-        for walk in self.walker.walk_each(requests):
+        for walk in self.walker.walk_each(requests, sites=sites):
             if isinstance(walk, Walk):
                 loads = self._loads(walk, None)
                 terms = costs.walk_terms(frame, loads, self.options)

@@ -127,7 +127,12 @@ def sweep(
         i, own = job
         part = tuning.parts[i]
         results: list[tuple[dict[str, dict[str, float]], bool] | str] = []
-        found = part.at_each(settings[i, own.start : own.stop], step_s=step_s, base=base)
+        found = part.at_each(
+            settings[i, own.start : own.stop],
+            step_s=step_s,
+            base=base,
+            sites=energies_every > 0,
+        )
         for j, walk in zip(own, found, strict=True):
             if isinstance(walk, SimulationError):
                 results.append(f"{part.label} at {settings[i, j][0]:g} mm: {walk}")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -183,14 +184,24 @@ class TuningTable:
     def swept(self, part: str = "", name: str = "") -> tuple[np.ndarray, np.ndarray]:
         """Positions (s,) in mm, rising, and the cost (s,) at each, of the points of the sweep where
         it is known; or one of the "terms" or "outcomes" (`part`)."""
-        values = [getattr(point, part).get(name) if part else point.cost for point in self.sweep]
-        known = sorted(
-            (point.fulcrum_mm, value)
-            for point, value in zip(self.sweep, values, strict=True)
-            if value is not None
-        )
-        table = np.array(known, dtype=float).reshape(-1, 2)
-        return table[:, 0], table[:, 1]
+        if (part, name) not in self._swept:
+            values = [
+                getattr(point, part).get(name) if part else point.cost for point in self.sweep
+            ]
+            known = sorted(
+                (point.fulcrum_mm, value)
+                for point, value in zip(self.sweep, values, strict=True)
+                if value is not None
+            )
+            table = np.array(known, dtype=float).reshape(-1, 2)
+            table.flags.writeable = False  # it is everybody's
+            self._swept[part, name] = table[:, 0], table[:, 1]
+        return self._swept[part, name]
+
+    @cached_property
+    def _swept(self) -> dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]:
+        """What `swept` found, which is asked for at every point of the sweep."""
+        return {}
 
     def cost_at(self, fulcrum_mm: float) -> float | None:
         """As found at the recorded setting, else by straight lines between points of the sweep;
@@ -230,6 +241,12 @@ class TuningTable:
             return ""
         low, high = self.fulcrum_interval_mm
         return f"{math.floor(low + ROUND_MM):d} to {math.ceil(high - ROUND_MM):d} mm"
+
+    @property
+    def interval_wide(self) -> bool:
+        """Whether the interval holds more settings than one, as they are shown."""
+        low, high = self.fulcrum_interval_mm or (0.0, 0.0)
+        return high - low > ROUND_MM
 
     @property
     def cost_says(self) -> str:

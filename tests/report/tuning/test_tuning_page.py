@@ -322,7 +322,11 @@ def test_setting_interval_and_savings_are_those_of_the_parabola():
     assert "another recorded one (108 mm, within the interval: not told apart)" in words
     assert "% MORE than at the recorded setting (108 mm" in said(recorded_mm=(108.0,), cost=2.5)
     end = said(fulcrum_mm=66.0, cost=float(cost_of(66.0)), at_bound=("fulcrum",))
-    assert "It is the softest setting itself." in end
+    apart = "itself; no setting within the interval is told apart from it."
+    assert f"It is the softest setting {apart}" in end
+    one = (66.0, 66.0)
+    alone = said(fulcrum_mm=66.0, cost=float(cost_of(66.0)), fulcrum_interval_mm=one)
+    assert "It is the softest setting itself." in alone
     assert end.startswith(
         "THE RANGE DECIDES, not the cost: at the optimum fulcrum is at an end of its range"
     )
@@ -364,8 +368,8 @@ def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
     held = made_table(sweep=sweep, terms=terms, recorded_mm=())
     words = " ".join(answer(held))
     assert words.startswith(
-        "THE DATA DO NOT DECIDE THIS SETTING. By itself the cost (load of the intact knee) is "
-        "least at 66.0 mm, the "
+        "THE DATA DO NOT DECIDE THIS SETTING. Of the settings swept, the cost by itself (load of "
+        "the intact knee) is least at 66.0 mm, the "
         "softest setting; at 104.2 mm it is 3.8 % more. What puts the optimum at 104.2 mm is "
         '"change of the force", a '
         "term that holds"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Mapping
-from functools import wraps
+from functools import cache, wraps
 from typing import Any
 
 import numpy as np
@@ -77,12 +77,14 @@ def _wrapped(title: str) -> str:
     lines = [title]
     for count in range(_LETTERS, 0, -1):
         lines = textwrap.wrap(title, count, break_on_hyphens=False)
-        if (
-            max(TextPath((0.0, 0.0), line, size=_TITLE_PT).get_extents().width for line in lines)
-            <= _TITLE_WIDE_PT
-        ):
+        if max(map(_width_pt, lines)) <= _TITLE_WIDE_PT:
             break
     return "\n".join(lines)
+
+
+@cache
+def _width_pt(line: str) -> float:
+    return float(TextPath((0.0, 0.0), line, size=_TITLE_PT).get_extents().width)
 
 
 def _colour(fulcrum_mm: float | None) -> Any:

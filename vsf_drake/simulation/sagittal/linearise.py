@@ -30,13 +30,10 @@ from vsf_drake.simulation.sagittal.model import (
     SagittalModel,
     Smoothing,
     Spheres,
-    Touch,
-    friction,
-    normal,
+    State,
     sole,
     spring_forces,
     tall,
-    touch,
     wrenches,
 )
 from vsf_drake.simulation.sagittal.planar_dynamics import (
@@ -92,16 +89,16 @@ def linearise(
     k = len(w)
     dynamics = model.dynamics
     at = _Columns(len(q), len(w), model.dynamics.link)
-    y = model.evaluate(q, v, a, w, u, p, smoothing)
+    state = model.state(q, v, a, w, u, p, smoothing)
+    y = model.outputs_of(state, v, w, u, p)
     by = np.zeros((len(y), at.thickness + 1, q.shape[1]))
 
     # The state that all share: twists, D and E of the joints, wrenches f that inertia takes less
     # those of the ground.
-    motion = model.motion(q, v, a, w, u, p)
+    motion = state.motion
     joints = _joints(dynamics, motion)
-    spheres = touch(model.spheres, motion, model.ground)
-    feet = ground_changes(model.spheres, model.feet, dynamics.carries, spheres, p[1], smoothing)
-    taken = dynamics.of_carried(dynamics.inertial(motion)) - feet[0].wrench - feet[1].wrench
+    feet = ground_changes(model.spheres, model.feet, dynamics.carries, state)
+    taken = dynamics.of_carried(state.taken) - feet[0].wrench - feet[1].wrench
 
     # Forces S . f in the joints: balance of pelvis, socket and keel, then torques; links in the
     # order of these rows.
@@ -149,9 +146,11 @@ def linearise(
     # Height of a sole, sum of part_s z_s: sphere s rises by z - x omega as a link that carries it
     # moves.
     for i, rows in enumerate(model.feet):
-        part = sole(spheres.depth[rows])[1]
+        part = sole(state.touch.depth[rows])[1]
         onto = dynamics.carries[:, model.spheres.link[rows]]
-        lift = np.stack([onto @ (-part * spheres.x[rows]), np.zeros_like(motion.x), onto @ part])
+        lift = np.stack(
+            [onto @ (-part * state.touch.x[rows]), np.zeros_like(motion.x), onto @ part]
+        )
         at.fill(by[soles + i : soles + i + 1], np.einsum("cln,cln->ln", lift, motion.S)[None])
     return y, by
 
@@ -358,12 +357,9 @@ def ground_changes(
     spheres: Spheres,
     feet: tuple[slice, slice],
     carries: np.ndarray,
-    at: Touch,
-    heel: np.ndarray,
-    smoothing: Smoothing,
+    state: State,
 ) -> list[GroundChange]:
-    """Of each of the feet; `carries` (L, L) says which link carries which, `heel` (N,) scales the
-    stiffness there.
+    """Of each of the feet; `carries` (L, L) says which link carries which.
 
     Of a sphere: fz(depth, rate), fx = -mu(slip) fz, my = z fx - x fz at the lowest point (x, z), so
     that
@@ -374,12 +370,13 @@ def ground_changes(
     A turn of the link shifts that point by (z of the centre, -x): it stays straight under the
     centre.
     """
+    at = state.touch
     x = at.x
     z = at.z
-    fz, by_depth, by_rate, fz_by_heel = normal(spheres, at.depth, -at.vz, heel, smoothing)
-    mu, mu_slope = friction(spheres, at.slip, smoothing)
-    by_slip = -fz * mu_slope
-    wrench = wrenches(at, fz, mu)
+    fz, by_depth, by_rate, fz_by_heel = state.pressed
+    mu = state.friction
+    by_slip = -fz * state.friction_slope
+    wrench = state.wrench
     fx, nil, one = wrench[1], np.zeros_like(fz), np.ones_like(fz)
     centre_z = z + tall(spheres.columns["radius"], z)
 

@@ -199,26 +199,52 @@ class SagittalModel:
         everything below it gives to it but for inertia; stored_energy (J) of keel and fulcrum;
         *_sole (m): height of a foot's lowest sphere over the ground (smooth minimum).
         """
-        n = len(q)
-        k = len(w)
+        return self.outputs_of(self.state(q, v, a, w, u, p, smoothing), v, w, u, p)
+
+    def state(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        w: np.ndarray,
+        u: np.ndarray,
+        p: np.ndarray,
+        smoothing: Smoothing,
+    ) -> State:
+        """What values and derivatives at that point share."""
         motion = self.motion(q, v, a, w, u, p)
         at = touch(self.spheres, motion, self.ground)
-        wrench = wrenches(
-            at,
-            normal(self.spheres, at.depth, -at.vz, p[1], smoothing).force,
-            friction(self.spheres, at.slip, smoothing)[0],
+        pressed = normal(self.spheres, at.depth, -at.vz, p[1], smoothing)
+        coefficient, slope = friction(self.spheres, at.slip, smoothing)
+        return State(
+            motion=motion,
+            taken=self.dynamics.inertial(motion),
+            touch=at,
+            pressed=pressed,
+            friction=coefficient,
+            friction_slope=slope,
+            wrench=wrenches(at, pressed.force, coefficient),
         )
-        taken = self.dynamics.inertial(motion)
+
+    def outputs_of(
+        self, state: State, v: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray
+    ) -> np.ndarray:
+        """What `evaluate` returns, of its `state`."""
+        n = len(v)
+        k = len(w)
+        wrench = state.wrench
+        taken = state.taken.copy()
         for sphere, link in enumerate(self.spheres.link):
             taken[:, link] -= wrench[:, sphere]
-        load = self.dynamics.joint_forces(motion, self.dynamics.of_carried(taken))
+        load = self.dynamics.joint_forces(state.motion, self.dynamics.of_carried(taken))
         support, held, _ = self.support.load(w[len(SOCKET) :], u[len(SOCKET) :], p[0] + self.shift)
         load[n + len(SOCKET) : n + k] += support
         spring, stored = spring_forces(self.springs, w, u, self.spring_scale(p[3]))
         prosthetic, intact = (wrench[:, foot].sum(1) for foot in self.feet)
         held = held + stored[len(SOCKET) :].sum(0)
         torque = load[3:n]
-        power = np.einsum("c...,c...->...", prosthetic, motion.V[:, self.shank])
+        power = np.einsum("c...,c...->...", prosthetic, state.motion.V[:, self.shank])
+        soles = (sole(state.touch.depth[foot])[0] for foot in self.feet)
         return np.concatenate(
             [
                 load[:3],
@@ -228,7 +254,7 @@ class SagittalModel:
                 prosthetic[[1, 2, 0]],
                 intact[[1, 2, 0]],
                 spring[: len(SOCKET)],
-                np.stack([power, held, *(sole(at.depth[f])[0] for f in self.feet)]),
+                np.stack([power, held, *soles]),
             ]
         )
 
@@ -322,23 +348,22 @@ def spring_forces(
     elastic = tall(rows[:, 1], w) * w
     drag = 1.0 * u
     energy = 0.5 * elastic * w
-    for i, (stiff, negative, _, limit, rate_limit, stop) in enumerate(rows):
-        if stiff != negative:
-            elastic[i] += (stiff - negative) * rounded_positive_part(w[i], TENSION_WIDTH)
-            energy[i] += (stiff - negative) * positive_part_integral(w[i], TENSION_WIDTH)
-        if limit < UNLIMITED:
-            for sign, k in ((1.0, stop * stiff), (-1.0, stop * negative)):
-                elastic[i] += (
-                    sign * k * rounded_positive_part(sign * w[i] - limit, STOP_WIDTH * limit)
-                )
-                energy[i] += k * positive_part_integral(sign * w[i] - limit, STOP_WIDTH * limit)
-        if rate_limit < UNLIMITED:
-            for sign in (1.0, -1.0):
-                drag[i] += (
-                    sign
-                    * stop
-                    * rounded_positive_part(sign * u[i] - rate_limit, STOP_WIDTH * rate_limit)
-                )
+    stiff, negative, _, limit, rate_limit, stop = (tall(column, w) for column in rows.T)
+    uneven = np.flatnonzero(rows[:, 0] != rows[:, 1])
+    more = (stiff - negative)[uneven]
+    elastic[uneven] += more * rounded_positive_part(w[uneven], TENSION_WIDTH)
+    energy[uneven] += more * positive_part_integral(w[uneven], TENSION_WIDTH)
+    stopped = np.flatnonzero(rows[:, 3] < UNLIMITED)
+    braked = np.flatnonzero(rows[:, 4] < UNLIMITED)
+    width = STOP_WIDTH * limit[stopped]
+    rate_width = STOP_WIDTH * rate_limit[braked]
+    for sign, side in ((1.0, stiff), (-1.0, negative)):
+        k = (stop * side)[stopped]
+        beyond = sign * w[stopped] - limit[stopped]
+        elastic[stopped] += sign * k * rounded_positive_part(beyond, width)
+        energy[stopped] += k * positive_part_integral(beyond, width)
+        faster = sign * u[braked] - rate_limit[braked]
+        drag[braked] += sign * stop[braked] * rounded_positive_part(faster, rate_width)
     return -scale * (elastic + tall(rows[:, 2], w) * drag), scale * energy
 
 
@@ -372,6 +397,19 @@ class Touch:
     slip: np.ndarray  # velocity of the lowest point forward (m/s)
     vx: np.ndarray  # of the centre (m/s)
     vz: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Motion, inertia and contact of the model at one or many points."""
+
+    motion: PlanarMotion
+    taken: np.ndarray  # (3, L, ...) wrenches that each link's inertia and weight take
+    touch: Touch
+    pressed: Pressed
+    friction: np.ndarray  # (s, ...) coefficients
+    friction_slope: np.ndarray  # (s, ...) s/m, by the slip
+    wrench: np.ndarray  # (3, s, ...) of the ground on the spheres about W's origin
 
 
 def merged_spheres(
@@ -561,7 +599,7 @@ class Smoothing:
         check(self, where="smoothing.")
 
 
-def positive_part_integral(x: np.ndarray, width: float) -> np.ndarray:
+def positive_part_integral(x: np.ndarray, width: np.ndarray | float) -> np.ndarray:
     """Integral of `rounded_positive_part` from -width: x^2 / 2 + width^2 / 10 beyond the corner."""
     t = x / width + 1.0
     square = t * t
