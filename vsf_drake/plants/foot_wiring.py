@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
+from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import (
     Context,
@@ -30,6 +30,7 @@ from vsf_drake.plants.contact_geometry import (
     part_own_geometry,
 )
 from vsf_drake.plants.foot import grip_limit, place_fulcrum, support_of
+from vsf_drake.plants.foot_coupling import add_coupled, chain_to
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
 from vsf_drake.systems.contact import DrakeReaction
 from vsf_drake.systems.foot_forces import DEVICE, FORCES, Constant, FootForces
@@ -218,7 +219,7 @@ def add_rigid_foot(
     bodies = {int(index) for index in sites.body_indices}
     if len(bodies) != 1:
         raise ValueError(f"the sites are on {len(bodies)} bodies, but must be on one")
-    return wiring.add_forces(
+    return add_coupled(
         builder,
         plant,
         name,
@@ -235,6 +236,7 @@ def add_rigid_foot(
                 **dict.fromkeys(DEVICE, 0.0),
                 **_contact_constants(sites, friction, check_ground(ground)),
             },
+            chain=chain_to(plant, BodyIndex(int(sites.body_indices[0]))),
         ),
     )
 
@@ -265,13 +267,14 @@ def _add_forces(
         law=law,
         constants=constants,
         grip_limit=grip,
+        chain=chain_to(plant, foot.frame.index()) if acts else None,
         site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices],
     )
     # else the servo would pull the carriage from A to the fulcrum in the first millisecond
     if foot.support is None:
         foot.carriage_joint(plant).set_default_translation(float(constants["fulcrum_m"]))
     if acts:
-        return wiring.add_forces(builder, plant, f"{foot.name}_{name}", forces)
+        return add_coupled(builder, plant, f"{foot.name}_{name}", forces)
     builder.AddNamedSystem(f"{foot.name}_{name}", forces)
     wiring.connect_kinematics(builder, plant, forces)
     return forces

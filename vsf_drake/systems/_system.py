@@ -275,7 +275,7 @@ class System(_Leaf):
         calc: Callable[[framework.Context], Any],
         *sources: framework.DependencyTicket,
     ) -> None:
-        value = _weakly(calc)
+        value = weakly(calc)
 
         def write(context: framework.Context, out: Any) -> None:
             out.SetFromVector(value(context))
@@ -304,7 +304,7 @@ class System(_Leaf):
     ) -> None:
         """An output of the pairs that `calc(context)` returns: body, (6,) moment and force in W at
         its origin."""
-        pairs = _weakly(calc)
+        pairs = weakly(calc)
         applied = ExternallyAppliedSpatialForce_[self._T]
         force = SpatialForce_[self._T]
 
@@ -330,7 +330,7 @@ class System(_Leaf):
     ) -> Callable[[framework.Context], R]:
         """What the method `calc(context)` returns, kept until a source changes, by default inputs
         and parameters."""
-        compute = _weakly(calc)
+        compute = weakly(calc)
         owner: Callable[[], Any] = weakref.ref(self)
 
         def write(context: Any, value: Any) -> None:
@@ -346,7 +346,7 @@ class System(_Leaf):
     def _declare_periodic(
         self, period: float, update: Callable[[framework.Context, framework.DiscreteValues], None]
     ) -> None:
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, _weakly(update))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, weakly(update))
 
 
 # (a_i b_j) flattened row by row, times this, is a × b: faster for small N than np.cross or
@@ -362,7 +362,8 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return product
 
 
-def _weakly(method: Callable[..., R]) -> Callable[..., R]:
+def weakly(method: Callable[..., R]) -> Callable[..., R]:
+    """The method without a reference to its owner."""
     if not isinstance(method, MethodType):
         return method
     function, owner = method.__func__, weakref.ref(method.__self__)

@@ -7,16 +7,16 @@ from collections.abc import Iterable, Sequence
 from typing import Any, SupportsInt
 
 import numpy as np
-from pydrake.autodiffutils import AutoDiffXd
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
+from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.laws.contact_laws import CONTACT_LAWS, FITTED_LAW
 from vsf_drake.systems import _foot_kernel as kernel
-from vsf_drake.systems._system import System, system_template
+from vsf_drake.systems._system import System, system_template, weakly
 
-PER_JOINT = ("joint_stiffness", "joint_damping")
-DEVICE = dict.fromkeys(PER_JOINT, "m") | dict.fromkeys(
+DEVICE = dict.fromkeys(kernel.JOINT_COLUMNS, "m") | dict.fromkeys(
     ("fulcrum_stiffness", "fulcrum_damping", "fulcrum_m", "carriage_gain", "carriage_rate_gain"), ""
 )
 CONTACT = {
@@ -33,6 +33,18 @@ FORCES = ("support_force", "joint_moment")
 GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "friction_force")
 
 
+class Varied:
+    """Numbers (n,) and their derivatives (n, d), as an array of AutoDiffXd of what is taken."""
+
+    def __init__(self, value: np.ndarray, by: np.ndarray) -> None:
+        self.value = value
+        self.by = by
+
+    def __getitem__(self, part: slice) -> np.ndarray:
+        taken: np.ndarray = InitializeAutoDiff(self.value[part].reshape(-1, 1), self.by[part])
+        return taken.ravel()
+
+
 @system_template()
 class FootForces(System):
     """Every force on one variable-stiffness foot, for any plant that `add_foot` put it into;
@@ -40,8 +52,12 @@ class FootForces(System):
 
     Contact, friction, fulcrum support, keel springs and the carriage's servo are one system, at a
     fraction of the cost of several, on a ground of several plane patches. Of the plant's poses and
-    velocities only those of the rigid frame F are read, for the keel's joint angles are in the
-    state, and the plant gets one spatial force on F beside moments in the keel's joints. Laws and
+    velocities only those of the rigid frame F are used, for the keel's joint angles are in the
+    state, and the plant gets one spatial force on F beside moments in the keel's joints. Where F
+    hangs on W by simple joints, its pose and velocity follow from the state in compiled code, which
+    takes a third of reading the plant's two lists; the lists hold where the plant's Context has
+    another pose for a frame on the way. Derivatives are those of the inputs and parameters times
+    derivatives by these from compiled code. Laws and
     sources: `vsf_drake.laws`, McGeehan 2021 (doi 10.1115/1.4050456); with the law "smooth" friction
     is smooth too.
 
@@ -55,7 +71,10 @@ class FootForces(System):
 
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state
     (num_positions + num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's
-    posterior end A, where it is not connected the parameter fulcrum_m holds. Outputs:
+    posterior end A, where it is not connected the parameter fulcrum_m holds; gathered (G,), of a
+    coupled foot: constants, state and where the plant has the point `_foot_kernel.POINT` of F, m in
+    W. Outputs: constants (C,), of a coupled foot, see `_foot_kernel.foot_vector`; applied (6 +
+    num_velocities,), moment and force at Fo in the axes of F, then the generalized force;
     spatial_forces on F; generalized_force (num_velocities,), zero outside keel and carriage;
     support_force (1,) N of the fulcrum on the keel along z_K; joint_moment (m,) N m of the keel's
     springs and dampers; grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about
@@ -75,9 +94,12 @@ class FootForces(System):
         grip_limit: (m,) N s/m, in a plant with a time step: the most friction per speed, normal
             force · mu_static / threshold_velocity on the roughest patch, that each keel body bears
             there. None: no limit.
+        chain: from W to F, for a foot that is coupled to its plant, see `plants.foot_coupling`;
+            without rows pose and velocity of F come from the lists. None: the foot is not coupled.
 
     Attributes:
         law: number of the contact law.
+        frame_body_index: as given.
 
     Parameters in the Context: joint_stiffness, joint_damping (m,) N m/rad, N m s/rad;
     fulcrum_stiffness, fulcrum_damping N/m, N s/m; fulcrum_m (m from A); carriage_gain,
@@ -106,94 +128,137 @@ class FootForces(System):
         law: str | None,
         constants: dict[str, Constant],
         grip_limit: np.ndarray | None = None,
+        chain: np.ndarray | None = None,
     ) -> None:
         if law is not None and law not in CONTACT_LAWS:
             raise ValueError(
                 f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None"
             )
         self._grip_limit = grip_limit
-        self._frame = int(frame_body_index)
-        self._count = num_velocities
-        self._at = np.array(
-            [position_indices, num_positions + np.array(velocity_indices)], dtype=np.int64
-        )
+        self.frame_body_index = BodyIndex(int(frame_body_index))
         self.law = list(CONTACT_LAWS).index(law or FITTED_LAW)
-        self._starts = np.array(keel_starts, dtype=float)
+        starts = np.array(keel_starts, dtype=float)
         self._site_keel = np.array(site_keel if law else [], dtype=np.int64)
-        m = len(self._starts)
+        m = len(starts)
         sites = len(self._site_keel)
-        if self._at.shape != (2, m + 1):
+        if not len(position_indices) == len(velocity_indices) == m + 1:
             raise ValueError(
-                f"{m} keel joints and the carriage have {m + 1} indices, not {self._at.shape[1]}"
+                f"{m} keel joints and the carriage have {m + 1} indices, not "
+                f"{len(position_indices)} and {len(velocity_indices)}"
             )
+        patches = len(np.atleast_1d(constants.get("ground_height", 0.0)))
+        at_q = np.array(position_indices, dtype=np.int64)
+        at_v = num_positions + np.array(velocity_indices, dtype=np.int64)
+        self._chain = np.zeros((0, kernel.CHAIN_COLUMNS)) if chain is None else np.array(chain)
+        counts = [self.law, m, sites, patches, num_positions, num_velocities, len(self._chain)]
+        self._numbers = np.concatenate([counts, at_q, at_v, self._site_keel]).astype(float)
+        self._coordinates = np.concatenate([at_q[:m], at_v[:m], at_q[m:], at_v[m:]])
+        self._blank, cells = kernel.table_cells(starts, sites, patches)
         self._slices = kernel.slices(m, sites, num_velocities)
+        first = self._slices["frame_wrench"].start
+        self._applied = slice(first, self._slices["generalized_force"].stop)
+        self._size = self._slices["chain"].stop
         self._declare_kinematics()
-        self._declare_inputs(state=num_positions + num_velocities, fulcrum_position=1)
+        states = num_positions + num_velocities
+        self._declare_inputs(state=states, fulcrum_position=1)
+        constants_size = len(self._numbers) + self._blank.size + self._chain.size + 1
+        self._coupled = chain is not None
+        self._linked = len(self._chain) > 0
+        if self._coupled:
+            self._declare_inputs(gathered=constants_size + states + 3 * self._linked)
         known = DEVICE | (CONTACT if law else {})
         wrong = known.keys() ^ constants.keys()
         if wrong:
             raise ValueError(
                 f"missing or unknown: {', '.join(sorted(wrong))}; known are {', '.join(known)}"
             )
-        patches = len(np.atleast_1d(constants.get("ground_height", 0.0)))
         self._declare_parameters(
             **{
                 name: (constants[name], _shape(code, m=m, N=sites, M=patches))
                 for name, code in known.items()
             }
         )
-        self._packed = self._declare_cached(
-            "packed", self._pack_constants, self.all_parameters_ticket()
-        )
-        self._values = values = self._declare_cached("values", self._calc_values)
+        self._cells = {name: cells[name] for name in known if name in cells}
+        self._table = self._declare_cached("table", self._pack, self.all_parameters_ticket())
+        place = self.input_port_ticket(self._ports["fulcrum_position"].get_index())
+        constant = (self.all_parameters_ticket(), place)
+        self._packed = self._declare_cached("packed", self._pack_all, *constant)
+        calc: Any = self._calc_varied if self._T is AutoDiffXd else self._calc_work
+        self._values = values = self._declare_cached("values", calc)
+        if chain is not None:
+            self._declare_output("constants", constants_size, self._pack_all, *constant)
+        # the one that a plant asks for in every evaluation, past the cache of the others.
+        inputs = (self.all_parameters_ticket(), self.all_input_ports_ticket())
+        self._declare_part("applied", 6 + num_velocities, weakly(calc), self._applied, *inputs)
         self._declare_spatial_forces(self._spatial_forces)
         for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
             part = self._slices[name]
-            self._declare_part(name, part.stop - part.start, values, part)
+            self._declare_part(name, part.stop - part.start, values, part, *inputs)
 
-    def _pack_constants(self, context: Context) -> tuple[Any, ...]:
-        c = _NO_CONTACT | self._constants(context)
-        sites, patches, joints = (
-            np.column_stack([c[name] for name in names])
-            for names in (kernel.SITE_COLUMNS, kernel.PATCH_COLUMNS, PER_JOINT)
-        )
-        return (
-            self.law,
-            self._starts,
-            self._site_keel,
-            c["p_BS"],
-            sites,
-            patches,
-            c["ground_bounds"],
-            joints,
-            np.array([c[name] for name in kernel.SCALARS]),
-            self._at,
-            self._count,
-        )
+    def _pack(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
+        """The table of `_foot_kernel` and its derivatives (rows, columns, d)."""
+        constants = self._constants(context)
+        given = np.concatenate([np.ravel(constants[name]) for name in self._cells])
+        value, by = _apart(given)
+        cells = np.concatenate([cells.ravel() for cells in self._cells.values()])
+        table = self._blank.copy()
+        table.reshape(-1)[cells] = value
+        table_by = np.zeros((table.size, by.shape[1]))
+        table_by[cells] = by
+        return table, table_by.reshape(*table.shape, by.shape[1])
 
-    def _calc_values(self, context: Context) -> np.ndarray:
-        X_WF = self._value(context, "body_poses")[self._frame].GetAsMatrix34()
-        V_WF = self._value(context, "body_spatial_velocities")[self._frame].get_coeffs()
-        arguments = (
-            *self._packed(context),
-            X_WF,
-            V_WF,
-            self._value(context, "state"),
-            self._fulcrum_place(context),
-        )
-        values: np.ndarray
+    def _pack_all(self, context: Context) -> np.ndarray:
+        """What `_foot_kernel.foot_vector` is given but for state and point."""
+        table, table_by = self._table(context)
+        place = self._fulcrum_place(context)
+        cells = table.ravel()
         if self._T is AutoDiffXd:
-            values = kernel.foot_vector_in_python(*arguments) + AutoDiffXd(0.0)  # not ints either
-            return values
-        values = kernel.foot_vector(*arguments)
+            cells = Varied(cells, table_by.reshape(table.size, table_by.shape[2]))[:]
+            place = place + AutoDiffXd(0.0)
+        return np.concatenate([self._numbers + 0.0 * place, cells, self._chain.ravel(), [place]])
+
+    def _calc_work(self, context: Context) -> np.ndarray:
+        given: Any
+        if self._coupled:
+            given = self._ports["gathered"].Eval(context)
+        else:
+            given = np.concatenate([self._packed(context), self._value(context, "state")])
+        work = np.empty(self._size)
+        if not (self._linked and kernel.foot_vector(given, True, work)):
+            work[:18] = self._frame_motion(context)
+            kernel.foot_vector(given, False, work)
         if self._grip_limit is not None:
-            self._check_grip(context, values[self._slices["normal_force"]])
-        return values
+            self._check_grip(context, work[self._slices["normal_force"]])
+        return work
+
+    def _calc_varied(self, context: Context) -> Varied:
+        table, table_by = self._table(context)
+        place = self._fulcrum_place(context)
+        coordinates = self._value(context, "state")[self._coordinates]
+        value, by = _apart(np.concatenate([self._frame_motion(context), coordinates, [place]]))
+        directions = max(by.shape[1], table_by.shape[2])
+        if by.size and table_by.size and by.shape[1] != table_by.shape[2]:
+            raise ValueError(
+                f"{self.get_name()!r}: inputs have derivatives in {by.shape[1]} directions, "
+                f"parameters in {table_by.shape[2]}"
+            )
+        work = np.zeros(self._size)
+        work_by = np.zeros((self._size, directions))
+        work[: len(value)] = value
+        work_by[: len(value), : by.shape[1]] = by
+        kernel.differentiate(self._numbers, table, table_by, work, work_by)
+        return Varied(work, work_by)
+
+    def _frame_motion(self, context: Context) -> np.ndarray:
+        """(18,) pose, row by row, and spatial velocity of F from the plant's lists."""
+        X_WF = self._value(context, "body_poses")[self.frame_body_index].GetAsMatrix34()
+        V_WF = self._value(context, "body_spatial_velocities")[self.frame_body_index].get_coeffs()
+        return np.concatenate([X_WF.ravel(), V_WF])
 
     def _check_grip(self, context: Context, normal_force: np.ndarray) -> None:
         constants = self._constants(context)
         on = self._site_keel
-        load = np.bincount(on[on >= 0], normal_force[on >= 0], len(self._starts))
+        load = np.bincount(on[on >= 0], normal_force[on >= 0], int(self._numbers[1]))
         share = (
             load * constants["mu_static"].max() / constants["threshold_velocity"] / self._grip_limit
         )
@@ -212,14 +277,19 @@ class FootForces(System):
             )
 
     def _spatial_forces(self, context: Context) -> Iterable[tuple[int, np.ndarray]]:
-        return [(self._frame, self._values(context)[self._slices["wrench"]])]
+        return [(int(self.frame_body_index), self._values(context)[self._slices["wrench"]])]
 
 
 def _shape(code: str, **sizes: int) -> tuple[int, ...]:
     return tuple(int(sizes.get(part, part)) for part in code)
 
 
-_NO_CONTACT = {name: np.ones(_shape(code, N=0, M=1)) for name, code in CONTACT.items()}
+def _apart(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (n,) without their derivatives, and these (n, d)."""
+    if numbers.dtype != object:
+        return numbers, np.zeros((len(numbers), 0))
+    column = numbers.reshape(-1, 1)
+    return ExtractValue(column).ravel(), ExtractGradient(column)
 
 
 FootForces_ = FootForces.template
