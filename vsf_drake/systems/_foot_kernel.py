@@ -45,6 +45,7 @@ PATCH_COLUMNS = (
     "ground_compliance",
     "mu_static",
     "mu_kinetic",
+    "ground_speed",
 )
 HEAD = 15
 """Numbers before the joints': wrench 6, carriage, support, grf 3, cop 3, free moment."""
@@ -223,7 +224,7 @@ def foot_vector(
             continue
 
         # Friction: w_WB = w_WF - spin y_K; the slip is v_WC = v_WS - radius w_WB x n without its
-        # part along n
+        # part along n, less the belt's velocity, speed (1, 0, slope) / |.|
         ox = V[0] - spin * X[0, 1]
         oy = V[1] - spin * X[1, 1]
         oz = V[2] - spin * X[2, 1]
@@ -231,9 +232,10 @@ def foot_vector(
         cy = wfy - radius * (oz * nx - ox * nz)
         cz = wfz - radius * (ox * ny - oy * nx)
         lift = nx * cx + ny * cy + nz * cz
-        cx = cx - lift * nx
+        belt = patches[patch, 7] / math.sqrt(1.0 + slope * slope)
+        cx = cx - lift * nx - belt
         cy = cy - lift * ny
-        cz = cz - lift * nz
+        cz = cz - lift * nz - belt * slope
         grip = -force * contact.per_speed(law, root(cx * cx + cy * cy + cz * cz), site)[0]
         f = out[first + 3 * count + 3 * s : first + 3 * count + 3 * s + 3]
         f[0], f[1], f[2] = grip * cx, grip * cy, grip * cz

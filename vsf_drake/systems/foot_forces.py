@@ -3,8 +3,9 @@ carriage."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
-from typing import Any, SupportsInt
+from typing import Any, NoReturn, SupportsInt
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
@@ -38,20 +39,19 @@ class FootForces(System):
     """Every force on one variable-stiffness foot, for any plant that `add_foot` put it into;
     `wire_foot` makes and connects it.
 
-    Contact, friction, fulcrum support, keel springs and the carriage's servo are one system, at a
-    fraction of the cost of several, on a ground of several plane patches. Of the plant's poses and
-    velocities only those of the rigid frame F are read, for the keel's joint angles are in the
-    state, and the plant gets one spatial force on F beside moments in the keel's joints. Laws and
-    sources: `vsf_drake.laws`, McGeehan 2021 (doi 10.1115/1.4050456); with the law "smooth" friction
-    is smooth too.
+    Contact with a ground of plane patches, friction, fulcrum support, keel springs and the
+    carriage's servo are one system. Of the plant's poses and velocities only those of the rigid
+    frame F are read, for the keel's joint angles are in the state, and the plant gets one spatial
+    force on F beside moments in the keel's joints. Laws and sources: `vsf_drake.laws`, McGeehan
+    2021 (doi 10.1115/1.4050456); with the law "smooth" friction is smooth too.
 
     A sphere touches the highest patch at its centre S, of equally high ones the last, and none
-    beyond all bounds. Depth, depth rate and slip are taken along and across that patch's normal n,
-    friction acts at C, a radius from S against n. The centre of pressure is the point about which
-    the moment has no component across the mean normal, in the plane through the mean contact point,
-    as a force plate makes it: friction acts below the surface by the depths, as in the library that
-    the paper used, so that it differs from the force-weighted mean of its eq. 4 by at most the
-    friction coefficient times the largest depth.
+    beyond all bounds. Depth, depth rate and slip, against the belt of a patch that has one, are
+    taken along and across that patch's normal n; friction acts at C, a radius from S against n. The
+    centre of pressure is the point about which the moment has no component across the mean normal,
+    in the plane through the mean contact point, as a force plate makes it. Friction acts below the
+    surface by the depths, as in the library that the paper used, so that it differs from the
+    force-weighted mean of eq. 4 by at most the friction coefficient times the largest depth.
 
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state
     (num_positions + num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's
@@ -75,6 +75,8 @@ class FootForces(System):
         grip_limit: (m,) N s/m, in a plant with a time step: the most friction per speed, normal
             force · mu_static / threshold_velocity on the roughest patch, that each keel body bears
             there. None: no limit.
+        travel: (2,) m from A, where the carriage can be. None: there is no carriage.
+        foam_thickness: m. A Simulator that starts with a sphere deeper in the ground warns of it.
 
     Attributes:
         law: number of the contact law.
@@ -85,12 +87,13 @@ class FootForces(System):
     damping, full_damping_depth (N,) of `laws.kelvin_voigt`, dissipation (N,) s/m of
     `laws.hunt_crossley`, depth_width, rate_width (m, m/s) of `laws.smooth_contact`,
     threshold_velocity (m/s); and of the M patches ground_bounds (M, 4), ground_reference_x,
-    ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic (M,), see
-    `vsf_drake.model.ground`.
+    ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic, ground_speed
+    (M,), see `vsf_drake.model.ground`.
 
     Raises:
-        InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the load on a
-            keel body is beyond its grip_limit; a constant is out of bounds.
+        InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the carriage
+            is at 0, outside its travel, where a Context of a clone or SetPositions with zeros puts
+            it; the load on a keel body is beyond its grip_limit; a constant is out of bounds.
     """
 
     def __init__(
@@ -106,12 +109,16 @@ class FootForces(System):
         law: str | None,
         constants: dict[str, Constant],
         grip_limit: np.ndarray | None = None,
+        travel: tuple[float, float] | None = None,
+        foam_thickness: float = np.inf,
     ) -> None:
         if law is not None and law not in CONTACT_LAWS:
             raise ValueError(
                 f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None"
             )
         self._grip_limit = grip_limit
+        self._travel = travel if travel and travel[0] > 0.0 else None
+        self._foam_thickness = foam_thickness
         self._frame = int(frame_body_index)
         self._count = num_velocities
         self._at = np.array(
@@ -150,6 +157,8 @@ class FootForces(System):
         for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
             part = self._slices[name]
             self._declare_part(name, part.stop - part.start, values, part)
+        if law and self._T is float:
+            self._declare_start(self._warn_of_depth)
 
     def _pack_constants(self, context: Context) -> tuple[Any, ...]:
         c = _NO_CONTACT | self._constants(context)
@@ -174,11 +183,15 @@ class FootForces(System):
     def _calc_values(self, context: Context) -> np.ndarray:
         X_WF = self._value(context, "body_poses")[self._frame].GetAsMatrix34()
         V_WF = self._value(context, "body_spatial_velocities")[self._frame].get_coeffs()
+        state = self._value(context, "state")
+        # A trial step of an integrator may be anywhere, but exactly at 0 is only what nobody placed
+        if self._travel is not None and state[self._at[0, -1]] == 0.0:
+            self._refuse_carriage(*self._travel)
         arguments = (
             *self._packed(context),
             X_WF,
             V_WF,
-            self._value(context, "state"),
+            state,
             self._fulcrum_place(context),
         )
         values: np.ndarray
@@ -189,6 +202,29 @@ class FootForces(System):
         if self._grip_limit is not None:
             self._check_grip(context, values[self._slices["normal_force"]])
         return values
+
+    def _refuse_carriage(self, rearmost: float, foremost: float) -> NoReturn:
+        raise InputError(
+            "the fulcrum's carriage is at 0 mm from A, but travels from "
+            f"{1e3 * rearmost:g} to {1e3 * foremost:g} mm",
+            where=f"state of {self.get_name()!r}",
+            right=(
+                "Drake drops the default positions of joints where it clones or converts: start "
+                "there by copied_context.SetTimeStateAndParametersFrom(context). After "
+                "SetPositions: foot.carriage_joint(plant).set_translation(plant_context, "
+                "fulcrum_m)"
+            ),
+        )
+
+    def _warn_of_depth(self, context: Context) -> None:
+        deepest = self._values(context)[self._slices["depth"]].max(initial=0.0)
+        if deepest > self._foam_thickness:
+            warnings.warn(
+                f"{self.get_name()!r}: the foot starts {1e3 * deepest:.0f} mm deep in the ground, "
+                f"and its foam is {1e3 * self._foam_thickness:g} mm thick: expect it to be thrown "
+                "out. Raise what carries it",
+                stacklevel=2,
+            )
 
     def _check_grip(self, context: Context, normal_force: np.ndarray) -> None:
         constants = self._constants(context)
