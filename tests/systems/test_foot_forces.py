@@ -305,9 +305,11 @@ def test_a_foot_on_a_belt_feels_what_it_does_where_ground_and_foot_move_the_othe
         )
         for belt in (0.0, speed)
     )
-    uphill = np.array([np.cos(np.radians(slope_deg)), 0.0, np.sin(np.radians(slope_deg))])
+    R = RotationMatrix.MakeYRotation(-np.radians(slope_deg))
+    uphill = R.matrix()[:, 0]
     for seed in SEEDS:
         X, V, q, v = some_state(seed, depth=8e-3)
+        X = RigidTransform(R) @ X
         running.place(X, V, q, v)
         still.place(X, V - np.append(np.zeros(3), speed * uphill), q, v)
         assert np.linalg.norm(running.output("friction_force")) > 10.0

@@ -166,6 +166,9 @@ def add_foot(
     time step, springs, carriage and support are actuators and a constraint (see below), which the
     plant's actuation port counts too: connect your controller to that of your own model instance.
 
+    The foot is a model instance of its own. Drake then wants one for every body that is added after
+    it: plant.AddRigidBody(name, plant.AddModelInstance("mine"), inertia).
+
     Args:
         name: of the foot's model instance, in which its joints' names are unique.
         side: "left" or "right"; nothing but a check that `parameters` are not for the other one.
