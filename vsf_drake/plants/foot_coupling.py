@@ -1,16 +1,20 @@
 """What stands between a plant and a foot's forces: systems of Drake's own, which cost less than
 Python does.
 
-    plant --state, body_poses--> coupling; FootForces --constants--> coupling
+    plant --state, body_poses--> coupling <--constants-- FootForces
     coupling --gathered--> FootForces --applied--> coupling
     coupling --spatial_forces, generalized_force--> plant
 
-`FootForces` takes one vector and gives one: what acts on its frame F, in the axes of F, and the
-moments in the joints. Drake's Propeller makes a list of spatial forces of the former, a thruster
-along and about each axis, so that the plant reports the reactions in its joints as they are.
-Drake's Wing tells where the plant has one point of F: poses of frames are parameters in the plant's
-Context, so that the chain of joints which was read from the plant may no longer be true. It exerts
-nothing.
+`FootForces` takes one vector and gives one. Where its frame F hangs on W by the joints of ROWS, its
+pose and velocity follow from the state by compiled code along a chain of them, which is read from
+the plant once. Poses of frames are parameters in the plant's Context, so that the chain may no
+longer be true; so the plant also tells, by a Wing of Drake's that exerts nothing, where it has one
+point of F. Where that is elsewhere, as after `set_mount`, pose and velocity come from the plant's
+lists of all bodies, as they do without a chain and under AutoDiffXd: slower, and to rounding the
+same.
+
+What acts on F is given in F's axes, and Propellers of Drake's, one along and one about each axis,
+make spatial forces of it, so that the plant reports the reactions in its joints as they are.
 """
 
 from __future__ import annotations
@@ -128,13 +132,17 @@ def _packed(moves: Row, follows: RigidTransform) -> np.ndarray:
 
 
 def add_coupled(
-    builder: DiagramBuilder, plant: MultibodyPlant, name: str, forces: FootForces
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    name: str,
+    body_index: BodyIndex,
+    forces: FootForces,
 ) -> FootForces:
-    """Adds `forces` as `name`, fed from the plant, and applies what they exert to it by way of
-    `<name>_coupling`; returns them."""
+    """Adds the `forces` of a foot whose frame F is the body at that index, fed from the plant, as
+    `name`, and applies what they exert to it by way of `<name>_coupling`; returns them."""
     builder.AddNamedSystem(name, forces)
     wiring.connect_kinematics(builder, plant, forces)
-    coupling = builder.AddNamedSystem(f"{name}_coupling", _coupling(plant, forces))
+    coupling = builder.AddNamedSystem(f"{name}_coupling", _coupling(plant, body_index, forces))
     for port in ("state", "body_poses"):
         if coupling.HasInputPort(port):
             builder.Connect(plant.GetOutputPort(port), coupling.GetInputPort(port))
@@ -147,9 +155,8 @@ def add_coupled(
     return forces
 
 
-def _coupling(plant: MultibodyPlant, forces: FootForces) -> Diagram:
+def _coupling(plant: MultibodyPlant, body: BodyIndex, forces: FootForces) -> Diagram:
     builder = DiagramBuilder()
-    body = forces.frame_body_index
     velocities = plant.num_velocities()
     parts = builder.AddNamedSystem("parts", Demultiplexer([6, velocities]))
     thrusters = builder.AddNamedSystem("thrusters", Propeller(_thrusters(body)))

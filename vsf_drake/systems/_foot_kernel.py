@@ -51,6 +51,7 @@ PATCH_COLUMNS = (
     "ground_compliance",
     "mu_static",
     "mu_kinetic",
+    "ground_speed",
 )
 PRISMATIC = 0
 REVOLUTE = 1
@@ -302,7 +303,7 @@ def _forces(numbers: np.ndarray, table: np.ndarray, work: np.ndarray) -> None:
             continue
 
         # Friction: w_WB = w_WF - spin y_K; the slip is v_WC = v_WS - radius w_WB x n without its
-        # part along n
+        # part along n, less the belt's velocity, speed (1, 0, slope) / |.|
         ox = V[0] - spin * X[0, 1]
         oy = V[1] - spin * X[1, 1]
         oz = V[2] - spin * X[2, 1]
@@ -310,9 +311,10 @@ def _forces(numbers: np.ndarray, table: np.ndarray, work: np.ndarray) -> None:
         cy = wfy - radius * (oz * nx - ox * nz)
         cz = wfz - radius * (ox * ny - oy * nx)
         lift = nx * cx + ny * cy + nz * cz
-        cx = cx - lift * nx
+        belt = planes[row, 7] / root(1.0 + slope * slope)
+        cx = cx - lift * nx - belt
         cy = cy - lift * ny
-        cz = cz - lift * nz
+        cz = cz - lift * nz - belt * slope
         grip = -force * contact.per_speed(law, root(cx * cx + cy * cy + cz * cz), site)[0]
         cx = grip * cx
         cy = grip * cy

@@ -3,12 +3,12 @@ carriage."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any, SupportsInt
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
-from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context
 
 from vsf_drake.base.errors import InputError
@@ -50,38 +50,31 @@ class FootForces(System):
     """Every force on one variable-stiffness foot, for any plant that `add_foot` put it into;
     `wire_foot` makes and connects it.
 
-    Contact, friction, fulcrum support, keel springs and the carriage's servo are one system, at a
-    fraction of the cost of several, on a ground of several plane patches. Of the plant's poses and
-    velocities only those of the rigid frame F are used, for the keel's joint angles are in the
-    state, and the plant gets one spatial force on F beside moments in the keel's joints. Where F
-    hangs on W by simple joints, its pose and velocity follow from the state in compiled code, which
-    takes a third of reading the plant's two lists; the lists hold where the plant's Context has
-    another pose for a frame on the way. Derivatives are those of the inputs and parameters times
-    derivatives by these from compiled code. Laws and
-    sources: `vsf_drake.laws`, McGeehan 2021 (doi 10.1115/1.4050456); with the law "smooth" friction
-    is smooth too.
+    Contact with a ground of plane patches, friction, fulcrum support, keel springs and the
+    carriage's servo are one system. Of the plant's poses and velocities only those of the rigid
+    frame F are used, for the keel's joint angles are in the state, and the plant gets one spatial
+    force on F beside moments in the keel's joints. Laws and sources: `vsf_drake.laws`, McGeehan
+    2021 (doi 10.1115/1.4050456); with the law "smooth" friction is smooth too.
 
     A sphere touches the highest patch at its centre S, of equally high ones the last, and none
-    beyond all bounds. Depth, depth rate and slip are taken along and across that patch's normal n,
-    friction acts at C, a radius from S against n. The centre of pressure is the point about which
-    the moment has no component across the mean normal, in the plane through the mean contact point,
-    as a force plate makes it: friction acts below the surface by the depths, as in the library that
-    the paper used, so that it differs from the force-weighted mean of its eq. 4 by at most the
-    friction coefficient times the largest depth.
+    beyond all bounds. Depth, depth rate and slip, against the belt of a patch that has one, are
+    taken along and across that patch's normal n; friction acts at C, a radius from S against n. The
+    centre of pressure is the point about which the moment has no component across the mean normal,
+    in the plane through the mean contact point, as a force plate makes it; as friction acts at C,
+    it differs from the force-weighted mean of the paper's eq. 4 by at most the friction coefficient
+    times the largest depth.
 
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state
     (num_positions + num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's
-    posterior end A, where it is not connected the parameter fulcrum_m holds; gathered (G,), of a
-    coupled foot: constants, state and where the plant has the point `_foot_kernel.POINT` of F, m in
-    W. Outputs: constants (C,), of a coupled foot, see `_foot_kernel.foot_vector`; applied (6 +
-    num_velocities,), moment and force at Fo in the axes of F, then the generalized force;
-    spatial_forces on F; generalized_force (num_velocities,), zero outside keel and carriage;
-    support_force (1,) N of the fulcrum on the keel along z_K; joint_moment (m,) N m of the keel's
-    springs and dampers; grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about
-    the mean normal, on the foot; normal_force (N,) N, >= 0; depth (N,) m of foam and ground
-    together; depth_rate (N,) m/s, also without contact; friction_force (3 N,), N rows in W, N.
-    Without load grf, cop and free_moment are zero. With `law` None there is no contact and no
-    output from grf on.
+    posterior end A, where it is not connected the parameter fulcrum_m holds; gathered (G,) of a
+    coupled foot. Outputs: constants (C,) of a coupled foot; applied (6 + num_velocities,), moment
+    and force on F at Fo in its axes, then the generalized force; spatial_forces on F;
+    generalized_force (num_velocities,), zero outside keel and carriage; support_force (1,) N of the
+    fulcrum on the keel along z_K; joint_moment (m,) N m of the keel's springs and dampers; grf (3,)
+    N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about the mean normal, on the foot;
+    normal_force (N,) N, >= 0; depth (N,) m of foam and ground together; depth_rate (N,) m/s, also
+    without contact; friction_force (3 N,), N rows in W, N. Without load grf, cop and free_moment
+    are zero. With `law` None there is no contact and no output from grf on.
 
     Args:
         position_indices, velocity_indices: (m + 1,) of the m keel joints and the carriage in the
@@ -94,12 +87,12 @@ class FootForces(System):
         grip_limit: (m,) N s/m, in a plant with a time step: the most friction per speed, normal
             force · mu_static / threshold_velocity on the roughest patch, that each keel body bears
             there. None: no limit.
-        chain: from W to F, for a foot that is coupled to its plant, see `plants.foot_coupling`;
-            without rows pose and velocity of F come from the lists. None: the foot is not coupled.
+        chain: of a foot that is coupled, see `plants.foot_coupling`.
+        travel: (2,) m from A, where the carriage can be. None: there is no carriage.
+        foam_thickness: m. A Simulator that starts with a sphere deeper in the ground warns of it.
 
     Attributes:
         law: number of the contact law.
-        frame_body_index: as given.
 
     Parameters in the Context: joint_stiffness, joint_damping (m,) N m/rad, N m s/rad;
     fulcrum_stiffness, fulcrum_damping N/m, N s/m; fulcrum_m (m from A); carriage_gain,
@@ -107,12 +100,13 @@ class FootForces(System):
     damping, full_damping_depth (N,) of `laws.kelvin_voigt`, dissipation (N,) s/m of
     `laws.hunt_crossley`, depth_width, rate_width (m, m/s) of `laws.smooth_contact`,
     threshold_velocity (m/s); and of the M patches ground_bounds (M, 4), ground_reference_x,
-    ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic (M,), see
-    `vsf_drake.model.ground`.
+    ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic, ground_speed
+    (M,), see `vsf_drake.model.ground`.
 
     Raises:
-        InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the load on a
-            keel body is beyond its grip_limit; a constant is out of bounds.
+        InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the carriage
+            is at 0, outside its travel, where a Context of a clone or SetPositions with zeros puts
+            it; the load on a keel body is beyond its grip_limit; a constant is out of bounds.
     """
 
     def __init__(
@@ -129,13 +123,17 @@ class FootForces(System):
         constants: dict[str, Constant],
         grip_limit: np.ndarray | None = None,
         chain: np.ndarray | None = None,
+        travel: tuple[float, float] | None = None,
+        foam_thickness: float = np.inf,
     ) -> None:
         if law is not None and law not in CONTACT_LAWS:
             raise ValueError(
                 f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None"
             )
         self._grip_limit = grip_limit
-        self.frame_body_index = BodyIndex(int(frame_body_index))
+        self._frame = int(frame_body_index)
+        self._travel = travel if travel and travel[0] > 0.0 else None
+        self._foam_thickness = foam_thickness
         self.law = list(CONTACT_LAWS).index(law or FITTED_LAW)
         starts = np.array(keel_starts, dtype=float)
         self._site_keel = np.array(site_keel if law else [], dtype=np.int64)
@@ -155,6 +153,7 @@ class FootForces(System):
         self._coordinates = np.concatenate([at_q[:m], at_v[:m], at_q[m:], at_v[m:]])
         self._blank, cells = kernel.table_cells(starts, sites, patches)
         self._slices = kernel.slices(m, sites, num_velocities)
+        self._carriage = self._slices["place"].start - 2
         first = self._slices["frame_wrench"].start
         self._applied = slice(first, self._slices["generalized_force"].stop)
         self._size = self._slices["chain"].stop
@@ -194,6 +193,8 @@ class FootForces(System):
         for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
             part = self._slices[name]
             self._declare_part(name, part.stop - part.start, values, part, *inputs)
+        if law and self._T is float:
+            self._declare_start(self._warn_of_depth)
 
     def _pack(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
         """The table of `_foot_kernel` and its derivatives (rows, columns, d)."""
@@ -227,6 +228,7 @@ class FootForces(System):
         if not (self._linked and kernel.foot_vector(given, True, work)):
             work[:18] = self._frame_motion(context)
             kernel.foot_vector(given, False, work)
+        self._check_carriage(work[self._carriage])
         if self._grip_limit is not None:
             self._check_grip(context, work[self._slices["normal_force"]])
         return work
@@ -242,6 +244,7 @@ class FootForces(System):
                 f"{self.get_name()!r}: inputs have derivatives in {by.shape[1]} directions, "
                 f"parameters in {table_by.shape[2]}"
             )
+        self._check_carriage(value[self._carriage])
         work = np.zeros(self._size)
         work_by = np.zeros((self._size, directions))
         work[: len(value)] = value
@@ -251,9 +254,36 @@ class FootForces(System):
 
     def _frame_motion(self, context: Context) -> np.ndarray:
         """(18,) pose, row by row, and spatial velocity of F from the plant's lists."""
-        X_WF = self._value(context, "body_poses")[self.frame_body_index].GetAsMatrix34()
-        V_WF = self._value(context, "body_spatial_velocities")[self.frame_body_index].get_coeffs()
+        X_WF = self._value(context, "body_poses")[self._frame].GetAsMatrix34()
+        V_WF = self._value(context, "body_spatial_velocities")[self._frame].get_coeffs()
         return np.concatenate([X_WF.ravel(), V_WF])
+
+    def _check_carriage(self, position: float) -> None:
+        # A trial step of an integrator may be anywhere, but exactly at 0 is only what nobody placed
+        if self._travel is None or position != 0.0:
+            return
+        rearmost, foremost = self._travel
+        raise InputError(
+            "the fulcrum's carriage is at 0 mm from A, but travels from "
+            f"{1e3 * rearmost:g} to {1e3 * foremost:g} mm",
+            where=f"state of {self.get_name()!r}",
+            right=(
+                "Drake drops the default positions of joints where it clones or converts: start "
+                "there by copied_context.SetTimeStateAndParametersFrom(context). After "
+                "SetPositions: foot.carriage_joint(plant).set_translation(plant_context, "
+                "fulcrum_m)"
+            ),
+        )
+
+    def _warn_of_depth(self, context: Context) -> None:
+        deepest = self._values(context)[self._slices["depth"]].max(initial=0.0)
+        if deepest > self._foam_thickness:
+            warnings.warn(
+                f"{self.get_name()!r}: the foot starts {1e3 * deepest:.0f} mm deep in the ground, "
+                f"and its foam is {1e3 * self._foam_thickness:g} mm thick: expect it to be thrown "
+                "out. Raise what carries it",
+                stacklevel=2,
+            )
 
     def _check_grip(self, context: Context, normal_force: np.ndarray) -> None:
         constants = self._constants(context)
@@ -277,7 +307,7 @@ class FootForces(System):
             )
 
     def _spatial_forces(self, context: Context) -> Iterable[tuple[int, np.ndarray]]:
-        return [(int(self.frame_body_index), self._values(context)[self._slices["wrench"]])]
+        return [(self._frame, self._values(context)[self._slices["wrench"]])]
 
 
 def _shape(code: str, **sizes: int) -> tuple[int, ...]:
