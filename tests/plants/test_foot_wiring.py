@@ -254,7 +254,9 @@ def test_same_foot_twice_in_one_plant_is_one_alone_each_time(alone):
     assert {system.get_name() for system in diagram.GetSystems()} == {
         "plant",
         "foot_0_forces",
+        "foot_0_forces_coupling",
         "foot_1_forces",
+        "foot_1_forces_coupling",
         "applied_spatial_force_1",
         "applied_generalized_force_1",
     }

@@ -60,9 +60,8 @@ class FootForces(System):
     beyond all bounds. Depth, depth rate and slip, against the belt of a patch that has one, are
     taken along and across that patch's normal n; friction acts at C, a radius from S against n. The
     centre of pressure is the point about which the moment has no component across the mean normal,
-    in the plane through the mean contact point, as a force plate makes it; as friction acts at C,
-    it differs from the force-weighted mean of the paper's eq. 4 by at most the friction coefficient
-    times the largest depth.
+    in the plane through the mean contact point, as a force plate makes it; it differs from the
+    force-weighted mean of eq. 4 by at most the friction coefficient times the largest depth.
 
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state
     (num_positions + num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's
