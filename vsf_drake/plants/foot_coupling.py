@@ -122,6 +122,8 @@ def chain_to(plant: MultibodyPlant, body_index: BodyIndex) -> np.ndarray:
             chain.append(_packed(moves, follows))
             moves = row
             follows = RigidTransform()
+        if isinstance(joint, WeldJoint):
+            follows = follows @ joint.X_FM()
         follows = follows @ joint.frame_on_child().CalcPoseInBodyFrame(context).inverse()
     return np.array([*chain, _packed(moves, follows)])
 
