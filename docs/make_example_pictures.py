@@ -1,4 +1,4 @@
-"""Runs the examples in studies/examples and keeps their pictures in docs/pictures, in 64 colours.
+"""Runs the examples in studies/examples and keeps their pictures in docs/pictures, in 256 colours.
 
 python docs/make_example_pictures.py              all of them, some minutes
 python docs/make_example_pictures.py leg_drop     one
@@ -18,6 +18,7 @@ from vsf_drake.base.files import replaced
 
 DOCS = Path(__file__).resolve().parent
 EXAMPLES = (
+    "biped",
     "leg_drop",
     "robot_arm_emulator",
     "standing_lqr",
@@ -38,9 +39,9 @@ def main(names: list[str]) -> None:
 
 
 def keep(source: Path, target: Path) -> None:
-    """Writes the picture `source` as `target`, with a palette of 64 colours."""
+    """Writes the picture `source` as `target`, with a palette of 256 colours."""
     with Image.open(source) as picture, replaced(target, "wb") as stream:
-        picture.convert("RGB").quantize(64, dither=Image.Dither.NONE).save(
+        picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
             stream, format="PNG", optimize=True
         )
     print(target)

@@ -2,28 +2,36 @@
 
     import vsf_drake as vsf
 
-    foot       FootParameters, add_foot, wire_foot: the foot in a Drake diagram of your own
+    foot       FootParameters, add_foot (FootHandles), wire_foot (WiredFoot), Ground, GroundPatch,
+               add_fulcrum_drive, add_fulcrum_slider: the foot in a Drake diagram of your own
     bench      ModelParameters, run_bench, bench_table: load, displacement, stiffness
     a walk     load_trial, load_contact, trial_with, simulate_trial, walk_metrics
     to data    fit_offsets; ContactFit and fit_contact (`solve` of `vsf_drake.fit`)
     stiffness  StiffnessTuning and tune_stiffness (`vsf_drake.tuning.solve`)
     studies    make_study; WalkCase and simulate_batch: many walks at once
-    files      resource: a file that comes with the package
+    files      load_model; resource: a file that comes with the package
 
 Each is loaded when it is first used. All else has its place in the modules below.
 """
 
 _HOMES = {
     "ContactFit": "fit.problem",
+    "FootHandles": "plants",
     "FootParameters": "model.parameters",
+    "Ground": "model.ground",
+    "GroundPatch": "model.ground",
     "ModelParameters": "model.parameters",
     "StiffnessTuning": "tuning.problem",
     "WalkCase": "simulation.batch",
+    "WiredFoot": "plants",
     "add_foot": "plants",
+    "add_fulcrum_drive": "plants",
+    "add_fulcrum_slider": "plants",
     "bench_table": "device.bench_metrics",
     "fit_contact": "fit.solution:solve",
     "fit_offsets": "walks.offsets",
     "load_contact": "model.contact_file",
+    "load_model": "model.model_file",
     "load_trial": "motion.trial",
     "make_study": "validation.study",
     "resource": "base.files",

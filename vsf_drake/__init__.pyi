@@ -4,10 +4,19 @@ from vsf_drake.device.bench_metrics import bench_table
 from vsf_drake.fit.problem import ContactFit
 from vsf_drake.fit.solution import solve as fit_contact
 from vsf_drake.model.contact_file import load_contact
+from vsf_drake.model.ground import Ground, GroundPatch
+from vsf_drake.model.model_file import load_model
 from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.plants import add_foot, wire_foot
+from vsf_drake.plants import (
+    FootHandles,
+    WiredFoot,
+    add_foot,
+    add_fulcrum_drive,
+    add_fulcrum_slider,
+    wire_foot,
+)
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
 from vsf_drake.simulation.bench import run_bench
 from vsf_drake.simulation.walk import simulate_trial
@@ -19,15 +28,22 @@ from vsf_drake.walks.offsets import fit_offsets
 
 __all__ = [
     "ContactFit",
+    "FootHandles",
     "FootParameters",
+    "Ground",
+    "GroundPatch",
     "ModelParameters",
     "StiffnessTuning",
     "WalkCase",
+    "WiredFoot",
     "add_foot",
+    "add_fulcrum_drive",
+    "add_fulcrum_slider",
     "bench_table",
     "fit_contact",
     "fit_offsets",
     "load_contact",
+    "load_model",
     "load_trial",
     "make_study",
     "resource",

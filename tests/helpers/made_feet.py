@@ -63,7 +63,7 @@ class LooseFoot:
         return {
             port.get_name(): port.Eval(self.forces_context).copy()
             for port in ports
-            if port.get_name() != "spatial_forces"
+            if port.get_name() not in ("spatial_forces", "constants")
         }
 
     def keel_rates(self) -> np.ndarray:
@@ -98,12 +98,13 @@ class LooseFoot:
         self.plant.SetVelocities(self.plant_context, self.foot.instance, v)
 
 
-def foot_to_wire() -> tuple[DiagramBuilder, MultibodyPlant, FootHandles]:
-    """A finalised plant with a foot under a loose shank, in a builder, before wire_foot."""
+def foot_to_wire(*, finalized: bool = True) -> tuple[DiagramBuilder, MultibodyPlant, FootHandles]:
+    """A plant with a foot under a loose shank, in a builder, before wire_foot."""
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
     foot = add_foot(plant, add_loose_shank(plant, "quaternion").body_frame(), PARAMETERS)
-    plant.Finalize()
+    if finalized:
+        plant.Finalize()
     return builder, plant, foot
 
 

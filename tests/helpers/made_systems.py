@@ -7,7 +7,7 @@ import dataclasses
 import api_pages
 import docstrings
 import numpy as np
-from pydrake.geometry import GeometryId
+from pydrake.geometry import GeometryId, Meshcat, MeshcatParams
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
@@ -18,7 +18,7 @@ from vsf_drake.systems.contact import (
     DrakeReaction,
     TestingMachine,
 )
-from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand
+from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand, FulcrumSlider
 from vsf_drake.systems.joint_forces import GaitDriver, SocketBushing
 from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 
@@ -45,6 +45,11 @@ def one_of_each() -> list[LeafSystem]:
         DrakeReaction(body_indices=bodies, geometry_ids=[GeometryId.get_new_id()]),
         FulcrumCommand(num_actuators=7, carriage=2, fulcrum_m=0.1),
         FulcrumActuator(),
+        FulcrumSlider(
+            meshcat=Meshcat(MeshcatParams(host="localhost")),
+            label="fulcrum (mm)",
+            initial_position=0.1,
+        ),
         SwingController(),
         ShankAngle(body_index=2),
         AdjustmentRecorder(),

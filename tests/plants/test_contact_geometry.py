@@ -203,6 +203,7 @@ def plant_with_graph():
         ((GroundPatch(), GroundPatch(from_x_m=1.0)), "drake_point", r"patches\[1\]"),
         ((GroundPatch(stiffness_n_per_m=1e4),), "hydroelastic", "stiffness_n_per_m"),
         ((GroundPatch(mu_static=1.2),), "drake_point", "mu_static"),
+        ((GroundPatch(belt_m_per_s=-1.0),), "drake_point", "belt_m_per_s.*own_ground=True"),
     ],
 )
 def test_ground_that_drakes_contact_cannot_have_is_refused(patches, contact, where):

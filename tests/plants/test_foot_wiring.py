@@ -3,12 +3,21 @@ each behaves as one alone and leaves nothing behind; what Drake leaves out of co
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from foot_forces_apart import KeelElasticity
-from made_feet import EVERY_BRANCH, PARAMETERS, LooseFoot, add_loose_shank, loose_foot, some_state
+from made_feet import (
+    EVERY_BRANCH,
+    PARAMETERS,
+    LooseFoot,
+    add_loose_shank,
+    foot_to_wire,
+    loose_foot,
+    some_state,
+)
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -20,6 +29,7 @@ from pydrake.multibody.plant import (
 )
 from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia
 from pydrake.symbolic import Expression, MakeVectorContinuousVariable
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
@@ -244,7 +254,9 @@ def test_same_foot_twice_in_one_plant_is_one_alone_each_time(alone):
     assert {system.get_name() for system in diagram.GetSystems()} == {
         "plant",
         "foot_0_forces",
+        "foot_0_forces_coupling",
         "foot_1_forces",
+        "foot_1_forces_coupling",
         "applied_spatial_force_1",
         "applied_generalized_force_1",
     }
@@ -413,3 +425,69 @@ def test_a_patch_with_less_static_than_the_feet_kinetic_friction_is_as_slippery_
     arrays = ground_arrays(Ground(patches=patches), mu_static=0.5, mu_kinetic=0.3)
     np.testing.assert_array_equal(arrays["mu_static"], [0.5, 0.1, 0.9, 0.5, 0.117])
     np.testing.assert_array_equal(arrays["mu_kinetic"], [0.3, 0.1, 0.3, 0.7, 0.336])
+
+
+@pytest.mark.parametrize("copied", ["Clone", "ToAutoDiffXd"])
+def test_a_copy_has_the_forces_of_the_original_in_its_state_and_none_before(copied):
+    """Drake leaves the default positions of joints behind: the carriage would start at A, 66 mm
+    outside its travel, and its servo throw it forward with 10^5 N."""
+    foot = loose_foot()
+    foot.place(*some_state(1))
+    copy = getattr(foot.diagram, copied)()
+    context = copy.CreateDefaultContext()
+    forces = copy.GetSubsystemByName("vsf_forces")
+    grf = forces.GetOutputPort("grf")
+    with pytest.raises(
+        InputError, match=r"carriage is at 0 mm.*66 to 151 mm.*SetTimeStateAndParametersFrom"
+    ):
+        grf.Eval(forces.GetMyContextFromRoot(context))
+    context.SetTimeStateAndParametersFrom(foot.context)
+    value = grf.Eval(forces.GetMyContextFromRoot(context))
+    if copied == "ToAutoDiffXd":
+        value = ExtractValue(value).ravel()
+    np.testing.assert_allclose(value, foot.output("grf"), rtol=1e-12)
+
+
+def test_positions_of_zero_put_the_carriage_outside_its_travel_and_are_refused():
+    foot = loose_foot()
+    foot.plant.SetPositions(foot.plant_context, np.zeros(foot.plant.num_positions()))
+    with pytest.raises(InputError, match=r"After SetPositions: .*carriage_joint"):
+        foot.output("grf")
+    foot.foot.carriage_joint(foot.plant).set_translation(foot.plant_context, 0.1)
+    assert np.isfinite(foot.output("grf")).all()
+
+
+def test_a_start_deeper_than_the_foam_is_warned_of_and_one_within_it_is_not():
+    foot = loose_foot()
+    X, V, q, v = some_state(1, depth=0.3)
+    foot.place(X, 0.0 * V, q, 0.0 * v)
+    with pytest.warns(UserWarning, match=r"vsf_forces.*3\d\d mm deep .* foam is 30 mm thick"):
+        Simulator(foot.diagram, foot.context.Clone()).Initialize()
+    X, V, q, v = some_state(1)
+    foot.place(X, 0.0 * V, q, 0.0 * v)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Simulator(foot.diagram, foot.context.Clone()).Initialize()
+
+
+def test_a_foot_whose_instance_was_renamed_is_wired_all_the_same():
+    forces = []
+    for renamed in (False, True):
+        builder, plant, foot = foot_to_wire(finalized=False)
+        if renamed:
+            plant.RenameModelInstance(foot.instance, "prosthesis")
+        plant.Finalize()
+        wired = wire_foot(builder, plant, foot)
+        diagram = builder.Build()
+        context = wired.forces.GetMyContextFromRoot(diagram.CreateDefaultContext())
+        forces.append(wired.GetOutputPort("normal_force").Eval(context))
+    assert forces[0].any()
+    np.testing.assert_array_equal(*forces)
+
+
+def test_what_add_foot_and_wire_foot_return_is_read_at_a_glance():
+    wired = loose_foot().wired
+    for shown in (repr(wired), repr(wired.foot)):
+        lines = shown.splitlines()
+        assert len(lines) <= 5 and max(map(len, lines)) <= 100
+    assert all(name in repr(wired) for name in (*wired.outputs(), "fulcrum_position", "'vsf'"))

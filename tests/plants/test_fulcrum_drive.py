@@ -15,7 +15,14 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.model.parameters import FootParameters
-from vsf_drake.plants import add_foot, add_fulcrum_drive, follow_fulcrum, wire_foot
+from vsf_drake.plants import (
+    add_foot,
+    add_fulcrum_drive,
+    add_fulcrum_slider,
+    follow_fulcrum,
+    wire_foot,
+)
+from vsf_drake.report.show.drawing import open_meshcat
 
 
 class Rig(NamedTuple):
@@ -195,3 +202,32 @@ def test_what_cannot_be_is_refused_and_leaves_the_diagram_as_it_was():
         drive.GetOutputPort("speed")
     with pytest.raises(InputError, match="fulcrum_position: is connected or exported already"):
         add_fulcrum_drive(builder, plant, wired)
+
+
+def test_the_fulcrum_goes_where_the_slider_is_put_and_no_faster_than_a_hand_would():
+    builder, plant, foot, wired = parts()
+    meshcat = open_meshcat()
+    slider = add_fulcrum_slider(builder, wired, meshcat)
+    it = Simulator(builder.Build())
+    ApplySimulatorConfig(
+        SimulatorConfig(integration_scheme="implicit_euler", accuracy=1e-3, max_step_size=5e-3), it
+    )
+    assert meshcat.GetSliderValue("vsf fulcrum (mm)") == 108.0
+    meshcat.SetSliderValue("vsf fulcrum (mm)", 151.0)
+    places = []
+    for time_s in (0.2, 0.4, 1.0):
+        it.AdvanceTo(time_s)
+        root = it.get_context()
+        places.append(slider.get_output_port().Eval(slider.GetMyContextFromRoot(root))[0])
+        carriage = foot.carriage_joint(plant).get_translation(plant.GetMyContextFromRoot(root))
+        assert carriage == pytest.approx(places[-1], abs=2e-4)
+    assert places[0] == pytest.approx(0.108 + 0.2 * 0.1, abs=2e-3)
+    assert places[2] == pytest.approx(0.151, abs=1e-4)
+    with pytest.raises(InputError, match="one master"):
+        add_fulcrum_slider(*wired_with_slider(), meshcat)
+
+
+def wired_with_slider():
+    builder, _, _, wired = parts()
+    add_fulcrum_slider(builder, wired, open_meshcat())
+    return builder, wired

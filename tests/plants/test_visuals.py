@@ -9,13 +9,13 @@ from pydrake.geometry import Role, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from vsf_drake.base.errors import InputError
 from vsf_drake.model.ground import Ground, GroundPatch
 from vsf_drake.model.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.plants.foot import add_foot, sole_height
+from vsf_drake.plants.foot_visuals import lofted
 from vsf_drake.plants.person import add_person
 from vsf_drake.plants.solids import frustum_volume
-from vsf_drake.plants.visuals import add_foot_visuals, add_visuals, draw_ground, lofted
+from vsf_drake.plants.visuals import add_visuals, draw_ground
 
 
 def drawn_person(side, **lengths):
@@ -86,7 +86,8 @@ def test_every_segment_and_device_part_is_drawn():
     ]
     assert drawn == {body.name() for body in bodies} | {"vsf_carriage"}
     assert inspector.NumGeometriesWithRole(Role.kProximity) == 0
-    assert not [g for g in shapes if "site_" in inspector.GetName(g)]  # unless they are asked for
+    spheres = [inspector.GetName(g) for g in shapes if "site_" in inspector.GetName(g)]
+    assert len(spheres) == len(person.foot.sites.radius) + len(person.intact_sites.radius)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -106,7 +107,6 @@ def test_the_sole_is_as_long_and_as_low_as_the_models_and_moves_with_keel_and_fr
     plant, scene_graph = registered_plant()
     parameters = FootParameters()
     foot = add_foot(plant, plant.world_frame(), parameters, side="right")
-    add_foot_visuals(plant, foot)
     plant.Finalize()
     frame_x, _, frame_z = foot.frame.EvalPoseInWorld(plant.CreateDefaultContext()).translation()
     soles = outlines(plant, scene_graph.model_inspector(), "sole")
@@ -132,7 +132,6 @@ def test_the_fulcrum_bears_on_the_keel_from_above():
     it down."""
     plant, scene_graph = registered_plant()
     foot = add_foot(plant, plant.world_frame(), FootParameters())
-    add_foot_visuals(plant, foot)
     inspector, carriage = scene_graph.model_inspector(), foot.carriage_joint(plant).child_body()
     roller = inspector.GetGeometryIdByName(
         plant.GetBodyFrameIdOrThrow(carriage.index()), Role.kIllustration, "vsf::roller"
@@ -155,21 +154,27 @@ def registered_plant():
     return plant, scene_graph
 
 
-def test_plants_that_take_no_shapes_and_feet_that_have_them_are_refused_with_the_remedy():
-    bare, (plant, _) = MultibodyPlant(0.0), registered_plant()
-    for where in (bare, plant):
-        foot = add_foot(where, where.world_frame(), FootParameters())
-        if where is bare:
-            with pytest.raises(InputError, match="AddMultibodyPlantSceneGraph"):
-                add_foot_visuals(bare, foot)
-    add_foot_visuals(plant, foot)
-    with pytest.raises(InputError, match=r"'vsf' has its shapes already.*once a foot"):
-        add_foot_visuals(plant, foot)
-    with pytest.raises(InputError, match="foot: is a RigidBody"):
-        add_foot_visuals(plant, foot.frame)
-    plant.Finalize()
-    with pytest.raises(InputError, match="between add_foot and"):
-        add_foot_visuals(plant, foot)
+def test_a_foot_is_drawn_where_there_is_a_scene_graph_unless_nobody_wants_to_see_it():
+    """Spheres stand where they touch: their lowest points are the contact spheres'."""
+    plant, scene_graph = registered_plant()
+    foot = add_foot(plant, plant.world_frame(), FootParameters())
+    add_foot(plant, plant.world_frame(), FootParameters(), name="hidden", visual=False)
+    bare = MultibodyPlant(0.0)
+    add_foot(bare, bare.world_frame(), FootParameters())
+    inspector = scene_graph.model_inspector()
+    names = [inspector.GetName(g) for g in inspector.GetAllGeometryIds(Role.kIllustration)]
+    assert {"vsf::frame", "vsf::piece", "vsf::roller", "vsf::carriage", "vsf::sole"} <= set(names)
+    assert not [name for name in names if name.startswith("hidden")]
+    for i, (body, centre) in enumerate(zip(foot.sites.body_indices, foot.sites.p_BS, strict=True)):
+        sphere = inspector.GetGeometryIdByName(
+            plant.GetBodyFrameIdOrThrow(body), Role.kIllustration, f"vsf::site_{i}"
+        )
+        low = inspector.GetPoseInFrame(sphere).translation() - [
+            0.0,
+            0.0,
+            inspector.GetShape(sphere).radius(),
+        ]
+        np.testing.assert_allclose(low, centre - [0.0, 0.0, foot.sites.radius[i]], atol=1e-12)
 
 
 def test_a_patch_far_off_is_drawn_where_it_is_and_whole():

@@ -7,6 +7,7 @@ import csv
 import json
 import math
 
+import biped
 import contact_alternatives
 import friction_monte_carlo
 import fulcrum_in_swing
@@ -43,6 +44,17 @@ from vsf_drake.motion.trial import load_trial
 from vsf_drake.plants.gait import make_gait
 
 pytestmark = pytest.mark.slow
+
+# A biped: the law of its centre of mass.
+
+
+def test_a_biped_stands_on_two_feet_with_their_pressure_under_its_mass(tmp_path):
+    numbers = biped.main(tmp_path, quick=True)
+    assert numbers["settled"] == pytest.approx(numbers["weight"], rel=2e-3)
+    assert abs(numbers["off_forward"]) < 0.01 and abs(numbers["off_sideways"]) < 0.01
+    assert numbers["right_peak"] > 1.3 * numbers["left_peak"]
+    assert (tmp_path / "biped.png").stat().st_size > 30_000
+
 
 # Contact alternatives: what runs at 1 ms stands on its weight, is as stiff as the bench, near the
 # law.

@@ -13,6 +13,7 @@ from pydrake.multibody.math import SpatialVelocity
 from vsf_drake.laws.contact_law import LawConstants
 from vsf_drake.laws.kelvin_voigt import normal_force
 from vsf_drake.systems import TestingMachine
+from vsf_drake.systems.contact import _on_plane
 
 X_WB = RigidTransform(RollPitchYaw(0.1, -0.2, 0.5), [0.3, 0.1, 0.02])
 w_WB, v_WB = np.array([0.4, -1.0, 0.3]), np.array([0.1, 0.05, -0.06])
@@ -98,3 +99,21 @@ def test_platen_is_a_spring_and_damper_to_each_site_and_pushes_it_upwards(speed)
     np.testing.assert_allclose(out["depth"], depth, atol=1e-15)
     assert out["load"][0] == pytest.approx(force.sum(), rel=1e-12)
     np.testing.assert_allclose(out["wrench"], about_origin(arms, force), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("pull", [1.0, -1.0])
+def test_a_plate_has_a_centre_of_pressure_under_a_force_that_pulls_too(pull):
+    """The point of the plane through which the force goes; none where the force goes along it."""
+    point = np.array([0.3, -0.2, 0.1])
+    force = pull * np.array([40.0, 10.0, 200.0])
+    out = _on_plane(force, np.cross(point, force), 0.1)
+    np.testing.assert_allclose(out["cop"], point, atol=1e-12)
+    np.testing.assert_allclose(out["free_moment"], 0.0, atol=1e-12)
+
+
+def test_no_load_and_a_level_force_have_no_centre_of_pressure_and_are_told_apart():
+    nothing = _on_plane(np.zeros(3), np.zeros(3), 0.0)
+    np.testing.assert_array_equal(np.concatenate([*nothing.values()]), 0.0)
+    level = _on_plane(np.array([40.0, 0.0, 0.0]), np.array([0.0, 4.0, 0.0]), 0.1)
+    assert level["grf"][0] == 40.0 and np.isnan(level["cop"]).all()
+    assert np.isnan(level["free_moment"]).all()

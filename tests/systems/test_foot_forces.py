@@ -289,3 +289,41 @@ def test_nothing_carries_beyond_the_bounds_of_all_patches(contact):
     foot.place(*some_state(1, depth=0.05))
     for name in ("grf", "cop", "free_moment", "normal_force", "depth", "friction_force"):
         np.testing.assert_array_equal(foot.output(name), 0.0)
+
+
+@pytest.mark.parametrize("contact", CONTACT_LAWS)
+@pytest.mark.parametrize("slope_deg", [0.0, 8.0])
+def test_a_foot_on_a_belt_feels_what_it_does_where_ground_and_foot_move_the_other_way(
+    contact, slope_deg
+):
+    """Galilei: who rides along with the belt sees the foot slide over ground at rest."""
+    speed = -1.3
+    still, running = (
+        loose_foot(
+            contact=contact,
+            ground=Ground(patches=(GroundPatch(slope_deg=slope_deg, belt_m_per_s=belt),)),
+        )
+        for belt in (0.0, speed)
+    )
+    R = RotationMatrix.MakeYRotation(-np.radians(slope_deg))
+    uphill = R.matrix()[:, 0]
+    for seed in SEEDS:
+        X, V, q, v = some_state(seed, depth=8e-3)
+        X = RigidTransform(R) @ X
+        running.place(X, V, q, v)
+        still.place(X, V - np.append(np.zeros(3), speed * uphill), q, v)
+        assert np.linalg.norm(running.output("friction_force")) > 10.0
+        for name, value in still.outputs().items():
+            np.testing.assert_allclose(
+                running.output(name), value, rtol=1e-9, atol=1e-9, err_msg=name
+            )
+
+
+def test_a_belt_drags_what_rests_on_it_by_kinetic_friction():
+    foot = loose_foot(ground=Ground(patches=(GroundPatch(belt_m_per_s=-2.0),)))
+    X, V, q, v = some_state(1, depth=8e-3)
+    foot.place(X, 0.0 * V, q, 0.0 * v)
+    normal = foot.output("normal_force").sum()
+    np.testing.assert_allclose(
+        foot.output("grf"), [-PARAMETERS.friction.mu_kinetic * normal, 0.0, normal], rtol=1e-3
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import inspect
+import pydoc
 import sys
 import weakref
 
@@ -213,3 +214,16 @@ def test_the_classes_of_a_system_are_made_without_reading_the_source_of_whoever_
     assert made is made.template[float] and made.template[AutoDiffXd] is not made
     here = sys._getframe().f_code
     assert seen and not any(frame.frame.f_code is here for frames in seen for frame in frames)
+
+
+# Help
+
+
+def test_help_of_every_public_system_is_two_screens_and_has_its_arguments():
+    """Of 48 lines each; all that Drake's LeafSystem can do would be 2400 more."""
+    for cls in public_systems():
+        lines = pydoc.plain(pydoc.render_doc(cls)).splitlines()
+        assert len(lines) <= 96, (cls, len(lines))
+        text = "\n".join(lines)
+        assert "args" not in inspect.signature(cls).parameters
+        assert "GetParameter" in text and "ToScalarType" not in text

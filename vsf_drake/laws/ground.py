@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from vsf_drake.laws._elementwise import Values
-from vsf_drake.laws.compiled import compiled, generic
+from vsf_drake.laws.compiled import generic
 from vsf_drake.laws.lanes import plain, power
 
 SAME_HEIGHT_M = 1e-9
@@ -21,8 +21,10 @@ SERIES_ITERATIONS = 10
 """Newton steps of `foam_root`: enough for exponents up to 20 and any ratio of the stiffnesses."""
 
 
-@compiled
-def patch_under(x: float, y: float, bounds: np.ndarray, patches: np.ndarray) -> tuple[int, float]:
+@generic
+def patch_under(
+    x: Values, y: Values, bounds: np.ndarray, patches: np.ndarray
+) -> tuple[int, Values]:
     """Index of the patch that carries at x, y (m), and its height (m) there; -1 and -inf without
     any.
 
@@ -38,12 +40,12 @@ def patch_under(x: float, y: float, bounds: np.ndarray, patches: np.ndarray) -> 
             z = patches[i, 1] + patches[i, 2] * (x - patches[i, 0]) + patches[i, 3] * y
             if z >= top - SAME_HEIGHT_M:
                 best = i
-                top = max(top, z)
+                top = max(top, plain(z))
                 height = z
     return best, height
 
 
-@compiled
+@generic
 def foam_root(depth: float, softness: float, exponent: float) -> float:
     """d in [0, depth] with d + softness d**exponent = depth, of floats.
 

@@ -76,14 +76,14 @@ class Mask(types.Type):
 LANE = Lane()
 MASK = Mask()
 _intrinsic: Any = extending.intrinsic
-_DOUBLES = ir.VectorType(ir.DoubleType(), WIDTH)
+DOUBLES = ir.VectorType(ir.DoubleType(), WIDTH)
 _BITS = ir.VectorType(ir.IntType(1), WIDTH)
 
 
 @register_model(Lane)
 class _LaneModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _DOUBLES)
+        super().__init__(manager, kind, DOUBLES)
 
 
 @register_model(Mask)
@@ -92,7 +92,7 @@ class _MaskModel(models.PrimitiveModel):
         super().__init__(manager, kind, _BITS)
 
 
-def _of_each(builder: Any, value: Any) -> Any:
+def of_each(builder: Any, value: Any) -> Any:
     """The same value for each walk."""
     kind = ir.VectorType(value.type, WIDTH)
     if isinstance(value, ir.Constant):
@@ -106,15 +106,15 @@ def _of_each(builder: Any, value: Any) -> Any:
 @lower_cast(types.Float, Lane)
 @lower_cast(types.Integer, Lane)
 def _number_to_lane(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
-    return _of_each(builder, context.cast(builder, value, fromty, types.float64))
+    return of_each(builder, context.cast(builder, value, fromty, types.float64))
 
 
 @lower_cast(types.Boolean, Mask)
 def _truth_to_mask(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
-    return _of_each(builder, value)
+    return of_each(builder, value)
 
 
-def _operator(
+def operators(
     functions: tuple[Any, ...], kind: Any, single: Any, result: Any, emit: Callable[..., Any]
 ) -> None:
     """Gives `functions` of one or two arguments of `kind` (an instance), or one and a `single`."""
@@ -137,7 +137,7 @@ def _llvm(name: str) -> Callable[..., Any]:
     """A function of LLVM's own on the numbers of all walks."""
 
     def emit(builder: Any, *args: Any) -> Any:
-        kind = ir.FunctionType(_DOUBLES, [_DOUBLES] * len(args))
+        kind = ir.FunctionType(DOUBLES, [DOUBLES] * len(args))
         function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{WIDTH}f64")
         return builder.call(function, args)
 
@@ -155,14 +155,14 @@ for _functions, _emit in (
     ((math.fabs, abs), _llvm("fabs")),
     ((math.copysign,), _llvm("copysign")),
 ):
-    _operator(_functions, LANE, _NUMBER, LANE, _emit)
+    operators(_functions, LANE, _NUMBER, LANE, _emit)
 for _function, _sign in (
     (operator.lt, "<"),
     (operator.le, "<="),
     (operator.gt, ">"),
     (operator.ge, ">="),
 ):
-    _operator(
+    operators(
         (_function,),
         LANE,
         _NUMBER,
@@ -173,7 +173,7 @@ for _functions, _emit in (
     ((operator.and_, operator.iand), lambda builder, x, y: builder.and_(x, y)),
     ((operator.or_, operator.ior), lambda builder, x, y: builder.or_(x, y)),
 ):
-    _operator(_functions, MASK, types.Boolean, MASK, _emit)
+    operators(_functions, MASK, types.Boolean, MASK, _emit)
 
 
 # In place of `if` on numbers: of float and bool, of lanes and masks, and in Python of numpy arrays
@@ -223,7 +223,8 @@ def _compiled_form(function: Any, typed: Callable[..., Any], emit: Callable[...,
 
 
 def _select_types(where: Any, yes: Any, no: Any) -> tuple[Any, ...]:
-    kind = LANE if MASK == where or LANE in (yes, no) else types.float64
+    own = [kind for kind in (yes, no) if not isinstance(kind, _NUMBER)]
+    kind = LANE if MASK == where else [*own, types.float64][0]
     return kind, where, kind, kind
 
 
@@ -281,7 +282,7 @@ def _one_by_one(name: str) -> Any:
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         function = builder.module.declare_intrinsic(name, [ir.DoubleType()])
-        result = ir.Constant(_DOUBLES, ir.Undefined)
+        result = ir.Constant(DOUBLES, ir.Undefined)
         for walk in range(WIDTH):
             place = ir.Constant(ir.IntType(32), walk)
             given = [builder.extract_element(value, place) for value in args]
@@ -315,7 +316,9 @@ def power(x: Any, n: Any) -> Any:
 @overload(power, strict=False)
 def _power_of(x: Any, n: Any) -> Any:
     if LANE not in (x, n):
-        return lambda x, n: x if n == 1.0 else x**n
+        if all(isinstance(kind, _NUMBER) for kind in (x, n)):
+            return lambda x, n: x if n == 1.0 else x**n
+        return lambda x, n: x**n
 
     def lanes_power(x: Any, n: Any) -> Any:
         if every((n >= 1.0) & (n <= 1.0)):  # what the library gives, too
@@ -355,7 +358,9 @@ def plain(x: Any) -> Any:
 
 @overload(plain, strict=False)
 def _plain_of(x: Any) -> Any:
-    return lambda x: x
+    if isinstance(x, _NUMBER):
+        return lambda x: x
+    return lambda x: x.value
 
 
 HALF_PI_1 = float.fromhex("0x1.921fb544p+0")
@@ -413,13 +418,13 @@ def _laned(kind: Any, name: str = "") -> Any:
     return kind
 
 
-def _as_lanes(context: Any, builder: Any, kind: Any, made: Any, value: Any) -> Any:
+def as_lanes(context: Any, builder: Any, kind: Any, made: Any, value: Any) -> Any:
     """`value` of the type `kind` as one of the type `made`, without a copy."""
     if kind == made:
         return value
     if hasattr(kind, "instance_class"):
         parts = [
-            _as_lanes(context, builder, of, to, builder.extract_value(value, i))
+            as_lanes(context, builder, of, to, builder.extract_value(value, i))
             for i, (of, to) in enumerate(zip(kind, made, strict=True))
         ]
         return context.make_tuple(builder, made, parts)
@@ -481,7 +486,7 @@ def _lanes(typingctx: Any, value: Any) -> Any:
     made = _laned(value)
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        new = _as_lanes(context, builder, value, made, args[0])
+        new = as_lanes(context, builder, value, made, args[0])
         return impl_ret_borrowed(context, builder, made, new)
 
     return made(value), emit

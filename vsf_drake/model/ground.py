@@ -1,4 +1,5 @@
-"""The ground as a list of plane patches: height, slopes, bounds, friction, compliance. Schema only.
+"""The ground as a list of plane patches: height, slopes, bounds, friction, compliance, belt. Schema
+only.
 
 World frame W: x forward, y left, z up. A file holds the patches in a list:
 
@@ -7,6 +8,7 @@ World frame W: x forward, y left, z up. A file holds the patches in a list:
       - {name: ramp, from_x_m: 1.0, reference_x_m: 1.0, slope_deg: 5.0}
       - {name: ice, from_x_m: 0.3, to_x_m: 0.6, mu_static: 0.1, mu_kinetic: 0.08}
       - {name: mat, from_x_m: 0.6, to_x_m: 1.0, height_m: 0.01, stiffness_n_per_m: 2.0e+4}
+      - {name: treadmill, from_x_m: 3.0, to_x_m: 5.0, belt_m_per_s: -1.2}
 """
 
 from __future__ import annotations
@@ -34,7 +36,8 @@ class GroundPatch:
     named after the floor. Where there is no patch nothing carries. `mu_static` and `mu_kinetic`
     replace the foot's coefficients where they are given; with `mu_static` alone the foot's kinetic
     one is lowered to it if need be. `stiffness_n_per_m` is the ground's own spring under each
-    contact sphere, in series with the sphere's.
+    contact sphere, in series with the sphere's. With `belt_m_per_s` the patch stays where it is and
+    its surface runs, as a treadmill's: friction follows the speed of a sphere against the belt.
     """
 
     name: str = "ground"  # of the patch
@@ -58,6 +61,8 @@ class GroundPatch:
     )
     stiffness_n_per_m: float | None = quantity(None, unit="N/m", low=1.0, high=1e12, source=_CHOICE)
     """of the ground under each sphere; rigid if left out"""
+    belt_m_per_s: float = quantity(0.0, unit="m/s", low=-20.0, high=20.0, source=_CHOICE)
+    """speed of the surface along +x, up a slope; negative under who walks forward on a treadmill"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,6 +132,7 @@ def ground_arrays(ground: Ground, *, mu_static: float, mu_kinetic: float) -> dic
         "ground_slope": np.tan(np.radians(column("slope_deg"))),
         "ground_bank": np.tan(np.radians(column("bank_deg"))),
         "ground_compliance": 1.0 / column("stiffness_n_per_m", math.inf),
+        "ground_speed": column("belt_m_per_s"),
         "mu_static": column("mu_static", mu_static),
         "mu_kinetic": np.where(
             np.isnan(kinetic), np.minimum(mu_kinetic, column("mu_static", math.inf)), kinetic

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from vsf_drake.base.errors import require
+from vsf_drake.base.files import user_path
 from vsf_drake.base.schema import check, load_yaml, unit_hint
 from vsf_drake.model.parameters import ContactZone, FootParameters, ModelParameters
 
@@ -19,7 +20,9 @@ DEEPEST_M = 1.0  # a foam that bears less than the largest load at this depth is
 
 
 def load_model(path: str | Path) -> ModelParameters:
-    """Reads and checks a model file."""
+    """Reads and checks a model file, such as `package://vsf_drake/soft_support.yaml`, which comes
+    with the package."""
+    path = user_path(path)
     return check_model(load_yaml(path, ModelParameters), file=path)
 
 

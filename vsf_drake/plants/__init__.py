@@ -8,10 +8,10 @@ from vsf_drake.plants.foot_wiring import (
     FulcrumDrive,
     WiredFoot,
     add_fulcrum_drive,
+    add_fulcrum_slider,
     follow_fulcrum,
     wire_foot,
 )
-from vsf_drake.plants.visuals import add_foot_visuals
 from vsf_drake.plants.wiring import share_generalized_forces, share_spatial_forces, to_symbolic
 
 __all__ = [
@@ -19,8 +19,8 @@ __all__ = [
     "FulcrumDrive",
     "WiredFoot",
     "add_foot",
-    "add_foot_visuals",
     "add_fulcrum_drive",
+    "add_fulcrum_slider",
     "add_ground_geometry",
     "follow_fulcrum",
     "mirrored",

@@ -19,7 +19,7 @@ from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_wiring import ON_THE_GROUND, wire_foot, wire_unloaded_foot
 from vsf_drake.plants.solids import FORWARD, RIGHTWARD, UPWARD, add_chain, box
-from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph
+from vsf_drake.plants.visuals import connect_scene_graph
 from vsf_drake.plants.wiring import add_forces, export_outputs, servo
 from vsf_drake.systems.contact import TestingMachine
 from vsf_drake.systems.foot_forces import FootForces
@@ -62,8 +62,6 @@ def make_bench(
     if scene_graph is not None:
         connect_scene_graph(builder, plant, scene_graph)
     foot = add_foot(plant, plant.world_frame(), parameters)
-    if scene_graph is not None:
-        add_foot_visuals(plant, foot)
     plant.Finalize()
     forces = wire_unloaded_foot(builder, plant, foot)
     pressed = _pressed(parameters, foot, heel)

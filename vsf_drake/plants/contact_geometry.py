@@ -236,7 +236,7 @@ def add_ground_geometry(
             patch with coefficients of its own gets what together with the foot's gives them, as
             Drake takes the harmonic mean.
         contact: of the feet; "hydroelastic" where one of them has it: pads feel no patch's
-            stiffness, which is refused.
+            stiffness, which is refused. A belt's velocity is refused for both.
     """
     ground = check_ground(ground or Ground())
     foot = foot or FootParameters()
@@ -251,6 +251,14 @@ def add_ground_geometry(
             "hydroelastic pads take the ground for rigid",
             f"patches[{i}].stiffness_n_per_m",
             "Leave it out, or take contact drake_point",
+        )
+        require(
+            patch.belt_m_per_s == 0.0,
+            f"Drake's contact knows no belt that runs in its place, here at {patch.belt_m_per_s:g} "
+            "m/s",
+            f"patches[{i}].belt_m_per_s",
+            "Take another contact, or let the foot meet a body that moves, by wire_foot(..., "
+            "own_ground=True)",
         )
         properties = geometry.ProximityProperties()
         geometry.AddRigidHydroelasticProperties(1.0, properties)

@@ -22,7 +22,6 @@ from vsf_drake.plants.contact_geometry import add_contact_geometry
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.solids import RIGHTWARD
-from vsf_drake.plants.visuals import add_foot_visuals
 
 NAME = "vsf"
 """Of the exported model, and what the names of its frame, mount and carriage begin with."""
@@ -186,7 +185,6 @@ def rigid_foot(parameters: FootParameters) -> tuple[FootHandles, list[dict[str, 
     scene_graph = SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     foot = add_foot(plant, plant.world_frame(), parameters, name=NAME)
-    add_foot_visuals(plant, foot, spheres=True)
     add_contact_geometry(plant, foot, "drake_point")
     plant.Finalize()
     inspector = scene_graph.model_inspector()

@@ -47,6 +47,7 @@ from vsf_drake.plants.foot_handles import (
     check_type,
     zone_sites,
 )
+from vsf_drake.plants.foot_visuals import draw_foot
 from vsf_drake.plants.solids import FORWARD, RIGHTWARD, box
 
 CONTACTS = (*CONTACT_LAWS, *DRAKE_CONTACTS)
@@ -156,6 +157,7 @@ def add_foot(
     side: str | None = None,
     contact: str = "kelvin_voigt",
     fulcrum_m: float | None = None,
+    visual: bool = True,
 ) -> FootHandles:
     """Adds the foot, its mount welded to `parent_frame` (z up along the pylon, x to the toe).
 
@@ -164,6 +166,9 @@ def add_foot(
     time step, springs, carriage and support are actuators and a constraint (see below), which the
     plant's actuation port counts too: connect your controller to that of your own model instance.
 
+    The foot is a model instance of its own. Drake then wants one for every body that is added after
+    it: plant.AddRigidBody(name, plant.AddModelInstance("mine"), inertia).
+
     Args:
         name: of the foot's model instance, in which its joints' names are unique.
         side: "left" or "right"; nothing but a check that `parameters` are not for the other one.
@@ -171,6 +176,8 @@ def add_foot(
             and geometry on the ground (`add_ground_geometry`).
         fulcrum_m: fulcrum position (m from A) where no other is commanded; by default FULCRUM_M, or
             where the carriage comes closest to it.
+        visual: the foot gets shapes to be seen by (frame, keel, carriage, sole, contact spheres),
+            if the plant is a source of a SceneGraph.
     """
     _check_place(plant, parent_frame, name)
     side = checked_side(parameters, side)
@@ -228,6 +235,8 @@ def add_foot(
         sites=_foot_sites(parameters, frame, keel, starts),
         fulcrum_m=fulcrum_m,
     )
+    if visual and plant.geometry_source_is_registered():
+        draw_foot(plant, foot)
     if contact in DRAKE_CONTACTS:
         add_contact_geometry(plant, foot, contact)
     return with_implicit_device(plant, foot) if plant.time_step() > 0.0 else foot

@@ -84,6 +84,12 @@ class FootHandles:
     support: tree.MultibodyConstraintId | None = None
     """the fulcrum's support, in a plant with a time step"""
 
+    def __repr__(self) -> str:
+        return (
+            f"<foot {self.name!r}, contact {self.contact}, side {self.side}: {len(self.keel)} keel "
+            f"bodies, {len(self.sites.radius)} spheres, fulcrum at {1e3 * self.fulcrum_m:g} mm>"
+        )
+
     def keel_body_at(self, x: float) -> int:
         """Index into `keel` of the body that carries the point `x` (m from A)."""
         return int(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.geometry import Meshcat
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
+from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import (
     Context,
@@ -30,10 +32,11 @@ from vsf_drake.plants.contact_geometry import (
     part_own_geometry,
 )
 from vsf_drake.plants.foot import grip_limit, place_fulcrum, support_of
+from vsf_drake.plants.foot_coupling import add_coupled, chain_to
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
 from vsf_drake.systems.contact import DrakeReaction
 from vsf_drake.systems.foot_forces import DEVICE, FORCES, Constant, FootForces
-from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand
+from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand, FulcrumSlider
 from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 
 DEPTH_WIDTH_M, RATE_WIDTH_M_PER_S = 5e-4, 0.02
@@ -59,6 +62,10 @@ class WiredFoot:
     """with a time step: tells what springs and support bear, which the plant exerts"""
     command: FulcrumCommand | None = None
     """with a time step: sends the carriage to the fulcrum position"""
+
+    def __repr__(self) -> str:
+        outputs = textwrap.fill(", ".join(self.outputs()), 88, subsequent_indent=" " * 7)
+        return f"{self.foot!r}\n  in:  fulcrum_position\n  out: {outputs}"
 
     @property
     def fulcrum_position(self) -> InputPort:
@@ -126,7 +133,7 @@ def wire_foot(
     check_type(foot, FootHandles, "foot", "Give what add_foot or find_foot returned")
     wiring.check_shareable(builder, plant)
     require(
-        plant.HasModelInstanceNamed(foot.name) and plant.get_body(foot.frame.index()) is foot.frame,
+        foot.frame.GetParentPlant() is plant,  # type: ignore[no-untyped-call]
         f"the foot {foot.name!r} is part of another plant",
         "foot",
         "Wire it in the diagram of the plant that it was added to",
@@ -218,16 +225,18 @@ def add_rigid_foot(
     bodies = {int(index) for index in sites.body_indices}
     if len(bodies) != 1:
         raise ValueError(f"the sites are on {len(bodies)} bodies, but must be on one")
-    return wiring.add_forces(
+    body = BodyIndex(bodies.pop())
+    return add_coupled(
         builder,
         plant,
         name,
+        body,
         FootForces(
             num_positions=plant.num_positions(),
             num_velocities=plant.num_velocities(),
             position_indices=[0, 0],
             velocity_indices=[0, 0],
-            frame_body_index=sites.body_indices[0],
+            frame_body_index=body,
             keel_starts=np.zeros(1),
             site_keel=[-1] * len(sites.body_indices),
             law=law,
@@ -235,6 +244,8 @@ def add_rigid_foot(
                 **dict.fromkeys(DEVICE, 0.0),
                 **_contact_constants(sites, friction, check_ground(ground)),
             },
+            chain=chain_to(plant, body),
+            foam_thickness=float(sites.radius.max()),
         ),
     )
 
@@ -265,13 +276,16 @@ def _add_forces(
         law=law,
         constants=constants,
         grip_limit=grip,
+        chain=chain_to(plant, foot.frame.index()) if acts else None,
         site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices],
+        travel=(foot.parameters.fulcrum.rearmost_m, foot.parameters.fulcrum.foremost_m),
+        foam_thickness=foot.parameters.foam_thickness_m,
     )
     # else the servo would pull the carriage from A to the fulcrum in the first millisecond
     if foot.support is None:
         foot.carriage_joint(plant).set_default_translation(float(constants["fulcrum_m"]))
     if acts:
-        return wiring.add_forces(builder, plant, f"{foot.name}_{name}", forces)
+        return add_coupled(builder, plant, f"{foot.name}_{name}", foot.frame.index(), forces)
     builder.AddNamedSystem(f"{foot.name}_{name}", forces)
     wiring.connect_kinematics(builder, plant, forces)
     return forces
@@ -454,7 +468,7 @@ def add_fulcrum_drive(
         period_s: sampling period of controller and recorder (the default is a choice).
     """
     check_type(wired, WiredFoot, "wired", "Give what wire_foot returned")
-    wiring.check_port(builder, wired.GetOutputPort("support_force"))
+    _check_free(builder, wired)
     foot = wired.foot
     body = shank or wired.foot.frame
     check_type(body, RigidBody, "shank", "Give a body: plant.GetBodyByName(name)")
@@ -463,12 +477,6 @@ def add_fulcrum_drive(
     )
     grf = grf or wired.GetOutputPort("grf")
     wiring.check_port(builder, grf, 3, "The ground reaction force is one vector of 3, N, z_W up")
-    require(
-        not builder.IsConnectedOrExported(wired.fulcrum_position),
-        "is connected or exported already",
-        f"{foot.name}'s fulcrum_position",
-        "A fulcrum has one master: leave the port free, and give the drive a desired position",
-    )
     if initial_m is None:
         initial_m = foot.carriage_joint(plant).get_default_translation()
     fulcrum = foot.parameters.fulcrum
@@ -505,3 +513,44 @@ def add_fulcrum_drive(
         builder.Connect(source.GetOutputPort(name), receiver.GetInputPort(port))
     builder.Connect(actuator.GetOutputPort("fulcrum_position"), wired.fulcrum_position)
     return FulcrumDrive(actuator=actuator, controller=controller, recorder=recorder, shank=sensor)
+
+
+def add_fulcrum_slider(
+    builder: DiagramBuilder, wired: WiredFoot, meshcat: Meshcat
+) -> FulcrumSlider:
+    """Lets a slider "<foot> fulcrum (mm)" on the page of `meshcat` move the fulcrum of a
+    `wire_foot` foot, while a Simulator runs.
+
+    Adds `<foot>_slider`, which holds the place that the foot was wired with until the slider is
+    moved. In a plant with a time step the support follows only with `follow_fulcrum`.
+    """
+    check_type(wired, WiredFoot, "wired", "Give what wire_foot returned")
+    check_type(meshcat, Meshcat, "meshcat", "Give a Meshcat, such as StartMeshcat() makes")
+    _check_free(builder, wired)
+    fulcrum = wired.foot.parameters.fulcrum
+    system = wired.command or wired.forces
+    initial_m = float(system.GetParameter(system.CreateDefaultContext(), "fulcrum_m"))
+    label = f"{wired.foot.name} fulcrum (mm)"
+    meshcat.AddSlider(
+        name=label,
+        min=1e3 * fulcrum.rearmost_m,
+        max=1e3 * fulcrum.foremost_m,
+        step=1.0,
+        value=1e3 * initial_m,
+    )
+    slider = builder.AddNamedSystem(
+        f"{wired.foot.name}_slider",
+        FulcrumSlider(meshcat=meshcat, label=label, initial_position=initial_m),
+    )
+    builder.Connect(slider.get_output_port(), wired.fulcrum_position)
+    return slider
+
+
+def _check_free(builder: DiagramBuilder, wired: WiredFoot) -> None:
+    wiring.check_port(builder, wired.GetOutputPort("support_force"))
+    require(
+        not builder.IsConnectedOrExported(wired.fulcrum_position),
+        "is connected or exported already",
+        f"{wired.foot.name}'s fulcrum_position",
+        "A fulcrum has one master: leave the port free for this one",
+    )

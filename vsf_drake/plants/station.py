@@ -64,7 +64,7 @@ from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_wiring import ON_THE_GROUND, WiredFoot, wire_foot
 from vsf_drake.plants.gait import GaitDiagram, make_gait
 from vsf_drake.plants.parsed_foot import find_foot
-from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph, draw_ground
+from vsf_drake.plants.visuals import connect_scene_graph, draw_ground
 from vsf_drake.plants.wiring import add_forces, export_outputs, share_generalized_forces
 from vsf_drake.systems.foot_forces import FORCES
 from vsf_drake.systems.joint_forces import GaitDriver
@@ -108,7 +108,7 @@ def make_station(
         meshcat: where to show them; makes it visual.
     """
     check_scenario(scenario)
-    model = load_model(user_path(scenario.model)) if scenario.model else ModelParameters()
+    model = load_model(scenario.model) if scenario.model else ModelParameters()
     if scenario.contact_file:
         path = user_path(scenario.contact_file)
         model = fitted_model(model, load_contact(path), file=path)
@@ -182,13 +182,13 @@ def _add_leg(
         np.array([0.0, 0.0, -scenario.gravity_m_per_s2])
     )
     _parse(plant, scenario)
-    feet = [_foot(plant, scene_graph, scenario, i, model) for i in range(len(scenario.feet))]
+    feet = [
+        _foot(plant, scene_graph, scenario, i, model, visual=visual)
+        for i in range(len(scenario.feet))
+    ]
     ground = scenario_ground(scenario)
     _add_ground_geometry(plant, scenario, feet)
     if visual:
-        for foot, asked in zip(feet, scenario.feet, strict=True):
-            if asked.parent_frame is not None:
-                add_foot_visuals(plant, foot)
         draw_ground(plant, ground)
     plant.Finalize()
     wired = {
@@ -279,10 +279,12 @@ def _foot(
     scenario: Scenario,
     row: int,
     model: ModelParameters,
+    *,
+    visual: bool,
 ) -> FootHandles:
     asked = scenario.feet[row]
     where = f"feet[{row}]"
-    parameters = load_model(user_path(asked.model)).foot if asked.model else model.foot
+    parameters = load_model(asked.model).foot if asked.model else model.foot
     fulcrum_m = 1e-3 * (scenario.fulcrum_mm if asked.fulcrum_mm is None else asked.fulcrum_mm)
     check_fulcrum(fulcrum_m, parameters, where=f"{where}.fulcrum_mm")
     contact = asked.contact or scenario.contact
@@ -304,7 +306,14 @@ def _foot(
     ):
         frame = parsing.GetScopedFrameByName(plant, asked.parent_frame)
     return add_foot(
-        plant, frame, parameters, name=asked.name, side=side, contact=contact, fulcrum_m=fulcrum_m
+        plant,
+        frame,
+        parameters,
+        name=asked.name,
+        side=side,
+        contact=contact,
+        fulcrum_m=fulcrum_m,
+        visual=visual,
     )
 
 

@@ -215,12 +215,17 @@ def _share(
     """Connects `port` to `target`, beside what is connected there by way of a union of two, which
     `both` makes."""
     sources = _sources(builder)
+    owner = _owner(port)
+    coupled = any(  # then what it exerts acts by way of `foot_coupling`
+        system is owner and system.get_output_port(i).get_name() == "applied"
+        for system, i in sources.values()
+    )
     where = (_owner(target), int(target.get_index()))
     waiting = [where]
     while waiting:  # through all unions, for the port may be one of the summands already
         source = sources.get(waiting.pop())
         require(
-            source != (_owner(port), int(port.get_index())),
+            not coupled and source != (owner, int(port.get_index())),
             f"acts on the plant already, by its {target.get_name()}",
             f"port {port.get_name()!r}",
             "Share it once; the ports of a foot are shared by wire_foot",

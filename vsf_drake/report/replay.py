@@ -25,13 +25,15 @@ from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import UNUSABLE_RECORDING
 from vsf_drake.plants.foot import set_mount
+from vsf_drake.plants.foot_visuals import SITE_NAME, SPHERE
 from vsf_drake.plants.person import add_person
-from vsf_drake.plants.visuals import SITE_NAME, SPHERE, add_visuals
+from vsf_drake.plants.visuals import add_visuals
 from vsf_drake.report.show.drawing import (
     ASPECT,
     ENDLESS,
     FIELD_OF_VIEW_DEG,
     RGB,
+    SPHERE_OPACITY,
     add_arrow,
     finish_page,
     open_meshcat,
@@ -168,7 +170,7 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
             f"{len(person.foot.sites.radius)}",
             where="sphere_normal_n",
         )
-    add_visuals(plant, person, spheres=True)
+    add_visuals(plant, person)
     offsets = _part(result, "offsets", GeometricOffsets)
     plant.Finalize()
     moving = {
@@ -228,6 +230,7 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
     high = np.array(LOADED) ** 2.2
     for j, index in enumerate(person.foot.sites.body_indices):
         path = f"{WALK}/{plant.get_body(index).name()}/{SITE_NAME.format(j)}/<object>"
+        meshcat.SetProperty(path, "material.opacity", SPHERE_OPACITY)
         load = frames.sphere_load[:, j]
         changed = (np.diff(load, prepend=2.0) != 0.0) | (np.diff(load, append=2.0) != 0.0)
         for frame in np.flatnonzero(changed).tolist():

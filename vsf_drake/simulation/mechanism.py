@@ -248,10 +248,10 @@ def _level_ground(forces: FootForces, context: Context) -> float:
     """Height (m) of the one rigid level plane under a foot; ValueError for another ground."""
     read = _reader(forces, context)
     if len(read("ground_height")) != 1 or any(
-        read(f"ground_{name}")[0] for name in ("slope", "bank", "compliance")
+        read(f"ground_{name}")[0] for name in ("slope", "bank", "compliance", "speed")
     ):
         raise ValueError(
-            "the stepper knows one level plane as ground, neither patches nor slopes nor what "
-            "gives way"
+            "the stepper knows one level plane as ground, neither patches nor slopes nor belts nor "
+            "what gives way"
         )
     return float(read("ground_height")[0])

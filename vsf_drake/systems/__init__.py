@@ -21,6 +21,8 @@ from vsf_drake.systems.foot_forces import FootForces, FootForces_
 from vsf_drake.systems.fulcrum import (
     FulcrumActuator,
     FulcrumActuator_,
+    FulcrumSlider,
+    FulcrumSlider_,
 )
 from vsf_drake.systems.joint_forces import (
     GaitDriver,
@@ -44,6 +46,8 @@ __all__ = [
     "FootForces_",
     "FulcrumActuator",
     "FulcrumActuator_",
+    "FulcrumSlider",
+    "FulcrumSlider_",
     "GaitDriver",
     "GaitDriver_",
     "ShankAngle",

@@ -18,6 +18,7 @@ import weakref
 from collections.abc import Callable, Iterable
 from dataclasses import fields
 from functools import wraps
+from inspect import signature
 from types import MethodType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -71,6 +72,7 @@ BOUNDS: dict[str, tuple[str, float, float]] = {
         ground_bounds="to_x_m",
         ground_reference_x="reference_x_m",
         ground_height="height_m",
+        ground_speed="belt_m_per_s",
     ),
     **dict.fromkeys(("ground_slope", "ground_bank"), ("1", -1.0, 1.0)),
     "ground_compliance": ("m/N", 0.0, 1.0),
@@ -275,7 +277,7 @@ class System(_Leaf):
         calc: Callable[[framework.Context], Any],
         *sources: framework.DependencyTicket,
     ) -> None:
-        value = _weakly(calc)
+        value = weakly(calc)
 
         def write(context: framework.Context, out: Any) -> None:
             out.SetFromVector(value(context))
@@ -304,7 +306,7 @@ class System(_Leaf):
     ) -> None:
         """An output of the pairs that `calc(context)` returns: body, (6,) moment and force in W at
         its origin."""
-        pairs = _weakly(calc)
+        pairs = weakly(calc)
         applied = ExternallyAppliedSpatialForce_[self._T]
         force = SpatialForce_[self._T]
 
@@ -330,7 +332,7 @@ class System(_Leaf):
     ) -> Callable[[framework.Context], R]:
         """What the method `calc(context)` returns, kept until a source changes, by default inputs
         and parameters."""
-        compute = _weakly(calc)
+        compute = weakly(calc)
         owner: Callable[[], Any] = weakref.ref(self)
 
         def write(context: Any, value: Any) -> None:
@@ -343,10 +345,13 @@ class System(_Leaf):
         ).cache_index()
         return lambda context: owner().get_cache_entry(index).Eval(context)
 
+    def _declare_start(self, publish: Callable[[framework.Context], None]) -> None:
+        self.DeclareInitializationPublishEvent(weakly(publish))
+
     def _declare_periodic(
         self, period: float, update: Callable[[framework.Context, framework.DiscreteValues], None]
     ) -> None:
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, _weakly(update))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, weakly(update))
 
 
 # (a_i b_j) flattened row by row, times this, is a × b: faster for small N than np.cross or
@@ -362,7 +367,8 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return product
 
 
-def _weakly(method: Callable[..., R]) -> Callable[..., R]:
+def weakly(method: Callable[..., R]) -> Callable[..., R]:
+    """The method without a reference to its owner."""
     if not isinstance(method, MethodType):
         return method
     function, owner = method.__func__, weakref.ref(method.__self__)
@@ -393,6 +399,20 @@ def system_template(*others: type) -> Callable[[type[S]], type[S]]:
     return decorate
 
 
+class _Ours(type(framework.LeafSystem)):  # type: ignore[misc]
+    """Of a class that lists what this package added, in help() as in dir(): Drake's own part of it
+    would be two thousand lines."""
+
+    def __dir__(cls) -> list[str]:
+        ours = (
+            base
+            for base in cls.__mro__
+            if type(base) is type and base.__module__.startswith(__package__)
+        )
+        names = {name for base in ours for name in vars(base) if not name.startswith("_")}
+        return sorted(names - {"template"})
+
+
 def _instantiation(cls: type[S], T: type) -> type:
     """The class for scalar type T, which TemplateSystem gives the `__init__` that chooses between
     these two."""
@@ -411,11 +431,14 @@ def _instantiation(cls: type[S], T: type) -> type:
     def _construct_copy(self: Any, other: S, converter: Any = None) -> None:
         _construct(self, converter=converter, **other._arguments_for(T))
 
-    return type(
+    return _Ours(
         cls.__name__,
         (cls, leaf),
         {
             "__doc__": cls.__doc__,
+            "__signature__": signature(construct).replace(
+                parameters=list(signature(construct).parameters.values())[1:]
+            ),
             "__slots__": (PEERS, "_ports"),
             "_T": T,
             "_construct": _construct,

@@ -30,7 +30,9 @@ class DrakeReaction(System):
         cop = ((h F_x - M_y) / F_z, (h F_y + M_x) / F_z, h),
 
     about which the moment has no horizontal component, and the free moment is what is left about
-    the vertical there, M_z - (cop × F)_z, as a force plate makes them.
+    the vertical there, M_z - (cop × F)_z, as a force plate makes them. A force that pulls (F_z < 0,
+    as beside a ramp) has a cop, too; one without any F_z crosses no level plane, and cop and free
+    moment are not numbers.
 
     In a plant with a time step contact results are those of the last step, so before the first all
     is zero.
@@ -69,7 +71,7 @@ class DrakeReaction(System):
             weight = np.sqrt(force @ force)
             size = size + weight
             height = height + weight * touched[2]
-        return _on_plane(F, M, height / size if F[2] > 0 else height)
+        return _on_plane(F, M, height / size if size > 0 else height)
 
     def _contacts(
         self, results: ContactResults
@@ -103,9 +105,11 @@ class DrakeReaction(System):
 
 
 def _on_plane(F: np.ndarray, M: np.ndarray, height: Any) -> dict[str, np.ndarray]:
-    """Outputs of F (N) and M (N m about Wo) in W; without load there is no centre of pressure."""
-    if not F[2] > 0:
-        return {"grf": F, "cop": 0.0 * F, "free_moment": 0.0 * F[2:]}
+    """Outputs of F (N) and M (N m about Wo) in W; without a force along z there is no centre of
+    pressure."""
+    if F[2] == 0:
+        none = np.nan if F[0] != 0 or F[1] != 0 else 0.0
+        return {"grf": F, "cop": 0.0 * F + none, "free_moment": 0.0 * F[2:] + none}
     cop_x = (height * F[0] - M[1]) / F[2]
     cop_y = (height * F[1] + M[0]) / F[2]
     return {

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
+from pydrake.geometry import Meshcat
 from pydrake.symbolic import Expression
-from pydrake.systems.framework import BasicVector_, Context, ContinuousState
+from pydrake.systems.framework import BasicVector_, Context, ContinuousState, DiscreteValues
 
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.schema import check
@@ -17,6 +18,7 @@ from vsf_drake.laws import lead_screw as law
 from vsf_drake.model.parameters import ActuatorParameters
 from vsf_drake.systems._system import System, system_template
 
+SLIDER_SPEED, SLIDER_TIME_S = 0.1, 0.05
 THREAD = ("screw_lead_m", "screw_mean_diameter_m", "thread_friction", "thread_flank_angle_rad")
 
 
@@ -71,6 +73,39 @@ class FulcrumCommand(System):
         desired = np.zeros(self._count, dtype=position.dtype)
         desired[self._carriage] = position[0]
         return desired
+
+
+@system_template()
+class FulcrumSlider(System):
+    """Moves the fulcrum to where a slider on a Meshcat page stands, at 0.1 m/s at most.
+
+    The slider is read 32 times a second, and the position follows by x' = v tanh((target - x) / (v
+    T)), with v the largest speed and T = 50 ms (choices), so that no step of it throws the
+    carriage. `plants.add_fulcrum_slider` adds slider and system.
+
+    Outputs: fulcrum_position (1,) m from A, a state.
+
+    Args:
+        meshcat: that has the slider. label: of the slider, which is in mm.
+        initial_position: m from A.
+    """
+
+    def __init__(self, *, meshcat: Meshcat, label: str, initial_position: float) -> None:
+        self._meshcat = meshcat
+        self._label = label
+        self.DeclareDiscreteState(BasicVector_[self._T](np.array([initial_position])))
+        self.DeclareContinuousState(BasicVector_[self._T](np.array([initial_position])))
+        self._declare_periodic(1.0 / 32.0, self._read_slider)
+        self._declare_output("fulcrum_position", 1, _state, self.xc_ticket())
+
+    def _read_slider(self, context: Context, discrete: DiscreteValues) -> None:
+        before = context.get_discrete_state_vector().CopyToVector()
+        discrete.set_value(0.0 * before + 1e-3 * self._meshcat.GetSliderValue(self._label))
+
+    def DoCalcTimeDerivatives(self, context: Context, derivatives: ContinuousState) -> None:
+        target = context.get_discrete_state_vector().CopyToVector()
+        rate = SLIDER_SPEED * np.tanh((target - _state(context)) / (SLIDER_SPEED * SLIDER_TIME_S))
+        derivatives.SetFromVector(rate)
 
 
 @system_template()
@@ -308,3 +343,4 @@ def _check_travel(rearmost: Any, foremost: Any, position: Any) -> None:
 
 FulcrumCommand_ = FulcrumCommand.template
 FulcrumActuator_ = FulcrumActuator.template
+FulcrumSlider_ = FulcrumSlider.template

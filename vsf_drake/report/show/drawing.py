@@ -28,6 +28,10 @@ _STROKES = {
 }
 
 
+SPHERE_OPACITY = 0.8
+"""Of contact spheres on pages where they hide no other part of the foot."""
+
+
 def open_meshcat() -> Meshcat:
     """A Meshcat for this program only, without Drake's message about it.
 

@@ -39,9 +39,10 @@ from vsf_drake.base.files import write_text
 from vsf_drake.model.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
+from vsf_drake.plants.foot_visuals import METAL, Colour, draw
 from vsf_drake.plants.person import PersonHandles, add_person
 from vsf_drake.plants.solids import UPWARD
-from vsf_drake.plants.visuals import METAL, Colour, add_foot_visuals, add_visuals, draw
+from vsf_drake.plants.visuals import add_visuals
 from vsf_drake.report.show import drawing
 from vsf_drake.simulation.bench import KeelShape, keel_shape
 
@@ -152,7 +153,7 @@ class Scene:
             if subject is None:
                 raise InputError("a person needs a subject", where="--subject")
             person = add_person(self.plant, subject, model)
-            add_visuals(self.plant, person, spheres=True)
+            add_visuals(self.plant, person)
             self.foot: FootHandles = person.foot
         else:
             mount = self.plant.world_frame()
@@ -160,7 +161,6 @@ class Scene:
                 above = drawing.shifted(0.0, 0.0, model.foot.build_height_m)
                 mount = self.plant.AddFrame(FixedOffsetFrame("mount_place", mount, above))
             self.foot = add_foot(self.plant, mount, model.foot)
-            add_foot_visuals(self.plant, self.foot, spheres=True)
             if what == "bench":
                 self.platen = _add_machine(self.plant, model.foot)
         self.plant.Finalize()
@@ -267,9 +267,12 @@ class Scene:
             frame = self._shapes.GetName(self._shapes.GetFrameId(geometry))
             name = self._shapes.GetName(geometry)
             if (sole := name.endswith("::sole")) or "site_" in name:
-                self.meshcat.SetProperty(
-                    f"{MODEL}/{frame}/{name}".replace("::", "/"), "visible", sole != shown
-                )
+                path = f"{MODEL}/{frame}/{name}".replace("::", "/")
+                self.meshcat.SetProperty(path, "visible", sole != shown)
+                if not sole:
+                    self.meshcat.SetProperty(
+                        f"{path}/<object>", "material.opacity", drawing.SPHERE_OPACITY
+                    )
 
     def _furnish(self) -> None:
         """Triads, arrow and camera, everything at rest."""
