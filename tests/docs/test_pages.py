@@ -4,7 +4,11 @@ their code makes."""
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import matplotlib
@@ -31,6 +35,50 @@ def test_the_page_on_contacts_wires_a_foot_and_has_every_contact_under_every_way
         r"^\| `(\w+)` \| ([^|]+) \|(?: [^|]+ \|){4}[^|]*\|$", page, flags=re.MULTILINE
     )
     assert sorted(rows) == sorted((contact, way.name) for contact in CONTACTS for way in WAYS)
+
+
+WALK_BY_IT = """
+from dataclasses import replace
+import numpy as np
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
+from vsf_drake.simulation.walk import Walker, trial_request
+from vsf_drake.walks.embedded import embedded_trials
+
+trial = load_trial(embedded_trials("exact")[0])
+walker = Walker(trial.subject, replace(trial.model, contact_law="voigt"))
+by = [name for name in walker.variables if name.startswith("contact.") and "damping" in name]
+walk = walker.walk(**trial_request(trial, start_s=0.45, end_s=0.454), with_respect_to=by)
+constants = dict(zip(SITE_COLUMNS, walk.mechanism.sites.T))
+depth, rate, found = (walk.record.site(n) for n in ("depth", "depth_rate", "normal_force"))
+force = np.where(depth > 0.0, constants["stiffness"] * depth + constants["damping"] * rate, 0.0)
+assert found.max() > 10.0
+np.testing.assert_allclose(found, np.maximum(force, 0.0), rtol=1e-9, atol=1e-9)
+assert walk.sensitivity.grf_W.any()
+"""
+
+
+def test_the_law_that_the_page_adds_is_walked_by_after_one_file_and_one_line(tmp_path):
+    """In a copy of the package, in Python: its compilation would take longer than the walk."""
+    page = (DOCS / "contacts.md").read_text(encoding="utf-8")
+    [law] = re.findall(r"^```python\n(\"\"\"Spring and damper.*?)^```$", page, re.M | re.S)
+    [line] = re.findall(r"`(\"voigt\": \"voigt\",)`", page)
+    for name in ("models", "data"):
+        (tmp_path / name).symlink_to(DOCS.parent / name)
+    package = tmp_path / "vsf_drake"
+    shutil.copytree(
+        DOCS.parent / "vsf_drake", package, ignore=shutil.ignore_patterns("__pycache__")
+    )
+    (package / "laws" / "voigt.py").write_text(law, encoding="utf-8")
+    table = package / "laws" / "contact_laws.py"
+    before, after = table.read_text(encoding="utf-8").split("}\n")
+    table.write_text(f"{before}    {line}\n}}\n{after}", encoding="utf-8")
+    subprocess.run(
+        [sys.executable, "-c", WALK_BY_IT],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(tmp_path)},
+        cwd=tmp_path,
+        check=True,
+    )
 
 
 def test_the_notebook_quotes_the_stored_error_of_the_true_foot():

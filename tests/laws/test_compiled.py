@@ -175,8 +175,9 @@ from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.walk import Walker
 trial = load_trial(embedded_trials("exact")[0])
 walk = Walker(trial.subject, trial.model).walk(
-    trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=0.5, end_s=0.51, offsets=trial.offsets)
-print(*walk.prosthetic.grf_W[-1])
+    trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=0.5, end_s=0.51, offsets=trial.offsets,
+    with_respect_to=("offset.height", "contact.heel.damping", "keel.flexural_modulus"))
+print(*walk.prosthetic.grf_W[-1], *walk.sensitivity.grf_W[-1].ravel())
 """
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from vsf_drake.base.errors import SimulationError
 from vsf_drake.base.progress import Progress
@@ -334,7 +335,7 @@ def mean_moment_arm(
     where the moment is NaN neither counts. None without load."""
     known = np.isfinite(moment_nm)
     force = np.where(known, vertical_n, 0.0)
-    impulse = float(np.trapezoid(force, time_s))
+    impulse = float(trapezoid(force, time_s))
     if impulse <= 0.0:
         return None
-    return float(np.trapezoid(np.where(known, moment_nm, 0.0), time_s)) / impulse
+    return float(trapezoid(np.where(known, moment_nm, 0.0), time_s)) / impulse

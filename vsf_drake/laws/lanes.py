@@ -466,9 +466,14 @@ def _eights(typingctx: Any, array: Any) -> Any:
     return made(array), emit
 
 
-eights: Any = _eights
+_settings: Any = config
+eights: Any = (
+    (lambda array: array.reshape(*array.shape[:-1], array.shape[-1] // WIDTH, WIDTH))
+    if _settings.DISABLE_JIT
+    else _eights
+)
 """A contiguous array whose last axis has a multiple of WIDTH numbers as one of lanes, each of WIDTH
-numbers that follow each other; nothing is copied."""
+numbers that follow each other; nothing is copied. With NUMBA_DISABLE_JIT=1 likewise as `lanes`."""
 
 
 def side_by_side(shape: tuple[int, ...]) -> np.ndarray:
@@ -492,7 +497,6 @@ def _lanes(typingctx: Any, value: Any) -> Any:
     return made(value), emit
 
 
-_settings: Any = config
 lanes: Any = (lambda value: value) if _settings.DISABLE_JIT else _lanes
 """Float arrays of a value, an array or a named tuple of arrays and such tuples, whose last axis
 holds WIDTH walks, as arrays of lanes; nothing is copied. What is no array of float64 stays, and so

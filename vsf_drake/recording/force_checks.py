@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from vsf_drake.model.bench_curves import PUBLISHED_N_PER_M
 from vsf_drake.model.parameters import GRAVITY
@@ -106,7 +107,7 @@ def mass(
     duration = float(np.ptp(time_s[rows])) if len(rows) > 2 else 0.0
     if duration < LEAST_S:
         return checked("mass_untold", name, "doubtful", None, "kg", needed=True, mass_kg=mass_kg)
-    impulse = float(np.trapezoid(vertical_n[rows], time_s[rows]))
+    impulse = float(trapezoid(vertical_n[rows], time_s[rows]))
     felt_kg = impulse / (GRAVITY * duration + float(up_m_per_s[rows[-1]] - up_m_per_s[rows[0]]))
     error = felt_kg / mass_kg - 1.0
     limits = MASS if feet > 1 else MASS_ONE_FOOT

@@ -16,6 +16,7 @@ from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import trapezoid
 from scipy.optimize import least_squares
 
 from vsf_drake.base.errors import InputError, SimulationError
@@ -381,9 +382,9 @@ def rates(
                 for share in (1.0, 0.5)
             )
             steps = len(x) // 2 + 1
-            stored = 1e-3 * float(np.trapezoid(load[:steps], x[:steps]))
+            stored = 1e-3 * float(trapezoid(load[:steps], x[:steps]))
             # of first order in the step: Richardson's extrapolation to none, 2 L(h) - L(2 h)
-            lost = 1e-3 * float(2.0 * np.trapezoid(load, x) - np.trapezoid(load_coarse, x_coarse))
+            lost = 1e-3 * float(2.0 * trapezoid(load, x) - trapezoid(load_coarse, x_coarse))
             rows.append(
                 LoopRow(
                     fulcrum_mm=in_mm(fulcrum),

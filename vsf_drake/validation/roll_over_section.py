@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.progress import Progress, part_of
@@ -253,7 +254,7 @@ def _inclined_loading(
                     fulcrum_mm=1e3 * fulcrum,
                     stiffness_n_per_mm=1e-3 * stiffness(x, f),
                     displacement_mm=1e3 * float(np.interp(LARGEST_LOAD_N, f, x)),
-                    energy_stored_j=float(np.trapezoid(f, x)),
+                    energy_stored_j=float(trapezoid(f, x)),
                     zones_loaded=tuple(sites.zone_names[zone] for zone in np.unique(bearing)),
                     unconverged_steps=run.unconverged_steps,
                 )

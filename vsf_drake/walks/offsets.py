@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import trapezoid
 from scipy.optimize import OptimizeResult, least_squares
 
 from vsf_drake.base.errors import InputError, SimulationError
@@ -239,7 +240,7 @@ def _height_by_impulse(problem: OffsetProblem) -> float:
     plate = problem.trial.prosthetic_plate
     inside = (plate.time_s >= trial.start_s) & (plate.time_s <= trial.end_s)
     wanted = float(
-        np.trapezoid(_known(plate, plate.time_s, plate.force_W[:, 2])[inside], plate.time_s[inside])
+        trapezoid(_known(plate, plate.time_s, plate.force_W[:, 2])[inside], plate.time_s[inside])
     )
 
     def surplus(height: float) -> float:

@@ -482,7 +482,8 @@ def _energy(L: np.ndarray, r: np.ndarray, y: np.ndarray) -> float:
 def solve_columns(A: np.ndarray, B: np.ndarray) -> None:
     """Overwrites B (n, m) with A^-1 B by Gaussian elimination with partial pivoting; A is
     destroyed."""
-    n, m = B.shape
+    n = B.shape[0]
+    m = B.shape[1]  # of lanes in Python it has another axis
 
     # Downwards: bring the largest entry of column k to the diagonal, by exchanging rows of the
     # walks in which one is larger, and clear what is under it.
@@ -495,9 +496,9 @@ def solve_columns(A: np.ndarray, B: np.ndarray) -> None:
                     A[k, j] = select(larger, A[i, j], above)
                     A[i, j] = select(larger, above, A[i, j])
                 for j in range(m):
-                    above = B[k, j]
-                    B[k, j] = select(larger, B[i, j], above)
-                    B[i, j] = select(larger, above, B[i, j])
+                    above = select(larger, B[i, j], B[k, j])
+                    B[i, j] = select(larger, B[k, j], B[i, j])
+                    B[k, j] = above
         inverse = 1.0 / A[k, k]
         for i in range(k + 1, n):
             factor = A[i, k] * inverse
