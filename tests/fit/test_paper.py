@@ -321,9 +321,12 @@ class Broken:
         self.subject, self.model, self.variables = walker.subject, walker.model, walker.variables
         self.walks, self.error = 0, error
 
-    def walk_trial(self, *_, **__):
-        self.walks += 1
-        raise self.error
+    def walk_each(self, requests, **_):
+        for _request in requests:
+            self.walks += 1
+            if not isinstance(self.error, SimulationError):
+                raise self.error
+            yield self.error
 
 
 def test_objective_of_two_trials_is_the_sum_and_a_walk_that_fails_loses(
@@ -337,7 +340,7 @@ def test_objective_of_two_trials_is_the_sum_and_a_walk_that_fails_loses(
     assert both.simulations == 2
     broken = Broken(fit_walker, SimulationError("broke", time_s=0.2))
     lost = score(soft, stiff, walker=broken)
-    assert (lost.objective_n2, lost.simulations) == (np.inf, 1)
+    assert (lost.objective_n2, lost.simulations) == (np.inf, 2)
     with pytest.raises(SimulationError, match="broke"):
         fitted([soft], SHORT, broken)
 

@@ -203,8 +203,7 @@ def verdict(state: PaperState, options: PaperOptions) -> tuple[bool, str] | None
 
 @dataclass(frozen=True)
 class Score:
-    """What one scenario came to: an infinite objective if a walk failed, the last of those that
-    were run."""
+    """What one scenario came to: an infinite objective if a walk failed."""
 
     objective_n2: float
     simulations: int
@@ -237,9 +236,9 @@ def _compared(
 
 def _score(comparisons: Sequence[Comparison | SimulationError]) -> Score:
     total = 0.0
-    for i, c in enumerate(comparisons, start=1):
+    for c in comparisons:
         if isinstance(c, SimulationError):
-            return Score(np.inf, i, c)
+            return Score(np.inf, len(comparisons), c)
         model, measured = (
             np.linalg.norm(force[c.scored], axis=1) for force in (c.model, c.measured)
         )
