@@ -4,9 +4,10 @@
 
 Simulated time over wall time on one core, compilation excluded, with the accuracy beside it: of
 walking the root mean square difference of the 40 Hz resultants of the prosthetic foot's ground
-reaction in percent of body weight (BW), of the bench the largest difference of the load. Of whole
-commands processor time: they take some ten minutes, and are run if `--only commands` asks for them.
-Nothing is asserted: times belong to the machine.
+reaction in percent of body weight (BW), of the bench the largest difference of the load. Of a foot
+in a diagram it is the processor time of one evaluation, over that of its plant alone, of whole
+commands their processor time: they take some ten minutes, and are run if `--only commands` asks for
+them. Nothing is asserted: times belong to the machine.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from pathlib import Path
 # the runs under Drake's Simulator
 sys.path.append(str(Path(__file__).resolve().parents[1] / "helpers"))
 sys.path.append(str(Path(__file__).resolve().parents[2] / "studies" / "examples"))
+import diagrams
 import walks
 from commands import commands
 from table import Row, format_table
@@ -49,6 +51,7 @@ GROUPS = {
     "side_by_side": walks.side_by_side,
     "simulator": walks.simulator,
     "mujoco": mujoco,
+    "diagrams": diagrams.diagrams,
     "sweeps": walks.sweeps,
     "commands": commands,
 }

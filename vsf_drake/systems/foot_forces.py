@@ -225,7 +225,7 @@ class FootForces(System):
             given = np.concatenate([self._packed(context), self._value(context, "state")])
         work = np.empty(self._size)
         if not (self._linked and kernel.foot_vector(given, True, work)):
-            work[:18] = self._frame_motion(context)
+            work[:12], work[12:18] = self._frame_motion(context)
             kernel.foot_vector(given, False, work)
         self._check_carriage(work[self._carriage])
         if self._grip_limit is not None:
@@ -236,7 +236,7 @@ class FootForces(System):
         table, table_by = self._table(context)
         place = self._fulcrum_place(context)
         coordinates = self._value(context, "state")[self._coordinates]
-        value, by = _apart(np.concatenate([self._frame_motion(context), coordinates, [place]]))
+        value, by = _apart(np.concatenate([*self._frame_motion(context), coordinates, [place]]))
         directions = max(by.shape[1], table_by.shape[2])
         if by.size and table_by.size and by.shape[1] != table_by.shape[2]:
             raise ValueError(
@@ -251,11 +251,11 @@ class FootForces(System):
         kernel.differentiate(self._numbers, table, table_by, work, work_by)
         return Varied(work, work_by)
 
-    def _frame_motion(self, context: Context) -> np.ndarray:
-        """(18,) pose, row by row, and spatial velocity of F from the plant's lists."""
+    def _frame_motion(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
+        """(12,) pose, row by row, and (6,) spatial velocity of F from the plant's lists."""
         X_WF = self._value(context, "body_poses")[self._frame].GetAsMatrix34()
         V_WF = self._value(context, "body_spatial_velocities")[self._frame].get_coeffs()
-        return np.concatenate([X_WF.ravel(), V_WF])
+        return X_WF.ravel(), V_WF
 
     def _check_carriage(self, position: float) -> None:
         # A trial step of an integrator may be anywhere, but exactly at 0 is only what nobody placed
