@@ -170,7 +170,7 @@ def _move_still(
 
 
 @internal
-def _begin_still(
+def _begin_step(
     k: int,
     begin: int,
     tree: TreeArrays,
@@ -178,9 +178,18 @@ def _begin_still(
     drive: Drive,
     state: State,
     workspace: Workspace,
+    written: Written,
     rows: np.ndarray,
+    live: bool,
 ) -> None:
-    """What only prescribed coordinates move is placed for step k, and its base bodies unloaded."""
+    """Makes ready what a step adds to and begins with: what only prescribed coordinates move is
+    placed, and its base bodies unloaded, unless all is `live`."""
+    clear(written.load[k])
+
+    # Torques that are held over the whole step come from the state at its start.
+    sample_torques(k, drive.torques, state.q, state.v, workspace.applied)
+    if live:
+        return
     if rows.shape[0] > 0:
         _read_row(rows[k - begin], dofs, workspace)
     else:
@@ -257,17 +266,11 @@ def advance(
             break
         counts = written.counts[k]
         total = written.load[k]
-        clear(counts)
-        clear(total)
-
-        # Torques that are held over the whole step come from the state at its start.
-        sample_torques(k, drive.torques, state.q, state.v, workspace.applied)
+        _begin_step(k, begin, tree, dofs, drive, state, workspace, written, rows, live)
 
         # One step of h. Then substeps of it for each walk that has not converged, one walk after
         # the other, as they are cut differently: a substep that does not converge is taken back and
         # halved.
-        if not live:
-            _begin_still(k, begin, tree, dofs, drive, state, workspace, rows)
         waiting = running
         going = running
         done = begin * 0  # a literal 0 would compile what it is given to twice

@@ -29,7 +29,7 @@ from vsf_drake.simulation.stepping.runs import Inputs, Record, Run, no_torques
 from vsf_drake.simulation.stepping.sensitivity import Carried, ForwardSensitivity
 from vsf_drake.simulation.stepping.tree import Motion, Tree, TreeArrays, tree_arrays
 
-CHUNK = 128  # steps between looks for progress and interruption
+CHUNK = 256  # steps between looks for progress and interruption
 LOOKS = 32  # steps between looks whether a run may stop
 MAX_SPEED = 1e3  # coordinate speed (m/s or rad/s) beyond which a simulation counts as diverged
 
@@ -132,6 +132,7 @@ class Block:
         # all of it is written in a step, and what is not taken is never read
         blank: rb.Zeros = partial(side_by_side, make=np.empty) if walks else np.empty
         self.written = Written(**{name: blank((steps, *shape)) for name, shape in shapes.items()})
+        self.written.counts[...] = 0.0  # which tell that a step was not taken
         self.directions: TangentDirections | None = None
         self.tangent: Tangent | None = None
         if forward is not None:
@@ -200,7 +201,7 @@ class Block:
     def _look(self, stop: Callable[[int, Record], bool], done: int) -> None:
         """Ends the runs that may stop after `done` steps."""
         for walk, length in enumerate(self.lengths):
-            if done < length and stop(done, self._record(walk, done)):
+            if done < length and stop(done, self._record(walk, length)):
                 self.lengths[walk] = done
                 self._of(self.state.steps, walk)[...] = done
 
