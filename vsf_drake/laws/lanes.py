@@ -39,7 +39,7 @@ from numba.np.arrayobj import populate_array
 WIDTH = 8
 """Walks in a lane: as fast as any other number on processors with registers of two, four and eight
 numbers."""
-SHARED = ("inertias", "gravity", "keel_starts", "row_numbers")
+SHARED = ("inertias", "gravity", "keel_starts")
 """Fields of float arrays that `lanes` leaves as they are: the walks have them in common."""
 
 
@@ -476,12 +476,14 @@ eights: Any = (
 numbers that follow each other; nothing is copied. With NUMBA_DISABLE_JIT=1 likewise as `lanes`."""
 
 
-def side_by_side(shape: tuple[int, ...]) -> np.ndarray:
-    """Zeros (*shape, WIDTH) each of whose lanes is in one line of the processor's cache; one that
-    is in two takes more than twice as long."""
+def side_by_side(
+    shape: tuple[int, ...], *, make: Callable[..., np.ndarray] = np.zeros
+) -> np.ndarray:
+    """Zeros, or what else `make` makes, (*shape, WIDTH) each of whose lanes is in one line of the
+    processor's cache; one that is in two takes more than twice as long."""
     line = 8 * WIDTH
     size = line * math.prod(shape)
-    memory = np.zeros(size + line, dtype=np.uint8)
+    memory = make(size + line, dtype=np.uint8)
     begin = -memory.ctypes.data % line
     return memory[begin : begin + size].view(np.float64).reshape(*shape, WIDTH)
 

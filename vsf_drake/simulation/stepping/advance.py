@@ -10,10 +10,18 @@ import numpy as np
 
 from vsf_drake.laws.compiled import compiled, internal, part
 from vsf_drake.laws.lanes import every, first, lanes, negated, select, some
+from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
 from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
 from vsf_drake.simulation.stepping.linearise import linearise
-from vsf_drake.simulation.stepping.newton import EXACT, copy, step, tangent_matrix
+from vsf_drake.simulation.stepping.newton import (
+    EXACT,
+    clear,
+    copy,
+    step,
+    tangent_matrix,
+    velocities,
+)
 from vsf_drake.simulation.stepping.runs import Torques
 from vsf_drake.simulation.stepping.sensitivity import Carried, carry, write_state
 from vsf_drake.simulation.stepping.tree import TreeArrays
@@ -47,13 +55,13 @@ class State(NamedTuple):
     q: np.ndarray  # (n,)
     v: np.ndarray
     steps: np.ndarray  # (1,) how many there are
+    limits: np.ndarray  # (n,) see `Mechanism`
     failed: np.ndarray  # (2,) step and coordinate that diverged, or -1
+    beyond: np.ndarray  # (2,) the same of the first that was larger than its limit
     q0: np.ndarray  # (n,) at the start of the step, or of its piece
     v0: np.ndarray
     load: np.ndarray  # (n,) see `newton.step`
     q_next: np.ndarray  # (p,) where the prescribed coordinates go
-    row: np.ndarray  # see POSE
-    row_numbers: np.ndarray  # (size, walks) the same memory
 
 
 class Written(NamedTuple):
@@ -113,30 +121,9 @@ def carries(dofs: FreePrescribed, c: int) -> bool:
 
 
 @internal
-def _fill_row(state: State, rows: np.ndarray, motion_of: np.ndarray, k: int) -> None:
-    """Writes to the state's row the k-th of each walk's motion."""
-    if rows.shape[0] == 1:
-        for i in range(state.row.shape[0]):
-            state.row[i] = rows[0, k, i]
-        return
-    for walk in range(state.row_numbers.shape[1]):
-        for i in range(state.row_numbers.shape[0]):
-            state.row_numbers[i, walk] = rows[motion_of[walk], k, i]
-
-
-@internal
-def _read_row(
-    dofs: FreePrescribed,
-    workspace: Workspace,
-    state: State,
-    rows: np.ndarray,
-    motion_of: np.ndarray,
-    k: int,
-) -> None:
-    """Places the base bodies of each walk as its motion's row k says, unloaded, with the loads and
-    motions of the coordinates that carry them."""
-    row = state.row
-    _fill_row(state, rows, motion_of, k)
+def _read_row(row: np.ndarray, dofs: FreePrescribed, workspace: Workspace) -> None:
+    """Places the base bodies as the row says, unloaded, with the loads and motions of the
+    coordinates that carry them."""
     motion = workspace.motion
     at = 0
     for i in range(dofs.base.shape[0]):
@@ -149,9 +136,6 @@ def _read_row(
             motion.V[b, x] = row[at + 12 + x]
             motion.A[b, x] = row[at + 18 + x]
             workspace.contact.V[b, x] = row[at + 24 + x]
-            motion.f[b, x] = 0.0
-        for x in range(10):
-            motion.composite[b, x] = 0.0
         at += POSE
     for c in range(dofs.carried.shape[0]):
         if carries(dofs, c):
@@ -159,6 +143,62 @@ def _read_row(
             for x in range(6):
                 motion.S[c, x] = row[at + 1 + x]
             at += 7
+
+
+@internal
+def _move_still(
+    k: int,
+    tree: TreeArrays,
+    dofs: FreePrescribed,
+    drive: Drive,
+    state: State,
+    workspace: Workspace,
+) -> None:
+    """What `_read_row` does, worked out for step k: each walk has its own motion."""
+    motion = workspace.motion
+    v = workspace.v
+    acceleration = workspace.acceleration
+    h = drive.time_s[k + 1] - drive.time_s[k]
+    for i in range(dofs.prescribed.shape[0]):
+        c = dofs.prescribed[i]
+        v[c] = (drive.prescribed_q[k + 1, i] - state.q[c]) / h
+        acceleration[c] = (v[c] - state.v[c]) / h
+    rb.stop_world(tree, motion)
+    rb.place(tree, dofs.still, state.q, motion)
+    rb.outwards(tree, dofs.still, state.v, acceleration, motion)
+    velocities(tree.links, dofs.still, motion.S, v, workspace.contact.V)
+    rb.inwards(tree, dofs.still, motion, workspace.bias)
+
+
+@internal
+def _begin_step(
+    k: int,
+    begin: int,
+    tree: TreeArrays,
+    dofs: FreePrescribed,
+    drive: Drive,
+    state: State,
+    workspace: Workspace,
+    written: Written,
+    rows: np.ndarray,
+    live: bool,
+) -> None:
+    """Makes ready what a step adds to and begins with: what only prescribed coordinates move is
+    placed, and its base bodies unloaded, unless all is `live`."""
+    clear(written.load[k])
+
+    # Torques that are held over the whole step come from the state at its start.
+    sample_torques(k, drive.torques, state.q, state.v, workspace.applied)
+    if live:
+        return
+    if rows.shape[0] > 0:
+        _read_row(rows[k - begin], dofs, workspace)
+    else:
+        _move_still(k, tree, dofs, drive, state, workspace)
+    for i in range(dofs.base.shape[0]):
+        rb.put(workspace.motion.f, dofs.base[i], rb.REST)
+        for x in range(10):
+            workspace.motion.composite[dofs.base[i], x] = 0.0
 
 
 @internal
@@ -171,7 +211,8 @@ def _end_step(
     state: State,
     written: Written,
 ) -> None:
-    """Writes the state at the end of step k, and which walks that are `running` have diverged.
+    """Writes the state at the end of step k, and which walks that are `running` have diverged or
+    are beyond a limit.
 
     Prescribed coordinates of a step that was cut get the velocity of the whole step, which is known
     ahead of the next one; that of the last piece is the same but for rounding.
@@ -190,6 +231,9 @@ def _end_step(
         lost = running & negated(fine) & (state.failed[0] < 0.0)
         state.failed[0] = select(lost, 1.0 * k, state.failed[0])
         state.failed[1] = select(lost, 1.0 * c, state.failed[1])
+        beyond = running & (math.fabs(state.q[c]) > state.limits[c]) & (state.beyond[0] < 0.0)
+        state.beyond[0] = select(beyond, 1.0 * k, state.beyond[0])
+        state.beyond[1] = select(beyond, 1.0 * c, state.beyond[1])
 
 
 def _advance(
@@ -204,7 +248,6 @@ def _advance(
     state: State,
     written: Written,
     rows: np.ndarray,
-    motion_of: np.ndarray,
     live: bool,
     directions: TangentDirections | None,
     tangent: Tangent | None,
@@ -213,8 +256,8 @@ def _advance(
     """Advances `state` over the steps `begin` ... `last` - 1, as far as a walk has them and has not
     diverged.
 
-    rows (motions, steps, size) hold what is known ahead of each step, and motion_of (walks,) which
-    motion is a walk's, unless everything is worked out `live`. Of one walk with `directions` of
+    rows (steps, size) hold what is known ahead of each step, where that is the same for all walks;
+    else there are none, or everything is worked out `live`. Of one walk with `directions` of
     parameters the sensitivities are `carried` along.
     """
     for k in range(begin, last):
@@ -223,15 +266,11 @@ def _advance(
             break
         counts = written.counts[k]
         total = written.load[k]
-
-        # Torques that are held over the whole step come from the state at its start.
-        sample_torques(k, drive.torques, state.q, state.v, workspace.applied)
+        _begin_step(k, begin, tree, dofs, drive, state, workspace, written, rows, live)
 
         # One step of h. Then substeps of it for each walk that has not converged, one walk after
         # the other, as they are cut differently: a substep that does not converge is taken back and
         # halved.
-        if not live:
-            _read_row(dofs, workspace, state, rows, motion_of, k - begin)
         waiting = running
         going = running
         done = begin * 0  # a literal 0 would compile what it is given to twice
@@ -317,7 +356,6 @@ def advance_side_by_side(
     state: State,
     written: Written,
     rows: np.ndarray,
-    motion_of: np.ndarray,
     live: bool,
     directions: TangentDirections | None,
     tangent: Tangent | None,
@@ -336,7 +374,6 @@ def advance_side_by_side(
         lanes(state),
         lanes(written),
         rows,
-        motion_of,
         live,
         directions,
         tangent,

@@ -194,43 +194,66 @@ def record_sites(
     for foot in range(wrench.shape[0]):
         for i in range(7):
             wrench[foot, i] = select(active, 0.0, wrench[foot, i])
-    for s in range(sites.shape[0]):
-        for i in range(9):
-            sites[s, i] = select(active, 0.0, sites[s, i])
-        sites[s, 0] = select(active, contact.depth0[s], sites[s, 0])
-        sites[s, 7] = select(active, center[s, 0], sites[s, 7])
-        sites[s, 8] = select(active, center[s, 1], sites[s, 8])
-    for a in range(contact.near[-1]):
-        s = contact.near[a]
+    nothing = 0.0 * h
+    a = 0
+    for s in range(contact.depth0.shape[0]):
+        x0 = center[s, 0]
+        y0 = center[s, 1]
+        z0 = center[s, 2]
+        if a == contact.near[-1] or contact.near[a] != s:
+            if sites.shape[0] > 0:
+                still = (nothing, nothing, nothing, nothing, nothing, nothing)
+                put_site(sites, s, active, (contact.depth0[s], x0, y0), still)
+            continue
+        a += 1
         loaded = some(now[s, 1] > 0.0)
         if not (loaded or sites.shape[0] > 0):
             continue
         b = forces.site_bodies[s]
-        near = active & (contact.time[s] > 0.0)
-        x0 = center[s, 0]
-        y0 = center[s, 1]
-        z0 = center[s, 2]
+        near = contact.time[s] > 0.0
         x = x0 + h * (V[b, 3] + V[b, 1] * z0 - V[b, 2] * y0)
         y = y0 + h * (V[b, 4] + V[b, 2] * x0 - V[b, 0] * z0)
         held = near & (now[s, 1] > 0.0)
         if loaded:
             on_foot = rb.wrench(x, y, -now[s, 0], now[s, 2], now[s, 3], now[s, 1])
             for i in range(6):
-                wrench[forces.feet[s], i] += select(held, on_foot[i], 0.0)
-            deeper = held & (now[s, 0] > wrench[forces.feet[s], 6])
+                wrench[forces.feet[s], i] += select(active & held, on_foot[i], 0.0)
+            deeper = active & held & (now[s, 0] > wrench[forces.feet[s], 6])
             wrench[forces.feet[s], 6] = select(deeper, now[s, 0], wrench[forces.feet[s], 6])
         if sites.shape[0] > 0:
             z = z0 - forces.sites[s, 3]
             vx = V[b, 3] + V[b, 1] * z - V[b, 2] * y0
             vy = V[b, 4] + V[b, 2] * x0 - V[b, 0] * z
             vz = V[b, 5] + V[b, 0] * y0 - V[b, 1] * x0
-            values = (contact.depth0[s] - h * vz, ground_rate - vz, vx, vy, x, y)
-            for i in range(6):
-                column = i + 3 if i > 0 else 0  # the forces are between depth and depth rate
-                sites[s, column] = select(near, values[i], sites[s, column])
-            if loaded:
-                for i in range(1, 4):
-                    sites[s, i] = select(held, now[s, i], sites[s, i])
+            put_site(
+                sites,
+                s,
+                active,
+                (
+                    contact.depth0[s] - contact.time[s] * vz,
+                    select(near, x, x0),
+                    select(near, y, y0),
+                ),
+                (
+                    select(held, now[s, 1], nothing),
+                    select(held, now[s, 2], nothing),
+                    select(held, now[s, 3], nothing),
+                    select(near, ground_rate - vz, nothing),
+                    select(near, vx, nothing),
+                    select(near, vy, nothing),
+                ),
+            )
+
+
+@internal
+def put_site(sites: np.ndarray, s: int, active: bool, place: Three, moved: Six) -> None:
+    """Writes where a walk is `active` depth, x and y of a site, and what is between them in
+    SITE_RECORD."""
+    sites[s, 0] = select(active, place[0], sites[s, 0])
+    for i in range(6):
+        sites[s, i + 1] = select(active, moved[i], sites[s, i + 1])
+    sites[s, 7] = select(active, place[1], sites[s, 7])
+    sites[s, 8] = select(active, place[2], sites[s, 8])
 
 
 @internal
@@ -277,15 +300,15 @@ def tangents(
     K = contact.K
     moving = dofs.moving
     for k in range(moving.shape[0]):
-        b = links[moving[k], 2]
-        contact.loaded[b] = False
-        rb.clear_square(K, b)
+        contact.loaded[links[moving[k], 2]] = False
     for a in range(contact.near[-1]):
         s = contact.near[a]
         if not (dofs.site_moves[s] and some(contact.now[s, 1] > 0.0)):
             continue
         b = forces.site_bodies[s]
-        contact.loaded[b] = True
+        if not contact.loaded[b]:
+            contact.loaded[b] = True
+            rb.clear_square(K, b)
         xx, xy, yy, xz, yz, zz = site_tangent(forces, s, contact.gain[s], contact.now, least_slope)
         x = contact.center[s, 0]
         y = contact.center[s, 1]
@@ -303,7 +326,9 @@ def tangents(
         parent = links[moving[k], 1]
         b = links[moving[k], 2]
         if contact.loaded[b] and dofs.body_moves[parent]:
-            contact.loaded[parent] = True
+            if not contact.loaded[parent]:
+                contact.loaded[parent] = True
+                rb.clear_square(K, parent)
             rb.add_composite(K, parent, b)
 
 
@@ -380,7 +405,9 @@ def split_coordinates(
 ) -> FreePrescribed:
     """The split for `prescribed` coordinates; `base` has those bodies that are `asked` for too, as
     far as no free coordinate moves them."""
-    free = np.setdiff1d(np.arange(tree.num_coordinates), prescribed)
+    held = np.zeros(tree.num_coordinates, dtype=np.bool_)
+    held[prescribed] = True
+    free = np.flatnonzero(~held)
     above, counts = rb.chains(tree, free)
     place_of = np.full(tree.num_coordinates, -1)
     place_of[free] = np.arange(len(free))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,9 +32,9 @@ from vsf_drake.simulation.stepping.directions import (
 from vsf_drake.simulation.stepping.newton import velocities
 from vsf_drake.simulation.stepping.runs import Inputs, Record, Run, no_torques
 from vsf_drake.simulation.stepping.sensitivity import Carried, ForwardSensitivity
-from vsf_drake.simulation.stepping.tree import Motion, TreeArrays, tree_arrays
+from vsf_drake.simulation.stepping.tree import Motion, Tree, TreeArrays, tree_arrays
 
-CHUNK = 128  # steps between looks for progress and interruption
+CHUNK = 256  # steps between looks for progress and interruption
 LOOKS = 32  # steps between looks whether a run may stop
 MAX_SPEED = 1e3  # coordinate speed (m/s or rad/s) beyond which a simulation counts as diverged
 
@@ -110,9 +110,6 @@ class Block:
         )
         self.drive = together([_drive_of(run.inputs, steps) for run in filled])
         self.live = forward is not None and forward.loads
-        still = int(np.sum(self.dofs.carried.any(axis=1)))
-        size = POSE * len(self.dofs.base) + 7 * still
-        numbers = side_by_side((size,)) if walks else np.zeros((size, 1))
         self.state = State(
             q=together([np.array(run.q0, dtype=float) for run in filled]),
             v=together([np.array(run.v0, dtype=float) for run in filled]),
@@ -122,13 +119,14 @@ class Block:
                     for length in [*self.lengths, *[0] * (len(filled) - len(runs))]
                 ]
             ),
+            limits=together([run.mechanism.limits for run in filled]),
             failed=zeros((2,)),
+            beyond=zeros((2,)),
             **{name: zeros((n,)) for name in ("q0", "v0", "load")},
             q_next=zeros((len(prescribed),)),
-            row=numbers if walks else numbers[:, 0],
-            row_numbers=numbers,
         )
         self.state.failed[...] = -1.0
+        self.state.beyond[...] = -1.0
         count = len(of_first.sites) if sites else 0
         shapes = {
             "q": (n,),
@@ -139,7 +137,10 @@ class Block:
             "fulcrum": (3,),
             "counts": (3,),
         }
-        self.written = Written(**{name: zeros((steps, *shape)) for name, shape in shapes.items()})
+        # all of it is written in a step, and what is not taken is never read
+        blank: rb.Zeros = partial(side_by_side, make=np.empty) if walks else np.empty
+        self.written = Written(**{name: blank((steps, *shape)) for name, shape in shapes.items()})
+        self.written.counts[...] = 0.0  # which tell that a step was not taken
         self.directions: TangentDirections | None = None
         self.tangent: Tangent | None = None
         if not walks:  # with and without sensitivities alike: it is compiled once
@@ -152,21 +153,12 @@ class Block:
         carried = filled_up(self.count)
         state = (steps if forward is not None and forward.loads else 0, n, carried)
         self.carried = Carried(np.zeros((steps, 6, carried)), *(np.zeros(state) for _ in range(3)))
-        self.motions: list[_Prescribed] = []
-        self.motion_of = np.zeros(len(filled), dtype=np.int64)
-        if not self.live:
-            for walk, run in enumerate(filled):
-                self.motion_of[walk] = self._motion(run)
         self.walks = walks
-
-    def _motion(self, run: Run) -> int:
-        """Which of `motions` is the one that prescribes this run, a new one if none is."""
-        new = _Prescribed(run, self.dofs)
-        for place, known in enumerate(self.motions):
-            if known.equals(new):
-                return place
-        self.motions.append(new)
-        return len(self.motions) - 1
+        self.ahead: Ahead | None = None
+        if not self.live and all(_move_alike(runs[0], run, self.dofs) for run in runs[1:]):
+            self.ahead = _work_space(of_first.tree)
+        carrying = int(np.sum(self.dofs.carried.any(axis=1)))
+        self.row_size = POSE * len(self.dofs.base) + 7 * carrying
 
     def run(
         self, stop: Callable[[int, Record], bool] | None, progress: Callable[[float], None]
@@ -174,13 +166,25 @@ class Block:
         """Advances all of them; see `run_side_by_side`."""
         steps = max(self.lengths)
         chunk = CHUNK if stop is None else LOOKS
-        rows = np.zeros((max(1, len(self.motions)), chunk, len(self.state.row_numbers)))
+        rows = np.zeros((0 if self.ahead is None else chunk, self.row_size))
+        first = self.runs[0]
+        instants = np.ascontiguousarray(first.inputs.time_s, dtype=float)
+        prescribed_q = np.ascontiguousarray(first.inputs.prescribed_q, dtype=float)
         go = advance_side_by_side if self.walks else advance
         done = 0
         while done < steps and max(self.lengths) > done:
             last = min(done + chunk, steps)
-            for place, motion in enumerate(self.motions):
-                motion.write_rows(done, last, rows[place])
+            if self.ahead is not None:
+                write_rows(
+                    self.ahead,
+                    self.dofs,
+                    instants,
+                    prescribed_q,
+                    np.array(first.q0, dtype=float),
+                    np.array(first.v0, dtype=float),
+                    done,
+                    rows[: last - done],
+                )
             go(
                 done,
                 last,
@@ -193,7 +197,6 @@ class Block:
                 self.state,
                 self.written,
                 rows,
-                self.motion_of,
                 self.live,
                 self.directions,
                 self.tangent,
@@ -249,9 +252,8 @@ class Block:
                 f"coordinate {names[coordinate]} diverged (speed {record.v[step, coordinate]:.3g})",
                 time_s=float(record.time_s[step]),
             )
-        beyond = np.abs(record.q) > mechanism.limits
-        if np.any(beyond):
-            row, column = np.argwhere(beyond)[0]
+        row, column = (int(number) for number in self._of(self.state.beyond, walk))
+        if row >= 0:
             return SimulationError(
                 f"coordinate {names[column]} reached {record.q[row, column]:.3g}, beyond the "
                 f"{mechanism.limits[column]:g} (m or rad) to which the model means anything",
@@ -262,8 +264,8 @@ class Block:
 
 # What only prescribed coordinates move is known before a run: the poses, velocities and
 # accelerations of the bodies that everything else hangs on, and what of the loads their own inertia
-# takes. It is worked out ahead, WIDTH steps at a time in the lanes, and once for all runs of a
-# block that share it.
+# takes. Where all runs of a block share it, it is worked out ahead, once for all of them, WIDTH
+# steps at a time in the lanes.
 
 
 def _drive_of(inputs: Inputs, steps: int) -> Drive:
@@ -289,136 +291,109 @@ def _drive_of(inputs: Inputs, steps: int) -> Drive:
     )
 
 
-@dataclass(eq=False)
-class _Prescribed:
-    """The motion of the links that are `dofs.still` in a run, over its steps."""
-
-    run: Run
-    dofs: FreePrescribed
-    frames: np.ndarray = field(init=False)
-    columns: np.ndarray = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.frames = self.run.mechanism.tree.frames[self.dofs.still]
-        of_still = np.asarray(self.dofs.carried.any(axis=1))
-        self.columns = np.flatnonzero(of_still[self.dofs.prescribed])
-        self._lanes: Any = None
-
-    def equals(self, other: _Prescribed) -> bool:
-        """Whether another one is the same."""
-        ours = self.run
-        theirs = other.run
-        moved = self.dofs.prescribed[self.columns]
-        return all(
-            a is b or np.array_equal(a, b)
-            for a, b in (
-                (ours.inputs.time_s, theirs.inputs.time_s),
-                (
-                    ours.inputs.prescribed_q[:, self.columns],
-                    theirs.inputs.prescribed_q[:, self.columns],
-                ),
-                (ours.q0[moved], theirs.q0[moved]),
-                (ours.v0[moved], theirs.v0[moved]),
-                (self.frames, other.frames),
-            )
+def _move_alike(one: Run, other: Run, dofs: FreePrescribed) -> bool:
+    """Whether the links that are `dofs.still` move alike in two runs."""
+    if one is other:
+        return True
+    carries_base = np.asarray(dofs.carried.any(axis=1))
+    columns = np.flatnonzero(carries_base[dofs.prescribed])
+    moved = dofs.prescribed[columns]
+    return (
+        np.array_equal(one.q0[moved], other.q0[moved])
+        and np.array_equal(one.v0[moved], other.v0[moved])
+        and np.array_equal(one.inputs.time_s, other.inputs.time_s)
+        and np.array_equal(
+            one.mechanism.tree.frames[dofs.still], other.mechanism.tree.frames[dofs.still]
         )
-
-    def _prepared(self) -> tuple[TreeArrays, Motion, np.ndarray, tuple[np.ndarray, ...]]:
-        """Tree and work space with lanes of steps, and q, v0, a, v (blocks, n, WIDTH) of them."""
-        tree = self.run.mechanism.tree
-        moved = self.dofs.prescribed[self.columns]
-        h = np.diff(self.run.inputs.time_s)[:, None]
-        q = self.run.inputs.prescribed_q[:, self.columns].astype(float)
-        q[0] = self.run.q0[moved]
-        v = np.diff(q, axis=0) / h
-        v0 = np.vstack([self.run.v0[moved], v[:-1]])
-        blocks = -(-len(h) // WIDTH)
-        laned = []
-        for rows in (q[:-1], v0, (v - v0) / h, v):
-            whole = np.zeros((blocks * WIDTH, tree.num_coordinates))
-            whole[: len(h), moved] = rows
-            lane = side_by_side((blocks, tree.num_coordinates))
-            lane[...] = whole.reshape(blocks, WIDTH, tree.num_coordinates).transpose(0, 2, 1)
-            laned.append(lane)
-        return (
-            _stacked([tree_arrays(tree)] * WIDTH),
-            rb.work_space(tree, side_by_side),
-            side_by_side((len(tree.body_names), 6)),
-            tuple(laned),
+        and np.array_equal(
+            one.inputs.prescribed_q[:, columns], other.inputs.prescribed_q[:, columns]
         )
+    )
 
-    def write_rows(self, begin: int, last: int, rows: np.ndarray) -> None:
-        """Writes to rows (chunk, size) those of the steps `begin` ... `last` - 1; `begin` is a
-        multiple of WIDTH."""
-        if not rows.shape[1]:
-            return
-        if self._lanes is None:
-            self._lanes = self._prepared()
-        tree, motion, V, (q, v0, a, v) = self._lanes
-        low = begin // WIDTH
-        high = min(-(-last // WIDTH), len(q))
-        if low < high:
-            write_rows(
-                tree,
-                self.dofs,
-                motion,
-                V,
-                q[low:high],
-                v0[low:high],
-                a[low:high],
-                v[low:high],
-                rows[: last - begin],
-            )
+
+class Ahead(NamedTuple):
+    """Work space for WIDTH steps of one motion, along the last axis; B bodies, n coordinates."""
+
+    tree: TreeArrays
+    motion: Motion
+    q: np.ndarray  # (n,) here and below: at the start of the step
+    v0: np.ndarray
+    a: np.ndarray
+    v: np.ndarray  # at its end
+    load: np.ndarray
+    V: np.ndarray  # (B, 6) at its end
+
+
+def _work_space(tree: Tree) -> Ahead:
+    arrays = tree_arrays(tree)
+    frames = side_by_side(arrays.frames.shape)
+    frames[...] = arrays.frames[..., None]
+    return Ahead(
+        tree=arrays._replace(frames=frames),
+        motion=rb.work_space(tree, side_by_side),
+        **{name: side_by_side((tree.num_coordinates,)) for name in ("q", "v0", "a", "v", "load")},
+        V=side_by_side((len(tree.body_names), 6)),
+    )
 
 
 @compiled
 def write_rows(
-    tree: TreeArrays,
+    ahead: Ahead,
     dofs: FreePrescribed,
-    motion: Motion,
-    V: np.ndarray,
-    q: np.ndarray,
+    time_s: np.ndarray,
+    prescribed_q: np.ndarray,
+    q0: np.ndarray,
     v0: np.ndarray,
-    a: np.ndarray,
-    v: np.ndarray,
+    begin: int,
     rows: np.ndarray,
 ) -> None:
-    """Writes rows (steps, size) for q, v0, a at the starts of the steps and v at their ends
-    (blocks, n, WIDTH); V (B, 6, WIDTH) is work space."""
-    in_lanes = lanes(tree)
-    moved = lanes(motion)
-    end = lanes(V)
-    laned_q = lanes(q)
-    laned_v0 = lanes(v0)
-    laned_a = lanes(a)
-    laned_v = lanes(v)
-    load = lanes(q)
-    for block in range(q.shape[0]):
-        rb.stop_world(in_lanes, moved)
-        rb.place(in_lanes, dofs.still, laned_q[block], moved)
-        rb.outwards(in_lanes, dofs.still, laned_v0[block], laned_a[block], moved)
-        velocities(in_lanes.links, dofs.still, moved.S, laned_v[block], end)
-        # the place of q is free now
-        rb.inwards(in_lanes, dofs.still, moved, load[block])
-        for walk in range(WIDTH):
-            k = block * WIDTH + walk
-            if k >= rows.shape[0]:
-                break
+    """Writes rows (steps, size) of the steps from `begin` on of a run that starts at q0, v0 (n,)
+    and whose prescribed coordinates follow prescribed_q (instants, p)."""
+    space = lanes(ahead)
+    tree = space.tree
+    motion = space.motion
+    still = dofs.still
+    for first_k in range(0, rows.shape[0], WIDTH):
+        # Velocities of a step are those that lead to its end; its start has those of the one
+        # before.
+        for i in range(dofs.prescribed.shape[0]):
+            c = dofs.prescribed[i]
+            for walk in range(WIDTH):
+                k = min(begin + first_k + walk, time_s.shape[0] - 2)
+                h = time_s[k + 1] - time_s[k]
+                here = prescribed_q[k, i] if k > 0 else q0[c]
+                rate = (prescribed_q[k + 1, i] - here) / h
+                before = v0[c]
+                if k > 0:
+                    behind = prescribed_q[k - 1, i] if k > 1 else q0[c]
+                    before = (here - behind) / (time_s[k] - time_s[k - 1])
+                ahead.q[c, walk] = here
+                ahead.v0[c, walk] = before
+                ahead.a[c, walk] = (rate - before) / h
+                ahead.v[c, walk] = rate
+        rb.stop_world(tree, motion)
+        rb.place(tree, still, space.q, motion)
+        rb.outwards(tree, still, space.v0, space.a, motion)
+        velocities(tree.links, still, motion.S, space.v, space.V)
+        rb.inwards(tree, still, motion, space.load)
+        own = ahead.motion
+        for walk in range(min(WIDTH, rows.shape[0] - first_k)):
+            k = first_k + walk
             at = 0
             for i in range(dofs.base.shape[0]):
                 b = dofs.base[i]
                 for x in range(3):
                     for y in range(3):
-                        rows[k, at + 3 * x + y] = motion.R[b, x, y, walk]
-                    rows[k, at + 9 + x] = motion.p[b, x, walk]
+                        rows[k, at + 3 * x + y] = own.R[b, x, y, walk]
+                    rows[k, at + 9 + x] = own.p[b, x, walk]
                 for x in range(6):
-                    rows[k, at + 12 + x] = motion.V[b, x, walk]
-                    rows[k, at + 18 + x] = motion.A[b, x, walk]
-                    rows[k, at + 24 + x] = V[b, x, walk]
+                    rows[k, at + 12 + x] = own.V[b, x, walk]
+                    rows[k, at + 18 + x] = own.A[b, x, walk]
+                    rows[k, at + 24 + x] = ahead.V[b, x, walk]
                 at += POSE
             for c in range(dofs.carried.shape[0]):
                 if carries(dofs, c):
-                    rows[k, at] = q[block, c, walk]
+                    rows[k, at] = ahead.load[c, walk]
                     for x in range(6):
-                        rows[k, at + 1 + x] = motion.S[c, x, walk]
+                        rows[k, at + 1 + x] = own.S[c, x, walk]
                     at += 7

@@ -120,7 +120,6 @@ def step(
     if some(forces.fulcrum[0] > 0.0):
         deflection = find_support(forces, motion, fulcrum, contact, workspace.fulcrum)
     copy(workspace.v, workspace.trial)
-    velocities(tree.links, dofs.moving, motion.S, workspace.trial, contact.V)
     iterations, converged = _newton(
         h, tree, forces, dofs, workspace, deflection, ground_rate, q, active
     )
@@ -445,6 +444,13 @@ def copy(source: np.ndarray, target: np.ndarray) -> None:
     """Copies a vector; the assignment of slices does the same but takes seconds to compile."""
     for i in range(source.shape[0]):
         target[i] = source[i]
+
+
+@internal
+def clear(target: np.ndarray) -> None:
+    """Makes a vector 0."""
+    for i in range(target.shape[0]):
+        target[i] = 0.0
 
 
 @part

@@ -51,8 +51,8 @@ def run_side_by_side(
     support, motions, grids and lengths are their own. ValueError if they do not fit together. A
     step has converged within `tolerance`, see `assembly.Workspace`. `sites`: whether the record of
     each site is kept. `stop` is called now and then with the number of finished steps and the
-    record of each run (true ends the run), `progress` with the finished fraction. `forward` says
-    what the sensitivities of a single run are carried to.
+    record of each run, written as far (true ends the run), `progress` with the finished fraction.
+    `forward` says what the sensitivities of a single run are carried to.
     """
     done: list[Record | SimulationError] = []
     for begin in range(0, len(runs), TOGETHER):

@@ -765,11 +765,10 @@ def mass_matrix(
 
 def chains(tree: Tree, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`above` and `counts` of `mass_matrix` for the coordinates (k,)."""
-    bodies = tree.coordinate_bodies
-    k = len(coordinates)
-    above = np.zeros((k, k), dtype=np.int64)
-    counts = np.zeros(k, dtype=np.int64)
-    for i, c in enumerate(coordinates):
-        rows = [j for j in range(k) if tree.ancestors[bodies[c], coordinates[j]] and j != i] + [i]
-        above[i, : len(rows)], counts[i] = rows, len(rows)
+    moved_by = tree.ancestors[np.ix_(tree.coordinate_bodies[coordinates], coordinates)]
+    counts = moved_by.sum(axis=1)
+    above = np.zeros(moved_by.shape, dtype=np.int64)
+    for i, moves in enumerate(moved_by):
+        rows = np.flatnonzero(moves)
+        above[i, : counts[i]] = [*rows[rows != i], i]
     return above, counts
