@@ -66,14 +66,14 @@ class FootForces(System):
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state
     (num_positions + num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's
     posterior end A, where it is not connected the parameter fulcrum_m holds; gathered (G,) of a
-    coupled foot. Outputs: constants (C,) of a coupled foot; applied (6 + num_velocities,), moment
-    and force on F at Fo in its axes, then the generalized force; spatial_forces on F;
-    generalized_force (num_velocities,), zero outside keel and carriage; support_force (1,) N of the
-    fulcrum on the keel along z_K; joint_moment (m,) N m of the keel's springs and dampers; grf (3,)
-    N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about the mean normal, on the foot;
-    normal_force (N,) N, >= 0; depth (N,) m of foam and ground together; depth_rate (N,) m/s, also
-    without contact; friction_force (3 N,), N rows in W, N. Without load grf, cop and free_moment
-    are zero. With `law` None there is no contact and no output from grf on.
+    coupled foot. Outputs: spatial_forces on F; generalized_force (num_velocities,), zero outside
+    keel and carriage; support_force (1,) N of the fulcrum on the keel along z_K; joint_moment (m,)
+    N m of the keel's springs and dampers; grf (3,) N in W, on the foot; cop (3,) m in W;
+    free_moment (1,) N m about the mean normal, on the foot; normal_force (N,) N, >= 0; depth (N,) m
+    of foam and ground together; depth_rate (N,) m/s, also without contact; friction_force (3 N,), N
+    rows in W, N; constants (C,) of a coupled foot; applied (6 + num_velocities,), moment and force
+    on F at Fo in its axes, then the generalized force. Without load grf, cop and free_moment are
+    zero. With `law` None there is no contact, and there are no outputs from grf to friction_force.
 
     Args:
         position_indices, velocity_indices: (m + 1,) of the m keel joints and the carriage in the
@@ -183,15 +183,15 @@ class FootForces(System):
         self._packed = self._declare_cached("packed", self._pack_all, *constant)
         calc: Any = self._calc_varied if self._T is AutoDiffXd else self._calc_work
         self._values = values = self._declare_cached("values", calc)
-        if chain is not None:
-            self._declare_output("constants", constants_size, self._pack_all, *constant)
-        # the one that a plant asks for in every evaluation, past the cache of the others.
         inputs = (self.all_parameters_ticket(), self.all_input_ports_ticket())
-        self._declare_part("applied", 6 + num_velocities, weakly(calc), self._applied, *inputs)
         self._declare_spatial_forces(self._spatial_forces)
         for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
             part = self._slices[name]
             self._declare_part(name, part.stop - part.start, values, part, *inputs)
+        if chain is not None:
+            self._declare_output("constants", constants_size, self._pack_all, *constant)
+        # the one that a plant asks for in every evaluation, past the cache of the others.
+        self._declare_part("applied", 6 + num_velocities, weakly(calc), self._applied, *inputs)
         if law and self._T is float:
             self._declare_start(self._warn_of_depth)
 
