@@ -154,7 +154,7 @@ class FootForces(System):
         self._slices = kernel.slices(m, sites, num_velocities)
         self._carriage = self._slices["place"].start - 2
         first = self._slices["frame_wrench"].start
-        self._applied = slice(first, self._slices["generalized_force"].stop)
+        applied = slice(first, self._slices["generalized_force"].stop)
         self._size = self._slices["chain"].stop
         self._declare_kinematics()
         states = num_positions + num_velocities
@@ -191,7 +191,7 @@ class FootForces(System):
         if chain is not None:
             self._declare_output("constants", constants_size, self._pack_all, *constant)
         # the one that a plant asks for in every evaluation, past the cache of the others.
-        self._declare_part("applied", 6 + num_velocities, weakly(calc), self._applied, *inputs)
+        self._declare_part("applied", 6 + num_velocities, weakly(calc), applied, *inputs)
         if law and self._T is float:
             self._declare_start(self._warn_of_depth)
 
@@ -227,7 +227,8 @@ class FootForces(System):
         if not (self._linked and kernel.foot_vector(given, True, work)):
             work[:12], work[12:18] = self._frame_motion(context)
             kernel.foot_vector(given, False, work)
-        self._check_carriage(work[self._carriage])
+        if work[self._carriage] == 0.0:
+            self._refuse_carriage()
         if self._grip_limit is not None:
             self._check_grip(context, work[self._slices["normal_force"]])
         return work
@@ -243,7 +244,8 @@ class FootForces(System):
                 f"{self.get_name()!r}: inputs have derivatives in {by.shape[1]} directions, "
                 f"parameters in {table_by.shape[2]}"
             )
-        self._check_carriage(value[self._carriage])
+        if value[self._carriage] == 0.0:
+            self._refuse_carriage()
         work = np.zeros(self._size)
         work_by = np.zeros((self._size, directions))
         work[: len(value)] = value
@@ -257,9 +259,9 @@ class FootForces(System):
         V_WF = self._value(context, "body_spatial_velocities")[self._frame].get_coeffs()
         return X_WF.ravel(), V_WF
 
-    def _check_carriage(self, position: float) -> None:
+    def _refuse_carriage(self) -> None:
         # A trial step of an integrator may be anywhere, but exactly at 0 is only what nobody placed
-        if self._travel is None or position != 0.0:
+        if self._travel is None:
             return
         rearmost, foremost = self._travel
         raise InputError(
