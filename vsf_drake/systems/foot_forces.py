@@ -4,7 +4,8 @@ carriage."""
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+import weakref
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, SupportsInt
 
 import numpy as np
@@ -153,17 +154,15 @@ class FootForces(System):
         self._blank, cells = kernel.table_cells(starts, sites, patches)
         self._slices = kernel.slices(m, sites, num_velocities)
         self._carriage = self._slices["place"].start - 2
-        first = self._slices["frame_wrench"].start
-        applied = slice(first, self._slices["generalized_force"].stop)
         self._size = self._slices["chain"].stop
         self._declare_kinematics()
         states = num_positions + num_velocities
         self._declare_inputs(state=states, fulcrum_position=1)
-        constants_size = len(self._numbers) + self._blank.size + self._chain.size + 1
+        self._constants_size = len(self._numbers) + self._blank.size + self._chain.size + 1
         self._coupled = chain is not None
         self._linked = len(self._chain) > 0
         if self._coupled:
-            self._declare_inputs(gathered=constants_size + states + 3 * self._linked)
+            self._declare_inputs(gathered=self._constants_size + states + 3 * self._linked)
         known = DEVICE | (CONTACT if law else {})
         wrong = known.keys() ^ constants.keys()
         if wrong:
@@ -177,6 +176,9 @@ class FootForces(System):
             }
         )
         self._cells = {name: cells[name] for name in known if name in cells}
+        self._declare_outputs(law)
+
+    def _declare_outputs(self, law: str | None) -> None:
         self._table = self._declare_cached("table", self._pack, self.all_parameters_ticket())
         place = self.input_port_ticket(self._ports["fulcrum_position"].get_index())
         constant = (self.all_parameters_ticket(), place)
@@ -188,10 +190,16 @@ class FootForces(System):
         for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
             part = self._slices[name]
             self._declare_part(name, part.stop - part.start, values, part, *inputs)
-        if chain is not None:
-            self._declare_output("constants", constants_size, self._pack_all, *constant)
-        # the one that a plant asks for in every evaluation, past the cache of the others.
-        self._declare_part("applied", 6 + num_velocities, weakly(calc), applied, *inputs)
+        if self._coupled:
+            self._declare_output("constants", self._constants_size, self._pack_all, *constant)
+        first = self._slices["frame_wrench"].start
+        applied = slice(first, self._slices["generalized_force"].stop)
+        size = applied.stop - first
+        if self._T is float and self._linked and self._grip_limit is None:
+            write = self._applied_at_once(applied)
+            self.DeclareVectorOutputPort("applied", size, write, set(inputs))
+        else:
+            self._declare_part("applied", size, weakly(calc), applied, *inputs)
         if law and self._T is float:
             self._declare_start(self._warn_of_depth)
 
@@ -232,6 +240,23 @@ class FootForces(System):
         if self._grip_limit is not None:
             self._check_grip(context, work[self._slices["normal_force"]])
         return work
+
+    def _applied_at_once(self, part: slice) -> Callable[[Context, Any], None]:
+        """`_calc_work` for the plant, which asks in every evaluation: past the cache that serves
+        the other outputs, and with few calls in between, since they cost as much as the foot."""
+        owner: Callable[[], Any] = weakref.ref(self)
+        size = self._size
+        carriage = self._carriage
+
+        def write(context: Context, out: Any) -> None:
+            forces = owner()
+            work = np.empty(size)
+            given = forces._ports["gathered"].Eval(context)
+            if not kernel.foot_vector(given, True, work) or work[carriage] == 0.0:
+                work = forces._calc_work(context)
+            out.SetFromVector(work[part])
+
+        return write
 
     def _calc_varied(self, context: Context) -> Varied:
         table, table_by = self._table(context)
