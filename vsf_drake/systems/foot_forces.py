@@ -180,9 +180,7 @@ class FootForces(System):
 
     def _declare_outputs(self, law: str | None) -> None:
         self._table = self._declare_cached("table", self._pack, self.all_parameters_ticket())
-        place = self.input_port_ticket(self._ports["fulcrum_position"].get_index())
-        constant = (self.all_parameters_ticket(), place)
-        self._packed = self._declare_cached("packed", self._pack_all, *constant)
+        self._packed = self._declare_cached("packed", self._pack_all, self.all_parameters_ticket())
         calc: Any = self._calc_varied if self._T is AutoDiffXd else self._calc_work
         self._values = values = self._declare_cached("values", calc)
         inputs = (self.all_parameters_ticket(), self.all_input_ports_ticket())
@@ -191,7 +189,13 @@ class FootForces(System):
             part = self._slices[name]
             self._declare_part(name, part.stop - part.start, values, part, *inputs)
         if self._coupled:
-            self._declare_output("constants", self._constants_size, self._pack_all, *constant)
+            self._declare_output(
+                "constants",
+                self._constants_size,
+                self._calc_constants,
+                self.all_parameters_ticket(),
+                self.input_port_ticket(self._ports["fulcrum_position"].get_index()),
+            )
         first = self._slices["frame_wrench"].start
         applied = slice(first, self._slices["generalized_force"].stop)
         size = applied.stop - first
@@ -216,21 +220,26 @@ class FootForces(System):
         return table, table_by.reshape(*table.shape, by.shape[1])
 
     def _pack_all(self, context: Context) -> np.ndarray:
-        """What `_foot_kernel.foot_vector` is given but for state and point."""
+        """What `_foot_kernel.foot_vector` is given but for state and point, the fulcrum at 0."""
         table, table_by = self._table(context)
-        place = self._fulcrum_place(context)
         cells = table.ravel()
         if self._T is AutoDiffXd:
             cells = Varied(cells, table_by.reshape(table.size, table_by.shape[2]))[:]
-            place = place + AutoDiffXd(0.0)
-        return np.concatenate([self._numbers + 0.0 * place, cells, self._chain.ravel(), [place]])
+        packed: np.ndarray = np.concatenate([self._numbers, cells, self._chain.ravel(), [0.0]])
+        packed = packed + self._T(0.0)
+        return packed
+
+    def _calc_constants(self, context: Context) -> np.ndarray:
+        constants = self._packed(context).copy()
+        constants[-1] = self._fulcrum_place(context)
+        return constants
 
     def _calc_work(self, context: Context) -> np.ndarray:
         given: Any
         if self._coupled:
             given = self._ports["gathered"].Eval(context)
         else:
-            given = np.concatenate([self._packed(context), self._value(context, "state")])
+            given = np.concatenate([self._calc_constants(context), self._value(context, "state")])
         work = np.empty(self._size)
         if not (self._linked and kernel.foot_vector(given, True, work)):
             work[:12], work[12:18] = self._frame_motion(context)
