@@ -183,7 +183,9 @@ for _functions, _emit in (
 def select(where: Any, yes: Any, no: Any) -> Any:
     """`yes` where `where` holds, else `no`; both are worked out."""
     if isinstance(where, (bool, np.bool_)):
-        return yes if where else no
+        chosen = yes if where else no
+        # as of np.where, what is written to either one later does not change it
+        return chosen.copy() if isinstance(chosen, np.ndarray) else chosen
     return np.where(where, yes, no)
 
 

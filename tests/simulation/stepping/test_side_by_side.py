@@ -449,3 +449,16 @@ def test_rows_are_exchanged_in_the_walks_that_need_it():
         single = np.ascontiguousarray(B[:, :, walk])
         _solve(np.ascontiguousarray(A[:, :, walk]), single)
         assert single.tobytes() == np.ascontiguousarray(found[:, :, walk]).tobytes()
+
+
+def test_python_exchanges_rows_of_eight_right_sides_too():
+    """As they are without numba, where A has numbers and B rows of WIDTH of them."""
+    rng = np.random.default_rng(7)
+    n, m = 5, 2
+    A = rng.normal(size=(n, n))
+    A[0, 0] = 0.0
+    B = rng.normal(size=(n, m, WIDTH))
+    found = B.copy()
+    solve_columns.py_func(A.copy(), found)
+    wanted = np.linalg.solve(A, B.reshape(n, m * WIDTH)).reshape(B.shape)
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())
