@@ -126,7 +126,9 @@ def operators(
         return None
 
     for function in functions:
-        infer_global(function)(type("_Template", (AbstractTemplate,), {"generic": typed}))
+        template = type("_Template", (AbstractTemplate,), {"key": function, "generic": typed})
+        # as a decorator it asks for the module, which ufuncs of NumPy 1 do not know
+        infer_global(function, types.Function(template))
         for count in (1, 2):
             lower_builtin(function, *[type(kind)] * count)(
                 lambda context, builder, sig, args: emit(builder, *args)
