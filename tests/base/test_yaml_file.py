@@ -114,6 +114,14 @@ def test_truth_is_true_or_false(tmp_path):
             load_manifest(path)
 
 
+@pytest.mark.parametrize("text", ["a:\t1", "a: [\t1]", "{\n\ta: 1}", "a: x\ty", "a\t: 1"])
+def test_tabs_are_refused_whatever_takes_the_text_apart(tmp_path, text):
+    path = tmp_path / "values.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"line \d: is not valid YAML \(found character '\\t'"):
+        load_plain(path)
+
+
 TEXTS = [
     "070",
     "1:18",

@@ -181,7 +181,6 @@ print(*walk.prosthetic.grf_W[-1], *walk.sensitivity.grf_W[-1].ravel())
 """
 
 
-@pytest.mark.slow
 def test_a_walk_that_a_debugger_steps_through_is_the_compiled_one():
     """NUMBA_DISABLE_JIT leaves the kernels as they were written."""
     forces = []

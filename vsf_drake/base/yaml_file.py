@@ -43,7 +43,7 @@ def read_yaml(path: str | Path, *, right: str | None = None) -> yaml.Node | None
     text = read_text(path, most=MOST_BYTES, right=right)
     try:
         try:
-            return _node(_QuickLoader(text))
+            return _node(_Loader(text) if _UNLIKE.search(text) else _QuickLoader(text))
         except _Refused:
             raise
         except yaml.YAMLError:  # the other one says better what is wrong, and where
@@ -167,6 +167,10 @@ class _Loader(_Composer, yaml.SafeLoader):
 
 
 _InC: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+# read otherwise in C than in Python, which takes no tab between values
+_UNLIKE = re.compile("[\t!?\ufeff\x85\u2028\u2029]")
 
 
 class _QuickLoader(_Composer, _InC):  # type: ignore[misc]

@@ -126,7 +126,9 @@ def operators(
         return None
 
     for function in functions:
-        infer_global(function)(type("_Template", (AbstractTemplate,), {"generic": typed}))
+        template = type("_Template", (AbstractTemplate,), {"key": function, "generic": typed})
+        # as a decorator it asks for the module, which ufuncs of NumPy 1 do not know
+        infer_global(function, types.Function(template))
         for count in (1, 2):
             lower_builtin(function, *[type(kind)] * count)(
                 lambda context, builder, sig, args: emit(builder, *args)
@@ -183,7 +185,9 @@ for _functions, _emit in (
 def select(where: Any, yes: Any, no: Any) -> Any:
     """`yes` where `where` holds, else `no`; both are worked out."""
     if isinstance(where, (bool, np.bool_)):
-        return yes if where else no
+        chosen = yes if where else no
+        # as of np.where, what is written to either one later does not change it
+        return chosen.copy() if isinstance(chosen, np.ndarray) else chosen
     return np.where(where, yes, no)
 
 

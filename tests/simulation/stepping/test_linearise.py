@@ -347,3 +347,21 @@ def test_flattened_tangent_differs_from_the_exact_one_only_on_the_falling_branch
         assert more.min() >= -1e-9 * max(more.max(), 1e-9)
         falling += on_branch
     assert falling > 0 or speed < 0.1
+
+
+def test_without_parameters_a_step_is_linearised_about_its_state_alone(walker):
+    at = Instant(walker("right"), 0, (), depth=0.012, speed=1.0)
+    one = OneStep(at.mechanism.tree, at.mechanism.forces, at.held)
+    v = one.take(
+        STEP_S,
+        at.q,
+        at.v0,
+        at.q[at.held] + STEP_S * at.v[at.held],
+        ground=at.ground,
+        fulcrum=FULCRUM_M,
+    )
+    count = len(one.dofs.free)
+    assert one.directions.unit.shape == (count, 0)
+    np.testing.assert_allclose(v, at.v, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(one.tangent.Gq, at.by_q, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(one.tangent.Gv, at.by_v, rtol=1e-6, atol=1e-6)

@@ -17,8 +17,13 @@ from vsf_drake.simulation.bench import Bench
 from vsf_drake.simulation.mechanism import bench_mechanism
 from vsf_drake.simulation.reactions import PROSTHETIC
 from vsf_drake.simulation.stepping.advance import PARTS
-from vsf_drake.simulation.stepping.assembly import MAX_APPROACH, SITE_COLUMNS, SPRING_COLUMNS
-from vsf_drake.simulation.stepping.block import LOOKS
+from vsf_drake.simulation.stepping.assembly import (
+    MAX_APPROACH,
+    SITE_COLUMNS,
+    SPRING_COLUMNS,
+    TOLERANCE,
+)
+from vsf_drake.simulation.stepping.block import LOOKS, Block
 from vsf_drake.simulation.stepping.newton import solve_columns
 from vsf_drake.simulation.stepping.runs import Inputs, Record, Run
 from vsf_drake.simulation.stepping.stepper import (
@@ -271,16 +276,10 @@ def test_newton_stops_at_once_where_nothing_is_a_number():
     """One round a try; all of them for every try would cost the others the same."""
     runs = list(different_runs()[:4])
     lost = without_number(runs[1])
-    seen = {}
-
-    def look(done, record):
-        seen[len(record.time_s)] = record.iterations[:done].copy()
-        return False
-
-    outcomes = run_side_by_side([runs[0], lost, *runs[2:]], stop=look)
-    failed_s = outcomes[1].time_s
+    block = Block([runs[0], lost, *runs[2:]], TOLERANCE, sites=False, forward=None)
+    failed_s = block.run(None, lambda finished: None)[1].time_s
     at = int(np.searchsorted(lost.inputs.time_s[1:], failed_s - 1e-9))
-    iterations = seen[len(lost.inputs.time_s) - 1]
+    iterations = block.written.counts[:, 0, 1]
     tries = 2 * PARTS  # at most, of a step in which nothing converges
     assert len(iterations) > at
     assert 1 < iterations[at] <= tries
@@ -319,6 +318,22 @@ def test_stop_ends_one_run_and_no_other():
         steps = LOOKS if k == 3 else len(whole.time_s)
         kept = {name: getattr(whole, name)[:steps] for name in Record._fields if name[1:] != "0"}
         assert_same_bits(record, whole._replace(**kept))
+
+
+def test_nothing_is_asked_of_a_run_that_has_diverged():
+    """Its record has no more rows than it went."""
+    runs = list(different_runs()[:3])
+    lost = without_number(runs[1])
+    asked = []
+
+    def stop(done, record):
+        if len(record.time_s) == len(lost.inputs.time_s) - 1:
+            asked.append((done, record.time_s[done - 1]))
+        return False
+
+    found = run_side_by_side([runs[0], lost, runs[2]], stop=stop)
+    assert_same_bits(found[1], alone(lost))
+    assert all(time_s < found[1].time_s for _, time_s in asked)
 
 
 def test_a_block_ends_where_all_of_its_runs_have():
@@ -434,3 +449,16 @@ def test_rows_are_exchanged_in_the_walks_that_need_it():
         single = np.ascontiguousarray(B[:, :, walk])
         _solve(np.ascontiguousarray(A[:, :, walk]), single)
         assert single.tobytes() == np.ascontiguousarray(found[:, :, walk]).tobytes()
+
+
+def test_python_exchanges_rows_of_eight_right_sides_too():
+    """As they are without numba, where A has numbers and B rows of WIDTH of them."""
+    rng = np.random.default_rng(7)
+    n, m = 5, 2
+    A = rng.normal(size=(n, n))
+    A[0, 0] = 0.0
+    B = rng.normal(size=(n, m, WIDTH))
+    found = B.copy()
+    solve_columns.py_func(A.copy(), found)
+    wanted = np.linalg.solve(A, B.reshape(n, m * WIDTH)).reshape(B.shape)
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())

@@ -209,9 +209,13 @@ class Block:
         return [self._outcome(walk) for walk in range(len(self.runs))]
 
     def _look(self, stop: Callable[[int, Record], bool], done: int) -> None:
-        """Ends the runs that may stop after `done` steps."""
+        """Ends the runs that may stop after `done` steps, or have diverged, which nothing is
+        written of from there on."""
         for walk, length in enumerate(self.lengths):
-            if done < length and stop(done, self._record(walk, length)):
+            if done >= length:
+                continue
+            diverged = bool(self._of(self.state.failed, walk)[0] >= 0.0)
+            if diverged or stop(done, self._record(walk, length)):
                 self.lengths[walk] = done
                 self._of(self.state.steps, walk)[...] = done
 

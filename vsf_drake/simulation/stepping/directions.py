@@ -138,7 +138,8 @@ def make_directions(
     displaces = np.zeros((len(unit), filled_up(len(tangents))), dtype=bool)
     displaces[:, : len(tangents)] = unit != 0.0
     displaces[perturbation_direction, perturbation_parameter] = True
-    by_block = displaces[len(dofs.free) :].reshape(-1, displaces.shape[1] // WIDTH, WIDTH)
+    blocks = displaces.shape[1] // WIDTH
+    by_block = displaces.reshape(len(unit), blocks, WIDTH)[len(dofs.free) :]
     block, displaced = _where(np.asarray(by_block.any(axis=2)).T)
     slide = np.array([by_unit.fulcrum_shift for by_unit in tangents])
     return TangentDirections(
@@ -153,7 +154,7 @@ def make_directions(
             INBOARD,
             np.where(carriers[body][:, joints].T, OUTBOARD, UNRELATED),
         ),
-        displaced_start=np.searchsorted(block, np.arange(by_block.shape[1] + 1)),
+        displaced_start=np.searchsorted(block, np.arange(blocks + 1)),
         displaced=displaced + len(dofs.free),
         perturbation_direction=perturbation_direction,
         perturbation_parameter=perturbation_parameter,

@@ -78,7 +78,7 @@ def carry(
             there = directions.path[k, e] + end_share * (there - directions.path[k, e])
         end[j, p] = (there - tangent.q[j, p]) / h
 
-    # WIDTH parameters at a time from here on.
+    # WIDTH parameters at a time from here on. In Python `+=` would write to where a sum begins.
     rhs8 = eights(rhs)
     end8 = eights(end)
     q8 = eights(tangent.q)
@@ -93,11 +93,11 @@ def carry(
         for p in range(blocks):
             left = E8[i, p]
             for j in range(nf):
-                left += tangent.Gq[i, j] * q8[j, p] + tangent.Gv[i, j] * v8[j, p]
+                left = left + (tangent.Gq[i, j] * q8[j, p] + tangent.Gv[i, j] * v8[j, p])
             pulled = 0.0 * left
             for e in range(start[p], start[p + 1]):
                 j = directions.displaced[e]
-                left += tangent.Gq[i, j] * q8[j, p] + tangent.Gv[i, j] * v8[j, p]
+                left = left + (tangent.Gq[i, j] * q8[j, p] + tangent.Gv[i, j] * v8[j, p])
                 pulled += tangent.B[i, j] * end8[j, p]
             rhs8[i, p] = -h * left - pulled
     solve_columns(A, rhs8)
@@ -123,10 +123,10 @@ def carry(
         for p in range(blocks):
             force = dT8[i, p]
             for j in range(nf):
-                force += by_q[j, i] * q8[j, p] - by_end[j, i] * end8[j, p]
+                force = force + (by_q[j, i] * q8[j, p] - by_end[j, i] * end8[j, p])
             for e in range(start[p], start[p + 1]):
                 j = directions.displaced[e]
-                force += by_q[j, i] * q8[j, p] - by_end[j, i] * end8[j, p]
+                force = force + (by_q[j, i] * q8[j, p] - by_end[j, i] * end8[j, p])
             wrench[i, p] = force
 
     # The load that holds a prescribed coordinate is what its own equation leaves, on average over
@@ -137,7 +137,7 @@ def carry(
         for p in range(blocks):
             left = E8[i, p]
             for j in range(C):
-                left += tangent.Gq[i, j] * q8[j, p] + tangent.Gv[i, j] * v8[j, p]
+                left = left + (tangent.Gq[i, j] * q8[j, p] + tangent.Gv[i, j] * v8[j, p])
             pulled = 0.0 * left
             for j in range(C):
                 pulled += tangent.B[i, j] * end8[j, p]
