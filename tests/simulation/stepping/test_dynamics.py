@@ -62,9 +62,11 @@ def askew(rng):
     mostly in a plane."""
     plant, bodies = MultibodyPlant(0.0), []
 
+    def pose():
+        return RigidTransform(RollPitchYaw(*rng.uniform(-1.5, 1.5, 3)), rng.uniform(-0.5, 0.5, 3))
+
     def frame(body):
-        X = RigidTransform(RollPitchYaw(*rng.uniform(-1.5, 1.5, 3)), rng.uniform(-0.5, 0.5, 3))
-        return plant.AddFrame(FixedOffsetFrame(f"frame{plant.num_frames()}", body, X))
+        return plant.AddFrame(FixedOffsetFrame(f"frame{plant.num_frames()}", body, pose()))
 
     for i in range(10):
         p = rng.uniform(-0.1, 0.1, 3)
@@ -77,7 +79,7 @@ def askew(rng):
                 f"joint{i}",
                 frame(parent),
                 frame(body),
-                RigidTransform() if joint is WeldJoint else axis / np.linalg.norm(axis),
+                pose() if joint is WeldJoint else axis / np.linalg.norm(axis),
             )
         )
         bodies.append(body)

@@ -13,7 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Joint, PrismaticJoint, RevoluteJoint, RigidBody
+from pydrake.multibody.tree import (
+    BodyIndex,
+    Joint,
+    PrismaticJoint,
+    RevoluteJoint,
+    RigidBody,
+    WeldJoint,
+)
 from pydrake.systems.framework import Context
 
 from vsf_drake.laws.compiled import internal, part
@@ -84,6 +91,8 @@ def tree_of(plant: MultibodyPlant, context: Context) -> Tree:
             ancestors[child, coordinate] = True
             names[coordinate] = joint.name()
         X_PF = joint.frame_on_parent().CalcPoseInBodyFrame(context)
+        if isinstance(joint, WeldJoint):
+            X_PF = X_PF @ joint.X_FM()
         X_MB = joint.frame_on_child().CalcPoseInBodyFrame(context).inverse()
         links.append((kind, parent, child, coordinate))
         frames.append(
