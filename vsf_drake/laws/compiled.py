@@ -51,7 +51,13 @@ KEPT = 4
 used."""
 LOADED_S = 1.0  # a function that is kept is loaded within less
 _PACKAGE = Path(__file__).resolve().parents[1]
-_INSIDE = {"error_model": "numpy", "_nrt": False, "forceinline": True}
+_INSIDE = {
+    "error_model": "numpy",
+    "_nrt": False,
+    "forceinline": True,
+    "no_cfunc_wrapper": True,
+    "no_cpython_wrapper": True,
+}
 _settings: Any = numba.config  # whose attributes it makes at the import
 _lock = threading.Lock()
 _P = ParamSpec("_P")

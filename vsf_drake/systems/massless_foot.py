@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import weakref
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, SupportsInt
 
 import numpy as np
@@ -118,6 +119,23 @@ class MasslessFootForces(_Base):
         self._check_settled(context, work)
         return work
 
+    def _applied_at_once(self, part: slice) -> Callable[[Context, Any], None]:
+        owner: Callable[[], Any] = weakref.ref(self)
+        step = self._step
+        size = self._size + massless.room_for(self._joints)
+
+        def write(context: Context, out: Any) -> None:
+            forces = owner()
+            work = np.empty(size)
+            given = forces._ports["gathered"].Eval(context)
+            if not massless.settled_foot(given, True, step, work) or math.isnan(
+                work[part.stop - 1]
+            ):
+                work = forces._calc_work(context)
+            out.SetFromVector(work[part])
+
+        return write
+
     def _calc_varied(self, context: Context) -> Varied:
         table, table_by = self._table(context)
         place = self._fulcrum_place(context)
@@ -158,7 +176,7 @@ class MasslessFootForces(_Base):
         return Varied(work, work_by)
 
     def _check_settled(self, context: Context, work: np.ndarray) -> None:
-        if math.isnan(work[self._applied.stop - 1]):
+        if math.isnan(work[self._slices["generalized_force"].stop - 1]):
             raise InputError(
                 f"{self.get_name()!r}: no rates of the keel balance its joints at "
                 f"{context.get_time():.6g} s",
