@@ -248,5 +248,9 @@ def test_keel_without_damping_and_a_contact_of_drakes_own_are_refused():
         RollingOver("massless", contact="drake_point")
     with pytest.raises(InputError, match="full, massless"):
         RollingOver("light")
+    with pytest.raises(InputError, match=r"at most 2\.5 ms, keel full with contact drake_point"):
+        RollingOver("massless", time_step=5e-3)
+    with pytest.raises(InputError, match=r"keel massless up to 2\.5 ms"):
+        RollingOver("full", time_step=1e-3)
     with pytest.raises(InputError, match="has no joint"):
         rolling.foot.carriage_joint(rolling.plant)

@@ -38,12 +38,23 @@ class MasslessFootForces(_Base):
     In a plant with a time step every step is implicit in the keel: forces and rates are those with
     the keel as it is at the step's end, under the frame's motion at its start.
 
-    Inputs: keel (m,) rad, the joints' angles from A on, positive toe up; body_poses,
-    body_spatial_velocities, fulcrum_position as of `FootForces`; gathered (G,), constants, keel,
-    the plant's state and a point of F. Outputs: constants (C,); applied (6 + m,), moment and force
-    on F at Fo in its axes, then the keel's rates (rad/s), or with a time step its angles at the
-    step's end (rad); the others as of `FootForces`, but for generalized_force. Parameters in the
-    Context: those of `FootForces` but for the carriage's.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; keel (m,) rad, the
+    joints' angles from A on, positive toe up; fulcrum_position (1,) m from A, where it is not
+    connected the parameter fulcrum_m holds; gathered (G,) of a coupled foot. Outputs:
+    spatial_forces on F; support_force (1,) N of the fulcrum on the keel along z_K; joint_moment
+    (m,) N m of the keel's springs and dampers; grf (3,) N in W, on the foot; cop (3,) m in W;
+    free_moment (1,) N m about the mean normal, on the foot; normal_force (N,) N, >= 0; depth (N,) m
+    of foam and ground together; depth_rate (N,) m/s, also without contact; friction_force (3 N,),
+    N rows in W, N; constants (C,) of a coupled foot; applied (6 + m,), moment and force on F at Fo
+    in its axes, then the keel's rates (rad/s), or with a time step its angles at the step's end
+    (rad). With `law` None there is no contact and no output from grf to friction_force.
+
+    Parameters in the Context: joint_stiffness, joint_damping (m,);
+    fulcrum_stiffness, fulcrum_damping, fulcrum_m; and with a law p_BS (N, 3), radius, stiffness,
+    exponent, damping, full_damping_depth, dissipation (N,), depth_width, rate_width,
+    threshold_velocity; and of the M patches ground_bounds (M, 4), ground_reference_x,
+    ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic, ground_speed
+    (M,); units as of `FootForces`.
 
     Args:
         num_states: of the plant, positions and velocities.
