@@ -474,8 +474,8 @@ def with_implicit_device(plant: MultibodyPlant, foot: FootHandles) -> FootHandle
         f"contact {foot.contact} is an explicit force in a plant with a time step, and "
         f"{1e3 * step:g} ms is too long for this foot",
         "time_step",
-        f"Take at most {1e3 * longest:.2g} ms, keel massless up to {1e3 * MASSLESS_STEP_S:g} ms, "
-        "contact drake_point or hydroelastic, or a continuous plant",
+        f"Take at most {1e3 * longest:.2g} ms, contact drake_point or hydroelastic, keel massless "
+        f"up to {1e3 * MASSLESS_STEP_S:g} ms, or a continuous plant",
     )
     mass = foot.parameters.fulcrum.carriage_mass_kg
     hold = (foot.carriage_joint_name, mass * CARRIAGE_FREQUENCY**2, 2.0 * mass * CARRIAGE_FREQUENCY)
