@@ -20,6 +20,7 @@ from pydrake.systems.framework import DiagramBuilder
 import vsf_drake as vsf
 from vsf_drake.base.errors import InputError
 from vsf_drake.motion.trajectory import low_pass
+from vsf_drake.plants.foot import set_mount
 
 BODY_KG = 75.0
 LEG_M = 0.9
@@ -234,6 +235,24 @@ def test_same_inputs_give_the_same_rates_whatever_came_before():
     assert not np.array_equal(rolling.outputs(context, "applied"), first)
     rolling.start(context, pitch=0.1, depth=0.003)
     np.testing.assert_array_equal(rolling.outputs(context, "applied"), first)
+
+
+def test_moved_under_its_pylon_it_is_where_the_plant_has_it():
+    """Pose and velocity of its frame then come from the plant's lists, as under AutoDiff."""
+    rolling = RollingOver("massless")
+    context = rolling.diagram.CreateDefaultContext()
+    rolling.start(context, pitch=0.1, depth=0.003)
+    before = rolling.outputs(context, "applied")
+    plant_context = rolling.plant.GetMyMutableContextFromRoot(context)
+    set_mount(plant_context, rolling.foot, alignment=0.02)
+    applied = rolling.outputs(context, "applied")
+    assert abs(applied - before).max() > 1.0
+    converted = rolling.diagram.ToAutoDiffXd()
+    same = converted.CreateDefaultContext()
+    same.SetTimeStateAndParametersFrom(context)
+    forces = converted.GetSubsystemByName(rolling.wired.forces.get_name())
+    varied = forces.GetOutputPort("applied").Eval(forces.GetMyContextFromRoot(same))
+    np.testing.assert_allclose([number.value() for number in varied], applied, rtol=1e-12)
 
 
 def test_keel_without_damping_and_a_contact_of_drakes_own_are_refused():
