@@ -292,19 +292,19 @@ def _settle(
         for j in range(m):
             before[j] = speeds[j]
         _solve(A, step)
-        share = FIRM if firm else 1.0
+        share = FIRM if firm and not last else 1.0
         while True:
             for j in range(m):
                 speeds[j] = before[j] + share * step[j]
                 turns[j] = start[j] + h * speeds[j]
+            if last:
+                return worst
             now = _unbalance(numbers, table, work, room, h, firm)
-            if firm or last or now < worst:
+            if firm or now < worst:
                 break
             firm = share < SHORTEST
             share *= 0.5
         worst = now
-        if last:
-            break
     return worst
 
 
