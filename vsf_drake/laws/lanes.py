@@ -126,7 +126,9 @@ def operators(
         return None
 
     for function in functions:
-        infer_global(function)(type("_Template", (AbstractTemplate,), {"generic": typed}))
+        template = type("_Template", (AbstractTemplate,), {"key": function, "generic": typed})
+        # with its type, for a ufunc of an older numpy has no module in which numba could look
+        infer_global(function, types.Function(template))
         for count in (1, 2):
             lower_builtin(function, *[type(kind)] * count)(
                 lambda context, builder, sig, args: emit(builder, *args)
