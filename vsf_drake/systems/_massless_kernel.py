@@ -25,7 +25,7 @@ from vsf_drake.laws.contact_law import LawConstants
 from vsf_drake.laws.ground import foam_depth, patch_under
 from vsf_drake.laws.keel import lay_chain, piece_at
 from vsf_drake.laws.lanes import root
-from vsf_drake.systems import _foot_kernel as kernel
+from vsf_drake.systems._foot_kernel import CHAIN_COLUMNS, COLUMNS, _forces, followed
 
 BALANCED_N_M = 1e-9
 """Net moment in a joint (N m) from which one more step of Newton's method leaves rounding."""
@@ -326,12 +326,12 @@ def settled_foot(given: np.ndarray, follow: bool, h: float, work: np.ndarray) ->
     numbers = given[:end]
     begin = end
     rows = 1 + m + int(given[2]) + int(given[3])
-    end += rows * kernel.COLUMNS
-    table = given[begin:end].reshape(rows, kernel.COLUMNS)
+    end += rows * COLUMNS
+    table = given[begin:end].reshape(rows, COLUMNS)
     begin = end
-    end += int(given[6]) * kernel.CHAIN_COLUMNS
-    chain = given[begin:end].reshape(int(given[6]), kernel.CHAIN_COLUMNS)
-    if follow and not kernel.followed(chain, given[end + 1 + m :], work):
+    end += int(given[6]) * CHAIN_COLUMNS
+    chain = given[begin:end].reshape(int(given[6]), CHAIN_COLUMNS)
+    if follow and not followed(chain, given[end + 1 + m :], work):
         return False
     for j in range(m):
         work[18 + j] = given[end + 1 + j]
@@ -340,7 +340,7 @@ def settled_foot(given: np.ndarray, follow: bool, h: float, work: np.ndarray) ->
     work[20 + 2 * m] = given[end]
     size = len(work) - room_for(m)
     left = _settle(numbers, table, work, work[size:], h)
-    kernel._forces(numbers, table, work[:size])
+    _forces(numbers, table, work[:size])
     # before the moments and the chain's seven rows
     moves = work[size - 9 * m : size - 8 * m]
     moved = work[18 : 18 + m] if h > 0.0 else work[18 + m : 18 + 2 * m]
