@@ -41,7 +41,8 @@ def one_of_each() -> list[LeafSystem]:
         ),
         GaitDriver(**joints, velocity_indices=[3, 5], position_gain=10.0, velocity_gain=1.0),
         TestingMachine(body_indices=[5], p_BS=np.zeros((1, 3)), **law),
-        foot_forces(),
+        foot_forces("full"),
+        foot_forces("massless"),
         DrakeReaction(body_indices=bodies, geometry_ids=[GeometryId.get_new_id()]),
         FulcrumCommand(num_actuators=7, carriage=2, fulcrum_m=0.1),
         FulcrumActuator(),
@@ -56,12 +57,12 @@ def one_of_each() -> list[LeafSystem]:
     ]
 
 
-def foot_forces() -> LeafSystem:
+def foot_forces(keel: str) -> LeafSystem:
     """The forces of a foot under a floating block: num_positions is num_velocities + 1."""
     builder = DiagramBuilder()
     plant = builder.AddSystem(MultibodyPlant(0.0))
     shank = plant.AddRigidBody("shank", SpatialInertia.SolidBoxWithMass(3.0, 0.1, 0.1, 0.3))
-    foot = add_foot(plant, shank.body_frame(), FootParameters())
+    foot = add_foot(plant, shank.body_frame(), FootParameters(), keel=keel)
     plant.Finalize()
     forces = wire_foot(builder, plant, foot).forces
     forces.holder = builder.Build()  # owns it

@@ -45,6 +45,7 @@ COMPILED = (
     "simulation/stepping",
     "simulation/reactions.py",
     "systems/_foot_kernel.py",
+    "systems/_massless_kernel.py",
     "motion/events.py",
 )
 """Parts of the package that compiled functions and the constants in them come from."""

@@ -53,6 +53,12 @@ from vsf_drake.plants.solids import FORWARD, RIGHTWARD, box
 CONTACTS = (*CONTACT_LAWS, *DRAKE_CONTACTS)
 """What a foot can meet the ground by: the laws of `systems.FootForces`, and two contacts of Drake's
 own."""
+MASSLESS_STEP_S = 2.5e-3
+"""The longest time step of a plant with a massless keel: a leg of 18 kg (the guide's) came to rest
+at it, and did not at 5 ms."""
+KEELS = ("full", "massless")
+"""Whether the keel's pieces move in the plant, or their joint angles are states of
+`systems.MasslessFootForces`."""
 
 
 def keel_joint_positions(keel: KeelParameters) -> np.ndarray:
@@ -157,6 +163,7 @@ def add_foot(
     side: str | None = None,
     contact: str = "kelvin_voigt",
     fulcrum_m: float | None = None,
+    keel: str = "full",
     visual: bool = True,
 ) -> FootHandles:
     """Adds the foot, its mount welded to `parent_frame` (z up along the pylon, x to the toe).
@@ -176,6 +183,12 @@ def add_foot(
             and geometry on the ground (`add_ground_geometry`).
         fulcrum_m: fulcrum position (m from A) where no other is commanded; by default FULCRUM_M, or
             where the carriage comes closest to it.
+        keel: one of KEELS. "massless" is the reduced foot: keel and carriage are welded to the
+            frame, so that their mass is lumped there and the plant gets no coordinates, and the
+            keel's joint angles are states of first order of `MasslessFootForces`. Springs, damping,
+            support and contact are the same, the keel's own vibrations are left out. It takes our
+            contact laws only, and in a plant with a time step needs neither actuators nor
+            constraint. It is drawn straight.
         visual: the foot gets shapes to be seen by (frame, keel, carriage, sole, contact spheres),
             if the plant is a source of a SceneGraph.
     """
@@ -196,6 +209,7 @@ def add_foot(
     )
     if contact in DRAKE_CONTACTS:
         check_scene_graph(plant, contact)
+    _check_keel(keel, contact, plant.time_step())
     beam = parameters.keel
     carriage_mass = parameters.fulcrum.carriage_mass_kg
     volume = sum(beam.element_lengths_m) * beam.width_m * beam.thickness_m
@@ -210,13 +224,15 @@ def add_foot(
         tree.FixedOffsetFrame(f"{name}_mount", frame.body_frame(), mount_pose(parameters), instance)
     )
     plant.AddJoint(tree.WeldJoint(f"{name}_mount_weld", parent_frame, mount, RigidTransform()))
-    keel, starts, joint_names = _add_keel(plant, instance, frame, beam)
+    pieces, starts, joint_names = _add_keel(plant, instance, frame, beam, keel == "full")
     carriage = plant.AddRigidBody(
         f"{name}_carriage", instance, box(carriage_mass, (0.02, width, 0.02), (0.0, 0.0, 0.02))
     )
-    plant.AddJoint(
-        tree.PrismaticJoint("fulcrum", frame.body_frame(), carriage.body_frame(), FORWARD, *reach)
-    )
+    rail = "fulcrum", frame.body_frame(), carriage.body_frame()
+    if keel == "full":
+        plant.AddJoint(tree.PrismaticJoint(*rail, FORWARD, *reach))
+    else:
+        plant.AddJoint(tree.WeldJoint(*rail, RigidTransform(fulcrum_m * FORWARD)))
     stiffness = np.concatenate(([0.0], keel_joint_stiffness(beam)))
     foot = FootHandles(
         parameters=parameters,
@@ -226,20 +242,41 @@ def add_foot(
         instance=instance,
         frame=frame,
         mount=mount,
-        keel=keel,
+        keel=pieces,
         keel_starts=starts,
         keel_joint_names=joint_names,
         joint_stiffness=stiffness,
         joint_damping=stiffness * beam.damping_time_s,
         carriage_joint_name="fulcrum",
-        sites=_foot_sites(parameters, frame, keel, starts),
+        sites=_foot_sites(parameters, frame, pieces, starts),
         fulcrum_m=fulcrum_m,
+        keel_kind=keel,
     )
     if visual and plant.geometry_source_is_registered():
         draw_foot(plant, foot)
     if contact in DRAKE_CONTACTS:
         add_contact_geometry(plant, foot, contact)
-    return with_implicit_device(plant, foot) if plant.time_step() > 0.0 else foot
+    if keel == "full" and plant.time_step() > 0.0:
+        return with_implicit_device(plant, foot)
+    return foot
+
+
+def _check_keel(keel: str, contact: str, time_step: float) -> None:
+    require(keel in KEELS, f"{keel!r} is not known", "keel", f"Known are {', '.join(KEELS)}")
+    require(
+        keel == "full" or contact in CONTACT_LAWS,
+        f"a massless keel has no geometry that bends, as contact {contact} needs",
+        "keel",
+        f"Take keel full, or contact {', '.join(CONTACT_LAWS)}",
+    )
+    require(
+        keel == "full" or time_step <= MASSLESS_STEP_S,
+        f"is {1e3 * time_step:g} ms, and the ground's forces on a foot with a massless keel are "
+        "explicit in it",
+        "time_step",
+        f"Take at most {1e3 * MASSLESS_STEP_S:g} ms, keel full with contact drake_point or "
+        "hydroelastic, or a continuous plant",
+    )
 
 
 def _check_place(plant: MultibodyPlant, parent_frame: tree.Frame, name: str) -> None:
@@ -310,6 +347,7 @@ def _add_keel(
     instance: tree.ModelInstanceIndex,
     frame: tree.RigidBody,
     keel: KeelParameters,
+    bends: bool,
 ) -> tuple[list[tree.RigidBody], np.ndarray, tuple[str, ...]]:
     starts = np.concatenate(([0.0], keel_joint_positions(keel)))
     ends = np.append(starts[1:], sum(keel.element_lengths_m))
@@ -325,7 +363,11 @@ def _add_keel(
         joint_frame = plant.AddFrame(
             tree.FixedOffsetFrame(f"{names[i]}_frame", parent.body_frame(), offset, instance)
         )
-        plant.AddJoint(tree.RevoluteJoint(names[i], joint_frame, body.body_frame(), RIGHTWARD))
+        if bends:
+            plant.AddJoint(tree.RevoluteJoint(names[i], joint_frame, body.body_frame(), RIGHTWARD))
+        else:
+            weld = tree.WeldJoint(names[i], joint_frame, body.body_frame(), RigidTransform())
+            plant.AddJoint(weld)
         bodies.append(body)
         parent = body
     return bodies, starts, names
@@ -432,8 +474,8 @@ def with_implicit_device(plant: MultibodyPlant, foot: FootHandles) -> FootHandle
         f"contact {foot.contact} is an explicit force in a plant with a time step, and "
         f"{1e3 * step:g} ms is too long for this foot",
         "time_step",
-        f"Take at most {1e3 * longest:.2g} ms, contact drake_point or hydroelastic, or a "
-        "continuous plant",
+        f"Take at most {1e3 * longest:.2g} ms, contact drake_point or hydroelastic, keel massless "
+        f"up to {1e3 * MASSLESS_STEP_S:g} ms, or a continuous plant",
     )
     mass = foot.parameters.fulcrum.carriage_mass_kg
     hold = (foot.carriage_joint_name, mass * CARRIAGE_FREQUENCY**2, 2.0 * mass * CARRIAGE_FREQUENCY)

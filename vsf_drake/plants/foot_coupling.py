@@ -5,6 +5,12 @@ Python does.
     gathered --one vector--> FootForces --applied, one vector--> parts
     parts --wrench--> thrusters --spatial_forces--> plant; parts --generalized_force--> plant
 
+of a foot with a massless keel, whose angles are states here:
+
+    parts --rates--> keel, an Integrator --angles--> gathered and forces
+
+in a plant with a time step a ZeroOrderHold, of the angles at the step's end.
+
 Where a foot's frame F hangs on W by the joints of ROWS, its pose and velocity follow from the state
 by compiled code along a chain of them, which is read from the plant once. Poses of frames are
 parameters in the plant's Context, so that the chain may no longer be true; so the plant also tells,
@@ -38,7 +44,7 @@ from pydrake.multibody.tree import (
     WeldJoint,
 )
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import Demultiplexer, Multiplexer
+from pydrake.systems.primitives import Demultiplexer, Integrator, Multiplexer, ZeroOrderHold
 
 from vsf_drake.plants import wiring
 from vsf_drake.systems import _foot_kernel as kernel
@@ -141,28 +147,43 @@ def add_coupled(
 ) -> FootForces:
     """Adds the `forces` of a foot whose frame F is that body, fed from the plant, as `name`, and
     applies what they exert to it; returns them. The systems between have names that begin with
-    `name`."""
+    `name`; that of a massless keel's states is `<name>_keel`."""
     builder.AddNamedSystem(name, forces)
     wiring.connect_kinematics(builder, plant, forces)
-    sizes = [forces.GetOutputPort("constants").size(), plant.num_multibody_states()]
+    sources = [forces.GetOutputPort("constants")]
+    keel: Integrator | ZeroOrderHold | None = None
+    if forces.HasInputPort("keel"):
+        size = forces.GetInputPort("keel").size()
+        step = plant.time_step()
+        # which holds what it was given a step ago
+        keel = ZeroOrderHold(step, size) if step else Integrator(size)
+        builder.AddNamedSystem(f"{name}_keel", keel)
+        builder.Connect(keel.get_output_port(), forces.GetInputPort("keel"))
+        sources.append(keel.get_output_port())
+    sources.append(plant.get_state_output_port())
+    sizes = [source.size() for source in sources]
     linked = forces.GetInputPort("gathered").size() > sum(sizes)
     gathered = builder.AddNamedSystem(f"{name}_gathered", Multiplexer(sizes + [3] * linked))
-    builder.Connect(forces.GetOutputPort("constants"), gathered.get_input_port(0))
-    builder.Connect(plant.get_state_output_port(), gathered.get_input_port(1))
     if linked:
         wing = Wing(body, 0.0, RigidTransform(np.array(kernel.POINT)))
         point = builder.AddNamedSystem(f"{name}_point", wing)
         builder.Connect(plant.GetOutputPort("body_poses"), point.get_body_poses_input_port())
-        builder.Connect(point.get_aerodynamic_center_output_port(), gathered.get_input_port(2))
+        sources.append(point.get_aerodynamic_center_output_port())
+    for i, source in enumerate(sources):
+        builder.Connect(source, gathered.get_input_port(i))
     builder.Connect(gathered.get_output_port(0), forces.GetInputPort("gathered"))
 
-    parts = builder.AddNamedSystem(f"{name}_parts", Demultiplexer([6, plant.num_velocities()]))
+    applied = forces.GetOutputPort("applied")
     thrusters = builder.AddNamedSystem(f"{name}_thrusters", Propeller(_thrusters(body)))
-    builder.Connect(forces.GetOutputPort("applied"), parts.get_input_port())
+    parts = builder.AddNamedSystem(f"{name}_parts", Demultiplexer([6, applied.size() - 6]))
+    builder.Connect(applied, parts.get_input_port())
     builder.Connect(parts.get_output_port(0), thrusters.get_command_input_port())
+    if keel is None:
+        wiring.share_generalized_forces(builder, plant, parts.get_output_port(1))
+    else:
+        builder.Connect(parts.get_output_port(1), keel.get_input_port())
     builder.Connect(plant.GetOutputPort("body_poses"), thrusters.get_body_poses_input_port())
     wiring.share_spatial_forces(builder, plant, thrusters.get_spatial_forces_output_port())
-    wiring.share_generalized_forces(builder, plant, parts.get_output_port(1))
     return forces
 
 

@@ -82,12 +82,15 @@ class FootHandles:
     sites: ContactSites
     fulcrum_m: float = FULCRUM_M  # fulcrum position (m from A) where no other is commanded
     support: tree.MultibodyConstraintId | None = None
-    """the fulcrum's support, in a plant with a time step"""
+    """the fulcrum's support of a full keel, in a plant with a time step"""
+    keel_kind: str = "full"  # one of `foot.KEELS`
 
     def __repr__(self) -> str:
+        massless = " without inertia" if self.keel_kind == "massless" else ""
         return (
             f"<foot {self.name!r}, contact {self.contact}, side {self.side}: {len(self.keel)} keel "
-            f"bodies, {len(self.sites.radius)} spheres, fulcrum at {1e3 * self.fulcrum_m:g} mm>"
+            f"bodies{massless}, {len(self.sites.radius)} spheres, fulcrum at "
+            f"{1e3 * self.fulcrum_m:g} mm>"
         )
 
     def keel_body_at(self, x: float) -> int:
@@ -97,7 +100,14 @@ class FootHandles:
         )
 
     def carriage_joint(self, plant: MultibodyPlant) -> tree.PrismaticJoint:
-        """The slide of the fulcrum's carriage in the foot's `plant`."""
+        """The slide of the fulcrum's carriage in the foot's `plant`; InputError for a massless
+        keel, whose carriage is a part of the frame."""
+        require(
+            self.keel_kind == "full",
+            f"the carriage of {self.name!r} has no joint, for its keel is massless",
+            "foot",
+            "Move the fulcrum by its port, or by the parameter fulcrum_m of wired.forces",
+        )
         joint = plant.GetJointByName(self.carriage_joint_name, self.instance)
         assert isinstance(joint, tree.PrismaticJoint)
         return joint

@@ -87,7 +87,7 @@ def draw_foot(plant: MultibodyPlant, foot: FootHandles) -> None:
         METAL,
         (pylon_x, 0.0, 0.5 * (mount_z + rail)),
     )
-    carriage = foot.carriage_joint(plant).child_body()
+    carriage = plant.GetBodyByName(f"{foot.name}_carriage", foot.instance)
     draw(
         plant,
         carriage,

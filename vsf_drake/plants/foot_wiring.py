@@ -37,6 +37,7 @@ from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
 from vsf_drake.systems.contact import DrakeReaction
 from vsf_drake.systems.foot_forces import DEVICE, FORCES, Constant, FootForces
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand, FulcrumSlider
+from vsf_drake.systems.massless_foot import MasslessFootForces
 from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 
 DEPTH_WIDTH_M, RATE_WIDTH_M_PER_S = 5e-4, 0.02
@@ -261,23 +262,38 @@ def _add_forces(
     acts: bool = True,
     grip: np.ndarray | None = None,
 ) -> FootForces:
+    keel_index = {int(body.index()): i for i, body in enumerate(foot.keel)}
+    site_keel = [keel_index.get(int(body), -1) for body in foot.sites.body_indices]
+    frame = foot.frame.index()
+    if foot.keel_kind == "massless":
+        massless = MasslessFootForces(
+            num_states=plant.num_multibody_states(),
+            time_step=plant.time_step(),
+            frame_body_index=frame,
+            keel_starts=foot.keel_starts,
+            site_keel=site_keel,
+            law=law,
+            constants={k: v for k, v in constants.items() if not k.startswith("carriage")},
+            chain=chain_to(plant, frame),
+            foam_thickness=foot.parameters.foam_thickness_m,
+        )
+        return add_coupled(builder, plant, f"{foot.name}_{name}", frame, massless)
     *keel, slide = [
         plant.GetJointByName(joint, foot.instance)
         for joint in (*foot.keel_joint_names, foot.carriage_joint_name)
     ]
-    keel_index = {int(body.index()): i for i, body in enumerate(foot.keel)}
     forces = FootForces(
         num_positions=plant.num_positions(),
         num_velocities=plant.num_velocities(),
         position_indices=[joint.position_start() for joint in (*keel, slide)],
         velocity_indices=[joint.velocity_start() for joint in (*keel, slide)],
-        frame_body_index=foot.frame.index(),
+        frame_body_index=frame,
         keel_starts=foot.keel_starts,
         law=law,
         constants=constants,
         grip_limit=grip,
-        chain=chain_to(plant, foot.frame.index()) if acts else None,
-        site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices],
+        chain=chain_to(plant, frame) if acts else None,
+        site_keel=site_keel,
         travel=(foot.parameters.fulcrum.rearmost_m, foot.parameters.fulcrum.foremost_m),
         foam_thickness=foot.parameters.foam_thickness_m,
     )
@@ -285,7 +301,7 @@ def _add_forces(
     if foot.support is None:
         foot.carriage_joint(plant).set_default_translation(float(constants["fulcrum_m"]))
     if acts:
-        return add_coupled(builder, plant, f"{foot.name}_{name}", foot.frame.index(), forces)
+        return add_coupled(builder, plant, f"{foot.name}_{name}", frame, forces)
     builder.AddNamedSystem(f"{foot.name}_{name}", forces)
     wiring.connect_kinematics(builder, plant, forces)
     return forces
@@ -299,7 +315,7 @@ def _check_suits(
     own_ground: bool,
 ) -> None:
     require(
-        plant.time_step() == 0.0 or foot.support is not None,
+        plant.time_step() == 0.0 or foot.support is not None or foot.keel_kind == "massless",
         f"has a time step, and the foot {foot.name!r} no springs and support that are implicit "
         "in it",
         "plant",
@@ -478,7 +494,9 @@ def add_fulcrum_drive(
     grf = grf or wired.GetOutputPort("grf")
     wiring.check_port(builder, grf, 3, "The ground reaction force is one vector of 3, N, z_W up")
     if initial_m is None:
-        initial_m = foot.carriage_joint(plant).get_default_translation()
+        initial_m = foot.fulcrum_m
+        if foot.keel_kind == "full":
+            initial_m = foot.carriage_joint(plant).get_default_translation()
     fulcrum = foot.parameters.fulcrum
     controller = SwingController(signal=signal, initial_position=initial_m, period=period_s)
     actuator = builder.AddNamedSystem(

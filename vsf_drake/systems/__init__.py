@@ -30,6 +30,7 @@ from vsf_drake.systems.joint_forces import (
     SocketBushing,
     SocketBushing_,
 )
+from vsf_drake.systems.massless_foot import MasslessFootForces, MasslessFootForces_
 from vsf_drake.systems.swing_controller import (
     AdjustmentRecorder,
     AdjustmentRecorder_,
@@ -50,6 +51,8 @@ __all__ = [
     "FulcrumSlider_",
     "GaitDriver",
     "GaitDriver_",
+    "MasslessFootForces",
+    "MasslessFootForces_",
     "ShankAngle",
     "ShankAngle_",
     "SocketBushing",

@@ -480,6 +480,20 @@ def _along(X: np.ndarray, i: int, vector: Three) -> float:
     return product
 
 
+@internal
+def followed(chain: np.ndarray, state: np.ndarray, work: np.ndarray) -> bool:
+    """Writes pose and velocity of F by `_follow`; whether the plant has POINT, at the end of
+    `state`, at the same place."""
+    _follow(chain, state, work)
+    last = len(state) - 3
+    for i in range(3):
+        X = work[4 * i : 4 * i + 4]
+        at = X[3] + X[0] * POINT[0] + X[1] * POINT[1] + X[2] * POINT[2]
+        if not abs(at - state[last + i]) <= SAME_PLACE * max(1.0, abs(at)):
+            return False
+    return True
+
+
 @compiled
 def foot_vector(given: np.ndarray, follow: bool, work: np.ndarray) -> bool:
     """Fills `work`. Returns False, and leaves it, where the plant has its frame F elsewhere than
@@ -502,14 +516,8 @@ def foot_vector(given: np.ndarray, follow: bool, work: np.ndarray) -> bool:
     end += int(given[6]) * CHAIN_COLUMNS
     place = given[end]
     state = given[end + 1 :]
-    if follow:
-        _follow(given[begin:end].reshape(int(given[6]), CHAIN_COLUMNS), state, work)
-        last = len(state) - 3
-        for i in range(3):
-            X = work[4 * i : 4 * i + 4]
-            at = X[3] + X[0] * POINT[0] + X[1] * POINT[1] + X[2] * POINT[2]
-            if not abs(at - state[last + i]) <= SAME_PLACE * max(1.0, abs(at)):
-                return False
+    if follow and not followed(given[begin:end].reshape(int(given[6]), CHAIN_COLUMNS), state, work):
+        return False
     for i in range(m):
         work[18 + i] = state[int(numbers[7 + i])]
         work[18 + m + i] = state[int(numbers[8 + m + i])]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import warnings
 import weakref
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, SupportsInt
+from typing import Any, ClassVar, SupportsInt
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
@@ -109,6 +109,9 @@ class FootForces(System):
             it; the load on a keel body is beyond its grip_limit; a constant is out of bounds.
     """
 
+    _known: ClassVar[dict[str, str]] = DEVICE
+    _moments: ClassVar[tuple[str, ...]] = ("generalized_force",)
+
     def __init__(
         self,
         *,
@@ -156,14 +159,14 @@ class FootForces(System):
         self._carriage = self._slices["place"].start - 2
         self._size = self._slices["chain"].stop
         self._declare_kinematics()
-        states = num_positions + num_velocities
-        self._declare_inputs(state=states, fulcrum_position=1)
+        states = self._declare_coordinates(num_positions + num_velocities)
+        self._declare_inputs(fulcrum_position=1)
         self._constants_size = len(self._numbers) + self._blank.size + self._chain.size + 1
         self._coupled = chain is not None
         self._linked = len(self._chain) > 0
         if self._coupled:
             self._declare_inputs(gathered=self._constants_size + states + 3 * self._linked)
-        known = DEVICE | (CONTACT if law else {})
+        known = self._known | (CONTACT if law else {})
         wrong = known.keys() ^ constants.keys()
         if wrong:
             raise ValueError(
@@ -185,7 +188,7 @@ class FootForces(System):
         self._values = values = self._declare_cached("values", calc)
         inputs = (self.all_parameters_ticket(), self.all_input_ports_ticket())
         self._declare_spatial_forces(self._spatial_forces)
-        for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
+        for name in (*self._moments, *FORCES, *(GROUND if law else ())):
             part = self._slices[name]
             self._declare_part(name, part.stop - part.start, values, part, *inputs)
         if self._coupled:
@@ -206,6 +209,12 @@ class FootForces(System):
             self._declare_part("applied", size, weakly(calc), applied, *inputs)
         if law and self._T is float:
             self._declare_start(self._warn_of_depth)
+
+    def _declare_coordinates(self, states: int) -> int:
+        """Declares the input of the joints' coordinates; returns how many numbers beside constants
+        and point `gathered` has."""
+        self._declare_inputs(state=states)
+        return states
 
     def _pack(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
         """The table of `_foot_kernel` and its derivatives (rows, columns, d)."""
