@@ -21,16 +21,16 @@ from vsf_drake.plants.gait import make_gait
 from vsf_drake.simulation.mechanism import gait_mechanism, leg_mechanism
 from vsf_drake.simulation.options import MAX_STEP_MS
 from vsf_drake.simulation.reactions import FootReaction
-from vsf_drake.simulation.stepping.advance import advance
-from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SPRING_COLUMNS, TOLERANCE
-from vsf_drake.simulation.stepping.block import Block
-from vsf_drake.simulation.stepping.packed import Packed
+from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SPRING_COLUMNS
+from vsf_drake.simulation.stepping.period import Period
 from vsf_drake.simulation.stepping.runs import Inputs, Mechanism, Run, Torques
 from vsf_drake.simulation.stepping.stepper import settle_side_by_side
 from vsf_drake.systems._system import System, system_template
 
 PERIOD_S, STEP_S = 0.01, 0.001
 """Of a stepped system: how often it takes inputs, and the stepper's steps in between (choices)."""
+INPUTS = ("torques", "desired_positions", "fulcrum_position")
+TORQUES, POSITIONS, FULCRUM = range(len(INPUTS))
 OF_FOOT = {"grf": 3, "cop": 3, "free_moment": 1}
 
 
@@ -110,9 +110,8 @@ class SteppedPlant(System):
         self.DeclareDiscreteState(start)
         self._feet = tuple(feet)
         self.DeclareDiscreteState(np.zeros(6 * len(self._feet) + n + 2))
-        self._declare_inputs(
-            torques=len(self._free), desired_positions=len(self.prescribed), fulcrum_position=1
-        )
+        sizes = len(self._free), len(self.prescribed), 1
+        self._declare_inputs(**dict(zip(INPUTS, sizes, strict=True)))
         spheres = dict(zip(SITE_COLUMNS, mechanism.sites.T, strict=True))
         springs = dict(zip(SPRING_COLUMNS, mechanism.springs[: self._keel].T, strict=True))
         self._declare_parameters(
@@ -210,7 +209,9 @@ class SteppedPlant(System):
         fulcrum = np.array([constants["fulcrum_stiffness"], constants["fulcrum_damping"]])
         return dataclasses.replace(self.mechanism, sites=sites, springs=springs, fulcrum=fulcrum)
 
-    def _prepare(self, context: Context) -> _Work:
+    def _prepare(self, context: Context) -> tuple[Period, np.ndarray, np.ndarray]:
+        """The stepper's arrays for this Context, where the prescribed coordinates go if nothing is
+        connected, and the torques then."""
         steps = self._steps
         mechanism = self._mechanism(context)
         nothing = np.zeros(mechanism.tree.num_coordinates)
@@ -229,41 +230,30 @@ class SteppedPlant(System):
             ground=np.full(steps + 1, mechanism.ground_height),
             torques=torques,
         )
-        return _Work(Run(mechanism, inputs, nothing, nothing))
+        ends = np.full(len(self._prescribed), np.nan)
+        ends[-1] = self._constants(context)["fulcrum_m"]
+        period = Period(Run(mechanism, inputs, nothing, nothing))
+        return period, ends, self._constant_torques.copy()
 
     def _advance(self, context: Context, discrete: DiscreteValues) -> None:
-        work = self._work(context)
-        block = work.block
-        drive = block.drive
-        state = context.get_discrete_state(0).value()
-        n = len(block.state.q)
-        q = state[:n]
-        start = q[self._prescribed]
-        end = start.copy()
-        desired = self._ports["desired_positions"]
-        if desired.HasValue(context):
-            end[:-1] = desired.Eval(context)
-        end[-1] = self._fulcrum_place(context)
-        torques = self._ports["torques"]
-        if torques.HasValue(context):
-            drive.torques.feedforward[:] = self._constant_torques + torques.Eval(context)
-        else:
-            drive.torques.feedforward[:] = self._constant_torques
-        work.advance(q, state[n:], start, end)
-        if block.state.failed[0] >= 0.0 or block.state.beyond[0] >= 0.0:
-            error = block.outcome(0)
+        period, ends, torques = self._work(context)
+        given = self.EvalVectorInput(context, TORQUES)
+        if given is not None:
+            torques[:] = given.value()
+            torques += self._constant_torques
+        given = self.EvalVectorInput(context, POSITIONS)
+        if given is not None:
+            ends[:-1] = given.value()
+        given = self.EvalVectorInput(context, FULCRUM)
+        if given is not None:
+            ends[-1] = self._fulcrum_place(context)
+
+        # what is to be changed begins as it is in the Context
+        x = discrete.get_mutable_value(0)
+        if not period(x, ends, torques, discrete.get_mutable_value(1)):
+            error = period.block.outcome(0)
             assert isinstance(error, SimulationError)
             raise SimulationError(error.what, time_s=context.get_time() + error.time_s)
-        written = block.written
-        advanced = discrete.get_mutable_value(0)
-        advanced[:n] = block.state.q
-        advanced[n:] = block.state.v
-        told = discrete.get_mutable_value(1)
-        loads = 6 * len(self._feet)
-        told[:loads] = written.wrench[-1, :, :6].ravel()
-        told[loads : loads + n] = written.load[-1]
-        told[loads + n] = written.fulcrum[-1, 0]
-        told[loads + n + 1] += np.count_nonzero(written.counts[:, 2])
 
     def _state(self, context: Context) -> np.ndarray:
         return context.get_discrete_state(0).CopyToVector()
@@ -289,36 +279,6 @@ SteppedPlant_ = SteppedPlant.template
 def _last(context: Context) -> np.ndarray:
     """What the last step has left but for the state."""
     return context.get_discrete_state(1).CopyToVector()
-
-
-class _Work:
-    """The stepper's arrays for one period of a Context. A copy has its own, since threads may
-    advance both at a time."""
-
-    def __init__(self, run: Run) -> None:
-        self._run = run
-        self.block = Block([run], TOLERANCE, sites=False, forward=None)
-        self._share = np.linspace(0.0, 1.0, len(run.inputs.time_s))[:, None]
-        each_step_itself = np.zeros((0, self.block.row_size))
-        self._go = Packed(advance, *self.block.arguments(each_step_itself))
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> _Work:
-        return _Work(self._run)
-
-    def advance(self, q: np.ndarray, v: np.ndarray, start: np.ndarray, end: np.ndarray) -> None:
-        """Over the period from q, v (n,), the prescribed coordinates and last of them the fulcrum
-        from `start` to `end`."""
-        drive = self.block.drive
-        state = self.block.state
-        state.q[:] = q
-        state.v[:] = v
-        state.failed[:] = -1.0
-        state.beyond[:] = -1.0
-        self.block.written.counts[:] = 0.0
-        drive.prescribed_q[:] = start + self._share * (end - start)
-        drive.prescribed_q[-1] = end
-        drive.fulcrum[:] = drive.prescribed_q[:, -1]
-        self._go(0, len(self._share) - 1)
 
 
 def _steps(period_s: float, step_s: float) -> int:
