@@ -159,8 +159,8 @@ def leg_mechanism(
         joint = plant.get_joint(index)
         if joint.num_velocities() and joint.model_instance() != foot.instance:
             damping[joint.velocity_start()] = joint.GetDampingVector(own)[0]
-    for index in plant.GetJointActuatorIndices():
-        actuator = plant.get_joint_actuator(index)
+    for motor in plant.GetJointActuatorIndices():
+        actuator = plant.get_joint_actuator(motor)
         require(
             actuator.rotor_inertia(own) == 0.0,
             f"the rotor of {actuator.name()!r} has inertia, which the stepper does not know",
@@ -168,24 +168,20 @@ def leg_mechanism(
             "Add it to the inertia of the body that it turns",
         )
     for place in range(plant.num_force_elements()):
-        spring = plant.get_force_element(ForceElementIndex(place))
-        if isinstance(spring, UniformGravityFieldElement):
+        element = plant.get_force_element(ForceElementIndex(place))
+        if isinstance(element, RevoluteSpring):
+            k, rest = element.GetStiffness(own), element.GetNominalAngle(own)
+        elif isinstance(element, PrismaticSpring):
+            k, rest = element.stiffness(), element.nominal_position()
+        else:
+            require(
+                isinstance(element, UniformGravityFieldElement),
+                f"has a {type(element).__name__}, which the stepper does not know",
+                "plant",
+                "Take springs in joints, or work its force out and give it by the input torques",
+            )
             continue
-        require(
-            isinstance(spring, RevoluteSpring | PrismaticSpring),
-            f"the stepper does not know {type(spring).__name__}",
-            "plant",
-            "Take springs in joints, or work the force out and give it by the input torques",
-        )
-        rest = (
-            spring.GetNominalAngle(own)
-            if isinstance(spring, RevoluteSpring)
-            else spring.nominal_position()
-        )
-        k = (
-            spring.GetStiffness(own) if isinstance(spring, RevoluteSpring) else spring.stiffness()
-        )
-        at = spring.joint().velocity_start()
+        at = element.joint().velocity_start()
         stiffness[at] += k
         constant[at] += k * rest
     sprung = np.flatnonzero((stiffness > 0.0) | (damping > 0.0))

@@ -5,13 +5,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from pydrake.autodiffutils import AutoDiffXd
-from pydrake.systems.framework import Context, Diagram, DiscreteValues
+from pydrake.systems.framework import BasicVector_, Context, Diagram, DiscreteValues
 
-from vsf_drake.base.errors import SimulationError, require
+from vsf_drake.base.errors import InputError, SimulationError, require
 from vsf_drake.laws.contact_law import LAW_COLUMNS
 from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import ModelParameters, Subject
@@ -43,19 +41,20 @@ class SteppedPlant(System):
     At t = k period the inputs are read, and the state becomes that at t + period. Everything that a
     period begins with is in the Context: a copy of it goes on as the original does, to the bit, a
     Context that is set back repeats itself, and threads may each have theirs. There are no
-    derivatives: it does not convert to AutoDiffXd.
+    derivatives: what is converted to AutoDiffXd refuses to advance.
 
-    Inputs, each may stay unconnected: torques (c,) N m or N on the coordinates `free`, held over the
-    period, by default 0; desired_positions (p,) rad or m, where the coordinates `prescribed` are at
-    the END of the period, by default where they are; fulcrum_position (1,) m from A, where the
-    fulcrum is at the end, by default the parameter fulcrum_m. Both are reached at a constant speed.
+    Inputs, each may stay unconnected: torques (c,) N m or N on the coordinates `free`, held over
+    the period, by default 0; desired_positions (p,) rad or m, where the coordinates `prescribed`
+    are at the END of the period, by default where they are; fulcrum_position (1,) m from A, where
+    the fulcrum is at the end, by default the parameter fulcrum_m. Both are reached at a constant
+    speed.
 
-    Outputs: state (2 n,), [q; v] of the plant; of the last step of the period grf (3,) N in W on the
-    foot, cop (3,) m in W, 0 without load, free_moment (1,) N m about the vertical; support_force
-    (1,) N of the fulcrum on the keel; driver_force (n,) N or N m, what the prescribed coordinates
-    take, on average over that step; unconverged_steps (1,), how many there were since the Context
-    was made. A person has intact_grf, intact_cop and intact_free_moment too. Before the first period
-    all but the state are 0.
+    Outputs: state (2 n,), [q; v] of the plant; of the last step of the period grf (3,) N in W on
+    the foot, cop (3,) m in W, 0 without load, free_moment (1,) N m about the vertical;
+    support_force (1,) N of the fulcrum on the keel; driver_force (n,) N or N m, what the prescribed
+    coordinates take, on average over that step; unconverged_steps (1,), how many there were since
+    the Context was made. A person has intact_grf, intact_cop and intact_free_moment too. Before the
+    first period all but the state are 0.
 
     Args:
         mechanism: the plant and the forces on it.
@@ -107,9 +106,9 @@ class SteppedPlant(System):
         start = np.zeros(2 * n)
         start[:n] = positions
         start[carriage] = fulcrum_m
-        self.DeclareDiscreteState(start)
+        self.DeclareDiscreteState(BasicVector_[self._T](start))
         self._feet = tuple(feet)
-        self.DeclareDiscreteState(np.zeros(6 * len(self._feet) + n + 2))
+        self.DeclareDiscreteState(BasicVector_[self._T](np.zeros(6 * len(self._feet) + n + 2)))
         sizes = len(self._free), len(self.prescribed), 1
         self._declare_inputs(**dict(zip(INPUTS, sizes, strict=True)))
         spheres = dict(zip(SITE_COLUMNS, mechanism.sites.T, strict=True))
@@ -137,16 +136,7 @@ class SteppedPlant(System):
             ("unconverged_steps", slice(loads + n + 1, loads + n + 2)),
         ):
             self._declare_part(name, part.stop - part.start, _last, part, state)
-        self._declare_periodic(self.period_s, self._advance)
-
-    def _arguments_for(self, T: type) -> dict[str, Any]:
-        require(
-            T is not AutoDiffXd,
-            "has no derivatives",
-            self.get_name(),
-            "For AutoDiffXd take the plant with wire_foot, under Drake's own integrators",
-        )
-        return self._arguments
+        self._declare_periodic(self.period_s, self._advance if self._T is float else self._refuse)
 
     def SetStart(
         self,
@@ -164,15 +154,20 @@ class SteppedPlant(System):
         """
         names = self.mechanism.tree.coordinate_names
         velocities = velocities or {}
-        for name in (*positions, *velocities):
-            require(
-                name in names and (name in positions),
-                f"there is no coordinate {name!r} in positions",
-                "SetStart",
-                f"There are {', '.join(names)}",
-            )
-        n = len(names)
         carriage = int(self._prescribed[-1])
+        known = [name for name in names if name != names[carriage]]
+        for where, named, there in (
+            ("positions", positions, known),
+            ("velocities", velocities, positions),
+        ):
+            for name in named:
+                require(
+                    name in there,
+                    f"there is no coordinate {name!r}",
+                    where,
+                    f"There are {', '.join(there)}",
+                )
+        n = len(names)
         fulcrum_m = float(self._constants(context)["fulcrum_m"])
         held = np.array([*(names.index(name) for name in positions), carriage], dtype=np.int64)
         guess = context.get_discrete_state(0).CopyToVector()
@@ -255,6 +250,13 @@ class SteppedPlant(System):
             assert isinstance(error, SimulationError)
             raise SimulationError(error.what, time_s=context.get_time() + error.time_s)
 
+    def _refuse(self, context: Context, discrete: DiscreteValues) -> None:
+        raise InputError(
+            "has no derivatives",
+            where=self.get_name(),
+            right="For AutoDiffXd take the plant with wire_foot, under Drake's own integrators",
+        )
+
     def _state(self, context: Context) -> np.ndarray:
         return context.get_discrete_state(0).CopyToVector()
 
@@ -325,7 +327,7 @@ def make_stepped_leg(
         InputError: no such joint, or the plant or foot has what the stepper does not know.
     """
     foot = wired.foot
-    plant = foot.frame.GetParentPlant()
+    plant = foot.frame.GetParentPlant()  # type: ignore[no-untyped-call]
     context = diagram.CreateDefaultContext()
     mechanism, constant = leg_mechanism(plant, wired, context)
     own = [plant.get_joint(i).name() for i in plant.GetJointIndices(foot.instance)]

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from numba.core import cgutils, types
+from numba.core import types
 from numba.extending import intrinsic
 
 from vsf_drake.laws.compiled import compiled, internal
@@ -24,6 +24,10 @@ from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
 from vsf_drake.simulation.stepping.runs import Run
 from vsf_drake.simulation.stepping.sensitivity import Carried
 from vsf_drake.simulation.stepping.tree import TreeArrays
+
+typeof: Any = numba.typeof
+generated: Any = intrinsic
+cgutils: Any = numba.core.cgutils
 
 
 class Arguments(NamedTuple):
@@ -44,7 +48,7 @@ class Arguments(NamedTuple):
     carried: Carried
 
 
-@intrinsic  # type: ignore[misc]
+@generated
 def _store(_: Any, place: Any, arguments: Any) -> Any:
     """Writes the arguments, as compiled code has them, to the address `place`, unless that is 0;
     returns how many bytes they are."""
@@ -58,7 +62,7 @@ def _store(_: Any, place: Any, arguments: Any) -> Any:
     return types.intp(place, arguments), generate
 
 
-@intrinsic  # type: ignore[misc]
+@generated
 def _load(_: Any, place: Any, kind: Any) -> Any:
     """What `_store` wrote there, of the type `kind`."""
     arguments = kind.instance_type
@@ -70,7 +74,7 @@ def _load(_: Any, place: Any, kind: Any) -> Any:
     return arguments(place, kind), generate
 
 
-@intrinsic  # type: ignore[misc]
+@generated
 def _call(_: Any, code: Any, begin: Any, last: Any, arguments: Any) -> Any:
     """Calls `advance`, whose machine code is at the address `code`; it raises nothing."""
 
@@ -160,7 +164,7 @@ def _go(
     torques: np.ndarray,
     told: np.ndarray,
 ) -> bool:
-    arguments = _load(place, kind)
+    arguments: Any = _load(place, kind)
     _begin(arguments, x, ends, torques)
     _call(code, 0, arguments.drive.time_s.shape[0] - 1, arguments)
     return _end(arguments, x, told)
@@ -185,7 +189,7 @@ class Period:
         self._compiled = hasattr(advance, "overloads")
         if not self._compiled:
             return
-        kind = numba.typeof(self._arguments)
+        kind: Any = typeof(self._arguments)
         machine = advance.overloads[(types.intp, types.intp, *kind.types)]  # type: ignore[attr-defined]
         self._kept = np.zeros(-(-_keep(0, self._arguments) // 8))
         place = self._kept.ctypes.data
@@ -193,7 +197,7 @@ class Period:
         code = machine.library.get_pointer_to_function(machine.fndesc.llvm_func_name)
         self._where = (code, place, kind)
         vector = types.Array(types.float64, 1, "C")
-        given = (types.intp, types.intp, numba.typeof(kind), *[vector] * 4)
+        given = (types.intp, types.intp, typeof(kind), *[vector] * 4)
         _go_compiled.compile(given)
         # without looking at the types of what it is given
         self._go = _go_compiled.overloads[given].entry_point
