@@ -9,6 +9,7 @@ time.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numba
@@ -26,7 +27,7 @@ from vsf_drake.simulation.stepping.sensitivity import Carried
 from vsf_drake.simulation.stepping.tree import TreeArrays
 
 typeof: Any = numba.typeof
-generated: Any = intrinsic
+generated: Callable[[Any], Any] = intrinsic
 cgutils: Any = numba.core.cgutils
 
 
