@@ -13,6 +13,7 @@ import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import yaml
 
@@ -260,6 +261,11 @@ def test_versions_agree():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert changelog[0] == project["version"] == str(citation["version"])
     assert citation["references"][0]["doi"] == "10.1115/1.4050456"
+    package = ElementTree.parse(ROOT / "models" / "package.xml").getroot()
+    assert package.findtext("version") == project["version"]
+    assert [one.text for one in package.findall("maintainer")] == [
+        author["name"] for author in project["authors"]
+    ]
 
 
 def test_versions_that_were_run_are_those_that_are_claimed_and_allowed():

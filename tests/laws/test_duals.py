@@ -10,7 +10,7 @@ import pytest
 
 from vsf_drake.laws.compiled import _settings, compiled
 from vsf_drake.laws.duals import DIRECTIONS, duals
-from vsf_drake.laws.lanes import WIDTH, plain, power, root, select
+from vsf_drake.laws.lanes import WIDTH, logarithm, plain, power, root, select
 
 pytestmark = pytest.mark.skipif(_settings.DISABLE_JIT, reason="duals exist in compiled code only")
 
@@ -32,6 +32,8 @@ def operations(given, made):
     made[9] += x
     if 2.0 <= x:
         made[10] = 7.0
+    made[11] = logarithm(y)
+    made[12] = abs(y - x)
 
 
 @compiled
@@ -45,8 +47,8 @@ def test_each_operation_has_the_derivatives_of_its_rule_in_all_directions():
     given[:, 0] = x, y
     x_by, y_by = np.random.default_rng(1).normal(size=(2, DIRECTIONS))
     given[:, 1:] = x_by, y_by
-    made = np.zeros((11, WIDTH))
-    made[9:, :] = 1.0
+    made = np.zeros((13, WIDTH))
+    made[9:11, :] = 1.0
     operations_on_duals(given, made)
     expected = [
         (2.0 * x + 2.0 * y, 2.0 * x_by + 2.0 * y_by),
@@ -60,11 +62,13 @@ def test_each_operation_has_the_derivatives_of_its_rule_in_all_directions():
         (x * y, x * y_by),
         (1.0 + x, 1.0 + x_by),
         (1.0, np.ones(DIRECTIONS)),
+        (math.log(y), y_by / y),
+        (x - y, x_by - y_by),
     ]
     np.testing.assert_allclose(made[:, 0], [value for value, _ in expected], rtol=1e-15)
     np.testing.assert_allclose(made[:, 1:], [by for _, by in expected], rtol=1e-13)
-    floats = np.zeros(11)
-    floats[9:] = 1.0
+    floats = np.zeros(13)
+    floats[9:11] = 1.0
     operations(given[:, 0].copy(), floats)
     np.testing.assert_array_equal(floats, made[:, 0])
 
@@ -72,6 +76,6 @@ def test_each_operation_has_the_derivatives_of_its_rule_in_all_directions():
 def test_at_zero_roots_and_powers_have_no_derivative_instead_of_an_infinite_one():
     given = np.ones((2, WIDTH))
     given[0, 0] = 0.0
-    made = np.zeros((11, WIDTH))
+    made = np.zeros((13, WIDTH))
     operations_on_duals(given, made)
     assert not made[[4, 5]].any()

@@ -9,6 +9,7 @@ import yaml
 from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import resource
 from vsf_drake.base.schema import dump_yaml, load_yaml, to_plain
 from vsf_drake.model import model_file
 from vsf_drake.model.parameters import (
@@ -70,6 +71,14 @@ def test_a_subject_without_measurements_is_written_without_them_and_one_with_all
 
 def test_a_body_weight_is_what_a_body_weighs_in_drake():
     assert list(MultibodyPlant(0.0).gravity_field().gravity_vector()) == [0.0, 0.0, -GRAVITY]
+
+
+def test_a_shipped_model_has_the_name_that_the_command_line_knows_it_by():
+    named = model_file.load_model("package://vsf_drake/soft_support.yaml")
+    assert named == model_file.load_model(resource("models/soft_support.yaml"))
+    assert named != ModelParameters()
+    with pytest.raises(InputError, match=r"softer\.yaml"):
+        model_file.load_model("package://vsf_drake/softer.yaml")
 
 
 def test_python_users_meet_the_same_checks():

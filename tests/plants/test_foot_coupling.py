@@ -4,10 +4,11 @@ lists: motions, reactions, moved frames, joints of every kind."""
 from __future__ import annotations
 
 import logging
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from made_feet import PARAMETERS
+from made_feet import PARAMETERS, loose_foot
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
@@ -178,3 +179,26 @@ def test_a_frame_whose_pose_was_changed_in_the_context_is_followed(moved):
         .Eval(pair.forces[0].GetMyContextFromRoot(pair.contexts[0]))
     )
     assert np.linalg.norm(after - before) > 1.0
+
+
+def test_contexts_in_threads_of_their_own_have_what_they_have_alone():
+    diagram = loose_foot(base="quaternion").diagram
+    rng = np.random.default_rng(5)
+    contexts = [diagram.CreateDefaultContext() for _ in range(8)]
+    for context in contexts:
+        state = context.get_continuous_state_vector().CopyToVector()
+        context.SetContinuousState(state + 0.01 * rng.normal(size=len(state)))
+
+    def accelerations(context) -> bytes:
+        values = []
+        for i in range(20):
+            context.SetTime(0.01 * i)
+            context.SetContinuousState(
+                context.get_continuous_state_vector().CopyToVector() + 1e-5 * i
+            )
+            values.append(diagram.EvalTimeDerivatives(context).CopyToVector())
+        return np.array(values).tobytes()
+
+    alone = [accelerations(context.Clone()) for context in contexts]
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(accelerations, contexts)) == alone

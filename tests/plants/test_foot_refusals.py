@@ -10,7 +10,7 @@ from made_feet import PARAMETERS, add_loose_shank, foot_to_wire
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FixedOffsetFrame
+from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
@@ -78,6 +78,16 @@ def test_any_frame_of_the_plant_is_taken_and_none_of_another(plant):
     refused(
         r"finalised.*before plant\.Finalize\(\)", add_foot, plant, plant.world_frame(), PARAMETERS
     )
+
+
+def test_a_body_added_after_the_foot_needs_a_model_instance_as_add_foot_says(plant):
+    inertia = SpatialInertia.SolidBoxWithMass(1.0, 0.1, 0.1, 0.1)
+    plant.AddRigidBody("before", inertia)
+    add_foot(plant, plant.world_frame(), PARAMETERS)
+    with pytest.raises(RuntimeError, match="explicit model instance"):
+        plant.AddRigidBody("after", inertia)
+    plant.AddRigidBody("after", plant.AddModelInstance("mine"), inertia)
+    assert 'plant.AddModelInstance("mine")' in add_foot.__doc__
 
 
 def test_parameters_for_the_other_side_are_refused(plant):

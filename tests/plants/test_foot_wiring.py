@@ -253,10 +253,12 @@ def test_same_foot_twice_in_one_plant_is_one_alone_each_time(alone):
     diagram = builder.Build()
     assert {system.get_name() for system in diagram.GetSystems()} == {
         "plant",
-        "foot_0_forces",
-        "foot_0_forces_coupling",
-        "foot_1_forces",
-        "foot_1_forces_coupling",
+        *(f"foot_{i}_forces" for i in range(2)),
+        *(
+            f"foot_{i}_forces_{name}"
+            for i in range(2)
+            for name in ("gathered", "point", "parts", "thrusters")
+        ),
         "applied_spatial_force_1",
         "applied_generalized_force_1",
     }

@@ -23,8 +23,8 @@ from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.plants.foot import set_mount
+from vsf_drake.plants.foot_visuals import SPHERE
 from vsf_drake.plants.gait import make_gait
-from vsf_drake.plants.visuals import SPHERE
 from vsf_drake.report import replay
 from vsf_drake.report.replay import LOADED, make_frames, write_replay
 from vsf_drake.report.show.drawing import open_meshcat

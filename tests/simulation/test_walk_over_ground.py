@@ -15,6 +15,8 @@ from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass
 from vsf_drake.motion.trial import load_trial
+from vsf_drake.plants.gait import make_gait
+from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.walk import Walker
 
 START_S, FINISH_S, FULCRUM_M = 0.08, 0.28, 0.108
@@ -207,3 +209,10 @@ def test_a_raised_place_under_one_foot_is_that_foot_lowered_and_nothing_to_the_o
 def test_what_cannot_be_walked_is_refused(trial, span, changes, where):
     with pytest.raises(InputError, match=where):
         walk_over(trial.subject, trial.model, trial.trajectory, Ground(), **(span | changes))
+
+
+@pytest.mark.parametrize("patch", [{"belt_m_per_s": -1.0}, {"slope_deg": 1.0}])
+def test_a_ground_that_the_stepper_does_not_know_is_refused_by_it(trial, patch):
+    gait = make_gait(trial.subject, trial.model, Ground(patches=(GroundPatch(**patch),)))
+    with pytest.raises(ValueError, match=r"one level plane.*belts"):
+        gait_mechanism(gait, gait.diagram.CreateDefaultContext())

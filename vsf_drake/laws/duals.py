@@ -119,6 +119,18 @@ def _root(builder: Any, x: Any) -> Any:
     return _with(builder, root, _times(builder, x, _where_positive(builder, number, slope)))
 
 
+def _logarithm(builder: Any, x: Any) -> Any:
+    number = _number(builder, x)
+    slope = builder.fdiv(ir.Constant(ir.DoubleType(), 1.0), number)
+    return _with(builder, _call(builder, "log", number), _times(builder, x, slope))
+
+
+def _magnitude(builder: Any, x: Any) -> Any:
+    zero = ir.Constant(ir.DoubleType(), 0.0)
+    negative = builder.fcmp_ordered("<", _number(builder, x), zero)
+    return builder.select(negative, builder.fneg(x), x)
+
+
 def _sine(builder: Any, x: Any) -> Any:
     number = _number(builder, x)
     slope = _call(builder, "cos", number)
@@ -153,6 +165,8 @@ for _functions, _emit in (
     ((operator.pow,), _power),
     ((operator.neg,), lambda builder, x: builder.fneg(x)),
     ((math.sqrt,), _root),
+    ((math.log,), _logarithm),
+    ((math.fabs, abs), _magnitude),
     ((np.sin,), _sine),
     ((np.cos,), _cosine),
 ):

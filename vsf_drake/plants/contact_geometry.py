@@ -254,8 +254,7 @@ def add_ground_geometry(
         )
         require(
             patch.belt_m_per_s == 0.0,
-            f"Drake's contact knows no belt that runs in its place, here at {patch.belt_m_per_s:g} "
-            "m/s",
+            f"a belt, here of {patch.belt_m_per_s:g} m/s, is for our own contact laws",
             f"patches[{i}].belt_m_per_s",
             "Take another contact, or let the foot meet a body that moves, by wire_foot(..., "
             "own_ground=True)",

@@ -1,17 +1,16 @@
 """What stands between a plant and a foot's forces: systems of Drake's own, which cost less than
 Python does.
 
-    plant --state, body_poses--> coupling <--constants-- FootForces
-    coupling --gathered--> FootForces --applied--> coupling
-    coupling --spatial_forces, generalized_force--> plant
+    plant --state, a point of F--> gathered <--constants-- FootForces
+    gathered --one vector--> FootForces --applied, one vector--> parts
+    parts --wrench--> thrusters --spatial_forces--> plant; parts --generalized_force--> plant
 
-`FootForces` takes one vector and gives one. Where its frame F hangs on W by the joints of ROWS, its
-pose and velocity follow from the state by compiled code along a chain of them, which is read from
-the plant once. Poses of frames are parameters in the plant's Context, so that the chain may no
-longer be true; so the plant also tells, by a Wing of Drake's that exerts nothing, where it has one
-point of F. Where that is elsewhere, as after `set_mount`, pose and velocity come from the plant's
-lists of all bodies, as they do without a chain and under AutoDiffXd: slower, and to rounding the
-same.
+Where a foot's frame F hangs on W by the joints of ROWS, its pose and velocity follow from the state
+by compiled code along a chain of them, which is read from the plant once. Poses of frames are
+parameters in the plant's Context, so that the chain may no longer be true; so the plant also tells,
+by a Wing of Drake's that exerts nothing, where it has one point of F. Where that is elsewhere, as
+after `set_mount`, pose and velocity come from the plant's lists of all bodies, as they do without a
+chain and under AutoDiffXd: slower, and to rounding the same.
 
 What acts on F is given in F's axes, and Propellers of Drake's, one along and one about each axis,
 make spatial forces of it, so that the plant reports the reactions in its joints as they are.
@@ -38,7 +37,7 @@ from pydrake.multibody.tree import (
     UniversalJoint,
     WeldJoint,
 )
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
 from vsf_drake.plants import wiring
@@ -137,50 +136,34 @@ def add_coupled(
     builder: DiagramBuilder,
     plant: MultibodyPlant,
     name: str,
-    body_index: BodyIndex,
+    body: BodyIndex,
     forces: FootForces,
 ) -> FootForces:
-    """Adds the `forces` of a foot whose frame F is the body at that index, fed from the plant, as
-    `name`, and applies what they exert to it by way of `<name>_coupling`; returns them."""
+    """Adds the `forces` of a foot whose frame F is that body, fed from the plant, as `name`, and
+    applies what they exert to it; returns them. The systems between have names that begin with
+    `name`."""
     builder.AddNamedSystem(name, forces)
     wiring.connect_kinematics(builder, plant, forces)
-    coupling = builder.AddNamedSystem(f"{name}_coupling", _coupling(plant, body_index, forces))
-    for port in ("state", "body_poses"):
-        if coupling.HasInputPort(port):
-            builder.Connect(plant.GetOutputPort(port), coupling.GetInputPort(port))
-    builder.Connect(forces.GetOutputPort("applied"), coupling.GetInputPort("applied"))
-    if forces.HasInputPort("gathered"):
-        builder.Connect(forces.GetOutputPort("constants"), coupling.GetInputPort("constants"))
-        builder.Connect(coupling.GetOutputPort("gathered"), forces.GetInputPort("gathered"))
-    wiring.share_spatial_forces(builder, plant, coupling.GetOutputPort("spatial_forces"))
-    wiring.share_generalized_forces(builder, plant, coupling.GetOutputPort("generalized_force"))
-    return forces
+    sizes = [forces.GetOutputPort("constants").size(), plant.num_multibody_states()]
+    linked = forces.GetInputPort("gathered").size() > sum(sizes)
+    gathered = builder.AddNamedSystem(f"{name}_gathered", Multiplexer(sizes + [3] * linked))
+    builder.Connect(forces.GetOutputPort("constants"), gathered.get_input_port(0))
+    builder.Connect(plant.get_state_output_port(), gathered.get_input_port(1))
+    if linked:
+        wing = Wing(body, 0.0, RigidTransform(np.array(kernel.POINT)))
+        point = builder.AddNamedSystem(f"{name}_point", wing)
+        builder.Connect(plant.GetOutputPort("body_poses"), point.get_body_poses_input_port())
+        builder.Connect(point.get_aerodynamic_center_output_port(), gathered.get_input_port(2))
+    builder.Connect(gathered.get_output_port(0), forces.GetInputPort("gathered"))
 
-
-def _coupling(plant: MultibodyPlant, body: BodyIndex, forces: FootForces) -> Diagram:
-    builder = DiagramBuilder()
-    velocities = plant.num_velocities()
-    parts = builder.AddNamedSystem("parts", Demultiplexer([6, velocities]))
-    thrusters = builder.AddNamedSystem("thrusters", Propeller(_thrusters(body)))
+    parts = builder.AddNamedSystem(f"{name}_parts", Demultiplexer([6, plant.num_velocities()]))
+    thrusters = builder.AddNamedSystem(f"{name}_thrusters", Propeller(_thrusters(body)))
+    builder.Connect(forces.GetOutputPort("applied"), parts.get_input_port())
     builder.Connect(parts.get_output_port(0), thrusters.get_command_input_port())
-    builder.ExportInput(parts.get_input_port(), "applied")
-    builder.ExportInput(thrusters.get_body_poses_input_port(), "body_poses")
-    builder.ExportOutput(thrusters.get_spatial_forces_output_port(), "spatial_forces")
-    builder.ExportOutput(parts.get_output_port(1), "generalized_force")
-    if forces.HasInputPort("gathered"):
-        sizes = [forces.GetOutputPort("constants").size(), plant.num_multibody_states()]
-        linked = forces.GetInputPort("gathered").size() > sum(sizes)
-        gathered = builder.AddNamedSystem("gathered", Multiplexer(sizes + [3] * linked))
-        builder.ExportInput(gathered.get_input_port(0), "constants")
-        builder.ExportInput(gathered.get_input_port(1), "state")
-        builder.ExportOutput(gathered.get_output_port(0), "gathered")
-        if linked:
-            point = builder.AddNamedSystem(
-                "point", Wing(body, 0.0, RigidTransform(np.array(kernel.POINT)))
-            )
-            builder.ConnectInput("body_poses", point.get_body_poses_input_port())
-            builder.Connect(point.get_aerodynamic_center_output_port(), gathered.get_input_port(2))
-    return builder.Build()
+    builder.Connect(plant.GetOutputPort("body_poses"), thrusters.get_body_poses_input_port())
+    wiring.share_spatial_forces(builder, plant, thrusters.get_spatial_forces_output_port())
+    wiring.share_generalized_forces(builder, plant, parts.get_output_port(1))
+    return forces
 
 
 def _thrusters(body: BodyIndex) -> list[PropellerInfo]:

@@ -16,6 +16,7 @@ import math
 import sys
 import weakref
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import fields
 from functools import wraps
 from inspect import signature
@@ -399,18 +400,22 @@ def system_template(*others: type) -> Callable[[type[S]], type[S]]:
     return decorate
 
 
-class _Ours(type(framework.LeafSystem)):  # type: ignore[misc]
-    """Of a class that lists what this package added, in help() as in dir(): Drake's own part of it
+def _ours(cls: type) -> list[str]:
+    """What this package gave to a system's class, for help() and dir(): Drake's own part of it
     would be two thousand lines."""
+    classes = (
+        base
+        for base in cls.__mro__
+        if type(base) is type and base.__module__.startswith(__package__)
+    )
+    names = {name for base in classes for name in vars(base) if not name.startswith("_")}
+    return sorted(names - {"template"})
 
-    def __dir__(cls) -> list[str]:
-        ours = (
-            base
-            for base in cls.__mro__
-            if type(base) is type and base.__module__.startswith(__package__)
-        )
-        names = {name for base in ours for name in vars(base) if not name.startswith("_")}
-        return sorted(names - {"template"})
+
+_Metaclass: Any = type(framework.LeafSystem)
+# From Drake 1.58 on its classes take no metaclass but their own, and help() has all of theirs
+with suppress(TypeError):
+    _Metaclass = type("_Metaclass", (_Metaclass,), {"__dir__": _ours})
 
 
 def _instantiation(cls: type[S], T: type) -> type:
@@ -431,7 +436,7 @@ def _instantiation(cls: type[S], T: type) -> type:
     def _construct_copy(self: Any, other: S, converter: Any = None) -> None:
         _construct(self, converter=converter, **other._arguments_for(T))
 
-    return _Ours(
+    made: type = _Metaclass(
         cls.__name__,
         (cls, leaf),
         {
@@ -445,3 +450,4 @@ def _instantiation(cls: type[S], T: type) -> type:
             "_construct_copy": _construct_copy,
         },
     )
+    return made

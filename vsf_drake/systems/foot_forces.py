@@ -4,7 +4,8 @@ carriage."""
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+import weakref
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, SupportsInt
 
 import numpy as np
@@ -66,14 +67,14 @@ class FootForces(System):
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state
     (num_positions + num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's
     posterior end A, where it is not connected the parameter fulcrum_m holds; gathered (G,) of a
-    coupled foot. Outputs: constants (C,) of a coupled foot; applied (6 + num_velocities,), moment
-    and force on F at Fo in its axes, then the generalized force; spatial_forces on F;
-    generalized_force (num_velocities,), zero outside keel and carriage; support_force (1,) N of the
-    fulcrum on the keel along z_K; joint_moment (m,) N m of the keel's springs and dampers; grf (3,)
-    N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about the mean normal, on the foot;
-    normal_force (N,) N, >= 0; depth (N,) m of foam and ground together; depth_rate (N,) m/s, also
-    without contact; friction_force (3 N,), N rows in W, N. Without load grf, cop and free_moment
-    are zero. With `law` None there is no contact and no output from grf on.
+    coupled foot. Outputs: spatial_forces on F; generalized_force (num_velocities,), zero outside
+    keel and carriage; support_force (1,) N of the fulcrum on the keel along z_K; joint_moment (m,)
+    N m of the keel's springs and dampers; grf (3,) N in W, on the foot; cop (3,) m in W;
+    free_moment (1,) N m about the mean normal, on the foot; normal_force (N,) N, >= 0; depth (N,) m
+    of foam and ground together; depth_rate (N,) m/s, also without contact; friction_force (3 N,), N
+    rows in W, N; constants (C,) of a coupled foot; applied (6 + num_velocities,), moment and force
+    on F at Fo in its axes, then the generalized force. Without load grf, cop and free_moment are
+    zero. With `law` None there is no contact, and there are no outputs from grf to friction_force.
 
     Args:
         position_indices, velocity_indices: (m + 1,) of the m keel joints and the carriage in the
@@ -153,17 +154,15 @@ class FootForces(System):
         self._blank, cells = kernel.table_cells(starts, sites, patches)
         self._slices = kernel.slices(m, sites, num_velocities)
         self._carriage = self._slices["place"].start - 2
-        first = self._slices["frame_wrench"].start
-        self._applied = slice(first, self._slices["generalized_force"].stop)
         self._size = self._slices["chain"].stop
         self._declare_kinematics()
         states = num_positions + num_velocities
         self._declare_inputs(state=states, fulcrum_position=1)
-        constants_size = len(self._numbers) + self._blank.size + self._chain.size + 1
+        self._constants_size = len(self._numbers) + self._blank.size + self._chain.size + 1
         self._coupled = chain is not None
         self._linked = len(self._chain) > 0
         if self._coupled:
-            self._declare_inputs(gathered=constants_size + states + 3 * self._linked)
+            self._declare_inputs(gathered=self._constants_size + states + 3 * self._linked)
         known = DEVICE | (CONTACT if law else {})
         wrong = known.keys() ^ constants.keys()
         if wrong:
@@ -177,21 +176,34 @@ class FootForces(System):
             }
         )
         self._cells = {name: cells[name] for name in known if name in cells}
+        self._declare_outputs(law)
+
+    def _declare_outputs(self, law: str | None) -> None:
         self._table = self._declare_cached("table", self._pack, self.all_parameters_ticket())
-        place = self.input_port_ticket(self._ports["fulcrum_position"].get_index())
-        constant = (self.all_parameters_ticket(), place)
-        self._packed = self._declare_cached("packed", self._pack_all, *constant)
+        self._packed = self._declare_cached("packed", self._pack_all, self.all_parameters_ticket())
         calc: Any = self._calc_varied if self._T is AutoDiffXd else self._calc_work
         self._values = values = self._declare_cached("values", calc)
-        if chain is not None:
-            self._declare_output("constants", constants_size, self._pack_all, *constant)
-        # the one that a plant asks for in every evaluation, past the cache of the others.
         inputs = (self.all_parameters_ticket(), self.all_input_ports_ticket())
-        self._declare_part("applied", 6 + num_velocities, weakly(calc), self._applied, *inputs)
         self._declare_spatial_forces(self._spatial_forces)
         for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
             part = self._slices[name]
             self._declare_part(name, part.stop - part.start, values, part, *inputs)
+        if self._coupled:
+            self._declare_output(
+                "constants",
+                self._constants_size,
+                self._calc_constants,
+                self.all_parameters_ticket(),
+                self.input_port_ticket(self._ports["fulcrum_position"].get_index()),
+            )
+        first = self._slices["frame_wrench"].start
+        applied = slice(first, self._slices["generalized_force"].stop)
+        size = applied.stop - first
+        if self._T is float and self._linked and self._grip_limit is None:
+            write = self._applied_at_once(applied)
+            self.DeclareVectorOutputPort("applied", size, write, set(inputs))
+        else:
+            self._declare_part("applied", size, weakly(calc), applied, *inputs)
         if law and self._T is float:
             self._declare_start(self._warn_of_depth)
 
@@ -208,29 +220,52 @@ class FootForces(System):
         return table, table_by.reshape(*table.shape, by.shape[1])
 
     def _pack_all(self, context: Context) -> np.ndarray:
-        """What `_foot_kernel.foot_vector` is given but for state and point."""
+        """What `_foot_kernel.foot_vector` is given but for state and point, the fulcrum at 0."""
         table, table_by = self._table(context)
-        place = self._fulcrum_place(context)
         cells = table.ravel()
         if self._T is AutoDiffXd:
             cells = Varied(cells, table_by.reshape(table.size, table_by.shape[2]))[:]
-            place = place + AutoDiffXd(0.0)
-        return np.concatenate([self._numbers + 0.0 * place, cells, self._chain.ravel(), [place]])
+        packed: np.ndarray = np.concatenate([self._numbers, cells, self._chain.ravel(), [0.0]])
+        packed = packed + self._T(0.0)
+        return packed
+
+    def _calc_constants(self, context: Context) -> np.ndarray:
+        constants = self._packed(context).copy()
+        constants[-1] = self._fulcrum_place(context)
+        return constants
 
     def _calc_work(self, context: Context) -> np.ndarray:
         given: Any
         if self._coupled:
             given = self._ports["gathered"].Eval(context)
         else:
-            given = np.concatenate([self._packed(context), self._value(context, "state")])
+            given = np.concatenate([self._calc_constants(context), self._value(context, "state")])
         work = np.empty(self._size)
         if not (self._linked and kernel.foot_vector(given, True, work)):
             work[:12], work[12:18] = self._frame_motion(context)
             kernel.foot_vector(given, False, work)
-        self._check_carriage(work[self._carriage])
+        if work[self._carriage] == 0.0:
+            self._refuse_carriage()
         if self._grip_limit is not None:
             self._check_grip(context, work[self._slices["normal_force"]])
         return work
+
+    def _applied_at_once(self, part: slice) -> Callable[[Context, Any], None]:
+        """`_calc_work` for the plant, which asks in every evaluation: past the cache that serves
+        the other outputs, and with few calls in between, since they cost as much as the foot."""
+        owner: Callable[[], Any] = weakref.ref(self)
+        size = self._size
+        carriage = self._carriage
+
+        def write(context: Context, out: Any) -> None:
+            forces = owner()
+            work = np.empty(size)
+            given = forces._ports["gathered"].Eval(context)
+            if not kernel.foot_vector(given, True, work) or work[carriage] == 0.0:
+                work = forces._calc_work(context)
+            out.SetFromVector(work[part])
+
+        return write
 
     def _calc_varied(self, context: Context) -> Varied:
         table, table_by = self._table(context)
@@ -243,7 +278,8 @@ class FootForces(System):
                 f"{self.get_name()!r}: inputs have derivatives in {by.shape[1]} directions, "
                 f"parameters in {table_by.shape[2]}"
             )
-        self._check_carriage(value[self._carriage])
+        if value[self._carriage] == 0.0:
+            self._refuse_carriage()
         work = np.zeros(self._size)
         work_by = np.zeros((self._size, directions))
         work[: len(value)] = value
@@ -257,9 +293,9 @@ class FootForces(System):
         V_WF = self._value(context, "body_spatial_velocities")[self._frame].get_coeffs()
         return X_WF.ravel(), V_WF
 
-    def _check_carriage(self, position: float) -> None:
+    def _refuse_carriage(self) -> None:
         # A trial step of an integrator may be anywhere, but exactly at 0 is only what nobody placed
-        if self._travel is None or position != 0.0:
+        if self._travel is None:
             return
         rearmost, foremost = self._travel
         raise InputError(
