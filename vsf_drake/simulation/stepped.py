@@ -43,18 +43,18 @@ class SteppedPlant(System):
     Context that is set back repeats itself, and threads may each have theirs. There are no
     derivatives: what is converted to AutoDiffXd refuses to advance.
 
-    Inputs, each may stay unconnected: torques (c,) N m or N on the coordinates `free`, held over
-    the period, by default 0; desired_positions (p,) rad or m, where the coordinates `prescribed`
-    are at the END of the period, by default where they are; fulcrum_position (1,) m from A, where
-    the fulcrum is at the end, by default the parameter fulcrum_m. Both are reached at a constant
-    speed.
+    Inputs: torques (c,) N m or N on the coordinates `free`, held over the period, by default 0;
+    desired_positions (p,) rad or m, where the coordinates `prescribed` are at the END of the
+    period, by default where they are; fulcrum_position (1,) m from A, where the fulcrum is at the
+    end, by default the parameter fulcrum_m. Each may stay unconnected, and what is prescribed moves
+    at a constant speed.
 
-    Outputs: state (2 n,), [q; v] of the plant; of the last step of the period grf (3,) N in W on
-    the foot, cop (3,) m in W, 0 without load, free_moment (1,) N m about the vertical;
-    support_force (1,) N of the fulcrum on the keel; driver_force (n,) N or N m, what the prescribed
-    coordinates take, on average over that step; unconverged_steps (1,), how many there were since
-    the Context was made. A person has intact_grf, intact_cop and intact_free_moment too. Before the
-    first period all but the state are 0.
+    Outputs: state (2 n,), [q; v] of the plant; grf (3,) N in W, on the foot; cop (3,) m in W, 0
+    without load; free_moment (1,) N m about the vertical, on the foot; driver_force (n,) N or N m,
+    what the prescribed coordinates take; support_force (1,) N of the fulcrum on the keel;
+    unconverged_steps (1,), how many since the Context was made. Forces are those of the last step
+    of the period, and 0 before the first one. A person has intact_grf, intact_cop and
+    intact_free_moment too, after free_moment.
 
     Args:
         mechanism: the plant and the forces on it.
