@@ -225,7 +225,7 @@ def test_a_context_that_is_set_back_repeats_itself_and_a_copy_goes_on_alike():
     np.testing.assert_array_equal(other.GetOutputPort("state").Eval(own), end)
 
 
-def test_contexts_do_not_see_each_other_one_after_the_other_or_on_threads():
+def test_contexts_do_not_see_each_other_one_after_the_other():
     stepped, _ = standing()
     alone = {
         torque: advanced(stepped, stepped.CreateDefaultContext(), 40, torque)
@@ -236,21 +236,27 @@ def test_contexts_do_not_see_each_other_one_after_the_other_or_on_threads():
         in_turn = {
             torque: advanced(stepped, context, 1, torque) for torque, context in contexts.items()
         }
+    for torque, x in alone.items():
+        np.testing.assert_array_equal(in_turn[torque], x)
+
+
+def test_copies_of_a_context_may_advance_on_threads_at_a_time():
+    stepped, _ = standing(period_s=0.2)
+    first = stepped.CreateDefaultContext()
+    advanced(stepped, first, 1)
+    copies = {torque: first.Clone() for torque in (-5.0, 0.0, 5.0)}
+    alone = {torque: advanced(stepped, first.Clone(), 5, torque) for torque in copies}
     at_once = {}
-    threads = [
-        threading.Thread(
-            target=lambda torque=torque: at_once.__setitem__(
-                torque, advanced(stepped, stepped.CreateDefaultContext(), 40, torque)
-            )
-        )
-        for torque in alone
-    ]
+
+    def advance(torque):
+        at_once[torque] = advanced(stepped, copies[torque], 5, torque)
+
+    threads = [threading.Thread(target=advance, args=(torque,)) for torque in copies]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
     for torque, x in alone.items():
-        np.testing.assert_array_equal(in_turn[torque], x)
         np.testing.assert_array_equal(at_once[torque], x)
 
 
@@ -309,12 +315,17 @@ def add_rotor(plant):
     plant.AddJointActuator("motor", plant.GetJointByName("rail")).set_default_rotor_inertia(0.1)
 
 
+def add_second_foot(plant):
+    add_foot(plant, plant.GetFrameByName("hip"), FootParameters(), name="other")
+
+
 @pytest.mark.parametrize(
     ("change", "time_step", "message"),
     [
         (add_bushing, 0.0, "LinearBushingRollPitchYaw"),
         (add_rotor, 0.0, "rotor of 'motor'"),
         (lambda plant: None, 1e-3, "time step"),
+        (add_second_foot, 0.0, "two joints have one name"),
     ],
 )
 def test_a_plant_with_what_the_stepper_does_not_know_is_refused(change, time_step, message):

@@ -137,6 +137,14 @@ def leg_mechanism(
             "wired",
             f"Take a continuous plant and contact {' or '.join(CONTACT_LAWS)}",
         )
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    moving = [joint.name() for joint in joints if joint.num_velocities()]
+    require(
+        len(set(moving)) == len(moving),
+        "two joints have one name, as those of two feet have",
+        "plant",
+        "Take a plant with one foot, and rename joints that occur twice",
+    )
     own = plant.GetMyContextFromRoot(context)
     try:
         mechanism = _mechanism(
@@ -155,8 +163,7 @@ def leg_mechanism(
     stiffness = np.zeros(n)
     damping = np.zeros(n)
     constant = np.zeros(n)
-    for index in plant.GetJointIndices():
-        joint = plant.get_joint(index)
+    for joint in joints:
         if joint.num_velocities() and joint.model_instance() != foot.instance:
             damping[joint.velocity_start()] = joint.GetDampingVector(own)[0]
     for motor in plant.GetJointActuatorIndices():

@@ -375,6 +375,7 @@ def make_stepped_person(
 
     Raises:
         InputError: a number is out of range.
+        ValueError: no such coordinate in `free`.
     """
     gait = make_gait(subject, model, free=free)
     foot = gait.person.foot

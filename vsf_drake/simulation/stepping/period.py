@@ -9,6 +9,8 @@ time.
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -182,8 +184,9 @@ class Period:
     """
 
     def __init__(self, run: Run) -> None:
-        self.run = run
-        self.block = Block([run], TOLERANCE, sites=False, forward=None)
+        # whose inputs are written anew for each period
+        self.run = dataclasses.replace(run, inputs=copy.deepcopy(run.inputs))
+        self.block = Block([self.run], TOLERANCE, sites=False, forward=None)
         each_itself = np.zeros((0, self.block.row_size))
         self._arguments = Arguments(*self.block.arguments(each_itself))
         advance(0, 0, *self._arguments)
