@@ -26,6 +26,7 @@ EXAMPLES = (
     "walking_over_grounds",
     "fulcrum_in_swing",
     "contact_alternatives",
+    "stepped_leg",
 )
 
 

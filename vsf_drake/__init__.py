@@ -4,6 +4,7 @@
 
     foot       FootParameters, add_foot (FootHandles), wire_foot (WiredFoot), Ground, GroundPatch,
                add_fulcrum_drive, add_fulcrum_slider: the foot in a Drake diagram of your own
+    stepped    make_stepped_leg, make_stepped_person: the implicit stepper as a Drake system
     bench      ModelParameters, run_bench, bench_table: load, displacement, stiffness
     a walk     load_trial, load_contact, trial_with, simulate_trial, walk_metrics
     to data    fit_offsets; ContactFit and fit_contact (`solve` of `vsf_drake.fit`)
@@ -33,6 +34,8 @@ _HOMES = {
     "load_contact": "model.contact_file",
     "load_model": "model.model_file",
     "load_trial": "motion.trial",
+    "make_stepped_leg": "simulation.stepped",
+    "make_stepped_person": "simulation.stepped",
     "make_study": "validation.study",
     "resource": "base.files",
     "run_bench": "simulation.bench",

@@ -19,6 +19,7 @@ from vsf_drake.plants import (
 )
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
 from vsf_drake.simulation.bench import run_bench
+from vsf_drake.simulation.stepped import make_stepped_leg, make_stepped_person
 from vsf_drake.simulation.walk import simulate_trial
 from vsf_drake.tuning.problem import StiffnessTuning
 from vsf_drake.tuning.solve import solve as tune_stiffness
@@ -45,6 +46,8 @@ __all__ = [
     "load_contact",
     "load_model",
     "load_trial",
+    "make_stepped_leg",
+    "make_stepped_person",
     "make_study",
     "resource",
     "run_bench",

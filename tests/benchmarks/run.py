@@ -49,6 +49,7 @@ def mujoco() -> list[Row]:
 GROUPS = {
     "stepper": walks.stepper,
     "side_by_side": walks.side_by_side,
+    "stepped": walks.stepped,
     "simulator": walks.simulator,
     "mujoco": mujoco,
     "diagrams": diagrams.diagrams,

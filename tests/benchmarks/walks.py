@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from pydrake.systems.analysis import Simulator
 from reference_runs import simulate_bench_reference
 from table import YARDSTICK, Row
 from walk_over_ground import walk_over
@@ -20,6 +21,9 @@ from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.batch import WalkCase, WalkOutcome, simulate_batch
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
+from vsf_drake.simulation.stepped import make_stepped_person
+from vsf_drake.simulation.stepping.runs import Inputs
+from vsf_drake.simulation.stepping.stepper import Stepper
 from vsf_drake.simulation.walk import Walk, Walker
 from vsf_drake.walks.embedded import embedded_trials
 
@@ -291,3 +295,52 @@ def sweeps(walks: int = 200) -> list[Row]:
             "process",
         ),
     ]
+
+
+def stepped() -> list[Row]:
+    """The person held in mid stride, by the stepper's loop and as a system in a diagram: share of
+    the loop's speed, by processor time."""
+    walk = stance(MILLISECOND)
+    record = walk.record
+    rows = []
+    for period_s in (1e-2, 1e-3):
+        system = make_stepped_person(
+            the_trial().subject,
+            the_trial().model,
+            fulcrum_m=float(walk.fulcrum_m[0]),
+            period_s=period_s,
+        )
+        names = walk.mechanism.tree.coordinate_names
+        driven = [names.index(name) for name in (*system.prescribed, "fulcrum")]
+        steps = 10 * round(0.1 * len(record.time_s))
+        inputs = Inputs(
+            time_s=MILLISECOND * np.arange(steps + 1),
+            prescribed=np.array(driven),
+            prescribed_q=np.tile(record.q[steps // 2, driven], (steps + 1, 1)),
+            fulcrum=np.full(steps + 1, walk.fulcrum_m[0]),
+            ground=np.zeros(steps + 1),
+        )
+        start = record.q[steps // 2], record.v[steps // 2]
+        simulator = Simulator(system)
+
+        def in_a_diagram(system=system, simulator=simulator, start=start, steps=steps) -> None:
+            context = simulator.get_mutable_context()
+            context.SetTime(0.0)
+            context.SetDiscreteState(0, np.concatenate(start))
+            simulator.Initialize()
+            simulator.AdvanceTo(MILLISECOND * steps)
+
+        stepper = Stepper(walk.mechanism)
+        loop_s = processor_s(
+            lambda stepper=stepper, inputs=inputs, start=start: stepper.run(inputs, *start)
+        )
+        system_s = processor_s(in_a_diagram)
+        rows.append(
+            Row(
+                f"person held, as a system, {1e3 * period_s:g} ms a period",
+                steps * MILLISECOND,
+                system_s,
+                f"{loop_s / system_s:.0%} of the speed of the stepper's loop",
+            )
+        )
+    return rows

@@ -7,6 +7,7 @@ import dataclasses
 import api_pages
 import docstrings
 import numpy as np
+from leg_drop import make_leg
 from pydrake.geometry import GeometryId, Meshcat, MeshcatParams
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
@@ -14,6 +15,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants import add_foot, wire_foot
+from vsf_drake.simulation.stepped import make_stepped_leg
 from vsf_drake.systems.contact import (
     DrakeReaction,
     TestingMachine,
@@ -54,7 +56,14 @@ def one_of_each() -> list[LeafSystem]:
         SwingController(),
         ShankAngle(body_index=2),
         AdjustmentRecorder(),
+        stepped_leg(),
     ]
+
+
+def stepped_leg() -> LeafSystem:
+    """Of the leg that is dropped."""
+    diagram, _, wired = make_leg()
+    return make_stepped_leg(diagram, wired)
 
 
 def foot_forces(keel: str) -> LeafSystem:

@@ -17,6 +17,7 @@ import pytest
 import robot_arm
 import robot_arm_emulator
 import standing_lqr
+import stepped_leg
 import walking_over_grounds
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import JacobianWrtVariable
@@ -527,3 +528,29 @@ def test_over_a_stance_on_level_ground_the_load_is_what_was_recorded_and_goes_fr
     assert np.max(np.maximum.accumulate(way) - way) < ROW_M
     assert force[0, 2] == 0.0
     assert force[-1, 2] == 0.0
+
+
+# The stepper as a system: an environment, a controller, many draws.
+
+
+def test_a_stepped_leg_stands_on_its_weight_tracks_and_is_shaken_about_it(tmp_path):
+    numbers = stepped_leg.main(tmp_path, quick=True)
+    weight = 17.65 * GRAVITY
+    assert numbers["force"] == pytest.approx(weight, rel=2e-3)
+    assert numbers["error"] < 0.04, "rad"
+    assert abs(numbers["shaken"] - weight) < 3.0 * numbers["spread"] < 0.5 * weight
+    assert (tmp_path / "stepped_leg.png").stat().st_size > 10_000
+
+
+def test_an_environment_that_is_reset_repeats_itself_and_ends_when_it_is_thrown():
+    environment = stepped_leg.LegEnvironment()
+    runs = []
+    for _ in range(2):
+        first, _ = environment.reset()
+        runs.append([first, *(environment.step(np.array([0.0, 9.0, -9.0]))[0] for _ in range(20))])
+    np.testing.assert_array_equal(*runs)
+    environment.reset()
+    *_, reward, terminated, truncated, _ = environment.step(np.array([0.0, 1e9, 0.0]))
+    assert reward < 0.0 and terminated and not truncated
+    observed, _ = environment.reset()
+    np.testing.assert_array_equal(observed, runs[0][0])

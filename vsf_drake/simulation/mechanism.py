@@ -12,15 +12,23 @@ from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    ForceElementIndex,
+    PrismaticSpring,
+    RevoluteSpring,
+    UniformGravityFieldElement,
+)
 from pydrake.systems.framework import Context
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.laws import kelvin_voigt
 from vsf_drake.laws.contact import LAWS
 from vsf_drake.laws.contact_law import LawConstants
+from vsf_drake.laws.contact_laws import CONTACT_LAWS
 from vsf_drake.plants.bench import BenchDiagram, RollOverDiagram
 from vsf_drake.plants.contact_geometry import dissipation
 from vsf_drake.plants.foot_handles import FootHandles
+from vsf_drake.plants.foot_wiring import WiredFoot
 from vsf_drake.plants.gait import GaitDiagram
 from vsf_drake.plants.wiring import velocity_indices
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
@@ -106,6 +114,92 @@ def gait_mechanism(gait: GaitDiagram, context: Context) -> Mechanism:
         socket=socket,
         socket_index=_integers(velocity_indices(gait.plant, gait.person.socket.coordinate_names)),
     )
+
+
+def leg_mechanism(
+    plant: MultibodyPlant, wired: WiredFoot, context: Context
+) -> tuple[Mechanism, np.ndarray]:
+    """A plant on one foot with the parameters in `context` (the diagram's), and the torques (n,)
+    that springs of its joints exert at 0.
+
+    InputError if the plant or the foot has what the stepper does not know.
+    """
+    foot = wired.foot
+    known = {
+        "contact is Drake's own": foot.contact in CONTACT_LAWS,
+        "plant has a time step": foot.support is None,
+        "plant has constraints": plant.num_constraints() == 0,
+    }
+    for what, absent in known.items():
+        require(
+            absent,
+            f"the {what}, which the stepper does not know",
+            "wired",
+            f"Take a continuous plant and contact {' or '.join(CONTACT_LAWS)}",
+        )
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    moving = [joint.name() for joint in joints if joint.num_velocities()]
+    require(
+        len(set(moving)) == len(moving),
+        "two joints have one name, as those of two feet have",
+        "plant",
+        "Take a plant with one foot, and rename joints that occur twice",
+    )
+    own = plant.GetMyContextFromRoot(context)
+    try:
+        mechanism = _mechanism(
+            plant,
+            foot,
+            wired.forces,
+            context,
+            bodies=foot.sites.body_indices,
+            sites=_ground_sites(wired.forces, context),
+            law=wired.forces.law,
+            ground_height=_level_ground(wired.forces, context),
+        )
+    except ValueError as error:  # a joint, or the ground
+        raise InputError(str(error), where="plant") from error
+    n = plant.num_velocities()
+    stiffness = np.zeros(n)
+    damping = np.zeros(n)
+    constant = np.zeros(n)
+    for joint in joints:
+        if joint.num_velocities() and joint.model_instance() != foot.instance:
+            damping[joint.velocity_start()] = joint.GetDampingVector(own)[0]
+    for motor in plant.GetJointActuatorIndices():
+        actuator = plant.get_joint_actuator(motor)
+        require(
+            actuator.rotor_inertia(own) == 0.0,
+            f"the rotor of {actuator.name()!r} has inertia, which the stepper does not know",
+            "plant",
+            "Add it to the inertia of the body that it turns",
+        )
+    for place in range(plant.num_force_elements()):
+        element = plant.get_force_element(ForceElementIndex(place))
+        if isinstance(element, RevoluteSpring):
+            k, rest = element.GetStiffness(own), element.GetNominalAngle(own)
+        elif isinstance(element, PrismaticSpring):
+            k, rest = element.stiffness(), element.nominal_position()
+        else:
+            require(
+                isinstance(element, UniformGravityFieldElement),
+                f"has a {type(element).__name__}, which the stepper does not know",
+                "plant",
+                "Take springs in joints, or work its force out and give it by the input torques",
+            )
+            continue
+        at = element.joint().velocity_start()
+        stiffness[at] += k
+        constant[at] += k * rest
+    sprung = np.flatnonzero((stiffness > 0.0) | (damping > 0.0))
+    never = np.full(len(sprung), UNLIMITED)
+    rows = [stiffness[sprung], stiffness[sprung], damping[sprung], never, never, 0.0 * never]
+    whole = dataclasses.replace(
+        mechanism,
+        springs=np.vstack([mechanism.springs, np.column_stack(rows)]),
+        spring_index=np.concatenate([mechanism.spring_index, sprung]),
+    )
+    return whole, constant
 
 
 def _mechanism(

@@ -185,28 +185,30 @@ class Block:
                     done,
                     rows[: last - done],
                 )
-            go(
-                done,
-                last,
-                self.tree,
-                self.forces,
-                self.dofs,
-                self.workspace,
-                self.drive,
-                MAX_SPEED,
-                self.state,
-                self.written,
-                rows,
-                self.live,
-                self.directions,
-                self.tangent,
-                self.carried,
-            )
+            go(done, last, *self.arguments(rows))
             done = last
             progress(done / steps)
             if stop:
                 self._look(stop, done)
-        return [self._outcome(walk) for walk in range(len(self.runs))]
+        return [self.outcome(walk) for walk in range(len(self.runs))]
+
+    def arguments(self, rows: np.ndarray) -> tuple[Any, ...]:
+        """Of `advance` beside the steps."""
+        return (
+            self.tree,
+            self.forces,
+            self.dofs,
+            self.workspace,
+            self.drive,
+            MAX_SPEED,
+            self.state,
+            self.written,
+            rows,
+            self.live,
+            self.directions,
+            self.tangent,
+            self.carried,
+        )
 
     def _look(self, stop: Callable[[int, Record], bool], done: int) -> None:
         """Ends the runs that may stop after `done` steps, or have diverged, which nothing is
@@ -246,7 +248,8 @@ class Block:
             },
         )
 
-    def _outcome(self, walk: int) -> Record | SimulationError:
+    def outcome(self, walk: int) -> Record | SimulationError:
+        """The record of a run that was advanced, or why there is none."""
         mechanism = self.runs[walk].mechanism
         names = mechanism.tree.coordinate_names
         record = self._record(walk, self.lengths[walk])
