@@ -133,7 +133,7 @@ def test_the_notebook_of_a_walk_says_what_its_own_numbers_say(site):
 
 def test_every_public_system_and_diagram_has_its_page_with_its_ports(site):
     for cls in (*public_systems(), *public_diagrams()):
-        page = site[f"api/{cls.__module__}.html"]
+        page = site[f"api/{api_pages.page_of(cls.__module__)}.html"]
         block, words = (
             port_text.port_block(cls.__doc__),
             set(re.findall(r"\w+", " ".join(page.text))),
