@@ -24,7 +24,7 @@ from vsf_drake.cli.guide import GUIDES, guide_to
 
 # how long after a signal fell into a callback of compiled code it is raised once more (a choice)
 RAISED_AGAIN_S = 0.05
-GARBAGE_OBJECTS = 100_000  # after so many new ones Python looks for garbage (a choice)
+GARBAGE_OBJECTS = 500_000  # after so many new ones Python looks for garbage (a choice)
 INTERRUPTED = "interrupted; results are written whole or not at all"
 
 

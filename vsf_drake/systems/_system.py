@@ -18,24 +18,24 @@ import weakref
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import fields
-from functools import wraps
+from functools import partial, wraps
 from inspect import signature
 from types import MethodType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
+from pydrake.common.cpp_template import TemplateMethod
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform_
 from pydrake.multibody.math import SpatialForce_, SpatialVelocity_
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce_
 from pydrake.multibody.tree import BodyIndex
 from pydrake.symbolic import Expression
-from pydrake.systems import framework
+from pydrake.systems import framework, scalar_conversion
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.base.threads import side_by_side
 from vsf_drake.model import parameters
 from vsf_drake.model.ground import GroundPatch
 
@@ -385,16 +385,18 @@ def system_template(*others: type) -> Callable[[type[S]], type[S]]:
 
     def decorate(cls: type[S]) -> type[S]:
         define: Any = TemplateSystem.define
+        module = sys.modules[cls.__module__]
         cls.template = define(
-            f"{cls.__name__}_",
-            T_list=[float, *(others or [AutoDiffXd])],
-            scope=sys.modules[cls.__module__],
+            f"{cls.__name__}_", T_list=[float, *(others or [AutoDiffXd])], scope=module
         )(lambda T: _instantiation(cls, T))
         for_float: type[S]
-        # pydrake reads the source of every caller anew for every class that it makes: seconds in
-        # the middle of imports, nothing on a thread, which nobody called.
-        with side_by_side(1) as uncalled:
-            for_float, *_ = uncalled.map(cls.template.__getitem__, cls.template.param_list)
+        # Not told its module, pydrake looks for it in the sources of all that is imported.
+        makes: Any = scalar_conversion
+        makes.TemplateMethod = partial(TemplateMethod, scope=module)
+        try:
+            for_float, *_ = map(cls.template.__getitem__, cls.template.param_list)
+        finally:
+            makes.TemplateMethod = TemplateMethod
         return for_float
 
     return decorate
