@@ -75,17 +75,21 @@ class CoordinateTrajectory:
     def sample(self, times: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Positions, velocities and accelerations, (n, m) for n times within the recording, (1, m)
         for one."""
-        times = np.atleast_1d(np.asarray(times, dtype=float))
-        outside = ~((times >= self.start_s - 1e-9) & (times <= self.end_s + 1e-9))
+        inside = self.inside(times)
+        q, v, a = (spline(inside) for spline in self._splines)
+        return q, v, a
+
+    def inside(self, times: float | np.ndarray) -> np.ndarray:
+        """(n,) the times, which may be 1 ns outside the recording; InputError beyond that."""
+        wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        outside = ~((wanted >= self.start_s - 1e-9) & (wanted <= self.end_s + 1e-9))
         if outside.any():
             raise InputError(
-                f"time {times[np.argmax(outside)]:g} s lies outside the recording of "
+                f"time {wanted[np.argmax(outside)]:g} s lies outside the recording of "
                 f"{self.start_s:g} to {self.end_s:g} s",
                 file=self.source,
             )
-        times = np.clip(times, self.start_s, self.end_s)
-        q, v, a = (spline(times) for spline in self._splines)
-        return q, v, a
+        return np.asarray(np.clip(wanted, self.start_s, self.end_s))
 
     def with_values(self, values: np.ndarray) -> CoordinateTrajectory:
         """The same coordinates at the same instants with other values."""

@@ -270,7 +270,7 @@ class Walker:
             check_fulcrum(float(position), self.model.foot)
         mechanism = edited(self._mounted(offsets, geometry), variables, values)
         tangents = tangents_of(mechanism, (variables[name].by_unit for name in with_respect_to))
-        trajectory.sample(moments[[0, -1]])  # a window outside the recording is told as that
+        trajectory.inside(moments[[0, -1]])  # a window outside the recording is told as that
         _check_memory(
             moments,
             bytes_a_step(mechanism, by=len(tangents), loads=with_loads),
