@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from matplotlib import colormaps, rc_context, rcParamsDefault
@@ -200,13 +201,18 @@ class _Digits(LogFormatter):
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as an image, the same bytes for the same figure."""
-    stream = io.BytesIO()
-    figure.set_dpi(DOTS_PER_INCH)
-    with style():  # not `savefig`, which draws twice
-        canvas: Any = FigureCanvasAgg(figure)
-        canvas.print_png(stream, metadata={"Software": None}, pil_kwargs={"compress_level": 3})
-    return stream.getvalue()
+    """The finished figure as an image, the same bytes for the same figure; drawn once."""
+    if figure not in _drawn:
+        stream = io.BytesIO()
+        figure.set_dpi(DOTS_PER_INCH)
+        with style():  # not `savefig`, which draws twice
+            canvas: Any = FigureCanvasAgg(figure)
+            canvas.print_png(stream, metadata={"Software": None}, pil_kwargs={"compress_level": 3})
+        _drawn[figure] = stream.getvalue()
+    return _drawn[figure]
+
+
+_drawn: WeakKeyDictionary[Figure, bytes] = WeakKeyDictionary()
 
 
 def save_figure(

@@ -17,6 +17,7 @@ from shown_chapter import Shown
 from vsf_drake.base.files import plain
 from vsf_drake.report.page import cell
 from vsf_drake.report.validation.bench_chapter import bench_chapter, standing_chapter
+from vsf_drake.report.validation.chapters import make_chapters
 from vsf_drake.report.validation.energy_chapter import energy_chapter
 from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
 from vsf_drake.report.validation.sensitivity_chapter import (
@@ -134,6 +135,24 @@ def test_every_chapter_has_its_figures_and_tables(saved, name):
             title,
             "a title says what was found",
         )
+
+
+def test_a_page_that_grows_shows_a_finished_chapter_again_and_another_result_anew():
+    section = shipped_section("settings")
+
+    def shown(table, arrays):
+        content = {"sections": {"settings": {"table": table}}}
+        own = {f"settings/{name}": array for name, array in arrays.items()}
+        chapters = make_chapters(content, own, LONG, lenient=True)
+        return next(one.figures for one in chapters if one.name == "settings")
+
+    first = plain(section.table)
+    arrays = section.arrays
+    again = shown(first, arrays)
+    assert again and again == shown(plain(section.table), arrays)
+    changed = {name: array.copy() for name, array in arrays.items()}
+    for other in (shown(first, changed), shown({**first, "seed": -1}, arrays)):
+        assert not set(other.values()) & set(again.values())
 
 
 def test_chapters_are_made_without_drake():

@@ -48,6 +48,8 @@ _MAKERS: dict[str, tuple[str, Callable[..., Chapter]]] = {
 }
 """By section: what its chapter is called, and what makes it."""
 _OF_STUDIES = ("settings", "sensitivity")  # computed by studies/ship_validation.py
+_made: dict[str, tuple[object, Arrays, Chapter]] = {}
+"""The chapter of each section that was made last, and of what: a page that grows shows it again."""
 
 
 def make_chapters(
@@ -60,7 +62,7 @@ def make_chapters(
     for results that another version wrote or somebody edited.
     """
     chapters = [made_chapter("summary", "", partial(_summary, content, arrays), lenient)]
-    for name, (title, maker) in _MAKERS.items():
+    for name, (title, _) in _MAKERS.items():
         section, chapter = content["sections"].get(name), Chapter(name=name, title=title)
         if not isinstance(section, Mapping):
             if name in ("layers", "walking_exact", "layers_exact"):  # only of some studies
@@ -74,7 +76,7 @@ def make_chapters(
         elif section.get("failure") or section.get("table") is None:
             why = say("validation", "not_computed", why=section.get("failure") or "unknown")
         else:
-            make = partial(_chapter_of, maker, tables[name], section["table"])
+            make = partial(_chapter_of, name, tables[name], section["table"])
             own = _within(arrays, f"{name}/")
             chapter = made_chapter(name, title, partial(make, own), lenient)
             why = [*map(str, section.get("missing") or ()), *chapter.missing]
@@ -85,10 +87,12 @@ def make_chapters(
     ]
 
 
-def _chapter_of(
-    maker: Callable[..., Chapter], kind: type, saved: object, arrays: Arrays
-) -> Chapter:
-    return maker(record(kind, saved), arrays)
+def _chapter_of(name: str, kind: type, saved: object, arrays: Arrays) -> Chapter:
+    table, own, chapter = _made.get(name, (None, {}, Chapter(name="", title="")))
+    if saved != table or own.keys() != arrays.keys() or any(own[k] is not arrays[k] for k in own):
+        chapter = _MAKERS[name][1](record(kind, saved), arrays)
+        _made[name] = (saved, arrays, chapter)
+    return chapter
 
 
 def _within(arrays: Arrays, begin: str) -> Arrays:
