@@ -35,15 +35,12 @@ def main() -> None:
     SIGTERM and the closing of the terminal end it as Ctrl-C does, with exit codes 143 and 129.
     Where it does not run in the main thread, signals are left to the caller.
     """
-    # looking for garbage among what is imported, and at the end, takes a fifth of a short command
-    thresholds = gc.get_threshold()
-    gc.set_threshold(GARBAGE_OBJECTS, *thresholds[1:])
+    # looking for garbage among what is imported, and at the end, takes a fifth of a short command;
+    # a lower threshold after it would look through all of that again
+    gc.set_threshold(GARBAGE_OBJECTS)
     atexit.register(gc.freeze)
-    try:
-        with _Signals() as signals:
-            code = _ended(signals)
-    finally:
-        gc.set_threshold(*thresholds)
+    with _Signals() as signals:
+        code = _ended(signals)
     # out here, where no traceback keeps parts of Drake into Python's own end, which may abort on
     # them
     sys.exit(code)
