@@ -23,6 +23,11 @@ FASTEST_PER_S, WITHIN_S, LEAST_JUMP_N = 70.0, 0.005, 200.0
 over which it is looked at, and the least change that says something (choices). Recorded and
 embedded walks show up to 27 at touch-down and 13 at lift-off; laboratories blank forces of up to
 some 50 N."""
+BLANKED_N = 50.0
+"""With no more than this on the foot a record begins at the strike or ends at lift-off."""
+USUAL_STANCE_S = 0.7
+"""How long a stance lasts that is seen at one end alone (a choice; the paper's mean stances are
+0.71 to 0.79 s). What is recorded of it is near the end that was seen, where this matters least."""
 Span = tuple[float, float]  # start and end, s
 
 
@@ -80,7 +85,8 @@ class Stance:
     start_s: float  # touch-down, or the start of the record where the foot is loaded already
     end_s: float  # lift-off, or the end of the record where the foot is loaded still
     start_seen: bool = True
-    """touch-down was recorded: it lies inside the record, and the force does not jump there"""
+    """touch-down was recorded: it lies inside the record, and the force does not jump there; or the
+    record begins with it (BLANKED_N)"""
     end_seen: bool = True  # the same of lift-off
 
     @property
@@ -172,8 +178,12 @@ def _contacts(
         before = int(np.searchsorted(time_s, start, "right")) - 1
         after = int(np.searchsorted(time_s, end, "left"))
         seen = (
-            not ((on[0] and start == time_s[0]) or _jumps(time_s, force, before, 1, most)),
-            not ((on[-1] and end == time_s[-1]) or _jumps(time_s, force, after, -1, most)),
+            force[0] <= BLANKED_N
+            if on[0] and start == time_s[0]
+            else not _jumps(time_s, force, before, 1, most),
+            force[-1] <= BLANKED_N
+            if on[-1] and end == time_s[-1]
+            else not _jumps(time_s, force, after, -1, most),
         )
         # its ends may be blank
         cut = (not seen[0] and before == 0) or (not seen[1] and after == len(time_s) - 1)

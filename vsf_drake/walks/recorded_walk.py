@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.progress import Progress
+from vsf_drake.base.sentences import say
+from vsf_drake.model.contact_file import FittedContact
 from vsf_drake.model.parameters import FootParameters
+from vsf_drake.motion.events import find_stances
+from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
@@ -40,6 +45,20 @@ def check_named_once(manifests: Sequence[str | Path]) -> None:
     for i, file in enumerate(files):
         if file in files[:i]:
             raise InputError("is named twice", file=manifests[i], right="Name every trial once")
+
+
+def with_contact(trial: Trial, contact: FittedContact, *, file: str | Path | None = None) -> Trial:
+    """`trial_with`. Without a plate, curves over the gait cycle are laid on the stances of the walk
+    that the contact makes without them, and a note says so.
+
+    Raises what `trial_with` and `Walker.walk` do."""
+    if trial.plate is not None or not contact.curves:
+        return trial_with(trial, contact, file=file)
+    physics = trial_with(trial, replace(contact, curves=()))
+    walk = Walker(physics.subject, physics.model).walk_trial(physics, step_s=STEP_S)
+    stances = find_stances(walk.time_s, walk.grf_W[:, 2])
+    laid = trial_with(trial, contact, file=file, stances=stances)
+    return replace(laid, notes=(*laid.notes, *say("trial", "laid", stances=stances)))
 
 
 def walk_trial(
