@@ -220,20 +220,19 @@ def gait_phase(
     """The phase (n,), in cycles, of times (n,) s; it rises and is C2.
 
     The source is a trial, whose prosthetic plate tells its stances, or the stances of the
-    prosthetic foot in order of time. Only those count that were seen from strike to lift-off; one
-    missed in between counts as a cycle. Where none was, the first that was seen at one end is taken
-    to last USUAL_STANCE_S, or as long as it was seen. InputError, of `file`, where neither a strike
-    nor a lift-off was seen."""
+    prosthetic foot in order of time. Only `whole` ones count; one missed in between counts as a
+    cycle. Where none is, the first that was seen at one end is taken to last USUAL_STANCE_S, or as
+    long as it was seen. InputError, of `file`, where neither a strike nor a lift-off was seen."""
     if isinstance(source, Trial):
         stances: Sequence[Stance] = known_stances(source.prosthetic_plate)
         file = source.path
     else:
         stances = source
-    seen = [stance for stance in stances if stance.complete]
-    cut = [stance for stance in stances if stance.start_seen or stance.end_seen]
+    seen = [stance for stance in stances if stance.whole]
+    cut = [stance for stance in stances if stance.starts or stance.ends]
     if cut and not seen:
         lasts = max(cut[0].duration_s, USUAL_STANCE_S)
-        start = cut[0].start_s if cut[0].start_seen else cut[0].end_s - lasts
+        start = cut[0].start_s if cut[0].starts else cut[0].end_s - lasts
         seen = [Stance(start, start + lasts)]
     require(
         seen,

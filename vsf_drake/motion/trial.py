@@ -754,8 +754,8 @@ def trial_window(
                 [
                     end
                     for end, seen in (
-                        ("start", c.start_seen and c.start_s >= window[0]),
-                        ("end", c.end_seen and c.end_s <= window[1]),
+                        ("start", c.starts and c.start_s >= window[0]),
+                        ("end", c.ends and c.end_s <= window[1]),
                     )
                     if not seen
                 ],

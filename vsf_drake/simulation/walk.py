@@ -26,7 +26,7 @@ from vsf_drake.model.model_file import (
     secant_stiffness,
 )
 from vsf_drake.model.parameters import GRAVITY, ModelParameters, Subject
-from vsf_drake.motion.events import BLANKED_N
+from vsf_drake.motion.events import STRUCK_N
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.plants.foot import set_mount
@@ -819,7 +819,7 @@ def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str
             peak_bw=None if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1] else peak,
             deep=_too_deep(walk, model),
             starts_loaded=STARTS_LOADED,
-            start_n=vertical[0] if vertical[0] > BLANKED_N else 0.0,
+            start_n=vertical[0] if vertical[0] > STRUCK_N else 0.0,
             transient_s=TRANSIENT_S,
             transient_bw=TRANSIENT_BW,
             spheres=walk_k if abs(walk_k / bench_k - 1) > FOAM_AGREEMENT else 0.0,

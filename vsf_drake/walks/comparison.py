@@ -15,7 +15,8 @@ import numpy as np
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.motion.events import (
-    BLANKED_N,
+    LIFTED_N,
+    STRUCK_N,
     Stance,
     common,
     find_stances,
@@ -99,14 +100,19 @@ class Comparison:
     heading: np.ndarray  # (2,) unit vector of progression in W
 
     @property
+    def plateless(self) -> bool:
+        """Whether no force was measured."""
+        return self.extra_model_stances is None
+
+    @property
     def laid_on(self) -> list[Stance]:
-        """The model's stances on which curves over a stance are laid: seen from strike to lift-off,
-        and on the plate where there is one."""
+        """The model's `whole` stances, on which curves over a stance are laid: those on the plate
+        where there is one."""
         on_plate = {item.model for item in self.stances}
         return [
             stance
             for stance in self.model_stances
-            if stance.complete and (self.extra_model_stances is None or stance in on_plate)
+            if stance.whole and (self.plateless or stance in on_plate)
         ]
 
     def within(self, start_s: float, end_s: float) -> np.ndarray:
@@ -254,11 +260,12 @@ def _measured(plate: PlateRecording, start_s: float, step: float, count: int) ->
         )
     time = grid[seen]
     begins_s = start_s - step  # the grid has the ends of the walk's steps
-    ends_loaded = np.interp([begins_s, time[-1]], plate.time_s, plate.force_W[:, 2]) > BLANKED_N
+    load_n = np.interp([begins_s, time[-1]], plate.time_s, plate.force_W[:, 2])
+    starts_loaded, ends_loaded = load_n > [STRUCK_N, LIFTED_N]
     known = known_stances(plate)
     stances = []
     for stance in (s for s in known if s.end_s > time[0] and s.start_s < time[-1]):
-        begun = bool(stance.start_s <= time[0] and ends_loaded[0])
+        begun = bool(stance.start_s <= time[0] and starts_loaded)
         first_s = float(max(time[0], begins_s + TRANSIENT_S)) if begun else float(time[0])
         if first_s >= stance.end_s:
             continue
@@ -274,9 +281,7 @@ def _measured(plate: PlateRecording, start_s: float, step: float, count: int) ->
                 cop_W=cop,
                 beyond=beyond | np.isnan(cop).any(axis=1),
                 inside=bool(
-                    stance.complete
-                    and not begun
-                    and (stance.end_s <= time[-1] or not ends_loaded[1])
+                    stance.whole and not begun and (stance.end_s <= time[-1] or not ends_loaded)
                 ),
                 span=(
                     max(stance.start_s - MARGIN_S, first_s),

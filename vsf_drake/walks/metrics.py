@@ -267,7 +267,9 @@ def agreements(
     peaks = [_peaks(c, [item.measured for item in c.stances], force) for force in (model, measured)]
     whole = [i for i, item in enumerate(c.stances) if item.inside]
     margins_s = sum(item.measured.duration_s + 2 * MARGIN_S for item in c.stances)
-    of_plate_s = mean(c.stances[i].measured.duration_s for i in whole)
+    of_plate_s = mean(
+        c.stances[i].measured.duration_s for i in whole if c.stances[i].measured.complete
+    )
     windows = tuple(
         (float(c.time_s[start]), float(c.time_s[stop - 1])) for start, stop in runs(c.scored)
     )
@@ -391,7 +393,7 @@ def _predicted_stances(c: Comparison, force: np.ndarray) -> tuple[StanceMetrics,
             measured_end_s=None,
             model_start_s=stance.start_s if stance.start_seen else None,
             model_end_s=stance.end_s if stance.end_seen else None,
-            complete=stance.complete,
+            complete=stance.whole,
             model_peaks_bw=peaks,
             measured_peaks_bw=nothing,
         )

@@ -55,12 +55,11 @@ def null_errors(
 ) -> NullErrors:
     """Of the walk of `c` at a fulcrum position; `predicted`: the curves are stretched to the
     stances of the model."""
-    plateless = c.extra_model_stances is None
-    if plateless or not curves:
+    if c.plateless or not curves:
         return NullErrors(
             null_model_grf_rmse_bw=None,
             stretched_null_grf_rmse_bw=None,
-            null_model_unknown=PLATELESS if plateless else ALONE,
+            null_model_unknown=PLATELESS if c.plateless else ALONE,
         )
     positions = np.array([curve.fulcrum_m for curve in curves])
     resultants = np.array([curve.resultant_bw for curve in curves])
@@ -97,8 +96,8 @@ def _stretched_error(
         start = stance.start_s
         rows = c.within(start, stance.end_s)
         stretched = np.interp(100.0 * (c.time_s[rows] - start) / stance.duration_s, percent, curve)
-        null[rows] = stretched if stance.complete else np.nan
-        whole = whole or stance.complete
+        null[rows] = stretched if stance.whole else np.nan
+        whole = whole or stance.whole
     rows = c.scored & np.isfinite(null)
     if not whole or not rows.any():
         return None
