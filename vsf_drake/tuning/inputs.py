@@ -12,7 +12,7 @@ from vsf_drake.base.errors import require
 from vsf_drake.base.progress import Progress
 from vsf_drake.model.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import under_law
-from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.motion.trial import NO_PLATE, Trial, load_trial
 from vsf_drake.recording import MARKS
 from vsf_drake.tuning.common import digests
 from vsf_drake.walks.embedded import SETTINGS, embedded_contact, embedded_trials
@@ -78,6 +78,12 @@ def load_tuning_trials(
         f"{label}: {trial.judged.note}"
         for trial, label in zip(trials, labels, strict=True)
         if trial.judged and trial.judged.mark != MARKS[0]
+    ]
+    marks += [
+        f"{label}: {note}"
+        for trial, label in zip(trials, labels, strict=True)
+        for note in trial.notes
+        if note.startswith(NO_PLATE)
     ]
     if contact is not None:
         fitted = load_contact(contact)

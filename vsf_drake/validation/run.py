@@ -352,7 +352,7 @@ def validation_content(
                 "validation",
                 "verdict",
                 found=found,
-                to_come="walking" not in finished,
+                to_come="walking" not in finished and bool(study.compared.walks),
                 summary=summary,
             )
         ),
