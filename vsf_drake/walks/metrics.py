@@ -5,8 +5,9 @@ Definitions (McGeehan 2021 where it states one, doi 10.1115/1.4050456):
 - BW is the subject's mass times 9.81 m/s²; FL is the length of the model's prosthetic foot, for
   both directions of the centre of pressure (it is the recorded foot's where `import
   --scale-prosthesis` made it so).
-- Forces are compared over every measured stance ± 0.25 s, clipped to the simulated time,
-  time-locked, both low-passed at 40 Hz. The resultant is the Euclidean norm of the filtered force.
+- Forces are compared over every measured stance ± 0.25 s, clipped to the simulated time and, of a
+  stance in which this starts, to what is later than 0.2 s, time-locked, both low-passed at 40 Hz.
+  The resultant is the Euclidean norm of the filtered force.
 - Impulse: the integral of the resultant from the start of the measured stance, or of the simulated
   time, on.
 - Centre of pressure: both low-passed at 6 Hz, at 101 points of the measured stance, where both
@@ -445,7 +446,7 @@ def warnings(
     result: WalkResult, comparison: Comparison, metrics: WalkMetrics, fit: OffsetFit | None
 ) -> list[str]:
     """What in `comparison` and its `walk_metrics` does not look like one person walking over one
-    plate, and what is not scored of it.
+    plate.
 
     Sentences, each with the likely cause; `fit` is that of the offsets, if there was one.
     """
