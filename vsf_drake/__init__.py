@@ -41,7 +41,7 @@ _HOMES = {
     "run_bench": "simulation.bench",
     "simulate_batch": "simulation.batch",
     "simulate_trial": "simulation.walk",
-    "trial_with": "motion.fitted_trial",
+    "trial_with": "walks.recorded_walk:with_contact",
     "tune_stiffness": "tuning.solve:solve",
     "walk_metrics": "walks.metrics",
     "wire_foot": "plants",

@@ -7,7 +7,6 @@ from vsf_drake.model.contact_file import load_contact
 from vsf_drake.model.ground import Ground, GroundPatch
 from vsf_drake.model.model_file import load_model
 from vsf_drake.model.parameters import FootParameters, ModelParameters
-from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.plants import (
     FootHandles,
@@ -26,6 +25,7 @@ from vsf_drake.tuning.solve import solve as tune_stiffness
 from vsf_drake.validation.study import make_study
 from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.offsets import fit_offsets
+from vsf_drake.walks.recorded_walk import with_contact as trial_with
 
 __all__ = [
     "ContactFit",

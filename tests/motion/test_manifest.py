@@ -99,11 +99,10 @@ def test_one_of_everything(load):
             "kinematics_unit: the key has no meaning",
         ),
         (
-            "kinematics: k.mot\nforces: f.mot",
-            "markers: k.trc",
-            "forces: the key is missing. A .trc file has no forces",
+            "forces: f.mot",
+            "unknown_force: {left: [[1, 2]]}",
+            "unknown_force: the key has no meaning without forces",
         ),
-        ("forces: f.mot", "", "forces: the key is missing"),
         (
             "forces: f.mot",
             "forces: f.mot\nwindow: {start_s: 2, end_s: 1}",

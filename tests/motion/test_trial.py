@@ -23,6 +23,7 @@ from vsf_drake.motion.manifest import Window
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.segments import FootTrack
 from vsf_drake.motion.trial import (
+    NO_PLATE,
     PLACEHOLDER_KG,
     TrialOptions,
     default_model,
@@ -304,6 +305,16 @@ def test_angles_and_forces_come_back(side):
         assert np.allclose(trial.plates[foot].free_moment_nm[loaded], 2.0)
     assert [c.side for c in trial.contacts] == ["right", "left"] * 3
     assert any("rajagopal, which knows" in note for note in trial.notes)
+
+
+@BOTH
+def test_markers_without_plates_give_the_same_motion(side):
+    bare = make(side, walked=dataclasses.replace(walk(), plates=(), force_rate_hz=None))
+    assert bare.plates == {} and bare.contacts == () and bare.plate is None
+    assert np.array_equal(bare.trajectory.values, make(side).trajectory.values)
+    assert [note for note in bare.notes if "plate" in note.lower()] == [
+        note for note in bare.notes if note.startswith(NO_PLATE)
+    ]
 
 
 @BOTH

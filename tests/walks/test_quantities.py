@@ -24,7 +24,7 @@ def test_every_number_of_a_compared_walk_has_unit_format_label_and_meaning():
     for field in dataclasses.fields(WalkMetrics):
         own = QUANTITIES[field.name]
         assert own.label and own.meaning, field.name
-        is_number = hints[field.name] in (int, float, float | None)
+        is_number = hints[field.name] in (int, int | None, float, float | None)
         assert is_number == bool(own.form) == bool(own.unit), field.name
 
 
@@ -81,7 +81,8 @@ def test_printed_metrics_are_a_short_table():
     ("given", "said"),
     [
         ((None, make_plate()), "takes no NoneType"),
-        ((make_walk(), make_walk()), "trial's prosthetic_plate"),
+        ((None, None), "takes no NoneType"),
+        ((make_walk(), make_walk()), "trial's plate"),
     ],
 )
 def test_metrics_of_something_else_say_what_they_want(given, said):

@@ -210,12 +210,12 @@ def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:
 def read_trials(paths: list[Path], contact: Path | None, *, law: str | None = None) -> list[Trial]:
     """The trials of manifests, with the fitted contact if there is one, under a contact law."""
     from vsf_drake.model.contact_file import load_contact
-    from vsf_drake.motion.fitted_trial import trial_with
     from vsf_drake.motion.trial import load_trial
+    from vsf_drake.walks.recorded_walk import with_contact
 
     fitted = None if contact is None else load_contact(contact)
     trials = [
-        trial if fitted is None else trial_with(trial, fitted, file=contact)
+        trial if fitted is None else with_contact(trial, fitted, file=contact)
         for trial in map(load_trial, paths)
     ]
     return under(law, trials)

@@ -295,18 +295,19 @@ def simulate(
     asked: WalkRequest,
 ) -> None:
     """Drives the person with recorded motion and compares the predicted ground reaction force with
-    the force plate."""
+    the force plate, if the trial has one."""
     from vsf_drake.base.sentences import say as sentences
     from vsf_drake.model.contact_file import load_contact
     from vsf_drake.model.model_file import check_fulcrum
-    from vsf_drake.motion.fitted_trial import trial_with
+    from vsf_drake.motion.trial import NO_PLATE
     from vsf_drake.report.outputs import WALK, write_walk
+    from vsf_drake.simulation.options import STARTS_LOADED
     from vsf_drake.simulation.walk import Walker
     from vsf_drake.walks.embedded import embedded_contact_beside
     from vsf_drake.walks.metrics import UNFITTED, unfitted_note
     from vsf_drake.walks.prediction import layers_of
     from vsf_drake.walks.quantities import JUDGED, quantity
-    from vsf_drake.walks.recorded_walk import walk_trial
+    from vsf_drake.walks.recorded_walk import walk_trial, with_contact
 
     fulcrum_mm = asked.fulcrum_mm
     embedded = None
@@ -329,7 +330,7 @@ def simulate(
         note = unfitted_note(recorded, offsets_fitted=asked.fit_offsets)
         walked = dataclasses.replace(recorded, notes=(note, *recorded.notes))
     else:
-        walked = trial_with(recorded, fitted, file=contact)
+        walked = with_contact(recorded, fitted, file=contact)
     [walked] = cli.under(asked.law, [walked])
     moved = None
     layered = fitted is not None and bool(fitted.momentum or fitted.discrepancy)
@@ -373,7 +374,7 @@ def simulate(
         percent=quantity(JUDGED).told,
         mm=1e3 * walked.fulcrum_m,
         embedded=embedded,
-        unfitted=UNFITTED,
+        first=(UNFITTED, NO_PLATE, STARTS_LOADED),
         moved=moved,
         not_corrected=sentences("not_corrected", "words", why_not=why_not) if why_not else (),
         learned=fitted is not None and fitted.discrepancy is not None,

@@ -29,12 +29,13 @@ GUIDES = {
 """Commands as --help and docs/guide/commands.md order them, and their place in docs/guide."""
 _PLACES = {
     "trials#from-joint-angles": (
-        "kinematics kinematics_unit inDegrees forces prosthesis window offsets belt_speed_m_per_s "
+        "kinematics kinematics_unit inDegrees prosthesis window offsets belt_speed_m_per_s "
         "unknown_force .mot .sto"
     ),
     "trials#from-markers": (
         "markers standing marker_map laboratory hip_centre marker_cutoff_hz already_filtered"
     ),
+    "trials#without-a-force-plate": "forces",
     "trials#what-a-recording-is-worth": "--accept-unusable",
     "trials#the-subject": "subject mass_kg stature_m sex prosthetic_side --subject",
     "trials#another-setting": "simulate:--fulcrum-mm",

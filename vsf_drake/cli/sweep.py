@@ -254,6 +254,14 @@ def _loaded(
             file=file,
         )
     loaded = judged(read_trials(trials, contact, law=asked.law))
+    for trial in loaded:
+        require(
+            trial.plate is not None,
+            "no force was measured, and a sweep is of errors against the plate",
+            "forces",
+            "Leave it out; `simulate --fulcrum-mm` walks it at another setting",
+            file=trial.path,
+        )
     if contact is None:
         warn(unfitted_note(loaded[0], offsets_fitted=asked.fit_offsets))
     names = [trial.name for trial in loaded]

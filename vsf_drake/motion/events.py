@@ -23,6 +23,14 @@ FASTEST_PER_S, WITHIN_S, LEAST_JUMP_N = 70.0, 0.005, 200.0
 over which it is looked at, and the least change that says something (choices). Recorded and
 embedded walks show up to 27 at touch-down and 13 at lift-off; laboratories blank forces of up to
 some 50 N."""
+STRUCK_N, LIFTED_N = 200.0, 50.0
+"""A record that begins with no more than the former on the foot begins with the strike, and one
+that ends with no more than the latter ends with lift-off (choices). A heel passes 200 N some 10 ms
+after it touches, at most 20 (a walk that starts then has lost 3 % of body weight of shear), a toe
+50 N as shortly before it lifts."""
+USUAL_STANCE_S = 0.7
+"""How long a stance lasts that is seen at one end alone (a choice; the paper's mean stances are
+0.71 to 0.79 s). What is recorded of it is near the end that was seen, where this matters least."""
 Span = tuple[float, float]  # start and end, s
 
 
@@ -82,10 +90,26 @@ class Stance:
     start_seen: bool = True
     """touch-down was recorded: it lies inside the record, and the force does not jump there"""
     end_seen: bool = True  # the same of lift-off
+    start_near: bool = False  # the record begins with touch-down (STRUCK_N)
+    end_near: bool = False  # and ends with lift-off (LIFTED_N)
 
     @property
     def complete(self) -> bool:
         return self.start_seen and self.end_seen
+
+    @property
+    def starts(self) -> bool:
+        """Whether it can be laid out from its start: touch-down was seen, or nearly."""
+        return self.start_seen or self.start_near
+
+    @property
+    def ends(self) -> bool:
+        """Likewise from its end."""
+        return self.end_seen or self.end_near
+
+    @property
+    def whole(self) -> bool:
+        return self.starts and self.ends
 
     @property
     def span(self) -> Span:
@@ -177,7 +201,13 @@ def _contacts(
         )
         # its ends may be blank
         cut = (not seen[0] and before == 0) or (not seen[1] and after == len(time_s) - 1)
-        contact = Stance(float(start), float(end), *seen)
+        contact = Stance(
+            float(start),
+            float(end),
+            *seen,
+            start_near=bool(start == time_s[0] and force[0] <= STRUCK_N),
+            end_near=bool(end == time_s[-1] and force[-1] <= LIFTED_N),
+        )
         contacts.append(
             (contact, peak >= MINIMUM_PEAK_N and (contact.duration_s >= MINIMUM_S or cut))
         )

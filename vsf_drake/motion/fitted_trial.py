@@ -18,7 +18,7 @@ from vsf_drake.base.schema import check
 from vsf_drake.base.sentences import say
 from vsf_drake.model.contact_file import FittedContact, FittedTrial, fitted_model
 from vsf_drake.model.parameters import Subject
-from vsf_drake.motion.events import Stance, known_stances
+from vsf_drake.motion.events import USUAL_STANCE_S, Stance, known_stances
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory, periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial import Trial
@@ -31,14 +31,22 @@ _GRAIN = 1e-6
 _GRAIN_N = 1e-3
 
 
-def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None = None) -> Trial:
+def trial_with(
+    trial: Trial,
+    contact: FittedContact,
+    *,
+    file: str | Path | None = None,
+    stances: Sequence[Stance] | None = None,
+) -> Trial:
     """`trial` as the fit sees it: its model with the fitted values, its offsets and coordinates
     with what they add.
 
     Height, path and curves that were fitted to a recording alone are taken only for that recording,
-    told by its `fingerprint`. A note says what was applied; the hash of `file` joins the trial's
-    inputs. Refused for another person or side, a model that lacks a zone, or a trial that has a
-    fitted contact already."""
+    told by its `fingerprint`. Curves over the gait cycle are laid on the plate's stances, or on the
+    given ones, which a trial without a plate needs (`walks.recorded_walk.with_contact` predicts
+    them). A note says what was applied; the hash of `file` joins the trial's inputs. Refused for
+    another person or side, a model that lacks a zone, or a trial that has a fitted contact
+    already."""
     check_person(trial.subject, contact, file=file)
     require(
         not any(note.startswith(APPLIED) for note in trial.notes),
@@ -70,7 +78,7 @@ def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None 
         trial,
         model=fitted_model(trial.model, contact, file=file),
         offsets=check(GeometricOffsets(**offsets), file=file),
-        trajectory=_trajectory(trial, contact, here),
+        trajectory=_trajectory(trial, contact, here, trial if stances is None else stances),
         notes=(*trial.notes, *notes),
         inputs=trial.inputs
         | ({} if file is None else {f"contact: {Path(file).name}": sha256(file)}),
@@ -152,7 +160,10 @@ def fingerprint(trial: Trial) -> str:
 
 
 def _trajectory(
-    trial: Trial, contact: FittedContact, own: FittedTrial | None
+    trial: Trial,
+    contact: FittedContact,
+    own: FittedTrial | None,
+    cycle: Trial | Sequence[Stance],
 ) -> CoordinateTrajectory:
     motion = trial.trajectory
     time = motion.time_s
@@ -163,7 +174,7 @@ def _trajectory(
         if name.startswith("coordinate.")
     ]
     if contact.curves:
-        phase = gait_phase(trial)(time)
+        phase = gait_phase(cycle, file=trial.path)(time)
         added += [
             (
                 curve.coordinate,
@@ -188,7 +199,7 @@ def _trajectory(
     return motion.with_values(motion.values + sums)
 
 
-# Where in the gait cycle an instant lies, told by the prosthetic foot's force plate.
+# Where in the gait cycle an instant lies, told by strikes and lift-offs of the prosthetic foot.
 #
 #     phase    k at the k-th strike of the prosthetic foot, k + STANCE_SHARE at its lift-off
 #
@@ -203,25 +214,32 @@ STANCE_SHARE = 0.62  # foot-off of slow walking: Schwartz 2008, doi 10.1016/j.jb
 STEEPEST = 1.25  # largest rate at an instant over the smaller of the mean rates beside it
 
 
-def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.ndarray]:
+def gait_phase(
+    source: Trial | Sequence[Stance], *, file: Path | None = None
+) -> Callable[[np.ndarray], np.ndarray]:
     """The phase (n,), in cycles, of times (n,) s; it rises and is C2.
 
     The source is a trial, whose prosthetic plate tells its stances, or the stances of the
-    prosthetic foot in order of time. Only those count that were seen from strike to lift-off, one
-    at least; one missed in between counts as a cycle."""
+    prosthetic foot in order of time. Only `whole` ones count; one missed in between counts as a
+    cycle. Where none is, the first that was seen at one end is taken to last USUAL_STANCE_S, or as
+    long as it was seen. InputError, of `file`, where neither a strike nor a lift-off was seen."""
     if isinstance(source, Trial):
-        plate = source.prosthetic_plate
+        stances: Sequence[Stance] = known_stances(source.prosthetic_plate)
         file = source.path
-        stances: Sequence[Stance] = known_stances(plate)
     else:
         stances = source
-        file = None
-    seen = [stance for stance in stances if stance.complete]
+    seen = [stance for stance in stances if stance.whole]
+    cut = [stance for stance in stances if stance.starts or stance.ends]
+    if cut and not seen:
+        lasts = max(cut[0].duration_s, USUAL_STANCE_S)
+        start = cut[0].start_s if cut[0].starts else cut[0].end_s - lasts
+        seen = [Stance(start, start + lasts)]
     require(
         seen,
-        "the plate saw only part of the stance" if stances else "the plate saw no stance",
-        "forces",
-        "A gait cycle needs strike and lift-off of the prosthetic foot",
+        f"neither strike nor lift-off of the prosthetic foot was seen in {len(stances)} stances",
+        "window",
+        "The fitted angles are laid over the gait cycle, which is told by one of them: take a "
+        "longer part of the walk",
         file=file,
     )
     if any(later.start_s <= earlier.end_s for earlier, later in pairwise(seen)):

@@ -156,7 +156,7 @@ class Manifest:
     already_filtered: bool = False  # the markers are low-passed already
     laboratory: Laboratory = field(default_factory=Laboratory)
     forces: str | ForceColumns | None = None
-    """file of force plates, or file and columns; in the C3D if left out"""
+    """file of force plates, or file and columns; if left out those in the C3D, else none"""
     prosthesis: ProsthesisSetting
     unknown_force: UnknownForce = field(default_factory=UnknownForce)
     window: Window | None = None
@@ -220,10 +220,12 @@ def load_manifest(path: str | Path) -> Manifest:
             f"Write `markers: {angles}`",
         ),
         (
-            markers is None and manifest.forces is None,
-            missing,
-            "forces",
-            "Name a .mot or .sto file",
+            markers is None
+            and manifest.forces is None
+            and manifest.unknown_force != default.unknown_force,
+            "the key has no meaning without forces",
+            "unknown_force",
+            "Take it out, or name the file of the forces (forces)",
         ),
         (
             markers is None and idle,
@@ -242,12 +244,6 @@ def load_manifest(path: str | Path) -> Manifest:
             "the key has no meaning for markers",
             "kinematics_unit",
             "Take it out; a unit of length stands under `laboratory: {length_unit: mm}`",
-        ),
-        (
-            markers is not None and manifest.forces is None and suffix != ".c3d",
-            missing,
-            "forces",
-            "A .trc file has no forces: name the file that has them (.mot, .sto, .csv or .c3d)",
         ),
     ):
         require(not wrong, what, where, right, file=path)

@@ -94,6 +94,7 @@ LIKE_POUNDS = 0.1
 
 
 UNUSABLE_RECORDING = "UNUSABLE RECORDING"
+NO_PLATE = "NO PLATE"  # how the note of a trial begins without forces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +129,7 @@ class Trial:
     end_s: float
     trajectory: CoordinateTrajectory  # see `motion.opensim`; over the whole recording
     plates: dict[str, PlateRecording]
-    """by side, over the whole recording; the prosthetic side is always there"""
+    """by side, over the whole recording; the prosthetic side is there, or none is"""
     notes: tuple[str, ...]  # sentences on what was assumed, filled, turned or cut
     model: ModelParameters
     inputs: dict[str, str]  # SHA-256 of every file read, by its path as the manifest writes it
@@ -146,23 +147,38 @@ class Trial:
     contacts: tuple[PlateContact, ...] = ()
 
     @property
-    def prosthetic_plate(self) -> PlateRecording:
-        """With the spans in which its force is unknown."""
+    def plate(self) -> PlateRecording | None:
+        """Under the prosthetic foot, with the spans in which its force is unknown; None where no
+        force was measured."""
         return self._plate(self.subject.prosthetic_side)
 
     @property
+    def prosthetic_plate(self) -> PlateRecording:
+        """The same for what cannot do without it; InputError where no force was measured."""
+        plate = self.plate
+        if plate is None:
+            raise InputError(
+                f"no force was measured on the {self.subject.prosthetic_side} (prosthetic) foot, "
+                "and this needs it",
+                file=self.path,
+                where="forces",
+                right="Name the file of the forces, or leave the trial out; without them "
+                "`simulate --contact`, `validate --contact`, `tune --contact` and `check` work",
+            )
+        return plate
+
+    @property
     def intact_plate(self) -> PlateRecording | None:
-        """Likewise."""
+        """That under the other foot, likewise."""
         return next(
             (self._plate(side) for side in self.plates if side != self.subject.prosthetic_side),
             None,
         )
 
-    def _plate(self, side: str) -> PlateRecording:
+    def _plate(self, side: str) -> PlateRecording | None:
+        plate = self.plates.get(side)
         spans = self.unmeasured.get(side, ())
-        return (
-            dataclasses.replace(self.plates[side], unknown_s=spans) if spans else self.plates[side]
-        )
+        return dataclasses.replace(plate, unknown_s=spans) if plate and spans else plate
 
 
 def default_model() -> ModelParameters:
@@ -191,7 +207,8 @@ def load_trial(path: str | Path) -> Trial:
     0); coordinates keep OpenSim's names and, for the pelvis, OpenSim's axes; angles are in rad,
     knee flexion positive. See `vsf_drake.motion.manifest` for the keys. Refused where the columns
     do not tell the feet, the plates contradict the mass, or window, kinematics and forces share
-    less than a stance of the prosthetic foot.
+    less than a stance of the prosthetic foot. Without forces (`Trial.plate` is None) nothing of
+    this is checked, and the window is that of the kinematics.
     """
     path = Path(path)
     manifest = load_manifest(path)
@@ -270,24 +287,27 @@ def _trial_from_angles(
         prosthetic_side=subject.prosthetic_side,
         unit=manifest.kinematics_unit,
     )
-    storage = read_storage(named["forces"])
-    prefixes = assign_prefixes(storage, options.plate_sides)
-    require(
-        subject.prosthetic_side in prefixes,
-        f"there is no force for the {subject.prosthetic_side} (prosthetic) foot",
-        f"forces.{subject.prosthetic_side}",
-        f"Name its prefix in {storage.path.name}; or "
-        "is the subject's prosthetic_side the other one?",
-        file=path,
-    )
-    read = {
-        side: read_plate(storage, prefix, mass_kg=subject.mass_kg)
-        for side, prefix in prefixes.items()
-    }
-    notes += [*storage.notes, *(note for _, more in read.values() for note in more)]
-    notes += say(
-        "trial", "no_plates", sides=[side for side in SIDES if side not in read], alone=False
-    )
+    read: dict[str, tuple[PlateRecording, list[str]]] = {}
+    if "forces" in named:
+        storage = read_storage(named["forces"])
+        prefixes = assign_prefixes(storage, options.plate_sides)
+        require(
+            subject.prosthetic_side in prefixes,
+            f"there is no force for the {subject.prosthetic_side} (prosthetic) foot",
+            f"forces.{subject.prosthetic_side}",
+            f"Name its prefix in {storage.path.name}; or "
+            "is the subject's prosthetic_side the other one? If it was on no plate, leave forces "
+            "out",
+            file=path,
+        )
+        read = {
+            side: read_plate(storage, prefix, mass_kg=subject.mass_kg)
+            for side, prefix in prefixes.items()
+        }
+        notes += [*storage.notes, *(note for _, more in read.values() for note in more)]
+        notes += say(
+            "trial", "no_plates", sides=[side for side in SIDES if side not in read], alone=False
+        )
     return _made(
         path,
         subject,
@@ -403,13 +423,15 @@ def trial_from_recordings(
     )
     if options.cutoff_hz is None:
         notes += say("trial", "already_filtered")
-    assignment = assign_plates(
-        walk,
-        tracked.time_s,
-        tracked.feet,
-        os_to_world(tracked.values[:, :3]),
-        stated=options.plate_sides,
-    )
+    assignment = Assignment({}, (), {})
+    if walk.plates:
+        assignment = assign_plates(
+            walk,
+            tracked.time_s,
+            tracked.feet,
+            os_to_world(tracked.values[:, :3]),
+            stated=options.plate_sides,
+        )
     assignment = dataclasses.replace(
         assignment,
         unmeasured={
@@ -437,7 +459,7 @@ def trial_from_recordings(
         )
     side = subject.prosthetic_side
     require(
-        side in assignment.plates,
+        side in assignment.plates or not walk.plates,
         f"no plate carries the {side} (prosthetic) foot alone",
         "forces",
         " ".join(n for n in assignment.notes if n.startswith("Plate ")) or None,
@@ -452,7 +474,10 @@ def trial_from_recordings(
         + reach_notes
     )
     notes += say(
-        "trial", "no_plates", sides=[s for s in SIDES if s not in assignment.plates], alone=True
+        "trial",
+        "no_plates",
+        sides=[s for s in SIDES if walk.plates and s not in assignment.plates],
+        alone=True,
     )
     return _made(
         path,
@@ -674,19 +699,30 @@ def trial_window(
     """The window of a trial (s), and notes on it and on the stances in it; `path` is the manifest,
     for messages.
 
-    Without a requested window, the stretch between the `unmeasured` ones of the prosthetic foot
-    that holds most of its stances is taken, and of that what is within `around_stances_s` of them,
-    if it is given; a requested one is kept. Refused where window, kinematics and forces do not
-    overlap, or the prosthetic foot has hardly any load or less than 0.15 s of a stance, or the
-    window is shorter than a stance.
+    Without plates it is the requested part of the kinematics, refused where that is shorter than
+    the shortest stance. With them, and without a requested window, the stretch between the
+    `unmeasured` ones of the prosthetic foot that holds most of its stances is taken, and of that
+    what is within `around_stances_s` of them, if it is given; a requested one is kept. Refused
+    where window, kinematics and forces do not overlap, or the prosthetic foot has hardly any load
+    or less than 0.15 s of a stance, or the window is shorter than a stance.
     """
     side = subject.prosthetic_side
+    moved = trajectory.start_s, trajectory.end_s
+    if not plates:
+        window, notes = _choose_window(requested, moved, moved, path, (), ())
+        require(
+            window[1] - window[0] >= MINIMUM_S,
+            f"the trial of {words(window)} is shorter than any stance ({MINIMUM_S:g} s)",
+            "window",
+            file=path,
+        )
+        return window, notes + say("trial", "plateless", begins=NO_PLATE)
     plate = plates[side]
     stances = stances_on(plates)
     record = float(plate.time_s[0]), float(plate.time_s[-1])
     window, notes = _choose_window(
         requested,
-        (trajectory.start_s, trajectory.end_s),
+        moved,
         record,
         path,
         (unmeasured or {}).get(side, ()),
@@ -718,8 +754,8 @@ def trial_window(
                 [
                     end
                     for end, seen in (
-                        ("start", c.start_seen and c.start_s >= window[0]),
-                        ("end", c.end_seen and c.end_s <= window[1]),
+                        ("start", c.starts and c.start_s >= window[0]),
+                        ("end", c.ends and c.end_s <= window[1]),
                     )
                     if not seen
                 ],

@@ -89,6 +89,13 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
     """
     motion = trial.trajectory
     file = trial.path
+    require(
+        trial.plate is not None,
+        "no force was measured, and the recorded stride begins where the plate tells a strike",
+        "forces",
+        "Tune at --level 1, or name the file of the forces",
+        file=file,
+    )
     mass = trial.subject.mass_kg
     names, (rows, points, chain) = (
         sagittal_coordinates(trial.subject.prosthetic_side),

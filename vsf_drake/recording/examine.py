@@ -274,6 +274,9 @@ def _forces(
     measured: Mapping[str, list[Stance]],
     moving: Mapping[str, list[Stance]],
 ) -> list[Check | None]:
+    mass_kg = trial.subject.mass_kg
+    if not trial.plates:
+        return [force_checks.untold_mass(mass_kg)]
     start = max([motion.start_s, *(float(plate.time_s[0]) for plate in trial.plates.values())])
     end = min([motion.end_s, *(float(plate.time_s[-1]) for plate in trial.plates.values())])
     time = np.arange(start, end, GRID_S)
@@ -300,7 +303,7 @@ def _forces(
             vertical,
             velocity[:, 2],
             known,
-            mass_kg=trial.subject.mass_kg,
+            mass_kg=mass_kg,
             feet=len(trial.plates),
         ),
         *shears,

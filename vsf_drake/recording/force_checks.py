@@ -33,6 +33,7 @@ sideways."""
 MASS = (0.03, 0.10)  # error of the mass: a force is that share of body weight off
 # where only one foot is measured: a rigid trunk's acceleration is good to a few percent
 MASS_ONE_FOOT = (0.06, 0.15)
+MASS_CHECK = "mass from the forces"
 LEAST_S = 0.25  # shortest measured time that tells a mass or a lag (a choice)
 LAG_S = (0.015, 0.030)
 """One and two frames at 67 Hz (choices): 10 ms at 100 deg/s of hip are 1 degree or 7.5 % body
@@ -87,6 +88,11 @@ def covered(
     return known
 
 
+def untold_mass(mass_kg: float) -> Check:
+    """What is said of the subject's mass where no force tells it."""
+    return checked("mass_untold", MASS_CHECK, "doubtful", None, "kg", needed=True, mass_kg=mass_kg)
+
+
 def mass(
     time_s: np.ndarray,
     vertical_n: np.ndarray,
@@ -102,18 +108,17 @@ def mass(
     (n,) N on all `feet` with plates, (n,) vertical velocity of the body's centre of mass, (n,) bool
     from `covered`.
     """
-    name = "mass from the forces"
     rows = longest_run(known)
     duration = float(np.ptp(time_s[rows])) if len(rows) > 2 else 0.0
     if duration < LEAST_S:
-        return checked("mass_untold", name, "doubtful", None, "kg", needed=True, mass_kg=mass_kg)
+        return untold_mass(mass_kg)
     impulse = float(trapezoid(vertical_n[rows], time_s[rows]))
     felt_kg = impulse / (GRAVITY * duration + float(up_m_per_s[rows[-1]] - up_m_per_s[rows[0]]))
     error = felt_kg / mass_kg - 1.0
     limits = MASS if feet > 1 else MASS_ONE_FOOT
     return checked(
         "mass",
-        name,
+        MASS_CHECK,
         grade(error, *limits),
         felt_kg,
         "kg",

@@ -359,7 +359,8 @@ def _make_trial(
         recording.plates,
         "has no force plates, and no force file lies beside it",
         "--forces",
-        "Name the walk's force file (.mot, .sto, .csv or .forces)",
+        "Name the walk's force file (.mot, .sto, .csv or .forces). Where nobody measured forces, "
+        "write a manifest with `markers` and without `forces`",
         file=walk,
     )
     used = [

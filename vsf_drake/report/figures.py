@@ -22,7 +22,7 @@ from vsf_drake.device.bench_metrics import (
 )
 from vsf_drake.model.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.motion.formats.recording import PlateRecording
-from vsf_drake.motion.trial import UNUSABLE_RECORDING
+from vsf_drake.motion.trial import NO_PLATE, UNUSABLE_RECORDING
 from vsf_drake.report.style import (
     FULCRUM,
     HEEL_COLOUR,
@@ -38,6 +38,7 @@ from vsf_drake.report.style import (
     name_of,
     tag,
 )
+from vsf_drake.simulation.options import STARTS_LOADED
 from vsf_drake.simulation.results import (
     LARGEST_DRIFT_M,
     NUDGE_M,
@@ -203,9 +204,9 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
     label(axes, x=FULCRUM, y="stiffness (N/mm)", title=f"Stiffness above {STIFFNESS_ABOVE_N:g} N")
 
 
-def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -> Figure:
-    """A finished walk beside the plate under the prosthetic foot: forces, centre of pressure and
-    the load of each zone.
+def walk_figure(result: WalkResult, plate: PlateRecording | None, metrics: Agreement) -> Figure:
+    """A finished walk beside the plate under the prosthetic foot, if there is one: forces, centre
+    of pressure and the load of each zone.
 
     Forces are those that the metrics score (40 Hz, time-locked), `walk_metrics(result, plate)`.
     Stances that the simulated time cuts are shaded.
@@ -220,7 +221,7 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -
     state = "" if result.converged else f", {result.unconverged_steps} STEPS NOT CONVERGED"
     state += "".join(
         f", {word}"
-        for word in (UNFITTED, UNUSABLE_RECORDING)
+        for word in (UNFITTED, UNUSABLE_RECORDING, NO_PLATE, STARTS_LOADED)
         if any(note.startswith(word) for note in result.notes)
     )
     with drawing(WIDTH, 7.4) as figure:
@@ -232,7 +233,7 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -
             (panels[1, 1], "Lateral", 1, metrics.medio_lateral_rmse_bw),
         ):
             _shade(axes, comparison)
-            for force, look in ((measured, MEASURED), (model, SIMULATED)):
+            for force, look in ((measured, MEASURED), (model, SIMULATED))[plate is None :]:
                 shown = np.linalg.norm(force, axis=1) if column is None else force[:, column]
                 axes.plot(comparison.time_s, shown, color=colour, **look)
             label(axes, x="time (s)", y="force (BW)", title=name + _error(error, "BW"))
@@ -257,6 +258,8 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -
                 label="compared: stance ± 0.25 s",
             ),
         ]
+        if plate is None:
+            handles = handles[1:2]
         if not all(item.inside for item in comparison.stances):
             handles.append(
                 Patch(

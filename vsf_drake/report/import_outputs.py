@@ -16,6 +16,7 @@ from vsf_drake.base.files import write_text
 from vsf_drake.base.schema import dump_yaml, to_plain
 from vsf_drake.base.yaml_file import dump
 from vsf_drake.model.parameters import GRAVITY, PELVIS_TRANSLATIONS
+from vsf_drake.motion.events import USUAL_STANCE_S
 from vsf_drake.motion.formats.recording import SIDES
 from vsf_drake.motion.formats.tables import opensim_files
 from vsf_drake.motion.trial import Trial, load_trial, write_trial_files
@@ -194,7 +195,6 @@ _ANGLES = (
     ("knee_angle", "Knee flexion"),
 )
 _SWING_SHARE = 1.6
-_USUAL_STANCE_S = 0.7
 _TIME = "time (s)"
 
 
@@ -227,7 +227,7 @@ def angle_figure(item: Examined) -> Figure:
 
 def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
     whole = [s.duration_s for stances in item.stances.values() for s in stances if s.complete]
-    usual = float(np.mean(whole)) if whole else _USUAL_STANCE_S
+    usual = float(np.mean(whole)) if whole else USUAL_STANCE_S
     return [
         (s.start_s, s.duration_s)
         if s.complete

@@ -84,7 +84,7 @@ def write_walk(
     `fit` is the one that the offsets come from, `layers` what the fitted contact predicts beyond
     the walk; `opensim` adds walk_ik.mot and walk_grf.mot.
     """
-    plate = trial.prosthetic_plate
+    plate = trial.plate
     comparison = compare(result, plate)
     metrics = walk_metrics(result, plate, comparison=comparison)
     table = {

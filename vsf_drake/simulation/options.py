@@ -11,6 +11,16 @@ from vsf_drake.model.parameters import MID_FULCRUM_MM
 
 _PAPER = "McGeehan 2021"
 MAX_STEP_MS = 10.0  # a choice: the foam is stiff
+STARTS_LOADED = "STARTS LOADED"  # how the note of a walk begins that starts in mid-stance
+TRANSIENT_S = 0.2
+"""How long a walk that starts in mid-stance is not scored (a choice): its foot starts at rest,
+without the shear that it had, which comes back by creep over half a second."""
+TRANSIENT_BW = (0.21, 0.10, 0.02)
+"""How far its force is off at most (body weights): at first, at any instant after TRANSIENT_S, and
+the resultant's root mean square from then to lift-off. Measured on the eighteen walks of the
+synthetic reference subject, started at 5 to 95 % of stance, against the whole walks. (The shear of
+the pose pressed into the foam at rest, with friction, is nearer in the first fifth of stance and up
+to six times as far off later.)"""
 
 
 @dataclass(frozen=True, kw_only=True)

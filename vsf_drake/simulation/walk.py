@@ -26,6 +26,7 @@ from vsf_drake.model.model_file import (
     secant_stiffness,
 )
 from vsf_drake.model.parameters import GRAVITY, ModelParameters, Subject
+from vsf_drake.motion.events import STRUCK_N
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.plants.foot import set_mount
@@ -39,7 +40,13 @@ from vsf_drake.simulation.mechanism import (
     supported_over,
     tangents_of,
 )
-from vsf_drake.simulation.options import MAX_STEP_MS, StepOptions
+from vsf_drake.simulation.options import (
+    MAX_STEP_MS,
+    STARTS_LOADED,
+    TRANSIENT_BW,
+    TRANSIENT_S,
+    StepOptions,
+)
 from vsf_drake.simulation.results import ARRAYS, WalkResult
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
@@ -811,7 +818,10 @@ def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str
             "notes",
             peak_bw=None if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1] else peak,
             deep=_too_deep(walk, model),
-            start_n=vertical[0] if vertical[0] > reactions.LOADED_N else 0.0,
+            starts_loaded=STARTS_LOADED,
+            start_n=vertical[0] if vertical[0] > STRUCK_N else 0.0,
+            transient_s=TRANSIENT_S,
+            transient_bw=TRANSIENT_BW,
             spheres=walk_k if abs(walk_k / bench_k - 1) > FOAM_AGREEMENT else 0.0,
             foam=bench_k,
             rest_speed=walk.rest_speed if walk.rest_speed > AT_REST else 0.0,

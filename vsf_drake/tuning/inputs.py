@@ -11,14 +11,14 @@ from pathlib import Path
 from vsf_drake.base.errors import require
 from vsf_drake.base.progress import Progress
 from vsf_drake.model.contact_file import load_contact
-from vsf_drake.motion.fitted_trial import trial_with, under_law
-from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.motion.fitted_trial import under_law
+from vsf_drake.motion.trial import NO_PLATE, Trial, load_trial
 from vsf_drake.recording import MARKS
 from vsf_drake.tuning.common import digests
 from vsf_drake.walks.embedded import SETTINGS, embedded_contact, embedded_trials
 from vsf_drake.walks.metrics import unfitted_note
 from vsf_drake.walks.offsets import fit_offsets
-from vsf_drake.walks.recorded_walk import check_named_once, labels_of
+from vsf_drake.walks.recorded_walk import check_named_once, labels_of, with_contact
 
 _TYPICAL_EVALUATIONS = 25.0
 
@@ -79,12 +79,16 @@ def load_tuning_trials(
         for trial, label in zip(trials, labels, strict=True)
         if trial.judged and trial.judged.mark != MARKS[0]
     ]
+    marks += [
+        f"{label}: {note}"
+        for trial, label in zip(trials, labels, strict=True)
+        for note in trial.notes
+        if note.startswith(NO_PLATE)
+    ]
     if contact is not None:
         fitted = load_contact(contact)
-        with_contact = (trial_with(trial, fitted, file=contact) for trial in trials)
-        return TuningTrials(
-            tuple(under_law(trial, law) for trial in with_contact), labels, tuple(marks)
-        )
+        walked = (with_contact(trial, fitted, file=contact) for trial in trials)
+        return TuningTrials(tuple(under_law(trial, law) for trial in walked), labels, tuple(marks))
     trials = tuple(under_law(trial, law) for trial in trials)
     fitted_trials = []
     notes = [unfitted_note(trials[0], offsets_fitted=True), *marks]

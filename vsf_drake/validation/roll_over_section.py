@@ -301,11 +301,11 @@ def walked_shapes(walk: StudyWalk) -> tuple[list[tuple[Footfall, Curves]], list[
     """Every footfall that is recorded and simulated as a whole with its curves, "model" and
     "measured", (101, 2) over the measured stance and NaN outside the shape; and sentences on what
     is not there."""
-    plate = walk.recorded.prosthetic_plate
     result = walk.result
     whole = [item for item in walk.comparison.stances if item.inside]
     if not whole:
         return [], say("roll_over", "no_shape", label=walk.label)
+    plate = walk.recorded.prosthetic_plate
     shank, heel, leg = _shank(walk)
     landing = PERCENT < HEEL_PERCENT
     shapes = []

@@ -80,6 +80,8 @@ _SECTIONS = {  # what a page needs first comes first
 }
 EXACT = {f"{name}_exact": _SECTIONS[name] for name in ("layers", "walking")}
 """Sections of a second study: the same walks without errors of measurement."""
+COMPARED = ("walking", "layers")
+"""Sections of the walks that have a plate."""
 LONG = {"settings": SettingsTable, "sensitivity": SensitivityTable}
 """Sections that come with the package, with the record that each holds."""
 NAMES = (*_SECTIONS, *EXACT, *LONG)
@@ -129,8 +131,13 @@ def run_sections(
     stored = {
         name: one for name, table in LONG.items() if shipped and (one := shipped.read(name, table))
     }
-    # no plate taught it any layers
-    plan = [(name, part, study) for name, part in _SECTIONS.items() if taught or name != "layers"]
+    compared = study.compared
+    plan = [
+        (name, part, compared if name in COMPARED else study)
+        for name, part in _SECTIONS.items()
+        # no plate taught it any layers, or there is none
+        if (taught or name != "layers") and (compared.walks or name not in COMPARED)
+    ]
     if exact is not None:
         plan += [(name, part, exact) for name, part in EXACT.items()]
     total = sum(part.about_s for _, part, _ in plan)
@@ -345,7 +352,7 @@ def validation_content(
                 "validation",
                 "verdict",
                 found=found,
-                to_come="walking" not in finished,
+                to_come="walking" not in finished and bool(study.compared.walks),
                 summary=summary,
             )
         ),

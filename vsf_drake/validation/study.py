@@ -18,7 +18,7 @@ from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.model.bench_curves import BenchCurves, load_bench_curves
 from vsf_drake.model.contact_file import FittedContact, load_contact
 from vsf_drake.model.parameters import ModelParameters
-from vsf_drake.motion.fitted_trial import fingerprint, trial_with
+from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.validation.options import StudyOptions
@@ -26,11 +26,12 @@ from vsf_drake.walks.comparison import Comparison, compare
 from vsf_drake.walks.metrics import WalkMetrics, known_curves, walk_metrics, warnings
 from vsf_drake.walks.numbers import by_fulcrum
 from vsf_drake.walks.offsets import OffsetFit
-from vsf_drake.walks.recorded_walk import check_named_once, labels_of, walk_trial
+from vsf_drake.walks.recorded_walk import check_named_once, labels_of, walk_trial, with_contact
 
 FITTED, HELD_OUT, OFFSETS_FITTED = "fitted", "held out", "offsets fitted"
 """What a walk's agreement with its plate is worth: the fit has seen it, has not, or its offsets
 were fitted to it."""
+PLATELESS = "no plate"  # in place of these where no force was measured
 Table_co = TypeVar("Table_co", covariant=True)
 
 
@@ -39,7 +40,7 @@ class StudyWalk:
     """One trial of the study: what was recorded, and what was simulated."""
 
     label: str  # its name, unlike that of any other walk of the study
-    role: str  # FITTED, HELD_OUT or OFFSETS_FITTED
+    role: str  # FITTED, HELD_OUT, OFFSETS_FITTED or PLATELESS
     recorded: Trial  # as it was read
     trial: Trial  # as it was walked: with the fitted contact, or with fitted offsets
     result: WalkResult
@@ -78,6 +79,12 @@ class Study:
     def conditions(self) -> dict[float, list[StudyWalk]]:
         """Walks by fulcrum position (mm), softest first."""
         return by_fulcrum(self.walks)
+
+    @property
+    def compared(self) -> Study:
+        """The same with the walks alone that have a plate, of which there may be none."""
+        walks = tuple(walk for walk in self.walks if walk.role != PLATELESS)
+        return dataclasses.replace(self, walks=walks)
 
     @property
     def shown(self) -> StudyWalk:
@@ -155,7 +162,7 @@ def make_study(
     read: list[tuple[Trial, Trial]] = []
     for recorded in judge(every) if every else ():
         with apart(recorded.path.stem):
-            trial = recorded if fitted is None else trial_with(recorded, fitted, file=contact)
+            trial = recorded if fitted is None else with_contact(recorded, fitted, file=contact)
             read.append((recorded, trial))
     walked: list[_Walked] = []
     labels = labels_of([recorded for recorded, _ in read])
@@ -212,12 +219,17 @@ def _study_walk(i: int, walked: Sequence[_Walked], fitted: FittedContact | None)
     prints = set() if fitted is None else {trial.fingerprint for trial in fitted.trials}
     seen = [fingerprint(one.recorded) in prints for one in walked]
     others = [one.recorded for j, one in enumerate(walked) if j != i and (seen[j] or not any(seen))]
-    plate = recorded.prosthetic_plate
+    plate = recorded.plate
     comparison = compare(result, plate)
     metrics = walk_metrics(result, plate, comparison=comparison, others=known_curves(others))
+    role = FITTED if seen[i] else HELD_OUT
+    if plate is None:
+        role = PLATELESS
+    elif fitted is None:
+        role = OFFSETS_FITTED
     return StudyWalk(
         label=label,
-        role=OFFSETS_FITTED if fitted is None else FITTED if seen[i] else HELD_OUT,
+        role=role,
         recorded=recorded,
         trial=trial if fit is None else dataclasses.replace(trial, offsets=fit.offsets),
         result=result,

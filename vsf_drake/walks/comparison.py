@@ -14,9 +14,18 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.motion.events import Stance, common, find_stances, known_stances, runs
+from vsf_drake.motion.events import (
+    LIFTED_N,
+    STRUCK_N,
+    Stance,
+    common,
+    find_stances,
+    known_stances,
+    runs,
+)
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import low_pass
+from vsf_drake.simulation.options import TRANSIENT_S
 
 FORCE_CUTOFF_HZ = 40.0
 COP_CUTOFF_HZ = 6.0
@@ -52,7 +61,8 @@ class StanceComparison:
     model: Stance | None  # the model's stance that overlaps it most, if any
     inside: bool  # the measured stance lies inside the simulated time as a whole
     span: tuple[float, float]
-    """start and end (s) of stance ± MARGIN_S, clipped to the compared time"""
+    """start and end (s) of stance ± MARGIN_S, clipped to the compared time, and of a stance in
+    which the walk starts to what is later than TRANSIENT_S"""
     measured_cop: np.ndarray  # of the whole stance; NaN where the plate is not loaded
     model_cop: np.ndarray  # NaN where it cannot be compared
 
@@ -76,40 +86,64 @@ class StanceComparison:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Model and plate on the model's instants."""
+    """Model and plate on the model's instants. Without a plate what is measured is NaN, nothing is
+    scored, and `stances` are none."""
 
     time_s: np.ndarray  # (n,) evenly spaced, where both exist
     step_s: float
     model: np.ndarray  # (n, 3) N, low-passed: fore-aft, lateral (left), vertical
     measured: np.ndarray  # likewise
-    scored: np.ndarray  # (n,) bool: the instant lies in a measured stance ± MARGIN_S
+    scored: np.ndarray  # (n,) bool: the instant lies in a `span` of `stances`
     stances: tuple[StanceComparison, ...]  # that overlap `time_s`, in order
-    extra_model_stances: int  # that overlap no measured one
+    model_stances: tuple[Stance, ...]  # of the model, but for those in unknown force
+    extra_model_stances: int | None  # of them that overlap no measured one; None without a plate
     heading: np.ndarray  # (2,) unit vector of progression in W
+
+    @property
+    def plateless(self) -> bool:
+        """Whether no force was measured."""
+        return self.extra_model_stances is None
+
+    @property
+    def laid_on(self) -> list[Stance]:
+        """The model's `whole` stances, on which curves over a stance are laid: those on the plate
+        where there is one."""
+        on_plate = {item.model for item in self.stances}
+        return [
+            stance
+            for stance in self.model_stances
+            if stance.whole and (self.plateless or stance in on_plate)
+        ]
 
     def within(self, start_s: float, end_s: float) -> np.ndarray:
         """(n,) whether the instant lies in [start_s, end_s]."""
         return _within(self.time_s, start_s, end_s)
 
     def measured_rows(self) -> list[np.ndarray]:
-        """For each measured stance, (n,) whether the instant lies in it."""
-        return [self.within(item.measured.start_s, item.measured.end_s) for item in self.stances]
+        """For each measured stance, (n,) whether the instant lies in it, after a start in it as
+        far as it is scored."""
+        return [
+            self.within(max(item.measured.start_s, item.span[0]), item.measured.end_s)
+            for item in self.stances
+        ]
 
 
-def compare(result: ComparableWalk, plate: PlateRecording) -> Comparison:
-    """Brings a finished walk and the record of the plate under the prosthetic foot together.
+def compare(result: ComparableWalk, plate: PlateRecording | None) -> Comparison:
+    """Brings a finished walk and the record of the plate under the prosthetic foot together; None
+    where there is no plate.
 
     Forces: the plate is resampled to the model's instants (and beyond the simulated time where it
     has data, so that its filter has no edge there), then both are low-passed, zero-phase
     (Butterworth, 4th order, FORCE_CUTOFF_HZ). Centre of pressure: low-passed at COP_CUTOFF_HZ
     inside each interval with more than THRESHOLD_N only, never across a gap. Stances are scored
-    with MARGIN_S before and after, but for the spans in which the plate's force is unknown and the
-    stances that these touch. InputError if the two have no time in common.
+    with MARGIN_S before and after, but for the spans in which the plate's force is unknown, the
+    stances that these touch, and TRANSIENT_S of a stance in which the walk starts. InputError if
+    the two have no time in common.
     """
     return compare_all([result], plate)[0]
 
 
-def compare_all(walks: Sequence[ComparableWalk], plate: PlateRecording) -> list[Comparison]:
+def compare_all(walks: Sequence[ComparableWalk], plate: PlateRecording | None) -> list[Comparison]:
     """`compare` of each of some walks on the same instants: what filters them takes all at once,
     and the plate is filtered once. ValueError if they do not share their instants."""
     time_s = walks[0].time_s
@@ -117,7 +151,8 @@ def compare_all(walks: Sequence[ComparableWalk], plate: PlateRecording) -> list[
         raise ValueError("walks that are compared together must have the same instants")
     grid = uniform_grid(time_s)
     step = float(grid[1] - grid[0])
-    real = _measured(plate, float(grid[0]), step, len(grid))
+    real = _unmeasured(grid) if plate is None else _measured(plate, float(grid[0]), step, len(grid))
+    unknown_s = () if plate is None else plate.unknown_s
 
     # the model's forces in W on even instants (n, 3, walks), as they are and filtered
     raw = resample(grid, time_s, np.stack([walk.grf_W for walk in walks], axis=2))
@@ -144,7 +179,7 @@ def compare_all(walks: Sequence[ComparableWalk], plate: PlateRecording) -> list[
         model_stances = [
             stance
             for stance in find_stances(grid, raw[:, 2, w], threshold_n=THRESHOLD_N)
-            if not any(common((stance.start_s, stance.end_s), span) for span in plate.unknown_s)
+            if not any(common((stance.start_s, stance.end_s), span) for span in unknown_s)
             or partner(stance, real.known)
         ]
         stances = []
@@ -169,10 +204,11 @@ def compare_all(walks: Sequence[ComparableWalk], plate: PlateRecording) -> list[
                 measured=measured.setdefault(heading.tobytes(), real.force_W @ axes.T),
                 scored=real.scored,
                 stances=tuple(stances),
+                model_stances=tuple(model_stances),
                 heading=heading,
-                extra_model_stances=sum(
-                    partner(stance, real.known) is None for stance in model_stances
-                ),
+                extra_model_stances=None
+                if plate is None
+                else sum(partner(stance, real.known) is None for stance in model_stances),
             )
         )
     return comparisons
@@ -198,6 +234,19 @@ class _Measured(NamedTuple):
     scored: np.ndarray  # (n,) see `Comparison`
 
 
+def _unmeasured(time_s: np.ndarray) -> _Measured:
+    """No plate."""
+    everywhere = np.ones(len(time_s), dtype=bool)
+    return _Measured(
+        seen=everywhere,
+        time_s=time_s,
+        force_W=np.full((len(time_s), 3), np.nan),
+        known=[],
+        stances=[],
+        scored=~everywhere,
+    )
+
+
 @lru_cache(maxsize=64)
 def _measured(plate: PlateRecording, start_s: float, step: float, count: int) -> _Measured:
     """The plate on `count` even instants, as arrays that nobody may change: they are kept for all
@@ -210,14 +259,21 @@ def _measured(plate: PlateRecording, start_s: float, step: float, count: int) ->
             f"overlap the simulation, {grid[0]:g} to {grid[-1]:g} s"
         )
     time = grid[seen]
+    begins_s = start_s - step  # the grid has the ends of the walk's steps
+    load_n = np.interp([begins_s, time[-1]], plate.time_s, plate.force_W[:, 2])
+    starts_loaded, ends_loaded = load_n > [STRUCK_N, LIFTED_N]
     known = known_stances(plate)
     stances = []
     for stance in (s for s in known if s.end_s > time[0] and s.start_s < time[-1]):
+        begun = bool(stance.start_s <= time[0] and starts_loaded)
+        first_s = float(max(time[0], begins_s + TRANSIENT_S)) if begun else float(time[0])
+        if first_s >= stance.end_s:
+            continue
         instants = percent_instants(stance)
         cop = filtered_while_loaded(
             plate.cop_W[:, :2], plate.time_s, plate.force_W[:, 2], plate.cop_W, instants
         )
-        beyond = (instants < time[0] - 1e-9) | (instants > time[-1] + 1e-9)
+        beyond = (instants < first_s - 1e-9) | (instants > time[-1] + 1e-9)
         stances.append(
             _MeasuredStance(
                 stance=stance,
@@ -225,10 +281,10 @@ def _measured(plate: PlateRecording, start_s: float, step: float, count: int) ->
                 cop_W=cop,
                 beyond=beyond | np.isnan(cop).any(axis=1),
                 inside=bool(
-                    stance.complete and stance.start_s >= time[0] and stance.end_s <= time[-1]
+                    stance.whole and not begun and (stance.end_s <= time[-1] or not ends_loaded)
                 ),
                 span=(
-                    max(stance.start_s - MARGIN_S, float(time[0])),
+                    max(stance.start_s - MARGIN_S, first_s),
                     min(stance.end_s + MARGIN_S, float(time[-1])),
                 ),
             )

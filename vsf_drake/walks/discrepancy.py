@@ -50,9 +50,9 @@ LEAST_SETTINGS = 3
 
 
 def over_stances(comparison: Comparison, curve: np.ndarray) -> np.ndarray:
-    """(n, 3) a curve (101, 3) laid over each of the model's stances; zero elsewhere."""
+    """(n, 3) a curve (101, 3) laid over each of `laid_on`; zero elsewhere."""
     laid = np.zeros_like(comparison.model)
-    for stance in {item.model for item in comparison.stances if item.model is not None}:
+    for stance in comparison.laid_on:
         rows = comparison.within(stance.start_s, stance.end_s)
         share = 100.0 * (comparison.time_s[rows] - stance.start_s) / stance.duration_s
         laid[rows] = np.column_stack([np.interp(share, PERCENT, column) for column in curve.T])
@@ -60,17 +60,13 @@ def over_stances(comparison: Comparison, curve: np.ndarray) -> np.ndarray:
 
 
 def over_percent(comparison: Comparison, values: np.ndarray) -> np.ndarray | None:
-    """(101, 3) of values (n, 3) over the model's stance, mean of those that were seen as a whole;
-    None without."""
+    """(101, 3) of values (n, 3) over the model's stance, mean of those of `laid_on`; None
+    without."""
     curves = [
         np.column_stack(
-            [
-                np.interp(percent_instants(item.model), comparison.time_s, column)
-                for column in values.T
-            ]
+            [np.interp(percent_instants(stance), comparison.time_s, column) for column in values.T]
         )
-        for item in comparison.stances
-        if item.inside and item.model is not None and item.model.complete
+        for stance in comparison.laid_on
     ]
     return np.asarray(np.mean(curves, axis=0)) if curves else None
 

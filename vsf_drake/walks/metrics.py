@@ -5,8 +5,9 @@ Definitions (McGeehan 2021 where it states one, doi 10.1115/1.4050456):
 - BW is the subject's mass times 9.81 m/s²; FL is the length of the model's prosthetic foot, for
   both directions of the centre of pressure (it is the recorded foot's where `import
   --scale-prosthesis` made it so).
-- Forces are compared over every measured stance ± 0.25 s, clipped to the simulated time,
-  time-locked, both low-passed at 40 Hz. The resultant is the Euclidean norm of the filtered force.
+- Forces are compared over every measured stance ± 0.25 s, clipped to the simulated time and, of a
+  stance in which this starts, to what is later than 0.2 s, time-locked, both low-passed at 40 Hz.
+  The resultant is the Euclidean norm of the filtered force.
 - Impulse: the integral of the resultant from the start of the measured stance, or of the simulated
   time, on.
 - Centre of pressure: both low-passed at 6 Hz, at 101 points of the measured stance, where both
@@ -30,7 +31,7 @@ import numpy as np
 from vsf_drake.base.errors import require
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import GRAVITY
-from vsf_drake.motion.events import find_scuffs, known_stances, runs
+from vsf_drake.motion.events import Stance, find_scuffs, known_stances, runs
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
@@ -69,13 +70,14 @@ class Peaks:
 
 @dataclass(frozen=True, kw_only=True)
 class StanceMetrics:
-    """One measured stance; times in s on the recording's clock."""
+    """One measured stance; times in s on the recording's clock. Without a plate one of the model,
+    and nothing measured."""
 
-    measured_start_s: float
-    measured_end_s: float
+    measured_start_s: float | None
+    measured_end_s: float | None
     model_start_s: float | None
     model_end_s: float | None
-    complete: bool  # the measured stance lies inside the simulated time as a whole
+    complete: bool  # the stance lies inside the simulated time as a whole
     model_peaks_bw: Peaks
     measured_peaks_bw: Peaks
 
@@ -102,7 +104,7 @@ class Agreement(Judged):
     heel_strike_error_s: float | None
     toe_off_error_s: float | None
     stances: tuple[StanceMetrics, ...]
-    extra_model_stances: int
+    extra_model_stances: int | None
     scored_window_s: tuple[tuple[float, float], ...]
     coverage: float | None
     heading_deg: float
@@ -153,7 +155,7 @@ class WalkMetrics(NullErrors, Agreement):
 
 def walk_metrics(
     result: WalkResult,
-    plate: PlateRecording,
+    plate: PlateRecording | None,
     *,
     others: Sequence[KnownCurve] = (),
     comparison: Comparison | None = None,
@@ -161,7 +163,8 @@ def walk_metrics(
     """The numbers of `metrics.json` (definitions above).
 
     Args:
-        plate: under the prosthetic foot.
+        plate: under the prosthetic foot; None where no force was measured (`Trial.plate`): errors
+            are None.
         others: measured curves of *other* trials (`known_curves`), of which the null model is made.
         comparison: `compare(result, plate)`, where it was made before.
 
@@ -169,10 +172,10 @@ def walk_metrics(
         InputError: what is given is something else.
     """
     require(
-        hasattr(result, "grf_W") and isinstance(plate, PlateRecording),
+        hasattr(result, "grf_W") and isinstance(plate, PlateRecording | None),
         f"takes no {type(result).__name__} with a {type(plate).__name__}",
         "walk_metrics",
-        "Give it what simulate_trial returned, and the trial's prosthetic_plate",
+        "Give it what simulate_trial returned, and the trial's plate",
     )
     c = compare(result, plate) if comparison is None else comparison
     weight = result.subject_mass_kg * GRAVITY
@@ -195,7 +198,7 @@ def walk_metrics(
 
 
 def agreement(
-    c: Comparison, plate: PlateRecording, *, body_weight_n: float, foot_length_m: float
+    c: Comparison, plate: PlateRecording | None, *, body_weight_n: float, foot_length_m: float
 ) -> Agreement:
     """The numbers that a comparison with `plate` gives by itself."""
     return agreements([c], plate, body_weight_n=body_weight_n, foot_length_m=foot_length_m)[0]
@@ -203,7 +206,7 @@ def agreement(
 
 def agreements(
     comparisons: Sequence[Comparison],
-    plate: PlateRecording,
+    plate: PlateRecording | None,
     *,
     body_weight_n: float,
     foot_length_m: float,
@@ -252,7 +255,7 @@ def agreements(
         "vertical_rmse_bw": axes_rmse[2],
         "fore_aft_rmse_bw": axes_rmse[0],
         "medio_lateral_rmse_bw": axes_rmse[1]
-        if np.any(plate.force_W[:, 1])
+        if plate is not None and np.any(plate.force_W[:, 1])
         else np.full(len(model), np.nan),
         "impulse_rmse_bws": row_rmse(impulses[0] - impulses[1]),
         "impulse_r2": row_r_squared(*impulses),
@@ -262,10 +265,12 @@ def agreements(
             of_model[:, :, 0], of_plate[:, :, 0], groups=footprint, counted=seen
         ),
     }
-    peaks = [_peaks(c, force) for force in (model, measured)]
+    peaks = [_peaks(c, [item.measured for item in c.stances], force) for force in (model, measured)]
     whole = [i for i, item in enumerate(c.stances) if item.inside]
     margins_s = sum(item.measured.duration_s + 2 * MARGIN_S for item in c.stances)
-    of_plate_s = mean(c.stances[i].measured.duration_s for i in whole)
+    of_plate_s = mean(
+        c.stances[i].measured.duration_s for i in whole if c.stances[i].measured.complete
+    )
     windows = tuple(
         (float(c.time_s[start]), float(c.time_s[stop - 1])) for start, stop in runs(c.scored)
     )
@@ -275,7 +280,7 @@ def agreements(
     found = []
     for w, each in enumerate(comparisons):
         m = 0 if shared else w
-        own = [each.stances[i].model for i in whole]
+        own = [each.stances[i].model for i in whole] if plate else each.laid_on
         found.append(
             Agreement(
                 **{name: _known(values[w]) for name, values in numbers.items()},
@@ -287,7 +292,9 @@ def agreements(
                 stance_model_s=mean(one.duration_s for one in own if one and one.complete),
                 heel_strike_error_s=mean(item.strike_error_s for item in each.stances),
                 toe_off_error_s=mean(item.lift_off_error_s for item in each.stances),
-                stances=tuple(
+                stances=_predicted_stances(each, model[w : w + 1])
+                if plate is None
+                else tuple(
                     _stance(item, peaks[0][i][w], peaks[1][i][m])
                     for i, item in enumerate(each.stances)
                 ),
@@ -314,10 +321,12 @@ def stance_curve(plate: PlateRecording, *, subject_mass_kg: float) -> np.ndarray
 
 
 def known_curves(trials: Sequence[Trial]) -> list[KnownCurve]:
-    """The measured curves of trials; of those without a complete stance there is none."""
+    """The measured curves of trials; of those without a plate or a complete stance there is
+    none."""
     curves = [
-        (trial, stance_curve(trial.prosthetic_plate, subject_mass_kg=trial.subject.mass_kg))
+        (trial, stance_curve(trial.plate, subject_mass_kg=trial.subject.mass_kg))
         for trial in trials
+        if trial.plate is not None
     ]
     return [KnownCurve(trial.fulcrum_m, curve) for trial, curve in curves if curve is not None]
 
@@ -335,11 +344,11 @@ def _angle_rmse_deg(result: WalkResult) -> float | None:
     return float(np.degrees(rmse(followed, result.prescribed_q[:, [i for i, _ in rotations]])))
 
 
-def _peaks(c: Comparison, force: np.ndarray) -> list[list[Peaks]]:
+def _peaks(c: Comparison, stances: Iterable[Stance], force: np.ndarray) -> list[list[Peaks]]:
     """Of each stance the peaks in each of the forces (w, n, 3), in BW."""
     found = []
-    for item in c.stances:
-        start, middle, end = np.linspace(item.measured.start_s, item.measured.end_s, 3)
+    for stance in stances:
+        start, middle, end = np.linspace(stance.start_s, stance.end_s, 3)
         vertical = force[:, :, 2]
         along = force[:, c.within(start, end), 0]
         found.append(
@@ -371,6 +380,25 @@ def _stance(item: StanceComparison, model: Peaks, measured: Peaks) -> StanceMetr
         complete=item.inside,
         model_peaks_bw=model,
         measured_peaks_bw=measured,
+    )
+
+
+def _predicted_stances(c: Comparison, force: np.ndarray) -> tuple[StanceMetrics, ...]:
+    """Those of the model (1, n, 3) BW, where nothing was measured."""
+    nothing = Peaks(
+        vertical_first_half=None, vertical_second_half=None, braking=None, propulsion=None
+    )
+    return tuple(
+        StanceMetrics(
+            measured_start_s=None,
+            measured_end_s=None,
+            model_start_s=stance.start_s if stance.start_seen else None,
+            model_end_s=stance.end_s if stance.end_seen else None,
+            complete=stance.whole,
+            model_peaks_bw=peaks,
+            measured_peaks_bw=nothing,
+        )
+        for stance, [peaks] in zip(c.model_stances, _peaks(c, c.model_stances, force), strict=True)
     )
 
 
@@ -406,7 +434,7 @@ def unfitted_note(trial: Trial, *, offsets_fitted: bool) -> str:
     [note] = say(
         "unfitted",
         begins=UNFITTED,
-        trial=shlex.quote(str(trial.path)),
+        trial=shlex.quote(str(trial.path)) if trial.plate else "TRIAL_WITH_FORCES.yaml",
         offsets_fitted=offsets_fitted,
         worth_bw=UNFITTED_BW,
         offsets_bw=OFFSETS_BW,

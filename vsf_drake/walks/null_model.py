@@ -22,9 +22,9 @@ from vsf_drake.walks.comparison import Comparison, rmse
 from vsf_drake.walks.discrepancy import between_settings, settings_of
 from vsf_drake.walks.quantities import Judged, known
 
-ALONE, CUT = "alone", "cut"
+ALONE, CUT, PLATELESS = "alone", "cut", "plateless"
 """Why a null model's error is not known: there is no curve of another walk; no stance was seen from
-strike to lift-off. Words for them: wording/no_null.txt.j2."""
+strike to lift-off; no force was measured. Words for them: wording/no_null.txt.j2."""
 
 
 class KnownCurve(NamedTuple):
@@ -42,7 +42,7 @@ class NullErrors(Judged):
 
     null_model_grf_rmse_bw: float | None
     stretched_null_grf_rmse_bw: float | None
-    null_model_unknown: str  # "", ALONE or CUT
+    null_model_unknown: str  # "", ALONE, CUT or PLATELESS
 
 
 def null_errors(
@@ -55,9 +55,11 @@ def null_errors(
 ) -> NullErrors:
     """Of the walk of `c` at a fulcrum position; `predicted`: the curves are stretched to the
     stances of the model."""
-    if not curves:
+    if c.plateless or not curves:
         return NullErrors(
-            null_model_grf_rmse_bw=None, stretched_null_grf_rmse_bw=None, null_model_unknown=ALONE
+            null_model_grf_rmse_bw=None,
+            stretched_null_grf_rmse_bw=None,
+            null_model_unknown=PLATELESS if c.plateless else ALONE,
         )
     positions = np.array([curve.fulcrum_m for curve in curves])
     resultants = np.array([curve.resultant_bw for curve in curves])
@@ -94,8 +96,8 @@ def _stretched_error(
         start = stance.start_s
         rows = c.within(start, stance.end_s)
         stretched = np.interp(100.0 * (c.time_s[rows] - start) / stance.duration_s, percent, curve)
-        null[rows] = stretched if stance.complete else np.nan
-        whole = whole or stance.complete
+        null[rows] = stretched if stance.whole else np.nan
+        whole = whole or stance.whole
     rows = c.scored & np.isfinite(null)
     if not whole or not rows.any():
         return None

@@ -38,6 +38,7 @@ from vsf_drake.walks.momentum import (
 )
 from vsf_drake.walks.null_model import KnownCurve, NullErrors, null_errors
 from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, mean
+from vsf_drake.walks.recorded_walk import with_contact
 
 PHYSICS, MOMENTUM, DISCREPANCY = LAYERS = ("physics", "momentum", "discrepancy")
 
@@ -195,17 +196,15 @@ def layers_in(contact: FittedContact) -> tuple[str, ...]:
 def layers_of(
     trial: Trial, label: str, contact: FittedContact, *, walker: Walker, step_s: float
 ) -> TrialLayers:
-    """A recorded trial in layers, beside its plate and the null model; raises what `predict`
-    does."""
+    """A recorded trial in layers, beside its plate, if it has one, and the null model; raises what
+    `predict` and `with_contact` do."""
     own = fingerprint(trial)
     weight = trial.subject.mass_kg * GRAVITY
     learned_of = contact.discrepancy
-    walk = predict(trial_with(trial, contact), contact, walker=walker, step_s=step_s)
+    walk = predict(with_contact(trial, contact), contact, walker=walker, step_s=step_s)
     scores = {layer: dict.fromkeys(SCORES) for layer in LAYERS}
     for layer in layers_in(contact):
-        found = walk_metrics(
-            walk.results[layer], trial.prosthetic_plate, comparison=walk.comparisons[layer]
-        )
+        found = walk_metrics(walk.results[layer], trial.plate, comparison=walk.comparisons[layer])
         scores[layer] = {name: getattr(found, name) for name in SCORES}
     others = [
         KnownCurve(curve.fulcrum_m, np.array(curve.measured_bw))
@@ -282,4 +281,4 @@ def _compared(
 ) -> tuple[Comparison, WalkResult]:
     walk = walker.walk_trial(trial, values=values, step_s=step_s)
     result = walker.result(walk, trial, trial.offsets, energy=False)
-    return compare(result, trial.prosthetic_plate), result
+    return compare(result, trial.plate), result

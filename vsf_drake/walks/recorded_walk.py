@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.progress import Progress
+from vsf_drake.base.sentences import say
+from vsf_drake.model.contact_file import FittedContact
 from vsf_drake.model.parameters import FootParameters
+from vsf_drake.motion.events import USUAL_STANCE_S, find_stances
+from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
 from vsf_drake.walks.offsets import OffsetFit, fit_offsets
 
 STEP_S = 2e-3  # the step of walks that are walked often
+ONE_END_BW = (0.20, 0.08)
+"""How far the force of a walk is off at most (body weights) that starts in mid-stance and whose
+angles are laid out from lift-off alone, from TRANSIENT_S to lift-off: at any instant, and root mean
+square. Measured as `simulation.options.TRANSIENT_BW`, on the held-out walks."""
 _TYPICAL_EVALUATIONS = 25
 
 
@@ -40,6 +49,26 @@ def check_named_once(manifests: Sequence[str | Path]) -> None:
     for i, file in enumerate(files):
         if file in files[:i]:
             raise InputError("is named twice", file=manifests[i], right="Name every trial once")
+
+
+def with_contact(trial: Trial, contact: FittedContact, *, file: str | Path | None = None) -> Trial:
+    """`trial_with`. Without a plate, curves over the gait cycle are laid on the stances of the walk
+    that the contact makes without them, and a note says so.
+
+    Raises what `trial_with` and `Walker.walk` do."""
+    if trial.plate is not None or not contact.curves:
+        return trial_with(trial, contact, file=file)
+    physics = trial_with(trial, replace(contact, curves=()))
+    walk = Walker(physics.subject, physics.model).walk_trial(physics, step_s=STEP_S)
+    stances = find_stances(walk.time_s, walk.grf_W[:, 2])
+    laid = trial_with(trial, contact, file=file, stances=stances)
+    return replace(
+        laid,
+        notes=(
+            *laid.notes,
+            *say("trial", "laid", stances=stances, lasts_s=USUAL_STANCE_S, off_bw=ONE_END_BW),
+        ),
+    )
 
 
 def walk_trial(

@@ -116,7 +116,7 @@ def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
         own.mkdir(parents=True)
         save_walk(walk.result, own)
         save_figure(
-            walk_figure(walk.result, walk.recorded.prosthetic_plate, walk.metrics),
+            walk_figure(walk.result, walk.recorded.plate, walk.metrics),
             own / "walk",
             svg=False,
         )
@@ -133,7 +133,7 @@ def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
     write_replay(
         shown.result,
         folder / REPLAY,
-        plate=shown.recorded.prosthetic_plate,
+        plate=shown.recorded.plate,
         intact_plate=shown.recorded.intact_plate,
     )
     table["replay"] = shown.label
