@@ -352,6 +352,15 @@ def phases_of_stance(found: dict[str, Any]) -> Iterator[str]:
         "in loading the person's own curve is {}, {} and {} % of body weight off on A, B and C, in "
         "single support {}, {} and {}, in push-off {}, {} and {}".format(*loading, *single, *push)
     )
+    (second,) = (
+        row
+        for row in found["cases"]["a_day_2"]["phases"]
+        if (row["phase"], row["component"]) == ("loading", "resultant")
+    )
+    yield (
+        f"in loading {100.0 * second['person_bw']:.0f} %, the null model with measured times "
+        f"{percent(second['null_bw'])}"
+    )
     nulls = (told[phase, "null_bw"] for phase in ("loading", "single support", "push-off"))
     yield "null model with measured times: " + "; ".join(", ".join(null) for null in nulls)
 
