@@ -27,7 +27,7 @@ from vsf_drake.walks.metrics import known_curves, unfitted_note, walk_metrics
 from vsf_drake.walks.null_model import PLATELESS
 from vsf_drake.walks.offsets import fit_offsets
 from vsf_drake.walks.plate_score import plate_scorer
-from vsf_drake.walks.prediction import LAYERS, layers_of, predict
+from vsf_drake.walks.prediction import LAYERS, compared, layers_of, predict
 from vsf_drake.walks.recorded_walk import ONE_END_BW, with_contact
 
 STEP_S = 2e-3
@@ -66,12 +66,15 @@ def test_a_walk_without_its_plate_is_the_same_to_the_bit_in_every_layer(recorded
     )
     assert with_plate.correction.believed
     assert replace(without.correction, wall_s=0.0) == replace(with_plate.correction, wall_s=0.0)
-    for layer in LAYERS:
-        ours = without.comparisons[layer]
-        np.testing.assert_array_equal(ours.model, with_plate.comparisons[layer].model)
-        np.testing.assert_array_equal(without.results[layer].q, with_plate.results[layer].q)
-        assert ours.laid_on == with_plate.comparisons[layer].laid_on
-    np.testing.assert_array_equal(without.added_bw, with_plate.added_bw)
+    for layer, result in with_plate.results.items():
+        np.testing.assert_array_equal(without.results[layer].q, result.q)
+        np.testing.assert_array_equal(without.results[layer].grf_W, result.grf_W)
+    np.testing.assert_array_equal(without.person.force_n, with_plate.person.force_n)
+    np.testing.assert_array_equal(without.person.cop_m, with_plate.person.cop_m)
+    told = compared(without, None)
+    assert set(told) == set(LAYERS)
+    for layer, comparison in compared(with_plate, recorded.plate).items():
+        assert told[layer].laid_on == comparison.laid_on
 
 
 def test_angles_laid_on_predicted_times_move_the_force_by_a_percent_of_body_weight(
