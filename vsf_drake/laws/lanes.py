@@ -39,7 +39,7 @@ from numba.np.arrayobj import populate_array
 WIDTH = 8
 """Walks in a lane: as fast as any other number on processors with registers of two, four and eight
 numbers."""
-SHARED = ("inertias", "gravity", "keel_starts")
+SHARED = ("inertias", "gravity", "keel_starts", "rows")
 """Fields of float arrays that `lanes` leaves as they are: the walks have them in common."""
 
 
