@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import gc
 import hashlib
 import logging
 import multiprocessing
@@ -35,14 +36,16 @@ from typing import Any, ParamSpec, Protocol, TypeVar, cast
 
 import numba
 import numpy as np
+from llvmlite.ir import Constant
+from llvmlite.ir.instructions import InsertValue
 from numba.core import compiler, event, types
 from numba.core.cgutils import unpack_tuple
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.cpu import CPUContext
 from numba.core.typing.context import Context
-from numba.np.arrayobj import fix_integer_index, load_item, store_item
 from numba.extending import models, register_jitable, register_model
+from numba.np.arrayobj import load_item, store_item
 
 COMPILED = (
     "laws",
@@ -211,32 +214,37 @@ _typing = cache(_Typing)
 
 class _Target(CPUContext):
     """numba's own, which reads, writes and asks for the shape of contiguous arrays in a tenth of
-    the instructions: of what there is to compile they are three quarters."""
+    the instructions: of what there is to compile they are three quarters. An index that is not
+    written as a number is not negative."""
 
     def __init__(self, own: Any, typing: Any) -> None:
         self.__dict__ = own.__dict__ | {"typing_context": typing}
 
     def get_function(self, fn: Any, sig: Any, _firstcall: bool = True) -> Any:
         """How a function is written: as (builder, arguments) -> result."""
+        own = super().get_function(fn, sig, _firstcall)
         operation = getattr(fn, "typing_key", None)
-        if operation in (operator.getitem, operator.setitem) and _single(*sig.args):
-            return partial(self._item, sig.args)
-        return super().get_function(fn, sig, _firstcall)
+        wanted = operation in (operator.getitem, operator.setitem) and _single(*sig.args)
+        if wanted and not self.enable_boundscheck:
+            return partial(self._item, sig.args, own)
+        return own
 
-    def _item(self, kinds: Any, builder: Any, values: Any) -> Any:
-        array, index = kinds[:2]
+    def _item(self, kinds: Any, own: Any, builder: Any, values: Any) -> Any:
+        array = kinds[0]
         model = self.data_model_manager[array]
+        parts = values[1:2]
+        if isinstance(kinds[1], types.BaseTuple):
+            parts = _unpacked(builder, values[1])
+        places = [
+            self.cast(builder, part, of, types.intp)
+            for of, part in zip(_axes(kinds[1]), parts, strict=True)
+        ]
+        if any(isinstance(place, Constant) and place.constant < 0 for place in places):
+            return own(builder, values)
+        at = places[0]
         lengths = unpack_tuple(builder, model.get(builder, values[0], "shape"))
-        parts = [values[1]]
-        if isinstance(index, types.BaseTuple):
-            parts = unpack_tuple(builder, values[1])
-        at = None
-        for of, part, length in zip(_axes(index), parts, lengths, strict=True):
-            if isinstance(of, types.IntegerLiteral) and of.literal_value >= 0:
-                along = self.get_constant(types.intp, of.literal_value)
-            else:
-                along = fix_integer_index(self, builder, of, part, length)
-            at = along if at is None else builder.add(builder.mul(at, length), along)
+        for along, length in zip(places[1:], lengths[1:], strict=True):
+            at = builder.add(builder.mul(at, length), along)
         place = builder.gep(model.get(builder, values[0], "data"), [at])
         if len(kinds) == 2:
             return load_item(self, builder, array, place)
@@ -250,6 +258,18 @@ class _Target(CPUContext):
                 builder, value, "shape"
             )
         return super().get_getattr(typ, attr)
+
+
+def _unpacked(builder: Any, packed: Any) -> list[Any]:
+    """What a tuple was made of; of one that is made elsewhere its members."""
+    parts: dict[int, Any] = {}
+    made = packed
+    while isinstance(made, InsertValue):
+        parts.setdefault(made.indices[0], made.operands[1])
+        made = made.operands[0]
+    if len(parts) < len(packed.type):
+        return list(unpack_tuple(builder, packed))
+    return [parts[i] for i in range(len(parts))]
 
 
 def _axes(index: Any) -> Any:
@@ -266,34 +286,34 @@ def _single(array: Any, index: Any, *value: Any) -> bool:
     )
 
 
-
-
-NEEDLESS = {
-    "WithLift",
+_NEEDLESS = {
+    "DumpParforDiagnostics",
+    "FindLiterally",
     "InlineClosureLikes",
     "InlineInlinables",
-    "FindLiterally",
-    "LiteralUnroll",
-    "LiteralPropagationSubPipelinePass",
-    "MakeFunctionToJitFunction",
     "InlineOverloads",
-    "NopythonRewrites",
+    "LiteralPropagationSubPipelinePass",
+    "LiteralUnroll",
+    "MakeFunctionToJitFunction",
     "NoPythonSupportedFeatureValidation",
-    "DumpParforDiagnostics",
+    "NopythonRewrites",
+    "WithLift",
 }
+"""Steps of numba's that look for what our functions do not have, as functions inside them and
+expressions of whole arrays: a tenth of the time that compiling takes."""
 
 
 class _Pipeline(compiler.Compiler):
     """Compiles functions that Python calls."""
 
     def define_pipelines(self) -> Any:
-        """numba's own steps."""
+        """numba's own steps, but the needless ones."""
         typing = _typing(self.state.typingctx)
         self.state.typingctx = typing
         self.state.targetctx = _Target(self.state.targetctx, typing)
         pipelines = super().define_pipelines()
         for each in pipelines:
-            each.passes = [made for made in each.passes if made[0].__name__ not in NEEDLESS]
+            each.passes = [made for made in each.passes if made[0].__name__ not in _NEEDLESS]
             each.finalize()
         return pipelines
 
@@ -317,9 +337,7 @@ def internal(function: Callable[_P, _R_co]) -> Compiled[_P, _R_co]:
 def part(function: Callable[_P, _R_co]) -> Compiled[_P, _R_co]:
     """For long functions that only compiled ones call: as `internal`, but called and not copied
     to where it is."""
-    return compiled(
-        function, no_cpython_wrapper=True, forceinline=False, pipeline_class=_Inside
-    )
+    return compiled(function, no_cpython_wrapper=True, forceinline=False, pipeline_class=_Inside)
 
 
 def _take_turns(dispatcher: Any) -> None:
@@ -332,10 +350,23 @@ def _take_turns(dispatcher: Any) -> None:
         function = dispatcher.py_func
         name = f"{function.__module__}.{function.__qualname__} {signature}"
         # numba's own lock comes first in every thread, else two of them could wait for each other
-        with global_compiler_lock, _alone(name, waiting=lambda: announced.tell(dispatcher)):
+        waiting = partial(announced.tell, dispatcher)
+        with global_compiler_lock, _alone(name, waiting=waiting), _uncollected():
             return compile_or_load(signature)
 
     dispatcher.compile = in_turn
+
+
+@contextlib.contextmanager
+def _uncollected() -> Iterator[None]:
+    """Looking through what the compiler makes, again and again, is a seventh of its time."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()
 
 
 @contextlib.contextmanager

@@ -57,7 +57,7 @@ register_model(Packed)(models.OpaqueModel)
 class _Members(AttributeTemplate):
     key = Packed
 
-    def generic_resolve(self, packed: Any, name: str) -> Any:
+    def generic_resolve(self, packed: Any, name: str) -> Any:  # type: ignore[override]
         """The type of a member."""
         return packed.kinds.get(name)
 
@@ -146,9 +146,10 @@ packed: Any = (
     else (lambda value, *, walks=False: InMemory(value, walks=walks))
 )
 """A named tuple of contiguous arrays, float, int, bool and such tuples, for compiled code, which
-reads its members and does not replace them. Of `walks` side by side the last axis of arrays of
-float64 is the walk's, but for the fields `lanes.SHARED`. With NUMBA_DISABLE_JIT=1 it stays as it
-is."""
+reads its members and does not replace them; what one holds that is `packed` already is an address
+there. Of `walks` side by side arrays of float64, whose last axis is the walk's, are arrays of
+lanes, but for the fields `lanes.SHARED`. With NUMBA_DISABLE_JIT=1 it stays as it is, which serves
+for kinematics; walks then go alone."""
 
 
 def code_of(function: Any, *given: Any) -> Any:

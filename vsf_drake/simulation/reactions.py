@@ -12,9 +12,9 @@ import numpy as np
 
 from vsf_drake.laws.bushing import axis_force, excess
 from vsf_drake.laws.compiled import compiled
-from vsf_drake.laws.packed import packed
 from vsf_drake.laws.contact import FIRST_COLUMN, LAWS
 from vsf_drake.laws.contact_law import constants_of
+from vsf_drake.laws.packed import packed
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS

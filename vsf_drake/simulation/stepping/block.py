@@ -150,7 +150,7 @@ class Block:
         self.written.counts[...] = 0.0  # which tell that a step was not taken
         self.directions: TangentDirections | None = None
         self.tangent: Tangent | None = None
-        self.ahead: tuple[Any, ...] | None = None
+        self.ahead: tuple[Any, Any, Any] | None = None
         if ahead and not live and all(_move_alike(runs[0], run, self.dofs) for run in runs[1:]):
             space = _work_space(of_first.tree)
             self.ahead = packed(space), packed(space, walks=True), packed(self.dofs)
@@ -207,8 +207,11 @@ class Block:
         while done < steps and max(self.lengths) > done:
             last = min(done + chunk, steps)
             if self.ahead is not None:
+                numbers, in_lanes, dofs = self.ahead
                 write_rows(
-                    *self.ahead,
+                    numbers,
+                    in_lanes,
+                    dofs,
                     instants,
                     prescribed_q,
                     np.array(first.q0, dtype=float),
