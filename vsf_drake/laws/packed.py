@@ -1,7 +1,7 @@
 """Named tuples of arrays for compiled code, by their address.
 
 Between compiled functions numba hands a tuple on as the numbers of all its arrays, some nine of
-each, and a step has a hundred arrays: two thirds of what there would be to compile only packed and
+each, and a step has a hundred arrays: two fifths of what there would be to compile only packed and
 unpacked them. Here they are written once to memory that nothing changes, and a member is read from
 there where code names it. It uses the low-level interface of numba.
 """
@@ -25,7 +25,8 @@ _WORD = 8
 
 
 class Packed(types.Type):
-    """The address of a named tuple's members, one after the other."""
+    """The address of a named tuple's members, one after the other: arrays as numba has them,
+    numbers in words of their own."""
 
     def __init__(self, name: str, members: tuple[tuple[str, Any], ...]) -> None:
         self.members = members
