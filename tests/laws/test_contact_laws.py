@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from laned import lanes
 from pydrake.autodiffutils import AutoDiffXd
 
 from vsf_drake.laws import contact
@@ -16,7 +17,7 @@ from vsf_drake.laws.compiled import compiled
 from vsf_drake.laws.contact import FIRST_COLUMN, LAWS
 from vsf_drake.laws.contact_law import LAW_COLUMNS, LawConstants, constants_of
 from vsf_drake.laws.contact_laws import CONTACT_LAWS
-from vsf_drake.laws.lanes import WIDTH, lanes
+from vsf_drake.laws.lanes import WIDTH
 
 EACH = pytest.mark.parametrize("law", range(len(LAWS)), ids=tuple(CONTACT_LAWS))
 CONSTANTS = [3e4, 1.5, 300.0, 1e-3, 0.5, 0.3, 0.1, 0.8, 5e-4, 0.02]

@@ -9,14 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from laned import lanes
 
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.laws.lanes import (
-    SHARED,
     WIDTH,
     every,
     first,
-    lanes,
     negated,
     power,
     select,
@@ -283,53 +282,6 @@ def test_of_one_walk_some_every_and_first_are_what_is_asked(x, holds):
     assert out.tolist() == [holds, holds, holds, not holds]
     assert [some(holds), every(holds), first(holds), negated(holds)] == out.tolist()
     assert select(holds, 2.0, 3.0) == (2.0 if holds else 3.0)
-
-
-class Inner(NamedTuple):
-    """Held by `Outer`."""
-
-    matrix: np.ndarray
-    numbers: np.ndarray  # whole ones
-    gravity: np.ndarray  # one of SHARED
-
-
-class Outer(NamedTuple):
-    """What `lanes` looks through."""
-
-    inner: Inner
-    vector: np.ndarray
-    flags: np.ndarray
-    factor: float
-
-
-@compiled
-def _changed(outer, vector):
-    laned = lanes(outer)
-    inner = laned.inner
-    rows = lanes(vector)
-    for i in range(inner.matrix.shape[0]):
-        row = inner.matrix[i]
-        for j in range(inner.matrix.shape[1]):
-            if laned.flags[j]:
-                row[j] = row[j] * laned.factor + inner.gravity[j] * rows[inner.numbers[i]]
-    laned.vector[0] = inner.matrix[-1, 0]
-
-
-def test_arrays_of_lanes_are_views_whose_last_axis_is_the_walks():
-    """Also of what tuples hold; whole numbers, truth values, single numbers and what walks share
-    stay what they are."""
-    rng = np.random.default_rng(4)
-    matrix, vector, rows = (rng.normal(size=(*n, WIDTH)) for n in ((3, 2), (4,), (5,)))
-    numbers, gravity = np.array([4, 0, 2]), rng.normal(size=2)
-    assert "gravity" in SHARED
-    wanted = matrix.copy()
-    wanted[:, 1] = matrix[:, 1] * 2.5 + gravity[1] * rows[numbers]
-    outer = Outer(Inner(matrix, numbers, gravity), vector, np.array([False, True]), 2.5)
-    rest = vector[1:].copy()
-    _changed(outer, rows)
-    assert_bits_equal(matrix, wanted)
-    assert_bits_equal(vector[0], wanted[2, 0])
-    assert_bits_equal(vector[1:], rest)
 
 
 @compiled

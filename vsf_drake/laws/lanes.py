@@ -7,9 +7,8 @@ numba works on them as on float and bool, but `if` cannot choose for each walk: 
 the bit what it is on the float64 of each walk: nothing is contracted, and sine, cosine and powers
 are the functions of this module.
 
-`lanes` takes arrays whose last axis is the walk's as arrays of lanes, `eights` those whose numbers
-are treated alike. It uses the low-level
-interface of numba.
+`laws.packed` hands arrays whose last axis is the walk's to compiled code as arrays of lanes,
+`eights` takes those whose numbers are treated alike. It uses the low-level interface of numba.
 """
 
 from __future__ import annotations
@@ -39,8 +38,8 @@ from numba.np.arrayobj import populate_array
 WIDTH = 8
 """Walks in a lane: as fast as any other number on processors with registers of two, four and eight
 numbers."""
-SHARED = ("inertias", "gravity", "keel_starts")
-"""Fields of float arrays that `lanes` leaves as they are: the walks have them in common."""
+SHARED = ("inertias", "gravity", "keel_starts", "rows")
+"""Fields of float arrays that are not in lanes: the walks have them in common."""
 
 
 class Lane(types.Type):
@@ -408,30 +407,8 @@ def sine_cosine(x: Any) -> tuple[Any, Any]:
 # Arrays whose last axis is the walk's.
 
 
-def _laned(kind: Any, name: str = "") -> Any:
-    """The type of what `lanes` makes of a `kind`, the field `name` of a tuple."""
-    if hasattr(kind, "instance_class"):
-        parts = [_laned(of, field) for of, field in zip(kind, kind.fields, strict=True)]
-        if all(part == parts[0] for part in parts):
-            return types.NamedUniTuple(parts[0], len(parts), kind.instance_class)
-        return types.NamedTuple(parts, kind.instance_class)
-    if isinstance(kind, types.Array) and kind.dtype == types.float64 and name not in SHARED:
-        if kind.layout != "C":
-            raise TypeError(f"{name or 'an array'} is not contiguous: it has no lanes")
-        return types.Array(LANE, kind.ndim - 1, "C", aligned=False)
-    return kind
-
-
 def as_lanes(context: Any, builder: Any, kind: Any, made: Any, value: Any) -> Any:
-    """`value` of the type `kind` as one of the type `made`, without a copy."""
-    if kind == made:
-        return value
-    if hasattr(kind, "instance_class"):
-        parts = [
-            as_lanes(context, builder, of, to, builder.extract_value(value, i))
-            for i, (of, to) in enumerate(zip(kind, made, strict=True))
-        ]
-        return context.make_tuple(builder, made, parts)
+    """An array of the type `kind` as one of the type `made`, without a copy."""
     array = context.make_array(kind)(context, builder, value)
     view = context.make_array(made)(context, builder)
     populate_array(
@@ -477,7 +454,8 @@ eights: Any = (
     else _eights
 )
 """A contiguous array whose last axis has a multiple of WIDTH numbers as one of lanes, each of WIDTH
-numbers that follow each other; nothing is copied. With NUMBA_DISABLE_JIT=1 likewise as `lanes`."""
+numbers that follow each other; nothing is copied. With NUMBA_DISABLE_JIT=1 a lane is a row of
+numbers."""
 
 
 def side_by_side(
@@ -492,21 +470,5 @@ def side_by_side(
     return memory[begin : begin + size].view(np.float64).reshape(*shape, WIDTH)
 
 
-@_intrinsic
-def _lanes(typingctx: Any, value: Any) -> Any:
-    made = _laned(value)
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        new = as_lanes(context, builder, value, made, args[0])
-        return impl_ret_borrowed(context, builder, made, new)
-
-    return made(value), emit
-
-
-lanes: Any = (lambda value: value) if _settings.DISABLE_JIT else _lanes
-"""Float arrays of a value, an array or a named tuple of arrays and such tuples, whose last axis
-holds WIDTH walks, as arrays of lanes; nothing is copied. What is no array of float64 stays, and so
-do the fields SHARED. With NUMBA_DISABLE_JIT=1 a lane is a row of WIDTH numbers, as it is, which
-serves for kinematics; walks then go alone."""
 TOGETHER = 1 if _settings.DISABLE_JIT else WIDTH
 """How many walks go side by side."""

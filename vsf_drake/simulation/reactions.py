@@ -14,6 +14,7 @@ from vsf_drake.laws.bushing import axis_force, excess
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.laws.contact import FIRST_COLUMN, LAWS
 from vsf_drake.laws.contact_law import constants_of
+from vsf_drake.laws.packed import packed
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
@@ -195,10 +196,10 @@ def follow(
         p_WB=np.zeros((n, 3)),
     )
     _follow(
-        rb.tree_arrays(tree),
+        packed(rb.tree_arrays(tree)),
         np.ascontiguousarray(q),
         np.ascontiguousarray(v),
-        rb.work_space(tree),
+        packed(rb.work_space(tree)),
         np.array(bodies, dtype=np.int64),
         np.array(coordinates, dtype=np.int64),
         np.asarray(inside, dtype=np.bool_),
@@ -408,7 +409,7 @@ def _driver_power(
     power = np.zeros(len(record.q))
     a = np.diff(record.v, axis=0) / h[1:, None]
     _sum_driver_power(
-        rb.tree_arrays(tree),
+        packed(rb.tree_arrays(tree)),
         np.ascontiguousarray(record.q),
         central(record.v),
         np.vstack([a, a[-1:]]),
@@ -416,7 +417,7 @@ def _driver_power(
         np.ascontiguousarray(record.sites),
         mechanism.site_bodies,
         mechanism.ground_height,
-        rb.work_space(tree),
+        packed(rb.work_space(tree)),
         np.zeros(tree.num_coordinates),
         power,
     )

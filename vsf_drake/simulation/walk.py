@@ -54,6 +54,7 @@ from vsf_drake.simulation.stepping.runs import Inputs, Mechanism, Record, Run
 from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity
 from vsf_drake.simulation.stepping.stepper import (
     ALONE,
+    CARRIED,
     SIDE_BY_SIDE,
     Stepper,
     rest_sensitivity,
@@ -346,7 +347,9 @@ class Walker:
         and have one support width; one with sensitivities is alone. The work on them began at
         `started_s` of the performance counter."""
         with_sensitivities = bool(plans[0].tangents)
-        compile_s = Stepper(plans[0].mechanism).warm_up(SIDE_BY_SIDE if len(plans) > 1 else ALONE)
+        alone = CARRIED if with_sensitivities else ALONE
+        stepper = Stepper(plans[0].mechanism)
+        compile_s = stepper.warm_up(SIDE_BY_SIDE if len(plans) > 1 else alone)
         settled = settle_side_by_side(
             [Run(plan.mechanism, plan.held, plan.guess, plan.v0) for plan in plans]
         )

@@ -8,10 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 from cut_walks import SETTINGS, cut_walk, hard_walker, inputs_of
+from laned import lanes
 
 from vsf_drake.base.errors import SimulationError
 from vsf_drake.laws.compiled import compiled
-from vsf_drake.laws.lanes import WIDTH, lanes
+from vsf_drake.laws.lanes import WIDTH
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.simulation.bench import Bench
 from vsf_drake.simulation.mechanism import bench_mechanism

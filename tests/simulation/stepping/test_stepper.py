@@ -107,7 +107,7 @@ def substeps_of(mechanism, inputs, q0, v0):
     arrays, drive = tree_arrays(tree), _drive_of(inputs, steps)
     dofs = split_coordinates(tree, forces, inputs.prescribed)
     workspace = step_workspace(tree, forces, dofs)
-    out = np.zeros(len(q0)), np.zeros((0, 9)), np.zeros((2, 6)), np.zeros(3)
+    out = np.zeros(len(q0)), np.zeros((0, 9)), np.zeros((2, 7)), np.zeros(3)
     q, v, q_next, ends, counts = q0.copy(), v0.copy(), np.zeros(len(inputs.prescribed)), [], []
     spent, converges = np.zeros(steps), np.ones(steps, dtype=bool)
     for k in range(steps):

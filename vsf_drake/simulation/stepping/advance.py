@@ -8,22 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.laws.compiled import compiled, internal, part
-from vsf_drake.laws.lanes import every, first, lanes, negated, select, some
+from vsf_drake.laws.compiled import compiled, internal
+from vsf_drake.laws.lanes import every, first, negated, select, some
+from vsf_drake.laws.packed import InMemory, call
 from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
-from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
-from vsf_drake.simulation.stepping.linearise import linearise
-from vsf_drake.simulation.stepping.newton import (
-    EXACT,
-    clear,
-    copy,
-    step,
-    tangent_matrix,
-    velocities,
-)
+from vsf_drake.simulation.stepping.newton import clear, copy, step, velocities
 from vsf_drake.simulation.stepping.runs import Torques
-from vsf_drake.simulation.stepping.sensitivity import Carried, carry, write_state
 from vsf_drake.simulation.stepping.tree import TreeArrays
 
 POSE = 30
@@ -236,37 +227,44 @@ def _end_step(
         state.beyond[1] = select(beyond, 1.0 * c, state.beyond[1])
 
 
-def _advance(
-    begin: int,
-    last: int,
-    tree: TreeArrays,
-    forces: Forces,
-    dofs: FreePrescribed,
-    workspace: Workspace,
-    drive: Drive,
-    max_speed: float,
-    state: State,
-    written: Written,
-    rows: np.ndarray,
-    live: bool,
-    directions: TangentDirections | None,
-    tangent: Tangent | None,
-    carried: Carried,
-) -> None:
-    """Advances `state` over the steps `begin` ... `last` - 1, as far as a walk has them and has not
-    diverged.
+class Arguments(NamedTuple):
+    """Those of `advance` beside the steps."""
 
-    rows (steps, size) hold what is known ahead of each step, where that is the same for all walks;
-    else there are none, or everything is worked out `live`. Of one walk with `directions` of
-    parameters the sensitivities are `carried` along.
-    """
+    tree: TreeArrays
+    forces: Forces
+    dofs: FreePrescribed
+    workspace: Workspace
+    drive: Drive
+    max_speed: float
+    state: State
+    written: Written
+    rows: np.ndarray
+    """(steps, size) what is known ahead of each step from `begin` on, where that is the same for
+    all walks; else there are none"""
+    live: bool  # whether everything is worked out in its step
+    carry: int  # the machine code of `sensitivity.carry_step`, or 0
+    carried: InMemory | None  # what that takes, or nothing
+
+
+@partial(compiled, nogil=True)
+def advance(begin: int, last: int, arguments: Arguments) -> None:
+    """Advances the state over the steps `begin` ... `last` - 1, as far as a walk has them and has
+    not diverged."""
+    tree = arguments.tree
+    forces = arguments.forces
+    dofs = arguments.dofs
+    workspace = arguments.workspace
+    drive = arguments.drive
+    state = arguments.state
+    written = arguments.written
+    live = arguments.live
     for k in range(begin, last):
         running = (state.steps[0] > k) & (state.failed[0] < 0.0)
         if not some(running):
             break
         counts = written.counts[k]
         total = written.load[k]
-        _begin_step(k, begin, tree, dofs, drive, state, workspace, written, rows, live)
+        _begin_step(k, begin, tree, dofs, drive, state, workspace, written, arguments.rows, live)
 
         # One step of h. Then substeps of it for each walk that has not converged, one walk after
         # the other, as they are cut differently: a substep that does not converge is taken back and
@@ -318,15 +316,8 @@ def _advance(
                 for c in range(total.shape[0]):
                     state.q[c] = select(back, state.q0[c], state.q[c])
                     state.v[c] = select(back, state.v0[c], state.v[c])
-            if (
-                directions is not None
-                and tangent is not None
-                and directions.unit.shape[1] > 0
-                and some(accepted)
-            ):
-                tangent_matrix(h, tree, forces, dofs, workspace, EXACT)
-                linearise(h, tree, forces, dofs, directions, workspace, tangent, state.q0, state.v)
-                carry(h, k, end, share, dofs, directions, workspace.A, tangent, carried)
+            if arguments.carry != 0 and some(accepted):
+                call(arguments.carry, (arguments.carried, h, k, end, share))
 
             # The first attempt is over, or that walk: the next one begins with halves.
             if some(finished) or whole:
@@ -334,51 +325,7 @@ def _advance(
                 going = first(waiting)
                 done = 0 * done
                 size = done + PARTS // 2
-        if directions is not None and tangent is not None and carried.load_by.shape[0] > 0:
-            write_state(k, directions, tangent, carried)
-        _end_step(k, running, dofs, drive, max_speed, state, written)
-
-
-advance = compiled(_advance, nogil=True)
-_advance_lanes = part(_advance)
-
-
-@partial(compiled, nogil=True)
-def advance_side_by_side(
-    begin: int,
-    last: int,
-    tree: TreeArrays,
-    forces: Forces,
-    dofs: FreePrescribed,
-    workspace: Workspace,
-    drive: Drive,
-    max_speed: float,
-    state: State,
-    written: Written,
-    rows: np.ndarray,
-    live: bool,
-    directions: TangentDirections | None,
-    tangent: Tangent | None,
-    carried: Carried,
-) -> None:
-    """`advance` of WIDTH walks, whose numbers are along the last axis of the arrays."""
-    _advance_lanes(
-        begin,
-        last,
-        lanes(tree),
-        lanes(forces),
-        dofs,
-        lanes(workspace),
-        lanes(drive),
-        max_speed,
-        lanes(state),
-        lanes(written),
-        rows,
-        live,
-        directions,
-        tangent,
-        carried,
-    )
+        _end_step(k, running, dofs, drive, arguments.max_speed, state, written)
 
 
 @internal

@@ -69,7 +69,8 @@ class Forces(NamedTuple):
 class ContactWorkspace(NamedTuple):
     """Work space of S sites on B bodies with n coordinates."""
 
-    near: np.ndarray  # (S + 1,) sites near the ground, their number last
+    near: np.ndarray  # (S,) sites near the ground, the first `near_count` (1,) of them
+    near_count: np.ndarray
     center: np.ndarray  # (S, 3) at the start of the step
     depth0: np.ndarray  # (S,) likewise
     time: (
@@ -117,7 +118,7 @@ def find_sites(
         if some(reached > 0.0):
             contact.near[count] = s
             count += 1
-    contact.near[-1] = count
+    contact.near_count[0] = count
 
 
 @internal
@@ -138,7 +139,7 @@ def add_sites(
     sites = forces.sites
     V = contact.V
     now = contact.now
-    for a in range(contact.near[-1]):
+    for a in range(contact.near_count[0]):
         s = contact.near[a]
         if not wanted[s]:
             continue
@@ -200,7 +201,7 @@ def record_sites(
         x0 = center[s, 0]
         y0 = center[s, 1]
         z0 = center[s, 2]
-        if a == contact.near[-1] or contact.near[a] != s:
+        if a == contact.near_count[0] or contact.near[a] != s:
             if sites.shape[0] > 0:
                 still = (nothing, nothing, nothing, nothing, nothing, nothing)
                 put_site(sites, s, active, (contact.depth0[s], x0, y0), still)
@@ -301,7 +302,7 @@ def tangents(
     moving = dofs.moving
     for k in range(moving.shape[0]):
         contact.loaded[links[moving[k], 2]] = False
-    for a in range(contact.near[-1]):
+    for a in range(contact.near_count[0]):
         s = contact.near[a]
         if not (dofs.site_moves[s] and some(contact.now[s, 1] > 0.0)):
             continue
@@ -454,7 +455,8 @@ def step_workspace(
     sites = len(forces.sites)
     bodies = len(tree.body_names)
     contact = ContactWorkspace(
-        near=np.zeros(sites + 1, dtype=np.int64),
+        near=np.zeros(sites, dtype=np.int64),
+        near_count=np.zeros(1, dtype=np.int64),
         center=zeros((sites, 3)),
         now=zeros((sites, 7)),
         loaded=np.zeros(bodies, dtype=np.bool_),

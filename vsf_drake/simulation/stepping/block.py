@@ -10,16 +10,17 @@ import numpy as np
 
 from vsf_drake.base.errors import SimulationError
 from vsf_drake.laws.compiled import compiled
-from vsf_drake.laws.lanes import SHARED, WIDTH, lanes, side_by_side
+from vsf_drake.laws.lanes import SHARED, WIDTH, side_by_side
+from vsf_drake.laws.packed import code_of, packed
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.advance import (
     POSE,
+    Arguments,
     Drive,
     State,
     Written,
     advance,
-    advance_side_by_side,
     carries,
 )
 from vsf_drake.simulation.stepping.assembly import FreePrescribed
@@ -27,11 +28,16 @@ from vsf_drake.simulation.stepping.directions import (
     Tangent,
     TangentDirections,
     filled_up,
-    nothing_carried,
 )
 from vsf_drake.simulation.stepping.newton import velocities
 from vsf_drake.simulation.stepping.runs import Inputs, Record, Run, no_torques
-from vsf_drake.simulation.stepping.sensitivity import Carried, ForwardSensitivity
+from vsf_drake.simulation.stepping.sensitivity import (
+    Carried,
+    Carrying,
+    ForwardSensitivity,
+    Linearised,
+    carry,
+)
 from vsf_drake.simulation.stepping.tree import Motion, Tree, TreeArrays, tree_arrays
 
 CHUNK = 256  # steps between looks for progress and interruption
@@ -81,6 +87,7 @@ class Block:
         *,
         sites: bool,
         forward: ForwardSensitivity | None,
+        ahead: bool = True,
     ) -> None:
         if len({_in_common(run) for run in runs}) > 1:
             raise ValueError(
@@ -109,7 +116,7 @@ class Block:
             of_first.tree, of_first.forces, self.dofs, tolerance, zeros
         )
         self.drive = together([_drive_of(run.inputs, steps) for run in filled])
-        self.live = forward is not None and forward.loads
+        live = forward is not None and forward.loads
         self.state = State(
             q=together([np.array(run.q0, dtype=float) for run in filled]),
             v=together([np.array(run.v0, dtype=float) for run in filled]),
@@ -143,22 +150,49 @@ class Block:
         self.written.counts[...] = 0.0  # which tell that a step was not taken
         self.directions: TangentDirections | None = None
         self.tangent: Tangent | None = None
-        if not walks:  # with and without sensitivities alike: it is compiled once
-            self.directions, self.tangent = nothing_carried()
+        self.ahead: tuple[Any, Any, Any] | None = None
+        if ahead and not live and all(_move_alike(runs[0], run, self.dofs) for run in runs[1:]):
+            space = _work_space(of_first.tree)
+            self.ahead = packed(space), packed(space, walks=True), packed(self.dofs)
+        carrying = int(np.sum(self.dofs.carried.any(axis=1)))
+        row_size = POSE * len(self.dofs.base) + 7 * carrying
+        self.rows = np.zeros((0 if self.ahead is None else CHUNK, row_size))
+        self.count = 0 if forward is None else len(forward.tangents)
+        state = (steps if live else 0, n, filled_up(self.count))
+        wrench = (steps, 6, filled_up(self.count))
+        self.carried = Carried(np.zeros(wrench), *(np.zeros(state) for _ in range(3)))
+        carried = None
         if forward is not None:
             self.directions, self.tangent = forward.prepare(
                 of_first.tree, of_first.forces, self.dofs, steps
             )
-        self.count = 0 if forward is None else len(forward.tangents)
-        carried = filled_up(self.count)
-        state = (steps if forward is not None and forward.loads else 0, n, carried)
-        self.carried = Carried(np.zeros((steps, 6, carried)), *(np.zeros(state) for _ in range(3)))
+            system = Linearised(
+                tree=self.tree,
+                forces=self.forces,
+                dofs=self.dofs,
+                directions=self.directions,
+                workspace=self.workspace,
+                tangent=self.tangent,
+            )
+            carried = packed(Carrying(system, self.state.q0, self.state.v, self.carried))
+        self.arguments = packed(
+            Arguments(
+                tree=self.tree,
+                forces=self.forces,
+                dofs=self.dofs,
+                workspace=self.workspace,
+                drive=self.drive,
+                max_speed=MAX_SPEED,
+                state=self.state,
+                written=self.written,
+                rows=self.rows,
+                live=live,
+                carry=0 if carried is None else code_of(carry, carried, 0.0, 0, 0.0, 0.0),
+                carried=carried,
+            ),
+            walks=walks,
+        )
         self.walks = walks
-        self.ahead: Ahead | None = None
-        if not self.live and all(_move_alike(runs[0], run, self.dofs) for run in runs[1:]):
-            self.ahead = _work_space(of_first.tree)
-        carrying = int(np.sum(self.dofs.carried.any(axis=1)))
-        self.row_size = POSE * len(self.dofs.base) + 7 * carrying
 
     def run(
         self, stop: Callable[[int, Record], bool] | None, progress: Callable[[float], None]
@@ -166,49 +200,31 @@ class Block:
         """Advances all of them; see `run_side_by_side`."""
         steps = max(self.lengths)
         chunk = CHUNK if stop is None else LOOKS
-        rows = np.zeros((0 if self.ahead is None else chunk, self.row_size))
         first = self.runs[0]
         instants = np.ascontiguousarray(first.inputs.time_s, dtype=float)
         prescribed_q = np.ascontiguousarray(first.inputs.prescribed_q, dtype=float)
-        go = advance_side_by_side if self.walks else advance
         done = 0
         while done < steps and max(self.lengths) > done:
             last = min(done + chunk, steps)
             if self.ahead is not None:
+                numbers, in_lanes, dofs = self.ahead
                 write_rows(
-                    self.ahead,
-                    self.dofs,
+                    numbers,
+                    in_lanes,
+                    dofs,
                     instants,
                     prescribed_q,
                     np.array(first.q0, dtype=float),
                     np.array(first.v0, dtype=float),
                     done,
-                    rows[: last - done],
+                    self.rows[: last - done],
                 )
-            go(done, last, *self.arguments(rows))
+            advance(done, last, self.arguments)
             done = last
             progress(done / steps)
             if stop:
                 self._look(stop, done)
         return [self.outcome(walk) for walk in range(len(self.runs))]
-
-    def arguments(self, rows: np.ndarray) -> tuple[Any, ...]:
-        """Of `advance` beside the steps."""
-        return (
-            self.tree,
-            self.forces,
-            self.dofs,
-            self.workspace,
-            self.drive,
-            MAX_SPEED,
-            self.state,
-            self.written,
-            rows,
-            self.live,
-            self.directions,
-            self.tangent,
-            self.carried,
-        )
 
     def _look(self, stop: Callable[[int, Record], bool], done: int) -> None:
         """Ends the runs that may stop after `done` steps, or have diverged, which nothing is
@@ -346,6 +362,7 @@ def _work_space(tree: Tree) -> Ahead:
 @compiled
 def write_rows(
     ahead: Ahead,
+    space: Ahead,
     dofs: FreePrescribed,
     time_s: np.ndarray,
     prescribed_q: np.ndarray,
@@ -355,8 +372,8 @@ def write_rows(
     rows: np.ndarray,
 ) -> None:
     """Writes rows (steps, size) of the steps from `begin` on of a run that starts at q0, v0 (n,)
-    and whose prescribed coordinates follow prescribed_q (instants, p)."""
-    space = lanes(ahead)
+    and whose prescribed coordinates follow prescribed_q (instants, p). `space` is `ahead` in
+    lanes."""
     tree = space.tree
     motion = space.motion
     still = dofs.still

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -262,30 +262,6 @@ def tangent_workspace(tree: Tree, dofs: FreePrescribed, directions: TangentDirec
         v=v,
         **{name: np.zeros(shape) for name, shape in shapes.items()},
     )
-
-
-@cache
-def nothing_carried() -> tuple[TangentDirections, Tangent]:
-    """Directions and workspace for compiled code in a run without sensitivities, which does not
-    look at them: arrays of their types without entries."""
-    whole = np.zeros(0, dtype=np.int64)
-    vector = np.zeros(0)
-    matrix = np.zeros((0, 0))
-    true = np.zeros(0, dtype=np.bool_)
-    floats = {
-        **dict.fromkeys(("mount", "unit", "path", "spring_unit", "support"), matrix),
-        **dict.fromkeys(("path_rate", "slide", "site_unit"), vector),
-    }
-    others = {"relation": np.zeros((0, 0), dtype=np.int64), "slides": False, "measured": true}
-    directions: dict[str, Any] = dict.fromkeys(TangentDirections._fields, whole)
-    directions |= floats | others
-    stacks = ("coriolis", "shift", "measured_shift", "measured_K", "dF")
-    tangent = (
-        dict.fromkeys(Tangent._fields, matrix)
-        | dict.fromkeys(stacks, np.zeros((0, 0, 0)))
-        | {"touched": true, "d_row": vector}
-    )
-    return TangentDirections(**directions), Tangent(**tangent)
 
 
 def filled_up(count: int) -> int:

@@ -355,7 +355,7 @@ def _add_site_tangents(
     for k in range(moving.shape[0]):
         for i in range(6):
             shift[links[moving[k], 2], i, 0] = 0.0
-    for a in range(contact.near[-1]):
+    for a in range(contact.near_count[0]):
         s = contact.near[a]
         if dofs.site_moves[s] and contact.now[s, 1] > 0.0:
             _site(h, s, forces, directions, workspace, tangent)

@@ -21,6 +21,7 @@ import numpy as np
 
 from vsf_drake.laws.compiled import compiled, internal
 from vsf_drake.laws.lanes import eights
+from vsf_drake.laws.packed import packed
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
@@ -45,24 +46,41 @@ class Carried(NamedTuple):
     v_by: np.ndarray
 
 
-@internal
-def carry(
-    h: float,
-    k: int,
-    end_share: float,
-    share: float,
-    dofs: FreePrescribed,
-    directions: TangentDirections,
-    A: np.ndarray,
-    tangent: Tangent,
-    record: Carried,
-) -> None:
-    """Takes `tangent` from the start to the end of the step that was just linearised, and writes to
-    `record`.
+class Linearised(NamedTuple):
+    """A tree in a step that is differentiated."""
+
+    tree: TreeArrays
+    forces: Forces
+    dofs: FreePrescribed
+    directions: TangentDirections
+    workspace: Workspace
+    tangent: Tangent
+
+
+class Carrying(NamedTuple):
+    """Of `carry`, beside what is a step's own."""
+
+    system: Linearised
+    q0: np.ndarray  # (n,) at the start of the step
+    v: np.ndarray  # at its end
+    record: Carried
+
+
+@compiled
+def carry(carrying: Carrying, h: float, k: int, end_share: float, share: float) -> None:
+    """Takes the sensitivities from the start to the end of the step that was just taken, and writes
+    them to the record.
 
     It ends `end_share` of the way from instant k of the run's grid to the next, and is `share` of
-    that way; A is its `newton.tangent_matrix`, which is lost, and `tangent` as `linearise` left it.
+    that way.
     """
+    system = carrying.system
+    dofs = system.dofs
+    directions = system.directions
+    tangent = system.tangent
+    record = carrying.record
+    A = system.workspace.A
+    _linearise(h, system, EXACT, carrying.q0, carrying.v)
     nf = dofs.free.shape[0]
     C = directions.unit.shape[0]
     rhs = tangent.rhs
@@ -152,17 +170,31 @@ def carry(
             j = directions.displaced[e]
             v8[j, p] = end8[j, p]
             q8[j, p] += h * end8[j, p]
+    if record.q_by.shape[0] > 0:
+        for j in range(C):
+            c = directions.coordinate[j]
+            if c >= 0:
+                copy(tangent.q[j], record.q_by[k, c])
+                copy(tangent.v[j], record.v_by[k, c])
 
 
 @internal
-def write_state(k: int, directions: TangentDirections, tangent: Tangent, record: Carried) -> None:
-    """Writes the derivatives of the state at the end of step k."""
-    for j in range(directions.body.shape[0]):
-        c = directions.coordinate[j]
-        if c >= 0:
-            for p in range(directions.unit.shape[1]):
-                record.q_by[k, c, p] = tangent.q[j, p]
-                record.v_by[k, c, p] = tangent.v[j, p]
+def _linearise(
+    h: float, system: Linearised, least_slope: float, q0: np.ndarray, v: np.ndarray
+) -> None:
+    """`linearise` after its `tangent_matrix`."""
+    tangent_matrix(h, system.tree, system.forces, system.dofs, system.workspace, least_slope)
+    linearise(
+        h,
+        system.tree,
+        system.forces,
+        system.dofs,
+        system.directions,
+        system.workspace,
+        system.tangent,
+        q0,
+        v,
+    )
 
 
 # Parameters whose sensitivities a run carries along.
@@ -228,8 +260,16 @@ class OneStep:
             measured=np.zeros(len(forces.sites), dtype=bool),
         )
         self.tangent = tangent_workspace(tree, self.dofs, self.directions)
-        self._tree = rb.tree_arrays(tree)
-        self._forces = forces
+        self._feet = int(forces.feet.max(initial=0)) + 1
+        system = Linearised(
+            tree=rb.tree_arrays(tree),
+            forces=forces,
+            dofs=self.dofs,
+            directions=self.directions,
+            workspace=self.workspace,
+            tangent=self.tangent,
+        )
+        self._system = packed(system)
 
     def take(
         self,
@@ -247,12 +287,7 @@ class OneStep:
         v = v0.copy()
         _linear_step(
             h,
-            self._tree,
-            self._forces,
-            self.dofs,
-            self.directions,
-            self.workspace,
-            self.tangent,
+            self._system,
             least_slope,
             ground,
             fulcrum,
@@ -264,7 +299,7 @@ class OneStep:
             v,
             np.zeros_like(v),
             np.zeros((0, 9)),
-            np.zeros((int(self._forces.feet.max(initial=0)) + 1, 7)),
+            np.zeros((self._feet, 7)),
             np.zeros(3),
         )
         return v
@@ -273,12 +308,7 @@ class OneStep:
 @compiled
 def _linear_step(
     h: float,
-    tree: TreeArrays,
-    forces: Forces,
-    dofs: FreePrescribed,
-    directions: TangentDirections,
-    workspace: Workspace,
-    tangent: Tangent,
+    system: Linearised,
     least_slope: float,
     ground: float,
     fulcrum: float,
@@ -297,10 +327,10 @@ def _linear_step(
     for which the step would be compiled again."""
     step(
         h,
-        tree,
-        forces,
-        dofs,
-        workspace,
+        system.tree,
+        system.forces,
+        system.dofs,
+        system.workspace,
         ground,
         0.0,
         fulcrum,
@@ -314,5 +344,4 @@ def _linear_step(
         wrench,
         support,
     )
-    tangent_matrix(h, tree, forces, dofs, workspace, least_slope)
-    linearise(h, tree, forces, dofs, directions, workspace, tangent, q0, v)
+    _linearise(h, system, least_slope, q0, v)
