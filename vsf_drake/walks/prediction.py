@@ -227,9 +227,15 @@ def layers_of(
 ) -> TrialLayers:
     """A recorded trial in layers, beside its plate, if it has one, and the null model; raises what
     `predict` and `with_contact` do."""
+    walk = predict(with_contact(trial, contact), contact, walker=walker, step_s=step_s)
+    return judged(walk, trial, label, contact)
+
+
+def judged(walk: LayeredWalk, trial: Trial, label: str, contact: FittedContact) -> TrialLayers:
+    """A walk in layers beside the plate of its recorded trial, if it has one, and the null
+    model."""
     own = fingerprint(trial)
     weight = trial.subject.mass_kg * GRAVITY
-    walk = predict(with_contact(trial, contact), contact, walker=walker, step_s=step_s)
     comparisons = compared(walk, trial.plate)
     scores = {layer: dict.fromkeys(SCORES) for layer in LAYERS}
     for layer, comparison in comparisons.items():
