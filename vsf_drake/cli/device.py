@@ -332,7 +332,7 @@ def simulate(
         walked = trial_with(recorded, fitted, file=contact)
     [walked] = cli.under(asked.law, [walked])
     moved = None
-    layered = fitted is not None and bool(fitted.momentum or fitted.discrepancy)
+    layered = fitted is not None and bool(fitted.momentum or fitted.person_curve)
     if fulcrum_mm is not None:
         fulcrum_m = check_fulcrum(1e-3 * fulcrum_mm, walked.model.foot, where="--fulcrum-mm")
     if fulcrum_mm is not None and not math.isclose(fulcrum_m, recorded.fulcrum_m, abs_tol=1e-6):
@@ -376,7 +376,7 @@ def simulate(
         unfitted=UNFITTED,
         moved=moved,
         not_corrected=sentences("not_corrected", "words", why_not=why_not) if why_not else (),
-        learned=fitted is not None and fitted.discrepancy is not None,
+        learned=fitted is not None and fitted.person_curve is not None,
     )
     say(
         f"written to {out / 'walk.png'}{', replay.html' * asked.replay}, metrics.json"

@@ -214,8 +214,8 @@ def assess(
         sweep: whether to move the fulcrum over its range in every trial.
         leave_out: whether to fit again without each trial, and without each stiffness.
         angle_errors: whether to walk every trial with errors of hip and knee of its own, too.
-        layers: whether to predict every trial with the person's momentum and the fitted trials'
-            discrepancy, too.
+        layers: whether to predict every trial with the person's momentum and the person's
+            own curve, too.
         own_height: whether each held-out trial is judged at the height at which it meets its own
             plate best.
         floors: by label, the resultant error (BW) of the true foot on a recording's motion, where

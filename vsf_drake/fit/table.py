@@ -273,9 +273,9 @@ def fit_json(table: FitTable) -> dict[str, Any]:
     if table.layers is not None:
         values["layers"] |= {"earned": table.layers.earned}
         # whole in the contact file
-        for curve in (values["layers"]["discrepancy"] or {}).get("curves", ()):
+        for walk in (values["layers"]["person_curve"] or {}).get("walks", ()):
             for name in CURVES:
-                del curve[name]
+                walk.pop(name, None)
     paper = table.paper
     known = values.pop("uncertainty")
     ratios = values.pop("noise_ratios")

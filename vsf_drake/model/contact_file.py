@@ -13,8 +13,7 @@ can be trusted.
     trials: [{name: low 1, fingerprint: 3f..., height_m: 0.001, path: {pelvis_tx: [0.0, ...]},
               curves: {hip_flexion_r: [0.0, ...]}}]
     momentum: {vertical_bw: [-0.02, ...], fore_aft_bw: [...], trials: [3f..., ...], ...}
-    discrepancy: {curves: [{fingerprint: 3f..., fulcrum_m: 0.066, vertical_bw: [...], ...}], shared:
-        [...], own: [...]}
+    person_curve: {walks: [{fingerprint: 3f..., fulcrum_m: 0.066, vertical_bw: [...], ...}], ...}
     provenance: {versions: {...}, seed: 0}
 
 `values` are variables of a walk (`vsf_drake.simulation.variables`): those of contact, friction,
@@ -22,7 +21,7 @@ keel, fulcrum and socket replace the model's, offsets and coordinates are added 
 keel's modulus and the support's stiffness are always among them, fitted or not: foam that was
 fitted on one keel is wrong on another. `curves` are added over the gait cycle; what `trials` hold
 belongs to one recording alone (`motion.fitted_trial`). SI units and radians. `momentum` and
-`discrepancy`, which a file need not have, are what the plates of the fitted recordings, told by
+`person_curve`, which a file need not have, are what the plates of the fitted recordings, told by
 their fingerprints, teach a prediction beyond the physics (`walks.prediction`).
 """
 
@@ -53,10 +52,12 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", bound="DataclassInstance")
 FORMAT = "vsf_drake contact 1"
+RETIRED = "discrepancy"  # a key of earlier files
 FEWEST_COEFFICIENTS = 4  # of a cubic spline
 # translations of the pelvis that a fit may correct recording by recording
 PATHS = ("pelvis_tx", "pelvis_tz")
-STANCE_POINTS = 101  # of a discrepancy's curves
+STANCE_POINTS = 101  # of a curve over stance
+LARGEST_FOOT_M = 0.6  # that a centre of pressure is from its mean, beyond any foot
 LARGEST_FORCE_BW = 5.0  # of what the plates taught, beyond what walking takes
 LARGEST_CORRECTION = 1.0  # rad, m: of a coordinate, far beyond what any recording errs by
 _UNITS = {
@@ -135,8 +136,13 @@ _force = functools.partial(
 )
 _moments = functools.partial(_force, count=3)
 _curve = functools.partial(_force, count=STANCE_POINTS)
-_share = functools.partial(
-    quantity, unit="1", low=0.0, high=1.0, source="left out in turn", count=3
+_place = functools.partial(
+    quantity,
+    unit="m",
+    low=-LARGEST_FOOT_M,
+    high=LARGEST_FOOT_M,
+    source="plates of the fitted trials",
+    count=STANCE_POINTS,
 )
 
 
@@ -159,38 +165,64 @@ class MomentumBias:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiscrepancyCurve:
-    """Plate less model of one fitted recording at 0 ... 100 % of the model's stance, in the walk's
-    own axes; `plate_*` is the plate alone; `measured_bw` its resultant at 0 ... 100 % of the
-    measured stance, the null model of other recordings."""
+class PersonWalk:
+    """One fitted recording over stance, 0 ... 100 %, means of its whole stances, in the walk's own
+    axes (fore-aft, lateral, vertical): its plate over the measured stance, the model with the
+    person's momentum over the model's own.
+
+    `*_cop_*_m` are ahead of, and to the left of, where the model's centre of pressure is on
+    average; None where the plate has none. What was not seen of the intact foot is None:
+    `needed_bw` and `intact_lift_off_percent`; so are the model's curves where momentum was not
+    believed.
+    """
 
     fingerprint: str  # of the recording, as under `trials`
     fulcrum_m: float = quantity(  # distance of the fulcrum from A in this recording
         unit="m", low=0.0, high=1.0, source="the trial's manifest"
     )
-    fore_aft_bw: tuple[float, ...] = _curve()  # plate less model, fore-aft, over the model's stance
-    lateral_bw: tuple[float, ...] = _curve()  # plate less model, lateral, over the model's stance
-    vertical_bw: tuple[float, ...] = _curve()  # plate less model, vertical, over the model's stance
-    plate_fore_aft_bw: tuple[float, ...] = _curve()
-    """plate's fore-aft force over the model's stance"""
-    plate_lateral_bw: tuple[float, ...] = _curve()  # plate's lateral force over the model's stance
-    plate_vertical_bw: tuple[float, ...] = _curve()
-    """plate's vertical force over the model's stance"""
-    measured_bw: tuple[float, ...] = _curve()  # plate's resultant force over the measured stance
+    fore_aft_bw: tuple[float, ...] = _curve()  # plate, fore-aft force
+    lateral_bw: tuple[float, ...] = _curve()  # plate, lateral force
+    vertical_bw: tuple[float, ...] = _curve()  # plate, vertical force
+    fore_aft_cop_m: tuple[float, ...] | None = _place(None)  # plate, fore-aft centre of pressure
+    lateral_cop_m: tuple[float, ...] | None = _place(None)  # plate, lateral centre of pressure
+    model_fore_aft_bw: tuple[float, ...] | None = _curve(None)  # model, fore-aft force
+    model_lateral_bw: tuple[float, ...] | None = _curve(None)  # model, lateral force
+    model_vertical_bw: tuple[float, ...] | None = _curve(None)  # model, vertical force
+    model_fore_aft_cop_m: tuple[float, ...] | None = _place(None)
+    """model, fore-aft centre of pressure"""
+    model_lateral_cop_m: tuple[float, ...] | None = _place(None)
+    """model, lateral centre of pressure"""
+    needed_bw: tuple[float, ...] | None = _moments(None)
+    """vertical m (a_com - g) in single support, Legendre coefficients 0 to 2"""
+    intact_lift_off_percent: float | None = quantity(
+        None, unit="% of stance", low=0.0, high=100.0, source="the recorded motion"
+    )
+    """where in stance the intact foot leaves the ground, by its motion"""
+    stance_s: float = quantity(  # duration of the measured stance
+        unit="s", low=0.1, high=5.0, source="plates of the fitted trials"
+    )
+    strike_error_s: float = quantity(  # the physics' strike less the measured one
+        unit="s", low=-1.0, high=1.0, source="plates of the fitted trials"
+    )
+    lift_off_error_s: float = quantity(  # the physics' lift-off less the measured one
+        unit="s", low=-1.0, high=1.0, source="plates of the fitted trials"
+    )
 
 
-CURVES = tuple(one.name for one in fields(DiscrepancyCurve) if one.name.endswith("_bw"))
+CURVES = tuple(one.name for one in fields(PersonWalk) if one.metadata.get("count") == STANCE_POINTS)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Discrepancy:
-    """Curves, and for each component the shares of their variance that all settings have in common
-    (`shared`) and that one setting has to itself (`own`), as trials and settings left out in turn
-    earned them; the rest is each trial's."""
+class PersonCurve:
+    """The person's own curve: what the plates of the fitted recordings show, walk by walk, and by
+    how much a walk that was left out differed from what the others tell (root mean square, without
+    `*_sd_bw` where no setting was fitted twice)."""
 
-    curves: tuple[DiscrepancyCurve, ...]
-    shared: tuple[float, ...] = _share()  # share of variance common to all settings, by component
-    own: tuple[float, ...] = _share()  # share of variance of one setting, by component
+    walks: tuple[PersonWalk, ...]
+    fore_aft_sd_bw: tuple[float, ...] | None = _curve(None)  # fore-aft force left out less told
+    lateral_sd_bw: tuple[float, ...] | None = _curve(None)  # lateral force left out less told
+    vertical_sd_bw: tuple[float, ...] | None = _curve(None)  # vertical force left out less told
+    resultant_sd_bw: tuple[float, ...] | None = _curve(None)  # resultant left out less told
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,14 +241,24 @@ class FittedContact:
     curves: tuple[JointCurve, ...] = ()
     trials: tuple[FittedTrial, ...] = ()
     momentum: MomentumBias | None = None
-    discrepancy: Discrepancy | None = None
+    person_curve: PersonCurve | None = None
     provenance: dict[str, Any] = field(default_factory=dict)  # versions, seed and solver of the fit
 
 
 def load_contact(path: str | Path, *, even_if_failed: bool = False) -> FittedContact:
     """Reads and checks a contact file; also one that a fit left that did not converge, if
     `even_if_failed`."""
-    contact = check_contact(load_yaml(path, FittedContact), file=path)
+    try:
+        contact = check_contact(load_yaml(path, FittedContact), file=path)
+    except InputError as error:
+        if not (error.where or "").endswith(RETIRED):
+            raise
+        raise InputError(
+            "is the third layer of earlier versions: the person's own curve has taken its place",
+            file=path,
+            where=RETIRED,
+            right="Fit again, or delete this key: physics and momentum stay as they are",
+        ) from None
     errors.require(
         contact.converged or even_if_failed,
         "this fit did not converge",
@@ -333,24 +375,15 @@ def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> 
 
 
 def _check_learned(contact: FittedContact, file: str | Path | None) -> None:
-    """What the plates taught: of the file's own recordings, and shares of one variance."""
+    """What the plates taught: of the file's own recordings."""
     named: dict[str, str] = {}
     if contact.momentum is not None:
         named |= {f"momentum.trials[{i}]": text for i, text in enumerate(contact.momentum.trials)}
-    if contact.discrepancy is not None:
+    if contact.person_curve is not None:
         named |= {
-            f"discrepancy.curves[{i}].fingerprint": curve.fingerprint
-            for i, curve in enumerate(contact.discrepancy.curves)
+            f"person_curve.walks[{i}].fingerprint": walk.fingerprint
+            for i, walk in enumerate(contact.person_curve.walks)
         }
-        shares = zip(contact.discrepancy.shared, contact.discrepancy.own, strict=True)
-        for i, (shared, own) in enumerate(shares):
-            errors.require(
-                shared + own <= 1.0 + 1e-9,
-                f"{shared:g} and {own:g} are more than the whole",
-                f"discrepancy.own[{i}]",
-                "With shared they are shares of one variance",
-                file=file,
-            )
     prints = [trial.fingerprint for trial in contact.trials]
     for where, text in named.items():
         errors.require(text in prints, "is none of the recordings under trials", where, file=file)
@@ -401,7 +434,7 @@ _UNITS_OF = {
         "trials": FittedTrial,
         "curves": JointCurve,
         "momentum": MomentumBias,
-        "discrepancy": DiscrepancyCurve,
+        "person_curve": PersonWalk,
     }.items()
 }
 """Of the keys of each section."""

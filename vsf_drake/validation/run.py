@@ -125,7 +125,7 @@ def run_sections(
     too often, after others but the last.
     """
     finished: dict[str, Finished] = {}
-    taught = study.contact and (study.contact.momentum or study.contact.discrepancy)
+    taught = study.contact and (study.contact.momentum or study.contact.person_curve)
     stored = {
         name: one for name, table in LONG.items() if shipped and (one := shipped.read(name, table))
     }

@@ -31,8 +31,8 @@ from vsf_drake.validation.walking_curves import (
     walk_curves,
 )
 from vsf_drake.walks.angle_errors import AngleErrorRow, JudgedTrial, angle_error_rows
+from vsf_drake.walks.between_settings import between_settings
 from vsf_drake.walks.comparison import compare, rmse
-from vsf_drake.walks.discrepancy import between_settings
 from vsf_drake.walks.fulcrum_sweep import (
     SWEEP_POSITIONS,
     SWEEP_STEP_S,
@@ -126,7 +126,8 @@ class LayerRow(Scored):
 
 @dataclass(frozen=True, kw_only=True)
 class LayersTable:
-    """The section of predictions in layers; `learned`: the contact has a discrepancy."""
+    """The section of predictions in layers; `learned`: the contact has the person's
+    own curve."""
 
     rows: tuple[LayerRow, ...]
     learned: bool
@@ -193,7 +194,7 @@ def layers_section(study: Study, *, progress: Progress | None = None) -> Section
         )
     return Section(
         table=LayersTable(
-            rows=tuple(rows), learned=contact.discrepancy is not None, synthetic=study.synthetic
+            rows=tuple(rows), learned=contact.person_curve is not None, synthetic=study.synthetic
         )
     )
 

@@ -27,7 +27,7 @@ from vsf_drake.simulation.batch import WalkCase, simulate_batch
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.plate_score import judged, plate_scorer
-from vsf_drake.walks.prediction import PHYSICS, layers_in, predict
+from vsf_drake.walks.prediction import MOMENTUM, PHYSICS, compared, layers_in, predict
 from vsf_drake.walks.quantities import Judged, known, mean
 
 SD_DEG = (0.0, 0.25, 0.5, 1.0)
@@ -160,9 +160,8 @@ def _layered(case: WalkCase, contact: FittedContact, walker: Walker) -> dict[str
         walk = predict(trial, contact, walker=walker, step_s=case.step_s, errors=case.values)
     except SimulationError:
         return {}
+    plate = trial.prosthetic_plate
     return {
-        layer: walk_metrics(
-            walk.results[layer], trial.prosthetic_plate, comparison=comparison
-        ).error_bw
-        for layer, comparison in walk.comparisons.items()
+        layer: walk_metrics(walk.results[MOMENTUM], plate, comparison=comparison).error_bw
+        for layer, comparison in compared(walk, plate).items()
     }

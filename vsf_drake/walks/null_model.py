@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.walks.comparison import Comparison, rmse
-from vsf_drake.walks.discrepancy import between_settings, settings_of
+from vsf_drake.walks.between_settings import between_settings, settings_of
+from vsf_drake.walks.comparison import PERCENT, Comparison, rmse
 from vsf_drake.walks.quantities import Judged, known
 
 ALONE, CUT = "alone", "cut"
@@ -80,23 +80,26 @@ def several_settings(positions_m: Iterable[float]) -> bool:
     return len(settings_of(np.array([*positions_m]))) > 1
 
 
+def stretched(c: Comparison, curves: np.ndarray, *, predicted: bool = False) -> np.ndarray:
+    """(n, k) of curves (101, k) that are stretched to each stance, measured or `predicted`, and
+    zero between them; NaN in a stance that was not seen from strike to lift-off."""
+    laid = np.zeros((len(c.time_s), curves.shape[1]))
+    for item in c.stances:
+        stance = item.model if predicted and item.model is not None else item.measured
+        rows = c.within(stance.start_s, stance.end_s)
+        share = 100.0 * (c.time_s[rows] - stance.start_s) / stance.duration_s
+        told = np.column_stack([np.interp(share, PERCENT, curve) for curve in curves.T])
+        laid[rows] = told if stance.complete else np.nan
+    return laid
+
+
 def _stretched_error(
     c: Comparison, body_weight_n: float, curve: np.ndarray, predicted: bool
 ) -> float | None:
-    """Of a curve that is stretched to each stance and zero between them; incomplete stances are
-    left out, and without a complete one there is nothing to be judged: zeros beside an unloaded
-    plate are no model."""
-    null = np.zeros(len(c.time_s))
-    percent = np.linspace(0.0, 100.0, len(curve))
-    whole = False
-    for item in c.stances:
-        stance = item.model if predicted and item.model is not None else item.measured
-        start = stance.start_s
-        rows = c.within(start, stance.end_s)
-        stretched = np.interp(100.0 * (c.time_s[rows] - start) / stance.duration_s, percent, curve)
-        null[rows] = stretched if stance.complete else np.nan
-        whole = whole or stance.complete
+    """Of a curve over stance; incomplete stances are left out, and without a complete one there is
+    nothing to be judged: zeros beside an unloaded plate are no model."""
+    null = stretched(c, curve[:, None], predicted=predicted)[:, 0]
     rows = c.scored & np.isfinite(null)
-    if not whole or not rows.any():
+    if not null[rows].any():
         return None
     return float(rmse(null[rows], np.linalg.norm(c.measured[rows] / body_weight_n, axis=1)))

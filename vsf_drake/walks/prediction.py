@@ -1,8 +1,9 @@
-"""A prediction in three layers, of a walk whose plate was not used.
+"""A prediction in three layers, of a walk whose plate is not used.
 
 *Physics*: the fitted foot under the recorded motion. *Momentum*: the same, corrected for this trial
-so that the foot carries the person while the intact foot swings (`momentum`). *Discrepancy*: with
-what the fitted trials' plates tell beyond that (`discrepancy`).
+so that the foot carries the person while the intact foot swings (`momentum`). *Person*: the
+person's own curve, as the fitted trials' plates show it, with what the other two say is different
+about this walk (`person_curve`).
 """
 
 from __future__ import annotations
@@ -13,23 +14,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vsf_drake.base.sentences import say
-from vsf_drake.model.contact_file import Discrepancy, DiscrepancyCurve, FittedContact, MomentumBias
+from vsf_drake.model.contact_file import FittedContact, MomentumBias, PersonCurve
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.fitted_trial import fingerprint, trial_with
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.results import WalkResult
-from vsf_drake.simulation.walk import Walker
-from vsf_drake.walks.comparison import PERCENT, Comparison, compare
-from vsf_drake.walks.discrepancy import (
-    CODE_SCALE,
-    COMPONENTS,
-    LEAST_SETTINGS,
-    beside_the_plates,
-    earned,
-    over_percent,
-    settings_of,
+from vsf_drake.simulation.walk import Walk, Walker
+from vsf_drake.walks.between_settings import between_settings
+from vsf_drake.walks.comparison import (
+    Comparison,
+    compare,
+    partner,
+    percent_instants,
+    resample,
+    walking_direction,
 )
-from vsf_drake.walks.metrics import stance_curve, walk_metrics
+from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.momentum import (
     MomentumCorrection,
     bias_of,
@@ -37,21 +38,36 @@ from vsf_drake.walks.momentum import (
     with_corrections,
 )
 from vsf_drake.walks.null_model import KnownCurve, NullErrors, null_errors
+from vsf_drake.walks.person_curve import (
+    FORCES,
+    PersonForce,
+    SeenWalk,
+    laid,
+    measured,
+    seen,
+    spread,
+)
+from vsf_drake.walks.phases import PhaseErrors, mean_phases, phase_errors
 from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, mean
 
-PHYSICS, MOMENTUM, DISCREPANCY = LAYERS = ("physics", "momentum", "discrepancy")
+PHYSICS, MOMENTUM, PERSON = LAYERS = ("physics", "momentum", "person")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LayeredWalk:
-    """A trial's walk in layers; each comparison holds the model of its layer."""
+    """A trial's walk in layers, made without its plate.
 
-    comparisons: Mapping[str, Comparison]
+    Attributes:
+        results: by layer, of the physics and with the person's momentum (the same where the
+            correction is not believed).
+        seen: what the walk tells to the person's curve.
+        person: the force by the person's own curve; None where the contact has none.
+    """
+
     results: Mapping[str, WalkResult]
-    """the discrepancy has that of the momentum: it moves no centre of pressure"""
     correction: MomentumCorrection
-    added_bw: np.ndarray
-    """(101, 3) what the fitted plates add over the model's stance; zeros without any"""
+    seen: SeenWalk
+    person: PersonForce | None
 
 
 SCORES = (
@@ -77,7 +93,7 @@ class TrialLayers(NullErrors):
     layers: Mapping[str, Mapping[str, float | None]]
     null_model_predicted_times_grf_rmse_bw: float | None
     correction: MomentumCorrection
-    added_rms_bw: float  # root mean square of the discrepancy that was added
+    phases: tuple[PhaseErrors, ...]  # of the person's layer; none without it
 
     def error_in(self, layer: str) -> float | None:
         """The error that it is judged by in this layer."""
@@ -86,13 +102,11 @@ class TrialLayers(NullErrors):
 
 @dataclass(frozen=True, kw_only=True)
 class LayerTable:
-    """A fit's predictions in layers, and what its plates taught; `untried` where no setting was
-    fitted twice."""
+    """A fit's predictions in layers, and what its plates taught."""
 
     trials: tuple[TrialLayers, ...]
     momentum: MomentumBias | None
-    discrepancy: Discrepancy | None
-    untried: bool
+    person_curve: PersonCurve | None
 
     def mean(self, layer: str, key: str = JUDGED, *, fitted: bool = False) -> float | None:
         """Mean of a layer's score over the held-out trials, or the fitted ones; None without
@@ -108,7 +122,7 @@ class LayerTable:
 
     def teach(self, contact: FittedContact) -> FittedContact:
         """The contact with what the plates taught."""
-        return replace(contact, momentum=self.momentum, discrepancy=self.discrepancy)
+        return replace(contact, momentum=self.momentum, person_curve=self.person_curve)
 
 
 def predict(
@@ -119,21 +133,23 @@ def predict(
     step_s: float,
     errors: Mapping[str, float] | None = None,
 ) -> LayeredWalk:
-    """A trial that has the fitted contact (`trial_with`) in layers; `walker` is of its subject and
-    model. `errors` are further variables of its walk, by name, of which the layers know nothing.
+    """A trial that has the fitted contact (`trial_with`) in layers; of its plates nothing is used.
+
+    `walker` is of its subject and model. `errors` are further variables of its walk, by name, of
+    which the layers know nothing.
 
     Raises:
         SimulationError: the walk of the physics fails.
     """
     errors = errors or {}
     bias = contact.momentum
-    physics, result = _compared(walker, trial, errors, step_s)
+    walk, physics = _walked(walker, trial, errors, step_s)
     correction = (
         MomentumCorrection(believed=False, why_not="bias")
         if bias is None
-        else corrected(walker, trial, bias, heading=physics.heading, errors=errors)
+        else corrected(walker, trial, bias, heading=walking_direction(physics), errors=errors)
     )
-    second = physics, result
+    momentum = physics
     if correction.believed:
         c = (
             correction.height_m,
@@ -141,19 +157,35 @@ def predict(
             correction.knee_angle_rad,
             correction.alignment_rad,
         )
-        second = _compared(walker, trial, with_corrections(errors, trial, np.array(c)), step_s)
-    third = second[0]
-    weight = trial.subject.mass_kg * GRAVITY
-    if contact.discrepancy is not None:
-        third = replace(
-            third, model=beside_the_plates(third, contact.discrepancy, trial.fulcrum_m, weight)
-        )
-    added = over_percent(third, (third.model - second[0].model) / weight)
+        _, momentum = _walked(walker, trial, with_corrections(errors, trial, np.array(c)), step_s)
+    own = seen(walk, physics, momentum, trial, believed=correction.believed)
+    curve = contact.person_curve
     return LayeredWalk(
-        comparisons=dict(zip(LAYERS, (physics, second[0], third), strict=True)),
+        results={PHYSICS: physics, MOMENTUM: momentum},
         correction=correction,
-        added_bw=np.zeros((len(PERCENT), 3)) if added is None else added,
-        results=dict(zip(LAYERS, (result, second[1], second[1]), strict=True)),
+        seen=own,
+        person=None if curve is None else laid(curve, own),
+    )
+
+
+def compared(walk: LayeredWalk, plate: PlateRecording) -> dict[str, Comparison]:
+    """By layer that the walk has, beside the plate under its prosthetic foot."""
+    found = {layer: compare(result, plate) for layer, result in walk.results.items()}
+    if walk.person is not None:
+        found[PERSON] = _by_person(found[MOMENTUM], walk.person)
+    return found
+
+
+def _by_person(c: Comparison, person: PersonForce) -> Comparison:
+    """A comparison of the same walk with the person's layer in place of the model."""
+    stances = []
+    for item in c.stances:
+        at = percent_instants(item.measured)
+        cop_m = np.column_stack([np.interp(at, person.time_s, own) for own in person.cop_m.T])
+        cop_m[np.isnan(item.model_cop).any(axis=1)] = np.nan
+        stances.append(replace(item, model=partner(item.measured, person.stances), model_cop=cop_m))
+    return replace(
+        c, model=resample(c.time_s, person.time_s, person.force_n), stances=tuple(stances)
     )
 
 
@@ -163,33 +195,22 @@ def learned(
     """The contact with what the plates of the trials that it was fitted to, as recorded, teach the
     other two layers."""
     applied = {fingerprint(trial): trial_with(trial, contact) for trial in trials}
-    contact = replace(contact, momentum=bias_of(walker, applied), discrepancy=None)
-    curves = []
+    contact = replace(contact, momentum=bias_of(walker, applied), person_curve=None)
+    told = []
     for text, trial in applied.items():
-        walk = predict(trial, contact, walker=walker, step_s=step_s).comparisons[MOMENTUM]
-        weight = trial.subject.mass_kg * GRAVITY
-        plate, model = (over_percent(walk, force / weight) for force in (walk.measured, walk.model))
-        measured = stance_curve(trial.prosthetic_plate, subject_mass_kg=trial.subject.mass_kg)
-        if plate is not None and model is not None and measured is not None:
-            columns = {
-                f"{whose}{name}": tuple(column.tolist())
-                for whose, found in (("", plate - model), ("plate_", plate))
-                for name, column in zip(COMPONENTS, found.T, strict=True)
-            }
-            curves.append(
-                DiscrepancyCurve(
-                    fingerprint=text,
-                    fulcrum_m=trial.fulcrum_m,
-                    measured_bw=tuple(measured.tolist()),
-                    **columns,
-                )
-            )
-    return replace(contact, discrepancy=earned(curves)) if curves else contact
+        own = predict(trial, contact, walker=walker, step_s=step_s).seen
+        on_plate = measured(own, trial.prosthetic_plate, text)
+        if on_plate is not None:
+            told.append((own, on_plate))
+    if not told:
+        return contact
+    walks, on_plates = zip(*told, strict=True)
+    return replace(contact, person_curve=spread(PersonCurve(walks=on_plates), walks))
 
 
 def layers_in(contact: FittedContact) -> tuple[str, ...]:
-    """The layers that a contact has: without a discrepancy the third would be the second again."""
-    return LAYERS if contact.discrepancy is not None else LAYERS[:2]
+    """The layers that a contact has."""
+    return LAYERS if contact.person_curve is not None else LAYERS[:2]
 
 
 def layers_of(
@@ -199,21 +220,25 @@ def layers_of(
     does."""
     own = fingerprint(trial)
     weight = trial.subject.mass_kg * GRAVITY
-    learned_of = contact.discrepancy
+    plate = trial.prosthetic_plate
     walk = predict(trial_with(trial, contact), contact, walker=walker, step_s=step_s)
+    comparisons = compared(walk, plate)
     scores = {layer: dict.fromkeys(SCORES) for layer in LAYERS}
-    for layer in layers_in(contact):
-        found = walk_metrics(
-            walk.results[layer], trial.prosthetic_plate, comparison=walk.comparisons[layer]
-        )
+    for layer, comparison in comparisons.items():
+        result = walk.results.get(layer, walk.results[MOMENTUM])
+        found = walk_metrics(result, plate, comparison=comparison)
         scores[layer] = {name: getattr(found, name) for name in SCORES}
-    others = [
-        KnownCurve(curve.fulcrum_m, np.array(curve.measured_bw))
-        for curve in (learned_of.curves if learned_of else ())
-        if curve.fingerprint != own
+    curve = contact.person_curve
+    others = [one for one in curve.walks if one.fingerprint != own] if curve else []
+    forces = [np.array([getattr(one, name) for name in FORCES]).T for one in others]
+    positions = np.array([one.fulcrum_m for one in others])
+    known = [
+        KnownCurve(position, np.linalg.norm(force, axis=1))
+        for position, force in zip(positions, forces, strict=True)
     ]
-    null = null_errors(walk.comparisons[PHYSICS], weight, others, trial.fulcrum_m)
-    late = null_errors(walk.comparisons[PHYSICS], weight, others, trial.fulcrum_m, predicted=True)
+    null = null_errors(comparisons[PHYSICS], weight, known, trial.fulcrum_m)
+    late = null_errors(comparisons[PHYSICS], weight, known, trial.fulcrum_m, predicted=True)
+    between = between_settings(positions, np.array(forces), trial.fulcrum_m) if others else None
     return TrialLayers(
         label=label,
         fitted=own in {one.fingerprint for one in contact.trials},
@@ -222,7 +247,9 @@ def layers_of(
         correction=walk.correction,
         **vars(null),
         null_model_predicted_times_grf_rmse_bw=late.null_bw,
-        added_rms_bw=float(np.sqrt(np.mean(np.sum(walk.added_bw**2, axis=1)))),
+        phases=()
+        if walk.person is None
+        else phase_errors(comparisons[PHYSICS], comparisons[PERSON], walk.person, between, weight),
     )
 
 
@@ -243,20 +270,12 @@ def layer_table(
         layers_of(trial, label, contact, walker=walker, step_s=step_s)
         for trial, label in zip([*fitted, *held_out], labels, strict=True)
     )
-    curves = contact.discrepancy.curves if contact.discrepancy else ()
-    return LayerTable(
-        trials=rows,
-        momentum=contact.momentum,
-        discrepancy=contact.discrepancy,
-        untried=all(len(one) < 2 for one in settings_of(np.array([c.fulcrum_m for c in curves]))),
-    )
+    return LayerTable(trials=rows, momentum=contact.momentum, person_curve=contact.person_curve)
 
 
 def layer_sentences(table: LayerTable) -> list[str]:
     """Which layer the held-out trials earn, and what keeps the others from it."""
     rows = [row for row in table.trials if not row.fitted] or [*table.trials]
-    known = table.discrepancy
-    positions = np.array([curve.fulcrum_m for curve in known.curves] if known else [])
     judged = [
         (row.error_in(table.earned), row.null_bw)
         for row in rows
@@ -268,18 +287,16 @@ def layer_sentences(table: LayerTable) -> list[str]:
         t=table,
         rows=rows,
         nearer=nearer,
+        phases=mean_phases(row.phases for row in rows),
         **{
             name: mean(row.number(name) for row in rows)
             for name in (NULL, IN_LATE_STANCE, STRETCHED)
         },
-        few_settings=len(settings_of(positions)) < LEAST_SETTINGS,
-        code_scale=CODE_SCALE,
     )
 
 
-def _compared(
+def _walked(
     walker: Walker, trial: Trial, values: Mapping[str, float], step_s: float
-) -> tuple[Comparison, WalkResult]:
+) -> tuple[Walk, WalkResult]:
     walk = walker.walk_trial(trial, values=values, step_s=step_s)
-    result = walker.result(walk, trial, trial.offsets, energy=False)
-    return compare(result, trial.prosthetic_plate), result
+    return walk, walker.result(walk, trial, trial.offsets, energy=False)

@@ -1,0 +1,26 @@
+"""Curves of walks at some settings of the foot, told at another one."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import interp1d
+
+SETTING_M = 0.005
+"""Positions of the fulcrum without a gap as wide are one setting (a choice)."""
+
+
+def settings_of(positions_m: np.ndarray) -> list[np.ndarray]:
+    """Indices of the walks of each setting, from the softest on."""
+    order = np.argsort(positions_m, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(positions_m[order]) > SETTING_M) + 1)
+
+
+def between_settings(positions_m: np.ndarray, curves: np.ndarray, fulcrum_m: float) -> np.ndarray:
+    """(...) at a fulcrum position, of curves (n, ...) at others (n,): means of each setting and
+    linear between them, beyond them those of the nearest."""
+    settings = settings_of(positions_m)
+    places = np.array([positions_m[one].mean() for one in settings])
+    means = np.array([curves[one].mean(axis=0) for one in settings])
+    if len(places) == 1:
+        return np.asarray(means[0])
+    return np.asarray(interp1d(places, means, axis=0)(np.clip(fulcrum_m, places[0], places[-1])))
