@@ -15,9 +15,9 @@ same draw, of the prosthetic knee and the other angles (degrees) and of the vert
 weights), over the middle walk's stance.
 
 `order`: three settings by each cost. Truth is the mean over the walks of a setting, of the
-laboratory's own inverse dynamics (virtual_laboratory/leg_loads.py). Predicted is the mean over the
-recorded walks at the outer settings, walked by the fitted contact, and the predicted walk at the
-middle one; `between` is the null: the middle cost is the mean of the outer ones. A pair of settings
+laboratory's own inverse dynamics (virtual_laboratory/leg_loads.py). Predicted is what
+`vsf_drake.predict` says of the mean walks at the outer settings and of the middle one; `between` is
+the null: the middle cost is the mean of the outer ones. A pair of settings
 counts if its true costs differ by more than their interval: 1.96 standard errors of the difference
 of two means, the spread pooled over settings. `right` are those of them whose sign is predicted; an
 order counts as right if all its pairs that count have theirs.
@@ -79,6 +79,7 @@ NOTICE = "SYNTHETIC, nobody walked this (made by studies/setting_answer.py)"
 COSTS = ("joint_load", "metabolic", "push_off")
 OUTER = (SETTINGS[0], SETTINGS[-1])
 NUMBERS = (1, 2, 3)
+ORDER = (0, 6, 3, 1, 7, 4, 2, 8, 5)  # of draws: one of each setting, then the next
 MIDDLE_M = 0.108
 Z = 1.96
 
@@ -91,7 +92,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--walks", action="store_true", help="make the walks alone")
     arguments = parser.parse_args()
-    every = [(person, number) for number in range(9) for person in persons()]
+    every = [(person, number) for number in ORDER for person in persons()]
     with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
         known = dict(zip(every, pool.map(walked, *zip(*every, strict=True)), strict=True))
         if arguments.walks:
@@ -246,14 +247,14 @@ def predicted(person: str, answer: str) -> dict[str, Any]:
     inner = [trial for name, trial in every.items() if name.startswith(MIDDLE)]
     contact = fitted(person, answer, outer)
     found = predict(outer, contact, fulcrum_m=MIDDLE_M)
-    walks = found.table.recorded
+    soft, stiff = (found.table.settings[end] for end in (0, -1))
     return {
         "middle": middle(outer, inner),
         "costs": {
             cost: {
-                OUTER[0]: [walk.costs[cost] for walk in walks if walk.fulcrum_mm < 1e3 * MIDDLE_M],
-                MIDDLE: [found.table.predicted.costs[cost]],
-                OUTER[-1]: [walk.costs[cost] for walk in walks if walk.fulcrum_mm > 1e3 * MIDDLE_M],
+                OUTER[0]: soft.costs[cost],
+                MIDDLE: found.table.predicted.costs[cost],
+                OUTER[-1]: stiff.costs[cost],
             }
             for cost in COSTS
         },
@@ -350,7 +351,7 @@ def order(cost: str, truth: dict[str, dict[str, Any]], part: dict[str, Any]) -> 
     spread = float(
         np.sqrt(sum((value - means[name]) ** 2 for name in true for value in true[name]) / free)
     )
-    found = {name: float(np.mean(own)) for name, own in part["costs"][cost].items()}
+    found = part["costs"][cost]
     between = {**found, MIDDLE: float(np.mean([found[name] for name in OUTER]))}
     pairs = []
     for one, other in combinations(SETTINGS, 2):

@@ -29,10 +29,11 @@ from vsf_drake.motion.events import Stance, known_stances
 from vsf_drake.motion.formats.recording import os_to_world, world_to_os
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, orientations_of
-from vsf_drake.motion.trajectory import CoordinateTrajectory, columns_at
+from vsf_drake.motion.trajectory import CoordinateTrajectory, columns_at, low_pass, spacing
 from vsf_drake.motion.trial import Trial
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.walks.between_settings import between_settings, settings_of
+from vsf_drake.walks.comparison import FORCE_CUTOFF_HZ
 from vsf_drake.walks.recorded_walk import labels_of
 
 SPACING = 0.008  # of the instants, in stances: some 6 ms
@@ -145,6 +146,13 @@ class Answer:
         """(n, m) the same at a setting."""
         return between_settings(self.fulcrum_m, self.values, fulcrum_m)
 
+    def spread_of(self, values: np.ndarray) -> np.ndarray | None:
+        """(...) standard deviation between walks of one setting, pooled over settings, of numbers
+        (walks, ...); None where no setting was walked twice."""
+        free = len(values) - len(self.settings)
+        within = [values[own] - values[own].mean(axis=0) for own in self.settings]
+        return np.sqrt(np.sum(np.concatenate(within) ** 2, axis=0) / free) if free else None
+
     def stance_s(self, fulcrum_m: float) -> float:
         """The time of stance at a setting."""
         times = np.array([walk.stance_s for walk in self.walks])
@@ -188,14 +196,8 @@ class Answer:
         means = np.array([values[own].mean(axis=0) for own in self.settings])
         at = self.settings_m
         answer = _rms(means[-1] - means[0])
-        free = len(self.walks) - len(self.settings)
-        spread = None
-        if free:
-            within = [
-                np.sum((values[own] - mean) ** 2, axis=0)
-                for own, mean in zip(self.settings, means, strict=True)
-            ]
-            spread = np.sqrt(np.mean(np.sum(within, axis=0) / free, axis=0))
+        each = self.spread_of(values)
+        spread = None if each is None else _rms(each)
         bends = [
             _rms(
                 means[k]
@@ -394,6 +396,7 @@ def _walk(
 ) -> AnsweringWalk:
     motion = trial.trajectory.ordered(names)
     plate = trial.prosthetic_plate
+    force = low_pass(plate.force_W, rate_hz=1.0 / spacing(plate.time_s), cutoff_hz=FORCE_CUTOFF_HZ)
     place = [names.index(name) for name in PELVIS_TRANSLATIONS]
     flat = (share >= FLAT[0]) & (share <= FLAT[1])
     told = []
@@ -407,7 +410,7 @@ def _walk(
         foot = path[flat].mean(axis=0) * [1.0, 1.0, 0.0]
         values[:, place] = world_to_os(path - foot)
         told.append(values)
-        seen = columns_at(time_s, plate.time_s, plate.force_W) @ R_XW.T
+        seen = columns_at(time_s, plate.time_s, force) @ R_XW.T
         seen[(share < 0.0) | (share > 1.0)] = 0.0
         forces.append(seen)
     return AnsweringWalk(
