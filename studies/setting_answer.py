@@ -14,6 +14,9 @@ setting. `reached` is what the answers came to: change from the middle to an out
 same draw, of the prosthetic knee and the other angles (degrees) and of the vertical force (body
 weights), over the middle walk's stance.
 
+`force` is the vertical force at the middle setting by layer, and interpolated between the plates of
+the outer ones (`between`), off the mean of the plates there, body weights.
+
 `order`: three settings by each cost. Truth is the mean over the walks of a setting, of the
 laboratory's own inverse dynamics (virtual_laboratory/leg_loads.py). Predicted is what
 `vsf_drake.predict` says of the mean walks at the outer settings and of the middle one; `between` is
@@ -64,15 +67,13 @@ from vsf_drake.fit.problem import ContactFit
 from vsf_drake.fit.solution import solve
 from vsf_drake.model.contact_file import FittedContact, load_contact, save_contact
 from vsf_drake.model.parameters import GRAVITY
-from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.batch.cases import digest
-from vsf_drake.simulation.walk import Walker
-from vsf_drake.tuning.answered import predict
+from vsf_drake.tuning.answered import SettingPrediction, predict
 from vsf_drake.walks.answer import LEG_ANGLES, answer_of
-from vsf_drake.walks.prediction import learned
+from vsf_drake.walks.prediction import LAYERS
 
 PARTS = Path("results/setting_answer")
 NOTICE = "SYNTHETIC, nobody walked this (made by studies/setting_answer.py)"
@@ -245,7 +246,7 @@ def predicted(person: str, answer: str) -> dict[str, Any]:
     }
     outer = [trial for name, trial in every.items() if not name.startswith(MIDDLE)]
     inner = [trial for name, trial in every.items() if name.startswith(MIDDLE)]
-    contact = fitted(person, answer, outer)
+    contact = fitted(person, answer)
     found = predict(outer, contact, fulcrum_m=MIDDLE_M)
     soft, stiff = (found.table.settings[end] for end in (0, -1))
     return {
@@ -258,26 +259,41 @@ def predicted(person: str, answer: str) -> dict[str, Any]:
             }
             for cost in COSTS
         },
-        "believed": found.table.predicted.correction.believed,
+        "force": force_errors(found, outer, inner),
     }
 
 
-def fitted(person: str, answer: str, outer: Sequence[Trial]) -> FittedContact:
-    """The contact fitted to the first walk of both outer settings and the person's bench, which all
-    outer walks teach the other layers."""
+def force_errors(
+    found: SettingPrediction, outer: Sequence[Trial], inner: Sequence[Trial]
+) -> dict[str, float]:
+    """Vertical force at the middle setting by layer, and interpolated between the outer plates,
+    off the mean of the plates there: root mean square over stance, body weights."""
+    answer = answer_of([*outer, *inner])
+    weight = found.walk.seen.weight_n
+    at = np.linspace(0.0, 1.0, 101)
+    forces = [np.interp(at, answer.share, walk.force_n[:, 2]) / weight for walk in answer.walks]
+    recorded = np.mean(forces[len(outer) :], axis=0)
+    soft, stiff = found.arrays["plates"][[0, -1], :, 2]
+    low, high = found.table.answer.settings_mm[0], found.table.answer.settings_mm[-1]
+    share = (1e3 * MIDDLE_M - low) / (high - low)
+    told = {name: found.arrays[name][:, 2] for name in LAYERS if name in found.arrays}
+    told["between"] = (1.0 - share) * soft + share * stiff
+    return {name: float(rms(force - recorded)) for name, force in told.items()}
+
+
+def fitted(person: str, answer: str) -> FittedContact:
+    """The contact fitted to the first walk of both outer settings and to the person's bench."""
     file = (PARTS / "fits" / f"{person}_{answer}.yaml").absolute()
+    folder = PARTS / person.lower()
+    pair = [load_trial(folder / answer / f"{name}_{NUMBERS[0]}.yaml") for name in OUTER]
 
     def fit() -> dict[str, Any]:
-        pair = [trial for trial in outer if trial.path.stem.endswith(f"_{NUMBERS[0]}")]
-        bench = load_measured_bench(PARTS / person.lower() / "bench_curves.csv")
+        bench = load_measured_bench(folder / "bench_curves.csv")
         solution = solve(ContactFit(pair, bench=bench))
-        applied = trial_with(pair[0], solution.contact())
-        walker = Walker(applied.subject, applied.model)
-        contact = learned(solution.contact(), outer, walker=walker, step_s=1e-3)
-        save_contact(contact, file)
+        save_contact(solution.contact(), file)
         return {"seconds": solution.wall_s}
 
-    key = digest({"files": [trial.inputs for trial in outer], **made_by("contact_fit.py")})
+    key = digest({"files": [trial.inputs for trial in pair]})
     kept(file.parent, file.stem, key, fit)
     return load_contact(file)
 
@@ -407,6 +423,9 @@ def text_table(content: dict[str, Any]) -> str:
             f"{off['mean_deg']:>6.2f}{off['spread_deg']:>8.2f}"
             f"{np.mean(off['nearest_walk_deg']):>9.2f}   {costs}"
         )
+    for name, part in content["persons"].items():
+        told = ", ".join(f"{layer} {100 * off:.1f}" for layer, off in part["force"].items())
+        lines.append(f"{name}: vertical force at the middle setting, % body weight: {told}")
     for name, off in content["embedded"].items():
         lines.append(
             f"{name} embedded: middle {np.mean(off['walks_deg']):.2f} (pairs "

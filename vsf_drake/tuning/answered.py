@@ -39,9 +39,9 @@ from vsf_drake.tuning.sweep import outcomes
 from vsf_drake.walks.answer import Answer, AnswerTable, answer_of, answer_sentences
 from vsf_drake.walks.between_settings import settings_of
 from vsf_drake.walks.comparison import FORCE_CUTOFF_HZ, PERCENT
-from vsf_drake.walks.momentum import MomentumCorrection, with_corrections
+from vsf_drake.walks.momentum import FIT_STEP_S, MomentumCorrection, with_corrections
 from vsf_drake.walks.person_curve import PersonForce
-from vsf_drake.walks.prediction import LAYERS, PERSON, LayeredWalk
+from vsf_drake.walks.prediction import LAYERS, PERSON, LayeredWalk, learned
 from vsf_drake.walks.prediction import predict as predict_layers
 
 Z = 1.96  # standard errors of a 95 % interval
@@ -67,7 +67,7 @@ class SettingWalk:
     fulcrum_mm: float
     outcomes: Mapping[str, float]
     costs: Mapping[str, float]
-    correction: MomentumCorrection
+    correction: MomentumCorrection | None  # None of a recorded walk
     converged: bool
 
 
@@ -190,14 +190,19 @@ def predict(
     check_fulcrum(fulcrum_m, answer.like.model.foot, where="fulcrum_m")
     trial = answer.trial_at(fulcrum_m)
     walker = Walker(trial.subject, trial.model)
+    show("learning from the plates", 0.0)
+    contact = learned(contact, trials, walker=walker, step_s=FIT_STEP_S)
     jobs = [*applied, *map(answer.trial_at, answer.settings_m.tolist()), trial]
-    told = []
+    walks = []
     for i, one in enumerate(jobs):
         show(f"walking {one.name}", i / len(jobs))
-        layers = predict_layers(one, contact, walker=walker, step_s=step_s)
-        told.append((layers, _walked(walker, one, layers, step_s)))
-    recorded = [own for _, own in told[: len(applied)]]
-    walk, predicted = told[-1]
+        walk = (
+            predict_layers(one, contact, walker=walker, step_s=step_s) if one.plates == {} else None
+        )
+        walks.append(_walked(walker, one, walk, step_s))
+    assert walk is not None
+    recorded = walks[: len(applied)]
+    *settings, predicted = walks[len(applied) :]
     positions = answer.fulcrum_m
     names = [*predicted.outcomes, *predicted.costs]
     spread = answer.spread_of(
@@ -210,7 +215,7 @@ def predict(
         stance_s=answer.stance_s(fulcrum_m),
         answer=answer.table(),
         predicted=predicted,
-        settings=tuple(own for _, own in told[len(applied) : -1]),
+        settings=tuple(settings),
         recorded=tuple(recorded),
         spread={} if spread is None else dict(zip(names, spread.tolist(), strict=True)),
         force=_peaks(answer, arrays),
@@ -292,12 +297,12 @@ def _peaks(answer: Answer, arrays: Mapping[str, np.ndarray]) -> dict[str, dict[s
     }
 
 
-def _walked(walker: Walker, trial: Trial, layers: LayeredWalk, step_s: float) -> SettingWalk:
-    """A trial that has the fitted contact at its own setting, as momentum corrects it, under what
-    its plate measured, or else the force by the person's own curve."""
+def _walked(walker: Walker, trial: Trial, layers: LayeredWalk | None, step_s: float) -> SettingWalk:
+    """A trial that has the fitted contact at its own setting, under what its plate measured; or, in
+    layers, as momentum corrects it and under the force by the person's own curve."""
     base: dict[str, float] = {}
-    correction = layers.correction
-    if correction.believed:
+    correction = None if layers is None else layers.correction
+    if correction is not None and correction.believed:
         c = (
             correction.height_m,
             correction.hip_flexion_rad,
@@ -311,8 +316,7 @@ def _walked(walker: Walker, trial: Trial, layers: LayeredWalk, step_s: float) ->
     (found,) = part.at_each(part.own[None], step_s=step_s, base=base, sites=True)
     if isinstance(found, SimulationError):
         raise found
-    side = trial.subject.prosthetic_side
-    if side in trial.plates:
+    if layers is None:
         found = _carrying(part, found, _plate_wrench(trial.prosthetic_plate, found))
     elif layers.person is not None:
         found = _carrying(part, found, _person_wrench(layers.person, found))
