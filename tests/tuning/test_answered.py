@@ -105,12 +105,12 @@ def test_it_says_setting_peaks_spread_and_that_it_interpolates(found):
     assert "At 108 mm" in found.sentences[0]
     assert any("does not know how people adapt" in line for line in found.sentences)
     assert not table.recorded_setting
-    assert table.predicted.converged
+    assert table.converged
+    assert [walk.fulcrum_mm for walk in table.recorded] == [66.0, 66.0, 151.0, 151.0]
+    assert {walk.fulcrum_mm for walk in table.moved} == {108.0}
     assert 0.6 < table.stance_s < 0.85
     assert found.arrays[PHYSICS].shape == (101, 3)
     assert {row.seen for row in table.rows()} <= {True, False}
-    soft, stiff = table.settings
-    assert (soft.fulcrum_mm, stiff.fulcrum_mm) == (66.0, 151.0)
     for row in table.rows():
         assert min(row.soft, row.stiff) <= row.between <= max(row.soft, row.stiff)
 
@@ -119,11 +119,8 @@ def test_the_foot_at_the_middle_stores_less_than_at_the_soft_setting_and_more_th
     found,
 ):
     """Of two springs under about one load the softer one stores more."""
-    stored = [
-        walk.outcomes["stored_energy"]
-        for walk in (found.table.settings[0], found.table.predicted, found.table.settings[1])
-    ]
-    assert stored[0] > stored[1] > stored[2]
+    (row,) = (row for row in found.table.rows() if row.name == "stored_energy")
+    assert row.soft > row.predicted > row.stiff
 
 
 def test_a_setting_beyond_the_recorded_ones_and_another_person_are_refused(recorded):

@@ -164,6 +164,26 @@ def test_between_unequal_times_of_stance_lies_their_mean(trial):
     assert answer.stance_s(MIDDLE_M) == pytest.approx(0.5 * (soft_s + stiff_s))
 
 
+def test_a_walk_moved_to_its_own_setting_is_itself_and_elsewhere_keeps_its_own_way(trial):
+    """Two walks a setting, a degree to either side of an answer of 3: at the other setting the
+    walk that bends the knee more still does by the same."""
+    side = trial.subject.prosthetic_side[0]
+    walks = [
+        with_angles(trial, at, **{f"knee_angle_{side}": by + answered})
+        for at, answered in ((SOFT_M, 3.0), (STIFF_M, 0.0))
+        for by in (-1.0, 1.0)
+    ]
+    answer = answer_of(walks)
+    knee = answer.names.index(f"knee_angle_{side}")
+    own = answer.moved(1, SOFT_M).trajectory.values[:, knee]
+    assert np.allclose(own, answer.walks[1].values[:, knee], atol=1e-12)
+    moved = answer.moved(1, STIFF_M)
+    assert np.allclose(np.degrees(own - moved.trajectory.values[:, knee]), 3.0, atol=1e-9)
+    stance = (answer.share > 0.05) & (answer.share < 0.95)
+    force = moved.prosthetic_plate.force_W[stance]
+    assert np.allclose(force, answer.walks[1].force_n[stance], atol=1e-6)  # all have one plate
+
+
 def without_prosthetic_plate(trial):
     return replace(trial, plates={})
 

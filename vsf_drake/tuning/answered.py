@@ -1,11 +1,10 @@
 """A walk at a setting that was not recorded: the person's own answer, walked by the fitted contact.
 
 The motion is interpolated between the recorded settings (`walks.answer`), the force comes from the
-contact that was fitted to the person, in layers (`walks.prediction`). Loads are by inverse
-dynamics: of the recorded walks under what their plates measured, of the predicted one under the
-force by the person's own curve. A predicted walk is a mean, whose peaks are lower than those of the
-walks that it is of: it is held against the mean walks of the recorded settings, and the recorded
-walks tell the spread. Energy in the foot is that of the walk with the person's momentum.
+contact that was fitted to the person, in layers (`walks.prediction`). Loads are those of every
+recorded walk as the answer moves it to the setting, by inverse dynamics under its plate, moved
+likewise: a mean walk would have lower peaks than the walks that it is the mean of. Energy in the
+foot is that of the fitted foot under the moved motion.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.reactions import SOCKET, follow
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
-from vsf_drake.tuning.costs import TRACKING, WalkLoads, value_of, walk_terms
+from vsf_drake.tuning.costs import WalkLoads, value_of, walk_terms
 from vsf_drake.tuning.options import TuningOptions, design_variables
 from vsf_drake.tuning.problem import SettingOutcome, TrialTuning
 from vsf_drake.tuning.quantities import GIVEN_COSTS, GIVEN_OUTCOMES
@@ -39,8 +38,7 @@ from vsf_drake.tuning.sweep import outcomes
 from vsf_drake.walks.answer import Answer, AnswerTable, answer_of, answer_sentences
 from vsf_drake.walks.between_settings import settings_of
 from vsf_drake.walks.comparison import FORCE_CUTOFF_HZ, PERCENT
-from vsf_drake.walks.momentum import FIT_STEP_S, MomentumCorrection, with_corrections
-from vsf_drake.walks.person_curve import PersonForce
+from vsf_drake.walks.momentum import FIT_STEP_S, MomentumCorrection
 from vsf_drake.walks.prediction import LAYERS, PERSON, LayeredWalk, learned
 from vsf_drake.walks.prediction import predict as predict_layers
 
@@ -51,29 +49,22 @@ TOLD = {name: quantity for name, quantity in GIVEN_OUTCOMES.items() if name != "
     "joint_load": GIVEN_COSTS["joint_load"]
 }
 """Loads and costs of a walk; the other costs are outcomes, too."""
-NOT_OF_A_WALK = ("consistency", TRACKING)
-"""Costs that compare a walk with another one, or with its plate."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SettingWalk:
-    """What one walk, recorded or predicted, loads the person with.
-
-    `outcomes` are GIVEN_OUTCOMES (`tuning.quantities`) without the change of the force, `costs`
-    GIVEN_COSTS of a walk by itself; `height_m` to `alignment_rad` in `correction`.
-    """
+    """What one walk, as recorded or as moved to a setting, loads the person with, by name in
+    TOLD."""
 
     label: str
     fulcrum_mm: float
-    outcomes: Mapping[str, float]
-    costs: Mapping[str, float]
-    correction: MomentumCorrection | None  # None of a recorded walk
+    loads: Mapping[str, float]
     converged: bool
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadRow:
-    """A load or cost at the outer recorded settings, means, and as predicted."""
+    """A load or cost at the outer recorded settings and as predicted, means over walks."""
 
     name: str
     label: str
@@ -95,13 +86,10 @@ class SettingTable:
     recorded_setting: bool  # whether walks were recorded there
     stance_s: float
     answer: AnswerTable
-    predicted: SettingWalk
-    settings: tuple[SettingWalk, ...]
-    """the mean walk of each recorded setting, softest first, made as the predicted one"""
-    recorded: tuple[SettingWalk, ...]  # each walk, under what its plate measured
-    spread: Mapping[str, float]
-    """of each, standard deviation between walks of one setting; empty where none was walked
-    twice"""
+    recorded: tuple[SettingWalk, ...]
+    moved: tuple[SettingWalk, ...]  # the same walks at this setting
+    correction: MomentumCorrection  # of the mean walk
+    converged: bool  # the mean walk
     force: Mapping[str, Mapping[str, float]]
     """FORCES of the predicted walk by layer, the one to believe last, body weights; and of the
     recorded settings, softest first, by their position ("66 mm")."""
@@ -117,26 +105,29 @@ class SettingTable:
 
     def rows(self) -> list[LoadRow]:
         """Loads and costs beside the recorded settings'."""
-        places = np.array([walk.fulcrum_mm for walk in self.settings])
-        walks = np.array([walk.fulcrum_mm for walk in self.recorded])
-        nearest = np.abs(walks[:, None] - places).argmin(axis=1)
-        soft, stiff = (np.sum(nearest == end) for end in (0, len(places) - 1))
+        groups = settings_of(np.array([1e-3 * walk.fulcrum_mm for walk in self.recorded]))
         told = []
         for name, quantity in TOLD.items():
-            values = np.array([_number(walk, name) for walk in self.settings])
-            spread = self.spread.get(name)
-            chance = None if spread is None else Z * spread * np.sqrt(1.0 / soft + 1.0 / stiff)
+            values = np.array([walk.loads[name] for walk in self.recorded])
+            means = [float(values[own].mean()) for own in groups]
+            free = len(values) - len(groups)
+            spread = seen = None
+            if free:
+                within = np.concatenate([values[own] - values[own].mean() for own in groups])
+                spread = float(np.sqrt(np.sum(within**2) / free))
+                chance = spread * np.sqrt(1.0 / len(groups[0]) + 1.0 / len(groups[-1]))
+                seen = bool(abs(means[-1] - means[0]) > Z * chance)
             told.append(
                 LoadRow(
                     name=name,
                     label=quantity.label,
                     unit=quantity.unit,
-                    soft=float(values[0]),
-                    predicted=_number(self.predicted, name),
-                    stiff=float(values[-1]),
-                    between=float(np.interp(self.fulcrum_mm, places, values)),
+                    soft=means[0],
+                    predicted=float(np.mean([walk.loads[name] for walk in self.moved])),
+                    stiff=means[-1],
+                    between=float(np.interp(self.fulcrum_mm, self.answer.settings_mm, means)),
                     spread=spread,
-                    seen=None if chance is None else bool(abs(values[-1] - values[0]) > chance),
+                    seen=seen,
                 )
             )
         return told
@@ -192,32 +183,24 @@ def predict(
     walker = Walker(trial.subject, trial.model)
     show("learning from the plates", 0.0)
     contact = learned(contact, trials, walker=walker, step_s=FIT_STEP_S)
-    jobs = [*applied, *map(answer.trial_at, answer.settings_m.tolist()), trial]
-    walks = []
-    for i, one in enumerate(jobs):
-        show(f"walking {one.name}", i / len(jobs))
-        walk = (
-            predict_layers(one, contact, walker=walker, step_s=step_s) if one.plates == {} else None
-        )
-        walks.append(_walked(walker, one, walk, step_s))
-    assert walk is not None
-    recorded = walks[: len(applied)]
-    *settings, predicted = walks[len(applied) :]
-    positions = answer.fulcrum_m
-    names = [*predicted.outcomes, *predicted.costs]
-    spread = answer.spread_of(
-        np.array([[_number(own, name) for name in names] for own in recorded])
-    )
+    walk = predict_layers(trial, contact, walker=walker, step_s=step_s)
+    walks: list[SettingWalk] = []
+    for place in (None, fulcrum_m):
+        for i, one in enumerate(answer.walks):
+            show(f"walking {one.label}", (i + len(walks)) / (2 * len(answer.walks)))
+            at = one.fulcrum_m if place is None else place
+            walks.append(_walked(walker, answer.moved(i, at), step_s))
     arrays = _arrays(answer, fulcrum_m, walk)
+    known = settings_of(np.append(answer.fulcrum_m, fulcrum_m))
     table = SettingTable(
         fulcrum_mm=1e3 * fulcrum_m,
-        recorded_setting=len(settings_of(np.append(positions, fulcrum_m))) == len(answer.settings),
+        recorded_setting=len(known) == len(answer.settings),
         stance_s=answer.stance_s(fulcrum_m),
         answer=answer.table(),
-        predicted=predicted,
-        settings=tuple(settings),
-        recorded=tuple(recorded),
-        spread={} if spread is None else dict(zip(names, spread.tolist(), strict=True)),
+        recorded=tuple(walks[: len(answer.walks)]),
+        moved=tuple(walks[len(answer.walks) :]),
+        correction=walk.correction,
+        converged=all(result.converged for result in walk.results.values()),
         force=_peaks(answer, arrays),
         synthetic=trial.synthetic,
         sentences=(),
@@ -297,40 +280,20 @@ def _peaks(answer: Answer, arrays: Mapping[str, np.ndarray]) -> dict[str, dict[s
     }
 
 
-def _walked(walker: Walker, trial: Trial, layers: LayeredWalk | None, step_s: float) -> SettingWalk:
-    """A trial that has the fitted contact at its own setting, under what its plate measured; or, in
-    layers, as momentum corrects it and under the force by the person's own curve."""
-    base: dict[str, float] = {}
-    correction = None if layers is None else layers.correction
-    if correction is not None and correction.believed:
-        c = (
-            correction.height_m,
-            correction.hip_flexion_rad,
-            correction.knee_angle_rad,
-            correction.alignment_rad,
-        )
-        base = with_corrections(base, trial, np.array(c))
+def _walked(walker: Walker, trial: Trial, step_s: float) -> SettingWalk:
+    """A trial that has the fitted contact, at its own setting and under what its plate measured."""
     options = TuningOptions(step_s=step_s, support_width_m=0.0)
     (fulcrum,) = design_variables(options, [trial.model.foot])
     part = TrialTuning(walker, trial, trial.name, (fulcrum,), options)
-    (found,) = part.at_each(part.own[None], step_s=step_s, base=base, sites=True)
+    (found,) = part.at_each(part.own[None], step_s=step_s, sites=True)
     if isinstance(found, SimulationError):
         raise found
-    if layers is None:
-        found = _carrying(part, found, _plate_wrench(trial.prosthetic_plate, found))
-    elif layers.person is not None:
-        found = _carrying(part, found, _person_wrench(layers.person, found))
-    told = outcomes(part, found)
+    found = _carrying(part, found, _plate_wrench(trial.prosthetic_plate, found))
+    told = outcomes(part, found) | {"joint_load": value_of(found.terms["joint_load"])}
     return SettingWalk(
         label=trial.name,
         fulcrum_mm=1e3 * trial.fulcrum_m,
-        outcomes={name: value for name, value in told.items() if name != "force_change"},
-        costs={
-            name: value_of(terms)
-            for name, terms in found.terms.items()
-            if name not in NOT_OF_A_WALK
-        },
-        correction=correction,
+        loads={name: told[name] for name in TOLD},
         converged=bool(found.walk.record.converged.all()),
     )
 
@@ -372,19 +335,3 @@ def _plate_wrench(plate: PlateRecording, found: SettingOutcome) -> np.ndarray:
     wrench = np.column_stack([moment, plate.force_W])
     smooth = low_pass(wrench, rate_hz=1.0 / spacing(plate.time_s), cutoff_hz=FORCE_CUTOFF_HZ)
     return columns_at(found.frame.time_s, plate.time_s, smooth)
-
-
-def _person_wrench(person: PersonForce, found: SettingOutcome) -> np.ndarray:
-    """(n, 6) on the walk's instants, of a walk along W's x; the free moment is the model's."""
-    at = found.frame.time_s
-    loaded = np.isfinite(person.cop_m).all(axis=1)
-    force = columns_at(at, person.time_s, person.force_n)
-    cop = columns_at(at, person.time_s[loaded], person.cop_m[loaded])
-    own = found.walk.prosthetic
-    moment = np.cross(np.column_stack([cop, np.zeros(len(cop))]), force)
-    moment[:, 2] += np.nan_to_num(own.free_moment_nm)
-    return np.column_stack([moment, force])
-
-
-def _number(walk: SettingWalk, name: str) -> float:
-    return {**walk.outcomes, **walk.costs}[name]
