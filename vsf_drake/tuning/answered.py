@@ -280,15 +280,21 @@ def _peaks(answer: Answer, arrays: Mapping[str, np.ndarray]) -> dict[str, dict[s
     }
 
 
-def _walked(walker: Walker, trial: Trial, step_s: float) -> SettingWalk:
-    """A trial that has the fitted contact, at its own setting and under what its plate measured."""
-    options = TuningOptions(step_s=step_s, support_width_m=0.0)
-    (fulcrum,) = design_variables(options, [trial.model.foot])
+def carried(
+    walker: Walker, trial: Trial, options: TuningOptions
+) -> tuple[TrialTuning, SettingOutcome]:
+    """A trial that has the fitted contact, at its own setting and under what its plate
+    measured; SimulationError where it cannot be walked."""
+    (fulcrum, *_) = design_variables(options, [trial.model.foot])
     part = TrialTuning(walker, trial, trial.name, (fulcrum,), options)
-    (found,) = part.at_each(part.own[None], step_s=step_s, sites=True)
+    (found,) = part.at_each(part.own[None], step_s=options.step_s, sites=True)
     if isinstance(found, SimulationError):
         raise found
-    found = _carrying(part, found, _plate_wrench(trial.prosthetic_plate, found))
+    return part, _carrying(part, found, _plate_wrench(trial.prosthetic_plate, found))
+
+
+def _walked(walker: Walker, trial: Trial, step_s: float) -> SettingWalk:
+    part, found = carried(walker, trial, TuningOptions(step_s=step_s, support_width_m=0.0))
     told = outcomes(part, found) | {"joint_load": value_of(found.terms["joint_load"])}
     return SettingWalk(
         label=trial.name,
