@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from made_tuning import made_table
 
-from vsf_drake.tuning.along import along_answer
+from vsf_drake.tuning.along import _Cost, _same_load, along_answer
 from vsf_drake.tuning.answered import carried
 from vsf_drake.tuning.costs import value_of
 from vsf_drake.walks.answer import answer_of
@@ -38,6 +38,16 @@ def test_with_one_walk_a_setting_the_ends_are_the_recorded_walks(outer, along):
     for i, end in ((0, along[0]), (1, along[-1])):
         _, own = carried(outer.parts[i].walker, answer.moved(i, answer.fulcrum_m[i]), outer.options)
         assert end.cost == pytest.approx(value_of(own.terms["push_off"]), rel=0.02)
+
+
+def test_the_null_at_a_recorded_setting_is_the_walk_recorded_there(outer):
+    """Under its own load the pelvis keeps its height, and what the model misses of the plate is
+    added: that is inverse dynamics under the plate."""
+    cost = _Cost({"push_off": 1.0})
+    for part in outer.parts:
+        _, own = carried(part.walker, part.trial, outer.options)
+        null = _same_load(part, part.trial.fulcrum_m, cost)
+        assert null == pytest.approx(value_of(own.terms["push_off"]), rel=1e-3)
 
 
 def test_under_an_equal_load_the_softer_spring_gives_more_work_back(along):

@@ -3,8 +3,9 @@ alone, under an equal load.
 
 Along the answer every recorded walk is moved to the setting, motion, times and plate
 (`walks.answer`). In the null nothing of the motion answers but the pelvis's height, which keeps the
-vertical force of the recording (`walks.energy_ledger`). The hold to the recording, which tuning
-with a given motion needs, is in neither.
+vertical force of the recording (`walks.energy_ledger`); what the model misses of the plate at the
+recorded setting is added, so that there both are the recorded walks. The hold to the recording,
+which tuning with a given motion needs, is in neither.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.base.errors import SimulationError
-from vsf_drake.tuning.answered import carried
-from vsf_drake.tuning.costs import CONSISTENCY, TRACKING, Terms, value_of, walk_terms
-from vsf_drake.tuning.problem import StiffnessTuning, TrialTuning
+from vsf_drake.tuning.answered import carried, carrying, plate_wrench
+from vsf_drake.tuning.costs import CONSISTENCY, TRACKING, Terms, value_of
+from vsf_drake.tuning.problem import SettingOutcome, StiffnessTuning, TrialTuning
 from vsf_drake.tuning.table import AlongPoint
 from vsf_drake.walks.answer import Answer, answer_of
 from vsf_drake.walks.between_settings import settings_of
@@ -98,4 +99,9 @@ def _same_load(part: TrialTuning, at_m: float, cost: _Cost) -> float | None:
         return None
     if not same.kept:
         return None
-    return cost.of(walk_terms(part.frame(options.step_s), part.loads(same.walk), options))
+    frame = part.frame(options.step_s)
+    loads = part.loads(same.walk)
+    plate = plate_wrench(part.trial.prosthetic_plate, frame.time_s)
+    missed = plate - frame.own.ground[..., 0]  # by the model at the recorded setting
+    found = SettingOutcome({}, same.walk, loads, frame)
+    return cost.of(carrying(part, found, loads.ground[..., 0] + missed).terms)
