@@ -102,6 +102,7 @@ class Attempt:
         time_s: (N,) s at RATE_HZ from the prosthetic foot's strike.
         base: (N, 33) functions before the fit: coordinates, trunk, intact plate; c: (33, K)
             coefficients.
+        ease: of each function, by which times STANDARD and the like it gives way.
     """
 
     draw: Draw
@@ -109,6 +110,7 @@ class Attempt:
     base: np.ndarray
     splines: Splines
     c: np.ndarray
+    ease: float | np.ndarray = 1.0
 
     @property
     def u(self) -> np.ndarray:
@@ -274,7 +276,8 @@ def common_targets(
     """What both stages ask: near the published curves, smooth, in balance with the wrench `outer`
     and the intact plate, intact foot on the floor, toes up in swing."""
     draw, time, u = attempt.draw, attempt.time_s, attempt.u
-    targets, sigma = Targets(attempt.splines, FUNCTIONS), standard_deviations()
+    targets = Targets(attempt.splines, FUNCTIONS)
+    sigma = attempt.ease * standard_deviations()
     correction = attempt.splines.values @ attempt.c.T
     correction[:, :3] -= correction[:, :3].mean(axis=0)
     targets.values(-correction, sigma)

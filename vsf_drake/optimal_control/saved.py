@@ -54,6 +54,7 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
             cost=best.last_cost,
             at_bound=best.at_bound if result.success else (),
             fulcrum_interval_mm=near,
+            along=(),
             **_worth(result, near),
             design=tuple(_design(result, best)),
             terms=tuple(

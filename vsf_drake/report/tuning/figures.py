@@ -418,6 +418,26 @@ def pareto_figure(figure: Figure, table: TuningTable) -> None:
 
 
 @_drawn
+def along_figure(figure: Figure, table: TuningTable) -> None:
+    """The cost along the person's own answer, and under an equal load."""
+    figure.set_size_inches(*PANEL)
+    axes = figure.subplots()
+    mm = [point.fulcrum_mm for point in table.along]
+    cost = np.array([point.cost for point in table.along])
+    error = np.array([point.error or 0.0 for point in table.along])
+    axes.fill_between(mm, cost - 1.96 * error, cost + 1.96 * error, color=SHADE, zorder=0)
+    axes.plot(mm, cost, "o-", color="black", label="along the person's own answer")
+    null = [
+        (point.fulcrum_mm, point.equal_load)
+        for point in table.along
+        if point.equal_load is not None
+    ]
+    axes.plot(*np.array(null).reshape(-1, 2).T, "s:", color=NEUTRAL, label="under an equal load")
+    axes.legend()
+    label(axes, x=FULCRUM, y=f"cost ({table.cost_unit})")
+
+
+@_drawn
 def robustness_figure(figure: Figure, table: TuningTable) -> None:
     """Where the optimum goes when something that is not known exactly is changed."""
     rows = [(row.what, row.fulcrum_mm) for row in table.robustness if row.fulcrum_mm is not None]
