@@ -33,6 +33,7 @@ from vsf_drake.optimal_control.search import (
     held_by,
     position_mm,
     swept,
+    own_strides,
     tracked,
     unless_interrupted,
     with_recorded,
@@ -100,6 +101,13 @@ def _search(result: StrideSolution, progress: Progress | None) -> str:
     if not unless_interrupted(result.tracked).success:
         return f"the recorded stride could not be tracked: {result.tracked.message}"
     search.sizes = {name: search.stride.value(name, result.tracked.y()) for name in FREE_COSTS}
+    if tuning.answer is not None:
+        result.doing = "tracking the own strides"
+        own = own_strides(tuning.stride, result.tracked, progress)
+        for one in own:
+            if not one.success:
+                return f"no own stride was found at {position_mm(one):.0f} mm: {one.message}"
+        search.stride = dataclasses.replace(search.stride, own=own)
     search.stride, start = _to_solve(tuning, search.stride, result.tracked)
     result.doing = "sweeping the fulcrum"
     swept(search, start, result.sweep, chains=options.confirm != ())
@@ -163,14 +171,18 @@ def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
         )
         own = unless_interrupted(tracked(drawn_stride, warm=result.tracked.last))
         other = StrideSearch(drawn_stride, tuning.cost, progress=result.search.progress)
-        if own.success:
+        needed = [own]
+        near = result.search.stride.own
+        if own.success and near:
+            needed += own_strides(drawn_stride, own, near=near)
+        solution = next((one for one in needed if not one.success), own)
+        if solution.success:
             other.sizes = {name: drawn_stride.value(name, own.y()) for name in FREE_COSTS}
+            drawn_stride = dataclasses.replace(drawn_stride, own=tuple(needed[1:]))
             other.stride = _to_solve(tuning, drawn_stride, own)[0]
             solution = other.free(
                 best.last, f"drawn contact {i + 1} of {len(drawn)}", i / len(drawn)
             )
-        else:
-            solution = own
         rows.append((unless_interrupted(solution), other.stride))
     result.drawn = rows
 
