@@ -5,15 +5,19 @@ Per person one fit of the softest and the stiffest first trial at 1.1 m/s with t
 bench curves, nothing else told: judged by all other trials of the session, by the other speeds
 where they have been made (--data), and for A by the session of another day, measured anew. The
 passive foot of C is fitted to two trials of three without a bench. Every trial is predicted in
-three layers (physics, the person's own momentum, the fitted trials' discrepancy), the held-out ones
-of the session also with errors of hip and knee of their own. Beside each error stand the null model
+three layers (physics, the person's own momentum, the person's own curve), without its plate, the
+held-out ones of the session also with errors of hip and knee of their own. Beside each error stand the null model
 (vsf_drake/walks/null_model.py: the measured curves of the fitted trials, interpolated between
 their settings and stretched to the measured times of stance; of the passive foot, which has one
 setting, the nearest single one), the same stretched to the times that the physics predicts, the
 nearest single curve, and the floors of data/sessions/README.md. `against_null` counts the walks and
-the sessions in which each layer is nearer than the null model. `code_scale` has A's and B's mean
-errors held out by the share of the model in the third layer, which was chosen by them.
-`third_person` has C's means by the layer that C's held-out trials earn, and by each.
+the sessions in which each layer is nearer than the null model. `measured_times_grf_rmse_bw`
+is the third layer's error over the measured times of stance. `phases` has its means held out by
+phase of stance and component. `weights` has A's and B's mean errors held out by the shares of need
+and of the vertical model in the third layer (vsf_drake/walks/person_curve.py), which were chosen by
+them, and the error of each with the other's best. `intervals_hold` is of curves of six walks, two
+of each setting: the share of the instants of the other three in the 80 % interval, each number left
+out in turn. `third_person` has C's means by the layer that C's held-out trials earn, and by each.
 
 The first day's fits of A, B and C are made with ten seeds, which draw where the searches begin:
 `fits` of these `converged`. `ends` tells how far apart the ten end. Ten seeds fit the same data, so
@@ -41,7 +45,7 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
@@ -67,14 +71,29 @@ from vsf_drake.fit.options import ContactFitOptions
 from vsf_drake.fit.problem import ContactFit
 from vsf_drake.fit.solution import ContactFitSolution, JointEnd, solve
 from vsf_drake.fit.solve import FitSearch, uncertainty_at
-from vsf_drake.model.contact_file import FittedContact
+from vsf_drake.model.contact_file import FittedContact, PersonCurve
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.batch.cases import digest
 from vsf_drake.simulation.walk import Walker
-from vsf_drake.walks import discrepancy
-from vsf_drake.walks.prediction import LAYERS, SCORES, TrialLayers, layers_of
+from vsf_drake.walks import person_curve
+from vsf_drake.walks.comparison import Comparison
+from vsf_drake.walks.metrics import walk_metrics
+from vsf_drake.walks.person_curve import laid, measured, over, spread
+from vsf_drake.walks.phases import mean_phases, phase_errors
+from vsf_drake.walks.prediction import (
+    LAYERS,
+    MOMENTUM,
+    PERSON,
+    PHYSICS,
+    SCORES,
+    LayeredWalk,
+    TrialLayers,
+    compared,
+    layers_of,
+    predict,
+)
 
 PARTS = Path("results/session_fit")
 SEED, SEEDS = 0, 10
@@ -83,9 +102,12 @@ NULLS = (
     "null_model_predicted_times_grf_rmse_bw",
     "stretched_null_grf_rmse_bw",
 )
-CODE_SCALES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4)
-"""Of the model in the third layer, tried on A and B."""
+NEEDS = (0.0, 0.125, 0.25, 0.375, 0.5)
+MODELS = (0.3, 0.4, 0.5, 0.6, 0.7)
+"""Shares of the need and of the vertical model in the third layer, tried on A and B."""
+MEASURED_TIMES = "measured_times_grf_rmse_bw"
 THIRD = "c_day_1"
+CHOSEN_BY = ("a_day_1", "b_day_1")
 QUICK = {"starts": 1, "tolerance": 0.01, "step_s": 4e-3, "report_step_s": 8e-3}
 FITTED, SAME, UNSEEN, SPEED, DAY = (
     "fitted",
@@ -202,6 +224,8 @@ def tell(path: Path, by_case: dict[Case, dict[str, Any]], made: dict[str, Any]) 
             "converged": sum(part["converged"] for part in repeated.values()),
             "intervals": coverage(repeated),
             "against_null": against_null(fits),
+            "with_the_others_best": with_the_others_best(fits),
+            "intervals_hold": mean_intervals(fits),
             "ends": ends(repeated),
             "seeds": {case.name: part for case, part in repeated.items() if case.seed != SEED},
             "third_person": third_person(fits.get(THIRD, {})),
@@ -340,6 +364,13 @@ def judge(
         path_in(data, trial): row(case, data, trial, found)
         for trial, found in zip(every, layers, strict=True)
     }
+    walks = [
+        Walked(trial, contact, walkers.get(trial.subject) or walker_of(trial, contact), step_s)
+        for trial in every
+    ]
+    for walk, told in zip(walks, trials.values(), strict=True):
+        told[MEASURED_TIMES] = walk.error(over(contact.person_curve, walk.seen, walk.stances))
+    of_session = walks[: len(problem.trials) + len(here)]
     return {
         "values": solution.values,
         "bench_rmse_n_per_mm": judged.bench
@@ -352,27 +383,102 @@ def judge(
             for score in judged.scores
         },
         "earned": judged.layers.earned,
+        "phases": plain(judged.layers.phases),
         "momentum": plain(contact.momentum),
         "angle_errors": plain(judged.angle_errors),
-        "discrepancy": contact.discrepancy
-        and {name: getattr(contact.discrepancy, name) for name in ("shared", "own")},
-        "code_scale": {} if quick or case.person == "c" else scaled(here, contact, step_s),
+        "weights": {}
+        if quick or case.reported not in CHOSEN_BY
+        else weights(of_session[len(problem.trials) :], contact),
+        "intervals_hold": [] if quick or case.passive else intervals_hold(of_session),
     }
 
 
-def scaled(
-    trials: Sequence[Trial], contact: FittedContact, step_s: float
-) -> dict[str, float | None]:
-    """Mean error of the third layer over trials by CODE_SCALE."""
-    walker, found = walker_of(trials[0], contact), {}
-    for scale in CODE_SCALES:
-        with mock.patch.object(discrepancy, "CODE_SCALE", scale):
-            rows = [
-                layers_of(trial, trial.name, contact, walker=walker, step_s=step_s)
-                for trial in trials
-            ]
-        found[f"{scale:g}"] = mean_of(row.error_in(LAYERS[-1]) for row in rows)
+class Walked:
+    """A trial in layers, and what its plate is to the person's curve."""
+
+    def __init__(self, trial: Trial, contact: FittedContact, walker: Walker, step_s: float) -> None:
+        self.name = trial.path.stem
+        self.plate = trial.prosthetic_plate
+        self.layered: LayeredWalk = predict(
+            trial_with(trial, contact), contact, walker=walker, step_s=step_s
+        )
+        self.seen = self.layered.seen
+        self.on_plate = measured(self.seen, self.plate, trial.name)
+        self.comparisons = compared(self.layered, self.plate)
+        self.stances = [item.measured for item in self.comparisons[PHYSICS].stances]
+
+    def beside(self, person: person_curve.PersonForce) -> Comparison:
+        """The plate beside another force."""
+        return compared(replace(self.layered, person=person), self.plate)[PERSON]
+
+    def error(self, person: person_curve.PersonForce) -> float | None:
+        """Of that force's resultant, BW."""
+        result = self.layered.results[MOMENTUM]
+        return walk_metrics(result, self.plate, comparison=self.beside(person)).error_bw
+
+
+def weights(walks: Sequence[Walked], contact: FittedContact) -> dict[str, dict[str, float | None]]:
+    """Mean error of the third layer by NEED and by the vertical of MODEL."""
+    found: dict[str, dict[str, float | None]] = {}
+    for need in NEEDS:
+        for share in MODELS:
+            shares = np.array([*person_curve.MODEL[:2], share])
+            with mock.patch.multiple(person_curve, NEED=need, MODEL=shares):
+                found.setdefault(f"{need:g}", {})[f"{share:g}"] = mean_of(
+                    walk.error(laid(contact.person_curve, walk.seen)) for walk in walks
+                )
     return found
+
+
+def with_the_others_best(fits: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Of each person by whom the weights were chosen: the best of the other, and the error with
+    it."""
+    told = {}
+    for name, other in (CHOSEN_BY, CHOSEN_BY[::-1]):
+        tried = fits.get(other, {}).get("weights")
+        if tried and fits.get(name, {}).get("weights"):
+            need, share = min(
+                ((need, share) for need in tried for share in tried[need]),
+                key=lambda pair: tried[pair[0]][pair[1]],
+            )
+            error = fits[name]["weights"][need][share]
+            told[name] = {"need": float(need), "model": float(share), "grf_rmse_bw": error}
+    return told
+
+
+def intervals_hold(walks: Sequence[Walked]) -> list[dict[str, Any]]:
+    """By phase and component, the walks of each number told by all others."""
+    found = []
+    for number in sorted({walk.name[-1] for walk in walks}):
+        base = [walk for walk in walks if walk.name[-1] != number]
+        curve = spread(
+            PersonCurve(walks=tuple(walk.on_plate for walk in base)), [one.seen for one in base]
+        )
+        for walk in walks:
+            if walk not in base:
+                person = laid(curve, walk.seen)
+                found.append(
+                    phase_errors(
+                        walk.comparisons[PHYSICS],
+                        walk.beside(person),
+                        person,
+                        None,
+                        walk.seen.weight_n,
+                    )
+                )
+    return [
+        {"phase": one.phase, "component": one.component, "held": one.in_interval}
+        for one in mean_phases(found)
+    ]
+
+
+def mean_intervals(fits: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    """`intervals_hold` over the first days."""
+    told = [part.get("intervals_hold") for name, part in fits.items() if name.endswith("day_1")]
+    return [
+        {**rows[0], "held": mean_of(row["held"] for row in rows)}
+        for rows in zip(*[one for one in told if one], strict=True)
+    ]
 
 
 def fit_of(case: Case, data: Path, quick: bool = False) -> ContactFit:
@@ -643,6 +749,7 @@ def means(trials: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
                         )
                         for of, null in (
                             ("beats_null", NULLS[0]),
+                            ("beats_null_predicted_times", NULLS[1]),
                             ("beats_stretched_null", NULLS[2]),
                         )
                     },
@@ -652,7 +759,10 @@ def means(trials: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
             found[name] = {
                 "n": len(rows),
                 "layers": layers,
-                **{key: mean_of(row.get(key) for row in rows) for key in (*NULLS, *FLOORS)},
+                **{
+                    key: mean_of(row.get(key) for row in rows)
+                    for key in (*NULLS, MEASURED_TIMES, *FLOORS)
+                },
             }
     return found
 

@@ -271,7 +271,7 @@ def fit_json(table: FitTable) -> dict[str, Any]:
         trial.pop("curves", None)
     values |= {"bench": None if table.bench is None else bench_json(table.bench), "history": []}
     if table.layers is not None:
-        values["layers"] |= {"earned": table.layers.earned}
+        values["layers"] |= {"earned": table.layers.earned, "phases": plain(table.layers.phases)}
         # whole in the contact file
         for walk in (values["layers"]["person_curve"] or {}).get("walks", ()):
             for name in CURVES:

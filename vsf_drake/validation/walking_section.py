@@ -43,6 +43,7 @@ from vsf_drake.walks.fulcrum_sweep import (
 from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.null_model import several_settings
 from vsf_drake.walks.numbers import Spread, by_fulcrum, finite, rms, spread
+from vsf_drake.walks.phases import PhaseErrors, mean_phases
 from vsf_drake.walks.plate_score import judged, plate_scorer
 from vsf_drake.walks.prediction import LAYERS, MOMENTUM, layers_of
 from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, Scored
@@ -130,6 +131,7 @@ class LayersTable:
     own curve."""
 
     rows: tuple[LayerRow, ...]
+    phases: tuple[PhaseErrors, ...]  # means over the held-out walks
     learned: bool
     synthetic: bool
 
@@ -174,6 +176,7 @@ def layers_section(study: Study, *, progress: Progress | None = None) -> Section
         raise ValueError("layers are what a contact's plates taught")
     show = part_of(progress)
     rows = list[LayerRow]()
+    phases = list[tuple[PhaseErrors, ...]]()
     for i, walk in enumerate(study.walks):
         show("walking with the person's own momentum", i / len(study.walks))
         found = layers_of(
@@ -183,6 +186,8 @@ def layers_section(study: Study, *, progress: Progress | None = None) -> Section
             step_s=study.options.step_s,
             walker=Walker(walk.trial.subject, walk.trial.model),
         )
+        if walk.role == HELD_OUT:
+            phases.append(found.phases)
         rows.append(
             LayerRow(
                 label=walk.label,
@@ -194,7 +199,10 @@ def layers_section(study: Study, *, progress: Progress | None = None) -> Section
         )
     return Section(
         table=LayersTable(
-            rows=tuple(rows), learned=contact.person_curve is not None, synthetic=study.synthetic
+            rows=tuple(rows),
+            phases=mean_phases(phases),
+            learned=contact.person_curve is not None,
+            synthetic=study.synthetic,
         )
     )
 

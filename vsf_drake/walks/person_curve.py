@@ -54,12 +54,12 @@ from vsf_drake.walks.momentum import TRIMMED_S, coefficients, needed_force, swin
 FORCES = ("fore_aft_bw", "lateral_bw", "vertical_bw")
 COPS = ("fore_aft_cop_m", "lateral_cop_m")
 NEED = 0.25
-MODEL = np.array([0.2, 0.4, 0.4])
+MODEL = np.array([0.2, 0.1, 0.5])
 """Of what the model says is different, by FORCES."""
 COP = 0.4
 ALIGNED = 0.5
 FADE = 10.0  # percent of stance
-NEIGHBOURS = 5  # percent of stance on either side over which what was left out is averaged
+NEIGHBOURS = 10  # percent of stance on either side over which what was left out is averaged
 SPREADS = ("fore_aft", "lateral", "vertical", "resultant")
 COVERED = 1.2816
 """Standard deviations on either side that hold 80 % of a normal distribution."""

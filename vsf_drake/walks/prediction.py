@@ -120,6 +120,16 @@ class LayerTable:
         errors = {layer: error for layer in LAYERS if (error := self.mean(layer)) is not None}
         return min(errors, key=lambda layer: errors[layer], default=None)
 
+    @property
+    def held_out(self) -> list[TrialLayers]:
+        """The trials that were not fitted; all where there is none."""
+        return [row for row in self.trials if not row.fitted] or [*self.trials]
+
+    @property
+    def phases(self) -> tuple[PhaseErrors, ...]:
+        """Means over `held_out`."""
+        return mean_phases(row.phases for row in self.held_out)
+
     def teach(self, contact: FittedContact) -> FittedContact:
         """The contact with what the plates taught."""
         return replace(contact, momentum=self.momentum, person_curve=self.person_curve)
@@ -275,7 +285,7 @@ def layer_table(
 
 def layer_sentences(table: LayerTable) -> list[str]:
     """Which layer the held-out trials earn, and what keeps the others from it."""
-    rows = [row for row in table.trials if not row.fitted] or [*table.trials]
+    rows = table.held_out
     judged = [
         (row.error_in(table.earned), row.null_bw)
         for row in rows
@@ -287,7 +297,6 @@ def layer_sentences(table: LayerTable) -> list[str]:
         t=table,
         rows=rows,
         nearer=nearer,
-        phases=mean_phases(row.phases for row in rows),
         **{
             name: mean(row.number(name) for row in rows)
             for name in (NULL, IN_LATE_STANCE, STRETCHED)
