@@ -49,9 +49,7 @@ class OwnStrides:
     @cached_property
     def settings_m(self) -> np.ndarray:
         """(settings,) from the softest on."""
-        return np.array(
-            [self.fulcrum_m[walks].mean() for walks in settings_of(self.fulcrum_m)]
-        )
+        return np.array([self.fulcrum_m[walks].mean() for walks in settings_of(self.fulcrum_m)])
 
     @property
     def middle_m(self) -> float:
@@ -83,18 +81,26 @@ class OwnStrides:
             found += np.linspace(low, high, parts + 1)[1:].tolist()
         return [round(mm, 9) for mm in found]
 
-    def reference(self, fulcrum_m: float, grid: Grid, late_share: float) -> StrideReference:
-        """The mean stride at a position, on a grid that lasts the middle setting's period; the
-        pelvis gets on by the one speed, as `Stride` has it."""
+    def drawn(self, rng: np.random.Generator) -> OwnStrides:
+        """As many walks of every setting, drawn from its own with replacement."""
+        walks = np.concatenate([rng.choice(own, len(own)) for own in settings_of(self.fulcrum_m)])
+        return OwnStrides(
+            self.fulcrum_m[walks], tuple(self.strides[i] for i in walks), self.weight_n
+        )
+
+    def reference(
+        self, fulcrum_m: float, grid: Grid, advance_m: float, late_share: float
+    ) -> StrideReference:
+        """The mean stride at a position, in the frame of a grid (see `stride`) in whose time the
+        pelvis gets on by `advance_m`."""
         phase = grid.times_s / grid.duration_s
-        pace = self.period_s(fulcrum_m) / grid.duration_s
+        speed = advance_m / grid.duration_s
         walks = [
-            stride_reference(stride, phase * stride.period_s, late_share)
-            for stride in self.strides
+            stride_reference(stride, phase * stride.period_s, late_share) for stride in self.strides
         ]
         # In the grid's frame the way of every walk is that of the one speed.
         ways = [
-            walk.q[0, TX] + (stride.advance_m - self.speed * grid.duration_s) * phase
+            walk.q[0, TX] + (stride.advance_m - advance_m) * phase
             for walk, stride in zip(walks, self.strides, strict=True)
         ]
         along = np.eye(walks[0].q.shape[1])[TX]
@@ -102,7 +108,7 @@ class OwnStrides:
         rates = np.array([walk.v for walk in walks]) * periods[:, None, None]
         rates[:, :, TX] -= np.array([stride.advance_m for stride in self.strides])[:, None]
         bends = np.array([walk.a for walk in walks]) * periods[:, None, None] ** 2
-        period = pace * grid.duration_s
+        period = self.period_s(fulcrum_m)
         force = {}
         cop = {}
         moment = {}
@@ -124,12 +130,9 @@ class OwnStrides:
         return StrideReference(
             q=self._at(
                 fulcrum_m,
-                [
-                    walk.q - np.outer(way, along)
-                    for walk, way in zip(walks, ways, strict=True)
-                ],
+                [walk.q - np.outer(way, along) for walk, way in zip(walks, ways, strict=True)],
             ),
-            v=self._at(fulcrum_m, rates) / period + self.speed * along,
+            v=self._at(fulcrum_m, rates) / period + speed * along,
             a=self._at(fulcrum_m, bends) / period**2,
             force=force,
             cop_x=cop,

@@ -20,8 +20,8 @@ from scipy.interpolate import CubicSpline
 from vsf_drake.collocation.problem import Grid
 from vsf_drake.collocation.solution import TrajectorySolution, resampled
 from vsf_drake.optimal_control.normal import ANGLES, FORCES, NormalGait, without_side
-from vsf_drake.optimal_control.recorded_projection import TILT, TX, TY
 from vsf_drake.optimal_control.recorded_curves import Span
+from vsf_drake.optimal_control.recorded_projection import TILT, TX, TY
 from vsf_drake.optimal_control.recorded_stride import RecordedStride, share_of
 from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel, Smoothing
 

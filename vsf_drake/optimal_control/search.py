@@ -18,8 +18,8 @@ from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trial import Trial
 from vsf_drake.optimal_control.normal import normal_gait
-from vsf_drake.optimal_control.recorded_projection import TILT
 from vsf_drake.optimal_control.own import OwnStrides
+from vsf_drake.optimal_control.recorded_projection import TILT
 from vsf_drake.optimal_control.recorded_stride import RecordedStride, recorded_stride
 from vsf_drake.optimal_control.stride import MM, PACE, SAME_SPEED, Stride, StrideOptions
 from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing
@@ -53,8 +53,8 @@ class StrideTuning:
 
     Of one trial, its fitted contact applied, or of trials at two settings or more, whose strides it
     is then held to. InputError: no trials; what `walks.answer.answer_of` refuses of several; a
-    recording holds no whole stride, or no plate of the prosthetic foot; the prosthesis is turned out
-    of the sagittal plane; the range is out of reach, or out of the recorded settings; nothing was
+    recording holds no whole stride, or no plate of the prosthetic foot; the prosthesis is turned
+    out of the sagittal plane; the range is out of reach, or out of the recorded settings; nothing was
     published of able-bodied walking at the speed of a single trial; a recording is to be tracked at
     another speed; own strides are to be tracked, or wanted at another speed.
 
@@ -128,15 +128,15 @@ class StrideTuning:
             )
             require(
                 self.speed_m_per_s is None,
-                f"{asked or 0.0:g} m/s is not the speed of the recordings, {own_speed:.2f} m/s: how "
-                "the person answers the setting at another speed is not known",
+                f"{asked or 0.0:g} m/s is not the speed of the recordings, {own_speed:.2f} m/s: "
+                "how the person answers the setting at another speed is not known",
                 "speed_m_per_s",
                 "Leave it out, or give one trial, which is held to able-bodied walking",
             )
         if tracks and self.speed_m_per_s is not None:
             raise InputError(
-                f"{asked:g} m/s is not the speed of the recording, {own_speed:.2f} m/s, which is to be "
-                "tracked",
+                f"{asked:g} m/s is not the speed of the recording, {own_speed:.2f} m/s, which is "
+                "to be tracked",
                 where="speed_m_per_s",
                 right="Leave it out, or choose another cost than tracking",
             )
@@ -155,7 +155,7 @@ class StrideTuning:
             "bounds_mm",
             f"It must lie within {fulcrum.rearmost_m / MM:g} to {fulcrum.foremost_m / MM:g} mm",
         )
-        if self.answer is not None:
+        if isinstance(self.recorded, OwnStrides):
             first, *_, last = self.recorded.settings_m / MM
             require(
                 first - 1e-6 <= low and high <= last + 1e-6,
@@ -228,7 +228,10 @@ class StrideSearch:
                     f"{what}, iteration {iteration.number}, cost {iteration.cost:.5g}", fraction
                 )
 
-        ends = {} if self.cost == "tracking" else NEAR_ENOUGH
+        ends = NEAR_ENOUGH
+        if self.cost == "tracking":
+            ends = {}
+            start = Start(z=start.z, p=np.append(start.p[:-1], stride.pace))
         return sqp.solve(
             stride.problem(stride.minimised(self.cost, self.sizes), fulcrum_mm, free),
             start,
@@ -261,9 +264,9 @@ def tracked(
 
 def own_strides(
     stride: Stride,
-    first: TrajectorySolution,
+    first: Start,
     progress: Progress | None = None,
-    near: Sequence[TrajectorySolution] = (),
+    near: Sequence[Start] = (),
 ) -> tuple[TrajectorySolution, ...]:
     """The person's own strides as possible motions, each at its position of the sweep; begun from
     `first`, the one at `own_m`, outward, or from those `near`."""
@@ -271,24 +274,26 @@ def own_strides(
     positions = stride.positions_mm
     own_mm = stride.own_m / MM
     for i, mm in enumerate(sorted(positions, key=lambda mm: abs(mm - own_mm))):
+        start = first
         if near:
-            start = near[positions.index(mm)].last
-        else:
-            start = found[min(found, key=lambda other: abs(other - mm))].last if found else first.last
+            start = near[positions.index(mm)]
+        elif found:
+            start = found[min(found, key=lambda other: abs(other - mm))].last
         search = StrideSearch(
-            dataclasses.replace(stride, own_m=mm * MM, consistent=None), "tracking", progress=progress
+            dataclasses.replace(stride, own_m=mm * MM, own=(), consistent=None),
+            "tracking",
+            progress=progress,
         )
-        begin = Start(z=start.z, p=np.append(start.p[:-1], search.stride.pace))
         found[mm] = unless_interrupted(
-            search.at(mm, begin, f"own stride at {mm:.0f} mm", i / len(positions))
+            search.at(mm, start, f"own stride at {mm:.0f} mm", i / len(positions))
         )
     return tuple(found[mm] for mm in positions)
 
 
 def swept(search: StrideSearch, start: Start, rows: list[Fixed], *, chains: bool) -> None:
     """Fills `rows`: from the own strides, or from EASIER problems, each from that of the softer
-    neighbour; then outward from the position nearest to the recorded one, each from the neighbour before; with `chains`, each
-    from its neighbours' best too."""
+    neighbour; then outward from the position nearest to the recorded one, each from the neighbour
+    before; with `chains`, each from its neighbours' best too."""
     rows[:] = map(Fixed, search.stride.positions_mm)
     own = int(np.argmin([abs(row.fulcrum_mm - search.stride.own_m / MM) for row in rows]))
     count = (2 + 2 * chains) * len(rows)
@@ -365,7 +370,8 @@ def held_by(
     """The search with another weight of its hold, and its strides at fixed positions (mm) from
     others."""
     name = "own_weight" if search.stride.own else "normal_weight"
-    other = search.changed(options=dataclasses.replace(search.stride.options, **{name: weight}))
+    changed: dict[str, Any] = {name: weight}
+    other = search.changed(options=dataclasses.replace(search.stride.options, **changed))
     return other, tuple(
         unless_interrupted(other.at(mm, solution.last, f"weight {weight:g}, {mm:.0f} mm", 0.85))
         for mm, solution in settings

@@ -354,7 +354,7 @@ class Stride:
         if self.recorded is None:
             recorded = self.able_bodied
         elif isinstance(self.recorded, OwnStrides):
-            recorded = self.recorded.reference(self.own_m, self.grid, late)
+            recorded = self.recorded.reference(self.own_m, self.grid, self.advance_m, late)
         else:
             recorded = stride_reference(self.recorded, self.grid.times_s, late)
         if self.consistent is None:
