@@ -31,8 +31,8 @@ MEASURES = {
 
 
 def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
-    """FREE_OUTCOMES of a solved stride; the changes are from its reference, or from what holds it to
-    the person's own strides, NaN where nothing was recorded."""
+    """FREE_OUTCOMES of a solved stride; the changes are from its reference, or from the own stride
+    where that holds it, NaN where nothing was recorded."""
     y = solution.last_y()
     index = stride.function.index
     reference = stride.reference

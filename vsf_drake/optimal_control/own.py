@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -32,10 +33,19 @@ from vsf_drake.optimal_control.reference import (
     phases_of,
     stride_reference,
 )
-from vsf_drake.tuning.common import SEEN
+from vsf_drake.tuning.common import SEEN, SEEN_SHARE
 from vsf_drake.walks.between_settings import between_settings, settings_of
 
 SPREAD_PHASES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Standard deviations."""
+
+    angles_rad: np.ndarray  # (8,) of the coordinates, infinite of those that are no angles
+    forces_n: dict[str, np.ndarray]  # by foot (2,) along and up
+    time: float  # of a stride, over its mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +86,7 @@ class OwnStrides:
         edges = np.array([reach_mm[0], *inside, reach_mm[1]])
         spacing = (reach_mm[1] - reach_mm[0]) / (count - 1)
         found = [reach_mm[0]]
-        for low, high in zip(edges[:-1], edges[1:], strict=True):
+        for low, high in pairwise(edges):
             parts = max(1, round((high - low) / spacing))
             found += np.linspace(low, high, parts + 1)[1:].tolist()
         return [round(mm, 9) for mm in found]
@@ -156,10 +166,21 @@ class OwnStrides:
         return spans
 
     @cached_property
-    def spread(self) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
-        """Standard deviations between walks of one setting, pooled over settings, root mean square
-        over the cycle: of the coordinates (8,), and by foot of the force along and up (2,) N, NaN
-        where it is not known. None where no setting was walked twice."""
+    def sd(self) -> Spread:
+        """What counts as one: the spread, at least what is seen of it."""
+        held = [without_side(name) in ANGLES for name in self.strides[0].names]
+        least_n = SEEN["BW"] * self.weight_n
+        spread = self.spread or Spread(np.zeros(len(held)), dict.fromkeys(FEET, np.zeros(2)), 0.0)
+        return Spread(
+            np.where(held, np.maximum(spread.angles_rad, np.radians(SEEN["deg"])), np.inf),
+            {foot: np.fmax(force, least_n) for foot, force in spread.forces_n.items()},
+            max(spread.time, SEEN_SHARE),
+        )
+
+    @cached_property
+    def spread(self) -> Spread | None:
+        """Between walks of one setting, pooled over settings, root mean square over the cycle; NaN
+        where a force is not known, None where no setting was walked twice."""
         free = len(self.strides) - len(self.settings_m)
         if not free:
             return None
@@ -177,27 +198,21 @@ class OwnStrides:
                 return np.full(variance.shape[1], np.nan)
             return np.asarray(np.sqrt(variance[known].mean(axis=0)))
 
-        return pooled([s.sample(phase * s.period_s)[0] for s in self.strides]), {
-            foot: pooled([s.measured(foot, phase * s.period_s)[0][:, :2] for s in self.strides])
-            for foot in FEET
-        }
-
-    @cached_property
-    def sd(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """What counts as one: (8,) rad, infinite of coordinates that are no angles, and by foot
-        (2,) N; the spread, at least SEEN of a laboratory."""
-        held = [without_side(name) in ANGLES for name in self.strides[0].names]
-        least_n = SEEN["BW"] * self.weight_n
-        angles, forces = self.spread or (np.zeros(len(held)), {})
-        return np.where(held, np.maximum(angles, np.radians(SEEN["deg"])), np.inf), {
-            foot: np.fmax(forces.get(foot, np.zeros(2)), least_n) for foot in FEET
-        }
+        periods = np.array([[[s.period_s]] for s in self.strides])
+        return Spread(
+            pooled([s.sample(phase * s.period_s)[0] for s in self.strides]),
+            {
+                foot: pooled([s.measured(foot, phase * s.period_s)[0][:, :2] for s in self.strides])
+                for foot in FEET
+            },
+            float(pooled(periods / periods.mean())[0]),
+        )
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader has to know, in sentences."""
-        angles, forces = self.sd
-        known = np.isfinite(angles)
+        sd = self.sd
+        known = np.isfinite(sd.angles_rad)
         failed = sum("NOT CONVERGE" in note for s in self.strides for note in s.notes)
         return tuple(
             say(
@@ -207,9 +222,11 @@ class OwnStrides:
                 settings_mm=1e3 * self.settings_m,
                 speed=self.speed,
                 spread=self.spread is not None,
-                angles_deg=np.degrees(angles[known]),
-                forces_bw=np.concatenate(list(forces.values())) / self.weight_n,
+                angles_deg=np.degrees(sd.angles_rad[known]),
+                forces_bw=np.concatenate(list(sd.forces_n.values())) / self.weight_n,
+                time=sd.time,
                 least=SEEN,
+                least_share=SEEN_SHARE,
                 failed=failed,
             )
         )

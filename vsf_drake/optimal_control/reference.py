@@ -80,8 +80,8 @@ def stride_reference(
 def phases_of(
     spans: Mapping[str, Span | None], times: np.ndarray, period: float, late_share: float
 ) -> dict[str, Any]:
-    """`stance`, `clear` and `late` of a `StrideReference` at times (N,), of each foot's stance, None
-    where it is not known; all in units of the period."""
+    """`stance`, `clear` and `late` of a `StrideReference` at times (N,), of each foot's stance,
+    None where it is not known; times, stances and period in one unit."""
     never = np.zeros(len(times), dtype=bool)
     stance = dict.fromkeys(spans, never)
     clear = dict.fromkeys(spans, never)

@@ -54,9 +54,9 @@ class StrideTuning:
     Of one trial, its fitted contact applied, or of trials at two settings or more, whose strides it
     is then held to. InputError: no trials; what `walks.answer.answer_of` refuses of several; a
     recording holds no whole stride, or no plate of the prosthetic foot; the prosthesis is turned
-    out of the sagittal plane; the range is out of reach, or out of the recorded settings; nothing was
-    published of able-bodied walking at the speed of a single trial; a recording is to be tracked at
-    another speed; own strides are to be tracked, or wanted at another speed.
+    out of the sagittal plane; the range is out of reach, or out of the recorded settings; nothing
+    was published of able-bodied walking at the speed of a single trial; a recording is to be
+    tracked at another speed; own strides are to be tracked, or wanted at another speed.
 
     speed_m_per_s: at which the stride is solved for, None for the recorded one. answer: of several
     trials.

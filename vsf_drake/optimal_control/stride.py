@@ -18,9 +18,10 @@ fulcrum. Its costs:
     normal       1/T int of half the mean of the squares of angles and half of that of both feet's
                  forces, each less that of able-bodied walking at this speed, over its standard
                  deviation between persons (`normal`)
-    own          the same less the person's own stride at this position of the fulcrum, over its
-                 standard deviation between walks (`own`); in place of normal where walks at two
-                 settings or more were recorded
+    own          1/T int of a third each of the mean of the squares of angles, of forces, and of the
+                 square of the stride's time, each less that of the person's own stride at this
+                 position of the fulcrum, over its standard deviation between walks (`own`); in
+                 place of normal where walks at two settings or more were recorded
 
 A cost counts as its size over that in the tracked stride (activation: over a typical size, for any
 person), plus `normal_weight` times normal or `own_weight` times own, and a little of the squared
@@ -110,7 +111,9 @@ class StrideOptions(FreeMotionOptions):
             model does not know: balance, comfort, the contact's law. Chosen on a model of an
             able-bodied person (studies/adaptive_stride.py).
         own_weight: the same for a deviation from the person's own stride of one standard deviation
-            between walks, where walks at two settings or more were recorded.
+            between walks, where walks at two settings or more were recorded. The least power of two
+            with which strides at recorded settings differ by no more than that from the person's
+            own, root mean square (activation; embedded subject, SYNTHETIC).
         hold_factors: of normal_weight, with which the optimum and the signs of stiffness are asked
             again; own_factors: of own_weight.
         angle_deg, place_m, force_bw, cop_m: what counts as one in the deviation from a recorded
@@ -137,7 +140,7 @@ class StrideOptions(FreeMotionOptions):
     )
     draws: int = chosen(3, "1", low=0, high=1000)
     normal_weight: float = chosen(2.0, "1", low=1e-4, high=1e3)
-    own_weight: float = chosen(0.5, "1", low=1e-4, high=1e3)
+    own_weight: float = chosen(0.125, "1", low=1e-4, high=1e3)
     angle_deg: float = chosen(2.0, "deg", low=0.1, high=30.0)
     place_m: float = chosen(0.01, "m", low=1e-4, high=0.2)
     force_bw: float = chosen(0.05, "BW", low=1e-3, high=1.0)
@@ -182,9 +185,9 @@ class StrideFunction:
     Outputs are those of `SagittalModel.evaluate`; FOOT_cop_moment, the ground's moment (N m) about
     +y at the reference's centre of pressure; activation_* of the joints; q_* and a_*, the
     coordinates and their accelerations themselves, for what compares with a reference; with a hold
-    also off_*, its outputs less its targets at p's fulcrum. cop_x: by foot (N,) m, where that
-    moment counts. speed: m/s. names: (m,) of the outputs. muscles: of the joints, in the order of
-    the coordinates.
+    also PACE, and off_*, its outputs less its targets at p's fulcrum. cop_x: by foot (N,) m, where
+    that moment counts. speed: m/s. names: (m,) of the outputs. muscles: of the joints, in the order
+    of the coordinates.
     """
 
     def __init__(
@@ -210,6 +213,7 @@ class StrideFunction:
             *(f"{kind}_{name}" for kind in "qa" for name in model.coordinates),
         )
         if hold is not None:
+            self.names += (PACE,)
             self._held = self.index(*hold.names)
             self.names += tuple(f"off_{name}" for name in hold.names)
         self._feet = [
@@ -237,7 +241,7 @@ class StrideFunction:
         if self.hold is None:
             return whole
         target, _ = self.hold.at(p[0], len(z))
-        return np.concatenate([whole, whole[:, self._held] - target], axis=1)
+        return self._with_off(whole, p[-1], target)
 
     def linearise(self, z: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(N, m), (N, m, Z), (N, m, P)."""
@@ -270,13 +274,20 @@ class StrideFunction:
         if self.hold is None:
             return whole, by_z, by_p
         target, by_fulcrum = self.hold.at(p[0], len(z))
+        by_z = np.concatenate([by_z, np.zeros((len(z), 1, by_z.shape[2]))], axis=1)
+        by_p = np.concatenate([by_p, np.zeros((len(z), 1, len(p)))], axis=1)
+        by_p[:, -1, -1] = 1.0
         off = by_p[:, self._held]
         off[:, :, 0] -= by_fulcrum
         return (
-            np.concatenate([whole, whole[:, self._held] - target], axis=1),
+            self._with_off(whole, pace, target),
             np.concatenate([by_z, by_z[:, self._held]], axis=1),
             np.concatenate([by_p, off], axis=1),
         )
+
+    def _with_off(self, whole: np.ndarray, pace: float, target: np.ndarray) -> np.ndarray:
+        whole = np.column_stack([whole, np.full(len(whole), pace)])
+        return np.concatenate([whole, whole[:, self._held] - target], axis=1)
 
     def _whole(
         self, y: np.ndarray, q: np.ndarray, v: np.ndarray, z: np.ndarray, pace: float
@@ -382,9 +393,19 @@ class Stride:
             (
                 *(f"q_{name}" for name in self.model.coordinates),
                 *(f"{foot}_{part}" for foot in FEET for part in ("fx", "fz")),
+                PACE,
             ),
             np.array(
-                [np.hstack([one.q, *(one.force[foot] for foot in FEET)]) for one in references]
+                [
+                    np.column_stack(
+                        [
+                            reference.q,
+                            *(reference.force[foot] for foot in FEET),
+                            np.full(self.grid.instants, one.last.p[-1]),
+                        ]
+                    )
+                    for one, reference in zip(self.own, references, strict=True)
+                ]
             ),
         )
 
@@ -565,16 +586,17 @@ class Stride:
 
     def _own(self, factor: float) -> list[Term]:
         assert isinstance(self.recorded, OwnStrides)
-        angles, forces = self.recorded.sd
-        count = np.isfinite(angles).sum()
+        sd = self.recorded.sd
+        time = sd.time * self.pace
+        count = np.isfinite(sd.angles_rad).sum()
+        each = [
+            1.0 / count / sd.angles_rad**2,
+            *(0.5 / len(FEET) / sd.forces_n[foot] ** 2 for foot in FEET),
+            [1.0 / time**2],
+        ]
         return [
             self._mean_square(
-                self.function.starting_with("off_"),
-                0.5
-                * factor
-                * np.concatenate(
-                    [1.0 / count / angles**2, *(0.25 / forces[foot] ** 2 for foot in FEET)]
-                ),
+                self.function.starting_with("off_"), factor / 3.0 * np.concatenate(each)
             )
         ]
 
@@ -766,6 +788,7 @@ def _output_scales(names: tuple[str, ...], weight_n: float, moment_nm: float) ->
             "prosthesis": weight_n,
             "q": 0.1,
             "a": 20.0,
+            "stride": 0.1,
         }.get(kind, moment_nm if turning else weight_n)
         if kind == "balance" and name not in BALANCE_OF_BODY and turning:
             scale[i] = 0.1 * moment_nm
