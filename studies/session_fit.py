@@ -6,18 +6,19 @@ bench curves, nothing else told: judged by all other trials of the session, by t
 where they have been made (--data), and for A by the session of another day, measured anew. The
 passive foot of C is fitted to two trials of three without a bench. Every trial is predicted in
 three layers (physics, the person's own momentum, the person's own curve), without its plate, the
-held-out ones of the session also with errors of hip and knee of their own. Beside each error stand the null model
-(vsf_drake/walks/null_model.py: the measured curves of the fitted trials, interpolated between
-their settings and stretched to the measured times of stance; of the passive foot, which has one
-setting, the nearest single one), the same stretched to the times that the physics predicts, the
-nearest single curve, and the floors of data/sessions/README.md. `against_null` counts the walks and
-the sessions in which each layer is nearer than the null model. `measured_times_grf_rmse_bw`
-is the third layer's error over the measured times of stance. `phases` has its means held out by
-phase of stance and component. `weights` has A's and B's mean errors held out by the shares of need
-and of the vertical model in the third layer (vsf_drake/walks/person_curve.py), which were chosen by
-them, and the error of each with the other's best. `intervals_hold` is of curves of six walks, two
-of each setting: the share of the instants of the other three in the 80 % interval, each number left
-out in turn. `third_person` has C's means by the layer that C's held-out trials earn, and by each.
+held-out ones of the session also with errors of hip and knee of their own. Beside each error stand
+the null model (vsf_drake/walks/null_model.py: the measured curves of the fitted trials,
+interpolated between their settings and stretched to the measured times of stance; of the passive
+foot, which has one setting, the nearest single one), the same stretched to the times that the
+physics predicts, the nearest single curve, and the floors of data/sessions/README.md.
+`against_null` counts the walks and the sessions in which each layer is nearer than the null model.
+`measured_times_grf_rmse_bw` is the third layer's error over the measured times of stance. `phases`
+has its means held out by phase of stance and component. `weights` has A's and B's mean errors held
+out by the shares of need and of the vertical model in the third layer
+(vsf_drake/walks/person_curve.py), which were chosen by them, and the error of each with the other's
+best. `intervals_hold` is of curves of six walks, two of each setting: the share of the instants of
+the other three in the 80 % interval, each number left out in turn. `third_person` has C's means by
+the layer that C's held-out trials earn, and by each.
 
 The first day's fits of A, B and C are made with ten seeds, which draw where the searches begin:
 `fits` of these `converged`. `ends` tells how far apart the ten end. Ten seeds fit the same data, so

@@ -1,10 +1,11 @@
 """What is predicted at a setting that was not recorded, on synthetic persons whose answer to the
 setting is stated.
 
-Three persons (virtual_laboratory/people.py) walk at three settings, three walks each, by each of
-three answers (virtual_laboratory/answering.py: none, people, strong), and are recorded as a session
-records. From the walks at the outer settings the contact is fitted, and the middle setting is
-predicted by `vsf_drake.predict`.
+Three persons (virtual_laboratory/people.py) walk at three settings, by each of three answers
+(virtual_laboratory/answering.py: none, people, strong), and are recorded as a session records. The
+middle setting is predicted by `vsf_drake.predict` from the walks at the outer ones, with the
+contact of the same person's session in data/sessions (studies/session_fit.py): the same foot and
+the same errors of the day, other walks.
 
 `middle` has how far the interpolated motion is off the walks at the middle setting: 12 joint angles
 of hips and knees over stance, root mean square, against each walk and against their mean; beside it
@@ -14,16 +15,19 @@ setting. `reached` is what the answers came to: change from the middle to an out
 same draw, of the prosthetic knee and the other angles (degrees) and of the vertical force (body
 weights), over the middle walk's stance.
 
+`force` is the vertical force at the middle setting by layer, and interpolated between the plates of
+the outer ones (`between`), off the mean of the plates there, body weights.
+
 `order`: three settings by each cost. Truth is the mean over the walks of a setting, of the
-laboratory's own inverse dynamics (virtual_laboratory/leg_loads.py). Predicted is the mean over the
-recorded walks at the outer settings, walked by the fitted contact, and the predicted walk at the
-middle one; `between` is the null: the middle cost is the mean of the outer ones. A pair of settings
+laboratory's own inverse dynamics (virtual_laboratory/leg_loads.py). Predicted is what
+`vsf_drake.predict` says of the outer settings, from their plates, and of the middle one; `between`
+is the null: the middle cost lies on the line between the outer ones. A pair of settings
 counts if its true costs differ by more than their interval: 1.96 standard errors of the difference
 of two means, the spread pooled over settings. `right` are those of them whose sign is predicted; an
 order counts as right if all its pairs that count have theirs.
 
 The results are in studies/results/setting_answer.json. The walks take a quarter of an hour of
-processor time, the fits some minutes; both are kept in results/setting_answer.
+processor time and are kept in results/setting_answer.
 """
 
 from __future__ import annotations
@@ -34,6 +38,7 @@ import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 from multiprocessing import get_context
 from pathlib import Path
@@ -48,38 +53,43 @@ from contact_fit_study.keeping import STUDIES, kept, made_by, sources
 from floor_of_the_reference_subject import RESULTS, hashes
 from make_reference_subject import STEPS
 from make_sessions import DATA, EMBEDDED, SEED, SPEEDS, draws, moving, of_person, persons, session
+from session_fit import CASES, fit_of
 from virtual_laboratory.answering import ANSWERS, MIDDLE, walks
 from virtual_laboratory.figures import stance_of
 from virtual_laboratory.leg_loads import true_costs
 from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.recording import Recorded
 from virtual_laboratory.session import session_tier
-from virtual_laboratory.targets import SETTINGS
+from virtual_laboratory.targets import CONDITIONS, SETTINGS
 from virtual_laboratory.writing import Label, write_subject, write_trial
 
-from vsf_drake.base.files import plain, write_json
+from vsf_drake.base.files import plain, read_json, write_json
 from vsf_drake.base.schema import to_plain
-from vsf_drake.device.bench_lines import load_measured_bench
-from vsf_drake.fit.problem import ContactFit
-from vsf_drake.fit.solution import solve
-from vsf_drake.model.contact_file import FittedContact, load_contact, save_contact
+from vsf_drake.fit.solution import ContactFitSolution, JointEnd
+from vsf_drake.fit.solve import FitSearch, uncertainty_at
+from vsf_drake.model.contact_file import FittedContact
 from vsf_drake.model.parameters import GRAVITY
-from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.batch.cases import digest
-from vsf_drake.simulation.walk import Walker
-from vsf_drake.tuning.answered import predict
+from vsf_drake.tuning.answered import SettingPrediction, predict
 from vsf_drake.walks.answer import LEG_ANGLES, answer_of
-from vsf_drake.walks.prediction import learned
+from vsf_drake.walks.prediction import LAYERS
 
 PARTS = Path("results/setting_answer")
 NOTICE = "SYNTHETIC, nobody walked this (made by studies/setting_answer.py)"
-COSTS = ("joint_load", "metabolic", "push_off")
+COSTS = {
+    "joint_load": ("joint_load", 1.0),
+    "metabolic": ("joint_work_energy", 1.0),
+    "push_off": ("push_off_work", -1.0),
+}
+"""By name, the row of a prediction, and its sign in the cost."""
 OUTER = (SETTINGS[0], SETTINGS[-1])
 NUMBERS = (1, 2, 3)
-MIDDLE_M = 0.108
+ORDER = (0, 6, 3, 1, 7, 4, 2, 8, 5)  # of draws: one of each setting, then the next
+SETTINGS_MM = {name: float(CONDITIONS[name] or np.nan) for name in SETTINGS}
+MIDDLE_M = 1e-3 * SETTINGS_MM[MIDDLE]
 Z = 1.96
 
 
@@ -91,7 +101,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--walks", action="store_true", help="make the walks alone")
     arguments = parser.parse_args()
-    every = [(person, number) for number in range(9) for person in persons()]
+    every = [(person, number) for number in ORDER for person in persons()]
     with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
         known = dict(zip(every, pool.map(walked, *zip(*every, strict=True)), strict=True))
         if arguments.walks:
@@ -244,41 +254,68 @@ def predicted(person: str, answer: str) -> dict[str, Any]:
     }
     outer = [trial for name, trial in every.items() if not name.startswith(MIDDLE)]
     inner = [trial for name, trial in every.items() if name.startswith(MIDDLE)]
-    contact = fitted(person, answer, outer)
+    contact = fitted(person)
     found = predict(outer, contact, fulcrum_m=MIDDLE_M)
-    walks = found.table.recorded
+    rows = {row.name: row for row in found.table.rows()}
     return {
         "middle": middle(outer, inner),
         "costs": {
             cost: {
-                OUTER[0]: [walk.costs[cost] for walk in walks if walk.fulcrum_mm < 1e3 * MIDDLE_M],
-                MIDDLE: [found.table.predicted.costs[cost]],
-                OUTER[-1]: [walk.costs[cost] for walk in walks if walk.fulcrum_mm > 1e3 * MIDDLE_M],
+                OUTER[0]: sign * rows[name].soft,
+                MIDDLE: sign * rows[name].predicted,
+                OUTER[-1]: sign * rows[name].stiff,
             }
-            for cost in COSTS
+            for cost, (name, sign) in COSTS.items()
         },
-        "believed": found.table.predicted.correction.believed,
+        "force": force_errors(found, outer, inner),
     }
 
 
-def fitted(person: str, answer: str, outer: Sequence[Trial]) -> FittedContact:
-    """The contact fitted to the first walk of both outer settings and the person's bench, which all
-    outer walks teach the other layers."""
-    file = (PARTS / "fits" / f"{person}_{answer}.yaml").absolute()
+def force_errors(
+    found: SettingPrediction, outer: Sequence[Trial], inner: Sequence[Trial]
+) -> dict[str, float]:
+    """Vertical force at the middle setting by layer, and interpolated between the outer plates,
+    off the mean of the plates there: root mean square over stance, body weights."""
+    answer = answer_of([*outer, *inner])
+    weight = found.walk.seen.weight_n
+    at = np.linspace(0.0, 1.0, 101)
+    forces = [np.interp(at, answer.share, walk.force_n[:, 2]) / weight for walk in answer.walks]
+    recorded = np.mean(forces[len(outer) :], axis=0)
+    soft, stiff = found.arrays["plates"][[0, -1], :, 2]
+    low, high = found.table.answer.settings_mm[0], found.table.answer.settings_mm[-1]
+    share = (1e3 * MIDDLE_M - low) / (high - low)
+    told = {name: found.arrays[name][:, 2] for name in LAYERS if name in found.arrays}
+    told["between"] = (1.0 - share) * soft + share * stiff
+    return {name: float(rms(force - recorded)) for name, force in told.items()}
 
-    def fit() -> dict[str, Any]:
-        pair = [trial for trial in outer if trial.path.stem.endswith(f"_{NUMBERS[0]}")]
-        bench = load_measured_bench(PARTS / person.lower() / "bench_curves.csv")
-        solution = solve(ContactFit(pair, bench=bench))
-        applied = trial_with(pair[0], solution.contact())
-        walker = Walker(applied.subject, applied.model)
-        contact = learned(solution.contact(), outer, walker=walker, step_s=1e-3)
-        save_contact(contact, file)
-        return {"seconds": solution.wall_s}
 
-    key = digest({"files": [trial.inputs for trial in outer], **made_by("contact_fit.py")})
-    kept(file.parent, file.stem, key, fit)
-    return load_contact(file)
+@cache
+def fitted(person: str) -> FittedContact:
+    """The contact of the person's session in data/sessions, as studies/session_fit.py found it: the
+    same foot, recorded on the same day with the same errors, in other walks."""
+    (case,) = (
+        one for one in CASES if (one.person, one.day, one.passive) == (person.lower(), 1, False)
+    )
+    stored = read_json(RESULTS / "session_fit.json")["cases"][case.name]
+    fit = fit_of(case, DATA)
+    u = fit.parameters.u(stored["values"])
+    at = fit.evaluate(u)
+    search = FitSearch(
+        start=u,
+        u=u,
+        start_cost=at.cost,
+        cost=at.cost,
+        success=True,
+        message=stored["ended"],
+        evaluations=1,
+        failed=0,
+    )
+    end = JointEnd(
+        u=u, evaluation=at, uncertainty=uncertainty_at(fit, u), searches=(search,), best=0
+    )
+    return ContactFitSolution(
+        fit=fit, success=True, message=stored["ended"], end=end, wall_s=stored["wall_s"]
+    ).contact()
 
 
 def middle(outer: Sequence[Trial], inner: Sequence[Trial]) -> dict[str, Any]:
@@ -350,8 +387,11 @@ def order(cost: str, truth: dict[str, dict[str, Any]], part: dict[str, Any]) -> 
     spread = float(
         np.sqrt(sum((value - means[name]) ** 2 for name in true for value in true[name]) / free)
     )
-    found = {name: float(np.mean(own)) for name, own in part["costs"][cost].items()}
-    between = {**found, MIDDLE: float(np.mean([found[name] for name in OUTER]))}
+    found = part["costs"][cost]
+    share = (SETTINGS_MM[MIDDLE] - SETTINGS_MM[OUTER[0]]) / (
+        SETTINGS_MM[OUTER[-1]] - SETTINGS_MM[OUTER[0]]
+    )
+    between = {**found, MIDDLE: (1.0 - share) * found[OUTER[0]] + share * found[OUTER[-1]]}
     pairs = []
     for one, other in combinations(SETTINGS, 2):
         apart = means[other] - means[one]
@@ -406,6 +446,9 @@ def text_table(content: dict[str, Any]) -> str:
             f"{off['mean_deg']:>6.2f}{off['spread_deg']:>8.2f}"
             f"{np.mean(off['nearest_walk_deg']):>9.2f}   {costs}"
         )
+    for name, part in content["persons"].items():
+        told = ", ".join(f"{layer} {100 * off:.1f}" for layer, off in part["force"].items())
+        lines.append(f"{name}: vertical force at the middle setting, % body weight: {told}")
     for name, off in content["embedded"].items():
         lines.append(
             f"{name} embedded: middle {np.mean(off['walks_deg']):.2f} (pairs "

@@ -19,6 +19,7 @@ from vsf_drake.cli import (  # noqa: F401
     device,
     doctor,
     fit,
+    predict,
     recordings,
     stiffness_map,
     study,

@@ -8,6 +8,7 @@
     bench      ModelParameters, run_bench, bench_table: load, displacement, stiffness
     a walk     load_trial, load_contact, trial_with, simulate_trial, walk_metrics
     to data    fit_offsets; ContactFit and fit_contact (`solve` of `vsf_drake.fit`)
+    a setting  predict: motion, force and loads between recorded settings
     stiffness  StiffnessTuning and tune_stiffness (`vsf_drake.tuning.solve`)
     studies    make_study; WalkCase and simulate_batch: many walks at once
     files      load_model; resource: a file that comes with the package
@@ -37,6 +38,7 @@ _HOMES = {
     "make_stepped_leg": "simulation.stepped",
     "make_stepped_person": "simulation.stepped",
     "make_study": "validation.study",
+    "predict": "tuning.answered",
     "resource": "base.files",
     "run_bench": "simulation.bench",
     "simulate_batch": "simulation.batch",

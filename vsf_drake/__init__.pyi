@@ -21,6 +21,7 @@ from vsf_drake.simulation.batch import WalkCase, simulate_batch
 from vsf_drake.simulation.bench import run_bench
 from vsf_drake.simulation.stepped import make_stepped_leg, make_stepped_person
 from vsf_drake.simulation.walk import simulate_trial
+from vsf_drake.tuning.answered import predict
 from vsf_drake.tuning.problem import StiffnessTuning
 from vsf_drake.tuning.solve import solve as tune_stiffness
 from vsf_drake.validation.study import make_study
@@ -49,6 +50,7 @@ __all__ = [
     "make_stepped_leg",
     "make_stepped_person",
     "make_study",
+    "predict",
     "resource",
     "run_bench",
     "simulate_batch",

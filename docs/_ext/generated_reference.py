@@ -21,6 +21,7 @@ from vsf_drake.cli import (  # noqa: F401 (each adds its commands)
     device,
     doctor,
     fit,
+    predict,
     recordings,
     stiffness_map,
     study,

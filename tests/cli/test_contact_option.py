@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from command_line import read_json
-from made_contact import DISCREPANCY, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
+from made_contact import OF_THE_MODEL, OF_THE_TRIAL, OWN, PERSON_CURVE, made_contact
 
 from vsf_drake.base.files import resource, sha256
 from vsf_drake.laws.contact_laws import FITTED_LAW
@@ -61,18 +61,10 @@ def test_simulate_walks_on_the_fitted_contact_and_says_which(run, tmp_path, cont
 
 
 def test_a_contact_that_keeps_what_its_plates_taught_predicts_in_layers(run, tmp_path):
-    """A fitted recording of another name taught a discrepancy of 5 % body weight at this setting,
-    and its own curve."""
-    path, curve = tmp_path / "contact.yaml", DISCREPANCY.curves[0]
-    curve = dataclasses.replace(
-        curve,
-        fulcrum_m=0.151,
-        vertical_bw=(0.05,) * 101,
-        lateral_bw=(0.0,) * 101,
-        fore_aft_bw=(0.0,) * 101,
-    )
-    taught = dataclasses.replace(DISCREPANCY, curves=(curve,), shared=(0.0,) * 3, own=(1.0,) * 3)
-    save_contact(made_contact(values=DEVICE, curves=(), discrepancy=taught), path)
+    """A fitted recording of another name taught a curve, the weight all the stance long, whose
+    resultant is the null model's, too."""
+    path = tmp_path / "contact.yaml"
+    save_contact(made_contact(values=DEVICE, curves=(), person_curve=PERSON_CURVE), path)
     words = ("--out", tmp_path / "walk", "--no-replay", "--step-ms", "2", "--contact", path)
     code, out, _ = run("simulate", TRIAL, *words)
     assert code == 0 and "Physics " in out
@@ -82,14 +74,14 @@ def test_a_contact_that_keeps_what_its_plates_taught_predicts_in_layers(run, tmp
         found["grf_rmse_bw"], rel=1e-9
     )
     momentum = layers["layers"]["momentum"]
-    assert f"with momentum {100 * momentum['grf_rmse_bw']:.1f} %, with discrepancy" in out
+    assert f"with momentum {100 * momentum['grf_rmse_bw']:.1f} %, by the person's own curve" in out
     assert "Momentum corrects nothing: no fitted trial shows" in out
-    assert layers["added_rms_bw"] > 0.03 and not layers["fitted"]
+    assert not layers["fitted"]
     for name in ("vertical_rmse_bw", "fore_aft_rmse_bw"):
-        assert layers["layers"]["discrepancy"][name] != found[name]
+        assert layers["layers"]["person"][name] != found[name]
     assert layers["null_model_grf_rmse_bw"] > 0.0
     code, out, _ = run("simulate", TRIAL, *words, "--fulcrum-mm", "140")
-    assert code == 0 and "layers of momentum and discrepancy are left out" in " ".join(out.split())
+    assert code == 0 and "the person's momentum and own curve are left out" in " ".join(out.split())
     assert read_json(tmp_path / "walk" / "metrics.json")["layers"] is None
     save_contact(made_contact(values=DEVICE, curves=()), path)
     code, out, _ = run("simulate", TRIAL, *words)

@@ -48,9 +48,9 @@ def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
     } < set(table["files"])
     contact = load_contact(quick_fit / "contact.yaml")
     assert contact.verdict == tuple(table["verdict"])
-    fitted = {row["fingerprint"] for row in table["layers"]["discrepancy"]["curves"]}
+    fitted = {row["fingerprint"] for row in table["layers"]["person_curve"]["walks"]}
     assert fitted == {trial.fingerprint for trial in contact.trials} == set(contact.momentum.trials)
-    assert len(contact.discrepancy.curves) == len(fitted) and len(table["layers"]["trials"]) == len(
+    assert len(contact.person_curve.walks) == len(fitted) and len(table["layers"]["trials"]) == len(
         table["trials"]
     )
     page = html.unescape((quick_fit / "report.html").read_text(encoding="utf-8"))

@@ -15,6 +15,7 @@ from vsf_drake.cli import (  # noqa: F401
     device,
     doctor,
     fit,
+    predict,
     recordings,
     stiffness_map,
     study,

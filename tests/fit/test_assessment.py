@@ -801,11 +801,12 @@ def test_what_tells_most_and_what_warns_is_marked_for_page_and_screen():
     walks, others, *full = marked
     assert walks == (
         "> 1 held-out walk: resultant force 2.0 % body weight off (RMS) by the foot's physics, "
-        "4.1 % with the person's momentum, 4.2 % with the discrepancy of fitted walks; null model "
+        "4.1 % with the person's momentum, 4.2 % by the person's own curve; null model "
         "5.0 %, nearest single curve 6.0 %. Physics alone is nearer than the null model in 1 of 1."
     )
     assert "bench: stiffness 0.76 N/mm off; fulcrum found where it stood in 1 of 1 walks" in others
-    assert "4.1 % with the person's own momentum and 4.2 % with the discrepancy" in marked[-2]
+    told_in_layers = " ".join(marked)
+    assert "4.1 % with the person's own momentum and 4.2 % by the person's own" in told_in_layers
     assert not any(sentence[0] in ">!" for sentence in full)
     assert verdict(solution(), told) == tuple(full)
     doubtful = marked_verdict(
@@ -820,7 +821,7 @@ def test_what_tells_most_and_what_warns_is_marked_for_page_and_screen():
             told,
             scores=(trial_score(), worse),
             bench=None,
-            layers=replace(layers, discrepancy=None),
+            layers=replace(layers, person_curve=None),
         ),
     )
     assert [sentence[2:][:30] for sentence in doubtful if sentence[0] == "!"] == [
@@ -831,7 +832,7 @@ def test_what_tells_most_and_what_warns_is_marked_for_page_and_screen():
         "other: the fulcrum fits best a",
         "Larger than assumed, so that t",
         "Ended at a bound, their errors",
-        "The third layer, the discrepan",
+        "The person's own curve, the th",
     ]
     alone = marked_verdict(
         solution(), replace(told, scores=(trial_score(unknown="alone"),), bench=bench(1.5))

@@ -82,7 +82,8 @@ TESTS = {
 }
 """By area, what ought to fail, what takes least first."""
 MOMENTUM = "vsf_drake/walks/momentum.py"
-DISCREPANCY = "vsf_drake/walks/discrepancy.py"
+BETWEEN = "vsf_drake/walks/between_settings.py"
+PERSON_CURVE = "vsf_drake/walks/person_curve.py"
 PREDICTION = "vsf_drake/walks/prediction.py"
 SESSION = "studies/virtual_laboratory/session.py"
 NOMINAL = "models/nominal.yaml"
@@ -105,27 +106,19 @@ BY_HAND = (
     Mutation("layers", MOMENTUM, "np.maximum(1.0, np.sqrt", "np.maximum(0.0, np.sqrt"),
     Mutation("layers", MOMENTUM, "> MOST_MOVED_BW", "> 100.0"),
     Mutation("layers", MOMENTUM, "spread.min() > MOST_SPREAD", "spread.max() > MOST_SPREAD"),
+    Mutation("layers", PERSON_CURVE, "* (_at(percent, model", "* (-_at(percent, model"),
+    Mutation("layers", PERSON_CURVE, "NEED * _faded", "-NEED * _faded"),
+    Mutation("layers", PERSON_CURVE, "place + ALIGNED * (own", "place - ALIGNED * (own"),
+    Mutation("layers", PERSON_CURVE, "one.start_s - strike_s", "one.start_s + strike_s"),
+    Mutation("layers", PERSON_CURVE, "one is not own", "True"),
+    Mutation("layers", PERSON_CURVE, "foot + _at(theirs", "foot - _at(theirs"),
     Mutation(
         "layers",
-        DISCREPANCY,
-        "own * np.exp(-0.5 * apart / SETTING_M**2)",
-        "own * np.exp(-apart / SETTING_M**2)",
-    ),
-    Mutation("layers", DISCREPANCY, "share = (1.0 - CODE_SCALE)", "share = CODE_SCALE"),
-    Mutation(
-        "layers",
-        DISCREPANCY,
+        BETWEEN,
         "np.clip(fulcrum_m, places[0], places[-1])",
         "np.clip(fulcrum_m, places[0], places[0])",
     ),
-    Mutation("layers", DISCREPANCY, "> 0.5 * SETTING_M", "> 20.0 * SETTING_M"),
-    Mutation("layers", DISCREPANCY, "and (twice or own == 0.0)", "and True"),
-    Mutation(
-        "layers",
-        PREDICTION,
-        "name, column in zip(COMPONENTS, found",
-        "name, column in zip(COMPONENTS, -found",
-    ),
+    Mutation("layers", BETWEEN, "> SETTING_M", "> 20.0 * SETTING_M"),
     Mutation("layers", PREDICTION, "return min(errors, key", "return max(errors, key"),
     # errors that a synthetic session makes
     Mutation(

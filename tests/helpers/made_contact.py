@@ -6,15 +6,16 @@ import dataclasses
 from typing import Any
 
 from vsf_drake.model.contact_file import (
+    CURVES,
     FORMAT,
     STANCE_POINTS,
-    Discrepancy,
-    DiscrepancyCurve,
     FittedContact,
     FittedSubject,
     FittedTrial,
     JointCurve,
     MomentumBias,
+    PersonCurve,
+    PersonWalk,
 )
 
 MASS_KG, STATURE_M = 78.0, 1.81
@@ -55,23 +56,26 @@ OWN = FittedTrial(
 MOMENTUM = MomentumBias(
     fore_aft_bw=(-0.01, 0.02, 1 / 30), vertical_bw=(0.0, 0.01, -0.02), trials=(FINGERPRINT,)
 )
-DISCREPANCY = Discrepancy(
-    shared=(0.0, 0.1, 1 / 3),
-    own=(0.6, 0.5, 0.4),
-    curves=(
-        DiscrepancyCurve(
-            fingerprint=FINGERPRINT,
-            fulcrum_m=0.066,
-            fore_aft_bw=(1 / 300,) * STANCE_POINTS,
-            lateral_bw=(0.0,) * STANCE_POINTS,
-            vertical_bw=(-0.01,) * STANCE_POINTS,
-            measured_bw=(1.01,) * STANCE_POINTS,
-            plate_fore_aft_bw=(0.02,) * STANCE_POINTS,
-            plate_lateral_bw=(0.01,) * STANCE_POINTS,
-            plate_vertical_bw=(1.0,) * STANCE_POINTS,
-        ),
-    ),
-)
+
+
+def made_person_walk(**changes: Any) -> PersonWalk:
+    """A fitted walk whose plate and model show the weight all the stance long."""
+    whole = {
+        "fingerprint": FINGERPRINT,
+        "fulcrum_m": 0.066,
+        "stance_s": 0.7,
+        "strike_error_s": 0.004,
+        "lift_off_error_s": -1 / 300,
+        "needed_bw": (0.9, 0.0, 1 / 3),
+        "intact_lift_off_percent": 18.0,
+        **dict.fromkeys(CURVES, (0.0,) * STANCE_POINTS),
+        "vertical_bw": (1.0,) * STANCE_POINTS,
+        "model_vertical_bw": (1.0,) * STANCE_POINTS,
+    }
+    return PersonWalk(**whole | changes)
+
+
+PERSON_CURVE = PersonCurve(walks=(made_person_walk(),), vertical_sd_bw=(1 / 30,) * STANCE_POINTS)
 
 
 def made_contact(**changes: Any) -> FittedContact:

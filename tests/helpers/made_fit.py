@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from made_contact import made_person_walk
 from made_results import make_plate, make_walk
 
 from vsf_drake.base.files import resource
@@ -15,12 +16,14 @@ from vsf_drake.fit.paper import PaperState
 from vsf_drake.fit.solution import NoiseRatio
 from vsf_drake.fit.solve import FitSearch, Pair, Uncertainty
 from vsf_drake.fit.table import FitTable, FitTrialRow, ParameterRow, SmoothErrorRow
-from vsf_drake.model.contact_file import CURVES, Discrepancy, DiscrepancyCurve
+from vsf_drake.model.contact_file import PersonCurve
 from vsf_drake.model.parameters import Subject
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.walks.fulcrum_sweep import swept
 from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.momentum import MomentumCorrection
+from vsf_drake.walks.person_curve import SPREADS
+from vsf_drake.walks.phases import PHASES, PhaseErrors
 from vsf_drake.walks.prediction import LAYERS, SCORES, LayerTable, TrialLayers
 
 ODD = "<b>odd</b> $x_$ ü"
@@ -198,7 +201,7 @@ def made_layer_row(
         fulcrum_mm=66.0,
         layers=scores,
         null_model_grf_rmse_bw=null,
-        added_rms_bw=0.0,
+        phases=made_phases(errors[2], null),
         null_model_predicted_times_grf_rmse_bw=null and null + 0.01,
         stretched_null_grf_rmse_bw=null and null + 0.02,
         null_model_unknown="" if null else "alone",
@@ -206,18 +209,30 @@ def made_layer_row(
     )
 
 
-def made_layers(*rows: TrialLayers, **changes: Any) -> LayerTable:
-    """Trials in layers, and a discrepancy of two settings."""
-    curves = tuple(
-        DiscrepancyCurve(fingerprint="0" * 64, fulcrum_m=x, **dict.fromkeys(CURVES, (0.0,) * 101))
-        for x in (0.066, 0.151)
+def made_phases(error: float, null: float | None) -> tuple[PhaseErrors, ...]:
+    """Everywhere the same errors, but in push-off twice the prediction's."""
+    return tuple(
+        PhaseErrors(
+            phase=phase,
+            component=component,
+            person_bw=error * (2.0 if phase == "push-off" else 1.0),
+            null_bw=null,
+            null_predicted_times_bw=null and null + 0.01,
+            in_interval=None,
+        )
+        for phase in PHASES
+        for component in SPREADS
     )
+
+
+def made_layers(*rows: TrialLayers, **changes: Any) -> LayerTable:
+    """Trials in layers, and the person's own curve of two settings."""
+    walks = tuple(made_person_walk(fingerprint="0" * 64, fulcrum_m=x) for x in (0.066, 0.151))
     return replace(
         LayerTable(
             trials=rows,
             momentum=None,
-            untried=True,
-            discrepancy=Discrepancy(curves=curves, shared=(0.1, 0.2, 0.3), own=(0.5, 0.4, 0.3)),
+            person_curve=PersonCurve(walks=walks),
         ),
         **changes,
     )

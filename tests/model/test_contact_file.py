@@ -10,7 +10,15 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_contact import CURVE, DISCREPANCY, MOMENTUM, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
+from made_contact import (
+    CURVE,
+    MOMENTUM,
+    OF_THE_MODEL,
+    OF_THE_TRIAL,
+    OWN,
+    PERSON_CURVE,
+    made_contact,
+)
 
 from vsf_drake.base.errors import UNPRINTABLE, InputError
 from vsf_drake.base.schema import to_plain
@@ -76,7 +84,7 @@ def test_a_fit_that_did_not_converge_is_written_as_such_and_not_read_as_one_that
 def test_what_the_plates_taught_comes_back_with_its_units_and_need_not_be_there(tmp_path):
     path, taught = (
         tmp_path / "contact.yaml",
-        made_contact(momentum=MOMENTUM, discrepancy=DISCREPANCY),
+        made_contact(momentum=MOMENTUM, person_curve=PERSON_CURVE),
     )
     save_contact(taught, path)
     assert load_contact(path) == taught
@@ -84,10 +92,10 @@ def test_what_the_plates_taught_comes_back_with_its_units_and_need_not_be_there(
     assert all(
         line.endswith("# BW")
         for line in lines
-        if line.strip(" -").startswith(("vertical_bw:", "measured_bw:"))
+        if line.strip(" -").startswith(("vertical_bw:", "model_lateral_bw:"))
     )
     save_contact(made_contact(), path)
-    assert load_contact(path).momentum is load_contact(path).discrepancy is None
+    assert load_contact(path).momentum is load_contact(path).person_curve is None
 
 
 def put(*keys, value):
@@ -158,23 +166,23 @@ def put(*keys, value):
             ["momentum.fore_aft_bw[1]", "between -5 and 5 BW"],
         ),
         (
-            put("discrepancy", "curves", 0, "fingerprint", value="f" * 64),
-            ["curves[0].fingerprint", "none of the record"],
+            put("person_curve", "walks", 0, "fingerprint", value="f" * 64),
+            ["walks[0].fingerprint", "none of the record"],
         ),
         (
-            put("discrepancy", "curves", 0, "lateral_bw", value=[0.0] * 100),
+            put("person_curve", "walks", 0, "lateral_bw", value=[0.0] * 100),
             ["lateral_bw", "has 100 numbers", "have 101"],
         ),
         (
-            put("discrepancy", "own", value=[0.6, 0.95, 0.4]),
-            ["discrepancy.own[1]", "more than the whole"],
+            put("discrepancy", value={"curves": []}),
+            ["discrepancy", "third layer of earlier versions", "Fit again, or delete this key"],
         ),
     ],
 )
 def test_what_is_no_contact_is_refused_with_file_and_key(tmp_path, change, words):
     path, plain = (
         tmp_path / "contact.yaml",
-        to_plain(made_contact(momentum=MOMENTUM, discrepancy=DISCREPANCY)),
+        to_plain(made_contact(momentum=MOMENTUM, person_curve=PERSON_CURVE)),
     )
     change(plain)
     path.write_text(yaml.safe_dump(plain), encoding="utf-8")

@@ -124,7 +124,9 @@ def test_walks_that_differ_by_a_constant_have_its_spread_but_never_less_than_is_
     as many as were walked twice; at least one degree and one percent of body weight."""
     off = np.radians(degrees), share * own.weight_n
     pair = [Shifted(own.strides[0], sign * off[0], sign * off[1]) for sign in (1.0, -1.0)]
-    twice = OwnStrides(np.array([0.066, 0.066, 0.108]), (*pair, own.strides[1]), own.weight_n)
+    soft, medium, _ = own.answer.walks
+    answer = dataclasses.replace(own.answer, walks=(soft, soft, medium))
+    twice = OwnStrides(answer, (*pair, own.strides[1]), own.weight_n)
     angles = twice.sd.angles_rad
     forces = twice.sd.forces_n
     assert np.degrees(angles[KNEE]) == pytest.approx(max(degrees * np.sqrt(2.0), 1.0))

@@ -18,6 +18,7 @@ import pytest
 from contact_fit_study.cases import TIERS
 from contact_fit_study.table import markdown_table
 from quoted import flat, left_over, page, percent, rows_in_layers, stored
+from vsf_drake.walks.discrepancy import CODE_SCALE
 
 import vsf_drake as vsf
 from vsf_drake.base.files import record
@@ -25,7 +26,6 @@ from vsf_drake.fit.assessment import FITTED, HELD_OUT, Assessment, TrialScore, v
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.validation.published_trends import TrendTable
 from vsf_drake.walks.angle_errors import AngleErrorRow
-from vsf_drake.walks.discrepancy import CODE_SCALE
 from vsf_drake.walks.embedded import embedded_contact
 from vsf_drake.walks.prediction import DISCREPANCY, MOMENTUM, PHYSICS, LayerTable
 

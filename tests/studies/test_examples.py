@@ -13,6 +13,7 @@ import friction_monte_carlo
 import fulcrum_in_swing
 import leg_drop
 import numpy as np
+import predict_setting
 import pytest
 import robot_arm
 import robot_arm_emulator
@@ -45,6 +46,13 @@ from vsf_drake.motion.trial import load_trial
 from vsf_drake.plants.gait import make_gait
 
 pytestmark = pytest.mark.slow
+
+# A setting that was not recorded: what plates saw there is the second method.
+
+
+def test_the_middle_setting_is_predicted_from_the_outer_ones_within_four_percent_of_body_weight():
+    assert predict_setting.main()["predicted_bw"] < 0.04
+
 
 # A biped: the law of its centre of mass.
 

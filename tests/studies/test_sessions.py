@@ -90,7 +90,7 @@ def test_a_trial_is_judged_as_what_it_is_to_the_fit_and_means_are_over_these(mon
             {key: share * 0.01 * (i + 1) for key in session_fit.SCORES} for share in (1.0, 0.5)
         )
         found = SimpleNamespace(
-            layers={"physics": physics, "momentum": better, "discrepancy": better},
+            layers={"physics": physics, "momentum": better, "person": better},
             correction=None,
             null_model_grf_rmse_bw=0.025,
             null_model_predicted_times_grf_rmse_bw=0.03,

@@ -469,7 +469,7 @@ def test_walks_below_the_null_model_are_counted_against_curves_between_the_fitte
             ]
             found = stored["against_null"][days][told.replace(" ", "_")]
             assert found["walks"] == len(rows)
-            for layer in ("physics", "momentum", "discrepancy"):
+            for layer in ("physics", "momentum", "person"):
                 error = [row["layers"][layer]["grf_rmse_bw"] for row in rows]
                 assert found[layer]["nearer"] == sum(
                     a < row["null_model_grf_rmse_bw"] for a, row in zip(error, rows, strict=True)

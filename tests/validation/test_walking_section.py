@@ -274,7 +274,7 @@ def test_walks_of_a_sweep_that_failed_are_unknown_and_said_with_the_reason(monke
 
 def test_walks_stand_in_layers_where_the_contact_keeps_what_its_plates_taught(section):
     study = embedded_study()
-    bare = dataclasses.replace(study.contact, momentum=None, discrepancy=None)
+    bare = dataclasses.replace(study.contact, momentum=None, person_curve=None)
     fitted = [
         load_trial(study.walks[0].recorded.path.with_name(f"{one.name}.yaml"))
         for one in bare.trials
@@ -298,9 +298,9 @@ def test_walks_stand_in_layers_where_the_contact_keeps_what_its_plates_taught(se
     assert len(shown.grids["walking_layers"].rows) == len(rows)
     errors = [100.0 * row.momentum_bw for row in rows if row.role == "held out"]
     assert f"{np.mean(errors):.1f} % corrected by the person's own momentum" in shown.words
-    untaught = dataclasses.replace(study, contact=dataclasses.replace(taught, discrepancy=None))
+    untaught = dataclasses.replace(study, contact=dataclasses.replace(taught, person_curve=None))
     table = walking.layers_section(untaught).table
-    assert [row.scores["discrepancy_grf_rmse_bw"] for row in table.rows] == [None] * 3, (
+    assert [row.scores["person_grf_rmse_bw"] for row in table.rows] == [None] * 3, (
         "not the layer below again"
     )
     words = Shown(layers_chapter(table, {})).words

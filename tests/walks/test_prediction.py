@@ -1,5 +1,5 @@
-"""Prediction in layers: momentum mends what is wrong with one trial, and a discrepancy helps as far
-as it was earned.
+"""Prediction in layers: momentum mends what is wrong with one trial, and the person's own curve
+needs no plate of it.
 
 The walks are of the unfitted model; their plates are made so that the truth is known.
 """
@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_contact import made_contact
+from made_contact import made_contact, made_person_walk
 from made_fit import made_layer_row, made_layers, recording
 
 from vsf_drake.base.files import plain
-from vsf_drake.model.contact_file import Discrepancy, DiscrepancyCurve, FittedTrial, MomentumBias
+from vsf_drake.model.contact_file import FittedTrial, MomentumBias, PersonCurve
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.fitted_trial import fingerprint
@@ -23,14 +23,6 @@ from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.simulation.reactions import follow
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.walks.comparison import PERCENT
-from vsf_drake.walks.discrepancy import (
-    CODE_SCALE,
-    COMPONENTS,
-    beside_the_plates,
-    earned,
-    interpolated,
-    over_stances,
-)
 from vsf_drake.walks.momentum import (
     PRIOR,
     SIGMA_BW,
@@ -42,7 +34,9 @@ from vsf_drake.walks.momentum import (
 )
 from vsf_drake.walks.prediction import (
     MOMENTUM,
+    PERSON,
     PHYSICS,
+    compared,
     layer_sentences,
     layers_of,
     learned,
@@ -162,7 +156,8 @@ def test_a_walk_whose_height_is_wrong_is_mended_where_momentum_is_exact(
     )
     found = predict(wrong, bare(momentum=bias), walker=walker, step_s=STEP_S)
     assert found.correction.believed and found.correction.height_m * height_m < 0.0
-    before, after = (layers_error(found.comparisons[layer]) for layer in (PHYSICS, MOMENTUM))
+    beside = compared(found, wrong.prosthetic_plate)
+    before, after = (layers_error(beside[layer]) for layer in (PHYSICS, MOMENTUM))
     assert before > 0.04 and after < 0.25 * before
     missing = np.abs(found.correction.missing_bw[1])
     assert np.all(missing < 0.5 * SIGMA_BW), "it stops where less is missing than is known"
@@ -226,7 +221,7 @@ def test_a_momentum_that_cannot_be_believed_changes_nothing(walker, true_trial, 
     bias = None if shift is None else bias_of(missed(walker, true_trial) - shift, sd)
     found = predict(true_trial, bare(momentum=bias), walker=walker, step_s=STEP_S)
     assert not found.correction.believed and found.correction.why_not == why
-    assert found.comparisons[MOMENTUM] is found.comparisons[PHYSICS] and not found.added_bw.any()
+    assert found.results[MOMENTUM] is found.results[PHYSICS] and found.person is None
 
 
 def test_a_walk_in_which_the_intact_foot_never_swings_free_is_left_alone(walker, true_trial):
@@ -236,137 +231,39 @@ def test_a_walk_in_which_the_intact_foot_never_swings_free_is_left_alone(walker,
     assert (found.correction.believed, found.correction.why_not) == (False, "window")
 
 
-# Discrepancy.
+# The person's own curve: what it is made of, tests/walks/test_person_curve.py tells.
 
 
-def curve_of(values, fulcrum_m, name="0", plate=(0.0,) * 101):
-    """The same (101,) BW in every component."""
-    series, alone = (tuple(map(float, each)) for each in (values, plate))
-    return DiscrepancyCurve(
-        fingerprint=name * 64,
-        fulcrum_m=fulcrum_m,
-        measured_bw=series,
-        **dict.fromkeys(COMPONENTS, series),
-        **{f"plate_{part}": alone for part in COMPONENTS},
-    )
-
-
-SHAPE = 0.1 * np.sin(np.pi * PERCENT / 100.0)
-
-
-def test_what_a_repeated_trial_shows_again_is_added_whole():
-    found = earned([curve_of(SHAPE, 0.066), curve_of(SHAPE, 0.066)])
-    np.testing.assert_allclose(interpolated(found, 0.066), np.stack([SHAPE] * 3, axis=1), atol=1e-6)
-    np.testing.assert_allclose(
-        interpolated(found, 0.151), 0.0, atol=1e-12, err_msg="no other setting was tried"
-    )
-
-
-def test_noise_earns_nothing():
-    """Independent noise of 0.05 BW at three settings, twice each. By chance two curves of 101
-    points resemble each other by 1 / sqrt(101) of themselves; twice that is added at most."""
-    draws = np.random.default_rng(3)
-    added = [
-        interpolated(
-            earned(
-                [curve_of(0.05 * draws.standard_normal(101), x) for x in (0.066, 0.108, 0.151) * 2]
-            ),
-            0.108,
-        )
-        for _ in range(8)
-    ]
-    assert np.sqrt(np.mean(np.square(added))) < 0.2 * 0.05
-
-
-def test_a_discrepancy_goes_to_another_setting_only_if_the_settings_share_it():
-    alike = earned([curve_of(SHAPE, x) for x in (0.066, 0.108, 0.151)])
-    opposite = earned(
-        [curve_of(sign * SHAPE, x) for sign, x in ((1.0, 0.066), (-1.0, 0.108), (1.0, 0.151))]
-    )
-    assert interpolated(alike, 0.087).max() > 0.7 * SHAPE.max()
-    np.testing.assert_allclose(interpolated(opposite, 0.087), 0.0, atol=1e-4)
-    np.testing.assert_allclose(
-        interpolated(opposite, 0.066), 0.0, atol=1e-12, err_msg="no setting was tried twice"
-    )
-    two = earned([curve_of(SHAPE, 0.066), curve_of(SHAPE, 0.151)])
-    np.testing.assert_allclose(
-        interpolated(two, 0.108), 0.0, atol=1e-12, err_msg="each was told by one trial"
-    )
-    twice = earned(
-        [curve_of(sign * SHAPE, x) for sign, x in ((1.0, 0.066), (-1.0, 0.151)) for _ in range(2)]
-    )
-    np.testing.assert_allclose(interpolated(twice, 0.066)[:, 2], SHAPE, rtol=1e-6, atol=1e-9)
-
-
-def test_what_a_setting_has_to_itself_fades_by_a_normal_curve_of_one_centimetre():
-    """The mean of a Gaussian process with exp(-d^2 / 2 l^2) for a covariance that knows one value:
-    exp(-1/2) of it at d = l, exp(-2) at twice that, whichever way."""
-    known = Discrepancy(curves=(curve_of(SHAPE, 0.1),), shared=(0.0,) * 3, own=(1.0,) * 3)
-    for fulcrum_m, share in ((0.1, 1.0), (0.11, 0.6065), (0.09, 0.6065), (0.12, 0.1353)):
-        np.testing.assert_allclose(interpolated(known, fulcrum_m)[:, 0], share * SHAPE, atol=1e-5)
-
-
-def test_what_a_setting_has_to_itself_is_not_believed_where_no_setting_was_walked_twice():
-    """Neighbours 14 mm apart that are alike, and a third setting that is not, would have it so; but
-    only a repeated walk tells it from the noise of each."""
-    once = [curve_of(sign * SHAPE, x) for sign, x in ((1.0, 0.066), (1.0, 0.08), (-1.0, 0.151))]
-    assert earned(once).own == (0.0,) * 3
-    assert min(earned(once * 2).own) > 0.0
-
-
-def test_a_prediction_is_partly_the_model_and_the_rest_the_fitted_plates_linear_in_settings(
+def test_a_trial_that_taught_its_own_curve_is_predicted_with_it_and_without_its_plate(
     walker, trial
 ):
-    """Plates of 0 and 1 BW at two settings, no discrepancy: in stance the force is CODE_SCALE of
-    the model's and the rest of what lies between; beyond the settings the plates fade, outside of
-    stance there are none."""
-    known = Discrepancy(
-        shared=(0.0,) * 3,
-        own=(0.0,) * 3,
-        curves=tuple(
-            curve_of(np.zeros(101), x, plate=np.full(101, load))
-            for x, load in ((0.066, 0.0), (0.106, 1.0))
-        ),
-    )
-    comparison = predict(trial, bare(trial), walker=walker, step_s=STEP_S).comparisons[MOMENTUM]
-    weight = trial.subject.mass_kg * GRAVITY
-    inside = over_stances(comparison, np.ones((101, 3)))[:, 0] > 0.0
-    assert inside.any() and not inside.all()
-    for fulcrum_m, load in ((0.066, 0.0), (0.096, 0.75), (0.106, 1.0)):
-        force = beside_the_plates(comparison, known, fulcrum_m, weight)
-        np.testing.assert_allclose(
-            force[inside],
-            CODE_SCALE * comparison.model[inside] + (1.0 - CODE_SCALE) * load * weight,
-            atol=1e-9 * weight,
-        )
-        np.testing.assert_array_equal(force[~inside], comparison.model[~inside])
-    far = beside_the_plates(comparison, known, 0.151, weight)
-    np.testing.assert_allclose(far, comparison.model, atol=1e-4 * weight)
-
-
-def test_a_trial_that_taught_its_whole_error_is_predicted_without_one(walker, trial):
     contact = learned(bare(trial), [trial], walker=walker, step_s=STEP_S)
-    (curve,) = contact.discrepancy.curves
-    assert contact.momentum.trials == (fingerprint(trial),) == (curve.fingerprint,)
-    whole = replace(
-        contact, discrepancy=Discrepancy(curves=(curve,), shared=(0.0,) * 3, own=(1.0,) * 3)
-    )
-    row = layers_of(trial, "again", whole, walker=walker, step_s=STEP_S)
-    before, last = (row.layers[layer]["grf_rmse_bw"] for layer in ("momentum", "discrepancy"))
-    assert row.fitted and row.null_model_grf_rmse_bw is None and last < 0.2 * before, (
+    (own,) = contact.person_curve.walks
+    assert contact.momentum.trials == (fingerprint(trial),) == (own.fingerprint,)
+    row = layers_of(trial, "again", contact, walker=walker, step_s=STEP_S)
+    assert row.fitted and row.null_model_grf_rmse_bw is None
+    assert row.error_in(PERSON) < 0.01 and row.error_in(PERSON) < 0.2 * row.error_in(MOMENTUM), (
         "but for the ends of stance"
     )
-    assert row.layers["discrepancy"]["cop_rmse_fl"] == row.layers["momentum"]["cop_rmse_fl"]
+    assert row.layers[PERSON]["cop_rmse_fl"] < 0.01
+
+    plates = {
+        side: replace(plate, force_W=0.0 * plate.force_W) for side, plate in trial.plates.items()
+    }
+    blind, sighted = (
+        predict(one, contact, walker=walker, step_s=STEP_S).person
+        for one in (replace(trial, plates=plates), trial)
+    )
+    np.testing.assert_array_equal(blind.force_n, sighted.force_n)
+    assert blind.corrected and blind.half_width_n is None
 
 
 def test_the_null_model_has_the_measured_times_or_the_predicted_ones(walker, true_trial):
     """Of a model that strikes and lifts as the plate says they are the same; a foot that is 8 mm
     higher is late."""
     measured = 1.1 * np.sin(np.pi * PERCENT / 100.0)
-    other = replace(curve_of(np.zeros(101), 0.066), measured_bw=tuple(map(float, measured)))
-    contact = bare(
-        true_trial, discrepancy=Discrepancy(curves=(other,), shared=(0.0,) * 3, own=(0.0,) * 3)
-    )
+    other = made_person_walk(vertical_bw=tuple(map(float, measured)))
+    contact = bare(true_trial, person_curve=PersonCurve(walks=(other,)))
     same = layers_of(true_trial, "same", contact, walker=walker, step_s=STEP_S)
     assert same.null_model_predicted_times_grf_rmse_bw == pytest.approx(
         same.null_model_grf_rmse_bw, rel=0.02
@@ -387,20 +284,14 @@ def test_a_layer_that_no_plate_could_teach_has_no_score_and_is_said_not_to_be_le
     stance = find_stances(trial.prosthetic_plate.time_s, trial.prosthetic_plate.force_W[:, 2])[0]
     late = replace(trial, start_s=stance.start_s + 0.05)
     contact = learned(bare(late), [late], walker=walker, step_s=STEP_S)
-    assert contact.discrepancy is None
+    assert contact.person_curve is None
     row = layers_of(late, "late", contact, walker=walker, step_s=STEP_S)
-    assert set(row.layers["discrepancy"].values()) == {None} and row.error_in("momentum") > 0.0
+    assert set(row.layers[PERSON].values()) == {None} and row.error_in("momentum") > 0.0
     assert row.null_model_grf_rmse_bw is None and row.null_model_unknown == "alone"
-    table = made_layers(replace(row, fitted=False), discrepancy=None)
+    table = made_layers(replace(row, fitted=False), person_curve=None)
     text = " ".join(layer_sentences(table))
-    assert (
-        "could not be learned: no fitted trial has a stance" in text
-        and "From the fitted plates" not in text
-    )
-    assert (
-        table.earned != "discrepancy"
-        and "with the discrepancy of the fitted trials added" not in text
-    )
+    assert "could not be learned: no fitted trial has a stance" in text
+    assert table.earned != PERSON and "by the person's own curve" not in text
 
 
 # What is told.
@@ -420,31 +311,32 @@ def test_the_verdict_names_the_layer_that_is_nearest_to_the_held_out_plates():
     for words in (
         "6.0 % body weight off by physics alone",
         "5.0 % with the person's own momentum",
-        "5.5 % with the disc",
+        "5.5 % by the person's own curve",
         "3.0 % off with the measured times",
         "4.0 % with those",
         "the null model is 3.0 %",
         "nearest single curve is 5.0 % off",
         "support physics and momentum, nearer than the null model in 0 of 2",
+        "loading 5.5 %, null 3.0 %; single support 5.5 %, null 3.0 %; push-off 11.0 %",
+        "further off than that null in loading, fore-aft (5.5 %, null 3.0 %);",
         "does not correct low_3: the recorded motion",
-        "40 % of their curves",
-        "fewer than three settings were fitted, and none twice",
+        "No interval is told around the person's own curve",
     ):
         assert words in text
     assert made_layers(made_layer_row("a", (0.05,) * 3)).earned == "physics", (
         "a layer that does nothing earns nothing"
     )
     alone = made_layers(
-        replace(first, correction=MomentumCorrection(believed=False, why_not="spread")),
-        untried=False,
+        replace(first, correction=MomentumCorrection(believed=False, why_not="spread"))
     )
     text = " ".join(layer_sentences(alone))
     assert alone.earned is None and "held-out" not in text and "corrects none of the trials" in text
-    assert "To another trial of the same setting 60, 60, 60 %" in text and "left out" not in text
-    curve = table.discrepancy.curves[0]
-    known = replace(
-        table.discrepancy, curves=tuple(replace(curve, fulcrum_m=x) for x in (0.066, 0.108, 0.151))
+    assert "further off" not in " ".join(layer_sentences(made_layers(first)))
+    late = replace(
+        made_layer_row("low_2", (0.05, 0.05, 0.02)), null_model_predicted_times_grf_rmse_bw=0.02
     )
-    text = " ".join(layer_sentences(replace(table, discrepancy=known)))
-    assert "To a setting that was left out 10, 20, 30 % of it" in text
+    assert (
+        "the null model is 2.0 % off with those that the physics predicts, and 3.0 %"
+        in " ".join(layer_sentences(made_layers(late)))
+    ), "the harder null first"
     assert json.loads(json.dumps(plain(table))) == plain(table)

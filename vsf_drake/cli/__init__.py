@@ -56,6 +56,7 @@ def _ended(signals: _Signals) -> int | str | None:
             device,
             doctor,
             fit,
+            predict,
             recordings,
             stiffness_map,
             study,

@@ -19,6 +19,7 @@ GUIDES = {
     "check": "trials",
     "sweep": "sweep",
     "fit": "fit",
+    "predict": "predict",
     "tune": "tune",
     "map": "stiffness_map",
     "show": "drake",

@@ -193,7 +193,7 @@ def report(
     folder: Annotated[
         Path,
         typer.Argument(
-            parser=path, help="Folder that `validate`, `tune` or `map` wrote with --out."
+            parser=path, help="Folder that `validate`, `tune`, `map` or `predict` wrote with --out."
         ),
     ],
     svg: Annotated[
@@ -202,12 +202,14 @@ def report(
 ) -> None:
     """Makes a report again from its saved results; nothing is simulated."""
     from vsf_drake.report.map_page import MAP
+    from vsf_drake.report.predict_page import PREDICT
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.tuning.chapters import TUNING
     from vsf_drake.report.validation.output import PUBLISHED, VALIDATION
 
     kind = next(
-        (kind for kind in (TUNING, MAP, PUBLISHED) if (folder / kind.table).is_file()), VALIDATION
+        (kind for kind in (TUNING, MAP, PREDICT, PUBLISHED) if (folder / kind.table).is_file()),
+        VALIDATION,
     )
     for sentence in kind.remake(folder, svg=svg):
         warn(sentence)

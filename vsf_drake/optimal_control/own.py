@@ -12,6 +12,7 @@ deviations between walks of one setting, no less than what a laboratory sees (`t
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -34,7 +35,8 @@ from vsf_drake.optimal_control.reference import (
     stride_reference,
 )
 from vsf_drake.tuning.common import SEEN, SEEN_SHARE
-from vsf_drake.walks.between_settings import between_settings, settings_of
+from vsf_drake.walks.answer import Answer
+from vsf_drake.walks.between_settings import between_settings
 
 SPREAD_PHASES = 200
 
@@ -52,37 +54,32 @@ class Spread:
 class OwnStrides:
     """Recorded strides of one person at two settings or more."""
 
-    fulcrum_m: np.ndarray  # (walks,)
-    strides: tuple[RecordedStride, ...]
+    answer: Answer  # how the person answers the setting
+    strides: tuple[RecordedStride, ...]  # of its walks
     weight_n: float  # of the body
-
-    @cached_property
-    def settings_m(self) -> np.ndarray:
-        """(settings,) from the softest on."""
-        return np.array([self.fulcrum_m[walks].mean() for walks in settings_of(self.fulcrum_m)])
 
     @property
     def middle_m(self) -> float:
         """The most central setting."""
-        settings = self.settings_m
+        settings = self.answer.settings_m
         return float(settings[np.argmin(np.abs(settings - settings[[0, -1]].mean()))])
 
     @property
     def speed(self) -> float:
         """m/s, mean over settings."""
         speeds = np.array([stride.advance_m / stride.period_s for stride in self.strides])
-        return float(np.mean([speeds[walks].mean() for walks in settings_of(self.fulcrum_m)]))
+        return float(np.mean([speeds[walks].mean() for walks in self.answer.settings]))
 
     def period_s(self, fulcrum_m: float) -> float:
         return float(self._at(fulcrum_m, [stride.period_s for stride in self.strides]))
 
     def _at(self, fulcrum_m: float, values: Sequence[np.ndarray | float]) -> np.ndarray:
-        return between_settings(self.fulcrum_m, np.array(values), fulcrum_m)
+        return between_settings(self.answer.fulcrum_m, np.array(values), fulcrum_m)
 
     def positions_mm(self, reach_mm: tuple[float, float], count: int) -> list[float]:
         """About `count` positions over a range, its ends and the recorded settings among them, the
         others evenly between these."""
-        inside = [mm for mm in 1e3 * self.settings_m if reach_mm[0] < mm < reach_mm[1]]
+        inside = [mm for mm in 1e3 * self.answer.settings_m if reach_mm[0] < mm < reach_mm[1]]
         edges = np.array([reach_mm[0], *inside, reach_mm[1]])
         spacing = (reach_mm[1] - reach_mm[0]) / (count - 1)
         found = [reach_mm[0]]
@@ -93,10 +90,9 @@ class OwnStrides:
 
     def drawn(self, rng: np.random.Generator) -> OwnStrides:
         """As many walks of every setting, drawn from its own with replacement."""
-        walks = np.concatenate([rng.choice(own, len(own)) for own in settings_of(self.fulcrum_m)])
-        return OwnStrides(
-            self.fulcrum_m[walks], tuple(self.strides[i] for i in walks), self.weight_n
-        )
+        walks = np.concatenate([rng.choice(own, len(own)) for own in self.answer.settings])
+        answer = dataclasses.replace(self.answer, walks=tuple(self.answer.walks[i] for i in walks))
+        return OwnStrides(answer, tuple(self.strides[i] for i in walks), self.weight_n)
 
     def reference(
         self, fulcrum_m: float, grid: Grid, advance_m: float, late_share: float
@@ -181,22 +177,15 @@ class OwnStrides:
     def spread(self) -> Spread | None:
         """Between walks of one setting, pooled over settings, root mean square over the cycle; NaN
         where a force is not known, None where no setting was walked twice."""
-        free = len(self.strides) - len(self.settings_m)
-        if not free:
+        if len(self.strides) == len(self.answer.settings):
             return None
         phase = np.arange(SPREAD_PHASES) / SPREAD_PHASES
 
         def pooled(values: Sequence[np.ndarray]) -> np.ndarray:
-            every = np.array(values)
-            within = [
-                np.sum((every[walks] - every[walks].mean(axis=0)) ** 2, axis=0)
-                for walks in settings_of(self.fulcrum_m)
-            ]
-            variance = np.sum(within, axis=0) / free
-            known = np.isfinite(variance).all(axis=1)
-            if not known.any():
-                return np.full(variance.shape[1], np.nan)
-            return np.asarray(np.sqrt(variance[known].mean(axis=0)))
+            spread = self.answer.spread_of(np.array(values))
+            assert spread is not None
+            known = spread[np.isfinite(spread).all(axis=1)]
+            return np.asarray(np.sqrt(np.mean(known**2, axis=0)) if len(known) else spread[0])
 
         periods = np.array([[[s.period_s]] for s in self.strides])
         return Spread(
@@ -219,7 +208,7 @@ class OwnStrides:
                 "stride",
                 "own_strides",
                 walks=len(self.strides),
-                settings_mm=1e3 * self.settings_m,
+                settings_mm=1e3 * self.answer.settings_m,
                 speed=self.speed,
                 spread=self.spread is not None,
                 angles_deg=np.degrees(sd.angles_rad[known]),

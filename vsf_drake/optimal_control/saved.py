@@ -138,7 +138,7 @@ def _worth(result: StrideSolution, near: tuple[float, float] | None) -> dict[str
 def _recorded_mm(tuning: StrideTuning) -> tuple[float, ...]:
     """Where the fulcrum was recorded."""
     if isinstance(tuning.recorded, OwnStrides):
-        return tuple((tuning.recorded.fulcrum_m / MM).tolist())
+        return tuple((tuning.recorded.answer.fulcrum_m / MM).tolist())
     return (tuning.stride.own_m / MM,)
 
 

@@ -82,11 +82,7 @@ class StrideTuning:
         period_s = strides[0].period_s
         advance_m = strides[0].advance_m
         if self.answer is not None:
-            own = OwnStrides(
-                np.array([trial.fulcrum_m for trial in trials]),
-                strides,
-                self.trial.subject.mass_kg * GRAVITY,
-            )
+            own = OwnStrides(self.answer, strides, self.trial.subject.mass_kg * GRAVITY)
             self.recorded = own
             period_s = own.period_s(own.middle_m)
             advance_m = own.speed * period_s
@@ -156,7 +152,7 @@ class StrideTuning:
             f"It must lie within {fulcrum.rearmost_m / MM:g} to {fulcrum.foremost_m / MM:g} mm",
         )
         if isinstance(self.recorded, OwnStrides):
-            first, *_, last = self.recorded.settings_m / MM
+            first, *_, last = self.recorded.answer.settings_m / MM
             require(
                 first - 1e-6 <= low and high <= last + 1e-6,
                 f"{low:g} to {high:g} mm is out of the recorded settings, {first:g} to {last:g} mm",

@@ -436,7 +436,7 @@ class Stride:
         fulcrum = self.model.foot.fulcrum
         low, high = fulcrum.rearmost_m, fulcrum.foremost_m
         if isinstance(self.recorded, OwnStrides):
-            low, *_, high = self.recorded.settings_m.tolist()
+            low, *_, high = self.recorded.answer.settings_m.tolist()
         return self.options.bounds_mm or (low / MM, high / MM)
 
     @property

@@ -105,12 +105,12 @@ def write_walk(
                 result, folder / "replay.html", plate=plate, intact_plate=trial.intact_plate
             )
         if opensim:
-            _write_opensim(result, folder)
+            write_motion(result, folder)
 
     return WALK.write(out, table, more=more)
 
 
-def _write_opensim(result: WalkResult, folder: Path) -> None:
+def write_motion(result: WalkResult, folder: Path) -> None:
     """All coordinates of the walk, and what the ground did to both feet; of the intact one no free
     moment is known."""
     names = result.coordinate_names

@@ -1,9 +1,10 @@
 """A walk at a setting that was not recorded: the person's own answer, walked by the fitted contact.
 
 The motion is interpolated between the recorded settings (`walks.answer`), the force comes from the
-contact that was fitted to the person, in layers (`walks.prediction`). Loads are those of the layer
-of the momentum, of the recorded walks as of the predicted one, so that a difference between them is
-one of setting and motion, not of method.
+contact that was fitted to the person, in layers (`walks.prediction`). Loads are those of every
+recorded walk as the answer moves it to the setting, by inverse dynamics under its plate, moved
+likewise: a mean walk would have lower peaks than the walks that it is the mean of. Energy in the
+foot is that of the fitted foot under the moved motion.
 """
 
 from __future__ import annotations
@@ -20,39 +21,61 @@ from vsf_drake.base.progress import Progress
 from vsf_drake.base.sentences import say
 from vsf_drake.model.contact_file import FittedContact
 from vsf_drake.model.model_file import check_fulcrum
+from vsf_drake.model.parameters import PELVIS_TRANSLATIONS
+from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.fitted_trial import trial_with
+from vsf_drake.motion.formats.recording import PlateRecording
+from vsf_drake.motion.trajectory import columns_at, low_pass, spacing
 from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.archive import provenance
+from vsf_drake.simulation.reactions import SOCKET, follow
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
-from vsf_drake.tuning.costs import TRACKING, value_of
+from vsf_drake.tuning.costs import WalkLoads, value_of, walk_terms
 from vsf_drake.tuning.options import TuningOptions, design_variables
-from vsf_drake.tuning.problem import TrialTuning
+from vsf_drake.tuning.problem import SettingOutcome, TrialTuning
+from vsf_drake.tuning.quantities import GIVEN_COSTS, GIVEN_OUTCOMES
 from vsf_drake.tuning.sweep import outcomes
 from vsf_drake.walks.answer import Answer, AnswerTable, answer_of, answer_sentences
-from vsf_drake.walks.comparison import walking_direction
-from vsf_drake.walks.between_settings import between_settings, settings_of
-from vsf_drake.walks.momentum import FIT_STEP_S, MomentumCorrection, corrected, with_corrections
-from vsf_drake.walks.prediction import LayeredWalk, layers_in
+from vsf_drake.walks.between_settings import settings_of
+from vsf_drake.walks.comparison import FORCE_CUTOFF_HZ, PERCENT
+from vsf_drake.walks.momentum import FIT_STEP_S, MomentumCorrection
+from vsf_drake.walks.prediction import LAYERS, PERSON, LayeredWalk, learned
 from vsf_drake.walks.prediction import predict as predict_layers
 
-NOT_OF_A_WALK = ("consistency", TRACKING)
-"""Costs that compare a walk with another one, or with its plate."""
+Z = 1.96  # standard errors of a 95 % interval
+MM = " mm"
+FORCES = ("first_peak", "second_peak", "braking", "propulsion")
+TOLD = {name: quantity for name, quantity in GIVEN_OUTCOMES.items() if name != "force_change"} | {
+    "joint_load": GIVEN_COSTS["joint_load"]
+}
+"""Loads and costs of a walk; the other costs are outcomes, too."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SettingWalk:
-    """What one walk, recorded or predicted, loads the person with.
-
-    `outcomes` are GIVEN_OUTCOMES (`tuning.quantities`) without the change of the force, `costs`
-    GIVEN_COSTS of a walk by itself; `height_m` to `alignment_rad` in `correction`.
-    """
+    """What one walk, as recorded or as moved to a setting, loads the person with, by name in
+    TOLD."""
 
     label: str
     fulcrum_mm: float
-    outcomes: Mapping[str, float]
-    costs: Mapping[str, float]
-    correction: MomentumCorrection
+    loads: Mapping[str, float]
     converged: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadRow:
+    """A load or cost at the outer recorded settings and as predicted, means over walks."""
+
+    name: str
+    label: str
+    unit: str
+    soft: float
+    predicted: float
+    stiff: float
+    between: float  # linear between the recorded settings, without a walk
+    spread: float | None
+    seen: bool | None
+    """whether the outer settings differ by more than Z standard errors; None without a spread"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,30 +86,51 @@ class SettingTable:
     recorded_setting: bool  # whether walks were recorded there
     stance_s: float
     answer: AnswerTable
-    predicted: SettingWalk
     recorded: tuple[SettingWalk, ...]
-    between: Mapping[str, float]
-    """of each outcome and cost what lies between those of the recorded settings, without a walk"""
-    spread: Mapping[str, float]
-    """of each, standard deviation between walks of one setting; empty where none was walked
-    twice"""
-    layers: tuple[str, ...]
+    moved: tuple[SettingWalk, ...]  # the same walks at this setting
+    correction: MomentumCorrection  # of the mean walk
+    converged: bool  # the mean walk
+    force: Mapping[str, Mapping[str, float]]
+    """FORCES of the predicted walk by layer, the one to believe last, body weights; and of the
+    recorded settings, softest first, by their position ("66 mm")."""
     synthetic: bool
     sentences: tuple[str, ...]
     notes: tuple[str, ...]
     provenance: Mapping[str, Any]
 
-    def seen(self, name: str) -> bool | None:
-        """Whether an outcome or cost differs between the outer settings by more than twice what
-        the spread makes by chance; None where no spread is known."""
-        if name not in self.spread:
-            return None
+    @property
+    def layer(self) -> str:
+        """The layer to believe."""
+        return [name for name in self.force if not name.endswith(MM)][-1]
+
+    def rows(self) -> list[LoadRow]:
+        """Loads and costs beside the recorded settings'."""
         groups = settings_of(np.array([1e-3 * walk.fulcrum_mm for walk in self.recorded]))
-        soft, stiff = (
-            [_number(self.recorded[i], name) for i in groups[end].tolist()] for end in (0, -1)
-        )
-        chance = self.spread[name] * np.sqrt(1.0 / len(soft) + 1.0 / len(stiff))
-        return bool(abs(np.mean(stiff) - np.mean(soft)) > 2.0 * chance)
+        told = []
+        for name, quantity in TOLD.items():
+            values = np.array([walk.loads[name] for walk in self.recorded])
+            means = [float(values[own].mean()) for own in groups]
+            free = len(values) - len(groups)
+            spread = seen = None
+            if free:
+                within = np.concatenate([values[own] - values[own].mean() for own in groups])
+                spread = float(np.sqrt(np.sum(within**2) / free))
+                chance = spread * np.sqrt(1.0 / len(groups[0]) + 1.0 / len(groups[-1]))
+                seen = bool(abs(means[-1] - means[0]) > Z * chance)
+            told.append(
+                LoadRow(
+                    name=name,
+                    label=quantity.label,
+                    unit=quantity.unit,
+                    soft=means[0],
+                    predicted=float(np.mean([walk.loads[name] for walk in self.moved])),
+                    stiff=means[-1],
+                    between=float(np.interp(self.fulcrum_mm, self.answer.settings_mm, means)),
+                    spread=spread,
+                    seen=seen,
+                )
+            )
+        return told
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,6 +142,12 @@ class SettingPrediction:
     answer: Answer
     trial: Trial
     walk: LayeredWalk
+    arrays: Mapping[str, np.ndarray]
+    """`predict.npz`: over shares of stance (n,) coordinates (m) by recorded setting (S, n, m), as
+    predicted (n, m) and their spread (n, m), in degrees and m, the pelvis's place that of the
+    pylon's end; over 0 to 100 % of stance the force (101, 3) in body weights, fore-aft, lateral,
+    vertical, of the plates by recorded setting (S, 101, 3), of each layer, and the half width of
+    the last layer's 80 % interval (101, 4), the resultant's too"""
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -111,6 +161,7 @@ def predict(
     *,
     fulcrum_m: float,
     step_s: float = DEFAULT_STEP_S,
+    inputs: Mapping[str, str] | None = None,
     progress: Progress | None = None,
 ) -> SettingPrediction:
     """Motion, force and loads of a person at a setting between two recorded ones.
@@ -119,100 +170,168 @@ def predict(
         trials: walks of the person at two settings or more, as recorded; better two of each, which
             tell the spread.
         contact: fitted to this person. fulcrum_m: from the keel's posterior end, m.
+        inputs: SHA-256 by name of further files that the prediction comes from.
 
     InputError: what `answer_of` refuses; a contact that was fitted to somebody else; a setting
     outside of the recorded ones. SimulationError: a walk fails.
     """
     show = progress or (lambda text, share: None)
-    answer = answer_of([trial_with(trial, contact) for trial in trials])
+    applied = [trial_with(trial, contact) for trial in trials]
+    answer = answer_of(applied)
     check_fulcrum(fulcrum_m, answer.like.model.foot, where="fulcrum_m")
     trial = answer.trial_at(fulcrum_m)
     walker = Walker(trial.subject, trial.model)
+    show("learning from the plates", 0.0)
+    contact = learned(contact, trials, walker=walker, step_s=FIT_STEP_S)
     walk = predict_layers(trial, contact, walker=walker, step_s=step_s)
-    told = [
-        (trial_with(one, contact), own.label) for one, own in zip(trials, answer.walks, strict=True)
-    ]
-    walks = []
-    for i, (one, label) in enumerate([*told, (trial, trial.name)]):
-        show(f"walking {label}", i / (len(told) + 1))
-        walks.append(_walked(walker, one, label, contact, step_s))
-    *recorded, predicted = walks
-    positions = np.array([own.fulcrum_m for own in answer.walks])
-    names = [*predicted.outcomes, *predicted.costs]
-    values = np.array([[_number(one, name) for name in names] for one in recorded])
-    free = len(recorded) - len(answer.settings)
-    within = [values[own] - values[own].mean(axis=0) for own in answer.settings]
-    spread = np.sqrt(np.sum(np.concatenate(within) ** 2, axis=0) / free) if free else []
+    walks: list[SettingWalk] = []
+    for place in (None, fulcrum_m):
+        for i, one in enumerate(answer.walks):
+            show(f"walking {one.label}", (i + len(walks)) / (2 * len(answer.walks)))
+            at = one.fulcrum_m if place is None else place
+            walks.append(_walked(walker, answer.moved(i, at), step_s))
+    arrays = _arrays(answer, fulcrum_m, walk)
+    known = settings_of(np.append(answer.fulcrum_m, fulcrum_m))
     table = SettingTable(
         fulcrum_mm=1e3 * fulcrum_m,
-        recorded_setting=bool(
-            len(settings_of(np.append(positions, fulcrum_m))) == len(answer.settings)
-        ),
+        recorded_setting=len(known) == len(answer.settings),
         stance_s=answer.stance_s(fulcrum_m),
         answer=answer.table(),
-        predicted=predicted,
-        recorded=tuple(recorded),
-        between=dict(
-            zip(names, between_settings(positions, values, fulcrum_m).tolist(), strict=True)
-        ),
-        spread=dict(zip(names, spread, strict=False)),
-        layers=layers_in(contact),
+        recorded=tuple(walks[: len(answer.walks)]),
+        moved=tuple(walks[len(answer.walks) :]),
+        correction=walk.correction,
+        converged=all(result.converged for result in walk.results.values()),
+        force=_peaks(answer, arrays),
         synthetic=trial.synthetic,
         sentences=(),
         notes=trial.notes,
-        provenance=provenance(trial.inputs),
+        provenance=provenance({**trial.inputs, **(inputs or {})}),
     )
-    sentences = (*say("predicted", t=table), *answer_sentences(table.answer))
+    sentences = (*say("predicted", t=table, rows=table.rows()), *answer_sentences(table.answer))
     return SettingPrediction(
         table=dataclasses.replace(table, sentences=sentences),
         answer=answer,
         trial=trial,
         walk=walk,
+        arrays=arrays,
     )
 
 
-def _walked(
-    walker: Walker, trial: Trial, label: str, contact: FittedContact, step_s: float
-) -> SettingWalk:
-    """A trial that has the fitted contact at its own setting, as momentum corrects it."""
-    correction = MomentumCorrection(believed=False, why_not="bias")
-    if contact.momentum is not None:
-        heading = walking_direction(walker.walk_trial(trial, step_s=FIT_STEP_S))
-        correction = corrected(walker, trial, contact.momentum, heading=heading, errors={})
-    base: dict[str, float] = {}
-    if correction.believed:
-        base = with_corrections(
-            base,
-            trial,
-            np.array(
-                [
-                    correction.height_m,
-                    correction.hip_flexion_rad,
-                    correction.knee_angle_rad,
-                    correction.alignment_rad,
-                ]
-            ),
-        )
+def _arrays(answer: Answer, fulcrum_m: float, walk: LayeredWalk) -> dict[str, np.ndarray]:
+    """See `SettingPrediction.arrays`."""
+    weight = walk.seen.weight_n
+    unit = np.array(
+        [1.0 if name in PELVIS_TRANSLATIONS else np.degrees(1.0) for name in answer.names]
+    )
+    spread = answer.spread_of(answer.values)
+    forces = np.array(
+        [_resampled(100.0 * answer.share, one.force_n, 0.0, 100.0) for one in answer.walks]
+    )
+    found = {
+        "share": answer.share,
+        "recorded": unit * np.array([answer.values[own].mean(axis=0) for own in answer.settings]),
+        "predicted": unit * answer.at(fulcrum_m),
+        "plates": np.array([forces[own].mean(axis=0) for own in answer.settings]) / weight,
+    }
+    if spread is not None:
+        found["spread"] = unit * spread
+    for name, result in walk.results.items():
+        rate_hz = 1.0 / result.step_s
+        force = low_pass(result.grf_W, rate_hz=rate_hz, cutoff_hz=FORCE_CUTOFF_HZ) / weight
+        stance = _whole(find_stances(result.time_s, result.grf_W[:, 2]))
+        if stance is not None:
+            found[name] = _resampled(result.time_s, force, *stance.span)
+    person = walk.person
+    stance = _whole(person.stances) if person else None
+    if person and stance:
+        found[PERSON] = _resampled(person.time_s, person.force_n / weight, *stance.span)
+        if person.half_width_n is not None:
+            wide = person.half_width_n / weight
+            found["half_width"] = _resampled(person.time_s, wide, *stance.span)
+    return found
+
+
+def _whole(stances: Sequence[Stance]) -> Stance | None:
+    """The stance that begins at 0 s, or about then."""
+    return min(stances, key=lambda stance: abs(stance.start_s), default=None)
+
+
+def _resampled(at: np.ndarray, values: np.ndarray, start: float, end: float) -> np.ndarray:
+    """(101, k) from start to end."""
+    return columns_at(start + PERCENT / 100.0 * (end - start), at, values)
+
+
+def _peaks(answer: Answer, arrays: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:
+    """FORCES of the recorded settings and of the layers."""
+    settings = {
+        f"{1e3 * at:g}{MM}": force
+        for at, force in zip(answer.settings_m, arrays["plates"], strict=True)
+    }
+    layers = {name: arrays[name] for name in LAYERS if name in arrays}
+    half = PERCENT <= 50.0
+    return {
+        name: {
+            "first_peak": float(force[half, 2].max()),
+            "second_peak": float(force[~half, 2].max()),
+            "braking": float(force[:, 0].min()),
+            "propulsion": float(force[:, 0].max()),
+        }
+        for name, force in (settings | layers).items()
+    }
+
+
+def _walked(walker: Walker, trial: Trial, step_s: float) -> SettingWalk:
+    """A trial that has the fitted contact, at its own setting and under what its plate measured."""
     options = TuningOptions(step_s=step_s, support_width_m=0.0)
     (fulcrum,) = design_variables(options, [trial.model.foot])
-    part = TrialTuning(walker, trial, label, (fulcrum,), options)
-    (found,) = part.at_each(part.own[None], step_s=step_s, base=base, sites=True)
+    part = TrialTuning(walker, trial, trial.name, (fulcrum,), options)
+    (found,) = part.at_each(part.own[None], step_s=step_s, sites=True)
     if isinstance(found, SimulationError):
         raise found
-    told = outcomes(part, found)
+    found = _carrying(part, found, _plate_wrench(trial.prosthetic_plate, found))
+    told = outcomes(part, found) | {"joint_load": value_of(found.terms["joint_load"])}
     return SettingWalk(
-        label=label,
+        label=trial.name,
         fulcrum_mm=1e3 * trial.fulcrum_m,
-        outcomes={name: value for name, value in told.items() if name != "force_change"},
-        costs={
-            name: value_of(terms)
-            for name, terms in found.terms.items()
-            if name not in NOT_OF_A_WALK
-        },
-        correction=correction,
+        loads={name: told[name] for name in TOLD},
         converged=bool(found.walk.record.converged.all()),
     )
 
 
-def _number(walk: SettingWalk, name: str) -> float:
-    return {**walk.outcomes, **walk.costs}[name]
+def _carrying(part: TrialTuning, found: SettingOutcome, ground: np.ndarray) -> SettingOutcome:
+    """The same motion under another load of the ground, (n, 6) moment (N m) about W's origin and
+    force (N). Joints and socket carry the difference as if nothing below them had mass:
+
+        tau_k = tau_k of the model - S_k . (ground - ground of the model),
+
+    S_k the motion of a unit rate of coordinate k."""
+    walk = found.walk
+    tree = walk.mechanism.tree
+    joints = [tree.index(name) for name in part.joints]
+    socket = walk.mechanism.spring_index[SOCKET].tolist()
+    motion = follow(
+        tree,
+        walk.record.q,
+        walk.record.v,
+        bodies=[0],
+        coordinates=[*joints, *socket],
+        inside=np.zeros(len(tree.body_names), dtype=bool),
+    )
+    loads = found.loads
+    more = np.einsum("nki,ni->nk", motion.joints, ground - loads.ground[..., 0])[..., None]
+    loads = WalkLoads(
+        ground[..., None],
+        loads.joints - more[:, : len(joints)],
+        loads.socket - more[:, len(joints) :],
+    )
+    terms = walk_terms(found.frame, loads, part.options)
+    return SettingOutcome(terms, walk, loads, found.frame)
+
+
+def _plate_wrench(plate: PlateRecording, found: SettingOutcome) -> np.ndarray:
+    """(n, 6) on the walk's instants."""
+    moment = np.cross(np.nan_to_num(plate.cop_W), plate.force_W)
+    moment[:, 2] += np.nan_to_num(plate.free_moment_nm)
+    wrench = np.column_stack([moment, plate.force_W])
+    smooth = low_pass(wrench, rate_hz=1.0 / spacing(plate.time_s), cutoff_hz=FORCE_CUTOFF_HZ)
+    return columns_at(found.frame.time_s, plate.time_s, smooth)

@@ -26,13 +26,14 @@ from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import PELVIS_TRANSLATIONS
 from vsf_drake.motion.events import Stance, known_stances
-from vsf_drake.motion.formats.recording import os_to_world, world_to_os
+from vsf_drake.motion.formats.recording import PlateRecording, os_to_world, world_to_os
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, orientations_of
-from vsf_drake.motion.trajectory import CoordinateTrajectory, columns_at
+from vsf_drake.motion.trajectory import CoordinateTrajectory, columns_at, low_pass, spacing
 from vsf_drake.motion.trial import Trial
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.walks.between_settings import between_settings, settings_of
+from vsf_drake.walks.comparison import FORCE_CUTOFF_HZ
 from vsf_drake.walks.recorded_walk import labels_of
 
 SPACING = 0.008  # of the instants, in stances: some 6 ms
@@ -70,7 +71,14 @@ class AnsweringWalk:
     values: np.ndarray
     """(n, m) coordinates at the shares of the answer, rad; in place of the pelvis's place that of
     the pylon's end, m, OpenSim's axes"""
-    force_n: np.ndarray  # (n, 3) of the plate: fore-aft, lateral, vertical; zero but in stance
+    plate: np.ndarray
+    """(n, 7) of the plate, in W's axes: force (3, N; zero but in stance), centre of pressure (3, m,
+    from where the pylon's end stands; NaN unloaded) and free moment (N m)"""
+
+    @property
+    def force_n(self) -> np.ndarray:
+        """(n, 3) of the plate: fore-aft, lateral, vertical."""
+        return self.plate[:, :3]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,14 +153,21 @@ class Answer:
         """(n, m) the same at a setting."""
         return between_settings(self.fulcrum_m, self.values, fulcrum_m)
 
+    def spread_of(self, values: np.ndarray) -> np.ndarray | None:
+        """(...) standard deviation between walks of one setting, pooled over settings, of numbers
+        (walks, ...); None where no setting was walked twice."""
+        free = len(values) - len(self.settings)
+        within = [values[own] - values[own].mean(axis=0) for own in self.settings]
+        return np.sqrt(np.sum(np.concatenate(within) ** 2, axis=0) / free) if free else None
+
     def stance_s(self, fulcrum_m: float) -> float:
         """The time of stance at a setting."""
         times = np.array([walk.stance_s for walk in self.walks])
         return float(between_settings(self.fulcrum_m, times, fulcrum_m))
 
     def trial_at(self, fulcrum_m: float) -> Trial:
-        """The walk at a setting, strike at 0 s, without a plate; InputError outside of the recorded
-        settings."""
+        """The mean walk at a setting, strike at 0 s, without a plate; InputError outside of the
+        recorded settings."""
         mm = 1e3 * fulcrum_m
         low, *_, high = 1e3 * self.settings_m
         require(
@@ -161,21 +176,55 @@ class Answer:
             "fulcrum_mm",
             "How a person goes on answering beyond them is not known: record a walk there",
         )
-        values = self.at(fulcrum_m).copy()
+        return self._trial(f"{mm:g} mm", fulcrum_m, self.stance_s(fulcrum_m), self.at(fulcrum_m))
+
+    def moved(self, i: int, fulcrum_m: float) -> Trial:
+        """Recorded walk i as it would have been at a setting: it keeps by how much its motion, its
+        times and its plate were off the mean of its own setting. At that, it is itself."""
+        walk = self.walks[i]
+        (own,) = (group for group in self.settings if i in group)
+        plates = np.array([one.plate for one in self.walks])
+        change = between_settings(self.fulcrum_m, plates, fulcrum_m) - plates[own].mean(axis=0)
+        stances = [self.walks[k].stance_s for k in own]
+        return self._trial(
+            walk.label,
+            fulcrum_m,
+            walk.stance_s + self.stance_s(fulcrum_m) - float(np.mean(stances)),
+            walk.values + self.at(fulcrum_m) - self.values[own].mean(axis=0),
+            walk.plate + np.nan_to_num(change),
+        )
+
+    def _trial(
+        self,
+        name: str,
+        fulcrum_m: float,
+        stance_s: float,
+        values: np.ndarray,
+        plate: np.ndarray | None = None,
+    ) -> Trial:
+        values = values.copy()
         place = [self.names.index(name) for name in PELVIS_TRANSLATIONS]
         path = os_to_world(values[:, place])
         values[:, place] = 0.0
         values[:, place] = world_to_os(path - _pylon_end(self.names, values, self.like))
-        stance_s = self.stance_s(fulcrum_m)
         time_s = stance_s * self.share
+        plates = {}
+        if plate is not None:
+            plates[self.like.subject.prosthetic_side] = PlateRecording(
+                time_s=time_s,
+                force_W=plate[:, :3],
+                cop_W=plate[:, 3:6],
+                free_moment_nm=plate[:, 6],
+                has_cop=True,
+            )
         return dataclasses.replace(
             self.like,
-            name=f"answer at {mm:g} mm",
+            name=name,
             fulcrum_m=fulcrum_m,
             start_s=float(time_s[0]),
             end_s=float(time_s[-1]),
             trajectory=CoordinateTrajectory(time_s, values, self.names, source="interpolated"),
-            plates={},
+            plates=plates,
             offsets=self.offsets,
             unmeasured={},
             judged=None,
@@ -188,14 +237,8 @@ class Answer:
         means = np.array([values[own].mean(axis=0) for own in self.settings])
         at = self.settings_m
         answer = _rms(means[-1] - means[0])
-        free = len(self.walks) - len(self.settings)
-        spread = None
-        if free:
-            within = [
-                np.sum((values[own] - mean) ** 2, axis=0)
-                for own, mean in zip(self.settings, means, strict=True)
-            ]
-            spread = np.sqrt(np.mean(np.sum(within, axis=0) / free, axis=0))
+        each = self.spread_of(values)
+        spread = None if each is None else _rms(each)
         bends = [
             _rms(
                 means[k]
@@ -394,10 +437,12 @@ def _walk(
 ) -> AnsweringWalk:
     motion = trial.trajectory.ordered(names)
     plate = trial.prosthetic_plate
+    force = low_pass(plate.force_W, rate_hz=1.0 / spacing(plate.time_s), cutoff_hz=FORCE_CUTOFF_HZ)
+    recorded = np.column_stack([force, plate.cop_W, plate.free_moment_nm])
     place = [names.index(name) for name in PELVIS_TRANSLATIONS]
     flat = (share >= FLAT[0]) & (share <= FLAT[1])
     told = []
-    forces = []
+    plates = []
     speeds = []
     for stance in stances:
         time_s = stance.start_s + share * stance.duration_s
@@ -407,16 +452,18 @@ def _walk(
         foot = path[flat].mean(axis=0) * [1.0, 1.0, 0.0]
         values[:, place] = world_to_os(path - foot)
         told.append(values)
-        seen = columns_at(time_s, plate.time_s, plate.force_W) @ R_XW.T
-        seen[(share < 0.0) | (share > 1.0)] = 0.0
-        forces.append(seen)
+        seen = columns_at(time_s, plate.time_s, recorded)
+        seen[:, :3] = seen[:, :3] @ R_XW.T
+        seen[:, 3:6] = seen[:, 3:6] @ R_XW.T - foot
+        seen[(share < 0.0) | (share > 1.0)] = [0.0, 0.0, 0.0, np.nan, np.nan, np.nan, 0.0]
+        plates.append(seen)
     return AnsweringWalk(
         label,
         trial.fulcrum_m,
         float(np.mean([stance.duration_s for stance in stances])),
         float(np.mean(speeds)),
         np.mean(told, axis=0),
-        np.mean(forces, axis=0),
+        np.mean(plates, axis=0),
     )
 
 

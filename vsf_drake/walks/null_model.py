@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vsf_drake.motion.events import Stance
 from vsf_drake.walks.between_settings import between_settings, settings_of
 from vsf_drake.walks.comparison import PERCENT, Comparison, rmse
 from vsf_drake.walks.quantities import Judged, known
@@ -84,13 +85,19 @@ def stretched(c: Comparison, curves: np.ndarray, *, predicted: bool = False) -> 
     """(n, k) of curves (101, k) that are stretched to each stance, measured or `predicted`, and
     zero between them; NaN in a stance that was not seen from strike to lift-off."""
     laid = np.zeros((len(c.time_s), curves.shape[1]))
-    for item in c.stances:
-        stance = item.model if predicted and item.model is not None else item.measured
+    for stance in _stances(c, predicted):
         rows = c.within(stance.start_s, stance.end_s)
         share = 100.0 * (c.time_s[rows] - stance.start_s) / stance.duration_s
         told = np.column_stack([np.interp(share, PERCENT, curve) for curve in curves.T])
         laid[rows] = told if stance.complete else np.nan
     return laid
+
+
+def _stances(c: Comparison, predicted: bool) -> list[Stance]:
+    """Over which the curves are laid."""
+    return [
+        item.model if predicted and item.model is not None else item.measured for item in c.stances
+    ]
 
 
 def _stretched_error(
@@ -100,6 +107,6 @@ def _stretched_error(
     nothing to be judged: zeros beside an unloaded plate are no model."""
     null = stretched(c, curve[:, None], predicted=predicted)[:, 0]
     rows = c.scored & np.isfinite(null)
-    if not null[rows].any():
+    if not rows.any() or not any(stance.complete for stance in _stances(c, predicted)):
         return None
     return float(rmse(null[rows], np.linalg.norm(c.measured[rows] / body_weight_n, axis=1)))
