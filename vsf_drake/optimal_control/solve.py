@@ -207,13 +207,15 @@ def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
         other, over = held_by(search, weight, result.settings)
         free = unless_interrupted(other.free(best.last, f"weight {weight:g}", 0.88))
         result.held.append(Held(weight, over, free))
-    if own:
+    if own and result.held:
         moved = [
-            position_mm(held.free) - position_mm(best) if held.free.success else np.inf
+            abs(position_mm(held.free) - position_mm(best))
             for held in result.held
+            if held.free.success
         ]
+        found = len(moved) == len(result.held)
         result.checks.add(
-            "hold", float(np.max(np.abs(moved))), HOLD_MM, weights=options.own_factors
+            "hold", max(moved) if found else None, HOLD_MM, weights=options.own_factors
         )
     if len(result.settings) < 3 or not all(
         solution.success for held in result.held for solution in held.over
