@@ -97,6 +97,8 @@ NO_RESULTS = {
         "(cost within 0.5 %)": "what was asked",
         "cost is within 1 % of the least": "a definition",
         "1 % of it, 0.01 body weights and 1°": "a definition",
+        "at least 1°, 1 % of body weight and 1 % of the time": "a definition",
+        "by more than 5 mm": "a definition",
         "for walks recorded at 66, 108 and 151 mm": "settings",
         "larger at 151 mm than at 66 mm": "settings",
         "people 2.2, 2.2 and 2.3 above standing": "published (Looney 2019)",

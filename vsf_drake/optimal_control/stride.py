@@ -113,7 +113,7 @@ class StrideOptions(FreeMotionOptions):
         own_weight: the same for a deviation from the person's own stride of one standard deviation
             between walks, where walks at two settings or more were recorded. The least power of two
             with which strides at recorded settings differ by no more than that from the person's
-            own, root mean square (activation; embedded subject, SYNTHETIC).
+            own, root mean square (activation; embedded subject and person A, SYNTHETIC).
         hold_factors: of normal_weight, with which the optimum and the signs of stiffness are asked
             again; own_factors: of own_weight.
         angle_deg, place_m, force_bw, cop_m: what counts as one in the deviation from a recorded
