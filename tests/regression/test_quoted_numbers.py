@@ -130,11 +130,16 @@ def sessions() -> Iterator[str]:
         8,
     )
     assert identified["contained"]["held"] == 5
-    yield f"in {first['discrepancy']['nearer']} of {first['walks']} first-day walks"
-    yield f"{same['discrepancy']['nearer']} of {same['walks']} at the fitted settings"
-    yield f"{unseen['discrepancy']['nearer']} of {unseen['walks']} at the other"
+    persons = [
+        found["cases"][name]["mean"]["held out"] for name in ("a_day_1", "b_day_1", "c_day_1")
+    ]
+    errors = [person["layers"]["person"]["grf_rmse_bw"] for person in persons]
+    yield f"leaves {100.0 * np.mean(errors):.1f} % of body weight"
+    yield f"in {first['person']['nearer']} of {first['walks']} first-day walks"
+    yield f"{same['person']['nearer']} of {same['walks']} at the fitted settings"
+    yield f"{unseen['person']['nearer']} of {unseen['walks']} at the other"
     yield (
-        f"{third['layers']['discrepancy']['beats_null']} of {third['n']} of the person by whom no "
+        f"{third['layers']['person']['beats_null']} of {third['n']} of the person by whom no "
         "choice was made"
     )
     yield (
@@ -142,7 +147,7 @@ def sessions() -> Iterator[str]:
         f"{first['physics']['nearer']})"
     )
     yield (
-        f"nearer in {sum(day['layers']['discrepancy']['beats_null'] for day in other)} of "
+        f"nearer in {sum(day['layers']['person']['beats_null'] for day in other)} of "
         f"{sum(day['n'] for day in other)}"
     )
     yield "Of the ten 95 % intervals of parameters that these fits identify, eight hold the truth"

@@ -129,8 +129,8 @@ def test_every_trial_stands_there_in_layers_with_its_correction(page):
                 "4.0",
                 "5.0",
                 "2.0, 2.0, 1.0",
-                "2.0, 2.0",
-                "2.0, 2.0",
+                "2.0, 2.0, 1.0",
+                "2.0, 2.0, 1.0",
                 "height +1.2 mm, hip +0.0°, knee +0.0°, alignment +0.0°",
             )
         )

@@ -32,6 +32,7 @@ from vsf_drake.walks.momentum import (
     spread_of,
     swings,
 )
+from vsf_drake.walks.person_curve import DOUBTED
 from vsf_drake.walks.prediction import (
     MOMENTUM,
     PERSON,
@@ -159,6 +160,13 @@ def test_a_walk_whose_height_is_wrong_is_mended_where_momentum_is_exact(
     beside = compared(found, wrong.prosthetic_plate)
     before, after = (layers_error(beside[layer]) for layer in (PHYSICS, MOMENTUM))
     assert before > 0.04 and after < 0.25 * before
+    by_physics, by_momentum = (beside[layer].stances[0].model for layer in (PHYSICS, MOMENTUM))
+    doubt = np.mean((found.correction.values / PRIOR) ** 2) / DOUBTED**2
+    (own,) = found.seen.stances
+    assert own.start_s - by_physics.start_s == pytest.approx(
+        (by_momentum.start_s - by_physics.start_s) * doubt / (1.0 + doubt), abs=1e-9
+    )
+    assert by_momentum.start_s != by_physics.start_s, "a foot of another height strikes elsewhen"
     missing = np.abs(found.correction.missing_bw[1])
     assert np.all(missing < 0.5 * SIGMA_BW), "it stops where less is missing than is known"
 

@@ -201,10 +201,10 @@ class PersonWalk:
     stance_s: float = quantity(  # duration of the measured stance
         unit="s", low=0.1, high=5.0, source="plates of the fitted trials"
     )
-    strike_error_s: float = quantity(  # the physics' strike less the measured one
+    strike_error_s: float = quantity(  # the model's strike less the measured one
         unit="s", low=-1.0, high=1.0, source="plates of the fitted trials"
     )
-    lift_off_error_s: float = quantity(  # the physics' lift-off less the measured one
+    lift_off_error_s: float = quantity(  # the model's lift-off less the measured one
         unit="s", low=-1.0, high=1.0, source="plates of the fitted trials"
     )
 

@@ -77,6 +77,13 @@ class MomentumCorrection:
     windows_s: tuple[tuple[float, float], ...] = ()
     wall_s: float = 0.0
 
+    @property
+    def values(self) -> np.ndarray:
+        """(4,) the corrections, in the order of PRIOR."""
+        return np.array(
+            [self.height_m, self.hip_flexion_rad, self.knee_angle_rad, self.alignment_rad]
+        )
+
 
 def variables_of(trial: Trial) -> tuple[str, ...]:
     """Variables of a walk that the momentum layer corrects, in the order of PRIOR."""

@@ -3,21 +3,23 @@ what physics says is different about that one.
 
     F = base + NEED need + MODEL (M - M of the fitted walks),
 
-over the stance that the physics predicts, less how early and late it was in the fitted walks.
+over the stance that the model predicts, less how early and late it was in the fitted walks.
 
 - base: the mean measured curve of each setting, linear over the fulcrum between settings.
 - need: vertical m (a_com - g) in single support less that of the fitted walks (Legendre
   coefficients 0 to 2), from the motion alone; it fades over FADE of stance on either side.
 - M: the fitted foot with the person's momentum, less the same foot on the fitted walks: a control
   variate, whose constant errors are the same on both sides and cancel.
+- Strike and lift-off are the physics', and the more of the momentum's the more that had to correct:
+  by c^2 / (c^2 + DOUBTED^2), c the root mean square of the corrections over their priors.
 - Stances are aligned where the intact foot leaves the ground: by ALIGNED of the difference.
 
 Where the momentum was not believed, need and M are left out. The centre of pressure is laid about
 where the model's is on average.
 
-NEED, MODEL, COP and ALIGNED are choices made on two synthetic persons, on whom they are flat:
-NEED 0 to 0.5 and MODEL 0.3 to 0.6 are within 0.3 % of body weight (`weights` in
-studies/results/session_fit.json); a third was predicted with them.
+NEED, MODEL, COP, ALIGNED and DOUBTED are choices made on two synthetic persons, on whom they are
+flat: with NEED 0 to 0.5 and MODEL 0.3 to 0.6 the errors are within 0.4 % of body weight (`weights`
+in studies/results/session_fit.json); a third was predicted with them.
 """
 
 from __future__ import annotations
@@ -49,7 +51,14 @@ from vsf_drake.walks.comparison import (
     walk_axes,
     walking_direction,
 )
-from vsf_drake.walks.momentum import TRIMMED_S, coefficients, needed_force, swings
+from vsf_drake.walks.momentum import (
+    PRIOR,
+    TRIMMED_S,
+    MomentumCorrection,
+    coefficients,
+    needed_force,
+    swings,
+)
 
 FORCES = ("fore_aft_bw", "lateral_bw", "vertical_bw")
 COPS = ("fore_aft_cop_m", "lateral_cop_m")
@@ -58,6 +67,7 @@ MODEL = np.array([0.2, 0.1, 0.5])
 """Of what the model says is different, by FORCES."""
 COP = 0.4
 ALIGNED = 0.5
+DOUBTED = 2.0
 FADE = 10.0  # percent of stance
 NEIGHBOURS = 10  # percent of stance on either side over which what was left out is averaged
 SPREADS = ("fore_aft", "lateral", "vertical", "resultant")
@@ -90,7 +100,7 @@ class SeenWalk:
     weight_n: float  # of the person
     time_s: np.ndarray  # (n,) even instants
     heading: np.ndarray  # (2,) unit vector of progression in W
-    stances: list[Stance]  # by the physics
+    stances: list[Stance]  # by physics and momentum
     model: list[ModelStance]
     swings: list[Swing]
     believed: bool  # the momentum
@@ -121,10 +131,14 @@ class PersonForce:
 
 
 def seen(
-    walk: Walk, physics: WalkResult, momentum: WalkResult, trial: Trial, *, believed: bool
+    walk: Walk,
+    physics: WalkResult,
+    momentum: WalkResult,
+    trial: Trial,
+    correction: MomentumCorrection,
 ) -> SeenWalk:
     """Of a trial's walk by the physics, and its results by the physics and with the person's
-    momentum (the same where that was not `believed`)."""
+    momentum, after its `correction` (the same where that was not believed)."""
     heading = walking_direction(physics)
     axes = walk_axes(heading)
     weight = trial.subject.mass_kg * GRAVITY
@@ -147,15 +161,23 @@ def seen(
             momentum.cop_W[:, :2], momentum.time_s, momentum.grf_W[:, 2], momentum.cop_W, at
         )
         model.append(ModelStance(stance, resample(at, grid, smooth), cop_W @ axes[:2, :2].T))
+    doubt = np.mean((correction.values / PRIOR) ** 2) / DOUBTED**2
+    share = float(doubt / (1.0 + doubt))
+    stances = []
+    for one in find_stances(grid, by_physics[:, 2]):
+        other = partner(one, [own.stance for own in model]) or one
+        start_s = one.start_s + share * (other.start_s - one.start_s)
+        end_s = one.end_s + share * (other.end_s - one.end_s)
+        stances.append(replace(one, start_s=start_s, end_s=end_s))
     return SeenWalk(
         fulcrum_m=trial.fulcrum_m,
         weight_n=weight,
         time_s=grid,
         heading=heading,
-        stances=find_stances(grid, by_physics[:, 2]),
+        stances=stances,
         model=model,
         swings=found,
-        believed=believed,
+        believed=correction.believed,
     )
 
 

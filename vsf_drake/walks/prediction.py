@@ -161,14 +161,9 @@ def predict(
     )
     momentum = physics
     if correction.believed:
-        c = (
-            correction.height_m,
-            correction.hip_flexion_rad,
-            correction.knee_angle_rad,
-            correction.alignment_rad,
-        )
-        _, momentum = _walked(walker, trial, with_corrections(errors, trial, np.array(c)), step_s)
-    own = seen(walk, physics, momentum, trial, believed=correction.believed)
+        values = with_corrections(errors, trial, correction.values)
+        _, momentum = _walked(walker, trial, values, step_s)
+    own = seen(walk, physics, momentum, trial, correction)
     curve = contact.person_curve
     return LayeredWalk(
         results={PHYSICS: physics, MOMENTUM: momentum},
