@@ -584,13 +584,13 @@ def test_a_tuning_counts_the_signs_that_the_foot_alone_lacks(monkeypatch, extens
     walked = [dict(row, knee_extension=value) for row, value in zip(rows, extension, strict=True)]
     monkeypatch.setattr(module, "at_equal_load", lambda subject, model, settings_m: load)
     monkeypatch.setattr(module, "outcomes", lambda solution, stride: walked[solution.setting])
-    options = SimpleNamespace(hold_factors=(), normal_weight=2.0)
+    options = SimpleNamespace(hold_factors=())
     result = StrideSolution(
         tuning=SimpleNamespace(
             cost="activation", options=options, trial=SimpleNamespace(subject=None, model=None)
         ),
         tracked=None,
-        search=SimpleNamespace(stride=None),
+        search=SimpleNamespace(stride=SimpleNamespace(own=(), hold_weight=2.0)),
     )
     result.sweep = [Fixed(mm, SimpleNamespace(setting=i)) for i, mm in enumerate(SETTINGS_MM)]
     module._hold(result, None)
@@ -622,9 +622,10 @@ def test_a_tuning_that_was_interrupted_keeps_its_stride_and_cannot_be_read_as_an
         _ = solution.fulcrum_mm
 
 
-def test_two_trials_an_unknown_cost_and_a_range_out_of_reach_are_refused(trial):
+def test_no_trials_two_of_one_setting_an_unknown_cost_and_a_range_out_of_reach_are_refused(trial):
     for trials, cost, options, message in (
-        ([trial, trial], "metabolic", None, "2 trials"),
+        ([], "metabolic", None, "there are none"),
+        ([trial, trial], "metabolic", None, "all walks are of one setting"),
         ([trial], "comfort", None, "no 'comfort'"),
         ([trial], "metabolic", StrideOptions(bounds_mm=(10.0, 300.0)), "reach"),
         ([trial], "metabolic", StrideOptions(speed_m_per_s=9.0), "able-bodied walking"),
@@ -751,8 +752,9 @@ def fake_search(reach_mm, own_m, positions, asked, converges=lambda mm: True, co
             )
         )
 
-    options = SimpleNamespace(positions=positions, stages=("soft", "last"))
-    stride = SimpleNamespace(reach_mm=reach_mm, own_m=own_m, options=options)
+    options = SimpleNamespace(stages=("soft", "last"))
+    positions_mm = np.linspace(*reach_mm, positions).tolist()
+    stride = SimpleNamespace(positions_mm=positions_mm, own_m=own_m, options=options, own=())
     return SimpleNamespace(at=at, changed=changed, cost=cost, stride=stride)
 
 

@@ -96,6 +96,8 @@ NO_RESULTS = {
         "(cost within 0.5 %)": "what was asked",
         "cost is within 1 % of the least": "a definition",
         "1 % of it, 0.01 body weights and 1°": "a definition",
+        "at least 1°, 1 % of body weight and 1 % of the time": "a definition",
+        "by more than 5 mm": "a definition",
         "for walks recorded at 66, 108 and 151 mm": "settings",
         "larger at 151 mm than at 66 mm": "settings",
         "people 2.2, 2.2 and 2.3 above standing": "published (Looney 2019)",
@@ -103,6 +105,7 @@ NO_RESULTS = {
     ANSWER: {
         "from 66 to 151 mm: 10 to 32 N/mm": "published (McGeehan 2021)",
         "From 66 to 108 mm": "settings",
+        "`tune --level 2`": "an option of the program",
         "66 and 151 mm are distinguishable": "settings",
         "(66 and 151 mm)": "settings",
         "errors of hip and knee of 0.25, 0.5, 1° (SD)": "sizes of the errors",

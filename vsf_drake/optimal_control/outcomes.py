@@ -31,8 +31,8 @@ MEASURES = {
 
 
 def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
-    """FREE_OUTCOMES of a solved stride; the changes are from its reference, NaN where nothing was
-    recorded."""
+    """FREE_OUTCOMES of a solved stride; the changes are from its reference, or from the own stride
+    where that holds it, NaN where nothing was recorded."""
     y = solution.last_y()
     index = stride.function.index
     reference = stride.reference
@@ -75,13 +75,17 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
 
     _, _, _, hip_p, knee_p, _, knee_i, _ = layout.coordinates
     late = reference.late & reference.stance["prosthetic"]
-    change = np.degrees(y[:, stride.function.starting_with("q_")][:, 3:] - reference.q[:, 3:])
+    wanted = np.hstack([reference.q, *reference.force.values()])
+    if stride.hold is not None:
+        wanted, _ = stride.hold.at(last.p[0], len(y))
+    change = np.degrees(y[:, stride.function.starting_with("q_")][:, 3:] - wanted[:, 3:n])
     changed = np.nan if stride.recorded is None else float(np.sqrt(np.mean(change**2)))
     force = [
-        np.sum((y[:, index(f"{foot}_fx", f"{foot}_fz")] - known) ** 2, axis=1)[
-            reference.known[foot]
-        ].mean()
-        for foot, known in reference.force.items()
+        np.sum(
+            (y[:, index(f"{foot}_fx", f"{foot}_fz")] - wanted[:, n + 2 * i : n + 2 * i + 2]) ** 2,
+            axis=1,
+        )[reference.known[foot]].mean()
+        for i, foot in enumerate(reference.force)
         if reference.known[foot].any()
     ]
     pace = float(last.p[-1])

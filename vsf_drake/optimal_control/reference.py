@@ -10,7 +10,9 @@ has nothing to make up for.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -18,6 +20,7 @@ from scipy.interpolate import CubicSpline
 from vsf_drake.collocation.problem import Grid
 from vsf_drake.collocation.solution import TrajectorySolution, resampled
 from vsf_drake.optimal_control.normal import ANGLES, FORCES, NormalGait, without_side
+from vsf_drake.optimal_control.recorded_curves import Span
 from vsf_drake.optimal_control.recorded_projection import TILT, TX, TY
 from vsf_drake.optimal_control.recorded_stride import RecordedStride, share_of
 from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel, Smoothing
@@ -53,15 +56,7 @@ def stride_reference(
     recorded: RecordedStride, times: np.ndarray, late_share: float
 ) -> StrideReference:
     """The recorded stride at instants (N,) s."""
-    period = recorded.period_s
-    never = np.zeros(len(times), dtype=bool)
     measured = {foot: recorded.measured(foot, times) for foot in FEET}
-    stance = dict.fromkeys(FEET, never)
-    clear = dict.fromkeys(FEET, never)
-    for foot, span in zip(FEET, (recorded.prosthetic_stance, recorded.intact_stance), strict=True):
-        if span is not None:
-            stance[foot] = ~np.isnan(share_of(span, times, period))
-            clear[foot] = _in_the_middle(share_of((span[1], span[0] + period), times, period))
     q, v, a = recorded.sample(times)
     return StrideReference(
         q=q,
@@ -73,10 +68,31 @@ def stride_reference(
         known={
             foot: np.isfinite(force[:, :2]).all(axis=1) for foot, (force, _) in measured.items()
         },
-        stance=stance,
-        clear=clear,
-        late=share_of(recorded.prosthetic_stance, times, period) >= late_share,
+        **phases_of(
+            {"prosthetic": recorded.prosthetic_stance, "intact": recorded.intact_stance},
+            times,
+            recorded.period_s,
+            late_share,
+        ),
     )
+
+
+def phases_of(
+    spans: Mapping[str, Span | None], times: np.ndarray, period: float, late_share: float
+) -> dict[str, Any]:
+    """`stance`, `clear` and `late` of a `StrideReference` at times (N,), of each foot's stance,
+    None where it is not known; times, stances and period in one unit."""
+    never = np.zeros(len(times), dtype=bool)
+    stance = dict.fromkeys(spans, never)
+    clear = dict.fromkeys(spans, never)
+    late = never
+    for foot, span in spans.items():
+        if span is not None:
+            share = share_of(span, times, period)
+            stance[foot] = ~np.isnan(share)
+            clear[foot] = _in_the_middle(share_of((span[1], span[0] + period), times, period))
+            late = share >= late_share if foot == "prosthetic" else late
+    return {"stance": stance, "clear": clear, "late": late}
 
 
 def _in_the_middle(swing: np.ndarray) -> np.ndarray:
@@ -114,7 +130,7 @@ def consistent_reference(
         recorded,
         q=z[:, layout.q],
         v=z[:, layout.v],
-        a=z[:, layout.a],
+        a=z[:, layout.a] / solution.last.p[-1] ** 2,
         force=force,
         cop_x=cop,
         moment=moment,

@@ -13,12 +13,14 @@ from vsf_drake.base.schema import to_plain
 from vsf_drake.base.sentences import say
 from vsf_drake.collocation.solution import TrajectorySolution
 from vsf_drake.optimal_control.outcomes import outcomes
-from vsf_drake.optimal_control.search import StrideSolution, position_mm
+from vsf_drake.optimal_control.own import OwnStrides
+from vsf_drake.optimal_control.search import SAME_MM, StrideSolution, StrideTuning, position_mm
 from vsf_drake.optimal_control.stride import MM, OWN, PACE, TYPICAL_ACTIVATION, Stride
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.tuning import table as t
 from vsf_drake.tuning.common import WEIGHTED, least_seen
 from vsf_drake.tuning.quantities import FREE_OUTCOMES, FREE_TERMS
+from vsf_drake.walks.answer import Answer, answer_sentences
 
 UNITS = {"heel_stiffness": "1", "alignment_rad": "rad", "keel_thickness": "1", PACE: "s"}
 """Of FREE but for the fulcrum."""
@@ -68,6 +70,7 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
                     row.solution.last_cost,
                     row.solution.terms,
                     outcomes(row.solution, stride),
+                    _along(result, row.fulcrum_mm),
                 )
                 for row in result.sweep
             ),
@@ -87,8 +90,9 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
             pareto=(),
             pareto_names=(),
             robustness=tuple(_changed(result)),
-            trials=(tuning.label,),
-            recorded_mm=(stride.own_m / MM,),
+            trials=tuning.labels,
+            recorded_mm=_recorded_mm(tuning),
+            own=tuning.answer is not None,
             synthetic=tuning.trial.synthetic,
             notes=tuple(_notes(result)),
             wall_s=result.wall_s,
@@ -115,13 +119,42 @@ def _worth(result: StrideSolution, near: tuple[float, float] | None) -> dict[str
         result=result,
         failed=failed,
     )
+    moves = [check for check in result.checks if check.name == "hold" and check.met is False]
     undecided = say(
-        "stride", "undecided", near=near, share=share, failed=failed, count=len(asked) + 1
+        "stride",
+        "undecided",
+        near=near,
+        share=share,
+        failed=failed,
+        count=len(asked) + 1,
+        moves=moves,
+        wide=share > DECIDED,
     )
     return {
         "interval_meaning": meaning[0],
-        "undecided": undecided[0] if share > DECIDED or failed else "",
+        "undecided": " ".join(undecided) if share > DECIDED or failed or moves else "",
     }
+
+
+def _recorded_mm(tuning: StrideTuning) -> tuple[float, ...]:
+    """Where the fulcrum was recorded."""
+    if isinstance(tuning.recorded, OwnStrides):
+        return tuple((tuning.recorded.answer.fulcrum_m / MM).tolist())
+    return (tuning.stride.own_m / MM,)
+
+
+def _along(result: StrideSolution, fulcrum_mm: float) -> float | None:
+    """The cost of the own stride at a position of the sweep, before it adapts; None without one."""
+    search = result.search
+    stride = search.stride
+    for own in stride.own:
+        if abs(position_mm(own) - fulcrum_mm) < SAME_MM:
+            y = stride.function.evaluate(own.last.z, own.last.p)
+            return sum(
+                float(stride.grid.weights @ term.values(y))
+                for term in stride.minimised(search.cost, search.sizes)
+            )
+    return None
 
 
 def _design(result: StrideSolution, best: TrajectorySolution) -> Iterator[t.DesignValue]:
@@ -148,9 +181,9 @@ def _design(result: StrideSolution, best: TrajectorySolution) -> Iterator[t.Desi
 
 
 def _changed(result: StrideSolution) -> Iterator[t.ChangedOptimum]:
-    """Where the optimum goes with drawn contacts and other weights of able-bodied walking."""
+    """Where the optimum goes with drawn contacts and other weights of the hold."""
     again = {f"drawn contact {i + 1}": s for i, (s, _) in enumerate(result.drawn)}
-    again |= {f"weight {held.weight:g} of able-bodied walking": held.free for held in result.held}
+    again |= {f"weight {held.weight:g} of the hold": held.free for held in result.held}
     for what, s in again.items():
         found = (position_mm(s), s.last_cost) if s.success else (None, None)
         yield t.ChangedOptimum(what, *found)
@@ -164,10 +197,16 @@ def _notes(result: StrideSolution) -> list[str]:
     lost = [row.fulcrum_mm for row in result.sweep if row.solution is None and row.tried]
     return [
         *([] if tuning.speed_m_per_s is None else say("stride", "speed", **speeds)),
-        *say("stride", "limits", tracks=tuning.cost == "tracking"),
+        *say("stride", "limits", tracks=tuning.cost == "tracking", own=tuning.answer is not None),
         *tuning.recorded.notes,
+        *([] if tuning.answer is None else _answered(tuning.answer)),
         *say("stride", "sweep", lost=lost, different=different, count=len(result.sweep)),
     ]
+
+
+def _answered(answer: Answer) -> list[str]:
+    """How the person answers the setting, in words."""
+    return [sentence.removeprefix("! ") for sentence in answer_sentences(answer.table())]
 
 
 def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
@@ -287,7 +326,7 @@ def as_good(result: StrideSolution) -> tuple[float, float] | None:
     """Between which positions the optimum may be: those whose cost is as good as the least, on a
     parabola from the optimum to the next fixed position and on straight lines farther out, and the
     ends of all searches with the fulcrum free, from every start, on the finer grid, with every
-    drawn contact and every weight of able-bodied walking. What lies before a position without a
+    drawn contact and every weight of the hold. What lies before a position without a
     stride may be as good up to the next one that has one."""
     if not result.solved or result.best is None:
         return None

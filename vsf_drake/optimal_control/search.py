@@ -15,15 +15,18 @@ from vsf_drake.base.progress import Progress
 from vsf_drake.collocation import sqp
 from vsf_drake.collocation.problem import Grid
 from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution
+from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trial import Trial
 from vsf_drake.optimal_control.normal import normal_gait
+from vsf_drake.optimal_control.own import OwnStrides
 from vsf_drake.optimal_control.recorded_projection import TILT
-from vsf_drake.optimal_control.recorded_stride import recorded_stride
+from vsf_drake.optimal_control.recorded_stride import RecordedStride, recorded_stride
 from vsf_drake.optimal_control.stride import MM, PACE, SAME_SPEED, Stride, StrideOptions
 from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.tuning import table as t
 from vsf_drake.tuning.common import FREE_COSTS, WEIGHTED, Checks, check_cost
+from vsf_drake.walks.answer import answer_of
 
 NEAR_ENOUGH = {"violation": 1e-6, "optimality": 2e-3, "gain": 1e-5}
 """Where a search for another cost than tracking ends: the last part of a thousand of a cost takes
@@ -48,12 +51,15 @@ class StrideTuning:
     """The fulcrum's position, and design variables, that with the best motion for them minimise a
     cost.
 
-    InputError: there is not exactly one trial, its fitted contact applied; the recording holds no
-    whole stride, or no plate of the prosthetic foot; the prosthesis is turned out of the sagittal
-    plane; the range is out of reach; nothing was published of able-bodied walking at the speed; a
-    recording is to be tracked at another speed.
+    Of one trial, its fitted contact applied, or of trials at two settings or more, whose strides it
+    is then held to. InputError: no trials; what `walks.answer.answer_of` refuses of several; a
+    recording holds no whole stride, or no plate of the prosthetic foot; the prosthesis is turned
+    out of the sagittal plane; the range is out of reach, or out of the recorded settings; nothing
+    was published of able-bodied walking at the speed of a single trial; a recording is to be
+    tracked at another speed; own strides are to be tracked, or wanted at another speed.
 
-    speed_m_per_s: at which the stride is solved for, None for the recorded one.
+    speed_m_per_s: at which the stride is solved for, None for the recorded one. answer: of several
+    trials.
     """
 
     def __init__(
@@ -64,52 +70,76 @@ class StrideTuning:
         options: StrideOptions | None = None,
         labels: Sequence[str] | None = None,
     ) -> None:
-        require(
-            len(trials) == 1,
-            f"{len(trials)} trials are given",
-            "trials",
-            "A free motion is solved for one recorded stride at a time: give one",
-        )
-        self.trial = trials[0]
+        require(trials, "there are none", "trials", "Give one, or some at two settings or more")
         self.cost = check_cost(cost, FREE_COSTS)
         self.options = options or StrideOptions()
-        self.label = labels[0] if labels else self.trial.name
+        self.labels = tuple(labels or (trial.name for trial in trials))
+        self.trial = trials[0]
+        self.answer = answer_of(trials) if len(trials) > 1 else None
         self.walker = Walker(self.trial.subject, self.trial.model)
-        self.recorded = recorded_stride(self.trial, self.walker)
+        strides = tuple(recorded_stride(trial, self.walker) for trial in trials)
+        self.recorded: RecordedStride | OwnStrides = strides[0]
+        period_s = strides[0].period_s
+        advance_m = strides[0].advance_m
+        if self.answer is not None:
+            own = OwnStrides(self.answer, strides, self.trial.subject.mass_kg * GRAVITY)
+            self.recorded = own
+            period_s = own.period_s(own.middle_m)
+            advance_m = own.speed * period_s
+            self.trial = dataclasses.replace(
+                self.answer.like, fulcrum_m=own.middle_m, offsets=self.answer.offsets
+            )
         body = self.walker.gait.person.body
-        recorded = self.recorded
         grid = Grid(
             method=self.options.method,
             intervals=self.options.intervals,
-            duration_s=recorded.period_s,
+            duration_s=period_s,
             periodic=True,
         )
-        self.stride = Stride(
+        stride = Stride(
             model=SagittalModel(self.walker, offsets=self.trial.offsets),
-            recorded=recorded,
+            recorded=self.recorded,
             own_m=self.trial.fulcrum_m,
             leg_m=body.thigh_length + body.shank_length,
             hip_height_m=body.leg_length,
-            advance_m=recorded.advance_m,
+            advance_m=advance_m,
             options=self.options,
             grid=grid,
-            tilt_rad=float(recorded.sample(grid.times_s)[0][:, TILT].mean()),
+            tilt_rad=0.0,
             smoothing=self.options.stages[-1],
         )
+        tilt_rad = float(stride.reference.q[:, TILT].mean())
+        self.stride = dataclasses.replace(stride, tilt_rad=tilt_rad)
         asked = self.options.speed_m_per_s
-        own = self.stride.speed
-        self.speed_m_per_s = None if asked is None or abs(asked - own) <= SAME_SPEED else asked
+        own_speed = self.stride.speed
+        near = asked is None or abs(asked - own_speed) <= SAME_SPEED
+        self.speed_m_per_s = None if near else asked
         tracks = "tracking" in (self.options.weighed if cost == WEIGHTED else (cost,))
+        if self.answer is not None:
+            require(
+                not tracks,
+                "own strides of several settings are no recording that could be tracked",
+                "cost",
+                "Choose another cost, or give one trial",
+            )
+            require(
+                self.speed_m_per_s is None,
+                f"{asked or 0.0:g} m/s is not the speed of the recordings, {own_speed:.2f} m/s: "
+                "how the person answers the setting at another speed is not known",
+                "speed_m_per_s",
+                "Leave it out, or give one trial, which is held to able-bodied walking",
+            )
         if tracks and self.speed_m_per_s is not None:
             raise InputError(
-                f"{asked:g} m/s is not the speed of the recording, {own:.2f} m/s, which is to be "
-                "tracked",
+                f"{asked:g} m/s is not the speed of the recording, {own_speed:.2f} m/s, which is "
+                "to be tracked",
                 where="speed_m_per_s",
                 right="Leave it out, or choose another cost than tracking",
             )
-        if cost != "tracking":  # InputError where nothing was published
+        # InputError where nothing was published
+        if cost != "tracking" and self.answer is None:
             normal_gait(
-                own if self.speed_m_per_s is None else self.speed_m_per_s,
+                own_speed if self.speed_m_per_s is None else self.speed_m_per_s,
                 self.stride.hip_height_m,
                 "speed_m_per_s" if self.speed_m_per_s is not None else "the recorded speed",
             )
@@ -121,6 +151,14 @@ class StrideTuning:
             "bounds_mm",
             f"It must lie within {fulcrum.rearmost_m / MM:g} to {fulcrum.foremost_m / MM:g} mm",
         )
+        if isinstance(self.recorded, OwnStrides):
+            first, *_, last = self.recorded.answer.settings_m / MM
+            require(
+                first - 1e-6 <= low and high <= last + 1e-6,
+                f"{low:g} to {high:g} mm is out of the recorded settings, {first:g} to {last:g} mm",
+                "bounds_mm",
+                "How the person goes on answering beyond them is not known: record a walk there",
+            )
 
 
 def position_mm(solution: TrajectorySolution) -> float:
@@ -186,7 +224,10 @@ class StrideSearch:
                     f"{what}, iteration {iteration.number}, cost {iteration.cost:.5g}", fraction
                 )
 
-        ends = {} if self.cost == "tracking" else NEAR_ENOUGH
+        ends = NEAR_ENOUGH
+        if self.cost == "tracking":
+            ends = {}
+            start = Start(z=start.z, p=np.append(start.p[:-1], stride.pace))
         return sqp.solve(
             stride.problem(stride.minimised(self.cost, self.sizes), fulcrum_mm, free),
             start,
@@ -217,13 +258,39 @@ def tracked(
     return solution
 
 
+def own_strides(
+    stride: Stride,
+    first: Start,
+    progress: Progress | None = None,
+    near: Sequence[Start] = (),
+) -> tuple[TrajectorySolution, ...]:
+    """The person's own strides as possible motions, each at its position of the sweep; begun from
+    `first`, the one at `own_m`, outward, or from those `near`."""
+    found: dict[float, TrajectorySolution] = {}
+    positions = stride.positions_mm
+    own_mm = stride.own_m / MM
+    for i, mm in enumerate(sorted(positions, key=lambda mm: abs(mm - own_mm))):
+        start = first
+        if near:
+            start = near[positions.index(mm)]
+        elif found:
+            start = found[min(found, key=lambda other: abs(other - mm))].last
+        search = StrideSearch(
+            dataclasses.replace(stride, own_m=mm * MM, own=(), consistent=None),
+            "tracking",
+            progress=progress,
+        )
+        found[mm] = unless_interrupted(
+            search.at(mm, start, f"own stride at {mm:.0f} mm", i / len(positions))
+        )
+    return tuple(found[mm] for mm in positions)
+
+
 def swept(search: StrideSearch, start: Start, rows: list[Fixed], *, chains: bool) -> None:
-    """Fills `rows`: from EASIER problems, each from that of the softer neighbour; then outward from
-    the position nearest to the recorded one, each from the neighbour before; with `chains`, each
-    from its neighbours' best too."""
-    rows[:] = map(
-        Fixed, np.linspace(*search.stride.reach_mm, search.stride.options.positions).tolist()
-    )
+    """Fills `rows`: from the own strides, or from EASIER problems, each from that of the softer
+    neighbour; then outward from the position nearest to the recorded one, each from the neighbour
+    before; with `chains`, each from its neighbours' best too."""
+    rows[:] = map(Fixed, search.stride.positions_mm)
     own = int(np.argmin([abs(row.fulcrum_mm - search.stride.own_m / MM) for row in rows]))
     count = (2 + 2 * chains) * len(rows)
 
@@ -238,7 +305,10 @@ def swept(search: StrideSearch, start: Start, rows: list[Fixed], *, chains: bool
         row.take(kind, solution)
         return solution.last if solution.success else begin
 
-    if search.cost != "tracking":
+    if search.stride.own:
+        for row, own_stride in zip(rows, search.stride.own, strict=True):
+            tried(row, "from the own stride", own_stride.last)
+    elif search.cost != "tracking":
         before = start
         for row in rows:
             before, begin = eased(search, row.fulcrum_mm, before)
@@ -293,9 +363,11 @@ def eased(search: StrideSearch, fulcrum_mm: float, start: Start) -> tuple[Start,
 def held_by(
     search: StrideSearch, weight: float, settings: Sequence[tuple[float, TrajectorySolution]]
 ) -> tuple[StrideSearch, tuple[TrajectorySolution, ...]]:
-    """The search with another weight of able-bodied walking, and its strides at fixed positions
-    (mm) from others."""
-    other = search.changed(options=dataclasses.replace(search.stride.options, normal_weight=weight))
+    """The search with another weight of its hold, and its strides at fixed positions (mm) from
+    others."""
+    name = "own_weight" if search.stride.own else "normal_weight"
+    changed: dict[str, Any] = {name: weight}
+    other = search.changed(options=dataclasses.replace(search.stride.options, **changed))
     return other, tuple(
         unless_interrupted(other.at(mm, solution.last, f"weight {weight:g}, {mm:.0f} mm", 0.85))
         for mm, solution in settings
@@ -311,7 +383,7 @@ def unless_interrupted(solution: TrajectorySolution) -> TrajectorySolution:
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """The best strides with another weight of able-bodied walking."""
+    """The best strides with another weight of the hold."""
 
     weight: float
     over: tuple[TrajectorySolution, ...]
@@ -335,7 +407,7 @@ class StrideSolution:
     simulated: dict[str, np.ndarray] = field(default_factory=dict)
     drawn: list[tuple[TrajectorySolution, Stride]] = field(default_factory=list)
     """the optimum with drawn contacts"""
-    held: list[Held] = field(default_factory=list)  # with other weights of able-bodied walking
+    held: list[Held] = field(default_factory=list)  # with other weights of the hold
     message: str = ""  # how it ended
     doing: str = "tracking the recording"  # what it was at last
     wall_s: float = 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from vsf_drake.optimal_control.outcomes import (
     published_signs,
     steady_signs,
 )
+from vsf_drake.optimal_control.own import OwnStrides
 from vsf_drake.optimal_control.resimulate import resimulate_prescribed, resimulate_with_feedback
 from vsf_drake.optimal_control.search import (
     NEAR_ENOUGH,
@@ -31,6 +32,7 @@ from vsf_drake.optimal_control.search import (
     StrideSolution,
     StrideTuning,
     held_by,
+    own_strides,
     position_mm,
     swept,
     tracked,
@@ -51,6 +53,8 @@ STARTS = 0.005  # share of the cost within which searches from several starts mu
 # how near to its own position a consistent stride, tracked with the fulcrum free, must end (a
 # choice)
 FOUND_MM = 10.0
+# by how much the optimum of own strides may move with half and twice the hold (a choice)
+HOLD_MM = 5.0
 
 
 def solve(
@@ -100,6 +104,13 @@ def _search(result: StrideSolution, progress: Progress | None) -> str:
     if not unless_interrupted(result.tracked).success:
         return f"the recorded stride could not be tracked: {result.tracked.message}"
     search.sizes = {name: search.stride.value(name, result.tracked.y()) for name in FREE_COSTS}
+    if tuning.answer is not None:
+        result.doing = "tracking the own strides"
+        own = own_strides(tuning.stride, result.tracked.last, progress)
+        for one in own:
+            if not one.success:
+                return f"no own stride was found at {position_mm(one):.0f} mm: {one.message}"
+        search.stride = dataclasses.replace(search.stride, own=own)
     search.stride, start = _to_solve(tuning, search.stride, result.tracked)
     result.doing = "sweeping the fulcrum"
     swept(search, start, result.sweep, chains=options.confirm != ())
@@ -146,8 +157,8 @@ def _spread(
 
 def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
     """The best stride with each drawn contact that the data would have allowed as well, see
-    `fit.draws`; costs count by their sizes in the consistent stride that it makes of the
-    recording."""
+    `fit.draws`, and of own strides with walks drawn anew too; costs count by their sizes in the
+    consistent stride that it makes of the recording."""
     tuning = result.tuning
     drawn = contact_draws(
         tuning.walker,
@@ -155,46 +166,64 @@ def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
         tuning.options.draws,
         tuning.options.seed,
     )
+    rng = np.random.default_rng([tuning.options.seed, 11])
     rows = []
     for i, values in enumerate(drawn):
+        recorded = tuning.recorded
         drawn_stride = dataclasses.replace(
             tuning.stride,
+            recorded=recorded.drawn(rng) if isinstance(recorded, OwnStrides) else recorded,
             model=SagittalModel(tuning.walker, offsets=tuning.trial.offsets, values=values),
         )
         own = unless_interrupted(tracked(drawn_stride, warm=result.tracked.last))
         other = StrideSearch(drawn_stride, tuning.cost, progress=result.search.progress)
-        if own.success:
+        needed = [own]
+        near = [one.last for one in result.search.stride.own]
+        if own.success and near:
+            needed += own_strides(drawn_stride, own.last, near=near)
+        solution = next((one for one in needed if not one.success), own)
+        if solution.success:
             other.sizes = {name: drawn_stride.value(name, own.y()) for name in FREE_COSTS}
+            drawn_stride = dataclasses.replace(drawn_stride, own=tuple(needed[1:]))
             other.stride = _to_solve(tuning, drawn_stride, own)[0]
             solution = other.free(
                 best.last, f"drawn contact {i + 1} of {len(drawn)}", i / len(drawn)
             )
-        else:
-            solution = own
         rows.append((unless_interrupted(solution), other.stride))
     result.drawn = rows
 
 
 def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
-    """The best strides with other weights of able-bodied walking, and whether stiffness has the
+    """The best strides with other weights of the hold, and whether stiffness has the
     published signs with each."""
     search = result.search
     options = result.tuning.options
     stride = result.search.stride
     if result.tuning.cost == "tracking":  # which no weight holds
         return
-    for factor in options.hold_factors:
-        weight = factor * options.normal_weight
+    own = bool(stride.own)
+    for factor in options.own_factors if own else options.hold_factors:
+        weight = factor * stride.hold_weight
         other, over = held_by(search, weight, result.settings)
         free = unless_interrupted(other.free(best.last, f"weight {weight:g}", 0.88))
         result.held.append(Held(weight, over, free))
+    if own and result.held:
+        moved = [
+            abs(position_mm(held.free) - position_mm(best))
+            for held in result.held
+            if held.free.success
+        ]
+        found = len(moved) == len(result.held)
+        result.checks.add(
+            "hold", max(moved) if found else None, HOLD_MM, weights=options.own_factors
+        )
     if len(result.settings) < 3 or not all(
         solution.success for held in result.held for solution in held.over
     ):
         result.checks.add("signs", None, None, part="no_signs")
         return
     rows = [
-        (options.normal_weight, tuple(solution for _, solution in result.settings)),
+        (stride.hold_weight, tuple(solution for _, solution in result.settings)),
         *((held.weight, held.over) for held in result.held),
     ]
     by_weight = {
@@ -233,6 +262,7 @@ def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
         source=SIGNS_OF,
         load=published_signs(load, every_step=True),
         missed=missed(alone),
+        own=own,
     )
 
 
@@ -278,9 +308,19 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         )
 
     def changed(
-        name: str, what: str, done: float, start: Start, **changes: Any
+        name: str,
+        what: str,
+        done: float,
+        again: Callable[[TrajectorySolution], Start],
+        **changes: Any,
     ) -> TrajectorySolution:
-        other = unless_interrupted(search.changed(**changes).free(start, what, done))
+        other_search = search.changed(**changes)
+        near = [again(one) for one in stride.own]
+        own = own_strides(other_search.stride, near[0], progress, near) if near else ()
+        failed = next((one for one in own if not one.success), None)
+        other = failed or unless_interrupted(
+            other_search.changed(own=own).free(again(best), what, done)
+        )
         moved = position_mm(other) - position_mm(best) if other.success else None
         add(
             name,
@@ -296,7 +336,7 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
     # What the full model carries out is the stride on a finer grid: an error of integration is no
     # error of the model.
     grid = dataclasses.replace(stride.grid, intervals=2 * stride.grid.intervals)
-    fine = changed("mesh", "finer mesh", 0.4, resampled(best, grid), grid=grid)
+    fine = changed("mesh", "finer mesh", 0.4, lambda one: resampled(one, grid), grid=grid)
     if progress:
         progress("re-simulating", 0.5)
     result.carried_out = fine if fine.success else best
@@ -339,7 +379,7 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         "smoothing",
         "softer contact",
         0.7,
-        best.last,
+        lambda one: one.last,
         smoothing=dataclasses.replace(stride.smoothing, depth_m=2.0 * stride.smoothing.depth_m),
     )
 

@@ -18,10 +18,15 @@ fulcrum. Its costs:
     normal       1/T int of half the mean of the squares of angles and half of that of both feet's
                  forces, each less that of able-bodied walking at this speed, over its standard
                  deviation between persons (`normal`)
+    own          1/T int of a third each of the mean of the squares of angles, of forces, and of the
+                 square of the stride's time, each less that of the person's own stride at this
+                 position of the fulcrum, over its standard deviation between walks (`own`); in
+                 place of normal where walks at two settings or more were recorded
 
 A cost counts as its size over that in the tracked stride (activation: over a typical size, for any
-person), plus `normal_weight` times normal and a little of the squared accelerations (push_off
-alone: ten times as much of normal); with metabolic and push_off comes half as much of joint_load.
+person), plus `normal_weight` times normal or `own_weight` times own, and a little of the squared
+accelerations (push_off alone: ten times as much of the hold); with metabolic and push_off comes
+half as much of joint_load.
 Tracking counts as it is, and alone. P+ is (P + sqrt(P^2 + e^2) - e) / 2, P- likewise.
 
 The speed is given, as recorded or another; the stride's time T may differ by a factor r from T_0,
@@ -53,9 +58,11 @@ from vsf_drake.collocation.solution import Start, TrajectorySolution
 from vsf_drake.laws.joint_strength import GRAVITY_OF_SOURCE, Muscles
 from vsf_drake.optimal_control.balance import quasi_static_motion
 from vsf_drake.optimal_control.normal import FORCES, NormalGait, normal_gait
+from vsf_drake.optimal_control.own import Hold, OwnStrides
 from vsf_drake.optimal_control.recorded_projection import TX
 from vsf_drake.optimal_control.recorded_stride import RecordedStride
 from vsf_drake.optimal_control.reference import (
+    FEET,
     StrideReference,
     consistent_reference,
     normal_reference,
@@ -103,8 +110,12 @@ class StrideOptions(FreeMotionOptions):
             walking of one standard deviation between persons. A cost without it exploits what the
             model does not know: balance, comfort, the contact's law. Chosen on a model of an
             able-bodied person (studies/adaptive_stride.py).
-        hold_factors: of that weight, with which the optimum and the signs of stiffness are asked
-            again.
+        own_weight: the same for a deviation from the person's own stride of one standard deviation
+            between walks, where walks at two settings or more were recorded. The least power of two
+            with which strides at recorded settings differ by no more than that from the person's
+            own, root mean square (activation; embedded subject and person A, SYNTHETIC).
+        hold_factors: of normal_weight, with which the optimum and the signs of stiffness are asked
+            again; own_factors: of own_weight.
         angle_deg, place_m, force_bw, cop_m: what counts as one in the deviation from a recorded
             stride.
         acceleration_weight: of deviations from the recorded accelerations by
@@ -129,6 +140,7 @@ class StrideOptions(FreeMotionOptions):
     )
     draws: int = chosen(3, "1", low=0, high=1000)
     normal_weight: float = chosen(2.0, "1", low=1e-4, high=1e3)
+    own_weight: float = chosen(0.125, "1", low=1e-4, high=1e3)
     angle_deg: float = chosen(2.0, "deg", low=0.1, high=30.0)
     place_m: float = chosen(0.01, "m", low=1e-4, high=0.2)
     force_bw: float = chosen(0.05, "BW", low=1e-3, high=1.0)
@@ -144,23 +156,26 @@ class StrideOptions(FreeMotionOptions):
     clearance_m: float = chosen(0.01, "m", low=-0.05, high=0.05)
     stages: tuple[Smoothing, ...] = STAGES
     hold_factors: tuple[float, ...] = (0.25, 4.0)  # a choice
+    own_factors: tuple[float, ...] = (0.5, 2.0)  # a choice
     positions: int = chosen(9, "1", low=2, high=100)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require(self.stages, "there are none", "stages", "Give at least one")
-        require(
-            all(factor > 0.0 for factor in self.hold_factors),
-            f"{self.hold_factors} are not all above 0",
-            "hold_factors",
-        )
-        for factor in self.hold_factors:
-            require(
-                1e-4 <= factor * self.normal_weight <= 1e3,
-                f"{self.normal_weight:g} times {factor:g} of hold_factors is out of range",
-                "normal_weight",
-                "The product must be from 0.0001 to 1000",
-            )
+        for name, factors in (
+            ("normal_weight", "hold_factors"),
+            ("own_weight", "own_factors"),
+        ):
+            weight = getattr(self, name)
+            every = getattr(self, factors)
+            require(all(factor > 0.0 for factor in every), f"{every} are not all above 0", factors)
+            for factor in every:
+                require(
+                    1e-4 <= factor * weight <= 1e3,
+                    f"{weight:g} times {factor:g} of {factors} is out of range",
+                    name,
+                    "The product must be from 0.0001 to 1000",
+                )
 
 
 class StrideFunction:
@@ -169,9 +184,10 @@ class StrideFunction:
 
     Outputs are those of `SagittalModel.evaluate`; FOOT_cop_moment, the ground's moment (N m) about
     +y at the reference's centre of pressure; activation_* of the joints; q_* and a_*, the
-    coordinates and their accelerations themselves, for what compares with a reference. cop_x: by
-    foot (N,) m, where that moment counts. speed: m/s. names: (m,) of the outputs. muscles: of the
-    joints, in the order of the coordinates.
+    coordinates and their accelerations themselves, for what compares with a reference; with a hold
+    also PACE, and off_*, its outputs less its targets at p's fulcrum. cop_x: by foot (N,) m, where
+    that moment counts. speed: m/s. names: (m,) of the outputs. muscles: of the joints, in the order
+    of the coordinates.
     """
 
     def __init__(
@@ -180,8 +196,10 @@ class StrideFunction:
         smoothing: Smoothing,
         cop_x: Mapping[str, np.ndarray],
         speed: float,
+        hold: Hold | None = None,
     ) -> None:
         self.model = model
+        self.hold = hold
         self.smoothing = smoothing
         self.speed = speed
         self.layout = Layout(coordinates=model.coordinates, quasi_static=model.quasi_static)
@@ -194,6 +212,10 @@ class StrideFunction:
             *(f"activation_{joint}" for joint in joints),
             *(f"{kind}_{name}" for kind in "qa" for name in model.coordinates),
         )
+        if hold is not None:
+            self.names += (PACE,)
+            self._held = self.index(*hold.names)
+            self.names += tuple(f"off_{name}" for name in hold.names)
         self._feet = [
             (model.outputs.index(f"{foot}_my"), model.outputs.index(f"{foot}_fz"), x)
             for foot, x in cop_x.items()
@@ -215,7 +237,11 @@ class StrideFunction:
 
     def evaluate(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:
         q, v, *_ = parts = self.parts(z, p)
-        return self._whole(self.model.evaluate(*parts), q, v, z, p[-1])
+        whole = self._whole(self.model.evaluate(*parts), q, v, z, p[-1])
+        if self.hold is None:
+            return whole
+        target, _ = self.hold.at(p[0], len(z))
+        return self._with_off(whole, p[-1], target)
 
     def linearise(self, z: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(N, m), (N, m, Z), (N, m, P)."""
@@ -244,7 +270,24 @@ class StrideFunction:
         by_device = np.concatenate(
             [by[:, :, size:], np.zeros((len(z), 2 * n, len(DESIGN)))], axis=1
         )
-        return whole, by_z, np.concatenate([by_device, by_pace[:, :, None]], axis=2)
+        by_p = np.concatenate([by_device, by_pace[:, :, None]], axis=2)
+        if self.hold is None:
+            return whole, by_z, by_p
+        target, by_fulcrum = self.hold.at(p[0], len(z))
+        by_z = np.concatenate([by_z, np.zeros((len(z), 1, by_z.shape[2]))], axis=1)
+        by_p = np.concatenate([by_p, np.zeros((len(z), 1, len(p)))], axis=1)
+        by_p[:, -1, -1] = 1.0
+        off = by_p[:, self._held]
+        off[:, :, 0] -= by_fulcrum
+        return (
+            self._with_off(whole, pace, target),
+            np.concatenate([by_z, by_z[:, self._held]], axis=1),
+            np.concatenate([by_p, off], axis=1),
+        )
+
+    def _with_off(self, whole: np.ndarray, pace: float, target: np.ndarray) -> np.ndarray:
+        whole = np.column_stack([whole, np.full(len(whole), pace)])
+        return np.concatenate([whole, whole[:, self._held] - target], axis=1)
 
     def _whole(
         self, y: np.ndarray, q: np.ndarray, v: np.ndarray, z: np.ndarray, pace: float
@@ -299,10 +342,10 @@ class Stride:
     """A stride at one speed, on a grid of instants and under one smoothing of the contact."""
 
     model: SagittalModel  # of the person
-    recorded: RecordedStride | None  # None where nothing was recorded at this speed
+    recorded: RecordedStride | OwnStrides | None  # None where nothing was recorded at this speed
     advance_m: float  # length of the stride in the grid's time
     tilt_rad: float  # mean tilt of the pelvis
-    own_m: float  # the fulcrum's position in the recording
+    own_m: float  # the fulcrum's position in the recording, or where own strides are told
     leg_m: float  # hip to ankle, intact side
     hip_height_m: float  # hip centre to sole of that leg, straight
     options: StrideOptions
@@ -312,17 +355,59 @@ class Stride:
     """the tracked stride, which stands for the recording from then on"""
     bend_rad: float = 0.0
     """by which the prosthetic knee is to be more bent than able-bodied, for a start"""
+    own: tuple[TrajectorySolution, ...] = ()
+    """the tracked own strides at two positions or more, rising, which it is held to if there are
+    any"""
 
     @cached_property
     def reference(self) -> StrideReference:
-        recorded = (
-            self.able_bodied
-            if self.recorded is None
-            else stride_reference(self.recorded, self.grid.times_s, self.options.late_share)
-        )
+        late = self.options.late_share
+        if self.recorded is None:
+            recorded = self.able_bodied
+        elif isinstance(self.recorded, OwnStrides):
+            recorded = self.recorded.reference(self.own_m, self.grid, self.advance_m, late)
+        else:
+            recorded = stride_reference(self.recorded, self.grid.times_s, late)
         if self.consistent is None:
             return recorded
         return consistent_reference(recorded, self.consistent, self.grid, self.model.outputs)
+
+    @property
+    def pace(self) -> float:
+        """Time of the recorded stride over the grid's: other than 1 of own strides alone."""
+        if isinstance(self.recorded, OwnStrides):
+            return self.recorded.period_s(self.own_m) / self.grid.duration_s
+        return 1.0
+
+    @cached_property
+    def hold(self) -> Hold | None:
+        """What it is held to in place of able-bodied walking."""
+        if not self.own:
+            return None
+        references = [
+            consistent_reference(self.reference, one, self.grid, self.model.outputs)
+            for one in self.own
+        ]
+        return Hold(
+            np.array([one.last.p[0] for one in self.own]),
+            (
+                *(f"q_{name}" for name in self.model.coordinates),
+                *(f"{foot}_{part}" for foot in FEET for part in ("fx", "fz")),
+                PACE,
+            ),
+            np.array(
+                [
+                    np.column_stack(
+                        [
+                            reference.q,
+                            *(reference.force[foot] for foot in FEET),
+                            np.full(self.grid.instants, one.last.p[-1]),
+                        ]
+                    )
+                    for one, reference in zip(self.own, references, strict=True)
+                ]
+            ),
+        )
 
     @cached_property
     def gait(self) -> NormalGait:
@@ -337,7 +422,9 @@ class Stride:
 
     @cached_property
     def function(self) -> StrideFunction:
-        return StrideFunction(self.model, self.smoothing, self.reference.cop_x, self.speed)
+        return StrideFunction(
+            self.model, self.smoothing, self.reference.cop_x, self.speed, self.hold
+        )
 
     @property
     def speed(self) -> float:
@@ -347,7 +434,18 @@ class Stride:
     @property
     def reach_mm(self) -> tuple[float, float]:
         fulcrum = self.model.foot.fulcrum
-        return self.options.bounds_mm or (fulcrum.rearmost_m / MM, fulcrum.foremost_m / MM)
+        low, high = fulcrum.rearmost_m, fulcrum.foremost_m
+        if isinstance(self.recorded, OwnStrides):
+            low, *_, high = self.recorded.answer.settings_m.tolist()
+        return self.options.bounds_mm or (low / MM, high / MM)
+
+    @property
+    def positions_mm(self) -> list[float]:
+        """Where the sweep solves for a stride."""
+        count = self.options.positions
+        if isinstance(self.recorded, OwnStrides):
+            return self.recorded.positions_mm(self.reach_mm, count)
+        return list(np.linspace(*self.reach_mm, count).tolist())
 
     def at_speed(self, speed_m_per_s: float, before: Start) -> tuple[Stride, Start]:
         """The stride at another speed, of which nothing was recorded, and a start there from one at
@@ -383,6 +481,7 @@ class Stride:
             "deviation": self._deviation,
             "tracking": self._tracking,
             "normal": self._normal,
+            "own": self._own,
             "smooth": self._smooth,
         }
         return kinds[cost](factor)
@@ -401,9 +500,10 @@ class Stride:
                 for name, weight in weights.items()
                 if weight
             }
-            hold = self.options.normal_weight * (UNBOUNDED if cost == "push_off" else 1.0)
+            hold = "own" if self.own else "normal"
+            weight = self.hold_weight * (UNBOUNDED if cost == "push_off" else 1.0)
             parts |= {
-                "normal": self.terms("normal", hold),
+                hold: self.terms(hold, weight),
                 "smooth": self.terms("smooth", self.options.smooth_weight),
             }
             work = sum(weights.get(name, 0.0) for name in WORK)
@@ -414,6 +514,10 @@ class Stride:
         return [
             dataclasses.replace(part, name=name) for name, terms in parts.items() for part in terms
         ]
+
+    @property
+    def hold_weight(self) -> float:
+        return self.options.own_weight if self.own else self.options.normal_weight
 
     def _mean_square(
         self,
@@ -480,6 +584,22 @@ class Stride:
             ),
         ]
 
+    def _own(self, factor: float) -> list[Term]:
+        assert isinstance(self.recorded, OwnStrides)
+        sd = self.recorded.sd
+        time = sd.time * self.pace
+        count = np.isfinite(sd.angles_rad).sum()
+        each = [
+            1.0 / count / sd.angles_rad**2,
+            *(0.5 / len(FEET) / sd.forces_n[foot] ** 2 for foot in FEET),
+            [1.0 / time**2],
+        ]
+        return [
+            self._mean_square(
+                self.function.starting_with("off_"), factor / 3.0 * np.concatenate(each)
+            )
+        ]
+
     def _smooth(self, factor: float) -> list[Term]:
         each = factor / len(self._fast) / self._fast**2
         return [self._mean_square(self.function.starting_with("a_"), each)]
@@ -536,6 +656,7 @@ class Stride:
         low = OWN.copy()
         high = OWN.copy()
         low[0], high[0] = fulcrum_mm[0] * MM, fulcrum_mm[1] * MM
+        low[-1] = high[-1] = self.pace
         for name in design:
             low[FREE.index(name)], high[FREE.index(name)] = options.design_bounds.get(
                 name, RANGE[name]
@@ -545,6 +666,8 @@ class Stride:
             np.full((self.grid.instants, layout.size), end) for end in (-np.inf, np.inf)
         )
         held = [self.able_bodied.q] if any(part.name == "normal" for part in terms) else []
+        if self.hold is not None:
+            held = list(self.hold.targets[:, :, : layout.n])
         angles = np.concatenate([reference.q, *held])[:, 3:]
         z_low[:, 3 : layout.n], z_high[:, 3 : layout.n] = (
             angles.min(0) - margin,
@@ -591,9 +714,12 @@ class Stride:
         them."""
         reference = self.reference
         layout = self.function.layout
-        p = np.array([fulcrum_mm * MM, *OWN[1:]])
+        pace = self.pace
+        p = np.array([fulcrum_mm * MM, *OWN[1:-1], pace])
         z = np.zeros((self.grid.instants, layout.size))
-        z[:, layout.q], z[:, layout.v], z[:, layout.a] = reference.q, reference.v, reference.a
+        z[:, layout.q], z[:, layout.v] = reference.q, pace * reference.v
+        z[:, layout.v.start + TX] -= (pace - 1.0) * self.speed
+        z[:, layout.a] = pace**2 * reference.a
         if layout.k:
             w, u = quasi_static_motion(
                 self.model,
@@ -662,6 +788,7 @@ def _output_scales(names: tuple[str, ...], weight_n: float, moment_nm: float) ->
             "prosthesis": weight_n,
             "q": 0.1,
             "a": 20.0,
+            "stride": 0.1,
         }.get(kind, moment_nm if turning else weight_n)
         if kind == "balance" and name not in BALANCE_OF_BODY and turning:
             scale[i] = 0.1 * moment_nm

@@ -19,9 +19,9 @@ from vsf_drake.tuning.common import TuningCheck
 
 FORMAT = "vsf_drake tuning 2"
 ROUND_MM = 0.05  # by which whole millimetres may be off
-HOLDING = ("consistency", "normal", "smooth")
-"""Terms of a cost that only hold it to the recording or to able-bodied walking, by name: what they
-add says nothing of the person's gain."""
+HOLDING = ("consistency", "normal", "own", "smooth")
+"""Terms of a cost that only hold it to the recording, to able-bodied walking or to the person's own
+strides, by name: what they add says nothing of the person's gain."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,7 @@ class SweepPoint:
     cost: float | None
     terms: Mapping[str, float | None] = field(default_factory=dict)
     outcomes: Mapping[str, float | None] = field(default_factory=dict)
+    along: float | None = None  # the cost of the person's own stride there, before it adapts
 
 
 @dataclass(frozen=True)
@@ -180,6 +181,7 @@ class TuningTable:
     robustness: tuple[ChangedOptimum, ...]
     trials: tuple[str, ...]
     recorded_mm: tuple[float, ...] = ()  # where the fulcrum stood in each
+    own: bool = False  # whether strides of level 2 are held to the person's own ones
     undecided: str = ""  # why no recommendation follows, "" where one does
     synthetic: bool
     notes: tuple[str, ...]
@@ -281,10 +283,19 @@ class TuningTable:
         )
         if not any(term.name in HOLDING for term in self.terms):
             return said
-        return (
-            f"{said}, plus the hold to "
-            f"{'the recording' if self.level == 1 else 'able-bodied walking'}"
-        )
+        return f"{said}, plus the hold to {self.held_to}"
+
+    @property
+    def held_to(self) -> str:
+        """What terms of HOLDING hold the motion or the force to, in words."""
+        if self.level == 1 or self.cost_name == "tracking":
+            return "the recording"
+        return "the person's own strides" if self.own else "able-bodied walking"
+
+    @property
+    def along(self) -> tuple[SweepPoint, ...]:
+        """Points of the sweep where the cost of the person's own stride is known."""
+        return tuple(point for point in self.sweep if point.along is not None)
 
     @property
     def holding(self) -> tuple[Term, ...]:

@@ -333,18 +333,47 @@ def test_setting_interval_and_savings_are_those_of_the_parabola():
 
 
 def test_level_2_recommends_an_interval_or_says_first_that_the_model_does_not_decide():
-    assert answer(made_stride_table())[0] == "The recommendation is an interval, 98 to 111 mm."
+    assert answer(made_stride_table(own=True))[0] == (
+        "The recommendation is an interval, 98 to 111 mm."
+    )
     assert (
         "recommendation" not in " ".join(answer(made_stride_table(at_bound=("fulcrum",)))) + said()
     )
     wide = made_stride_table(
-        undecided="70 to 140 mm, 82 % of the range, are as good as the model can tell."
+        own=True, undecided="70 to 140 mm, 82 % of the range, are as good as the model can tell."
     )
     assert answer(wide)[0].startswith(
         "THE MODEL DOES NOT DECIDE THIS SETTING: 70 to 140 mm, 82 % of the range"
     )
     page, _ = chapter_page(**tuning_page(plain(wide), made_stride_arrays(), lenient=False))
     assert "Set no foot by this" in page
+
+
+def test_of_one_recorded_setting_level_2_says_first_that_the_hold_makes_the_optimum():
+    hold = "THE HOLD MAKES THIS OPTIMUM: one recorded setting does not show how the person answers"
+    assert answer(made_stride_table())[0].startswith(hold)
+    assert hold not in " ".join([*answer(made_stride_table(own=True)), said()])
+    assert hold not in " ".join(answer(made_stride_table(cost_name="tracking")))
+    page, _ = chapter_page(
+        **tuning_page(plain(made_stride_table()), made_stride_arrays(), lenient=False)
+    )
+    assert "walks at two settings or more: then the stride is held to the person" in page
+
+
+def test_own_strides_before_they_adapt_are_told_and_drawn_beside_the_cost():
+    """3 at 66 mm, 4 percent more at 151 mm."""
+    table = made_stride_table(own=True)
+    points = tuple(
+        dataclasses.replace(point, along=3.0 + 0.12 * (point.fulcrum_mm - 66.0) / 85.0)
+        for point in table.sweep
+    )
+    table = dataclasses.replace(table, sweep=points)
+    assert (
+        "Walked as recorded, before anything adapts, the cost is least at 66 mm and 4.0 % more at "
+        "151 mm."
+    ) in answer(table)
+    page, _ = chapter_page(**tuning_page(plain(table), made_stride_arrays(), lenient=False))
+    assert "own strides before they adapt (dash-dotted)" in page
 
 
 def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():

@@ -169,7 +169,7 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
             )
     least = table.least_rest()
     x = table.swept()[0]
-    held = "cost, held to " + ("the recording" if table.level == 1 else "able-bodied walking")
+    held = f"cost, held to {table.held_to}"
     _curve(axes, *table.swept(), linewidth=1.8, label="cost" if least is None else held)
     if least is not None:
         _curve(
@@ -182,6 +182,14 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
             label="cost by itself",
         )
         _mark(axes, *least, "D", 8, 1.6, label=f"its least, {least[0]:.1f} mm")
+    if table.along:
+        _curve(
+            axes,
+            np.array([point.fulcrum_mm for point in table.along]),
+            np.array([point.along for point in table.along], dtype=float),
+            linestyle="-.",
+            label="own strides, before they adapt",
+        )
     if best is not None and table.cost is not None:
         if table.optimal:
             _mark(axes, best, table.cost, "*", 15, 1.6, label=f"optimum, {best:.1f} mm")
