@@ -188,9 +188,9 @@ class MasslessFootForces(_Base):
 
     def _check_settled(self, context: Context, work: np.ndarray) -> None:
         if math.isnan(work[self._slices["generalized_force"].stop - 1]):
+            time = _apart(np.array([context.get_time()]))[0][0]  # of AutoDiffXd too
             raise InputError(
-                f"{self.get_name()!r}: no rates of the keel balance its joints at "
-                f"{context.get_time():.6g} s",
+                f"{self.get_name()!r}: no rates of the keel balance its joints at {time:.6g} s",
                 where="state of the foot",
                 right="Take shorter steps, more damping, or keel full",
             )
