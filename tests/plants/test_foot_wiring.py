@@ -459,11 +459,12 @@ def test_positions_of_zero_put_the_carriage_outside_its_travel_and_are_refused()
     assert np.isfinite(foot.output("grf")).all()
 
 
-def test_a_start_deeper_than_the_foam_is_warned_of_and_one_within_it_is_not():
-    foot = loose_foot()
+@pytest.mark.parametrize("contact", ["kelvin_voigt", "drake_point"])
+def test_a_start_deeper_than_the_foam_is_warned_of_and_one_within_it_is_not(contact):
+    foot = loose_foot(contact=contact)
     X, V, q, v = some_state(1, depth=0.3)
     foot.place(X, 0.0 * V, q, 0.0 * v)
-    with pytest.warns(UserWarning, match=r"vsf_forces.*3\d\d mm deep .* foam is 30 mm thick"):
+    with pytest.warns(UserWarning, match=r"vsf_\w+.*3\d\d mm deep .* foam is 30 mm thick"):
         Simulator(foot.diagram, foot.context.Clone()).Initialize()
     X, V, q, v = some_state(1)
     foot.place(X, 0.0 * V, q, 0.0 * v)

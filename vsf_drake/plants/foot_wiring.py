@@ -162,6 +162,7 @@ def wire_foot(
             DrakeReaction(
                 body_indices=[body.index() for body in (foot.frame, *foot.keel)],
                 geometry_ids=own_geometry(plant, foot),
+                foam_thickness=foot.parameters.foam_thickness_m,
             ),
         )
         builder.Connect(

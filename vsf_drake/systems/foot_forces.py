@@ -3,7 +3,6 @@ carriage."""
 
 from __future__ import annotations
 
-import warnings
 import weakref
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ClassVar, SupportsInt
@@ -321,13 +320,7 @@ class FootForces(System):
 
     def _warn_of_depth(self, context: Context) -> None:
         deepest = self._values(context)[self._slices["depth"]].max(initial=0.0)
-        if deepest > self._foam_thickness:
-            warnings.warn(
-                f"{self.get_name()!r}: the foot starts {1e3 * deepest:.0f} mm deep in the ground, "
-                f"and its foam is {1e3 * self._foam_thickness:g} mm thick: expect it to be thrown "
-                "out. Raise what carries it",
-                stacklevel=2,
-            )
+        self._warn_if_deep(deepest, self._foam_thickness)
 
     def _check_grip(self, context: Context, normal_force: np.ndarray) -> None:
         constants = self._constants(context)
