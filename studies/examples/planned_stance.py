@@ -227,7 +227,7 @@ def plan_stance() -> Plan:
     program.SetInitialGuess(knots, line / STATE_SIZE)
     options = SolverOptions()
     for name, value in (
-        ("tol", 5e-3),
+        ("tol", 1e-2),
         ("constr_viol_tol", 1e-4),
         ("hessian_approximation", "limited-memory"),
         ("max_iter", 400),
