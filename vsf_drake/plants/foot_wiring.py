@@ -297,6 +297,7 @@ def _add_forces(
         site_keel=site_keel,
         travel=(foot.parameters.fulcrum.rearmost_m, foot.parameters.fulcrum.foremost_m),
         foam_thickness=foot.parameters.foam_thickness_m,
+        underivable=foot.contact if foot.contact == "drake_point" else None,
     )
     # else the servo would pull the carriage from A to the fulcrum in the first millisecond
     if foot.support is None:
