@@ -27,6 +27,8 @@ EXAMPLES = (
     "fulcrum_in_swing",
     "contact_alternatives",
     "stepped_leg",
+    "planned_stance",
+    "fulcrum_by_gradient",
 )
 
 

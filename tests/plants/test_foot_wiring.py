@@ -459,11 +459,39 @@ def test_positions_of_zero_put_the_carriage_outside_its_travel_and_are_refused()
     assert np.isfinite(foot.output("grf")).all()
 
 
-def test_a_start_deeper_than_the_foam_is_warned_of_and_one_within_it_is_not():
-    foot = loose_foot()
+def test_derivatives_under_hydroelastic_contact_are_those_by_differences():
+    """Each row against its own size: a level ground is neutral to the place, so that those columns
+    are nothing but the rounding of the surfaces' meshes, which grows with a shorter step."""
+    foot = loose_foot(contact="hydroelastic")
+    foot.place(*some_state(1))
+    assert foot.output("grf")[2] > 100.0
+    state = foot.context.get_continuous_state_vector().CopyToVector()
+    general, context = converted(foot, InitializeAutoDiff(state).ravel())
+    exact = ExtractGradient(general.EvalTimeDerivatives(context).CopyToVector().reshape(-1, 1))
+
+    def rates(change: np.ndarray) -> np.ndarray:
+        foot.context.SetContinuousState(state + change)
+        return foot.diagram.EvalTimeDerivatives(foot.context).CopyToVector()
+
+    columns = [central(lambda h, one=one: rates(h * one), 1e-6) for one in np.eye(len(state))]
+    assert_columns_agree(exact.T, np.array(columns), 1e-5)
+
+
+def test_derivatives_under_drakes_point_contact_are_refused_by_its_name():
+    foot = loose_foot(contact="drake_point")
+    foot.place(*some_state(1))
+    state = foot.context.get_continuous_state_vector().CopyToVector()
+    general, context = converted(foot, InitializeAutoDiff(state).ravel())
+    with pytest.raises(InputError, match=r"vsf_forces.*drake_point has no derivatives.*smooth"):
+        general.EvalTimeDerivatives(context)
+
+
+@pytest.mark.parametrize("contact", ["kelvin_voigt", "drake_point"])
+def test_a_start_deeper_than_the_foam_is_warned_of_and_one_within_it_is_not(contact):
+    foot = loose_foot(contact=contact)
     X, V, q, v = some_state(1, depth=0.3)
     foot.place(X, 0.0 * V, q, 0.0 * v)
-    with pytest.warns(UserWarning, match=r"vsf_forces.*3\d\d mm deep .* foam is 30 mm thick"):
+    with pytest.warns(UserWarning, match=r"vsf_\w+.*3\d\d mm deep .* foam is 30 mm thick"):
         Simulator(foot.diagram, foot.context.Clone()).Initialize()
     X, V, q, v = some_state(1)
     foot.place(X, 0.0 * V, q, 0.0 * v)

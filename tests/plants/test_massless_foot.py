@@ -255,6 +255,24 @@ def test_moved_under_its_pylon_it_is_where_the_plant_has_it():
     np.testing.assert_allclose([number.value() for number in varied], applied, rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("time_step", "remedy"), [(0.0, "keel full"), (1e-3, r"1 ms .*contact drake_point")]
+)
+def test_where_no_rates_are_found_that_is_said_with_derivatives_too(time_step, remedy):
+    """Under a support so stiff that rounding alone leaves moments in the joints."""
+    rolling = RollingOver("massless", time_step=time_step)
+    for diagram in (rolling.diagram, rolling.diagram.ToAutoDiffXd()):
+        root = diagram.CreateDefaultContext()
+        forces = diagram.GetSubsystemByName(rolling.wired.forces.get_name())
+        own = forces.GetMyMutableContextFromRoot(root)
+        forces.SetParameters(own, fulcrum_stiffness=1e20)
+        keel = diagram.GetSubsystemByName(f"{forces.get_name()}_keel")
+        state = keel.GetMyMutableContextFromRoot(root)
+        (state.SetDiscreteState if time_step else state.SetContinuousState)(np.full(9, 0.1))
+        with pytest.raises(InputError, match=rf"joints at 0 s.*{remedy}"):
+            forces.GetOutputPort("applied").Eval(own)
+
+
 def test_keel_without_damping_and_a_contact_of_drakes_own_are_refused():
     rolling = RollingOver("massless")
     context = rolling.diagram.CreateDefaultContext()

@@ -10,9 +10,11 @@ import math
 import biped
 import contact_alternatives
 import friction_monte_carlo
+import fulcrum_by_gradient
 import fulcrum_in_swing
 import leg_drop
 import numpy as np
+import planned_stance
 import predict_setting
 import pytest
 import robot_arm
@@ -536,6 +538,30 @@ def test_over_a_stance_on_level_ground_the_load_is_what_was_recorded_and_goes_fr
     assert np.max(np.maximum.accumulate(way) - way) < ROW_M
     assert force[0, 2] == 0.0
     assert force[-1, 2] == 0.0
+
+
+# Optimised over a massless keel: the full foot walks what was planned, a gradient finds what a
+# sweep does.
+
+
+def test_a_stance_planned_on_a_massless_keel_is_walked_by_the_full_foot(tmp_path):
+    numbers = planned_stance.main(tmp_path)
+    assert numbers["solved"]
+    assert numbers["rms"] < 0.03, "body weights"
+    assert numbers["peak"] > 1.0, "one leg bears the body"
+    assert (tmp_path / "planned_stance.png").stat().st_size > 30_000
+
+
+def test_the_fulcrum_that_gradients_find_is_better_than_any_of_a_sweep_and_stiffness_grows(
+    tmp_path,
+):
+    numbers = fulcrum_by_gradient.main(tmp_path, quick=True)
+    assert numbers["gradient_error"] < 1e-5
+    assert 0.0 < numbers["off"] <= numbers["least_swept"]
+    rest = fulcrum_by_gradient.Rest()
+    sunk = [fulcrum_by_gradient.fulcrum_for(rest, at, at).sunk[-1] for at in (0.08, 0.11, 0.14)]
+    assert sunk[0] > sunk[1] > sunk[2]
+    assert (tmp_path / "fulcrum_by_gradient.png").stat().st_size > 20_000
 
 
 # The stepper as a system: an environment, a controller, many draws.

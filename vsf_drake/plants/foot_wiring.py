@@ -162,6 +162,7 @@ def wire_foot(
             DrakeReaction(
                 body_indices=[body.index() for body in (foot.frame, *foot.keel)],
                 geometry_ids=own_geometry(plant, foot),
+                foam_thickness=foot.parameters.foam_thickness_m,
             ),
         )
         builder.Connect(
@@ -296,6 +297,7 @@ def _add_forces(
         site_keel=site_keel,
         travel=(foot.parameters.fulcrum.rearmost_m, foot.parameters.fulcrum.foremost_m),
         foam_thickness=foot.parameters.foam_thickness_m,
+        underivable=foot.contact if foot.contact == "drake_point" else None,
     )
     # else the servo would pull the carriage from A to the fulcrum in the first millisecond
     if foot.support is None:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 import sys
+import warnings
 import weakref
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -348,6 +349,15 @@ class System(_Leaf):
 
     def _declare_start(self, publish: Callable[[framework.Context], None]) -> None:
         self.DeclareInitializationPublishEvent(weakly(publish))
+
+    def _warn_if_deep(self, depth: float, foam_thickness: float) -> None:
+        if depth > foam_thickness:
+            warnings.warn(
+                f"{self.get_name()!r}: the foot starts {1e3 * depth:.0f} mm deep in the ground, "
+                f"and its foam is {1e3 * foam_thickness:g} mm thick: expect it to be thrown out. "
+                "Raise what carries it",
+                stacklevel=2,
+            )
 
     def _declare_periodic(
         self, period: float, update: Callable[[framework.Context, framework.DiscreteValues], None]

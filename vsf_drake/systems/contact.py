@@ -44,10 +44,16 @@ class DrakeReaction(System):
     Args:
         body_indices: the foot's bodies.
         geometry_ids: the collision geometries on them.
+        foam_thickness: m. A Simulator that starts with a point contact deeper in the ground warns
+            of it, in a continuous plant.
     """
 
     def __init__(
-        self, *, body_indices: Sequence[SupportsInt], geometry_ids: Iterable[GeometryId | int]
+        self,
+        *,
+        body_indices: Sequence[SupportsInt],
+        geometry_ids: Iterable[GeometryId | int],
+        foam_thickness: float = np.inf,
     ) -> None:
         self._bodies = frozenset(int(i) for i in body_indices)
         self._geometries = frozenset(_number(id) for id in geometry_ids)
@@ -57,6 +63,19 @@ class DrakeReaction(System):
         )
         reaction = self._declare_cached("reaction", self._calc_reaction)
         self._declare_parts(reaction, grf=3, cop=3, free_moment=1)
+        self._foam_thickness = foam_thickness
+        if self._T is float:
+            self._declare_start(self._warn_of_depth)
+
+    def _warn_of_depth(self, context: Context) -> None:
+        results = self._value(context, "contact_results")
+        pairs = map(results.point_pair_contact_info, range(results.num_point_pair_contacts()))
+        depths = [
+            pair.point_pair().depth
+            for pair in pairs
+            if {int(pair.bodyA_index()), int(pair.bodyB_index())} & self._bodies
+        ]
+        self._warn_if_deep(max(depths, default=0.0), self._foam_thickness)
 
     def _calc_reaction(self, context: Context) -> dict[str, np.ndarray]:
         F = np.zeros(3)

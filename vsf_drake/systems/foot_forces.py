@@ -3,7 +3,6 @@ carriage."""
 
 from __future__ import annotations
 
-import warnings
 import weakref
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ClassVar, SupportsInt
@@ -79,17 +78,17 @@ class FootForces(System):
     Args:
         position_indices, velocity_indices: (m + 1,) of the m keel joints and the carriage in the
             plant's q and v.
-        frame_body_index: body F.
-        keel_starts: (m,) distances (m) of the keel's joints from A.
+        frame_body_index: body F. keel_starts: (m,) distances (m) of the keel's joints from A.
         site_keel: N indices of the keel bodies that carry the spheres; -1 for F.
         law: one of CONTACT_LAWS, or None.
         constants: values of the parameters below by name; a scalar stands for equal values.
         grip_limit: (m,) N s/m, in a plant with a time step: the most friction per speed, normal
             force · mu_static / threshold_velocity on the roughest patch, that each keel body bears
             there. None: no limit.
-        chain: of a foot that is coupled, see `plants.foot_coupling`.
-        travel: (2,) m from A, where the carriage can be. None: there is no carriage.
-        foam_thickness: m. A Simulator that starts with a sphere deeper in the ground warns of it.
+        chain: of a coupled foot, see `plants.foot_coupling`. travel: (2,) m from A, where the
+            carriage can be; None without one.
+        foam_thickness: m; a Simulator that starts with a sphere deeper in the ground warns of it.
+        underivable: a contact of Drake's without derivatives. None: there is none.
 
     Attributes:
         law: number of the contact law.
@@ -106,7 +105,7 @@ class FootForces(System):
     Raises:
         InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the carriage
             is at 0, outside its travel, where a Context of a clone or SetPositions with zeros puts
-            it; the load on a keel body is beyond its grip_limit; a constant is out of bounds.
+            it; a load beyond grip_limit; a constant out of bounds; derivatives of an underivable.
     """
 
     _known: ClassVar[dict[str, str]] = DEVICE
@@ -128,6 +127,7 @@ class FootForces(System):
         chain: np.ndarray | None = None,
         travel: tuple[float, float] | None = None,
         foam_thickness: float = np.inf,
+        underivable: str | None = None,
     ) -> None:
         if law is not None and law not in CONTACT_LAWS:
             raise ValueError(
@@ -137,6 +137,7 @@ class FootForces(System):
         self._frame = int(frame_body_index)
         self._travel = travel if travel and travel[0] > 0.0 else None
         self._foam_thickness = foam_thickness
+        self._underivable = underivable
         self.law = list(CONTACT_LAWS).index(law or FITTED_LAW)
         starts = np.array(keel_starts, dtype=float)
         self._site_keel = np.array(site_keel if law else [], dtype=np.int64)
@@ -277,6 +278,12 @@ class FootForces(System):
         return write
 
     def _calc_varied(self, context: Context) -> Varied:
+        if self._underivable:
+            raise InputError(
+                f"{self._underivable} has no derivatives in Drake",
+                where=f"contact of {self.get_name()!r}",
+                right=f"For AutoDiffXd take contact hydroelastic, {', '.join(CONTACT_LAWS)}",
+            )
         table, table_by = self._table(context)
         place = self._fulcrum_place(context)
         coordinates = self._value(context, "state")[self._coordinates]
@@ -321,13 +328,7 @@ class FootForces(System):
 
     def _warn_of_depth(self, context: Context) -> None:
         deepest = self._values(context)[self._slices["depth"]].max(initial=0.0)
-        if deepest > self._foam_thickness:
-            warnings.warn(
-                f"{self.get_name()!r}: the foot starts {1e3 * deepest:.0f} mm deep in the ground, "
-                f"and its foam is {1e3 * self._foam_thickness:g} mm thick: expect it to be thrown "
-                "out. Raise what carries it",
-                stacklevel=2,
-            )
+        self._warn_if_deep(deepest, self._foam_thickness)
 
     def _check_grip(self, context: Context, normal_force: np.ndarray) -> None:
         constants = self._constants(context)

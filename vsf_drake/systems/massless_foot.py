@@ -188,11 +188,17 @@ class MasslessFootForces(_Base):
 
     def _check_settled(self, context: Context, work: np.ndarray) -> None:
         if math.isnan(work[self._slices["generalized_force"].stop - 1]):
+            time = _apart(np.array([context.get_time()]))[0][0]  # of AutoDiffXd too
             raise InputError(
-                f"{self.get_name()!r}: no rates of the keel balance its joints at "
-                f"{context.get_time():.6g} s",
+                f"{self.get_name()!r}: no rates of the keel balance its joints at {time:.6g} s",
                 where="state of the foot",
-                right="Take shorter steps, more damping, or keel full",
+                right=(
+                    f"Steps of {1e3 * self._step:g} ms may be too long for what the foot bears: "
+                    "take shorter ones, keel full with contact drake_point or hydroelastic, or a "
+                    "continuous plant"
+                    if self._step
+                    else "Take shorter steps, more damping, or keel full"
+                ),
             )
 
 
