@@ -27,6 +27,7 @@ import device_hypotheses as devices
 import numpy as np
 import published_trends as trends
 import session_fit
+import setting_answer
 import ship_validation
 from contact_fit_study.cases import TIERS
 from contact_fit_study.keeping import STUDIES, sources_sha256
@@ -254,12 +255,31 @@ def sensitivity_before_changes(stored: dict[str, Any]) -> Numbers:
         yield f"highest {factor.name}", factor.high, was["high"]
 
 
+def answered_setting(stored: dict[str, Any]) -> Numbers:
+    """How far the middle setting's motion is off in the embedded sessions, and what is true of one
+    of the laboratory's walks, made again."""
+    for person, was in stored["embedded"].items():
+        found = setting_answer.middle_of_session(person.upper())
+        for key in ("mean_deg", "answer_deg", "spread_deg"):
+            yield f"{person} {key}", found[key], was[key]
+    person = setting_answer.persons()["A"]
+    draw = setting_answer.draws("A", 1, setting_answer.EMBEDDED)[3]
+    body = setting_answer.moving("A")
+    answer, trial, _, prosthesis = next(
+        setting_answer.walks(body, person, draw, setting_answer.STEPS)
+    )
+    was = stored["persons"][f"a_{answer}"]["truth"][draw.name]
+    for name, value in setting_answer.true_costs(body, prosthesis, trial).items():
+        yield f"a {draw.name} {name}", value, was[name]
+
+
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "floor": ("floor_of_the_reference_subject.py", floors),
     "contact_fit": ("contact_fit.py", fitted_pair),
     "contact_truth_recovery": ("contact_truth_recovery.py", recovered_truth),
     "device_hypotheses": ("device_hypotheses.py", both_devices),
     "session_fit": ("session_fit.py", fitted_session),
+    "setting_answer": ("setting_answer.py", answered_setting),
     "adaptive_stride": ("adaptive_stride.py", strides_of_one_walk),
     "published_trends": ("published_trends.py", foot_under_load),
     "angle_errors": ("angle_errors.py", disturbed_walks),

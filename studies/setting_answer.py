@@ -11,9 +11,9 @@ the same errors of the day, other walks.
 of hips and knees over stance, root mean square, against each walk and against their mean; beside it
 the spread between walks of one setting and the recorded walk, at any setting, that turns out
 nearest. `embedded` has the same of data/sessions, and of `pairs`: from one walk of each outer
-setting. `reached` is what the answers came to: change from the middle to an outer setting of the
-same draw, of the prosthetic knee and the other angles (degrees) and of the vertical force (body
-weights), over the middle walk's stance.
+setting. `reached` is what the answers came to from the softest to the stiffest setting, of the
+prosthetic knee and the other angles (degrees) and of the vertical force (body weights): twice the
+change from the middle to an outer setting of the same draw, over the middle walk's stance.
 
 `force` is the vertical force at the middle setting by layer, and interpolated between the plates of
 the outer ones (`between`), off the mean of the plates there, body weights.
@@ -42,7 +42,7 @@ from functools import cache
 from itertools import combinations
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 if __name__ == "__main__":  # sums in the same order whatever the machine has free
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
@@ -66,7 +66,6 @@ from virtual_laboratory.writing import Label, write_subject, write_trial
 from vsf_drake.base.files import plain, read_json, write_json
 from vsf_drake.base.schema import to_plain
 from vsf_drake.fit.solution import ContactFitSolution, JointEnd
-from vsf_drake.fit.solve import FitSearch, uncertainty_at
 from vsf_drake.model.contact_file import FittedContact
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trajectory import low_pass
@@ -86,8 +85,8 @@ COSTS = {
 }
 """By name, the row of a prediction, and its sign in the cost."""
 OUTER = (SETTINGS[0], SETTINGS[-1])
-NUMBERS = (1, 2, 3)
-ORDER = (0, 6, 3, 1, 7, 4, 2, 8, 5)  # of draws: one of each setting, then the next
+NUMBERS = (1, 2)  # walks of each setting; the third of a session's draws is left out
+ORDER = (0, 6, 3, 1, 7, 4)  # of draws: one of each setting, then the next
 SETTINGS_MM = {name: float(CONDITIONS[name] or np.nan) for name in SETTINGS}
 MIDDLE_M = 1e-3 * SETTINGS_MM[MIDDLE]
 Z = 1.96
@@ -121,6 +120,7 @@ def main() -> None:
         told[f"{person.lower()}_{answer}"] = {
             "reached": reached(truth),
             **part,
+            "truth": {name: walk["costs"] for name, walk in sorted(truth.items())},
             "order": {cost: order(cost, truth, part) for cost in COSTS},
         }
     embedded = {}
@@ -149,13 +149,17 @@ def main() -> None:
 
 def walked(person: str, number: int) -> dict[str, Any]:
     """A draw's walks by all answers: files, and what is true of them."""
-    lab = sorted(sources({Path(__file__).resolve()}, roots=(STUDIES,)).items())
+    folder = STUDIES / "virtual_laboratory"
+    lab = sources(
+        {folder / f"{name}.py" for name in ("answering", "leg_loads", "session", "writing")},
+        roots=(STUDIES,),
+    )
     key = digest(
         {
             "person": person,
             "number": number,
             "steps": STEPS,
-            "laboratory": [said for path, said in lab if path.parent.name == "virtual_laboratory"],
+            "laboratory": sorted(lab.values()),
         }
     )
     name = draws(person, 1, EMBEDDED)[number].name
@@ -226,17 +230,19 @@ def changed(trial: Recorded, middle: Recorded, mass_kg: float) -> dict[str, Any]
 
 
 def reached(truth: dict[str, dict[str, Any]]) -> dict[str, float]:
-    """What an answer came to, mean over the outer walks."""
+    """What an answer came to: twice the mean over the outer walks of what they changed from the
+    middle."""
     outer = [walk for name, walk in truth.items() if not name.startswith(MIDDLE)]
     others = [name for name in LEG_ANGLES if name != "knee_angle_r"]
     return {
-        "knee_deg": float(np.mean([walk["angles_deg"]["knee_angle_r"] for walk in outer])),
-        "others_deg": float(
+        "knee_deg": 2.0 * float(np.mean([walk["angles_deg"]["knee_angle_r"] for walk in outer])),
+        "others_deg": 2.0
+        * float(
             np.mean(
                 [rms(np.array([walk["angles_deg"][name] for name in others])) for walk in outer]
             )
         ),
-        "vertical_bw": float(np.mean([walk["vertical_bw"] for walk in outer])),
+        "vertical_bw": 2.0 * float(np.mean([walk["vertical_bw"] for walk in outer])),
         "trunk_mm": float(np.max([walk["trunk_mm"] for walk in outer])),
     }
 
@@ -299,20 +305,8 @@ def fitted(person: str) -> FittedContact:
     stored = read_json(RESULTS / "session_fit.json")["cases"][case.name]
     fit = fit_of(case, DATA)
     u = fit.parameters.u(stored["values"])
-    at = fit.evaluate(u)
-    search = FitSearch(
-        start=u,
-        u=u,
-        start_cost=at.cost,
-        cost=at.cost,
-        success=True,
-        message=stored["ended"],
-        evaluations=1,
-        failed=0,
-    )
-    end = JointEnd(
-        u=u, evaluation=at, uncertainty=uncertainty_at(fit, u), searches=(search,), best=0
-    )
+    unasked = cast(Any, None)
+    end = JointEnd(u=u, evaluation=unasked, uncertainty=unasked, searches=(), best=0)
     return ContactFitSolution(
         fit=fit, success=True, message=stored["ended"], end=end, wall_s=stored["wall_s"]
     ).contact()
@@ -362,7 +356,7 @@ def middle_of_session(person: str) -> dict[str, Any]:
 def session_trials(person: str) -> list[Trial]:
     """Walks of a person's first day in data/sessions, by setting."""
     folder = DATA / person.lower() / "day_1" / EMBEDDED
-    return [load_trial(folder / f"{name}_{k}.yaml") for name in SETTINGS for k in NUMBERS]
+    return [load_trial(folder / f"{name}_{k}.yaml") for name in SETTINGS for k in (1, 2, 3)]
 
 
 def rms(values: np.ndarray) -> np.ndarray:

@@ -80,6 +80,11 @@ def test_a_contact_that_keeps_what_its_plates_taught_predicts_in_layers(run, tmp
     for name in ("vertical_rmse_bw", "fore_aft_rmse_bw"):
         assert layers["layers"]["person"][name] != found[name]
     assert layers["null_model_grf_rmse_bw"] > 0.0
+    with (tmp_path / "walk" / "person_force.csv").open(encoding="utf-8") as lines:
+        table = [*csv.DictReader(lines)]
+    vertical = np.array([float(row["vertical_n"]) for row in table])
+    assert vertical.max() == pytest.approx(found["body_weight_n"], rel=1e-6), "all the stance long"
+    assert {"cop_lateral_m", "time_s"} < set(table[0]) and "resultant_half_width_n" not in table[0]
     code, out, _ = run("simulate", TRIAL, *words, "--fulcrum-mm", "140")
     assert code == 0 and "the person's momentum and own curve are left out" in " ".join(out.split())
     assert read_json(tmp_path / "walk" / "metrics.json")["layers"] is None

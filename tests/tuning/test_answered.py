@@ -13,7 +13,7 @@ from vsf_drake.model.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.reactions import follow
-from vsf_drake.tuning.answered import _carrying, predict
+from vsf_drake.tuning.answered import carrying, predict
 from vsf_drake.walks.answer import answer_of
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 from vsf_drake.walks.prediction import PHYSICS
@@ -76,15 +76,15 @@ def test_a_force_through_a_joint_changes_no_moment_there(made_tuning, joint, tur
     ground = result.loads.ground[..., 0]
     column = part.joints.index(f"{joint}_{part.trial.subject.prosthetic_side[0]}")
     before = result.loads.joints[:, column, 0]
-    same = _carrying(part, result, ground)
+    same = carrying(part, result, ground)
     assert np.allclose(same.loads.joints, result.loads.joints, atol=1e-9)
-    pushed = _carrying(part, result, ground + through)
+    pushed = carrying(part, result, ground + through)
     assert np.allclose(pushed.loads.joints[:, column, 0], before, atol=1e-6)
     # the same force 0.1 m ahead: its arm about the joint's axis
     arm = np.array([0.1, 0.0, 0.0])
     ahead = np.column_stack([np.cross(centre + arm, force), force])
     moment = np.sum(axis * np.cross(arm, force), axis=1)
-    changed = _carrying(part, result, ground + ahead).loads.joints[:, column, 0]
+    changed = carrying(part, result, ground + ahead).loads.joints[:, column, 0]
     assert np.allclose(changed, before - moment, atol=1e-6)
 
 
@@ -95,7 +95,7 @@ def test_the_socket_bears_what_the_ground_gives_more(made_tuning):
     result = part.at(part.own, step_s=STEP_S)
     force = np.tile([0.0, 0.0, 100.0], (len(result.frame.time_s), 1))
     ground = result.loads.ground[..., 0] + np.column_stack([0.0 * force, force])
-    pushed = _carrying(part, result, ground)
+    pushed = carrying(part, result, ground)
     change = (pushed.loads.socket - result.loads.socket)[:, :3, 0]
     assert np.allclose(np.linalg.norm(change, axis=1), 100.0, rtol=0.02)
 

@@ -304,7 +304,8 @@ def simulate(
     from vsf_drake.simulation.walk import Walker
     from vsf_drake.walks.embedded import embedded_contact_beside
     from vsf_drake.walks.metrics import UNFITTED, unfitted_note
-    from vsf_drake.walks.prediction import layers_of
+    from vsf_drake.walks.prediction import judged as judged_in_layers
+    from vsf_drake.walks.prediction import predict
     from vsf_drake.walks.quantities import JUDGED, quantity
     from vsf_drake.walks.recorded_walk import walk_trial
 
@@ -324,6 +325,7 @@ def simulate(
     fitted = None if contact is None else load_contact(contact)
     step_s = 1e-3 * asked.step_ms
     layers = None
+    person = None
     [recorded] = judged(cli.read_trials([trial], None))
     if fitted is None:
         note = unfitted_note(recorded, offsets_fitted=asked.fit_offsets)
@@ -349,19 +351,17 @@ def simulate(
         result, fit = walk_trial(walked, with_fit=asked.fit_offsets, step_s=step_s, progress=show)
         if fitted is not None and layered and moved is None:
             show("predicting in layers", 1.0)
-            layers = layers_of(
-                recorded,
-                recorded.name,
-                fitted,
-                walker=Walker(walked.subject, walked.model),
-                step_s=step_s,
-            )
+            walker = Walker(walked.subject, walked.model)
+            in_layers = predict(walked, fitted, walker=walker, step_s=step_s)
+            person = in_layers.person
+            layers = judged_in_layers(in_layers, recorded, recorded.name, fitted)
     metrics = write_walk(
         result,
         walked,
         out,
         fit=fit,
         layers=layers,
+        person=person,
         replay=asked.replay,
         opensim=asked.opensim,
     )
@@ -380,5 +380,6 @@ def simulate(
     )
     say(
         f"written to {out / 'walk.png'}{', replay.html' * asked.replay}, metrics.json"
+        f"{', person_force.csv' * (person is not None)}"
         f"{', walk_ik.mot, walk_grf.mot' * asked.opensim}"
     )

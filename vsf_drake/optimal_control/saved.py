@@ -56,6 +56,7 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
             cost=best.last_cost,
             at_bound=best.at_bound if result.success else (),
             fulcrum_interval_mm=near,
+            along=(),
             **_worth(result, near),
             design=tuple(_design(result, best)),
             terms=tuple(
@@ -69,7 +70,7 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
                     row.solution.last_cost,
                     row.solution.terms,
                     outcomes(row.solution, stride),
-                    _along(result, row.fulcrum_mm),
+                    _walked(result, row.fulcrum_mm),
                 )
                 for row in result.sweep
             ),
@@ -142,7 +143,7 @@ def _recorded_mm(tuning: StrideTuning) -> tuple[float, ...]:
     return (tuning.stride.own_m / MM,)
 
 
-def _along(result: StrideSolution, fulcrum_mm: float) -> float | None:
+def _walked(result: StrideSolution, fulcrum_mm: float) -> float | None:
     """The cost of the own stride at a position of the sweep, before it adapts; None without one."""
     search = result.search
     stride = search.stride

@@ -34,6 +34,7 @@ from vsf_drake.simulation.results import (
 from vsf_drake.walks.comparison import compare
 from vsf_drake.walks.metrics import walk_metrics, warnings
 from vsf_drake.walks.offsets import OffsetFit
+from vsf_drake.walks.person_curve import PersonForce
 from vsf_drake.walks.prediction import TrialLayers
 from vsf_drake.walks.sweep_table import Sweep, SweepRow, SweepTable
 
@@ -75,6 +76,7 @@ def write_walk(
     *,
     fit: OffsetFit | None = None,
     layers: TrialLayers | None = None,
+    person: PersonForce | None = None,
     replay: bool = True,
     opensim: bool = False,
 ) -> dict[str, Any]:
@@ -82,7 +84,8 @@ def write_walk(
     the metrics.
 
     `fit` is the one that the offsets come from, `layers` what the fitted contact predicts beyond
-    the walk; `opensim` adds walk_ik.mot and walk_grf.mot.
+    the walk, `person` the force by the person's own curve, which adds person_force.csv; `opensim`
+    adds walk_ik.mot and walk_grf.mot.
     """
     plate = trial.prosthetic_plate
     comparison = compare(result, plate)
@@ -104,6 +107,10 @@ def write_walk(
             write_replay(
                 result, folder / "replay.html", plate=plate, intact_plate=trial.intact_plate
             )
+        if person is not None:
+            columns = person.columns()
+            rows = zip(*columns.values(), strict=True)
+            write_csv(folder / "person_force.csv", columns, rows)
         if opensim:
             write_motion(result, folder)
 

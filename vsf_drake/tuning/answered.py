@@ -280,15 +280,21 @@ def _peaks(answer: Answer, arrays: Mapping[str, np.ndarray]) -> dict[str, dict[s
     }
 
 
-def _walked(walker: Walker, trial: Trial, step_s: float) -> SettingWalk:
-    """A trial that has the fitted contact, at its own setting and under what its plate measured."""
-    options = TuningOptions(step_s=step_s, support_width_m=0.0)
-    (fulcrum,) = design_variables(options, [trial.model.foot])
+def carried(
+    walker: Walker, trial: Trial, options: TuningOptions
+) -> tuple[TrialTuning, SettingOutcome]:
+    """A trial that has the fitted contact, at its own setting and under what its plate
+    measured; SimulationError where it cannot be walked."""
+    (fulcrum, *_) = design_variables(options, [trial.model.foot])
     part = TrialTuning(walker, trial, trial.name, (fulcrum,), options)
-    (found,) = part.at_each(part.own[None], step_s=step_s, sites=True)
+    (found,) = part.at_each(part.own[None], step_s=options.step_s, sites=True)
     if isinstance(found, SimulationError):
         raise found
-    found = _carrying(part, found, _plate_wrench(trial.prosthetic_plate, found))
+    return part, carrying(part, found, plate_wrench(trial.prosthetic_plate, found.frame.time_s))
+
+
+def _walked(walker: Walker, trial: Trial, step_s: float) -> SettingWalk:
+    part, found = carried(walker, trial, TuningOptions(step_s=step_s, support_width_m=0.0))
     told = outcomes(part, found) | {"joint_load": value_of(found.terms["joint_load"])}
     return SettingWalk(
         label=trial.name,
@@ -298,7 +304,7 @@ def _walked(walker: Walker, trial: Trial, step_s: float) -> SettingWalk:
     )
 
 
-def _carrying(part: TrialTuning, found: SettingOutcome, ground: np.ndarray) -> SettingOutcome:
+def carrying(part: TrialTuning, found: SettingOutcome, ground: np.ndarray) -> SettingOutcome:
     """The same motion under another load of the ground, (n, 6) moment (N m) about W's origin and
     force (N). Joints and socket carry the difference as if nothing below them had mass:
 
@@ -328,10 +334,10 @@ def _carrying(part: TrialTuning, found: SettingOutcome, ground: np.ndarray) -> S
     return SettingOutcome(terms, walk, loads, found.frame)
 
 
-def _plate_wrench(plate: PlateRecording, found: SettingOutcome) -> np.ndarray:
-    """(n, 6) on the walk's instants."""
+def plate_wrench(plate: PlateRecording, time_s: np.ndarray) -> np.ndarray:
+    """(n, 6) at the instants (n,): moment (N m) about W's origin and force (N)."""
     moment = np.cross(np.nan_to_num(plate.cop_W), plate.force_W)
     moment[:, 2] += np.nan_to_num(plate.free_moment_nm)
     wrench = np.column_stack([moment, plate.force_W])
     smooth = low_pass(wrench, rate_hz=1.0 / spacing(plate.time_s), cutoff_hz=FORCE_CUTOFF_HZ)
-    return columns_at(found.frame.time_s, plate.time_s, smooth)
+    return columns_at(time_s, plate.time_s, smooth)

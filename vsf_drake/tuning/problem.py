@@ -103,7 +103,7 @@ class TrialTuning:
         requests = [self._request(x, step_s, base or {})[0] for x in settings]
         for walk in self.walker.walk_each(requests, sites=sites):
             if isinstance(walk, Walk):
-                loads = self._loads(walk, None)
+                loads = self.loads(walk, None)
                 terms = costs.walk_terms(frame, loads, self.options)
                 yield SettingOutcome(terms, walk, loads, frame)
             elif isinstance(walk, SimulationError):
@@ -120,7 +120,7 @@ class TrialTuning:
             with_respect_to=tuple(by) if derivatives else (),
             with_loads=derivatives,
         )
-        return walk, self._loads(walk, np.array([*by.values()]) if derivatives else None)
+        return walk, self.loads(walk, np.array([*by.values()]) if derivatives else None)
 
     def _request(
         self, x: np.ndarray, step_s: float, base: Mapping[str, float]
@@ -136,7 +136,8 @@ class TrialTuning:
             support_width_m=self.support_width_m,
         ), by
 
-    def _loads(self, walk: Walk, by: np.ndarray | None) -> costs.WalkLoads:
+    def loads(self, walk: Walk, by: np.ndarray | None = None) -> costs.WalkLoads:
+        """Of a walk of the trial; `by` as of `costs.walk_loads`."""
         return costs.walk_loads(self.walker, walk, by, self.joints, self.options.cutoff_hz)
 
 

@@ -53,7 +53,7 @@ class SweepPoint:
     cost: float | None
     terms: Mapping[str, float | None] = field(default_factory=dict)
     outcomes: Mapping[str, float | None] = field(default_factory=dict)
-    along: float | None = None  # the cost of the person's own stride there, before it adapts
+    walked: float | None = None  # of level 2: the cost of the person's own stride, before it adapts
 
 
 @dataclass(frozen=True)
@@ -128,6 +128,19 @@ class ChangedOptimum:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AlongPoint:
+    """The cost at a setting along the person's own answer to it, without the hold to the
+    recording."""
+
+    fulcrum_mm: float
+    recorded: bool  # whether walks were recorded there
+    cost: float
+    error: float | None  # standard error, from the spread of walks; None where it is not known
+    equal_load: float | None
+    """the null: nothing answers but the pelvis's height, which keeps the recorded vertical force"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Provenance:
     """What results were made with and of."""
 
@@ -174,6 +187,7 @@ class TuningTable:
     notes: tuple[str, ...]
     wall_s: float | None
     provenance: Provenance | None
+    along: tuple[AlongPoint, ...] = ()  # of level 1, of trials at two settings or more
 
     def __post_init__(self) -> None:
         if self.format != FORMAT:
@@ -182,6 +196,16 @@ class TuningTable:
             raise ValueError(f"{self.level!r} is no level of a tuning")
         if self.optimal and (self.fulcrum_mm is None or self.cost is None):
             raise ValueError("an optimum has a position and a cost")
+
+    @property
+    def along_decides(self) -> bool | None:
+        """Whether the cost along the person's answer differs over the range by more than 1.96
+        standard errors of a difference; None where no spread is known."""
+        costs = [point.cost for point in self.along]
+        errors = [point.error for point in self.along if point.error is not None]
+        if not costs or len(errors) < len(costs):
+            return None
+        return max(costs) - min(costs) > 1.96 * math.sqrt(2.0) * max(errors)
 
     def swept(self, part: str = "", name: str = "") -> tuple[np.ndarray, np.ndarray]:
         """Positions (s,) in mm, rising, and the cost (s,) at each, of the points of the sweep where
@@ -269,9 +293,9 @@ class TuningTable:
         return "the person's own strides" if self.own else "able-bodied walking"
 
     @property
-    def along(self) -> tuple[SweepPoint, ...]:
+    def walked(self) -> tuple[SweepPoint, ...]:
         """Points of the sweep where the cost of the person's own stride is known."""
-        return tuple(point for point in self.sweep if point.along is not None)
+        return tuple(point for point in self.sweep if point.walked is not None)
 
     @property
     def holding(self) -> tuple[Term, ...]:
@@ -354,6 +378,7 @@ PARTS: dict[str, tuple[()] | None] = {
             "checks",
             "pareto",
             "robustness",
+            "along",
         ),
         (),
     ),

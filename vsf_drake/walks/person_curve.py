@@ -129,6 +129,18 @@ class PersonForce:
     stances: tuple[Stance, ...]
     corrected: bool
 
+    def columns(self) -> dict[str, np.ndarray]:
+        """Its series (n,) by name and unit, as `person_force.csv` has them."""
+        named = {"time_s": self.time_s}
+        for names, values, unit in (
+            (SPREADS[:3], self.force_n, "n"),
+            (("cop_fore_aft", "cop_lateral"), self.cop_m, "m"),
+            ([f"{name}_half_width" for name in SPREADS], self.half_width_n, "n"),
+        ):
+            if values is not None:
+                named |= {f"{name}_{unit}": own for name, own in zip(names, values.T, strict=True)}
+        return named
+
 
 def seen(
     walk: Walk,

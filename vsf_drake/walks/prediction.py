@@ -223,10 +223,15 @@ def layers_of(
 ) -> TrialLayers:
     """A recorded trial in layers, beside its plate and the null model; raises what `predict`
     does."""
+    walk = predict(trial_with(trial, contact), contact, walker=walker, step_s=step_s)
+    return judged(walk, trial, label, contact)
+
+
+def judged(walk: LayeredWalk, trial: Trial, label: str, contact: FittedContact) -> TrialLayers:
+    """A walk in layers beside the plate of its recorded trial, and the null model."""
     own = fingerprint(trial)
     weight = trial.subject.mass_kg * GRAVITY
     plate = trial.prosthetic_plate
-    walk = predict(trial_with(trial, contact), contact, walker=walker, step_s=step_s)
     comparisons = compared(walk, plate)
     scores = {layer: dict.fromkeys(SCORES) for layer in LAYERS}
     for layer, comparison in comparisons.items():

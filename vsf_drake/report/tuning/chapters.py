@@ -47,6 +47,7 @@ def tuning_page(
         ("answer", "", _answer, "", ("sweep", "terms", "outcomes", "design")),
         ("outcomes", "What changes with the setting", _outcomes, "outcomes", ("sweep",)),
         ("motion", "Motion and forces", _motion, "", ("sweep",)),
+        ("along", "Along the person's own answer", _along, "along", ()),
         ("pareto", "Between two costs", _pareto, "pareto", ()),
         (
             "robustness",
@@ -86,7 +87,7 @@ def tuning_page(
         "chapters": [
             made_chapter(name, title, partial(shown, name, title, make, (part, *parts)), lenient)
             for name, title, make, part, parts in made
-            if not part or saved[part]
+            if not part or saved.get(part)
         ],
     }
 
@@ -193,6 +194,14 @@ def _motion(table: TuningTable, arrays: Arrays) -> Facts:
             for name, values in zip(names[-len(torques) :], torques, strict=True)
         ]
     return facts
+
+
+def _along(table: TuningTable, arrays: Arrays) -> Facts:
+    null = [point for point in table.along if point.equal_load is not None]
+    return {
+        "said": words("along", t=table, null=null)[0],
+        "figures": {"along": figures.along_figure(table)},
+    }
 
 
 def _pareto(table: TuningTable, arrays: Arrays) -> Facts:

@@ -182,11 +182,11 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
             label="cost by itself",
         )
         _mark(axes, *least, "D", 8, 1.6, label=f"its least, {least[0]:.1f} mm")
-    if table.along:
+    if table.walked:
         _curve(
             axes,
-            np.array([point.fulcrum_mm for point in table.along]),
-            np.array([point.along for point in table.along], dtype=float),
+            np.array([point.fulcrum_mm for point in table.walked]),
+            np.array([point.walked for point in table.walked], dtype=float),
             linestyle="-.",
             label="own strides, before they adapt",
         )
@@ -423,6 +423,26 @@ def pareto_figure(figure: Figure, table: TuningTable) -> None:
     axes.margins(x=0.17, y=0.1)
     axes.locator_params(axis="x", nbins=5)
     label(axes, x=first, y=second, title="Less of one costs more of the other")
+
+
+@_drawn
+def along_figure(figure: Figure, table: TuningTable) -> None:
+    """The cost along the person's own answer, and under an equal load."""
+    figure.set_size_inches(*PANEL)
+    axes = figure.subplots()
+    mm = [point.fulcrum_mm for point in table.along]
+    cost = np.array([point.cost for point in table.along])
+    error = np.array([point.error or 0.0 for point in table.along])
+    axes.fill_between(mm, cost - 1.96 * error, cost + 1.96 * error, color=SHADE, zorder=0)
+    axes.plot(mm, cost, "o-", color="black", label="along the person's own answer")
+    null = [
+        (point.fulcrum_mm, point.equal_load)
+        for point in table.along
+        if point.equal_load is not None
+    ]
+    axes.plot(*np.array(null).reshape(-1, 2).T, "s:", color=NEUTRAL, label="under an equal load")
+    axes.legend()
+    label(axes, x=FULCRUM, y=f"cost ({table.cost_unit})")
 
 
 @_drawn
