@@ -191,7 +191,7 @@ def test_held_to_own_strides_no_recorded_setting_is_favoured_and_a_firmer_hold_i
     for one, point in zip(stride.own, table.sweep, strict=True):
         y = stride.function.evaluate(one.last.z, one.last.p)
         assert stride.value("own", y) == pytest.approx(0.0, abs=1e-12)
-        assert point.cost < point.as_walked
+        assert point.cost < point.walked
     assert table.sweep[0].outcomes["stride_time"] != table.sweep[2].outcomes["stride_time"]
     off = {
         held.weight: stride.value("own", stride.function.evaluate(held.over[0].z, held.over[0].p))

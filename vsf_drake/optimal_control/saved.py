@@ -70,7 +70,7 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
                     row.solution.last_cost,
                     row.solution.terms,
                     outcomes(row.solution, stride),
-                    _as_walked(result, row.fulcrum_mm),
+                    _walked(result, row.fulcrum_mm),
                 )
                 for row in result.sweep
             ),
@@ -143,7 +143,7 @@ def _recorded_mm(tuning: StrideTuning) -> tuple[float, ...]:
     return (tuning.stride.own_m / MM,)
 
 
-def _as_walked(result: StrideSolution, fulcrum_mm: float) -> float | None:
+def _walked(result: StrideSolution, fulcrum_mm: float) -> float | None:
     """The cost of the own stride at a position of the sweep, before it adapts; None without one."""
     search = result.search
     stride = search.stride

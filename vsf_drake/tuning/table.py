@@ -53,7 +53,7 @@ class SweepPoint:
     cost: float | None
     terms: Mapping[str, float | None] = field(default_factory=dict)
     outcomes: Mapping[str, float | None] = field(default_factory=dict)
-    as_walked: float | None = None  # the cost of the person's own stride there, before it adapts
+    walked: float | None = None  # of level 2: the cost of the person's own stride, before it adapts
 
 
 @dataclass(frozen=True)
@@ -293,9 +293,9 @@ class TuningTable:
         return "the person's own strides" if self.own else "able-bodied walking"
 
     @property
-    def as_walked(self) -> tuple[SweepPoint, ...]:
+    def walked(self) -> tuple[SweepPoint, ...]:
         """Points of the sweep where the cost of the person's own stride is known."""
-        return tuple(point for point in self.sweep if point.as_walked is not None)
+        return tuple(point for point in self.sweep if point.walked is not None)
 
     @property
     def holding(self) -> tuple[Term, ...]:

@@ -364,7 +364,7 @@ def test_own_strides_before_they_adapt_are_told_and_drawn_beside_the_cost():
     """3 at 66 mm, 4 percent more at 151 mm."""
     table = made_stride_table(own=True)
     points = tuple(
-        dataclasses.replace(point, as_walked=3.0 + 0.12 * (point.fulcrum_mm - 66.0) / 85.0)
+        dataclasses.replace(point, walked=3.0 + 0.12 * (point.fulcrum_mm - 66.0) / 85.0)
         for point in table.sweep
     )
     table = dataclasses.replace(table, sweep=points)

@@ -182,11 +182,11 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
             label="cost by itself",
         )
         _mark(axes, *least, "D", 8, 1.6, label=f"its least, {least[0]:.1f} mm")
-    if table.as_walked:
+    if table.walked:
         _curve(
             axes,
-            np.array([point.fulcrum_mm for point in table.as_walked]),
-            np.array([point.as_walked for point in table.as_walked], dtype=float),
+            np.array([point.fulcrum_mm for point in table.walked]),
+            np.array([point.walked for point in table.walked], dtype=float),
             linestyle="-.",
             label="own strides, before they adapt",
         )
