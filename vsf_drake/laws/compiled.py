@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import gc
 import hashlib
 import logging
 import multiprocessing
@@ -49,6 +48,8 @@ from numba.core.typing.context import Context
 from numba.extending import models, register_jitable, register_model
 from numba.np.arrayobj import load_item, store_item
 
+from vsf_drake.base.threads import garbage_left
+
 COMPILED = (
     "laws",
     "simulation/stepping",
@@ -57,6 +58,7 @@ COMPILED = (
     "systems/_massless_kernel.py",
     "motion/events.py",
 )
+
 """Parts of the package that compiled functions and the constants in them come from."""
 KEPT = 4
 """How many states of the sources keep their machine code for longer than a day after they were last
@@ -386,24 +388,13 @@ def _take_turns(dispatcher: Any) -> None:
             return compile_or_load(signature)
         function = dispatcher.py_func
         name = f"{function.__module__}.{function.__qualname__} {signature}"
-        # numba's own lock comes first in every thread, else two of them could wait for each other
+        # numba's own lock comes first in every thread, else two of them could wait for each other.
+        # Looking through what the compiler makes for garbage is a seventh of its time.
         waiting = partial(announced.tell, dispatcher)
-        with global_compiler_lock, _alone(name, waiting=waiting), _uncollected():
+        with global_compiler_lock, _alone(name, waiting=waiting), garbage_left():
             return compile_or_load(signature)
 
     dispatcher.compile = in_turn
-
-
-@contextlib.contextmanager
-def _uncollected() -> Iterator[None]:
-    """Looking through what the compiler makes, again and again, is a seventh of its time."""
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collecting:
-            gc.enable()
 
 
 @contextlib.contextmanager
