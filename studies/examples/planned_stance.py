@@ -325,7 +325,7 @@ def _draw(out: Path, plan: Plan, grf: np.ndarray, weight: float, places: np.ndar
             line = force.plot(plan.time, plan.grf[:, i] / weight, label=f"{name}, planned")[0]
             colour = line.get_color()
             force.plot(plan.time, grf[:, i] / weight, ":", color=colour, label="full foot")
-        force.legend()
+        force.legend(loc="center", bbox_to_anchor=(0.53, 0.5), fontsize=8, handlelength=1.2)
         label(force, x="time (s)", y="force (body weights)", title="Ground reaction")
         times = STANCE_S / STEPS * np.arange(STEPS + 1)
         for i, name in ((2, "hip"), (3, "knee")):

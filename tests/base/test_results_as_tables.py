@@ -17,7 +17,7 @@ from made_results import make_bench, make_walk
 from vsf_drake.base.errors import InputError, VsfError
 from vsf_drake.base.tables import tables_module
 from vsf_drake.motion.formats.tables import read_storage
-from vsf_drake.report.outputs import _write_opensim, write_sweep
+from vsf_drake.report.outputs import write_motion, write_sweep
 from vsf_drake.simulation.batch import WalkCase
 from vsf_drake.simulation.batch.run import WalkOutcome
 from vsf_drake.walks.sweep_table import SCORES, Sweep, SweepRow, SweepTable, SweptTrial
@@ -195,7 +195,7 @@ def test_a_sweep_in_parquet_has_the_rows_of_its_csv_at_full_precision(tmp_path):
 
 def test_a_walk_for_opensim_reads_back_in_degrees_metres_and_newtons_of_opensims_frame(tmp_path):
     walk = make_walk(synthetic=True)
-    _write_opensim(walk, tmp_path)
+    write_motion(walk, tmp_path)
     motion = read_storage(tmp_path / "walk_ik.mot")
     assert motion.in_degrees and np.array_equal(motion.time_s, walk.time_s)
     assert np.allclose(

@@ -591,7 +591,6 @@ def _encoded(block: Sequence[tuple[WorkerTask, Reply]]) -> bytes:
     arrays = {name: np.concatenate([each[name] for each in done]) for name in (done or [{}])[0]}
     entries = [
         {
-            "key": task.key,
             "kind": reply.kind.value,
             "rows": task.steps if reply.kind is Kind.DONE else 0,
             **{name: getattr(reply, name) for name in _PLAIN},
@@ -608,6 +607,7 @@ def _encoded(block: Sequence[tuple[WorkerTask, Reply]]) -> bytes:
     ]
     first = block[0][0]
     about = {
+        "keys": [task.key for task, _ in block],  # first, where a file that was cut has them still
         "walks": entries,
         "person": first.person_key,
         "keep": list(first.keep),
@@ -631,7 +631,7 @@ def _decoded(path: Path) -> dict[str, Reply]:
         raise ValueError("its SHA-256 differs")
     replies = {}
     row = 0
-    for entry in about["walks"]:
+    for key, entry in zip(about["keys"], about["walks"], strict=True):
         own = slice(row, row + entry["rows"])
         row = own.stop
         said = {name: entry[name] for name in _PLAIN} | {
@@ -639,7 +639,7 @@ def _decoded(path: Path) -> dict[str, Reply]:
             "columns": {name: tuple(of) for name, of in entry["columns"].items()},
         }
         kind = Kind(entry["kind"])
-        replies[entry["key"]] = Reply(
+        replies[key] = Reply(
             kind,
             arrays={name: array[own] for name, array in arrays.items()}
             if kind is Kind.DONE
