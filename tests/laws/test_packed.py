@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from typing import NamedTuple
 
 import numba
@@ -85,6 +87,51 @@ def test_an_array_with_gaps_is_refused():
         packed(outer._replace(vector=np.zeros(10)[::2]))
 
 
+@COMPILED_ONLY
+def test_an_array_that_is_not_of_all_walks_is_refused():
+    """Compiled code would read on beyond its end."""
+    outer, _, _ = tuple_and_result(np.random.default_rng(5), WIDTH)
+    with pytest.raises(TypeError, match=f"last axis of vector is 5, not {WIDTH} walks"):
+        packed(outer._replace(vector=np.zeros(5)), walks=True)
+
+
+class Pair(NamedTuple):
+    """Numbers of any kind."""
+
+    x: float
+    n: int
+
+
+@compiled
+def _read(pair, result):
+    result[0] = pair.x
+    result[1] = pair.n
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_numbers_of_few_bits_are_read_as_what_they_are(kind):
+    result = np.zeros(2)
+    _read(packed(Pair(kind(-1.5), np.int32(-3))), result)
+    np.testing.assert_array_equal(result, [-1.5, -3.0])
+
+
+@COMPILED_ONLY
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_copy_that_would_hold_addresses_of_others_arrays_is_refused(copied):
+    with pytest.raises(TypeError, match="address"):
+        copied(packed(Pair(1.5, 2)))
+
+
+@COMPILED_ONLY
+def test_tuples_of_one_class_with_other_members_have_types_of_other_names():
+    """By it the linker finds machine code on disk: of one name it would take that of the other."""
+    names = {
+        numba.typeof(packed(pair)).name
+        for pair in (Pair(1.5, 2), Pair(2.5, 3), Pair(1, 2), Pair(np.zeros(1), 2))
+    }
+    assert len(names) == 3
+
+
 class Calling(NamedTuple):
     """A function and what it takes, as addresses."""
 
@@ -102,3 +149,15 @@ def test_compiled_code_calls_what_is_at_an_address():
     given = packed(outer)
     _call_it(packed(Calling(code_of(_changed, given), given)))
     np.testing.assert_array_equal(outer.inner.matrix, matrix)
+
+
+@compiled
+def _refuse(pair):
+    if pair.n < 0:
+        raise ValueError("a negative number")
+
+
+def test_what_is_raised_at_an_address_goes_on():
+    given = packed(Pair(1.5, -2))
+    with pytest.raises(ValueError, match="a negative number"):
+        _call_it(packed(Calling(code_of(_refuse, given), given)))

@@ -8,6 +8,8 @@ there where code names it. It uses the low-level interface of numba.
 
 from __future__ import annotations
 
+import hashlib
+import sys
 from functools import cache
 from typing import Any
 
@@ -29,19 +31,15 @@ class Packed(types.Type):
     numbers in words of their own."""
 
     def __init__(self, name: str, members: tuple[tuple[str, Any], ...]) -> None:
-        self.members = members
         self.kinds = dict(members)
         self.places = {}
         self.size = 0
         for member, kind in members:
             self.places[member] = self.size
             self.size += _size(kind)
-        super().__init__(f"Packed{name}")
-
-    @property
-    def key(self) -> Any:
-        """What tells one type from another."""
-        return self.name, self.members
+        # by its name machine code of several processes is told apart
+        digest = hashlib.sha256(repr(members).encode()).hexdigest()[:16]
+        super().__init__(f"Packed{name}-{digest}")
 
 
 def _size(kind: Any) -> int:
@@ -92,6 +90,9 @@ class InMemory:
         self._holds = value, np.array(words, dtype=np.int64)
         self.address = self._holds[1].ctypes.data
 
+    def __reduce__(self) -> Any:
+        raise TypeError("an address is of this process and these arrays: pack a copy of the tuple")
+
 
 def _written(value: Any, walks: bool, name: str) -> tuple[Any, list[int]]:
     """Form (see `_type`) and words of a member of this name."""
@@ -107,8 +108,7 @@ def _written(value: Any, walks: bool, name: str) -> tuple[Any, list[int]]:
         return "", [0 if value is None else value.address]
     if not isinstance(value, np.ndarray):
         number = np.asarray(value)
-        word = number.view(np.int64) if number.dtype == np.float64 else number
-        return number.dtype.str, [int(word)]
+        return number.dtype.str, [int.from_bytes(number.tobytes(), sys.byteorder, signed=True)]
     if not value.flags.c_contiguous:
         raise TypeError(f"{name or 'an array'} is not contiguous")
     shape = value.shape
@@ -116,6 +116,10 @@ def _written(value: Any, walks: bool, name: str) -> tuple[Any, list[int]]:
     size = value.itemsize
     laned = walks and value.dtype == np.float64 and name not in SHARED
     if laned:
+        if shape[-1] != WIDTH:
+            raise TypeError(
+                f"the last axis of {name or 'an array'} is {shape[-1]}, not {WIDTH} walks"
+            )
         shape = shape[:-1]
         strides = strides[:-1]
         size *= WIDTH
@@ -172,7 +176,9 @@ def _call(_: Any, code: Any, given: Any) -> Any:
         kind = context.call_conv.get_function_type(types.none, taken).as_pointer()
         machine = builder.inttoptr(values[0], kind)
         arguments = cgutils.unpack_tuple(builder, values[1])
-        context.call_conv.call_function(builder, machine, types.none, taken, arguments)
+        status, _ = context.call_conv.call_function(builder, machine, types.none, taken, arguments)
+        with cgutils.if_unlikely(builder, status.is_error):
+            context.call_conv.return_status_propagate(builder, status)
         return context.get_dummy_value()
 
     return types.none(code, given), emit
@@ -180,4 +186,4 @@ def _call(_: Any, code: Any, given: Any) -> Any:
 
 call: Any = (lambda code, given: code(*given)) if _settings.DISABLE_JIT else _call
 """Calls what is at the address `code` with the tuple that is given, of a function that returns
-nothing and raises nothing."""
+nothing; what it raises goes on."""

@@ -242,7 +242,7 @@ class Arguments(NamedTuple):
     """(steps, size) what is known ahead of each step from `begin` on, where that is the same for
     all walks; else there are none"""
     live: bool  # whether everything is worked out in its step
-    carry: int  # the machine code of `sensitivity.carry_step`, or 0
+    carry: int  # the machine code of `sensitivity.carry`, or 0
     carried: InMemory | None  # what that takes, or nothing
 
 
