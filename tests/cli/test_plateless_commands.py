@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import yaml
 from command_line import read_json
@@ -37,6 +38,9 @@ def test_a_walk_without_a_plate_says_what_it_was_laid_on_and_has_no_score(run, b
     assert "Stance of the model 0.37" in said and "peak 11" in said
     assert not any(word in said for word in ("GRF", "null model", "CoP", "unknown", "plate 0"))
     table = read_json(tmp_path / "out" / "metrics.json")
+    force = np.genfromtxt(tmp_path / "out" / "person_force.csv", delimiter=",", names=True)
+    peak_bw = force["vertical_n"].max() / table["body_weight_n"]
+    assert f"by the person's own curve {100.0 * peak_bw:.1f} % BW" in said
     assert (table["grf_rmse_bw"], table["scored_window_s"]) == (None, [])
     assert table["null_model_unknown"] == "plateless" and table["layers"]["correction"]["believed"]
     assert [stance["measured_start_s"] for stance in table["stances"]] == [None]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from made_tuning import made_table
 
+from vsf_drake.report.tuning.chapters import words
 from vsf_drake.tuning.along import _Cost, _same_load, along_answer
 from vsf_drake.tuning.answered import carried
 from vsf_drake.tuning.costs import value_of
@@ -29,7 +30,7 @@ def along(outer):
 def test_it_goes_from_the_softest_to_the_stiffest_recorded_setting(along):
     assert [round(point.fulcrum_mm, 3) for point in along] == [66.0, 94.333, 122.667, 151.0]
     assert [point.recorded for point in along] == [True, False, False, True]
-    assert all(point.error is None for point in along)  # one walk a setting tells no spread
+    assert all(point.half_width is None for point in along)  # one walk a setting tells no spread
 
 
 def test_with_one_walk_a_setting_the_ends_are_the_recorded_walks(outer, along):
@@ -63,12 +64,22 @@ def test_one_recorded_setting_and_tracking_have_none(made_tuning):
 
 
 @pytest.mark.parametrize(
-    ("errors", "decides"), [((0.1, 0.1), True), ((0.5, 0.5), False), ((None, 0.1), None)]
+    ("widths", "decides"), [((0.2, 0.2), True), ((0.8, 0.8), False), ((None, 0.2), None)]
 )
-def test_a_cost_decides_where_it_differs_by_more_than_its_error(along, errors, decides):
+def test_a_cost_decides_where_it_differs_by_more_than_its_interval(along, widths, decides):
     points = [
-        replace(point, cost=cost, error=error)
-        for point, cost, error in zip(along, (1.0, 2.0), errors, strict=False)
+        replace(point, cost=cost, half_width=wide)
+        for point, cost, wide in zip(along, (1.0, 2.0), widths, strict=False)
     ]
     assert made_table(along=tuple(points)).along_decides is decides
-    assert math.sqrt(2.0) * 1.96 * 0.1 < 1.0 < math.sqrt(2.0) * 1.96 * 0.5
+    assert math.sqrt(2.0) * 0.2 < 1.0 < math.sqrt(2.0) * 0.8
+
+
+def test_settings_whose_cost_is_within_chance_of_the_least_are_named(along):
+    points = [
+        replace(point, cost=cost, half_width=0.2)
+        for point, cost in zip(along, (1.2, 1.0, 1.5, 2.0), strict=True)
+    ]
+    table = made_table(along=tuple(points))
+    assert table.along_alike == tuple(points[:2])
+    assert "not told apart from that: 66.0 mm." in words("along", t=table, null=[])[0]

@@ -12,6 +12,7 @@ from made_study import embedded_study, saved_section
 from made_study_walk import with_plate, with_walks
 from shown_chapter import Shown
 
+from vsf_drake.base.sentences import say
 from vsf_drake.fit.assessment import swept
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.report.validation.walking_chapter import layers_chapter, walking_chapter
@@ -298,6 +299,13 @@ def test_walks_stand_in_layers_where_the_contact_keeps_what_its_plates_taught(se
     assert len(shown.grids["walking_layers"].rows) == len(rows)
     errors = [100.0 * row.momentum_bw for row in rows if row.role == "held out"]
     assert f"{np.mean(errors):.1f} % corrected by the person's own momentum" in shown.words
+    nulls = ("null_model_grf_rmse_bw", "null_model_predicted_times_grf_rmse_bw")
+    harder = min(np.mean([row.scores[name] for row in rows]) for name in nulls)
+    found = {"walking": section.table, "layers": table}
+    told = " ".join(say("validation", "verdict", found=found, to_come=False, summary=()))
+    assert f"as a null model, leave {100.0 * harder:.1f} %" in told
+    person = np.mean([row.scores["person_grf_rmse_bw"] for row in rows])
+    assert f"by the person's own curve {100.0 * person:.1f} %" in told
     untaught = dataclasses.replace(study, contact=dataclasses.replace(taught, person_curve=None))
     table = walking.layers_section(untaught).table
     assert [row.scores["person_grf_rmse_bw"] for row in table.rows] == [None] * 3, (

@@ -16,7 +16,7 @@ from vsf_drake.motion.markers.joints import joint_angles, joint_rotation
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.plants.anthropometry import scale_body
-from vsf_drake.walks.answer import LEG_ANGLES, Answer, answer_of, answer_sentences
+from vsf_drake.walks.answer import LEG_ANGLES, SEEN, Answer, answer_of, answer_sentences
 
 SOFT_M, MIDDLE_M, STIFF_M = 0.066, 0.1085, 0.151
 
@@ -143,7 +143,19 @@ def test_what_walks_differ_by_anyhow_is_no_answer(trial):
     ]
     table = answer_of(walks).table()
     assert table.larger_than_chance is False
-    assert any("no answer to the setting is seen" in line for line in answer_sentences(table))
+    told = [line for line in answer_sentences(table) if "no answer to the setting is seen" in line]
+    assert f"not more than {SEEN:g} times" in told[0]
+
+
+def test_few_walks_tell_an_interval_of_their_own_setting_alone(trial):
+    """Two walks at each end: of numbers a side's spread the mean's standard error is 1 / sqrt(2) at
+    an end and 1 / 2 in the middle, and Student's t of two degrees of freedom 4.303."""
+    walks = [replace(trial, fulcrum_m=at) for at in (SOFT_M, STIFF_M) for _ in range(2)]
+    numbers = np.array([-1.0, 1.0, 4.0, 6.0]) / np.sqrt(2.0)
+    answer = answer_of(walks)
+    assert answer.half_width(numbers, STIFF_M) == pytest.approx(4.3027 / np.sqrt(2.0), rel=1e-4)
+    assert answer.half_width(numbers, MIDDLE_M) == pytest.approx(4.3027 / 2.0, rel=1e-4)
+    assert answer_of(walks[1:3]).half_width(numbers[1:3], STIFF_M) is None
 
 
 def test_settings_walked_at_different_speeds_are_told(trial):

@@ -371,6 +371,7 @@ def simulate(
         "walk",
         **metrics | {"trial": recorded.name, "layers": layers},
         error_bw=metrics[JUDGED],
+        person_peak_bw=person and person.force_n[:, 2].max() / metrics["body_weight_n"],
         percent=quantity(JUDGED).told,
         mm=1e3 * walked.fulcrum_m,
         embedded=embedded,

@@ -339,9 +339,10 @@ def _centre_of_pressure(
         axes.text(
             0.5,
             0.5,
-            "no centre of pressure in common",
+            "no plate" if comparison.plateless else "no centre of pressure\nin common",
             transform=axes.transAxes,
             ha="center",
+            va="center",
             color="0.35",
         )
     if 1 < len(axes.get_legend_handles_labels()[0]) <= MOST_LABELLED:

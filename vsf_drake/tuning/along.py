@@ -57,7 +57,6 @@ def along_answer(tuning: StiffnessTuning) -> tuple[AlongPoint, ...]:
         )
     )
     own = np.array([_moved(tuning, answer, i, at, cost) for i, at in enumerate(answer.fulcrum_m)])
-    spread = answer.spread_of(own)
     return tuple(
         AlongPoint(
             fulcrum_mm=1e3 * float(at),
@@ -65,7 +64,7 @@ def along_answer(tuning: StiffnessTuning) -> tuple[AlongPoint, ...]:
             cost=float(
                 np.mean([_moved(tuning, answer, i, at, cost) for i in range(len(answer.walks))])
             ),
-            error=None if spread is None else float(spread / np.sqrt(len(answer.walks))),
+            half_width=answer.half_width(own, at),
             equal_load=_equal_load(tuning, float(at), cost),
         )
         for at in places

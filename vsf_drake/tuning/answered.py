@@ -36,13 +36,12 @@ from vsf_drake.tuning.problem import SettingOutcome, TrialTuning
 from vsf_drake.tuning.quantities import GIVEN_COSTS, GIVEN_OUTCOMES
 from vsf_drake.tuning.sweep import outcomes
 from vsf_drake.walks.answer import Answer, AnswerTable, answer_of, answer_sentences
-from vsf_drake.walks.between_settings import settings_of
+from vsf_drake.walks.between_settings import SETTING_M, half_width, settings_of
 from vsf_drake.walks.comparison import FORCE_CUTOFF_HZ, PERCENT
 from vsf_drake.walks.momentum import FIT_STEP_S, MomentumCorrection
 from vsf_drake.walks.prediction import LAYERS, PERSON, LayeredWalk, learned
 from vsf_drake.walks.prediction import predict as predict_layers
 
-Z = 1.96  # standard errors of a 95 % interval
 MM = " mm"
 FORCES = ("first_peak", "second_peak", "braking", "propulsion")
 TOLD = {name: quantity for name, quantity in GIVEN_OUTCOMES.items() if name != "force_change"} | {
@@ -75,7 +74,8 @@ class LoadRow:
     between: float  # linear between the recorded settings, without a walk
     spread: float | None
     seen: bool | None
-    """whether the outer settings differ by more than Z standard errors; None without a spread"""
+    """whether the outer settings differ by more than the 95 % interval of that difference; None
+    without a spread"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +83,7 @@ class SettingTable:
     """A predicted setting in numbers: `predict.json`."""
 
     fulcrum_mm: float
-    recorded_setting: bool  # whether walks were recorded there
+    recorded_setting: bool  # whether walks were recorded there, within SETTING_M
     stance_s: float
     answer: AnswerTable
     recorded: tuple[SettingWalk, ...]
@@ -105,7 +105,11 @@ class SettingTable:
 
     def rows(self) -> list[LoadRow]:
         """Loads and costs beside the recorded settings'."""
-        groups = settings_of(np.array([1e-3 * walk.fulcrum_mm for walk in self.recorded]))
+        positions = np.array([1e-3 * walk.fulcrum_mm for walk in self.recorded])
+        groups = settings_of(positions)
+        shares = np.zeros(len(positions))
+        shares[groups[0]] = -1.0 / len(groups[0])
+        shares[groups[-1]] = 1.0 / len(groups[-1])
         told = []
         for name, quantity in TOLD.items():
             values = np.array([walk.loads[name] for walk in self.recorded])
@@ -115,8 +119,7 @@ class SettingTable:
             if free:
                 within = np.concatenate([values[own] - values[own].mean() for own in groups])
                 spread = float(np.sqrt(np.sum(within**2) / free))
-                chance = spread * np.sqrt(1.0 / len(groups[0]) + 1.0 / len(groups[-1]))
-                seen = bool(abs(means[-1] - means[0]) > Z * chance)
+                seen = abs(means[-1] - means[0]) > half_width(positions, spread, shares)
             told.append(
                 LoadRow(
                     name=name,
@@ -191,10 +194,9 @@ def predict(
             at = one.fulcrum_m if place is None else place
             walks.append(_walked(walker, answer.moved(i, at), step_s))
     arrays = _arrays(answer, fulcrum_m, walk)
-    known = settings_of(np.append(answer.fulcrum_m, fulcrum_m))
     table = SettingTable(
         fulcrum_mm=1e3 * fulcrum_m,
-        recorded_setting=len(known) == len(answer.settings),
+        recorded_setting=bool(np.abs(answer.fulcrum_m - fulcrum_m).min() <= SETTING_M),
         stance_s=answer.stance_s(fulcrum_m),
         answer=answer.table(),
         recorded=tuple(walks[: len(answer.walks)]),
@@ -207,7 +209,10 @@ def predict(
         notes=trial.notes,
         provenance=provenance({**trial.inputs, **(inputs or {})}),
     )
-    sentences = (*say("predicted", t=table, rows=table.rows()), *answer_sentences(table.answer))
+    sentences = (
+        *say("predicted", t=table, rows=table.rows(), near_mm=1e3 * SETTING_M),
+        *answer_sentences(table.answer),
+    )
     return SettingPrediction(
         table=dataclasses.replace(table, sentences=sentences),
         answer=answer,

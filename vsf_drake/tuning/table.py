@@ -135,7 +135,8 @@ class AlongPoint:
     fulcrum_mm: float
     recorded: bool  # whether walks were recorded there
     cost: float
-    error: float | None  # standard error, from the spread of walks; None where it is not known
+    half_width: float | None
+    """of the 95 % interval of the cost, by the spread of walks; None where it is not known"""
     equal_load: float | None
     """the null: nothing answers but the pelvis's height, which keeps the recorded vertical force"""
 
@@ -199,13 +200,20 @@ class TuningTable:
 
     @property
     def along_decides(self) -> bool | None:
-        """Whether the cost along the person's answer differs over the range by more than 1.96
-        standard errors of a difference; None where no spread is known."""
-        costs = [point.cost for point in self.along]
-        errors = [point.error for point in self.along if point.error is not None]
-        if not costs or len(errors) < len(costs):
+        """Whether the cost along the person's answer differs over the range by more than the 95 %
+        interval of a difference; None where no spread is known."""
+        alike = self.along_alike
+        return None if alike is None else len(alike) < len(self.along)
+
+    @property
+    def along_alike(self) -> tuple[AlongPoint, ...] | None:
+        """Points along the person's answer whose cost is not told apart from the least; None where
+        no spread is known."""
+        widths = [point.half_width for point in self.along if point.half_width is not None]
+        if not self.along or len(widths) < len(self.along):
             return None
-        return max(costs) - min(costs) > 1.96 * math.sqrt(2.0) * max(errors)
+        most = min(point.cost for point in self.along) + math.sqrt(2.0) * max(widths)
+        return tuple(point for point in self.along if point.cost <= most)
 
     def swept(self, part: str = "", name: str = "") -> tuple[np.ndarray, np.ndarray]:
         """Positions (s,) in mm, rising, and the cost (s,) at each, of the points of the sweep where

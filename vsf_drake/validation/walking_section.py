@@ -45,8 +45,8 @@ from vsf_drake.walks.null_model import several_settings
 from vsf_drake.walks.numbers import Spread, by_fulcrum, finite, rms, spread
 from vsf_drake.walks.phases import PhaseErrors, mean_phases
 from vsf_drake.walks.plate_score import judged, plate_scorer
-from vsf_drake.walks.prediction import LAYERS, MOMENTUM, layers_of
-from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, Scored
+from vsf_drake.walks.prediction import LAYERS, MOMENTUM, PERSON, layers_of
+from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, Scored, mean
 
 ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)
 BETWEEN = "other walks, interpolated between settings"
@@ -134,6 +134,20 @@ class LayersTable:
     phases: tuple[PhaseErrors, ...]  # means over the held-out walks
     learned: bool
     synthetic: bool
+
+    @property
+    def person_bw(self) -> float | None:
+        """Error by the person's own curve, mean over the held-out walks."""
+        return self._mean(f"{PERSON}_{JUDGED}")
+
+    @property
+    def null_bw(self) -> float | None:
+        """Likewise of the harder null model of the fitted walks."""
+        nulls = [self._mean(name) for name in (NULL, IN_LATE_STANCE)]
+        return min((one for one in nulls if one is not None), default=None)
+
+    def _mean(self, name: str) -> float | None:
+        return mean(row.scores[name] for row in self.rows if row.role == HELD_OUT)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,7 +32,7 @@ from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, orienta
 from vsf_drake.motion.trajectory import CoordinateTrajectory, columns_at, low_pass, spacing
 from vsf_drake.motion.trial import Trial
 from vsf_drake.plants.anthropometry import scale_body
-from vsf_drake.walks.between_settings import between_settings, settings_of
+from vsf_drake.walks.between_settings import between_settings, half_width, settings_of
 from vsf_drake.walks.comparison import FORCE_CUTOFF_HZ
 from vsf_drake.walks.recorded_walk import labels_of
 
@@ -159,6 +159,15 @@ class Answer:
         free = len(values) - len(self.settings)
         within = [values[own] - values[own].mean(axis=0) for own in self.settings]
         return np.sqrt(np.sum(np.concatenate(within) ** 2, axis=0) / free) if free else None
+
+    def half_width(self, values: np.ndarray, fulcrum_m: float) -> float | None:
+        """Of the 95 % interval of what one number of the walks (walks,) is at a setting, by their
+        spread alone; None where no setting was walked twice."""
+        spread = self.spread_of(values)
+        if spread is None:
+            return None
+        shares = between_settings(self.fulcrum_m, np.eye(len(values)), fulcrum_m)
+        return half_width(self.fulcrum_m, float(spread), shares)
 
     def stance_s(self, fulcrum_m: float) -> float:
         """The time of stance at a setting."""
@@ -355,24 +364,15 @@ def answer_of(trials: Sequence[Trial]) -> Answer:
 
 def answer_sentences(table: AnswerTable) -> list[str]:
     """The answer in words, what is doubtful in it, and what it does not know."""
-    speeds = [
-        float(
-            np.mean(
-                [
-                    v
-                    for v, at in zip(table.speeds_m_per_s, table.walks_mm, strict=True)
-                    if abs(at - mm) < 5.0
-                ]
-            )
-        )
-        for mm in table.settings_mm
-    ]
+    walked = np.array(table.speeds_m_per_s)
+    settings = settings_of(1e-3 * np.array(table.walks_mm))
+    speeds = [float(walked[own].mean()) for own in settings]
     return say(
         "answer",
         t=table,
         speeds=speeds,
         other_speed=max(speeds) - min(speeds) > OTHER_SPEED * float(np.mean(speeds)),
-        seen=[c for c in table.coordinates if c.spread is not None and c.answer > c.spread],
+        least=SEEN,
     )
 
 

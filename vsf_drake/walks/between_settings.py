@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.interpolate import interp1d
+from scipy.special import stdtrit
 
 SETTING_M = 0.005
 """Positions of the fulcrum without a gap as wide are one setting (a choice)."""
@@ -24,3 +25,11 @@ def between_settings(positions_m: np.ndarray, curves: np.ndarray, fulcrum_m: flo
     if len(places) == 1:
         return np.asarray(means[0])
     return np.asarray(interp1d(places, means, axis=0)(np.clip(fulcrum_m, places[0], places[-1])))
+
+
+def half_width(positions_m: np.ndarray, spread: float, shares: np.ndarray) -> float:
+    """Of the 95 % interval of a sum of walks' numbers by their shares (n,) in it, for the spread
+    between walks of one setting that these walks (n,) tell: Student's t, which of few walks is
+    much."""
+    free = len(positions_m) - len(settings_of(positions_m))
+    return float(stdtrit(free, 0.975) * spread * np.linalg.norm(shares))

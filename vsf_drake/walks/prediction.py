@@ -128,8 +128,9 @@ class LayerTable:
 
     @property
     def phases(self) -> tuple[PhaseErrors, ...]:
-        """Means over `held_out`."""
-        return mean_phases(row.phases for row in self.held_out)
+        """Means over the trials that were not fitted; none without one: the curve holds the plates
+        of the fitted ones."""
+        return mean_phases(row.phases for row in self.trials if not row.fitted)
 
     def teach(self, contact: FittedContact) -> FittedContact:
         """The contact with what the plates taught."""

@@ -432,8 +432,8 @@ def along_figure(figure: Figure, table: TuningTable) -> None:
     axes = figure.subplots()
     mm = [point.fulcrum_mm for point in table.along]
     cost = np.array([point.cost for point in table.along])
-    error = np.array([point.error or 0.0 for point in table.along])
-    axes.fill_between(mm, cost - 1.96 * error, cost + 1.96 * error, color=SHADE, zorder=0)
+    wide = np.array([point.half_width or 0.0 for point in table.along])
+    axes.fill_between(mm, cost - wide, cost + wide, color=SHADE, zorder=0)
     axes.plot(mm, cost, "o-", color="black", label="along the person's own answer")
     null = [
         (point.fulcrum_mm, point.equal_load)
