@@ -58,7 +58,6 @@ COMPILED = (
     "systems/_massless_kernel.py",
     "motion/events.py",
 )
-
 """Parts of the package that compiled functions and the constants in them come from."""
 KEPT = 4
 """How many states of the sources keep their machine code for longer than a day after they were last
