@@ -99,30 +99,19 @@ def main() -> None:
     )
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--walks", action="store_true", help="make the walks alone")
+    parser.add_argument(
+        "--out", type=Path, help=f"folder to write to; {RESULTS} unless --quick is given"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="data/sessions alone, no walks are made; needs --out"
+    )
     arguments = parser.parse_args()
-    every = [(person, number) for number in ORDER for person in persons()]
-    with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
-        known = dict(zip(every, pool.map(walked, *zip(*every, strict=True)), strict=True))
-        if arguments.walks:
-            return
-        cases = [(person, answer) for person in persons() for answer in ANSWERS]
-        found = list(pool.map(predicted, *zip(*cases, strict=True)))
+    if arguments.quick and not arguments.out:
+        parser.error("a part must not replace the whole: give --out")
+    told = {} if arguments.quick else of_persons(arguments.workers, only_walks=arguments.walks)
+    if arguments.walks:
+        return
     inputs: dict[str, str] = {}
-    told = {}
-    for (person, answer), part in zip(cases, found, strict=True):
-        truth = {
-            walk["name"]: walk
-            for (whose, _), row in known.items()
-            if whose == person
-            for walk in row["walks"]
-            if walk["answer"] == answer
-        }
-        told[f"{person.lower()}_{answer}"] = {
-            "reached": reached(truth),
-            **part,
-            "truth": {name: walk["costs"] for name, walk in sorted(truth.items())},
-            "order": {cost: order(cost, truth, part) for cost in COSTS},
-        }
     embedded = {}
     for person in persons():
         embedded[person.lower()] = middle_of_session(person)
@@ -140,8 +129,35 @@ def main() -> None:
         "embedded": embedded,
         "provenance": {**provenance(inputs, SEED), "sources": made_by("setting_answer.py")},
     }
-    write_json(RESULTS / "setting_answer.json", plain(content))
+    write_json((arguments.out or RESULTS) / "setting_answer.json", plain(content))
     print(text_table(content))
+
+
+def of_persons(workers: int, *, only_walks: bool) -> dict[str, Any]:
+    """What comes of each person and answer, by their names; none if `only_walks` are made."""
+    every = [(person, number) for number in ORDER for person in persons()]
+    cases = [(person, answer) for person in persons() for answer in ANSWERS]
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        known = dict(zip(every, pool.map(walked, *zip(*every, strict=True)), strict=True))
+        if only_walks:
+            return {}
+        found = list(pool.map(predicted, *zip(*cases, strict=True)))
+    told = {}
+    for (person, answer), part in zip(cases, found, strict=True):
+        truth = {
+            walk["name"]: walk
+            for (whose, _), row in known.items()
+            if whose == person
+            for walk in row["walks"]
+            if walk["answer"] == answer
+        }
+        told[f"{person.lower()}_{answer}"] = {
+            "reached": reached(truth),
+            **part,
+            "truth": {name: walk["costs"] for name, walk in sorted(truth.items())},
+            "order": {cost: order(cost, truth, part) for cost in COSTS},
+        }
+    return told
 
 
 # The laboratory: walks, and what is true of them.
