@@ -36,7 +36,7 @@ from vsf_drake.tuning.problem import SettingOutcome, TrialTuning
 from vsf_drake.tuning.quantities import GIVEN_COSTS, GIVEN_OUTCOMES
 from vsf_drake.tuning.sweep import outcomes
 from vsf_drake.walks.answer import Answer, AnswerTable, answer_of, answer_sentences
-from vsf_drake.walks.between_settings import SETTING_M, half_width, settings_of
+from vsf_drake.walks.between_settings import SETTING_M, half_width, settings_of, spread_of
 from vsf_drake.walks.comparison import FORCE_CUTOFF_HZ, PERCENT
 from vsf_drake.walks.momentum import FIT_STEP_S, MomentumCorrection
 from vsf_drake.walks.prediction import LAYERS, PERSON, LayeredWalk, learned
@@ -114,11 +114,10 @@ class SettingTable:
         for name, quantity in TOLD.items():
             values = np.array([walk.loads[name] for walk in self.recorded])
             means = [float(values[own].mean()) for own in groups]
-            free = len(values) - len(groups)
+            within = spread_of(positions, values)
             spread = seen = None
-            if free:
-                within = np.concatenate([values[own] - values[own].mean() for own in groups])
-                spread = float(np.sqrt(np.sum(within**2) / free))
+            if within is not None:
+                spread = float(within)
                 seen = abs(means[-1] - means[0]) > half_width(positions, spread, shares)
             told.append(
                 LoadRow(

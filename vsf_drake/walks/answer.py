@@ -32,12 +32,13 @@ from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, orienta
 from vsf_drake.motion.trajectory import CoordinateTrajectory, columns_at, low_pass, spacing
 from vsf_drake.motion.trial import Trial
 from vsf_drake.plants.anthropometry import scale_body
-from vsf_drake.walks.between_settings import between_settings, half_width, settings_of
+from vsf_drake.walks.between_settings import between_settings, half_width, settings_of, spread_of
 from vsf_drake.walks.comparison import FORCE_CUTOFF_HZ
 from vsf_drake.walks.recorded_walk import labels_of
 
 SPACING = 0.008  # of the instants, in stances: some 6 ms
-MOST_BEFORE, MOST_AFTER = 0.4, 0.8
+MOST_BEFORE = 0.4
+MOST_AFTER = 0.8
 """Stances before the strike and after lift-off that are told at most: a gait cycle and a little."""
 FLAT = (0.2, 0.6)  # shares of stance in which the foot stands flat, where walks are laid together
 LEG_ANGLES = tuple(
@@ -54,7 +55,8 @@ LEG_ANGLES = tuple(
 )
 """By which an answer is judged: what is recorded of both legs in three dimensions."""
 SEEN = 1.5  # times what chance makes, above which an answer is more than chance (a choice)
-MIXED_SPEEDS, OTHER_SPEED = 0.15, 0.04
+MIXED_SPEEDS = 0.15
+OTHER_SPEED = 0.04
 """Shares of the mean speed: walks that differ from it by the first are of another speed (error),
 settings whose means differ by the second answer speed too (sentence). Choices: a person's own walks
 differ by 2 %, and 10 % of speed move joint angles as much as a setting does."""
@@ -154,11 +156,8 @@ class Answer:
         return between_settings(self.fulcrum_m, self.values, fulcrum_m)
 
     def spread_of(self, values: np.ndarray) -> np.ndarray | None:
-        """(...) standard deviation between walks of one setting, pooled over settings, of numbers
-        (walks, ...); None where no setting was walked twice."""
-        free = len(values) - len(self.settings)
-        within = [values[own] - values[own].mean(axis=0) for own in self.settings]
-        return np.sqrt(np.sum(np.concatenate(within) ** 2, axis=0) / free) if free else None
+        """`between_settings.spread_of` these walks."""
+        return spread_of(self.fulcrum_m, values)
 
     def half_width(self, values: np.ndarray, fulcrum_m: float) -> float | None:
         """Of the 95 % interval of what one number of the walks (walks,) is at a setting, by their

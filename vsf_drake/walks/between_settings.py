@@ -27,6 +27,15 @@ def between_settings(positions_m: np.ndarray, curves: np.ndarray, fulcrum_m: flo
     return np.asarray(interp1d(places, means, axis=0)(np.clip(fulcrum_m, places[0], places[-1])))
 
 
+def spread_of(positions_m: np.ndarray, values: np.ndarray) -> np.ndarray | None:
+    """(...) standard deviation between walks of one setting, pooled over settings, of numbers
+    (walks, ...); None where no setting was walked twice."""
+    settings = settings_of(positions_m)
+    free = len(values) - len(settings)
+    within = [values[own] - values[own].mean(axis=0) for own in settings]
+    return np.sqrt(np.sum(np.concatenate(within) ** 2, axis=0) / free) if free else None
+
+
 def half_width(positions_m: np.ndarray, spread: float, shares: np.ndarray) -> float:
     """Of the 95 % interval of a sum of walks' numbers by their shares (n,) in it, for the spread
     between walks of one setting that these walks (n,) tell: Student's t, which of few walks is
