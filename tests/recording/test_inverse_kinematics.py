@@ -19,6 +19,7 @@ from vsf_drake.recording import inverse_kinematics as ik
 
 TIME = np.arange(40) / 50.0
 ANGLES = walking_angles(TIME)
+PARTS = ("angle", "adduction", "rotation")
 KNEE = COORDINATES.index("knee_angle_r")
 LABEL_SET = "rajagopal"
 
@@ -57,6 +58,22 @@ def solve(recording, side="right", label_set=LABEL_SET):
         cutoff_hz=None,
         longest_gap_s=0.1,
     )
+
+
+def test_a_foot_whose_markers_do_not_show_its_roll_takes_what_its_own_pose_has():
+    person = Person(ankle_height=(0.045, 0.045))
+    straight = {name: value for name, value in ANGLES.items() if not name.startswith("ankle_")}
+    exact = markers(straight, person, label_set="plug_in_gait", medial=False)
+    motion, at_limit = ik.solve_inverse_kinematics(
+        recording_of(exact, rate_hz=50.0),
+        true_calibration(person, "plug_in_gait"),
+        ModelParameters(),
+        cutoff_hz=None,
+        longest_gap_s=0.1,
+    )
+    ankles = [motion.names.index(f"ankle_{part}_{s}") for part in PARTS for s in "rl"]
+    np.testing.assert_allclose(motion.values[:, ankles], 0.0, atol=1e-3)
+    assert not at_limit
 
 
 def skeleton(side="right"):

@@ -175,9 +175,16 @@ def _segment(name: str, posture: Posture, anatomy: Anatomy) -> SegmentMarkers:
     }
     labels = tuple(label for label, p_BM in local.items() if np.isfinite(p_BM).all())
     parent = PARENTS[name]
-    p_PB = np.zeros(3) if parent is None else _average(p - anatomy.p_W[parent], anatomy.R_W[parent])
+    p_PB = np.zeros(3)
+    y_PB = np.array([0.0, 1.0, 0.0])
+    if parent is not None:
+        p_PB = _average(p - anatomy.p_W[parent], anatomy.R_W[parent])
+        y_PB = _average(R[..., :, 1], anatomy.R_W[parent])
     return SegmentMarkers(
-        labels=labels, p_BM=np.array([local[label] for label in labels]).reshape(-1, 3), p_PB=p_PB
+        labels=labels,
+        p_BM=np.array([local[label] for label in labels]).reshape(-1, 3),
+        p_PB=p_PB,
+        y_PB=y_PB,
     )
 
 

@@ -371,7 +371,8 @@ def track(
     calibration's session.
 
     A segment with fewer than three markers of its own, or with markers near one line, takes the
-    centre of its proximal joint, as its parent's pose has it, for one more; the notes say so.
+    centre of its proximal joint, as its parent's pose has it, for one more; the notes say so. A
+    foot near one line with it (`segments.rolls_with_shank`) takes its roll from the shank too.
     `cutoff_hz` is that of the fourth-order zero-phase Butterworth filter on the markers, None if
     they are filtered; for `longest_gap_s` see `fill_gaps`. Refused where gaps cannot be filled, or
     the markers are not those of the calibration (another person or unit, exchanged or moved)."""
