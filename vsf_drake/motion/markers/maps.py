@@ -113,11 +113,12 @@ class MarkerMap:
 
     def translate(self, labels: Iterable[str], file: str | Path | None = None) -> dict[str, str]:
         """The map's spelling of each label, letter case and punctuation too where that is
-        unambiguous; refused where two become one."""
+        unambiguous; refused where two become one. A marker that lies in a plane is so by its exact
+        name alone: any other thigh marker may be called R_Thigh."""
         known = self.places()
         folded: dict[str, list[str]] = {}
-        for label in known:
-            for form in {label.casefold(), _letters(label)}:
+        for label, place in known.items():
+            for form in {label.casefold(), label if "_plane" in place else _letters(label)}:
                 folded.setdefault(form, []).append(label)
         stripped = {
             label: label.rsplit(":", 1)[-1]
@@ -273,7 +274,7 @@ def _block(role: str) -> tuple[str, str]:
 
 
 # least similarity (difflib's ratio) of a label to a known spelling for a guess (a choice)
-ALIKE = 0.75
+ALIKE = 0.8
 COMPUTED = re.compile(
     # axes of Plug-in Gait's segments: docs.vicon.com/display/Nexus215/Plug-in+Gait+bones
     r"([lr](fe|ti|fo|to|cl|hu|ra|hn)|pel|hed|trx|csp|sac)[opal]"
@@ -286,14 +287,14 @@ WORDS = {
     for role, words in {
         "asis": "asis asi ias iliacanterior fwt",
         "psis": "psis psi ips iliacposterior bwt",
-        "trochanter": "trochanter troc gtr gtro gt ftc",
+        "trochanter": "trochanter troc gtr gtro gt ftc ft",
         "knee_medial": (
             "kneemed kneem kneeint kneein medknee medialknee mknee femmed condylemed medcon fme "
-            "mek mke mfc mfe knm mkn me"
+            "mek mke mfc mfe mepi knm mkn me"
         ),
         "knee_lateral": (
             "kneelat kneel kneeext kneeout latknee lateralknee lknee femlat condylelat latcon knee "
-            "fle lek lke lfc lfe kne le"
+            "fle lek lke lfc lfe lepi kne le"
         ),
         "ankle_medial": (
             "anklemed anklem ankleint anklein medankle mankle malmed medmal mmal tam med mm"
@@ -306,9 +307,12 @@ WORDS = {
         "toe": "mt2 met2 mth2 2mt 2met 2mth fm2 fmt2 meta2 2meta smh sm",
         "met1": "mt1 met1 mth1 1mt 1met 1mth fm1 fmt1 meta1 1meta fmh fm toein toemed first",
         "met5": "mt5 met5 mth5 5mt 5met 5mth fm5 fmt5 meta5 5meta vmh vm toeout toelat fifth",
-        "thigh": "thigh th femur fem lthi thi tht",
-        "shank": "shank sh sk lsha tibia tib calf leg fax ttc shin shn fibula hf fh tt tb ati",
-        "foot": "foot midfoot heellat heelmed calclat calcmed latfoot nav p5mt",
+        "thigh": "thigh th femur fem lthi thi thap thad thlp thld",
+        "shank": (
+            "shank sh1 sh2 sh3 sh4 sk lsha tibia tib calf leg fax ttc shin shn fibula hf fh tt tb "
+            "ati tiap tiad tilat"
+        ),
+        "foot": "foot midfoot heellat heelmed calclat calcmed latfoot nav mfs mfl p1mt p5mt",
         "sacrum": "sacrum sacral sacr sac vsacral",
         "head_top": "tophead headtop vertex thead",
         "pelvis": "iliaccrest crest pelvis ilium",
@@ -471,8 +475,8 @@ def _role(word: str) -> str | None:
         or (word.startswith(form) and len(form) > SHORT)
         or (role in SIDED_CLUSTERS and re.fullmatch(rf"{form}\d+", word))
     ]
-    if starts:
-        return max(starts)[1]
+    if starts or len(word) <= SHORT:
+        return max(starts)[1] if starts else None
     long = [form for form in forms if len(form) > SHORT]
     close = difflib.get_close_matches(word, long, n=1, cutoff=ALIKE)
     return forms[close[0]] if close else None
