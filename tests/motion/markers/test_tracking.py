@@ -2,6 +2,7 @@
 refused by name."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -240,6 +241,47 @@ def test_markers_exchanged_throughout_are_named(session, a, b):
         InputError, match=rf"markers {a} and {b} are exchanged with respect to the standing trial"
     ):
         track(exchanged(walk, a, b, 0, walk.frames), calibration)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "stop"),
+    [("R.Thigh.Upper", "L.Thigh.Upper", None), ("R.Midfoot.Sup", "R.Midfoot.Lat", 80)],
+)
+def test_an_exchanged_pair_of_clusters_can_be_left_out_of_the_map_as_the_message_says(
+    shared_data, a, b, stop
+):
+    """Without it the angles are those of the right walk without it."""
+    folder = shared_data / "opensim_core" / "gait2354"
+    person = PersonFacts(mass_kg=72.6, stature_m=1.803, sex="male", prosthetic_side="right")
+    standing = read_trial(folder / "subject01_static.trc")
+    right = read_trial(folder / "subject01_walk1.trc")
+    rajagopal = load_marker_map("rajagopal")
+    wrong = exchanged(right, a, b, 60 if stop else 0, stop or right.frames)
+    with pytest.raises(InputError) as refused:
+        track(wrong, calibrate(standing, rajagopal, person))
+    advised = re.search(r"or leave (.*) and (.*) out of the marker map", str(refused.value))
+    assert advised and {*advised.groups()} == {a, b}
+    fewer = dataclasses.replace(
+        rajagopal,
+        clusters={
+            name: tuple(label for label in labels if label not in (a, b))
+            for name, labels in rajagopal.clusters.items()
+        },
+    )
+    calibration = calibrate(standing, fewer, person)
+    np.testing.assert_array_equal(
+        track(wrong, calibration).values, track(right, calibration).values
+    )
+
+
+@pytest.mark.parametrize("a, b", [("R.ASIS", "V.Sacral"), ("R.Shank.Upper", "R.Shank.Front")])
+def test_a_joint_centres_markers_and_two_of_a_shanks_three_are_not_advised_to_be_left_out(
+    session, a, b
+):
+    walk, calibration = session
+    with pytest.raises(InputError, match="are exchanged with respect to the standing") as refused:
+        track(exchanged(walk, a, b, 0, walk.frames), calibration)
+    assert "leave" not in str(refused.value)
 
 
 @pytest.mark.parametrize(

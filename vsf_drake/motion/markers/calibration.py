@@ -162,6 +162,7 @@ def calibrate(
         lengths,
         method,
         tuple(notes),
+        tuple(used - {*posture.labelled.roles.values()}),
     )
 
 
@@ -435,31 +436,32 @@ def _check_segments(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
             ("shank", "knee_lateral", "ankle_lateral"),
         )
     }
-    for segment, span in ends.items():
+    astray: dict[str, tuple[str, str, dict[str, float]]] = {}
+    for segment in ends:
         for label in posture.labelled.segments[segment]:
-            away = (
-                {
-                    name: float(
-                        np.nanmedian(
-                            from_line(posture.points[label], *map(posture.needed, line))[0]
-                        )
-                    )
-                    for name, line in ends.items()
-                }
-                if label in posture.points
-                else {segment: 0.0}
-            )
+            if label not in posture.points:
+                continue
+            away = {
+                name: float(
+                    np.nanmedian(from_line(posture.points[label], *map(posture.needed, line))[0])
+                )
+                for name, line in ends.items()
+            }
             nearest = min(away, key=lambda name: away[name])
             if away[segment] > away[nearest] + ASTRAY_M:
-                refuse(
-                    f"{label} lies {1e3 * away[nearest]:.0f} mm from the {_words(nearest)} and "
-                    f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map "
-                    "gives it",
-                    labels=list(
-                        dict.fromkeys((label, *(posture.labelled.roles[role] for role in span)))
-                    ),
-                    right=f"Check {label} and the markers that span this segment",
-                )
+                astray[label] = segment, nearest, away
+    if not astray:
+        return
+    label, (segment, nearest, away) = next(iter(astray.items()))
+    spare = not {*astray} & {*posture.labelled.roles.values()}
+    refuse(
+        f"{label} lies {1e3 * away[nearest]:.0f} mm from the {_words(nearest)} and "
+        f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map gives it",
+        *ends[segment],
+        labels=list(astray),
+        right=f"Check {' and '.join(astray)} and the markers that span this segment"
+        + (f", or leave {' and '.join(astray)} out of the marker map" if spare else ""),
+    )
 
 
 def _check_proportions(lengths_m: dict[str, float], posture: Posture, file: str | Path) -> None:

@@ -339,13 +339,13 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
             failing.append((known, marker_map, error))
     where = "marker_map (--map)"
     if not fitting:
-        known, nearest, error = max(failing, key=lambda one: one[0])
+        known, nearest, why = max(failing, key=lambda one: one[0])
         raise InputError(
             "no shipped marker map fits its labels. The nearest, "
-            f"{nearest.name}, knows {known} of the {len(recording.markers)}: {error.what}",
+            f"{nearest.name}, knows {known} of the {len(recording.markers)}: {why.what}",
             file=recording.path,
             where=where,
-            right=error.right,
+            right=why.right,
         )
     most = max(known for known, _, _ in fitting)
     best = [(marker_map, markers) for known, marker_map, markers in fitting if known == most]
@@ -450,16 +450,16 @@ def _sides(label: str) -> list[tuple[str, str]]:
     stands apart in front ("L_Thigh_Rear"), else one that does at the end, counts alone."""
     parts = [part for part in re.split(r"[\W_]+", label.casefold()) if part]
     marks = [*zip(SIDES, SIDES, strict=True), *zip(SIDES, "rl", strict=True)]
-    for end, rest in ((0, parts[1:]), (-1, parts[:-1])):
-        apart = [(side, "".join(rest)) for side, mark in marks if parts[end:][:1] == [mark]]
+    for end, others in ((0, parts[1:]), (-1, parts[:-1])):
+        apart = [(side, "".join(others)) for side, mark in marks if parts[end:][:1] == [mark]]
         if apart:
             return apart
     word = "".join(parts)
     return [
-        (side, rest)
+        (side, without(word, mark))
         for without in (str.removeprefix, str.removesuffix)
         for side, mark in marks
-        if (rest := without(word, mark)) != word
+        if without(word, mark) != word
     ]
 
 

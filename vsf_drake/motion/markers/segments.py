@@ -66,6 +66,7 @@ class Calibration:
     lengths_m: dict[str, float]  # for the report: thigh_right, ankle_height_left, hip_width, ...
     method: tuple[str, ...] = ()  # sentences on how each joint centre and axis was found
     notes: tuple[str, ...] = ()  # sentences on what was assumed or looks doubtful
+    spare: tuple[str, ...] = ()  # labels of clusters, with which no joint centre or axis was found
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,6 +239,17 @@ def rolls_with_shank(segment: str, p_BM: np.ndarray) -> bool:
         and needs_joint_centre(p_BM)
         and cluster_width(np.vstack([p_BM, np.zeros(3)])) < NARROW_M
     )
+
+
+def without(
+    segments: Mapping[str, SegmentMarkers], spare: Collection[str], labels: Collection[str]
+) -> str:
+    """The end of an advice: to leave `labels` out of the map, where they are `spare` ones and their
+    segments are determined without them; else nothing."""
+    left = {name: subset(s, {*s.labels} - {*labels}) for name, s in segments.items()}
+    if not {*labels} <= {*spare} or not all(determines(name, s.p_BM) for name, s in left.items()):
+        return ""
+    return f", or leave {' and '.join(labels)} out of the marker map"
 
 
 def subset(markers: SegmentMarkers, labels: Collection[str]) -> SegmentMarkers:

@@ -8,7 +8,7 @@ is zeroed. Segments may come apart at the joints, by what skin motion and wrong 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, permutations
 from pathlib import Path
@@ -406,9 +406,9 @@ def smooth_poses(
     )
     markers = filled.markers
     _check_scale(filled)
-    _check_jumps(filled)
+    _check_jumps(filled, calibration.spare)
     poses = rigid.segment_poses(filled.segments, markers)
-    _check_swaps(filled, poses)
+    _check_swaps(filled, poses, calibration.spare)
     _check_places(filled, poses)
     if cutoff_hz is not None:
         smooth = low_pass(
@@ -630,7 +630,7 @@ RELABEL = "Correct the labels in the capture software"
 Exchange = tuple[tuple[str, str], ...]  # pairs of labels, no label twice
 
 
-def _check_jumps(filled: FilledMarkers) -> None:
+def _check_jumps(filled: FilledMarkers, spare: Collection[str]) -> None:
     """Refuses a marker that is somewhere else from one seen frame to the next; names two that
     exchange places."""
     jumps = []
@@ -652,7 +652,7 @@ def _check_jumps(filled: FilledMarkers) -> None:
             raise InputError(
                 f"markers {label} and {other} exchange places at {times[frame]:.3f} s",
                 file=filled.path,
-                right=RELABEL,
+                right=RELABEL + rigid.without(filled.segments, spare, (label, other)),
             )
     raise InputError(
         f"marker {label} jumps by {1e3 * step_m:.0f} mm at {times[frame]:.3f} s, faster than "
@@ -662,7 +662,9 @@ def _check_jumps(filled: FilledMarkers) -> None:
     )
 
 
-def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None:
+def _check_swaps(
+    filled: FilledMarkers, poses: Mapping[str, RigidPoses], spare: Collection[str]
+) -> None:
     """Refuses markers whose exchange, of one pair or of two, explains why some frames do not
     fit."""
     segments = filled.segments
@@ -727,17 +729,18 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
     listed = ", ".join(f"{label} {before:.0f} to {now:.0f}" for now, before, label in changes)
     shown = f"; if undone, residuals change (mm RMS): {listed}"
     frames = suspect[explained]
+    left_out = rigid.without(segments, spare, [label for pair in exchange for label in pair])
     require(
         frames.size <= SWAPPED_THROUGHOUT * len(filled.time_s),
         f"markers {_words(exchange)} are exchanged with respect to the standing trial{shown}",
-        right="Correct the labels in one of the two files",
+        right=f"Correct the labels in one of the two files{left_out}",
         file=filled.path,
     )
     raise InputError(
         f"markers {_words(exchange)} exchange places at {filled.time_s[frames[0]]:.3f} s (for "
         f"{frames.size} frames in all){shown}",
         file=filled.path,
-        right=RELABEL,
+        right=RELABEL + left_out,
     )
 
 
