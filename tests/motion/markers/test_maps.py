@@ -129,6 +129,26 @@ def test_labels_of_public_marker_sets_are_guessed(name):
         assert found[label][0] == meant[label][0]
 
 
+def test_a_side_apart_in_front_wins_and_the_side_of_a_heel_is_not_its_rear():
+    labels = [
+        "R_HEEL_LAT",
+        "R_HEEL_SUP",
+        "L_GT",
+        "L_Thigh_Rear",
+        "L_Heel_R",
+        "LTIL",
+        "RTIA",
+        "LFOO",
+    ]
+    started = read_map(suggest_map(labels))
+    assert started.roles == {
+        "heel_right": ("R_HEEL_SUP",),
+        "heel_left": ("L_Heel_R",),
+        "trochanter_left": ("L_GT",),
+    }
+    assert started.clusters == {"foot_right": ("R_HEEL_LAT",), "thigh_left": ("L_Thigh_Rear",)}
+
+
 APART = ("camargo", "gait2354", "fukuchi_running", "cast")
 
 

@@ -85,6 +85,19 @@ def test_a_foot_of_markers_on_a_line_with_its_ankle_keeps_the_line_and_rolls_wit
         assert np.abs(R[:, :, 1] - across).max() > 0.02, "the ankle's own roll is not seen"
 
 
+def test_a_foot_that_rolls_with_its_shank_is_level_in_the_posture_of_the_standing_trial():
+    """Legs apart on level soles: each ankle is adducted by what its hip is abducted."""
+    person = Person(ankle_height=(0.045, 0.045))
+    apart = {f"hip_adduction_{s}": -0.1 for s in "rl"} | {f"ankle_adduction_{s}": 0.1 for s in "rl"}
+    facts = PersonFacts(mass_kg=80.0, stature_m=1.75, sex="male", prosthetic_side="right")
+    standing = recording_of(markers(apart, person, label_set="plug_in_gait", frames=100))
+    calibration = calibrate(standing, load_marker_map("plug_in_gait"), facts)
+    R_W, _ = orientations_of(track(standing, calibration).values)
+    for side in ("right", "left"):
+        np.testing.assert_allclose(R_W[f"foot_{side}"][:, 2, 1], 0.0, atol=1e-3)
+        assert np.abs(R_W[f"shank_{side}"][:, 2, 1]).min() > 0.05
+
+
 @pytest.mark.parametrize("below_m", [0.0, 0.003, 0.006, 0.009, 0.012])
 def test_plug_in_gait_with_heel_toe_and_ankle_at_a_height_loses_the_intact_foots_roll_alone(
     below_m,
