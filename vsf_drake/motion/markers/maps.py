@@ -276,12 +276,11 @@ def _block(role: str) -> tuple[str, str]:
 # least similarity (difflib's ratio) of a label to a known spelling for a guess (a choice)
 ALIKE = 0.8
 COMPUTED = re.compile(
-    # axes of Plug-in Gait's segments: docs.vicon.com/display/Nexus215/Plug-in+Gait+bones
-    r"([lr](fe|ti|fo|to|cl|hu|ra|hn)|pel|hed|trx|csp|sac)[opal]"
-    # joint centres, and points projected on the floor
-    r"|.*([hka]jc|jointcent|proj).*"
+    r"^([lr](fe|ti|fo|to|cl|hu|ra|hn)|pel|hed|trx|csp|sac)[opal]$|jc$|[hka]jc|jointcent|proj"
 )
-"""Letters of points that a program adds to the markers, not guessed for anything."""
+"""In the letters of points that a program adds to the markers, not guessed for anything: axes of
+Plug-in Gait's segments (docs.vicon.com/display/Nexus215/Plug-in+Gait+bones), joint centres, and
+points projected on the floor."""
 WORDS = {
     role: tuple(words.split())
     for role, words in {
@@ -433,7 +432,7 @@ def _line(role: str, sure: list[str], maybe: list[str]) -> str:
 
 def _guess(label: str) -> tuple[str, str] | None:
     word = _letters(label)
-    if COMPUTED.fullmatch(word):
+    if COMPUTED.search(word):
         return None
     for role in ("sacrum", "head_top"):
         if word in WORDS[role]:
