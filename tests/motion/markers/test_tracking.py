@@ -113,6 +113,16 @@ def test_plug_in_gait_with_heel_toe_and_ankle_at_a_height_loses_the_intact_foots
         assert roll < most_deg and max(others) < 0.1
 
 
+@pytest.mark.parametrize("below_m", [0.0, 0.012])
+def test_heel_and_toe_exchanged_on_a_foot_that_rolls_with_its_shank_are_named(below_m):
+    """On a line the foot fits the exchange to 25 mm, upside down."""
+    standing, walk, _ = flat_feet(below_m)
+    pig = load_marker_map("plug_in_gait")
+    wrong = exchanged(prepared(walk, pig), "RHEE", "RTOE", 0, walk.frames)
+    with pytest.raises(InputError, match="markers RHEE and RTOE are exchanged"):
+        track(wrong, calibrate(standing, pig, PERSON))
+
+
 def test_skin_motion_hardly_turns_a_foot_that_rolls_with_its_shank():
     """At 12 mm from the line 3 mm of skin turn a foot by 14 degrees if the ankle centre says its
     roll."""

@@ -668,7 +668,7 @@ def _check_swaps(
     """Refuses markers whose exchange, of one pair or of two, explains why some frames do not
     fit."""
     segments = filled.segments
-    errors = _errors(segments, filled.markers, poses)
+    errors = _errors(segments, poses)
     apart = {name for name, error in errors.items() if error[:, 0].max() > LOST_JOINT_M}
     involved = {name for name, error in errors.items() if error[:, 1:].max() > SWAP_M} | apart
     suspect = np.flatnonzero(
@@ -756,7 +756,7 @@ class _PoseSearch:
         markers = self.markers | {
             a: self.markers[b] for pair in exchange for a, b in permutations(pair)
         }
-        return _errors(self.segments, markers, rigid.segment_poses(self.segments, markers))
+        return _errors(self.segments, rigid.segment_poses(self.segments, markers))
 
     def explains(self, exchange: Exchange) -> np.ndarray:
         """(n,) bool, whether it halves what its own segments and their joints leave, to less than
@@ -782,25 +782,21 @@ class _PoseSearch:
 
 
 def _errors(
-    segments: Mapping[str, SegmentMarkers],
-    markers: Mapping[str, np.ndarray],
-    poses: Mapping[str, RigidPoses],
+    segments: Mapping[str, SegmentMarkers], poses: Mapping[str, RigidPoses]
 ) -> dict[str, np.ndarray]:
-    """By segment, (n, 1 + k) m: how far it is from its joint (zero for the pelvis), then its
-    markers from its pose."""
-    frames = len(next(iter(markers.values())))
-    return {
-        name: np.nan_to_num(
-            np.column_stack(
-                [
-                    _joint_gaps(name, segment, poses) if PARENTS[name] else np.zeros(frames),
-                    poses[name].residual_m[:, : len(segment.labels)],
-                ]
-            ),
-            nan=LOST_M,
-        )
-        for name, segment in segments.items()
-    }
+    """By segment, (n, 1 + k) m: how far it is from its joint (zero for the pelvis; `LOST_M` for a
+    foot upside down under its shank, as its markers on a line fit by turning), then its markers
+    from its pose."""
+    errors = {}
+    for name, segment in segments.items():
+        parent = PARENTS[name]
+        gaps = _joint_gaps(name, segment, poses) if parent else np.zeros(len(poses[name].known))
+        if parent and name.startswith("foot"):
+            upright = np.sum(poses[name].R_WB[:, :, 2] * poses[parent].R_WB[:, :, 2], axis=1)
+            gaps = np.where(upright < 0.0, LOST_M, gaps)
+        residuals = poses[name].residual_m[:, : len(segment.labels)]
+        errors[name] = np.nan_to_num(np.column_stack([gaps, residuals]), nan=LOST_M)
+    return errors
 
 
 def _partners(
