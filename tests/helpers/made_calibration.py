@@ -35,7 +35,12 @@ def true_calibration(
                 labels[segment].append(label)
                 places[segment].append(p_BM)
     segments = {
-        name: SegmentMarkers(tuple(labels[name]), np.array(places[name]), _origin(person, name))
+        name: SegmentMarkers(
+            tuple(labels[name]),
+            np.array(places[name]),
+            _origin(person, name),
+            np.array([0.0, 1.0, 0.0]),
+        )
         for name in SEGMENTS
     }
     subject = Subject(

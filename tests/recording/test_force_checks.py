@@ -233,6 +233,18 @@ def test_a_centre_of_pressure_that_begins_beside_the_heel_is_doubted_by_how_far(
     assert force_checks.strike(foot, cop, [Stance(0.5, 1.2, start_seen=False)]) is None
 
 
+def test_a_roll_from_the_shank_is_wrong_by_how_the_sole_leans_either_way_at_foot_flat():
+    tilt = np.radians(np.where(TIME < TIME.mean(), 3.0, -3.0))
+    left_W = np.stack([np.zeros(len(TIME)), np.cos(tilt), np.sin(tilt)], axis=1)
+    foot = dataclasses.replace(made_foot(), left_W=left_W, prosthetic=False)
+    half = len(TIME) // 2
+    flats = {1: np.arange(half - 20, half), 2: np.arange(half, half + 20)}
+    check = force_checks.roll_from_shank(foot, flats, ("LHEE", "LTOE"))
+    assert check.value == pytest.approx(3.0) and check.mark == "doubtful"
+    untold = force_checks.roll_from_shank(foot, {}, ("LHEE", "LTOE"))
+    assert untold.value is None and "cannot be told" in untold.sentence
+
+
 @pytest.mark.parametrize(
     ("side", "left_up_deg", "value", "mark"),
     [

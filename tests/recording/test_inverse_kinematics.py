@@ -5,6 +5,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from flat_feet import PERSON, flat_feet
 from made_calibration import true_calibration
 from made_person import Person, label_of, markers, poses, recording_of, walking_angles
 from pydrake.multibody.plant import MultibodyPlant
@@ -13,7 +14,11 @@ from scipy.optimize import least_squares
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import ModelParameters
-from vsf_drake.motion.markers.joints import COORDINATES
+from vsf_drake.motion.markers.calibration import calibrate
+from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
+from vsf_drake.motion.markers.maps import load_marker_map
+from vsf_drake.motion.markers.posture import prepared
+from vsf_drake.motion.markers.tracking import smooth_poses
 from vsf_drake.plants.person import add_person
 from vsf_drake.recording import inverse_kinematics as ik
 
@@ -56,6 +61,22 @@ def solve(recording, side="right", label_set=LABEL_SET):
         ModelParameters(),
         cutoff_hz=None,
         longest_gap_s=0.1,
+    )
+
+
+def test_a_foot_whose_markers_do_not_show_its_roll_is_solved_with_that_of_its_own_pose():
+    standing, walk, _ = flat_feet(0.0)
+    pig = load_marker_map("plug_in_gait")
+    walk = dataclasses.replace(walk, markers={m: x[:8] for m, x in walk.markers.items()})
+    walk = prepared(walk, pig)
+    made_one = calibrate(standing, pig, PERSON)
+    options = {"cutoff_hz": None, "longest_gap_s": 0.1}
+    motion, at_limit = ik.solve_inverse_kinematics(walk, made_one, ModelParameters(), **options)
+    _, _, own, _ = smooth_poses(walk, made_one, **options)
+    R_W, _ = orientations_of(motion.values)
+    assert not at_limit
+    np.testing.assert_allclose(
+        R_W["foot_left"][:, 2, 1], own["foot_left"].R_WB[:, 2, 1], atol=np.radians(1.0)
     )
 
 

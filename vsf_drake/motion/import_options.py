@@ -50,7 +50,7 @@ class ImportOptions(TrialOptions):
     person: PersonFacts
     marker_map: str | None = option(
         None,
-        "Marker map: plug_in_gait, rajagopal, ior or a file. Default: the best fit.",
+        "Marker map: plug_in_gait, rajagopal, ior, opencap or a file. Default: the best fit.",
         flag="--map --marker-map",
     )
     """a shipped map's name or a file; None: the one that fits the labels best"""

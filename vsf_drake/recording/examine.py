@@ -24,7 +24,7 @@ from vsf_drake.motion.events import (
 from vsf_drake.motion.formats.recording import SIDES, os_to_world
 from vsf_drake.motion.markers.joints import orientations_of
 from vsf_drake.motion.markers.posture import NOTE
-from vsf_drake.motion.markers.segments import TrackedMotion
+from vsf_drake.motion.markers.segments import TrackedMotion, rolls_with_shank, subset
 from vsf_drake.motion.trajectory import CoordinateTrajectory, columns_at
 from vsf_drake.motion.trial import RecordingMark, Trial, on_the_belt
 from vsf_drake.recording import (
@@ -143,6 +143,7 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
             else None
         )
         checks += force_checks.foot_checks(foot, flats[side], cop, heading_rad=heading_rad)
+        checks.append(_roll_from_shank(trial, foot, flats[side]))
         if foot.prosthetic:
             checks += [
                 force_checks.sole_roll(
@@ -362,6 +363,18 @@ def _foot_length(trial: Trial) -> Check | None:
     return motion_checks.foot_length(
         recorded, trial.model.foot.length_m, intact=trial.calibration is None
     )
+
+
+def _roll_from_shank(
+    trial: Trial, foot: FootMotion, flats: Mapping[int, np.ndarray]
+) -> Check | None:
+    if trial.tracked is None or trial.calibration is None:
+        return None
+    name = f"foot_{foot.side}"
+    markers = subset(trial.calibration.segments[name], trial.tracked.residual_rms_m)
+    if not rolls_with_shank(name, markers.p_BM):
+        return None
+    return force_checks.roll_from_shank(foot, flats, markers.labels)
 
 
 def _markers(trial: Trial) -> list[Check | None]:

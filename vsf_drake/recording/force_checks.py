@@ -411,6 +411,27 @@ def sole_angle(foot: FootMotion, rows: np.ndarray, number: int | None = None) ->
     )
 
 
+def roll_from_shank(
+    foot: FootMotion, flats: Mapping[int, np.ndarray], labels: Sequence[str]
+) -> Check:
+    """That a foot's own markers, `labels`, do not show its roll, and how wrong the shank's may be:
+    how far from level (root mean square, deg) it makes the sole at foot-flat; None where it never
+    stands flat. The prosthetic ankle is rigid, so that there the shank's is the foot's."""
+    value = None
+    if flats and foot.roll_rad is not None and not foot.prosthetic:
+        rolls = foot.roll_rad[np.concatenate(list(flats.values()))]
+        value = float(np.degrees(np.sqrt(np.mean(rolls**2))))
+    return _of(
+        foot,
+        "roll_from_shank",
+        "roll of the foot",
+        "good" if foot.prosthetic else "doubtful",
+        value,
+        "deg",
+        labels=labels,
+    )
+
+
 def sole_roll(
     foot: FootMotion,
     rows: np.ndarray,

@@ -37,6 +37,7 @@ from vsf_drake.motion.markers.segments import (
     RigidPoses,
     SegmentMarkers,
     TrackedMotion,
+    rolls_with_shank,
 )
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, LONGEST_GAP_S, describe, smooth_poses
 from vsf_drake.motion.trial import Trial, reaching_pelvis
@@ -64,6 +65,9 @@ LOW, HIGH = np.radians(
         for name in COORDINATES
     ]
 ).T
+BESIDE_M = np.array([0.0, 0.05, 0.0])
+"""In a foot's frame: what its own pose says of this point is one more marker of a foot whose
+markers do not show its roll, as far from them as the fifth metatarsal head is (a choice)."""
 MOST_EVALUATIONS = 100
 AT_LIMIT_RAD = 1e-4  # a solution this near to a limit lies on it
 STEP = 1e-5  # m, rad: central differences over it are exact to 1e-10
@@ -129,10 +133,20 @@ def solve_inverse_kinematics(
 
     Arguments as for `tracking.track`; the model's lengths enter the prosthetic leg.
     """
-    filled, markers, _, start = smooth_poses(
+    filled, markers, poses, start = smooth_poses(
         recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s
     )
-    skeleton = Skeleton(calibration, filled.segments, model)
+    segments = dict(filled.segments)
+    for name, segment in filled.segments.items():
+        if rolls_with_shank(name, segment.p_BM):
+            beside = f"beside the {name}"
+            markers = {**markers, beside: poses[name].points(BESIDE_M)}
+            segments[name] = dataclasses.replace(
+                segment,
+                labels=(*segment.labels, beside),
+                p_BM=np.vstack([segment.p_BM, BESIDE_M]),
+            )
+    skeleton = Skeleton(calibration, segments, model)
     seen = np.stack([markers[label] for label in skeleton.labels], axis=1)
     values = np.empty_like(start)
     for n, x in enumerate(seen):

@@ -4,6 +4,7 @@ markers."""
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping
 
 import made_person
@@ -296,6 +297,22 @@ def test_exchanged_markers_are_named(label_set, pairs, named):
         woman(exchanged, label_set)
     assert all(label in str(caught.value.where) for label in named) and caught.value.right
     woman(markers, label_set)
+
+
+@pytest.mark.parametrize("pair", [("RTH1", "LTH1"), ("RTH2", "RTB3"), ("LTB2", "RTB2")])
+def test_an_exchanged_pair_of_clusters_can_be_left_out_of_the_map_as_the_message_says(pair):
+    markers = standing_markers()
+    a, b = pair
+    wrong = markers | {a: markers[b], b: markers[a]}
+    with pytest.raises(InputError) as refused:
+        woman(wrong)
+    advised = re.search(r"or leave (.*) and (.*) out of the marker map", str(refused.value))
+    assert advised and {*advised.groups()} == {a, b}
+    left = {label: x for label, x in wrong.items() if label not in pair}
+    assert woman(left).lengths_m == pytest.approx(woman(markers).lengths_m, abs=1e-12)
+    with pytest.raises(InputError) as refused:
+        woman(markers | {"RLFC": markers["LTH1"], "LTH1": markers["RLFC"]})
+    assert "leave" not in str(refused.value)
 
 
 def test_what_cannot_be_a_standing_person_is_refused():

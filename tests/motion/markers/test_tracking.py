@@ -2,17 +2,21 @@
 refused by name."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
+from flat_feet import PERSON, flat_feet
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_calibration import true_calibration
 from made_person import Person, markers, poses, recording_of, walking_angles
+from scipy.spatial.transform import Rotation
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.markers.calibration import PersonFacts, calibrate
+from vsf_drake.motion.markers.joints import orientations_of
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.posture import prepared
 from vsf_drake.motion.markers.tracking import fill_gaps, track
@@ -48,7 +52,7 @@ def test_the_angles_that_the_markers_were_made_from_come_back(label_set, medial)
 
 @LABEL_SETS
 def test_feet_are_where_their_markers_put_them(label_set):
-    person = Person(heel_behind_ankle=0.05, foot=(0.25, 0.28), ankle_height=(0.075, 0.085))
+    person = Person(heel_behind_ankle=0.05, foot=(0.25, 0.28), ankle_height=(0.085, 0.095))
     motion = track(made(label_set, person), true_calibration(person, label_set), cutoff_hz=None)
     for side in ("right", "left"):
         R, p = poses(ANGLES, person)[f"foot_{side}"]
@@ -56,6 +60,84 @@ def test_feet_are_where_their_markers_put_them(label_set):
         np.testing.assert_allclose(motion.feet[side].heel_W, R @ heel + p, atol=1e-9)
         np.testing.assert_allclose(motion.feet[side].toe_W, R @ toe + p, atol=1e-9)
         np.testing.assert_allclose(motion.feet[side].ankle_W, p, atol=1e-9)
+
+
+def test_a_foot_of_markers_on_a_line_with_its_ankle_keeps_the_line_and_rolls_with_the_shank():
+    person = Person(ankle_height=(0.045, 0.045))
+    motion = track(
+        made("plug_in_gait", person), true_calibration(person, "plug_in_gait"), cutoff_hz=None
+    )
+    R_W, _ = orientations_of(motion.values)
+    for side in ("right", "left"):
+        truth = poses(ANGLES, person)
+        R, p = truth[f"foot_{side}"]
+        places = {role: person.points(side)[role][1] for role in ("heel", "toe")}
+        line = R @ (places["toe"] - places["heel"])
+        turned = R_W[f"foot_{side}"] @ (places["toe"] - places["heel"])
+        np.testing.assert_allclose(turned, line, atol=2e-4)
+        np.testing.assert_allclose(motion.feet[side].ankle_W, p, atol=2e-3)
+        # Across the line, as near to the shank's axis to the left as can be.
+        line /= np.linalg.norm(line, axis=1, keepdims=True)
+        left = truth[f"shank_{side}"][0][:, :, 1]
+        across = left - np.sum(left * line, axis=1, keepdims=True) * line
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        np.testing.assert_allclose(R_W[f"foot_{side}"][:, :, 1], across, atol=2e-3)
+        assert np.abs(R[:, :, 1] - across).max() > 0.02, "the ankle's own roll is not seen"
+
+
+def test_a_foot_that_rolls_with_its_shank_is_level_in_the_posture_of_the_standing_trial():
+    """Legs apart on level soles: each ankle is adducted by what its hip is abducted."""
+    person = Person(ankle_height=(0.045, 0.045))
+    apart = {f"hip_adduction_{s}": -0.1 for s in "rl"} | {f"ankle_adduction_{s}": 0.1 for s in "rl"}
+    facts = PersonFacts(mass_kg=80.0, stature_m=1.75, sex="male", prosthetic_side="right")
+    standing = recording_of(markers(apart, person, label_set="plug_in_gait", frames=100))
+    calibration = calibrate(standing, load_marker_map("plug_in_gait"), facts)
+    R_W, _ = orientations_of(track(standing, calibration).values)
+    for side in ("right", "left"):
+        np.testing.assert_allclose(R_W[f"foot_{side}"][:, 2, 1], 0.0, atol=1e-3)
+        assert np.abs(R_W[f"shank_{side}"][:, 2, 1]).min() > 0.05
+
+
+@pytest.mark.parametrize("below_m", [0.0, 0.003, 0.006, 0.009, 0.012])
+def test_plug_in_gait_with_heel_toe_and_ankle_at_a_height_loses_the_intact_foots_roll_alone(
+    below_m,
+):
+    """The error is a turn about the line; the prosthetic ankle is rigid, so there it is none."""
+    standing, walk, truth = flat_feet(below_m)
+    pig = load_marker_map("plug_in_gait")
+    motion = track(prepared(walk, pig), calibrate(standing, pig, PERSON), cutoff_hz=None)
+    R_W, _ = orientations_of(motion.values)
+    for side, most_deg in (("right", 0.1), ("left", 4.0)):
+        wrong = Rotation.from_matrix(truth[side].swapaxes(-1, -2) @ R_W[f"foot_{side}"])
+        roll, *others = np.abs(np.degrees(wrong.as_rotvec())).max(axis=0)
+        assert roll < most_deg and max(others) < 0.1
+
+
+@pytest.mark.parametrize("below_m", [0.0, 0.012])
+def test_heel_and_toe_exchanged_on_a_foot_that_rolls_with_its_shank_are_named(below_m):
+    """On a line the foot fits the exchange to 25 mm, upside down."""
+    standing, walk, _ = flat_feet(below_m)
+    pig = load_marker_map("plug_in_gait")
+    wrong = exchanged(prepared(walk, pig), "RHEE", "RTOE", 0, walk.frames)
+    with pytest.raises(InputError, match="markers RHEE and RTOE are exchanged"):
+        track(wrong, calibrate(standing, pig, PERSON))
+
+
+def test_skin_motion_hardly_turns_a_foot_that_rolls_with_its_shank():
+    """At 12 mm from the line 3 mm of skin turn a foot by 14 degrees if the ankle centre says its
+    roll."""
+    standing, walk, truth = flat_feet(0.012)
+    rng = np.random.default_rng(1)
+    time = walk.marker_time_s[:, None]
+    skin = {
+        label: x + 0.003 * np.sin(2 * np.pi * (time + rng.uniform(0, 1, 3)))
+        for label, x in walk.markers.items()
+    }
+    pig = load_marker_map("plug_in_gait")
+    walk = prepared(dataclasses.replace(walk, markers=skin), pig)
+    R_W, _ = orientations_of(track(walk, calibrate(standing, pig, PERSON)).values)
+    wrong = Rotation.from_matrix(truth["right"].swapaxes(-1, -2) @ R_W["foot_right"])
+    assert np.degrees(wrong.as_rotvec())[:, 0].std() < 1.5
 
 
 def test_skin_motion_shows_in_residual_and_cluster_motion_not_in_rigid_segments():
@@ -182,6 +264,47 @@ def test_markers_exchanged_throughout_are_named(session, a, b):
         InputError, match=rf"markers {a} and {b} are exchanged with respect to the standing trial"
     ):
         track(exchanged(walk, a, b, 0, walk.frames), calibration)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "stop"),
+    [("R.Thigh.Upper", "L.Thigh.Upper", None), ("R.Midfoot.Sup", "R.Midfoot.Lat", 80)],
+)
+def test_an_exchanged_pair_of_clusters_can_be_left_out_of_the_map_as_the_message_says(
+    shared_data, a, b, stop
+):
+    """Without it the angles are those of the right walk without it."""
+    folder = shared_data / "opensim_core" / "gait2354"
+    person = PersonFacts(mass_kg=72.6, stature_m=1.803, sex="male", prosthetic_side="right")
+    standing = read_trial(folder / "subject01_static.trc")
+    right = read_trial(folder / "subject01_walk1.trc")
+    rajagopal = load_marker_map("rajagopal")
+    wrong = exchanged(right, a, b, 60 if stop else 0, stop or right.frames)
+    with pytest.raises(InputError) as refused:
+        track(wrong, calibrate(standing, rajagopal, person))
+    advised = re.search(r"or leave (.*) and (.*) out of the marker map", str(refused.value))
+    assert advised and {*advised.groups()} == {a, b}
+    fewer = dataclasses.replace(
+        rajagopal,
+        clusters={
+            name: tuple(label for label in labels if label not in (a, b))
+            for name, labels in rajagopal.clusters.items()
+        },
+    )
+    calibration = calibrate(standing, fewer, person)
+    np.testing.assert_array_equal(
+        track(wrong, calibration).values, track(right, calibration).values
+    )
+
+
+@pytest.mark.parametrize("a, b", [("R.ASIS", "V.Sacral"), ("R.Shank.Upper", "R.Shank.Front")])
+def test_a_joint_centres_markers_and_two_of_a_shanks_three_are_not_advised_to_be_left_out(
+    session, a, b
+):
+    walk, calibration = session
+    with pytest.raises(InputError, match="are exchanged with respect to the standing") as refused:
+        track(exchanged(walk, a, b, 0, walk.frames), calibration)
+    assert "leave" not in str(refused.value)
 
 
 @pytest.mark.parametrize(

@@ -162,6 +162,7 @@ def calibrate(
         lengths,
         method,
         tuple(notes),
+        tuple(used - {*posture.labelled.roles.values()}),
     )
 
 
@@ -175,9 +176,16 @@ def _segment(name: str, posture: Posture, anatomy: Anatomy) -> SegmentMarkers:
     }
     labels = tuple(label for label, p_BM in local.items() if np.isfinite(p_BM).all())
     parent = PARENTS[name]
-    p_PB = np.zeros(3) if parent is None else _average(p - anatomy.p_W[parent], anatomy.R_W[parent])
+    p_PB = np.zeros(3)
+    y_PB = np.array([0.0, 1.0, 0.0])
+    if parent is not None:
+        p_PB = _average(p - anatomy.p_W[parent], anatomy.R_W[parent])
+        y_PB = _average(R[..., :, 1], anatomy.R_W[parent])
     return SegmentMarkers(
-        labels=labels, p_BM=np.array([local[label] for label in labels]).reshape(-1, 3), p_PB=p_PB
+        labels=labels,
+        p_BM=np.array([local[label] for label in labels]).reshape(-1, 3),
+        p_PB=p_PB,
+        y_PB=y_PB,
     )
 
 
@@ -428,31 +436,32 @@ def _check_segments(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
             ("shank", "knee_lateral", "ankle_lateral"),
         )
     }
-    for segment, span in ends.items():
+    astray: dict[str, tuple[str, str, dict[str, float]]] = {}
+    for segment in ends:
         for label in posture.labelled.segments[segment]:
-            away = (
-                {
-                    name: float(
-                        np.nanmedian(
-                            from_line(posture.points[label], *map(posture.needed, line))[0]
-                        )
-                    )
-                    for name, line in ends.items()
-                }
-                if label in posture.points
-                else {segment: 0.0}
-            )
+            if label not in posture.points:
+                continue
+            away = {
+                name: float(
+                    np.nanmedian(from_line(posture.points[label], *map(posture.needed, line))[0])
+                )
+                for name, line in ends.items()
+            }
             nearest = min(away, key=lambda name: away[name])
             if away[segment] > away[nearest] + ASTRAY_M:
-                refuse(
-                    f"{label} lies {1e3 * away[nearest]:.0f} mm from the {_words(nearest)} and "
-                    f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map "
-                    "gives it",
-                    labels=list(
-                        dict.fromkeys((label, *(posture.labelled.roles[role] for role in span)))
-                    ),
-                    right=f"Check {label} and the markers that span this segment",
-                )
+                astray[label] = segment, nearest, away
+    if not astray:
+        return
+    label, (segment, nearest, away) = next(iter(astray.items()))
+    spare = not {*astray} & {*posture.labelled.roles.values()}
+    refuse(
+        f"{label} lies {1e3 * away[nearest]:.0f} mm from the {_words(nearest)} and "
+        f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map gives it",
+        *ends[segment],
+        labels=list(astray),
+        right=f"Check {' and '.join(astray)} and the markers that span this segment"
+        + (f", or leave {' and '.join(astray)} out of the marker map" if spare else ""),
+    )
 
 
 def _check_proportions(lengths_m: dict[str, float], posture: Posture, file: str | Path) -> None:

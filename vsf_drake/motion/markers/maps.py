@@ -3,7 +3,7 @@
 A map is a YAML file with the blocks `right`, `left` and `middle`. Each gives roles (`asis`,
 `knee_lateral`, ...) one label or a list of spellings, and clusters (`pelvis`, `thigh`, ...) further
 markers that move with the segment. `prefix: any` strips whatever stands before a colon
-("Subject01:LASI"). Letter case counts only where it tells labels.
+("Subject01:LASI"). Letter case and punctuation count only where they tell labels.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ ROLES = {
     ),
 }
 """What a map's blocks may give labels to."""
-SHIPPED = ("plug_in_gait", "rajagopal", "ior")
+SHIPPED = ("plug_in_gait", "rajagopal", "ior", "opencap")
 Labels = tuple[str, ...]
 _Side, _Middle = (
     dataclasses.make_dataclass(
@@ -103,18 +103,23 @@ class MarkerMap:
     def name(self) -> str:
         return self.path.stem
 
-    def spellings(self) -> set[str]:
+    def places(self) -> dict[str, str]:
+        """Role or cluster by spelling."""
         return {
-            label for labels in (*self.roles.values(), *self.clusters.values()) for label in labels
+            label: place
+            for place, labels in (self.roles | self.clusters).items()
+            for label in labels
         }
 
     def translate(self, labels: Iterable[str], file: str | Path | None = None) -> dict[str, str]:
-        """The map's spelling of each label, letter case too where that is unambiguous; refused
-        where two become one."""
-        known = self.spellings()
+        """The map's spelling of each label, letter case and punctuation too where that is
+        unambiguous; refused where two become one. A marker that lies in a plane is so by its exact
+        name alone: any other thigh marker may be called R_Thigh."""
+        known = self.places()
         folded: dict[str, list[str]] = {}
-        for label in known:
-            folded.setdefault(label.casefold(), []).append(label)
+        for label, place in known.items():
+            for form in {label.casefold(), label if "_plane" in place else _letters(label)}:
+                folded.setdefault(form, []).append(label)
         stripped = {
             label: label.rsplit(":", 1)[-1]
             if self.prefix == "any"
@@ -124,12 +129,11 @@ class MarkerMap:
         present = set(stripped.values())
         owners: dict[str, str] = {}
         for label, bare in stripped.items():
-            alike = folded.get(bare.casefold(), [])
-            name = (
-                alike[0]
-                if len(alike) == 1 and bare not in known and alike[0] not in present
-                else bare
-            )
+            alike = folded.get(bare.casefold()) or folded.get(_letters(bare), [])
+            one_place = len({known[spelling] for spelling in alike}) == 1
+            name = bare
+            if one_place and bare not in known and not present & {*alike}:
+                name = alike[0]
             if name in owners:
                 raise InputError(
                     f"{owners[name]} and {label} are both {name}",
@@ -212,8 +216,12 @@ class MarkerMap:
         )
 
 
+def _letters(label: str) -> str:
+    return "".join(ch for ch in label.casefold() if ch.isalnum())
+
+
 def load_marker_map(name_or_path: str | Path) -> MarkerMap:
-    """A shipped map by its name ("plug_in_gait", "rajagopal", "ior") or a user's by its path."""
+    """A shipped map by its name, one of `SHIPPED`, or a user's by its path."""
     shipped = str(name_or_path) in SHIPPED
     path = (
         resource(f"models/marker_maps/{name_or_path}.yaml") if shipped else user_path(name_or_path)
@@ -266,39 +274,53 @@ def _block(role: str) -> tuple[str, str]:
 
 
 # least similarity (difflib's ratio) of a label to a known spelling for a guess (a choice)
-ALIKE = 0.75
-# endings of computed points beside the markers, not guessed for anything
-VIRTUAL = ("HJC", "KJC", "AJC")
+ALIKE = 0.8
+COMPUTED = re.compile(
+    r"^([lr](fe|ti|fo|to|cl|hu|ra|hn)|pel|hed|trx|csp|sac)[opal]$|jc$|[hka]jc|jointcent|proj"
+)
+"""In the letters of points that a program adds to the markers, not guessed for anything: axes of
+Plug-in Gait's segments (docs.vicon.com/display/Nexus215/Plug-in+Gait+bones), joint centres, and
+points projected on the floor."""
 WORDS = {
     role: tuple(words.split())
     for role, words in {
-        "asis": "asis asi ias iliacanterior",
-        "psis": "psis psi ips iliacposterior",
-        "trochanter": "trochanter troc gtr ftc",
+        "asis": "asis asi ias iliacanterior fwt",
+        "psis": "psis psi ips iliacposterior bwt",
+        "trochanter": "trochanter troc gtr gtro gt ftc ft",
         "knee_medial": (
-            "kneemed kneem kneeint medknee medialknee mknee femmed condylemed medcon fme mek"
+            "kneemed kneem kneeint kneein medknee medialknee mknee femmed condylemed medcon fme "
+            "mek mke mfc mfe mepi knm mkn me"
         ),
         "knee_lateral": (
-            "kneelat kneel kneeext latknee lateralknee lknee femlat condylelat latcon knee fle lek"
+            "kneelat kneel kneeext kneeout latknee lateralknee lknee femlat condylelat latcon knee "
+            "fle lek lke lfc lfe lepi kne le"
         ),
-        "ankle_medial": "anklemed anklem ankleint medankle mankle malmed medmal mmal tam",
-        "ankle_lateral": "anklelat anklel ankleext latankle lankle mallat latmal lmal ankle fal",
-        "heel": "heel calc cal fcc",
-        "toe_tip": "toetip hallux toe",
-        "toe": "mt2 met2 mth2 2mt 2met 2mth fm2 fmt2",
-        "met1": "mt1 met1 mth1 1mt 1met 1mth fm1 fmt1",
-        "met5": "mt5 met5 mth5 5mt 5met 5mth fm5 fmt5",
-        "thigh": "thigh th femur fem lthi",
-        "shank": "shank sh sk lsha tibia tib calf leg fax ttc",
-        "foot": "foot midfoot",
-        "sacrum": "sacrum sacral sacr sac",
-        "head_top": "tophead headtop vertex",
-        "pelvis": "iliaccrest crest pelvis",
+        "ankle_medial": (
+            "anklemed anklem ankleint anklein medankle mankle malmed medmal mmal tam med mm"
+        ),
+        "ankle_lateral": (
+            "anklelat anklel ankleext ankleout latankle lankle mallat latmal lmal ankle fal ank lm"
+        ),
+        "heel": "heel calc cal fcc hee ca",
+        "toe_tip": "toetip hallux toe toe1 bigtoe",
+        "toe": "mt2 met2 mth2 2mt 2met 2mth fm2 fmt2 meta2 2meta smh sm",
+        "met1": "mt1 met1 mth1 1mt 1met 1mth fm1 fmt1 meta1 1meta fmh fm toein toemed first",
+        "met5": "mt5 met5 mth5 5mt 5met 5mth fm5 fmt5 meta5 5meta vmh vm toeout toelat fifth",
+        "thigh": "thigh th femur fem lthi thi thap thad thlp thld",
+        "shank": (
+            "shank sh1 sh2 sh3 sh4 sk lsha tibia tib calf leg fax ttc shin shn fibula hf fh tt tb "
+            "ati tiap tiad tilat"
+        ),
+        "foot": "foot midfoot heellat heelmed calclat calcmed latfoot nav mfs mfl p1mt p5mt",
+        "sacrum": "sacrum sacral sacr sac vsacral",
+        "head_top": "tophead headtop vertex thead",
+        "pelvis": "iliaccrest crest pelvis ilium",
     }.items()
 }
 """What laboratories write, without the side and without punctuation; the longest that a label
 starts with counts."""
-# after a form of so few letters only a number may follow: RSH1 is a shank, RSHO a shoulder
+# after a form of so few letters nothing may follow, or a number in a cluster: RSH1 is a shank,
+# RSHO a shoulder
 SHORT = 3
 
 
@@ -306,27 +328,23 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
     """The one shipped map that finds all needed markers in a standing trial and knows most of its
     labels; a note."""
     fitting: list[tuple[int, MarkerMap, FoundMarkers]] = []
-    failing: list[tuple[int, InputError]] = []
+    failing: list[tuple[int, MarkerMap, InputError]] = []
     for marker_map in map(load_marker_map, SHIPPED):
         labels = marker_map.translate(recording.markers, recording.path).values()
-        known = len(marker_map.spellings() & set(labels))
+        known = len({*marker_map.places()} & {*labels})
         try:
             fitting.append((known, marker_map, marker_map.find(labels, recording.path)))
         except InputError as error:
-            failing.append((known, error))
+            failing.append((known, marker_map, error))
     where = "marker_map (--map)"
     if not fitting:
-        known, nearest = max(failing, key=lambda pair: pair[0])
-        if 2 * known >= len(recording.markers):
-            raise nearest
+        known, nearest, why = max(failing, key=lambda one: one[0])
         raise InputError(
-            "no shipped marker map fits its labels: " + listed(list(recording.markers)),
+            "no shipped marker map fits its labels. The nearest, "
+            f"{nearest.name}, knows {known} of the {len(recording.markers)}: {why.what}",
             file=recording.path,
             where=where,
-            right=(
-                "Write a map: `vsf-drake import --list-markers` starts one from the file's own "
-                "labels"
-            ),
+            right=why.right,
         )
     most = max(known for known, _, _ in fitting)
     best = [(marker_map, markers) for known, marker_map, markers in fitting if known == most]
@@ -353,19 +371,13 @@ def suggest_map(labels: Iterable[str]) -> str:
     maps = [
         (marker_map, marker_map.translate(labels)) for marker_map in map(load_marker_map, SHIPPED)
     ]
-    best, spelled = max(maps, key=lambda pair: len(pair[0].spellings() & set(pair[1].values())))
-    owner = {
-        label: role
-        for role, spellings in (best.roles | best.clusters).items()
-        for label in spellings
-    }
+    best, spelled = max(maps, key=lambda pair: len({*pair[0].places()} & {*pair[1].values()}))
+    owner = best.places()
     known = {label: _block(owner[bare]) for label, bare in spelled.items() if bare in owner}
     guessed = {
         label: place
         for label in labels
-        if label not in known
-        and not label.upper().endswith(VIRTUAL)
-        and (place := _guess(label)) is not None
+        if label not in known and (place := _guess(label)) is not None
     }
     text = [f"# {len(labels)} labels:"]
     text += [
@@ -419,31 +431,51 @@ def _line(role: str, sure: list[str], maybe: list[str]) -> str:
 
 
 def _guess(label: str) -> tuple[str, str] | None:
-    word = "".join(ch for ch in label.casefold() if ch.isalnum())
+    word = _letters(label)
+    if COMPUTED.search(word):
+        return None
     for role in ("sacrum", "head_top"):
         if word in WORDS[role]:
             return "middle", role
-    for side in SIDES:
-        for mark in (side, side[0]):
-            rests = [
-                rest for rest in (word.removeprefix(mark), word.removesuffix(mark)) if rest != word
-            ]
-            likely = next(filter(None, map(_role, rests)), None)
-            if likely is not None:
-                return ("middle", likely) if likely in MIDDLE_CLUSTERS else (side, likely)
-    return None
+    for side, rest in _sides(label):
+        likely = _role(rest)
+        if likely is not None:
+            return ("middle", likely) if likely in MIDDLE_CLUSTERS else (side, likely)
+    return ("middle", "pelvis") if re.fullmatch(r"pelvis\d*", word) else None
+
+
+def _sides(label: str) -> list[tuple[str, str]]:
+    """The sides that a label may be of and its other letters, likelier ones first: a side that
+    stands apart in front ("L_Thigh_Rear"), else one that does at the end, counts alone."""
+    parts = [part for part in re.split(r"[\W_]+", label.casefold()) if part]
+    marks = [*zip(SIDES, SIDES, strict=True), *zip(SIDES, "rl", strict=True)]
+    for end, others in ((0, parts[1:]), (-1, parts[:-1])):
+        apart = [(side, "".join(others)) for side, mark in marks if parts[end:][:1] == [mark]]
+        if apart:
+            return apart
+    word = "".join(parts)
+    return [
+        (side, without(word, mark))
+        for without in (str.removeprefix, str.removesuffix)
+        for side, mark in marks
+        if without(word, mark) != word
+    ]
 
 
 def _role(word: str) -> str | None:
+    word = word.removesuffix("study")  # of OpenCap's markers that are guessed from videos
+    forms = {
+        form: role for role in (*ROLES["side"], *MIDDLE_CLUSTERS) for form in WORDS.get(role, ())
+    }
     starts = [
         (len(form), role)
-        for role, forms in WORDS.items()
-        for form in forms
-        if word.startswith(form)
-        and (len(form) > SHORT or not word[len(form) :].strip("0123456789"))
+        for form, role in forms.items()
+        if word == form
+        or (word.startswith(form) and len(form) > SHORT)
+        or (role in SIDED_CLUSTERS and re.fullmatch(rf"{form}\d+", word))
     ]
-    if starts:
-        return max(starts)[1]
-    long = [form for forms in WORDS.values() for form in forms if len(form) > SHORT]
+    if starts or len(word) <= SHORT:
+        return max(starts)[1] if starts else None
+    long = [form for form in forms if len(form) > SHORT]
     close = difflib.get_close_matches(word, long, n=1, cutoff=ALIKE)
-    return next((role for role, forms in WORDS.items() if close and close[0] in forms), None)
+    return forms[close[0]] if close else None

@@ -10,6 +10,7 @@ ankle_right and so on.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
@@ -40,6 +41,8 @@ class SegmentMarkers:
     p_PB: np.ndarray
     """(3,) m, the segment's origin (its proximal joint centre) in the parent's frame; pelvis:
     zero"""
+    y_PB: np.ndarray
+    """(3,) its axis to the left in the parent's frame while standing; pelvis: y"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +66,7 @@ class Calibration:
     lengths_m: dict[str, float]  # for the report: thigh_right, ankle_height_left, hip_width, ...
     method: tuple[str, ...] = ()  # sentences on how each joint centre and axis was found
     notes: tuple[str, ...] = ()  # sentences on what was assumed or looks doubtful
+    spare: tuple[str, ...] = ()  # labels of clusters, with which no joint centre or axis was found
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +129,9 @@ LEAST_WIDTH_M = 1e-3
 # a narrower cluster cannot stand alone: 3 mm of skin motion would turn it by 7 degrees
 NARROW_M = 0.015
 NARROWEST_M = 0.005  # nor with the joint centre: those 3 mm turn it by 20 degrees
+LEVER_M = 1.0
+"""How far from the line near which a foot's markers lie a point of the shank is one more marker:
+so far that they, a hundredth of it beside the line, do not count against it (a choice)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,17 +225,38 @@ def determines(segment: str, p_BM: np.ndarray) -> bool:
         return True
     if PARENTS[segment] is None:
         return cluster_width(p_BM) >= NARROWEST_M
-    return (
-        len(p_BM) >= FEWEST_MARKERS - 1
-        and cluster_width(np.vstack([p_BM, np.zeros(3)])) >= NARROWEST_M
+    return len(p_BM) >= FEWEST_MARKERS - 1 and (
+        rolls_with_shank(segment, p_BM)
+        or cluster_width(np.vstack([p_BM, np.zeros(3)])) >= NARROWEST_M
     )
+
+
+def rolls_with_shank(segment: str, p_BM: np.ndarray) -> bool:
+    """Whether `segment` is a foot whose markers (k, 3) m and ankle centre lie so near to one line
+    that its roll about it is taken from the shank, as Vicon's Plug-in Gait takes it."""
+    return (
+        segment.startswith("foot")
+        and needs_joint_centre(p_BM)
+        and cluster_width(np.vstack([p_BM, np.zeros(3)])) < NARROW_M
+    )
+
+
+def without(
+    segments: Mapping[str, SegmentMarkers], spare: Collection[str], labels: Collection[str]
+) -> str:
+    """The end of an advice: to leave `labels` out of the map, where they are `spare` ones and their
+    segments are determined without them; else nothing."""
+    left = {name: subset(s, {*s.labels} - {*labels}) for name, s in segments.items()}
+    if not {*labels} <= {*spare} or not all(determines(name, s.p_BM) for name, s in left.items()):
+        return ""
+    return f", or leave {' and '.join(labels)} out of the marker map"
 
 
 def subset(markers: SegmentMarkers, labels: Collection[str]) -> SegmentMarkers:
     """The segment with only the markers `labels`, in the segment's order."""
     keep = [k for k, label in enumerate(markers.labels) if label in labels]
-    return SegmentMarkers(
-        labels=tuple(markers.labels[k] for k in keep), p_BM=markers.p_BM[keep], p_PB=markers.p_PB
+    return dataclasses.replace(
+        markers, labels=tuple(markers.labels[k] for k in keep), p_BM=markers.p_BM[keep]
     )
 
 
@@ -241,16 +269,33 @@ def segment_pose(
     """Poses of a segment from its markers by label, (n, 3) m, given its parent's.
 
     Where `needs_joint_centre`, the proximal joint centre, as the parent's pose has it, is one more
-    and last marker.
+    marker after them; where a foot `rolls_with_shank`, so is a point beside their line.
     """
     p_WM = np.stack([markers[label] for label in segment.labels], axis=1)
     parent = PARENTS[name]
     if parent is None or not needs_joint_centre(segment.p_BM):
         return rigid_poses(segment.p_BM, p_WM)
     centre = poses[parent].points(segment.p_PB)
-    return rigid_poses(
-        np.vstack([segment.p_BM, np.zeros(3)]), np.concatenate([p_WM, centre[:, None, :]], axis=1)
-    )
+    p_BM = np.vstack([segment.p_BM, np.zeros(3)])
+    p_WM = np.concatenate([p_WM, centre[:, None, :]], axis=1)
+    if rolls_with_shank(name, segment.p_BM):
+        along = np.linalg.svd(p_BM - p_BM.mean(axis=0))[2][0]
+        share = (p_BM - p_BM.mean(axis=0)) @ along
+        beside_B = _beside(p_BM[None], share, np.array([0.0, 1.0, 0.0]))
+        beside_W = _beside(p_WM, share, poses[parent].R_WB @ segment.y_PB)
+        p_BM = np.vstack([p_BM, beside_B])
+        p_WM = np.concatenate([p_WM, beside_W[:, None, :]], axis=1)
+    return rigid_poses(p_BM, p_WM)
+
+
+def _beside(points: np.ndarray, share: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """(n, 3) m: `LEVER_M` from the middle of points (n, k, 3) m, at a right angle to the line
+    along which they lie in the order of `share` (k,), as near to the direction `left` as can be."""
+    middle = points.mean(axis=1)
+    line = np.einsum("k,nki->ni", share, points - middle[:, None, :])
+    line /= np.linalg.norm(line, axis=1, keepdims=True)
+    across = left - np.sum(left * line, axis=1, keepdims=True) * line
+    return np.asarray(middle + LEVER_M * across / np.linalg.norm(across, axis=1)[:, None])
 
 
 def segment_poses(

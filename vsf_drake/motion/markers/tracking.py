@@ -8,7 +8,7 @@ is zeroed. Segments may come apart at the joints, by what skin motion and wrong 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, permutations
 from pathlib import Path
@@ -371,7 +371,8 @@ def track(
     calibration's session.
 
     A segment with fewer than three markers of its own, or with markers near one line, takes the
-    centre of its proximal joint, as its parent's pose has it, for one more; the notes say so.
+    centre of its proximal joint, as its parent's pose has it, for one more; the notes say so. A
+    foot near one line with it (`segments.rolls_with_shank`) takes its roll from the shank too.
     `cutoff_hz` is that of the fourth-order zero-phase Butterworth filter on the markers, None if
     they are filtered; for `longest_gap_s` see `fill_gaps`. Refused where gaps cannot be filled, or
     the markers are not those of the calibration (another person or unit, exchanged or moved)."""
@@ -405,9 +406,9 @@ def smooth_poses(
     )
     markers = filled.markers
     _check_scale(filled)
-    _check_jumps(filled)
+    _check_jumps(filled, calibration.spare)
     poses = rigid.segment_poses(filled.segments, markers)
-    _check_swaps(filled, poses)
+    _check_swaps(filled, poses, calibration.spare)
     _check_places(filled, poses)
     if cutoff_hz is not None:
         smooth = low_pass(
@@ -629,7 +630,7 @@ RELABEL = "Correct the labels in the capture software"
 Exchange = tuple[tuple[str, str], ...]  # pairs of labels, no label twice
 
 
-def _check_jumps(filled: FilledMarkers) -> None:
+def _check_jumps(filled: FilledMarkers, spare: Collection[str]) -> None:
     """Refuses a marker that is somewhere else from one seen frame to the next; names two that
     exchange places."""
     jumps = []
@@ -651,7 +652,7 @@ def _check_jumps(filled: FilledMarkers) -> None:
             raise InputError(
                 f"markers {label} and {other} exchange places at {times[frame]:.3f} s",
                 file=filled.path,
-                right=RELABEL,
+                right=RELABEL + rigid.without(filled.segments, spare, (label, other)),
             )
     raise InputError(
         f"marker {label} jumps by {1e3 * step_m:.0f} mm at {times[frame]:.3f} s, faster than "
@@ -661,11 +662,13 @@ def _check_jumps(filled: FilledMarkers) -> None:
     )
 
 
-def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None:
+def _check_swaps(
+    filled: FilledMarkers, poses: Mapping[str, RigidPoses], spare: Collection[str]
+) -> None:
     """Refuses markers whose exchange, of one pair or of two, explains why some frames do not
     fit."""
     segments = filled.segments
-    errors = _errors(segments, filled.markers, poses)
+    errors = _errors(segments, poses)
     apart = {name for name, error in errors.items() if error[:, 0].max() > LOST_JOINT_M}
     involved = {name for name, error in errors.items() if error[:, 1:].max() > SWAP_M} | apart
     suspect = np.flatnonzero(
@@ -726,17 +729,18 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
     listed = ", ".join(f"{label} {before:.0f} to {now:.0f}" for now, before, label in changes)
     shown = f"; if undone, residuals change (mm RMS): {listed}"
     frames = suspect[explained]
+    left_out = rigid.without(segments, spare, [label for pair in exchange for label in pair])
     require(
         frames.size <= SWAPPED_THROUGHOUT * len(filled.time_s),
         f"markers {_words(exchange)} are exchanged with respect to the standing trial{shown}",
-        right="Correct the labels in one of the two files",
+        right=f"Correct the labels in one of the two files{left_out}",
         file=filled.path,
     )
     raise InputError(
         f"markers {_words(exchange)} exchange places at {filled.time_s[frames[0]]:.3f} s (for "
         f"{frames.size} frames in all){shown}",
         file=filled.path,
-        right=RELABEL,
+        right=RELABEL + left_out,
     )
 
 
@@ -752,7 +756,7 @@ class _PoseSearch:
         markers = self.markers | {
             a: self.markers[b] for pair in exchange for a, b in permutations(pair)
         }
-        return _errors(self.segments, markers, rigid.segment_poses(self.segments, markers))
+        return _errors(self.segments, rigid.segment_poses(self.segments, markers))
 
     def explains(self, exchange: Exchange) -> np.ndarray:
         """(n,) bool, whether it halves what its own segments and their joints leave, to less than
@@ -778,25 +782,21 @@ class _PoseSearch:
 
 
 def _errors(
-    segments: Mapping[str, SegmentMarkers],
-    markers: Mapping[str, np.ndarray],
-    poses: Mapping[str, RigidPoses],
+    segments: Mapping[str, SegmentMarkers], poses: Mapping[str, RigidPoses]
 ) -> dict[str, np.ndarray]:
-    """By segment, (n, 1 + k) m: how far it is from its joint (zero for the pelvis), then its
-    markers from its pose."""
-    frames = len(next(iter(markers.values())))
-    return {
-        name: np.nan_to_num(
-            np.column_stack(
-                [
-                    _joint_gaps(name, segment, poses) if PARENTS[name] else np.zeros(frames),
-                    poses[name].residual_m[:, : len(segment.labels)],
-                ]
-            ),
-            nan=LOST_M,
-        )
-        for name, segment in segments.items()
-    }
+    """By segment, (n, 1 + k) m: how far it is from its joint (zero for the pelvis; `LOST_M` for a
+    foot upside down under its shank, as its markers on a line fit by turning), then its markers
+    from its pose."""
+    errors = {}
+    for name, segment in segments.items():
+        parent = PARENTS[name]
+        gaps = _joint_gaps(name, segment, poses) if parent else np.zeros(len(poses[name].known))
+        if parent and name.startswith("foot"):
+            upright = np.sum(poses[name].R_WB[:, :, 2] * poses[parent].R_WB[:, :, 2], axis=1)
+            gaps = np.where(upright < 0.0, LOST_M, gaps)
+        residuals = poses[name].residual_m[:, : len(segment.labels)]
+        errors[name] = np.nan_to_num(np.column_stack([gaps, residuals]), nan=LOST_M)
+    return errors
 
 
 def _partners(
