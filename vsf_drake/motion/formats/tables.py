@@ -29,7 +29,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import replaced
 from vsf_drake.base.sentences import say
 from vsf_drake.base.text_table import as_label, separator_of, split_row, table_rows, text_lines
@@ -583,8 +583,15 @@ def _trc_header(
         names, values = (
             row.split()
             if separator == "\t"
-            else [cell.strip(' "') for cell in row.split(separator)]
+            else [cell.strip(' "') for cell in row.strip(_PADDING).split(separator)]
             for row in keys
+        )
+        require(
+            separator != "," or len(values) <= len(names),
+            f"{len(values)} values stand below {len(names)} names",
+            "line 3",
+            _POINT_NEEDED,
+            file=path,
         )
         header = dict(zip((name.lower() for name in names), values, strict=False))
         return header, labels, number, separator
