@@ -180,7 +180,7 @@ def check(read, made, rotation=np.eye(3)):  # noqa: B008 (it is not changed)
 
 @pytest.mark.parametrize("origin_sign", [-1.0, 1.0])
 @pytest.mark.parametrize(
-    ("kind", "turn_deg"), [(1, 30.0), (2, 30.0), (3, 30.0), (4, 30.0), (2, 90.0), (2, 180.0)]
+    ("kind", "turn_deg"), [*((kind, 30.0) for kind in range(1, 8)), (2, 90.0), (2, 180.0)]
 )
 def test_load_comes_back_from_each_type_of_plate(tmp_path, kind, turn_deg, origin_sign):
     """The channels follow from the load by cross products over the sensors, not from the reader's
@@ -200,6 +200,141 @@ def test_forces_on_the_plate_and_moments_in_another_unit_than_stated_are_put_rig
     read = read_trial(written(tmp_path, plate, **of_file))
     check(read, [plate])
     assert any(words in note for note in read.notes)
+
+
+ON = (PHASE > 0.35) & (PHASE < 0.8)
+"""When a foot stands on the plate: the first 350 samples, or 35 frames, are unloaded."""
+
+
+def stepped_on(load_n=0.0, **options):
+    """A plate with a step of less than the recording on it, and `load_n`, a number or (samples,),
+    before and after it."""
+    plate = load(**options)
+    plate.force = np.where(ON[:, None], plate.force, np.multiply.outer(load_n, [0.0, 0.0, 1.0]))
+    plate.twist = np.where(ON, plate.twist, 0.0)
+    return plate
+
+
+@pytest.mark.parametrize("kind", [2, 3, 4, 5, 6, 7])
+@pytest.mark.parametrize(
+    ("zero", "first_frame", "words"),
+    [
+        ((1, 30), 1, "frames 1 to 30"),
+        ((0, 10), 1, "frames 1 to 10"),
+        ((61, 70), 51, "frames 61 to 70"),  # numbered as the file's frames are
+        ((1, 30), 51, "frames 1 to 30"),  # or from its first, where frames before were cut off
+        ((1, 300), 1, "samples 1 to 300"),  # more than its 100 frames
+    ],
+)
+def test_what_an_unloaded_plate_shows_is_subtracted_from_its_channels(
+    tmp_path, kind, zero, first_frame, words
+):
+    plate = stepped_on(kind=kind, offset=2.5)
+    read = read_trial(written(tmp_path, plate, zero=zero, first_frame=first_frame)).plates[0]
+    np.testing.assert_allclose(read.force_n, plate.force, atol=1e-3)
+    np.testing.assert_allclose(read.cop_m[ON], plate.cop[ON], atol=1e-6)
+    np.testing.assert_allclose(read.free_moment_nm[ON], plate.twist[ON], atol=1e-4)
+    notes = read_trial(tmp_path / "a.c3d").notes
+    assert any(words in note and "FORCE_PLATFORM:ZERO" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("zero", "load_n"),
+    [
+        ((0, 0), 0.0),  # says that nothing is to be subtracted
+        ((1, 0), 0.0),  # what programs write that never set it
+        ((1, 50), 0.0),  # the foot comes within these frames
+        ((1, 10), 300.0),  # somebody stands on the plate
+        ((1, 10), np.linspace(0.0, 600.0, SAMPLES)),  # or steps on it
+        ((200, 1200), 0.0),  # neither frames nor samples of the file
+    ],
+)
+def test_nothing_is_subtracted_where_the_plate_is_loaded_or_zero_names_no_frames(
+    tmp_path, zero, load_n
+):
+    plate = stepped_on(load_n)
+    plate.force[:, 2] += 8.0
+    read = read_trial(written(tmp_path, plate, zero=zero))
+    np.testing.assert_allclose(read.plates[0].force_n, plate.force, atol=1e-3)
+    assert not any("ZERO" in note for note in read.notes)
+
+
+KISTLER_9281E = [
+    [1.1604e-14, -8.39091e-10, -1.44293e-6, -2.85927e-10, 2.05575e-5, -0.113525],
+    [1.27251e-14, -3.13238e-10, -3.33888e-6, -6.49641e-10, 1.53937e-5, 1.12624e-1],
+]
+"""P1 to P6 of x and of y, in mm: Kistler, instruction manual of type 9287C, 8.4.3."""
+
+
+@pytest.mark.parametrize("by_turns", [False, True])
+def test_kistlers_correction_of_the_centre_of_pressure_is_applied(tmp_path, by_turns):
+    """ezc3d on the same file, which reads the six coefficients of x before those of y. The force
+    and the moment about the plate's vertical through its centre stay."""
+    plate, plain = load(kind=3), load((1.2, 0.25), kind=3)
+    path = written(tmp_path, plate, plain)
+    values = np.zeros((6, 2, 2))
+    values[:, :, 0] = np.transpose(KISTLER_9281E)
+    with_parameters(path, "FORCE_PLATFORM", FPCOPPOLY=values)
+    theirs = ezc3d.c3d(str(path), extract_forceplat_data=True)["data"]["platform"][0]
+    if by_turns:
+        with_parameters(path, "FORCE_PLATFORM", FPCOPPOLY=values.transpose(1, 0, 2))
+    read = read_trial(path)
+    moved = read.plates[0].cop_m - plate.cop
+    np.testing.assert_allclose(
+        read.plates[0].cop_m[:, :2], 1e-3 * theirs["center_of_pressure"][:2].T, atol=1e-7
+    )
+    np.testing.assert_allclose(read.plates[0].free_moment_nm, 1e-3 * theirs["Tz"][2], atol=1e-4)
+    assert 1e-3 < np.abs(moved).max() < 1e-2, "millimetres, as Kistler's manual says"
+    np.testing.assert_allclose(read.plates[0].force_n, plate.force, atol=1e-3)
+    np.testing.assert_allclose(read.plates[1].cop_m, plain.cop, atol=1e-6)
+    assert [note for note in read.notes if "FPCOPPOLY" in note] == [
+        "Kistler's correction of the centre of pressure (FPCOPPOLY) was applied to force plate 1."
+    ]
+
+
+@pytest.mark.parametrize("what", ["not millimetres", "other coefficients", "too few"])
+def test_a_correction_that_cannot_be_kistlers_is_left_and_said(tmp_path, what):
+    plate = load(kind=3)
+    unit = {"unit": "m", "length": 1.0} if what == "not millimetres" else {}
+    values = np.transpose(KISTLER_9281E)[:, :, None]
+    values = {"too few": values[:5], "other coefficients": 10.0 * values}.get(what, values)
+    read = read_trial(
+        with_parameters(written(tmp_path, plate, **unit), "FORCE_PLATFORM", FPCOPPOLY=values)
+    )
+    np.testing.assert_allclose(read.plates[0].cop_m, plate.cop, atol=1e-6)
+    assert any("FPCOPPOLY was not applied to force plate 1" in note for note in read.notes)
+
+
+def test_a_plate_whose_type_needs_a_matrix_is_left_out_without_it(tmp_path):
+    path = written(tmp_path, load(kind=7), load((1.2, 0.25), kind=3))
+    with_parameters(path, "FORCE_PLATFORM", CAL_MATRIX=np.zeros((6, 6, 2)))
+    read = read_trial(path)
+    assert [plate.name for plate in read.plates] == ["2"]
+    assert any("CAL_MATRIX has no 8 x 8 matrix" in note for note in read.notes)
+
+
+@pytest.mark.parametrize(
+    ("mass", "height", "facts", "said"),
+    [
+        (1.0, 1.0, {}, ["BODYMASS", "HEIGHT"]),
+        (72.5, 1745.0, {"mass_kg": 72.5, "stature_m": 1.745}, []),
+        (72.5, 1.0, {"mass_kg": 72.5}, ["HEIGHT"]),
+        (500.0, 17.0, {}, ["BODYMASS", "HEIGHT"]),
+        (0.0, 174.5, {"stature_m": 1.745}, []),
+    ],
+)
+def test_mass_and_height_that_are_placeholders_or_nobodys_are_left_out_and_said(
+    tmp_path, mass, height, facts, said
+):
+    path = with_parameters(written(tmp_path), "PROCESSING", Bodymass=[mass], Height=[height])
+    read = read_trial(path)
+    assert read.person == pytest.approx(facts)
+    told = [note for note in read.notes if "PROCESSING" in note]
+    assert len(told) == len(said)
+    for name, note in zip(said, told, strict=True):
+        assert name in note and ("placeholder" in note) == (
+            {"BODYMASS": mass, "HEIGHT": height}[name] == 1.0
+        )
 
 
 def test_floor_is_where_the_plates_lie(tmp_path):
@@ -231,7 +366,8 @@ def test_a_plate_of_an_unknown_type_or_without_its_channels_is_left_out_and_said
         )
     )
     assert [plate.name for plate in read.plates] == ["1"] and any(
-        "type 21" in note for note in read.notes
+        "type 21 (AMTI stairs), which is not read" in note and "export it as type 2" in note
+        for note in read.notes
     )
     plates = (load(), load((1.2, 0.25)))
     path = written(tmp_path, *plates)
