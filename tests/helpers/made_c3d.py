@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import ezc3d
 import numpy as np
@@ -18,6 +19,11 @@ CALIBRATED = {
     for kind, shape in {4: (6, 6), 5: (6, 8), 6: (12, 12), 7: (8, 8)}.items()
 }
 """What the channels of each type are multiplied by."""
+KISTLER_9281E = [
+    [1.1604e-14, -8.39091e-10, -1.44293e-6, -2.85927e-10, 2.05575e-5, -0.113525],
+    [1.27251e-14, -3.13238e-10, -3.33888e-6, -6.49641e-10, 1.53937e-5, 1.12624e-1],
+]
+"""P1 to P6 of x and of y, in mm: Kistler, instruction manual of type 9287C, 8.4.3."""
 
 
 @dataclass
@@ -190,3 +196,15 @@ def _write_plates(
         ("CAL_MATRIX", matrices[: max(6, widest), :widest]),
     ):
         c3d["parameters"]["FORCE_PLATFORM"][name]["value"] = value
+
+
+def with_parameters(path: Path, group: str, **values: Any) -> Path:
+    """The file with other or more parameters of a group."""
+    c3d = ezc3d.c3d(str(path))
+    for name, value in values.items():
+        if name in c3d["parameters"].get(group, {}):
+            c3d["parameters"][group][name]["value"] = value
+        else:
+            c3d.add_parameter(group, name, value)
+    c3d.write(str(path))
+    return path

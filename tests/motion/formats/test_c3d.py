@@ -3,7 +3,7 @@
 import ezc3d
 import numpy as np
 import pytest
-from made_c3d import MadePlate, rectangle, write_c3d
+from made_c3d import KISTLER_9281E, MadePlate, rectangle, with_parameters, write_c3d
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.motion.formats.read import read_trial
@@ -113,17 +113,6 @@ def test_of_a_label_that_stands_twice_the_first_that_is_seen_is_read_and_said(tm
     assert list(read.markers).count("M2") == 1 and "M4" not in read.markers
     np.testing.assert_allclose(read.markers["M2"], second if hidden else first, atol=1e-6)
     assert any("M2 stands twice: the first" in note for note in read.notes)
-
-
-def with_parameters(path, group, **values):
-    c3d = ezc3d.c3d(str(path))
-    for name, value in values.items():
-        if name in c3d["parameters"].get(group, {}):
-            c3d["parameters"][group][name]["value"] = value
-        else:
-            c3d.add_parameter(group, name, value)
-    c3d.write(str(path))
-    return path
 
 
 def test_a_truncated_file_is_refused(tmp_path):
@@ -257,13 +246,6 @@ def test_nothing_is_subtracted_where_the_plate_is_loaded_or_zero_names_no_frames
     read = read_trial(written(tmp_path, plate, zero=zero))
     np.testing.assert_allclose(read.plates[0].force_n, plate.force, atol=1e-3)
     assert not any("ZERO" in note for note in read.notes)
-
-
-KISTLER_9281E = [
-    [1.1604e-14, -8.39091e-10, -1.44293e-6, -2.85927e-10, 2.05575e-5, -0.113525],
-    [1.27251e-14, -3.13238e-10, -3.33888e-6, -6.49641e-10, 1.53937e-5, 1.12624e-1],
-]
-"""P1 to P6 of x and of y, in mm: Kistler, instruction manual of type 9287C, 8.4.3."""
 
 
 @pytest.mark.parametrize("by_turns", [False, True])
