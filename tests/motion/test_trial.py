@@ -417,15 +417,22 @@ def test_a_fault_of_markers_outside_the_steps_on_plates_does_not_matter(fault):
 @pytest.mark.parametrize("fault", ["exchange", "gap", "jump"])
 def test_a_fault_of_markers_on_the_plates_is_still_refused(fault):
     walked = walk(missed=[("right", 0), *ONE_PASS])
-    for start in (70, 120):
+    for start in (50, 70, 120):
         with pytest.raises(InputError, match=r"RASI|LASI|RPSI"):
             make(walked=spoiled(walked, fault, start, start + 30))
 
 
-def test_of_two_passes_the_one_that_can_be_followed_is_taken_and_a_window_where_one_is_stated():
+def test_of_two_passes_the_longer_one_is_taken_that_can_be_followed_and_carries_the_prosthesis():
+    """The first lasts longer, by half a stance."""
     two = walk(missed=[("right", 1), ("left", 1)])
-    trial = make(walked=spoiled(two, "exchange", 20, 40))
-    assert trial.start_s > 1.5
+    assert make(walked=spoiled(two, "exchange", 155, 170)).end_s < 1.6
+    assert make(walked=spoiled(two, "exchange", 20, 40)).start_s > 1.5
+    left_then_right = walk(missed=[("right", 0), ("right", 1), ("left", 1), ("left", 2)])
+    assert make(walked=spoiled(left_then_right, "exchange", 155, 170)).start_s > 1.5
+
+
+def test_of_a_walk_with_a_stated_window_only_that_has_to_be_followed():
+    two = walk()
     bare = dataclasses.replace(two, plates=(), force_rate_hz=None)
     broken = spoiled(bare, "exchange", 20, 40)
     with pytest.raises(InputError, match="RASI"):

@@ -274,6 +274,15 @@ def test_kistlers_correction_of_the_centre_of_pressure_is_applied(tmp_path, by_t
     ]
 
 
+def test_a_centre_of_pressure_off_the_plate_is_not_corrected(tmp_path):
+    """A polynomial of the seventh order says nothing out there."""
+    plate = load(kind=3)
+    plate.cop[:, 1] += 0.4
+    values = np.transpose(KISTLER_9281E)[:, :, None]
+    path = with_parameters(written(tmp_path, plate), "FORCE_PLATFORM", FPCOPPOLY=values)
+    np.testing.assert_allclose(read_trial(path).plates[0].cop_m, plate.cop, atol=1e-6)
+
+
 @pytest.mark.parametrize("what", ["not millimetres", "other coefficients", "too few"])
 def test_a_correction_that_cannot_be_kistlers_is_left_and_said(tmp_path, what):
     plate = load(kind=3)
@@ -293,6 +302,15 @@ def test_a_plate_whose_type_needs_a_matrix_is_left_out_without_it(tmp_path):
     read = read_trial(path)
     assert [plate.name for plate in read.plates] == ["2"]
     assert any("CAL_MATRIX has no 8 x 8 matrix" in note for note in read.notes)
+
+
+def test_a_plate_that_has_fewer_channels_than_its_type_is_left_out(tmp_path):
+    """Of six rows for each plate the next two numbers are the next plate's."""
+    path = written(tmp_path, load(kind=3), load((1.2, 0.25)))
+    channels = np.column_stack([np.arange(1, 7), np.arange(9, 15)])
+    read = read_trial(with_parameters(path, "FORCE_PLATFORM", CHANNEL=channels))
+    assert [plate.name for plate in read.plates] == ["2"]
+    assert any("CHANNEL says nothing usable of force plate 1" in note for note in read.notes)
 
 
 @pytest.mark.parametrize(

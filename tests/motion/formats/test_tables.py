@@ -271,6 +271,8 @@ def test_what_a_spreadsheet_makes_of_a_file(trc):
     check(read_trial(trc(padded.replace("\t", ","))))
     for separator in "\t;":
         check(read_trial(trc(padded.replace(".", ",").replace("\t", separator))))
+        other = padded.replace("50.00", "62.50").replace(".", ",").replace("\t", separator)
+        assert any("says 62.5 frames a second" in note for note in read_trial(trc(other)).notes)
     quoted = "\n".join(
         ",".join(f'"{cell}"' for cell in line.split("\t")) for line in padded.splitlines()
     )
