@@ -345,7 +345,7 @@ def _write_recordings(folder: Path) -> None:
         for label, height in (("HEE", 0.0), ("ASI", 0.9))
         for k, place in enumerate(list(markers.values())[:3])
     }
-    more = tuple(MadePlate(k, force, cop, 3 * phase, rectangle((1.0 + k, 0.0))) for k in (5, 6, 7))
+    more = tuple(MadePlate(k, force, cop, 3 * phase, rectangle((1.0 + k, 0.0))) for k in (6, 7))
     path = write_c3d(
         folder / "c3d" / "b.c3d",
         person,
@@ -354,7 +354,7 @@ def _write_recordings(folder: Path) -> None:
         screen=("+X", "-Z"),
         zero=(1, 5),
     )
-    correction = np.transpose([KISTLER_9281E] * 4, (2, 1, 0))
+    correction = np.transpose([KISTLER_9281E] * 3, (2, 1, 0))
     with_parameters(path, "FORCE_PLATFORM", FPCOPPOLY=correction)
     write_trc(folder / "trc" / "a.trc", markers, rate_hz=20.0)
     text = (folder / "trc" / "a.trc").read_text()

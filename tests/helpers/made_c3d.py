@@ -16,7 +16,7 @@ alone."""
 BY_SENSORS = (3, 6, 7)
 CALIBRATED = {
     kind: np.eye(*shape) + 0.1 * np.random.default_rng(kind).uniform(size=shape)
-    for kind, shape in {4: (6, 6), 5: (6, 8), 6: (12, 12), 7: (8, 8)}.items()
+    for kind, shape in {4: (6, 6), 6: (12, 12), 7: (8, 8)}.items()
 }
 """What the channels of each type are multiplied by."""
 KISTLER_9281E = [
@@ -31,7 +31,7 @@ class MadePlate:
     """A plate on which a load acts.
 
     Attributes:
-        kind: 1 to 7.
+        kind: 1 to 4, 6 or 7.
         force, cop, twist: (n, 3) N on the person, (n, 3) m on the surface, (n,) N m about the
             laboratory's vertical.
         corners: (4, 3) m in the laboratory, in the order that the format asks for.
@@ -76,7 +76,7 @@ class MadePlate:
             wrench = np.column_stack([force, moment])
             channels = wrench @ np.linalg.pinv(self.sensor_wrenches()).T
         if self.kind in CALIBRATED:
-            channels = channels @ np.linalg.pinv(CALIBRATED[self.kind]).T
+            channels = channels @ np.linalg.inv(CALIBRATED[self.kind]).T
         return channels + self.offset
 
     def sensor_wrenches(self) -> np.ndarray:

@@ -169,13 +169,16 @@ def check(read, made, rotation=np.eye(3)):  # noqa: B008 (it is not changed)
 
 @pytest.mark.parametrize("origin_sign", [-1.0, 1.0])
 @pytest.mark.parametrize(
-    ("kind", "turn_deg"), [*((kind, 30.0) for kind in range(1, 8)), (2, 90.0), (2, 180.0)]
+    ("kind", "turn_deg"), [*((kind, 30.0) for kind in (1, 2, 3, 4, 6, 7)), (2, 90.0), (2, 180.0)]
 )
 def test_load_comes_back_from_each_type_of_plate(tmp_path, kind, turn_deg, origin_sign):
     """The channels follow from the load by cross products over the sensors, not from the reader's
     formulas."""
     plate = load(turn_deg=turn_deg, kind=kind, origin_sign=origin_sign)
-    check(read_trial(written(tmp_path, plate)), [plate])
+    read = read_trial(written(tmp_path, plate))
+    check(read, [plate])
+    told = [note for note in read.notes if "read as Visual3D documents it" in note]
+    assert len(told) == (kind in (6, 7))
 
 
 @pytest.mark.parametrize(
@@ -204,7 +207,7 @@ def stepped_on(load_n=0.0, **options):
     return plate
 
 
-@pytest.mark.parametrize("kind", [2, 3, 4, 5, 6, 7])
+@pytest.mark.parametrize("kind", [2, 3, 4, 6, 7])
 @pytest.mark.parametrize(
     ("zero", "first_frame", "words"),
     [

@@ -264,7 +264,7 @@ def test_spellings_of_the_time(trc, label):
     )
 
 
-def test_what_a_spreadsheet_makes_of_a_file(trc):
+def test_what_a_spreadsheet_makes_of_a_file(trc, tmp_path):
     """Commas for tabs, padded header lines; or semicolons, or tabs, with decimal commas."""
     text = trc_text().replace("\t100\t", "\t100.0\t")
     padded = "\n".join(line + "\t" * (10 - line.count("\t")) for line in text.splitlines())
@@ -277,6 +277,10 @@ def test_what_a_spreadsheet_makes_of_a_file(trc):
         ",".join(f'"{cell}"' for cell in line.split("\t")) for line in padded.splitlines()
     )
     check(read_trial(trc(quoted)))
+    as_csv = trc(padded.replace("\t", ",")).rename(tmp_path / "walk.csv")
+    assert "line 4: holds markers, not forces. Let its name end in .trc" in message(
+        lambda: read_trial(as_csv)
+    )
     assert "Numbers need a decimal point, not a comma" in message(
         lambda: read_trial(trc(padded.replace(".", ",").replace("\t", ",")))
     )

@@ -5,9 +5,11 @@ ends the process (segmentation fault) on some damaged files; the tests compare t
 
 The format is that of the C3D user guide (Motion Lab Systems, https://www.c3d.org). Everything is
 checked against the file's size before anything is reserved. Force plates (type 3: Kistler,
-https://isbweb.org/software/movanal/vaughan/kistler.pdf; types 5 to 7, which the guide has not:
+https://isbweb.org/software/movanal/vaughan/kistler.pdf; types 6 and 7, which the guide has not:
 Visual3D, https://wiki.has-motion.com, FP_Type) have a frame P of their own: x from corner 2 to
-corner 1, y from corner 4 to corner 1, both in the surface, z = x x y, by rule into the floor.
+corner 1, y from corner 4 to corner 1, both in the surface, z = x x y, by rule into the floor. Type
+5 is not read: its channels times its matrix are three forces and moments (Visual3D, BTK), but the
+two differ on their unit.
 """
 
 from __future__ import annotations
@@ -50,9 +52,9 @@ _MIPS = 86
 # bytes of each type of parameter: text, 8-bit and 16-bit integers, 32-bit floats
 _SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}
 # analog channels of each type of plate
-_CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6, 5: 8, 6: 12, 7: 8}
+_CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6, 6: 12, 7: 8}
 # rows and columns of the matrix that the channels of a type are multiplied by
-_CALIBRATED = {4: (6, 6), 5: (6, 8), 6: (12, 12), 7: (8, 8)}
+_CALIBRATED = {4: (6, 6), 6: (12, 12), 7: (8, 8)}
 _BY_SENSORS = (3, 6, 7)  # types whose channels are forces of four sensors
 _NOT_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 """Parameters of POINT that list the labels of computed quantities stored as points (Vicon)."""
@@ -172,7 +174,7 @@ def _person(c3d: _C3d, notes: list[str]) -> dict[str, float]:
     return facts
 
 
-# Force plates of types 1 to 7: a force and a torque about the centre of the plate's surface.
+# Force plates: a force and a torque about the centre of the plate's surface.
 
 
 def _read_plates(c3d: _C3d, length_m: float, notes: list[str]) -> list[RawPlate]:
@@ -257,6 +259,7 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
     )
     if choice != unit:
         notes += say("files", "other_moments", plate=i + 1, used=choice, stated=unit)
+    notes += say("files", "documented", plate=i + 1, kind=kind) if kind in (6, 7) else []
     load = _load(kind, raw, origin, choice)
     if kind in (3, 7):
         _correct_cop(c3d, i, load, half, in_mm=bool(np.isclose(length_m, 1e-3)), notes=notes)

@@ -377,6 +377,13 @@ def read_csv(path: Path) -> Storage:
 
 def _csv_labels(lines: Iterator[tuple[int, str]], path: Path) -> tuple[list[str], str, int]:
     for number, line in lines:
+        require(
+            not line.lstrip('"').lower().startswith("frame#"),
+            "holds markers, not forces",
+            f"line {number}",
+            "Let its name end in .trc",
+            file=path,
+        )
         for separator in ("\t", ";", ","):
             cells = [as_label(cell).strip('"').strip() for cell in line.split(separator)]
             if len(cells) > 3 and _UNIT.sub(r"\1", cells[0]).lower() in ("time", "times", "t"):
