@@ -148,6 +148,13 @@ def test_a_squat_with_a_full_marker_set_shows_which_way_is_up(tmp_path, up, rais
     assert any(f"extend most along {up[1]}: {up} was taken" in note for note in read.notes)
 
 
+def test_markers_that_reach_farther_than_a_person_do_not_show_which_way_is_up(tmp_path):
+    """Of the laboratory, along the way; the person between them stands along z."""
+    markers = walk() | {"start": np.zeros((FRAMES, 3)), "end": np.tile([4.0, 0, 0], (FRAMES, 1))}
+    path = write_c3d(tmp_path / "a.c3d", markers, screen=None)
+    assert "Give laboratory.up (--up): x, y or z" in message(lambda: read_trial(path))
+
+
 def test_a_person_who_lies_or_stands_on_the_head_is_refused_with_the_remedy(tmp_path):
     lying = write_c3d(tmp_path / "a.c3d", walk(), screen=("+X", "+Y"))
     assert "Give laboratory.up (--up), probably z" in message(lambda: read_trial(lying))

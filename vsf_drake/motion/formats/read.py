@@ -22,6 +22,7 @@ MARKER_FILES = (".c3d", ".trc")
 LARGEST_M = 10.0
 SMALLEST_M = 0.02
 SMALLEST_WHOLE_M = 0.25
+TALLEST_M = 2.5  # markers that reach farther are not only a person's
 FARTHEST_M = 200.0
 AXES = "xyz"
 TRAVEL_M = 0.5  # a person whose markers travel farther than this walks through the laboratory
@@ -315,7 +316,7 @@ def _tall_axes(trial: RawTrial) -> np.ndarray:
     if trial.positions is not None and _whole(trial):
         reach = _extents(trial.positions)
     tall = np.flatnonzero(reach >= NARROW * reach.max())
-    return tall if len(tall) else np.arange(3)
+    return tall if reach.max() < TALLEST_M else np.arange(3)
 
 
 def _side(trial: RawTrial, up: np.ndarray, floor: float | None) -> int:
