@@ -150,7 +150,8 @@ def test_a_squat_with_a_full_marker_set_shows_which_way_is_up(tmp_path, up, rais
 
 def test_markers_that_reach_farther_than_a_person_do_not_show_which_way_is_up(tmp_path):
     """Of the laboratory, along the way; the person between them stands along z."""
-    markers = walk() | {"start": np.zeros((FRAMES, 3)), "end": np.tile([4.0, 0, 0], (FRAMES, 1))}
+    along = {"start": 0.1, "end": 4.0}
+    markers = walk() | {name: np.tile([x, 0.0, 0.0], (FRAMES, 1)) for name, x in along.items()}
     path = write_c3d(tmp_path / "a.c3d", markers, screen=None)
     assert "Give laboratory.up (--up): x, y or z" in message(lambda: read_trial(path))
 
