@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from made_c3d import MadePlate, rectangle, write_c3d
+from made_c3d import KISTLER_9281E, MadePlate, rectangle, with_parameters, write_c3d
 from made_contact import made_contact
 from made_fit import made_fit
 from made_laboratory import Laboratory
@@ -145,9 +145,9 @@ def in_folder(read: Callable[[Path], Any]) -> Callable[[Path], Any]:
 RECORDING = (read_trial, lambda path: read_trial(path, up="y"))
 MANIFESTS = ("trial.yaml", "subject.yaml", "walk_ik.mot", "walk_grf.mot")
 READERS = (
-    Reader("c3d", ("a.c3d",), (*RECORDING, list_labels), consistent),
-    Reader("trc", ("a.trc",), (*RECORDING, list_labels), consistent),
-    Reader("forces", ("a.mot", "a.sto", "a.csv", "a.forces"), RECORDING, consistent),
+    Reader("c3d", ("a.c3d", "b.c3d"), (*RECORDING, list_labels), consistent),
+    Reader("trc", ("a.trc", "comma.trc"), (*RECORDING, list_labels), consistent),
+    Reader("forces", ("a.mot", "a.sto", "b.sto", "a.csv", "a.forces"), RECORDING, consistent),
     Reader(
         "trial",
         MANIFESTS,
@@ -339,10 +339,31 @@ def _write_recordings(folder: Path) -> None:
         *(MadePlate(k, force, cop, 3 * phase, rectangle((1.0 + k, 0.0))) for k in (1, 3, 4)),
     )
     write_c3d(folder / "c3d" / "a.c3d", markers, plates=kinds, subframes=2)
+    person = {
+        f"{side}{label}{k}": np.add(place, [0.0, 0.0, height])
+        for side in "RL"
+        for label, height in (("HEE", 0.0), ("ASI", 0.9))
+        for k, place in enumerate(list(markers.values())[:3])
+    }
+    more = tuple(MadePlate(k, force, cop, 3 * phase, rectangle((1.0 + k, 0.0))) for k in (6, 7))
+    path = write_c3d(
+        folder / "c3d" / "b.c3d",
+        person,
+        plates=(*more, MadePlate(2, 0.01 * force, cop, 0 * phase, rectangle((0.45, 0.05)))),
+        subframes=2,
+        screen=("+X", "-Z"),
+        zero=(1, 5),
+    )
+    correction = np.transpose([KISTLER_9281E] * 3, (2, 1, 0))
+    with_parameters(path, "FORCE_PLATFORM", FPCOPPOLY=correction)
     write_trc(folder / "trc" / "a.trc", markers, rate_hz=20.0)
+    text = (folder / "trc" / "a.trc").read_text()
+    (folder / "trc" / "comma.trc").write_text(text.replace("\t", ","))
     plate, at_s = Plate("r", force, cop, 3 * phase), np.arange(SAMPLES) / 100
     for suffix in (".mot", ".sto"):
         write_forces_mot(folder / f"forces/a{suffix}", time_s=at_s, plates={"r": plate, "l": plate})
+    text = (folder / "forces" / "a.sto").read_text()
+    (folder / "forces" / "b.sto").write_text(text.replace(".", ",").replace("\t", ";"))
     rows = np.column_stack([at_s, force[:, [0, 2, 1]], cop[:, [0, 2, 1]], phase])
     text = "\n".join(",".join(repr(float(x)) for x in row) for row in rows)
     (folder / "forces" / "a.csv").write_text(

@@ -5,12 +5,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import ezc3d
 import numpy as np
 
 SENSORS = (0.12, 0.2, 0.054)
-"""m: places (+-a, +-b) and depth of the four sensors of a type 3 plate, or depth alone."""
+"""m: places (+-a, +-b) and depth of the four sensors of a plate of type 3, 6 or 7, or depth
+alone."""
+BY_SENSORS = (3, 6, 7)
+CALIBRATED = {
+    kind: np.eye(*shape) + 0.1 * np.random.default_rng(kind).uniform(size=shape)
+    for kind, shape in {4: (6, 6), 6: (12, 12), 7: (8, 8)}.items()
+}
+"""What the channels of each type are multiplied by."""
+KISTLER_9281E = [
+    [1.1604e-14, -8.39091e-10, -1.44293e-6, -2.85927e-10, 2.05575e-5, -0.113525],
+    [1.27251e-14, -3.13238e-10, -3.33888e-6, -6.49641e-10, 1.53937e-5, 1.12624e-1],
+]
+"""P1 to P6 of x and of y, in mm: Kistler, instruction manual of type 9287C, 8.4.3."""
 
 
 @dataclass
@@ -18,13 +31,14 @@ class MadePlate:
     """A plate on which a load acts.
 
     Attributes:
-        kind: 1 to 4.
+        kind: 1 to 4, 6 or 7.
         force, cop, twist: (n, 3) N on the person, (n, 3) m on the surface, (n,) N m about the
             laboratory's vertical.
         corners: (4, 3) m in the laboratory, in the order that the format asks for.
         up: the laboratory's vertical.
         origin_sign: -1 as the format asks for (the surface lies above the sensors, z points down),
             or 1 as many write.
+        offset: what every channel shows more, in its own unit.
         on_plate: whether the channels hold the person's force on the plate, instead of the plate's
             on the person.
     """
@@ -37,6 +51,7 @@ class MadePlate:
     up: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     origin_sign: float = -1.0
     on_plate: bool = False
+    offset: float = 0.0
 
     def axes(self) -> np.ndarray:
         """Columns: the plate's x (corner 2 to 1), y (corner 4 to 1) and z (into the floor)."""
@@ -44,8 +59,8 @@ class MadePlate:
         x, y = x / np.linalg.norm(x), y / np.linalg.norm(y)
         return np.column_stack([x, y, np.cross(x, y)])
 
-    def channels(self, calibration: np.ndarray, length: float) -> np.ndarray:
-        """(n, 6 or 8) as the file stores them, lengths in multiples of `length` m."""
+    def channels(self, length: float) -> np.ndarray:
+        """(n, 6, 8 or 12) as the file stores them, lengths in multiples of `length` m."""
         axes, centre = self.axes(), self.corners.mean(axis=0)
         sign = -1.0 if self.on_plate else 1.0
         force = sign * self.force @ axes
@@ -56,21 +71,25 @@ class MadePlate:
             place = (self.cop - centre) @ axes
             twist = sign * (self.twist[:, None] * self.up) @ axes
             return np.column_stack([force, place[:, :2] / length, twist[:, 2] / length])
-        wrench = np.column_stack([force, moment / length])
-        if self.kind == 3:
-            return np.column_stack([force, moment]) @ np.linalg.pinv(self.sensor_wrenches()).T
-        return wrench @ np.linalg.inv(calibration).T if self.kind == 4 else wrench
+        channels = np.column_stack([force, moment / length])
+        if self.kind in BY_SENSORS:
+            wrench = np.column_stack([force, moment])
+            channels = wrench @ np.linalg.pinv(self.sensor_wrenches()).T
+        if self.kind in CALIBRATED:
+            channels = channels @ np.linalg.inv(CALIBRATED[self.kind]).T
+        return channels + self.offset
 
-    @staticmethod
-    def sensor_wrenches() -> np.ndarray:
-        """(6, 8): force and moment about the sensors' middle of each channel's unit force, by cross
-        products."""
+    def sensor_wrenches(self) -> np.ndarray:
+        """(6, 8 or 12): force and moment about the sensors' middle of each channel's unit force, by
+        cross products."""
         a, b, _ = SENSORS
         at = np.array([[a, b, 0], [-a, b, 0], [-a, -b, 0], [a, -b, 0]])
         x, y, z = np.eye(3)
         channels = [((0, 1), x), ((2, 3), x), ((0, 3), y), ((1, 2), y)] + [
             ((k,), z) for k in range(4)
         ]
+        if self.kind == 6:
+            channels = [((k,), way) for k in range(4) for way in (x, y, z)]
         return np.column_stack(
             [
                 np.concatenate([way, np.mean([np.cross(at[k], way) for k in used], axis=0)])
@@ -107,6 +126,7 @@ def write_c3d(
     screen: tuple[str, str] | None = ("+X", "+Z"),
     first_frame: int = 1,
     moment_unit: str | None = None,
+    zero: tuple[int, int] = (1, 0),
 ) -> Path:
     """Writes markers (label -> (frames, 3) m, NaN in gaps) and plates of subframes * frames
     samples."""
@@ -129,8 +149,7 @@ def write_c3d(
         c3d.add_parameter("POINT", "X_SCREEN", [screen[0]])
         c3d.add_parameter("POINT", "Y_SCREEN", [screen[1]])
     c3d["header"]["points"]["first_frame"] = first_frame - 1
-    calibration = np.diag([2.0, 2.5, 3.0, 1.5, 1.2, 0.8]) + 0.01
-    samples = [plate.channels(calibration, length) for plate in plates]
+    samples = [plate.channels(length) for plate in plates]
     if plates:
         analog = np.concatenate(samples, axis=1).T
         c3d["data"]["analogs"] = analog[None]
@@ -142,7 +161,8 @@ def write_c3d(
             if any(p.kind != 2 for p in plates)
             else ["N", "N", "N", *[moment] * 3] * len(plates)
         )
-        _write_plates(c3d, plates, samples, calibration, length)
+        _write_plates(c3d, plates, samples, length)
+        c3d["parameters"]["FORCE_PLATFORM"]["ZERO"]["value"] = list(zero)
     c3d.write(str(path))
     return path
 
@@ -151,25 +171,40 @@ def _write_plates(
     c3d: ezc3d.c3d,
     plates: tuple[MadePlate, ...],
     samples: list[np.ndarray],
-    calibration: np.ndarray,
     length: float,
 ) -> None:
     widest = max(sample.shape[1] for sample in samples)
-    channel = np.zeros((widest, len(plates)))
+    channel = np.zeros((widest, len(plates)), dtype=int)
     first = 1
     for k, sample in enumerate(samples):
         channel[: sample.shape[1], k] = np.arange(first, first + sample.shape[1])
         first += sample.shape[1]
     origins = [
-        np.array([*(SENSORS[:2] if p.kind == 3 else (0, 0)), p.origin_sign * SENSORS[2]])
+        np.array([*(SENSORS[:2] if p.kind in BY_SENSORS else (0, 0)), p.origin_sign * SENSORS[2]])
         for p in plates
     ]
-    c3d.add_parameter("FORCE_PLATFORM", "USED", [len(plates)])
-    c3d.add_parameter("FORCE_PLATFORM", "TYPE", [p.kind for p in plates])
-    c3d.add_parameter("FORCE_PLATFORM", "ZERO", [1, 0])
-    c3d.add_parameter(
-        "FORCE_PLATFORM", "CORNERS", np.stack([p.corners.T / length for p in plates], axis=2)
-    )
-    c3d.add_parameter("FORCE_PLATFORM", "ORIGIN", np.column_stack(origins) / length)
-    c3d.add_parameter("FORCE_PLATFORM", "CHANNEL", channel)
-    c3d.add_parameter("FORCE_PLATFORM", "CAL_MATRIX", np.stack([calibration] * len(plates), axis=2))
+    matrices = np.zeros((12, 12, len(plates)))
+    for k, plate in enumerate(plates):
+        own = CALIBRATED.get(plate.kind, np.eye(6))
+        matrices[: own.shape[0], : own.shape[1], k] = own
+    for name, value in (
+        ("USED", np.array([len(plates)])),
+        ("TYPE", np.array([plate.kind for plate in plates])),
+        ("CORNERS", np.stack([plate.corners.T / length for plate in plates], axis=2)),
+        ("ORIGIN", np.column_stack(origins) / length),
+        ("CHANNEL", channel),
+        ("CAL_MATRIX", matrices[: max(6, widest), :widest]),
+    ):
+        c3d["parameters"]["FORCE_PLATFORM"][name]["value"] = value
+
+
+def with_parameters(path: Path, group: str, **values: Any) -> Path:
+    """The file with other or more parameters of a group."""
+    c3d = ezc3d.c3d(str(path))
+    for name, value in values.items():
+        if name in c3d["parameters"].get(group, {}):
+            c3d["parameters"][group][name]["value"] = value
+        else:
+            c3d.add_parameter(group, name, value)
+    c3d.write(str(path))
+    return path

@@ -381,6 +381,67 @@ def test_steps_beside_the_plates_are_left_out_of_the_window():
         make(walked=walk(missed=[("right", i) for i in range(3)]))
 
 
+def spoiled(recording, fault, start, stop):
+    """The recording with markers exchanged, hidden or moved in frames `start` to `stop`."""
+    markers = {label: np.array(path) for label, path in recording.markers.items()}
+    rows = slice(start, stop)
+    if fault == "exchange":
+        right = np.array(markers["RASI"][rows])
+        markers["RASI"][rows] = markers["RMT2"][rows]
+        markers["RMT2"][rows] = right
+    elif fault == "gap":
+        for label in ("RASI", "LASI", "RPSI"):
+            markers[label][rows] = np.nan
+    else:
+        markers["RASI"][rows] += [0.0, 0.4, 0.0]
+    return dataclasses.replace(recording, markers=markers)
+
+
+ONE_PASS = [("left", 1), ("right", 2), ("left", 2)]
+"""Steps beside the plates: from 1.9 s on nothing is loaded."""
+
+
+@pytest.mark.parametrize("fault", ["exchange", "gap", "jump"])
+def test_a_fault_of_markers_outside_the_steps_on_plates_does_not_matter(fault):
+    sound = make(walked=walk(missed=ONE_PASS))
+    trial = make(walked=spoiled(walk(missed=ONE_PASS), fault, 210, 240))
+    # the next strike, beside the plates, is told less surely where the record ends
+    assert (trial.start_s, trial.end_s) == (sound.start_s, pytest.approx(sound.end_s, abs=0.1))
+    count = len(trial.trajectory.time_s)
+    np.testing.assert_allclose(trial.trajectory.values, sound.trajectory.values[:count], atol=1e-4)
+    np.testing.assert_array_equal(trial.plate.force_W, sound.plate.force_W)
+    [note] = [note for note in trial.notes if "as a whole they cannot be" in note]
+    assert "around loads on plates" in note and ("RASI" in note or "RPSI" in note)
+
+
+@pytest.mark.parametrize("fault", ["exchange", "gap", "jump"])
+def test_a_fault_of_markers_on_the_plates_is_still_refused(fault):
+    walked = walk(missed=[("right", 0), *ONE_PASS])
+    for start in (50, 70, 120):
+        with pytest.raises(InputError, match=r"RASI|LASI|RPSI"):
+            make(walked=spoiled(walked, fault, start, start + 30))
+
+
+def test_of_two_passes_the_longer_one_is_taken_that_can_be_followed_and_carries_the_prosthesis():
+    """The first lasts longer, by half a stance."""
+    two = walk(missed=[("right", 1), ("left", 1)])
+    assert make(walked=spoiled(two, "exchange", 155, 170)).end_s < 1.6
+    assert make(walked=spoiled(two, "exchange", 20, 40)).start_s > 1.5
+    left_then_right = walk(missed=[("right", 0), ("right", 1), ("left", 1), ("left", 2)])
+    assert make(walked=spoiled(left_then_right, "exchange", 155, 170)).start_s > 1.5
+
+
+def test_of_a_walk_with_a_stated_window_only_that_has_to_be_followed():
+    two = walk()
+    bare = dataclasses.replace(two, plates=(), force_rate_hz=None)
+    broken = spoiled(bare, "exchange", 20, 40)
+    with pytest.raises(InputError, match="RASI"):
+        make(walked=broken)
+    window = make(walked=broken, window=Window(start_s=1.0, end_s=2.5))
+    assert (window.start_s, window.end_s) == (1.0, 2.5)
+    assert any("is followed, the window" in note for note in window.notes)
+
+
 @BOTH
 def test_written_files_load_as_the_same_trial(side, tmp_path):
     trial = make(side, cutoff_hz=6.0)

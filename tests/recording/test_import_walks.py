@@ -7,7 +7,7 @@ import dataclasses
 import ezc3d
 import numpy as np
 import pytest
-from made_c3d import write_c3d
+from made_c3d import MadePlate, rectangle, with_parameters, write_c3d
 from made_laboratory import MASS, Laboratory
 
 from vsf_drake.base.errors import InputError
@@ -183,6 +183,20 @@ def test_a_foot_in_a_shell_of_another_size_walks(length_m, fulcrum_m):
     )
     weight = trial.subject.mass_kg * 9.81
     assert 0.5 * weight < walk.prosthetic.grf_W[:, 2].max() < 2.5 * weight
+
+
+def test_a_walk_whose_plates_are_not_read_says_so_and_not_that_it_has_none(tmp_path):
+    count = 100
+    cop = np.zeros((count, 3))
+    force = np.tile([0.0, 0.0, 700.0], (count, 1))
+    plate = MadePlate(2, force, cop, np.zeros(count), rectangle((0.0, 0.0)))
+    markers = {label: np.tile([0.1, 0.2, z], (count, 1)) for label, z in (("A", 0.1), ("B", 0.9))}
+    path = write_c3d(tmp_path / "walk.c3d", markers, plates=(plate,), subframes=1)
+    with_parameters(path, "FORCE_PLATFORM", TYPE=np.array([21]))
+    with pytest.raises(
+        InputError, match=r"Force plate 1 of walk.c3d is of type 21 \(AMTI stairs\)"
+    ):
+        import_walks(gather(None, [path]), options())
 
 
 def test_results_get_names_of_their_own(tmp_path):

@@ -74,10 +74,16 @@ def as_label(text: str) -> str:
     return UNPRINTABLE.sub("", decoded(text)).strip()
 
 
-def split_row(line: str) -> list[str]:
-    """Cells between tabs, so that a blank one is seen; between white space where there is no
-    tab."""
-    return line.split("\t") if "\t" in line else line.split()
+def separator_of(line: str) -> str | None:
+    """What separates the cells of a line of words: a tab, a semicolon or a comma; None for white
+    space."""
+    return next((separator for separator in "\t;," if separator in line), None)
+
+
+def split_row(line: str, separator: str | None = "\t") -> list[str]:
+    """Cells between separators, so that a blank one is seen; between white space where there is
+    none."""
+    return line.split(separator if separator and separator in line else None)
 
 
 def table_rows(

@@ -67,7 +67,6 @@ from vsf_drake.motion.markers.person_facts import (
 )
 from vsf_drake.motion.markers.posture import prepared
 from vsf_drake.motion.markers.segments import Calibration, TrackedMotion
-from vsf_drake.motion.markers.tracking import track
 from vsf_drake.motion.opensim import (
     HEAVIEST_BW,
     LIGHTEST_BW,
@@ -76,6 +75,7 @@ from vsf_drake.motion.opensim import (
     read_plate,
 )
 from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.wanted_part import track_wanted
 
 PLACEHOLDER_KG = 70.0
 """Stands for a mass that only the walk tells until the plates are assigned; then the person is
@@ -418,9 +418,7 @@ def trial_from_recordings(
             [f"Standing trial: {note}" for note in standing.notes] if standing is not None else []
         )
     notes += calibration.notes
-    tracked = track(
-        walk, calibration, cutoff_hz=options.cutoff_hz, longest_gap_s=options.longest_gap_s
-    )
+    walk, tracked = track_wanted(walk, calibration, options)
     if options.cutoff_hz is None:
         notes += say("trial", "already_filtered")
     assignment = Assignment({}, (), {})

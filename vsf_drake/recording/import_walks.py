@@ -359,8 +359,9 @@ def _make_trial(
         recording.plates,
         "has no force plates, and no force file lies beside it",
         "--forces",
-        "Name the walk's force file (.mot, .sto, .csv or .forces). Where nobody measured forces, "
-        "write a manifest with `markers` and without `forces`",
+        " ".join(note for note in recording.notes if note.startswith("Force plate"))
+        or "Name the walk's force file (.mot, .sto, .csv or .forces). Where nobody measured "
+        "forces, write a manifest with `markers` and without `forces`",
         file=walk,
     )
     used = [

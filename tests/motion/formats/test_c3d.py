@@ -3,7 +3,7 @@
 import ezc3d
 import numpy as np
 import pytest
-from made_c3d import MadePlate, rectangle, write_c3d
+from made_c3d import KISTLER_9281E, MadePlate, rectangle, with_parameters, write_c3d
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.motion.formats.read import read_trial
@@ -115,17 +115,6 @@ def test_of_a_label_that_stands_twice_the_first_that_is_seen_is_read_and_said(tm
     assert any("M2 stands twice: the first" in note for note in read.notes)
 
 
-def with_parameters(path, group, **values):
-    c3d = ezc3d.c3d(str(path))
-    for name, value in values.items():
-        if name in c3d["parameters"].get(group, {}):
-            c3d["parameters"][group][name]["value"] = value
-        else:
-            c3d.add_parameter(group, name, value)
-    c3d.write(str(path))
-    return path
-
-
 def test_a_truncated_file_is_refused(tmp_path):
     path = write_c3d(tmp_path / "walk.c3d", body())
     data = path.read_bytes()
@@ -180,13 +169,16 @@ def check(read, made, rotation=np.eye(3)):  # noqa: B008 (it is not changed)
 
 @pytest.mark.parametrize("origin_sign", [-1.0, 1.0])
 @pytest.mark.parametrize(
-    ("kind", "turn_deg"), [(1, 30.0), (2, 30.0), (3, 30.0), (4, 30.0), (2, 90.0), (2, 180.0)]
+    ("kind", "turn_deg"), [*((kind, 30.0) for kind in (1, 2, 3, 4, 6, 7)), (2, 90.0), (2, 180.0)]
 )
 def test_load_comes_back_from_each_type_of_plate(tmp_path, kind, turn_deg, origin_sign):
     """The channels follow from the load by cross products over the sensors, not from the reader's
     formulas."""
     plate = load(turn_deg=turn_deg, kind=kind, origin_sign=origin_sign)
-    check(read_trial(written(tmp_path, plate)), [plate])
+    read = read_trial(written(tmp_path, plate))
+    check(read, [plate])
+    told = [note for note in read.notes if "read as Visual3D documents it" in note]
+    assert len(told) == (kind in (6, 7))
 
 
 @pytest.mark.parametrize(
@@ -200,6 +192,152 @@ def test_forces_on_the_plate_and_moments_in_another_unit_than_stated_are_put_rig
     read = read_trial(written(tmp_path, plate, **of_file))
     check(read, [plate])
     assert any(words in note for note in read.notes)
+
+
+ON = (PHASE > 0.35) & (PHASE < 0.8)
+"""When a foot stands on the plate: the first 350 samples, or 35 frames, are unloaded."""
+
+
+def stepped_on(load_n=0.0, **options):
+    """A plate with a step of less than the recording on it, and `load_n`, a number or (samples,),
+    before and after it."""
+    plate = load(**options)
+    plate.force = np.where(ON[:, None], plate.force, np.multiply.outer(load_n, [0.0, 0.0, 1.0]))
+    plate.twist = np.where(ON, plate.twist, 0.0)
+    return plate
+
+
+@pytest.mark.parametrize("kind", [2, 3, 4, 6, 7])
+@pytest.mark.parametrize(
+    ("zero", "first_frame", "words"),
+    [
+        ((1, 30), 1, "frames 1 to 30"),
+        ((0, 10), 1, "frames 1 to 10"),
+        ((61, 70), 51, "frames 61 to 70"),  # numbered as the file's frames are
+        ((1, 30), 51, "frames 1 to 30"),  # or from its first, where frames before were cut off
+        ((1, 300), 1, "samples 1 to 300"),  # more than its 100 frames
+    ],
+)
+def test_what_an_unloaded_plate_shows_is_subtracted_from_its_channels(
+    tmp_path, kind, zero, first_frame, words
+):
+    plate = stepped_on(kind=kind, offset=2.5)
+    read = read_trial(written(tmp_path, plate, zero=zero, first_frame=first_frame)).plates[0]
+    np.testing.assert_allclose(read.force_n, plate.force, atol=1e-3)
+    np.testing.assert_allclose(read.cop_m[ON], plate.cop[ON], atol=1e-6)
+    np.testing.assert_allclose(read.free_moment_nm[ON], plate.twist[ON], atol=1e-4)
+    notes = read_trial(tmp_path / "a.c3d").notes
+    assert any(words in note and "FORCE_PLATFORM:ZERO" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("zero", "load_n"),
+    [
+        ((0, 0), 0.0),  # says that nothing is to be subtracted
+        ((1, 0), 0.0),  # what programs write that never set it
+        ((1, 50), 0.0),  # the foot comes within these frames
+        ((1, 10), 300.0),  # somebody stands on the plate
+        ((1, 10), np.linspace(0.0, 600.0, SAMPLES)),  # or steps on it
+        ((200, 1200), 0.0),  # neither frames nor samples of the file
+    ],
+)
+def test_nothing_is_subtracted_where_the_plate_is_loaded_or_zero_names_no_frames(
+    tmp_path, zero, load_n
+):
+    plate = stepped_on(load_n)
+    plate.force[:, 2] += 8.0
+    read = read_trial(written(tmp_path, plate, zero=zero))
+    np.testing.assert_allclose(read.plates[0].force_n, plate.force, atol=1e-3)
+    assert not any("ZERO" in note for note in read.notes)
+
+
+@pytest.mark.parametrize("by_turns", [False, True])
+def test_kistlers_correction_of_the_centre_of_pressure_is_applied(tmp_path, by_turns):
+    """ezc3d on the same file, which reads the six coefficients of x before those of y. The force
+    and the moment about the plate's vertical through its centre stay."""
+    plate, plain = load(kind=3), load((1.2, 0.25), kind=3)
+    path = written(tmp_path, plate, plain)
+    values = np.zeros((6, 2, 2))
+    values[:, :, 0] = np.transpose(KISTLER_9281E)
+    with_parameters(path, "FORCE_PLATFORM", FPCOPPOLY=values)
+    theirs = ezc3d.c3d(str(path), extract_forceplat_data=True)["data"]["platform"][0]
+    if by_turns:
+        with_parameters(path, "FORCE_PLATFORM", FPCOPPOLY=values.transpose(1, 0, 2))
+    read = read_trial(path)
+    moved = read.plates[0].cop_m - plate.cop
+    np.testing.assert_allclose(
+        read.plates[0].cop_m[:, :2], 1e-3 * theirs["center_of_pressure"][:2].T, atol=1e-7
+    )
+    np.testing.assert_allclose(read.plates[0].free_moment_nm, 1e-3 * theirs["Tz"][2], atol=1e-4)
+    assert 1e-3 < np.abs(moved).max() < 1e-2, "millimetres, as Kistler's manual says"
+    np.testing.assert_allclose(read.plates[0].force_n, plate.force, atol=1e-3)
+    np.testing.assert_allclose(read.plates[1].cop_m, plain.cop, atol=1e-6)
+    assert [note for note in read.notes if "FPCOPPOLY" in note] == [
+        "Kistler's correction of the centre of pressure (FPCOPPOLY) was applied to force plate 1."
+    ]
+
+
+def test_a_centre_of_pressure_off_the_plate_is_not_corrected(tmp_path):
+    """A polynomial of the seventh order says nothing out there."""
+    plate = load(kind=3)
+    plate.cop[:, 1] += 0.4
+    values = np.transpose(KISTLER_9281E)[:, :, None]
+    path = with_parameters(written(tmp_path, plate), "FORCE_PLATFORM", FPCOPPOLY=values)
+    np.testing.assert_allclose(read_trial(path).plates[0].cop_m, plate.cop, atol=1e-6)
+
+
+@pytest.mark.parametrize("what", ["not millimetres", "other coefficients", "too few"])
+def test_a_correction_that_cannot_be_kistlers_is_left_and_said(tmp_path, what):
+    plate = load(kind=3)
+    unit = {"unit": "m", "length": 1.0} if what == "not millimetres" else {}
+    values = np.transpose(KISTLER_9281E)[:, :, None]
+    values = {"too few": values[:5], "other coefficients": 10.0 * values}.get(what, values)
+    read = read_trial(
+        with_parameters(written(tmp_path, plate, **unit), "FORCE_PLATFORM", FPCOPPOLY=values)
+    )
+    np.testing.assert_allclose(read.plates[0].cop_m, plate.cop, atol=1e-6)
+    assert any("FPCOPPOLY was not applied to force plate 1" in note for note in read.notes)
+
+
+def test_a_plate_whose_type_needs_a_matrix_is_left_out_without_it(tmp_path):
+    path = written(tmp_path, load(kind=7), load((1.2, 0.25), kind=3))
+    with_parameters(path, "FORCE_PLATFORM", CAL_MATRIX=np.zeros((6, 6, 2)))
+    read = read_trial(path)
+    assert [plate.name for plate in read.plates] == ["2"]
+    assert any("CAL_MATRIX has no 8 x 8 matrix" in note for note in read.notes)
+
+
+def test_a_plate_that_has_fewer_channels_than_its_type_is_left_out(tmp_path):
+    """Of six rows for each plate the next two numbers are the next plate's."""
+    path = written(tmp_path, load(kind=3), load((1.2, 0.25)))
+    channels = np.column_stack([np.arange(1, 7), np.arange(9, 15)])
+    read = read_trial(with_parameters(path, "FORCE_PLATFORM", CHANNEL=channels))
+    assert [plate.name for plate in read.plates] == ["2"]
+    assert any("CHANNEL says nothing usable of force plate 1" in note for note in read.notes)
+
+
+@pytest.mark.parametrize(
+    ("mass", "height", "facts", "said"),
+    [
+        (1.0, 1.0, {}, ["BODYMASS", "HEIGHT"]),
+        (72.5, 1745.0, {"mass_kg": 72.5, "stature_m": 1.745}, []),
+        (72.5, 1.0, {"mass_kg": 72.5}, ["HEIGHT"]),
+        (500.0, 17.0, {}, ["BODYMASS", "HEIGHT"]),
+        (0.0, 174.5, {"stature_m": 1.745}, []),
+    ],
+)
+def test_mass_and_height_that_are_placeholders_or_nobodys_are_left_out_and_said(
+    tmp_path, mass, height, facts, said
+):
+    path = with_parameters(written(tmp_path), "PROCESSING", Bodymass=[mass], Height=[height])
+    read = read_trial(path)
+    assert read.person == pytest.approx(facts)
+    told = [note for note in read.notes if "PROCESSING" in note]
+    assert len(told) == len(said)
+    for name, note in zip(said, told, strict=True):
+        assert name in note and ("placeholder" in note) == (
+            {"BODYMASS": mass, "HEIGHT": height}[name] == 1.0
+        )
 
 
 def test_floor_is_where_the_plates_lie(tmp_path):
@@ -231,7 +369,8 @@ def test_a_plate_of_an_unknown_type_or_without_its_channels_is_left_out_and_said
         )
     )
     assert [plate.name for plate in read.plates] == ["1"] and any(
-        "type 21" in note for note in read.notes
+        "type 21 (AMTI stairs), which is not read" in note and "export it as type 2" in note
+        for note in read.notes
     )
     plates = (load(), load((1.2, 0.25)))
     path = written(tmp_path, *plates)

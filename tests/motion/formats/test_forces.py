@@ -159,12 +159,8 @@ def test_cortex_forces(tmp_path):
     path.write_text(forces_text())
     check(read_trial(path))
     path.write_text(forces_text(stated=60))
-    assert "the header says 60 samples, the file has 50" in message(lambda: read_trial(path))
+    assert any("says 60 samples, the file has 50" in note for note in read_trial(path).notes)
     path.write_text("\n".join(line for i, line in enumerate(forces_text().splitlines()) if i != 20))
-    assert "the header says 50 samples, the file has 49" in message(lambda: read_trial(path))
-    path.write_text(
-        "\n".join(line for i, line in enumerate(forces_text(stated=40).splitlines()) if i != 20)
-    )
     assert "line 21: samples are missing" in message(lambda: read_trial(path))
 
 

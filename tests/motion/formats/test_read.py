@@ -67,21 +67,93 @@ def test_forward_is_as_stated_or_the_laboratorys_axis_nearest_to_the_way(tmp_pat
 
 
 def test_up_is_the_screens_or_across_the_plates_or_asked_for(tmp_path):
-    path = write_c3d(tmp_path / "a.c3d", walk(), screen=None)
+    few = {label: walk()[label] for label in ("M0", "M1", "M2")}
+    path = write_c3d(tmp_path / "a.c3d", few, screen=None)
     assert "Give laboratory.up (--up): x, y or z" in message(lambda: read_trial(path))
     np.testing.assert_array_equal(read_trial(path, up="z").rotation_W, np.eye(3))
+    for screen in (None, ("+X", "+Y")):
+        read = read_trial(write_c3d(tmp_path / "a.c3d", walk(), screen=screen, plates=(plate(),)))
+        np.testing.assert_array_equal(read.rotation_W, np.eye(3))
+        assert any("force plates lie across +z" in note for note in read.notes)
+
+
+def plate(turned=False):
+    """A plate on which 700 N press, in W or in W turned upside down."""
     count = 10 * FRAMES
-    plate = MadePlate(
+    corners = rectangle((0.4, 0.1))
+    made = MadePlate(
         2,
         np.tile([0.0, 0.0, 700.0], (count, 1)),
         np.tile([0.4, 0.1, 0.0], (count, 1)),
         np.zeros(count),
-        rectangle((0.4, 0.1)),
+        corners,
     )
-    for screen in (None, ("+X", "+Y")):
-        read = read_trial(write_c3d(tmp_path / "a.c3d", walk(), screen=screen, plates=(plate,)))
-        np.testing.assert_array_equal(read.rotation_W, np.eye(3))
-        assert any("force plates lie across +z" in note for note in read.notes)
+    if turned:
+        turn = rotation_of("+x", "-z").T
+        made.force, made.cop, made.corners = (
+            vectors @ turn.T for vectors in (made.force, made.cop, made.corners)
+        )
+        made.up = turn @ made.up
+    return made
+
+
+@pytest.mark.parametrize("screen", [("+X", "-Z"), ("+X", "+Z")])
+def test_markers_on_the_plates_other_side_than_the_screens_up_turn_it(tmp_path, screen):
+    """The person stands on the plates, whatever the screen says: up is where the markers are."""
+    down = screen[1] == "+Z"
+    up = "-z" if down else "+z"
+    seen = seen_in(rotation_of("+x", up), walk())
+    path = write_c3d(tmp_path / "a.c3d", seen, screen=screen, plates=(plate(turned=down),))
+    read = read_trial(path)
+    np.testing.assert_array_equal(read.rotation_W, rotation_of("+x", up))
+    np.testing.assert_allclose(read.markers["M3"], walk()["M3"], atol=1e-6)
+    np.testing.assert_allclose(read.plates[0].force_n[:, 2], 700.0)
+    assert any(f"stands the other way: {up} was taken" in note for note in read.notes)
+
+
+SQUAT = {"HEE": 0.05, "TOE": 0.04, "ANK": 0.1, "KNE": 0.45, "ASI": 0.55, "PSI": 0.6, "SHO": 0.95}
+"""Heights (m) of markers of somebody who squats."""
+
+
+def squat(raised_m=0.0):
+    """Markers in W of somebody who squats, `raised_m` above the origin."""
+    forward = np.random.default_rng(4).uniform(-0.2, 0.25, 2 * len(SQUAT))
+    places = [
+        (side + label, (x, y, height + raised_m))
+        for (side, y, label, height), x in zip(
+            ((s, y, *pair) for s, y in (("R", -0.15), ("L", 0.15)) for pair in SQUAT.items()),
+            forward,
+            strict=True,
+        )
+    ]
+    return {label: np.tile(place, (FRAMES, 1)) for label, place in places}
+
+
+@pytest.mark.parametrize("named", [True, False])
+@pytest.mark.parametrize("raised_m", [0.0, 0.5])
+@pytest.mark.parametrize("up", ["+x", "-y", "+z", "-z"])
+def test_a_squat_with_a_full_marker_set_shows_which_way_is_up(tmp_path, up, raised_m, named):
+    """No screen, no plates: pelvis and shoulders are above the feet, or all above the origin."""
+    ahead = "+y" if up[1] != "y" else "+x"
+    rotation = rotation_of(ahead, up)
+    markers = seen_in(rotation, squat(raised_m))
+    if not named:
+        markers = {f"M{k}": place for k, place in enumerate(markers.values())}
+    path = write_c3d(tmp_path / "a.c3d", markers, screen=None)
+    if raised_m and not named:
+        assert "Give laboratory.up (--up): x, y or z" in message(lambda: read_trial(path))
+        return
+    read = read_trial(path)
+    np.testing.assert_array_equal(read.rotation_W[2], rotation[2])
+    assert any(f"extend most along {up[1]}: {up} was taken" in note for note in read.notes)
+
+
+def test_markers_that_reach_farther_than_a_person_do_not_show_which_way_is_up(tmp_path):
+    """Of the laboratory, along the way; the person between them stands along z."""
+    along = {"start": 0.1, "end": 4.0}
+    markers = walk() | {name: np.tile([x, 0.0, 0.0], (FRAMES, 1)) for name, x in along.items()}
+    path = write_c3d(tmp_path / "a.c3d", markers, screen=None)
+    assert "Give laboratory.up (--up): x, y or z" in message(lambda: read_trial(path))
 
 
 def test_a_person_who_lies_or_stands_on_the_head_is_refused_with_the_remedy(tmp_path):
@@ -95,11 +167,11 @@ def test_a_person_who_lies_or_stands_on_the_head_is_refused_with_the_remedy(tmp_
         read_trial(tmp_path / "a.trc").rotation_W, rotation_of("+x", "+y")
     )
     write_trc(tmp_path / "b.trc", seen_in(rotation_of("+x", "+y").T, walk()), rate_hz=50.0)
+    read = read_trial(tmp_path / "b.trc")
+    np.testing.assert_allclose(read.markers["M3"], walk()["M3"], atol=1e-12)
+    assert any("extend most along z: +z was taken as up" in note for note in read.notes)
     assert "Give laboratory.up (--up), probably z" in message(
-        lambda: read_trial(tmp_path / "b.trc")
-    )
-    np.testing.assert_allclose(
-        read_trial(tmp_path / "b.trc", up="z").markers["M3"], walk()["M3"], atol=1e-12
+        lambda: read_trial(tmp_path / "b.trc", up="y")
     )
 
 

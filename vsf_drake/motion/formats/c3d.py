@@ -5,8 +5,11 @@ ends the process (segmentation fault) on some damaged files; the tests compare t
 
 The format is that of the C3D user guide (Motion Lab Systems, https://www.c3d.org). Everything is
 checked against the file's size before anything is reserved. Force plates (type 3: Kistler,
-https://isbweb.org/software/movanal/vaughan/kistler.pdf) have a frame P of their own: x from corner
-2 to corner 1, y from corner 4 to corner 1, both in the surface, z = x x y, by rule into the floor.
+https://isbweb.org/software/movanal/vaughan/kistler.pdf; types 6 and 7, which the guide has not:
+Visual3D, https://wiki.has-motion.com, FP_Type) have a frame P of their own: x from corner 2 to
+corner 1, y from corner 4 to corner 1, both in the surface, z = x x y, by rule into the floor. Type
+5 is not read: its channels times its matrix are three forces and moments (Visual3D, BTK), but the
+two differ on their unit.
 """
 
 from __future__ import annotations
@@ -18,15 +21,17 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import opened
 from vsf_drake.base.sentences import say
 from vsf_drake.base.text_table import as_label
+from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats import units
 from vsf_drake.motion.formats.recording import LARGEST, RawPlate, RawTrial
 
 MASSES_KG = (20.0, 250.0)
 STATURES_M = (0.8, 2.5)
+PLACEHOLDER = 1.0  # what programs write as mass and height where nobody was measured
 MOST_FRAMES = 100_000_000
 MOST_PLATES = 64
 MOST_RECORDS = 100_000
@@ -35,13 +40,22 @@ LOADED_N, FAR_M = 50.0, 0.3
 """A centre of pressure this far off a plate that carries so much is not on it, whatever the
 noise."""
 SMALLEST_M2 = 1e-3
+# an offset that is subtracted is told from this on
+TOLD_N = 1.0
+MOST_CORRECTION_MM = 50.0
+"""A correction of the centre of pressure larger than this at a plate's corner is none (Kistler's
+published ones: up to 30 mm)."""
 _BLOCK = 512
 _INTEL = 84
 _DEC = 85
 _MIPS = 86
 # bytes of each type of parameter: text, 8-bit and 16-bit integers, 32-bit floats
 _SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}
-_CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}  # analog channels of each type of plate
+# analog channels of each type of plate
+_CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6, 6: 12, 7: 8}
+# rows and columns of the matrix that the channels of a type are multiplied by
+_CALIBRATED = {4: (6, 6), 6: (12, 12), 7: (8, 8)}
+_BY_SENSORS = (3, 6, 7)  # types whose channels are forces of four sensors
 _NOT_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 """Parameters of POINT that list the labels of computed quantities stored as points (Vicon)."""
 _DAMAGED = "Is the file damaged?"
@@ -141,17 +155,26 @@ def _person(c3d: _C3d, notes: list[str]) -> dict[str, float]:
         ("HEIGHT", "stature_m", (1e-3, 1e-2, 1.0), STATURES_M),
     ):
         value = c3d.number(f"PROCESSING:{name}")
-        fitting = (
-            [value * factor for factor in factors if low <= value * factor <= high] if value else []
-        )
+        fitting = [
+            value * factor
+            for factor in factors
+            if value and value != PLACEHOLDER and low <= value * factor <= high
+        ]
         if fitting:
             facts[key] = fitting[0]
         elif value:
-            notes += say("files", "person", file=c3d.path.name, name=name, value=value)
+            notes += say(
+                "files",
+                "person",
+                file=c3d.path.name,
+                name=name,
+                value=value,
+                placeholder=value == PLACEHOLDER,
+            )
     return facts
 
 
-# Force plates of types 1 to 4: a force and a torque about the centre of the plate's surface.
+# Force plates: a force and a torque about the centre of the plate's surface.
 
 
 def _read_plates(c3d: _C3d, length_m: float, notes: list[str]) -> list[RawPlate]:
@@ -213,34 +236,141 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
     axes = np.column_stack([v / np.linalg.norm(v) for v in (x, np.cross(z, x), z)])
     centre = corners.mean(axis=0)
     origin = _of_plate(c3d, "ORIGIN", i, 3) * length_m
-    if kind == 4:
-        matrices = np.atleast_3d(c3d.values("FORCE_PLATFORM:CAL_MATRIX"))
-        calibrated = matrices.ndim == 3 and min(matrices.shape[:2]) >= 6 and matrices.shape[2] > i
-        notes += [] if calibrated else say("files", "no_calibration", plate=i + 1)
-        if calibrated:
-            with np.errstate(invalid="ignore", over="ignore"):
-                raw = raw @ matrices[:6, :6, i].T
+    if kind in _CALIBRATED:
+        raw = _calibrated(c3d, i, kind, raw, notes)
     if not (raw.max(initial=0.0) < LARGEST and raw.min(initial=0.0) > -LARGEST):
         raise InputError(
             "an analog sample is not a believable number",
             file=c3d.path,
             where=f"force plate {i + 1}",
         )
+    raw = _zeroed(c3d, i, kind, raw, notes)
     stated = c3d.all_texts("ANALOG:UNITS")
     text = stated[channels[3]] if channels[3] < len(stated) else ""
     factor = units.length_factor(text) if kind == 1 else units.moment_factor(text)
-    unit = length_m if factor is None or kind == 3 else factor
+    by_sensors = kind in _BY_SENSORS
+    unit = length_m if factor is None or by_sensors else factor
     half = np.abs((corners - centre) @ axes)[:, :2].max(axis=0)
-    choices = [unit] + [other for other in (1.0, 1e-3) if not np.isclose(other, unit) and kind != 3]
+    choices = [unit] + [
+        other for other in (1.0, 1e-3) if not np.isclose(other, unit) and not by_sensors
+    ]
     choice = next(
         (choice for choice in choices if _on_plate(kind, raw, origin, choice, half)), unit
     )
     if choice != unit:
         notes += say("files", "other_moments", plate=i + 1, used=choice, stated=unit)
-    force, point, torque = (vectors @ axes.T for vectors in _load(kind, raw, origin, choice))
+    notes += say("files", "documented", plate=i + 1, kind=kind) if kind in (6, 7) else []
+    load = _load(kind, raw, origin, choice)
+    if kind in (3, 7):
+        _correct_cop(c3d, i, load, half, in_mm=bool(np.isclose(length_m, 1e-3)), notes=notes)
+    force, point, torque = (vectors @ axes.T for vectors in load)
     return RawPlate(
         str(i + 1), force, point + centre if kind == 1 else centre, torque, corners=corners
     )
+
+
+def _calibrated(c3d: _C3d, i: int, kind: int, raw: np.ndarray, notes: list[str]) -> np.ndarray:
+    """The channels (n, columns) times the plate's calibration matrix; of type 4 as they are where
+    there is none."""
+    matrices = np.atleast_3d(c3d.values("FORCE_PLATFORM:CAL_MATRIX"))
+    rows, columns = _CALIBRATED[kind]
+    there = matrices.shape[0] >= rows and matrices.shape[1] >= columns and matrices.shape[2] > i
+    if not there and kind == 4:
+        notes += say("files", "no_calibration", plate=i + 1)
+        return raw
+    require(
+        there,
+        f"has no {rows} x {columns} matrix, which force plate {i + 1} of type {kind} needs",
+        "FORCE_PLATFORM:CAL_MATRIX",
+        file=c3d.path,
+    )
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray(raw @ matrices[:rows, :columns, i].T)
+
+
+def _zeroed(c3d: _C3d, i: int, kind: int, raw: np.ndarray, notes: list[str]) -> np.ndarray:
+    """The channels less their mean over what FORCE_PLATFORM:ZERO names, if the plate is unloaded
+    there.
+
+    It names frames, as the file counts them or from its first one on; as some write it, samples:
+    the first reading that lies within the file counts. Most programs name the first ten frames,
+    whoever stands on the plate. The channels of type 1, centres of pressure among them, stay.
+    """
+    ends = c3d.values("FORCE_PLATFORM:ZERO").ravel(order="F")[:2]
+    if kind == 1 or len(ends) < 2 or not (np.abs(ends) < LARGEST).all() or not ends.any():
+        return raw
+    first = max(int(ends[0]), 1) - 1
+    last = int(ends[1])
+    cropped = c3d.first_frame - 1
+    readings = (
+        ("frames", (first - cropped) * c3d.subframes, (last - cropped) * c3d.subframes),
+        ("frames", first * c3d.subframes, last * c3d.subframes),
+        ("samples", first, last),
+    )
+    words, start, stop = next(
+        (each for each in readings if 0 <= each[1] < each[2] <= len(raw)), ("", 0, 0)
+    )
+    if not words:
+        return raw
+    vertical = _load(kind, raw[start:stop], np.zeros(3), 1.0)[0][:, 2]
+    mean = abs(float(vertical.mean()))
+    if not (mean < LOADED_N and np.ptp(vertical) < THRESHOLD_N):
+        return raw
+    if mean > TOLD_N:
+        notes += say(
+            "files", "zeroed", plate=i + 1, words=words, ends=(first + 1, last), vertical=mean
+        )
+    return np.asarray(raw - raw[start:stop].mean(axis=0))
+
+
+def _correct_cop(
+    c3d: _C3d,
+    i: int,
+    load: tuple[np.ndarray, np.ndarray, np.ndarray],
+    half: np.ndarray,
+    *,
+    in_mm: bool,
+    notes: list[str],
+) -> None:
+    """Moves the centre of pressure of a load in P (see `_load`) as Kistler's correction says, by
+    changing its torque; `half` (2,) m is half the plate's size.
+
+    Kistler, Multicomponent force plate for biomechanics type 9287C, instruction manual, 8.4.3: with
+    a_x and a_y in mm, less ((P1 a_y^4 + P2 a_y^2 + P3) a_x^3 + (P4 a_y^4 + P5 a_y^2 + P6) a_x), and
+    likewise for a_y. The file has the six of x and then of y (ezc3d), or x and y by turns (C3D user
+    guide of 2008: 2 x 6); the wrong reading moves the corners by decimetres.
+    """
+    flat = c3d.values("FORCE_PLATFORM:FPCOPPOLY").ravel(order="F")[12 * i : 12 * i + 12]
+    if not flat.any():
+        return
+    corner = 1e3 * half[None]
+    orders = (flat.reshape(2, 6), flat.reshape(6, 2).T) if len(flat) == 12 else ()
+    fitting = [
+        each
+        for each in orders
+        if in_mm and (np.abs(_cop_correction(each, corner)) < MOST_CORRECTION_MM).all()
+    ]
+    notes += say("files", "cop_correction", plate=i + 1, applied=bool(fitting))
+    if not fitting:
+        return
+    force, _, torque = load
+    on = np.flatnonzero(np.abs(force[:, 2]) > THRESHOLD_N)
+    vertical = force[on, 2]
+    cop = np.column_stack([-torque[on, 1], torque[on, 0]]) / vertical[:, None]
+    less = 1e-3 * _cop_correction(fitting[0], 1e3 * cop)
+    less[(np.abs(cop) > half).any(axis=1)] = 0.0
+    torque[on, 0] -= less[:, 1] * vertical
+    torque[on, 1] += less[:, 0] * vertical
+
+
+def _cop_correction(coefficients: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(n, 2) mm that are too much in centres of pressure `at` (n, 2) mm, by coefficients (2, 6)."""
+    p1, p2, p3, p4, p5, p6 = coefficients.T
+    across = at[:, ::-1] ** 2
+    with np.errstate(invalid="ignore", over="ignore"):
+        cubic = (p1 * across + p2) * across + p3
+        linear = (p4 * across + p5) * across + p6
+        return np.asarray((cubic * at**2 + linear) * at)
 
 
 def _load(
@@ -256,15 +386,21 @@ def _load(
             np.column_stack([raw[:, 3] * unit, raw[:, 4] * unit, zero]),
             np.column_stack([zero, zero, raw[:, 5] * unit]),
         )
-    if kind == 3:  # of sensors at (+-a, +-b) under the surface; `origin` is (a, b, depth)
-        a = abs(origin[0])
-        b = abs(origin[1])
+    lead = np.array([0.0, 0.0, -abs(origin[2])])
+    # of sensors at (+-a, +-b) under the surface; `origin` is (a, b, depth)
+    a = abs(origin[0])
+    b = abs(origin[1])
+    if kind == 6:
+        sensors = raw.reshape(-1, 4, 3)
+        force = sensors.sum(axis=1)
+        at = np.array([[a, b, 0.0], [-a, b, 0.0], [-a, -b, 0.0], [a, -b, 0.0]])
+        torque = np.cross(at, sensors).sum(axis=1)
+    elif kind in (3, 7):
         x12, x34, y14, y23, z1, z2, z3, z4 = raw.T
         force = np.column_stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4])
         torque = np.column_stack(
             [b * (z1 + z2 - z3 - z4), a * (z2 + z3 - z1 - z4), b * (x34 - x12) + a * (y14 - y23)]
         )
-        lead = np.array([0.0, 0.0, -abs(origin[2])])
     else:  # Fx to Mz about the sensor's origin, from which `origin` leads to the surface's centre
         force = raw[:, :3]
         torque = raw[:, 3:6] * unit
@@ -290,7 +426,7 @@ def _of_plate(c3d: _C3d, name: str, i: int, size: int) -> np.ndarray:
     value = c3d.values(f"FORCE_PLATFORM:{name}")
     row = value.shape[0] if name == "CHANNEL" and value.ndim > 1 else size
     flat = value.ravel(order="F")[i * row : i * row + size]
-    if len(flat) != size or not (np.abs(flat) < LARGEST).all():
+    if len(flat) != size or row < size or not (np.abs(flat) < LARGEST).all():
         raise InputError(
             f"says nothing usable of force plate {i + 1}",
             file=c3d.path,

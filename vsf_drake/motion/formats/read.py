@@ -3,6 +3,7 @@ pressure."""
 
 from __future__ import annotations
 
+import re
 from itertools import combinations
 from pathlib import Path
 
@@ -21,6 +22,7 @@ MARKER_FILES = (".c3d", ".trc")
 LARGEST_M = 10.0
 SMALLEST_M = 0.02
 SMALLEST_WHOLE_M = 0.25
+TALLEST_M = 2.5  # markers that reach farther are not only a person's
 FARTHEST_M = 200.0
 AXES = "xyz"
 TRAVEL_M = 0.5  # a person whose markers travel farther than this walks through the laboratory
@@ -31,6 +33,9 @@ WHOLE_MARKERS = 12
 NARROW = 0.6
 # markers whose lowest lies this far below the floor, their middle below it too, stand on their head
 BELOW_M = 0.3
+# labels of feet, and of what is above the legs, however it is called
+_FEET = re.compile(r"hee|toe|cal|mt\d|mal|ank|foot", re.IGNORECASE)
+_ABOVE = re.compile(r"asi|psi|sacr|head|hd|sho(?!e)|c7|clav|acr|ster", re.IGNORECASE)
 STRONG_N = 100.0
 BASELINE_N = 5.0  # an unloaded plate that shows more than this was not zeroed
 FLOOR_M = 0.02  # plates this near z = 0 lie in the floor at 0; farther ones show where the floor is
@@ -258,29 +263,91 @@ def _rotation_to_world(
 
 
 def _vertical(trial: RawTrial, path: Path) -> np.ndarray:
-    """As the file states it, else normal to the plates, else by the format's convention."""
-    normals = np.abs([_normal(p.corners) for p in trial.plates if p.corners is not None]).reshape(
-        -1, 3
-    )
+    """As the file states it, else normal to the plates, else by the format's convention, or along
+    the only axis along which a person's markers extend far enough; turned where markers and floor
+    say so.
+    """
+    surfaces = [plate.corners for plate in trial.plates if plate.corners is not None]
+    normals = np.abs([_normal(corners) for corners in surfaces]).reshape(-1, 3)
     axis = int(np.argmax(normals.sum(axis=0)))
     level = len(normals) > 0 and bool((normals[:, axis] > LEVEL).all())
-    normal = np.asarray(np.eye(3)[axis]) if level else None
-    if trial.up is not None:
-        stated = _axis_vector(trial.up, "Y_SCREEN")
-        if normal is None or abs(stated @ normal) > LEVEL:
-            return stated
-    if normal is not None:
-        trial.notes += say(
-            "files", "vertical", file=path.name, axis=axis_name(normal), screen=trial.up
+    up = None if trial.up is None else _axis_vector(trial.up, "Y_SCREEN")
+    why = "stated"
+    if level and (up is None or abs(up[axis]) <= LEVEL):
+        up = np.asarray(np.eye(3)[axis])
+        why = "plates"
+    elif up is None:
+        tall = _tall_axes(trial)
+        up = None if trial.up_convention is None else _axis_vector(trial.up_convention, "up")
+        if len(tall) == 1 and (up is None or not up[tall[0]]):
+            up = np.asarray(np.eye(3)[tall[0]])
+            why = "markers"
+    floor = np.mean([corners @ up for corners in surfaces]) if level else None
+    side = 0 if up is None else _side(trial, up, 0.0 if why == "markers" else floor)
+    if up is None or (why == "markers" and not side):
+        raise InputError(
+            "does not say which axis is vertical",
+            file=path,
+            right="Give laboratory.up (--up): x, y or z",
         )
-        return normal
-    if trial.up_convention is not None:
-        return _axis_vector(trial.up_convention, "up")
-    raise InputError(
-        "does not say which axis is vertical",
-        file=path,
-        right="Give laboratory.up (--up): x, y or z",
+    up = -up if side < 0 else up
+    if side < 0 or why != "stated":
+        trial.notes += say(
+            "files",
+            "vertical",
+            file=path.name,
+            axis=axis_name(up),
+            stated=trial.up,
+            why=why,
+            turned=side < 0,
+        )
+    return up
+
+
+def _whole(trial: RawTrial) -> bool:
+    """Whether there are so many markers that they are taken for a person's."""
+    return trial.positions is not None and len(trial.labels) >= WHOLE_MARKERS
+
+
+def _tall_axes(trial: RawTrial) -> np.ndarray:
+    """The axes along which a person's markers extend far enough for the vertical; all three where
+    they do not show a person."""
+    reach = np.full(3, np.nan)
+    if trial.positions is not None and _whole(trial):
+        reach = _extents(trial.positions)
+    tall = np.flatnonzero(reach >= NARROW * reach.max())
+    return tall if reach.max() < TALLEST_M else np.arange(3)
+
+
+def _side(trial: RawTrial, up: np.ndarray, floor: float | None) -> int:
+    """1 where a person stands upright along `up`, -1 where on their head, 0 where the markers do
+    not show it: pelvis, trunk and head above the feet, by their labels; else all of them above a
+    floor at `floor` m, the lowest near it."""
+    if trial.positions is None or not _whole(trial):
+        return 0
+    lower, upper = (
+        _heights(trial.positions[:, [bool(kind.search(label)) for label in trial.labels]], up)[1]
+        for kind in (_FEET, _ABOVE)
     )
+    if abs(upper - lower) > BELOW_M:
+        return 1 if upper > lower else -1
+    lowest, _, highest = _heights(trial.positions, up)
+    if floor is None or not np.isfinite(lowest):
+        return 0
+    stands = abs(lowest - floor) < BELOW_M < highest - floor
+    hangs = abs(highest - floor) < BELOW_M < floor - lowest
+    return int(stands) - int(hangs)
+
+
+def _heights(positions: np.ndarray, up: np.ndarray) -> tuple[float, float, float]:
+    """The lowest, middle and highest marker along `up` (m), as medians over frames; NaN where none
+    is seen."""
+    heights = positions[:: max(1, len(positions) // 200)] @ up
+    seen = heights[~np.isnan(heights).all(axis=1)]
+    if not seen.size:
+        return np.nan, np.nan, np.nan
+    lowest, highest = (float(np.median(end(seen, axis=1))) for end in (np.nanmin, np.nanmax))
+    return lowest, float(np.nanmedian(seen)), highest
 
 
 def _normal(corners: np.ndarray) -> np.ndarray:
@@ -313,10 +380,7 @@ def _check_upright(positions: np.ndarray, vertical: np.ndarray, path: Path) -> N
             file=path,
             right=f"Give laboratory.up (--up), probably {tall}",
         )
-    heights = positions[:: max(1, len(positions) // 200)] @ vertical
-    seen = ~np.isnan(heights).all(axis=1)
-    lowest = np.median(np.nanmin(heights[seen], axis=1))
-    middle = np.nanmedian(heights)
+    lowest, middle, _ = _heights(positions, vertical)
     if lowest < -BELOW_M and middle < 0.0:
         raise InputError(
             f"the markers' middle lies {-middle:.2f} m below the floor, with "

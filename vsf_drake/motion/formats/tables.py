@@ -2,14 +2,18 @@
 markers.
 
     MOT, STO  lines of `key=value` (or `key value`, as SIMM wrote) to `endheader`, column labels of
-              which the first is `time`, rows; separated by tabs or blanks
+              which the first is `time`, rows; separated by tabs or blanks, or as a spreadsheet
+              saves them, by commas or semicolons
     CSV       a row of labels that begins with time, perhaps one of units; separated by comma,
-              semicolon or tab; between semicolons numbers may have decimal commas, as spreadsheets
-              of many countries write them
+              semicolon or tab
     FORCES    of Motion Analysis Cortex: N, mm, and N mm for the free moment about the vertical. No
               unit stands in the file; this is the reading under which a walking foot has the few N
               m that it should have
-    TRC       of Motion Analysis and OpenSim: rows of Frame#, Time and three cells a marker
+    TRC       of Motion Analysis and OpenSim: rows of Frame#, Time and three cells a marker;
+              separated as MOT
+
+Unless commas separate them, numbers may have decimal commas, as spreadsheets of many countries
+write them.
 """
 
 from __future__ import annotations
@@ -25,10 +29,10 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import replaced
 from vsf_drake.base.sentences import say
-from vsf_drake.base.text_table import as_label, split_row, table_rows, text_lines
+from vsf_drake.base.text_table import as_label, separator_of, split_row, table_rows, text_lines
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats import units as si
 from vsf_drake.motion.formats.recording import LARGEST, Plate, RawTrial, world_to_os
@@ -37,7 +41,10 @@ from vsf_drake.motion.formats.units import even_rate, file_length_factor, first_
 MOST_MARKERS = 20_000
 _HEADER_LINES = 50  # lines that may stand above the labels of a CSV or Cortex file
 # the line of X1 Y1 Z1 ... below the labels of a TRC file
-_AXES = re.compile(r"[xX]\S*(\s+[xyzXYZ]\S*)*")
+_AXES = re.compile(r"[xX][^\s;,]*([\s;,]+[xyzXYZ][^\s;,]*)*")
+_PADDING = ' \t;,"'  # what a spreadsheet puts around the lines of a header
+_TIME = re.compile(r"times?\s*([(\[]\s*s\w*\s*[)\]])?", re.IGNORECASE)
+_POINT_NEEDED = "Numbers need a decimal point, not a comma"
 _UNIT = re.compile(r"^(.*?)\s*[(\[]([^)\]]*)[)\]]$")
 _FACTORS = {
     "n": 1.0,
@@ -163,11 +170,11 @@ def read_storage(path: str | Path) -> Storage:
         raise InputError(
             "there are no column labels after endheader", file=path, where=f"line {end}"
         )
-    split = split_row if "\t" in line else str.split
-    labels = [as_label(cell) for cell in split(line)]
+    separator = separator_of(line)
+    labels = [as_label(cell).strip(_PADDING) for cell in split_row(line, separator)]
     while labels and not labels[-1]:
         labels.pop()
-    if not labels or labels[0].lower() != "time":
+    if not labels or not _TIME.fullmatch(labels[0]):
         raise InputError(
             f"the first column is {labels[0] if labels else ''!r}",
             file=path,
@@ -179,7 +186,14 @@ def read_storage(path: str | Path) -> Storage:
             f"column {labels.index('') + 1} has no label", file=path, where=f"line {start}"
         )
     oddities: dict[tuple[int, int], str] = {}
-    numbers, places, _ = table_rows(lines, labels, path, split, oddities=oddities)
+    numbers, places, _ = table_rows(
+        _with_points(lines, path, separator),
+        labels,
+        path,
+        lambda row: split_row(row, separator),
+        surplus=_POINT_NEEDED if separator == "," else None,
+        oddities=oddities,
+    )
     bad = ~np.isfinite(numbers[:, 0])
     if bad.any():
         row = int(np.argmax(bad))
@@ -188,31 +202,33 @@ def read_storage(path: str | Path) -> Storage:
             file=path,
             where=f"line {places[row]}, column time",
         )
-    for number, stated in rows.items():
-        if stated != len(numbers):
-            raise InputError(
-                f"the header says {stated} rows, the file has {len(numbers)}",
-                file=path,
-                where=f"line {number}",
-                right="Is the file truncated?" if stated > len(numbers) else None,
-            )
-    return _table(path, labels, numbers, places, oddities, in_degrees=in_degrees)
+    table = _table(path, labels, numbers, places, oddities, in_degrees=in_degrees)
+    return dataclasses.replace(
+        table, notes=(*table.notes, *_other_count(path, "rows", rows, len(numbers)))
+    )
+
+
+def _other_count(path: Path, what: str, stated: float | None, count: int) -> list[str]:
+    """A note where the header does not count what the file has; to be believed only where the
+    times, or numbers, of the rows follow each other."""
+    if stated is None or stated == count:
+        return []
+    return say("files", "other_count", file=path.name, what=what, stated=stated, count=count)
 
 
 def _storage_header(
     lines: Iterator[tuple[int, str]], path: Path
-) -> tuple[bool | None, dict[int, int], int]:
-    """Whether angles are in degrees; how many rows are stated, by line; the line of `endheader`."""
+) -> tuple[bool | None, int | None, int]:
+    """Whether angles are in degrees; how many rows are stated; the line of `endheader`."""
     in_degrees = None
-    rows = dict[int, int]()
-    for number, line in lines:
-        if line.strip().lower() == "endheader":
+    rows = None
+    for number, padded in lines:
+        line = padded.strip(_PADDING)
+        if line.lower() == "endheader":
             return in_degrees, rows, number
-        key, _, value = (
-            part.strip().lower() for part in line.strip().replace("=", " ", 1).partition(" ")
-        )
+        key, _, value = (part.strip().lower() for part in line.replace("=", " ", 1).partition(" "))
         if key in ("nrows", "datarows") and value.isdecimal() and value.isascii():
-            rows[number] = int(value[:18])
+            rows = int(value[:18])
         elif key == "indegrees" and value in ("yes", "no"):
             in_degrees = value == "yes"
     raise InputError(
@@ -342,14 +358,13 @@ def read_csv(path: Path) -> Storage:
             ]
         else:
             lines = itertools.chain([first], lines)
-    surplus = "Numbers need a decimal point, not a comma" if separator == "," else None
     oddities: dict[tuple[int, int], str] = {}
     numbers, places, _ = table_rows(
-        _with_points(lines, path) if separator == ";" else lines,
+        _with_points(lines, path, separator),
         labels,
         path,
         lambda line: line.split(separator),
-        surplus=surplus,
+        surplus=_POINT_NEEDED if separator == "," else None,
         oddities=oddities,
     )
     factors = [_csv_factor(unit, path, label) for unit, label in zip(units, labels, strict=True)]
@@ -362,9 +377,16 @@ def read_csv(path: Path) -> Storage:
 
 def _csv_labels(lines: Iterator[tuple[int, str]], path: Path) -> tuple[list[str], str, int]:
     for number, line in lines:
+        require(
+            not line.lstrip('"').lower().startswith("frame#"),
+            "holds markers, not forces",
+            f"line {number}",
+            "Let its name end in .trc",
+            file=path,
+        )
         for separator in ("\t", ";", ","):
             cells = [as_label(cell).strip('"').strip() for cell in line.split(separator)]
-            if len(cells) > 3 and _UNIT.sub(r"\1", cells[0]).lower() in ("time", "t"):
+            if len(cells) > 3 and _UNIT.sub(r"\1", cells[0]).lower() in ("time", "times", "t"):
                 while not cells[-1]:
                     cells.pop()
                 return cells, separator, number
@@ -403,21 +425,28 @@ def _csv_factor(unit: str, path: Path, label: str) -> tuple[float, bool]:
     return 1.0, False
 
 
-def _with_points(lines: Iterator[tuple[int, str]], path: Path) -> Iterator[tuple[int, str]]:
-    """The lines with decimal points for decimal commas; refused where a file has both, so that
-    neither is told."""
-    commas = points = False
+def _with_points(
+    lines: Iterator[tuple[int, str]], path: Path, separator: str | None
+) -> Iterator[tuple[int, str]]:
+    """The lines with decimal points for decimal commas, unless cells stand between commas; refused
+    where a file has both, so that neither is told.
+
+    Between tabs or blanks a comma that follows a point is left to who needs the number."""
+    if separator == ",":
+        yield from lines
+    commas = False
+    points = False
     for number, line in lines:
-        commas = commas or "," in line
         points = points or "." in line
+        commas = commas or ("," in line and (separator == ";" or not points))
         if commas and points:
             raise InputError(
                 "numbers have commas and points",
                 file=path,
                 where=f"line {number}",
-                right="Numbers need a decimal point, not a comma, and no mark at thousands",
+                right=f"{_POINT_NEEDED}, and no mark at thousands",
             )
-        yield number, line.replace(",", ".")
+        yield number, line.replace(",", ".") if commas else line
 
 
 def read_cortex(path: Path) -> Storage:
@@ -439,7 +468,6 @@ def read_cortex(path: Path) -> Storage:
         raise InputError("a label is empty or stands twice", file=path, where=f"line {number}")
     try:
         rate = float(head["samplerate"])
-        samples = float(head.get("numberofsamples", "nan"))
     except (KeyError, ValueError):
         raise InputError("there is no SampleRate", file=path, where="header") from None
     if not 0.0 < rate < 1e6:
@@ -448,13 +476,6 @@ def read_cortex(path: Path) -> Storage:
     numbers, places, _ = table_rows(
         lines, labels, path, lambda line: line.split("\t"), oddities=oddities
     )
-    if samples > len(numbers):
-        raise InputError(
-            f"the header says {samples:.0f} samples, the file has {len(numbers)}",
-            file=path,
-            where="NumberOfSamples",
-            right="Is the file truncated?",
-        )
     wrong = np.diff(numbers[:, 0]) != 1.0
     if len(numbers) < 2 or wrong.any():
         where = f"line {places[int(np.argmax(wrong)) + 1]}" if len(numbers) > 1 else None
@@ -465,28 +486,37 @@ def read_cortex(path: Path) -> Storage:
             right="Their numbers must follow each other",
         )
     numbers[:, 0] = np.arange(len(numbers)) / rate
-    return dataclasses.replace(
-        _table(path, labels, numbers, places, oddities), length_m=1e-3, rate_hz=rate
-    )
+    table = _table(path, labels, numbers, places, oddities)
+    notes = _other_count(path, "samples", _stated(head, "numberofsamples"), len(numbers))
+    return dataclasses.replace(table, length_m=1e-3, rate_hz=rate, notes=(*table.notes, *notes))
 
 
 def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
     """A TRC file in its laboratory frame (by convention y up), metres, NaN where a marker was not
     seen."""
     lines = text_lines(path)
-    header, labels, label_line = _trc_header(lines, path)
+    header, labels, label_line, separator = _trc_header(lines, path)
     notes: list[str] = []
     frames, stated = (_stated(header, key) for key in ("numframes", "datarate"))
     factor = file_length_factor(header.get("units", ""), length_unit, path, "line 3, Units")
     columns = ["Frame#", "Time", *(f"{label} {axis}" for label in labels for axis in "XYZ")]
     table, places, cut = table_rows(
-        (pair for pair in lines if not _AXES.fullmatch(pair[1].strip())),
+        _with_points(
+            (
+                pair
+                for pair in lines
+                if not _AXES.fullmatch(pair[1].replace('"', "").strip(_PADDING))
+            ),
+            path,
+            separator,
+        ),
         columns,
         path,
-        split_row,
+        lambda row: split_row(row, separator),
         cut_by=3,
         needs=f"; Frame#, Time and {len(labels)} markers need {len(columns)}",
-        surplus="Is there a label for every marker?",
+        surplus="Is there a label for every marker?"
+        + (f" {_POINT_NEEDED}" if separator == "," else ""),
     )
     if cut and cut == len(table):
         raise InputError(
@@ -497,13 +527,7 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
         )
     if cut:
         notes += say("files", "cut_rows", file=path.name, rows=cut)
-    if frames is not None and frames > len(table):
-        raise InputError(
-            f"the header says {frames:.0f} frames, the file has {len(table)}",
-            file=path,
-            where="line 3, NumFrames",
-            right="Is the file truncated?",
-        )
+    notes += _other_count(path, "frames", frames, len(table))
     rate, start, warnings = even_rate(table[:, 1], places, path, stated_hz=stated)
     notes += warnings
     if stated is not None and rate != stated:
@@ -533,18 +557,20 @@ def trc_labels(path: Path) -> list[str]:
 
 def _trc_header(
     lines: Iterator[tuple[int, str]], path: Path
-) -> tuple[dict[str, str], list[str], int]:
-    """Keys (lower case) and values of lines 2 and 3, the labels, and the line these stand on."""
+) -> tuple[dict[str, str], list[str], int, str | None]:
+    """Keys (lower case) and values of lines 2 and 3, the labels, the line these stand on, and what
+    separates them: a tab or white space where a row has no tab, a semicolon or a comma."""
     head: list[str] = []
     for number, line in itertools.islice(lines, 21):
-        cells = [as_label(cell) for cell in split_row(line)]
+        separator = separator_of(line) or "\t"
+        cells = [as_label(cell).strip('"') for cell in split_row(line, separator)]
         if not cells or cells[0].lower() not in ("frame#", "frame", "frames"):
             head.append(line)
             continue
         labels = [cell for cell in cells[2:] if cell]
         what = (
             "the second column is not Time"
-            if len(cells) < 2 or cells[1].lower() not in ("time", "time(s)", "time (s)", "time[s]")
+            if len(cells) < 2 or not _TIME.fullmatch(cells[1])
             else "there are no marker labels"
             if not labels
             else f"{len(labels)} markers are more than can be read"
@@ -557,11 +583,25 @@ def _trc_header(
             (
                 (above, below)
                 for above, below in itertools.pairwise(head)
-                if above.strip().lower().startswith("datarate")
+                if above.strip(_PADDING).lower().startswith("datarate")
             ),
             ("", ""),
         )
-        return dict(zip(keys[0].lower().split(), keys[1].split(), strict=False)), labels, number
+        names, values = (
+            row.split()
+            if separator == "\t"
+            else [cell.strip(' "') for cell in row.strip(_PADDING).split(separator)]
+            for row in keys
+        )
+        require(
+            separator != "," or len(values) <= len(names),
+            f"{len(values)} values stand below {len(names)} names",
+            "line 3",
+            _POINT_NEEDED,
+            file=path,
+        )
+        header = dict(zip((name.lower() for name in names), values, strict=False))
+        return header, labels, number, separator
     raise InputError(
         "there is no line of labels that begins with Frame# and Time",
         file=path,
@@ -571,7 +611,7 @@ def _trc_header(
 
 def _stated(header: dict[str, str], key: str) -> float | None:
     try:
-        value = float(header[key])
+        value = float(header[key].replace(",", "."))
     except (KeyError, ValueError):
         return None
     return value if math.isfinite(value) and value > 0.0 else None
