@@ -92,7 +92,7 @@ def untold_mass(mass_kg: float) -> Check:
     """What is said of the subject's mass where no force tells it."""
     return checked(
         "mass_untold",
-        "body mass, which no plate tells",
+        "body mass that no plate tells",
         "doubtful",
         None,
         "kg",
