@@ -22,9 +22,9 @@ the outer ones (`between`), off the mean of the plates there, body weights.
 laboratory's own inverse dynamics (virtual_laboratory/leg_loads.py). Predicted is what
 `vsf_drake.predict` says of the outer settings, from their plates, and of the middle one; `between`
 is the null: the middle cost lies on the line between the outer ones. A pair of settings
-counts if its true costs differ by more than their interval: 1.96 standard errors of the difference
-of two means, the spread pooled over settings. `right` are those of them whose sign is predicted; an
-order counts as right if all its pairs that count have theirs.
+counts if its true costs differ by more than their 95 % interval: Student's t times the standard
+error of the difference of two means, the spread pooled over settings. `right` are those of them
+whose sign is predicted; an order counts as right if all its pairs that count have theirs.
 
 The results are in studies/results/setting_answer.json. The walks take a quarter of an hour of
 processor time and are kept in results/setting_answer.
@@ -53,6 +53,7 @@ from contact_fit_study.keeping import STUDIES, kept, made_by, sources
 from floor_of_the_reference_subject import RESULTS, hashes
 from make_reference_subject import STEPS
 from make_sessions import DATA, EMBEDDED, SEED, SPEEDS, draws, moving, of_person, persons, session
+from scipy.special import stdtrit
 from session_fit import CASES, fit_of
 from virtual_laboratory.answering import ANSWERS, MIDDLE, walks
 from virtual_laboratory.figures import stance_of
@@ -89,7 +90,6 @@ NUMBERS = (1, 2)  # walks of each setting; the third of a session's draws is lef
 ORDER = (0, 6, 3, 1, 7, 4)  # of draws: one of each setting, then the next
 SETTINGS_MM = {name: float(CONDITIONS[name] or np.nan) for name in SETTINGS}
 MIDDLE_M = 1e-3 * SETTINGS_MM[MIDDLE]
-Z = 1.96
 
 
 def main() -> None:
@@ -405,7 +405,8 @@ def order(cost: str, truth: dict[str, dict[str, Any]], part: dict[str, Any]) -> 
     pairs = []
     for one, other in combinations(SETTINGS, 2):
         apart = means[other] - means[one]
-        interval = Z * spread * float(np.sqrt(1 / len(true[one]) + 1 / len(true[other])))
+        error = spread * float(np.sqrt(1 / len(true[one]) + 1 / len(true[other])))
+        interval = float(stdtrit(free, 0.975)) * error
         pairs.append(
             {
                 "settings": [one, other],

@@ -108,11 +108,19 @@ def forward(
 
 
 def polish(
-    person: Person, attempt: Attempt, prosthesis: Prosthesis, stage: Stage, steps: int
+    person: Person,
+    attempt: Attempt,
+    prosthesis: Prosthesis,
+    stage: Stage,
+    steps: int,
+    targeted: np.ndarray | None = None,
+    tolerated_n: float = FORCE_N,
 ) -> None:
-    """Brings the force on the virtual prosthesis to the wished one."""
+    """Brings the force on the virtual prosthesis to the wished one: `targeted` (N, 3) N, by default
+    the draw's; vertically to about `tolerated_n`."""
     weight = person.subject.mass_kg * GRAVITY
-    targeted = weight * prosthetic_force(attempt.draw, attempt.time_s)
+    if targeted is None:
+        targeted = weight * prosthetic_force(attempt.draw, attempt.time_s)
     spot = target_centre(person, attempt.draw, attempt.time_s)
     fine_s = prosthesis.step_s
     for k in range(steps):
@@ -124,7 +132,7 @@ def polish(
         targets = common_targets(
             person, attempt, stage, body, *wished_balance(person, attempt, stage, targeted)
         )
-        _carry(targets, body, now, targeted, spot, K)
+        _carry(targets, body, now, targeted, spot, K, tolerated_n)
         level(
             targets,
             body,
@@ -228,6 +236,7 @@ def _carry(
     targeted: np.ndarray,
     spot: np.ndarray,
     K: np.ndarray,
+    tolerated_n: float,
 ) -> None:
     """Asks for the wished force and, less strictly, for the wished centre of pressure."""
     lever = np.column_stack([spot, np.zeros(len(spot))]) - body.p_WB[:, SHANK]
@@ -237,5 +246,7 @@ def _carry(
     )
     loaded = np.maximum(targeted[:, 2], now.force[:, 2]) > LOADED_N
     arm = np.maximum(targeted[:, 2], 100.0) * CENTRE_M
-    width = np.column_stack([np.full((len(off), 2), SHEAR_N), np.full(len(off), FORCE_N), arm, arm])
+    width = np.column_stack(
+        [np.full((len(off), 2), SHEAR_N), np.full(len(off), tolerated_n), arm, arm]
+    )
     targets.pose(K @ twist, RELAXATION * off, np.where(loaded[:, None], width, np.inf))

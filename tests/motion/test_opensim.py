@@ -61,9 +61,9 @@ def test_only_the_intact_ankle_is_needed_and_the_wrong_side_is_told(trial_files)
     )
     assert "The subject's prosthetic_side is right: is it the other one?" in text
     del trial_files.columns["ankle_angle_r"]
-    assert "column ankle_angle_l: there is no column for this coordinate" in message(
-        lambda: read(trial_files)
-    )
+    text = message(lambda: read(trial_files))
+    assert "column ankle_angle_l: there is no column for this coordinate" in text
+    assert "Both legs' joints are needed, but for the prosthetic ankle" in text
 
 
 def test_opensim_paths_are_coordinates_and_speeds_are_not(trial_files):

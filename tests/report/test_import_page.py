@@ -80,6 +80,14 @@ def test_every_check_stands_on_the_page_with_mark_and_sentence(item, page):
     assert first == sorted(first, key=lambda mark: -MARKS.index(mark))
 
 
+def test_a_recording_without_a_plate_has_no_figure_of_forces(item, page):
+    bare = examine(dataclasses.replace(item.trial, plates={}))
+    alone = import_page([bare], title="Check")
+    forces = "Force of each foot over time"
+    assert forces in page and forces not in alone
+    assert alone.count("<img") == 2
+
+
 def test_synthetic_trials_are_called_so_in_title_text_and_every_figure_which_a_telephone_can_show(
     item, page
 ):

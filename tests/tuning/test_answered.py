@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.base.sentences import say
 from vsf_drake.model.contact_file import load_contact
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
@@ -16,6 +17,7 @@ from vsf_drake.simulation.reactions import follow
 from vsf_drake.tuning.answered import carrying, predict
 from vsf_drake.walks.answer import answer_of
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
+from vsf_drake.walks.momentum import MomentumCorrection
 from vsf_drake.walks.prediction import PHYSICS
 
 STEP_S = 2e-3
@@ -113,6 +115,15 @@ def test_it_says_setting_peaks_spread_and_that_it_interpolates(found):
     assert {row.seen for row in table.rows()} <= {True, False}
     for row in table.rows():
         assert min(row.soft, row.stiff) <= row.between <= max(row.soft, row.stiff)
+
+
+def test_where_the_intact_foot_was_not_seen_to_swing_it_says_what_is_left(found):
+    unseen = MomentumCorrection(believed=False, why_not="window")
+    table = replace(found.table, correction=unseen)
+    told = say("predicted", t=table, rows=table.rows(), near_mm=5.0)
+    (line,) = (line for line in told if "Momentum does not correct" in line)
+    assert "the intact foot was not seen to swing" in line
+    assert "the mean of the plates, interpolated" in line
 
 
 def test_the_foot_at_the_middle_stores_less_than_at_the_soft_setting_and_more_than_at_the_stiff(

@@ -136,7 +136,7 @@ def test_a_recording_without_forces_is_doubted_for_its_mass_alone(recorded, monk
         found = examine(without_plates(recorded))
         assert found.mark == "doubtful"
         [doubt] = [check for check in found.checks if check.mark != "good" and check.needed]
-        assert doubt.name == "mass from the forces" and doubt.value is None
+        assert doubt.name == "body mass that no plate tells" and doubt.value is None
         monkeypatch.setattr("vsf_drake.recording.examine.kinematic_stances", lambda *_, **__: [])
 
 

@@ -82,7 +82,8 @@ def read_kinematics(
                 "there is no column for this coordinate",
                 file=storage.path,
                 where=f"column {name}",
-                right=f"Coordinates found: {', '.join(columns) or 'none'}",
+                right="Both legs' joints are needed, but for the prosthetic ankle. Coordinates "
+                f"found: {', '.join(columns) or 'none'}",
             )
     angles = {n: v for n, v in values.items() if n not in PELVIS_TRANSLATIONS}
     _check_pelvis(storage, {n: values[n] for n in PELVIS_TRANSLATIONS}, labels)

@@ -90,7 +90,15 @@ def covered(
 
 def untold_mass(mass_kg: float) -> Check:
     """What is said of the subject's mass where no force tells it."""
-    return checked("mass_untold", MASS_CHECK, "doubtful", None, "kg", needed=True, mass_kg=mass_kg)
+    return checked(
+        "mass_untold",
+        "body mass that no plate tells",
+        "doubtful",
+        None,
+        "kg",
+        needed=True,
+        mass_kg=mass_kg,
+    )
 
 
 def mass(

@@ -150,8 +150,10 @@ def import_page(
     """The page: trials with their checks and figures, the `person` of one of them, and by file what
     failed and why."""
     synthetic = [item.trial.name for item in items if item.trial.synthetic]
+    makers = (angle_figure, force_figure, floor_figure)
     figures = [
-        [make(item) for make in (angle_figure, force_figure, floor_figure)] for item in items
+        [make(item) for make in makers if make is not force_figure or item.trial.plates]
+        for item in items
     ]
     return render(
         "import.html.j2",
