@@ -171,7 +171,8 @@ def test_bodies_are_where_forward_kinematics_puts_them(tmp_path, side):
     [trunk] = [
         np.reshape(command["matrix"], (4, 4)).T
         for command in commands(page)
-        if command.get("path") == f"{replay.WALK}/{replay.UPRIGHT}" and command["type"] == "set_transform"
+        if command.get("path") == f"{replay.WALK}/{replay.UPRIGHT}"
+        and command["type"] == "set_transform"
     ]
     tilt = walk.column("pelvis_tilt")[::every].mean()
     cos, sin = np.cos(tilt), np.sin(tilt)

@@ -4,7 +4,7 @@ network."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -106,9 +106,7 @@ def write_replay(
         offsets=_part(result, "offsets", GeometricOffsets),
         names=result.coordinate_names,
         whole=True,
-        frames=make_frames(
-            result, plate=plate, intact_plate=intact_plate, rate_hz=frame_rate_hz
-        ),
+        frames=make_frames(result, plate=plate, intact_plate=intact_plate, rate_hz=frame_rate_hz),
     )
     weight = GRAVITY * result.subject_mass_kg
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
@@ -118,7 +116,6 @@ def write_replay(
             [[walk]],
             f"{result.trial_name}: {kind}",
             "replay.html.j2",
-            ahead_W=walking_direction(result),
             enlarged=True,
             walk=result,
             states=[
@@ -141,15 +138,13 @@ def replay_page(
     template: str,
     /,
     *,
-    ahead_W: np.ndarray,
     enlarged: bool = False,
     **facts: object,
 ) -> str:
     """The page of a template on which `parts` are played, one at a time: walks that are seen
     together, with as many frames of one rate.
 
-    The camera stands at the first one's prosthetic side and looks `ahead_W` (2,) along the ground;
-    `enlarged`: beside it the foot from near.
+    The camera stands at the first one's prosthetic side; `enlarged`: beside it the foot from near.
     """
     meshcat = open_meshcat()
     rate = parts[0][0].frames.rate_hz
@@ -194,7 +189,7 @@ def replay_page(
             }
         )
         first += frames
-    _set_scene(meshcat, every, np.asarray(ahead_W))
+    _set_scene(meshcat, every)
     meshcat.SetAnimation(animation)
     return finish_page(
         meshcat,
@@ -291,7 +286,7 @@ def _record_walk(
     foot_path = f"{root}/{person.foot.frame.name()}"
     if not known:
         hips = shifted(person.body.hip_forward, 0.0, person.body.hip_up)
-        tilt = frames.q[:, walk.names.index("pelvis_tilt")].mean()
+        tilt = walk.column("pelvis_tilt").mean()
         meshcat.SetTransform(f"{root}/{UPRIGHT}", hips @ _forward(-tilt) @ hips.inverse())
         keel = np.array(
             [[0.0, sum(person.foot.parameters.keel.element_lengths_m)], [0.0, 0.0], [0.0, 0.0]]
@@ -309,7 +304,7 @@ def _record_walk(
         for name, body in bodies.items():
             animation.SetTransform(i, f"{root}/{name}", body.EvalPoseInWorld(context))
     for path, (shoulder, thigh) in arms.items():
-        swing = ARM_SWING * frames.q[:, walk.names.index(thigh)]
+        swing = ARM_SWING * walk.column(thigh)
         for i, angle in enumerate(swing - swing.mean(), first):
             animation.SetTransform(i, path, shoulder @ _forward(angle))
     # which three.js takes as linear light
@@ -400,9 +395,11 @@ def _record_force(
     return colour
 
 
-def _set_scene(meshcat: Meshcat, walks: Sequence[Shown], ahead_W: np.ndarray) -> None:
+def _set_scene(meshcat: Meshcat, walks: Sequence[Shown]) -> None:
     """Ground with a grid under all paths, and a camera at the first walk's prosthetic side."""
-    path = np.vstack([walk.pelvis_W for walk in walks])
+    path = np.vstack(
+        [np.column_stack([w.column("pelvis_tx"), -w.column("pelvis_tz")]) for w in walks]
+    )
     low = np.floor(path.min(axis=0) - 1.0)
     high = np.ceil(path.max(axis=0) + 1.0)
     size = high - low
@@ -424,11 +421,12 @@ def _set_scene(meshcat: Meshcat, walks: Sequence[Shown], ahead_W: np.ndarray) ->
         for ends in (slice(0, -1, _PIECE), slice(_PIECE, None, _PIECE))
     )
     meshcat.SetLineSegments(f"{GROUND}/grid", start, end, 1.0, Rgba(0.62, 0.62, 0.62))
+    forward = walking_direction(walks[0])
     left = 1.0 if walks[0].subject.prosthetic_side == "left" else -1.0
-    side = left * np.array([-ahead_W[1], ahead_W[0]])
+    side = left * np.array([-forward[1], forward[0]])
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW_DEG, aspect=ASPECT))
     start = path[0]
-    eye = start + _DISTANCE_M * (0.94 * side + 0.34 * ahead_W)
+    eye = start + _DISTANCE_M * (0.94 * side + 0.34 * forward)
     meshcat.SetCameraPose(np.array([*eye, _EYE_HEIGHT_M]), np.array([*start, _LOOKED_AT_M]))
 
 
@@ -472,6 +470,16 @@ class MarkerFrames:
     colour: RGB
 
 
+@dataclass(frozen=True)
+class Flaw:
+    """What is wrong with a recording, and when."""
+
+    start_s: float
+    end_s: float
+    colour: str
+    text: str
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shown:
     """A walk in a replay."""
@@ -485,19 +493,16 @@ class Shown:
     whole: bool = False  # whether all coordinates of the model must be known, or the keel rests
     markers: tuple[MarkerFrames, ...] = ()
     plates: tuple[np.ndarray, ...] = ()  # (4, 3) m, corners in W
-    flaws: tuple[Mapping[str, object], ...] = ()
-    """what is wrong and when: `start_s`, `end_s`, `colour`, `text`"""
+    flaws: tuple[Flaw, ...] = ()
     tint: RGB | None = None  # of the whole person, in place of the colours of its parts
 
     @property
     def weight_n(self) -> float:
         return GRAVITY * self.subject.mass_kg
 
-    @property
-    def pelvis_W(self) -> np.ndarray:
-        """(f, 2) m, its path on the ground."""
-        columns = [self.names.index(name) for name in ("pelvis_tx", "pelvis_tz")]
-        return np.asarray(self.frames.q[:, columns] * [1.0, -1.0])
+    def column(self, name: str) -> np.ndarray:
+        """(f,) history of one coordinate."""
+        return np.asarray(self.frames.q[:, self.names.index(name)])
 
 
 def make_frames(
@@ -521,9 +526,9 @@ def make_frames(
         FULL_COLOUR_BW * GRAVITY * result.subject_mass_kg
     )
     forces = {
-        "prosthetic predicted": _force_frames(time, result.time_s, result.grf_W, result.cop_W)
+        "prosthetic predicted": force_frames(time, result.time_s, result.grf_W, result.cop_W)
     } | {
-        f"{foot} measured": _force_frames(time, recorded.time_s, recorded.force_W, recorded.cop_W)
+        f"{foot} measured": force_frames(time, recorded.time_s, recorded.force_W, recorded.cop_W)
         for foot, recorded in (("prosthetic", plate), ("intact", intact_plate))
         if recorded is not None
     }
@@ -537,9 +542,11 @@ def make_frames(
     )
 
 
-def _force_frames(
+def force_frames(
     time: np.ndarray, samples_s: np.ndarray, force_W: np.ndarray, cop_W: np.ndarray
 ) -> ForceFrames:
+    """A force (n, 3) N and its centre (n, 3) m at instants (n,), as a replay has them at `time`
+    (f,)."""
     force = resample(time, samples_s, force_W)
     if len(samples_s) > 1:
         grid = uniform_grid(samples_s)

@@ -11,7 +11,7 @@ ankle_right and so on.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -63,6 +63,12 @@ class Calibration:
     lengths_m: dict[str, float]  # for the report: thigh_right, ankle_height_left, hip_width, ...
     method: tuple[str, ...] = ()  # sentences on how each joint centre and axis was found
     notes: tuple[str, ...] = ()  # sentences on what was assumed or looks doubtful
+    roles: Mapping[str, str] = field(
+        default_factory=dict
+    )  # label by role, as `FoundMarkers` has it
+    standing_W: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """(3,) m by label, where every marker of the recording stood, whether it has a role or not;
+    empty where a walk calibrated"""
 
 
 @dataclass(frozen=True, eq=False)
