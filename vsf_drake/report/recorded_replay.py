@@ -1,5 +1,5 @@
-"""Recordings as they were made, to play: the person's motion, markers, plates and forces, and what is
-wrong where it is."""
+"""Recordings as they were made, to play: motion, markers, plates and forces, and what is wrong
+where it is."""
 
 from __future__ import annotations
 
@@ -83,15 +83,12 @@ def _markers(trial: Trial, time_s: np.ndarray) -> tuple[MarkerFrames, ...]:
         return ()
     used = {label for own in trial.calibration.segments.values() for label in own.labels}
     carried = np.outer(trial.belt_speed_m_per_s * time_s, [1.0, 0.0, 0.0])
-    return tuple(
-        MarkerFrames(
-            label,
-            resample(time_s, trial.recording.marker_time_s, x) + carried,
-            USED if label in used else UNUSED,
-        )
-        for label, x in trial.recording.markers.items()
-        if np.isfinite(x).any()
-    )
+    found = []
+    for label, x in trial.recording.markers.items():
+        p_W = resample(time_s, trial.recording.marker_time_s, x) + carried
+        if np.isfinite(p_W).all(axis=1).any():
+            found.append(MarkerFrames(label, p_W, USED if label in used else UNUSED))
+    return tuple(found)
 
 
 def flaws(item: Examined) -> Iterator[Flaw]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgb
 from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Role, SceneGraph, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
@@ -68,6 +68,7 @@ UPRIGHT = "pelvis/upright"  # what is drawn on the pelvis, turned back by its me
 ARROW_M_PER_BW = 1.0  # length of a force arrow for one body weight (m)
 ARM_SWING = 0.6  # of the other thigh's, about the shoulder (a choice)
 PLATE = (0.35, 0.35, 0.35, 0.99)
+TINTED = 0.75  # opacity of a person in one colour
 _DOT_M = 0.008
 _MARKER_M = 0.009
 _GRID_M = 0.1
@@ -279,9 +280,8 @@ def _record_walk(
             continue
         colour = inspector.GetIllustrationProperties(geometry).GetProperty("phong", "diffuse")
         assert isinstance(colour, Rgba)
-        meshcat.SetObject(
-            path, inspector.GetShape(geometry), Rgba(*walk.tint) if walk.tint else colour
-        )
+        tinted = Rgba(*to_rgb(walk.tint), TINTED) if walk.tint else colour
+        meshcat.SetObject(path, inspector.GetShape(geometry), tinted)
         meshcat.SetTransform(path, pose)
     foot_path = f"{root}/{person.foot.frame.name()}"
     if not known:
@@ -307,20 +307,23 @@ def _record_walk(
         swing = ARM_SWING * walk.column(thigh)
         for i, angle in enumerate(swing - swing.mean(), first):
             animation.SetTransform(i, path, shoulder @ _forward(angle))
-    # which three.js takes as linear light
-    low = np.array(SPHERE[:3]) ** 2.2
-    high = np.array(LOADED) ** 2.2
     for j, index in enumerate(person.foot.sites.body_indices):
         path = f"{root}/{plant.get_body(index).name()}/{SITE_NAME.format(j)}/<object>"
         meshcat.SetProperty(path, "material.opacity", SPHERE_OPACITY)
-        if frames.sphere_load is None:
-            continue
-        load = frames.sphere_load[:, j]
-        changed = (np.diff(load, prepend=2.0) != 0.0) | (np.diff(load, append=2.0) != 0.0)
-        for frame in np.flatnonzero(changed).tolist():
-            animation.SetProperty(
-                first + frame, path, "material.color", list(low + load[frame] * (high - low))
-            )
+        if frames.sphere_load is not None:
+            _record_load(animation, path, frames.sphere_load[:, j], first)
+
+
+def _record_load(animation: MeshcatAnimation, path: str, load: np.ndarray, first: int) -> None:
+    """Colours of a sphere by its load (f,), from 0 to 1."""
+    # which three.js takes as linear light
+    low = np.array(SPHERE[:3]) ** 2.2
+    high = np.array(LOADED) ** 2.2
+    changed = (np.diff(load, prepend=2.0) != 0.0) | (np.diff(load, append=2.0) != 0.0)
+    for frame in np.flatnonzero(changed).tolist():
+        animation.SetProperty(
+            first + frame, path, "material.color", list(low + load[frame] * (high - low))
+        )
 
 
 def _record_markers(
@@ -337,8 +340,10 @@ def _record_markers(
         meshcat.SetObject(path, Sphere(_MARKER_M), Rgba(*marker.colour, 0.99))
         paint_last(meshcat, path)
         seen = np.isfinite(marker.p_W).all(axis=1)
-        for frame in np.flatnonzero(seen).tolist():
-            animation.SetProperty(first + frame, path, "position", marker.p_W[frame].tolist())
+        # where it was not seen it waits, hidden: a movement that ends early would begin again
+        known = np.flatnonzero(seen)[np.maximum(np.cumsum(seen) - 1, 0)]
+        for frame, place in enumerate(marker.p_W[known], first):
+            animation.SetProperty(frame, path, "position", place.tolist())
         for frame in np.flatnonzero(np.diff(seen, prepend=not seen[0])).tolist():
             animation.SetProperty(first + frame, path, "visible", bool(seen[frame]))
     return root
@@ -366,7 +371,10 @@ def _record_force(
 ) -> RGB:
     """An arrow from the centre of pressure along the force, and dots along the centre's path;
     returns their colour."""
-    colour, opacity, radius, head, order = _ARROWS[path.rpartition(" ")[2]]
+    kind = "measured" if walk.tint else path.rpartition(" ")[2]
+    colour, opacity, radius, head, order = _ARROWS[kind]
+    if walk.tint:
+        colour = to_rgb(walk.tint)
     add_arrow(
         meshcat,
         f"{path}/arrow",
@@ -494,7 +502,7 @@ class Shown:
     markers: tuple[MarkerFrames, ...] = ()
     plates: tuple[np.ndarray, ...] = ()  # (4, 3) m, corners in W
     flaws: tuple[Flaw, ...] = ()
-    tint: RGB | None = None  # of the whole person, in place of the colours of its parts
+    tint: str = ""  # colour of the whole person and its force, in place of those of the parts
 
     @property
     def weight_n(self) -> float:
