@@ -25,10 +25,10 @@ _Side = Annotated[
 def compare(a: _Side, b: _Side, out: Out) -> None:
     """Two walks, settings or sessions beside each other: both to play over one slider of stance,
     their curves, and whether they differ by more than walks of one side do."""
-    from vsf_drake.report.compare_page import COMPARE, write_comparison
+    from vsf_drake.report.compare_page import COMPARE, difference_rows, write_comparison
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.simulation.archive import provenance
-    from vsf_drake.walks.difference import DIFFERENCES, difference_of, difference_sentences
+    from vsf_drake.walks.difference import difference_of, difference_sentences
 
     COMPARE.check(out)
     side_a = _side(a)
@@ -41,7 +41,7 @@ def compare(a: _Side, b: _Side, out: Out) -> None:
         for file, digest in trial.inputs.items()
     }
     write_comparison(out, table, side_a, side_b, provenance(inputs))
-    print_text("compare", t=table, sentences=difference_sentences(table), quantities=DIFFERENCES)
+    print_text("compare", sentences=difference_sentences(table), rows=difference_rows(table))
     say(f"written to {out / PAGE}")
 
 

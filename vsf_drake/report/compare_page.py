@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vsf_drake.base.files import plain, record, write_text
-from vsf_drake.report.page import Chapter, render
+from vsf_drake.report.page import UNKNOWN, Chapter, number, render
 from vsf_drake.report.recorded_replay import REPLAY
 from vsf_drake.report.replay import ForceFrames, ReplayFrames, Shown, replay_page
 from vsf_drake.report.results_folder import ResultsFolder
@@ -58,26 +58,8 @@ def compare_page(
         "joints": bool(joints),
         "t": table,
         "sentences": difference_sentences(table),
-        "rows": [
-            {
-                "label": own.label,
-                "unit": own.shown,
-                **{
-                    name: None if value is None else own.form.format(own.scale * value)
-                    for name, value in (
-                        ("a", one.a),
-                        ("b", one.b),
-                        ("difference", one.difference),
-                        ("spread", one.spread),
-                        ("half_width", one.half_width),
-                    )
-                },
-                "larger": "–" if one.larger is None else "beyond" if one.larger else "within",
-            }
-            for one in table.differences
-            for own in [DIFFERENCES[one.name]]
-        ],
-        "meanings": [own for name, own in DIFFERENCES.items()],
+        "rows": difference_rows(table),
+        "meanings": DIFFERENCES.values(),
         "replay": REPLAY if (folder / REPLAY).exists() else "",
         "provenance": saved["provenance"],
     }
@@ -106,6 +88,20 @@ def compare_page(
         "synthetic": synthetic,
         "first_line": str(render("compare/first_line.txt.j2", t=table)).strip(),
     }
+
+
+def difference_rows(table: DifferenceTable) -> list[dict[str, str]]:
+    """The numbers of both sides as they are shown."""
+    rows = []
+    for one in table.differences:
+        own = DIFFERENCES[one.name]
+        values = {
+            name: number(getattr(one, name), own.form, own.scale)
+            for name in ("a", "b", "difference", "spread", "half_width")
+        }
+        larger = {None: UNKNOWN, True: "beyond", False: "within"}[one.larger]
+        rows.append({"label": own.label, "unit": own.shown, **values, "larger": larger})
+    return rows
 
 
 COMPARE = ResultsFolder(

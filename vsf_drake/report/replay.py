@@ -79,6 +79,7 @@ _DISTANCE_M = 3.5
 _ARROWS = {
     "predicted": (PREDICTED, 0.45, 0.010, (0.07, 0.027), 1),
     "measured": (MEASURED, 0.99, 0.004, (0.05, 0.011), 2),
+    "side": (MEASURED, 0.99, 0.008, (0.06, 0.020), 2),
 }
 """Colour, opacity, radius of the shaft, length and radius of the head (m), order: a slim one shows
 in a wide one."""
@@ -371,7 +372,7 @@ def _record_force(
 ) -> RGB:
     """An arrow from the centre of pressure along the force, and dots along the centre's path;
     returns their colour."""
-    kind = "measured" if walk.tint else path.rpartition(" ")[2]
+    kind = "side" if walk.tint else path.rpartition(" ")[2]
     colour, opacity, radius, head, order = _ARROWS[kind]
     if walk.tint:
         colour = to_rgb(walk.tint)

@@ -29,13 +29,16 @@ from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass, spacing
 from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.results import WalkResult
-from vsf_drake.walks.answer import OTHER_SPEED, AnsweringWalk, over_stance
+from vsf_drake.walks.answer import OTHER_SPEED, SEEN, AnsweringWalk, over_stance
 from vsf_drake.walks.between_settings import half_width, settings_of, spread_of
 from vsf_drake.walks.comparison import FORCE_CUTOFF_HZ, PERCENT
 from vsf_drake.walks.quantities import quantities_of
 
 DIFFERENCES = quantities_of("walks/differences.csv")
 """The numbers that are compared, in the table's order."""
+LEAST_WALKS = 4
+"""On both sides together, with which a difference is judged (a choice): of three, one degree of
+freedom is left, and the interval of one number is 140 spreads wide."""
 MOMENT = "moment_"  # before the name of a coordinate: the load of the driver on it
 JOINTS = ("hip_flexion", "knee_angle", "ankle_angle")
 FORCES = ("vertical", "fore_aft", "medio_lateral")
@@ -130,7 +133,7 @@ class Difference:
     a: float
     b: float
     spread: float | None  # between walks of one side; None where no side has two
-    half_width: float | None
+    half_width: float | None  # None with fewer walks than LEAST_WALKS
 
     @property
     def difference(self) -> float:
@@ -168,6 +171,12 @@ class DifferenceTable:
     """root mean square over stance of the difference of the mean force, of three components"""
     force_chance_bw: float | None
     """the same by chance, of so many walks with this spread that do not differ"""
+
+    @property
+    def force_larger(self) -> bool:
+        """Whether the force over stance differs by more than chance makes, as an answer to the
+        setting is judged."""
+        return self.force_chance_bw is not None and self.force_bw > SEEN * self.force_chance_bw
 
     @property
     def larger(self) -> list[Difference]:
@@ -269,7 +278,7 @@ def difference_of(a: Side, b: Side) -> DifferenceTable:
                 b=float(b.numbers[name].mean()),
                 spread=None if spread is None else float(spread),
                 half_width=None
-                if spread is None
+                if spread is None or len(sides) < LEAST_WALKS
                 else half_width(sides, float(spread), shares, together=len(own)),
             )
         )
