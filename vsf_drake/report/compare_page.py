@@ -143,6 +143,7 @@ def curve_figure(
         places = figure.subplots(rows, 2, squeeze=False).ravel()
         for axes, (name, (title, unit, scale)) in zip(places, panels.items(), strict=False):
             _draw_both(axes, scale * arrays[f"a/{name}"], scale * arrays[f"b/{name}"])
+            axes.margins(y=0.12)
             label(axes, x="stance (%)", y=unit, title=title)
         for axes in places[len(panels) :]:
             axes.set_axis_off()
