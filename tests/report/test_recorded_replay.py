@@ -16,10 +16,18 @@ from vsf_drake.base.files import resource
 from vsf_drake.motion.import_options import ImportOptions
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.markers.segments import Gap
+from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.recording.import_walks import gather, import_walks
 from vsf_drake.report.import_outputs import force_figure, marker_figure, normal_of
-from vsf_drake.report.recorded_replay import RATE_HZ, UNUSED, USED, flaws, write_recordings
+from vsf_drake.report.recorded_replay import (
+    LONGEST_S,
+    RATE_HZ,
+    UNUSED,
+    USED,
+    flaws,
+    write_recordings,
+)
 from vsf_drake.report.style import MARK_COLOURS
 
 C3D = resource("data/reference_subject/c3d")
@@ -124,6 +132,20 @@ def test_a_gap_and_an_unknown_force_are_marked_where_they_are(imported, page):
         if patch.get_alpha() == 0.15
     }
     assert 0.5 in bands
+
+
+def test_of_a_long_walk_the_beginning_is_shown(imported, page, tmp_path):
+    trial = imported[0][1].trial
+    slow = np.linspace(0.0, 40.0, len(trial.trajectory.time_s))
+    long = dataclasses.replace(
+        trial,
+        start_s=1.0,
+        end_s=39.0,
+        trajectory=CoordinateTrajectory(slow, trial.trajectory.values, trial.trajectory.names),
+    )
+    write_recordings([dataclasses.replace(imported[0][1], trial=long)], tmp_path / "long.html")
+    shown = (tmp_path / "long.html").read_text(encoding="utf-8")
+    assert len(tracks(shown)["/walk/pelvis"]["position"][0]) == LONGEST_S * RATE_HZ + 1
 
 
 def test_the_map_names_every_label_with_its_role_beside_where_it_stood(imported):

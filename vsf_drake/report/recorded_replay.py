@@ -26,6 +26,7 @@ from vsf_drake.walks.comparison import resample
 
 REPLAY = "replay.html"
 RATE_HZ = 50.0
+LONGEST_S = 10.0  # of a walk that is shown, from the start of its window: 3 kB a frame
 USED = (0.05, 0.45, 0.25)
 UNUSED = (0.55, 0.55, 0.55)
 """Colours of markers that the motion was made of, and of others."""
@@ -42,13 +43,15 @@ def write_recordings(items: Sequence[Examined], path: Path) -> None:
             "recorded.html.j2",
             synthetic=[item.trial.name for item in items if item.trial.synthetic],
             markers=any(item.trial.recording for item in items),
+            longest_s=LONGEST_S,
         ),
     )
 
 
 def _recorded(item: Examined) -> Shown:
     trial = item.trial
-    steps = math.floor((trial.end_s - trial.start_s) * RATE_HZ + 1e-6)
+    lasts = min(trial.end_s - trial.start_s, LONGEST_S)
+    steps = math.floor(lasts * RATE_HZ + 1e-6)
     time_s = trial.start_s + np.arange(steps + 1) / RATE_HZ
     return Shown(
         name=trial.name,
