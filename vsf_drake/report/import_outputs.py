@@ -180,7 +180,7 @@ def import_page(
         worst=max(range(len(items)), key=lambda i: items[i].expected_error_bw),
         failures=failures or {},
         replay=replay,
-        map_figure=person and marker_figure(person.trial),
+        map_figures=marker_figures(person.trial) if person else [],
         to_do=dict.fromkeys(
             check.sentence
             for item in items
@@ -219,51 +219,57 @@ _LINE_M = 0.045  # a line of text beside the drawn person
 OFF_BW = 0.03  # vertical force of able-bodied walking (body weights) below which a foot has left
 
 
-def marker_figure(trial: Trial) -> Figure | None:
-    """The standing person from the front and from the right: which label was taken for what; None
+def marker_figures(trial: Trial) -> list[Figure]:
+    """The standing person from the front and from the right: which label was taken for what; none
     where nobody stood."""
     calibration = trial.calibration
     if calibration is None or not calibration.standing_W:
-        return None
+        return []
+    # who faces us has the left where our right is
+    return [
+        _marker_figure(calibration, axis, title, x)
+        for axis, title, x in (
+            (1, "From the front", "left (m)"),
+            (0, "From the right", "forward (m)"),
+        )
+    ]
+
+
+def _marker_figure(calibration: Calibration, axis: int, title: str, x_label: str) -> Figure:
     role_of = {label: role for role, label in calibration.roles.items()}
     used = {label for own in calibration.segments.values() for label in own.labels}
     centres = _standing_centres(calibration)
-    with drawing(2.0 * PANEL[0], 7.0) as figure:
-        # who faces us has the left where our right is
-        for axes, axis, title in zip(
-            figure.subplots(1, 2), (1, 0), ("From the front", "From the right"), strict=True
-        ):
-            for name, parent in PARENTS.items():
-                if parent is not None:
-                    ends = np.array([centres[parent], centres[name]])
-                    axes.plot(ends[:, axis], ends[:, 2], color="0.8", linewidth=4, zorder=0)
-            middle = float(np.median([p_W[axis] for p_W in calibration.standing_W.values()]))
-            for end, aligned in ((-0.55, "right"), (0.55, "left")):
-                own = [
-                    (p_W[2], p_W[axis], name)
-                    for name, p_W in calibration.standing_W.items()
-                    if (p_W[axis] < middle) == (end < 0.0)
-                ]
-                height = 0.0
-                for z, x, name in sorted(own):
-                    height = max(z, height + _LINE_M)
-                    colour = MARK_COLOURS["good"] if name in used else NEUTRAL
-                    role = role_of.get(name, "").replace("_", " ")
-                    axes.plot(
-                        [x, middle + end], [z, height], color=colour, linewidth=0.4, alpha=0.5
-                    )
-                    axes.plot(x, z, "o", color=colour, markersize=4)
-                    axes.text(
-                        middle + end,
-                        height,
-                        f"{name}: {role}" if role else name,
-                        color=colour,
-                        fontsize=6.5,
-                        ha=aligned,
-                        va="center",
-                    )
-            axes.set_xlim(middle - 1.5, middle + 1.5)
-            label(axes, x="left (m)" if axis else "forward (m)", y="up (m)", title=title)
+    middle = float(np.median([p_W[axis] for p_W in calibration.standing_W.values()]))
+    with drawing(1.2 * PANEL[0], 7.0) as figure:
+        axes = figure.subplots()
+        for name, parent in PARENTS.items():
+            if parent is not None:
+                ends = np.array([centres[parent], centres[name]])
+                axes.plot(ends[:, axis], ends[:, 2], color="0.8", linewidth=4, zorder=0)
+        for end, aligned in ((-0.4, "right"), (0.4, "left")):
+            own = [
+                (p_W[2], p_W[axis], name)
+                for name, p_W in calibration.standing_W.items()
+                if (p_W[axis] < middle) == (end < 0.0)
+            ]
+            height = 0.0
+            for z, x, name in sorted(own):
+                height = max(z, height + _LINE_M)
+                colour = MARK_COLOURS["good"] if name in used else NEUTRAL
+                role = role_of.get(name, "").replace("_", " ")
+                axes.plot([x, middle + end], [z, height], color=colour, linewidth=0.4, alpha=0.5)
+                axes.plot(x, z, "o", color=colour, markersize=4)
+                axes.text(
+                    middle + end,
+                    height,
+                    f"{name}: {role}" if role else name,
+                    color=colour,
+                    fontsize=7.5,
+                    ha=aligned,
+                    va="center",
+                )
+        axes.set_xlim(middle - 1.6, middle + 1.6)
+        label(axes, x=x_label, y="up (m)", title=title)
     return figure
 
 
