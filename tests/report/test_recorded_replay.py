@@ -95,6 +95,8 @@ def test_markers_are_where_the_cameras_saw_them_and_hidden_in_their_gap(imported
     changes = dict(zip(*(np.asarray(each).tolist() for each in track["visible"]), strict=True))
     shown = [changes[max(k for k in changes if k <= i)] for i in range(len(time))]
     assert not any(np.array(shown)[inside])
+    frames = tracks(page)["/markers1/marker_0"]["position"][0]
+    assert frames[0] == len(time), "those of the second walk begin with it"
     # the samples beside the gap hide the frames between them and it
     assert sum(shown) >= np.count_nonzero(~inside) - 2
 

@@ -127,10 +127,11 @@ def test_a_setting_that_moves_the_centre_of_pressure_is_seen_and_one_that_does_n
     assert same.force_bw == 0.0
 
 
-def test_of_one_walk_a_side_nothing_is_judged(soft, stiff):
-    one, other = (side_of(side.name, side.trials[:1]) for side in (soft, stiff))
-    table = difference_of(one, other)
+@pytest.mark.parametrize("walks", [1, 2])
+def test_of_one_walk_against_one_or_two_nothing_is_judged(soft, stiff, walks):
+    table = difference_of(side_of("one", soft.trials[:1]), side_of("other", stiff.trials[:walks]))
     assert all(each.larger is None for each in table.differences)
+    assert all((each.spread is None) == (walks == 1) for each in table.differences)
     assert difference_sentences(table)[0].startswith("Too few walks")
 
 

@@ -397,7 +397,7 @@ def force_figure(item: Examined) -> Figure:
             figure,
             item,
             "shaded: the part used",
-            "coloured: see the replay's time bar" if [*flaws(item)] else "",
+            "darker: see the replay's time bar" if [*flaws(item)] else "",
             "broken: able-bodied, mean" if normal else "",
         )
 
