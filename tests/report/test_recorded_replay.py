@@ -21,6 +21,7 @@ from vsf_drake.motion.trial import load_trial
 from vsf_drake.recording.import_walks import gather, import_walks
 from vsf_drake.report.import_outputs import force_figure, marker_figures, normal_of
 from vsf_drake.report.recorded_replay import (
+    ELSEWHERE,
     LONGEST_S,
     RATE_HZ,
     UNUSED,
@@ -125,9 +126,18 @@ def test_a_gap_and_an_unknown_force_are_marked_where_they_are(imported, page):
     x = 1000.0 * (0.5 - start) / lasts
     assert f'<rect x="{x:.1f}" width="{1000 * 0.2 / lasts:.1f}"' in page
     assert f"0.50 to 0.70 s: {label} not seen, filled by rigid cluster" in page
-    unknown = dataclasses.replace(item.trial, unmeasured={"right": ((0.1, 0.3),)})
-    [force] = [f for f in flaws(dataclasses.replace(item, trial=unknown)) if "force" in f.text]
-    assert (force.start_s, force.end_s) == (0.1, 0.3)
+    unknown = dataclasses.replace(
+        item.trial, unmeasured={"right": ((0.1, 0.3),), "left": ((0.5, 0.7), (0.8, 0.9))}
+    )
+    unseen = flaws(dataclasses.replace(item, trial=unknown))
+    found = {(f.start_s, f.end_s): f for f in unseen if "force" in f.text}
+    # what the intact foot does beside the plates is no fault, and the worse of two colours wins
+    assert {span: f.colour for span, f in found.items()} == {
+        (0.1, 0.3): MARK_COLOURS["doubtful"],
+        (0.5, 0.7): MARK_COLOURS["doubtful"],
+        (0.8, 0.9): ELSEWHERE,
+    }
+    assert label in found[0.5, 0.7].text
     bands = {
         round(patch.get_x(), 3)
         for patch in force_figure(item).axes[0].patches

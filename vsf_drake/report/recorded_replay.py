@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.base.files import write_text
-from vsf_drake.motion.events import common
+from vsf_drake.motion.events import Span, common
 from vsf_drake.motion.trial import Trial
 from vsf_drake.recording.examine import Examined
 from vsf_drake.report.replay import (
@@ -31,6 +31,7 @@ USED = (0.05, 0.45, 0.25)
 UNUSED = (0.55, 0.55, 0.55)
 """Colours of markers that the motion was made of, and of others."""
 ELSEWHERE = "#737373"  # of the time bar where the intact foot stands beside the plates
+_SEVERITY = (ELSEWHERE, MARK_COLOURS["doubtful"], MARK_COLOURS["unusable"])
 
 
 def write_recordings(items: Sequence[Examined], path: Path) -> None:
@@ -95,19 +96,20 @@ def _markers(trial: Trial, time_s: np.ndarray) -> tuple[MarkerFrames, ...]:
 
 
 def flaws(item: Examined) -> Iterator[Flaw]:
-    """What is wrong and when: gaps in markers, forces that are unknown, doubtful stances."""
+    """What is wrong and when, once for each span: gaps in markers, forces that are unknown,
+    doubtful stances."""
     trial = item.trial
     window = trial.start_s, trial.end_s
     doubt = MARK_COLOURS["doubtful"]
     found = [
-        (gap.start_s, gap.end_s, doubt, f"{gap.label} not seen, filled by {gap.how}")
+        (gap.start_s, gap.end_s, doubt, f"{gap.label} not seen, filled by {gap.how}.")
         for gap in (trial.tracked.gaps if trial.tracked else ())
     ]
     found += [
         (
             *span,
             doubt if side == trial.subject.prosthetic_side else ELSEWHERE,
-            f"force of the {side} foot unknown: it stands on no plate",
+            f"force of the {side} foot unknown: it stands on no plate.",
         )
         for side, spans in trial.unmeasured.items()
         for span in spans
@@ -120,7 +122,11 @@ def flaws(item: Examined) -> Iterator[Flaw]:
         and check.stance is not None
         and check.stance <= len(item.stances[check.side])
     ]
+    together: dict[Span, list[tuple[str, str]]] = {}
     for start, end, colour, text in sorted(found):
         seen = common((start, end), window)
         if seen:
-            yield Flaw(*seen, colour, text)
+            together.setdefault(seen, []).append((colour, text))
+    for span, own in together.items():
+        worst = max((colour for colour, _ in own), key=_SEVERITY.index)
+        yield Flaw(*span, worst, " ".join(text for _, text in own))
