@@ -30,7 +30,7 @@ def test_a_folder_at_two_settings_gives_a_page_with_the_verdict_before_the_numbe
     assert '<iframe src="replay.html"' in text
     table = read_json(compared / "compare.json")["table"]
     assert [len(table[side]["walks"]) for side in "ab"] == [3, 3]
-    assert table["a"]["fulcrum_mm"] == pytest.approx(66) and table["same_person"]
+    assert table["a"]["fulcrum_mm"] == pytest.approx(66) and table["same_subject"]
 
 
 def test_the_page_is_made_again_of_what_is_saved(compared):

@@ -166,7 +166,7 @@ class DifferenceTable:
     a: SideTable
     b: SideTable
     differences: tuple[Difference, ...]
-    same_person: bool
+    same_subject: bool
     force_bw: float
     """root mean square over stance of the difference of the mean force, of three components"""
     force_chance_bw: float | None
@@ -289,7 +289,7 @@ def difference_of(a: Side, b: Side) -> DifferenceTable:
         a=_told(a),
         b=_told(b),
         differences=tuple(differences),
-        same_person=a.subject == b.subject,
+        same_subject=a.subject == b.subject,
         force_bw=float(np.sqrt(np.mean(np.sum(apart**2, axis=-1)))),
         force_chance_bw=None
         if within is None
