@@ -18,6 +18,7 @@ import typer
 import typer.main
 
 from vsf_drake.cli import (  # noqa: F401 (each adds its commands)
+    compare,
     device,
     doctor,
     fit,

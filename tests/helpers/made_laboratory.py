@@ -31,7 +31,15 @@ STATED = (
     "--fulcrum-mm",
     "108",
 )
-MADE = {"import.html", "import.json", "subject.yaml", "walk.yaml", "walk_ik.mot", "walk_grf.mot"}
+MADE = {
+    "import.html",
+    "import.json",
+    "replay.html",
+    "subject.yaml",
+    "walk.yaml",
+    "walk_ik.mot",
+    "walk_grf.mot",
+}
 """What an import of one walk writes."""
 
 

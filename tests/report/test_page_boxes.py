@@ -16,11 +16,15 @@ from page_boxes import SIZES, lying_over
 from vsf_drake.base.files import resource
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.recording.examine import examine
+from vsf_drake.report.compare_page import write_comparison
 from vsf_drake.report.fit_output import write_fit
 from vsf_drake.report.import_outputs import import_page
 from vsf_drake.report.map_page import write_map
 from vsf_drake.report.tuning.chapters import write_tuning
+from vsf_drake.simulation.archive import provenance
+from vsf_drake.walks.difference import difference_of, side_of
 
+SESSION = resource("data/sessions/a/day_1/1p1")
 STUCK = """<!doctype html><body><h1>A heading</h1><p style="height:1500px">A text.</p><p>Its end.</p>
 <p id="stuck" style="position:sticky;bottom:0;margin:0">A slider.</p></body>"""  # noqa: E501
 """Its last line stays in view, over the text."""
@@ -38,14 +42,19 @@ def test_nothing_lies_over_anything_on_any_page(quick_validation, tmp_path):
     write_tuning(tmp_path / "tune", made_table(), made_arrays())
     write_tuning(tmp_path / "tune_free", made_stride_table(), made_stride_arrays())
     walk = examine(load_trial(resource("data/reference_subject/exact/medium_1.yaml")))
+    sides = [
+        side_of(name, [load_trial(SESSION / f"{name}_{k}.yaml") for k in (1, 2)])
+        for name in ("low", "high")
+    ]
+    write_comparison(tmp_path / "compare", difference_of(*sides), *sides, provenance())
     pages = {
         name: (tmp_path / name / "report.html").read_text(encoding="utf-8")
-        for name in ("map", "fit", "tune", "tune_free")
+        for name in ("map", "fit", "tune", "tune_free", "compare")
     }
     pages |= {
         "validate": (quick_validation / "report.html").read_text(encoding="utf-8"),
         "stuck": STUCK,
-        "import": import_page([walk], title="A recording", failures={}),
+        "import": import_page([walk], title="A recording", failures={}, replay="replay.html"),
     }
     (tmp_path / "seen").mkdir()
     found = lying_over(pages, tmp_path / "seen")

@@ -164,22 +164,23 @@ def test_bodies_are_where_forward_kinematics_puts_them(tmp_path, side):
         for path, track in animation.items()
         if path.startswith("/walk/") and "position" in track
     }
-    arms = {f"{replay.UPRIGHT}/arm_{arm}" for arm in ("left", "right")}
+    arms = {f"{replay.WALK}/{replay.UPRIGHT}/arm_{arm}" for arm in ("left", "right")}
     assert moving == {f"/walk/{body.name()}" for body in bodies} | arms
     assert len(animation["/walk/pelvis"]["position"][0]) == (SAMPLES - 1) // every + 1
     # the trunk, drawn, is upright on average; arms swing against the legs
     [trunk] = [
         np.reshape(command["matrix"], (4, 4)).T
         for command in commands(page)
-        if command.get("path") == replay.UPRIGHT and command["type"] == "set_transform"
+        if command.get("path") == f"{replay.WALK}/{replay.UPRIGHT}"
+        and command["type"] == "set_transform"
     ]
-    tilt = walk.column("pelvis_tilt").mean()
+    tilt = walk.column("pelvis_tilt")[::every].mean()
     cos, sin = np.cos(tilt), np.sin(tilt)
     np.testing.assert_allclose(
         trunk[:3, :3], [[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]], atol=1e-12
     )
     for arm, thigh in (("left", "hip_flexion_r"), ("right", "hip_flexion_l")):
-        turns = animation[f"{replay.UPRIGHT}/arm_{arm}"]["quaternion"][1]
+        turns = animation[f"{replay.WALK}/{replay.UPRIGHT}/arm_{arm}"]["quaternion"][1]
         swing = [2.0 * np.arctan2(-y, w) for x, y, z, w in turns]
         hip = walk.column(thigh)[::every]
         np.testing.assert_allclose(swing, replay.ARM_SWING * (hip - hip.mean()), atol=1e-9)

@@ -20,6 +20,7 @@ GUIDES = {
     "sweep": "sweep",
     "fit": "fit",
     "predict": "predict",
+    "compare": "results#two-walks-beside-each-other",
     "tune": "tune",
     "map": "stiffness_map",
     "show": "drake",

@@ -193,7 +193,8 @@ def report(
     folder: Annotated[
         Path,
         typer.Argument(
-            parser=path, help="Folder that `validate`, `tune`, `map` or `predict` wrote with --out."
+            parser=path,
+            help="Folder that `validate`, `tune`, `map`, `predict` or `compare` wrote with --out.",
         ),
     ],
     svg: Annotated[
@@ -201,6 +202,7 @@ def report(
     ] = False,
 ) -> None:
     """Makes a report again from its saved results; nothing is simulated."""
+    from vsf_drake.report.compare_page import COMPARE
     from vsf_drake.report.map_page import MAP
     from vsf_drake.report.predict_page import PREDICT
     from vsf_drake.report.results_folder import PAGE
@@ -208,7 +210,11 @@ def report(
     from vsf_drake.report.validation.output import PUBLISHED, VALIDATION
 
     kind = next(
-        (kind for kind in (TUNING, MAP, PREDICT, PUBLISHED) if (folder / kind.table).is_file()),
+        (
+            kind
+            for kind in (COMPARE, TUNING, MAP, PREDICT, PUBLISHED)
+            if (folder / kind.table).is_file()
+        ),
         VALIDATION,
     )
     for sentence in kind.remake(folder, svg=svg):

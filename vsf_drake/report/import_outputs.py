@@ -6,12 +6,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import write_text
 from vsf_drake.base.schema import dump_yaml, to_plain
 from vsf_drake.base.yaml_file import dump
@@ -19,18 +21,23 @@ from vsf_drake.model.parameters import GRAVITY, PELVIS_TRANSLATIONS
 from vsf_drake.motion.events import USUAL_STANCE_S
 from vsf_drake.motion.formats.recording import SIDES
 from vsf_drake.motion.formats.tables import opensim_files
+from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
+from vsf_drake.motion.markers.segments import PARENTS, Calibration
 from vsf_drake.motion.trial import Trial, load_trial, write_trial_files
+from vsf_drake.optimal_control.normal import ANGLES, FORCES, NormalGait, normal_gait
+from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.recording import EXPECTED, MARKS, motion_checks, worst
 from vsf_drake.recording.examine import Examined, person_table, trial_table
 from vsf_drake.recording.foot import flat_phases
 from vsf_drake.recording.import_walks import ImportedWalks
 from vsf_drake.report.page import render
+from vsf_drake.report.recorded_replay import REPLAY, flaws, write_recordings
 from vsf_drake.report.results_folder import ResultsFolder
-from vsf_drake.report.style import NEUTRAL, PANEL, drawing, label, legend_below
+from vsf_drake.report.style import MARK_COLOURS, NEUTRAL, PANEL, SHADE, drawing, label, legend_below
 from vsf_drake.simulation.archive import provenance
 
-IMPORT = ResultsFolder(kind="import", command="import", table="import.json")
-CHECK = ResultsFolder(kind="check", command="check", table="check.json")
+IMPORT = ResultsFolder(kind="import", command="import", table="import.json", names=(REPLAY,))
+CHECK = ResultsFolder(kind="check", command="check", table="check.json", names=(REPLAY,))
 _SUBJECT = "subject.yaml"
 _MODEL = "model.yaml"
 
@@ -61,6 +68,7 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
                 folder / files["manifest"], _manifest(item.trial, files, scaled=imported.scaled)
             )
             load_trial(folder / files["manifest"])
+        write_recordings(imported.items, folder / REPLAY)
         write_text(
             folder / "import.html",
             import_page(
@@ -68,6 +76,7 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
                 title=f"Import of {first.trial.subject.name}",
                 person=first,
                 failures=failures,
+                replay=REPLAY,
             ),
         )
 
@@ -90,6 +99,7 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
                     *shared,
                     "import.json",
                     "import.html",
+                    REPLAY,
                     *(name for files in of_walks for name in files.values()),
                 ]
             ),
@@ -101,7 +111,14 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
 def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Path) -> None:
     """Writes check.json and check.html to `out`."""
     person = items[0] if len({item.trial.subject for item in items}) == 1 else None
-    page = import_page(items, title="Check of recordings", person=person, failures=failures)
+    page = import_page(
+        items, title="Check of recordings", person=person, failures=failures, replay=REPLAY
+    )
+
+    def more(folder: Path, table: dict[str, Any]) -> None:
+        write_recordings(items, folder / REPLAY)
+        write_text(folder / "check.html", page)
+
     CHECK.write(
         out,
         {
@@ -114,7 +131,7 @@ def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Pat
             "failures": failures,
             **provenance(),
         },
-        more=lambda folder, table: write_text(folder / "check.html", page),
+        more=more,
     )
 
 
@@ -146,9 +163,10 @@ def import_page(
     title: str,
     person: Examined | None = None,
     failures: Mapping[str, str] | None = None,
+    replay: str = "",
 ) -> Markup:
-    """The page: trials with their checks and figures, the `person` of one of them, and by file what
-    failed and why."""
+    """The page: trials with their checks and figures, the `person` of one of them, by file what
+    failed and why, and the file beside it in which the trials are to be played."""
     synthetic = [item.trial.name for item in items if item.trial.synthetic]
     makers = (angle_figure, force_figure, floor_figure)
     figures = [
@@ -163,6 +181,8 @@ def import_page(
         figures=figures,
         worst=max(range(len(items)), key=lambda i: items[i].expected_error_bw),
         failures=failures or {},
+        replay=replay,
+        map_figures=marker_figures(person.trial) if person else [],
         to_do=dict.fromkeys(
             check.sentence
             for item in items
@@ -179,11 +199,10 @@ def import_page(
     )
 
 
-# Figures: angles, forces, floor.
+# Figures: markers, angles, forces, floor.
 
 
 COLOURS = {"right": "#31688e", "left": "#c8553d"}
-MARK_COLOURS = {"good": "#2e7d4f", "doubtful": "#b7791f", "unusable": "#b3261e"}
 # a force curve is thinned to about this many points; peaks of walking are far wider
 MOST_POINTS = 1500
 _ANGLES = (
@@ -198,23 +217,120 @@ _ANGLES = (
 )
 _SWING_SHARE = 1.6
 _TIME = "time (s)"
+_LINE_M = 0.045  # a line of text beside the drawn person
+OFF_BW = 0.03  # vertical force of able-bodied walking (body weights) below which a foot has left
+
+
+def marker_figures(trial: Trial) -> list[Figure]:
+    """The standing person from the front and from the right: which label was taken for what; none
+    where nobody stood."""
+    calibration = trial.calibration
+    if calibration is None or not calibration.standing_W:
+        return []
+    # who faces us has the left where our right is
+    return [
+        _marker_figure(calibration, axis, title, x)
+        for axis, title, x in (
+            (1, "From the front", "left (m)"),
+            (0, "From the right", "forward (m)"),
+        )
+    ]
+
+
+def _marker_figure(calibration: Calibration, axis: int, title: str, x_label: str) -> Figure:
+    role_of = {label: role for role, label in calibration.roles.items()}
+    used = {label for own in calibration.segments.values() for label in own.labels}
+    centres = _standing_centres(calibration)
+    middle = float(np.median([p_W[axis] for p_W in calibration.standing_W.values()]))
+    with drawing(1.2 * PANEL[0], 7.0) as figure:
+        axes = figure.subplots()
+        for name, parent in PARENTS.items():
+            if parent is not None:
+                ends = np.array([centres[parent], centres[name]])
+                axes.plot(ends[:, axis], ends[:, 2], color="0.8", linewidth=4, zorder=0)
+        for end, aligned in ((-0.4, "right"), (0.4, "left")):
+            own = [
+                (p_W[2], p_W[axis], name)
+                for name, p_W in calibration.standing_W.items()
+                if (p_W[axis] < middle) == (end < 0.0)
+            ]
+            height = 0.0
+            for z, x, name in sorted(own):
+                height = max(z, height + _LINE_M)
+                colour = MARK_COLOURS["good"] if name in used else NEUTRAL
+                role = role_of.get(name, "").replace("_", " ")
+                axes.plot([x, middle + end], [z, height], color=colour, linewidth=0.4, alpha=0.5)
+                axes.plot(x, z, "o", color=colour, markersize=4)
+                axes.text(
+                    middle + end,
+                    height,
+                    f"{name}: {role}" if role else name,
+                    color=colour,
+                    fontsize=7.5,
+                    ha=aligned,
+                    va="center",
+                )
+        axes.set_xlim(middle - 1.6, middle + 1.6)
+        label(axes, x=x_label, y="up (m)", title=title)
+    return figure
+
+
+def _standing_centres(calibration: Calibration) -> dict[str, np.ndarray]:
+    """(3,) m in W of the joint from which each segment hangs, as the person stood."""
+    values = np.array([calibration.angles_rad[name] for name in COORDINATES])
+    R_W, p_WPelvis = orientations_of(values[None])
+    found: dict[str, np.ndarray] = {}
+    for name, parent in PARENTS.items():
+        found[name] = (
+            p_WPelvis[0]
+            if parent is None
+            else found[parent] + R_W[parent][0] @ calibration.segments[name].p_PB
+        )
+    return found
+
+
+def normal_of(trial: Trial) -> tuple[NormalGait, float] | None:
+    """Able-bodied walking at this walk's speed, and the phase of its lift-off; None at a speed of
+    which nothing was published."""
+    motion = trial.trajectory.sample(np.array([trial.start_s, trial.end_s]))[0]
+    columns = [trial.trajectory.names.index(name) for name in ("pelvis_tx", "pelvis_tz")]
+    far = float(np.linalg.norm(np.diff(motion[:, columns], axis=0)))
+    leg = scale_body(trial.subject, trial.model.foot, trial.model.socket).leg_length
+    try:
+        gait = normal_gait(far / (trial.end_s - trial.start_s), leg)
+    except InputError:
+        return None
+    phase = np.linspace(0.0, 1.0, 1001)
+    carries = gait.at(FORCES[1], phase) > OFF_BW
+    return gait, float(phase[np.flatnonzero(~carries & (phase > 0.4))[0]])
 
 
 def angle_figure(item: Examined) -> Figure:
-    """Joint angles of both sides over each stance and the swing after it; dotted: at standing."""
+    """Joint angles of both sides over each stance and the swing after it; dotted: at standing;
+    shaded: able-bodied walking at this speed."""
+    normal = normal_of(item.trial)
+    share = np.linspace(0.0, _SWING_SHARE, 161)
     motion = item.trial.tracked or item.trial.trajectory  # markers know both ankles
     standing = item.trial.calibration.angles_rad if item.trial.calibration else {}
     with drawing(PANEL[0], 7.8) as figure:
         for axes, (stem, title) in zip(figure.subplots(4, 2).ravel(), _ANGLES, strict=True):
+            if normal and stem in ANGLES:
+                gait, lift_off = normal
+                quantity, sign = ANGLES[stem]
+                mean = sign * gait.at(quantity, share * lift_off)
+                wide = gait.sd[quantity]
+                axes.fill_between(
+                    100 * share, mean - wide, mean + wide, color=SHADE, linewidth=0, zorder=0
+                )
             for side in SIDES:
                 name = stem if stem.startswith("pelvis") else f"{stem}_{side[0]}"
                 if name not in motion.names:
                     continue
                 series = np.degrees(motion.values[:, motion.names.index(name)])
                 for start, duration in _laid_out(item, side):
-                    share = (motion.time_s - start) / duration
-                    rows = (share >= 0.0) & (share <= _SWING_SHARE)
-                    axes.plot(100 * share[rows], series[rows], color=COLOURS[side], linewidth=1.5)
+                    shares = (motion.time_s - start) / duration
+                    rows = (shares >= 0.0) & (shares <= _SWING_SHARE)
+                    axes.plot(100 * shares[rows], series[rows], color=COLOURS[side], linewidth=1.5)
                 if name in standing:
                     axes.axhline(
                         np.degrees(standing[name]),
@@ -224,7 +340,12 @@ def angle_figure(item: Examined) -> Figure:
                     )
             axes.axvline(100.0, color=NEUTRAL, linewidth=0.8, linestyle=":")
             label(axes, x="share of stance (%)", y="angle (°)", title=title)
-        return _with_legend(figure, item, "dotted: at standing" if standing else "")
+        return _with_legend(
+            figure,
+            item,
+            "dotted: at standing" if standing else "",
+            "grey: able-bodied, ± 1 SD" if normal else "no able-bodied band at this speed",
+        )
 
 
 def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
@@ -241,8 +362,11 @@ def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
 
 def force_figure(item: Examined) -> Figure:
     """Vertical, fore-aft and medio-lateral force of each foot in body weights; shaded: the trial's
-    window."""
+    window, and in a darker colour what is wrong there; broken: able-bodied walking at this speed,
+    over whole stances."""
     trial = item.trial
+    normal = normal_of(trial)
+    share = np.linspace(0.0, 1.0, 101)
     with drawing(PANEL[0], 5.6) as figure:
         titles = ("Vertical", "Fore-aft (forward +)", "Medio-lateral (left +)")
         for axes, column, title in zip(
@@ -256,9 +380,28 @@ def force_figure(item: Examined) -> Figure:
                     color=COLOURS[side],
                     linewidth=1.4,
                 )
+            for stance in (s for side in trial.plates for s in item.stances[side] if s.complete):
+                if normal and column != 1:
+                    axes.plot(
+                        stance.start_s + share * stance.duration_s,
+                        normal[0].at(FORCES[column // 2], share * normal[1]),
+                        color=NEUTRAL,
+                        linewidth=0.9,
+                        linestyle="--",
+                    )
             axes.axvspan(trial.start_s, trial.end_s, color="0.95", zorder=0, linewidth=0)
+            for flaw in flaws(item):
+                axes.axvspan(
+                    flaw.start_s, flaw.end_s, color=flaw.colour, alpha=0.15, zorder=0, linewidth=0
+                )
             label(axes, x=_TIME, y="force (body weights)", title=title)
-        return _with_legend(figure, item, "shaded: the part used")
+        return _with_legend(
+            figure,
+            item,
+            "shaded: the part used",
+            "darker: see the replay's time bar" if [*flaws(item)] else "",
+            "broken: able-bodied, mean" if normal else "",
+        )
 
 
 def floor_figure(item: Examined) -> Figure:
@@ -297,7 +440,7 @@ def floor_figure(item: Examined) -> Figure:
         return _with_legend(figure, item)
 
 
-def _with_legend(figure: Figure, item: Examined, more: str = "") -> Figure:
+def _with_legend(figure: Figure, item: Examined, *more: str) -> Figure:
     prosthetic = item.trial.subject.prosthetic_side
     handles = [
         Line2D(
@@ -310,7 +453,7 @@ def _with_legend(figure: Figure, item: Examined, more: str = "") -> Figure:
     ]
     handles += [
         Line2D([], [], color="none", label=text)
-        for text in (more, "SYNTHETIC, not recorded" if item.trial.synthetic else "")
+        for text in (*more, "SYNTHETIC, not recorded" if item.trial.synthetic else "")
         if text
     ]
     legend_below(figure, handles)

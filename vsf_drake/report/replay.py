@@ -4,13 +4,14 @@ network."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from matplotlib.colors import to_hex
-from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Role, SceneGraph
+from matplotlib.colors import to_hex, to_rgb
+from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Role, SceneGraph, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.perception import PointCloud
@@ -62,10 +63,14 @@ LOADED: RGB = (0.80, 0.05, 0.05)
 WALK = "/walk"
 FORCES = "/forces"
 GROUND = "/ground"
-UPRIGHT = f"{WALK}/pelvis/upright"  # what is drawn on the pelvis, turned back by its mean tilt
+MARKERS = "/markers"
+UPRIGHT = "pelvis/upright"  # what is drawn on the pelvis, turned back by its mean tilt
 ARROW_M_PER_BW = 1.0  # length of a force arrow for one body weight (m)
 ARM_SWING = 0.6  # of the other thigh's, about the shoulder (a choice)
+PLATE = (0.35, 0.35, 0.35, 0.99)
+TINTED = 0.75  # opacity of a person in one colour
 _DOT_M = 0.008
+_MARKER_M = 0.009
 _GRID_M = 0.1
 _PIECE = 5  # cells of the grid that a line is long: some renderers drop longer ones
 _EYE_HEIGHT_M = 1.25
@@ -74,6 +79,7 @@ _DISTANCE_M = 3.5
 _ARROWS = {
     "predicted": (PREDICTED, 0.45, 0.010, (0.07, 0.027), 1),
     "measured": (MEASURED, 0.99, 0.004, (0.05, 0.011), 2),
+    "side": (MEASURED, 0.99, 0.008, (0.06, 0.020), 2),
 }
 """Colour, opacity, radius of the shaft, length and radius of the head (m), order: a slim one shows
 in a wide one."""
@@ -95,96 +101,171 @@ def write_replay(
     the intact foot as `intact_plate` did. A time bar below has the vertical forces. The result must
     hold the parameters and coordinates of a person.
     """
-    frames = make_frames(result, plate=plate, intact_plate=intact_plate, rate_hz=frame_rate_hz)
-    meshcat = open_meshcat()
-    animation = _record_walk(meshcat, result, frames)
-    weight = GRAVITY * result.subject_mass_kg
-    top = 1.05 * max(
-        weight,
-        *(float(np.nanmax(force.force_W[:, 2], initial=0.0)) for force in frames.forces.values()),
+    walk = Shown(
+        name=result.trial_name,
+        subject=_part(result, "subject", Subject),
+        model=check_model(_part(result, "model", ModelParameters)),
+        offsets=_part(result, "offsets", GeometricOffsets),
+        names=result.coordinate_names,
+        whole=True,
+        frames=make_frames(result, plate=plate, intact_plate=intact_plate, rate_hz=frame_rate_hz),
     )
-    curves = []
-    for name, force in frames.forces.items():
-        foot, _, kind = name.partition(" ")
-        colour = _record_force(meshcat, animation, name, kind, force, weight)
-        vertical = force.force_W[:, 2]
-        points = " ".join(
-            f"{x:.2f},{y:.2f}"
-            for x, y in zip(
-                np.linspace(0.0, 1000.0, len(vertical)), 100.0 - 100.0 * vertical / top, strict=True
-            )
-            if np.isfinite(y)
-        )
-        curves.append(
-            {
-                "foot": foot,
-                "kind": kind,
-                "colour": to_hex(colour),
-                "points": points,
-                "newtons": np.round(vertical).tolist(),
-            }
-        )
-    _set_scene(meshcat, result, frames)
-    meshcat.SetAnimation(animation)
+    weight = GRAVITY * result.subject_mass_kg
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
     write_text(
         path,
-        finish_page(
-            meshcat,
+        replay_page(
+            [[walk]],
             f"{result.trial_name}: {kind}",
             "replay.html.j2",
+            enlarged=True,
             walk=result,
-            curves=curves,
             states=[
                 word
                 for word in (UNFITTED, UNUSABLE_RECORDING)
                 if any(note.startswith(word) for note in result.notes)
             ],
-            fulcrum_mm=np.round(1e3 * frames.fulcrum_m, 1).tolist(),
+            fulcrum_mm=np.round(1e3 * walk.frames.fulcrum_m, 1).tolist(),
             weight_n=weight,
-            weight_height=100.0 * weight / top,
             intact_peak_bw=float(result.intact_grf_W[:, 2].max()) / weight,
             full_percent=100 * FULL_COLOUR_BW,
             loaded=to_hex(LOADED),
-            follow=f"{WALK}/pelvis",
-            inset=f"{WALK}/vsf_frame",
-            rate_hz=frame_rate_hz,
         ),
     )
 
 
-def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> MeshcatAnimation:
-    """Publishes the bodies and records their poses, the swing of the arms, and the colours of the
-    spheres."""
+def replay_page(
+    parts: Sequence[Sequence[Shown]],
+    title: str,
+    template: str,
+    /,
+    *,
+    enlarged: bool = False,
+    **facts: object,
+) -> str:
+    """The page of a template on which `parts` are played, one at a time: walks that are seen
+    together, with as many frames of one rate.
+
+    The camera stands at the first one's prosthetic side; `enlarged`: beside it the foot from near.
+    """
+    meshcat = open_meshcat()
+    rate = parts[0][0].frames.rate_hz
+    animation = MeshcatAnimation(rate)
+    animation.set_repetitions(ENDLESS)
+    every = [walk for part in parts for walk in part]
+    top = 1.05 * max(
+        1.0,
+        *(
+            float(np.nanmax(force.force_W[:, 2], initial=0.0)) / walk.weight_n
+            for walk in every
+            for force in walk.frames.forces.values()
+        ),
+    )
+    people: dict[Any, str] = {}
+    told = []
+    first = 0
+    for number, part in enumerate(parts):
+        curves = []
+        roots = []
+        for walk in part:
+            person = walk.subject, walk.model, walk.offsets, walk.tint
+            known = person in people
+            root = people.setdefault(person, f"{WALK}{len(people) or ''}")
+            _record_walk(meshcat, animation, walk, root, first, known=known)
+            own = f"{FORCES}{number or ''}"
+            roots += [root, own]
+            for name, force in walk.frames.forces.items():
+                colour = _record_force(meshcat, animation, f"{own}/{name}", force, walk, first)
+                curves.append(_curve(name, colour, force, walk.weight_n, top))
+            if walk.markers or walk.plates:
+                roots.append(_record_markers(meshcat, animation, walk, number, first))
+        frames = len(part[0].frames.time_s)
+        told.append(
+            {
+                "name": ", ".join(walk.name for walk in part),
+                "span": [first / rate, (first + frames - 1) / rate],
+                "start": float(part[0].frames.time_s[0]),
+                "roots": list(dict.fromkeys(roots)),
+                "curves": curves,
+                "flaws": [flaw for walk in part for flaw in walk.flaws],
+            }
+        )
+        first += frames
+    _set_scene(meshcat, every)
+    meshcat.SetAnimation(animation)
+    return finish_page(
+        meshcat,
+        title,
+        template,
+        parts=told,
+        weight_height=100.0 / top,
+        follow="pelvis",
+        inset=f"{WALK}/vsf_frame" if enlarged else None,
+        rate_hz=rate,
+        **facts,
+    )
+
+
+def _curve(
+    name: str, colour: RGB, force: ForceFrames, weight: float, top: float
+) -> dict[str, object]:
+    """The vertical force as a line on the time bar, a thousand wide and a hundred high."""
+    foot, _, kind = name.partition(" ")
+    vertical = force.force_W[:, 2]
+    points = " ".join(
+        f"{x:.2f},{y:.2f}"
+        for x, y in zip(
+            np.linspace(0.0, 1000.0, len(vertical)),
+            100.0 - 100.0 * vertical / (weight * top),
+            strict=True,
+        )
+        if np.isfinite(y)
+    )
+    return {
+        "foot": foot,
+        "kind": kind,
+        "colour": to_hex(colour),
+        "points": points,
+        "newtons": np.round(vertical).tolist(),
+        "percent": np.round(100.0 * vertical / weight).tolist(),
+    }
+
+
+def _record_walk(
+    meshcat: Meshcat,
+    animation: MeshcatAnimation,
+    walk: Shown,
+    root: str,
+    first: int,
+    *,
+    known: bool,
+) -> None:
+    """Publishes the bodies at `root` unless they are `known`, and records their poses from frame
+    `first` on, the swing of the arms, and the colours of the spheres."""
+    frames = walk.frames
     plant = MultibodyPlant(0.0)
     scene_graph = SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    person = add_person(
-        plant,
-        _part(result, "subject", Subject),
-        check_model(_part(result, "model", ModelParameters)),
-    )
-    if len(person.foot.sites.radius) != result.sphere_normal_n.shape[1]:
+    person = add_person(plant, walk.subject, walk.model)
+    spheres = len(person.foot.sites.radius)
+    if frames.sphere_load is not None and spheres != frames.sphere_load.shape[1]:
         raise InputError(
-            f"has {result.sphere_normal_n.shape[1]} spheres, the model of the result "
-            f"{len(person.foot.sites.radius)}",
+            f"has {frames.sphere_load.shape[1]} spheres, the model of the result {spheres}",
             where="sphere_normal_n",
         )
     add_visuals(plant, person)
-    offsets = _part(result, "offsets", GeometricOffsets)
     plant.Finalize()
     moving = {
         joint.name(): joint.position_start()
         for index in plant.GetJointIndices()
         if (joint := plant.get_joint(index)).num_positions()
     }
-    different = set(moving) ^ set(result.coordinate_names)
+    different = set(moving) ^ set(walk.names) if walk.whole else set(walk.names) - set(moving)
     if different:
         raise InputError(
             f"does not match the model of the result: {', '.join(sorted(different))}",
             where="coordinate_names",
         )
-    order = [result.coordinate_names.index(name) for name in sorted(moving, key=moving.__getitem__)]
     inspector = scene_graph.model_inspector()
     bodies = {}
     arms = {}
@@ -193,52 +274,80 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
         bodies[body.name()] = body
         name = inspector.GetName(geometry).rpartition("::")[2]
         pose = inspector.GetPoseInFrame(geometry)
-        path = f"{UPRIGHT if body is person.pelvis else f'{WALK}/{body.name()}'}/{name}"
+        path = f"{root}/{UPRIGHT if body is person.pelvis else body.name()}/{name}"
         if name.startswith("arm_"):
             arms[path] = pose, "hip_flexion_r" if name == "arm_left" else "hip_flexion_l"
+        if known:
+            continue
         colour = inspector.GetIllustrationProperties(geometry).GetProperty("phong", "diffuse")
         assert isinstance(colour, Rgba)
-        meshcat.SetObject(path, inspector.GetShape(geometry), colour)
+        tinted = Rgba(*to_rgb(walk.tint), TINTED) if walk.tint else colour
+        meshcat.SetObject(path, inspector.GetShape(geometry), tinted)
         meshcat.SetTransform(path, pose)
-    hips = shifted(person.body.hip_forward, 0.0, person.body.hip_up)
-    meshcat.SetTransform(
-        UPRIGHT, hips @ _forward(-result.column("pelvis_tilt").mean()) @ hips.inverse()
-    )
-    keel = np.array(
-        [[0.0, sum(person.foot.parameters.keel.element_lengths_m)], [0.0, 0.0], [0.0, 0.0]]
-    )
-    meshcat.SetLine(
-        f"{WALK}/{person.foot.frame.name()}/straight_keel",
-        np.asfortranarray(keel),
-        1.0,
-        Rgba(0.0, 0.0, 0.0, 0.99),
-    )
-    paint_last(meshcat, f"{WALK}/{person.foot.frame.name()}/straight_keel")
+    foot_path = f"{root}/{person.foot.frame.name()}"
+    if not known:
+        hips = shifted(person.body.hip_forward, 0.0, person.body.hip_up)
+        tilt = walk.column("pelvis_tilt").mean()
+        meshcat.SetTransform(f"{root}/{UPRIGHT}", hips @ _forward(-tilt) @ hips.inverse())
+        keel = np.array(
+            [[0.0, sum(person.foot.parameters.keel.element_lengths_m)], [0.0, 0.0], [0.0, 0.0]]
+        )
+        meshcat.SetLine(
+            f"{foot_path}/straight_keel", np.asfortranarray(keel), 1.0, Rgba(0.0, 0.0, 0.0, 0.99)
+        )
+        paint_last(meshcat, f"{foot_path}/straight_keel")
     context = plant.CreateDefaultContext()
-    set_mount(context, person.foot, **mount_of(offsets))
-    animation = MeshcatAnimation(frames.rate_hz)
-    for i, q in enumerate(frames.q):
-        plant.SetPositions(context, q[order])
+    set_mount(context, person.foot, **mount_of(walk.offsets))
+    q = np.tile(plant.GetPositions(context), (len(frames.q), 1))
+    q[:, [moving[name] for name in walk.names]] = frames.q
+    for i, row in enumerate(q, first):
+        plant.SetPositions(context, row)
         for name, body in bodies.items():
-            animation.SetTransform(i, f"{WALK}/{name}", body.EvalPoseInWorld(context))
+            animation.SetTransform(i, f"{root}/{name}", body.EvalPoseInWorld(context))
     for path, (shoulder, thigh) in arms.items():
-        swing = ARM_SWING * frames.q[:, result.coordinate_names.index(thigh)]
-        for i, angle in enumerate(swing - swing.mean()):
+        swing = ARM_SWING * walk.column(thigh)
+        for i, angle in enumerate(swing - swing.mean(), first):
             animation.SetTransform(i, path, shoulder @ _forward(angle))
+    for j, index in enumerate(person.foot.sites.body_indices):
+        path = f"{root}/{plant.get_body(index).name()}/{SITE_NAME.format(j)}/<object>"
+        meshcat.SetProperty(path, "material.opacity", SPHERE_OPACITY)
+        if frames.sphere_load is not None:
+            _record_load(animation, path, frames.sphere_load[:, j], first)
+
+
+def _record_load(animation: MeshcatAnimation, path: str, load: np.ndarray, first: int) -> None:
+    """Colours of a sphere by its load (f,), from 0 to 1."""
     # which three.js takes as linear light
     low = np.array(SPHERE[:3]) ** 2.2
     high = np.array(LOADED) ** 2.2
-    for j, index in enumerate(person.foot.sites.body_indices):
-        path = f"{WALK}/{plant.get_body(index).name()}/{SITE_NAME.format(j)}/<object>"
-        meshcat.SetProperty(path, "material.opacity", SPHERE_OPACITY)
-        load = frames.sphere_load[:, j]
-        changed = (np.diff(load, prepend=2.0) != 0.0) | (np.diff(load, append=2.0) != 0.0)
-        for frame in np.flatnonzero(changed).tolist():
-            animation.SetProperty(
-                frame, path, "material.color", list(low + load[frame] * (high - low))
-            )
-    animation.set_repetitions(ENDLESS)
-    return animation
+    changed = (np.diff(load, prepend=2.0) != 0.0) | (np.diff(load, append=2.0) != 0.0)
+    for frame in np.flatnonzero(changed).tolist():
+        animation.SetProperty(
+            first + frame, path, "material.color", list(low + load[frame] * (high - low))
+        )
+
+
+def _record_markers(
+    meshcat: Meshcat, animation: MeshcatAnimation, walk: Shown, number: int, first: int
+) -> str:
+    """Dots of the markers and outlines of the plates; returns where they stand."""
+    root = f"{MARKERS}{number or ''}"
+    for i, corners in enumerate(walk.plates):
+        ring = np.vstack([corners, corners[:1]])
+        ring[:, 2] = 0.002
+        meshcat.SetLine(f"{root}/plate_{i}", np.asfortranarray(ring.T), 3.0, Rgba(*PLATE))
+    for i, marker in enumerate(walk.markers):
+        path = f"{root}/marker_{i}"
+        meshcat.SetObject(path, Sphere(_MARKER_M), Rgba(*marker.colour, 0.99))
+        paint_last(meshcat, path)
+        seen = np.isfinite(marker.p_W).all(axis=1)
+        # where it was not seen it waits, hidden: a movement that ends early would begin again
+        known = np.flatnonzero(seen)[np.maximum(np.cumsum(seen) - 1, 0)]
+        for frame, place in enumerate(marker.p_W[known], first):
+            animation.SetProperty(frame, path, "position", place.tolist())
+        for frame in np.flatnonzero(np.diff(seen, prepend=not seen[0])).tolist():
+            animation.SetProperty(first + frame, path, "visible", bool(seen[frame]))
+    return root
 
 
 def _forward(angle: float) -> RigidTransform:
@@ -256,15 +365,17 @@ def _part(result: WalkResult, name: str, schema: type[T]) -> T:
 def _record_force(
     meshcat: Meshcat,
     animation: MeshcatAnimation,
-    name: str,
-    kind: str,
+    path: str,
     force: ForceFrames,
-    weight: float,
+    walk: Shown,
+    first: int,
 ) -> RGB:
     """An arrow from the centre of pressure along the force, and dots along the centre's path;
     returns their colour."""
+    kind = "side" if walk.tint else path.rpartition(" ")[2]
     colour, opacity, radius, head, order = _ARROWS[kind]
-    path = f"{FORCES}/{name}"
+    if walk.tint:
+        colour = to_rgb(walk.tint)
     add_arrow(
         meshcat,
         f"{path}/arrow",
@@ -274,12 +385,15 @@ def _record_force(
         shaft_from=0.0,
         order=order,
     )
-    for i, shown in enumerate(force.shown):
+    for i, shown in enumerate(force.shown, first):
         animation.SetProperty(i, f"{path}/arrow", "visible", bool(shown))
         if shown:
-            length = ARROW_M_PER_BW * float(np.linalg.norm(force.force_W[i])) / weight
-            along = RotationMatrix.MakeFromOneVector(force.force_W[i], 2)
-            animation.SetTransform(i, f"{path}/arrow", RigidTransform(along, force.cop_W[i]))
+            own = force.force_W[i - first]
+            length = ARROW_M_PER_BW * float(np.linalg.norm(own)) / walk.weight_n
+            along = RotationMatrix.MakeFromOneVector(own, 2)
+            animation.SetTransform(
+                i, f"{path}/arrow", RigidTransform(along, force.cop_W[i - first])
+            )
             animation.SetProperty(
                 i, f"{path}/arrow/shaft", "scale", [1.0, 1.0, max(length - head[0], 0.01)]
             )
@@ -290,10 +404,11 @@ def _record_force(
     return colour
 
 
-def _set_scene(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> None:
-    """Ground with a grid, and a camera at the prosthetic side that sees the whole path."""
-    names = result.coordinate_names
-    path = frames.q[:, [names.index("pelvis_tx"), names.index("pelvis_tz")]] * [1.0, -1.0]
+def _set_scene(meshcat: Meshcat, walks: Sequence[Shown]) -> None:
+    """Ground with a grid under all paths, and a camera at the first walk's prosthetic side."""
+    path = np.vstack(
+        [np.column_stack([w.column("pelvis_tx"), -w.column("pelvis_tz")]) for w in walks]
+    )
     low = np.floor(path.min(axis=0) - 1.0)
     high = np.ceil(path.max(axis=0) + 1.0)
     size = high - low
@@ -315,10 +430,11 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> No
         for ends in (slice(0, -1, _PIECE), slice(_PIECE, None, _PIECE))
     )
     meshcat.SetLineSegments(f"{GROUND}/grid", start, end, 1.0, Rgba(0.62, 0.62, 0.62))
-    forward = walking_direction(result)
-    side = np.array([-forward[1], forward[0]]) * (1.0 if result.side == "left" else -1.0)
+    forward = walking_direction(walks[0])
+    left = 1.0 if walks[0].subject.prosthetic_side == "left" else -1.0
+    side = left * np.array([-forward[1], forward[0]])
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW_DEG, aspect=ASPECT))
-    start = frames.q[0, [names.index("pelvis_tx"), names.index("pelvis_tz")]] * [1.0, -1.0]
+    start = path[0]
     eye = start + _DISTANCE_M * (0.94 * side + 0.34 * forward)
     meshcat.SetCameraPose(np.array([*eye, _EYE_HEIGHT_M]), np.array([*start, _LOOKED_AT_M]))
 
@@ -347,12 +463,55 @@ class ReplayFrames:
     time_s: np.ndarray  # (f,) the clock of the recording
     q: np.ndarray  # (f, m) coordinates in the order of the result's `coordinate_names`
     fulcrum_m: np.ndarray  # (f,)
-    sphere_load: (
-        np.ndarray
-    )  # (f, N) normal force on each sphere, 0 (none) to 1 (FULL_COLOUR_BW and more)
     forces: dict[
         str, ForceFrames
     ]  # "prosthetic predicted"; where recorded "prosthetic measured", "intact measured"
+    sphere_load: np.ndarray | None = None
+    """(f, N) normal force on each sphere, 0 (none) to 1 (FULL_COLOUR_BW and more); None unknown"""
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerFrames:
+    """A marker in f frames."""
+
+    label: str
+    p_W: np.ndarray  # (f, 3) m, NaN where it was not seen
+    colour: RGB
+
+
+@dataclass(frozen=True)
+class Flaw:
+    """What is wrong with a recording, and when."""
+
+    start_s: float
+    end_s: float
+    colour: str
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shown:
+    """A walk in a replay."""
+
+    name: str
+    subject: Subject
+    model: ModelParameters
+    offsets: GeometricOffsets
+    names: tuple[str, ...]  # coordinates, in the order of `frames.q`
+    frames: ReplayFrames
+    whole: bool = False  # whether all coordinates of the model must be known, or the keel rests
+    markers: tuple[MarkerFrames, ...] = ()
+    plates: tuple[np.ndarray, ...] = ()  # (4, 3) m, corners in W
+    flaws: tuple[Flaw, ...] = ()
+    tint: str = ""  # colour of the whole person and its force, in place of those of the parts
+
+    @property
+    def weight_n(self) -> float:
+        return GRAVITY * self.subject.mass_kg
+
+    def column(self, name: str) -> np.ndarray:
+        """(f,) history of one coordinate."""
+        return np.asarray(self.frames.q[:, self.names.index(name)])
 
 
 def make_frames(
@@ -376,9 +535,9 @@ def make_frames(
         FULL_COLOUR_BW * GRAVITY * result.subject_mass_kg
     )
     forces = {
-        "prosthetic predicted": _force_frames(time, result.time_s, result.grf_W, result.cop_W)
+        "prosthetic predicted": force_frames(time, result.time_s, result.grf_W, result.cop_W)
     } | {
-        f"{foot} measured": _force_frames(time, recorded.time_s, recorded.force_W, recorded.cop_W)
+        f"{foot} measured": force_frames(time, recorded.time_s, recorded.force_W, recorded.cop_W)
         for foot, recorded in (("prosthetic", plate), ("intact", intact_plate))
         if recorded is not None
     }
@@ -387,14 +546,16 @@ def make_frames(
         time_s=time,
         q=resample(time, result.time_s, result.q),
         fulcrum_m=np.interp(time, result.time_s, result.fulcrum_m),
-        sphere_load=np.clip(load, 0.0, 1.0),
         forces=forces,
+        sphere_load=np.clip(load, 0.0, 1.0),
     )
 
 
-def _force_frames(
+def force_frames(
     time: np.ndarray, samples_s: np.ndarray, force_W: np.ndarray, cop_W: np.ndarray
 ) -> ForceFrames:
+    """A force (n, 3) N and its centre (n, 3) m at instants (n,), as a replay has them at `time`
+    (f,)."""
     force = resample(time, samples_s, force_W)
     if len(samples_s) > 1:
         grid = uniform_grid(samples_s)

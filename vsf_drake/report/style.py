@@ -35,6 +35,7 @@ SIMULATED: dict[str, Any] = {"linestyle": (0, (4, 1.6)), "linewidth": 1.6}
 HEEL_COLOUR = "0.15"
 NEUTRAL = "0.45"
 SHADE = "0.92"
+MARK_COLOURS = {"good": "#2e7d4f", "doubtful": "#b7791f", "unusable": "#b3261e"}
 MARKERS = ("o", "s", "^", "D", "v")
 DOTS_PER_INCH = 150
 PANEL = (4.6, 3.1)

@@ -210,11 +210,7 @@ class Answer:
         values: np.ndarray,
         plate: np.ndarray | None = None,
     ) -> Trial:
-        values = values.copy()
-        place = [self.names.index(name) for name in PELVIS_TRANSLATIONS]
-        path = os_to_world(values[:, place])
-        values[:, place] = 0.0
-        values[:, place] = world_to_os(path - _pylon_end(self.names, values, self.like))
+        values = standing_on(self.names, values, self.like)
         time_s = stance_s * self.share
         plates = {}
         if plate is not None:
@@ -330,12 +326,8 @@ def answer_of(trials: Sequence[Trial]) -> Answer:
             where="prosthesis.fulcrum_mm",
             right="Give walks at two settings or more",
         )
-    share, stances = _covered(trials)
     names = first.trajectory.names
-    walks = tuple(
-        _walk(trial, label, own, names, share)
-        for trial, label, own in zip(trials, labels_of(trials), stances, strict=True)
-    )
+    share, walks = over_stance(trials, names)
     speeds = np.array([walk.speed_m_per_s for walk in walks])
     far = int(np.argmax(np.abs(speeds - speeds.mean())))
     require(
@@ -359,6 +351,30 @@ def answer_of(trials: Sequence[Trial]) -> Answer:
         first, notes=tuple(notes), inputs=inputs, synthetic=any(trial.synthetic for trial in trials)
     )
     return Answer(like, names, share, walks, GeometricOffsets(**offsets))
+
+
+def over_stance(
+    trials: Sequence[Trial], names: tuple[str, ...]
+) -> tuple[np.ndarray, tuple[AnsweringWalk, ...]]:
+    """Shares of stance (n,) that every trial has, and each over them with the coordinates `names`;
+    InputError for one without a plate, or without a whole stance with something recorded around
+    it."""
+    share, stances = _covered(trials)
+    return share, tuple(
+        _walk(trial, label, own, names, share)
+        for trial, label, own in zip(trials, labels_of(trials), stances, strict=True)
+    )
+
+
+def standing_on(names: tuple[str, ...], values: np.ndarray, like: Trial) -> np.ndarray:
+    """(n, m) coordinates of `AnsweringWalk.values` with the pelvis where the leg of the trial's
+    person reaches the pylon's end."""
+    values = values.copy()
+    place = [names.index(name) for name in PELVIS_TRANSLATIONS]
+    path = os_to_world(values[:, place])
+    values[:, place] = 0.0
+    values[:, place] = world_to_os(path - _pylon_end(names, values, like))
+    return values
 
 
 def answer_sentences(table: AnswerTable) -> list[str]:
@@ -394,7 +410,7 @@ def _covered(trials: Sequence[Trial]) -> tuple[np.ndarray, list[list[Stance]]]:
     for trial in trials:
         require(
             trial.subject.prosthetic_side in trial.plates,
-            "has no force of the prosthetic foot, whose stance times the answer needs",
+            "has no force of the prosthetic foot, which tells its stances",
             "forces",
             "Leave it out, or give the file of its force plates",
             file=trial.path,

@@ -36,9 +36,11 @@ def spread_of(positions_m: np.ndarray, values: np.ndarray) -> np.ndarray | None:
     return np.sqrt(np.sum(np.concatenate(within) ** 2, axis=0) / free) if free else None
 
 
-def half_width(positions_m: np.ndarray, spread: float, shares: np.ndarray) -> float:
+def half_width(
+    positions_m: np.ndarray, spread: float, shares: np.ndarray, *, together: int = 1
+) -> float:
     """Of the 95 % interval of a sum of walks' numbers by their shares (n,) in it, for the spread
     between walks of one setting that these walks (n,) tell: Student's t, which of few walks is
-    much."""
+    much. Of so many intervals `together` all hold in 95 % of cases at least (Bonferroni)."""
     free = len(positions_m) - len(settings_of(positions_m))
-    return float(stdtrit(free, 0.975) * spread * np.linalg.norm(shares))
+    return float(stdtrit(free, 1.0 - 0.025 / together) * spread * np.linalg.norm(shares))

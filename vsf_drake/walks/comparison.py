@@ -40,7 +40,13 @@ if TYPE_CHECKING:
     from vsf_drake.simulation.reactions import ReactionSensitivity
 
 
-class ComparableWalk(Protocol):
+class MovingWalk(Protocol):
+    """What has histories of coordinates."""
+
+    def column(self, name: str) -> np.ndarray: ...
+
+
+class ComparableWalk(MovingWalk, Protocol):
     """What a comparison reads of a finished walk; a `WalkResult` has it."""
 
     @property
@@ -49,7 +55,6 @@ class ComparableWalk(Protocol):
     def grf_W(self) -> np.ndarray: ...
     @property
     def cop_W(self) -> np.ndarray: ...
-    def column(self, name: str) -> np.ndarray: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,7 +313,7 @@ def _measured(plate: PlateRecording, start_s: float, step: float, count: int) ->
     )
 
 
-def walking_direction(result: ComparableWalk) -> np.ndarray:
+def walking_direction(result: MovingWalk) -> np.ndarray:
     """(2,) unit vector of the pelvis's mean horizontal velocity in W; W's x where it hardly
     moves."""
     path = np.array([result.column("pelvis_tx"), -result.column("pelvis_tz")])

@@ -39,6 +39,10 @@ class Quantity:
         """Of a column: the label with the unit."""
         return f"{self.label} ({self.shown})" if self.shown else self.label
 
+    def changed(self, value: float) -> str:
+        """A difference of such numbers in a sentence: "+4.3 mm"."""
+        return f"{self.form.replace('{:', '{:+').format(self.scale * value)} {self.shown}"
+
     def told(self, value: float | None) -> str:
         """The number in a sentence, which says itself of what it is a share: "4.3 %"."""
         if value is None:
@@ -46,10 +50,15 @@ class Quantity:
         return f"{self.form.format(self.scale * value)} {self.shown.partition(' ')[0]}"
 
 
-QUANTITIES = {
-    row.pop("name"): Quantity(**row | {"scale": float(row["scale"])})  # type: ignore[arg-type]
-    for row in table_of("walks/quantities.csv")
-}
+def quantities_of(table: str) -> dict[str, Quantity]:
+    """By name, those that a CSV file of the package tells."""
+    return {
+        row.pop("name"): Quantity(**row | {"scale": float(row["scale"])})  # type: ignore[arg-type]
+        for row in table_of(table)
+    }
+
+
+QUANTITIES = quantities_of("walks/quantities.csv")
 
 
 def quantity(name: str) -> Quantity:

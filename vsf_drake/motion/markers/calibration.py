@@ -154,6 +154,8 @@ def calibrate(
         *say("markers", "lengths", pairs=pairs, load_n=load, source=source, longer_m=more),
     )
     angles = np.nanmedian(joints.coordinates_of(anatomy.R_W, anatomy.p_W["pelvis"]), axis=0)
+    times = standing.marker_time_s
+    stands = posture.still & (times >= posture.start_s) & (times <= posture.end_s)
     return Calibration(
         unloaded,
         segments,
@@ -163,6 +165,12 @@ def calibrate(
         method,
         tuple(notes),
         tuple(used - {*posture.labelled.roles.values()}),
+        posture.labelled.roles,
+        {
+            label: np.nanmean(x[stands], axis=0)
+            for label, x in standing.markers.items()
+            if np.isfinite(x[stands]).all(axis=1).any()
+        },
     )
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -67,6 +67,12 @@ class Calibration:
     method: tuple[str, ...] = ()  # sentences on how each joint centre and axis was found
     notes: tuple[str, ...] = ()  # sentences on what was assumed or looks doubtful
     spare: tuple[str, ...] = ()  # labels of clusters, with which no joint centre or axis was found
+    roles: Mapping[str, str] = field(
+        default_factory=dict
+    )  # label by role, as `FoundMarkers` has it
+    standing_W: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """(3,) m by label, where every marker of the recording stood, whether it has a role or not;
+    empty where a walk calibrated"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ import logging
 import re
 import secrets
 import sys
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from markupsafe import escape
@@ -63,14 +64,16 @@ def finish_page(
     template: str,
     /,
     *,
+    parts: Sequence[Mapping[str, object]] = (),
     follow: str | None = None,
     inset: str | None = None,
     **facts: object,
 ) -> str:
     """Meshcat as one HTML file with `title`, a time bar, switches and the caption of a template.
 
-    The camera goes with what is at the path `follow` in Meshcat's tree; the foot whose frame is at
-    `inset` is shown enlarged beside.
+    Of `parts` of the animation, each with its `name`, its `span` (s) and the `roots` in Meshcat's
+    tree of what is seen in it, one is played at a time, and the camera goes with what `follow`
+    names below the first root; the foot whose frame is at `inset` is shown enlarged beside.
     """
     head = (
         '<meta name="viewport" '
@@ -83,7 +86,13 @@ def finish_page(
     if not titles or not tag:
         raise ValueError("Meshcat's page has no title or no body to write into")
     rendered = render(
-        template, title=title, follow=follow, inset=inset, field_of_view=FIELD_OF_VIEW_DEG, **facts
+        template,
+        title=title,
+        parts=parts,
+        follow=follow,
+        inset=inset,
+        field_of_view=FIELD_OF_VIEW_DEG,
+        **facts,
     )
     return f"{start}{rendered}{tag}{end}"
 

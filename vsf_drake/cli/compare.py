@@ -1,0 +1,98 @@
+"""`vsf-drake compare`: two walks, settings or folders of walks on one page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import user_path
+from vsf_drake.cli.app import Out, app, print_text, say
+
+if TYPE_CHECKING:  # it imports Drake
+    from vsf_drake.walks.difference import Side
+
+_SIDE = "trial manifest, a folder of them, or one that simulate, import or session wrote"
+_Side = Annotated[
+    str,
+    typer.Argument(metavar="WALKS", help=f"A {_SIDE}; with @MM its walks at that setting."),
+]
+
+
+@app.command()
+def compare(a: _Side, b: _Side, out: Out) -> None:
+    """Two walks, settings or sessions beside each other: both to play over one slider of stance,
+    their curves, and whether they differ by more than walks of one side do."""
+    from vsf_drake.report.compare_page import COMPARE, difference_rows, write_comparison
+    from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.simulation.archive import provenance
+    from vsf_drake.walks.difference import difference_of, difference_sentences
+
+    COMPARE.check(out)
+    side_a = _side(a)
+    side_b = _side(b)
+    table = difference_of(side_a, side_b)
+    inputs = {
+        f"{letter}: {file}": digest
+        for letter, side in (("A", side_a), ("B", side_b))
+        for trial in side.trials
+        for file, digest in trial.inputs.items()
+    }
+    write_comparison(out, table, side_a, side_b, provenance(inputs))
+    print_text("compare", sentences=difference_sentences(table), rows=difference_rows(table))
+    say(f"written to {out / PAGE}")
+
+
+def _side(name: str) -> Side:
+    """The walks of a side."""
+    from vsf_drake.motion.trial import load_trial
+    from vsf_drake.simulation.results import ARRAYS_FILE, load_walk
+    from vsf_drake.walks.between_settings import SETTING_M
+    from vsf_drake.walks.difference import side_of, trial_of
+
+    path = user_path(name)
+    before, at, setting = name.rpartition("@")
+    at_m = None
+    if at and not path.exists():
+        path = user_path(before)
+        try:
+            at_m = 1e-3 * float(setting)
+        except ValueError:
+            raise InputError(
+                f"{setting!r} behind the @ is no fulcrum position in mm", where="WALKS", file=name
+            ) from None
+    if not path.exists():
+        raise InputError("there is no such file or folder", file=path, right=f"Name a {_SIDE}")
+    results = [
+        file.parent for below in ("", "*/") for file in sorted(path.glob(f"{below}{ARRAYS_FILE}"))
+    ]
+    if results:
+        trials = [trial_of(load_walk(folder), folder) for folder in results]
+    else:
+        trials = [load_trial(file) for file in _manifests(path)]
+    own = [trial for trial in trials if at_m is None or abs(trial.fulcrum_m - at_m) <= SETTING_M]
+    if not own:
+        known = sorted({round(1e3 * trial.fulcrum_m) for trial in trials})
+        raise InputError(
+            f"holds no walk at {setting} mm",
+            file=path,
+            right=f"There are walks at {', '.join(map(str, known))} mm",
+        )
+    return side_of(name, own, simulated=bool(results))
+
+
+def _manifests(path: Path) -> list[Path]:
+    """A trial manifest, or all of a folder, or of the folders in it; by name."""
+    from vsf_drake.motion.manifest import keys_of
+
+    if not path.is_dir():
+        return [path]
+    for below in ("*.yaml", "*/*.yaml"):
+        found = [
+            file for file in sorted(path.glob(below)) if {"subject", "prosthesis"} <= keys_of(file)
+        ]
+        if found:
+            return found
+    raise InputError("holds no walks", file=path, right=f"Name a {_SIDE}")
