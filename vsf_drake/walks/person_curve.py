@@ -349,8 +349,9 @@ def over(curve: PersonCurve, walk: SeenWalk, stances: Sequence[Stance]) -> Perso
 
 
 def spread(curve: PersonCurve, walks: Sequence[SeenWalk]) -> PersonCurve:
-    """The curve with how far walks of one setting lie apart: each of a setting that was fitted twice
-    told by all others, of k walks there by k - 1, so that its square is k / (k - 1) times theirs.
+    """The curve with how far walks of one setting lie apart. Each of a setting that was fitted
+    twice is told by all others, of k walks there by k - 1, so that its square is k / (k - 1) times
+    theirs.
     `walks` are those of `curve.walks`.
 
     The momentum's bias knows the walk that is left out too. That does not make the interval too
