@@ -221,7 +221,7 @@ def walk_figure(
     simulated time cuts are shaded.
     """
     curves = curves or {}
-    off = "physics off" if curves else "RMSE"
+    off = "physics" if curves else "RMSE"
     comparison = compare(result, plate)
     model, measured = (
         force / metrics.body_weight_n for force in (comparison.model, comparison.measured)
