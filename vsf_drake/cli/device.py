@@ -380,6 +380,10 @@ def simulate(
         embedded=embedded,
         first=(UNFITTED, NO_PLATE, STARTS_LOADED),
         moved=moved,
+        by_phase=()
+        if layers is None or layers.fitted
+        else sentences("phases", phases=layers.phases),
+        interval=person is not None and person.half_width_n is not None,
         not_corrected=sentences("not_corrected", "words", why_not=why_not) if why_not else (),
         learned=fitted is not None and fitted.person_curve is not None,
     )

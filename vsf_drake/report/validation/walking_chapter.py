@@ -114,6 +114,9 @@ def layers_chapter(table: LayersTable, arrays: Arrays, *, exact: bool = False) -
         rows=[{**vars(row), **row.scores} for row in table.rows],
         interval="half_width" in arrays,
         not_held=f"{say('not_held')[0]}.",
+        no_interval=f"{say('no_interval')[0]}.",
+        null_bw=table.null_bw,
+        by_phase=say("phases", phases=table.phases),
     )
 
 
