@@ -99,17 +99,15 @@ def exact_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
 
 def layers_chapter(table: LayersTable, arrays: Arrays, *, exact: bool = False) -> Chapter:
     """Every walk in layers; `exact`: those without errors of measurement."""
-    shown = table.shown
+    figures = {}
+    if table.shown is not None and "plate" in arrays:
+        figures["exact_layers_walk" if exact else "walking_layers_walk"] = layers_figure(
+            arrays, table.shown.fulcrum_mm, synthetic=table.synthetic
+        )
     return section_chapter(
         "layers",
         table,
-        {}
-        if shown is None
-        else {
-            "exact_layers_walk" if exact else "walking_layers_walk": layers_figure(
-                arrays, shown.fulcrum_mm, synthetic=table.synthetic
-            )
-        },
+        figures,
         exact=exact,
         rows=[{**vars(row), **row.scores} for row in table.rows],
         interval="half_width" in arrays,
