@@ -303,7 +303,9 @@ def test_walks_stand_in_layers_where_the_contact_keeps_what_its_plates_taught(se
     curves = layers.arrays
     assert {"null", "null_predicted", "physics"} < set(curves) and "half_width" not in curves
     shown = Shown(layers_chapter(table, curves))
-    assert "No interval is told around the person's own curve" in shown.words
+    caption = shown.captions["walking_layers_walk"]
+    assert "No interval is told around the person's own curve" in caption
+    assert middle.label in shown.titles["walking_layers_walk"]
     assert "By phase of stance, the person's own curve beside the harder null" in shown.words
     assert len(shown.grids["walking_layers"].rows) == len(rows)
     errors = [100.0 * row.momentum_bw for row in rows if row.role == "held out"]
