@@ -8,8 +8,6 @@ import pytest
 from vsf_drake.walks.between_settings import between_settings, half_width, settings_of, spread_of
 
 
-@pytest.mark.parametrize("fulcrum_m", [0.066, 0.1085, 0.151])
-@pytest.mark.parametrize("walks", [2, 3])
 @pytest.mark.parametrize("fulcrum_m", [0.066, 0.1085])
 @pytest.mark.parametrize("walks", [2, 3])
 def test_eighty_in_a_hundred_intervals_hold_one_more_walk(walks, fulcrum_m):
@@ -24,6 +22,8 @@ def test_eighty_in_a_hundred_intervals_hold_one_more_walk(walks, fulcrum_m):
     assert held.mean() == pytest.approx(0.8, abs=0.012)  # four standard errors
 
 
+@pytest.mark.parametrize("fulcrum_m", [0.066, 0.1085, 0.151])
+@pytest.mark.parametrize("walks", [2, 3])
 def test_ninety_five_in_a_hundred_intervals_hold_the_true_mean(walks, fulcrum_m):
     positions = np.repeat([0.066, 0.151], walks)
     drawn = np.random.default_rng(1).normal(size=(20_000, 2 * walks))
