@@ -306,8 +306,9 @@ def sessions() -> Iterator[str]:
     ]
     counts = [f"{at['layers'][PERSON]['beats_null']} of {at['n']}" for at in speeds]
     yield (
-        f"from the two at 1.1 m/s at {told[0]} %, where the null model leaves {told[1]} with "
-        f"measured times and {told[2]} with predicted ones: nearer in {' and '.join(counts)}"
+        f"At 0.9 and 1.4 m/s C's walks are predicted from the two at 1.1 m/s at {told[0]} %, "
+        f"where the null model leaves {told[1]} with measured times and {told[2]} with "
+        f"predicted ones: nearer in {' and '.join(counts)}"
     )
     yield (
         f"measured and fitted anew, it is {nearer(every['held_out'])}, and "
