@@ -2,8 +2,9 @@
 people are.
 
 Per person one fit of the softest and the stiffest first trial at 1.1 m/s with the person's own
-bench curves, nothing else told: judged by all other trials of the session, by the other speeds
-where they have been made (--data), and for A by the session of another day, measured anew. The
+bench curves, nothing else told: judged by all other trials of the session, for C by 0.9 and
+1.4 m/s, for all by the other speeds where they have been made (--data), and for A by the session of
+another day, measured anew. The
 passive foot of C is fitted to two trials of three without a bench. Every trial is predicted in
 three layers (physics, the person's own momentum, the person's own curve), without its plate, the
 held-out ones of the session also with errors of hip and knee of their own. Beside each error stand
@@ -33,8 +34,9 @@ the foot in the shank as found, so that the recorded motion carries the foot nea
 its angles and joint centres are wrong.
 
 The results are in studies/results/session_fit.json; finished fits are kept beside the figures of
-the other study until the data or the sources change. About two minutes a fit that is judged, less
-of one that is not. `--judge-again` keeps the stored fits and judges them anew, if the foot's
+the other study until the data or the sources change, with C's walks at the other speeds, which are
+made at first (a quarter of an hour). About two minutes a fit that is judged, less of one that is
+not. `--judge-again` keeps the stored fits and judges them anew, if the foot's
 physics gives the stored errors still.
 """
 
@@ -61,7 +63,7 @@ from contact_fit_study.binomial import counted
 from contact_fit_study.keeping import kept, made_by
 from floor_of_the_reference_subject import NOMINAL, RESULTS, hashes
 from make_reference_subject import DATA as REFERENCE
-from make_sessions import DATA, EMBEDDED, SPEEDS, draws, session
+from make_sessions import DATA, EMBEDDED, SPEEDS, STEPS, Task, draws, make, session
 from virtual_laboratory.truth import true_values
 
 from vsf_drake.base.errors import FitError, SimulationError
@@ -97,6 +99,8 @@ from vsf_drake.walks.prediction import (
 )
 
 PARTS = Path("results/session_fit")
+OTHER_SPEEDS = PARTS / "speeds"
+"""C's walks at the speeds that are not embedded, written as the sessions are."""
 SEED, SEEDS = 0, 10
 NULLS = (
     "null_model_grf_rmse_bw",
@@ -110,13 +114,9 @@ MEASURED_TIMES = "measured_times_grf_rmse_bw"
 THIRD = "c_day_1"
 CHOSEN_BY = ("a_day_1", "b_day_1")
 QUICK = {"starts": 1, "tolerance": 0.01, "step_s": 4e-3, "report_step_s": 8e-3}
-FITTED, SAME, UNSEEN, SPEED, DAY = (
-    "fitted",
-    "same setting",
-    "unseen setting",
-    "another speed",
-    "another day",
-)
+FITTED, SAME, UNSEEN, DAY = "fitted", "same setting", "unseen setting", "another day"
+AT = {name: f"{value:g} m/s" for name, value in SPEEDS.items() if name != EMBEDDED}
+"""Roles of walks at other speeds, by name of their folder."""
 FLOORS = ("floor_bw", "own_floor_bw")
 SEEN_ON_PEOPLE = {"held_out_grf_rmse_bw": (0.04, 0.09), "stretched_null_grf_rmse_bw": (0.02, 0.05)}
 """What fits like these were left with on recordings of people, from and to; those recordings are
@@ -194,6 +194,8 @@ def main() -> None:
     if arguments.judge_again:
         judge_again(out / "session_fit.json", arguments.workers)
         return
+    if not arguments.quick and arguments.data == DATA:
+        make_other_speeds(arguments.workers)
     cases = CASES[:1] if arguments.quick else tuple(dict.fromkeys((*CASES, *REPEATED)))
     parts = (arguments.out or PARTS) / "parts"
     with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
@@ -241,6 +243,7 @@ def tell(path: Path, by_case: dict[Case, dict[str, Any]], made: dict[str, Any]) 
 def judge_again(path: Path, workers: int) -> None:
     """The stored fits, judged by today's sources; exits where the foot's physics gives other errors
     than are stored."""
+    make_other_speeds(workers)
     stored = read_json(path)
     before = {**stored["cases"], **stored["seeds"]}
     by_case = {case: before[case.name] for case in dict.fromkeys((*CASES, *REPEATED))}
@@ -249,10 +252,9 @@ def judge_again(path: Path, workers: int) -> None:
         for case, found in zip(
             judged, pool.map(judged_anew, judged, [by_case[case] for case in judged]), strict=True
         ):
-            for trial, row in found["trials"].items():
+            for trial, row in by_case[case]["trials"].items():
                 was, now = (
-                    of["layers"][LAYERS[0]]["grf_rmse_bw"]
-                    for of in (by_case[case]["trials"][trial], row)
+                    of["layers"][LAYERS[0]]["grf_rmse_bw"] for of in (row, found["trials"][trial])
                 )
                 if not abs(now - was) <= 1e-4 * was:
                     sys.exit(
@@ -304,7 +306,8 @@ def done(task: tuple[Case, Path, Path, bool]) -> dict[str, Any]:
         "../sessions/draws.csv": sha256(data / "draws.csv"),
     }
     judges = judging(case, data) if case.seed == SEED else []
-    for trial in [*judges, *(read(data, case, name) for name in case.fitted)]:
+    kept_here = [trial for trial in judges if OTHER_SPEEDS not in trial.path.parents]
+    for trial in [*kept_here, *(read(data, case, name) for name in case.fitted)]:
         inputs |= hashes(trial)
     if not case.passive:
         inputs |= {
@@ -345,7 +348,9 @@ def judge(
 ) -> dict[str, Any]:
     """What the fit is worth on all other trials."""
     problem, own = solution.fit, judging(case, data)[: 2 if quick else None]
-    here = [trial for trial in own if trial.subject == problem.trials[0].subject]
+    here = [
+        trial for trial in own if path_in_session(trial).startswith(f"{case.session}/{EMBEDDED}/")
+    ]
     judged = assess(solution, here, sweep=False, leave_out=False, angle_errors=not quick)
     assert judged.layers is not None
     contact, step_s = judged.layers.teach(solution.contact()), problem.options.report_step_s
@@ -354,7 +359,7 @@ def judge(
         *judged.layers.trials,
         *(
             layers_of(
-                trial, path_in(data, trial), contact, walker=walkers[trial.subject], step_s=step_s
+                trial, path_in_session(trial), contact, walker=walkers[trial.subject], step_s=step_s
             )
             for trial in own
             if trial not in here
@@ -362,7 +367,7 @@ def judge(
     ]
     every = [*problem.trials, *here, *(trial for trial in own if trial not in here)]
     trials = {
-        path_in(data, trial): row(case, data, trial, found)
+        path_in_session(trial): row(case, data, trial, found)
         for trial, found in zip(every, layers, strict=True)
     }
     walks = [
@@ -667,10 +672,25 @@ def walker_of(trial: Trial, contact: FittedContact) -> Walker:
     return Walker(fitted.subject, fitted.model)
 
 
+def make_other_speeds(workers: int) -> None:
+    """Writes C's walks at the other speeds unless they are there."""
+    if not (OTHER_SPEEDS / "draws.csv").exists():
+        person, day = THIRD[0].upper(), 1
+        wanted = [
+            Task(person, day, speed, number, STEPS)
+            for speed in SPEEDS
+            if speed != EMBEDDED
+            for number in range(len(draws(person, day, speed)))
+        ]
+        make(OTHER_SPEEDS, wanted, workers)
+
+
 def judging(case: Case, data: Path) -> list[Trial]:
     """What judges: the other trials with this foot, of all days and speeds of this person that are
     there."""
     files = sorted((data / case.person).glob("day_*/*/*.yaml"))
+    if data == DATA and case.reported == THIRD:
+        files += sorted((OTHER_SPEEDS / case.person).glob("day_*/*/*.yaml"))
     own = {data / case.session / EMBEDDED / f"{name}.yaml" for name in case.fitted}
     return [
         load_trial(file)
@@ -684,19 +704,19 @@ def read(data: Path, case: Case, name: str) -> Trial:
     return load_trial(data / case.session / EMBEDDED / f"{name}.yaml")
 
 
-def path_in(data: Path, trial: Trial) -> str:
-    """Of a trial in the sessions' folder, without its suffix."""
-    return trial.path.resolve().relative_to(data.resolve()).with_suffix("").as_posix()
+def path_in_session(trial: Trial) -> str:
+    """Person, day, speed and name of a trial of a session."""
+    return "/".join(trial.path.with_suffix("").parts[-4:])
 
 
 def row(case: Case, data: Path, trial: Trial, found: TrialLayers) -> dict[str, Any]:
     """A trial's numbers, and what it is to the fit."""
-    path = path_in(data, trial)
+    path = path_in_session(trial)
     person_day, speed, name = path.rsplit("/", 2)
     role = (
         DAY
         if person_day != case.session
-        else SPEED
+        else AT[speed]
         if speed != EMBEDDED
         else FITTED
         if name in case.fitted
@@ -734,7 +754,9 @@ def table(data: Path, name: str) -> dict[str, dict[str, str]]:
 
 def means(trials: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """By role, and over all that were held out on this day at this speed ("held out")."""
-    roles: dict[str, Sequence[str]] = {role: (role,) for role in (FITTED, SAME, UNSEEN, SPEED, DAY)}
+    roles: dict[str, Sequence[str]] = {
+        role: (role,) for role in (FITTED, SAME, UNSEEN, *AT.values(), DAY)
+    }
     found = {}
     for name, of in {**roles, HELD_OUT: (SAME, UNSEEN)}.items():
         rows = [row for row in trials.values() if row["role"] in of]

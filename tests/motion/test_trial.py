@@ -14,6 +14,7 @@ from made_person import Person, markers, poses, recording_of, walking_angles
 from virtual_laboratory.trc import write_trc
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import resource
 from vsf_drake.base.schema import dump_yaml
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.events import kinematic_stances
@@ -375,10 +376,43 @@ def test_steps_beside_the_plates_are_left_out_of_the_window():
     assert (intact.start_s, intact.end_s) == (0.0, pytest.approx(2.99)) and intact.unmeasured[
         "left"
     ]
-    with pytest.raises(
-        InputError, match=r"forces: no plate carries the right \(prosthetic\) foot alone"
-    ):
-        make(walked=walk(missed=[("right", i) for i in range(3)]))
+
+
+def test_where_the_plates_missed_the_prosthetic_foot_it_is_a_walk_without_plates_and_says_so():
+    missed = make(walked=walk(missed=[("right", i) for i in range(3)]))
+    assert missed.plate is missed.intact_plate is None and not missed.unmeasured
+    assert any("No plate carries the right foot alone" in note for note in missed.notes)
+    assert any(note.startswith(NO_PLATE) for note in missed.notes)
+    steps = [(side, i) for side in ("right", "left") for i in range(3)]
+    unloaded = make(walked=walk(missed=steps))
+    assert unloaded.plate is None
+    assert any("Plates carry nobody from 0.000 to" in note for note in unloaded.notes)
+    whole = make()
+    assert (missed.start_s, missed.end_s) == (whole.trajectory.start_s, whole.trajectory.end_s)
+
+
+@pytest.mark.parametrize("markers", [False, True])
+def test_forces_none_leaves_out_the_plates_that_a_file_has(tmp_path, markers):
+    folder = resource("data/reference_subject")
+    c3d = {"markers": str(folder / "c3d/low_1.c3d"), "standing": str(folder / "c3d/static.c3d")}
+    angles = {"kinematics": str(folder / "laboratory/low_1_kinematics.mot")}
+    manifest = tmp_path / "walk.yaml"
+    manifest.write_text(
+        yaml.safe_dump(
+            {
+                "subject": str(folder / "subject.yaml"),
+                "forces": "none",
+                "prosthesis": {"fulcrum_mm": 66},
+                **(c3d if markers else angles),
+            }
+        ),
+        encoding="utf-8",
+    )
+    trial = load_trial(manifest)
+    assert trial.plate is None and any(note.startswith(NO_PLATE) for note in trial.notes)
+    if markers:
+        manifest.write_text(manifest.read_text(encoding="utf-8").replace("forces: none\n", ""))
+        assert load_trial(manifest).plate is not None, "that of the file"
 
 
 def spoiled(recording, fault, start, stop):

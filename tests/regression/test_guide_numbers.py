@@ -295,6 +295,21 @@ def sessions() -> Iterator[str]:
         f"by whom no choice was made, {counts[0]}, and {counts[1]} at the setting that was not "
         "fitted"
     )
+    speeds = [means["c_day_1"][at] for at in ("0.9 m/s", "1.4 m/s")]
+    told = [
+        " and ".join(percent(value) for value in values)
+        for values in (
+            [at["layers"][PERSON]["grf_rmse_bw"] for at in speeds],
+            [at["null_model_grf_rmse_bw"] for at in speeds],
+            [at["null_model_predicted_times_grf_rmse_bw"] for at in speeds],
+        )
+    ]
+    counts = [f"{at['layers'][PERSON]['beats_null']} of {at['n']}" for at in speeds]
+    yield (
+        f"At 0.9 and 1.4 m/s C's walks are predicted from the two at 1.1 m/s at {told[0]} %, "
+        f"where the null model leaves {told[1]} with measured times and {told[2]} with "
+        f"predicted ones: nearer in {' and '.join(counts)}"
+    )
     yield (
         f"measured and fitted anew, it is {nearer(every['held_out'])}, and "
         f"{nearer(every['unseen_setting'])} at the setting that was not fitted"

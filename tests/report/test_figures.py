@@ -42,6 +42,34 @@ def test_every_axis_has_a_unit_and_the_title_says_what_a_reader_must_know():
         assert words in walk_and_figure(**changes)[1].get_suptitle()
 
 
+def test_a_walk_in_layers_shows_the_persons_curve_in_its_interval_and_both_null_models():
+    walk, plate = make_walk(), make_plate()
+    n = len(walk.time_s)
+    force = np.linspace(0.1, 1.0, n)[:, None] * [0.2, 0.1, 1.0]
+    curves = {
+        "time_s": walk.time_s,
+        "person": force,
+        "half_width": np.full((n, 4), 0.07),
+        "null": 0.9 * force,
+        "null_predicted": 0.8 * force,
+    }
+    figure = walk_figure(walk, plate, walk_metrics(walk, plate), curves=curves)
+    for title, k in (("Vertical", 2), ("Fore-aft", 0), ("Lateral", 1)):
+        axes = next(a for a in figure.axes if a.get_title(loc="left").startswith(title))
+        drawn = [line.get_ydata() for line in axes.lines if len(line.get_xdata()) == n]
+        for name in ("person", "null", "null_predicted"):
+            assert any(np.array_equal(own, curves[name][:, k]) for own in drawn), name
+        (band,) = axes.collections
+        box = band.get_datalim(axes.transData)
+        assert (box.y0, box.y1) == pytest.approx((force[0, k] - 0.07, force[-1, k] + 0.07))
+    said = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert {"physics alone", "person's own curve", "its 80 % interval"} < set(said)
+    assert {"null model, measured times", "null model, predicted times"} < set(said)
+    bare = walk_figure(walk, plate, walk_metrics(walk, plate))
+    words = [text.get_text() for legend in bare.legends for text in legend.get_texts()]
+    assert not any("own curve" in word or "null" in word for word in words)
+
+
 def test_forces_are_drawn_in_body_weights_measured_solid_simulated_dashed():
     walk, figure = walk_and_figure(scale=1.1)
     vertical = next(a for a in figure.axes if a.get_title(loc="left").startswith("Vertical"))

@@ -14,15 +14,19 @@ from made_tuning import made_arrays, made_stride_arrays, made_stride_table, made
 from page_boxes import SIZES, lying_over
 
 from vsf_drake.base.files import resource
+from vsf_drake.model.contact_file import load_contact
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.recording.examine import examine
 from vsf_drake.report.compare_page import write_comparison
 from vsf_drake.report.fit_output import write_fit
 from vsf_drake.report.import_outputs import import_page
 from vsf_drake.report.map_page import write_map
+from vsf_drake.report.predict_page import write_prediction
 from vsf_drake.report.tuning.chapters import write_tuning
 from vsf_drake.simulation.archive import provenance
+from vsf_drake.tuning.answered import predict
 from vsf_drake.walks.difference import difference_of, side_of
+from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 
 SESSION = resource("data/sessions/a/day_1/1p1")
 STUCK = """<!doctype html><body><h1>A heading</h1><p style="height:1500px">A text.</p><p>Its end.</p>
@@ -41,6 +45,11 @@ def test_nothing_lies_over_anything_on_any_page(quick_validation, tmp_path):
     write_fit(made_fit(), tmp_path / "fit", contact=made_contact())
     write_tuning(tmp_path / "tune", made_table(), made_arrays())
     write_tuning(tmp_path / "tune_free", made_stride_table(), made_stride_arrays())
+    walks = [path for path in embedded_trials() if path.stem in ("low_1", "low_2", "high_1")]
+    contact = load_contact(embedded_contact())
+    found = predict([load_trial(path) for path in walks], contact, fulcrum_m=0.108, step_s=4e-3)
+    assert "half_width" in found.arrays, "with its interval"
+    write_prediction(tmp_path / "predict", found)
     walk = examine(load_trial(resource("data/reference_subject/exact/medium_1.yaml")))
     sides = [
         side_of(name, [load_trial(SESSION / f"{name}_{k}.yaml") for k in (1, 2)])
@@ -49,7 +58,7 @@ def test_nothing_lies_over_anything_on_any_page(quick_validation, tmp_path):
     write_comparison(tmp_path / "compare", difference_of(*sides), *sides, provenance())
     pages = {
         name: (tmp_path / name / "report.html").read_text(encoding="utf-8")
-        for name in ("map", "fit", "tune", "tune_free", "compare")
+        for name in ("map", "fit", "tune", "tune_free", "predict", "compare")
     }
     pages |= {
         "validate": (quick_validation / "report.html").read_text(encoding="utf-8"),

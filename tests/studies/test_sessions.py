@@ -81,7 +81,7 @@ def test_a_trial_is_judged_as_what_it_is_to_the_fit_and_means_are_over_these(mon
         "a/day_1/1p1/high_3": "same setting",
         "a/day_1/1p1/low_2": "same setting",
         "a/day_1/1p1/medium_2": "unseen setting",
-        "a/day_1/0p9/low_1": "another speed",
+        "a/day_1/0p9/low_1": "0.9 m/s",
         "a/day_2/1p1/low_1": "another day",
     }
     rows = {}

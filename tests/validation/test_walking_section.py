@@ -284,7 +284,8 @@ def test_walks_stand_in_layers_where_the_contact_keeps_what_its_plates_taught(se
     taught = learned(
         bare, fitted, walker=Walker(first.subject, first.model), step_s=study.options.step_s
     )
-    table = walking.layers_section(dataclasses.replace(study, contact=taught)).table
+    layers = walking.layers_section(dataclasses.replace(study, contact=taught))
+    table = layers.table
     rows = table.rows
     assert [(row.label, row.role) for row in rows] == [
         (walk.label, walk.role) for walk in study.walks
@@ -295,7 +296,17 @@ def test_walks_stand_in_layers_where_the_contact_keeps_what_its_plates_taught(se
         )
         assert row.null_bw > 0.0 and row.scores["null_model_predicted_times_grf_rmse_bw"] > 0.0
         assert row.nearest_bw > 0.0
-    shown = Shown(layers_chapter(table, {}))
+    held_out = [row for row in rows if row.role == "held out"]
+    held_out.sort(key=lambda row: row.scores["person_grf_rmse_bw"])
+    middle = held_out[len(held_out) // 2]
+    assert table.shown.label == middle.label, "the middle one, not the best"
+    curves = layers.arrays
+    assert {"null", "null_predicted", "physics"} < set(curves) and "half_width" not in curves
+    shown = Shown(layers_chapter(table, curves))
+    caption = shown.captions["walking_layers_walk"]
+    assert "No interval is told around the person's own curve" in caption
+    assert middle.label in shown.titles["walking_layers_walk"]
+    assert "By phase of stance, the person's own curve beside the harder null" in shown.words
     assert len(shown.grids["walking_layers"].rows) == len(rows)
     errors = [100.0 * row.momentum_bw for row in rows if row.role == "held out"]
     assert f"{np.mean(errors):.1f} % corrected by the person's own momentum" in shown.words

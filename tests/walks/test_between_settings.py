@@ -5,7 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.walks.between_settings import between_settings, half_width, settings_of
+from vsf_drake.walks.between_settings import between_settings, half_width, settings_of, spread_of
+
+
+@pytest.mark.parametrize("fulcrum_m", [0.066, 0.1085])
+@pytest.mark.parametrize("walks", [2, 3])
+def test_eighty_in_a_hundred_intervals_hold_one_more_walk(walks, fulcrum_m):
+    positions = np.repeat([0.066, 0.151], walks)
+    drawn = np.random.default_rng(2).normal(size=(20_000, 2 * walks))
+    more = np.random.default_rng(3).normal(size=20_000)
+    told = between_settings(positions, drawn.T, fulcrum_m)
+    spread = np.array([spread_of(positions, own) for own in drawn])
+    shares = [1.0, *between_settings(positions, np.eye(2 * walks), fulcrum_m)]
+    wide = half_width(positions, 1.0, np.array(shares), covered=0.8)
+    held = np.abs(more - told) <= wide * spread
+    assert held.mean() == pytest.approx(0.8, abs=0.012)  # four standard errors
 
 
 @pytest.mark.parametrize("fulcrum_m", [0.066, 0.1085, 0.151])

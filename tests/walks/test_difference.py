@@ -106,7 +106,8 @@ def test_walks_that_do_not_differ_are_told_apart_in_one_comparison_of_twenty_at_
     for walks in draws:
         spread = spread_of(sides, walks)
         for together in beyond:
-            wide = [half_width(sides, one, shares, together=together) for one in spread]
+            covered = 1.0 - 0.05 / together
+            wide = [half_width(sides, one, shares, covered=covered) for one in spread]
             beyond[together] += bool(np.any(np.abs(shares @ walks) > wide))
     # 1 - 0.95^11 = 0.43; of 4000 draws one standard error is 0.003
     assert beyond[1] / len(draws) == pytest.approx(0.43, abs=0.03)

@@ -180,15 +180,18 @@ def test_a_stance_that_the_recording_cuts_lasts_as_long_as_those_of_the_fitted_w
 
 
 def test_an_interval_is_what_walks_of_one_setting_differ_by_and_none_without_two_of_one():
-    """Two walks of one setting whose plates are 0.1 BW apart: each is told 0.1 BW wrong by the
-    other. 80 % of a normal distribution lie within 1.2816 standard deviations."""
+    """Two walks of one setting whose plates are 0.1 BW apart: the variance of two numbers is half
+    the square of their difference. With one degree of freedom, tan(0.4 pi) = 3.08 standard
+    deviations hold 80 % (Student's t is Cauchy's distribution); a third walk differs from the mean
+    of two by sqrt(1 + 1/2) of them."""
     pair = fitted(), fitted(BUMP + 0.1)
     walks = [seen(), seen()]
     curve = spread(PersonCurve(walks=pair), walks)
-    np.testing.assert_allclose(curve.vertical_sd_bw, 0.1, atol=1e-6)
+    np.testing.assert_allclose(curve.vertical_sd_bw, 0.1 / np.sqrt(2.0), atol=1e-6)
     half = laid(curve, seen()).half_width_n
     middle = (np.arange(len(half)) > 300) & (np.arange(len(half)) < 1100)
-    np.testing.assert_allclose(half[middle, 2], 1.2816 * 0.1 * WEIGHT_N, rtol=1e-6)
+    wide = np.tan(0.4 * np.pi) * np.sqrt(1.5) * 0.1 / np.sqrt(2.0)
+    np.testing.assert_allclose(half[middle, 2], wide * WEIGHT_N, rtol=1e-6)
     apart = PersonCurve(walks=(pair[0], replace(pair[1], fulcrum_m=0.151)))
     alone = spread(apart, [walks[0], replace(walks[1], fulcrum_m=0.151)])
     assert alone.vertical_sd_bw is None and laid(alone, seen()).half_width_n is None

@@ -38,6 +38,8 @@ from vsf_drake.walks.prediction import (
     PERSON,
     PHYSICS,
     compared,
+    judged,
+    layer_curves,
     layer_sentences,
     layers_of,
     learned,
@@ -282,6 +284,29 @@ def test_the_null_model_has_the_measured_times_or_the_predicted_ones(walker, tru
     late = layers_of(high, "late", contact, walker=walker, step_s=STEP_S)
     assert late.null_model_grf_rmse_bw == pytest.approx(same.null_model_grf_rmse_bw, rel=1e-3)
     assert late.null_model_predicted_times_grf_rmse_bw > 1.05 * late.null_model_grf_rmse_bw
+
+
+def test_curves_to_be_drawn_are_the_ones_that_are_judged_and_need_no_plate(walker, true_trial):
+    contact = bare(true_trial, person_curve=PersonCurve(walks=(made_person_walk(),)))
+    walk = predict(true_trial, contact, walker=walker, step_s=STEP_S)
+    curves = layer_curves(walk, true_trial, contact)
+    row = judged(walk, true_trial, "same", contact)
+    scored = compared(walk, true_trial.plate)[PHYSICS].scored
+    for name, error in (
+        ("person", row.error_in(PERSON)),
+        ("null", row.null_model_grf_rmse_bw),
+        ("null_predicted", row.null_model_predicted_times_grf_rmse_bw),
+    ):
+        off = [np.linalg.norm(curves[one][scored], axis=1) for one in (name, "plate")]
+        assert np.sqrt(np.mean(np.subtract(*off) ** 2)) == pytest.approx(error, rel=1e-6), name
+    assert "half_width" not in curves
+    bare_trial = replace(true_trial, plates={})
+    told = layer_curves(walk, bare_trial, contact)
+    assert np.isnan(told["plate"]).all() and "null" not in told
+    np.testing.assert_allclose(told["person"], curves["person"], atol=1e-12)
+    assert told["null_predicted"][:, 2].max() == pytest.approx(
+        curves["null_predicted"][:, 2].max(), rel=1e-6
+    )
 
 
 def test_a_layer_that_no_plate_could_teach_has_no_score_and_is_said_not_to_be_learned(

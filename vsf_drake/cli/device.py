@@ -306,7 +306,7 @@ def simulate(
     from vsf_drake.walks.embedded import embedded_contact_beside
     from vsf_drake.walks.metrics import UNFITTED, unfitted_note
     from vsf_drake.walks.prediction import judged as judged_in_layers
-    from vsf_drake.walks.prediction import predict
+    from vsf_drake.walks.prediction import layer_curves, predict
     from vsf_drake.walks.quantities import JUDGED, quantity
     from vsf_drake.walks.recorded_walk import walk_trial, with_contact
 
@@ -327,6 +327,7 @@ def simulate(
     step_s = 1e-3 * asked.step_ms
     layers = None
     person = None
+    curves = None
     [recorded] = judged(cli.read_trials([trial], None))
     if fitted is None:
         note = unfitted_note(recorded, offsets_fitted=asked.fit_offsets)
@@ -356,6 +357,7 @@ def simulate(
             in_layers = predict(walked, fitted, walker=walker, step_s=step_s)
             person = in_layers.person
             layers = judged_in_layers(in_layers, recorded, recorded.name, fitted)
+            curves = layer_curves(in_layers, recorded, fitted)
     metrics = write_walk(
         result,
         walked,
@@ -363,6 +365,7 @@ def simulate(
         fit=fit,
         layers=layers,
         person=person,
+        curves=curves,
         replay=asked.replay,
         opensim=asked.opensim,
     )
@@ -377,6 +380,10 @@ def simulate(
         embedded=embedded,
         first=(UNFITTED, NO_PLATE, STARTS_LOADED),
         moved=moved,
+        by_phase=()
+        if layers is None or layers.fitted
+        else sentences("phases", phases=layers.phases),
+        interval=person is not None and person.half_width_n is not None,
         not_corrected=sentences("not_corrected", "words", why_not=why_not) if why_not else (),
         learned=fitted is not None and fitted.person_curve is not None,
     )

@@ -214,15 +214,15 @@ CURVES = tuple(one.name for one in fields(PersonWalk) if one.metadata.get("count
 
 @dataclass(frozen=True, kw_only=True)
 class PersonCurve:
-    """The person's own curve: what the plates of the fitted recordings show, walk by walk, and by
-    how much a walk that was left out differed from what the others tell (root mean square, without
-    `*_sd_bw` where no setting was fitted twice)."""
+    """The person's own curve: what the plates of the fitted recordings show, walk by walk, and how
+    far walks of one setting lie apart, each left out and told by the others (standard deviation
+    from their setting's mean; no `*_sd_bw` where no setting was fitted twice)."""
 
     walks: tuple[PersonWalk, ...]
-    fore_aft_sd_bw: tuple[float, ...] | None = _curve(None)  # fore-aft force left out less told
-    lateral_sd_bw: tuple[float, ...] | None = _curve(None)  # lateral force left out less told
-    vertical_sd_bw: tuple[float, ...] | None = _curve(None)  # vertical force left out less told
-    resultant_sd_bw: tuple[float, ...] | None = _curve(None)  # resultant left out less told
+    fore_aft_sd_bw: tuple[float, ...] | None = _curve(None)  # fore-aft force, between walks
+    lateral_sd_bw: tuple[float, ...] | None = _curve(None)  # lateral force, between walks
+    vertical_sd_bw: tuple[float, ...] | None = _curve(None)  # vertical force, between walks
+    resultant_sd_bw: tuple[float, ...] | None = _curve(None)  # resultant, between walks
 
 
 @dataclass(frozen=True, kw_only=True)

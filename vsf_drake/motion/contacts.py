@@ -109,8 +109,8 @@ def assign_plates(
 
     The recording is on the clock of `time_s` (n,), that of the feet, by side, and of a point of the
     pelvis, (n, 3) m. Plate names by side as `stated` by the user win over the centre of pressure,
-    and a contradiction is noted. Refused where plates are not there, not loaded while the feet are
-    seen, or mostly far from both.
+    and a contradiction is noted, as are plates that nobody steps on while the feet are seen.
+    Refused where plates are not there, or mostly far from both feet.
     """
     file = recording.force_path or recording.path
     require(
@@ -157,7 +157,7 @@ def assign_plates(
         for part in _attribute(load, floor, names.get(load.plate))
     ]
     parts = [_judge_sharing(load, parts, floor) for load in parts]
-    _check_near(parts, recording, time_s)
+    notes += _check_near(parts, recording, time_s)
     owned = {side: [load for load in parts if load.side == side] for side in SIDES}
     sums = {
         side: _on_one_foot(force_s, plates, mine)
@@ -181,20 +181,13 @@ def assign_plates(
     return Assignment(sums, tuple(contacts), missing, tuple(notes))
 
 
-def _check_near(loads: Sequence[_Load], recording: Recording, time_s: np.ndarray) -> None:
+def _check_near(loads: Sequence[_Load], recording: Recording, time_s: np.ndarray) -> list[str]:
+    """A note where no plate is loaded while the feet are seen."""
     file = recording.force_path or recording.path
     seen = [load for load in loads if not load.scuff and load.in_view]
     if not seen:
-        peak = max(float(plate.force_n[:, 2].max()) for plate in recording.plates)
-        raise InputError(
-            f"no plate carries a person between {time_s[0]:.3f} and {time_s[-1]:.3f} s, where "
-            f"the markers are; the largest vertical force of the record is {peak:.3g} N",
-            file=file,
-            where="forces",
-            right=(
-                "Do both recordings count time from the same instant? Is the unit of the forces N?"
-            ),
-        )
+        peak_n = max(float(plate.force_n[:, 2].max()) for plate in recording.plates)
+        return say("feet", "unloaded", span=(time_s[0], time_s[-1]), peak_n=peak_n)
     far = [load for load in seen if load.side is None and load.distance_m > FAR_M]
     if 2 * len(far) > len(seen):
         near = min(far, key=lambda load: load.distance_m)
@@ -209,6 +202,7 @@ def _check_near(loads: Sequence[_Load], recording: Recording, time_s: np.ndarray
                 "(--forward)"
             ),
         )
+    return []
 
 
 def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Plate], list[str]]:

@@ -22,6 +22,8 @@ from vsf_drake.motion.markers.person_facts import SEXES, PersonFacts
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 MARKER_FILES = (".c3d", ".trc")
+NO_FORCES = "none"
+"""In place of the file of the forces: a walk without plates."""
 # a stated length that differs by more than this share from the markers' own is worth a note
 APART = 0.05
 _MARKER_KEYS = (
@@ -156,7 +158,8 @@ class Manifest:
     already_filtered: bool = False  # the markers are low-passed already
     laboratory: Laboratory = field(default_factory=Laboratory)
     forces: str | ForceColumns | None = None
-    """file of force plates, or file and columns; if left out those in the C3D, else none"""
+    """file of force plates, or file and columns; if left out those in the C3D, else none, as with
+    `none`, which leaves those in the C3D out too"""
     prosthesis: ProsthesisSetting
     unknown_force: UnknownForce = field(default_factory=UnknownForce)
     window: Window | None = None

@@ -49,6 +49,7 @@ from vsf_drake.motion.formats.recording import (
 from vsf_drake.motion.formats.tables import read_storage, write_opensim
 from vsf_drake.motion.import_options import TrialOptions
 from vsf_drake.motion.manifest import (
+    NO_FORCES,
     ForceColumns,
     GeometricOffsets,
     Manifest,
@@ -217,6 +218,8 @@ def load_trial(path: str | Path) -> Trial:
         if isinstance(manifest.forces, ForceColumns)
         else ForceColumns(file=manifest.forces or "")
     )
+    if forces.file == NO_FORCES:
+        forces = ForceColumns(file="")
     sides = {"right": forces.right, "left": forces.left}
     options = TrialOptions(
         hip=manifest.hip_centre,
@@ -255,6 +258,8 @@ def load_trial(path: str | Path) -> Trial:
         axes = vars(manifest.laboratory)
         standing = read_trial(named["standing"], **axes) if "standing" in named else None
         walk = read_trial(named["markers"], forces=named.get("forces"), **axes)
+        if manifest.forces == NO_FORCES:
+            walk = dataclasses.replace(walk, plates=())
         marker_map = None
         if manifest.marker_map is not None:
             marker_map = load_marker_map(named.get("marker_map", manifest.marker_map))
@@ -390,6 +395,9 @@ def trial_from_recordings(
             elsewhere.
         calibration: of the same person and map, from before; then `standing` is not looked at.
         path: the manifest, for messages; the walk's file if None.
+
+    Plates that do not carry the prosthetic foot alone are left out, and a note says so: it is then
+    a walk without plates.
     """
     path = walk.path if path is None else path
     model = model or default_model()
@@ -456,13 +464,6 @@ def trial_from_recordings(
             file=force_file,
         )
     side = subject.prosthetic_side
-    require(
-        side in assignment.plates or not walk.plates,
-        f"no plate carries the {side} (prosthetic) foot alone",
-        "forces",
-        " ".join(n for n in assignment.notes if n.startswith("Plate ")) or None,
-        file=force_file,
-    )
     values, reach_notes = reaching_pelvis(tracked, calibration, subject)
     trajectory = dataclasses.replace(tracked, values=values).trajectory(
         person_coordinates(side), source=str(walk.path)
@@ -477,14 +478,15 @@ def trial_from_recordings(
         sides=[s for s in SIDES if walk.plates and s not in assignment.plates],
         alone=True,
     )
+    missed = side not in assignment.plates  # as without plates
     return _made(
         path,
         subject,
         trajectory,
-        assignment.plates,
+        {} if missed else assignment.plates,
         options,
         notes=notes,
-        unmeasured=assignment.unmeasured,
+        unmeasured={} if missed else assignment.unmeasured,
         fulcrum_m=fulcrum_m,
         model=model,
         recording=walk,

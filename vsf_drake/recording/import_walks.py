@@ -379,6 +379,14 @@ def _make_trial(
             calibration=calibration,
             standing_fulcrum_m=None if len(set(fulcrums_m)) == 1 else MID_FULCRUM_M,
         )
+        require(
+            trial.plate is not None,
+            f"no plate carries the {trial.subject.prosthetic_side} (prosthetic) foot alone",
+            "forces",
+            " ".join(note for note in trial.notes if note.startswith("Plate"))
+            + " A manifest with `markers` takes it as a walk without plates",
+            file=forces or walk,
+        )
         return dataclasses.replace(trial, inputs={path.name: sha256(path) for path in used})
 
     try:

@@ -23,6 +23,7 @@ from vsf_drake.device.bench_metrics import (
 from vsf_drake.model.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trial import NO_PLATE, UNUSABLE_RECORDING
+from vsf_drake.report.layer_curves import RESULTANT, component_of, draw_layers, layer_handles
 from vsf_drake.report.style import (
     FULCRUM,
     HEEL_COLOUR,
@@ -31,6 +32,7 @@ from vsf_drake.report.style import (
     NEUTRAL,
     SHADE,
     SIMULATED,
+    Arrays,
     colour_of,
     drawing,
     label,
@@ -204,13 +206,22 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
     label(axes, x=FULCRUM, y="stiffness (N/mm)", title=f"Stiffness above {STIFFNESS_ABOVE_N:g} N")
 
 
-def walk_figure(result: WalkResult, plate: PlateRecording | None, metrics: Agreement) -> Figure:
+def walk_figure(
+    result: WalkResult,
+    plate: PlateRecording | None,
+    metrics: Agreement,
+    *,
+    curves: Arrays | None = None,
+) -> Figure:
     """A finished walk beside the plate under the prosthetic foot, if there is one: forces, centre
     of pressure and the load of each zone.
 
-    Forces are those that the metrics score (40 Hz, time-locked), `walk_metrics(result, plate)`.
-    Stances that the simulated time cuts are shaded.
+    Forces are those that the metrics score (40 Hz, time-locked), `walk_metrics(result, plate)`;
+    `curves` are the same walk's in layers (`walks.prediction.layer_curves`). Stances that the
+    simulated time cuts are shaded.
     """
+    curves = curves or {}
+    off = "physics" if curves else "RMSE"
     comparison = compare(result, plate)
     model, measured = (
         force / metrics.body_weight_n for force in (comparison.model, comparison.measured)
@@ -227,16 +238,17 @@ def walk_figure(result: WalkResult, plate: PlateRecording | None, metrics: Agree
     with drawing(WIDTH, 7.4) as figure:
         panels = figure.subplots(3, 2)
         for axes, name, column, error in (
-            (panels[0, 0], "Resultant", None, metrics.error_bw),
+            (panels[0, 0], "Resultant", RESULTANT, metrics.error_bw),
             (panels[0, 1], "Vertical", 2, metrics.vertical_rmse_bw),
             (panels[1, 0], "Fore-aft", 0, metrics.fore_aft_rmse_bw),
             (panels[1, 1], "Lateral", 1, metrics.medio_lateral_rmse_bw),
         ):
             _shade(axes, comparison)
             for force, look in ((measured, MEASURED), (model, SIMULATED))[plate is None :]:
-                shown = np.linalg.norm(force, axis=1) if column is None else force[:, column]
-                axes.plot(comparison.time_s, shown, color=colour, **look)
-            label(axes, x="time (s)", y="force (BW)", title=name + _error(error, "BW"))
+                axes.plot(comparison.time_s, component_of(force, column), color=colour, **look)
+            if curves:
+                draw_layers(axes, curves["time_s"], curves, column)
+            label(axes, x="time (s)", y="force (BW)", title=name + _error(error, "BW", off))
             axes.set_xlim(comparison.time_s[0], comparison.time_s[-1])
         _centre_of_pressure(panels[2, 0], result, comparison, metrics, colour)
         _zones(panels[2, 1], result, comparison)
@@ -248,7 +260,10 @@ def walk_figure(result: WalkResult, plate: PlateRecording | None, metrics: Agree
                 label="reference (synthetic)" if result.synthetic else "force plate",
                 **MEASURED,
             ),
-            Line2D([], [], color=colour, label="simulated", **SIMULATED),
+            Line2D(
+                [], [], color=colour, label="physics alone" if curves else "simulated", **SIMULATED
+            ),
+            *layer_handles(curves),
             Line2D(
                 [],
                 [],
@@ -259,7 +274,7 @@ def walk_figure(result: WalkResult, plate: PlateRecording | None, metrics: Agree
             ),
         ]
         if plate is None:
-            handles = handles[1:2]
+            handles = handles[1:-1]
         if not all(item.inside for item in comparison.stances):
             handles.append(
                 Patch(
@@ -293,8 +308,8 @@ def zone_loads(result: WalkResult) -> dict[str, np.ndarray]:
     }
 
 
-def _error(value: float | None, unit: str) -> str:
-    return "" if value is None else f", RMSE {value:.3f} {unit}"
+def _error(value: float | None, unit: str, off: str = "RMSE") -> str:
+    return "" if value is None else f", {off} {value:.3f} {unit}"
 
 
 def _shade(axes: Axes, comparison: Comparison) -> None:

@@ -20,7 +20,7 @@ from vsf_drake.report.figures import bench_figure, standing_figure, sweep_figure
 from vsf_drake.report.page import write_csv
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder
-from vsf_drake.report.style import save_figure
+from vsf_drake.report.style import Arrays, save_figure
 from vsf_drake.simulation.results import (
     BenchResult,
     Standing,
@@ -77,6 +77,7 @@ def write_walk(
     fit: OffsetFit | None = None,
     layers: TrialLayers | None = None,
     person: PersonForce | None = None,
+    curves: Arrays | None = None,
     replay: bool = True,
     opensim: bool = False,
 ) -> dict[str, Any]:
@@ -84,8 +85,8 @@ def write_walk(
     the metrics.
 
     `fit` is the one that the offsets come from, `layers` what the fitted contact predicts beyond
-    the walk, `person` the force by the person's own curve, which adds person_force.csv; `opensim`
-    adds walk_ik.mot and walk_grf.mot.
+    the walk, `person` the force by the person's own curve, which adds person_force.csv, `curves`
+    what the figure shows of them; `opensim` adds walk_ik.mot and walk_grf.mot.
     """
     plate = trial.plate
     comparison = compare(result, plate)
@@ -102,7 +103,7 @@ def write_walk(
 
     def more(folder: Path, table: dict[str, Any]) -> None:
         save_walk(result, folder)
-        save_figure(walk_figure(result, plate, metrics), folder / "walk")
+        save_figure(walk_figure(result, plate, metrics, curves=curves), folder / "walk")
         if replay:
             write_replay(
                 result, folder / "replay.html", plate=plate, intact_plate=trial.intact_plate

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from vsf_drake.base.files import plain
+from vsf_drake.report.layer_curves import COMPONENTS, draw_layers, layer_handles
 from vsf_drake.report.outputs import write_motion
 from vsf_drake.report.page import Chapter, render
 from vsf_drake.report.results_folder import ResultsFolder
@@ -21,6 +22,7 @@ from vsf_drake.report.style import (
     Arrays,
     colour_of,
     drawing,
+    entry,
     label,
     legend_below,
     name_of,
@@ -29,9 +31,7 @@ from vsf_drake.report.style import (
 from vsf_drake.tuning.answered import SettingPrediction
 from vsf_drake.walks.comparison import PERCENT
 
-PERSON = "person"
 PREDICTED: dict[str, Any] = {**SIMULATED, "color": "black"}
-COMPONENTS = ("fore-aft", "lateral", "vertical")
 JOINTS = ("hip_flexion", "knee_angle", "ankle_angle")
 WORDS = {"hip_flexion": "hip flexion", "knee_angle": "knee flexion", "ankle_angle": "ankle"}
 
@@ -40,7 +40,7 @@ def predict_page(
     saved: Mapping[str, Any], arrays: Arrays, *, folder: Path, lenient: bool
 ) -> dict[str, Any]:
     """What `page.chapter_page` is to be given of predict.json and predict.npz."""
-    facts = {"t": saved}
+    facts = {"t": saved, "interval": "half_width" in arrays}
     return {
         "title": f"The walk at {saved['fulcrum_mm']:g} mm",
         "chapters": [
@@ -94,26 +94,23 @@ def write_prediction(out: str | Path, found: SettingPrediction) -> None:
 def force_figure(saved: Mapping[str, Any], arrays: Arrays) -> Figure:
     """Force over stance: plates at the recorded settings, and predicted."""
     settings = saved["answer"]["settings_mm"]
-    own = arrays[saved["layer"]]
+    own = colour_of(saved["fulcrum_mm"])
     with drawing(PANEL[0], 2.2 * PANEL[1]) as figure:
         say_synthetic(figure, saved["synthetic"], "walks")
         panels = figure.subplots(3, 1, sharex=True, height_ratios=(2, 1, 1))
         for axes, k in zip(panels, (2, 0, 1), strict=True):
             for mm, force in zip(settings, arrays["plates"], strict=True):
                 axes.plot(PERCENT, force[:, k], color=colour_of(mm), **MEASURED)
-            if saved["layer"] == PERSON and "half_width" in arrays:
-                wide = arrays["half_width"][:, k]
-                axes.fill_between(
-                    PERCENT,
-                    own[:, k] - wide,
-                    own[:, k] + wide,
-                    color="0.5",
-                    alpha=0.25,
-                    linewidth=0,
-                )
-            axes.plot(PERCENT, own[:, k], **PREDICTED)
-            label(axes, x="stance (%)" if k == 1 else "", y="BW", title=COMPONENTS[k])
-        legend_below(figure, _handles(settings, "80 % interval" if "half_width" in arrays else ""))
+            axes.plot(PERCENT, arrays["physics"][:, k], color=own, **SIMULATED)
+            draw_layers(axes, PERCENT, arrays, k)
+            if "person" not in arrays:
+                axes.plot(PERCENT, arrays[saved["layer"]][:, k], **PREDICTED)
+            label(axes, x="stance (%)" if k == 1 else "", y="force (BW)", title=COMPONENTS[k])
+        physics = entry(f"physics alone, {name_of(saved['fulcrum_mm'])}", color=own, **SIMULATED)
+        known = [*_recorded(settings), physics, *layer_handles(arrays)]
+        if "person" not in arrays:
+            known.append(entry("predicted", **PREDICTED))
+        legend_below(figure, known)
     return figure
 
 
@@ -148,16 +145,12 @@ def joint_figure(saved: Mapping[str, Any], arrays: Arrays) -> Figure:
             label(axes, x="stance (%)", y="degrees", title=title)
         for axes in panels[len(shown) :]:
             axes.set_axis_off()
-        legend_below(
-            figure, _handles(settings, "spread between walks" if "spread" in arrays else "")
-        )
+        known = [*_recorded(settings), entry("predicted", **PREDICTED)]
+        if "spread" in arrays:
+            known.append(Patch(color="0.5", alpha=0.25, label="spread between walks"))
+        legend_below(figure, known)
     return figure
 
 
-def _handles(settings: list[float], band: str) -> list[Any]:
-    known: list[Any] = [
-        Line2D([], [], color=colour_of(mm), label=f"recorded, {name_of(mm)}", **MEASURED)
-        for mm in settings
-    ]
-    known.append(Line2D([], [], label="predicted", **PREDICTED))
-    return [*known, Patch(color="0.5", alpha=0.25, label=band)] if band else known
+def _recorded(settings: list[float]) -> list[Artist]:
+    return [entry(f"recorded, {name_of(mm)}", color=colour_of(mm), **MEASURED) for mm in settings]

@@ -36,7 +36,13 @@ from vsf_drake.tuning.problem import SettingOutcome, TrialTuning
 from vsf_drake.tuning.quantities import GIVEN_COSTS, GIVEN_OUTCOMES
 from vsf_drake.tuning.sweep import outcomes
 from vsf_drake.walks.answer import Answer, AnswerTable, answer_of, answer_sentences
-from vsf_drake.walks.between_settings import SETTING_M, half_width, settings_of, spread_of
+from vsf_drake.walks.between_settings import (
+    SETTING_M,
+    between_settings,
+    half_width,
+    settings_of,
+    spread_of,
+)
 from vsf_drake.walks.comparison import FORCE_CUTOFF_HZ, PERCENT
 from vsf_drake.walks.momentum import FIT_STEP_S, MomentumCorrection
 from vsf_drake.walks.prediction import LAYERS, PERSON, LayeredWalk, learned
@@ -148,8 +154,9 @@ class SettingPrediction:
     """`predict.npz`: over shares of stance (n,) coordinates (m) by recorded setting (S, n, m), as
     predicted (n, m) and their spread (n, m), in degrees and m, the pelvis's place that of the
     pylon's end; over 0 to 100 % of stance the force (101, 3) in body weights, fore-aft, lateral,
-    vertical, of the plates by recorded setting (S, 101, 3), of each layer, and the half width of
-    the last layer's 80 % interval (101, 4), the resultant's too"""
+    vertical, of the plates by recorded setting (S, 101, 3), of each layer, of the null
+    (`null_predicted`: the plates between the settings, no walk), and the half width of the last
+    layer's 80 % interval (101, 4), the resultant's too"""
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -239,6 +246,7 @@ def _arrays(answer: Answer, fulcrum_m: float, walk: LayeredWalk) -> dict[str, np
     }
     if spread is not None:
         found["spread"] = unit * spread
+    found["null_predicted"] = between_settings(answer.fulcrum_m, forces, fulcrum_m) / weight
     for name, result in walk.results.items():
         rate_hz = 1.0 / result.step_s
         force = low_pass(result.grf_W, rate_hz=rate_hz, cutoff_hz=FORCE_CUTOFF_HZ) / weight

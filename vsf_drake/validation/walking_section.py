@@ -45,8 +45,10 @@ from vsf_drake.walks.null_model import several_settings
 from vsf_drake.walks.numbers import Spread, by_fulcrum, finite, rms, spread
 from vsf_drake.walks.phases import PhaseErrors, mean_phases
 from vsf_drake.walks.plate_score import judged, plate_scorer
-from vsf_drake.walks.prediction import LAYERS, MOMENTUM, PERSON, layers_of
+from vsf_drake.walks.prediction import LAYERS, MOMENTUM, PERSON, layer_curves, predict
+from vsf_drake.walks.prediction import judged as judged_in_layers
 from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, Scored, mean
+from vsf_drake.walks.recorded_walk import with_contact
 
 ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)
 BETWEEN = "other walks, interpolated between settings"
@@ -126,12 +128,23 @@ class LayerRow(Scored):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ShownLayers:
+    """The walk of the arrays: of the held-out ones that with the median error by the person's own
+    curve, of two in the middle the worse."""
+
+    label: str
+    fulcrum_mm: float
+    person_bw: float  # its error
+
+
+@dataclass(frozen=True, kw_only=True)
 class LayersTable:
     """The section of predictions in layers; `learned`: the contact has the person's
     own curve."""
 
     rows: tuple[LayerRow, ...]
     phases: tuple[PhaseErrors, ...]  # means over the held-out walks
+    shown: ShownLayers | None  # None without a held-out walk that has a plate and the curve
     learned: bool
     synthetic: bool
 
@@ -184,24 +197,32 @@ class WalkingTable:
 
 
 def layers_section(study: Study, *, progress: Progress | None = None) -> Section[LayersTable]:
-    """Every walk in layers; ValueError without a contact that keeps what its plates taught."""
+    """Every walk in layers; ValueError without a contact that keeps what its plates taught.
+
+    Arrays: `walks.prediction.layer_curves` of the shown walk.
+    """
     contact = study.contact
     if contact is None:
         raise ValueError("layers are what a contact's plates taught")
     show = part_of(progress)
     rows = list[LayerRow]()
     phases = list[tuple[PhaseErrors, ...]]()
+    curves: dict[str, tuple[ShownLayers, dict[str, np.ndarray]]] = {}
     for i, walk in enumerate(study.walks):
         show("walking with the person's own momentum", i / len(study.walks))
-        found = layers_of(
-            walk.recorded,
-            walk.label,
+        in_layers = predict(
+            with_contact(walk.recorded, contact),
             contact,
             step_s=study.options.step_s,
             walker=Walker(walk.trial.subject, walk.trial.model),
         )
+        found = judged_in_layers(in_layers, walk.recorded, walk.label, contact)
+        person_bw = found.error_in(PERSON)
         if walk.role == HELD_OUT:
             phases.append(found.phases)
+        if walk.role == HELD_OUT and person_bw is not None:
+            own = ShownLayers(label=walk.label, fulcrum_mm=walk.fulcrum_mm, person_bw=person_bw)
+            curves[walk.label] = own, layer_curves(in_layers, walk.recorded, contact)
         rows.append(
             LayerRow(
                 label=walk.label,
@@ -211,13 +232,17 @@ def layers_section(study: Study, *, progress: Progress | None = None) -> Section
                 | {name: found.number(name) for name in (NULL, IN_LATE_STANCE, STRETCHED)},
             )
         )
+    ordered = sorted(curves.values(), key=lambda pair: pair[0].person_bw)
+    shown, arrays = ordered[len(ordered) // 2] if ordered else (None, {})
     return Section(
+        arrays=arrays,
         table=LayersTable(
             rows=tuple(rows),
             phases=mean_phases(phases),
+            shown=shown,
             learned=contact.person_curve is not None,
             synthetic=study.synthetic,
-        )
+        ),
     )
 
 

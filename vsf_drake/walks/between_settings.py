@@ -37,10 +37,11 @@ def spread_of(positions_m: np.ndarray, values: np.ndarray) -> np.ndarray | None:
 
 
 def half_width(
-    positions_m: np.ndarray, spread: float, shares: np.ndarray, *, together: int = 1
+    positions_m: np.ndarray, spread: float, shares: np.ndarray, *, covered: float = 0.95
 ) -> float:
-    """Of the 95 % interval of a sum of walks' numbers by their shares (n,) in it, for the spread
-    between walks of one setting that these walks (n,) tell: Student's t, which of few walks is
-    much. Of so many intervals `together` all hold in 95 % of cases at least (Bonferroni)."""
+    """Of the interval that holds a sum of walks' numbers by their shares in it, as often as
+    `covered` says, for the spread between walks of one setting that walks at these positions (n,)
+    tell: Student's t, which of few walks is much. A walk that is not among them has a share too:
+    1 where the interval is to hold the walk itself and not the mean of its setting."""
     free = len(positions_m) - len(settings_of(positions_m))
-    return float(stdtrit(free, 1.0 - 0.025 / together) * spread * np.linalg.norm(shares))
+    return float(stdtrit(free, 0.5 + 0.5 * covered) * spread * np.linalg.norm(shares))

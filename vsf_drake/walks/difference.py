@@ -279,7 +279,7 @@ def difference_of(a: Side, b: Side) -> DifferenceTable:
                 spread=None if spread is None else float(spread),
                 half_width=None
                 if spread is None or len(sides) < LEAST_WALKS
-                else half_width(sides, float(spread), shares, together=len(own)),
+                else half_width(sides, float(spread), shares, covered=1.0 - 0.05 / len(own)),
             )
         )
     force_a, force_b = (np.stack([side.curves[name] for name in FORCES], -1) for side in (a, b))

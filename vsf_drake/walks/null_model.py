@@ -95,8 +95,10 @@ def stretched(c: Comparison, curves: np.ndarray, *, predicted: bool = False) -> 
     return laid
 
 
-def _stances(c: Comparison, predicted: bool) -> list[Stance]:
-    """Over which the curves are laid."""
+def _stances(c: Comparison, predicted: bool) -> Sequence[Stance]:
+    """Over which the curves are laid; without a plate those of the model are all that there are."""
+    if c.plateless:
+        return c.model_stances if predicted else ()
     return [
         item.model if predicted and item.model is not None else item.measured for item in c.stances
     ]

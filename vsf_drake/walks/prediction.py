@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vsf_drake.base.sentences import say
-from vsf_drake.model.contact_file import FittedContact, MomentumBias, PersonCurve
+from vsf_drake.model.contact_file import FittedContact, MomentumBias, PersonCurve, PersonWalk
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.fitted_trial import fingerprint, trial_with
 from vsf_drake.motion.formats.recording import PlateRecording
@@ -37,7 +37,7 @@ from vsf_drake.walks.momentum import (
     corrected,
     with_corrections,
 )
-from vsf_drake.walks.null_model import KnownCurve, NullErrors, null_errors
+from vsf_drake.walks.null_model import KnownCurve, NullErrors, null_errors, stretched
 from vsf_drake.walks.person_curve import (
     FORCES,
     PersonForce,
@@ -243,17 +243,14 @@ def judged(walk: LayeredWalk, trial: Trial, label: str, contact: FittedContact) 
         result = walk.results.get(layer, walk.results[MOMENTUM])
         found = walk_metrics(result, trial.plate, comparison=comparison)
         scores[layer] = {name: getattr(found, name) for name in SCORES}
-    curve = contact.person_curve
-    others = [one for one in curve.walks if one.fingerprint != own] if curve else []
-    forces = [np.array([getattr(one, name) for name in FORCES]).T for one in others]
-    positions = np.array([one.fulcrum_m for one in others])
+    others = _others(contact, own)
     known = [
-        KnownCurve(position, np.linalg.norm(force, axis=1))
-        for position, force in zip(positions, forces, strict=True)
+        KnownCurve(one.fulcrum_m, np.linalg.norm([getattr(one, name) for name in FORCES], axis=0))
+        for one in others
     ]
     null = null_errors(comparisons[PHYSICS], weight, known, trial.fulcrum_m)
     late = null_errors(comparisons[PHYSICS], weight, known, trial.fulcrum_m, predicted=True)
-    between = between_settings(positions, np.array(forces), trial.fulcrum_m) if others else None
+    between = _null_curve(others, trial.fulcrum_m)
     return TrialLayers(
         label=label,
         fitted=own in {one.fingerprint for one in contact.trials},
@@ -265,6 +262,44 @@ def judged(walk: LayeredWalk, trial: Trial, label: str, contact: FittedContact) 
         phases=()
         if walk.person is None or trial.plate is None
         else phase_errors(comparisons[PHYSICS], comparisons[PERSON], walk.person, between, weight),
+    )
+
+
+def layer_curves(walk: LayeredWalk, trial: Trial, contact: FittedContact) -> dict[str, np.ndarray]:
+    """Forces (BW, fore-aft, lateral, vertical) of a walk in layers on even instants `time_s` (n,),
+    to be drawn: `plate` (n, 3), NaN without one; by layer; `half_width` (n, 4) of the person's
+    interval, by SPREADS; `null`, the null model over the measured times of stance, and
+    `null_predicted`, over those that the physics predicts. What is not known is not among them."""
+    found = compared(walk, trial.plate)
+    physics = found[PHYSICS]
+    weight = walk.seen.weight_n
+    curves = {"time_s": physics.time_s, "plate": physics.measured / weight}
+    curves |= {layer: one.model / weight for layer, one in found.items()}
+    person = walk.person
+    if person is not None and person.half_width_n is not None:
+        curves["half_width"] = resample(physics.time_s, person.time_s, person.half_width_n) / weight
+    null_bw = _null_curve(_others(contact, fingerprint(trial)), trial.fulcrum_m)
+    if null_bw is not None:
+        if not physics.plateless:
+            curves["null"] = stretched(physics, null_bw)
+        curves["null_predicted"] = stretched(physics, null_bw, predicted=True)
+    return curves
+
+
+def _others(contact: FittedContact, own: str) -> list[PersonWalk]:
+    """The fitted walks but the one of this fingerprint."""
+    curve = contact.person_curve
+    return [one for one in curve.walks if one.fingerprint != own] if curve else []
+
+
+def _null_curve(others: Sequence[PersonWalk], fulcrum_m: float) -> np.ndarray | None:
+    """(101, 3) BW of the null model; None without another walk."""
+    if not others:
+        return None
+    return between_settings(
+        np.array([one.fulcrum_m for one in others]),
+        np.array([[getattr(one, name) for name in FORCES] for one in others]).swapaxes(1, 2),
+        fulcrum_m,
     )
 
 

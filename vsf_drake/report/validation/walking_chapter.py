@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 
 from vsf_drake.base.sentences import say
 from vsf_drake.report.fit_figures import fit_sweep_figure
+from vsf_drake.report.layer_curves import layers_figure
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import (
     MEASURED,
@@ -98,12 +99,22 @@ def exact_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
 
 def layers_chapter(table: LayersTable, arrays: Arrays, *, exact: bool = False) -> Chapter:
     """Every walk in layers; `exact`: those without errors of measurement."""
+    figures = {}
+    if table.shown is not None and "plate" in arrays:
+        figures["exact_layers_walk" if exact else "walking_layers_walk"] = layers_figure(
+            arrays, table.shown.fulcrum_mm, synthetic=table.synthetic
+        )
     return section_chapter(
         "layers",
         table,
+        figures,
         exact=exact,
         rows=[{**vars(row), **row.scores} for row in table.rows],
+        interval="half_width" in arrays,
         not_held=f"{say('not_held')[0]}.",
+        no_interval=f"{say('no_interval')[0]}.",
+        null_bw=table.null_bw,
+        by_phase=say("phases", phases=table.phases),
     )
 
 
