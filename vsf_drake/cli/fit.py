@@ -11,7 +11,7 @@ import typer
 
 from vsf_drake.base.errors import FitError, require
 from vsf_drake.base.schema import choice, option
-from vsf_drake.cli.app import Out, app, interrupted, path, say, under, warn
+from vsf_drake.cli.app import Out, app, interrupted, path, progress, say, under, warn
 from vsf_drake.cli.options import Asked, fields_of, flags, from_fields
 from vsf_drake.cli.recordings import AcceptUnusable, judged
 from vsf_drake.fit.options import JOINT, PAPER, ContactFitOptions
@@ -127,11 +127,12 @@ def fit(
             "--free",
             "Decide for one",
         )
-    from vsf_drake.cli.fit_run import Checkpoint, make_task, run_task
+    from vsf_drake.cli.fit_run import make_task
     from vsf_drake.model.bench_curves import bench_doubts
     from vsf_drake.motion.trial import load_trial
     from vsf_drake.report.fit_output import CHECKPOINT, CONTACT, FIT, synthetic_of
     from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.session.fitting import Checkpoint, run_task
 
     FIT.check(out)
     checkpoint = Checkpoint(out / CHECKPOINT, resume=resume)
@@ -147,7 +148,8 @@ def fit(
     if checkpoint.note:
         warn(checkpoint.note)
     try:
-        table = run_task(task, out, checkpoint)
+        with progress() as show:
+            table = run_task(task, out, checkpoint, show)
     except KeyboardInterrupt:
         interrupted(checkpoint.after_interruption())
     if not table.success:
