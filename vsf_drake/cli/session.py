@@ -27,6 +27,9 @@ class SessionRequest:
         None, "YAML file of the person instead. Default: subject.yaml in the folder."
     )
     synthetic: bool = same_as(ImportOptions, "synthetic")
+    csv: bool = option(False, "Also write all curves as one tidy table, curves.csv.")
+    excel: bool = option(False, "Also write them as curves.xlsx (needs pandas and openpyxl).")
+    opensim: bool = option(False, "Also write the modelled walks for OpenSim.")
 
 
 @app.command()
@@ -46,12 +49,15 @@ def session(
     goes on, and repeats only what depends on what was changed.
     """
     from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.session.curves import WRITERS
     from vsf_drake.session.plan import unused
     from vsf_drake.session.run import session as run_session
 
+    of_person = dict(vars(asked))
+    curves = [kind for kind in WRITERS if of_person.pop(kind)]
     try:
         with progress() as show, named_as_options(SessionRequest):
-            found = run_session(folder, out=out, progress=show, **vars(asked))
+            found = run_session(folder, out=out, curves=curves, progress=show, **of_person)
     except KeyboardInterrupt:
         interrupted(": the same command goes on from the steps that are done")
     print_text("session", t=found.table, left_out=unused(found.table.files))

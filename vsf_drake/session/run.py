@@ -32,6 +32,7 @@ from vsf_drake.report.fit_output import CHECKPOINT, CONTACT
 from vsf_drake.report.import_outputs import IMPORT, write_import
 from vsf_drake.report.results_folder import PAGE
 from vsf_drake.report.session_page import FIT_FOLDER, IMPORT_FOLDER, SESSION, STEPS
+from vsf_drake.session.curves import WRITERS, walked_with
 from vsf_drake.session.fitting import Checkpoint, FitTask, run_task
 from vsf_drake.session.found import PLAN_FILE, SUBJECT_FILE, find_files
 from vsf_drake.session.plan import (
@@ -51,9 +52,9 @@ from vsf_drake.session.table import (
     SessionTable,
     SessionWalk,
     StepTime,
-    choose,
     judged_walks,
     outcome_of,
+    outer_walks,
     verdict_of,
     what_next,
 )
@@ -98,6 +99,7 @@ def session(
     sex: str | None = None,
     prosthetic_side: str | None = None,
     synthetic: bool = False,
+    curves: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Session:
     """From a folder of recordings of one person to a verdict, written to `out`.
@@ -114,6 +116,8 @@ def session(
         subject: YAML file of the person; `subject.yaml` in the folder if None and there is one.
         sex, prosthetic_side: where no such file says them.
         synthetic: nobody was recorded; all results say so.
+        curves: what else is written, "csv", "excel" (with pandas) or "opensim" (see
+            `session.curves`).
 
     Raises:
         InputError: something is missing or wrong; where session.csv has to be corrected it says
@@ -128,6 +132,13 @@ def session(
         "Choose another one: in the recordings' folder nothing is written but session.csv",
         file=out,
     )
+    for kind in curves:
+        require(
+            kind in WRITERS,
+            f"{kind!r} is no kind of curves",
+            "curves",
+            f"It is {', '.join(WRITERS)}",
+        )
     facts, stated, of_person = _person(folder, subject, sex, prosthetic_side)
     plan = _plan(folder, facts, part_of(progress, 0.0, _LOOKED))
     SESSION.check(out)
@@ -142,57 +153,46 @@ def session(
     walks, trials, failures = _imported(
         plan, options, of_person, out, steps, part_of(progress, _LOOKED, _IMPORTED - _LOOKED)
     )
-    walks = choose(walks)
-    usable = {walk.label: trial for walk, trial in trials if walk.role != LEFT_OUT}
+    usable = [trial for walk, trial in zip(walks, trials, strict=True) if walk.role != LEFT_OUT]
     require(
         usable,
         "no walk can be used",
         right=f"{out / IMPORT_FOLDER / IMPORT.kind}.html says why; record others",
         file=folder,
     )
-    roles = {
-        role: [usable[w.label] for w in walks if w.role == role] for role in (FITTED, HELD_OUT)
-    }
+    fitted = [usable[i] for i in outer_walks(usable)]
+    walks = [
+        replace(walk, role=FITTED) if trial in fitted else walk
+        for walk, trial in zip(walks, trials, strict=True)
+    ]
     outcome = _fitted(
-        roles[FITTED],
-        roles[HELD_OUT],
+        fitted,
+        [trial for trial in usable if trial not in fitted],
         plan.bench,
         out,
         steps,
         part_of(progress, _IMPORTED, _JUDGED - _IMPORTED),
     )
-    walks = judged_walks(walks, outcome)
-    first = next(iter(usable.values()))
-    made = sorted((out / IMPORT_FOLDER).glob("*.html"))
+    not_read = [
+        SessionWalk(file=path.name, label=path.stem, role=LEFT_OUT, fulcrum_mm=mm, why=why)
+        for path, mm in zip(plan.walks, plan.fulcrums_mm, strict=True)
+        if (why := failures.get(str(path)))
+    ]
+    walks = sorted(
+        [*judged_walks(walks, outcome), *not_read], key=lambda walk: (walk.fulcrum_mm, walk.file)
+    )
+    read = [path for path in (*plan.walks, plan.standing, plan.bench) if path is not None]
+    pages = [path.relative_to(out) for path in sorted((out / IMPORT_FOLDER).glob("*.html"))]
     table = SessionTable(
-        folder=folder.name,
-        person=first.subject.name,
-        side=first.subject.prosthetic_side,
-        synthetic=any(trial.synthetic for trial in usable.values()),
+        folder=folder.resolve().name,
+        person=usable[0].subject.name,
+        side=usable[0].subject.prosthetic_side,
+        synthetic=usable[0].synthetic,
         success=outcome.success,
-        verdict=verdict_of(walks, outcome, synthetic),
+        verdict=verdict_of(walks, outcome, usable[0].synthetic),
         sentences=outcome.headline,
-        next=tuple(
-            what_next(
-                walks,
-                standing=plan.standing is not None,
-                bench=plan.bench is not None,
-                failed=[Path(file).name for file in failures],
-            )
-        ),
-        walks=(
-            *walks,
-            *(
-                SessionWalk(
-                    file=Path(file).name,
-                    label=Path(file).stem,
-                    role=LEFT_OUT,
-                    why=why,
-                    fulcrum_mm=plan.fulcrums_mm[[*map(str, plan.walks)].index(file)],
-                )
-                for file, why in failures.items()
-            ),
-        ),
+        next=tuple(what_next(walks, bench=plan.bench is not None)),
+        walks=tuple(walks),
         layer=outcome.layer,
         effect=outcome.effect,
         answer=outcome.answer,
@@ -200,16 +200,21 @@ def session(
         chosen=tuple(say("session", "chosen", walks=walks, bench=plan.bench and plan.bench.name)),
         notes=plan.notes,
         steps=tuple(steps.times),
-        pages={path.stem: path.relative_to(out).as_posix() for path in made}
-        | {"fit": f"{FIT_FOLDER}/{PAGE}"},
-        provenance=provenance(
-            {path.name: sha256(path) for path in (*plan.walks, plan.standing, plan.bench) if path}
-        ),
+        pages={path.stem: path.as_posix() for path in pages} | {"fit": f"{FIT_FOLDER}/{PAGE}"},
+        provenance=provenance({path.name: sha256(path) for path in read}),
     )
-    part_of(progress)("writing the page", _JUDGED)
-    SESSION.write(out, plain(table))
     contact = load_contact(out / FIT_FOLDER / CONTACT) if outcome.success else None
-    return Session(table=table, trials=tuple(usable.values()), contact=contact, failures=failures)
+    show = part_of(progress)
+
+    def more(made: Path, _: object) -> None:
+        for number, kind in enumerate(curves):
+            show(f"writing curves ({kind})", _JUDGED + number * (1.0 - _JUDGED) / len(curves))
+            WRITERS[kind](made, walked)
+
+    walked = walked_with(usable, contact) if curves else []
+    show("writing the page", _JUDGED)
+    SESSION.write(out, plain(table), more=more)
+    return Session(table=table, trials=tuple(usable), contact=contact, failures=failures)
 
 
 class _Steps:
@@ -300,8 +305,8 @@ def _imported(
     out: Path,
     steps: _Steps,
     progress: Progress,
-) -> tuple[list[SessionWalk], list[tuple[SessionWalk, Trial]], dict[str, str]]:
-    """The walks, the trials made of them, and by file why others could not be imported."""
+) -> tuple[list[SessionWalk], list[Trial], dict[str, str]]:
+    """The walks, a trial of each, and by file why others could not be imported."""
     folder = out / IMPORT_FOLDER
     gathered = gather(plan.standing, plan.walks)
     used = (gathered.standing, gathered.standing_forces, *gathered.walks, *gathered.forces)
@@ -339,7 +344,7 @@ def _imported(
         )
         for path, label, row, trial in zip(files, labels_of(trials), rows, trials, strict=True)
     ]
-    return walks, [*zip(walks, trials, strict=True)], failures
+    return walks, trials, failures
 
 
 def _judged(manifest: Path, row: Mapping[str, Any]) -> Trial:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.sentences import say
@@ -35,7 +36,7 @@ class SessionWalk:
         role: FITTED, HELD_OUT, or LEFT_OUT, which `why` explains.
         mark, expected_error_bw, verdict: of the recording, as `check` has them.
         physics_bw, error_bw: of the force predicted by the fitted foot alone and by the layer to
-            believe (body weights, root mean square over stance); of a fitted walk no prediction.
+            believe (body weights, root mean square over stance); of a held-out walk.
         null_bw: of the harder null model: with the measured times of stance or with those that the
             physics predicts, whichever is nearer.
     """
@@ -51,14 +52,6 @@ class SessionWalk:
     error_bw: float | None = None
     null_bw: float | None = None
     why: str = ""
-
-    @property
-    def nearer(self) -> bool | None:
-        """Whether the prediction is nearer to the plate than the null; None where either is
-        unknown."""
-        if self.error_bw is None or self.null_bw is None:
-            return None
-        return self.error_bw < self.null_bw
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,21 +101,20 @@ class SessionTable:
     provenance: Mapping[str, Any]
 
 
-def choose(walks: Sequence[SessionWalk]) -> list[SessionWalk]:
-    """The walks with their roles: of the softest and the stiffest setting that with the least
-    expected error is fitted, all others judge; of one setting one walk is fitted. What is unusable
-    is left out already."""
-    usable = [i for i, walk in enumerate(walks) if walk.role != LEFT_OUT]
-    positions = np.array([1e-3 * walks[i].fulcrum_mm for i in usable])
-    settings = settings_of(positions) if usable else []
-    fitted = {
-        min((usable[k] for k in own), key=lambda i: (walks[i].expected_error_bw or 0.0, i))
-        for own in (settings[0], settings[-1])
-    } if settings else set()  # fmt: skip
-    return [
-        walk if walk.role == LEFT_OUT else replace(walk, role=FITTED if i in fitted else HELD_OUT)
-        for i, walk in enumerate(walks)
-    ]
+def outer_walks(trials: Sequence[Trial]) -> list[int]:
+    """Numbers of the walks to fit: of the softest and of the stiffest setting that with the least
+    expected error of its recording, of one setting one walk; all others can judge."""
+    settings = settings_of(np.array([trial.fulcrum_m for trial in trials]))
+
+    def expected(i: int) -> tuple[float, int]:
+        mark = trials[i].judged
+        return (0.0 if mark is None else mark.expected_error_bw, i)
+
+    return list(
+        dict.fromkeys(
+            min(map(int, own), key=expected) for own in settings[:: len(settings) - 1 or 1]
+        )
+    )
 
 
 def outcome_of(
@@ -159,10 +151,10 @@ def _errors(row: TrialLayers) -> dict[str, float | None]:
 
 
 def judged_walks(walks: Sequence[SessionWalk], outcome: FitOutcome) -> list[SessionWalk]:
-    """The walks with their errors."""
+    """The walks with their errors, those that are predictions."""
     told = []
     for walk in walks:
-        errors = outcome.layers.get(walk.label, {})
+        errors = outcome.layers.get(walk.label, {}) if walk.role == HELD_OUT else {}
         told.append(
             replace(
                 walk,
@@ -176,8 +168,18 @@ def judged_walks(walks: Sequence[SessionWalk], outcome: FitOutcome) -> list[Sess
 
 def verdict_of(walks: Sequence[SessionWalk], outcome: FitOutcome, synthetic: bool) -> str:
     """The session in one sentence or two, the harder null beside the error."""
-    held = [walk for walk in walks if walk.role == HELD_OUT and walk.error_bw is not None]
-    told = [walk for walk in held if walk.nearer is not None]
+    held = [walk for walk in walks if walk.error_bw is not None]
+    gains = np.array(
+        [
+            walk.null_bw - walk.error_bw
+            for walk in held
+            if walk.error_bw is not None and walk.null_bw is not None
+        ]
+    )
+    free = len(gains) - 1
+    half = (
+        float(stdtrit(free, 0.975) * gains.std(ddof=1) / np.sqrt(len(gains))) if free > 0 else None
+    )
     return " ".join(
         say(
             "session",
@@ -187,17 +189,16 @@ def verdict_of(walks: Sequence[SessionWalk], outcome: FitOutcome, synthetic: boo
             layer=outcome.layer,
             held=len(held),
             error_bw=mean(walk.error_bw for walk in held),
-            null_bw=mean(walk.null_bw for walk in told),
-            nearer=sum(bool(walk.nearer) for walk in told),
-            told=len(told),
+            null_bw=mean(walk.null_bw for walk in held),
+            gains=gains.tolist(),
+            gain_bw=float(gains.mean()) if gains.size else None,
+            half_bw=half_bw,
             synthetic=synthetic,
         )
     )
 
 
-def what_next(
-    walks: Sequence[SessionWalk], *, standing: bool, bench: bool, failed: Sequence[str]
-) -> list[str]:
+def what_next(walks: Sequence[SessionWalk], *, bench: bool) -> list[str]:
     """What to record next, most useful first, in sentences."""
     usable = [walk for walk in walks if walk.role != LEFT_OUT]
     positions = np.array([walk.fulcrum_mm for walk in usable])
@@ -209,11 +210,9 @@ def what_next(
         "next",
         settings=settings,
         few={mm: count for mm, count in settings.items() if count < LIKED_WALKS},
-        standing=standing,
         bench=bench,
         held=any(walk.role == HELD_OUT for walk in walks),
         doubtful=[walk for walk in usable if walk.mark == "doubtful"],
         unusable=[walk for walk in walks if walk.role == LEFT_OUT],
-        failed=failed,
         wanted=LIKED_WALKS,
     )
