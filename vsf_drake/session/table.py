@@ -110,11 +110,7 @@ def outer_walks(trials: Sequence[Trial]) -> list[int]:
         mark = trials[i].judged
         return (0.0 if mark is None else mark.expected_error_bw, i)
 
-    return list(
-        dict.fromkeys(
-            min(map(int, own), key=expected) for own in settings[:: len(settings) - 1 or 1]
-        )
-    )
+    return [min(map(int, own), key=expected) for own in settings[:: len(settings) - 1 or 1]]
 
 
 def outcome_of(
@@ -177,9 +173,9 @@ def verdict_of(walks: Sequence[SessionWalk], outcome: FitOutcome, synthetic: boo
         ]
     )
     free = len(gains) - 1
-    half = (
-        float(stdtrit(free, 0.975) * gains.std(ddof=1) / np.sqrt(len(gains))) if free > 0 else None
-    )
+    half_bw = None
+    if free > 0:
+        half_bw = float(stdtrit(free, 0.975) * gains.std(ddof=1) / np.sqrt(len(gains)))
     return " ".join(
         say(
             "session",
