@@ -14,6 +14,7 @@ from vsf_drake.base.schema import option, same_as
 from vsf_drake.cli.app import Out, app, fail, interrupted, path, print_text, progress, say
 from vsf_drake.cli.options import from_fields, named_as_options
 from vsf_drake.motion.import_options import ImportOptions
+from vsf_drake.motion.manifest import Laboratory
 from vsf_drake.motion.markers.person_facts import PersonFacts
 
 
@@ -40,6 +41,7 @@ def session(
     ],
     out: Out,
     asked: SessionRequest,
+    laboratory: Laboratory,
 ) -> None:
     """From a folder of recordings of one person to a verdict: which walks, how good, how well they
     are predicted, what to record next.
@@ -57,7 +59,14 @@ def session(
     curves = [kind for kind in WRITERS if of_person.pop(kind)]
     try:
         with progress() as show, named_as_options(SessionRequest):
-            found = run_session(folder, out=out, curves=curves, progress=show, **of_person)
+            found = run_session(
+                folder,
+                out=out,
+                laboratory=vars(laboratory),
+                curves=curves,
+                progress=show,
+                **of_person,
+            )
     except KeyboardInterrupt:
         interrupted(": the same command goes on from the steps that are done")
     print_text("session", t=found.table, left_out=unused(found.table.files))

@@ -58,9 +58,11 @@ class FoundFile:
     when_s: float = 0.0  # of the date in its name, else of its last change; s since 1970
 
 
-def find_files(folder: Path, progress: Progress) -> list[FoundFile]:
+def find_files(
+    folder: Path, laboratory: Mapping[str, str | None], progress: Progress
+) -> list[FoundFile]:
     """Every recording, bench and marker map in the folder itself, by name; what else lies there is
-    passed over. InputError for a folder that cannot be read."""
+    passed over. `laboratory` as for `read_trial`. InputError for a folder that cannot be read."""
     require(folder.is_dir(), "is no folder", right="Name the folder of the recordings", file=folder)
     try:
         paths = sorted(path for path in folder.iterdir() if path.is_file())
@@ -72,7 +74,7 @@ def find_files(folder: Path, progress: Progress) -> list[FoundFile]:
     for number, path in enumerate(paths):
         progress(f"looking at {path.name}", number / len(paths))
         if path in markers:
-            found.append(_recording(path))
+            found.append(_recording(path, laboratory))
         elif path not in beside and path.name != PLAN_FILE and not path.name.startswith("."):
             found += _other(path)
     return found
@@ -87,9 +89,9 @@ def setting_in(name: str) -> str:
     return "" if named is None else named[1].lower()
 
 
-def _recording(path: Path) -> FoundFile:
+def _recording(path: Path, laboratory: Mapping[str, str | None]) -> FoundFile:
     try:
-        recording = read_trial(path, forces=forces_beside(path))
+        recording = read_trial(path, forces=forces_beside(path), **laboratory)
         require(recording.markers, "has no markers", file=path)
     except InputError as error:
         why = str(error).removeprefix(f"{path}: ")
@@ -147,6 +149,5 @@ def _when(path: Path) -> float:
     told = _DATE.search(path.name)
     if told is not None:
         with contextlib.suppress(ValueError):
-            day = datetime.datetime(*map(int, told.groups()), 12)  # type: ignore[arg-type]
-            return day.timestamp()
+            return datetime.datetime.strptime("".join(told.groups()), "%Y%m%d").timestamp()
     return path.stat().st_mtime

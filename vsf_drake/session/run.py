@@ -99,6 +99,7 @@ def session(
     sex: str | None = None,
     prosthetic_side: str | None = None,
     synthetic: bool = False,
+    laboratory: Mapping[str, str | None] | None = None,
     curves: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Session:
@@ -116,6 +117,7 @@ def session(
         subject: YAML file of the person; `subject.yaml` in the folder if None and there is one.
         sex, prosthetic_side: where no such file says them.
         synthetic: nobody was recorded; all results say so.
+        laboratory: `up`, `forward` and `length_unit` where the files do not say them.
         curves: what else is written, "csv", "excel" (with pandas) or "opensim" (see
             `session.curves`).
 
@@ -140,7 +142,8 @@ def session(
             f"It is {', '.join(WRITERS)}",
         )
     facts, stated, of_person = _person(folder, subject, sex, prosthetic_side)
-    plan = _plan(folder, facts, part_of(progress, 0.0, _LOOKED))
+    laboratory = laboratory or {}
+    plan = _plan(folder, facts, laboratory, part_of(progress, 0.0, _LOOKED))
     SESSION.check(out)
     steps = _Steps(out)
     options = ImportOptions(
@@ -148,6 +151,7 @@ def session(
         stated=stated,
         marker_map=None if plan.marker_map is None else str(plan.marker_map),
         fulcrum_mm=plan.fulcrums_mm,
+        laboratory=laboratory,
         synthetic=synthetic,
     )
     walks, trials, failures = _imported(
@@ -264,10 +268,15 @@ def _person(
     return facts, stated, {**plain(facts), "stated": stated}
 
 
-def _plan(folder: Path, facts: PersonFacts, progress: Progress) -> Plan:
+def _plan(
+    folder: Path,
+    facts: PersonFacts,
+    laboratory: Mapping[str, str | None],
+    progress: Progress,
+) -> Plan:
     """The plan of `session.csv`, which is written if there is none; InputError, after that, for
     what has to be stated first."""
-    found = find_files(folder, progress)
+    found = find_files(folder, laboratory, progress)
     require(
         found,
         "holds no recording (.c3d or .trc)",
@@ -316,6 +325,7 @@ def _imported(
             "map": None if plan.marker_map is None else sha256(plan.marker_map),
             "fulcrum_mm": plan.fulcrums_mm,
             "person": of_person,
+            "laboratory": dict(options.laboratory),
             "synthetic": options.synthetic,
             "software": software(),
         }
