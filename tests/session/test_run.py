@@ -1,0 +1,192 @@
+"""A session as a laboratory meets it: what it asks for, what it makes, what it does not do again.
+The fit is stood in for: the slow test of the command has a whole one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import pytest
+from command_line import read_json
+
+import vsf_drake as vsf
+from vsf_drake.base.errors import InputError
+from vsf_drake.motion.trial import Trial
+from vsf_drake.session import run
+from vsf_drake.session.table import FITTED, HELD_OUT, FitOutcome
+
+FACTS = {"sex": "male", "prosthetic_side": "right", "synthetic": True}
+
+
+def outcome(fitted: Sequence[Trial], held_out: Sequence[Trial]) -> FitOutcome:
+    errors = {"physics": 0.05, "momentum": 0.04, "person": 0.03, "null": 0.04}
+    return FitOutcome(
+        success=False,
+        message="nobody fitted",
+        headline=("! Stood in for.",),
+        layer="person",
+        layers={trial.path.stem: errors for trial in (*fitted, *held_out)},
+        answer=None,
+        effect=(),
+    )
+
+
+@pytest.fixture
+def stood_in(monkeypatch):
+    """The fit is stood in for; lists what was fitted and held out, call by call."""
+    calls: list[tuple[list[str], list[str]]] = []
+
+    def fitted(fitted, held_out, bench_file, out, steps, progress):
+        calls.append(
+            ([trial.path.stem for trial in fitted], [trial.path.stem for trial in held_out])
+        )
+        return outcome(fitted, held_out)
+
+    monkeypatch.setattr(run, "_fitted", fitted)
+    return calls
+
+
+def everything(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_what_files_do_not_say_is_asked_for_and_nothing_but_the_table_is_written(folder, tmp_path):
+    before = everything(folder)
+    (folder / "66mm_1.c3d").rename(folder / "walk one.c3d")
+    with pytest.raises(InputError) as asked:
+        vsf.session(folder, out=tmp_path / "out")
+    said = str(asked.value)
+    assert "walk one.c3d" in said and "--sex" in said and "--prosthetic-side" in said
+    assert set(everything(folder)) - set(before) == {"session.csv", "walk one.c3d"}
+    assert not (tmp_path / "out").exists()
+    table = folder / "session.csv"
+    table.write_text(table.read_text().replace("walk one.c3d,walk,,", "walk one.c3d,walk,stiff,"))
+    changed = table.read_bytes()
+    with pytest.raises(InputError, match="setting stiff"):
+        vsf.session(folder, out=tmp_path / "out", **FACTS)
+    assert table.read_bytes() == changed, "what somebody wrote is not written over"
+
+
+def test_where_names_tell_all_it_goes_straight_on_and_names_what_it_leaves_out(
+    folder, tmp_path, stood_in
+):
+    before = everything(folder)
+    found = vsf.session(folder, out=tmp_path / "out", **FACTS)
+    assert {
+        name: content for name, content in everything(folder).items() if name != "session.csv"
+    } == before
+    [(fitted, held_out)] = stood_in
+    roles = {walk.file: (walk.role, walk.fulcrum_mm) for walk in found.table.walks}
+    assert roles == {
+        "66mm_1.c3d": (FITTED, 66.0),
+        "F108 walk2.c3d": (HELD_OUT, 108.0),
+        "151 mm 3.c3d": (FITTED, 151.0),
+    }
+    assert fitted == ["66mm_1", "151 mm 3"] and held_out == ["F108 walk2"]
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    for told in ("66mm_9.c3d", "export_failed.c3d", "static yesterday.c3d", "1 day", "SYNTHETIC"):
+        assert told in page
+    for link in re.findall(r'href="([^"#]+)"', page):
+        assert link == "fit/report.html" or (tmp_path / "out" / link).is_file()
+    saved = read_json(tmp_path / "out" / "session.json")
+    assert saved["verdict"] == found.verdict and "failed" in found.verdict
+    [held] = [walk for walk in saved["walks"] if walk["role"] == HELD_OUT]
+    assert (held["error_bw"], held["null_bw"]) == (0.03, 0.04)
+    assert [walk["error_bw"] for walk in saved["walks"]].count(None) == 2, "of predictions alone"
+    assert found.trials[0].subject.mass_kg == pytest.approx(78.2, abs=0.05), "as PROCESSING says"
+
+
+def test_a_step_is_done_again_only_if_what_it_is_made_of_has_changed(
+    folder, tmp_path, stood_in, monkeypatch
+):
+    imports = []
+    real = run.import_walks
+
+    def counted(files, options, *, progress):
+        imports.append(options.fulcrum_mm)
+        return real(files, options, progress=progress)
+
+    monkeypatch.setattr(run, "import_walks", counted)
+    table = folder / "session.csv"
+
+    def again():
+        return vsf.session(folder, out=tmp_path / "out", **FACTS)
+
+    again()
+    table.write_text(
+        table.read_text().replace(
+            "F108 walk2.c3d,walk,108,yes,", "F108 walk2.c3d,walk,108,yes,new shoes"
+        )
+    )
+    found = again()
+    assert len(imports) == 1 and [step.kept for step in found.table.steps] == [True]
+    assert "new shoes" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    table.write_text(table.read_text().replace("walk,108,", "walk,129,"))
+    again()
+    assert len(imports) == 2 and 129.0 in imports[1]
+    (tmp_path / "out" / "import" / "import.json").unlink()
+    again()
+    assert len(imports) == 3, "what somebody removed is made again"
+
+
+def test_after_an_interruption_it_goes_on(folder, tmp_path, stood_in, monkeypatch):
+    working = run._fitted
+
+    def pressed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run, "_fitted", pressed)
+    with pytest.raises(KeyboardInterrupt):
+        vsf.session(folder, out=tmp_path / "out", **FACTS)
+    assert not (tmp_path / "out" / "session.json").exists()
+    monkeypatch.setattr(run, "_fitted", working)
+    found = vsf.session(folder, out=tmp_path / "out", **FACTS)
+    assert found.table.steps[0].kept
+
+
+def test_results_may_lie_in_a_folder_below_but_not_among_the_recordings(folder, stood_in):
+    with pytest.raises(InputError, match="is the folder of the recordings"):
+        vsf.session(folder, out=folder, **FACTS)
+    out = folder / "results"
+    vsf.session(folder, out=out, **FACTS)
+    found = vsf.session(folder, out=out, **FACTS)
+    assert len(found.table.walks) == 3 and found.table.steps[0].kept
+
+
+def test_a_file_of_the_person_is_taken_and_does_not_go_with_options(folder, tmp_path, stood_in):
+    (folder / "subject.yaml").write_text(
+        "mass_kg: 80\nstature_m: 1.81\nsex: male\nprosthetic_side: right\nname: Ann\n"
+    )
+    with pytest.raises(InputError, match=r"subject\.yaml, which says it"):
+        vsf.session(folder, out=tmp_path / "out", sex="male")
+    found = vsf.session(folder, out=tmp_path / "out")
+    assert (found.table.person, found.trials[0].subject.mass_kg) == ("Ann", 80.0)
+
+
+@pytest.mark.parametrize("kind", ["missing", "empty", "notes", "file"])
+def test_a_folder_without_recordings_is_refused(tmp_path, kind):
+    folder = tmp_path / "monday"
+    if kind == "file":
+        folder.write_text("no folder")
+    elif kind != "missing":
+        folder.mkdir()
+    if kind == "notes":
+        (folder / "notes.txt").write_text("66 mm was soft")
+    with pytest.raises(InputError, match="monday"):
+        vsf.session(folder, out=tmp_path / "out", **FACTS)
+    assert kind != "notes" or [path.name for path in folder.iterdir()] == ["notes.txt"]
+
+
+def test_a_folder_that_cannot_be_read_is_refused(tmp_path, monkeypatch):
+    def refused(self):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(type(tmp_path), "iterdir", refused)
+    with pytest.raises(InputError, match="cannot be read"):
+        run.find_files(tmp_path, {}, lambda what, share: None)
+
+
+def test_curves_of_an_unknown_kind_are_refused_before_anything_is_done(folder, tmp_path):
+    with pytest.raises(InputError, match="csv, excel, opensim"):
+        vsf.session(folder, out=tmp_path / "out", curves=("parquet",), **FACTS)
+    assert not (folder / "session.csv").exists()
