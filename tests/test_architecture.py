@@ -39,7 +39,7 @@ FLOORS = (
     "optimal_control",
     "validation",
     "report",
-    "session",
+    "sessions",
     "cli",
 )
 RANK = {name: rank for rank, name in enumerate(FLOORS)}

@@ -42,7 +42,7 @@ _HOMES = {
     "predict": "tuning.answered",
     "resource": "base.files",
     "run_bench": "simulation.bench",
-    "session": "session.run",
+    "session": "sessions.run",
     "simulate_batch": "simulation.batch",
     "simulate_trial": "simulation.walk",
     "trial_with": "walks.recorded_walk:with_contact",

@@ -16,7 +16,7 @@ from vsf_drake.plants import (
     add_fulcrum_slider,
     wire_foot,
 )
-from vsf_drake.session.run import session
+from vsf_drake.sessions.run import session
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
 from vsf_drake.simulation.bench import run_bench
 from vsf_drake.simulation.stepped import make_stepped_leg, make_stepped_person

@@ -17,7 +17,7 @@ from vsf_drake.cli import fit_run
 from vsf_drake.fit.options import PaperOptions
 from vsf_drake.model.contact_file import load_contact
 from vsf_drake.report import fit_output
-from vsf_drake.session import fitting
+from vsf_drake.sessions import fitting
 
 DATA = resource("data/reference_subject")
 EXACT = DATA / "exact"

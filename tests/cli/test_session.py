@@ -13,7 +13,7 @@ from made_session import session_folder, spoil
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
 from vsf_drake.cli import fit_run
-from vsf_drake.session.table import FITTED, HELD_OUT
+from vsf_drake.sessions.table import FITTED, HELD_OUT
 
 SETTINGS = {"low": 66, "medium": 108, "high": 151}
 PERSONS = {

@@ -53,7 +53,7 @@ from vsf_drake.report.fit_output import FIT
 from vsf_drake.report.outputs import check_sweep_folder
 from vsf_drake.report.tuning.chapters import TUNING
 from vsf_drake.report.validation.output import VALIDATION
-from vsf_drake.session.fitting import Checkpoint
+from vsf_drake.sessions.fitting import Checkpoint
 from vsf_drake.simulation.archive import check_target
 from vsf_drake.simulation.batch.cases import WorkerTask, digest
 from vsf_drake.simulation.batch.run import _NAMED, Kind, Reply, WalkCache

@@ -141,8 +141,8 @@ def fit(
     from vsf_drake.motion.trial import load_trial
     from vsf_drake.report.fit_output import CHECKPOINT, CONTACT, FIT, synthetic_of
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.session.fitting import Checkpoint, run_task
-    from vsf_drake.session.table import outer_walks
+    from vsf_drake.sessions.fitting import Checkpoint, run_task
+    from vsf_drake.sessions.table import outer_walks
 
     of_folder = any(given.is_dir() for given in trials)
     require(

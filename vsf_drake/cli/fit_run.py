@@ -13,7 +13,7 @@ from vsf_drake.fit.options import COP, FORCES, PAPER, RESULTANT, ContactFitOptio
 from vsf_drake.fit.parameters import standard_parameters
 from vsf_drake.fit.problem import ContactFit, bench_of, check_recordings
 from vsf_drake.motion.trial import Trial
-from vsf_drake.session.fitting import FitTask
+from vsf_drake.sessions.fitting import FitTask
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.walks.recorded_walk import labels_of
 

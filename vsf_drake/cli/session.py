@@ -51,9 +51,9 @@ def session(
     goes on, and repeats only what depends on what was changed.
     """
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.session.curves import WRITERS
-    from vsf_drake.session.plan import unused
-    from vsf_drake.session.run import session as run_session
+    from vsf_drake.sessions.curves import WRITERS
+    from vsf_drake.sessions.plan import unused
+    from vsf_drake.sessions.run import session as run_session
 
     of_person = dict(vars(asked))
     curves = [kind for kind in WRITERS if of_person.pop(kind)]

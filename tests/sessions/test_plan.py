@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.session.found import BENCH, OTHER, STANDING, WALK, FoundFile, setting_in
-from vsf_drake.session.plan import (
+from vsf_drake.sessions.found import BENCH, OTHER, STANDING, WALK, FoundFile, setting_in
+from vsf_drake.sessions.plan import (
     PlanRow,
     guess,
     make_plan,
@@ -174,4 +174,4 @@ def test_of_two_benches_one_is_used():
         found("curves.csv", BENCH),
         found("a.c3d", setting="66"),
     ]
-    assert planned(files).bench == Path("bench.yaml")
+    assert planned(files).bench == Path("curves.csv"), "curves tell more than their stiffness"

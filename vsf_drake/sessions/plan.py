@@ -22,7 +22,8 @@ import numpy as np
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import csv_cells, read_text, write_text
 from vsf_drake.base.sentences import say
-from vsf_drake.session.found import (
+from vsf_drake.device.bench_lines import CURVES
+from vsf_drake.sessions.found import (
     BENCH,
     MAP,
     OTHER,
@@ -70,12 +71,14 @@ class Plan:
 
 def guess(found: Sequence[FoundFile]) -> list[PlanRow]:
     """The rows as the files say them; of several standing trials that nearest in time to the walks
-    is used, of several benches the first."""
+    is used, of several benches that of curves."""
     walks = [file for file in found if file.role == WALK and file.usable]
     middle = float(np.median([file.when_s for file in walks])) if walks else 0.0
     standing = [file for file in found if file.role == STANDING]
     nearest = min(standing, key=lambda file: abs(file.when_s - middle), default=None)
-    benches = [file for file in found if file.role == BENCH]
+    benches = sorted(
+        (file for file in found if file.role == BENCH), key=lambda file: file.path.suffix != CURVES
+    )
     rows = []
     for file in found:
         use = file.usable

@@ -32,10 +32,10 @@ from vsf_drake.report.fit_output import CHECKPOINT, CONTACT
 from vsf_drake.report.import_outputs import IMPORT, write_import
 from vsf_drake.report.results_folder import PAGE
 from vsf_drake.report.session_page import FIT_FOLDER, IMPORT_FOLDER, SESSION, STEPS
-from vsf_drake.session.curves import WRITERS, walked_with
-from vsf_drake.session.fitting import Checkpoint, FitTask, run_task
-from vsf_drake.session.found import PLAN_FILE, SUBJECT_FILE, find_files
-from vsf_drake.session.plan import (
+from vsf_drake.sessions.curves import WRITERS, walked_with
+from vsf_drake.sessions.fitting import Checkpoint, FitTask, run_task
+from vsf_drake.sessions.found import PLAN_FILE, SUBJECT_FILE, find_files
+from vsf_drake.sessions.plan import (
     Plan,
     guess,
     make_plan,
@@ -44,7 +44,7 @@ from vsf_drake.session.plan import (
     with_guesses,
     write_rows,
 )
-from vsf_drake.session.table import (
+from vsf_drake.sessions.table import (
     FITTED,
     HELD_OUT,
     LEFT_OUT,
@@ -119,7 +119,7 @@ def session(
         synthetic: nobody was recorded; all results say so.
         laboratory: `up`, `forward` and `length_unit` where the files do not say them.
         curves: what else is written, "csv", "excel" (with pandas) or "opensim" (see
-            `session.curves`).
+            `sessions.curves`).
 
     Raises:
         InputError: something is missing or wrong; where session.csv has to be corrected it says
@@ -290,12 +290,12 @@ def _plan(
     if not there and os.access(folder, os.W_OK):
         write_rows(path, rows)
         written = True
-    asked = [f"{PLAN_FILE}: {sentence}" for sentence in missing(rows)]
-    to_correct = bool(asked)
-    try:
-        check_facts(facts)
-    except InputError as error:
-        asked.append(f"{error}, here or in a {SUBJECT_FILE} in the folder")
+    to_correct = missing(rows)
+    unstated = [key for key in ("prosthetic_side", "sex") if getattr(facts, key) is None]
+    asked = [
+        *(f"{PLAN_FILE}: {sentence}" for sentence in to_correct),
+        *say("session", "unstated", keys=unstated),
+    ]
     if asked:
         raise InputError(
             "\n".join(("more has to be stated:", *(f"- {sentence}" for sentence in asked))),
@@ -304,6 +304,7 @@ def _plan(
             if to_correct
             else None,
         )
+    check_facts(facts)
     return make_plan(rows, found, folder)
 
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from vsf_drake.session.table import (
+from vsf_drake.sessions.table import (
     FITTED,
     HELD_OUT,
     LEFT_OUT,

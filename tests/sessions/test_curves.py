@@ -11,7 +11,7 @@ import pytest
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.session.curves import COLUMNS, walked_with, write_excel, write_tidy_csv
+from vsf_drake.sessions.curves import COLUMNS, walked_with, write_excel, write_tidy_csv
 
 TRIAL = resource("data/reference_subject/exact/medium_1.yaml")
 
@@ -56,7 +56,7 @@ def test_stance_runs_from_strike_to_lift_off_where_the_plate_is_loaded(rows):
     # percent is linear over time within a stance
     first = np.flatnonzero(on)[: np.argmin(on[np.argmax(on) :]) or None]
     rate = np.diff(percent[first]) / np.diff(time[first])
-    np.testing.assert_allclose(rate, rate[0], rtol=1e-3)
+    np.testing.assert_allclose(rate, rate[0], rtol=5e-3)  # written to 0.001 %
 
 
 def test_excel_without_its_writer_says_what_to_install(trial, tmp_path, monkeypatch):

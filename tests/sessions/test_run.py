@@ -12,8 +12,8 @@ from command_line import read_json
 import vsf_drake as vsf
 from vsf_drake.base.errors import InputError
 from vsf_drake.motion.trial import Trial
-from vsf_drake.session import run
-from vsf_drake.session.table import FITTED, HELD_OUT, FitOutcome
+from vsf_drake.sessions import run
+from vsf_drake.sessions.table import FITTED, HELD_OUT, FitOutcome
 
 FACTS = {"sex": "male", "prosthetic_side": "right", "synthetic": True}
 

@@ -16,7 +16,7 @@ from vsf_drake.fit.table import FitTable
 from vsf_drake.model.contact_file import FittedContact
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial
-from vsf_drake.session.plan import PlanRow
+from vsf_drake.sessions.plan import PlanRow
 from vsf_drake.walks.answer import AnswerTable, answer_of, answer_sentences
 from vsf_drake.walks.between_settings import settings_of
 from vsf_drake.walks.prediction import LAYERS, PHYSICS, TrialLayers
