@@ -20,6 +20,8 @@ from vsf_drake.base.files import resource
 from vsf_drake.model.parameters import Subject
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial import Trial, default_model, load_trial
+from vsf_drake.sessions.plan import PlanRow
+from vsf_drake.sessions.table import SessionTable, SessionWalk, StepTime
 
 MARKER_HZ, SUBFRAMES = 100.0, 10
 MARGIN_M = 0.12  # of a plate around the way of the centre of pressure
@@ -122,6 +124,48 @@ def write(
         file.add_parameter("PROCESSING", "Height", [1e3 * stated.stature_m])
         file.write(str(path))
     os.utime(path, (NOON + 60.0 * number,) * 2)
+
+
+def made_session_table() -> SessionTable:
+    """A session with everything on its page: long names, a walk left out, warnings."""
+    walks = [
+        SessionWalk(
+            file=f"participant 03 walk {mm} mm, second visit.c3d",
+            label=f"{mm}",
+            role=role,
+            fulcrum_mm=float(mm),
+            mark="doubtful",
+            error_bw=error,
+            null_bw=error and 0.04,
+            why="is truncated" * (role == "left out"),
+        )
+        for mm, role, error in (
+            (66, "fitted", None),
+            (108, "held out", 0.03),
+            (151, "fitted", None),
+            (129, "left out", None),
+        )
+    ]
+    return SessionTable(
+        folder="Montag",
+        person="SYNTHETIC person",
+        side="left",
+        synthetic=True,
+        success=True,
+        verdict="One held-out walk decides nothing: " * 3,
+        sentences=("A sentence.", "! A warning."),
+        next=("Walks at a setting between.", "A bench."),
+        walks=tuple(walks),
+        layer="person",
+        effect=("The angles change.", "! No setting was walked twice."),
+        answer=None,
+        files=tuple(PlanRow(file=walk.file, role="walk", remark="a remark " * 9) for walk in walks),
+        chosen=("Fitted: two.",),
+        notes=("! A note that stands out.",),
+        steps=(StepTime(name="import", seconds=3.0, kept=False),),
+        pages={"import": "import/import.html", "fit": "fit/report.html"},
+        provenance={"versions": {"drake": "1"}, "inputs_sha256": {"a.c3d": 64 * "0"}},
+    )
 
 
 def spoil(folder: Path) -> None:

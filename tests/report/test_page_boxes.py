@@ -10,15 +10,17 @@ from browser import chromium
 from made_contact import made_contact
 from made_fit import made_fit
 from made_map import made_map
+from made_session import made_session_table
 from made_tuning import made_arrays, made_stride_arrays, made_stride_table, made_table
 from page_boxes import SIZES, lying_over
 
-from vsf_drake.base.files import resource
+from vsf_drake.base.files import plain, resource
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.recording.examine import examine
 from vsf_drake.report.fit_output import write_fit
 from vsf_drake.report.import_outputs import import_page
 from vsf_drake.report.map_page import write_map
+from vsf_drake.report.session_page import SESSION
 from vsf_drake.report.tuning.chapters import write_tuning
 
 STUCK = """<!doctype html><body><h1>A heading</h1><p style="height:1500px">A text.</p><p>Its end.</p>
@@ -37,10 +39,11 @@ def test_nothing_lies_over_anything_on_any_page(quick_validation, tmp_path):
     write_fit(made_fit(), tmp_path / "fit", contact=made_contact())
     write_tuning(tmp_path / "tune", made_table(), made_arrays())
     write_tuning(tmp_path / "tune_free", made_stride_table(), made_stride_arrays())
+    SESSION.write(tmp_path / "session", plain(made_session_table()))
     walk = examine(load_trial(resource("data/reference_subject/exact/medium_1.yaml")))
     pages = {
         name: (tmp_path / name / "report.html").read_text(encoding="utf-8")
-        for name in ("map", "fit", "tune", "tune_free")
+        for name in ("map", "fit", "tune", "tune_free", "session")
     }
     pages |= {
         "validate": (quick_validation / "report.html").read_text(encoding="utf-8"),

@@ -129,6 +129,31 @@ def test_a_step_is_done_again_only_if_what_it_is_made_of_has_changed(
     assert len(imports) == 3, "what somebody removed is made again"
 
 
+def test_a_copy_of_a_walk_is_left_out_and_says_of_what(folder, tmp_path, stood_in):
+    copy = folder / "66mm_2.c3d"
+    copy.write_bytes((folder / "66mm_1.c3d").read_bytes())
+    found = vsf.session(folder, out=tmp_path / "out", **FACTS)
+    [left] = [walk for walk in found.table.walks if walk.role == "left out"]
+    assert left.file == "66mm_2.c3d" and "same recording" in left.why
+    assert any("66mm_2.c3d again" in sentence for sentence in found.table.next)
+
+
+def test_the_command_says_the_verdict_and_ends_as_a_fit_that_failed(
+    run, folder, tmp_path, stood_in
+):
+    words = ("session", folder, "--out", tmp_path / "out", "--prosthetic-side", "right")
+    code, _, error = run(*words)
+    assert code == 2 and "--sex male or female" in error and "session.md" in error
+    code, said, error = run(*words, "--sex", "male", "--synthetic")
+    assert code == 4 and "nobody fitted" in error
+    assert "F108 walk2.c3d" in said and "export_failed.c3d is not used" in said
+    page = tmp_path / "out" / "report.html"
+    written = page.read_text(encoding="utf-8")
+    page.unlink()
+    assert run("report", tmp_path / "out")[0] == 0
+    assert page.read_text(encoding="utf-8") == written
+
+
 def test_after_an_interruption_it_goes_on(folder, tmp_path, stood_in, monkeypatch):
     working = run._fitted
 

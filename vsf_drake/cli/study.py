@@ -193,7 +193,8 @@ def report(
     folder: Annotated[
         Path,
         typer.Argument(
-            parser=path, help="Folder that `validate`, `tune`, `map` or `predict` wrote with --out."
+            parser=path,
+            help="Folder that `session`, `validate`, `tune`, `map` or `predict` wrote with --out.",
         ),
     ],
     svg: Annotated[
@@ -204,11 +205,16 @@ def report(
     from vsf_drake.report.map_page import MAP
     from vsf_drake.report.predict_page import PREDICT
     from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.report.session_page import SESSION
     from vsf_drake.report.tuning.chapters import TUNING
     from vsf_drake.report.validation.output import PUBLISHED, VALIDATION
 
     kind = next(
-        (kind for kind in (TUNING, MAP, PREDICT, PUBLISHED) if (folder / kind.table).is_file()),
+        (
+            kind
+            for kind in (TUNING, MAP, PREDICT, PUBLISHED, SESSION)
+            if (folder / kind.table).is_file()
+        ),
         VALIDATION,
     )
     for sentence in kind.remake(folder, svg=svg):

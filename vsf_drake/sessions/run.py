@@ -21,7 +21,7 @@ from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.base.sentences import say
 from vsf_drake.device.bench_lines import load_measured_bench
 from vsf_drake.fit.options import ContactFitOptions
-from vsf_drake.fit.problem import ContactFit
+from vsf_drake.fit.problem import ContactFit, check_recordings
 from vsf_drake.model.contact_file import FittedContact, load_contact
 from vsf_drake.motion.import_options import ImportOptions
 from vsf_drake.motion.manifest import load_stated_subject
@@ -157,6 +157,7 @@ def session(
     walks, trials, failures = _imported(
         plan, options, of_person, out, steps, part_of(progress, _LOOKED, _IMPORTED - _LOOKED)
     )
+    walks = _fit_for_fitting(walks, trials)
     usable = [trial for walk, trial in zip(walks, trials, strict=True) if walk.role != LEFT_OUT]
     require(
         usable,
@@ -356,6 +357,23 @@ def _imported(
         for path, label, row, trial in zip(files, labels_of(trials), rows, trials, strict=True)
     ]
     return walks, trials, failures
+
+
+def _fit_for_fitting(walks: Sequence[SessionWalk], trials: Sequence[Trial]) -> list[SessionWalk]:
+    """The walks, those left out that no fit can use beside the others before them: a stance that a
+    plate saw in part, the same recording again."""
+    accepted: list[Trial] = []
+    told = []
+    for walk, trial in zip(walks, trials, strict=True):
+        try:
+            if walk.role != LEFT_OUT:
+                check_recordings([*accepted, trial], series=ContactFitOptions().series)
+                accepted.append(trial)
+            told.append(walk)
+        except InputError as error:
+            why = str(error).removeprefix(f"{trial.path}: ")
+            told.append(replace(walk, role=LEFT_OUT, why=why))
+    return told
 
 
 def _judged(manifest: Path, row: Mapping[str, Any]) -> Trial:
