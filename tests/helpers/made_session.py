@@ -23,6 +23,8 @@ from vsf_drake.motion.trial import Trial, default_model, load_trial
 from vsf_drake.sessions.plan import PlanRow
 from vsf_drake.sessions.table import SessionTable, SessionWalk, StepTime
 
+FACTS = {"sex": "male", "prosthetic_side": "right", "synthetic": True}
+"""Of persons A and C, as `vsf.session` takes them."""
 MARKER_HZ, SUBFRAMES = 100.0, 10
 MARGIN_M = 0.12  # of a plate around the way of the centre of pressure
 NOISE_M = 2e-4  # of a good camera system

@@ -1,49 +1,17 @@
-"""A session as a laboratory meets it: what it asks for, what it makes, what it does not do again.
-The fit is stood in for: the slow test of the command has a whole one."""
+"""A session as a laboratory meets it: what it asks for, makes, and does not do again."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 
 import pytest
 from command_line import read_json
+from made_session import FACTS
 
 import vsf_drake as vsf
 from vsf_drake.base.errors import InputError
-from vsf_drake.motion.trial import Trial
 from vsf_drake.sessions import run
-from vsf_drake.sessions.table import FITTED, HELD_OUT, FitOutcome
-
-FACTS = {"sex": "male", "prosthetic_side": "right", "synthetic": True}
-
-
-def outcome(fitted: Sequence[Trial], held_out: Sequence[Trial]) -> FitOutcome:
-    errors = {"physics": 0.05, "momentum": 0.04, "person": 0.03, "null": 0.04}
-    return FitOutcome(
-        success=False,
-        message="nobody fitted",
-        headline=("! Stood in for.",),
-        layer="person",
-        layers={trial.path.stem: errors for trial in (*fitted, *held_out)},
-        answer=None,
-        effect=(),
-    )
-
-
-@pytest.fixture
-def stood_in(monkeypatch):
-    """The fit is stood in for; lists what was fitted and held out, call by call."""
-    calls: list[tuple[list[str], list[str]]] = []
-
-    def fitted(fitted, held_out, bench_file, out, steps, progress):
-        calls.append(
-            ([trial.path.stem for trial in fitted], [trial.path.stem for trial in held_out])
-        )
-        return outcome(fitted, held_out)
-
-    monkeypatch.setattr(run, "_fitted", fitted)
-    return calls
+from vsf_drake.sessions.table import FITTED, HELD_OUT
 
 
 def everything(folder):
@@ -68,13 +36,12 @@ def test_what_files_do_not_say_is_asked_for_and_nothing_but_the_table_is_written
 
 
 def test_where_names_tell_all_it_goes_straight_on_and_names_what_it_leaves_out(
-    folder, tmp_path, stood_in
+    kept, done, tmp_path, stood_in
 ):
-    before = everything(folder)
-    found = vsf.session(folder, out=tmp_path / "out", **FACTS)
-    assert {
-        name: content for name, content in everything(folder).items() if name != "session.csv"
-    } == before
+    before = everything(kept / "recorded" / done.name)
+    found = vsf.session(done, out=tmp_path / "out", **FACTS)
+    assert set(everything(done)) - set(before) == {"session.csv"}
+    assert {name: everything(done)[name] for name in before} == before
     [(fitted, held_out)] = stood_in
     roles = {walk.file: (walk.role, walk.fulcrum_mm) for walk in found.table.walks}
     assert roles == {
@@ -97,7 +64,7 @@ def test_where_names_tell_all_it_goes_straight_on_and_names_what_it_leaves_out(
 
 
 def test_a_step_is_done_again_only_if_what_it_is_made_of_has_changed(
-    folder, tmp_path, stood_in, monkeypatch
+    done, tmp_path, stood_in, monkeypatch
 ):
     imports = []
     real = run.import_walks
@@ -107,26 +74,22 @@ def test_a_step_is_done_again_only_if_what_it_is_made_of_has_changed(
         return real(files, options, progress=progress)
 
     monkeypatch.setattr(run, "import_walks", counted)
-    table = folder / "session.csv"
+    table = done / "session.csv"
 
     def again():
-        return vsf.session(folder, out=tmp_path / "out", **FACTS)
+        return vsf.session(done, out=tmp_path / "out", **FACTS)
 
-    again()
     table.write_text(
         table.read_text().replace(
             "F108 walk2.c3d,walk,108,yes,", "F108 walk2.c3d,walk,108,yes,new shoes"
         )
     )
     found = again()
-    assert len(imports) == 1 and [step.kept for step in found.table.steps] == [True]
+    assert not imports and [step.kept for step in found.table.steps] == [True]
     assert "new shoes" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     table.write_text(table.read_text().replace("walk,108,", "walk,129,"))
     again()
-    assert len(imports) == 2 and 129.0 in imports[1]
-    (tmp_path / "out" / "import" / "import.json").unlink()
-    again()
-    assert len(imports) == 3, "what somebody removed is made again"
+    assert len(imports) == 1 and 129.0 in imports[0]
 
 
 def test_a_copy_of_a_walk_is_left_out_and_says_of_what(folder, tmp_path, stood_in):
@@ -138,13 +101,13 @@ def test_a_copy_of_a_walk_is_left_out_and_says_of_what(folder, tmp_path, stood_i
     assert any("66mm_2.c3d again" in sentence for sentence in found.table.next)
 
 
-def test_the_command_says_the_verdict_and_ends_as_a_fit_that_failed(
-    run, folder, tmp_path, stood_in
-):
-    words = ("session", folder, "--out", tmp_path / "out", "--prosthetic-side", "right")
+def test_the_command_says_the_verdict_and_ends_as_a_fit_that_failed(run, done, tmp_path, stood_in):
+    words = ("session", done, "--out", tmp_path / "out", "--prosthetic-side", "right")
     code, _, error = run(*words)
     assert code == 2 and "--sex male or female" in error and "session.md" in error
     code, said, error = run(*words, "--sex", "male", "--synthetic")
+    steps = read_json(tmp_path / "out" / "session.json")["steps"]
+    assert steps[0]["kept"], "the same as from Python"
     assert code == 4 and "nobody fitted" in error
     assert "F108 walk2.c3d" in said and "export_failed.c3d is not used" in said
     page = tmp_path / "out" / "report.html"
@@ -154,27 +117,30 @@ def test_the_command_says_the_verdict_and_ends_as_a_fit_that_failed(
     assert page.read_text(encoding="utf-8") == written
 
 
-def test_after_an_interruption_it_goes_on(folder, tmp_path, stood_in, monkeypatch):
+def test_after_an_interruption_it_goes_on_and_what_was_removed_is_made_again(
+    done, tmp_path, stood_in, monkeypatch
+):
+    out = tmp_path / "out"
     working = run._fitted
 
     def pressed(*_):
         raise KeyboardInterrupt
 
+    (out / "session.json").unlink()
+    (out / "import" / "import.json").unlink()
     monkeypatch.setattr(run, "_fitted", pressed)
     with pytest.raises(KeyboardInterrupt):
-        vsf.session(folder, out=tmp_path / "out", **FACTS)
-    assert not (tmp_path / "out" / "session.json").exists()
+        vsf.session(done, out=out, **FACTS)
+    assert (out / "import" / "import.json").is_file() and not (out / "session.json").exists()
     monkeypatch.setattr(run, "_fitted", working)
-    found = vsf.session(folder, out=tmp_path / "out", **FACTS)
-    assert found.table.steps[0].kept
+    assert vsf.session(done, out=out, **FACTS).table.steps[0].kept
 
 
-def test_results_may_lie_in_a_folder_below_but_not_among_the_recordings(folder, stood_in):
+def test_results_may_lie_in_a_folder_below_but_not_among_the_recordings(done, tmp_path, stood_in):
     with pytest.raises(InputError, match="is the folder of the recordings"):
-        vsf.session(folder, out=folder, **FACTS)
-    out = folder / "results"
-    vsf.session(folder, out=out, **FACTS)
-    found = vsf.session(folder, out=out, **FACTS)
+        vsf.session(done, out=done, **FACTS)
+    (tmp_path / "out").rename(done / "results")
+    found = vsf.session(done, out=done / "results", **FACTS)
     assert len(found.table.walks) == 3 and found.table.steps[0].kept
 
 

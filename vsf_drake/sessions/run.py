@@ -142,7 +142,7 @@ def session(
             f"It is {', '.join(WRITERS)}",
         )
     facts, stated, of_person = _person(folder, subject, sex, prosthetic_side)
-    laboratory = laboratory or {}
+    laboratory = {name: axis for name, axis in (laboratory or {}).items() if axis is not None}
     plan = _plan(folder, facts, laboratory, part_of(progress, 0.0, _LOOKED))
     SESSION.check(out)
     steps = _Steps(out)
