@@ -52,7 +52,7 @@ def test_a_fitted_walk_shows_no_error():
         # t for 2 degrees of freedom is 4.303: 1 +- 0.1 is 1 +- 4.303 * 0.1 / sqrt(3)
         ((0.009, 0.010, 0.011), "beats the harder null model"),
         ((-0.009, -0.010, -0.011), "harder null model beats"),
-        ((0.03, 0.01, -0.01), "not clearly nearer"),
+        ((0.03, 0.01, -0.01), "No clear difference"),
         ((0.02,), "One held-out walk decides nothing"),
         ((), "no walk was left to judge by"),
     ],
@@ -65,7 +65,7 @@ def test_the_verdict_holds_the_difference_against_its_spread(gains, said):
 def test_the_interval_is_students():
     walks = [walk(error_bw=0.04 - gain, null_bw=0.04) for gain in (0.01, 0.02, 0.03)]
     # 4.3027 * 1 % / sqrt(3)
-    assert "2.0 % nearer, ± 2.5 with" in verdict_of(walks, outcome(), False)
+    assert "2.0 % nearer, 95 % interval ± 2.5" in verdict_of(walks, outcome(), False)
 
 
 def test_a_failed_fit_and_synthetic_walks_are_named():
