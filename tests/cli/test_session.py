@@ -64,19 +64,18 @@ def test_a_laboratorys_folder_comes_to_a_verdict_in_two_commands_and_two_minutes
     }
     assert sorted(walk["fulcrum_mm"] for walk in by_role[FITTED]) == [66.0, 151.0]
     assert len(by_role[HELD_OUT]) == 7
-    stored = read_json(resource("studies/results/session_fit.json"))["fits"][person.upper()]
+    stored = read_json(resource("studies/results/session_fit.json"))["cases"][f"{person}_day_1"]
     angles_given = stored["mean"]["held out"]["layers"]["person"]["grf_rmse_bw"]
     errors = [walk["error_bw"] for walk in by_role[HELD_OUT]]
     assert np.mean(errors) == pytest.approx(angles_given, abs=MARKERS_COST_BW)
     # a held-out walk less: all is judged again, but not searched
     table = folder / "session.csv"
     left = by_role[HELD_OUT][0]["file"]
-    mm = f"{by_role[HELD_OUT][0]['fulcrum_mm']:g}"
     search = (tmp_path / "out" / "search.json").stat().st_mtime_ns
     row = next(line for line in table.read_text().splitlines() if line.startswith(left))
     table.write_text(table.read_text().replace(row, row.replace(",yes,", ",no,")))
     assert run(*words)[0] == 0
-    assert (tmp_path / "out" / "search.json").stat().st_mtime_ns == search, f"{left} at {mm} mm"
+    assert (tmp_path / "out" / "search.json").stat().st_mtime_ns == search
     again = read_json(tmp_path / "out" / "session.json")
     kept = {walk["file"]: walk["error_bw"] for walk in again["walks"]}
     assert left not in kept
