@@ -91,6 +91,19 @@ def test_a_spreadsheet_with_semicolons_and_decimal_commas_is_read(tmp_path):
     assert read_rows(path) == [PlanRow(file="G1.c3d", role=WALK, fulcrum_mm="87.5")]
 
 
+def test_a_table_saved_by_excel_keeps_its_letters(tmp_path):
+    path = tmp_path / "session.csv"
+    path.write_bytes("file;role;fulcrum_mm;use\r\nfrüh.c3d;walk;66;yes\r\n".encode("cp1252"))
+    assert [row.file for row in read_rows(path)] == ["früh.c3d"]
+
+
+@pytest.mark.parametrize("position", ["9", "300", "6 6"])
+def test_a_position_that_the_fulcrum_cannot_have_is_refused_by_its_row(position):
+    files = [STAND, found("a.c3d", setting=position)]
+    with pytest.raises(InputError, match=r"session\.csv: a\.c3d, fulcrum_mm"):
+        planned(files)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -20,9 +20,11 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.base.errors import InputError, require
-from vsf_drake.base.files import csv_cells, read_text, write_text
+from vsf_drake.base.files import csv_cells, read_bytes, write_text
 from vsf_drake.base.sentences import say
 from vsf_drake.device.bench_lines import CURVES
+from vsf_drake.model.model_file import check_fulcrum
+from vsf_drake.motion.trial import default_model
 from vsf_drake.sessions.found import (
     BENCH,
     MAP,
@@ -123,7 +125,11 @@ def write_rows(path: Path, rows: Iterable[PlanRow]) -> None:
 def read_rows(path: Path) -> list[PlanRow]:
     """The table that somebody wrote, with commas, semicolons or tabs between its cells; InputError
     with the line of what cannot be used."""
-    text = read_text(path, most=MOST_BYTES).removeprefix("\ufeff")
+    content = read_bytes(path, most=MOST_BYTES)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", errors="replace")  # as Excel saves it
     [head, *_] = text.splitlines() or [""]
     separator = max(",;\t", key=head.count)
     lines = csv.reader(io.StringIO(text), delimiter=separator)
@@ -255,15 +261,19 @@ def check_one_person(files: Sequence[FoundFile]) -> None:
 
 
 def _millimetres(text: str, row: PlanRow, folder: Path) -> float:
+    file = folder / PLAN_FILE
+    where = f"{row.file}, fulcrum_mm"
     try:
-        return float(text)
+        position = float(text)
     except ValueError:
         raise InputError(
             f"{text!r} is no position of the fulcrum",
-            file=folder / PLAN_FILE,
-            where=f"{row.file}, fulcrum_mm",
+            file=file,
+            where=where,
             right="Give it in mm from the keel's posterior end, or as a setting that has a row",
         ) from None
+    check_fulcrum(1e-3 * position, default_model().foot, file=file, where=where)
+    return position
 
 
 def _is_name(text: str) -> bool:

@@ -334,7 +334,14 @@ def _imported(
     )
 
     def make() -> dict[str, str]:
-        imported = import_walks(gathered, options, progress=progress)
+        try:
+            imported = import_walks(gathered, options, progress=progress)
+        except InputError as error:
+            where, named, _ = (error.where or "").partition(" (--")
+            if not named:
+                raise
+            right = " ".join(filter(None, (error.right, *say("session", "here"))))
+            raise InputError(error.what, file=error.file, where=where, right=right) from None
         progress("writing the import", 0.95)
         write_import(imported, folder)
         return imported.failures
