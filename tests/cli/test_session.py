@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import time
 
@@ -87,6 +88,26 @@ def test_a_laboratorys_folder_comes_to_a_verdict_in_two_commands_and_two_minutes
         folder_out = tmp_path / command
         more = ("--quick",) if command == "fit" else ()
         assert exit_code(command, tmp_path / "out", "--out", folder_out, *more) in (0, 2)
+
+
+@pytest.mark.slow
+def test_the_script_of_the_guide_predicts_the_walk_in_between_as_well_as_published(
+    tmp_path, monkeypatch
+):
+    """The paper's model, fitted to the walk itself, is left with 5 % of body weight."""
+    page = (resource("docs/guide/python.md")).read_text(encoding="utf-8")
+    [script] = [
+        block
+        for block in re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+        if "vsf.session(" in block
+    ]
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(script, names)
+    walks = {walk.file: walk for walk in names["found"].table.walks}
+    assert walks["108mm.c3d"].role == HELD_OUT and walks["66mm.c3d"].role == FITTED
+    assert walks["108mm.c3d"].error_bw < 0.05
+    assert not (resource("data/reference_subject/c3d") / "session.csv").exists()
 
 
 @pytest.fixture
