@@ -69,6 +69,8 @@ def test_a_laboratorys_folder_comes_to_a_verdict_in_two_commands_and_two_minutes
     angles_given = stored["mean"]["held out"]["layers"]["person"]["grf_rmse_bw"]
     errors = [walk["error_bw"] for walk in by_role[HELD_OUT]]
     assert np.mean(errors) == pytest.approx(angles_given, abs=MARKERS_COST_BW)
+    if person == "b":  # whose mass is the median of what all walks' forces tell: all hang together
+        return
     # a held-out walk less: all is judged again, but not searched
     table = folder / "session.csv"
     left = by_role[HELD_OUT][0]["file"]
@@ -84,10 +86,10 @@ def test_a_laboratorys_folder_comes_to_a_verdict_in_two_commands_and_two_minutes
         kept[walk["file"]] == pytest.approx(walk["error_bw"], abs=1e-6)
         for walk in by_role[HELD_OUT][1:]
     )
-    for command in ("check", "fit", "simulate"):
-        folder_out = tmp_path / command
-        more = ("--quick",) if command == "fit" else ()
-        assert exit_code(command, tmp_path / "out", "--out", folder_out, *more) in (0, 2)
+    assert exit_code("check", tmp_path / "out", "--out", tmp_path / "check") == 0
+    walked = tmp_path / "walked"
+    assert exit_code("simulate", tmp_path / "out", "--out", walked, "--no-replay") == 0
+    assert len([*walked.glob("*/person_force.csv")]) == 8, "by the session's contact"
 
 
 @pytest.mark.slow
