@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import csv
-import sys
 
 import numpy as np
 import pytest
 
+import vsf_drake as vsf
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.sessions.curves import COLUMNS, walked_with, write_excel, write_tidy_csv
+from vsf_drake.sessions import curves
+from vsf_drake.sessions.curves import COLUMNS, walked_with, write_tidy_csv
 
 TRIAL = resource("data/reference_subject/exact/medium_1.yaml")
 
@@ -59,7 +60,8 @@ def test_stance_runs_from_strike_to_lift_off_where_the_plate_is_loaded(rows):
     np.testing.assert_allclose(rate, rate[0], rtol=5e-3)  # written to 0.001 %
 
 
-def test_excel_without_its_writer_says_what_to_install(trial, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "openpyxl", None)
+def test_excel_without_its_writer_is_refused_before_anything_is_done(tmp_path, monkeypatch):
+    monkeypatch.setattr(curves, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"openpyxl.*pip install openpyxl"):
-        write_excel(tmp_path, walked_with([trial], None))
+        vsf.session(tmp_path, out=tmp_path / "out", curves=("excel",))
+    assert not [*tmp_path.iterdir()]

@@ -12,7 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -119,28 +121,30 @@ def write_tidy_csv(folder: Path, walked: Sequence[WalkedTrial]) -> None:
     write_csv(folder / "curves.csv", COLUMNS, tidy_rows(walked))
 
 
-def write_excel(folder: Path, walked: Sequence[WalkedTrial]) -> None:
-    """`curves.xlsx`, a sheet a trial; InputError where pandas or openpyxl is not installed."""
-    pandas = tables_module("pandas")
-    try:
-        with pandas.ExcelWriter(folder / "curves.xlsx", engine="openpyxl") as book:
-            for one in walked:
-                rows = [*tidy_rows([one])]
-                require(
-                    len(rows) <= EXCEL_ROWS,
-                    f"{one.name} has {len(rows)} rows, a sheet of Excel {EXCEL_ROWS}",
-                    "--excel",
-                    "Take --csv",
-                )
-                pandas.DataFrame(rows, columns=COLUMNS).to_excel(
-                    book, sheet_name=one.name[:31], index=False
-                )
-    except ImportError:
+def excel_writer() -> Any:
+    """pandas, if it can write Excel; InputError that says what to install if it cannot."""
+    if find_spec("openpyxl") is None:
         raise InputError(
             "is not installed, without which pandas writes no Excel",
             where="openpyxl",
             right="Install it: pip install openpyxl",
-        ) from None
+        )
+    return tables_module("pandas")
+
+
+def write_excel(folder: Path, walked: Sequence[WalkedTrial]) -> None:
+    """`curves.xlsx`, the same table."""
+    pandas = excel_writer()
+    rows = [*tidy_rows(walked)]
+    require(
+        len(rows) <= EXCEL_ROWS,
+        f"there are {len(rows)} rows, a sheet of Excel has {EXCEL_ROWS}",
+        "--excel",
+        "Take --csv",
+    )
+    pandas.DataFrame(rows, columns=COLUMNS).to_excel(
+        folder / "curves.xlsx", sheet_name="curves", index=False, engine="openpyxl"
+    )
 
 
 def write_opensim_walks(folder: Path, walked: Sequence[WalkedTrial]) -> None:

@@ -32,7 +32,7 @@ from vsf_drake.report.fit_output import CHECKPOINT, CONTACT
 from vsf_drake.report.import_outputs import IMPORT, write_import
 from vsf_drake.report.results_folder import PAGE
 from vsf_drake.report.session_page import FIT_FOLDER, IMPORT_FOLDER, SESSION, STEPS
-from vsf_drake.sessions.curves import WRITERS, walked_with
+from vsf_drake.sessions.curves import WRITERS, excel_writer, walked_with
 from vsf_drake.sessions.fitting import Checkpoint, FitTask, run_task
 from vsf_drake.sessions.found import PLAN_FILE, SUBJECT_FILE, find_files
 from vsf_drake.sessions.plan import (
@@ -141,6 +141,8 @@ def session(
             "curves",
             f"It is {', '.join(WRITERS)}",
         )
+    if "excel" in curves:
+        excel_writer()
     facts, stated, of_person = _person(folder, subject, sex, prosthetic_side)
     laboratory = {name: axis for name, axis in (laboratory or {}).items() if axis is not None}
     plan = _plan(folder, facts, laboratory, part_of(progress, 0.0, _LOOKED))
