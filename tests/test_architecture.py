@@ -39,6 +39,7 @@ FLOORS = (
     "optimal_control",
     "validation",
     "report",
+    "sessions",
     "cli",
 )
 RANK = {name: rank for rank, name in enumerate(FLOORS)}

@@ -10,6 +10,7 @@
     to data    fit_offsets; ContactFit and fit_contact (`solve` of `vsf_drake.fit`)
     a setting  predict: motion, force and loads between recorded settings
     stiffness  StiffnessTuning and tune_stiffness (`vsf_drake.tuning.solve`)
+    a session  session: from a folder of recordings to a verdict
     studies    make_study; WalkCase and simulate_batch: many walks at once
     files      load_model; resource: a file that comes with the package
 
@@ -41,6 +42,7 @@ _HOMES = {
     "predict": "tuning.answered",
     "resource": "base.files",
     "run_bench": "simulation.bench",
+    "session": "sessions.run",
     "simulate_batch": "simulation.batch",
     "simulate_trial": "simulation.walk",
     "trial_with": "walks.recorded_walk:with_contact",

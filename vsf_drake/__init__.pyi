@@ -16,6 +16,7 @@ from vsf_drake.plants import (
     add_fulcrum_slider,
     wire_foot,
 )
+from vsf_drake.sessions.run import session
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
 from vsf_drake.simulation.bench import run_bench
 from vsf_drake.simulation.stepped import make_stepped_leg, make_stepped_person
@@ -53,6 +54,7 @@ __all__ = [
     "predict",
     "resource",
     "run_bench",
+    "session",
     "simulate_batch",
     "simulate_trial",
     "trial_with",

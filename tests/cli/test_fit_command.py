@@ -17,6 +17,7 @@ from vsf_drake.cli import fit_run
 from vsf_drake.fit.options import PaperOptions
 from vsf_drake.model.contact_file import load_contact
 from vsf_drake.report import fit_output
+from vsf_drake.sessions import fitting
 
 DATA = resource("data/reference_subject")
 EXACT = DATA / "exact"
@@ -156,7 +157,7 @@ def test_a_simulation_that_fails_leaves_a_report_of_failure(
     def fails(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr(fit_run, where, fails)
+    monkeypatch.setattr(fitting, where, fails)
     code, _, said = run("fit", TRIAL, "--out", tmp_path / "fit", *FEW)
     assert code == 4 and str(error) in said
     table = left_by_a_failed_fit(tmp_path / "fit")
@@ -167,7 +168,7 @@ def test_a_simulation_that_fails_leaves_a_report_of_failure(
 def interrupted(monkeypatch, *, after: int) -> None:
     """Ctrl-C as soon as the state has been saved so many times."""
     saved = 0
-    save = fit_run.Checkpoint.save
+    save = fitting.Checkpoint.save
 
     def saving(self, state):
         nonlocal saved
@@ -176,7 +177,7 @@ def interrupted(monkeypatch, *, after: int) -> None:
         if saved == after:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(fit_run.Checkpoint, "save", saving)
+    monkeypatch.setattr(fitting.Checkpoint, "save", saving)
 
 
 def same_fit(one: Path, other: Path) -> None:
@@ -230,7 +231,7 @@ def test_ctrl_c_before_anything_was_found_leaves_no_old_contact(
     def pressed(self: object, state: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(fit_run.Checkpoint, "save", pressed)
+    monkeypatch.setattr(fitting.Checkpoint, "save", pressed)
     (out / "checkpoint.json").write_text("{}")
     code, said, error = run("fit", TRIAL, "--out", out, *FEW)
     assert code == 130 and "begins again" in error
@@ -271,7 +272,7 @@ def test_freed_and_frozen_parameters_are_those_that_were_named(run, tmp_path, ba
 
 def test_a_held_out_trial_judged_at_a_height_of_its_own_says_so(run, tmp_path, bare, monkeypatch):
     monkeypatch.setattr(
-        fit_run, "assess", functools.partial(fit_run.assess, angle_errors=False, layers=False)
+        fitting, "assess", functools.partial(fitting.assess, angle_errors=False, layers=False)
     )
     held = TRIAL.with_name("medium_2.yaml")
     words = ("--freeze", "*", "--free", "offset.height", "--hold-out", held, "--held-out-height")

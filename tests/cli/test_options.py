@@ -20,6 +20,7 @@ from vsf_drake.cli.device import ExportRequest, ShowRequest, WalkRequest
 from vsf_drake.cli.fit import FitRequest
 from vsf_drake.cli.options import Asked, fields_of, flags, from_fields, made
 from vsf_drake.cli.recordings import ImportRequest
+from vsf_drake.cli.session import SessionRequest
 from vsf_drake.cli.study import StudyRequest
 from vsf_drake.cli.sweep import SweepRequest
 from vsf_drake.device.stiffness_map.make import DRAWS, standard_axes
@@ -43,6 +44,7 @@ MADE_FROM = {
     "fit": (FitRequest, ContactFitOptions),
     "tune": (GivenMotionOptions, FreeMotionOptions),
     "import": (PersonFacts, ImportRequest, Laboratory, ImportOptions),
+    "session": (SessionRequest, Laboratory),
     "validate": (StudyRequest, StudyOptions),
     "bench": (BenchOptions,),
     "export": (ExportRequest,),

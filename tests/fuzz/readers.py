@@ -35,7 +35,6 @@ from virtual_laboratory.trc import write_trc
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import plain, resource, sha256, write_json
-from vsf_drake.cli.fit_run import Checkpoint
 from vsf_drake.cli.tune import read_warm_start
 from vsf_drake.device.bench_lines import load_measured_bench
 from vsf_drake.fit.table import fit_arrays, fit_json
@@ -54,6 +53,7 @@ from vsf_drake.report.fit_output import FIT
 from vsf_drake.report.outputs import check_sweep_folder
 from vsf_drake.report.tuning.chapters import TUNING
 from vsf_drake.report.validation.output import VALIDATION
+from vsf_drake.sessions.fitting import Checkpoint
 from vsf_drake.simulation.archive import check_target
 from vsf_drake.simulation.batch.cases import WorkerTask, digest
 from vsf_drake.simulation.batch.run import _NAMED, Kind, Reply, WalkCache

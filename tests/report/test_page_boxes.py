@@ -10,10 +10,11 @@ from browser import chromium
 from made_contact import made_contact
 from made_fit import made_fit
 from made_map import made_map
+from made_session import made_session_table
 from made_tuning import made_arrays, made_stride_arrays, made_stride_table, made_table
 from page_boxes import SIZES, lying_over
 
-from vsf_drake.base.files import resource
+from vsf_drake.base.files import plain, resource
 from vsf_drake.model.contact_file import load_contact
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.recording.examine import examine
@@ -22,13 +23,14 @@ from vsf_drake.report.fit_output import write_fit
 from vsf_drake.report.import_outputs import import_page
 from vsf_drake.report.map_page import write_map
 from vsf_drake.report.predict_page import write_prediction
+from vsf_drake.report.session_page import SESSION
 from vsf_drake.report.tuning.chapters import write_tuning
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.tuning.answered import predict
 from vsf_drake.walks.difference import difference_of, side_of
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 
-SESSION = resource("data/sessions/a/day_1/1p1")
+WALKS = resource("data/sessions/a/day_1/1p1")
 STUCK = """<!doctype html><body><h1>A heading</h1><p style="height:1500px">A text.</p><p>Its end.</p>
 <p id="stuck" style="position:sticky;bottom:0;margin:0">A slider.</p></body>"""  # noqa: E501
 """Its last line stays in view, over the text."""
@@ -50,15 +52,16 @@ def test_nothing_lies_over_anything_on_any_page(quick_validation, tmp_path):
     found = predict([load_trial(path) for path in walks], contact, fulcrum_m=0.108, step_s=4e-3)
     assert "half_width" in found.arrays, "with its interval"
     write_prediction(tmp_path / "predict", found)
+    SESSION.write(tmp_path / "session", plain(made_session_table()))
     walk = examine(load_trial(resource("data/reference_subject/exact/medium_1.yaml")))
     sides = [
-        side_of(name, [load_trial(SESSION / f"{name}_{k}.yaml") for k in (1, 2)])
+        side_of(name, [load_trial(WALKS / f"{name}_{k}.yaml") for k in (1, 2)])
         for name in ("low", "high")
     ]
     write_comparison(tmp_path / "compare", difference_of(*sides), *sides, provenance())
     pages = {
         name: (tmp_path / name / "report.html").read_text(encoding="utf-8")
-        for name in ("map", "fit", "tune", "tune_free", "predict", "compare")
+        for name in ("map", "fit", "tune", "tune_free", "predict", "compare", "session")
     }
     pages |= {
         "validate": (quick_validation / "report.html").read_text(encoding="utf-8"),

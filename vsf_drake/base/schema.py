@@ -47,6 +47,8 @@ _OTHER_UNITS = {
 """What else people give where a unit is asked for, and how much of that unit it is."""
 
 
+SELDOM = "Seldom needed"
+"""Heading of --help for options that the usual case does without."""
 SEED = "Seed of everything random."  # the help of every option for one
 _SHOWN = 40  # letters of a wrong value in messages
 _KINDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
@@ -91,7 +93,8 @@ def option(default: Any, help: str, **told: str) -> Any:
 
     A field of any kind is an option where it has a `help`. What else may be told of it: `flag`, the
     option's name where it is not the field's; `metavar`, what its value looks like, with a comma
-    where several stand in one text; `shown`, the words of --help for a default that is None.
+    where several stand in one text; `shown`, the words of --help for a default that is None;
+    `panel`, the heading below the other options under which it stands there.
     """
     return dataclasses.field(default=default, metadata={"help": help, **told})
 

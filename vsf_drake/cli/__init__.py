@@ -56,6 +56,7 @@ def _ended(signals: _Signals) -> int | str | None:
             fit,
             predict,
             recordings,
+            session,
             stiffness_map,
             study,
             sweep,

@@ -40,6 +40,20 @@ class PlainCommand(TyperCommand):
                 vars(param)["display_type_rich"] = lambda ctx: None
         return params
 
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Arguments, options, and below them the options of a panel of their own."""
+        panels: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        for param in self.get_params(ctx):
+            told = param.get_help_record(ctx)
+            if told is not None:
+                panel = getattr(param, "rich_help_panel", None) or "Options"
+                heading = "Arguments" if param.param_type_name == "argument" else panel
+                panels.setdefault(heading, []).append(told)
+        for heading, rows in panels.items():
+            if rows:
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
+
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -77,6 +91,14 @@ Contact = Annotated[
 ]
 Trials = Annotated[
     list[Path], typer.Argument(parser=path, metavar="TRIAL.yaml...", help="Trial manifests.")
+]
+FolderOrTrials = Annotated[
+    list[Path],
+    typer.Argument(
+        parser=path,
+        metavar="TRIAL.yaml...|FOLDER",
+        help="Trial manifests, or a folder of them such as `import` and `session` write.",
+    ),
 ]
 Workers = Annotated[int | None, typer.Option(help="Processes. Default: one per core.", min=1)]
 Seed = Annotated[int, typer.Option(help=SEED, min=0)]
@@ -205,6 +227,31 @@ def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:
 
     model = load_model(path or resource("models/nominal.yaml"))
     return model if contact is None else fitted_model(model, load_contact(contact), file=contact)
+
+
+def manifests_of(paths: Iterable[Path]) -> list[Path]:
+    """The manifests, those in a folder in its place: of a session's results those that it
+    imported."""
+    from vsf_drake.motion.manifest import keys_of
+    from vsf_drake.report.session_page import IMPORT_FOLDER
+
+    found = []
+    for given in paths:
+        if not given.is_dir():
+            found.append(given)
+            continue
+        inner = given / IMPORT_FOLDER
+        folder = inner if inner.is_dir() else given
+        there = [file for file in sorted(folder.glob("*.yaml")) if "prosthesis" in keys_of(file)]
+        require(
+            there,
+            "holds no trial manifests",
+            right="Name a folder that `import` or `session` wrote; recordings become one by "
+            "`vsf-drake session`",
+            file=given,
+        )
+        found += there
+    return found
 
 
 def read_trials(paths: list[Path], contact: Path | None, *, law: str | None = None) -> list[Trial]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import user_path
-from vsf_drake.cli.app import Out, app, print_text, say
+from vsf_drake.cli.app import Out, app, manifests_of, print_text, say
 
 if TYPE_CHECKING:  # it imports Drake
     from vsf_drake.walks.difference import Side
@@ -71,7 +70,7 @@ def _side(name: str) -> Side:
     if results:
         trials = [trial_of(load_walk(folder), folder) for folder in results]
     else:
-        trials = [load_trial(file) for file in _manifests(path)]
+        trials = [load_trial(file) for file in manifests_of([path])]
     own = [trial for trial in trials if at_m is None or abs(trial.fulcrum_m - at_m) <= SETTING_M]
     if not own:
         known = sorted({round(1e3 * trial.fulcrum_m) for trial in trials})
@@ -81,18 +80,3 @@ def _side(name: str) -> Side:
             right=f"There are walks at {', '.join(map(str, known))} mm",
         )
     return side_of(name, own, simulated=bool(results))
-
-
-def _manifests(path: Path) -> list[Path]:
-    """A trial manifest, or all of a folder, or of the folders in it; by name."""
-    from vsf_drake.motion.manifest import keys_of
-
-    if not path.is_dir():
-        return [path]
-    for below in ("*.yaml", "*/*.yaml"):
-        found = [
-            file for file in sorted(path.glob(below)) if {"subject", "prosthesis"} <= keys_of(file)
-        ]
-        if found:
-            return found
-    raise InputError("holds no walks", file=path, right=f"Name a {_SIDE}")

@@ -290,12 +290,37 @@ class WalkRequest(StepOptions, LawOptions):
 @app.command()
 @from_fields
 def simulate(
-    trial: Annotated[Path, typer.Argument(parser=path, help="Trial manifest (YAML).")],
+    trial: Annotated[
+        Path,
+        typer.Argument(
+            parser=path,
+            metavar="TRIAL.yaml|FOLDER",
+            help="Trial manifest, or a folder of them: each walk then has a folder in --out.",
+        ),
+    ],
     out: Out,
     asked: WalkRequest,
 ) -> None:
     """Drives the person with recorded motion and compares the predicted ground reaction force with
-    the force plate, if the trial has one."""
+    the force plate, if the trial has one.
+
+    The trials of a session's results are walked with its contact unless another is named.
+    """
+    from vsf_drake.report.fit_output import CONTACT
+    from vsf_drake.report.session_page import FIT_FOLDER
+
+    if not trial.is_dir():
+        _simulate(trial, out, asked)
+        return
+    own = trial / FIT_FOLDER / CONTACT
+    if asked.contact is None and not asked.fit_offsets and own.is_file():
+        asked = dataclasses.replace(asked, contact=own)
+    for manifest in cli.manifests_of([trial]):
+        _simulate(manifest, out / manifest.stem, asked)
+
+
+def _simulate(trial: Path, out: Path, asked: WalkRequest) -> None:
+    """One walk."""
     from vsf_drake.base.sentences import say as sentences
     from vsf_drake.model.contact_file import load_contact
     from vsf_drake.model.model_file import check_fulcrum

@@ -11,7 +11,17 @@ import typer
 
 from vsf_drake.base.errors import FitError, require
 from vsf_drake.base.schema import choice, option
-from vsf_drake.cli.app import Out, app, interrupted, path, say, under, warn
+from vsf_drake.cli.app import (
+    FolderOrTrials,
+    Out,
+    app,
+    interrupted,
+    manifests_of,
+    progress,
+    say,
+    under,
+    warn,
+)
 from vsf_drake.cli.options import Asked, fields_of, flags, from_fields
 from vsf_drake.cli.recordings import AcceptUnusable, judged
 from vsf_drake.fit.options import JOINT, PAPER, ContactFitOptions
@@ -80,10 +90,7 @@ _OF_BOTH = {"law", "bench", "hold_out", "held_out_height", "strategy", "seed", "
 @app.command()
 @from_fields
 def fit(
-    trials: Annotated[
-        list[Path],
-        typer.Argument(parser=path, metavar="TRIAL.yaml...", help="Trial manifests of one person."),
-    ],
+    trials: FolderOrTrials,
     out: Out,
     request: FitRequest,
     search: Annotated[Asked, ContactFitOptions],
@@ -95,10 +102,12 @@ def fit(
     """Fits the contact of the foot to one or more trials, and reports how well it predicts.
 
     Give trials at two or more fulcrum positions, a bench and some held-out trials: one stiffness
-    alone does not identify the model. contact.yaml, for --contact of the other commands, is written
-    only if the fit succeeded; a fit that failed ends with exit code 4 and says in fit.json and
-    report.html how far it came, what stood in the way and what to do. Ctrl-C, a time limit and too
-    few iterations leave a checkpoint, from which the same command continues with --resume.
+    alone does not identify the model. Of a folder the best recording of its softest and of its
+    stiffest setting is fitted, and all others are held out. contact.yaml, for --contact of the
+    other commands, is written only if the fit succeeded; a fit that failed ends with exit code 4
+    and says in fit.json and report.html how far it came, what stood in the way and what to do.
+    Ctrl-C, a time limit and too few iterations leave a checkpoint, from which the same command
+    continues with --resume.
     """
     for name, field in fields_of(ContactFitOptions, FitRequest).items():
         given = name in search or getattr(request, name, field.default) != field.default
@@ -127,18 +136,34 @@ def fit(
             "--free",
             "Decide for one",
         )
-    from vsf_drake.cli.fit_run import Checkpoint, make_task, run_task
+    from vsf_drake.cli.fit_run import make_task
     from vsf_drake.model.bench_curves import bench_doubts
     from vsf_drake.motion.trial import load_trial
     from vsf_drake.report.fit_output import CHECKPOINT, CONTACT, FIT, synthetic_of
     from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.sessions.fitting import Checkpoint, run_task
+    from vsf_drake.sessions.table import outer_walks
 
+    of_folder = any(given.is_dir() for given in trials)
+    require(
+        not of_folder or (len(trials) == 1 and not request.hold_out),
+        "a folder stands alone: which of its trials are held out it decides",
+        "TRIAL.yaml...|FOLDER",
+        "Name one folder and nothing else, or manifests",
+    )
+    trials = manifests_of(trials)
     FIT.check(out)
     checkpoint = Checkpoint(out / CHECKPOINT, resume=resume)
     read = judged(
         under(request.law, map(load_trial, (*trials, *request.hold_out))), accept=accept_unusable
     )
-    task = make_task(read[: len(trials)], read[len(trials) :], request, search)
+    fitted = read[: len(trials)]
+    held_out = read[len(trials) :]
+    if of_folder:
+        fitted = [read[i] for i in outer_walks(read)]
+        held_out = [trial for trial in read if trial not in fitted]
+        say(f"Fitted: {', '.join(trial.path.stem for trial in fitted)}; the others are held out")
+    task = make_task(fitted, held_out, request, search)
     synthetic = synthetic_of(task.table())
     if synthetic:
         say(f"SYNTHETIC, not recorded: {', '.join(synthetic)}.")
@@ -147,7 +172,8 @@ def fit(
     if checkpoint.note:
         warn(checkpoint.note)
     try:
-        table = run_task(task, out, checkpoint)
+        with progress() as show:
+            table = run_task(task, out, checkpoint, show)
     except KeyboardInterrupt:
         interrupted(checkpoint.after_interruption())
     if not table.success:

@@ -11,6 +11,7 @@ from os.path import abspath, expanduser
 from vsf_drake.base.errors import InputError
 
 GUIDES = {
+    "session": "session",
     "bench": "commands",
     "simulate": "trials",
     "validate": "validate",

@@ -116,6 +116,7 @@ def _parameter(field: dataclasses.Field[Any], hint: Any) -> inspect.Parameter:
         parser=user_path if Path in (kind, *items) else None,
         help=told["help"],
         metavar=told.get("metavar"),
+        rich_help_panel=told.get("panel"),
         show_default=told.get("shown", kind is not bool or field.default),
         **{end: at for end, at in reach.items() if kind is int and math.isfinite(at)},
     )

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsf_drake.base.errors import InputError, require
-from vsf_drake.base.schema import option
+from vsf_drake.base.schema import SELDOM, option
 from vsf_drake.cli import app as cli
 from vsf_drake.cli.app import (
     Contact,
+    FolderOrTrials,
     OptionalOut,
     Out,
-    Trials,
     app,
     path,
     progress,
@@ -86,26 +86,28 @@ class ImportRequest:
 
     subject: Path | None = option(None, "YAML file of the person, instead of the options above.")
     no_standing: bool = option(
-        False, "There is no standing trial: a walk calibrates, which is doubtful."
+        False, "There is no standing trial: a walk calibrates, which is doubtful.", panel=SELDOM
     )
     forces: tuple[Path, ...] = option(
         (),
         "Force file of each walk, in their order. Default: the file of the same name beside a "
         ".trc.",
         metavar="FILE",
+        panel=SELDOM,
     )
     right_plate: str | None = option(
-        None, "Plate under the right foot, if it is not detected correctly."
+        None, "Plate under the right foot, if it is not detected correctly.", panel=SELDOM
     )
     left_plate: str | None = option(
-        None, "Plate under the left foot, if it is not detected correctly."
+        None, "Plate under the left foot, if it is not detected correctly.", panel=SELDOM
     )
-    already_filtered: bool = option(False, "Do not filter the markers again.")
+    already_filtered: bool = option(False, "Do not filter the markers again.", panel=SELDOM)
     window: tuple[float, float] | None = option(
         None,
         "Part of the walks to use, in s. Default: the prosthetic foot's stances on plates and "
         f"{AROUND_STANCES_S:g} s around them.",
         metavar="START END",
+        panel=SELDOM,
     )
 
 
@@ -183,13 +185,14 @@ def import_trials(
 
 
 @app.command()
-def check(trials: Trials, out: Out, contact: Contact = None) -> None:
+def check(trials: FolderOrTrials, out: Out, contact: Contact = None) -> None:
     """Judges the quality of recorded trials without simulating: a mark, a number and a sentence for
     every check."""
     from vsf_drake.recording.examine import examine
     from vsf_drake.report.import_outputs import CHECK, write_check
 
     CHECK.check(out)
+    trials = cli.manifests_of(trials)
     read_trials([], contact)
     items = []
     failures = {}

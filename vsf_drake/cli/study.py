@@ -194,7 +194,10 @@ def report(
         Path,
         typer.Argument(
             parser=path,
-            help="Folder that `validate`, `tune`, `map`, `predict` or `compare` wrote with --out.",
+            help=(
+                "Folder that `session`, `validate`, `tune`, `map`, `predict` or `compare` wrote "
+                "with --out."
+            ),
         ),
     ],
     svg: Annotated[
@@ -206,13 +209,14 @@ def report(
     from vsf_drake.report.map_page import MAP
     from vsf_drake.report.predict_page import PREDICT
     from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.report.session_page import SESSION
     from vsf_drake.report.tuning.chapters import TUNING
     from vsf_drake.report.validation.output import PUBLISHED, VALIDATION
 
     kind = next(
         (
             kind
-            for kind in (COMPARE, TUNING, MAP, PREDICT, PUBLISHED)
+            for kind in (COMPARE, TUNING, MAP, PREDICT, PUBLISHED, SESSION)
             if (folder / kind.table).is_file()
         ),
         VALIDATION,

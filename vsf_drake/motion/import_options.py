@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from vsf_drake.base.schema import option, quantity, same_as
+from vsf_drake.base.schema import SELDOM, option, quantity, same_as
 from vsf_drake.motion.manifest import Manifest, Window
 from vsf_drake.motion.markers.person_facts import PersonFacts
 
@@ -21,13 +21,21 @@ class TrialOptions:
     stated: Mapping[str, float] = field(default_factory=dict)
     """Fields of `Subject` that are known better than the markers tell, by name; they win."""
     hip: str = same_as(  # see `calibrate`
-        Manifest, "hip_centre", help="Hip centre: harrington, bell, hara or davis."
+        Manifest, "hip_centre", help="Hip centre: harrington, bell, hara or davis.", panel=SELDOM
     )
     cutoff_hz: float | None = same_as(  # of the markers' filter; None leaves them as they are
-        Manifest, "marker_cutoff_hz", help="Cut-off of the zero-phase low-pass of the markers."
+        Manifest,
+        "marker_cutoff_hz",
+        help="Cut-off of the zero-phase low-pass of the markers.",
+        panel=SELDOM,
     )
     longest_gap_s: float = quantity(  # see `fill_gaps`
-        0.1, unit="s", low=0.0, source="choice", help="Longest gap of a marker to fill."
+        0.1,
+        unit="s",
+        low=0.0,
+        source="choice",
+        help="Longest gap of a marker to fill.",
+        panel=SELDOM,
     )
     plate_sides: Mapping[str, str | None] | None = None
     """plate names by side, where the user says which is which foot"""
@@ -38,6 +46,7 @@ class TrialOptions:
         Manifest,
         "belt_speed_m_per_s",
         help="Belt speed of a treadmill; + when the belt runs backward.",
+        panel=SELDOM,
     )
     unknown_force: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
     """Spans (s) by side, stated beside what plates and feet tell; see `Trial.unmeasured`."""
@@ -65,10 +74,10 @@ class ImportOptions(TrialOptions):
     laboratory: Mapping[str, str | None] = field(default_factory=dict)
     """up, forward, length_unit, as for `read_trial`"""
     scale_prosthesis: bool = option(
-        False, "Make the shell of the model's foot as long as the recorded one."
+        False, "Make the shell of the model's foot as long as the recorded one.", panel=SELDOM
     )
     inverse_kinematics: bool = option(
-        False, "Refine the angles by a global inverse kinematics.", flag="--ik"
+        False, "Refine the angles by a global inverse kinematics.", flag="--ik", panel=SELDOM
     )
     around_stances_s: float | None = AROUND_STANCES_S
     synthetic: bool = option(False, "Nobody was recorded: all results then say SYNTHETIC.")

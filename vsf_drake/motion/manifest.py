@@ -14,7 +14,7 @@ import yaml
 
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import user_path
-from vsf_drake.base.schema import check, choice, load_yaml, quantity
+from vsf_drake.base.schema import SELDOM, check, choice, load_yaml, quantity
 from vsf_drake.base.sentences import say
 from vsf_drake.base.yaml_file import read_yaml
 from vsf_drake.model.parameters import SIDES, Subject
@@ -63,18 +63,21 @@ class Laboratory:
         options=AXES,
         source="stated: the laboratory's axis that points up",
         help="Laboratory axis that points up: x, y, z, -x, ...",
+        panel=SELDOM,
     )
     forward: str | None = choice(
         None,
         options=AXES,
         source="stated: the laboratory's axis along which they walk",
         help="Laboratory axis of walking.",
+        panel=SELDOM,
     )
     length_unit: str | None = choice(  # of the markers' coordinates
         None,
         options=("mm", "cm", "m", "in"),
         source="stated",
         help="mm, cm, m or in, where the file does not say.",
+        panel=SELDOM,
     )
 
 

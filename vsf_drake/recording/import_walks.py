@@ -460,18 +460,19 @@ def gather(standing: Path | None, walks: Sequence[Path], forces: Sequence[Path] 
         "--forces",
         "Repeat --forces once for each walk, in the walks' order",
     )
-    beside = [None if forces else _beside(path) for path in walks]
+    beside = [None if forces else forces_beside(path) for path in walks]
     return FileSet(
         standing,
         tuple(walks),
         tuple(forces or beside),
-        None if standing is None else _beside(standing),
+        None if standing is None else forces_beside(standing),
         tuple(path for path in beside if path is not None),
         standing if len(walks) < every else None,
     )
 
 
-def _beside(path: Path) -> Path | None:
+def forces_beside(path: Path) -> Path | None:
+    """The force file of like name beside a .trc, if there is one."""
     names = BESIDE if path.suffix.lower() == ".trc" else ()
     return next(
         (force for name in names if (force := path.with_name(name.format(path.stem))).is_file()),

@@ -129,6 +129,11 @@ def c3d_labels(path: Path) -> list[str]:
     return _labels(_C3d(path), [])[0]
 
 
+def c3d_subjects(path: Path) -> list[str]:
+    """The names of the persons in a C3D file, as Vicon writes them (SUBJECTS:NAMES)."""
+    return [name for name in _C3d(path).all_texts("SUBJECTS:NAMES") if name]
+
+
 def _labels(c3d: _C3d, notes: list[str]) -> tuple[list[str], list[int]]:
     labels = c3d.all_texts("POINT:LABELS")[: c3d.points]
     computed = {label for name in _NOT_POSITIONS for label in c3d.all_texts(f"POINT:{name}")}

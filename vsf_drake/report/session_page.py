@@ -1,0 +1,53 @@
+"""The page of a session: verdict, walks and what to record next on the first screen; the rest
+behind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from vsf_drake.report.page import Chapter, render
+from vsf_drake.report.results_folder import ResultsFolder
+from vsf_drake.report.style import Arrays
+
+IMPORT_FOLDER, FIT_FOLDER = "import", "fit"
+STEPS = "steps.json"
+
+
+def session_page(
+    saved: Mapping[str, Any], arrays: Arrays, *, folder: Path, lenient: bool
+) -> dict[str, Any]:
+    """What `page.chapter_page` is to be given of session.json."""
+    facts = {"t": saved}
+    return {
+        "title": f"Session of {saved['person']}",
+        "chapters": [
+            Chapter(name="verdict", title="", template="session/verdict.html.j2", facts=facts),
+            Chapter(
+                name="setting",
+                title="What the setting does",
+                template="session/setting.html.j2",
+                facts=facts,
+            ),
+            Chapter(name="fit", title="The fit", template="session/fit.html.j2", facts=facts),
+            Chapter(
+                name="files",
+                title="Files, and what was left out",
+                template="session/files.html.j2",
+                facts=facts,
+            ),
+        ],
+        "synthetic": saved["synthetic"],
+        "first_line": str(render("session/first_line.txt.j2", t=saved)).strip(),
+    }
+
+
+SESSION = ResultsFolder(
+    kind="session",
+    command="session",
+    table="session.json",
+    show=session_page,
+    known=lambda table: "walks" in table and "files" in table,
+    unfinished=lambda out: (out / STEPS).is_file(),
+)

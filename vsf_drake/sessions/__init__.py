@@ -1,0 +1,1 @@
+"""From a folder of recordings to a verdict: what is in it, what is made of it, what it is worth."""
