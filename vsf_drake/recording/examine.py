@@ -32,9 +32,9 @@ from vsf_drake.recording import (
     GOOD_BW,
     Check,
     checked,
-    costs,
     expected_error,
     force_checks,
+    leading,
     motion_checks,
     overall,
 )
@@ -47,6 +47,11 @@ GRID_S = 1e-3
 EDGE_S = 0.1
 # a plate that sees less of a stance than its motion tells by more than this has seen a part of it
 PARTIAL_S = 0.12
+
+# a foot that bends otherwise than in the other walks of its setting by this much, and by this many
+# times as much as in those of another (choices)
+APART_MM = 12.0
+CLEARLY = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,17 +77,19 @@ class Examined:
     @property
     def verdict(self) -> str:
         """Mark and expected error in words, with what made it so: the limit that the error is
-        beyond and its largest share, the checks that are unusable, the doubts that alone make a
+        beyond and its largest shares, the checks that are unusable, the doubts that alone make a
         recording doubtful."""
         error = self.expected_error_bw
-        shares = costs(self.checks)
+        largest, others, others_bw = leading(self.checks)
         beyond = {"doubtful": GOOD_BW, "unusable": DOUBTFUL_BW}.get(self.mark)
         [verdict] = say(
             "recording",
             "verdict",
             mark=self.mark,
             error=error,
-            largest=next(iter(shares.items()), None),
+            largest=largest,
+            others=others,
+            others_bw=others_bw,
             limit=beyond if beyond is not None and error >= beyond else None,
             failed=self._named(check for check in self.checks if check.mark == "unusable"),
             doubted=self._named(
@@ -112,7 +119,14 @@ class Examined:
 
 def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
     """Looks at one trial from every side; `stated` are checks on what was stated and what had to be
-    estimated."""
+    estimated. What a plate shows at rest is judged by itself, and taken off for all else."""
+    recorded = trial
+    trial = dataclasses.replace(
+        trial,
+        plates={
+            side: force_checks.without_rest(plate) for side, plate in trial.plates.items()
+        },
+    )
     model_feet, body = model_motion(
         trial.subject, trial.model, trial.trajectory, offsets=trial.offsets
     )
@@ -167,13 +181,25 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
             if foot.prosthetic:
                 modelled = model_feet[side]
                 at_model = columns_at(modelled.time_s, plate.time_s, plate.cop_W, np.nan)
-                checks.append(force_checks.strike(modelled, at_model, measured.get(side, [])))
+                checks += [
+                    force_checks.strike(modelled, at_model, measured.get(side, [])),
+                    force_checks.bending(
+                        modelled,
+                        trial.model,
+                        plate,
+                        at_model,
+                        span=(trial.start_s, trial.end_s),
+                        mass_kg=trial.subject.mass_kg,
+                        fulcrum_m=trial.fulcrum_m,
+                    ),
+                ]
     slides = [
         float(feet_of.slip_velocity(foot, feet_of.floor_point(foot))[rows, 0].mean())
         for side, foot in feet.items()
         for rows in flats[side].values()
     ]
     checks += [
+        *_plate_zeros(recorded, measured),
         *_forces(trial, body, measured, moving),
         motion_checks.belt(slides),
         *_angles(trial, pelvis, _strides_per_s(stances)),
@@ -185,7 +211,59 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
         else tuple(dict.fromkeys((*trial.notes, *trial.tracked.notes)))
     )
     return Examined(
-        trial, tuple(check for check in checks if check is not None), notes, feet, stances
+        recorded, tuple(check for check in checks if check is not None), notes, feet, stances
+    )
+
+
+def settings_compared(items: Sequence[Examined]) -> list[Examined]:
+    """The walks, with a doubt of the setting of those whose foot bends as in the other walks of the
+    person with another one, and not as in those with its own; needs two settings and another walk
+    with its own."""
+    bent = [
+        next((check.value for check in item.checks if check.name == force_checks.BENDING), None)
+        for item in items
+    ]
+    return [
+        dataclasses.replace(
+            item,
+            checks=tuple(
+                _setting(check, item, list(zip(items, bent, strict=True)))
+                if check.name == force_checks.BENDING
+                else check
+                for check in item.checks
+            ),
+        )
+        for item in items
+    ]
+
+
+def _setting(
+    check: Check, item: Examined, walks: Sequence[tuple[Examined, float | None]]
+) -> Check:
+    """`check` of how the foot bends in `item`, beside its person's other walks with their own."""
+    others: dict[float, list[float]] = {}
+    for other, value in walks:
+        if other is not item and other.trial.subject == item.trial.subject and value is not None:
+            others.setdefault(other.trial.fulcrum_m, []).append(value)
+    usual = {fulcrum_m: float(np.median(values)) for fulcrum_m, values in others.items()}
+    named_m = item.trial.fulcrum_m
+    if named_m not in usual or check.value is None:
+        return check
+    apart = {fulcrum_m: abs(value - check.value) for fulcrum_m, value in usual.items()}
+    nearest_m = min(apart, key=apart.__getitem__)
+    if apart[named_m] < max(APART_MM, CLEARLY * apart[nearest_m]):
+        return check
+    return checked(
+        "setting",
+        check.name,
+        "doubtful",
+        check.value,
+        check.unit,
+        side=check.side,
+        cost_bw=force_checks.SETTING_BW_PER_M * abs(nearest_m - named_m),
+        named=1e3 * named_m,
+        nearest=1e3 * nearest_m,
+        usual=usual[named_m],
     )
 
 
@@ -308,8 +386,39 @@ def _forces(
         ),
         *shears,
         force_checks.lag(time, vertical, acceleration[:, 2], known)
-        or force_checks.event_lag(measured, moving),
+        or force_checks.event_lag(measured, moving, trial.subject.prosthetic_side),
     ]
+
+
+def _plate_zeros(trial: Trial, measured: Mapping[str, Sequence[Stance]]) -> list[Check | None]:
+    """Of every plate that carried a foot; of columns that are a foot's, by its name."""
+    prosthetic = trial.subject.prosthetic_side
+
+    def of(
+        time_s: np.ndarray, force_n: np.ndarray, loads: Sequence[Stance], plate: str, side: str
+    ) -> Check | None:
+        return force_checks.plate_zero(
+            time_s,
+            force_n,
+            loads,
+            plate=plate,
+            side=side,
+            prosthetic=side == prosthetic,
+            mass_kg=trial.subject.mass_kg,
+        )
+
+    if trial.recording is None:
+        return [
+            of(plate.time_s, plate.force_W, measured.get(side, ()), f"of the {side} foot", side)
+            for side, plate in trial.plates.items()
+        ]
+    loads: dict[tuple[str, str], list[Stance]] = {}
+    for contact in trial.contacts:
+        if contact.side is not None:
+            loads.setdefault((contact.plate, contact.side), []).append(contact)
+    forces = {plate.name: plate.force_n for plate in trial.recording.plates}
+    time_s = trial.recording.force_time_s
+    return [of(time_s, forces[name], own, name, side) for (name, side), own in loads.items()]
 
 
 def _strides_per_s(stances: Mapping[str, Sequence[Stance]]) -> float | None:
