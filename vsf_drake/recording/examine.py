@@ -30,6 +30,8 @@ from vsf_drake.motion.trial import RecordingMark, Trial, on_the_belt
 from vsf_drake.recording import (
     DOUBTFUL_BW,
     GOOD_BW,
+    LEVEL_BW,
+    MARKS,
     Check,
     checked,
     expected_error,
@@ -99,6 +101,23 @@ class Examined:
         return verdict
 
     @property
+    def by_cost(self) -> tuple[list[Check], list[Check]]:
+        """The checks that a reader must see, the most costly first: unusable, needed and doubted,
+        or at least LEVEL_BW; and the others, the worst marks first."""
+        weighty = [
+            check
+            for check in self.checks
+            if check.mark == "unusable"
+            or (check.needed and check.mark != "good")
+            or (check.cost_bw or 0.0) >= LEVEL_BW
+        ]
+        others = [check for check in self.checks if check not in weighty]
+        return (
+            sorted(weighty, key=lambda check: -(check.cost_bw or 0.0)),
+            sorted(others, key=lambda check: -MARKS.index(check.mark)),
+        )
+
+    @property
     def judged(self) -> RecordingMark:
         """What results made of the trial carry on."""
         return RecordingMark(
@@ -123,9 +142,7 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
     recorded = trial
     trial = dataclasses.replace(
         trial,
-        plates={
-            side: force_checks.without_rest(plate) for side, plate in trial.plates.items()
-        },
+        plates={side: force_checks.without_rest(plate) for side, plate in trial.plates.items()},
     )
     model_feet, body = model_motion(
         trial.subject, trial.model, trial.trajectory, offsets=trial.offsets
@@ -237,9 +254,7 @@ def settings_compared(items: Sequence[Examined]) -> list[Examined]:
     ]
 
 
-def _setting(
-    check: Check, item: Examined, walks: Sequence[tuple[Examined, float | None]]
-) -> Check:
+def _setting(check: Check, item: Examined, walks: Sequence[tuple[Examined, float | None]]) -> Check:
     """`check` of how the foot bends in `item`, beside its person's other walks with their own."""
     others: dict[float, list[float]] = {}
     for other, value in walks:

@@ -76,6 +76,7 @@ body's height, below which the direction of a force says nothing: a stance spans
 stand about 0.08 beside (choices)."""
 # sideways over vertical force below which its sign says nothing (a choice): usual are 0.03 to 0.06
 LEAST_SHEAR = 0.01
+SHEAR = "direction of the force"
 STRONG_N = 200.0
 LEAST_AGREEMENT = 0.25
 """Slope of the fore-aft force against the place of the load below which the one does not follow the
@@ -367,9 +368,7 @@ def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
     away = [name for name, value in agreement.items() if value < 0.0]
     follows = agreement.get("fore-aft", 1.0) > LEAST_AGREEMENT
     mark = "unusable" if away else "good" if follows else "doubtful"
-    return checked(
-        "shear", "direction of the force", mark, min(agreement.values()), "1", side=side, away=away
-    )
+    return checked("shear", SHEAR, mark, min(agreement.values()), "1", side=side, away=away)
 
 
 # How well a foot stands: sole angle, height and its drift, slip, swing clearance.
@@ -398,6 +397,7 @@ DRIFT_MM = (GOOD_BW / HEIGHT_BW_PER_MM, 10.0)
 """Change of height within and between foot-flats, which no constant height takes out: 3 % body
 weight at 1.1 mm. The second is what a shoe gives under the ball (a choice)."""
 INTACT_DRIFT_MM = DOUBTFUL_BW / HEIGHT_BW_PER_MM  # good: 10 % body weight of its own force, 3.6 mm
+SLIP = "slip at foot-flat"
 STANDING_SLIP_M_PER_S = ((-0.08, -0.03), (0.0, 0.03))
 """Forward and inward velocities between which a rigid prosthetic foot seems to slip where a real
 one rests: its socket turns and its keel bends under the shank. What walks known not to slip show,
@@ -712,7 +712,7 @@ def slip(
     return _of(
         foot,
         "slip",
-        "slip at foot-flat",
+        SLIP,
         grade(share, GOOD_BW if foot.prosthetic else DOUBTFUL_BW, DOUBTFUL_BW),
         speed,
         "m/s",

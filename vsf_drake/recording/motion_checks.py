@@ -53,7 +53,7 @@ BOB_M = (0.01, 0.10)  # rise and fall of the pelvis, 30-50 mm in usual walking (
 JUMP_M_PER_S2 = 30.0
 REST_M_PER_S = 0.05
 BELT_M_PER_S = 0.3  # backward speed of standing feet that no ground allows (a choice)
-ROUGH_BW_PER_DEG = 0.19
+ROUGH_BW_PER_DEG = 0.16
 """What a hip angle's content above ROUGH_HZ is of the force: more than of an angle that is held,
 since keel and ground damp."""
 ROUGH_DEG = (GOOD_BW / ROUGH_BW_PER_DEG, DOUBTFUL_BW / ROUGH_BW_PER_DEG)  # content above ROUGH_HZ
@@ -69,15 +69,14 @@ filtered again at 6 Hz none less than 0.32, at 3 Hz none more than 0.28."""
 LEAST_STRIDES_PER_S = 0.78  # slower ones have their fifth harmonic below: not judged (a choice)
 # slower walks have fewer harmonics, of which little is published: not judged
 SMOOTHED_M_PER_S = 0.8
-FITTED_SMOOTHED_BW = 0.087
-"""What filtering at 3 Hz leaves after a fit of the offsets: the smaller of two measured (0.087 and
-0.121), since how far an angle was filtered is not known."""
-FITTED_RESIDUAL_BW_PER_M = 0.7
+FITTED_SMOOTHED_BW = 0.05
+"""What is left of filtering at 3 Hz; how far an angle was filtered is not known."""
+FITTED_RESIDUAL_BW_PER_M = 0.5
 """What is left of markers that lie off their segments, once the offsets are fitted: a cluster or a
 marker that slips, an axis or a hip centre found wrongly. Less than of the angle that one marker
 alone would turn, since the other markers of its segment hold it."""
-FITTED_NOISE_BW_PER_M = 10.0
-"""What is left of noise, by what the markers hold of it above 12 Hz: below 6 Hz there is as much."""
+FITTED_NOISE_BW_PER_M = 7.5
+"""What is left of noise, by what the markers hold of it above 12 Hz: below there is more of it."""
 SPREADS = {
     "residuals": ("marker residuals", (0.010, 0.020)),
     "joint_gaps": ("gaps in joints", (0.020, 0.035)),

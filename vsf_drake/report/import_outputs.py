@@ -20,7 +20,7 @@ from vsf_drake.motion.events import USUAL_STANCE_S
 from vsf_drake.motion.formats.recording import SIDES
 from vsf_drake.motion.formats.tables import opensim_files
 from vsf_drake.motion.trial import Trial, load_trial, write_trial_files
-from vsf_drake.recording import EXPECTED, MARKS, motion_checks, worst
+from vsf_drake.recording import EXPECTED, LEVEL_BW, MARKS, motion_checks, worst
 from vsf_drake.recording.examine import Examined, person_table, trial_table
 from vsf_drake.recording.foot import flat_phases
 from vsf_drake.recording.import_walks import ImportedWalks
@@ -168,6 +168,7 @@ def import_page(
             if check.name in motion_checks.TO_DO and check.mark != "good"
         ),
         marks=MARKS,
+        level=LEVEL_BW,
         colours=MARK_COLOURS,
         expected=EXPECTED,
         degrees=math.degrees(1.0),
