@@ -261,16 +261,17 @@ def misplaced(places_m: Mapping[str, tuple[float, float, float]]) -> SpoilMarker
     )
 
 
-ZERO, MASS, LAG = "zero of the plate", "mass from the forces", "lag of the forces at touch-down"
+ZERO = tuple(f"zero of the {side} foot's plate" for side in ("right", "left"))
+MASS, LAG = "mass from the forces", "lag of the forces at touch-down"
 SLIP, STRIKE = "slip at foot-flat", "centre of pressure at heel strike"
 RESIDUALS, NOISE, FAR = "marker residuals", "filter applied before", "angles filtered away"
 THIGH, SHANK = ("RTH1", "RTH2", "RTH3"), ("RTB1", "RTB2", "RTB3")
 FAULTS = {
     CLEAN: Fault((), lambda trial: trial),
-    "plate's offset 30 N": Fault((ZERO,), offset(30.0)),
-    "plate's offset -30 N": Fault((ZERO,), offset(-30.0)),
-    "plate's offset 60 N": Fault((ZERO,), offset(60.0)),
-    "plate drifts by 60 N": Fault((ZERO,), offset(60.0, drifts=True)),
+    "plate's offset 30 N": Fault(ZERO, offset(30.0)),
+    "plate's offset -30 N": Fault(ZERO, offset(-30.0)),
+    "plate's offset 60 N": Fault(ZERO, offset(60.0)),
+    "plate drifts by 60 N": Fault(ZERO, offset(60.0, drifts=True)),
     "plate 10 mm ahead": Fault((STRIKE,), displaced_plate(0.010)),
     "plate 20 mm ahead": Fault((STRIKE,), displaced_plate(0.020)),
     "plate 20 mm behind": Fault((STRIKE,), displaced_plate(-0.020)),

@@ -284,11 +284,11 @@ def test_a_plate_that_was_not_zeroed_is_named_and_disturbs_no_other_check(newton
     """30 N of 78 kg are 3.9 % of body weight, of which the offsets' fit takes a quarter away."""
     trial = load_trial(resource("data/sessions/a/day_1/1p1/medium_2.yaml"))
     right, item = (examine(each) for each in (trial, on_plate(trial, newton)))
-    zero = next(c for c in item.checks if c.name == "zero of the plate" and c.cost_bw is not None)
+    zero = next(c for c in item.checks if c.name == "zero of the right foot's plate")
     assert zero.value == pytest.approx(newton, abs=0.5)
     assert zero.cost_bw == pytest.approx(0.75 * 30.0 / (78.0 * 9.81), rel=0.05)
     assert (
-        "Plate of the right foot reads" in zero.sentence and "3.9 % of body weight" in zero.sentence
+        "The right foot's plate reads" in zero.sentence and "3.9 % of body weight" in zero.sentence
     )
     others = [
         {(c.name, c.side, c.stance): c.mark for c in each.checks if c.name != zero.name}
@@ -304,7 +304,7 @@ def test_a_plate_that_drifts_is_rated_by_what_it_shows_in_the_stance():
     zero = next(
         check
         for check in examine(on_plate(trial, np.linspace(0.0, 60.0, len(time_s)))).checks
-        if check.name == "zero of the plate" and check.cost_bw is not None
+        if check.name == "zero of the right foot's plate"
     )
     assert 15.0 < zero.value < 60.0 and "drifts by" in zero.sentence
 
@@ -331,6 +331,18 @@ def test_a_setting_that_was_named_wrongly_is_told_by_the_other_walks_of_the_pers
                 assert told[number].cost_bw == pytest.approx(
                     1.3 * abs(named_m - item.trial.fulcrum_m)
                 )
+
+
+def test_a_setting_named_wrongly_does_not_cast_doubt_on_the_only_right_walk_of_that_name():
+    items = [
+        examine(load_trial(resource(f"data/sessions/a/day_1/1p1/{name}.yaml")))
+        for name in ("low_1", "low_2", "low_3", "medium_1", "high_1")
+    ]
+    wrong = dataclasses.replace(
+        items[1], trial=dataclasses.replace(items[1].trial, fulcrum_m=0.151)
+    )
+    told = doubts_of_setting(settings_compared([items[0], wrong, *items[2:]]))
+    assert [i for i, doubt in enumerate(told) if doubt] == [1]
 
 
 def doubts_of_setting(items: list[Examined]) -> list[Check | None]:

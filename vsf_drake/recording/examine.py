@@ -233,53 +233,61 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
 
 
 def settings_compared(items: Sequence[Examined]) -> list[Examined]:
-    """The walks, with a doubt of the setting of those whose foot bends as in the other walks of the
-    person with another one, and not as in those with its own; needs two settings and another walk
-    with its own."""
-    bent = [
-        next((check.value for check in item.checks if check.name == force_checks.BENDING), None)
-        for item in items
-    ]
-    return [
-        dataclasses.replace(
-            item,
-            checks=tuple(
-                _setting(check, item, list(zip(items, bent, strict=True)))
-                if check.name == force_checks.BENDING
-                else check
-                for check in item.checks
-            ),
+    """The walks, with a doubt of the setting of those whose foot bends as in other walks of the
+    person with another one, and not as in those with its own: the clearest first, which then says
+    nothing of the others. Needs two settings, and another walk with the own one."""
+    bent = {
+        number: check
+        for number, item in enumerate(items)
+        for check in item.checks
+        if check.name == force_checks.BENDING
+    }
+    told = list(items)
+    while bent:
+        clearest = {number: _clearer_setting(number, items, bent) for number in bent}
+        number = max(clearest, key=lambda one: clearest[one][1])
+        nearest_m, nearer_mm = clearest[number]
+        if nearer_mm <= 0.0:
+            break
+        doubted = bent.pop(number)
+        named_m = items[number].trial.fulcrum_m
+        check = checked(
+            "setting",
+            doubted.name,
+            "doubtful",
+            doubted.value,
+            doubted.unit,
+            side=doubted.side,
+            cost_bw=force_checks.SETTING_BW_PER_M * abs(nearest_m - named_m),
+            named=1e3 * named_m,
+            nearest=1e3 * nearest_m,
         )
-        for item in items
-    ]
+        told[number] = dataclasses.replace(
+            items[number],
+            checks=tuple(check if one is doubted else one for one in items[number].checks),
+        )
+    return told
 
 
-def _setting(check: Check, item: Examined, walks: Sequence[tuple[Examined, float | None]]) -> Check:
-    """`check` of how the foot bends in `item`, beside its person's other walks with their own."""
+def _clearer_setting(
+    number: int, items: Sequence[Examined], bent: Mapping[int, Check]
+) -> tuple[float, float]:
+    """The setting (m) in whose walks the foot bends most as in walk `number`, and how much nearer
+    (mm) that is than its own; not positive where it is not clear."""
+    named_m = items[number].trial.fulcrum_m
     others: dict[float, list[float]] = {}
-    for other, value in walks:
-        if other is not item and other.trial.subject == item.trial.subject and value is not None:
-            others.setdefault(other.trial.fulcrum_m, []).append(value)
-    usual = {fulcrum_m: float(np.median(values)) for fulcrum_m, values in others.items()}
-    named_m = item.trial.fulcrum_m
-    if named_m not in usual or check.value is None:
-        return check
-    apart = {fulcrum_m: abs(value - check.value) for fulcrum_m, value in usual.items()}
+    for other, check in bent.items():
+        if other != number and items[other].trial.subject == items[number].trial.subject:
+            others.setdefault(items[other].trial.fulcrum_m, []).append(check.value or 0.0)
+    if named_m not in others:
+        return named_m, 0.0
+    apart = {
+        fulcrum_m: abs(float(np.median(values)) - (bent[number].value or 0.0))
+        for fulcrum_m, values in others.items()
+    }
     nearest_m = min(apart, key=apart.__getitem__)
-    if apart[named_m] < max(APART_MM, CLEARLY * apart[nearest_m]):
-        return check
-    return checked(
-        "setting",
-        check.name,
-        "doubtful",
-        check.value,
-        check.unit,
-        side=check.side,
-        cost_bw=force_checks.SETTING_BW_PER_M * abs(nearest_m - named_m),
-        named=1e3 * named_m,
-        nearest=1e3 * nearest_m,
-        usual=usual[named_m],
-    )
+    clear = apart[named_m] >= max(APART_MM, CLEARLY * apart[nearest_m])
+    return nearest_m, clear * (apart[named_m] - apart[nearest_m])
 
 
 def weighed(trial: Trial) -> Check:
@@ -424,7 +432,13 @@ def _plate_zeros(trial: Trial, measured: Mapping[str, Sequence[Stance]]) -> list
 
     if trial.recording is None:
         return [
-            of(plate.time_s, plate.force_W, measured.get(side, ()), f"of the {side} foot", side)
+            of(
+                plate.time_s,
+                plate.force_W,
+                measured.get(side, ()),
+                f"the {side} foot's plate",
+                side,
+            )
             for side, plate in trial.plates.items()
         ]
     loads: dict[tuple[str, str], list[Stance]] = {}
@@ -433,7 +447,9 @@ def _plate_zeros(trial: Trial, measured: Mapping[str, Sequence[Stance]]) -> list
             loads.setdefault((contact.plate, contact.side), []).append(contact)
     forces = {plate.name: plate.force_n for plate in trial.recording.plates}
     time_s = trial.recording.force_time_s
-    return [of(time_s, forces[name], own, name, side) for (name, side), own in loads.items()]
+    return [
+        of(time_s, forces[name], own, f"plate {name}", side) for (name, side), own in loads.items()
+    ]
 
 
 def _strides_per_s(stances: Mapping[str, Sequence[Stance]]) -> float | None:

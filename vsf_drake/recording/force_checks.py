@@ -151,7 +151,7 @@ def plate_zero(
     prosthetic: bool,
     mass_kg: float,
 ) -> Check | None:
-    """What a plate, by its name, shows at rest: vertical force (N), as it is in the middle of that
+    """What a plate, as it is called, shows at rest: vertical force (N), as it is in the middle of that
     of the foot's `loads` in which it is largest. (n,) s and (n, 3) N. None where it is never at
     rest."""
     found = rest(time_s, force_n)
@@ -165,7 +165,7 @@ def plate_zero(
     mark = grade(cost_bw, GOOD_BW, DOUBTFUL_BW)
     return checked(
         "plate_zero",
-        "zero of the plate",
+        f"zero of {plate}",
         mark if prosthetic else at_most(mark, "doubtful"),
         value,
         "N",
