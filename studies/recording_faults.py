@@ -401,8 +401,11 @@ def made_of(trial: Trial, fault: Fault) -> Trial:
     return fault.spoil(trial)
 
 
-def true_errors(task: tuple[str, str]) -> dict[str, dict[str, float | None]]:
-    """By fault: `true_bw` and `effect_bw` of a walk, None where an import refuses it."""
+def true_errors(
+    task: tuple[str, str], labels: Sequence[str] = ()
+) -> dict[str, dict[str, float | None]]:
+    """By fault, all or those of these names: `true_bw` and `effect_bw` of a walk, None where an
+    import refuses it."""
     person, name = task
     trial = load_trial(file_of(person, name))
     foot = fitted_foot(person)
@@ -412,7 +415,7 @@ def true_errors(task: tuple[str, str]) -> dict[str, dict[str, float | None]]:
     clean: dict[bool, tuple[np.ndarray, np.ndarray]] = {}
     for label, fault in with_pairs().items():
         of_markers = fault.spoil is None
-        if of_markers and person not in MARKED:
+        if (of_markers and person not in MARKED) or (labels and label not in labels):
             continue
         try:
             if fault.spoil is None:

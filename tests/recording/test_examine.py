@@ -234,7 +234,7 @@ def test_doubts_without_a_cost_are_remarks_and_faults_are_not():
                 *costing(0.01),
                 *(Check("shear", "unusable", None, "", "", side) for side in ("right", "left")),
             ],
-            "unusable (shear, right and left), expected error 1.0 % BW",
+            "unusable (shear, right and left), expected error 1.0 % BW: check 0 1.0 %",
         ),
         (
             [

@@ -37,8 +37,10 @@ MASS = (0.03, 0.10)  # error of the mass: a force is that share of body weight o
 MASS_ONE_FOOT = (0.06, 0.15)
 MASS_CHECK = "mass from the forces"
 MASS_BW = 0.67
-"""By how much the force in body weights is off for a mass that is off by its whole self: root mean
-square of the resultant over stance and 0.25 s around it."""
+"""Root mean square of the resultant over stance and 0.25 s around it, by which the force in body
+weights is off for a mass that is off by its whole self. Measured, as FITTED_REST, SETTING_BW_PER_M
+and the likes in `motion_checks`, on walks of two synthetic persons and confirmed on a third
+(studies/results/recording_faults.json)."""
 REST_SHARE, REST_S, REST_EDGE_S = 0.1, 0.1, 0.03
 """A plate is at rest where it carries less than this share of its peak, for at least this long,
 without so much at both ends (choices)."""
@@ -151,9 +153,8 @@ def plate_zero(
     prosthetic: bool,
     mass_kg: float,
 ) -> Check | None:
-    """What a plate, as it is called, shows at rest: vertical force (N), as it is in the middle of that
-    of the foot's `loads` in which it is largest. (n,) s and (n, 3) N. None where it is never at
-    rest."""
+    """What a plate, as it is called, shows at rest: vertical force (N), in the middle of that one of
+    the foot's `loads` where it is largest. (n,) s and (n, 3) N. None where it is never at rest."""
     found = rest(time_s, force_n)
     if found is None or not loads:
         return None
