@@ -153,8 +153,8 @@ def plate_zero(
     prosthetic: bool,
     mass_kg: float,
 ) -> Check | None:
-    """What a plate, as it is called, shows at rest: vertical force (N), in the middle of that one of
-    the foot's `loads` where it is largest. (n,) s and (n, 3) N. None where it is never at rest."""
+    """What a plate, as it is called, shows at rest: vertical force (N), in the middle of that of a
+    foot's `loads` where it is largest. (n,) s and (n, 3) N. None where it is never at rest."""
     found = rest(time_s, force_n)
     if found is None or not loads:
         return None
