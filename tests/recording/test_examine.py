@@ -226,6 +226,11 @@ def test_doubts_without_a_cost_are_remarks_and_faults_are_not():
             "2 others together 0.5 %",
         ),
         (
+            costing(0.01, 0.06, 0.03, 0.02),
+            "doubtful, expected error 7.1 % > 3 % BW: check 1 6.0 %, check 2 3.0 %, check 3 2.0 %; "
+            "1 other 1.0 %",
+        ),
+        (
             costing(0.05, 0.004),
             "doubtful, expected error 5.0 % > 3 % BW: check 0 5.0 %; 1 other 0.4 %",
         ),
@@ -321,13 +326,9 @@ def test_a_setting_that_was_named_wrongly_is_told_by_the_other_walks_of_the_pers
         assert not any(doubts_of_setting(settings_compared(items)))
         for number, item in enumerate(items):
             for named_m in {0.066, 0.108, 0.151} - {item.trial.fulcrum_m}:
-                wrong = dataclasses.replace(
-                    item, trial=dataclasses.replace(item.trial, fulcrum_m=named_m)
-                )
-                told = doubts_of_setting(
-                    settings_compared([*items[:number], wrong, *items[number + 1 :]])
-                )
-                assert [i for i, doubt in enumerate(told) if doubt] == [number], (session, number)
+                walks = named_otherwise(items, {number: named_m})
+                told = doubts_of_setting(settings_compared(walks))
+                assert doubted(walks) == [number], (session, number)
                 assert told[number].cost_bw == pytest.approx(
                     1.3 * abs(named_m - item.trial.fulcrum_m)
                 )
@@ -338,11 +339,32 @@ def test_a_setting_named_wrongly_does_not_cast_doubt_on_the_only_right_walk_of_t
         examine(load_trial(resource(f"data/sessions/a/day_1/1p1/{name}.yaml")))
         for name in ("low_1", "low_2", "low_3", "medium_1", "high_1")
     ]
-    wrong = dataclasses.replace(
-        items[1], trial=dataclasses.replace(items[1].trial, fulcrum_m=0.151)
-    )
-    told = doubts_of_setting(settings_compared([items[0], wrong, *items[2:]]))
-    assert [i for i, doubt in enumerate(told) if doubt] == [1]
+    assert doubted(named_otherwise(items, {1: 0.151})) == [1]
+
+
+def test_two_settings_named_wrongly_are_both_told():
+    items = [
+        examine(load_trial(resource(f"data/sessions/b/day_1/1p1/{setting}_{i}.yaml")))
+        for setting in SETTINGS
+        for i in (1, 2, 3)
+    ]
+    assert doubted(named_otherwise(items, {1: 0.151, 5: 0.066})) == [1, 5]
+
+
+def named_otherwise(items: list[Examined], fulcrums_m: dict[int, float]) -> list[Examined]:
+    return [
+        dataclasses.replace(
+            item,
+            trial=dataclasses.replace(
+                item.trial, fulcrum_m=fulcrums_m.get(number, item.trial.fulcrum_m)
+            ),
+        )
+        for number, item in enumerate(items)
+    ]
+
+
+def doubted(items: list[Examined]) -> list[int]:
+    return [i for i, doubt in enumerate(doubts_of_setting(settings_compared(items))) if doubt]
 
 
 def doubts_of_setting(items: list[Examined]) -> list[Check | None]:
