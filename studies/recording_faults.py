@@ -9,9 +9,9 @@ resultant, root mean square, in the body weights that are stated. `expected_bw` 
 expect, the walk beside the other walks of its session; `share_bw` is what they say of the fault
 itself: the largest cost among the checks that are to see it.
 
-Sizes of costs (FITTED_..., ..._BW in vsf_drake/recording) were chosen on A and B; C judges, though its
-walks as recorded were in view when the limits of a lag by events and of a setting were set. `ranks`
-has Spearman's correlation of expected and true error over the pooled walks; the null beside it is
+Sizes of costs (FITTED_..., ..._BW in vsf_drake/recording) were chosen on A and B; C judges,
+though its walks as recorded were in view when the limits of a lag by events and of a setting were
+set. `ranks` has Spearman's correlation of expected and true error over the pooled walks; the null beside it is
 the number of doubts. `named` counts faults whose share is within a factor of two of their effect,
 both as means over the walks, or that are as small as the effect (both below LEVEL_BW). `together`
 has the effect of two faults over the root of the sum of squares of each alone, which is how costs

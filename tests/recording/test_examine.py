@@ -340,6 +340,18 @@ def test_a_setting_named_wrongly_does_not_cast_doubt_on_the_only_right_walk_of_t
         for name in ("low_1", "low_2", "low_3", "medium_1", "high_1")
     ]
     assert doubted(named_otherwise(items, {1: 0.151})) == [1]
+    assert doubted(named_otherwise(items[:4], {1: 0.151})) == [1], "alone with that name"
+
+
+@pytest.mark.parametrize("session", ["a/day_1", "b/day_1", "c/day_1"])
+def test_a_walk_that_is_alone_with_its_setting_is_not_doubted_for_that(session):
+    names = ("low_1", "low_2", "medium_1", "medium_2", "high_1", "high_2")
+    items = [
+        examine(load_trial(resource(f"data/sessions/{session}/1p1/{name}.yaml"))) for name in names
+    ]
+    for number in range(len(items)):
+        assert doubted([*items[:number], *items[number + 1 :]]) == []
+    assert doubted(items[::2]) == []
 
 
 def test_two_settings_named_wrongly_are_both_told():

@@ -235,7 +235,7 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
 def settings_compared(items: Sequence[Examined]) -> list[Examined]:
     """The walks, with a doubt of the setting of those whose foot bends as in other walks of the
     person with another one, and not as in those with its own: the clearest first, which then says
-    nothing of the others. Needs two settings, and another walk with the own one."""
+    nothing of the others."""
     bent = {
         number: check
         for number, item in enumerate(items)
@@ -279,12 +279,13 @@ def _clearer_setting(
     for other, check in bent.items():
         if other != number and items[other].trial.subject == items[number].trial.subject:
             others.setdefault(items[other].trial.fulcrum_m, []).append(check.value or 0.0)
-    if named_m not in others:
-        return named_m, 0.0
+    own_mm = bent[number].value or 0.0
     apart = {
-        fulcrum_m: abs(float(np.median(values)) - (bent[number].value or 0.0))
-        for fulcrum_m, values in others.items()
+        fulcrum_m: abs(float(np.median(values)) - own_mm) for fulcrum_m, values in others.items()
     }
+    # alone with its setting: doubted if it bends as another's walks, unless it hardly bends at all
+    bends = own_mm < 1e3 * force_checks.BENT_FULCRUMS_M[-1] - APART_MM
+    apart.setdefault(named_m, CLEARLY * APART_MM if bends else 0.0)
     nearest_m = min(apart, key=apart.__getitem__)
     clear = apart[named_m] >= max(APART_MM, CLEARLY * apart[nearest_m])
     return nearest_m, clear * (apart[named_m] - apart[nearest_m])
