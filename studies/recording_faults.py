@@ -11,9 +11,9 @@ itself: the largest cost among the checks that are to see it.
 
 Sizes of costs (FITTED_..., ..._BW in vsf_drake/recording) were chosen on A and B; C judges,
 though its walks as recorded were in view when the limits of a lag by events and of a setting were
-set. `ranks` has Spearman's correlation of expected and true error over the pooled walks; the null beside it is
-the number of doubts. `named` counts faults whose share is within a factor of two of their effect,
-both as means over the walks, or that are as small as the effect (both below LEVEL_BW). `together`
+set. `ranks` has Spearman's correlation of expected and true error over the pooled walks; the null
+beside it is the number of doubts. In `shares` a fault is `right` where its share is within a factor
+of two of its effect, both as means over the walks, or both are below LEVEL_BW. `together`
 has the effect of two faults over the root of the sum of squares of each alone, which is how costs
 are added, and over their sum. All walks are SYNTHETIC. Results in
 studies/results/recording_faults.json; some ten minutes. `--judge-again` keeps effects and true
