@@ -27,6 +27,7 @@ import contact_truth_recovery as truth
 import device_hypotheses as devices
 import numpy as np
 import published_trends as trends
+import recording_faults as faults
 import session_fit
 import setting_answer
 import ship_validation
@@ -273,6 +274,19 @@ def answered_setting(stored: dict[str, Any]) -> Numbers:
             yield f"a {answer} {draw.name} {name}", value, was[name]
 
 
+def spoiled_walk(stored: dict[str, Any]) -> Numbers:
+    """What the checks say of one walk with two of its faults, and what these do to the force."""
+    rows = {(row["walk"], row["fault"]): row for row in stored["rows"]}
+    person, name = faults.JUDGED[0], faults.WALKS[0]
+    labels = [faults.CLEAN, *faults.PAIRS[0]]
+    found = faults.true_errors((person, name), labels)
+    for label in labels:
+        was = rows[f"{person}/{name}", label]
+        now = found[label] | faults.judged(person, name, label)
+        for key in ("true_bw", "effect_bw", "expected_bw", "share_bw"):
+            yield f"{label} {key}", now[key], was[key]
+
+
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "floor": ("floor_of_the_reference_subject.py", floors),
     "contact_fit": ("contact_fit.py", fitted_pair),
@@ -283,6 +297,7 @@ CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "adaptive_stride": ("adaptive_stride.py", strides_of_one_walk),
     "published_trends": ("published_trends.py", foot_under_load),
     "angle_errors": ("angle_errors.py", disturbed_walks),
+    "recording_faults": ("recording_faults.py", spoiled_walk),
     "settings": ("ship_validation.py", settings_as_walked),
     "sensitivity": ("ship_validation.py", sensitivity_before_changes),
 }

@@ -272,6 +272,11 @@ def judge_again(path: Path, workers: int) -> None:
 
 def judged_anew(case: Case, stored: dict[str, Any]) -> dict[str, Any]:
     """A stored fit's verdict at the values that it ended at."""
+    return judge(case, DATA, solution_at(case, stored))
+
+
+def solution_at(case: Case, stored: dict[str, Any]) -> ContactFitSolution:
+    """A stored fit at the values that it ended at."""
     fit = fit_of(case, DATA)
     u = fit.parameters.u(stored["values"])
     at = fit.evaluate(u)
@@ -288,12 +293,8 @@ def judged_anew(case: Case, stored: dict[str, Any]) -> dict[str, Any]:
     end = JointEnd(
         u=u, evaluation=at, uncertainty=uncertainty_at(fit, u), searches=(search,), best=0
     )
-    return judge(
-        case,
-        DATA,
-        ContactFitSolution(
-            fit=fit, success=True, message=stored["ended"], end=end, wall_s=stored["wall_s"]
-        ),
+    return ContactFitSolution(
+        fit=fit, success=True, message=stored["ended"], end=end, wall_s=stored["wall_s"]
     )
 
 

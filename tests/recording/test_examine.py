@@ -18,8 +18,8 @@ from vsf_drake.motion.markers.joints import orientations_of
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial, load_trial, trial_from_recordings
-from vsf_drake.recording import Check, expected_error, overall
-from vsf_drake.recording.examine import Examined, examine
+from vsf_drake.recording import Check, expected_error, force_checks, overall
+from vsf_drake.recording.examine import Examined, examine, settings_compared
 from vsf_drake.walks.embedded import embedded_contact
 from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.recorded_walk import walk_trial
@@ -234,18 +234,32 @@ def test_doubts_without_a_cost_are_remarks_and_faults_are_not():
         (costing(0.003, 0.004), "good, expected error 0.5 % BW"),
         (
             costing(0.03, 0.04),
-            "doubtful, expected error 5.0 % > 3 % BW; largest share: check 1, 4.0 %",
+            "doubtful, expected error 5.0 % > 3 % BW: check 1 4.0 %, check 0 3.0 %",
         ),
         (
             costing(0.09, 0.07),
-            "unusable, expected error 11.4 % > 10 % BW; largest share: check 0, 9.0 %",
+            "unusable, expected error 11.4 % > 10 % BW: check 0 9.0 %, check 1 7.0 %",
+        ),
+        (
+            costing(0.06, 0.004, 0.03, 0.02, 0.003, None),
+            "doubtful, expected error 7.0 % > 3 % BW: check 0 6.0 %, check 2 3.0 %, check 3 2.0 %; "
+            "2 others together 0.5 %",
+        ),
+        (
+            costing(0.01, 0.06, 0.03, 0.02),
+            "doubtful, expected error 7.1 % > 3 % BW: check 1 6.0 %, check 2 3.0 %, check 3 2.0 %; "
+            "1 other 1.0 %",
+        ),
+        (
+            costing(0.05, 0.004),
+            "doubtful, expected error 5.0 % > 3 % BW: check 0 5.0 %; 1 other 0.4 %",
         ),
         (
             [
                 *costing(0.01),
                 *(Check("shear", "unusable", None, "", "", side) for side in ("right", "left")),
             ],
-            "unusable (shear, right and left), expected error 1.0 % BW",
+            "unusable (shear, right and left), expected error 1.0 % BW: check 0 1.0 %",
         ),
         (
             [
@@ -257,8 +271,8 @@ def test_doubts_without_a_cost_are_remarks_and_faults_are_not():
     ],
 )
 def test_a_verdict_names_what_made_it_so(checks, verdict):
-    """The error and the limit that it is beyond, its largest share, or the check that alone
-    decides."""
+    """The error and the limit that it is beyond, its three largest shares and the sum of the
+    others, as errors add, or the check that alone decides."""
     trial = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
     assert Examined(trial, tuple(checks), (), {}, {}).verdict == verdict
 
@@ -277,3 +291,128 @@ def test_a_mass_that_nothing_tells_and_a_force_beside_its_foot_are_not_good():
         for name, plate in trial.plates.items()
     }
     assert examine(dataclasses.replace(trial, plates=beside)).mark != "good"
+
+
+def on_plate(trial: Trial, newton: np.ndarray | float) -> Trial:
+    """The vertical force on the prosthetic foot off by so much (N)."""
+    side = trial.subject.prosthetic_side
+    plate = trial.plates[side]
+    force = plate.force_W.copy()
+    force[:, 2] += newton
+    return dataclasses.replace(
+        trial, plates={**trial.plates, side: dataclasses.replace(plate, force_W=force)}
+    )
+
+
+@pytest.mark.parametrize("newton", [30.0, -30.0])
+def test_a_plate_that_was_not_zeroed_is_named_and_disturbs_no_other_check(newton):
+    """30 N of 78 kg are 3.9 % of body weight, of which the offsets' fit takes a quarter away."""
+    trial = load_trial(resource("data/sessions/a/day_1/1p1/medium_2.yaml"))
+    right, item = (examine(each) for each in (trial, on_plate(trial, newton)))
+    zero = next(c for c in item.checks if c.name == "zero of the right foot's plate")
+    assert zero.value == pytest.approx(newton, abs=0.5)
+    assert zero.cost_bw == pytest.approx(0.75 * 30.0 / (78.0 * 9.81), rel=0.05)
+    assert (
+        "The right foot's plate reads" in zero.sentence and "3.9 % of body weight" in zero.sentence
+    )
+    others = [
+        {(c.name, c.side, c.stance): c.mark for c in each.checks if c.name != zero.name}
+        for each in (right, item)
+    ]
+    assert others[0] == others[1]
+
+
+def test_a_plate_that_drifts_is_rated_by_what_it_shows_in_the_stance():
+    """From 0 to 60 N over the record: in the middle of the stance, where it is whole."""
+    trial = load_trial(resource("data/sessions/a/day_1/1p1/medium_2.yaml"))
+    time_s = trial.prosthetic_plate.time_s
+    zero = next(
+        check
+        for check in examine(on_plate(trial, np.linspace(0.0, 60.0, len(time_s)))).checks
+        if check.name == "zero of the right foot's plate"
+    )
+    assert 15.0 < zero.value < 60.0 and "drifts by" in zero.sentence
+
+
+def test_a_setting_that_was_named_wrongly_is_told_by_the_other_walks_of_the_person():
+    """Each of nine walks with each of the two other settings' names, in every session; none is
+    doubted by its own name."""
+    for session in ("a/day_1", "a/day_2", "b/day_1", "c/day_1"):
+        items = [
+            examine(load_trial(resource(f"data/sessions/{session}/1p1/{setting}_{i}.yaml")))
+            for setting in SETTINGS
+            for i in (1, 2, 3)
+        ]
+        assert not any(doubts_of_setting(settings_compared(items)))
+        for number, item in enumerate(items):
+            for named_m in {0.066, 0.108, 0.151} - {item.trial.fulcrum_m}:
+                walks = named_otherwise(items, {number: named_m})
+                told = doubts_of_setting(settings_compared(walks))
+                assert doubted(walks) == [number], (session, number)
+                assert told[number].cost_bw == pytest.approx(
+                    1.3 * abs(named_m - item.trial.fulcrum_m)
+                )
+
+
+def test_a_setting_named_wrongly_does_not_cast_doubt_on_the_only_right_walk_of_that_name():
+    items = [
+        examine(load_trial(resource(f"data/sessions/a/day_1/1p1/{name}.yaml")))
+        for name in ("low_1", "low_2", "low_3", "medium_1", "high_1")
+    ]
+    assert doubted(named_otherwise(items, {1: 0.151})) == [1]
+    assert doubted(named_otherwise(items[:4], {1: 0.151})) == [1], "alone with that name"
+
+
+@pytest.mark.parametrize("session", ["a/day_1", "b/day_1", "c/day_1"])
+def test_a_walk_that_is_alone_with_its_setting_is_not_doubted_for_that(session):
+    names = ("low_1", "low_2", "medium_1", "medium_2", "high_1", "high_2")
+    items = [
+        examine(load_trial(resource(f"data/sessions/{session}/1p1/{name}.yaml"))) for name in names
+    ]
+    for number in range(len(items)):
+        assert doubted([*items[:number], *items[number + 1 :]]) == []
+    assert doubted(items[::2]) == []
+
+
+def test_two_settings_named_wrongly_are_both_told():
+    items = [
+        examine(load_trial(resource(f"data/sessions/b/day_1/1p1/{setting}_{i}.yaml")))
+        for setting in SETTINGS
+        for i in (1, 2, 3)
+    ]
+    assert doubted(named_otherwise(items, {1: 0.151, 5: 0.066})) == [1, 5]
+
+
+def named_otherwise(items: list[Examined], fulcrums_m: dict[int, float]) -> list[Examined]:
+    return [
+        dataclasses.replace(
+            item,
+            trial=dataclasses.replace(
+                item.trial, fulcrum_m=fulcrums_m.get(number, item.trial.fulcrum_m)
+            ),
+        )
+        for number, item in enumerate(items)
+    ]
+
+
+def doubted(items: list[Examined]) -> list[int]:
+    return [i for i, doubt in enumerate(doubts_of_setting(settings_compared(items))) if doubt]
+
+
+def doubts_of_setting(items: list[Examined]) -> list[Check | None]:
+    return [
+        next(
+            (c for c in item.checks if c.name == force_checks.BENDING and c.mark == "doubtful"),
+            None,
+        )
+        for item in items
+    ]
+
+
+def test_what_slips_under_the_intact_foot_costs_nothing_of_the_prosthetic_foots_force():
+    """Every joint is prescribed: the intact foot's ground does not act on the prosthesis."""
+    item = examine(load_trial(resource("data/sessions/c/day_1/1p1/medium_2.yaml")))
+    slips = [check for check in item.checks if check.name == force_checks.SLIP]
+    intact = [check for check in slips if check.side == "left"]
+    assert max(check.value for check in intact) > 0.2 and item.mark == "good"
+    assert all((check.cost_bw is None) == (check in intact) for check in slips)

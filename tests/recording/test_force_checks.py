@@ -536,3 +536,77 @@ def test_force_that_points_away_from_the_body_has_a_wrong_sign(signs, mark, word
         force_checks.shear(PlateRecording(time, force, 0 * over, 0 * time, True), over, "left")
         is None
     )
+
+
+def resting(at_rest_n: float, *, cut: bool = False) -> tuple[np.ndarray, np.ndarray, Stance]:
+    """Times and (n, 3) N of a plate with one stance from 0.5 to 1.2 s, which shows `at_rest_n`
+    besides; `cut`: what is below 20 N is written as zero."""
+    time_s = np.arange(0.0, 2.0, 1e-3)
+    phase = np.clip((time_s - 0.5) / 0.7, 0.0, 1.0)
+    vertical = 900.0 * np.sin(np.pi * phase) + at_rest_n
+    force = np.outer(np.where(vertical < 20.0, 0.0, vertical) if cut else vertical, [0, 0, 1.0])
+    return time_s, force, Stance(0.5, 1.2)
+
+
+def zero_of(at_rest_n: float, *, prosthetic: bool = True, cut: bool = False):
+    time_s, force, stance = resting(at_rest_n, cut=cut)
+    return force_checks.plate_zero(
+        time_s,
+        force,
+        [stance],
+        plate="plate 3",
+        side="left",
+        prosthetic=prosthetic,
+        mass_kg=MASS,
+    )
+
+
+@pytest.mark.parametrize("at_rest_n", [60.0, -60.0])
+def test_a_plate_at_rest_shows_its_offset_by_name_and_what_that_does_to_the_force(at_rest_n):
+    check = zero_of(at_rest_n)
+    weight = MASS * 9.81
+    assert check.value == pytest.approx(at_rest_n) and check.name == "zero of plate 3"
+    assert check.cost_bw == pytest.approx(0.75 * 60.0 / weight) and check.mark == "doubtful"
+    assert f"{100 * 60.0 / weight:.1f} % of body weight off" in check.sentence
+    assert zero_of(at_rest_n, prosthetic=False).cost_bw is None
+
+
+def test_a_plate_that_was_zeroed_costs_nothing_and_one_that_was_cut_cannot_tell():
+    zeroed, cut = zero_of(2.0), zero_of(12.0, cut=True)
+    assert zeroed.mark == cut.mark == "good" and zeroed.cost_bw == cut.cost_bw == 0.0
+    assert "was zeroed" in zeroed.sentence and "cannot be seen" in cut.sentence
+
+
+def test_a_plate_that_drifts_is_levelled_along_straight_lines():
+    """From 0 N before to 40 N after the stance: the load in it is what it was."""
+    time_s, force, _ = resting(0.0)
+    drift = np.interp(time_s, [0.25, 1.6], [0.0, 40.0])
+    nothing = np.full(force.shape, np.nan)
+    drifted = PlateRecording(
+        time_s, force + np.outer(drift, [0, 0, 1.0]), nothing, np.zeros(len(time_s)), True
+    )
+    level = force_checks.without_rest(drifted)
+    assert np.abs(level.force_W - force).max() < 4.0
+    right = dataclasses.replace(drifted, force_W=force)
+    assert force_checks.without_rest(right) is right
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.04, -0.04])
+def test_several_events_tell_a_lag_where_one_of_them_is_far_off(late_s):
+    """Two touch-downs, one of which the motion tells 70 ms late, and two lift-offs of the intact
+    foot, which its motion tells 30 ms early."""
+    moving = {
+        "right": [Stance(0.57, 1.2)],
+        "left": [Stance(0.0, 0.6, start_seen=False), Stance(1.1, 1.7)],
+    }
+    measured = {
+        "right": [Stance(0.5 + late_s, 1.3 + late_s)],
+        "left": [
+            Stance(0.0, 0.63 + late_s, start_seen=False),
+            Stance(1.1 + late_s, 1.73 + late_s),
+        ],
+    }
+    check = force_checks.event_lag(measured, moving, "right")
+    assert check.value == pytest.approx(late_s, abs=1e-9)
+    assert check.mark == ("doubtful" if late_s else "good")
+    assert check.cost_bw == pytest.approx(2.5 * abs(late_s))

@@ -52,9 +52,9 @@ def judged(trials: Sequence[Trial], *, accept: bool = True) -> list[Trial]:
     Every command that reads trials sends them through here, once. InputError for an unusable one
     unless `accept`."""
     from vsf_drake.recording import MARKS
-    from vsf_drake.recording.examine import examine
+    from vsf_drake.recording.examine import examine, settings_compared
 
-    marks = [examine(trial).judged for trial in trials]
+    marks = [item.judged for item in settings_compared([examine(trial) for trial in trials])]
     worst, of = max(
         zip(marks, trials, strict=True),
         key=lambda pair: (MARKS.index(pair[0].mark), pair[0].expected_error_bw),
@@ -188,7 +188,7 @@ def import_trials(
 def check(trials: FolderOrTrials, out: Out, contact: Contact = None) -> None:
     """Judges the quality of recorded trials without simulating: a mark, a number and a sentence for
     every check."""
-    from vsf_drake.recording.examine import examine
+    from vsf_drake.recording.examine import examine, settings_compared
     from vsf_drake.report.import_outputs import CHECK, write_check
 
     CHECK.check(out)
@@ -211,6 +211,7 @@ def check(trials: FolderOrTrials, out: Out, contact: Contact = None) -> None:
                 "none of the trials can be read:\n"
                 + "\n".join(f"- {why}" for why in failures.values())
             )
+        items = settings_compared(items)
         write_check(items, failures, out)
     _finish(CHECK.kind, items, failures, out)
 

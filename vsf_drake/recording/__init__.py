@@ -20,6 +20,10 @@ GOOD_BW, DOUBTFUL_BW = 0.03, 0.10
 """Change of the force (body weights) up to which an error is good, and up to which doubtful. The
 smaller is what a curve merely stretched from another trial misses (2-3 %), the larger twice the
 published error of the model (5 %)."""
+LEVEL_BW = 0.005
+"""Cost (body weights) below which an error is told with the others of its size only (a choice: a
+sixth of what is still good; 36 of them together are doubtful)."""
+TOLD = 3  # largest costs that a verdict names
 FITTED_HIP_BW_PER_DEG = 0.02
 """What is left of a constant error of hip flexion once the offsets are fitted. Measured, as the
 other FITTED ones, on three walks of the exact reference subject, spoiled in one thing at a time;
@@ -29,7 +33,8 @@ EXPECTED = (
     "checks can see would change the predicted force once the offsets are fitted "
     f"(--fit-offsets). Good is below {100 * GOOD_BW:.0f} % of body weight, doubtful below "
     f"{100 * DOUBTFUL_BW:.0f} %; a check that is unusable makes the trial unusable, and a mass "
-    "that cannot be told or a force beside its foot makes it doubtful."
+    "that cannot be told or a force beside its foot makes it doubtful. The verdict names the "
+    f"{TOLD} largest errors of at least {100 * LEVEL_BW:g} %, and the sum of the others."
 )
 """What the mark of a trial means, for reports."""
 
@@ -98,6 +103,15 @@ def costs(checks: Iterable[Check]) -> dict[str, float]:
         if check.cost_bw is not None:
             largest[check.name] = max(check.cost_bw, largest.get(check.name, 0.0))
     return dict(sorted(largest.items(), key=lambda item: -item[1]))
+
+
+def leading(checks: Iterable[Check]) -> tuple[dict[str, float], int, float]:
+    """Of `costs` the largest, at most TOLD and each at least LEVEL_BW; how many others there are,
+    and their sum as `expected_error` makes it (body weights)."""
+    every = costs(checks)
+    told = {name: cost for name, cost in [*every.items()][:TOLD] if cost >= LEVEL_BW}
+    rest = [cost for name, cost in every.items() if name not in told and cost > 0.0]
+    return told, len(rest), math.hypot(*rest)
 
 
 def expected_error(checks: Iterable[Check]) -> float:

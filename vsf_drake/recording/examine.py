@@ -30,11 +30,13 @@ from vsf_drake.motion.trial import RecordingMark, Trial, on_the_belt
 from vsf_drake.recording import (
     DOUBTFUL_BW,
     GOOD_BW,
+    LEVEL_BW,
+    MARKS,
     Check,
     checked,
-    costs,
     expected_error,
     force_checks,
+    leading,
     motion_checks,
     overall,
 )
@@ -47,6 +49,11 @@ GRID_S = 1e-3
 EDGE_S = 0.1
 # a plate that sees less of a stance than its motion tells by more than this has seen a part of it
 PARTIAL_S = 0.12
+
+# a foot that bends otherwise than in the other walks of its setting by this much, and by this many
+# times as much as in those of another (choices)
+APART_MM = 12.0
+CLEARLY = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,17 +79,19 @@ class Examined:
     @property
     def verdict(self) -> str:
         """Mark and expected error in words, with what made it so: the limit that the error is
-        beyond and its largest share, the checks that are unusable, the doubts that alone make a
+        beyond and its largest shares, the checks that are unusable, the doubts that alone make a
         recording doubtful."""
         error = self.expected_error_bw
-        shares = costs(self.checks)
+        largest, others, others_bw = leading(self.checks)
         beyond = {"doubtful": GOOD_BW, "unusable": DOUBTFUL_BW}.get(self.mark)
         [verdict] = say(
             "recording",
             "verdict",
             mark=self.mark,
             error=error,
-            largest=next(iter(shares.items()), None),
+            largest=largest,
+            others=others,
+            others_bw=others_bw,
             limit=beyond if beyond is not None and error >= beyond else None,
             failed=self._named(check for check in self.checks if check.mark == "unusable"),
             doubted=self._named(
@@ -90,6 +99,23 @@ class Examined:
             ),
         )
         return verdict
+
+    @property
+    def by_cost(self) -> tuple[list[Check], list[Check]]:
+        """The checks that a reader must see, the most costly first: unusable, needed and doubted,
+        or at least LEVEL_BW; and the others, the worst marks first."""
+        weighty = [
+            check
+            for check in self.checks
+            if check.mark == "unusable"
+            or (check.needed and check.mark != "good")
+            or (check.cost_bw or 0.0) >= LEVEL_BW
+        ]
+        others = [check for check in self.checks if check not in weighty]
+        return (
+            sorted(weighty, key=lambda check: -(check.cost_bw or 0.0)),
+            sorted(others, key=lambda check: -MARKS.index(check.mark)),
+        )
 
     @property
     def judged(self) -> RecordingMark:
@@ -112,7 +138,12 @@ class Examined:
 
 def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
     """Looks at one trial from every side; `stated` are checks on what was stated and what had to be
-    estimated."""
+    estimated. What a plate shows at rest is judged by itself, and taken off for all else."""
+    recorded = trial
+    trial = dataclasses.replace(
+        trial,
+        plates={side: force_checks.without_rest(plate) for side, plate in trial.plates.items()},
+    )
     model_feet, body = model_motion(
         trial.subject, trial.model, trial.trajectory, offsets=trial.offsets
     )
@@ -168,13 +199,25 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
             if foot.prosthetic:
                 modelled = model_feet[side]
                 at_model = columns_at(modelled.time_s, plate.time_s, plate.cop_W, np.nan)
-                checks.append(force_checks.strike(modelled, at_model, measured.get(side, [])))
+                checks += [
+                    force_checks.strike(modelled, at_model, measured.get(side, [])),
+                    force_checks.bending(
+                        modelled,
+                        trial.model,
+                        plate,
+                        at_model,
+                        span=(trial.start_s, trial.end_s),
+                        mass_kg=trial.subject.mass_kg,
+                        fulcrum_m=trial.fulcrum_m,
+                    ),
+                ]
     slides = [
         float(feet_of.slip_velocity(foot, feet_of.floor_point(foot))[rows, 0].mean())
         for side, foot in feet.items()
         for rows in flats[side].values()
     ]
     checks += [
+        *_plate_zeros(recorded, measured),
         *_forces(trial, body, measured, moving),
         motion_checks.belt(slides),
         *_angles(trial, pelvis, _strides_per_s(stances)),
@@ -186,8 +229,67 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
         else tuple(dict.fromkeys((*trial.notes, *trial.tracked.notes)))
     )
     return Examined(
-        trial, tuple(check for check in checks if check is not None), notes, feet, stances
+        recorded, tuple(check for check in checks if check is not None), notes, feet, stances
     )
+
+
+def settings_compared(items: Sequence[Examined]) -> list[Examined]:
+    """The walks, with a doubt of the setting of those whose foot bends as in other walks of the
+    person with another one, and not as in those with its own: the clearest first, which then says
+    nothing of the others."""
+    bent = {
+        number: check
+        for number, item in enumerate(items)
+        for check in item.checks
+        if check.name == force_checks.BENDING
+    }
+    told = list(items)
+    while bent:
+        clearest = {number: _clearer_setting(number, items, bent) for number in bent}
+        number = max(clearest, key=lambda one: clearest[one][1])
+        nearest_m, nearer_mm = clearest[number]
+        if nearer_mm <= 0.0:
+            break
+        doubted = bent.pop(number)
+        named_m = items[number].trial.fulcrum_m
+        check = checked(
+            "setting",
+            doubted.name,
+            "doubtful",
+            doubted.value,
+            doubted.unit,
+            side=doubted.side,
+            cost_bw=force_checks.SETTING_BW_PER_M * abs(nearest_m - named_m),
+            named=1e3 * named_m,
+            nearest=1e3 * nearest_m,
+        )
+        told[number] = dataclasses.replace(
+            items[number],
+            checks=tuple(check if one is doubted else one for one in items[number].checks),
+        )
+    return told
+
+
+def _clearer_setting(
+    number: int, items: Sequence[Examined], bent: Mapping[int, Check]
+) -> tuple[float, float]:
+    """The setting (m) in whose walks the foot bends most as in walk `number`, and how much nearer
+    (mm) that is than its own; not positive where it is not clear."""
+    named_m = items[number].trial.fulcrum_m
+    others: dict[float, list[float]] = {}
+    for other, check in bent.items():
+        if other != number and items[other].trial.subject == items[number].trial.subject:
+            others.setdefault(items[other].trial.fulcrum_m, []).append(check.value or 0.0)
+    own_mm = bent[number].value or 0.0
+    apart = {
+        fulcrum_m: abs(float(np.median(values)) - own_mm) for fulcrum_m, values in others.items()
+    }
+    # alone with its setting: doubted if it bends as another's walks, unless it hardly bends at all
+    bends = own_mm < 1e3 * force_checks.BENT_FULCRUMS_M[-1] - APART_MM
+    apart.setdefault(named_m, CLEARLY * APART_MM if bends else 0.0)
+    nearest_m = min(apart, key=apart.__getitem__)
+    clear = apart[named_m] >= max(APART_MM, CLEARLY * apart[nearest_m])
+    return nearest_m, clear * (apart[named_m] - apart[nearest_m])
 
 
 def weighed(trial: Trial) -> Check:
@@ -309,7 +411,46 @@ def _forces(
         ),
         *shears,
         force_checks.lag(time, vertical, acceleration[:, 2], known)
-        or force_checks.event_lag(measured, moving),
+        or force_checks.event_lag(measured, moving, trial.subject.prosthetic_side),
+    ]
+
+
+def _plate_zeros(trial: Trial, measured: Mapping[str, Sequence[Stance]]) -> list[Check | None]:
+    """Of every plate that carried a foot; of columns that are a foot's, by its name."""
+    prosthetic = trial.subject.prosthetic_side
+
+    def of(
+        time_s: np.ndarray, force_n: np.ndarray, loads: Sequence[Stance], plate: str, side: str
+    ) -> Check | None:
+        return force_checks.plate_zero(
+            time_s,
+            force_n,
+            loads,
+            plate=plate,
+            side=side,
+            prosthetic=side == prosthetic,
+            mass_kg=trial.subject.mass_kg,
+        )
+
+    if trial.recording is None:
+        return [
+            of(
+                plate.time_s,
+                plate.force_W,
+                measured.get(side, ()),
+                f"the {side} foot's plate",
+                side,
+            )
+            for side, plate in trial.plates.items()
+        ]
+    loads: dict[tuple[str, str], list[Stance]] = {}
+    for contact in trial.contacts:
+        if contact.side is not None:
+            loads.setdefault((contact.plate, contact.side), []).append(contact)
+    forces = {plate.name: plate.force_n for plate in trial.recording.plates}
+    time_s = trial.recording.force_time_s
+    return [
+        of(time_s, forces[name], own, f"plate {name}", side) for (name, side), own in loads.items()
     ]
 
 

@@ -3,6 +3,7 @@ a foot can."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
@@ -10,12 +11,13 @@ from typing import Any
 import numpy as np
 from scipy.integrate import trapezoid
 
+from vsf_drake.laws.beam import overhung_stiffness, section_inertia
 from vsf_drake.model.bench_curves import PUBLISHED_N_PER_M
-from vsf_drake.model.parameters import GRAVITY
-from vsf_drake.motion.events import Stance, longest_run, overlap_s, within
+from vsf_drake.model.parameters import GRAVITY, ModelParameters
+from vsf_drake.motion.events import Span, Stance, longest_run, overlap_s, runs, within
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.markers.segments import from_line
-from vsf_drake.motion.trajectory import low_pass, spacing
+from vsf_drake.motion.trajectory import columns_at, low_pass, spacing
 from vsf_drake.recording import DOUBTFUL_BW, GOOD_BW, Check, at_most, checked, grade
 from vsf_drake.recording.foot import (
     MIDDLE,
@@ -34,6 +36,18 @@ MASS = (0.03, 0.10)  # error of the mass: a force is that share of body weight o
 # where only one foot is measured: a rigid trunk's acceleration is good to a few percent
 MASS_ONE_FOOT = (0.06, 0.15)
 MASS_CHECK = "mass from the forces"
+MASS_BW = 0.67
+"""Root mean square of the resultant over stance and 0.25 s around it, by which the force in body
+weights is off for a mass that is off by its whole self. Measured, as FITTED_REST, SETTING_BW_PER_M
+and the likes in `motion_checks`, on walks of two synthetic persons and confirmed on a third
+(studies/results/recording_faults.json)."""
+REST_SHARE, REST_S, REST_EDGE_S = 0.1, 0.1, 0.03
+"""A plate is at rest where it carries less than this share of its peak, for at least this long,
+without so much at both ends (choices)."""
+REST_N = 5.0  # a plate that was zeroed before the walk shows less (a choice)
+FITTED_REST = 0.75
+"""Share of a vertical offset of the plate by which the predicted force is off, once the offsets of
+the foot are fitted to it."""
 LEAST_S = 0.25  # shortest measured time that tells a mass or a lag (a choice)
 LAG_S = (0.015, 0.030)
 """One and two frames at 67 Hz (choices): 10 ms at 100 deg/s of hip are 1 degree or 7.5 % body
@@ -47,7 +61,14 @@ BELIEVABLE_R = 0.9
 standard deviation (see `lag`) is 10 ms there, as TOLD_S, and 13 ms at 0.85. Nine synthetic walks
 without a lag show up to 9 ms above it and up to 53 ms below (trunks that shift in the pelvis)."""
 STEPS_HZ = 2.0  # of people who walk at the usual speed (a choice)
-EVENT_LAG_S = (0.040, 0.080)  # touch-down by the foot's motion is within 35 ms of 20 N on the plate
+LIFT_OFF_S = 0.030
+"""By so much later than the intact foot's motion tells does its plate feel it lift off: 21 to 42 ms
+on 18 synthetic walks."""
+EVENT_LAG_S = (0.025, 0.045)
+"""Lag that several events tell: their median in 36 synthetic walks without one is 21 ms at most, in
+walks of four people 20. The second is a choice."""
+FEW_EVENTS, FEW_EVENT_LAG_S = 3, (0.040, 0.080)
+"""Of fewer events each is known to 35 ms only."""
 # beside the line from heel to toe: half a foot and as much as it curves; twice that (choices)
 OUTSIDE_M = (0.07, 0.14)
 LOADED_N = 50.0
@@ -57,6 +78,7 @@ body's height, below which the direction of a force says nothing: a stance spans
 stand about 0.08 beside (choices)."""
 # sideways over vertical force below which its sign says nothing (a choice): usual are 0.03 to 0.06
 LEAST_SHEAR = 0.01
+SHEAR = "direction of the force"
 STRONG_N = 200.0
 LEAST_AGREEMENT = 0.25
 """Slope of the fore-aft force against the place of the load below which the one does not follow the
@@ -86,6 +108,76 @@ def covered(
     for plate in plates.values():
         known &= within(time_s, [(plate.time_s[0], plate.time_s[-1])])
     return known
+
+
+def rest(time_s: np.ndarray, force_n: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """What a plate shows where nobody stands on it: the middles of such times, (k,) s, and its
+    median force in each, (k, 3) N, of (n,) s and (n, 3) N. None where it is never at rest, or never
+    loaded."""
+    peak = float(force_n[:, 2].max(initial=0.0))
+    if peak < STRONG_N:
+        return None
+    spans = [
+        (time_s[start], time_s[stop - 1]) for start, stop in runs(force_n[:, 2] < REST_SHARE * peak)
+    ]
+    rows = [
+        within(time_s, [(start + REST_EDGE_S, end - REST_EDGE_S)])
+        for start, end in spans
+        if end - start > REST_S + 2.0 * REST_EDGE_S
+    ]
+    if not rows:
+        return None
+    return (
+        np.array([time_s[own].mean() for own in rows]),
+        np.array([np.median(force_n[own], axis=0) for own in rows]),
+    )
+
+
+def without_rest(plate: PlateRecording) -> PlateRecording:
+    """The plate less what it shows at rest, on straight lines between such times; as it is where
+    that is below REST_N."""
+    found = rest(plate.time_s, plate.force_W)
+    if found is None or np.abs(found[1]).max() < REST_N:
+        return plate
+    at_rest = columns_at(plate.time_s, *found)
+    return dataclasses.replace(plate, force_W=plate.force_W - at_rest)
+
+
+def plate_zero(
+    time_s: np.ndarray,
+    force_n: np.ndarray,
+    loads: Sequence[Stance],
+    *,
+    plate: str,
+    side: str,
+    prosthetic: bool,
+    mass_kg: float,
+) -> Check | None:
+    """What a plate, as it is called, shows at rest: vertical force (N), in the middle of that of a
+    foot's `loads` where it is largest. (n,) s and (n, 3) N. None where it is never at rest."""
+    found = rest(time_s, force_n)
+    if found is None or not loads:
+        return None
+    middles = [0.5 * (load.start_s + load.end_s) for load in loads]
+    at_loads = np.interp(middles, found[0], found[1][:, 2])
+    value = float(max(at_loads, key=abs))
+    share = abs(value) / (mass_kg * GRAVITY)
+    cost_bw = FITTED_REST * share * (abs(value) > REST_N)
+    mark = grade(cost_bw, GOOD_BW, DOUBTFUL_BW)
+    return checked(
+        "plate_zero",
+        f"zero of {plate}",
+        mark if prosthetic else at_most(mark, "doubtful"),
+        value,
+        "N",
+        side=side,
+        cost_bw=cost_bw if prosthetic else None,
+        plate=plate,
+        share=share,
+        zeroed=abs(value) <= REST_N,
+        drift=float(np.ptp(found[1][:, 2])),
+        cut=not force_n[force_n[:, 2] < REST_N].any(),
+    )
 
 
 def untold_mass(mass_kg: float) -> Check:
@@ -130,7 +222,7 @@ def mass(
         grade(error, *limits),
         felt_kg,
         "kg",
-        cost_bw=max(0.0, abs(error) - limits[0]),
+        cost_bw=MASS_BW * abs(error) * (abs(error) > limits[0]),
         mass_kg=mass_kg,
         error=error,
         duration=duration,
@@ -190,35 +282,46 @@ def lag(
         grade(value, *LAG_S),
         value,
         "s",
-        touch_downs=0,
+        events=0,
         correlation=values[best],
         cost_bw=FITTED_LAG_BW_PER_S * abs(value) * (abs(value) > TOLD_S),
     )
 
 
 def event_lag(
-    measured: Mapping[str, Sequence[Stance]], moving: Mapping[str, Sequence[Stance]]
+    measured: Mapping[str, Sequence[Stance]],
+    moving: Mapping[str, Sequence[Stance]],
+    prosthetic_side: str,
 ) -> Check | None:
-    """Median of touch-down by the plates minus touch-down by the feet's motion (s): several times
-    coarser than `lag`, for recordings in which that tells nothing. None without a pair."""
+    """Median of events by the plates minus the same by the feet's motion (s): every touch-down, and
+    the intact foot's lift-offs less LIFT_OFF_S. Coarser than `lag`, for recordings in which that
+    tells nothing. None without a touch-down."""
     pairs = [
-        m.start_s - k.start_s
+        (side, m, k)
         for side in measured
         for m in measured[side]
         for k in moving.get(side, ())
-        if m.start_seen and k.start_seen and overlap_s(m, k) > 0.0
+        if overlap_s(m, k) > 0.0
     ]
-    if not pairs:
+    events = [m.start_s - k.start_s for _, m, k in pairs if m.start_seen and k.start_seen]
+    if not events:
         return None
-    value = float(np.median(pairs))
+    events += [
+        m.end_s - k.end_s - LIFT_OFF_S
+        for side, m, k in pairs
+        if m.end_seen and k.end_seen and side != prosthetic_side
+    ]
+    value = float(np.median(events))
+    limits = FEW_EVENT_LAG_S if len(events) < FEW_EVENTS else EVENT_LAG_S
     return checked(
         "lag",
         "lag of the forces at touch-down",
-        grade(value, *EVENT_LAG_S),
+        grade(value, *limits),
         value,
         "s",
-        touch_downs=len(pairs),
-        cost_bw=FITTED_LAG_BW_PER_S * abs(value) * (abs(value) > EVENT_LAG_S[0]),
+        events=len(events),
+        cost_bw=FITTED_LAG_BW_PER_S * abs(value) * (abs(value) > limits[0]),
+        known_s=limits[0],
     )
 
 
@@ -241,7 +344,7 @@ def cop_under_foot(foot: FootMotion, plate: PlateRecording, cop_W: np.ndarray) -
         value,
         "m",
         side=foot.side,
-        needed=True,
+        needed=foot.prosthetic,
     )
 
 
@@ -274,9 +377,7 @@ def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
     away = [name for name, value in agreement.items() if value < 0.0]
     follows = agreement.get("fore-aft", 1.0) > LEAST_AGREEMENT
     mark = "unusable" if away else "good" if follows else "doubtful"
-    return checked(
-        "shear", "direction of the force", mark, min(agreement.values()), "1", side=side, away=away
-    )
+    return checked("shear", SHEAR, mark, min(agreement.values()), "1", side=side, away=away)
 
 
 # How well a foot stands: sole angle, height and its drift, slip, swing clearance.
@@ -305,6 +406,7 @@ DRIFT_MM = (GOOD_BW / HEIGHT_BW_PER_MM, 10.0)
 """Change of height within and between foot-flats, which no constant height takes out: 3 % body
 weight at 1.1 mm. The second is what a shoe gives under the ball (a choice)."""
 INTACT_DRIFT_MM = DOUBTFUL_BW / HEIGHT_BW_PER_MM  # good: 10 % body weight of its own force, 3.6 mm
+SLIP = "slip at foot-flat"
 STANDING_SLIP_M_PER_S = ((-0.08, -0.03), (0.0, 0.03))
 """Forward and inward velocities between which a rigid prosthetic foot seems to slip where a real
 one rests: its socket turns and its keel bends under the shank. What walks known not to slip show,
@@ -325,8 +427,14 @@ walks known to be right show -6 to 16."""
 FITTED_COP_BW_PER_MM = 5e-4
 """What the fit of the offsets itself makes of a centre of pressure that is off fore-aft, since it
 moves the foot under it: 1.4 % of body weight for 30 mm (measured on one walk)."""
-# share of a slip of the intact foot that is expected in the prosthetic leg's angles (a choice)
-OTHER_LEG = 0.5
+BENDING = "setting by the foot's bending"
+BENT_BW, BENT_M, BENT_FRAMES = 0.2, (0.05, 0.23), 10
+"""Least load, where it lies (from A), and frames of it by which bending is judged (choices)."""
+BENT_PRIOR, BENT_NOISE_M = (0.015, 0.05), 0.004
+"""Standard deviations of the foot's height (m) and angle (rad), and of the depth (choices)."""
+BENT_FULCRUMS_M = np.arange(0.050, 0.200, 0.004)
+SETTING_BW_PER_M = 1.3
+"""By how much a fulcrum named wrongly changes the predicted force, the offsets fitted."""
 # lowest point in mid-swing: with 8 mm a prototype's foot dragged; below 0 it cuts
 CLEARANCE_MM = (10.0, 0.0)
 # its ankle is prescribed and does not sag (a choice: noise of its height)
@@ -566,6 +674,56 @@ def strike(foot: FootMotion, cop_W: np.ndarray, stances: Sequence[Stance]) -> Ch
     )
 
 
+def bending(
+    foot: FootMotion,
+    model: ModelParameters,
+    plate: PlateRecording,
+    cop_W: np.ndarray,
+    *,
+    span: Span,
+    mass_kg: float,
+    fulcrum_m: float,
+) -> Check | None:
+    """Where the fulcrum would have to be (mm from A) for the model's foot to give as deep as its
+    undeformed sole lies under the floor at the centre of pressure (n, 3) m, within `span`.
+
+    The depth is a height and an angle that are free within BENT_PRIOR, and what the load presses
+    down: the overhung keel (`laws.beam`) and the socket, axially and in flexion. Lengths and
+    stiffness of the person's own foot are in it, so that it tells a setting only beside other walks
+    (`examine.settings_compared`). None where too little of a stance is measured.
+    """
+    keel = model.foot.keel
+    along = foot.toe_W - foot.heel_W
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    place = np.sum((cop_W - foot.heel_W) * along, axis=1)
+    load_n = np.interp(foot.time_s, plate.time_s, plate.force_W[:, 2])
+    x = place + 1e-3 * min(value for zone in model.foot.zones for value in zone.x_mm)
+    rows = foot.rows(*span) & np.isfinite(x) & (load_n > BENT_BW * mass_kg * GRAVITY)
+    rows &= (x > BENT_M[0]) & (x < BENT_M[1])
+    if np.count_nonzero(rows) < BENT_FRAMES:
+        return None
+    x = x[rows]
+    load_n = load_n[rows]
+    lever = x - model.foot.pylon_x_m
+    depth = -(foot.heel_W[:, 2] + place * along[:, 2])[rows]
+    socket = model.socket
+    depth -= load_n * (1.0 / socket.tz.stiffness + lever**2 / socket.flexion.stiffness)
+    bending_stiffness = keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m)
+    held = BENT_NOISE_M / np.array(BENT_PRIOR) * np.sqrt(len(x) / BENT_FRAMES)
+    free = np.vstack([np.column_stack([np.ones_like(x), lever]), np.diag(held)])
+    left = dict[float, float]()
+    for support in BENT_FULCRUMS_M:
+        beyond = np.maximum(x, support + 1e-6)
+        gives = load_n / overhung_stiffness(
+            bending_stiffness=bending_stiffness, support=support, load_point=beyond
+        )
+        wanted = np.append(depth - gives, [0.0, 0.0])
+        found = np.linalg.lstsq(free, wanted, rcond=None)[0]
+        left[float(support)] = float(np.sum((wanted - free @ found) ** 2))
+    value = 1e3 * min(left, key=left.__getitem__)
+    return _of(foot, "bending", BENDING, "good", value, "mm", named=1e3 * fulcrum_m)
+
+
 def slip(
     foot: FootMotion, rows: np.ndarray, number: int | None = None, cop_W: np.ndarray | None = None
 ) -> Check:
@@ -580,18 +738,16 @@ def slip(
     if foot.undeformed:
         velocity *= [1.0, 1.0 if foot.side == "right" else -1.0]
         velocity -= np.clip(velocity, *np.transpose(STANDING_SLIP_M_PER_S))
-    share = float(np.hypot(*(velocity * FITTED_SLIP_BW_PER_M_PER_S))) * (
-        1.0 if foot.prosthetic else OTHER_LEG
-    )
+    share = float(np.hypot(*(velocity * FITTED_SLIP_BW_PER_M_PER_S)))
     return _of(
         foot,
         "slip",
-        "slip at foot-flat",
-        grade(share, GOOD_BW, DOUBTFUL_BW),
+        SLIP,
+        grade(share, GOOD_BW if foot.prosthetic else DOUBTFUL_BW, DOUBTFUL_BW),
         speed,
         "m/s",
         stance=number,
-        cost_bw=share,
+        cost_bw=share if foot.prosthetic else None,
         share=share,
         lasted=lasted,
         beyond=float(np.hypot(*velocity)),

@@ -4,6 +4,7 @@ good each is."""
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,15 +32,19 @@ from vsf_drake.motion.trial import (
     trial_from_recordings,
 )
 from vsf_drake.recording import FITTED_HIP_BW_PER_DEG, Check, checked
-from vsf_drake.recording.examine import Examined, examine, weighed
+from vsf_drake.recording.examine import Examined, examine, settings_compared, weighed
+from vsf_drake.recording.force_checks import SLIP
 from vsf_drake.recording.inverse_kinematics import refined
 from vsf_drake.recording.motion_checks import SAME_FOOT, SHELL_M
 from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.recorded_walk import STEP_S, walk_trial
 
 CLEARLY_BW = 0.01
-"""By so much (body weights) less the expected error must be with the prosthesis on the other side
-to say so (a choice: a third of what still counts as good)."""
+"""By so much (body weights) less the misfit must be with the prosthesis on the other side to say so
+(a choice: a third of what still counts as good)."""
+INTACT_SLIP_BW_PER_M_PER_S = 0.3
+"""Weight of the intact foot's slip in that misfit (a choice: half of what the prosthetic foot's
+does to the force)."""
 WEIGHED = 0.02  # error of a body mass that the plates tell (`mass_from_walk`: one or two percent)
 BESIDE = ("{}.mot", "{}_grf.mot", "{}.sto", "{}_grf.sto", "{}.csv", "{}_grf.csv", "{}.forces")
 """Names of a force file beside `walk.trc`, the first that exists counts; {} is the walk's name
@@ -153,7 +158,7 @@ def import_walks(
     read = dict.fromkeys((files.standing, files.standing_forces, *files.walks, *files.forces))
     hashes = {str(path): sha256(path) for path in read if path is not None and path.is_file()}
     return ImportedWalks(
-        tuple(items),
+        tuple(settings_compared(items)),
         tuple(names),
         {str(path): str(error) for path, error in failures.items()},
         options.scale_prosthesis,
@@ -273,7 +278,7 @@ def _other_side(
             )
         except InputError:
             continue
-        errors_bw = [examine(each).expected_error_bw for each in (trial, swapped)]
+        errors_bw = [_misfit_bw(examine(each)) for each in (trial, swapped)]
         if errors_bw[0] - errors_bw[1] < CLEARLY_BW:
             return []
         return [
@@ -290,6 +295,17 @@ def _other_side(
             )
         ]
     return []
+
+
+def _misfit_bw(item: Examined) -> float:
+    """The expected error with what slips under the intact foot, which a stiff ankle taken for a
+    moving one, and the other way round, shows (body weights)."""
+    slips = [
+        check.value
+        for check in item.checks
+        if check.name == SLIP and check.side != item.trial.subject.prosthetic_side and check.value
+    ]
+    return math.hypot(item.expected_error_bw, INTACT_SLIP_BW_PER_M_PER_S * max(slips, default=0.0))
 
 
 def _scaling_effect(trial: Trial, ratio: float, options: ImportOptions) -> list[str]:

@@ -53,7 +53,10 @@ BOB_M = (0.01, 0.10)  # rise and fall of the pelvis, 30-50 mm in usual walking (
 JUMP_M_PER_S2 = 30.0
 REST_M_PER_S = 0.05
 BELT_M_PER_S = 0.3  # backward speed of standing feet that no ground allows (a choice)
-ROUGH_DEG = (GOOD_BW / HIP_BW_PER_DEG, DOUBTFUL_BW / HIP_BW_PER_DEG)  # content above ROUGH_HZ
+ROUGH_BW_PER_DEG = 0.16
+"""What a hip angle's content above ROUGH_HZ is of the force: more than of an angle that is held,
+since keel and ground damp."""
+ROUGH_DEG = (GOOD_BW / ROUGH_BW_PER_DEG, DOUBTFUL_BW / ROUGH_BW_PER_DEG)  # content above ROUGH_HZ
 # twice the usual cut-off: above it an angle has noise, or a stride that was cut and pasted
 ROUGH_HZ = 12.0
 HARMONICS_HZ = 4.0
@@ -66,11 +69,14 @@ filtered again at 6 Hz none less than 0.32, at 3 Hz none more than 0.28."""
 LEAST_STRIDES_PER_S = 0.78  # slower ones have their fifth harmonic below: not judged (a choice)
 # slower walks have fewer harmonics, of which little is published: not judged
 SMOOTHED_M_PER_S = 0.8
-FITTED_SMOOTHED_BW = 0.087
-"""What filtering at 3 Hz leaves after a fit of the offsets: the smaller of two measured (0.087 and
-0.121), since how far an angle was filtered is not known."""
-# length of a thigh or a shank: what a marker is off, over it, is the error of an angle
-SEGMENT_M = 0.4
+FITTED_SMOOTHED_BW = 0.05
+"""What is left of filtering at 3 Hz; how far an angle was filtered is not known."""
+FITTED_RESIDUAL_BW_PER_M = 0.5
+"""What is left of markers that lie off their segments, once the offsets are fitted: a cluster or a
+marker that slips, an axis or a hip centre found wrongly. Less than of the angle that one marker
+alone would turn, since the other markers of its segment hold it."""
+FITTED_NOISE_BW_PER_M = 7.5
+"""What is left of noise, by what the markers hold of it above 12 Hz: below there is more of it."""
 SPREADS = {
     "residuals": ("marker residuals", (0.010, 0.020)),
     "joint_gaps": ("gaps in joints", (0.020, 0.035)),
@@ -245,7 +251,7 @@ def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Chec
         grade(value, *ROUGH_DEG),
         value,
         "deg",
-        cost_bw=HIP_BW_PER_DEG * value,
+        cost_bw=ROUGH_BW_PER_DEG * value,
         angle=angle,
         above_hz=ROUGH_HZ,
     )
@@ -348,8 +354,7 @@ def spread(part: str, values_m: Mapping[str, float]) -> Check | None:
         return None
     (name, limits), value = SPREADS[part], ranked[0][1]
     names = ", ".join(f"{key.replace('_', ' ')} {1e3 * size:.1f}" for key, size in ranked[:NAMED])
-    degrees = float(np.degrees(value / SEGMENT_M))
-    cost_bw = recording.FITTED_HIP_BW_PER_DEG * degrees if part == "residuals" else None
+    cost_bw = FITTED_RESIDUAL_BW_PER_M * value if part == "residuals" else None
     return checked(
         part, name, grade(value, *limits), 1e3 * value, "mm", names=names, cost_bw=cost_bw
     )
@@ -432,6 +437,7 @@ def filtered_before(
         "doubtful" if noisy == left_out else "good",
         1e3 * value,
         "mm",
+        cost_bw=None if left_out else FITTED_NOISE_BW_PER_M * value,
         above_hz=above,
         noisy=noisy,
         left_out=left_out,

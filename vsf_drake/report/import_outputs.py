@@ -26,7 +26,7 @@ from vsf_drake.motion.markers.segments import PARENTS, Calibration
 from vsf_drake.motion.trial import Trial, load_trial, write_trial_files
 from vsf_drake.optimal_control.normal import ANGLES, FORCES, NormalGait, normal_gait
 from vsf_drake.plants.anthropometry import scale_body
-from vsf_drake.recording import EXPECTED, MARKS, motion_checks, worst
+from vsf_drake.recording import EXPECTED, LEVEL_BW, MARKS, motion_checks, worst
 from vsf_drake.recording.examine import Examined, person_table, trial_table
 from vsf_drake.recording.foot import flat_phases
 from vsf_drake.recording.import_walks import ImportedWalks
@@ -190,6 +190,7 @@ def import_page(
             if check.name in motion_checks.TO_DO and check.mark != "good"
         ),
         marks=MARKS,
+        level=LEVEL_BW,
         colours=MARK_COLOURS,
         expected=EXPECTED,
         degrees=math.degrees(1.0),
