@@ -19,7 +19,7 @@ from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trial import Trial
 from vsf_drake.optimal_control.normal import normal_gait
 from vsf_drake.optimal_control.own import OwnStrides
-from vsf_drake.optimal_control.recorded_projection import TILT
+from vsf_drake.optimal_control.recorded_projection import TILT, straightened
 from vsf_drake.optimal_control.recorded_stride import RecordedStride, recorded_stride
 from vsf_drake.optimal_control.stride import MM, PACE, SAME_SPEED, Stride, StrideOptions
 from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing
@@ -52,9 +52,10 @@ class StrideTuning:
     cost.
 
     Of one trial, its fitted contact applied, or of trials at two settings or more, whose strides it
-    is then held to. InputError: no trials; what `walks.answer.answer_of` refuses of several; a
-    recording holds no whole stride, or no plate of the prosthetic foot; the prosthesis is turned
-    out of the sagittal plane; the range is out of reach, or out of the recorded settings; nothing
+    is then held to, of the person with the prosthetic foot in the sagittal plane (`trial`,
+    `walker`). InputError: no trials; what `walks.answer.answer_of` refuses of several; a
+    recording holds no whole stride, or no plate of the prosthetic foot; that foot is turned too
+    far out of the way of walking (`recorded_stride.MOST_TURNED_DEG`); the range is out of reach, or out of the recorded settings; nothing
     was published of able-bodied walking at the speed of a single trial; a recording is to be
     tracked at another speed; own strides are to be tracked, or wanted at another speed.
 
@@ -74,21 +75,23 @@ class StrideTuning:
         self.cost = check_cost(cost, FREE_COSTS)
         self.options = options or StrideOptions()
         self.labels = tuple(labels or (trial.name for trial in trials))
-        self.trial = trials[0]
+        trial = trials[0]
         self.answer = answer_of(trials) if len(trials) > 1 else None
-        self.walker = Walker(self.trial.subject, self.trial.model)
-        strides = tuple(recorded_stride(trial, self.walker) for trial in trials)
+        walker = Walker(trial.subject, trial.model)
+        strides = tuple(recorded_stride(one, walker) for one in trials)
         self.recorded: RecordedStride | OwnStrides = strides[0]
         period_s = strides[0].period_s
         advance_m = strides[0].advance_m
         if self.answer is not None:
-            own = OwnStrides(self.answer, strides, self.trial.subject.mass_kg * GRAVITY)
+            own = OwnStrides(self.answer, strides, trial.subject.mass_kg * GRAVITY)
             self.recorded = own
             period_s = own.period_s(own.middle_m)
             advance_m = own.speed * period_s
-            self.trial = dataclasses.replace(
+            trial = dataclasses.replace(
                 self.answer.like, fulcrum_m=own.middle_m, offsets=self.answer.offsets
             )
+        self.trial = straightened(trial)
+        self.walker = Walker(self.trial.subject, self.trial.model)
         body = self.walker.gait.person.body
         grid = Grid(
             method=self.options.method,
