@@ -44,6 +44,16 @@ other instants of the grid. Choices: of 5, 10 and 15 degrees and of 2, 4 and 8 m
 the one that ended nearest to the least known cost, within 0.4 % (SYNTHETIC)."""
 
 
+LOST = 2.0
+"""Cost of a tracked stride, in which deviations count one each at 2 degrees, 10 mm and 5 % of body
+weight, above which it is not the recorded one (a choice; those that are have 0.4 to 0.8, SYNTHETIC;
+one that was not had 30)."""
+FAR = (
+    Smoothing(depth_m=16e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.2, damping=1.0),
+    Smoothing(depth_m=4e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0),
+)
+"""Stages that then go before: an intact foot that the recording has some millimetres over the floor
+in stance is felt by a softer ground only (16 mm: a choice; 8 mm do not help)."""
 SAME_MM = 0.05  # positions that are nearer than this are one
 
 
@@ -243,9 +253,25 @@ def tracked(
     stride: Stride, progress: Progress | None = None, warm: Start | None = None
 ) -> TrajectorySolution:
     """The recorded stride as a possible motion, through the stages of smoothing, or in the last
-    alone from `warm` on."""
-    own = stride.own_m / MM
+    alone from `warm` on; where these end at another stride, once more from FAR on."""
     stages = stride.options.stages if warm is None else stride.options.stages[-1:]
+    near = _tracked(stride, stages, progress, warm)
+    if near.status == "interrupted" or (near.success and near.last_cost <= LOST):
+        return near
+    far = _tracked(stride, (*FAR, stride.options.stages[-1]), progress)
+    if far.status == "interrupted":
+        return far
+    ends = [solution for solution in (far, near) if solution.success]
+    return min(ends, key=lambda solution: solution.last_cost, default=near)
+
+
+def _tracked(
+    stride: Stride,
+    stages: Sequence[Smoothing],
+    progress: Progress | None,
+    warm: Start | None = None,
+) -> TrajectorySolution:
+    own = stride.own_m / MM
     solution: TrajectorySolution | None = None
     for i, smoothing in enumerate(stages):
         search = StrideSearch(

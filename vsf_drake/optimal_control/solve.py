@@ -26,6 +26,7 @@ from vsf_drake.optimal_control.outcomes import (
 from vsf_drake.optimal_control.own import OwnStrides
 from vsf_drake.optimal_control.resimulate import resimulate_prescribed, resimulate_with_feedback
 from vsf_drake.optimal_control.search import (
+    LOST,
     NEAR_ENOUGH,
     Held,
     StrideSearch,
@@ -108,8 +109,12 @@ def _search(result: StrideSolution, progress: Progress | None) -> str:
         result.doing = "tracking the own strides"
         own = own_strides(tuning.stride, result.tracked.last, progress)
         for one in own:
-            if not one.success:
-                return f"no own stride was found at {position_mm(one):.0f} mm: {one.message}"
+            if not one.success or one.last_cost > LOST:
+                why = one.message
+                if one.success:
+                    why = f"the nearest possible motion that was found costs {one.last_cost:.1f}, "
+                    why += f"one near it at most {LOST:g}"
+                return f"no own stride was found at {position_mm(one):.0f} mm: {why}"
         search.stride = dataclasses.replace(search.stride, own=own)
     search.stride, start = _to_solve(tuning, search.stride, result.tracked)
     result.doing = "sweeping the fulcrum"
