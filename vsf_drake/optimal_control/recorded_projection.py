@@ -251,9 +251,7 @@ def straightened(trial: Trial) -> Trial:
     nor inverted under the pylon."""
     return replace(
         trial,
-        subject=replace(
-            trial.subject, prosthesis_inversion_rad=None, prosthesis_toe_out_rad=None
-        ),
+        subject=replace(trial.subject, prosthesis_inversion_rad=None, prosthesis_toe_out_rad=None),
         offsets=replace(trial.offsets, inversion_rad=0.0, toe_out_rad=0.0),
     )
 

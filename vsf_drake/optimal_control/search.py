@@ -63,14 +63,15 @@ class StrideTuning:
 
     Of one trial, its fitted contact applied, or of trials at two settings or more, whose strides it
     is then held to, of the person with the prosthetic foot in the sagittal plane (`trial`,
-    `walker`). InputError: no trials; what `walks.answer.answer_of` refuses of several; a
-    recording holds no whole stride, or no plate of the prosthetic foot; that foot is turned too
-    far out of the way of walking (`recorded_stride.MOST_TURNED_DEG`); the range is out of reach, or out of the recorded settings; nothing
-    was published of able-bodied walking at the speed of a single trial; a recording is to be
-    tracked at another speed; own strides are to be tracked, or wanted at another speed.
+    `walker`). InputError: no trials; what `walks.answer.answer_of` refuses of several; a recording
+    holds no whole stride, or no plate of the prosthetic foot; that foot is turned too far out of
+    the way of walking (`recorded_stride.MOST_TURNED_DEG`); the range is out of reach, or out of the
+    recorded settings; nothing was published of able-bodied walking at the speed of a single trial;
+    a recording is to be tracked at another speed; own strides are to be tracked, or wanted at
+    another speed.
 
-    speed_m_per_s: at which the stride is solved for, None for the recorded one. answer: of several
-    trials.
+    trials: as given. speed_m_per_s: at which the stride is solved for, None for the recorded one.
+    answer: of several trials.
     """
 
     def __init__(
@@ -84,6 +85,7 @@ class StrideTuning:
         require(trials, "there are none", "trials", "Give one, or some at two settings or more")
         self.cost = check_cost(cost, FREE_COSTS)
         self.options = options or StrideOptions()
+        self.trials = tuple(trials)
         self.labels = tuple(labels or (trial.name for trial in trials))
         trial = trials[0]
         self.answer = answer_of(trials) if len(trials) > 1 else None
@@ -428,6 +430,11 @@ class StrideSolution:
     tracked: TrajectorySolution  # the recorded stride as a possible motion
     search: StrideSearch
     sweep: list[Fixed] = field(default_factory=list)  # the best stride at each fixed position
+    along: tuple[t.AlongPoint, ...] = ()
+    """of several settings, the cost of level 1 along the person's own answer (`tuning.along`)"""
+    untold: list[str] = field(default_factory=list)  # why there is none
+    equal_load: dict[float, dict[str, float]] = field(default_factory=dict)
+    """by position of the sweep (mm), see `equal_load.costs_under_equal_load`"""
     free: list[tuple[float, TrajectorySolution]] = field(default_factory=list)
     """from where (mm), the fulcrum free"""
     checks: Checks = field(default_factory=lambda: Checks(2))  # what the optimum was held against
