@@ -93,8 +93,10 @@ def under_equal_load(
                 i
                 for i, name in enumerate(function.names)
                 if name.startswith(("prosthetic_", "prosthesis_", "force_", "stored_"))
-                or (name.endswith(layout.coordinates[3:5])
-                and name.startswith(("torque_", "power_", "activation_")))
+                or (
+                    name.endswith(layout.coordinates[3:5])
+                    and name.startswith(("torque_", "power_", "activation_"))
+                )
             ]
             y[:, own] = there[:, own]
             return y

@@ -81,7 +81,7 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
 
     The closed motion's accelerations follow the plates where these know both feet's forces over the
     whole stride, else the recorded motion. InputError: the recording holds no whole stride, no
-    strike of the prosthetic foot, or does not travel.
+    strike of the prosthetic foot, or does not travel; the foot is turned out too far.
 
     Args:
         trial: with its fitted contact applied (`motion.fitted_trial.trial_with`), if it has one.
@@ -203,15 +203,8 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
     errors = _errors(
         chain, final, wanted, chain.near_floor(wanted, points.ground), weights, standing
     )
-    errors |= {"angle_deg": turned[worst]} | _force_errors(chain, curves, forces, mass)
-    toe_out = _turned_out_deg(trial, points, chain, forward)
-    require(
-        abs(toe_out) <= MOST_TURNED_DEG,
-        f"the prosthetic foot is turned out of the way of walking by {toe_out:.0f}°",
-        "kinematics",
-        f"From the side no more than {MOST_TURNED_DEG:g}° can be left out. Tune at --level 1",
-        file=file,
-    )
+    errors |= {"angle_deg": turned[worst], "toe_out_deg": _toe_out(trial, points, chain, forward)}
+    errors |= _force_errors(chain, curves, forces, mass)
     notes = say(
         "stride",
         "recorded",
@@ -224,7 +217,6 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
         converged=closed and converged,
         shift=shift,
         errors=errors,
-        toe_out_deg=toe_out,
         worst=worst,
         closing=closing,
     )
@@ -269,18 +261,25 @@ MOST_TURNED_DEG = 15.0
 square of the angle's cosine (a choice)."""
 
 
-def _turned_out_deg(
-    trial: Trial, points: BodyPoints, chain: SagittalChain, forward: np.ndarray
-) -> float:
-    """From above, by how much the prosthetic foot's spheres, where they are near the floor, are
-    turned away from the midline against where the chain, which knows no toe-out, has them."""
+def _toe_out(trial: Trial, points: BodyPoints, chain: SagittalChain, forward: np.ndarray) -> float:
+    """Degrees, from above, by which the prosthetic foot's spheres, where they are near the floor,
+    are turned away from the midline against where the chain, which knows no toe-out, has them.
+    InputError where that is more than MOST_TURNED_DEG."""
     rows = chain.rows("sphere P")
     near = chain.near_floor(points.seen(forward), points.ground)[:, rows].sum(axis=1)
     foot = chain.local[rows].real + 1j * chain.aside[rows]
     seen = points.places[:, rows] @ [1.0, 1j, 0.0] / complex(*forward)
     to_the_left = np.angle(near @ (seen @ (foot - foot.mean()).conj()))
     side = 1.0 if trial.subject.prosthetic_side == "left" else -1.0
-    return float(np.degrees(side * to_the_left))
+    toe_out = float(np.degrees(side * to_the_left))
+    require(
+        abs(toe_out) <= MOST_TURNED_DEG,
+        f"the prosthetic foot is turned out of the way of walking by {toe_out:.0f}°",
+        "kinematics",
+        f"From the side no more than {MOST_TURNED_DEG:g}° can be left out. Tune at --level 1",
+        file=trial.path,
+    )
+    return toe_out
 
 
 def _along(

@@ -47,7 +47,6 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
     """The content of `tuning.json`."""
     tuning = result.tuning
     best = result.shown
-    stride = result.search.stride
     names = tuning.options.weights if tuning.cost == WEIGHTED else (tuning.cost,)
     near = as_good(result)
     return t.as_saved(
@@ -207,7 +206,13 @@ def _notes(result: StrideSolution) -> list[str]:
     lost = [row.fulcrum_mm for row in result.sweep if row.solution is None and row.tried]
     return [
         *([] if tuning.speed_m_per_s is None else say("stride", "speed", **speeds)),
-        *say("stride", "limits", tracks=tuning.cost == "tracking", own=tuning.answer is not None),
+        *say(
+            "stride",
+            "limits",
+            tracks=tuning.cost == "tracking",
+            own=tuning.answer is not None,
+            draws=tuning.options.draws,
+        ),
         *tuning.recorded.notes,
         *([] if tuning.answer is None else _answered(tuning.answer)),
         *result.untold,
