@@ -203,8 +203,11 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
     errors = _errors(
         chain, final, wanted, chain.near_floor(wanted, points.ground), weights, standing
     )
-    errors |= {"angle_deg": turned[worst], "toe_out_deg": _toe_out(trial, points, chain, forward)}
-    errors |= _force_errors(chain, curves, forces, mass)
+    errors |= {
+        "angle_deg": turned[worst],
+        "toe_out_deg": _toe_out(trial, points, chain, forward),
+        **_force_errors(chain, curves, forces, mass),
+    }
     notes = say(
         "stride",
         "recorded",
