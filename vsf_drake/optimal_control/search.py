@@ -296,9 +296,9 @@ def own_strides(
     near: Sequence[Start] = (),
 ) -> tuple[TrajectorySolution, ...]:
     """The person's own strides as possible motions, each at its position of the sweep; begun from
-    `first`, the one at `own_m`, outward, then from each to its neighbours, upward and downward, of
-    which the lower counts: outward alone, neighbours end at different strides. Or from those
-    `near` alone."""
+    `first`, the one at `own_m`, outward, or from those `near`. Neighbours may end at different
+    strides: beginning from both sides and keeping the lower takes twice as long and leaves that as
+    it is."""
     found: dict[float, TrajectorySolution] = {}
     positions = stride.positions_mm
     own_mm = stride.own_m / MM
@@ -312,16 +312,6 @@ def own_strides(
             progress(f"own stride at {mm:.0f} mm", i / len(positions))
         there = dataclasses.replace(stride, own_m=mm * MM, own=(), consistent=None)
         found[mm] = unless_interrupted(tracked(there, warm=start))
-    for order in () if near else (positions, positions[::-1]):
-        for before, mm in pairwise(order):
-            there = dataclasses.replace(stride, own_m=mm * MM, own=(), consistent=None)
-            search = StrideSearch(there, "tracking", progress=progress)
-            again = unless_interrupted(
-                search.at(mm, found[before].last, f"own stride at {mm:.0f} mm, from {before:.0f}")
-            )
-            lower = not found[mm].success or again.last_cost < found[mm].last_cost
-            if again.success and lower:
-                found[mm] = again
     return tuple(found[mm] for mm in positions)
 
 
