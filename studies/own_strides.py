@@ -141,10 +141,11 @@ def text_table(told: dict[str, dict[str, Any]]) -> str:
     """Lines for the screen."""
     lines = []
     for person, part in told.items():
+        decided = "decided" if part["optimal"] else "no optimum"
         lines.append(
             f"{person}: {part['status']}; fulcrum {part['fulcrum_mm']:.1f} mm, interval "
             f"{part['interval_mm']}, hold halved and doubled {part['moves_mm']} mm; "
-            f"{part['undecided'] or 'decided'}"
+            f"{part['undecided'] or decided}"
         )
         for row in ("positions_mm", "cost", "walked", "equal_load"):
             values = " ".join("    none" if x is None else f"{x:8.3f}" for x in part[row])
