@@ -197,14 +197,12 @@ def test_each_level_gets_its_options_and_its_progress_is_shown(run, tmp_path, mo
         "solve": solve,
         "tuning_table": lambda solution: small_table(level=2),
         "tuning_arrays": lambda solution: {"tracked_p": POSITIONS},
-        "along_answer": lambda tuning: (),
     }
     made |= {"stride_table": made["tuning_table"], "stride_arrays": made["tuning_arrays"]}
     for home, names in (
         ("tuning.problem", ("StiffnessTuning",)),
         ("tuning.solve", ("solve",)),
         ("tuning.solution", ("tuning_table", "tuning_arrays")),
-        ("tuning.along", ("along_answer",)),
         ("optimal_control.search", ("StrideTuning",)),
         ("optimal_control.solve", ("solve",)),
         ("optimal_control.saved", ("stride_table", "stride_arrays")),

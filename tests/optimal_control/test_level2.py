@@ -28,6 +28,7 @@ from vsf_drake.optimal_control.outcomes import (
 from vsf_drake.optimal_control.resimulate import resimulate_prescribed
 from vsf_drake.optimal_control.saved import as_good, as_little, stride_arrays, stride_table
 from vsf_drake.optimal_control.search import (
+    FAR,
     Fixed,
     Held,
     StrideSearch,
@@ -793,6 +794,26 @@ def test_a_recording_is_tracked_from_itself_and_a_sweep_goes_on_over_a_position_
     swept(search, "tracked", rows, chains=False)
     assert asked == [("80", "tracked"), ("70", "80"), ("60", "80")]
     assert rows[1].solution is None and np.isnan(rows[1].tried["outward"])
+
+
+@pytest.mark.parametrize(
+    ("costs", "least", "begun"), [((0.5,), 0.5, 1), ((30.0, 0.8), 0.8, 2), ((30.0, 40.0), 30.0, 2)]
+)
+def test_a_stride_that_is_tracked_to_another_one_is_begun_again_on_a_softer_ground(
+    monkeypatch, costs, least, begun
+):
+    asked = []
+
+    def ended(stride, stages, progress, warm=None):
+        asked.append(tuple(stages))
+        return SimpleNamespace(success=True, status="optimal", last_cost=costs[len(asked) - 1])
+
+    monkeypatch.setattr("vsf_drake.optimal_control.search._tracked", ended)
+    stages = StrideOptions().stages
+    found = tracked(SimpleNamespace(options=SimpleNamespace(stages=stages)))
+    assert found.last_cost == least
+    assert asked == [stages, (*FAR, stages[-1])][:begun]
+    assert FAR[0].depth_m > FAR[1].depth_m > stages[-1].depth_m
 
 
 def test_the_recorded_position_joins_the_sweep_from_both_its_neighbours():

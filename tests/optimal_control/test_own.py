@@ -157,7 +157,7 @@ def test_a_hold_passes_through_its_strides_and_what_is_held_has_its_derivatives(
     assert y[:, off] == pytest.approx(plain - np.tile(hold.at(0.09, len(start.z))[0], (2, 1)))
     assert np.array_equal(function.evaluate(z, p), y)
     assert np.array_equal(by_z[:, off], by_z[:, function.index(*names)])
-    for i in (0, -1):
+    for i in (0, 1, 2, -1):  # fulcrum, heel, alignment, time
         step = 1e-6 * np.eye(len(p))[i]
         ahead, behind = (function.evaluate(z, p + s * step)[:, off] for s in (1.0, -1.0))
         assert by_p[:, off, i] == pytest.approx((ahead - behind) / 2e-6, rel=1e-4, abs=1e-2)

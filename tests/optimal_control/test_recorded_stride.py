@@ -22,6 +22,8 @@ from vsf_drake.motion.trial import load_trial
 from vsf_drake.optimal_control import recorded_stride as made
 from vsf_drake.optimal_control.recorded_projection import body_points
 from vsf_drake.optimal_control.recorded_stride import recorded_stride
+from vsf_drake.optimal_control.search import StrideTuning
+from vsf_drake.optimal_control.stride import StrideOptions
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
@@ -354,3 +356,45 @@ def test_forces_of_one_foot_alone_are_not_followed(planar, known_period):
     assert made.periodic.forced_acceleration(stride.forces, trial.subject.mass_kg) is None
     assert set(stride.forces) == {"prosthetic"}
     assert np.isnan(stride.measured("intact", 0.1)[0]).all()
+
+
+def turned_out(trial, toe_out_rad, inversion_rad=0.0):
+    own = trial.subject.prosthesis_toe_out_rad or 0.0
+    return dataclasses.replace(
+        trial,
+        subject=dataclasses.replace(trial.subject, prosthesis_toe_out_rad=own + toe_out_rad),
+        offsets=dataclasses.replace(
+            trial.offsets, inversion_rad=trial.offsets.inversion_rad + inversion_rad
+        ),
+    )
+
+
+def test_a_foot_turned_out_of_the_plane_is_seen_from_the_side_up_to_an_angle(planar):
+    """The plane's foot stays; what is told of the foot in space follows the angle between them: of
+    its length along the way the cosine is left, and of an inverted sole the edges lift."""
+    trial, _ = planar
+    straight = recorded_stride(trial)
+    out = recorded_stride(turned_out(trial, 0.1))
+    inverted = recorded_stride(turned_out(trial, 0.0, inversion_rad=0.05))
+    assert np.array_equal(out.chain.local, straight.chain.local)
+    assert np.array_equal(inverted.chain.local, straight.chain.local)
+    more = out.errors["toe_out_deg"] - straight.errors["toe_out_deg"]
+    assert more == pytest.approx(np.degrees(0.1), abs=0.3)
+    assert straight.errors["sole_tilt_mm"] < 0.3
+    assert inverted.errors["sole_tilt_mm"] > 0.8
+    assert "5." in next(note for note in out.notes if "turned" in note)
+    with pytest.raises(InputError, match=r"turned out of the way of walking by 2\d°"):
+        recorded_stride(turned_out(trial, 0.4))
+
+
+def test_the_sagittal_person_of_a_turned_foot_is_that_of_a_straight_one(planar):
+    trial, _ = planar
+    straight, out = (
+        StrideTuning([one], cost="tracking", options=StrideOptions(intervals=12))
+        for one in (trial, turned_out(trial, 0.1, inversion_rad=0.05))
+    )
+    for name in ("x", "z", "count"):
+        assert getattr(out.stride.model.spheres, name) == pytest.approx(
+            getattr(straight.stride.model.spheres, name), abs=1e-12
+        )
+    assert out.trial.offsets == straight.trial.offsets

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsf_drake.base.errors import FitError, InputError, SimulationError, require
+from vsf_drake.base.errors import FitError, InputError, require
 from vsf_drake.base.progress import Progress
 from vsf_drake.cli.app import Contact, Out, app, interrupted, path, print_text, progress, say
 from vsf_drake.cli.options import Asked, fields_of, flags, from_fields, named_as_options
@@ -253,7 +253,6 @@ def _solved(
     from vsf_drake.optimal_control.saved import stride_arrays, stride_table
     from vsf_drake.optimal_control.search import StrideTuning
     from vsf_drake.tuning import solve as level1
-    from vsf_drake.tuning.along import along_answer
     from vsf_drake.tuning.options import TuningOptions
     from vsf_drake.tuning.problem import StiffnessTuning
     from vsf_drake.tuning.solution import tuning_arrays, tuning_table
@@ -265,15 +264,7 @@ def _solved(
             begin["fulcrum"] = old.fulcrum_mm
         tuning = StiffnessTuning(given.trials, cost=cost, labels=given.labels, options=options)
         solution = level1.solve(tuning, progress=show, warm_start=begin)
-        table = tuning_table(solution)
-        if table.optimal:
-            show("the cost along the person's own answer", 0.98)
-            try:
-                table = dataclasses.replace(table, along=along_answer(tuning))
-            except (InputError, SimulationError) as error:
-                note = f"The cost along the person's own answer is not told: {error}"
-                table = dataclasses.replace(table, notes=(*table.notes, note))
-        return table, tuning_arrays(solution)
+        return tuning_table(solution), tuning_arrays(solution)
     free = StrideTuning(given.trials, cost=cost, labels=given.labels, options=options)
     stride = level2.solve(free, progress=show, warm_start=old_arrays)
     return stride_table(stride), stride_arrays(stride)

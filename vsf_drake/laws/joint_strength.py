@@ -32,6 +32,9 @@ extrapolated and cannot be w: of a hip's extension it is 6.5 rad/s, where at hal
 power would be work. In walking, holding alone (phi = 0.054) takes most of the energy, and w is
 large: what comes out compares, it does not measure.
 
+The knee's flexion, as measured, is of hamstrings and gastrocnemius together: of a leg that ends
+below the knee it is too strong, by what was not found.
+
 What is not the sources' (choices): each direction of a joint is one muscle, and of two only one
 works; within LITTLE of m g h one direction's strength goes smoothly over to the other's; the
 corners of s and min(v, 0) are rounded over SLOW, so that strength at rest is up to 6 % less;

@@ -22,12 +22,13 @@ would bend by degrees.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.multibody.tree import BodyIndex
 
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
+from vsf_drake.motion.trial import Trial
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
@@ -189,6 +190,7 @@ class SagittalChain(_Points):
 
     dynamics: PlanarDynamics
     local: np.ndarray  # (k,) complex, the points in the frames of what carries them (m)
+    aside: np.ndarray  # (k,) m to the left of the pelvis, all coordinates at zero
 
     def _moved(self, q: np.ndarray) -> tuple[PlanarMotion, np.ndarray]:
         """The links at q (n, 8), and the points (k, n)."""
@@ -244,6 +246,16 @@ def frames(motion: PlanarMotion, link: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return (motion.x + 1j * motion.z)[link], (motion.c - 1j * motion.s)[link]
 
 
+def straightened(trial: Trial) -> Trial:
+    """The trial of the person with the prosthetic foot in the sagittal plane: neither turned out
+    nor inverted under the pylon."""
+    return replace(
+        trial,
+        subject=replace(trial.subject, prosthesis_inversion_rad=None, prosthesis_toe_out_rad=None),
+        offsets=replace(trial.offsets, inversion_rad=0.0, toe_out_rad=0.0),
+    )
+
+
 def sagittal_chain(walker: Walker, offsets: GeometricOffsets, *, fulcrum_m: float) -> SagittalChain:
     """The sagittal model of a person with the prosthesis as `offsets` place it."""
     zero = body_points(walker, offsets, (), np.zeros((1, 0)), fulcrum_m=fulcrum_m)
@@ -262,6 +274,7 @@ def sagittal_chain(walker: Walker, offsets: GeometricOffsets, *, fulcrum_m: floa
         radius=zero.radius,
         dynamics=dynamics,
         local=(zero.seen(np.array([1.0, 0.0]))[0] - origin) / turn,
+        aside=zero.places[0, :, 1],
     )
 
 

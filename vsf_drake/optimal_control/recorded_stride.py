@@ -81,7 +81,7 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
 
     The closed motion's accelerations follow the plates where these know both feet's forces over the
     whole stride, else the recorded motion. InputError: the recording holds no whole stride, no
-    strike of the prosthetic foot, or does not travel.
+    strike of the prosthetic foot, or does not travel; the foot is turned out too far.
 
     Args:
         trial: with its fitted contact applied (`motion.fitted_trial.trial_with`), if it has one.
@@ -203,7 +203,11 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
     errors = _errors(
         chain, final, wanted, chain.near_floor(wanted, points.ground), weights, standing
     )
-    errors |= {"angle_deg": turned[worst]} | _force_errors(chain, curves, forces, mass)
+    errors |= {
+        "angle_deg": turned[worst],
+        "toe_out_deg": _toe_out(trial, points, chain, forward),
+        **_force_errors(chain, curves, forces, mass),
+    }
     notes = say(
         "stride",
         "recorded",
@@ -250,7 +254,35 @@ def _shown(trial: Trial, walker: Walker | None) -> tuple[slice, BodyPoints, Sagi
     points = sagittal.body_points(
         walker, trial.offsets, motion.names, motion.values[rows], fulcrum_m=trial.fulcrum_m
     )
-    return rows, points, sagittal.sagittal_chain(walker, trial.offsets, fulcrum_m=trial.fulcrum_m)
+    flat = sagittal.straightened(trial)
+    straight = walker if flat.subject == trial.subject else Walker(flat.subject, trial.model)
+    return rows, points, sagittal.sagittal_chain(straight, flat.offsets, fulcrum_m=trial.fulcrum_m)
+
+
+MOST_TURNED_DEG = 15.0
+"""A keel that is turned by so much shows 7 % less of its stiffness along the way of walking, the
+square of the angle's cosine (a choice)."""
+
+
+def _toe_out(trial: Trial, points: BodyPoints, chain: SagittalChain, forward: np.ndarray) -> float:
+    """Degrees, from above, by which the prosthetic foot's spheres, where they are near the floor,
+    are turned away from the midline against where the chain, which knows no toe-out, has them.
+    InputError where that is more than MOST_TURNED_DEG."""
+    rows = chain.rows("sphere P")
+    near = chain.near_floor(points.seen(forward), points.ground)[:, rows].sum(axis=1)
+    foot = chain.local[rows].real + 1j * chain.aside[rows]
+    seen = points.places[:, rows] @ [1.0, 1j, 0.0] / complex(*forward)
+    to_the_left = np.angle(near @ (seen @ (foot - foot.mean()).conj()))
+    side = 1.0 if trial.subject.prosthetic_side == "left" else -1.0
+    toe_out = float(np.degrees(side * to_the_left))
+    require(
+        abs(toe_out) <= MOST_TURNED_DEG,
+        f"the prosthetic foot is turned out of the way of walking by {toe_out:.0f}°",
+        "kinematics",
+        f"From the side no more than {MOST_TURNED_DEG:g}° can be left out. Tune at --level 1",
+        file=trial.path,
+    )
+    return toe_out
 
 
 def _along(
@@ -290,14 +322,21 @@ def _errors(
 ) -> dict[str, float]:
     """Height of the feet, each in its stance, and of the centre of mass at final coordinates (n, 8)
     against those wanted (n, k), RMS with weights (n,); a foot's is the mean of its spheres by their
-    nearness (n, k) to the floor."""
-    off = 1e3 * (chain.points(final) - wanted).imag
+    nearness (n, k) to the floor. Of the prosthetic foot too how far its spheres are off along the
+    way, and in height one against another."""
+    apart = 1e3 * (chain.points(final) - wanted)
+    off = apart.imag
     errors: dict[str, float] = {}
     for s, foot in FEET.items():
         rows = chain.rows(f"sphere {s}")
         near = share[:, rows].sum(axis=1)
         mean = (share[:, rows] * off[:, rows]).sum(axis=1) / np.maximum(near, 1e-9)
-        errors[f"{foot}_foot_up_mm"] = _rms(mean, weights * (near > ON_FLOOR) * standing[foot])
+        stands = weights * (near > ON_FLOOR) * standing[foot]
+        errors[f"{foot}_foot_up_mm"] = _rms(mean, stands)
+        if s == "P":
+            each = share[:, rows] * stands[:, None]
+            errors["sole_tilt_mm"] = _rms(off[:, rows] - mean[:, None], each)
+            errors["prosthetic_foot_along_mm"] = _rms(apart[:, rows].real, each)
     errors["mass_center_up_mm"] = _rms(off @ chain.mass / chain.mass.sum(), weights)
     return errors
 

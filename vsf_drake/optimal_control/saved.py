@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,13 @@ from vsf_drake.base.sentences import say
 from vsf_drake.collocation.solution import TrajectorySolution
 from vsf_drake.optimal_control.outcomes import outcomes
 from vsf_drake.optimal_control.own import OwnStrides
-from vsf_drake.optimal_control.search import SAME_MM, StrideSolution, StrideTuning, position_mm
+from vsf_drake.optimal_control.search import (
+    SAME_MM,
+    Fixed,
+    StrideSolution,
+    StrideTuning,
+    position_mm,
+)
 from vsf_drake.optimal_control.stride import MM, OWN, PACE, TYPICAL_ACTIVATION, Stride
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.tuning import table as t
@@ -40,7 +47,6 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
     """The content of `tuning.json`."""
     tuning = result.tuning
     best = result.shown
-    stride = result.search.stride
     names = tuning.options.weights if tuning.cost == WEIGHTED else (tuning.cost,)
     near = as_good(result)
     return t.as_saved(
@@ -56,24 +62,13 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
             cost=best.last_cost,
             at_bound=best.at_bound if result.success else (),
             fulcrum_interval_mm=near,
-            along=(),
+            along=result.along,
             **_worth(result, near),
             design=tuple(_design(result, best)),
             terms=tuple(
                 t.Term(name, _term_label(result, name), value) for name, value in best.terms.items()
             ),
-            sweep=tuple(
-                t.SweepPoint(row.fulcrum_mm, None)
-                if row.solution is None
-                else t.SweepPoint(
-                    row.fulcrum_mm,
-                    row.solution.last_cost,
-                    row.solution.terms,
-                    outcomes(row.solution, stride),
-                    _walked(result, row.fulcrum_mm),
-                )
-                for row in result.sweep
-            ),
+            sweep=tuple(_swept(result, row) for row in result.sweep),
             outcomes=tuple(_outcomes(result)),
             solver=t.SolverEnd(
                 "Gauss-Newton SQP",
@@ -100,6 +95,20 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
                 options=to_plain(tuning.options), **provenance(tuning.trial.inputs)
             ),
         )
+    )
+
+
+def _swept(result: StrideSolution, row: Fixed) -> t.SweepPoint:
+    solution = row.solution
+    found: dict[str, Any] = {}
+    if solution is not None:
+        found = {"terms": solution.terms, "outcomes": outcomes(solution, result.search.stride)}
+    return t.SweepPoint(
+        row.fulcrum_mm,
+        None if solution is None else solution.last_cost,
+        walked=_walked(result, row.fulcrum_mm),
+        equal_load=result.equal_load.get(row.fulcrum_mm, {}),
+        **found,
     )
 
 
@@ -197,9 +206,16 @@ def _notes(result: StrideSolution) -> list[str]:
     lost = [row.fulcrum_mm for row in result.sweep if row.solution is None and row.tried]
     return [
         *([] if tuning.speed_m_per_s is None else say("stride", "speed", **speeds)),
-        *say("stride", "limits", tracks=tuning.cost == "tracking", own=tuning.answer is not None),
+        *say(
+            "stride",
+            "limits",
+            tracks=tuning.cost == "tracking",
+            own=tuning.answer is not None,
+            draws=tuning.options.draws,
+        ),
         *tuning.recorded.notes,
         *([] if tuning.answer is None else _answered(tuning.answer)),
+        *result.untold,
         *say("stride", "sweep", lost=lost, different=different, count=len(result.sweep)),
     ]
 

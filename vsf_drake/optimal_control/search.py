@@ -19,7 +19,7 @@ from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trial import Trial
 from vsf_drake.optimal_control.normal import normal_gait
 from vsf_drake.optimal_control.own import OwnStrides
-from vsf_drake.optimal_control.recorded_projection import TILT
+from vsf_drake.optimal_control.recorded_projection import TILT, straightened
 from vsf_drake.optimal_control.recorded_stride import RecordedStride, recorded_stride
 from vsf_drake.optimal_control.stride import MM, PACE, SAME_SPEED, Stride, StrideOptions
 from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing
@@ -44,6 +44,16 @@ other instants of the grid. Choices: of 5, 10 and 15 degrees and of 2, 4 and 8 m
 the one that ended nearest to the least known cost, within 0.4 % (SYNTHETIC)."""
 
 
+LOST = 2.0
+"""Cost of a tracked stride, in which deviations count one each at 2 degrees, 10 mm and 5 % of body
+weight, above which it is not the recorded one (a choice; those that are have 0.4 to 0.8, SYNTHETIC;
+one that was not had 30)."""
+FAR = (
+    Smoothing(depth_m=16e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.2, damping=1.0),
+    Smoothing(depth_m=4e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0),
+)
+"""Stages that then go before: an intact foot that the recording has some millimetres over the floor
+in stance is felt by a softer ground only (16 mm: a choice; 8 mm do not help)."""
 SAME_MM = 0.05  # positions that are nearer than this are one
 
 
@@ -52,14 +62,16 @@ class StrideTuning:
     cost.
 
     Of one trial, its fitted contact applied, or of trials at two settings or more, whose strides it
-    is then held to. InputError: no trials; what `walks.answer.answer_of` refuses of several; a
-    recording holds no whole stride, or no plate of the prosthetic foot; the prosthesis is turned
-    out of the sagittal plane; the range is out of reach, or out of the recorded settings; nothing
-    was published of able-bodied walking at the speed of a single trial; a recording is to be
-    tracked at another speed; own strides are to be tracked, or wanted at another speed.
+    is then held to, of the person with the prosthetic foot in the sagittal plane (`trial`,
+    `walker`). InputError: no trials; what `walks.answer.answer_of` refuses of several; a recording
+    holds no whole stride, or no plate of the prosthetic foot; that foot is turned too far out of
+    the way of walking (`recorded_stride.MOST_TURNED_DEG`); the range is out of reach, or out of the
+    recorded settings; nothing was published of able-bodied walking at the speed of a single trial;
+    a recording is to be tracked at another speed; own strides are to be tracked, or wanted at
+    another speed.
 
-    speed_m_per_s: at which the stride is solved for, None for the recorded one. answer: of several
-    trials.
+    trials: as given. speed_m_per_s: at which the stride is solved for, None for the recorded one.
+    answer: of several trials.
     """
 
     def __init__(
@@ -73,22 +85,25 @@ class StrideTuning:
         require(trials, "there are none", "trials", "Give one, or some at two settings or more")
         self.cost = check_cost(cost, FREE_COSTS)
         self.options = options or StrideOptions()
+        self.trials = tuple(trials)
         self.labels = tuple(labels or (trial.name for trial in trials))
-        self.trial = trials[0]
+        trial = trials[0]
         self.answer = answer_of(trials) if len(trials) > 1 else None
-        self.walker = Walker(self.trial.subject, self.trial.model)
-        strides = tuple(recorded_stride(trial, self.walker) for trial in trials)
+        walker = Walker(trial.subject, trial.model)
+        strides = tuple(recorded_stride(one, walker) for one in trials)
         self.recorded: RecordedStride | OwnStrides = strides[0]
         period_s = strides[0].period_s
         advance_m = strides[0].advance_m
         if self.answer is not None:
-            own = OwnStrides(self.answer, strides, self.trial.subject.mass_kg * GRAVITY)
+            own = OwnStrides(self.answer, strides, trial.subject.mass_kg * GRAVITY)
             self.recorded = own
             period_s = own.period_s(own.middle_m)
             advance_m = own.speed * period_s
-            self.trial = dataclasses.replace(
+            trial = dataclasses.replace(
                 self.answer.like, fulcrum_m=own.middle_m, offsets=self.answer.offsets
             )
+        self.trial = straightened(trial)
+        self.walker = Walker(self.trial.subject, self.trial.model)
         body = self.walker.gait.person.body
         grid = Grid(
             method=self.options.method,
@@ -240,9 +255,25 @@ def tracked(
     stride: Stride, progress: Progress | None = None, warm: Start | None = None
 ) -> TrajectorySolution:
     """The recorded stride as a possible motion, through the stages of smoothing, or in the last
-    alone from `warm` on."""
-    own = stride.own_m / MM
+    alone from `warm` on; where these end at another stride, once more from FAR on."""
     stages = stride.options.stages if warm is None else stride.options.stages[-1:]
+    near = _tracked(stride, stages, progress, warm)
+    if near.status == "interrupted" or (near.success and near.last_cost <= LOST):
+        return near
+    far = _tracked(stride, (*FAR, stride.options.stages[-1]), progress)
+    if far.status == "interrupted":
+        return far
+    ends = [solution for solution in (far, near) if solution.success]
+    return min(ends, key=lambda solution: solution.last_cost, default=near)
+
+
+def _tracked(
+    stride: Stride,
+    stages: Sequence[Smoothing],
+    progress: Progress | None,
+    warm: Start | None = None,
+) -> TrajectorySolution:
+    own = stride.own_m / MM
     solution: TrajectorySolution | None = None
     for i, smoothing in enumerate(stages):
         search = StrideSearch(
@@ -265,7 +296,9 @@ def own_strides(
     near: Sequence[Start] = (),
 ) -> tuple[TrajectorySolution, ...]:
     """The person's own strides as possible motions, each at its position of the sweep; begun from
-    `first`, the one at `own_m`, outward, or from those `near`."""
+    `first`, the one at `own_m`, outward, or from those `near`. Neighbours may end at different
+    strides: beginning from both sides and keeping the lower takes twice as long and leaves that as
+    it is."""
     found: dict[float, TrajectorySolution] = {}
     positions = stride.positions_mm
     own_mm = stride.own_m / MM
@@ -275,14 +308,10 @@ def own_strides(
             start = near[positions.index(mm)]
         elif found:
             start = found[min(found, key=lambda other: abs(other - mm))].last
-        search = StrideSearch(
-            dataclasses.replace(stride, own_m=mm * MM, own=(), consistent=None),
-            "tracking",
-            progress=progress,
-        )
-        found[mm] = unless_interrupted(
-            search.at(mm, start, f"own stride at {mm:.0f} mm", i / len(positions))
-        )
+        if progress:
+            progress(f"own stride at {mm:.0f} mm", i / len(positions))
+        there = dataclasses.replace(stride, own_m=mm * MM, own=(), consistent=None)
+        found[mm] = unless_interrupted(tracked(there, warm=start))
     return tuple(found[mm] for mm in positions)
 
 
@@ -399,6 +428,11 @@ class StrideSolution:
     tracked: TrajectorySolution  # the recorded stride as a possible motion
     search: StrideSearch
     sweep: list[Fixed] = field(default_factory=list)  # the best stride at each fixed position
+    along: tuple[t.AlongPoint, ...] = ()
+    """of several settings, the cost of level 1 along the person's own answer (`tuning.along`)"""
+    untold: list[str] = field(default_factory=list)  # why there is none
+    equal_load: dict[float, dict[str, float]] = field(default_factory=dict)
+    """by position of the sweep (mm), see `equal_load.costs_under_equal_load`"""
     free: list[tuple[float, TrajectorySolution]] = field(default_factory=list)
     """from where (mm), the fulcrum free"""
     checks: Checks = field(default_factory=lambda: Checks(2))  # what the optimum was held against

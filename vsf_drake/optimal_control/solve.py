@@ -16,6 +16,7 @@ from vsf_drake.collocation.program import confirm
 from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
 from vsf_drake.device.equal_load import at_equal_load, missed
 from vsf_drake.fit.draws import contact_draws
+from vsf_drake.optimal_control.equal_load import costs_under_equal_load
 from vsf_drake.optimal_control.outcomes import (
     SIGNS_OF,
     beyond_the_load,
@@ -26,6 +27,7 @@ from vsf_drake.optimal_control.outcomes import (
 from vsf_drake.optimal_control.own import OwnStrides
 from vsf_drake.optimal_control.resimulate import resimulate_prescribed, resimulate_with_feedback
 from vsf_drake.optimal_control.search import (
+    LOST,
     NEAR_ENOUGH,
     Held,
     StrideSearch,
@@ -43,7 +45,10 @@ from vsf_drake.optimal_control.stride import FREE, MM, Stride
 from vsf_drake.optimal_control.trajectory import solved_trajectory
 from vsf_drake.simulation.sagittal.model import SagittalModel
 from vsf_drake.tuning import table as t
-from vsf_drake.tuning.common import FREE_COSTS
+from vsf_drake.tuning.along import told_along
+from vsf_drake.tuning.common import COSTS, FREE_COSTS, WEIGHTED
+from vsf_drake.tuning.options import TuningOptions
+from vsf_drake.tuning.problem import StiffnessTuning
 from vsf_drake.tuning.quantities import FREE_CHECKS
 
 # what a tracked stride may differ from its recording by, root mean square (a choice)
@@ -108,8 +113,12 @@ def _search(result: StrideSolution, progress: Progress | None) -> str:
         result.doing = "tracking the own strides"
         own = own_strides(tuning.stride, result.tracked.last, progress)
         for one in own:
-            if not one.success:
-                return f"no own stride was found at {position_mm(one):.0f} mm: {one.message}"
+            if not one.success or one.last_cost > LOST:
+                why = one.message
+                if one.success:
+                    why = f"the nearest possible motion that was found costs {one.last_cost:.1f}, "
+                    why += f"one near it at most {LOST:g}"
+                return f"no own stride was found at {position_mm(one):.0f} mm: {why}"
         search.stride = dataclasses.replace(search.stride, own=own)
     search.stride, start = _to_solve(tuning, search.stride, result.tracked)
     result.doing = "sweeping the fulcrum"
@@ -117,6 +126,23 @@ def _search(result: StrideSolution, progress: Progress | None) -> str:
     with_recorded(search, result.sweep)
     if not result.solved:
         return "no fixed position of the fulcrum could be solved"
+    if tuning.cost != "tracking" and tuning.speed_m_per_s is None:
+        result.doing = "the spring alone under an equal load"
+        result.equal_load = {
+            row.fulcrum_mm: costs_under_equal_load(search, result.tracked, MM * row.fulcrum_mm)
+            for row in result.sweep
+        }
+    result.doing = "the cost along the person's own answer"
+    weighed = options.weighed if tuning.cost == WEIGHTED else (tuning.cost,)
+    if tuning.answer is not None and set(weighed) <= set(COSTS):  # level 1 knows no activation
+        given = TuningOptions(
+            weights={name: options.weights.get(name, 1.0) for name in weighed},
+            socket_weight=options.socket_weight,
+            late_share=options.late_share,
+        )
+        result.along, result.untold = told_along(
+            lambda: StiffnessTuning(tuning.trials, cost=tuning.cost, options=given)
+        )
     result.doing = "searching with the fulcrum free"
     for i, (mm, fixed) in enumerate(_spread(result.solved, options.starts)):
         solution = search.free(fixed.last, f"free from {mm:.0f} mm", i / options.starts)

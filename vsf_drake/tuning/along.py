@@ -10,12 +10,13 @@ which tuning with a given motion needs, is in neither.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.base.errors import SimulationError
+from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.base.sentences import say
 from vsf_drake.tuning.answered import carried, carrying, plate_wrench
 from vsf_drake.tuning.costs import CONSISTENCY, TRACKING, Terms, value_of
 from vsf_drake.tuning.problem import SettingOutcome, StiffnessTuning, TrialTuning
@@ -69,6 +70,16 @@ def along_answer(tuning: StiffnessTuning) -> tuple[AlongPoint, ...]:
         )
         for at in places
     )
+
+
+def told_along(
+    make: Callable[[], StiffnessTuning],
+) -> tuple[tuple[AlongPoint, ...], list[str]]:
+    """`along_answer` of a tuning that is made here, and in words why there is none."""
+    try:
+        return along_answer(make()), []
+    except (InputError, SimulationError) as error:
+        return (), say("level1", "no_along", error=error)
 
 
 def _moved(tuning: StiffnessTuning, answer: Answer, i: int, at_m: float, cost: _Cost) -> float:

@@ -59,6 +59,7 @@ class TuningSolution(Tabular):
     draw_failures: list[str] = field(default_factory=list)  # why some could not be walked
     pareto: list[t.ParetoPoint] = field(default_factory=list)
     robustness: list[t.ChangedOptimum] = field(default_factory=list)
+    along: tuple[t.AlongPoint, ...] = ()  # the cost along the person's own answer, `along`
     checks: Checks = field(default_factory=lambda: Checks(1))
     notes: list[str] = field(default_factory=list)  # what a reader has to know
     wall_s: float = 0.0
@@ -210,6 +211,7 @@ def tuning_table(solution: TuningSolution) -> t.TuningTable:
             pareto=tuple(solution.pareto),
             pareto_names=tuning.options.pareto if solution.pareto else (),
             robustness=tuple(solution.robustness),
+            along=solution.along,
             trials=tuning.labels,
             recorded_mm=tuple(float(part.own[0]) for part in tuning.parts),
             synthetic=tuning.synthetic,

@@ -22,6 +22,7 @@ from vsf_drake.base.progress import Progress
 from vsf_drake.base.sentences import say
 from vsf_drake.fit.drake_solve import solved
 from vsf_drake.tuning import sweep as sweeps
+from vsf_drake.tuning.along import told_along
 from vsf_drake.tuning.costs import CONSISTENCY, TRACKING, value_of
 from vsf_drake.tuning.options import DesignVariable
 from vsf_drake.tuning.problem import StiffnessTuning, TuningEvaluation
@@ -222,6 +223,7 @@ def solve(
     """
     began = time.perf_counter()
     interrupted = ""
+    untold: list[str] = []
     solution = TuningSolution(tuning=tuning)
     run = Run(tuning, progress)
     warm = _warm(tuning, warm_start)
@@ -229,6 +231,9 @@ def solve(
         first, solution.searched = _search(solution.searches, tuning, warm, run)
         if np.isfinite(solution.searched.cost):
             _judge(solution, solution.searched, first, run)
+        run.stage = "the cost along the person's own answer"
+        run.tell(0.98)
+        solution.along, untold = told_along(lambda: tuning)
     except KeyboardInterrupt:
         if run.best is None:
             raise
@@ -243,7 +248,7 @@ def solve(
     fault = interrupted or _fault(solution)
     solution.success = not fault
     solution.message = fault or (searched.message if searched else "")
-    solution.notes = _notes(solution)
+    solution.notes = [*_notes(solution), *untold]
     solution.wall_s = time.perf_counter() - began
     return solution
 

@@ -54,6 +54,10 @@ class SweepPoint:
     terms: Mapping[str, float | None] = field(default_factory=dict)
     outcomes: Mapping[str, float | None] = field(default_factory=dict)
     walked: float | None = None  # of level 2: the cost of the person's own stride, before it adapts
+    equal_load: Mapping[str, float | None] = field(default_factory=dict)
+    """of level 2, the null: "cost", without the hold, and outcomes that are costs, of the spring
+    alone: the recorded stride, or the own one at the middle setting, answers by nothing but its
+    height, which keeps the load of the foot"""
 
 
 @dataclass(frozen=True)
@@ -188,7 +192,8 @@ class TuningTable:
     notes: tuple[str, ...]
     wall_s: float | None
     provenance: Provenance | None
-    along: tuple[AlongPoint, ...] = ()  # of level 1, of trials at two settings or more
+    along: tuple[AlongPoint, ...] = ()
+    """of trials at two settings or more, the cost as level 1 has it"""
 
     def __post_init__(self) -> None:
         if self.format != FORMAT:
@@ -304,6 +309,11 @@ class TuningTable:
     def walked(self) -> tuple[SweepPoint, ...]:
         """Points of the sweep where the cost of the person's own stride is known."""
         return tuple(point for point in self.sweep if point.walked is not None)
+
+    @property
+    def spring_alone(self) -> tuple[SweepPoint, ...]:
+        """Points of the sweep where the cost of the spring alone is known."""
+        return tuple(point for point in self.sweep if point.equal_load.get("cost") is not None)
 
     @property
     def holding(self) -> tuple[Term, ...]:

@@ -376,6 +376,28 @@ def test_own_strides_before_they_adapt_are_told_and_drawn_beside_the_cost():
     assert "own strides before they adapt (dash-dotted)" in page
 
 
+def test_the_spring_alone_stands_beside_the_strides_on_page_and_screen():
+    """From 2 at 66 mm to 2.2 at 151 mm, 10 percent more; its activations beside the strides'."""
+    table = made_stride_table(own=True)
+    name = table.outcomes[-1].name
+    points = tuple(
+        dataclasses.replace(
+            point, equal_load={"cost": 2.0 + 0.2 * (point.fulcrum_mm - 66.0) / 85.0, name: 7.125}
+        )
+        for point in table.sweep
+    )
+    table = dataclasses.replace(table, sweep=points)
+    said = "Under an equal load the spring alone, to which nobody answers, has its least cost at 66"
+    assert f"{said} mm and 10.0 % more at 151 mm." in answer(table)
+    page, _ = chapter_page(**tuning_page(plain(table), made_stride_arrays(), lenient=False))
+    assert "of the spring alone under an equal load (grey dots)" in page
+    assert "spring alone, softest" in page and "7.12" in page
+    without, _ = chapter_page(
+        **tuning_page(plain(made_stride_table()), made_stride_arrays(), lenient=False)
+    )
+    assert "spring alone" not in without
+
+
 def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
     """The whole parabola is such a term but for 1e-3 (mm - 66) BW: without it the softest setting
     is the best."""

@@ -140,7 +140,13 @@ def _outcomes(table: TuningTable, arrays: Arrays) -> Facts:
         x, y = table.swept("outcomes", row.name)
         shown.append({"label": row.label, "unit": row.unit, "x": x[[0, -1]], "y": y[[0, -1]]})
     rows = [{**vars(row), "told": _SEEN[row.matters]} for row in table.outcomes]
+    null = [table.spring_alone[i].equal_load for i in (0, -1)] if table.spring_alone else []
     return {
+        "null": [
+            {**row, "spring_soft": null[0][row["name"]], "spring_stiff": null[1][row["name"]]}
+            for row in rows
+            if null and row["name"] != "cost" and null[0].get(row["name"]) is not None
+        ],
         "shown": shown,
         "figures": {"outcomes": figures.outcomes_figure(table)} if shown else {},
         "rows": rows,
@@ -200,6 +206,7 @@ def _along(table: TuningTable, arrays: Arrays) -> Facts:
     null = [point for point in table.along if point.equal_load is not None]
     return {
         "said": words("along", t=table, null=null)[0],
+        "cost": GIVEN_COSTS[table.cost_name],
         "figures": {"along": figures.along_figure(table)},
     }
 
@@ -227,10 +234,16 @@ def _range(table: TuningTable, arrays: Arrays) -> Facts:
             "fulcrum_mm": point.fulcrum_mm,
             "cost": point.cost,
             **{f"term_{name}": value for name, value in point.terms.items()},
+            **({} if point.walked is None else {"walked": point.walked}),
+            **{f"null_{name}": value for name, value in point.equal_load.items()},
             **{f"outcome_{name}": value for name, value in point.outcomes.items()},
         }
         for point in table.sweep
     ]
+    labels = {row.name: f"{row.label} ({row.unit})" for row in table.outcomes}
+    named["walked"] = f"own stride, before it adapts ({table.cost_unit})", FORM
+    named |= {f"null_{name}": (f"spring alone: {labels[name]}", FORM) for name in labels}
+    named["null_cost"] = f"spring alone: cost without the hold ({table.cost_unit})", FORM
     keys = sorted(
         dict.fromkeys(key for row in rows for key in row),
         key=lambda key: key.startswith("outcome_"),

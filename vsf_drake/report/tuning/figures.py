@@ -190,6 +190,17 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
             linestyle="-.",
             label="own strides, before they adapt",
         )
+    if table.spring_alone:
+        _curve(
+            axes,
+            np.array([point.fulcrum_mm for point in table.spring_alone]),
+            np.array([point.equal_load["cost"] for point in table.spring_alone], dtype=float),
+            linestyle=":",
+            marker="",
+            color=NEUTRAL,
+            linewidth=1.8,
+            label="spring alone, equal load",
+        )
     if best is not None and table.cost is not None:
         if table.optimal:
             _mark(axes, best, table.cost, "*", 15, 1.6, label=f"optimum, {best:.1f} mm")
@@ -442,7 +453,7 @@ def along_figure(figure: Figure, table: TuningTable) -> None:
     ]
     axes.plot(*np.array(null).reshape(-1, 2).T, "s:", color=NEUTRAL, label="under an equal load")
     axes.legend()
-    label(axes, x=FULCRUM, y=f"cost ({table.cost_unit})")
+    label(axes, x=FULCRUM, y=f"cost ({GIVEN_COSTS[table.cost_name].unit})")
 
 
 @_drawn
