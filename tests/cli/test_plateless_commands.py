@@ -34,7 +34,7 @@ def test_a_walk_without_a_plate_says_what_it_was_laid_on_and_has_no_score(run, b
     words = ("--contact", CONTACT, "--out", tmp_path / "out", "--no-replay", "--step-ms", "2")
     code, said, _ = run("simulate", bare, *words)
     said = " ".join(said.split())
-    assert code == 0 and f"! {NO_PLATE}: no force was measured" in said
+    assert code == 0 and f"! {NO_PLATE}: no force of the prosthetic foot is known" in said
     assert "Stance of the model 0.37" in said and "peak 11" in said
     assert not any(word in said for word in ("GRF", "null model", "CoP", "unknown", "plate 0"))
     table = read_json(tmp_path / "out" / "metrics.json")
@@ -47,6 +47,28 @@ def test_a_walk_without_a_plate_says_what_it_was_laid_on_and_has_no_score(run, b
     [laid] = [note for note in table["notes"] if "no plate tells them" in note]
     assert f"strike at {table['stances'][0]['model_start_s']:.2f}" in laid
     assert load_walk(tmp_path / "out").grf_W[:, 2].max() > 800.0
+
+
+def test_forces_that_carry_nobody_are_told_on_the_screen_of_a_check(run, tmp_path):
+    """A file in kN: 0.8 of what its header does not say."""
+    rows = [f"{time:.2f}\t0\t0.8\t0\t0\t0\t0\t0\t0\t0" for time in np.arange(0.0, 1.9, 0.01)]
+    columns = [f"ground_force_{what}{axis}" for what in "vp" for axis in "xyz"]
+    columns += [f"ground_torque_{axis}" for axis in "xyz"]
+    (tmp_path / "kn.mot").write_text(
+        "\n".join(["kn", "endheader", "\t".join(["time", *columns]), *rows]), encoding="utf-8"
+    )
+    content = {
+        "name": "kn",
+        "subject": str(DATA / "subject.yaml"),
+        "markers": str(DATA / "markers/low_1.trc"),
+        "standing": str(DATA / "markers/static.trc"),
+        "forces": "kn.mot",
+        "prosthesis": {"fulcrum_mm": 66},
+        "synthetic": True,
+    }
+    (tmp_path / "kn.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    code, said, _ = run("check", tmp_path / "kn.yaml", "--out", tmp_path / "out")
+    assert code == 0 and "! Plates carry nobody" in said and "Is the unit of the forces N?" in said
 
 
 @pytest.mark.parametrize(

@@ -89,6 +89,40 @@ def test_a_standing_trial_that_a_shell_names_again_among_the_walks_is_taken_out_
         gather(standing, [standing])
 
 
+@pytest.mark.parametrize("newton", [30.0, -30.0])
+def test_a_plate_that_was_not_zeroed_tells_no_other_mass_and_no_other_side(monkeypatch, newton):
+    """Forces that were assigned to feet are zero outside of loads, so that only the plate shows
+    what it reads at rest, 30 N: 4 % of the mass."""
+
+    def shown(*args, **axes):
+        recording = read_trial(*args, **axes)
+        return dataclasses.replace(
+            recording,
+            plates=tuple(
+                dataclasses.replace(plate, force_n=plate.force_n + newton * np.eye(3)[2])
+                if plate.name == under_right
+                else plate
+                for plate in recording.plates
+            ),
+        )
+
+    folder = resource("data/reference_subject/c3d")
+    files = gather(folder / "static.c3d", [folder / "low_1.c3d"])
+    [right] = import_walks(files, options()).items
+    [under_right] = {load.plate for load in right.trial.contacts if load.side == "right"}
+    monkeypatch.setattr(module, "read_trial", shown)
+    [item] = import_walks(files, options()).items
+    for name in ("mass from the forces", "body mass"):
+        masses = [
+            [check.value for check in each.checks if check.name == name] for each in (right, item)
+        ]
+        assert masses[1] == pytest.approx(masses[0], abs=0.5)
+    assert not [check for check in item.checks if check.name == "side of the prosthesis"]
+    assert item.trial.plates["right"].force_W[:, 2].max() == pytest.approx(
+        right.trial.plates["right"].force_W[:, 2].max() + newton, abs=1e-6
+    ), "what drives and is fitted stays as recorded"
+
+
 @pytest.mark.parametrize("walk", ["low_1", "medium_1", "high_1"])
 def test_the_wrong_side_is_told_by_the_better_fit_of_the_other_one(walk):
     """A passive foot under its pylon and an ankle that moves: the same recording read both ways."""

@@ -160,6 +160,13 @@ def test_of_a_long_walk_the_beginning_is_shown(imported, page, tmp_path):
     assert len(tracks(shown)["/walk/pelvis"]["position"][0]) == LONGEST_S * RATE_HZ + 1
 
 
+def test_walks_without_plates_are_to_be_seen(imported, tmp_path):
+    item = imported[0][0]
+    bare = dataclasses.replace(item, trial=dataclasses.replace(item.trial, plates={}))
+    write_recordings([bare], tmp_path / "bare.html")
+    assert tracks((tmp_path / "bare.html").read_text("utf-8"))["/walk/pelvis"]
+
+
 def test_the_map_names_every_label_with_its_role_beside_where_it_stood(imported):
     trial = imported[0][0].trial
     figures = marker_figures(trial)

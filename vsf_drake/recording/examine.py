@@ -21,7 +21,7 @@ from vsf_drake.motion.events import (
     walking_direction,
     within,
 )
-from vsf_drake.motion.formats.recording import SIDES, os_to_world
+from vsf_drake.motion.formats.recording import SIDES, PlateRecording, os_to_world
 from vsf_drake.motion.markers.joints import orientations_of
 from vsf_drake.motion.markers.posture import NOTE
 from vsf_drake.motion.markers.segments import TrackedMotion, rolls_with_shank, subset
@@ -140,10 +140,7 @@ def examine(trial: Trial, *, stated: Sequence[Check] = ()) -> Examined:
     """Looks at one trial from every side; `stated` are checks on what was stated and what had to be
     estimated. What a plate shows at rest is judged by itself, and taken off for all else."""
     recorded = trial
-    trial = dataclasses.replace(
-        trial,
-        plates={side: force_checks.without_rest(plate) for side, plate in trial.plates.items()},
-    )
+    trial = dataclasses.replace(trial, plates=_without_rest(trial))
     model_feet, body = model_motion(
         trial.subject, trial.model, trial.trajectory, offsets=trial.offsets
     )
@@ -413,6 +410,26 @@ def _forces(
         force_checks.lag(time, vertical, acceleration[:, 2], known)
         or force_checks.event_lag(measured, moving, trial.subject.prosthetic_side),
     ]
+
+
+def _without_rest(trial: Trial) -> dict[str, PlateRecording]:
+    """The plates less what they show at rest; where they were assigned to feet, which leaves zero
+    outside of loads, less what each of them shows under its own."""
+    levelled = {}
+    for side, plate in trial.plates.items():
+        force_W = plate.force_W
+        if trial.recording is None:
+            force_W = force_W - force_checks.at_rest(plate.time_s, force_W, plate.time_s)
+        else:
+            forces = {recorded.name: recorded.force_n for recorded in trial.recording.plates}
+            force_W = force_W.copy()
+            for load in (one for one in trial.contacts if one.side == side):
+                rows = within(plate.time_s, [load.span])
+                force_W[rows] -= force_checks.at_rest(
+                    trial.recording.force_time_s, forces[load.plate], plate.time_s[rows]
+                )
+        levelled[side] = dataclasses.replace(plate, force_W=force_W)
+    return levelled
 
 
 def _plate_zeros(trial: Trial, measured: Mapping[str, Sequence[Stance]]) -> list[Check | None]:

@@ -3,7 +3,6 @@ a foot can."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
@@ -45,6 +44,7 @@ REST_SHARE, REST_S, REST_EDGE_S = 0.1, 0.1, 0.03
 """A plate is at rest where it carries less than this share of its peak, for at least this long,
 without so much at both ends (choices)."""
 REST_N = 5.0  # a plate that was zeroed before the walk shows less (a choice)
+ZERO = "zero of "  # begins the check's name, before the plate's
 FITTED_REST = 0.75
 """Share of a vertical offset of the plate by which the predicted force is off, once the offsets of
 the foot are fitted to it."""
@@ -133,14 +133,13 @@ def rest(time_s: np.ndarray, force_n: np.ndarray) -> tuple[np.ndarray, np.ndarra
     )
 
 
-def without_rest(plate: PlateRecording) -> PlateRecording:
-    """The plate less what it shows at rest, on straight lines between such times; as it is where
-    that is below REST_N."""
-    found = rest(plate.time_s, plate.force_W)
+def at_rest(time_s: np.ndarray, force_n: np.ndarray, at_s: np.ndarray) -> np.ndarray:
+    """(k, 3) N that a plate of (n,) s and (n, 3) N shows unloaded at times (k,) s, on straight
+    lines between its rests; zero where that is below REST_N throughout, or it never rests."""
+    found = rest(time_s, force_n)
     if found is None or np.abs(found[1]).max() < REST_N:
-        return plate
-    at_rest = columns_at(plate.time_s, *found)
-    return dataclasses.replace(plate, force_W=plate.force_W - at_rest)
+        return np.zeros((len(at_s), 3))
+    return columns_at(at_s, *found)
 
 
 def plate_zero(
@@ -166,7 +165,7 @@ def plate_zero(
     mark = grade(cost_bw, GOOD_BW, DOUBTFUL_BW)
     return checked(
         "plate_zero",
-        f"zero of {plate}",
+        f"{ZERO}{plate}",
         mark if prosthetic else at_most(mark, "doubtful"),
         value,
         "N",

@@ -31,9 +31,9 @@ from vsf_drake.motion.trial import (
     default_model,
     trial_from_recordings,
 )
-from vsf_drake.recording import FITTED_HIP_BW_PER_DEG, Check, checked
+from vsf_drake.recording import FITTED_HIP_BW_PER_DEG, Check, checked, expected_error
 from vsf_drake.recording.examine import Examined, examine, settings_compared, weighed
-from vsf_drake.recording.force_checks import SLIP
+from vsf_drake.recording.force_checks import SLIP, ZERO
 from vsf_drake.recording.inverse_kinematics import refined
 from vsf_drake.recording.motion_checks import SAME_FOOT, SHELL_M
 from vsf_drake.walks.metrics import walk_metrics
@@ -299,13 +299,15 @@ def _other_side(
 
 def _misfit_bw(item: Examined) -> float:
     """The expected error with what slips under the intact foot, which a stiff ankle taken for a
-    moving one, and the other way round, shows (body weights)."""
+    moving one, and the other way round, shows, and without the plates' zeros, which tell no side
+    (body weights)."""
     slips = [
         check.value
         for check in item.checks
         if check.name == SLIP and check.side != item.trial.subject.prosthetic_side and check.value
     ]
-    return math.hypot(item.expected_error_bw, INTACT_SLIP_BW_PER_M_PER_S * max(slips, default=0.0))
+    error_bw = expected_error(check for check in item.checks if not check.name.startswith(ZERO))
+    return math.hypot(error_bw, INTACT_SLIP_BW_PER_M_PER_S * max(slips, default=0.0))
 
 
 def _scaling_effect(trial: Trial, ratio: float, options: ImportOptions) -> list[str]:

@@ -153,14 +153,12 @@ def replay_page(
     animation = MeshcatAnimation(rate)
     animation.set_repetitions(ENDLESS)
     every = [walk for part in parts for walk in part]
-    top = 1.05 * max(
-        1.0,
-        *(
-            float(np.nanmax(force.force_W[:, 2], initial=0.0)) / walk.weight_n
-            for walk in every
-            for force in walk.frames.forces.values()
-        ),
-    )
+    peaks_bw = [
+        float(np.nanmax(force.force_W[:, 2], initial=0.0)) / walk.weight_n
+        for walk in every
+        for force in walk.frames.forces.values()
+    ]
+    top = 1.05 * max([1.0, *peaks_bw])
     people: dict[Any, str] = {}
     told = []
     first = 0
