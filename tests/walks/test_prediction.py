@@ -356,7 +356,7 @@ def test_the_verdict_names_the_layer_that_is_nearest_to_the_held_out_plates():
         "nearest single curve is 5.0 % off",
         "support physics and momentum, nearer than the null model in 0 of 2",
         "loading 5.5 %, null 3.0 %; single support 5.5 %, null 3.0 %; push-off 11.0 %",
-        "further off than that null in loading, fore-aft (5.5 %, null 3.0 %);",
+        "further off than that null, by more than 0.2 % of body weight, in loading (fore-aft, ",
         "does not correct low_3: the recorded motion",
         "No interval is told around the person's own curve",
     ):
