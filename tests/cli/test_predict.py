@@ -3,7 +3,9 @@ verdict and is made again, how mistakes are refused."""
 
 from __future__ import annotations
 
+import io
 import re
+from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
@@ -22,7 +24,9 @@ SOFT, STIFF = ([LABORATORY / f"{name}_{k}.yaml" for k in (1, 2)] for name in ("l
 def predicted(tmp_path_factory):
     out = tmp_path_factory.mktemp("predicted") / "out"
     words = ("--contact", CONTACT, "--fulcrum-mm", 108, "--step-ms", 2, "--out", out)
-    assert exit_code("predict", *SOFT, *STIFF, *words) == 0
+    with redirect_stdout(io.StringIO()) as screen:
+        assert exit_code("predict", *SOFT, *STIFF, *words) == 0
+    out.with_name("screen").write_text(screen.getvalue(), encoding="utf-8")
     return out
 
 
@@ -37,6 +41,11 @@ def test_the_page_says_what_is_measured_then_the_verdict_then_that_it_interpolat
     verdict = body.index("At 108 mm the prosthesis is predicted to stand for")
     limits = body.index("It does not know how people adapt")
     assert first < verdict < limits < body.index("peak force on the residual limb")
+
+
+def test_the_screen_says_first_that_nobody_walked_then_the_verdict(predicted):
+    first, verdict = predicted.with_name("screen").read_text(encoding="utf-8").splitlines()[:2]
+    assert "SYNTHETIC" in first and verdict.startswith("At 108 mm the prosthesis is predicted")
 
 
 def test_the_page_is_made_again_of_what_is_saved(predicted):

@@ -116,7 +116,8 @@ def test_a_window_never_begins_inside_a_span_of_unknown_force_that_holds_another
         (
             0.01,
             0.0,
-            "the right (prosthetic) foot has no stance: its largest vertical force is 8.63 N",
+            "the right (prosthetic) foot has no stance: its largest vertical force is 8.63 N. "
+            "If no plate carried it, write `forces: none`",
         ),
         (0.2, 0.0, "0.22 times the body weight. Check the unit of the forces"),
         (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,14 @@ from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.sessions import curves
-from vsf_drake.sessions.curves import COLUMNS, walked_with, write_tidy_csv
+from vsf_drake.sessions.curves import (
+    COLUMNS,
+    WalkedTrial,
+    tidy_rows,
+    walked_with,
+    write_tidy_csv,
+)
+from vsf_drake.walks.prediction import MOMENTUM
 
 TRIAL = resource("data/reference_subject/exact/medium_1.yaml")
 
@@ -58,6 +66,26 @@ def test_stance_runs_from_strike_to_lift_off_where_the_plate_is_loaded(rows):
     first = np.flatnonzero(on)[: np.argmin(on[np.argmax(on) :]) or None]
     rate = np.diff(percent[first]) / np.diff(time[first])
     np.testing.assert_allclose(rate, rate[0], rtol=5e-3)  # written to 0.001 %
+
+
+@pytest.mark.parametrize(
+    ("heading", "wanted"), [((1.0, 0.0), (100.0, 20.0, 700.0)), ((0.0, 1.0), (-20.0, 100.0, 700.0))]
+)
+def test_the_predicted_force_is_in_the_axes_of_the_plates_whichever_way_a_walk_goes(
+    trial, heading, wanted
+):
+    """100 N forward and 20 N to the left: of a walk along y, forward is y and left is -x."""
+    time_s = trial.trajectory.time_s
+    told = SimpleNamespace(time_s=time_s, force_n=np.tile([100.0, 20.0, 700.0], (len(time_s), 1)))
+    model = SimpleNamespace(time_s=time_s, grf_W=np.zeros((len(time_s), 3)))
+    walk = SimpleNamespace(
+        results={MOMENTUM: model}, person=told, seen=SimpleNamespace(heading=np.array(heading))
+    )
+    rows = [*tidy_rows([WalkedTrial(name="walk", trial=trial, walk=walk)])]
+    for axis, force in zip("xyz", wanted, strict=True):
+        own = [row[5] for row in rows if row[4] == f"model_force_{axis}"]
+        np.testing.assert_allclose(own, force)
+        assert own
 
 
 def test_excel_without_its_writer_is_refused_before_anything_is_done(tmp_path, monkeypatch):

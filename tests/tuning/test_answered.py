@@ -117,6 +117,16 @@ def test_it_says_setting_peaks_spread_and_that_it_interpolates(found):
         assert min(row.soft, row.stiff) <= row.between <= max(row.soft, row.stiff)
 
 
+def test_a_load_that_seems_to_differ_may_do_so_by_chance_and_it_says_how_many_would(found):
+    """Of twelve true nulls at a level of 0.05 each, 12 x 0.05 on average."""
+    rows = [replace(row, seen=k == 0) for k, row in enumerate(found.table.rows())]
+    told = " ".join(say("predicted", t=found.table, rows=rows, near_mm=5.0))
+    assert len(rows) == 12 and "Of 12 loads and costs 1 differ" in told
+    assert "of 12 that do not differ, 0.6 would seem to" in told
+    none = [replace(row, seen=False) for row in rows]
+    assert "would seem" not in " ".join(say("predicted", t=found.table, rows=none, near_mm=5.0))
+
+
 def test_where_the_intact_foot_was_not_seen_to_swing_it_says_what_is_left(found):
     unseen = MomentumCorrection(believed=False, why_not="window")
     table = replace(found.table, correction=unseen)

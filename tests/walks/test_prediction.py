@@ -307,6 +307,11 @@ def test_curves_to_be_drawn_are_the_ones_that_are_judged_and_need_no_plate(walke
     assert told["null_predicted"][:, 2].max() == pytest.approx(
         curves["null_predicted"][:, 2].max(), rel=1e-6
     )
+    (stance,) = compared(walk, None)[PHYSICS].model_stances
+    cut = replace(bare_trial, start_s=0.5 * (stance.start_s + stance.end_s))
+    part = predict(cut, contact, walker=walker, step_s=STEP_S)
+    told = layer_curves(part, cut, contact)
+    assert "person" in told and "null_predicted" not in told, "it is laid on whole stances alone"
 
 
 def test_a_layer_that_no_plate_could_teach_has_no_score_and_is_said_not_to_be_learned(
@@ -351,7 +356,7 @@ def test_the_verdict_names_the_layer_that_is_nearest_to_the_held_out_plates():
         "nearest single curve is 5.0 % off",
         "support physics and momentum, nearer than the null model in 0 of 2",
         "loading 5.5 %, null 3.0 %; single support 5.5 %, null 3.0 %; push-off 11.0 %",
-        "further off than that null in loading, fore-aft (5.5 %, null 3.0 %);",
+        "further off than that null, by more than 0.2 % of body weight, in loading (fore-aft, ",
         "does not correct low_3: the recorded motion",
         "No interval is told around the person's own curve",
     ):

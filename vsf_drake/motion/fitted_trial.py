@@ -236,7 +236,7 @@ def gait_phase(
         seen = [Stance(start, start + lasts)]
     require(
         seen,
-        f"neither strike nor lift-off of the prosthetic foot was seen in {len(stances)} stances",
+        "neither strike nor lift-off of the prosthetic foot was seen",
         "window",
         "The fitted angles are laid over the gait cycle, which is told by one of them: take a "
         "longer part of the walk",

@@ -848,6 +848,7 @@ def _check_stances(
         stances,
         f"the {side} (prosthetic) foot has no stance: its largest vertical force is {peak:.3g} N",
         "forces",
+        "If no plate carried it, write `forces: none`: a walk without plates",
         file=file,
     )
     require(

@@ -29,6 +29,7 @@ from vsf_drake.motion.trial import Trial
 from vsf_drake.report.outputs import write_motion
 from vsf_drake.report.page import write_csv
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
+from vsf_drake.walks.comparison import walk_axes
 from vsf_drake.walks.prediction import MOMENTUM, LayeredWalk, predict
 from vsf_drake.walks.recorded_walk import with_contact
 
@@ -100,7 +101,8 @@ def _series(one: WalkedTrial, time_s: np.ndarray) -> Iterator[tuple[str, str, np
     result = one.walk.results[MOMENTUM]
     at, force = result.time_s, result.grf_W
     if one.walk.person is not None:
-        at, force = one.walk.person.time_s, one.walk.person.force_n
+        at = one.walk.person.time_s
+        force = one.walk.person.force_n @ walk_axes(one.walk.seen.heading)
     for k, name in enumerate(_FORCES):
         told = np.interp(time_s, at, force[:, k], left=np.nan, right=np.nan)
         yield trial.subject.prosthetic_side, f"model_{name}", told, "N"

@@ -280,9 +280,10 @@ def layer_curves(walk: LayeredWalk, trial: Trial, contact: FittedContact) -> dic
         curves["half_width"] = resample(physics.time_s, person.time_s, person.half_width_n) / weight
     null_bw = _null_curve(_others(contact, fingerprint(trial)), trial.fulcrum_m)
     if null_bw is not None:
-        if not physics.plateless:
-            curves["null"] = stretched(physics, null_bw)
-        curves["null_predicted"] = stretched(physics, null_bw, predicted=True)
+        for name, predicted in (("null", False), ("null_predicted", True)):
+            null = stretched(physics, null_bw, predicted=predicted)
+            if np.nan_to_num(null).any():  # on a stance that was seen from strike to lift-off
+                curves[name] = null
     return curves
 
 
