@@ -129,12 +129,13 @@ def test_after_an_interruption_it_goes_on_and_what_was_removed_is_made_again(
     def pressed(*_):
         raise KeyboardInterrupt
 
-    (out / "session.json").unlink()
     (out / "import" / "import.json").unlink()
     monkeypatch.setattr(run, "_fitted", pressed)
     with pytest.raises(KeyboardInterrupt):
         vsf.session(done, out=out, **FACTS)
-    assert (out / "import" / "import.json").is_file() and not (out / "session.json").exists()
+    assert (out / "import" / "import.json").is_file()
+    for verdict in ("session.json", "report.html"):
+        assert not (out / verdict).exists(), "of a fit that is no longer there"
     monkeypatch.setattr(run, "_fitted", working)
     assert vsf.session(done, out=out, **FACTS).table.steps[0].kept
 

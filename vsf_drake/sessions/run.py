@@ -251,12 +251,14 @@ class _Steps:
 
     def done(self, name: str, key: str, make: Callable[[], Any], there: Path) -> Any:
         """What `make` made, as plain values, now or in an earlier run with the same key whose file
-        `there` is still as it was."""
+        `there` is still as it was. Where it is made again, the verdict of before goes."""
         began = time.perf_counter()
         kept = self.kept.get(name, {})
         same = kept.get("key") == key and there.is_file() and kept.get("sha256") == sha256(there)
         if not same:
             self._save(name, None)
+            for verdict in (SESSION.table, PAGE):
+                (self.path.parent / verdict).unlink(missing_ok=True)
             made = plain(make())
             digest_of = sha256(there) if there.is_file() else ""
             self._save(name, {"key": key, "sha256": digest_of, "made": made})
