@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from command_line import read_json
+from command_line import exit_code, read_json
 from made_session import FACTS
 
 import vsf_drake as vsf
@@ -121,7 +121,7 @@ def test_the_command_says_the_verdict_and_ends_as_a_fit_that_failed(run, done, t
 
 
 def test_after_an_interruption_it_goes_on_and_what_was_removed_is_made_again(
-    done, tmp_path, stood_in, monkeypatch
+    done, tmp_path, stood_in, monkeypatch, capsys
 ):
     out = tmp_path / "out"
     working = run._fitted
@@ -133,6 +133,8 @@ def test_after_an_interruption_it_goes_on_and_what_was_removed_is_made_again(
     monkeypatch.setattr(run, "_fitted", pressed)
     with pytest.raises(KeyboardInterrupt):
         vsf.session(done, out=out, **FACTS)
+    assert exit_code("report", out) == 2
+    assert "holds an unfinished run" in capsys.readouterr().err.replace("\n", " ")
     assert (out / "import" / "import.json").is_file()
     for verdict in ("session.json", "report.html"):
         assert not (out / verdict).exists(), "of a fit that is no longer there"
