@@ -165,7 +165,11 @@ def made_session_table() -> SessionTable:
         chosen=("Fitted: two.",),
         notes=("! A note that stands out.",),
         steps=(StepTime(name="import", seconds=3.0, kept=False),),
-        pages={"import": "import/import.html", "fit": "fit/report.html"},
+        pages={
+            "import": "import/import.html",
+            "replay": "import/replay.html",
+            "fit": "fit/report.html",
+        },
         provenance={"versions": {"drake": "1"}, "inputs_sha256": {"a.c3d": 64 * "0"}},
     )
 

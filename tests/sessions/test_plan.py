@@ -74,6 +74,19 @@ def test_a_walk_without_a_setting_is_asked_for_and_a_named_setting_gets_a_row():
     assert "soft" in unplaced and "standing" in standing
 
 
+def test_a_setting_typed_wrongly_is_named_with_the_files_that_name_it(tmp_path):
+    path = tmp_path / "session.csv"
+    path.write_text(
+        "file,role,fulcrum_mm,use\nstatic.c3d,standing,,yes\na.c3d,walk,sotf,yes\n"
+        "b.c3d,walk,Soft,\nc.c3d,walk,stif,yes\nSOFT,setting,66 MM,\n"
+    )
+    rows = read_rows(path)
+    first, second = missing(rows)
+    assert "a.c3d" in first and "no setting sotf" in first
+    assert "c.c3d" in second and "no setting stif." in second
+    assert rows[2].fulcrum_mm == rows[4].file and rows[4].fulcrum_mm == "66"
+
+
 def test_rows_come_back_as_they_were_written(tmp_path):
     rows = [
         PlanRow(file='a, "b".c3d', role=WALK, fulcrum_mm="66", remark="Ä; none"),

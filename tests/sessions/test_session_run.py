@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from command_line import read_json
+from command_line import exit_code, read_json
 from made_session import FACTS
 
 import vsf_drake as vsf
@@ -53,7 +53,10 @@ def test_where_names_tell_all_it_goes_straight_on_and_names_what_it_leaves_out(
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     for told in ("66mm_9.c3d", "export_failed.c3d", "static yesterday.c3d", "1 day", "SYNTHETIC"):
         assert told in page
-    for link in re.findall(r'href="([^"#]+)"', page):
+    assert 'src="import/replay.html"' in page, "to be played"
+    imported = (tmp_path / "out" / "import" / "import.html").read_text(encoding="utf-8")
+    assert 'href="import/import.html#markers"' in page and 'id="markers"' in imported
+    for link in re.findall(r'href="([^"#]+)', page):
         assert link == "fit/report.html" or (tmp_path / "out" / link).is_file()
     saved = read_json(tmp_path / "out" / "session.json")
     assert saved["verdict"] == found.verdict and "failed" in found.verdict
@@ -118,7 +121,7 @@ def test_the_command_says_the_verdict_and_ends_as_a_fit_that_failed(run, done, t
 
 
 def test_after_an_interruption_it_goes_on_and_what_was_removed_is_made_again(
-    done, tmp_path, stood_in, monkeypatch
+    done, tmp_path, stood_in, monkeypatch, capsys
 ):
     out = tmp_path / "out"
     working = run._fitted
@@ -126,12 +129,15 @@ def test_after_an_interruption_it_goes_on_and_what_was_removed_is_made_again(
     def pressed(*_):
         raise KeyboardInterrupt
 
-    (out / "session.json").unlink()
     (out / "import" / "import.json").unlink()
     monkeypatch.setattr(run, "_fitted", pressed)
     with pytest.raises(KeyboardInterrupt):
         vsf.session(done, out=out, **FACTS)
-    assert (out / "import" / "import.json").is_file() and not (out / "session.json").exists()
+    assert exit_code("report", out) == 2
+    assert "holds an unfinished run" in capsys.readouterr().err.replace("\n", " ")
+    assert (out / "import" / "import.json").is_file()
+    for verdict in ("session.json", "report.html"):
+        assert not (out / verdict).exists(), "of a fit that is no longer there"
     monkeypatch.setattr(run, "_fitted", working)
     assert vsf.session(done, out=out, **FACTS).table.steps[0].kept
 
@@ -142,6 +148,29 @@ def test_results_may_lie_in_a_folder_below_but_not_among_the_recordings(done, tm
     (tmp_path / "out").rename(done / "results")
     found = vsf.session(done, out=done / "results", **FACTS)
     assert len(found.table.walks) == 3 and found.table.steps[0].kept
+
+
+def test_recordings_in_folders_below_are_said_not_to_be_read(done, tmp_path, stood_in):
+    (done / "Tuesday" / "raw").mkdir(parents=True)
+    (done / "results").mkdir()
+    (done / "Tuesday" / "raw" / "walk.C3D").write_bytes(b"never read")
+    found = vsf.session(done, out=tmp_path / "out", **FACTS)
+    [note] = [note for note in found.table.notes if "below" in note]
+    assert "(Tuesday)" in note and len(found.table.walks) == 3
+    with pytest.raises(InputError, match=r"folders below it \(Tuesday\)"):
+        vsf.session(done, out=tmp_path / "out")
+    for path in done.glob("*.c*"):
+        path.unlink()
+    with pytest.raises(InputError, match=r"holds no recording.*\(Tuesday\)"):
+        vsf.session(done, out=tmp_path / "out", **FACTS)
+
+
+def test_the_results_of_another_session_are_not_written_over(done, tmp_path, stood_in):
+    before = everything(tmp_path / "out" / "import")
+    done.rename(tmp_path / "Dienstag")
+    with pytest.raises(InputError, match="holds the session of Montag"):
+        vsf.session(tmp_path / "Dienstag", out=tmp_path / "out", **FACTS)
+    assert everything(tmp_path / "out" / "import") == before
 
 
 def test_a_file_of_the_person_is_taken_and_does_not_go_with_options(folder, tmp_path, stood_in):

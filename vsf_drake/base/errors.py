@@ -44,7 +44,8 @@ class InputError(VsfError):
         self.where = where
         self.right = right
         message = ": ".join(str(part) for part in (file, where, what) if part is not None)
-        message = f"{message}. {right}" if right else message
+        if right:
+            message = f"{message}{'' if message.endswith(('.', '?')) else '.'} {right}"
         super().__init__(
             UNPRINTABLE.sub(
                 lambda match: match[0].encode("unicode_escape").decode("ascii"), message

@@ -217,7 +217,7 @@ def report(
         (
             kind
             for kind in (COMPARE, TUNING, MAP, PREDICT, PUBLISHED, SESSION)
-            if (folder / kind.table).is_file()
+            if (folder / kind.table).is_file() or kind.unfinished(folder)
         ),
         VALIDATION,
     )

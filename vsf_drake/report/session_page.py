@@ -1,4 +1,4 @@
-"""The page of a session: verdict, walks and what to record next on the first screen; the rest
+"""The page of a session: verdict, walks to play and in numbers, and what to record next; the rest
 behind."""
 
 from __future__ import annotations

@@ -80,6 +80,15 @@ def find_files(
     return found
 
 
+def folders_below(folder: Path) -> list[str]:
+    """Names of the folders in it in which recordings lie, at any depth: these are not read."""
+    return sorted(
+        below.name
+        for below in folder.iterdir()
+        if below.is_dir() and any(path.suffix.lower() in MARKER_FILES for path in below.rglob("*"))
+    )
+
+
 def setting_in(name: str) -> str:
     """What a file's name says of the setting: millimetres as a number, or the name of one."""
     for pattern in _MILLIMETRES:

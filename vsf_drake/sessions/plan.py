@@ -161,9 +161,10 @@ def _row(told: dict[str, str], path: Path, where: str) -> PlanRow:
     )  # fmt: skip
     use = told.get("use", "").lower() or "yes"
     require(use in USE, f"{use!r} is neither yes nor no", f"{where}, use", file=path)
-    fulcrum = told.get("fulcrum_mm", "").removesuffix("mm").strip()
+    file = told.get("file", "").removeprefix("'")
+    fulcrum = told.get("fulcrum_mm", "").lower().removesuffix("mm").strip()
     return PlanRow(
-        file=told.get("file", "").removeprefix("'"),
+        file=file.lower() if role == SETTING else file,
         role=role,
         fulcrum_mm=fulcrum.replace(",", "."),
         use=USE[use],
@@ -175,31 +176,32 @@ def missing(rows: Sequence[PlanRow]) -> list[str]:
     """What has to be stated before anything can be made of the rows, in sentences."""
     settings = {row.file: row.fulcrum_mm for row in rows if row.role == SETTING}
     walks = [row for row in rows if row.role == WALK and row.use]
+    named: dict[str, list[str]] = {}
+    for row in walks:
+        if _is_name(row.fulcrum_mm):
+            named.setdefault(row.fulcrum_mm, []).append(row.file)
     return say(
         "session",
         "missing",
         walks=[row.file for row in walks],
         unset=[row.file for row in walks if not row.fulcrum_mm],
-        unplaced=[
-            name
-            for name in dict.fromkeys(row.fulcrum_mm for row in walks if _is_name(row.fulcrum_mm))
-            if not settings.get(name)
-        ],
+        unknown={name: files for name, files in named.items() if name not in settings},
+        unplaced=[name for name in named if settings.get(name) == ""],
         standing=any(row.role == STANDING and row.use for row in rows),
     )
 
 
 def make_plan(rows: Sequence[PlanRow], found: Sequence[FoundFile], folder: Path) -> Plan:
-    """What the rows ask for; InputError for a file that is not there, or files of two persons."""
+    """What the rows ask for; InputError for files that are not there, or files of two persons."""
     by_name = {file.path.name: file for file in found}
-    for row in rows:
-        require(
-            row.role == SETTING or not row.use or row.file in by_name,
-            f"{row.file} is not among the recordings of the folder",
-            right="Correct its name, or write no in its column use",
-            file=folder / PLAN_FILE,
-        )
     used = [row for row in rows if row.use and row.role != SETTING]
+    absent = [row.file for row in used if row.file not in by_name]
+    require(
+        not absent,
+        f"not among the recordings of the folder: {', '.join(absent)}",
+        right="Correct the name, or write no in the column use",
+        file=folder / PLAN_FILE,
+    )
     check_one_person([by_name[row.file] for row in used])
     settings = {row.file: row.fulcrum_mm for row in rows if row.role == SETTING}
     walks = [by_name[row.file] for row in used if row.role == WALK]
@@ -214,7 +216,11 @@ def make_plan(rows: Sequence[PlanRow], found: Sequence[FoundFile], folder: Path)
         standing=_first(standing),
         walks=tuple(file.path for file in walks),
         fulcrums_mm=tuple(
-            _millimetres(settings.get(row.fulcrum_mm, row.fulcrum_mm), row, folder)
+            _millimetres(
+                settings.get(row.fulcrum_mm, row.fulcrum_mm),
+                row.fulcrum_mm if row.fulcrum_mm in settings else row.file,
+                folder,
+            )
             for row in used
             if row.role == WALK
         ),
@@ -260,9 +266,10 @@ def check_one_person(files: Sequence[FoundFile]) -> None:
         )
 
 
-def _millimetres(text: str, row: PlanRow, folder: Path) -> float:
+def _millimetres(text: str, of: str, folder: Path) -> float:
+    """The position in the row `of` a file or a setting."""
     file = folder / PLAN_FILE
-    where = f"{row.file}, fulcrum_mm"
+    where = f"{of}, fulcrum_mm"
     try:
         position = float(text)
     except ValueError:

@@ -34,7 +34,7 @@ from vsf_drake.report.results_folder import PAGE
 from vsf_drake.report.session_page import FIT_FOLDER, IMPORT_FOLDER, SESSION, STEPS
 from vsf_drake.sessions.curves import WRITERS, excel_writer, walked_with
 from vsf_drake.sessions.fitting import Checkpoint, FitTask, run_task
-from vsf_drake.sessions.found import PLAN_FILE, SUBJECT_FILE, find_files
+from vsf_drake.sessions.found import PLAN_FILE, SUBJECT_FILE, find_files, folders_below
 from vsf_drake.sessions.plan import (
     Plan,
     guess,
@@ -147,6 +147,7 @@ def session(
     laboratory = {name: axis for name, axis in (laboratory or {}).items() if axis is not None}
     plan = _plan(folder, facts, laboratory, part_of(progress, 0.0, _LOOKED))
     SESSION.check(out)
+    _check_own(out, folder)
     steps = _Steps(out)
     options = ImportOptions(
         person=facts,
@@ -224,6 +225,20 @@ def session(
     return Session(table=table, trials=tuple(usable), contact=contact, failures=failures)
 
 
+def _check_own(out: Path, folder: Path) -> None:
+    """Raises InputError if `out` holds what was made of another folder."""
+    if not (out / SESSION.table).is_file():
+        return
+    made_of = read_json(out / SESSION.table, damaged="Remove it").get("folder")
+    require(
+        made_of == folder.resolve().name,
+        f"holds the session of {made_of}",
+        "--out",
+        "Choose another folder, or remove this one",
+        file=out,
+    )
+
+
 class _Steps:
     """What was done in a folder, by key."""
 
@@ -236,12 +251,14 @@ class _Steps:
 
     def done(self, name: str, key: str, make: Callable[[], Any], there: Path) -> Any:
         """What `make` made, as plain values, now or in an earlier run with the same key whose file
-        `there` is still as it was."""
+        `there` is still as it was. Where it is made again, the verdict of before goes."""
         began = time.perf_counter()
         kept = self.kept.get(name, {})
         same = kept.get("key") == key and there.is_file() and kept.get("sha256") == sha256(there)
         if not same:
             self._save(name, None)
+            for verdict in (SESSION.table, PAGE):
+                (self.path.parent / verdict).unlink(missing_ok=True)
             made = plain(make())
             digest_of = sha256(there) if there.is_file() else ""
             self._save(name, {"key": key, "sha256": digest_of, "made": made})
@@ -280,10 +297,11 @@ def _plan(
     """The plan of `session.csv`, which is written if there is none; InputError, after that, for
     what has to be stated first."""
     found = find_files(folder, laboratory, progress)
+    below = say("session", "below", folders=folders_below(folder))
     require(
         found,
         "holds no recording (.c3d or .trc)",
-        right="Name the folder in which the files themselves lie",
+        right=" ".join(("Name the folder in which the files themselves lie", *below)),
         file=folder,
     )
     path = folder / PLAN_FILE
@@ -300,15 +318,17 @@ def _plan(
         *say("session", "unstated", keys=unstated),
     ]
     if asked:
+        lines = [*asked, *below]
         raise InputError(
-            "\n".join(("more has to be stated:", *(f"- {sentence}" for sentence in asked))),
+            "\n".join(("more has to be stated:", *(f"- {sentence}" for sentence in lines))),
             file=folder,
             right="\n" + say("session", "correct", written=written, there=there)[0]
             if to_correct
             else None,
         )
     check_facts(facts)
-    return make_plan(rows, found, folder)
+    plan = make_plan(rows, found, folder)
+    return replace(plan, notes=(*plan.notes, *(f"! {sentence}" for sentence in below)))
 
 
 def _imported(
