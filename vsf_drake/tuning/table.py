@@ -188,6 +188,7 @@ class TuningTable:
     recorded_mm: tuple[float, ...] = ()  # where the fulcrum stood in each
     own: bool = False  # whether strides of level 2 are held to the person's own ones
     undecided: str = ""  # why no recommendation follows, "" where one does
+    believed: bool = True  # of level 2: whether its strides are the recorded ones, within limits
     synthetic: bool
     notes: tuple[str, ...]
     wall_s: float | None
