@@ -117,8 +117,9 @@ def _search(result: StrideSolution, progress: Progress | None) -> str:
             if not one.success or one.last_cost > LOST:
                 why = one.message
                 if one.success:
-                    why = f"the nearest possible motion that was found costs {one.last_cost:.1f}, "
-                    why += f"one near it at most {LOST:g}"
+                    angle, force = _tracking_errors(one, _recorded_at(tuning.stride, one))
+                    why = f"the nearest possible motion that was found is {angle:.1f}° and "
+                    why += f"{100.0 * force:.1f} % of body weight off the person's own"
                 return f"no own stride was found at {position_mm(one):.0f} mm: {why}"
         search.stride = dataclasses.replace(search.stride, own=own)
     search.stride, start = _to_solve(tuning, search.stride, result.tracked)
@@ -414,12 +415,16 @@ def _tell_likeness(result: StrideSolution) -> None:
     position."""
     recorded = result.tuning.stride
     pairs = [
-        (own, dataclasses.replace(recorded, own_m=position_mm(own) * MM))
-        for own in result.search.stride.own
+        (own, _recorded_at(recorded, own)) for own in result.search.stride.own
     ] or [(result.tracked, recorded)]
     angle, force = np.max([_tracking_errors(*pair) for pair in pairs], axis=0).tolist()
     result.checks.add("tracking_motion", angle, ANGLE_DEG, count=len(pairs))
     result.checks.add("tracking_force", 100.0 * force, 100.0 * FORCE_BW, count=len(pairs))
+
+
+def _recorded_at(stride: Stride, own: TrajectorySolution) -> Stride:
+    """The stride recorded where an own one is."""
+    return dataclasses.replace(stride, own_m=position_mm(own) * MM)
 
 
 def _tracking_errors(solution: TrajectorySolution, stride: Stride) -> tuple[float, float]:
