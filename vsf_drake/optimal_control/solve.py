@@ -414,9 +414,9 @@ def _tell_likeness(result: StrideSolution) -> None:
     """How far what a stride is compared with is off the recording, own strides at the worst
     position."""
     recorded = result.tuning.stride
-    pairs = [
-        (own, _recorded_at(recorded, own)) for own in result.search.stride.own
-    ] or [(result.tracked, recorded)]
+    pairs = [(own, _recorded_at(recorded, own)) for own in result.search.stride.own] or [
+        (result.tracked, recorded)
+    ]
     angle, force = np.max([_tracking_errors(*pair) for pair in pairs], axis=0).tolist()
     result.checks.add("tracking_motion", angle, ANGLE_DEG, count=len(pairs))
     result.checks.add("tracking_force", 100.0 * force, 100.0 * FORCE_BW, count=len(pairs))
