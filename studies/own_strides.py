@@ -9,11 +9,11 @@ of the strides that adapt, `walked` of the person's own before they adapt, `equa
 spring alone under an equal load, to which nobody answers: the null. `left_out` is what the sagittal
 plane leaves out of the recorded strides, means over the walks: the foot's turn out of the way of
 walking, how far its spheres near the floor are off along the way and in height one against another.
-`tracked` has the worst angle and the worse foot's force by which the possible motions nearest to the
-person's own strides are off them, root mean square, at the worst position; `believed` whether both
-are within the limits of level 2: else nothing follows.
+`tracked` has the worst angle and the worse foot's force by which the possible motions nearest to
+the person's own strides are off them, root mean square, at the worst position; `believed` whether
+both are within the limits of level 2: else nothing follows.
 
-`mesh_mm` is by how much twice as many intervals move the optimum. The results
+The grid is coarse: `mesh_mm` is by how much twice as many intervals move the optimum. The results
 are in studies/results/own_strides.json; some minutes of processor time a person.
 """
 
@@ -49,7 +49,7 @@ from vsf_drake.simulation.batch.cases import digest
 PARTS = Path("results/own_strides")
 PERSONS = "abc"
 COST = "activation"
-INTERVALS, QUICK = 20, 10  # of the stride; `mesh` has what twice as many change
+INTERVALS, QUICK = 12, 10  # of the stride; `mesh` has what twice as many change
 LEFT_OUT = ("toe_out_deg", "prosthetic_foot_along_mm", "sole_tilt_mm")
 
 
