@@ -22,6 +22,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -39,6 +40,7 @@ from vsf_drake.base.files import plain, write_json
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial
 from vsf_drake.optimal_control.own import OwnStrides
+from vsf_drake.optimal_control.recorded_stride import RecordedStride
 from vsf_drake.optimal_control.saved import stride_table
 from vsf_drake.optimal_control.search import StrideTuning
 from vsf_drake.optimal_control.solve import solve
@@ -105,7 +107,7 @@ def done(person: str, parts: Path, quick: bool) -> dict[str, Any]:
 
 def tuned(person: str, quick: bool) -> dict[str, Any]:
     began = time.process_time()
-    trials = [trial_with(trial, fitted(person)) for trial in walks(person)]
+    trials = fitted_walks(person)
     options = StrideOptions(
         starts=1, confirm=(), draws=0, intervals=QUICK if quick else INTERVALS, positions=3
     )
@@ -127,16 +129,21 @@ def tuned(person: str, quick: bool) -> dict[str, Any]:
         "cost": [point.cost for point in table.sweep],
         "walked": [point.walked for point in table.sweep],
         "equal_load": [point.equal_load.get("cost") for point in table.sweep],
-        "left_out": {
-            name: float(np.mean([stride.errors[name] for stride in recorded.strides]))
-            for name in LEFT_OUT
-        },
+        "left_out": left_out(recorded.strides),
         "tracked": {
             "angle_deg": checks.get("tracking_motion"),
             "force_percent_bw": checks.get("tracking_force"),
         },
         "processor_s": time.process_time() - began,
     }
+
+
+def fitted_walks(person: str) -> list[Trial]:
+    return [trial_with(trial, fitted(person)) for trial in walks(person)]
+
+
+def left_out(strides: Sequence[RecordedStride]) -> dict[str, float]:
+    return {name: float(np.mean([stride.errors[name] for stride in strides])) for name in LEFT_OUT}
 
 
 def text_table(told: dict[str, dict[str, Any]]) -> str:
