@@ -205,6 +205,14 @@ class TuningTable:
             raise ValueError("an optimum has a position and a cost")
 
     @property
+    def doubt(self) -> str:
+        """What stands before all else: that there is no optimum, or one of another walk than the
+        person's."""
+        if not self.optimal:
+            return "NOT OPTIMAL"
+        return "" if self.believed else "NOT TO BE BELIEVED"
+
+    @property
     def along_decides(self) -> bool | None:
         """Whether the cost along the person's answer differs over the range by more than the 95 %
         interval of a difference; None where no spread is known."""

@@ -358,7 +358,12 @@ def test_a_stride_that_is_not_the_person_s_is_no_answer():
         "The strides computed are of another walk than this person's. Their cost is least at "
         f"{BEST_MM:.1f} mm: this is no setting to choose.",
     ]
+    drawn = cost_curve_figure(table, made_stride_arrays())
+    labels = drawn.axes[0].get_legend_handles_labels()[1]
+    assert "least cost, NOT TO BE BELIEVED" in labels
+    assert "its interval" not in labels and not any("optimum" in label for label in labels)
     page, _ = chapter_page(**tuning_page(plain(table), made_stride_arrays(), lenient=False))
+    assert "<h1>NOT TO BE BELIEVED: stiffness tuned" in page
     assert "Set no foot by this. Tune with more intervals" in page
     assert "Record this person" not in page and "within the interval choose" not in page
 
