@@ -224,6 +224,8 @@ def test_own_strides_that_are_not_the_person_s_at_one_position_decide_nothing(
     percent = 100.0 * more * max(sizes) / stride.model.weight
     assert worth["undecided"] == said.format(percent)
     assert worth["believed"] is not bool(said)
+    wide = _worth(result, (66.6, 140.4))["undecided"]
+    assert "66 to 141 mm, 87 % of the range" in wide, "no narrower than it is, as where it is told"
     assert [check.value for check in result.checks] == pytest.approx([turned_deg, percent])
 
 

@@ -134,7 +134,7 @@ def _worth(result: StrideSolution, near: tuple[float, float] | None) -> dict[str
     undecided = say(
         "stride",
         "undecided",
-        near=near,
+        near=t.whole_mm(*near),
         share=share,
         failed=failed,
         count=len(asked) + 1,

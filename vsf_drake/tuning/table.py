@@ -284,11 +284,8 @@ class TuningTable:
 
     @property
     def interval_says(self) -> str:
-        """`fulcrum_interval_mm` in whole millimetres, no narrower than it is; "" for none."""
-        if self.fulcrum_interval_mm is None:
-            return ""
-        low, high = self.fulcrum_interval_mm
-        return f"{math.floor(low + ROUND_MM):d} to {math.ceil(high - ROUND_MM):d} mm"
+        """`fulcrum_interval_mm` as `whole_mm` has it; "" for none."""
+        return "" if self.fulcrum_interval_mm is None else whole_mm(*self.fulcrum_interval_mm)
 
     @property
     def interval_wide(self) -> bool:
@@ -391,6 +388,11 @@ class TuningTable:
             float(np.diff(x).max(initial=0.0)),
         )
         return None if low - step <= least[0] <= high + step else least
+
+
+def whole_mm(low: float, high: float) -> str:
+    """An interval in whole millimetres, no narrower than it is."""
+    return f"{math.floor(low + ROUND_MM):d} to {math.ceil(high - ROUND_MM):d} mm"
 
 
 PARTS: dict[str, tuple[()] | None] = {
