@@ -26,6 +26,7 @@ import contact_fit_study.inputs as contact_fit
 import contact_truth_recovery as truth
 import device_hypotheses as devices
 import numpy as np
+import own_strides
 import published_trends as trends
 import recording_faults as faults
 import session_fit
@@ -53,6 +54,7 @@ from vsf_drake.fit.problem import ContactFit
 from vsf_drake.fit.solve import search
 from vsf_drake.model.model_file import load_model
 from vsf_drake.optimal_control.outcomes import outcomes
+from vsf_drake.optimal_control.recorded_stride import recorded_stride
 from vsf_drake.optimal_control.search import eased
 from vsf_drake.validation.options import StudyOptions
 from vsf_drake.validation.published_trends import load_evidence
@@ -274,6 +276,13 @@ def answered_setting(stored: dict[str, Any]) -> Numbers:
             yield f"a {answer} {draw.name} {name}", value, was[name]
 
 
+def recorded_strides(stored: dict[str, Any]) -> Numbers:
+    """What the sagittal plane leaves out of one person's recorded strides."""
+    recorded = [recorded_stride(trial) for trial in own_strides.fitted_walks("a")]
+    for name, found in own_strides.left_out(recorded).items():
+        yield name, found, stored["persons"]["a"]["left_out"][name]
+
+
 def spoiled_walk(stored: dict[str, Any]) -> Numbers:
     """What the checks say of one walk with two of its faults, and what these do to the force."""
     rows = {(row["walk"], row["fault"]): row for row in stored["rows"]}
@@ -294,6 +303,7 @@ CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "device_hypotheses": ("device_hypotheses.py", both_devices),
     "session_fit": ("session_fit.py", fitted_session),
     "setting_answer": ("setting_answer.py", answered_setting),
+    "own_strides": ("own_strides.py", recorded_strides),
     "adaptive_stride": ("adaptive_stride.py", strides_of_one_walk),
     "published_trends": ("published_trends.py", foot_under_load),
     "angle_errors": ("angle_errors.py", disturbed_walks),

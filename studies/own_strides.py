@@ -9,8 +9,9 @@ of the strides that adapt, `walked` of the person's own before they adapt, `equa
 spring alone under an equal load, to which nobody answers: the null. `left_out` is what the sagittal
 plane leaves out of the recorded strides, means over the walks: the foot's turn out of the way of
 walking, how far its spheres near the floor are off along the way and in height one against another.
-`tracked` has the worst angle and the worse foot's force by which the consistent stride at the
-middle setting is off the recorded one, root mean square.
+`tracked` has the worst angle and the worse foot's force by which the possible motions nearest to
+the person's own strides are off them, root mean square, at the worst position; `believed` whether
+both are within the limits of level 2: else nothing follows.
 
 The grid is coarse: `mesh_mm` is by how much twice as many intervals move the optimum. The results
 are in studies/results/own_strides.json; some minutes of processor time a person.
@@ -21,6 +22,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -38,6 +40,7 @@ from vsf_drake.base.files import plain, write_json
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial
 from vsf_drake.optimal_control.own import OwnStrides
+from vsf_drake.optimal_control.recorded_stride import RecordedStride
 from vsf_drake.optimal_control.saved import stride_table
 from vsf_drake.optimal_control.search import StrideTuning
 from vsf_drake.optimal_control.solve import solve
@@ -104,7 +107,7 @@ def done(person: str, parts: Path, quick: bool) -> dict[str, Any]:
 
 def tuned(person: str, quick: bool) -> dict[str, Any]:
     began = time.process_time()
-    trials = [trial_with(trial, fitted(person)) for trial in walks(person)]
+    trials = fitted_walks(person)
     options = StrideOptions(
         starts=1, confirm=(), draws=0, intervals=QUICK if quick else INTERVALS, positions=3
     )
@@ -119,22 +122,28 @@ def tuned(person: str, quick: bool) -> dict[str, Any]:
         "fulcrum_mm": table.fulcrum_mm,
         "interval_mm": table.fulcrum_interval_mm,
         "undecided": table.undecided,
+        "believed": table.believed,
         "moves_mm": checks.get("hold"),
         "mesh_mm": checks.get("mesh"),
         "positions_mm": [point.fulcrum_mm for point in table.sweep],
         "cost": [point.cost for point in table.sweep],
         "walked": [point.walked for point in table.sweep],
         "equal_load": [point.equal_load.get("cost") for point in table.sweep],
-        "left_out": {
-            name: float(np.mean([stride.errors[name] for stride in recorded.strides]))
-            for name in LEFT_OUT
-        },
+        "left_out": left_out(recorded.strides),
         "tracked": {
             "angle_deg": checks.get("tracking_motion"),
             "force_percent_bw": checks.get("tracking_force"),
         },
         "processor_s": time.process_time() - began,
     }
+
+
+def fitted_walks(person: str) -> list[Trial]:
+    return [trial_with(trial, fitted(person)) for trial in walks(person)]
+
+
+def left_out(strides: Sequence[RecordedStride]) -> dict[str, float]:
+    return {name: float(np.mean([stride.errors[name] for stride in strides])) for name in LEFT_OUT}
 
 
 def text_table(told: dict[str, dict[str, Any]]) -> str:

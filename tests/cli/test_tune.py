@@ -98,6 +98,20 @@ def test_all_that_was_tuned_stands_on_the_screen(run, tmp_path, made):
     )
 
 
+def test_strides_that_are_not_the_person_s_show_no_interval_and_no_gain(run, tmp_path, made):
+    why = "not to be believed: the stride is 11.6 % BW off the person's own force (limit 6 %)."
+    made["table"] = small_table(
+        level=2, own=True, believed=False, undecided=why, at_bound=("fulcrum",)
+    )
+    _, out, _ = run("tune", LOW, "--contact", CONTACT, "--level", "2", "--out", tmp_path / "out")
+    first, second, *rest = filter(None, out.splitlines())
+    assert first == f"! THE MODEL DOES NOT DECIDE: {why}"
+    assert second.endswith("least at 104.2 mm: this is no setting to choose")
+    assert "104.2" not in " ".join(rest) and "compared" not in out and "interval" not in out
+    saved = read_json(tmp_path / "out" / "tuning.json")
+    assert (saved["undecided"], saved["believed"]) == (why, False)
+
+
 def test_an_unfitted_foot_is_told_before_any_number(run, tmp_path, made, monkeypatch):
     monkeypatch.setattr(
         inputs,

@@ -2,6 +2,7 @@
 what a stride that is held to them pays."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,9 @@ from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.optimal_control.own import Hold, OwnStrides
 from vsf_drake.optimal_control.reference import FEET
-from vsf_drake.optimal_control.saved import stride_table
-from vsf_drake.optimal_control.search import StrideTuning
-from vsf_drake.optimal_control.solve import solve
+from vsf_drake.optimal_control.saved import _worth, stride_table
+from vsf_drake.optimal_control.search import StrideSolution, StrideTuning
+from vsf_drake.optimal_control.solve import _tell_likeness, solve
 from vsf_drake.optimal_control.stride import MM, StrideFunction, StrideOptions
 from vsf_drake.report.tuning.chapters import answer
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
@@ -176,6 +177,58 @@ def test_what_own_strides_cannot_say_is_refused(trials, cost, options, message):
         StrideTuning(trials[::2], cost=cost, options=StrideOptions(**options))
 
 
+@pytest.mark.parametrize(
+    ("more", "turned_deg", "said"),
+    [
+        (0.02, 0.5, ""),
+        (
+            0.2,
+            0.5,
+            "not to be believed: the stride is {:.1f} % BW off the person's own force (limit 6 %).",
+        ),
+        (
+            0.02,
+            3.0,
+            "not to be believed: the stride is 3.0° off the person's own angles (limit 2°).",
+        ),
+    ],
+)
+def test_own_strides_that_are_not_the_person_s_at_one_position_decide_nothing(
+    tuning, more, turned_deg, said
+):
+    """At the stiffest setting all forces are larger by a share, and the knee is more bent."""
+
+    def possible(mm, more, turned_deg):
+        stride = dataclasses.replace(tuning.stride, own_m=mm * MM)
+        function = stride.function
+        y = np.zeros((stride.grid.instants, len(function.names)))
+        y[:, function.starting_with("q_")] = stride.reference.q
+        y[:, function.index(f"q_{stride.model.coordinates[KNEE]}")] += np.radians(turned_deg)
+        for foot, force in stride.reference.force.items():
+            y[:, function.index(f"{foot}_fx", f"{foot}_fz")] = (1.0 + more) * force
+        last = SimpleNamespace(p=np.array([mm * MM]))
+        return SimpleNamespace(y=lambda: y, last=last, last_cost=1.0, success=True), stride
+
+    own = [possible(mm, 0.0, 0.0)[0] for mm in (66.0, 108.0)]
+    off, stride = possible(151.0, more, turned_deg)
+    search = SimpleNamespace(stride=SimpleNamespace(own=(*own, off), reach_mm=(66.0, 151.0)))
+    result = StrideSolution(tuning, tracked=own[1], search=search)
+    result.free = [(108.0, own[1])]
+    result.carried_out = own[0]  # as good
+    _tell_likeness(result)
+    worth = _worth(result, (100.0, 110.0))
+    sizes = [
+        np.sqrt(np.mean(np.sum(force**2, axis=1)[stride.reference.known[foot]]))
+        for foot, force in stride.reference.force.items()
+    ]
+    percent = 100.0 * more * max(sizes) / stride.model.weight
+    assert worth["undecided"] == said.format(percent)
+    assert worth["believed"] is not bool(said)
+    wide = _worth(result, (66.6, 140.4))["undecided"]
+    assert "66 to 141 mm, 87 % of the range" in wide, "no narrower than it is, as where it is told"
+    assert [check.value for check in result.checks] == pytest.approx([turned_deg, percent])
+
+
 @pytest.mark.slow
 def test_held_to_own_strides_no_recorded_setting_is_favoured_and_a_firmer_hold_is_kept_closer(
     trials,
@@ -205,4 +258,7 @@ def test_held_to_own_strides_no_recorded_setting_is_favoured_and_a_firmer_hold_i
     moves = [abs(row.fulcrum_mm - table.fulcrum_mm) for row in table.robustness]
     assert held.value == pytest.approx(max(moves))
     assert bool(table.undecided) or held.met
+    assert table.believed == all(
+        check.met for check in table.checks if check.name.startswith("tracking_")
+    )
     assert dataclasses.replace(table, own=False).held_to == "able-bodied walking"

@@ -10,7 +10,7 @@ import pytest
 from floor_of_the_reference_subject import RESULTS
 
 from vsf_drake.optimal_control.recorded_stride import MOST_TURNED_DEG
-from vsf_drake.optimal_control.solve import HOLD_MM
+from vsf_drake.optimal_control.solve import ANGLE_DEG, FORCE_BW, HOLD_MM
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +44,13 @@ def test_twice_and_half_the_hold_move_an_optimum_little_or_the_model_does_not_de
     for name, person in found.items():
         moves = person["moves_mm"]
         assert person["undecided"] or (moves is not None and moves <= HOLD_MM), name
+
+
+def test_of_strides_that_are_not_the_person_s_nothing_follows(found):
+    for name, person in found.items():
+        off = person["tracked"]
+        near = off["angle_deg"] <= ANGLE_DEG and off["force_percent_bw"] <= 100.0 * FORCE_BW
+        assert near is not ("not to be believed" in person["undecided"]), name
 
 
 def test_at_the_setting_of_its_motion_the_spring_alone_is_what_was_walked(found):

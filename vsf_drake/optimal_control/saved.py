@@ -112,10 +112,13 @@ def _swept(result: StrideSolution, row: Fixed) -> t.SweepPoint:
     )
 
 
-def _worth(result: StrideSolution, near: tuple[float, float] | None) -> dict[str, str]:
+def _worth(result: StrideSolution, near: tuple[float, float] | None) -> dict[str, Any]:
     """What the interval of the optimum holds, and why no recommendation follows from it."""
     if near is None:
         return {"interval_meaning": "", "undecided": ""}
+    unmet = {check.name: check for check in result.checks if check.met is False}
+    unlike = [unmet[name] for name in ("tracking_force", "tracking_motion") if name in unmet]
+    moves = [unmet[name] for name in ("hold",) if name in unmet]
     asked = result.asked_again
     failed = sum(not solution.success for solution in asked) + (result.grid_share is None)
     low, high = result.search.stride.reach_mm
@@ -128,20 +131,22 @@ def _worth(result: StrideSolution, near: tuple[float, float] | None) -> dict[str
         result=result,
         failed=failed,
     )
-    moves = [check for check in result.checks if check.name == "hold" and check.met is False]
     undecided = say(
         "stride",
         "undecided",
-        near=near,
+        near=t.whole_mm(*near),
         share=share,
         failed=failed,
         count=len(asked) + 1,
+        unlike=unlike,
+        own=bool(result.search.stride.own),
         moves=moves,
         wide=share > DECIDED,
     )
     return {
         "interval_meaning": meaning[0],
-        "undecided": " ".join(undecided) if share > DECIDED or failed or moves else "",
+        "undecided": " ".join(undecided),
+        "believed": not unlike,
     }
 
 

@@ -51,7 +51,8 @@ from vsf_drake.tuning.options import TuningOptions
 from vsf_drake.tuning.problem import StiffnessTuning
 from vsf_drake.tuning.quantities import FREE_CHECKS
 
-# what a tracked stride may differ from its recording by, root mean square (a choice)
+# what a tracked or own stride may differ from what was recorded by, root mean square (a choice);
+# of one that differs by more nothing follows for the person
 ANGLE_DEG = 2.0
 FORCE_BW = 0.06
 STARTS = 0.005  # share of the cost within which searches from several starts must end (a choice)
@@ -116,8 +117,9 @@ def _search(result: StrideSolution, progress: Progress | None) -> str:
             if not one.success or one.last_cost > LOST:
                 why = one.message
                 if one.success:
-                    why = f"the nearest possible motion that was found costs {one.last_cost:.1f}, "
-                    why += f"one near it at most {LOST:g}"
+                    angle, force = _tracking_errors(one, _recorded_at(tuning.stride, one))
+                    why = f"the nearest possible motion that was found is {angle:.1f}° and "
+                    why += f"{100.0 * force:.1f} % of body weight off the person's own"
                 return f"no own stride was found at {position_mm(one):.0f} mm: {why}"
         search.stride = dataclasses.replace(search.stride, own=own)
     search.stride, start = _to_solve(tuning, search.stride, result.tracked)
@@ -298,9 +300,7 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
     stride = result.search.stride
 
     add = result.checks.add
-    worst, force = _tracking_errors(result.tracked, tuning.stride)
-    add("tracking_motion", worst, ANGLE_DEG)
-    add("tracking_force", 100.0 * force, 100.0 * FORCE_BW)
+    _tell_likeness(result)
     fixed = min(solution.last_cost for _, solution in result.solved)
     # Neither search goes on for what is less than this.
     rest = 1e-9 if tuning.cost == "tracking" else NEAR_ENOUGH["gain"] * (1.0 + abs(fixed))
@@ -408,6 +408,23 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         lambda one: one.last,
         smoothing=dataclasses.replace(stride.smoothing, depth_m=2.0 * stride.smoothing.depth_m),
     )
+
+
+def _tell_likeness(result: StrideSolution) -> None:
+    """How far what a stride is compared with is off the recording, own strides at the worst
+    position."""
+    recorded = result.tuning.stride
+    pairs = [(own, _recorded_at(recorded, own)) for own in result.search.stride.own] or [
+        (result.tracked, recorded)
+    ]
+    angle, force = np.max([_tracking_errors(*pair) for pair in pairs], axis=0).tolist()
+    result.checks.add("tracking_motion", angle, ANGLE_DEG, count=len(pairs))
+    result.checks.add("tracking_force", 100.0 * force, 100.0 * FORCE_BW, count=len(pairs))
+
+
+def _recorded_at(stride: Stride, own: TrajectorySolution) -> Stride:
+    """The stride recorded where an own one is."""
+    return dataclasses.replace(stride, own_m=position_mm(own) * MM)
 
 
 def _tracking_errors(solution: TrajectorySolution, stride: Stride) -> tuple[float, float]:

@@ -188,6 +188,7 @@ class TuningTable:
     recorded_mm: tuple[float, ...] = ()  # where the fulcrum stood in each
     own: bool = False  # whether strides of level 2 are held to the person's own ones
     undecided: str = ""  # why no recommendation follows, "" where one does
+    believed: bool = True  # of level 2: whether its strides are the recorded ones, within limits
     synthetic: bool
     notes: tuple[str, ...]
     wall_s: float | None
@@ -202,6 +203,14 @@ class TuningTable:
             raise ValueError(f"{self.level!r} is no level of a tuning")
         if self.optimal and (self.fulcrum_mm is None or self.cost is None):
             raise ValueError("an optimum has a position and a cost")
+
+    @property
+    def doubt(self) -> str:
+        """What stands before all else: that there is no optimum, or one of another walk than the
+        person's."""
+        if not self.optimal:
+            return "NOT OPTIMAL"
+        return "" if self.believed else "NOT TO BE BELIEVED"
 
     @property
     def along_decides(self) -> bool | None:
@@ -275,11 +284,8 @@ class TuningTable:
 
     @property
     def interval_says(self) -> str:
-        """`fulcrum_interval_mm` in whole millimetres, no narrower than it is; "" for none."""
-        if self.fulcrum_interval_mm is None:
-            return ""
-        low, high = self.fulcrum_interval_mm
-        return f"{math.floor(low + ROUND_MM):d} to {math.ceil(high - ROUND_MM):d} mm"
+        """`fulcrum_interval_mm` as `whole_mm` has it; "" for none."""
+        return "" if self.fulcrum_interval_mm is None else whole_mm(*self.fulcrum_interval_mm)
 
     @property
     def interval_wide(self) -> bool:
@@ -382,6 +388,11 @@ class TuningTable:
             float(np.diff(x).max(initial=0.0)),
         )
         return None if low - step <= least[0] <= high + step else least
+
+
+def whole_mm(low: float, high: float) -> str:
+    """An interval in whole millimetres, no narrower than it is."""
+    return f"{math.floor(low + ROUND_MM):d} to {math.ceil(high - ROUND_MM):d} mm"
 
 
 PARTS: dict[str, tuple[()] | None] = {

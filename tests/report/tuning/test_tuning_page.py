@@ -349,6 +349,25 @@ def test_level_2_recommends_an_interval_or_says_first_that_the_model_does_not_de
     assert "Set no foot by this" in page
 
 
+def test_a_stride_that_is_not_the_person_s_is_no_answer():
+    """No interval, no gain and no setting to record next: first that nothing follows."""
+    why = "not to be believed: the stride is 11.6 % BW off the person's own force (limit 6 %)."
+    table = made_stride_table(own=True, believed=False, undecided=why, at_bound=("fulcrum",))
+    assert answer(table) == [
+        f"THE MODEL DOES NOT DECIDE THIS SETTING: {why}",
+        "The strides computed are of another walk than this person's. Their cost is least at "
+        f"{BEST_MM:.1f} mm: this is no setting to choose.",
+    ]
+    drawn = cost_curve_figure(table, made_stride_arrays())
+    labels = drawn.axes[0].get_legend_handles_labels()[1]
+    assert "least cost, NOT TO BE BELIEVED" in labels
+    assert "its interval" not in labels and not any("optimum" in label for label in labels)
+    page, _ = chapter_page(**tuning_page(plain(table), made_stride_arrays(), lenient=False))
+    assert "<h1>NOT TO BE BELIEVED: stiffness tuned" in page
+    assert "Set no foot by this. Tune with more intervals" in page
+    assert "Record this person" not in page and "within the interval choose" not in page
+
+
 def test_of_one_recorded_setting_level_2_says_first_that_the_hold_makes_the_optimum():
     hold = "THE HOLD MAKES THIS OPTIMUM: one recorded setting does not show how the person answers"
     assert answer(made_stride_table())[0].startswith(hold)

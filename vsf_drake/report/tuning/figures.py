@@ -28,7 +28,6 @@ from vsf_drake.report.tuning.reading import Arrays
 from vsf_drake.tuning.quantities import GIVEN_COSTS
 from vsf_drake.tuning.table import TuningTable
 
-NOT_OPTIMAL = "NOT OPTIMAL"
 FULCRUM = "fulcrum from the keel's end (mm)"
 _FAILED = "#b3261e"
 _LETTERS = 23  # of a title in a line, at most
@@ -39,14 +38,14 @@ _DASHES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5)), (0, (1, 1)))
 
 def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
     """`draw`, which fills a figure of a table, as a function that returns it, marked where there is
-    no optimum or data are synthetic."""
+    no optimum, or none to be believed, or data are synthetic."""
 
     @wraps(draw)
     def drawn(table: TuningTable, *others: Any) -> Figure:
         with drawing(PANEL[0], 1.0) as figure:
             draw(figure, table, *others)
             said = (
-                NOT_OPTIMAL * (not table.optimal),
+                table.doubt,
                 "SYNTHETIC trials, not recorded" * bool(table.synthetic),
             )
             if any(said):
@@ -55,7 +54,7 @@ def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
                     x=0.01,
                     ha="left",
                     fontsize=10.5,
-                    color="black" if table.optimal else _FAILED,
+                    color=_FAILED if table.doubt else "black",
                 )
         return figure
 
@@ -126,7 +125,7 @@ def _mark_positions(axes: Axes, table: TuningTable, *, named: bool = True) -> No
     """The interval of the optimum as a band, and lines where the fulcrum was recorded and where it
     ended."""
     interval = table.fulcrum_interval_mm
-    if interval is not None and table.optimal:
+    if interval is not None and not table.doubt:
         axes.axvspan(*interval, color=SHADE, zorder=0, label="its interval" if named else None)
     for i, mm in enumerate(reading.recorded_positions(table)):
         axes.axvline(
@@ -140,7 +139,7 @@ def _mark_positions(axes: Axes, table: TuningTable, *, named: bool = True) -> No
     if table.fulcrum_mm is not None:
         axes.axvline(
             table.fulcrum_mm,
-            color=_colour(table.fulcrum_mm) if table.optimal else _FAILED,
+            color=_FAILED if table.doubt else _colour(table.fulcrum_mm),
             linewidth=1.0,
             zorder=1,
         )
@@ -202,7 +201,7 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
             label="spring alone, equal load",
         )
     if best is not None and table.cost is not None:
-        if table.optimal:
+        if not table.doubt:
             _mark(axes, best, table.cost, "*", 15, 1.6, label=f"optimum, {best:.1f} mm")
         else:
             axes.plot(
@@ -213,7 +212,7 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
                 color=_FAILED,
                 markeredgewidth=2.4,
                 zorder=5,
-                label=f"last iterate, {NOT_OPTIMAL}",
+                label=f"{'least cost' if table.optimal else 'last iterate'}, {table.doubt}",
             )
     label(
         axes,
@@ -271,7 +270,7 @@ def outcomes_figure(figure: Figure, table: TuningTable) -> None:
         if here is not None and error is not None:
             axes.axhspan(here - error, here + error, color="0.8", alpha=0.5, zorder=0)
         _curve(axes, x, y, linewidth=1.5, markersize=3.0)
-        if here is not None and best is not None and table.optimal:
+        if here is not None and best is not None and not table.doubt:
             _mark(axes, best, here, "*", 12, 1.4)
         if np.ptp(y) == 0.0:
             axes.margins(y=0.5)
