@@ -301,7 +301,7 @@ def _plan(
     require(
         found,
         "holds no recording (.c3d or .trc)",
-        right=" ".join(("Name the folder in which the files themselves lie", *below)),
+        right=". ".join(("Name the folder in which the files themselves lie", *below)),
         file=folder,
     )
     path = folder / PLAN_FILE
