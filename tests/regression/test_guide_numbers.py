@@ -98,6 +98,14 @@ NO_RESULTS = {
         "1 % of it, 0.01 body weights and 1°": "a definition",
         "at least 1°, 1 % of body weight and 1 % of the time": "a definition",
         "by more than 5 mm": "a definition",
+        (
+            "no more than 6 % of body weight and off any angle by no more than 2° (root mean square"
+        ): "limits of the program",
+        "a coarse grid of 12 intervals": "an option of the study",
+        "Beyond 15° out of the way": "a limit of the program",
+        "7 % less stiffness from the side (cos² 15°)": "geometry",
+        "a ground that is felt from 16 mm on": "a choice of the program",
+        "(Fontes Filho 2021: quadriceps and hamstrings, 16 people": "a source",
         "for walks recorded at 66, 108 and 151 mm": "settings",
         "larger at 151 mm than at 66 mm": "settings",
         "people 2.2, 2.2 and 2.3 above standing": "published (Looney 2019)",
@@ -760,6 +768,41 @@ def signs() -> Iterator[str]:
     yield f"{('none', 'one', 'two', 'three')[fewer]} of the three walks have six signs at the ends"
 
 
+def own_strides() -> Iterator[str]:
+    """Level 2 held to the own strides of the synthetic persons of the sessions."""
+    persons = stored("studies/results/own_strides.json")["persons"]
+    a, b, c = (persons[name] for name in "abc")
+    assert not any(person["optimal"] and person["believed"] for person in (a, b, c))
+    yield "level 2 decides for none of them"
+    yield (
+        f"A's optimum is at {a['fulcrum_mm']:.0f} mm, half and twice the hold move it by "
+        f"{a['moves_mm']:.1f} mm, and A's own stride is found to {a['tracked']['angle_deg']:.1f}° "
+        "(limit 2°)"
+    )
+    assert b["moves_mm"] == 0.0
+    yield f"B's stays at {b['fulcrum_mm']:.0f} mm, an end of the range"
+    yield (
+        f"off the plates by {b['tracked']['force_percent_bw']:.1f} % of body weight at the worst "
+        "position (limit 6 %)"
+    )
+    [told] = numbers_of((c["status"],), r"no own stride was found at (\d+) mm")
+    angle, force = (
+        numbers_of((c["status"],), rf"([\d.]+){unit} ")[0] for unit in ("°", " % of body weight")
+    )
+    yield (
+        f"found at {told} mm: the nearest possible motion is {angle}° and {force} % of body weight "
+        "off"
+    )
+    turned, along, tilted = (
+        listed([f"{person['left_out'][name]:.1f}" for person in (a, b, c)])
+        for name in ("toe_out_deg", "prosthetic_foot_along_mm", "sole_tilt_mm")
+    )
+    yield (
+        f"by {turned}°, it leaves out {along} mm along the way and {tilted} mm in height of the "
+        "foot's spheres"
+    )
+
+
 def the_answer() -> Iterator[str]:
     """The page that says what the program can decide."""
     said = vsf.load_contact(embedded_contact("laboratory")).verdict
@@ -914,7 +957,7 @@ def both_devices() -> Iterator[str]:
 SOURCES = {
     VALIDATE: (embedded_subject, angle_errors, sessions, intervals, people, trends),
     FIT: (fit_table,),
-    TUNE: (able_bodied, strides, signs),
+    TUNE: (able_bodied, strides, own_strides, signs),
     ANSWER: (the_answer,),
     TUTORIAL: (the_tutorial,),
     ENERGY: (both_devices,),
