@@ -187,8 +187,8 @@ def strides_of_one_walk(stored: dict[str, Any]) -> Numbers:
         stored["found"][name],
     )
     yield f"{name} deviation", one.recording.value("deviation", one.solution.y()), was["deviation"]
-    for key, value in one.recording.recorded.errors.items():
-        yield f"{name} {key}", value, was["errors"][key]
+    for key, value in was["errors"].items():
+        yield f"{name} {key}", one.recording.recorded.errors[key], value
     mm, search = strides.STARTS_MM[0], one.search("activation", normal_weight=told["weight"])
     _, begin = eased(search, mm, one.solution.last)
     found = outcomes(search.at(mm, begin, "from softer contact"), search.stride)

@@ -51,7 +51,7 @@ from vsf_drake.simulation.batch.cases import digest
 PARTS = Path("results/own_strides")
 PERSONS = "abc"
 COST = "activation"
-INTERVALS, QUICK = 12, 10  # of the stride; `mesh` has what twice as many change
+INTERVALS, QUICK = 20, 10  # of the stride; `mesh` has what twice as many change
 LEFT_OUT = ("toe_out_deg", "prosthetic_foot_along_mm", "sole_tilt_mm")
 
 

@@ -373,7 +373,7 @@ def test_a_foot_turned_out_of_the_plane_is_seen_from_the_side_up_to_an_angle(pla
     """The plane's foot stays; what is told of the foot in space follows the angle between them: of
     its length along the way the cosine is left, and of an inverted sole the edges lift."""
     trial, _ = planar
-    straight = recorded_stride(trial)
+    straight = recorded_stride(turned_out(trial, 0.0))
     out = recorded_stride(turned_out(trial, 0.1))
     inverted = recorded_stride(turned_out(trial, 0.0, inversion_rad=0.05))
     assert np.array_equal(out.chain.local, straight.chain.local)
@@ -391,7 +391,7 @@ def test_the_sagittal_person_of_a_turned_foot_is_that_of_a_straight_one(planar):
     trial, _ = planar
     straight, out = (
         StrideTuning([one], cost="tracking", options=StrideOptions(intervals=12))
-        for one in (trial, turned_out(trial, 0.1, inversion_rad=0.05))
+        for one in (turned_out(trial, 0.0), turned_out(trial, 0.1, inversion_rad=0.05))
     )
     for name in ("x", "z", "count"):
         assert getattr(out.stride.model.spheres, name) == pytest.approx(

@@ -248,10 +248,14 @@ def frames(motion: PlanarMotion, link: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def straightened(trial: Trial) -> Trial:
     """The trial of the person with the prosthetic foot in the sagittal plane: neither turned out
-    nor inverted under the pylon."""
+    nor inverted under the pylon. A foot whose turn nobody measured is taken as it is: what a fit
+    corrects there is part of the projection's error."""
+    subject = trial.subject
+    if (subject.prosthesis_inversion_rad, subject.prosthesis_toe_out_rad) == (None, None):
+        return trial
     return replace(
         trial,
-        subject=replace(trial.subject, prosthesis_inversion_rad=None, prosthesis_toe_out_rad=None),
+        subject=replace(subject, prosthesis_inversion_rad=None, prosthesis_toe_out_rad=None),
         offsets=replace(trial.offsets, inversion_rad=0.0, toe_out_rad=0.0),
     )
 
