@@ -244,6 +244,7 @@ def test_results_fit_80_columns_of_a_terminal_with_long_names_and_in_a_file_a_li
         checks=(check,),
         trial=SimpleNamespace(name=name.strip(), synthetic=True),
         verdict="unusable: expected error 12.0 % > 10 %",
+        notes=(),
     )
     stream = io.StringIO()
     monkeypatch.setattr(
