@@ -27,6 +27,7 @@ LAYERS = {
     "optimal_control": "Optimal control: stiffness for a person who adapts",
     "validation": "Validation: one module a chapter",
     "report": "Report: figures and pages of saved results",
+    "sessions": "Sessions: from a folder of recordings to a verdict",
     "cli": "Command line",
     "model": "Model: device, person, contact, ground, bench, scenario",
     "base": "Base: errors, files, records, tables, sentences",
