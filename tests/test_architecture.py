@@ -38,6 +38,7 @@ FLOORS = (
     "tuning",
     "optimal_control",
     "validation",
+    "engines",
     "report",
     "sessions",
     "cli",
@@ -69,6 +70,8 @@ ONLY = {"laws": {"laws", "base"}, "collocation": {"collocation", "base"}}
 """What these import at all."""
 OPTIMAL_CONTROL_FOR = {"optimal_control", "report", "cli", "validation/published_trends.py"}
 """Who imports optimal control."""
+ENGINES_FOR = {"engines", "report", "cli"}
+"""Who imports the files for other engines and their certificate."""
 
 
 @functools.cache
@@ -153,6 +156,15 @@ def test_optimal_control_is_for_its_command_and_the_published_effects():
         if any(name.startswith("vsf_drake.optimal_control") for name in imported(path))
     }
     assert users <= OPTIMAL_CONTROL_FOR
+
+
+def test_files_for_other_engines_are_for_commands_and_a_page():
+    users = {
+        layer(path)
+        for path in FILES
+        if any(name.startswith("vsf_drake.engines") for name in imported(path))
+    }
+    assert users <= ENGINES_FOR
 
 
 def test_drake_is_imported_from_its_public_modules_and_not_where_it_is_not_needed():

@@ -26,6 +26,7 @@ LAYERS = {
     "tuning": "Tuning: stiffness for a person whose motion stays",
     "optimal_control": "Optimal control: stiffness for a person who adapts",
     "validation": "Validation: one module a chapter",
+    "engines": "Engines: the foot for other programs, and their certificate",
     "report": "Report: figures and pages of saved results",
     "sessions": "Sessions: from a folder of recordings to a verdict",
     "cli": "Command line",

@@ -43,8 +43,8 @@ from walks import (
     the_walker,
 )
 
+from vsf_drake.engines.mjcf import foot_mjcf
 from vsf_drake.model.parameters import GRAVITY
-from vsf_drake.plants.export import foot_mjcf
 from vsf_drake.simulation.walk import Walk, Walker
 
 DRIVEN = ("x", "y", "z", "yaw", "roll", "pitch")

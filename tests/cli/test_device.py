@@ -21,9 +21,9 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.base.files import resource, sha256
 from vsf_drake.base.schema import dump_yaml, from_plain
+from vsf_drake.engines.mjcf import foot_mjcf
 from vsf_drake.model.model_file import load_model
 from vsf_drake.model.parameters import FootParameters, ModelParameters
-from vsf_drake.plants.export import foot_mjcf
 from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.simulation.archive import RECORD_FILE
 from vsf_drake.simulation.bench import keel_shape

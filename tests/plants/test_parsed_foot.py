@@ -16,9 +16,9 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.engines.sdf import foot_sdf
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants import add_foot, wire_foot
-from vsf_drake.plants.export import foot_sdf
 from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.station import add_model_package
 

@@ -96,8 +96,9 @@ def export(
     from vsf_drake.base.files import sha256, write_text
     from vsf_drake.base.schema import to_plain
     from vsf_drake.base.yaml_file import dump
+    from vsf_drake.engines.mjcf import foot_mjcf
+    from vsf_drake.engines.sdf import foot_sdf
     from vsf_drake.model.model_file import check_fulcrum
-    from vsf_drake.plants.export import foot_mjcf, foot_sdf
     from vsf_drake.report.results_folder import ResultsFolder
     from vsf_drake.simulation.archive import provenance, result_folder
 

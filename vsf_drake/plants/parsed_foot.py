@@ -16,9 +16,9 @@ from vsf_drake.base.errors import InputError, require
 from vsf_drake.laws.contact_laws import CONTACT_LAWS
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.contact_geometry import own_geometry
-from vsf_drake.plants.export import NAME, pad_of, rigid_foot
 from vsf_drake.plants.foot import CONTACTS, add_foot, checked_side, with_implicit_device
 from vsf_drake.plants.foot_handles import FootHandles
+from vsf_drake.plants.rigid_foot import NAME, pad_of, rigid_foot
 
 AGREEMENT = 1e-9
 """Of masses, inertias, springs (relative) and places (m): files have 12 digits."""

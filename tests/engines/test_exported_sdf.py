@@ -19,11 +19,11 @@ from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
+from vsf_drake.engines.sdf import foot_sdf
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.model.model_file import load_model
 from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.contact_geometry import add_ground_geometry
-from vsf_drake.plants.export import foot_sdf
 from vsf_drake.plants.solids import box
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, keel_shape
 

@@ -10,10 +10,10 @@ import pytest
 from pressed_keel import keel_names, rise_in_mujoco, stated_step_s, stepped_in_mujoco
 from pydrake.multibody.plant import MultibodyPlant
 
+from vsf_drake.engines.mjcf import foot_mjcf
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.plants import add_foot
-from vsf_drake.plants.export import foot_mjcf
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, keel_shape
 
 mujoco = pytest.importorskip("mujoco")

@@ -1,0 +1,30 @@
+"""The foot as a model of MuJoCo, whose text is in `engines/templates`."""
+
+from __future__ import annotations
+
+import math
+
+from vsf_drake.engines.written import written
+from vsf_drake.model.parameters import FootParameters
+
+REACH_M = 1.0
+"""Length (m) of the tendon that is MuJoCo's support: its upper end strays x (m) along the keel as
+the keel bends, which lengthens it by x^2 / 2, some micrometres."""
+CARRIAGE_SERVO_HZ = 30.0
+"""Of MuJoCo's actuator that holds the carriage, critically damped (a choice)."""
+
+
+def foot_mjcf(parameters: FootParameters, *, fulcrum_m: float) -> str:
+    """The rigid foot with the springs in its keel and its support at `fulcrum_m` (m from A) as an
+    MJCF model's text, named vsf. Names are as `add_foot` gives them; the mount M is a site.
+
+    MuJoCo takes springs at the start of a step h and dampers at its end. The support's damping is
+    therefore c + h k, which makes of it the spring at the end of the step, -k (r + h v) - c v.
+    """
+    return written(
+        "foot.mjcf.j2",
+        parameters,
+        fulcrum_m,
+        reach_m=REACH_M,
+        servo=2.0 * math.pi * CARRIAGE_SERVO_HZ,
+    )

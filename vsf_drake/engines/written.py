@@ -1,0 +1,124 @@
+"""What files for all engines share: texts out of templates, and the step that is steady."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from pydrake.math import RollPitchYaw
+from pydrake.multibody.plant import MultibodyPlant
+
+from vsf_drake.model.model_file import check_fulcrum
+from vsf_drake.model.parameters import FootParameters
+from vsf_drake.plants.foot_handles import FootHandles
+from vsf_drake.plants.rigid_foot import NAME, rigid_foot
+from vsf_drake.plants.solids import RIGHTWARD
+
+STEP_S = 1e-3
+"""The longest for which a file is written."""
+
+ET.register_namespace("drake", "http://drake.mit.edu")
+
+
+def written(template: str, parameters: FootParameters, fulcrum_m: float | None, **more: Any) -> str:
+    """The text of `template` for the foot of `parameters`."""
+    (handles, links), fulcrum = rigid_foot(parameters), parameters.fulcrum
+    if fulcrum_m is not None:
+        check_fulcrum(fulcrum_m, parameters, where="fulcrum_m")
+        step_s = _step(handles, fulcrum_m, mjcf=template == "foot.mjcf.j2")
+        more |= {
+            "over": links[1 + handles.keel_body_at(fulcrum_m)],
+            "point": np.array([fulcrum_m, 0.0, 0.0]),
+            "step_s": step_s,
+            "support": {
+                "stiffness": fulcrum.stiffness_n_per_m,
+                "damping": fulcrum.stiffness_n_per_m * fulcrum.damping_time_s,
+            },
+        }
+    environment = Environment(
+        loader=PackageLoader("vsf_drake.engines"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=True,
+    )
+    environment.filters |= {
+        "text": _text,
+        "kind": lambda shape: type(shape).__name__,
+        "six": lambda X: [*X.translation(), *RollPitchYaw(X.rotation()).vector()],
+        "turned": lambda X: not np.array_equal(X.rotation().matrix(), np.eye(3)),
+    }
+    text = environment.get_template(template).render(
+        links=links,
+        name=NAME,
+        fulcrum_m=fulcrum_m,
+        parameters=parameters,
+        sites=handles.sites,
+        axis=RIGHTWARD,
+        hinges=list(
+            zip(
+                handles.keel_joint_names,
+                handles.joint_stiffness,
+                handles.joint_damping,
+                strict=True,
+            )
+        ),
+        slide=handles.carriage_joint_name,
+        reach=[fulcrum.rearmost_m, fulcrum.foremost_m],
+        mount=handles.mount.name(),
+        X_KM=handles.mount.GetFixedPoseInBodyFrame(),
+        **more,
+    )
+    head, end, tree = text.partition("-->\n")
+    root = ET.fromstring(tree)
+    ET.indent(root)
+    return f"{head}{end}{ET.tostring(root, encoding='unicode')}\n"
+
+
+def _text(values: npt.ArrayLike) -> str:
+    """12 digits, for the thirteenth may differ from one machine to another; below 1e-15 is what
+    rounding left of 0."""
+    return " ".join(
+        "0" if abs(value) < 1e-15 else f"{float(value):.12g}" for value in np.atleast_1d(values)
+    )
+
+
+def _step(foot: FootHandles, fulcrum_m: float, *, mjcf: bool) -> float:
+    """Half of the longest step (s) that is steady in theory, rounded down to one digit, `STEP_S` at
+    most.
+
+    For small angles q of the keel on a frame that stands still, with springs K and dampers C taken
+    at the start of a step h and dampers D at its end,
+
+        M (v+ - v) = -h (K q + C v + D v+),   q+ = q + h v+.
+
+    All matrices are symmetric, so a mode can grow only where 4 M + 2 h (D - C) - h^2 K is not
+    positive: the largest 1 / h with which it is singular is an eigenvalue. Drake takes the bushing
+    at the start, spring and damper. The support of `foot_mjcf`, written for h, takes nothing from
+    that matrix up to 2 h, so there it is left out.
+    """
+    # the stub has no types
+    plant: MultibodyPlant = foot.frame.GetParentPlant()  # type: ignore[no-untyped-call]
+    at = [
+        plant.GetJointByName(name, foot.instance).velocity_start() for name in foot.keel_joint_names
+    ]
+    M = plant.CalcMassMatrix(plant.CreateDefaultContext())[np.ix_(at, at)]
+    K = np.diag(foot.joint_stiffness)
+    damping = np.diag(foot.joint_damping)
+    if not mjcf:
+        fulcrum = foot.parameters.fulcrum
+        arm = np.maximum(fulcrum_m - foot.keel_starts, 0.0)
+        support = fulcrum.stiffness_n_per_m * np.outer(arm, arm)
+        K = K + support
+        damping = damping - fulcrum.damping_time_s * support
+    inverse = np.linalg.inv(4.0 * M)
+    rates = np.linalg.eigvals(
+        np.block([[np.zeros_like(M), np.eye(len(M))], [inverse @ K, -2.0 * inverse @ damping]])
+    )
+    step_s = min(STEP_S, 0.5 / float(rates.real.max()))
+    digit = 10.0 ** math.floor(math.log10(step_s) + 1e-9)
+    return round(math.floor(step_s / digit + 1e-9) * digit, 15)
