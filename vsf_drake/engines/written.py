@@ -29,6 +29,7 @@ ET.register_namespace("drake", "http://drake.mit.edu")
 def written(template: str, parameters: FootParameters, fulcrum_m: float | None, **more: Any) -> str:
     """The text of `template` for the foot of `parameters`."""
     (handles, links), fulcrum = rigid_foot(parameters), parameters.fulcrum
+    carriers = {body.index(): links[i] for i, body in enumerate((handles.frame, *handles.keel))}
     if fulcrum_m is not None:
         check_fulcrum(fulcrum_m, parameters, where="fulcrum_m")
         more |= {
@@ -59,6 +60,7 @@ def written(template: str, parameters: FootParameters, fulcrum_m: float | None, 
         fulcrum_m=fulcrum_m,
         parameters=parameters,
         sites=handles.sites,
+        carriers=[carriers[index] for index in handles.sites.body_indices],
         axis=RIGHTWARD,
         hinges=list(
             zip(
