@@ -113,25 +113,20 @@ def _dropped(file: Path, step_s: float) -> Drop:
         if isinstance(inspector.GetShape(pad), Sphere)
     )
     rail.set_translation(context, FALL_M - lowest)
-    contacts = plant.get_contact_results_output_port()
-    steps = round(TIME_S / step_s)
-    energy = []
-    force = []
+    floor = plant.get_generalized_contact_forces_output_port(foot)
+    lift = rail.velocity_start()
+    states = []
     try:
-        for step in range(steps):
-            energy.append(plant.CalcKineticEnergy(context) + plant.CalcPotentialEnergy(context))
+        for step in range(round(TIME_S / step_s)):
+            energies = plant.CalcKineticEnergy(context), plant.CalcPotentialEnergy(context)
+            before = plant.GetVelocities(context)
             simulator.AdvanceTo((step + 1) * step_s)
-            if step >= steps - round(LAST_S / step_s):
-                found = contacts.Eval(context)
-                force.append(
-                    sum(
-                        abs(found.point_pair_contact_info(i).contact_force()[2])
-                        for i in range(found.num_point_pair_contacts())
-                    )
-                )
+            force = floor.Eval(context)
+            work = 0.5 * step_s * force @ (before + plant.GetVelocities(context))
+            states.append((*energies, work, force[lift]))
     except RuntimeError:  # Drake's solver meets a NaN
-        return Drop(np.array([np.nan]), np.array([np.nan]))
-    return Drop(np.array(energy), np.array(force))
+        states.append((np.nan,) * 4)
+    return Drop(*np.transpose(states))
 
 
 if __name__ == "__main__":

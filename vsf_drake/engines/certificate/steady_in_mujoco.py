@@ -50,7 +50,8 @@ def _held(asked: Held) -> np.ndarray:
     body = model.body(asked.body).id
 
     def point() -> np.ndarray:
-        return data.xpos[body] + data.xmat[body].reshape(3, 3) @ [asked.x_m, 0.0, 0.0]
+        R_WB = data.xmat[body].reshape(3, 3)
+        return np.asarray(data.xpos[body] + R_WB @ [asked.x_m, 0.0, 0.0])
 
     start = point()[2]
     rises = []
@@ -71,7 +72,7 @@ def _dropped(file: Path, step_s: float) -> Drop:
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # as `calibrate` needs it
     spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     frame = spec.body("vsf_frame")
-    frame.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    frame.add_joint(name="rail", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     frame.add_body(mass=DROPPED_KG, inertia=np.ones(3), explicitinertial=True)
     floor = spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 0.1], pos=[0, 0, -FALL_M]
@@ -86,18 +87,14 @@ def _dropped(file: Path, step_s: float) -> Drop:
     data = mujoco.MjData(model)
     carriage = model.joint("fulcrum")
     data.ctrl[:] = data.qpos[carriage.qposadr[0]] = model.qpos0[carriage.qposadr[0]]
-    energy, force, one = [], [], np.zeros(6)
+    lift = model.joint("rail").dofadr[0]
+    states = []
     for _ in range(round(TIME_S / step_s)):
+        before = data.qvel.copy()
         mujoco.mj_step(model, data)
-        energy.append(data.energy.sum())
-        force.append(0.0)
-        for i in range(data.ncon):
-            mujoco.mj_contactForce(model, data, i, one)
-            force[-1] += one[0]
-    last = round(LAST_S / step_s)
-    return Drop(
-        _unless_warned(data, np.array(energy)), _unless_warned(data, np.array(force[-last:]))
-    )
+        work = 0.5 * step_s * data.qfrc_constraint @ (before + data.qvel)
+        states.append((data.energy[1], data.energy[0], work, data.qfrc_constraint[lift]))
+    return Drop(*_unless_warned(data, np.transpose(states)))
 
 
 def _unless_warned(data: Any, values: np.ndarray) -> np.ndarray:
