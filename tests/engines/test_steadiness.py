@@ -87,7 +87,7 @@ def test_undamped_spring_creates_no_energy_but_one_that_is_late_does(delayed, cr
         position += step_s * speed
     drop = Drop(*np.transpose(states))
     swings = 0.5 * stiffness * step_s**2 * drop.kinetic_j.max()
-    assert (drop.created_j > (1.0 + 1e-9) * swings) is created
+    assert (drop.created_j > (1.0 + 1e-9) * swings) == created
 
 
 def test_support_without_damping_at_the_end_of_the_step_is_found_out(tmp_path):
