@@ -219,7 +219,8 @@ def _model(
     root.append(_one(exported, "tendon"))
     carriage = _one(frame, f"body[@name='{NAME}_carriage']")
     carriage.remove(_one(carriage, "joint"))
-    _one(frame, f".//joint[@name='{LIMITED}']").set("range", "-1.5 1.5")
+    _one(frame, f".//joint[@name='{LIMITED}']").attrib |= {"range": "-1.5 1.5", "limited": "true"}
+    _one(frame, f".//joint[@name='keel_pin']").attrib.pop("damping")
 
     carriers: dict[str, list[str]] = {part: [] for part in PARTS}
     part = PARTS[0]
