@@ -34,10 +34,6 @@ from vsf_drake.plants.rigid_foot import NAME
 LIMITED = "keel_1"
 """The joint that stands for the ankle in the legs' sensors of joint limits, with a range that it
 never reaches."""
-SHARE_OF_STEP = 0.5
-"""Of the step for which `foot_mjcf` writes the foot: with a body's weight on calibrated spheres it
-is steady up to 0.7 of that, measured. MuJoCo reckons contact forces before it takes dampers at the
-end of the step."""
 SHORTEST_RESIDUUM_M = 0.1
 """From the knee's centre: below the wrapping surfaces of the calf muscles (a choice)."""
 _TEMPLATES = text_templates("engines/templates")
@@ -199,7 +195,7 @@ def _model(
     text = _TEMPLATES.get_template("assist_sim.xml.j2").render(
         name=NAME,
         longest_step=LONGEST_STEP,
-        longest_step_s=SHARE_OF_STEP * float(_one(exported, "option").get("timestep", "")),
+        longest_step_s=2.0 * float(_one(exported, "option").get("timestep", "")),
         residuum_m=residuum_m,
         pylon_m=pylon_m,
         socket_radius_m=SOCKET_RADIUS_M,
@@ -220,7 +216,7 @@ def _model(
     carriage = _one(frame, f"body[@name='{NAME}_carriage']")
     carriage.remove(_one(carriage, "joint"))
     _one(frame, f".//joint[@name='{LIMITED}']").attrib |= {"range": "-1.5 1.5", "limited": "true"}
-    _one(frame, f".//joint[@name='keel_pin']").attrib.pop("damping")
+    _one(frame, ".//joint[@name='keel_pin']").attrib.pop("damping")
 
     carriers: dict[str, list[str]] = {part: [] for part in PARTS}
     part = PARTS[0]
