@@ -129,8 +129,8 @@ def test_device_weighs_socket_pylon_and_foot_and_moves_in_the_keel_alone(device)
 
 
 def test_residual_limb_is_the_upper_part_of_a_frustum(device):
-    """Its mass, centre and moments by discs; the whole frustum, 55 mm at the knee, has the centre of
-    mass of de Leva's shank."""
+    """Its mass, centre and moments by discs; the whole frustum, 55 mm at the knee, has the
+    centre of mass of de Leva's shank."""
     _, config = device(residuum_m=0.2)
     (limb,) = config["body_overrides"]
     z = np.linspace(0.0, SHANK_M, 100001)
