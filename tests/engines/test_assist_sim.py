@@ -19,9 +19,11 @@ from vsf_drake.model.parameters import GRAVITY, FootParameters, ModelParameters
 
 mujoco = pytest.importorskip("mujoco")
 
-with_assist_sim = pytest.mark.skipif(
-    importlib.util.find_spec("assist_sim") is None, reason="assist_sim is not installed"
-)
+
+def with_assist_sim(test):
+    missing = importlib.util.find_spec("assist_sim") is None
+    return pytest.mark.slow(pytest.mark.skipif(missing, reason="assist_sim is not installed")(test))
+
 
 NOMINAL = ModelParameters()
 UNUSUAL = replace(NOMINAL, foot=FootParameters(pylon_x_m=0.07, mass_kg=0.8, build_height_m=0.11))
