@@ -41,7 +41,7 @@ FIGURES = {
     "roll_own_n": "Rolled over with each engine's own contact, and friction",
 }
 """Titles of figures, by the answers that they show."""
-_LEAST = 1e-12
+_LEAST = 1e-10
 """Difference below which it is drawn as this."""
 
 
@@ -62,7 +62,7 @@ def certificate_page(
         "agreed": saved["agreed"],
         "rows": [{**vars(row), "met": row.met, "label": labels[row.engine]} for row in rows],
         "labels": labels,
-        "engines": engines,
+        "engines": [{**vars(each), "status": each.status or "answered"} for each in engines],
         "ran": ran,
         "silent": [each for each in engines if each.status],
         "reference": ENGINES[REFERENCE],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,3 +76,8 @@ def judged(
                 # what is not a number differs
                 verdict = AGREES if difference <= row.asked else DIFFERS
     return Judged(**vars(row), difference=difference, verdict=verdict)
+
+
+def agree(rows: Sequence[Judged]) -> bool:
+    """Whether something was compared, and no row differs or failed."""
+    return all(row.met for row in rows) and any(row.verdict == AGREES for row in rows)
