@@ -33,7 +33,8 @@ COLOURS = {
     "moco": "#cc79a7",
     "exudyn": "#e69f00",
 }
-MARKS = {"drake": "o", "opensim": "s", "mujoco": "^", "exudyn": "x"}
+MARKS = {"drake": "o", "opensim": "s", "mujoco": "^", "exudyn": "x", "moco": "v"}
+"""Of the engines, each once."""
 FIGURES = {
     "keel": "How far the load point rises",
     "roll_nominal_n": "Rolled over without friction, the foot's own contact law",
@@ -65,7 +66,7 @@ def certificate_page(
         "engines": [{**vars(each), "status": each.status or "answered"} for each in engines],
         "ran": ran,
         "silent": [each for each in engines if each.status],
-        "reference": ENGINES[REFERENCE],
+        "others": [each for each in ran if each.name in MARKS],
         "figures": drawn,
         "provenance": saved["provenance"],
         "fulcrum_mm": arrays["asked/fulcrum_mm"].tolist(),
