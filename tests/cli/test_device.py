@@ -58,11 +58,23 @@ def subject(tmp_path):
         ),
         (
             ["export", "--format", "mjcf", "--no-springs"],
-            "an MJCF file always has springs and contact spheres",
+            "only an SDF file can be without springs and contact spheres",
+        ),
+        (
+            ["export", "--form", "condensed", "--no-collision"],
+            "only an SDF file can be without springs and contact spheres",
+        ),
+        (
+            ["export", "--form", "condensed", "--format", "mjcf", "--format", "sdf"],
+            "SDFormat has no springs whose torque is a curve over the angle",
+        ),
+        (
+            ["export", "--form", "short"],
+            "'short' is not known. Known are: full, condensed",
         ),
         (
             ["export", "--format", "urdf"],
-            "'urdf' is not known. Known are: sdf, mjcf, both",
+            "'urdf' is not known. Known are: osim, mjcf, sdf",
         ),
         (["stand", "SUBJECT", "--fulcrum-mm", 300], "out of the carriage's reach"),
         (["stand", "SUBJECT", "--duration-s", 0], "no time to stand"),

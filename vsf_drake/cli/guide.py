@@ -25,7 +25,7 @@ GUIDES = {
     "tune": "tune",
     "map": "stiffness_map",
     "show": "drake",
-    "export": "drake",
+    "export": "engines#export",
     "stand": "trials#the-subject",
     "doctor": "commands",
 }
