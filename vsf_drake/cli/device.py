@@ -94,6 +94,10 @@ class ExportRequest:
         True,
         "Write contact spheres as collision shapes into the SDF.",
     )
+    discrete: bool = option(
+        True,
+        "Write the SDF with a fixed fulcrum for plants with a time step; otherwise for others.",
+    )
 
 
 @app.command()
@@ -129,10 +133,11 @@ def export(
     )
     formats = asked.formats or _FORMATS
     require(
-        (asked.springs and asked.collision) or ("sdf" in formats and not condensed),
-        "only an SDF file can be without springs and contact spheres",
+        (asked.springs and asked.collision and asked.discrete)
+        or ("sdf" in formats and not condensed),
+        "only SDF files are without springs or contact spheres, or for plants without a time step",
         "--format",
-        "Leave --no-springs and --no-collision out, or write the full foot as sdf",
+        "Leave --no-springs, --no-collision and --no-discrete out, or write the full foot as sdf",
     )
     exported = cli.model_of(model, contact)
     foot = exported.foot
@@ -162,6 +167,7 @@ def export(
                     "fulcrum_m": fulcrum_m,
                     "springs_of_movable": asked.springs,
                     "collision_spheres_of_sdf": asked.collision,
+                    "discrete_sdf": asked.discrete,
                     "files_sha256": {name: sha256(folder / name) for name in texts},
                     "cannot_hold": limits,
                     "contact_law": exported.contact_law,
@@ -182,15 +188,24 @@ def _full_texts(
     from vsf_drake.engines.sdf import foot_sdf
 
     foot = exported.foot
+    law = exported.contact_law
     fixed = f"vsf_foot_at_{1e3 * fulcrum_m:g}mm"
     texts = {}
     if "osim" in formats:
-        texts[f"{fixed}.osim"] = foot_osim(foot, fulcrum_m=fulcrum_m, law=exported.contact_law)
+        texts[f"{fixed}.osim"] = foot_osim(foot, fulcrum_m=fulcrum_m, law=law)
     if "mjcf" in formats:
-        texts[f"{fixed}.xml"] = foot_mjcf(foot, fulcrum_m=fulcrum_m)
+        texts[f"{fixed}.xml"] = foot_mjcf(foot, fulcrum_m=fulcrum_m, law=law)
     if "sdf" in formats:
-        texts[f"{fixed}.sdf"] = foot_sdf(foot, fulcrum_m=fulcrum_m, collision=asked.collision)
-        texts["vsf_foot.sdf"] = foot_sdf(foot, springs=asked.springs, collision=asked.collision)
+        texts[f"{fixed}.sdf"] = foot_sdf(
+            foot,
+            fulcrum_m=fulcrum_m,
+            collision=asked.collision,
+            discrete=asked.discrete,
+            law=law,
+        )
+        texts["vsf_foot.sdf"] = foot_sdf(
+            foot, springs=asked.springs, collision=asked.collision, law=law
+        )
     return texts
 
 
