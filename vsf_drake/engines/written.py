@@ -39,6 +39,7 @@ def written(
     """The text of `template`, named by its format, for the foot of `parameters`; `law` is the
     contact law of its zones, one of CONTACT_LAWS."""
     (handles, links), fulcrum = rigid_foot(parameters), parameters.fulcrum
+    carriers = {body.index(): links[i] for i, body in enumerate((handles.frame, *handles.keel))}
     if fulcrum_m is not None:
         check_fulcrum(fulcrum_m, parameters, where="fulcrum_m")
         more |= {
@@ -71,6 +72,7 @@ def written(
         law=law,
         limits=cannot_hold(parameters, template.split(".")[1], law=law),
         sites=handles.sites,
+        carriers=[carriers[index] for index in handles.sites.body_indices],
         axis=RIGHTWARD,
         hinges=list(
             zip(
