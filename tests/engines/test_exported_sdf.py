@@ -3,6 +3,7 @@ a support."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.contact_geometry import add_ground_geometry
 from vsf_drake.plants.solids import box
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, keel_shape
+from vsf_drake.simulation.roll_over import RollOver, mount_path
 
 MODELS = Path(__file__).parents[2] / "models"
 NOMINAL = FootParameters()
@@ -161,6 +163,29 @@ def test_file_alone_bears_a_load_dropped_on_drakes_own_contact():
     ]
     force = sum(abs(contact.contact_force()[2]) for contact in touching)
     assert force == pytest.approx((60.0 + NOMINAL.mass_kg) * GRAVITY, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fulcrum_m", [0.066, 0.108, 0.151])
+def test_added_damping_changes_a_roll_over_by_as_little_as_the_head_of_the_file_says(fulcrum_m):
+    """The same path of the mount, the heel first, without friction; by the stepper, with the
+    support's own damping and with the file's."""
+    time_s = np.linspace(0.0, 0.8, 801)
+    tilt = np.radians(np.linspace(-17.0, 20.0, 801))
+    force = 1140.0 * np.sin(np.pi * time_s / 0.8)
+    own = RollOver(NOMINAL, friction=False)
+    run, _ = own.roll(fulcrum_m=fulcrum_m, time_s=time_s, tilt_rad=tilt, force_n=force)
+    start = mount_path(tilt[:1], own.touch_height(-tilt[:1]) / np.cos(tilt[:1]))
+    mount = np.vstack([start, run.mount])
+    fulcrum = NOMINAL.fulcrum
+    written = replace(fulcrum, damping_time_s=fulcrum.damping_time_s + 1e-3)
+    own_n, written_n = (
+        machine.follow(fulcrum_m=fulcrum_m, time_s=time_s, mount=mount).grf_W[:, 2]
+        for machine in (own, RollOver(replace(NOMINAL, fulcrum=written), friction=False))
+    )
+    assert own_n.max() == pytest.approx(1140.0, rel=0.01)
+    (stated,) = re.findall(r"less than ([0-9.]+) % of its peak", foot_sdf(NOMINAL, fulcrum_m=0.108))
+    assert np.abs(written_n - own_n).max() < 1e-2 * float(stated) * own_n.max()
 
 
 def test_carriage_is_fixed_under_a_support_that_stands_still():
