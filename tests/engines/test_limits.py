@@ -40,6 +40,7 @@ def test_a_linear_elastic_foot_without_friction_is_in_every_format_whole(form):
             "mjcf",
             "kelvin_voigt",
             {
+                "foot.zones.exponent",
                 "foot.zones.damping_n_s_per_m",
                 "foot.zones.full_damping_depth_m",
                 "foot.friction.mu_kinetic",
