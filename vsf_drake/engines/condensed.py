@@ -1,0 +1,441 @@
+"""The condensed foot: two hinges and six contact stations that stand for the full one, for optimal
+control in the sagittal plane.
+
+    A            hinge 1    hinge 2       K: x along the straight keel, z up, from A
+    +--- frame ----o----------o------     the hinges move forward with the fulcrum
+     s   s    s <--- middle      toe
+                       s    s    s        six stations, which stay where they are
+
+The full keel is pinned at A and supported at the fulcrum, so that it rocks: what is pressed up
+behind the fulcrum goes down before it. So does the middle piece, which reaches behind its hinge and
+carries the third station there; the first two are on the frame, the last three on the toe. Each
+hinge has a straight line of torque over its angle and its rate, and needs nothing of the other.
+(A cubic term in the angle brought the fit of the nominal foot no further.) Places of the hinges and
+logarithms of their stiffness are polynomials in the fulcrum's position, so that all of it is smooth
+in angle, rate and fulcrum.
+
+The numbers are fitted to the full foot at rest: under loads and pitches as they occur while it is
+rolled over by the profile of ISO 22675, up to HEAVIEST_KG, at FULCRUMS positions. Nothing is fitted
+to a motion: damping has the full foot's ratios to stiffness.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from vsf_drake.base.errors import require
+from vsf_drake.device.roll_over import iso_22675
+from vsf_drake.engines.sagittal_foot import (
+    TURN_PER_M,
+    Balance,
+    Rest,
+    SagittalFeet,
+    at_rest,
+    balance,
+    of_full,
+)
+from vsf_drake.laws.beam import section_inertia
+from vsf_drake.laws.contact_law import LawConstants
+from vsf_drake.model.model_file import check_foot, check_fulcrum
+from vsf_drake.model.parameters import GRAVITY, FootParameters, FrictionParameters
+from vsf_drake.plants.foot import mount_pose, sole_height
+from vsf_drake.plants.solids import box
+
+PIECES = ("frame", "middle", "toe")
+STATIONS = ("heel_rear", "heel", "heel_front", "midfoot", "ball", "toe")
+PIECE_OF_STATION = (0, 0, 1, 2, 2, 2)
+DEGREE = 2  # of the polynomials in the fulcrum's position
+FULCRUMS = 5  # at which it is fitted
+HEAVIEST_KG = 110.0
+SHARES = (0.2, 0.6, 1.0)  # of that
+POSE_STEP_S = 20e-3  # of the profile of ISO 22675
+LIGHTEST_N = 30.0
+FORCE_WITHIN = 0.03  # of the peak, and
+CENTRE_WITHIN_M = 5e-3
+"""what an error of the force weighs against one of the centre of pressure: what is asked of both"""
+ALIKE_AT_M = 5e-3  # depth at which spheres of different exponents count by their forces
+PRIOR = 0.01
+"""of a parameter's change by its scale, against errors; it only keeps free what nothing tells"""
+EVALUATIONS = 30
+SMALL = 1e-6  # step of the differences that the fit's slopes are made of
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Piece:
+    """A rigid piece at rest, in K."""
+
+    name: str
+    mass_kg: float
+    centre_m: np.ndarray  # (3,) centre of mass
+    inertia_kg_m2: np.ndarray  # (3, 3) about it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Station:
+    """A contact sphere: stiffness * depth**exponent, and damping as `laws.kelvin_voigt` has it."""
+
+    name: str
+    piece: int  # index into PIECES
+    x_m: float  # of its centre in K at rest; y is 0
+    z_m: float
+    radius_m: float
+    stiffness: float  # N/m^exponent
+    exponent: float
+    damping_n_s_per_m: float
+    full_damping_depth_m: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CondensedAt:
+    """The condensed foot with its fulcrum at one position; arrays are of hinges 1 and 2.
+
+    The torque on the piece before a hinge, toe up positive, is -(stiffness * angle + damping *
+    rate).
+    """
+
+    fulcrum_m: float
+    hinge_m: np.ndarray  # (2,) places on the keel's centreline from A
+    stiffness_nm_per_rad: np.ndarray
+    damping_nm_s_per_rad: np.ndarray
+    pieces: tuple[Piece, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CondensedFoot:
+    """The condensed foot at all positions of its fulcrum.
+
+    Coefficients are (2, DEGREE + 1), of hinges 1 and 2, in rising powers of the fulcrum's place u
+    in its reach, -1 rearmost to 1 foremost.
+    """
+
+    full: FootParameters
+    hinge_m: np.ndarray  # of the hinges' places
+    log_stiffness: np.ndarray  # of the logarithm of stiffness over 1 N m/rad
+    damping_time_s: float  # damping / stiffness of both hinges
+    stations: tuple[Station, ...]
+    friction: FrictionParameters
+    largest_angle_rad: np.ndarray  # (2,) in the poses to which it was fitted
+
+    def at(self, fulcrum_m: float) -> CondensedAt:
+        """With the fulcrum at `fulcrum_m` (m from A); InputError if the carriage cannot reach
+        it."""
+        check_fulcrum(fulcrum_m, self.full, where="fulcrum_m")
+        powers = _powers(self.full, np.array([fulcrum_m]))[0]
+        hinge = self.hinge_m @ powers
+        stiffness = np.exp(self.log_stiffness @ powers)
+        return CondensedAt(
+            fulcrum_m=fulcrum_m,
+            hinge_m=hinge,
+            stiffness_nm_per_rad=stiffness,
+            damping_nm_s_per_rad=self.damping_time_s * stiffness,
+            pieces=_pieces(self.full, fulcrum_m, float(hinge[1])),
+        )
+
+    @property
+    def mount_K(self) -> np.ndarray:
+        """(3,) m, the mount M in K, its axes those of K."""
+        return np.asarray(mount_pose(self.full).translation())
+
+    def sagittal(self, fulcrum_m: np.ndarray) -> SagittalFeet:
+        """Without mass, with the fulcrum at each of (B,) m from A."""
+        return _sagittal(
+            self.full, self.stations, self.hinge_m, self.log_stiffness, np.asarray(fulcrum_m)
+        )
+
+
+def condense(parameters: FootParameters) -> CondensedFoot:
+    """Fits the condensed foot to the full one of `parameters`, always the same for the same ones.
+
+    InputError if the foot is none, or a station would have no sphere to stand for; SimulationError
+    if a foot finds no rest under a load that it must bear.
+    """
+    check_foot(parameters)
+    return _Fit(parameters).solved()
+
+
+def _powers(foot: FootParameters, fulcrum_m: np.ndarray) -> np.ndarray:
+    """(B, DEGREE + 1) of the place of (B,) m in the reach."""
+    reach = foot.fulcrum
+    half = 0.5 * (reach.foremost_m - reach.rearmost_m)
+    place = (fulcrum_m - reach.rearmost_m - half) / max(half, 1e-9)
+    return np.vander(place, DEGREE + 1, increasing=True)
+
+
+def _pieces(foot: FootParameters, fulcrum_m: float, hinge_2_m: float) -> tuple[Piece, ...]:
+    """The full foot's mass on three pieces. Of a keel that rocks, the half behind the fulcrum that
+    is next to the pin hardly moves: it counts for the frame."""
+    keel = foot.keel
+    length = sum(keel.element_lengths_m)
+    cuts = (0.0, 0.5 * fulcrum_m, hinge_2_m, length)
+    pieces = []
+    for name, start, end in zip(PIECES, cuts[:-1], cuts[1:], strict=True):
+        size = (end - start, keel.width_m, keel.thickness_m)
+        inertia = box(
+            keel.density_kg_m3 * float(np.prod(size)), size, (0.5 * (start + end), 0.0, 0.0)
+        )
+        if name == "frame":
+            carriage = foot.fulcrum.carriage_mass_kg
+            rear = foot.fulcrum.rearmost_m
+            height = foot.build_height_m + sole_height(foot)
+            volume = length * keel.width_m * keel.thickness_m
+            inertia += box(carriage, (0.02, keel.width_m, 0.02), (fulcrum_m, 0.0, 0.02))
+            inertia += box(
+                foot.mass_kg - keel.density_kg_m3 * volume - carriage,
+                (1.5 * rear, keel.width_m, height),
+                (0.75 * rear, 0.0, 0.5 * height),
+            )
+        centre = inertia.get_com()
+        pieces.append(
+            Piece(
+                name=name,
+                mass_kg=inertia.get_mass(),
+                centre_m=centre,
+                inertia_kg_m2=inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3(),
+            )
+        )
+    return tuple(pieces)
+
+
+def _sagittal(
+    foot: FootParameters,
+    stations: Sequence[Station],
+    hinge_m: np.ndarray,
+    log_stiffness: np.ndarray,
+    fulcrum_m: np.ndarray,
+) -> SagittalFeet:
+    powers = _powers(foot, fulcrum_m)
+    stiffness = np.exp(powers @ log_stiffness.T)
+    constant = np.ones(len(fulcrum_m))
+
+    def each(name: str) -> np.ndarray:
+        return np.array([getattr(station, name) for station in stations])
+
+    return SagittalFeet(
+        starts=powers @ hinge_m.T,
+        stiffness=stiffness,
+        damping=foot.keel.damping_time_s * stiffness,
+        support=np.zeros((len(fulcrum_m), 3)),
+        piece=each("piece") - 1,
+        x=np.outer(constant, each("x_m")),
+        z=np.outer(constant, each("z_m")),
+        radius=each("radius_m"),
+        law=LawConstants(
+            stiffness=each("stiffness"),
+            exponent=each("exponent"),
+            damping=each("damping_n_s_per_m"),
+            full_damping_depth=each("full_damping_depth_m"),
+        ),
+        mount_K=mount_pose(foot).translation()[[0, 2]],
+    )
+
+
+def _lumped(foot: FootParameters) -> list[Station]:
+    """The stations before the fit: each stands for the spheres of a part of the sole."""
+    rear = foot.fulcrum.rearmost_m
+    x = np.array([1e-3 * x for zone in foot.zones for x in zone.x_mm])
+    rise = np.array([1e-3 * rise for zone in foot.zones for rise in zone.rise_mm])
+    zones = [zone for zone in foot.zones for _ in zone.x_mm]
+    middle = 0.5 * (rear + foot.fulcrum.foremost_m)
+    behind = x[x < rear]
+    before = x[x > middle]
+    require(
+        behind.size and before.size,
+        "there are spheres only behind the fulcrum, or only before it",
+        "foot.zones",
+        "A condensed foot stands for a foot that rolls over both",
+    )
+    ends = np.concatenate(
+        (
+            [-np.inf, 0.5 * (behind.min() + behind.max()), rear, middle],
+            np.linspace(before.min(), before.max(), 4)[1:3],
+            [np.inf],
+        )
+    )
+    stations = []
+    for i, name in enumerate(STATIONS):
+        own = np.flatnonzero((ends[i] <= x) & (x < ends[i + 1]))
+        require(
+            own.size,
+            f"no sphere stands from {1e3 * ends[i]:.0f} to {1e3 * ends[i + 1]:.0f} mm, for which "
+            f"the station {name} is to stand",
+            "foot.zones",
+            "Add one, or export the full foot",
+        )
+        exponents = np.array([zones[s].exponent for s in own])
+        forces = np.array([zones[s].stiffness for s in own]) * ALIKE_AT_M**exponents
+        share = forces / forces.sum()
+
+        def mean(values: Any, share: np.ndarray = share) -> float:
+            return float(share @ np.asarray(values))
+
+        radius = mean([zones[s].radius_m for s in own])
+        stations.append(
+            Station(
+                name=name,
+                piece=PIECE_OF_STATION[i],
+                x_m=mean(x[own]),
+                z_m=sole_height(foot) + mean(rise[own]) + radius,
+                radius_m=radius,
+                stiffness=float(forces.sum()) / ALIKE_AT_M ** mean(exponents),
+                exponent=mean(exponents),
+                damping_n_s_per_m=float(sum(zones[s].damping_n_s_per_m for s in own)),
+                full_damping_depth_m=mean([zones[s].full_damping_depth_m for s in own]),
+            )
+        )
+    return stations
+
+
+class _Fit:
+    """The poses, and the feet at rest in them.
+
+    Parameters are changes of the start in units of their scales: of the hinges' places and
+    logarithms of stiffness by rows, then of the stations' x, logarithm of stiffness, and z.
+    """
+
+    def __init__(self, foot: FootParameters) -> None:
+        self.foot = foot
+        self.stations = _lumped(foot)
+        reach = foot.fulcrum
+        positions = np.linspace(reach.rearmost_m, reach.foremost_m, FULCRUMS)
+        profile = iso_22675(POSE_STEP_S)
+        peak = HEAVIEST_KG * GRAVITY
+        poses = [
+            (fulcrum, -tilt, share * peak * force, share * peak)
+            for fulcrum in positions
+            for share in SHARES
+            for tilt, force in zip(profile.tilt_rad, profile.force_bw, strict=True)
+        ]
+        self.fulcrum, self.pitch, load, self.peak = np.array(poses).T
+        self.load = np.maximum(load, LIGHTEST_N)
+        self.full = at_rest(of_full(foot, self.fulcrum), pitch_rad=self.pitch, load_n=self.load)
+        keel, across = self.full.slope[:, :-1, :-1], self.full.slope[:, :-1, -1:]
+        yields = across.transpose(0, 2, 1) @ np.linalg.solve(keel, across)
+        # N/m, of load by height
+        self.stiffness = TURN_PER_M**2 * (self.full.slope[:, -1, -1] - yields[:, 0, 0])
+        self.scale = np.repeat(
+            [10e-3, 1.0, 10e-3, 1.0, 1e-3],
+            [2 * (DEGREE + 1), 2 * (DEGREE + 1), *3 * (len(STATIONS),)],
+        )
+        bending = foot.keel.flexural_modulus_pa * section_inertia(
+            foot.keel.width_m, foot.keel.thickness_m
+        )
+        free = foot.load_point_m - positions
+        # a beam that is pinned at A, supported at the fulcrum and loaded at C
+        places = np.array([positions, positions + free / 3.0])
+        springs = np.log([3.0 * bending / positions, 3.0 * bending / free])
+        self.start = np.linalg.lstsq(
+            _powers(foot, positions), np.vstack([places, springs]).T, rcond=None
+        )[0].T
+        self.rest: Rest | None = None
+
+    def condensed(self, p: np.ndarray) -> tuple[np.ndarray, list[Station]]:
+        """Coefficients (4, DEGREE + 1) and stations at the parameters."""
+        change = self.scale * p
+        curves, stations = np.split(change, [self.start.size])
+        moved = [
+            replace(
+                station,
+                x_m=station.x_m + x,
+                stiffness=station.stiffness * math.exp(firmer),
+                damping_n_s_per_m=station.damping_n_s_per_m * math.exp(firmer),
+                z_m=station.z_m + z,
+            )
+            for station, x, firmer, z in zip(self.stations, *stations.reshape(3, -1), strict=True)
+        ]
+        return self.start + curves.reshape(self.start.shape), moved
+
+    def feet(self, p: np.ndarray) -> SagittalFeet:
+        """At the parameters, one in each pose."""
+        curves, stations = self.condensed(p)
+        return _sagittal(self.foot, stations, curves[:2], curves[2:], self.fulcrum)
+
+    def settled(self, p: np.ndarray) -> Rest:
+        """At rest in each pose, from where the last ones were."""
+        known = self.rest
+        self.rest = at_rest(
+            self.feet(p),
+            pitch_rad=self.pitch,
+            load_n=self.load,
+            q=None if known is None else known.q,
+            height_m=None if known is None else known.mount[:, 1],
+        )
+        return self.rest
+
+    def errors(self, p: np.ndarray) -> np.ndarray:
+        """(2, B) of the force on the full foot's path and of the centre of pressure under its load,
+        over what is asked."""
+        rest = self.settled(p)
+        lower = self.full.mount[:, 1] - rest.mount[:, 1]
+        apart = rest.at.centre_of_pressure - self.full.at.centre_of_pressure
+        return np.array(
+            [self.stiffness * lower / (FORCE_WITHIN * self.peak), apart / CENTRE_WITHIN_M]
+        )
+
+    def residuals(self, p: np.ndarray) -> np.ndarray:
+        """Squares of the errors, so that the fit weighs large ones, and the prior."""
+        errors = self.errors(p)
+        return np.append(errors * np.abs(errors), PRIOR * p)
+
+    def slopes(self, p: np.ndarray) -> np.ndarray:
+        """Of `residuals` by p: a foot at rest moves by -slope^-1 times what its moments change
+        by."""
+        errors = self.errors(p)
+        rest = self.rest
+        assert rest is not None
+        still = np.zeros_like(rest.mount)
+        no_rate = np.zeros_like(rest.q)
+
+        def at(feet: SagittalFeet, q: np.ndarray, mount: np.ndarray) -> Balance:
+            return balance(feet, q, no_rate, mount, still)
+
+        own = self.feet(p)
+        moves = []
+        for j in range(rest.q.shape[1] + 1):
+            q, mount = rest.q.copy(), rest.mount.copy()
+            if j < q.shape[1]:
+                q[:, j] += SMALL
+            else:
+                mount[:, 1] += SMALL / TURN_PER_M
+            moves.append(at(own, q, mount).centre_of_pressure - rest.at.centre_of_pressure)
+        centre_by = np.array(moves).T / SMALL
+        columns = []
+        for i in range(len(p)):
+            other = at(self.feet(p + SMALL * np.eye(len(p))[i]), rest.q, rest.mount)
+            change = np.column_stack(
+                [other.moment - rest.at.moment, (rest.at.force - other.force) / TURN_PER_M]
+            )
+            moved = -np.linalg.solve(rest.slope, change[..., None] / SMALL)[..., 0]
+            apart = (other.centre_of_pressure - rest.at.centre_of_pressure) / SMALL
+            apart = apart + np.sum(centre_by * moved, axis=1)
+            lower = -moved[:, -1] / TURN_PER_M
+            columns.append(
+                [self.stiffness * lower / (FORCE_WITHIN * self.peak), apart / CENTRE_WITHIN_M]
+            )
+        by = np.array(columns).reshape(len(p), -1).T
+        return np.vstack([2.0 * np.abs(errors).reshape(-1, 1) * by, PRIOR * np.eye(len(p))])
+
+    def solved(self) -> CondensedFoot:
+        """The fit."""
+        found = least_squares(
+            self.residuals,
+            np.zeros(len(self.scale)),
+            jac=self.slopes,
+            max_nfev=EVALUATIONS,
+        )
+        curves, stations = self.condensed(found.x)
+        rest = self.settled(found.x)
+        return CondensedFoot(
+            full=self.foot,
+            hinge_m=curves[:2],
+            log_stiffness=curves[2:],
+            damping_time_s=self.foot.keel.damping_time_s,
+            stations=tuple(stations),
+            friction=self.foot.friction,
+            largest_angle_rad=np.abs(rest.q).max(axis=0),
+        )
