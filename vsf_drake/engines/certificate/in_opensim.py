@@ -170,11 +170,9 @@ def answer(folder: Path) -> None:
     opensim.Logger.setLevelString("error")
     asked = Asked.read(folder)
     masses, torques = mass_and_gravity(asked, folder)
-    shape = np.array([shapes(asked, folder, fulcrum_mm) for fulcrum_mm in asked.fulcrum_mm])
     np.savez(
         folder / FILE,
-        shape_m=shape,
-        rise_m=shape[:, :, -1, 1],
+        rise_m=[shapes(asked, folder, mm)[:, -1, 1] for mm in asked.fulcrum_mm],
         mass_matrix_kg_m2=masses,
         gravity_torque_nm=torques,
         roll_elastic_n=roll_over(asked, folder, ELASTIC),
