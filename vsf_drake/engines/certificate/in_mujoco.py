@@ -40,7 +40,7 @@ def answer(folder: Path) -> None:
         folder / "mujoco.npz",
         allow_pickle=False,
         version=mujoco.__version__,
-        rise_m=risen(asked, folder),
+        rise_m=[shapes(asked, folder, mm)[:, -1, 1] for mm in asked.fulcrum_mm],
         mass_matrix_kg_m2=mass_matrix,
         gravity_torque_nm=gravity_torque,
         roll_elastic_n=elastic,
@@ -50,40 +50,42 @@ def answer(folder: Path) -> None:
     )
 
 
-def risen(asked: Asked, folder: Path) -> np.ndarray:
-    """(F, L) m that the load point rises under each vertical load, the mount held: rest of the
-    file's own springs, by root finding."""
+def shapes(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
+    """(L, P, 2) m, x and z in K of the keel's hinges before the load point C, and of C, under each
+    vertical load, the mount held: rest of the file's own springs, by root finding."""
+    model = mujoco.MjModel.from_xml_path(str(foot_file(folder, NOMINAL, fulcrum_mm, "xml")))
+    model.opt.gravity[:] = 0.0
+    data = mujoco.MjData(model)
     body = int(np.searchsorted(asked.starts_m, asked.load_point_m, side="right")) - 1
     p_BC = np.array([asked.load_point_m - asked.starts_m[body], 0.0, 0.0])
-    rises = np.zeros((len(asked.fulcrum_mm), len(asked.load_n)))
-    for i, fulcrum_mm in enumerate(asked.fulcrum_mm):
-        model = mujoco.MjModel.from_xml_path(str(foot_file(folder, NOMINAL, fulcrum_mm, "xml")))
-        model.opt.gravity[:] = 0.0
-        data = mujoco.MjData(model)
-        loaded = model.body(asked.bodies[body]).id
-        joints = [model.joint(name) for name in asked.hinges]
-        q_at = [joint.qposadr[0] for joint in joints]
-        v_at = [joint.dofadr[0] for joint in joints]
+    pressed = [model.body(name).id for name in asked.bodies[: body + 1]]
+    loaded = pressed[-1]
+    frame = model.body("vsf_frame").id
+    joints = [model.joint(name) for name in asked.hinges]
+    q_at = [joint.qposadr[0] for joint in joints]
+    v_at = [joint.dofadr[0] for joint in joints]
 
-        def point(q: np.ndarray) -> np.ndarray:
-            data.qpos[:] = model.qpos0
-            data.qpos[q_at] = q
-            mujoco.mj_forward(model, data)
-            return np.asarray(data.xpos[loaded] + data.xmat[loaded].reshape(3, 3) @ p_BC)
+    def point(q: np.ndarray) -> np.ndarray:
+        data.qpos[:] = model.qpos0
+        data.qpos[q_at] = q
+        mujoco.mj_forward(model, data)
+        return np.asarray(data.xpos[loaded] + data.xmat[loaded].reshape(3, 3) @ p_BC)
 
-        def moments(q: np.ndarray, load_n: float) -> np.ndarray:
-            p_WC = point(q)
-            total = data.qfrc_passive.copy()
-            force = np.array([0.0, 0.0, load_n])
-            mujoco.mj_applyFT(model, data, force, np.zeros(3), p_WC, loaded, total)
-            return np.asarray(total[v_at])
+    def moments(q: np.ndarray, load_n: float) -> np.ndarray:
+        p_WC = point(q)
+        total = data.qfrc_passive.copy()
+        force = np.array([0.0, 0.0, load_n])
+        mujoco.mj_applyFT(model, data, force, np.zeros(3), p_WC, loaded, total)
+        return np.asarray(total[v_at])
 
-        q = np.zeros(len(joints))
-        straight = point(q)[2]
-        for j, load_n in enumerate(asked.load_n):
-            q = root(moments, q, args=(load_n,), tol=1e-13).x
-            rises[i, j] = point(q)[2] - straight
-    return rises
+    q = np.zeros(len(joints))
+    found = []
+    for load_n in asked.load_n:
+        q = root(moments, q, args=(load_n,), tol=1e-13).x
+        p_WC = point(q)
+        p_AP_W = np.vstack([data.xpos[pressed], p_WC]) - data.xpos[frame]
+        found.append(p_AP_W @ data.xmat[frame].reshape(3, 3))
+    return np.array(found)[:, :, [0, 2]]
 
 
 def posed(asked: Asked, folder: Path) -> tuple[np.ndarray, np.ndarray]:
