@@ -44,8 +44,8 @@ class Foot:
 
     def __init__(self, file: Path, asked: Asked, *, held: bool, gravity: float = 0.0) -> None:
         self.plant = MultibodyPlant(STEP_S if held else 0.0)
-        Parser(self.plant).AddModels(str(file))
-        self.plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -gravity])
+        Parser(self.plant).AddModels(file)
+        self.plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -gravity]))
         if held:
             self.plant.WeldFrames(self.plant.world_frame(), self.plant.GetFrameByName(FRAME))
         else:
@@ -92,9 +92,8 @@ class Pressed(Foot):
             self.forces,
         )
         still = np.zeros(self.plant.num_velocities())
-        return np.asarray(self.plant.CalcInverseDynamics(self.context, still, self.forces))[
-            self.rows
-        ]
+        all_moments: np.ndarray = self.plant.CalcInverseDynamics(self.context, still, self.forces)
+        return all_moments[self.rows]
 
     def rest(self, q: np.ndarray, load_n: float) -> np.ndarray:
         """(B,) rad where no moment is needed, by Newton's method from `q`; RuntimeError where that

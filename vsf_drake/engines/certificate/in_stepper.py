@@ -61,7 +61,7 @@ def mass_and_gravity(asked: Asked, foot: FootParameters) -> tuple[np.ndarray, np
     frame held."""
     plant = MultibodyPlant(0.0)
     handles = add_foot(plant, plant.world_frame(), foot)
-    plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -asked.gravity])
+    plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -asked.gravity]))
     plant.Finalize()
     context = plant.CreateDefaultContext()
     joints = [plant.GetJointByName(name, handles.instance) for name in handles.keel_joint_names]
@@ -69,8 +69,9 @@ def mass_and_gravity(asked: Asked, foot: FootParameters) -> tuple[np.ndarray, np
     masses = []
     torques = []
     for pose in asked.poses_rad:
-        for joint, angle in zip(joints, pose, strict=True):
-            joint.set_angle(context, angle)
+        positions = plant.GetPositions(context)
+        positions[rows] = pose
+        plant.SetPositions(context, positions)
         masses.append(plant.CalcMassMatrix(context)[np.ix_(rows, rows)])
         torques.append(plant.CalcGravityGeneralizedForces(context)[rows])
     return np.array(masses), np.array(torques)
