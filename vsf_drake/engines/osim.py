@@ -16,8 +16,8 @@ from vsf_drake.plants.foot_wiring import DEPTH_WIDTH_M, RATE_WIDTH_M_PER_S
 FAR_M = 1e6
 """Depth of the point below the ground from which a sphere is pushed (m): x (m) travelled over the
 ground leaves the sphere x^2 / (2 FAR_M) too high, 0.05 mm after 10 m."""
-# x forward, y up, z right, each in (x forward, y left, z up)
-R_UL = RotationMatrix(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
+# U is OpenSim's axes (y up), K the keel frame's, in both x is forward
+R_UK = RotationMatrix(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
 
 
 def foot_osim(parameters: FootParameters, *, fulcrum_m: float, law: str = FITTED_LAW) -> str:
@@ -55,5 +55,5 @@ def foot_osim(parameters: FootParameters, *, fulcrum_m: float, law: str = FITTED
 
 def _angles(X_BG: RigidTransform) -> np.ndarray:
     """(3,) rad about OpenSim's axes x, y, z one after the other, each turned by those before."""
-    R = R_UL @ X_BG.rotation() @ R_UL.inverse()
+    R = R_UK @ X_BG.rotation() @ R_UK.inverse()
     return -RollPitchYaw(R.inverse()).vector()
