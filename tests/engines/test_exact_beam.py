@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from asked_of_engines import asked_of
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from vsf_drake.engines.certificate.asked import Asked
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, keel_shape
@@ -93,24 +93,7 @@ def test_exudyns_beam_is_the_elastica(exact, tmp_path):
     pytest.importorskip("exudyn")
     from vsf_drake.engines.certificate.in_exudyn import answer  # noqa: PLC0415 - optional
 
-    none = np.zeros(0)
-    Asked(
-        fulcrum_mm=1e3 * np.array(PUBLISHED_FULCRUMS_M),
-        load_n=LOADS_N,
-        load_point_m=LOADED,
-        hinges=none,
-        bodies=none,
-        starts_m=none,
-        poses_rad=none,
-        gravity=9.81,
-        mount_K=none,
-        roll_fulcrum_mm=108.0,
-        time_s=none,
-        mount=none,
-        beam_ei_nm2=BENDING,
-        keel_length_m=LENGTH,
-        support_n_per_m=SUPPORT,
-    ).write(tmp_path)
+    asked_of(NOMINAL, fulcrums_m=PUBLISHED_FULCRUMS_M, loads_n=LOADS_N).write(tmp_path)
     answer(tmp_path)
     with np.load(tmp_path / "exudyn.npz") as answered:
         np.testing.assert_allclose(answered["rise_m"], exact, rtol=1e-5)
