@@ -26,6 +26,7 @@ GUIDES = {
     "map": "stiffness_map",
     "show": "drake",
     "export": "engines#export",
+    "certify": "engines#certify",
     "stand": "trials#the-subject",
     "doctor": "commands",
 }
