@@ -16,6 +16,7 @@ import typer
 from PIL import Image
 
 from vsf_drake.cli import (  # noqa: F401
+    certify,
     compare,
     device,
     doctor,
