@@ -13,19 +13,19 @@ only:
 How it works. MuJoCo finds the normal force f of a contact of depth r, depth rate v and depth
 acceleration a from
 
-    f = (aref(r, v) - a) / R,    R = (1 - d) / d · A,
+    f = (aref(r, v) + a) / R,    R = (1 - d) / d · A,
 
 never below 0, where d is the impedance out of `solimp`, aref comes from `solref`, and A is the sum
 of `body_invweight0` of the two bodies that touch. aref / R is made the spring k and damper c. What
 is left is a mass 1 / R at the contact. A small d makes it small, but spring and damper act as at
 the start of the step h, which for a stiff contact of a light body is unsteady. So d is chosen such
-that
+that 1 / R = h² k + h c, and a little damping is added, d h k:
 
-    1 / R = h² k + h c,  and therefore  f = k r + c (v + h a) - h² k a.
+    f = k (r + d h v + h² a) + c (v + h a).
 
-The damper is then that of the end of the step, and the spring is steady at any stiffness: with its
-mass it swings no faster than once in 6 steps. The error of both falls with the step, as that of
-every other force in the model.
+The damper is that of the end of the step. So is the spring where it is stiff for the step, d near
+1, and its contact is steady at any stiffness. Where the step resolves it, d is near 0, and it loses
+next to nothing. The error falls with the step, as that of every other force in the model.
 
 What to mind:
 
@@ -37,7 +37,8 @@ What to mind:
 - d is 1e-4 at least. So a body of great inertia (one that is led along a path, its joints given a
   huge armature) has a contact mass of 1e-4 of that. Set its `body_invweight0` to 1 before.
 - The force is that of one contact point; a box that lies flat has four.
-- A contact in MuJoCo never pulls, and its damper acts both ways. Damping in loading only, as of
+- A contact in MuJoCo never pulls, and its damper acts both ways and along the ground: without
+  damping there is no friction. Damping in loading only, as of
   foam, cannot be written; half of it loses about the same energy.
 - MuJoCo's implicit integrators take dampers of joints and tendons at the end of the step, but only
   after it has found the contacts' forces. These are found as if the bodies could still be
@@ -47,9 +48,10 @@ What to mind:
   done here.
 - Friction and normal force depend on one another in MuJoCo. With the elliptic cone, a contact that
   sticks has the whole stiffness. In one that slides it is divided by 1 + mu² / `opt.impratio`, and
-  the damper feels mu times the sliding speed. `impratio` 10 makes the former 2 % with mu 0.5. The
-  damper of sticking is `impratio` times that of the normal force. The pyramidal cone, which is
-  MuJoCo's default, has other stiffnesses when it sticks and when it slides, and is refused.
+  the damper feels mu times the sliding speed. `impratio` 10 makes the former 2 % with mu 0.5. A
+  contact that sticks creeps, by its force along the ground over `impratio` times the damping. The
+  pyramidal cone, which is MuJoCo's default, has other stiffnesses when it sticks and when it
+  slides, and is refused.
 """
 
 from __future__ import annotations
@@ -153,7 +155,7 @@ def calibrate(
         model.geom_solimp[i] = solimp * [1.0, 1.0, depth, 1.0, 1.0]
         model.geom_solref[i] = [
             -secant * A * (1.0 - d) * (highest / d) ** 2,
-            -c * A * (1.0 - d) * (highest / d),
+            -(c + d * step_s * n * secant) * A * (1.0 - d) * (highest / d),
         ]
         model.geom_priority[i] = priority
     if geoms is None:

@@ -1,13 +1,14 @@
 """What MuJoCo answers: `python -m vsf_drake.engines.certificate.in_mujoco FOLDER` writes
 FOLDER/mujoco.npz.
 
-The contact is MuJoCo's own, as `vsf_drake.mujoco.calibrate` sets it. In the roll-over and at rest
-the support has the foot's own damping, without what the files add for their step.
+The contact is MuJoCo's own, as `vsf_drake.mujoco.calibrate` sets it. In the roll-over the support
+has the foot's own damping, without what the files add for their step.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import mujoco
@@ -52,21 +53,18 @@ def answer(folder: Path) -> None:
 
 def shapes(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
     """(L, P, 2) m, x and z in K of the keel's hinges before the load point C, and of C, under each
-    vertical load, the mount held: rest of the file's own springs, by root finding."""
+    load, the mount held, where the file's own springs rest: by root finding."""
+    body = int(np.searchsorted(asked.starts_m, asked.load_point_m, side="right")) - 1
+    p_BC = np.array([asked.load_point_m - asked.starts_m[body], 0.0, 0.0])
     model = mujoco.MjModel.from_xml_path(str(foot_file(folder, NOMINAL, fulcrum_mm, "xml")))
     model.opt.gravity[:] = 0.0
     data = mujoco.MjData(model)
-    body = int(np.searchsorted(asked.starts_m, asked.load_point_m, side="right")) - 1
-    p_BC = np.array([asked.load_point_m - asked.starts_m[body], 0.0, 0.0])
     pressed = [model.body(name).id for name in asked.bodies[: body + 1]]
     loaded = pressed[-1]
     frame = model.body("vsf_frame").id
-    joints = [model.joint(name) for name in asked.hinges]
-    q_at = [joint.qposadr[0] for joint in joints]
-    v_at = [joint.dofadr[0] for joint in joints]
+    q_at, v_at = _columns(model, asked.hinges)
 
     def point(q: np.ndarray) -> np.ndarray:
-        data.qpos[:] = model.qpos0
         data.qpos[q_at] = q
         mujoco.mj_forward(model, data)
         return np.asarray(data.xpos[loaded] + data.xmat[loaded].reshape(3, 3) @ p_BC)
@@ -78,7 +76,7 @@ def shapes(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
         mujoco.mj_applyFT(model, data, force, np.zeros(3), p_WC, loaded, total)
         return np.asarray(total[v_at])
 
-    q = np.zeros(len(joints))
+    q = np.zeros(len(q_at))
     found = []
     for load_n in asked.load_n:
         q = root(moments, q, args=(load_n,), tol=1e-13).x
@@ -88,6 +86,12 @@ def shapes(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
     return np.array(found)[:, :, [0, 2]]
 
 
+def _columns(model: mujoco.MjModel, names: Iterable[str]) -> tuple[list[int], list[int]]:
+    """Where the joints of those names stand among coordinates and among velocities."""
+    joints = [model.joint(name) for name in names]
+    return [joint.qposadr[0] for joint in joints], [joint.dofadr[0] for joint in joints]
+
+
 def posed(asked: Asked, folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """(P, B, B) kg m^2 mass matrix of the hinges and (P, B) N m that gravity does on them, the
     mount held."""
@@ -95,9 +99,7 @@ def posed(asked: Asked, folder: Path) -> tuple[np.ndarray, np.ndarray]:
     model = mujoco.MjModel.from_xml_path(str(path))
     model.opt.gravity[:] = (0.0, 0.0, -asked.gravity)
     data = mujoco.MjData(model)
-    joints = [model.joint(name) for name in asked.hinges]
-    q_at = [joint.qposadr[0] for joint in joints]
-    v_at = [joint.dofadr[0] for joint in joints]
+    q_at, v_at = _columns(model, asked.hinges)
     full = np.zeros((model.nv, model.nv))
     matrices = []
     torques = []
@@ -117,9 +119,7 @@ def rolled(
     path; without gravity."""
     model = _rolling_model(foot_file(folder, law, asked.roll_fulcrum_mm, "xml"), friction)
     data = mujoco.MjData(model)
-    joints = [model.joint(name) for name, _, _ in MOUNT]
-    q_at = [joint.qposadr[0] for joint in joints]
-    v_at = [joint.dofadr[0] for joint in joints]
+    q_at, v_at = _columns(model, [name for name, _, _ in MOUNT])
     carriage = model.joint("fulcrum").qposadr[0]
     data.qpos[carriage] = data.ctrl[0] = 1e-3 * asked.roll_fulcrum_mm
     spline = CubicSpline(asked.time_s, asked.mount, bc_type="natural")
