@@ -68,7 +68,7 @@ def subject(tmp_path):
         ),
         (
             ["export", "--form", "condensed", "--format", "mjcf", "--format", "sdf"],
-            "SDFormat has no springs whose torque is a curve over the angle",
+            "there is no condensed foot in SDFormat",
         ),
         (
             ["export", "--form", "short"],
@@ -234,6 +234,27 @@ def test_what_a_format_cannot_hold_is_said_on_the_screen_in_the_sidecar_and_in_t
         assert limits[name] == cannot_hold(FootParameters(), name, law="smooth")
         for parameter, told in limits[name].items():
             assert f"{parameter}: {told}" in said and f"{parameter}: {told}" in head
+
+
+@pytest.mark.slow
+def test_the_condensed_foot_is_written_with_a_table_and_its_error(run, tmp_path):
+    words = ("export", "--form", "condensed", "--fulcrum-mm", 87, "--out", tmp_path)
+    code, said, _ = run(*words)
+    names = {"vsf_condensed.csv", "vsf_condensed_at_87mm.osim", "vsf_condensed_at_87mm.xml"}
+    assert code == 0
+    assert files_in(tmp_path) == {*names, "export.yaml"}
+    sidecar = sidecar_of(tmp_path)
+    assert sidecar["form"] == "condensed"
+    force, centre = (sidecar["error_against_full"][n] for n in ("force_rms", "centre_rms_m"))
+    told = f"vertical force: {100.0 * force:.1f} % of its peak root mean square"
+    assert told in said and f"centre of pressure: {1e3 * centre:.1f} mm" in said
+    assert told in (tmp_path / "vsf_condensed.csv").read_text(encoding="utf-8")
+    condensed = cannot_hold(FootParameters(), "osim", condensed=True)
+    assert sidecar["cannot_hold"] == {
+        "osim": condensed,
+        "mjcf": cannot_hold(FootParameters(), "mjcf", condensed=True),
+    }
+    assert "Meyer" in condensed["contact_law"] and "foot.friction.mu_static" in condensed
 
 
 def test_only_formats_that_are_named_are_written(run, tmp_path):

@@ -20,6 +20,7 @@ from vsf_drake.cli.recordings import judged
 from vsf_drake.simulation.options import BenchOptions, LawOptions, StandingOptions, StepOptions
 
 if TYPE_CHECKING:
+    from vsf_drake.engines.condensed_error import CondensedError
     from vsf_drake.model.parameters import FootParameters, ModelParameters
 
 
@@ -56,6 +57,7 @@ def bench(
 
 
 _FORMATS = ("osim", "mjcf", "sdf")
+_CONDENSED_FORMATS = ("osim", "mjcf")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,8 +79,8 @@ class ExportRequest:
         options=("full", "condensed"),
         source="choice",
         metavar="full|condensed",
-        help="full, with all pieces of the keel, or condensed, two hinges and six points of "
-        "contact fitted to that, for optimal control: osim, mjcf and a table.",
+        help="full, with all pieces of the keel, or condensed, two hinges and six contact "
+        "spheres fitted to that, for optimal control: osim, mjcf and a table.",
     )
     fulcrum_mm: float = same_as(
         StandingOptions,
@@ -125,16 +127,16 @@ def export(
 
     ResultsFolder(kind="export", command="export", sidecar="export.yaml").check(out)
     condensed = asked.form == "condensed"
+    known = _CONDENSED_FORMATS if condensed else _FORMATS
+    formats = asked.formats or known
     require(
-        not condensed or "sdf" not in asked.formats,
-        "SDFormat has no springs whose torque is a curve over the angle, as the condensed foot's",
+        set(formats) <= set(known),
+        "there is no condensed foot in SDFormat",
         "--format",
         "Take osim or mjcf, or --form full",
     )
-    formats = asked.formats or _FORMATS
     require(
-        (asked.springs and asked.collision and asked.discrete)
-        or ("sdf" in formats and not condensed),
+        "sdf" in formats or (asked.springs and asked.collision and asked.discrete),
         "only SDF files are without springs or contact spheres, or for plants without a time step",
         "--format",
         "Leave --no-springs, --no-collision and --no-discrete out, or write the full foot as sdf",
@@ -142,16 +144,16 @@ def export(
     exported = cli.model_of(model, contact)
     foot = exported.foot
     fulcrum_m = check_fulcrum(1e-3 * asked.fulcrum_mm, foot, where="--fulcrum-mm")
+    error = None
     if condensed:
-        texts = _condensed_texts(foot, formats, fulcrum_m)
-        limits = {}
+        texts, error = _condensed_texts(foot, formats, fulcrum_m)
     else:
         texts = _full_texts(exported, formats, fulcrum_m, asked)
-        limits = {
-            name: cannot_hold(foot, name, law=exported.contact_law)
-            for name in formats
-            if asked.collision or name != "sdf"
-        }
+    limits = {
+        name: cannot_hold(foot, name, law=exported.contact_law, condensed=condensed)
+        for name in formats
+        if name != "sdf" or asked.collision
+    }
     inputs = cli.contact_hash(contact) | (
         {} if model is None else {f"model: {model.name}": sha256(model)}
     )
@@ -170,13 +172,14 @@ def export(
                     "discrete_sdf": asked.discrete,
                     "files_sha256": {name: sha256(folder / name) for name in texts},
                     "cannot_hold": limits,
+                    "error_against_full": error and to_plain(error.worst),
                     "contact_law": exported.contact_law,
                     "foot": to_plain(foot),
                     "provenance": provenance(inputs),
                 }
             ),
         )
-    cli.print_text("export", out=out, files=list(texts), limits=limits)
+    cli.print_text("export", out=out, files=list(texts), limits=limits, error=error)
 
 
 def _full_texts(
@@ -211,19 +214,25 @@ def _full_texts(
 
 def _condensed_texts(
     foot: FootParameters, formats: Sequence[str], fulcrum_m: float
-) -> dict[str, str]:
-    """The files of the foot condensed to two hinges, by name."""
-    from vsf_drake.engines.condensed import condense, condensed_csv, condensed_mjcf
+) -> tuple[dict[str, str], CondensedError]:
+    """The files of the foot condensed to two hinges, by name, and its error."""
+    from vsf_drake.engines.condensed import condense
+    from vsf_drake.engines.condensed_error import error_against_full
+    from vsf_drake.engines.condensed_files import condensed_csv, condensed_mjcf
     from vsf_drake.engines.condensed_osim import condensed_osim
 
-    condensed = condense(foot)
+    with progress() as show:
+        show("condensing", 0.0)
+        condensed = condense(foot)
+        show("comparing with the full foot", 0.5)
+        error = error_against_full(condensed)
     fixed = f"vsf_condensed_at_{1e3 * fulcrum_m:g}mm"
-    texts = {"vsf_condensed.csv": condensed_csv(condensed)}
+    texts = {"vsf_condensed.csv": condensed_csv(condensed, error)}
     if "osim" in formats:
         texts[f"{fixed}.osim"] = condensed_osim(condensed, fulcrum_m=fulcrum_m)
     if "mjcf" in formats:
-        texts[f"{fixed}.xml"] = condensed_mjcf(condensed, fulcrum_m=fulcrum_m)
-    return texts
+        texts[f"{fixed}.xml"] = condensed_mjcf(condensed, error, fulcrum_m=fulcrum_m)
+    return texts, error
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,13 +9,18 @@ from vsf_drake.plants.contact_geometry import MATCHED_DEPTH_M, REFERENCE_LOAD_N
 
 
 def cannot_hold(
-    parameters: FootParameters, file_format: str, *, law: str = FITTED_LAW
+    parameters: FootParameters,
+    file_format: str,
+    *,
+    law: str = FITTED_LAW,
+    condensed: bool = False,
 ) -> dict[str, str]:
     """By parameter, named as in model files, what stands in its place in a file of a format (osim,
     mjcf, sdf): a text with both.
 
     Only what this foot has counts: an exponent of 1, and a friction of 0, are in every file. `law`
-    is the contact law, one of CONTACT_LAWS. The table is `engines/templates/limits.txt.j2`.
+    is the contact law, one of CONTACT_LAWS; `condensed` is of the file of the condensed foot, whose
+    stations are fitted to the zones. The table is `engines/templates/limits.txt.j2`.
     """
     text = (
         text_templates("engines/templates")
@@ -24,6 +29,7 @@ def cannot_hold(
             foot=parameters,
             format=file_format,
             law=law,
+            condensed=condensed,
             load_n=REFERENCE_LOAD_N,
             depth_mm=1e3 * MATCHED_DEPTH_M,
         )
