@@ -32,8 +32,8 @@ TIME_S = 1.0  # of each run
 LAST_S = 0.1  # of it, in which it must be at rest
 STRIKE_RAD_PER_S = 1.0  # of all joints of the keel
 SPREAD_M = 1e-6
-"""Largest less smallest rise at rest: 1e-4 of the least rise under 100 N, and a thousand times what
-the steady have (a choice)."""
+"""Largest less smallest rise at rest: 1e-4 of the rise of the stiffest setting under 600 N; what is
+steady has 1e-12 (a choice)."""
 CREATED_J = 1e-6
 """Energy out of nothing in a drop that counts as none: rounding, and what an engine's solver leaves
 of a step's equations, on a drop of 12 J (a choice)."""
