@@ -8,11 +8,12 @@ control in the sagittal plane.
 
 The full keel is pinned at A and supported at the fulcrum, so that it rocks: what is pressed up
 behind the fulcrum goes down before it. So does the middle piece, which reaches behind its hinge and
-carries the third station there; the first two are on the frame, the last three on the toe. Each
-hinge has a straight line of torque over its angle and its rate, and needs nothing of the other.
-(A cubic term in the angle brought the fit of the nominal foot no further.) Places of the hinges and
-logarithms of their stiffness are polynomials in the fulcrum's position, so that all of it is smooth
-in angle, rate and fulcrum.
+carries the third station there; the first two are on the frame, the last three on the toe. A
+station stands for spheres over a few centimetres, over which the load moves forward as the foot
+pitches; so it is a sphere large enough to roll by as much. Each hinge has a straight line of torque
+over its angle and its rate, and needs nothing of the other. (A cubic term in the angle brought the
+fit of the nominal foot no further.) Places of the hinges and logarithms of their stiffness are
+polynomials in the fulcrum's position, so that all of it is smooth in angle, rate and fulcrum.
 
 The numbers are fitted to the full foot at rest: under loads and pitches as they occur while it is
 rolled over by the profile of ISO 22675, up to HEAVIEST_KG, at FULCRUMS positions. Nothing is fitted
@@ -37,8 +38,8 @@ from vsf_drake.engines.sagittal_foot import (
     Rest,
     SagittalFeet,
     at_rest,
-    balance,
     of_full,
+    without_motion,
 )
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.laws.contact_law import LawConstants
@@ -53,16 +54,18 @@ PIECE_OF_STATION = (0, 0, 1, 2, 2, 2)
 DEGREE = 2  # of the polynomials in the fulcrum's position
 FULCRUMS = 5  # at which it is fitted
 HEAVIEST_KG = 110.0
-SHARES = (0.2, 0.6, 1.0)  # of that
+SHARES = (0.36, 0.68, 1.0)  # of that
 POSE_STEP_S = 20e-3  # of the profile of ISO 22675
 LIGHTEST_N = 30.0
-FORCE_WITHIN = 0.03  # of the peak, and
+FORCE_WITHIN = 0.03  # of the peak
 CENTRE_WITHIN_M = 5e-3
-"""what an error of the force weighs against one of the centre of pressure: what is asked of both"""
+ENERGY_WITHIN = 0.05  # of the most that a roll-over stores
+"""What is asked of a roll-over, by which errors of different kinds weigh against each other."""
 ALIKE_AT_M = 5e-3  # depth at which spheres of different exponents count by their forces
 PRIOR = 0.01
 """of a parameter's change by its scale, against errors; it only keeps free what nothing tells"""
-EVALUATIONS = 30
+EVALUATIONS = 15, 60
+"""of the fit, first to the errors' squares, then to their fourth powers: large ones count most"""
 SMALL = 1e-6  # step of the differences that the fit's slopes are made of
 
 
@@ -274,7 +277,7 @@ def _lumped(foot: FootParameters) -> list[Station]:
         def mean(values: Any, share: np.ndarray = share) -> float:
             return float(share @ np.asarray(values))
 
-        radius = mean([zones[s].radius_m for s in own])
+        radius = mean([zones[s].radius_m for s in own]) + float(np.std(x[own]))
         stations.append(
             Station(
                 name=name,
@@ -295,7 +298,8 @@ class _Fit:
     """The poses, and the feet at rest in them.
 
     Parameters are changes of the start in units of their scales: of the hinges' places and
-    logarithms of stiffness by rows, then of the stations' x, logarithm of stiffness, and z.
+    logarithms of stiffness by rows, then of the stations' x, logarithm of stiffness and of radius;
+    their bottoms stay where they are.
     """
 
     def __init__(self, foot: FootParameters) -> None:
@@ -315,11 +319,13 @@ class _Fit:
         self.load = np.maximum(load, LIGHTEST_N)
         self.full = at_rest(of_full(foot, self.fulcrum), pitch_rad=self.pitch, load_n=self.load)
         keel, across = self.full.slope[:, :-1, :-1], self.full.slope[:, :-1, -1:]
+        stored = self.full.at.strain.reshape(FULCRUMS * len(SHARES), -1)
+        self.most = np.repeat(stored.max(axis=1), stored.shape[1])
         yields = across.transpose(0, 2, 1) @ np.linalg.solve(keel, across)
         # N/m, of load by height
         self.stiffness = TURN_PER_M**2 * (self.full.slope[:, -1, -1] - yields[:, 0, 0])
         self.scale = np.repeat(
-            [10e-3, 1.0, 10e-3, 1.0, 1e-3],
+            [10e-3, 1.0, 10e-3, 1.0, 1.0],
             [2 * (DEGREE + 1), 2 * (DEGREE + 1), *3 * (len(STATIONS),)],
         )
         bending = foot.keel.flexural_modulus_pa * section_inertia(
@@ -341,12 +347,15 @@ class _Fit:
         moved = [
             replace(
                 station,
-                x_m=station.x_m + x,
+                x_m=station.x_m + float(x),
+                z_m=station.z_m + station.radius_m * math.expm1(rounder),
+                radius_m=station.radius_m * math.exp(rounder),
                 stiffness=station.stiffness * math.exp(firmer),
                 damping_n_s_per_m=station.damping_n_s_per_m * math.exp(firmer),
-                z_m=station.z_m + z,
             )
-            for station, x, firmer, z in zip(self.stations, *stations.reshape(3, -1), strict=True)
+            for station, x, firmer, rounder in zip(
+                self.stations, *stations.reshape(3, -1), strict=True
+            )
         ]
         return self.start + curves.reshape(self.start.shape), moved
 
@@ -367,69 +376,53 @@ class _Fit:
         )
         return self.rest
 
-    def errors(self, p: np.ndarray) -> np.ndarray:
-        """(2, B) of the force on the full foot's path and of the centre of pressure under its load,
-        over what is asked."""
-        rest = self.settled(p)
-        lower = self.full.mount[:, 1] - rest.mount[:, 1]
-        apart = rest.at.centre_of_pressure - self.full.at.centre_of_pressure
-        return np.array(
-            [self.stiffness * lower / (FORCE_WITHIN * self.peak), apart / CENTRE_WITHIN_M]
+    def errors(self, at: Balance, mount: np.ndarray) -> np.ndarray:
+        """(3 B,) of the force on the full foot's path, of the centre of pressure and of the stored
+        energy under its load, over what is asked."""
+        lower = self.full.mount[:, 1] - mount[:, 1]
+        apart = at.centre_of_pressure - self.full.at.centre_of_pressure
+        more = at.strain - self.full.at.strain
+        return np.concatenate(
+            [
+                self.stiffness * lower / (FORCE_WITHIN * self.peak),
+                apart / CENTRE_WITHIN_M,
+                more / (ENERGY_WITHIN * self.most),
+            ]
         )
 
-    def residuals(self, p: np.ndarray) -> np.ndarray:
-        """Squares of the errors, so that the fit weighs large ones, and the prior."""
-        errors = self.errors(p)
-        return np.append(errors * np.abs(errors), PRIOR * p)
+    def residuals(self, p: np.ndarray, power: int) -> np.ndarray:
+        """The errors to a power, their signs kept, and the prior."""
+        rest = self.settled(p)
+        errors = self.errors(rest.at, rest.mount)
+        return np.append(errors * np.abs(errors) ** (power - 1), PRIOR * p)
 
-    def slopes(self, p: np.ndarray) -> np.ndarray:
-        """Of `residuals` by p: a foot at rest moves by -slope^-1 times what its moments change
-        by."""
-        errors = self.errors(p)
-        rest = self.rest
-        assert rest is not None
-        still = np.zeros_like(rest.mount)
-        no_rate = np.zeros_like(rest.q)
-
-        def at(feet: SagittalFeet, q: np.ndarray, mount: np.ndarray) -> Balance:
-            return balance(feet, q, no_rate, mount, still)
-
-        own = self.feet(p)
-        moves = []
-        for j in range(rest.q.shape[1] + 1):
-            q, mount = rest.q.copy(), rest.mount.copy()
-            if j < q.shape[1]:
-                q[:, j] += SMALL
-            else:
-                mount[:, 1] += SMALL / TURN_PER_M
-            moves.append(at(own, q, mount).centre_of_pressure - rest.at.centre_of_pressure)
-        centre_by = np.array(moves).T / SMALL
+    def slopes(self, p: np.ndarray, power: int) -> np.ndarray:
+        """Of `residuals` by p: with another p a foot at rest moves by -slope^-1 times what its
+        moments change by."""
+        rest = self.settled(p)
+        errors = self.errors(rest.at, rest.mount)
         columns = []
         for i in range(len(p)):
-            other = at(self.feet(p + SMALL * np.eye(len(p))[i]), rest.q, rest.mount)
-            change = np.column_stack(
-                [other.moment - rest.at.moment, (rest.at.force - other.force) / TURN_PER_M]
-            )
-            moved = -np.linalg.solve(rest.slope, change[..., None] / SMALL)[..., 0]
-            apart = (other.centre_of_pressure - rest.at.centre_of_pressure) / SMALL
-            apart = apart + np.sum(centre_by * moved, axis=1)
-            lower = -moved[:, -1] / TURN_PER_M
-            columns.append(
-                [self.stiffness * lower / (FORCE_WITHIN * self.peak), apart / CENTRE_WITHIN_M]
-            )
-        by = np.array(columns).reshape(len(p), -1).T
-        return np.vstack([2.0 * np.abs(errors).reshape(-1, 1) * by, PRIOR * np.eye(len(p))])
+            feet = self.feet(p + SMALL * np.eye(len(p))[i])
+            pushed = without_motion(feet, rest.q, rest.mount)
+            change = np.column_stack([pushed.moment, (self.load - pushed.force) / TURN_PER_M])
+            moved = -np.linalg.solve(rest.slope, change[..., None])[..., 0]
+            mount = rest.mount.copy()
+            mount[:, 1] += moved[:, -1] / TURN_PER_M
+            at = without_motion(feet, rest.q + moved[:, :-1], mount)
+            columns.append((self.errors(at, mount) - errors) / SMALL)
+        by = power * np.abs(errors[:, None]) ** (power - 1) * np.array(columns).T
+        return np.vstack([by, PRIOR * np.eye(len(p))])
 
     def solved(self) -> CondensedFoot:
-        """The fit."""
-        found = least_squares(
-            self.residuals,
-            np.zeros(len(self.scale)),
-            jac=self.slopes,
-            max_nfev=EVALUATIONS,
-        )
-        curves, stations = self.condensed(found.x)
-        rest = self.settled(found.x)
+        """What fits best."""
+        p = np.zeros(len(self.scale))
+        for power, evaluations in enumerate(EVALUATIONS, start=1):
+            p = least_squares(
+                self.residuals, p, jac=self.slopes, args=(power,), max_nfev=evaluations
+            ).x
+        curves, stations = self.condensed(p)
+        rest = self.settled(p)
         return CondensedFoot(
             full=self.foot,
             hinge_m=curves[:2],

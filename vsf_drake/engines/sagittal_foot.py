@@ -13,7 +13,6 @@ All arrays begin with an axis of B feet, which are solved side by side. Frames a
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,7 +20,7 @@ import numpy as np
 
 from vsf_drake.base.errors import SimulationError
 from vsf_drake.laws import kelvin_voigt
-from vsf_drake.laws.contact_law import LawConstants
+from vsf_drake.laws.contact_law import LawConstants, power_law_strain
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.foot import (
     keel_joint_positions,
@@ -37,6 +36,7 @@ TURN_PER_M = 10.0
 SOFTEST_N_M = 1.0  # slope below which an iteration goes no further downhill
 AT_REST_RAD = 1e-9  # last step of what is at rest
 MOVES_AT_RAD_PER_S = 1e-6  # last step of the rates of what rolls
+WHOLE_STEPS = 12  # of Newton's method; of later ones it takes the half
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +63,12 @@ class Balance(NamedTuple):
     by_angle: np.ndarray  # (B, m, m) N m/rad
     by_rate: np.ndarray  # (B, m, m) N m s/rad
     depth: np.ndarray  # (B, S) m, negative above the ground
-    depth_rate: np.ndarray  # (B, S) m/s
     normal: np.ndarray  # (B, S) N
     by_depth: np.ndarray  # (B, S) N/m
     rise: np.ndarray  # (B, S, m) m/rad, of each sphere by each hinge
     forward: np.ndarray  # (B, S) m, the spheres' x in W
+    strain: np.ndarray  # (B,) J in springs, support and foam
+    loss: np.ndarray  # (B,) W that dampers take
 
     @property
     def force(self) -> np.ndarray:
@@ -171,6 +172,7 @@ def balance(
     pressed = np.maximum(depth, 0.0)
     normal, by_depth, by_depth_rate = kelvin_voigt.normal_force(pressed, depth_rate, feet.law)
     by_depth = np.where(depth > 0.0, by_depth, 0.0)
+    elastic, foam = power_law_strain(depth, feet.law)
 
     place, spring, damper = feet.support.T
     piece = np.sum(feet.starts <= place[:, None], axis=1) - 1
@@ -178,7 +180,8 @@ def balance(
         feet, q, np.maximum(piece, 0)[:, None], place[:, None], np.zeros((len(place), 1))
     )
     lift = under.z_by[:, 0]
-    held = spring * under.z[:, 0] + damper * np.einsum("bj,bj->b", lift, rate)
+    sinking = np.einsum("bj,bj->b", lift, rate)
+    held = spring * under.z[:, 0] + damper * sinking
 
     moment = (
         feet.stiffness * q
@@ -206,12 +209,22 @@ def balance(
         by_angle=by_angle,
         by_rate=by_rate,
         depth=depth,
-        depth_rate=depth_rate,
         normal=normal,
         by_depth=by_depth,
         rise=rise,
         forward=mount[:, :1] + lever,
+        strain=0.5 * np.sum(feet.stiffness * q**2, axis=1)
+        + 0.5 * spring * under.z[:, 0] ** 2
+        + foam.sum(axis=1),
+        loss=np.sum(feet.damping * rate**2, axis=1)
+        + damper * sinking**2
+        + np.sum((normal - elastic) * depth_rate, axis=1),
     )
+
+
+def without_motion(feet: SagittalFeet, q: np.ndarray, mount: np.ndarray) -> Balance:
+    """At hinge angles (B, m) and the mount's places (B, 3), all at rest."""
+    return balance(feet, q, np.zeros_like(q), mount, np.zeros_like(mount))
 
 
 class Rest(NamedTuple):
@@ -239,16 +252,14 @@ def at_rest(
     The energy is brought to a minimum by Newton's method on the absolute values of the slope's
     eigenvalues. SimulationError where it comes to none.
     """
-    count = len(pitch_rad)
-    still = np.zeros((count, 3))
-    mount = np.column_stack([np.zeros(count), np.zeros(count), pitch_rad])
+    nowhere = np.zeros(len(pitch_rad))
+    mount = np.column_stack([nowhere, nowhere, pitch_rad])
     q = np.zeros(feet.starts.shape) if q is None else q
-    no_rate = np.zeros_like(q)
     if height_m is None:
-        height_m = balance(feet, q, no_rate, mount, still).depth.max(axis=1) - 1e-3
+        height_m = without_motion(feet, q, mount).depth.max(axis=1) - 1e-3
     mount[:, 1] = height_m
     for _ in range(ITERATIONS):
-        at = balance(feet, q, no_rate, mount, still)
+        at = without_motion(feet, q, mount)
         slope = _with_height(at)
         values, vectors = np.linalg.eigh(slope)
         rest = np.column_stack([at.moment, (load_n - at.force) / TURN_PER_M])
@@ -259,7 +270,7 @@ def at_rest(
         q = q + step[:, :-1]
         mount[:, 1] += step[:, -1] / TURN_PER_M
         if largest.max() < AT_REST_RAD:
-            at = balance(feet, q, no_rate, mount, still)
+            at = without_motion(feet, q, mount)
             return Rest(q, mount, at, _with_height(at))
     raise SimulationError("a foot finds no rest under its load", time_s=0.0)
 
@@ -269,3 +280,41 @@ def _with_height(at: Balance) -> np.ndarray:
     across = np.einsum("bs,bsj->bj", at.by_depth, at.rise)[..., None] / TURN_PER_M
     alone = at.by_depth.sum(axis=1)[:, None, None] / TURN_PER_M**2
     return np.block([[at.by_angle, across], [across.transpose(0, 2, 1), alone]])
+
+
+class Roll(NamedTuple):
+    """B feet as they roll, at the ends of n steps."""
+
+    q: np.ndarray  # (n, B, m) rad
+    force_n: np.ndarray  # (n, B) vertical, on the foot
+    centre_m: np.ndarray  # (n, B) of pressure, forward in W; NaN without force
+    strain_j: np.ndarray  # (n, B) in springs and foam
+    taken_j: np.ndarray  # (n, B) that and what damping has lost
+
+
+def rolled(feet: SagittalFeet, time_s: np.ndarray, mount: np.ndarray) -> Roll:
+    """The feet along the paths (n + 1, B, 3) of their mounts at `time_s` (n + 1,), straight at
+    first: step after step by Euler's implicit method.
+
+    SimulationError where no rates balance the moments.
+    """
+    q = np.zeros(feet.starts.shape)
+    rate = np.zeros_like(q)
+    lost = np.zeros(len(q))
+    rows = []
+    for start, end, before, after in zip(
+        time_s[:-1], time_s[1:], mount[:-1], mount[1:], strict=True
+    ):
+        h = end - start
+        for iteration in range(ITERATIONS):
+            at = balance(feet, q + h * rate, rate, after, (after - before) / h)
+            step = -np.linalg.solve(h * at.by_angle + at.by_rate, at.moment[..., None])[..., 0]
+            rate = rate + (step if iteration < WHOLE_STEPS else 0.5 * step)
+            if np.abs(step).max() < MOVES_AT_RAD_PER_S:
+                break
+        else:
+            raise SimulationError("no rates of a foot balance its hinges", time_s=float(end))
+        q = q + h * rate
+        lost = lost + h * at.loss
+        rows.append((q, at.force, at.centre_of_pressure, at.strain, at.strain + lost))
+    return Roll(*(np.array(column) for column in zip(*rows, strict=True)))

@@ -65,6 +65,14 @@ def written(template: str, parameters: FootParameters, fulcrum_m: float | None, 
 
 def rendered(template: str, **context: Any) -> str:
     """The text of `template` in `engines/templates`: a comment, then indented XML."""
+    head, end, tree = filled(template, **context).partition("-->\n")
+    root = ET.fromstring(tree)
+    ET.indent(root)
+    return f"{head}{end}{ET.tostring(root, encoding='unicode')}\n"
+
+
+def filled(template: str, **context: Any) -> str:
+    """The text of `template` in `engines/templates` as it stands there."""
     environment = Environment(
         loader=PackageLoader("vsf_drake.engines"),
         undefined=StrictUndefined,
@@ -78,11 +86,7 @@ def rendered(template: str, **context: Any) -> str:
         "six": lambda X: [*X.translation(), *RollPitchYaw(X.rotation()).vector()],
         "turned": lambda X: not np.array_equal(X.rotation().matrix(), np.eye(3)),
     }
-    text = environment.get_template(template).render(context)
-    head, end, tree = text.partition("-->\n")
-    root = ET.fromstring(tree)
-    ET.indent(root)
-    return f"{head}{end}{ET.tostring(root, encoding='unicode')}\n"
+    return environment.get_template(template).render(context)
 
 
 def _text(values: npt.ArrayLike) -> str:
