@@ -92,8 +92,8 @@ class Pressed(Foot):
             self.forces,
         )
         still = np.zeros(self.plant.num_velocities())
-        all_moments: np.ndarray = self.plant.CalcInverseDynamics(self.context, still, self.forces)
-        return all_moments[self.rows]
+        needed = self.plant.CalcInverseDynamics(self.context, still, self.forces)
+        return np.asarray(needed[self.rows])
 
     def rest(self, q: np.ndarray, load_n: float) -> np.ndarray:
         """(B,) rad where no moment is needed, by Newton's method from `q`; RuntimeError where that

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,7 @@ class Row:
     question: str
     engine: str
     answer: str  # array of the engine
-    against: str  # array of this package
+    against: str  # array of this package; "" where the measure takes none
     measure: str  # a key of MEASURES
     asked: float | None  # largest difference with which they agree; None: it is reported only
 
@@ -48,7 +48,19 @@ def of_largest(answer: np.ndarray, against: np.ndarray) -> float:
     return float(np.abs(answer - against).max() / np.abs(against).max())
 
 
-MEASURES = {"relative": relative, "of_largest": of_largest}
+def false_to_1_ms(answer: np.ndarray, against: np.ndarray) -> float:
+    """How many are not so at the file's own step and at 1 ms, as `steadiness` has its arrays."""
+    return float(np.sum(~answer[:2]))
+
+
+def false_to_2_ms(answer: np.ndarray, against: np.ndarray) -> float:
+    """How many are not so at the file's own step, 1 ms and 2 ms."""
+    return float(np.sum(~answer))
+
+
+MEASURES = {
+    measure.__name__: measure for measure in (relative, of_largest, false_to_1_ms, false_to_2_ms)
+}
 
 ROWS = tuple(
     Row(**row, asked=float(asked) if asked else None)
@@ -67,7 +79,7 @@ def judged(
     if not status:
         verdict = FAILED
         answer = answers.get(row.answer)
-        against = own.get(row.against)
+        against = own.get(row.against) if row.against else answer
         if answer is not None and against is not None and answer.shape == against.shape:
             difference = MEASURES[row.measure](answer, against)
             if row.asked is None:
@@ -76,3 +88,8 @@ def judged(
                 # what is not a number differs
                 verdict = AGREES if difference <= row.asked else DIFFERS
     return Judged(**vars(row), difference=difference, verdict=verdict)
+
+
+def agree(rows: Sequence[Judged]) -> bool:
+    """Whether something was compared, and no row differs or failed."""
+    return all(row.met for row in rows) and any(row.verdict == AGREES for row in rows)

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -21,8 +21,9 @@ from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import plain, read_npz, table_of
 from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.base.schema import to_plain
+from vsf_drake.base.threads import side_by_side
 from vsf_drake.engines.certificate.ask import ask
-from vsf_drake.engines.certificate.rows import AGREES, FAILED, NOT_RUN, ROWS, Judged, judged
+from vsf_drake.engines.certificate.rows import FAILED, NOT_RUN, ROWS, Judged, agree, judged
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.batch.processes import cores
@@ -62,7 +63,7 @@ class Certificate:
 
     engines: tuple[Ran, ...]
     rows: tuple[Judged, ...]
-    agreed: bool  # whether something was compared, and no row differs or failed
+    agreed: bool  # see `rows.agree`
     table: dict[str, Any]  # all of this as certificate.json has it
     arrays: dict[str, np.ndarray]  # ENGINE/ANSWER, without mass matrices
 
@@ -104,27 +105,37 @@ def certify(
         asked = ask(folder, parameters)
         show("asking", 0.1)
         ran, answers = run(folder, chosen, part_of(progress, 0.1, 0.85))
+    own = {name: getattr(asked, name) for name in ("fulcrum_mm", "load_n", "time_s")}
+    return certificate_of(parameters, own, ran, answers, inputs or {})
+
+
+def certificate_of(
+    parameters: FootParameters,
+    asked: Mapping[str, np.ndarray],
+    ran: Mapping[str, Ran],
+    answers: Mapping[str, Mapping[str, np.ndarray]],
+    inputs: Mapping[str, str],
+) -> Certificate:
+    """The verdict on the answers, by engine, to what was `asked` (fulcrum_mm, load_n, time_s)."""
     rows = judge(ran, answers)
-    agreed = all(row.met for row in rows) and any(row.verdict == AGREES for row in rows)
-    arrays = {
+    drawn = {
         f"{name}/{answer}": values
         for name, own in answers.items()
         for answer, values in own.items()
         if answer.startswith(("rise", "roll"))
     }
-    arrays |= {f"asked/{name}": getattr(asked, name) for name in ("fulcrum_mm", "load_n", "time_s")}
     return Certificate(
         engines=tuple(ran.values()),
         rows=rows,
-        agreed=agreed,
-        arrays=arrays,
+        agreed=agree(rows),
+        arrays={f"asked/{name}": values for name, values in asked.items()} | drawn,
         table={
             "format": FORMAT,
-            "agreed": agreed,
+            "agreed": agree(rows),
             "engines": plain(tuple(ran.values())),
             "rows": plain(rows),
             "foot": to_plain(parameters),
-            "provenance": provenance(dict(inputs or {})),
+            "provenance": provenance(dict(inputs)),
         },
     )
 
@@ -149,8 +160,8 @@ def run(
     show = part_of(progress)
     ran = {}
     answers = {}
-    with ThreadPoolExecutor(min(cores(), len(engines))) as pool:
-        running = {pool.submit(_ask_one, folder, engine): engine for engine in engines}
+    with side_by_side(min(cores(), len(engines))) as pool:
+        running = {pool.submit(answer_of, folder, engine): engine for engine in engines}
         for done, future in enumerate(as_completed(running)):
             engine = running[future]
             ran[engine.name], answers[engine.name] = future.result()
@@ -158,18 +169,9 @@ def run(
     return {engine.name: ran[engine.name] for engine in engines}, answers
 
 
-def judge(
-    ran: Mapping[str, Ran], answers: Mapping[str, Mapping[str, np.ndarray]]
-) -> tuple[Judged, ...]:
-    """Every row of the engines that were to run."""
-    return tuple(
-        judged(row, ran[row.engine].status, answers[row.engine], answers[REFERENCE])
-        for row in ROWS
-        if row.engine in ran
-    )
-
-
-def _ask_one(folder: Path, engine: Engine) -> tuple[Ran, dict[str, np.ndarray]]:
+def answer_of(folder: Path, engine: Engine) -> tuple[Ran, dict[str, np.ndarray]]:
+    """What becomes of the engine that is asked in `folder`, in a process of its own, and its arrays
+    by name."""
     why = missing(engine)
     if why:
         return _no_answer(engine, NOT_RUN, why), {}
@@ -194,6 +196,17 @@ def _ask_one(folder: Path, engine: Engine) -> tuple[Ran, dict[str, np.ndarray]]:
         return _no_answer(engine, FAILED, error.what), {}
     told = str(found.pop("version", "")) or None
     return Ran(name=engine.name, label=engine.label, status="", version=told, why=""), found
+
+
+def judge(
+    ran: Mapping[str, Ran], answers: Mapping[str, Mapping[str, np.ndarray]]
+) -> tuple[Judged, ...]:
+    """Every row of the engines that were to run."""
+    return tuple(
+        judged(row, ran[row.engine].status, answers[row.engine], answers[REFERENCE])
+        for row in ROWS
+        if row.engine in ran
+    )
 
 
 def _no_answer(engine: Engine, status: str, why: str) -> Ran:
