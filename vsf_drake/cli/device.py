@@ -229,7 +229,7 @@ def _condensed_texts(
     fixed = f"vsf_condensed_at_{1e3 * fulcrum_m:g}mm"
     texts = {"vsf_condensed.csv": condensed_csv(condensed, error)}
     if "osim" in formats:
-        texts[f"{fixed}.osim"] = condensed_osim(condensed, fulcrum_m=fulcrum_m)
+        texts[f"{fixed}.osim"] = condensed_osim(condensed, error, fulcrum_m=fulcrum_m)
     if "mjcf" in formats:
         texts[f"{fixed}.xml"] = condensed_mjcf(condensed, error, fulcrum_m=fulcrum_m)
     return texts, error
