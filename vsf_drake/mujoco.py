@@ -33,7 +33,8 @@ What to mind:
   (and after `mj_setConst`, which updates `body_invweight0`).
 - A counts both bodies. A floor, or anything without joints, counts 0 and needs no thought. Should
   the geoms meet something that moves, name it in `against`: against a partner that it was not
-  told of, force and mass are less, by A of the geom over A of both.
+  told of, force and mass are less, by A of the geom over A of both. If two of the geoms touch one
+  another, MuJoCo mixes their numbers: calibrate one of the two.
 - d is 1e-4 at least. So a body of great inertia (one that is led along a path, its joints given a
   huge armature) has a contact mass of 1e-4 of that. Set its `body_invweight0` to 1 before.
 - The force is that of one contact point; a box that lies flat has four.
