@@ -36,12 +36,12 @@ COLOURS = {
 MARKS = {"drake": "o", "opensim": "s", "mujoco": "^", "exudyn": "x", "moco": "v"}
 """Of the engines, each once."""
 FIGURES = {
-    "keel": "How far the load point rises",
-    "roll_nominal_n": "Rolled over without friction, the foot's own contact law",
-    "roll_elastic_n": "Rolled over without friction, spheres without damping",
-    "roll_own_n": "Rolled over with each engine's own contact, and friction",
+    "rise_m": "How far the load point rises",
+    "roll_nominal_n": "Rolled over by the foot's own law, without friction",
+    "roll_elastic_n": "Rolled over without damping of the spheres, without friction",
+    "roll_own_n": "Rolled over by each engine's own contact, with friction",
 }
-"""Titles of figures, by the answers that they show."""
+"""What figures show, by the answers that they show."""
 _LEAST = 1e-10
 """Difference below which it is drawn as this."""
 
@@ -54,11 +54,7 @@ def certificate_page(
     rows = [record(Judged, each) for each in saved["rows"]]
     labels = {each.name: each.label for each in engines}
     ran = [each for each in engines if not each.status]
-    drawn = {
-        stem: title
-        for stem, title in FIGURES.items()
-        if len(_answers(arrays, "rise_m" if stem == "keel" else stem)) > 1
-    }
+    drawn = {stem: title for stem, title in FIGURES.items() if len(_answers(arrays, stem)) > 1}
     facts = {
         "agreed": saved["agreed"],
         "rows": [{**vars(row), "met": row.met, "label": labels[row.engine]} for row in rows],
@@ -82,7 +78,7 @@ def certificate_page(
                 template="certificate/answer.html.j2",
                 figures={
                     stem: keel_figure(arrays, labels)
-                    if stem == "keel"
+                    if stem == "rise_m"
                     else roll_figure(arrays, labels, stem)
                     for stem in drawn
                 },
@@ -96,7 +92,7 @@ def certificate_page(
             ),
         ],
         "synthetic": False,
-        "first_line": str(render("certificate/first_line.txt.j2", ran=ran)).strip(),
+        "first_line": str(render("certificate/first_line.txt.j2", others=facts["others"])).strip(),
     }
 
 

@@ -7,6 +7,7 @@ python -m vsf_drake.engines.certificate.in_stepper FOLDER
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -19,6 +20,7 @@ from vsf_drake.base.errors import SimulationError
 from vsf_drake.base.schema import load_yaml
 from vsf_drake.engines.certificate.ask import FOOT
 from vsf_drake.engines.certificate.asked import ELASTIC, NOMINAL, Asked
+from vsf_drake.engines.certificate.steadiness import LOADS_N, STEPS_S
 from vsf_drake.laws.beam import combined_stiffness
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.foot import add_foot
@@ -32,13 +34,13 @@ FINE = 32
 """Equal elements of the keel that is compared with a beam."""
 
 
-def rises(asked: Asked, foot: FootParameters) -> np.ndarray:
+def rises(asked: Asked, foot: FootParameters, loads_n: Sequence[float]) -> np.ndarray:
     """(F, L) m by which the load point rises under each load, fulcrum by fulcrum."""
     return np.array(
         [
             [
                 keel_shape(foot, fulcrum_m=1e-3 * mm, load_n=float(load)).load_point_K[1]
-                for load in asked.load_n
+                for load in loads_n
             ]
             for mm in asked.fulcrum_mm
         ]
@@ -98,12 +100,15 @@ def answer(folder: Path) -> None:
     asked = Asked.read(folder)
     foot = load_yaml(folder / NOMINAL / FOOT, FootParameters)
     lengths = (asked.keel_length_m / FINE,) * FINE
+    fine = replace(foot, keel=replace(foot.keel, element_lengths_m=lengths))
+    held = rises(asked, foot, LOADS_N)
     masses, torques = mass_and_gravity(asked, foot)
     own = roll_over(asked, foot, friction=True)
     np.savez(
         folder / FILE,
-        rise_m=rises(asked, foot),
-        rise_fine_m=rises(asked, replace(foot, keel=replace(foot.keel, element_lengths_m=lengths))),
+        rise_m=rises(asked, foot, asked.load_n),
+        rise_fine_m=rises(asked, fine, asked.load_n),
+        rest_rise_m=np.array([held] * (1 + len(STEPS_S))),
         rise_small_m=small_rises(asked),
         mass_matrix_kg_m2=masses,
         gravity_torque_nm=torques,
