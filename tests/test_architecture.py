@@ -61,6 +61,7 @@ WITHOUT_DRAKE = (
     "walks/comparison.py",
     "device/bench_metrics.py",
     "mujoco.py",
+    "engines/assisted_model.py",
     "engines/certificate/in_mujoco.py",
     "report/style.py",
     "report/figures.py",
