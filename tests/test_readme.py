@@ -23,6 +23,7 @@ from vsf_drake.cli import (  # noqa: F401
     fit,
     predict,
     recordings,
+    session,
     stiffness_map,
     study,
     sweep,
