@@ -280,10 +280,9 @@ def _lumped(foot: FootParameters) -> list[Station]:
         )
         exponents = np.array([zones[s].exponent for s in own])
         forces = np.array([zones[s].stiffness for s in own]) * ALIKE_AT_M**exponents
-        share = forces / forces.sum()
 
-        def mean(values: Any, share: np.ndarray = share) -> float:
-            return float(share @ np.asarray(values))
+        def mean(values: Any, forces: np.ndarray = forces) -> float:
+            return float(np.average(values, weights=forces))
 
         radius = mean([zones[s].radius_m for s in own]) + float(np.std(x[own]))
         stations.append(
