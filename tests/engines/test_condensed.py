@@ -7,13 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.optimize import fsolve
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.device.roll_over import iso_22675
 from vsf_drake.engines.condensed import PIECE_OF_STATION, PIECES, condense
 from vsf_drake.engines.condensed_error import CondensedError, RollOverError, error_against_full
 from vsf_drake.engines.condensed_files import condensed_csv, condensed_mjcf
-from vsf_drake.model.parameters import FootParameters
+from vsf_drake.engines.sagittal_foot import at_rest
+from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.rigid_foot import rigid_foot
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, keel_shape
 
@@ -155,6 +158,49 @@ def test_in_mujoco_the_toe_rises_under_a_load_as_the_hinges_have_it(condensed, f
     # 12 digits are written; the mount stands at the origin
     assert model.body_mass.sum() == pytest.approx(NOMINAL.mass_kg, rel=1e-10)
     np.testing.assert_allclose(data.site("vsf_mount").xpos, 0.0, atol=1e-12)
+
+
+def test_in_mujoco_slowly_rolled_over_the_ground_bears_the_load_of_the_path(condensed):
+    """The path is that of the massless foot at rest under the profile of ISO 22675; MuJoCo, ten
+    times slower, finds the load again within 1 % of its peak. Its contact is made the stations'
+    springs: with impedance d and A of `body_invweight0`, solref = [-K (1 - d) A, 0]."""
+    mujoco = pytest.importorskip("mujoco")
+    fulcrum_m = 0.129
+    profile = iso_22675(5e-3)
+    load = np.maximum(75.0 * GRAVITY * profile.force_bw, 20.0)
+    rest = at_rest(
+        condensed.sagittal(np.full(len(load), fulcrum_m)), pitch_rad=-profile.tilt_rad, load_n=load
+    )
+    spec = mujoco.MjSpec.from_string(condensed_mjcf(condensed, ANY_ERROR, fulcrum_m=fulcrum_m))
+    frame = spec.body("vsf_frame")
+    slide, turn = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+    for kind, axis in ((slide, [1, 0, 0]), (slide, [0, 0, 1]), (turn, [0, -1, 0])):
+        frame.add_joint(type=kind, axis=axis, pos=-frame.pos)
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 1])
+    model = spec.compile()
+    model.opt.gravity[:] = 0.0
+    model.geom_condim[:] = 1  # no friction
+    model.dof_armature[:3] = 1e9  # the mount does not mind
+    model.body_invweight0[frame.id] = 1.0
+    impedance = 1e-3
+    for i, station in enumerate(condensed.stations):
+        geom = model.geom(f"foam_{i}")
+        A = model.body_invweight0[geom.bodyid[0], 0]
+        geom.solimp[:2] = impedance
+        geom.solref[:] = -station.stiffness * (1.0 - impedance) * A, 0.0
+        geom.priority[:] = 1
+    slow = 10.0
+    path = CubicSpline(slow * profile.time_s, rest.mount)
+    data = mujoco.MjData(model)
+    force = []
+    for time in np.arange(0.0, slow * profile.duration_s, model.opt.timestep):
+        data.qpos[:3] = path(time)
+        data.qvel[:3] = path(time, 1)
+        mujoco.mj_step(model, data)
+        force.append(data.efc_force[: data.nefc].sum())
+    wanted = np.interp(np.arange(len(force)) * model.opt.timestep, slow * profile.time_s, load)
+    begun = len(force) // 20
+    np.testing.assert_allclose(force[begun:], wanted[begun:], atol=0.01 * load.max())
 
 
 @pytest.mark.parametrize("step_s", [1e-3, 2e-3])
