@@ -11,9 +11,9 @@ behind the fulcrum goes down before it. So does the middle piece, which reaches 
 carries the third station there; the first two are on the frame, the last three on the toe. A
 station stands for spheres over a few centimetres, over which the load moves forward as the foot
 pitches; so it is a sphere large enough to roll by as much. Each hinge has a straight line of torque
-over its angle and its rate, and needs nothing of the other. (A cubic term in the angle, or more
-than a straight line of CURVES over the fulcrum's position, brought the fit of the nominal foot no
-further.) So all of it is smooth in angle, rate and fulcrum.
+over its angle and its rate, and needs nothing of the other. (More than a straight line of CURVES
+over the fulcrum's position brought the fit of the nominal foot no further.) So all of it is smooth
+in angle, rate and fulcrum.
 
 The numbers are fitted to the full foot at rest: under loads and pitches as they occur while it is
 rolled over by the profile of ISO 22675, up to HEAVIEST_KG, at FULCRUMS positions, and under a small
@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from vsf_drake.base.errors import require
+from vsf_drake.base.errors import FitError, require
 from vsf_drake.device.roll_over import iso_22675
 from vsf_drake.engines.sagittal_foot import (
     TURN_PER_M,
@@ -107,8 +107,8 @@ class Station:
 class CondensedAt:
     """The condensed foot with its fulcrum at one position; arrays are of hinges 1 and 2.
 
-    The torque on the piece before a hinge, toe up positive, is -(stiffness * angle + damping *
-    rate).
+    The torque of a hinge on the piece ahead of it, toe up positive, is -(stiffness * angle +
+    damping * rate).
     """
 
     fulcrum_m: float
@@ -141,7 +141,7 @@ class CondensedFoot:
             hinge_m=hinge,
             stiffness_nm_per_rad=stiffness,
             damping_nm_s_per_rad=self.damping_time_s * stiffness,
-            pieces=_pieces(self.full, fulcrum_m, float(hinge[1])),
+            pieces=_pieces(self.full, fulcrum_m, hinge),
         )
 
     @property
@@ -158,7 +158,7 @@ def condense(parameters: FootParameters) -> CondensedFoot:
     """Fits the condensed foot to the full one of `parameters`, always the same for the same ones.
 
     InputError if the foot is none, or a station would have no sphere to stand for; SimulationError
-    if a foot finds no rest under a load that it must bear.
+    if a foot finds no rest under a load that it must bear; FitError if the hinges leave the keel.
     """
     check_foot(parameters)
     return _Fit(parameters).solved()
@@ -179,12 +179,13 @@ def _hinges(foot: FootParameters, curves: np.ndarray, fulcrum_m: np.ndarray) -> 
     return np.array([places, np.exp(np.transpose(log_stiffness))])
 
 
-def _pieces(foot: FootParameters, fulcrum_m: float, hinge_2_m: float) -> tuple[Piece, ...]:
-    """The full foot's mass on three pieces. Of a keel that rocks, the half behind the fulcrum that
-    is next to the pin hardly moves: it counts for the frame."""
+def _pieces(foot: FootParameters, fulcrum_m: float, hinge_m: np.ndarray) -> tuple[Piece, ...]:
+    """The full foot's mass on three pieces. Of the keel behind the fulcrum the half that is next to
+    the pin hardly moves as it rocks, and counts for the frame."""
     keel = foot.keel
     length = sum(keel.element_lengths_m)
-    cuts = (0.0, 0.5 * fulcrum_m, hinge_2_m, length)
+    hinge_1, hinge_2 = (float(place) for place in hinge_m)
+    cuts = (0.0, min(0.5 * fulcrum_m, hinge_1), hinge_2, length)
     pieces = []
     for name, start, end in zip(PIECES, cuts[:-1], cuts[1:], strict=True):
         size = (end - start, keel.width_m, keel.thickness_m)
@@ -279,10 +280,9 @@ def _lumped(foot: FootParameters) -> list[Station]:
         )
         exponents = np.array([zones[s].exponent for s in own])
         forces = np.array([zones[s].stiffness for s in own]) * ALIKE_AT_M**exponents
-        share = forces / forces.sum()
 
-        def mean(values: Any, share: np.ndarray = share) -> float:
-            return float(share @ np.asarray(values))
+        def mean(values: Any, forces: np.ndarray = forces) -> float:
+            return float(np.average(values, weights=forces))
 
         radius = mean([zones[s].radius_m for s in own]) + float(np.std(x[own]))
         stations.append(
@@ -446,6 +446,12 @@ class _Fit:
             ).x
         curves, stations = self.condensed(p)
         rest = self.settled(p)
+        places, _ = _hinges(self.foot, curves, self.positions)
+        if places.min() <= 0.0 or places.max() >= sum(self.foot.keel.element_lengths_m):
+            raise FitError(
+                f"hinges came to lie from {1e3 * places.min():.0f} to {1e3 * places.max():.0f} mm "
+                "from A, beyond the keel: this foot does not bend as a condensed one can"
+            )
         return CondensedFoot(
             full=self.foot,
             curves=curves,
