@@ -1,4 +1,4 @@
-"""What the certificate asks of engines at rest: no poses, no roll-over."""
+"""What the certificate asks of engines at rest: no poses, no roll-over, no spheres."""
 
 from __future__ import annotations
 
@@ -33,4 +33,11 @@ def asked_of(foot: FootParameters, *, fulcrums_m: Sequence[float], loads_n: npt.
         beam_ei_nm2=keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m),
         keel_length_m=sum(keel.element_lengths_m),
         support_n_per_m=foot.fulcrum.stiffness_n_per_m,
+        sphere_bodies=np.array([], dtype=str),
+        sphere_p_BS=np.zeros((0, 3)),
+        sphere_radius=np.zeros(0),
+        sphere_stiffness=np.zeros(0),
+        sphere_exponent=np.zeros(0),
+        sphere_damping=np.zeros(0),
+        sphere_full_damping_depth=np.zeros(0),
     )

@@ -15,7 +15,7 @@ from vsf_drake.engines.mjcf import foot_mjcf
 from vsf_drake.engines.osim import foot_osim
 from vsf_drake.engines.sdf import foot_sdf
 from vsf_drake.laws.beam import section_inertia
-from vsf_drake.model.parameters import FootParameters
+from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.rigid_foot import rigid_foot
 from vsf_drake.simulation.options import BenchOptions
 from vsf_drake.simulation.roll_over import RollOver, mount_path
@@ -62,7 +62,7 @@ def ask(folder: Path, parameters: FootParameters) -> Asked:
         poses_rad=np.random.default_rng(SEED).uniform(
             -LARGEST_ANGLE_RAD, LARGEST_ANGLE_RAD, (POSES, len(keel))
         ),
-        gravity=9.81,
+        gravity=GRAVITY,
         mount_K=X_KM[[0, 2]],
         roll_fulcrum_mm=ROLL_FULCRUM_MM,
         time_s=time_s,
