@@ -126,7 +126,7 @@ NO_RESULTS = {
         "(Nichols and Adamczyk 2023)": "a source",
     },
     ENGINES: {
-        "with 600 N on the load point": "a setting",
+        "which 600 N press up": "a setting",
         "at 66 mm and at 151 mm": "settings",
         "a keel of 32 joints": "a row of the certificate",
         "at steps to 1 ms in Drake and 2 ms in MuJoCo": "settings",
