@@ -11,13 +11,13 @@ behind the fulcrum goes down before it. So does the middle piece, which reaches 
 carries the third station there; the first two are on the frame, the last three on the toe. A
 station stands for spheres over a few centimetres, over which the load moves forward as the foot
 pitches; so it is a sphere large enough to roll by as much. Each hinge has a straight line of torque
-over its angle and its rate, and needs nothing of the other. (A cubic term in the angle brought the
-fit of the nominal foot no further.) Places of the hinges and logarithms of their stiffness are
-polynomials in the fulcrum's position, so that all of it is smooth in angle, rate and fulcrum.
+over its angle and its rate, and needs nothing of the other. (More than a straight line of CURVES
+over the fulcrum's position brought the fit of the nominal foot no further.) So all of it is smooth
+in angle, rate and fulcrum.
 
 The numbers are fitted to the full foot at rest: under loads and pitches as they occur while it is
-rolled over by the profile of ISO 22675, up to HEAVIEST_KG, at FULCRUMS positions. Nothing is fitted
-to a motion: damping has the full foot's ratios to stiffness.
+rolled over by the profile of ISO 22675, up to HEAVIEST_KG, at FULCRUMS positions, and under a small
+load on C. Nothing is fitted to a motion: damping has the full foot's ratios to stiffness.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from vsf_drake.base.errors import require
+from vsf_drake.base.errors import FitError, require
 from vsf_drake.device.roll_over import iso_22675
 from vsf_drake.engines.sagittal_foot import (
     TURN_PER_M,
@@ -47,11 +47,18 @@ from vsf_drake.model.model_file import check_foot, check_fulcrum
 from vsf_drake.model.parameters import GRAVITY, FootParameters, FrictionParameters
 from vsf_drake.plants.foot import mount_pose, sole_height
 from vsf_drake.plants.solids import box
+from vsf_drake.simulation.bench import keel_shape
 
 PIECES = ("frame", "middle", "toe")
 STATIONS = ("heel_rear", "heel", "heel_front", "midfoot", "ball", "toe")
 PIECE_OF_STATION = (0, 0, 1, 2, 2, 2)
-DEGREE = 2  # of the polynomials in the fulcrum's position
+CURVES = (
+    "place of hinge 1 (m from A)",
+    "log of the distance of hinge 2 from it (over 1 m)",
+    "log of the stiffness of hinge 1 (over 1 N m/rad)",
+    "log of the stiffness of hinge 2 (over 1 N m/rad)",
+)
+DEGREE = 1  # of the polynomials in the fulcrum's position that they are
 FULCRUMS = 5  # at which it is fitted
 HEAVIEST_KG = 110.0
 SHARES = (0.36, 0.68, 1.0)  # of that
@@ -60,6 +67,8 @@ LIGHTEST_N = 30.0
 FORCE_WITHIN = 0.03  # of the peak
 CENTRE_WITHIN_M = 5e-3
 ENERGY_WITHIN = 0.05  # of the most that a roll-over stores
+RISE_WITHIN = 0.03  # of the load point C under a small load on it
+SMALL_LOAD_N = 10.0
 """What is asked of a roll-over, by which errors of different kinds weigh against each other."""
 ALIKE_AT_M = 5e-3  # depth at which spheres of different exponents count by their forces
 PRIOR = 0.01
@@ -98,8 +107,8 @@ class Station:
 class CondensedAt:
     """The condensed foot with its fulcrum at one position; arrays are of hinges 1 and 2.
 
-    The torque on the piece before a hinge, toe up positive, is -(stiffness * angle + damping *
-    rate).
+    The torque of a hinge on the piece ahead of it, toe up positive, is -(stiffness * angle +
+    damping * rate).
     """
 
     fulcrum_m: float
@@ -111,15 +120,12 @@ class CondensedAt:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CondensedFoot:
-    """The condensed foot at all positions of its fulcrum.
-
-    Coefficients are (2, DEGREE + 1), of hinges 1 and 2, in rising powers of the fulcrum's place u
-    in its reach, -1 rearmost to 1 foremost.
-    """
+    """The condensed foot at all positions of its fulcrum."""
 
     full: FootParameters
-    hinge_m: np.ndarray  # of the hinges' places
-    log_stiffness: np.ndarray  # of the logarithm of stiffness over 1 N m/rad
+    curves: np.ndarray
+    """(4, DEGREE + 1) coefficients, in rising powers of the fulcrum's place in its reach (-1
+    rearmost, 1 foremost), of CURVES"""
     damping_time_s: float  # damping / stiffness of both hinges
     stations: tuple[Station, ...]
     friction: FrictionParameters
@@ -129,15 +135,13 @@ class CondensedFoot:
         """With the fulcrum at `fulcrum_m` (m from A); InputError if the carriage cannot reach
         it."""
         check_fulcrum(fulcrum_m, self.full, where="fulcrum_m")
-        powers = _powers(self.full, np.array([fulcrum_m]))[0]
-        hinge = self.hinge_m @ powers
-        stiffness = np.exp(self.log_stiffness @ powers)
+        hinge, stiffness = _hinges(self.full, self.curves, np.array([fulcrum_m]))[:, 0]
         return CondensedAt(
             fulcrum_m=fulcrum_m,
             hinge_m=hinge,
             stiffness_nm_per_rad=stiffness,
             damping_nm_s_per_rad=self.damping_time_s * stiffness,
-            pieces=_pieces(self.full, fulcrum_m, float(hinge[1])),
+            pieces=_pieces(self.full, fulcrum_m, hinge),
         )
 
     @property
@@ -147,16 +151,14 @@ class CondensedFoot:
 
     def sagittal(self, fulcrum_m: np.ndarray) -> SagittalFeet:
         """Without mass, with the fulcrum at each of (B,) m from A."""
-        return _sagittal(
-            self.full, self.stations, self.hinge_m, self.log_stiffness, np.asarray(fulcrum_m)
-        )
+        return _sagittal(self.full, self.stations, self.curves, np.asarray(fulcrum_m))
 
 
 def condense(parameters: FootParameters) -> CondensedFoot:
     """Fits the condensed foot to the full one of `parameters`, always the same for the same ones.
 
     InputError if the foot is none, or a station would have no sphere to stand for; SimulationError
-    if a foot finds no rest under a load that it must bear.
+    if a foot finds no rest under a load that it must bear; FitError if the hinges leave the keel.
     """
     check_foot(parameters)
     return _Fit(parameters).solved()
@@ -170,12 +172,20 @@ def _powers(foot: FootParameters, fulcrum_m: np.ndarray) -> np.ndarray:
     return np.vander(place, DEGREE + 1, increasing=True)
 
 
-def _pieces(foot: FootParameters, fulcrum_m: float, hinge_2_m: float) -> tuple[Piece, ...]:
-    """The full foot's mass on three pieces. Of a keel that rocks, the half behind the fulcrum that
-    is next to the pin hardly moves: it counts for the frame."""
+def _hinges(foot: FootParameters, curves: np.ndarray, fulcrum_m: np.ndarray) -> np.ndarray:
+    """(2, B, 2) places (m from A) and stiffness (N m/rad) of the hinges."""
+    hinge_1, log_gap, *log_stiffness = curves @ _powers(foot, fulcrum_m).T
+    places = np.column_stack([hinge_1, hinge_1 + np.exp(log_gap)])
+    return np.array([places, np.exp(np.transpose(log_stiffness))])
+
+
+def _pieces(foot: FootParameters, fulcrum_m: float, hinge_m: np.ndarray) -> tuple[Piece, ...]:
+    """The full foot's mass on three pieces. Of the keel behind the fulcrum the half that is next to
+    the pin hardly moves as it rocks, and counts for the frame."""
     keel = foot.keel
     length = sum(keel.element_lengths_m)
-    cuts = (0.0, 0.5 * fulcrum_m, hinge_2_m, length)
+    hinge_1, hinge_2 = (float(place) for place in hinge_m)
+    cuts = (0.0, min(0.5 * fulcrum_m, hinge_1), hinge_2, length)
     pieces = []
     for name, start, end in zip(PIECES, cuts[:-1], cuts[1:], strict=True):
         size = (end - start, keel.width_m, keel.thickness_m)
@@ -208,19 +218,17 @@ def _pieces(foot: FootParameters, fulcrum_m: float, hinge_2_m: float) -> tuple[P
 def _sagittal(
     foot: FootParameters,
     stations: Sequence[Station],
-    hinge_m: np.ndarray,
-    log_stiffness: np.ndarray,
+    curves: np.ndarray,
     fulcrum_m: np.ndarray,
 ) -> SagittalFeet:
-    powers = _powers(foot, fulcrum_m)
-    stiffness = np.exp(powers @ log_stiffness.T)
+    starts, stiffness = _hinges(foot, curves, fulcrum_m)
     constant = np.ones(len(fulcrum_m))
 
     def each(name: str) -> np.ndarray:
         return np.array([getattr(station, name) for station in stations])
 
     return SagittalFeet(
-        starts=powers @ hinge_m.T,
+        starts=starts,
         stiffness=stiffness,
         damping=foot.keel.damping_time_s * stiffness,
         support=np.zeros((len(fulcrum_m), 3)),
@@ -272,10 +280,9 @@ def _lumped(foot: FootParameters) -> list[Station]:
         )
         exponents = np.array([zones[s].exponent for s in own])
         forces = np.array([zones[s].stiffness for s in own]) * ALIKE_AT_M**exponents
-        share = forces / forces.sum()
 
-        def mean(values: Any, share: np.ndarray = share) -> float:
-            return float(share @ np.asarray(values))
+        def mean(values: Any, forces: np.ndarray = forces) -> float:
+            return float(np.average(values, weights=forces))
 
         radius = mean([zones[s].radius_m for s in own]) + float(np.std(x[own]))
         stations.append(
@@ -297,8 +304,8 @@ def _lumped(foot: FootParameters) -> list[Station]:
 class _Fit:
     """The poses, and the feet at rest in them.
 
-    Parameters are changes of the start in units of their scales: of the hinges' places and
-    logarithms of stiffness by rows, then of the stations' x, logarithm of stiffness and of radius;
+    Parameters are changes of the start in units of their scales: of the curves by rows,
+    then of the stations' x, logarithm of stiffness and of radius;
     their bottoms stay where they are.
     """
 
@@ -307,6 +314,13 @@ class _Fit:
         self.stations = _lumped(foot)
         reach = foot.fulcrum
         positions = np.linspace(reach.rearmost_m, reach.foremost_m, FULCRUMS)
+        self.positions = positions
+        self.rise = np.array(
+            [
+                keel_shape(foot, fulcrum_m=fulcrum, load_n=SMALL_LOAD_N).load_point_K[1]
+                for fulcrum in positions
+            ]
+        )
         profile = iso_22675(POSE_STEP_S)
         peak = HEAVIEST_KG * GRAVITY
         poses = [
@@ -326,17 +340,16 @@ class _Fit:
         self.stiffness = TURN_PER_M**2 * (self.full.slope[:, -1, -1] - yields[:, 0, 0])
         self.scale = np.repeat(
             [10e-3, 1.0, 10e-3, 1.0, 1.0],
-            [2 * (DEGREE + 1), 2 * (DEGREE + 1), *3 * (len(STATIONS),)],
+            [DEGREE + 1, 3 * (DEGREE + 1), *3 * (len(STATIONS),)],
         )
         bending = foot.keel.flexural_modulus_pa * section_inertia(
             foot.keel.width_m, foot.keel.thickness_m
         )
         free = foot.load_point_m - positions
         # a beam that is pinned at A, supported at the fulcrum and loaded at C
-        places = np.array([positions, positions + free / 3.0])
-        springs = np.log([3.0 * bending / positions, 3.0 * bending / free])
+        begin = np.log([free / 3.0, 3.0 * bending / positions, 3.0 * bending / free])
         self.start = np.linalg.lstsq(
-            _powers(foot, positions), np.vstack([places, springs]).T, rcond=None
+            _powers(foot, positions), np.vstack([positions, begin]).T, rcond=None
         )[0].T
         self.rest: Rest | None = None
 
@@ -362,7 +375,7 @@ class _Fit:
     def feet(self, p: np.ndarray) -> SagittalFeet:
         """At the parameters, one in each pose."""
         curves, stations = self.condensed(p)
-        return _sagittal(self.foot, stations, curves[:2], curves[2:], self.fulcrum)
+        return _sagittal(self.foot, stations, curves, self.fulcrum)
 
     def settled(self, p: np.ndarray) -> Rest:
         """At rest in each pose, from where the last ones were."""
@@ -390,10 +403,16 @@ class _Fit:
             ]
         )
 
+    def rise_errors(self, p: np.ndarray) -> np.ndarray:
+        """(FULCRUMS,) of the load point's rise under SMALL_LOAD_N, over what is asked."""
+        places, stiffness = _hinges(self.foot, self.condensed(p)[0], self.positions)
+        rise = SMALL_LOAD_N * np.sum((self.foot.load_point_m - places) ** 2 / stiffness, axis=1)
+        return np.asarray((rise / self.rise - 1.0) / RISE_WITHIN)
+
     def residuals(self, p: np.ndarray, power: int) -> np.ndarray:
         """The errors to a power, their signs kept, and the prior."""
         rest = self.settled(p)
-        errors = self.errors(rest.at, rest.mount)
+        errors = np.append(self.errors(rest.at, rest.mount), self.rise_errors(p))
         return np.append(errors * np.abs(errors) ** (power - 1), PRIOR * p)
 
     def slopes(self, p: np.ndarray, power: int) -> np.ndarray:
@@ -401,17 +420,21 @@ class _Fit:
         moments change by."""
         rest = self.settled(p)
         errors = self.errors(rest.at, rest.mount)
+        rise_errors = self.rise_errors(p)
         columns = []
         for i in range(len(p)):
-            feet = self.feet(p + SMALL * np.eye(len(p))[i])
+            other = p + SMALL * np.eye(len(p))[i]
+            feet = self.feet(other)
             pushed = without_motion(feet, rest.q, rest.mount)
             change = np.column_stack([pushed.moment, (self.load - pushed.force) / TURN_PER_M])
             moved = -np.linalg.solve(rest.slope, change[..., None])[..., 0]
             mount = rest.mount.copy()
             mount[:, 1] += moved[:, -1] / TURN_PER_M
             at = without_motion(feet, rest.q + moved[:, :-1], mount)
-            columns.append((self.errors(at, mount) - errors) / SMALL)
-        by = power * np.abs(errors[:, None]) ** (power - 1) * np.array(columns).T
+            changes = self.errors(at, mount) - errors, self.rise_errors(other) - rise_errors
+            columns.append(np.concatenate(changes) / SMALL)
+        size = np.abs(np.append(errors, rise_errors))[:, None]
+        by = power * size ** (power - 1) * np.array(columns).T
         return np.vstack([by, PRIOR * np.eye(len(p))])
 
     def solved(self) -> CondensedFoot:
@@ -423,10 +446,15 @@ class _Fit:
             ).x
         curves, stations = self.condensed(p)
         rest = self.settled(p)
+        places, _ = _hinges(self.foot, curves, self.positions)
+        if places.min() <= 0.0 or places.max() >= sum(self.foot.keel.element_lengths_m):
+            raise FitError(
+                f"hinges came to lie from {1e3 * places.min():.0f} to {1e3 * places.max():.0f} mm "
+                "from A, beyond the keel: this foot does not bend as a condensed one can"
+            )
         return CondensedFoot(
             full=self.foot,
-            hinge_m=curves[:2],
-            log_stiffness=curves[2:],
+            curves=curves,
             damping_time_s=self.foot.keel.damping_time_s,
             stations=tuple(stations),
             friction=self.foot.friction,
