@@ -31,6 +31,7 @@ FLOORS = (
     "plants",
     "simulation",
     "collocation",
+    "mujoco",
     "walks",
     "recording",
     "fit",
@@ -59,6 +60,8 @@ WITHOUT_DRAKE = (
     "walks/sweep_table.py",
     "walks/comparison.py",
     "device/bench_metrics.py",
+    "mujoco.py",
+    "engines/certificate/in_mujoco.py",
     "report/style.py",
     "report/figures.py",
     "report/*_figure*.py",
@@ -66,7 +69,11 @@ WITHOUT_DRAKE = (
     "report/tuning/*.py",
     "report/validation/*_chapter.py",
 )
-ONLY = {"laws": {"laws", "base"}, "collocation": {"collocation", "base"}}
+ONLY = {
+    "laws": {"laws", "base"},
+    "collocation": {"collocation", "base"},
+    "mujoco": {"mujoco", "base"},
+}
 """What these import at all."""
 OPTIMAL_CONTROL_FOR = {"optimal_control", "report", "cli", "validation/published_trends.py"}
 """Who imports optimal control."""
@@ -189,9 +196,9 @@ def test_threads_begin_and_foreign_files_are_parsed_in_one_place_for_each_kind()
     doors = {
         "threads.py": r"ThreadPoolExecutor\((?!workers, thread_name_prefix=\"sweep\")",
         "yaml_file.py": r"yaml\.(\w+_)?(load|compose|parse|scan)\w*\(|(?<!Package)(?<!Choice)Loader",  # noqa: E501
-        # npz, json (but for a cache that trusts nothing) and ~
+        # npz (but for what foreign interpreters read), json (but for a cache that trusts nothing), ~
         "files.py": (
-            r"np\.(load|fromfile|memmap)\(|allow_pickle=True|json\.loads?\((?!arrays\.pop\(ABOUT\))"
+            r"np\.(load|fromfile|memmap)\((?!folder / FILE, allow_pickle=False\))|allow_pickle=True|json\.loads?\((?!arrays\.pop\(ABOUT\))"
             r"|(?<!os\.path)\.expanduser\("
         ),
     }

@@ -12,6 +12,7 @@
     stiffness  StiffnessTuning and tune_stiffness (`vsf_drake.tuning.solve`)
     a session  session: from a folder of recordings to a verdict
     studies    make_study; WalkCase and simulate_batch: many walks at once
+    engines    certify: do other engines compute the same foot?
     files      load_model; resource: a file that comes with the package
 
 Each is loaded when it is first used. All else has its place in the modules below.
@@ -31,6 +32,7 @@ _HOMES = {
     "add_fulcrum_drive": "plants",
     "add_fulcrum_slider": "plants",
     "bench_table": "device.bench_metrics",
+    "certify": "engines.certificate.run",
     "fit_contact": "fit.solution:solve",
     "fit_offsets": "walks.offsets",
     "load_contact": "model.contact_file",

@@ -1,6 +1,7 @@
 # What a type checker sees of `__init__.py`: the names, and no others.
 from vsf_drake.base.files import resource
 from vsf_drake.device.bench_metrics import bench_table
+from vsf_drake.engines.certificate.run import certify
 from vsf_drake.fit.problem import ContactFit
 from vsf_drake.fit.solution import solve as fit_contact
 from vsf_drake.model.contact_file import load_contact
@@ -43,6 +44,7 @@ __all__ = [
     "add_fulcrum_drive",
     "add_fulcrum_slider",
     "bench_table",
+    "certify",
     "fit_contact",
     "fit_offsets",
     "load_contact",

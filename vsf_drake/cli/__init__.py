@@ -50,6 +50,7 @@ def _ended(signals: _Signals) -> int | str | None:
     """Runs the command, and says what there is to say of how it ended; the exit code."""
     try:  # the commands are loaded here, where a signal already finds its answer
         from vsf_drake.cli import (  # noqa: F401
+            certify,
             compare,
             device,
             doctor,

@@ -26,6 +26,7 @@ GUIDES = {
     "map": "stiffness_map",
     "show": "drake",
     "export": "drake",
+    "certify": "engines",
     "stand": "trials#the-subject",
     "doctor": "commands",
 }

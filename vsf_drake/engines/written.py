@@ -20,6 +20,8 @@ from vsf_drake.plants.solids import RIGHTWARD
 
 STEP_S = 1e-3
 """The longest for which a file is written."""
+SOFTENING = 0.1
+"""Of the constraints of Drake's SAP solver, there called beta."""
 
 ET.register_namespace("drake", "http://drake.mit.edu")
 
@@ -27,13 +29,13 @@ ET.register_namespace("drake", "http://drake.mit.edu")
 def written(template: str, parameters: FootParameters, fulcrum_m: float | None, **more: Any) -> str:
     """The text of `template` for the foot of `parameters`."""
     (handles, links), fulcrum = rigid_foot(parameters), parameters.fulcrum
+    carriers = {body.index(): links[i] for i, body in enumerate((handles.frame, *handles.keel))}
     if fulcrum_m is not None:
         check_fulcrum(fulcrum_m, parameters, where="fulcrum_m")
-        step_s = _step(handles, fulcrum_m, mjcf=template == "foot.mjcf.j2")
         more |= {
             "over": links[1 + handles.keel_body_at(fulcrum_m)],
             "point": np.array([fulcrum_m, 0.0, 0.0]),
-            "step_s": step_s,
+            "step_s": _step(handles, fulcrum_m, mjcf=template == "foot.mjcf.j2"),
             "support": {
                 "stiffness": fulcrum.stiffness_n_per_m,
                 "damping": fulcrum.stiffness_n_per_m * fulcrum.damping_time_s,
@@ -46,6 +48,7 @@ def written(template: str, parameters: FootParameters, fulcrum_m: float | None, 
         fulcrum_m=fulcrum_m,
         parameters=parameters,
         sites=handles.sites,
+        carriers=[carriers[index] for index in handles.sites.body_indices],
         axis=RIGHTWARD,
         hinges=list(
             zip(
@@ -101,15 +104,17 @@ def _step(foot: FootHandles, fulcrum_m: float, *, mjcf: bool) -> float:
     """Half of the longest step (s) that is steady in theory, rounded down to one digit, `STEP_S` at
     most.
 
-    For small angles q of the keel on a frame that stands still, with springs K and dampers C taken
-    at the start of a step h and dampers D at its end,
+    For small angles q of the keel on a frame that stands still, with springs K taken at the start
+    of a step h and dampers D at its end,
 
-        M (v+ - v) = -h (K q + C v + D v+),   q+ = q + h v+.
+        M (v+ - v) = -h (K q + D v+),   q+ = q + h v+.
 
-    All matrices are symmetric, so a mode can grow only where 4 M + 2 h (D - C) - h^2 K is not
-    positive: the largest 1 / h with which it is singular is an eigenvalue. Drake takes the bushing
-    at the start, spring and damper. The support of `foot_mjcf`, written for h, takes nothing from
-    that matrix up to 2 h, so there it is left out.
+    All matrices are symmetric, so a mode can grow only where 4 M + 2 h D - h^2 K is not positive:
+    the largest 1 / h with which it is singular is an eigenvalue. The support of the files, written
+    for h, takes nothing from that matrix up to 2 h, so there it is left out. But Drake's
+    constraints are softened ("near-rigid", Castro et al., arXiv 2110.10107): with w the keel's
+    compliance to an impulse at the fulcrum (1/kg) they damp with 4 pi^2 / (SOFTENING^2 h w) at
+    most, of which the support's spring k needs h k / 2.
     """
     # the stub has no types
     plant: MultibodyPlant = foot.frame.GetParentPlant()  # type: ignore[no-untyped-call]
@@ -119,16 +124,16 @@ def _step(foot: FootHandles, fulcrum_m: float, *, mjcf: bool) -> float:
     M = plant.CalcMassMatrix(plant.CreateDefaultContext())[np.ix_(at, at)]
     K = np.diag(foot.joint_stiffness)
     damping = np.diag(foot.joint_damping)
-    if not mjcf:
-        fulcrum = foot.parameters.fulcrum
-        arm = np.maximum(fulcrum_m - foot.keel_starts, 0.0)
-        support = fulcrum.stiffness_n_per_m * np.outer(arm, arm)
-        K = K + support
-        damping = damping - fulcrum.damping_time_s * support
     inverse = np.linalg.inv(4.0 * M)
     rates = np.linalg.eigvals(
         np.block([[np.zeros_like(M), np.eye(len(M))], [inverse @ K, -2.0 * inverse @ damping]])
     )
-    step_s = min(STEP_S, 0.5 / float(rates.real.max()))
+    longest_s = 1.0 / float(rates.real.max())
+    if not mjcf:
+        arm = np.maximum(fulcrum_m - foot.keel_starts, 0.0)
+        compliance = arm @ np.linalg.solve(M, arm)
+        softened = foot.parameters.fulcrum.stiffness_n_per_m * compliance * SOFTENING**2
+        longest_s = min(longest_s, math.sqrt(8.0 * math.pi**2 / softened))
+    step_s = min(STEP_S, 0.5 * longest_s)
     digit = 10.0 ** math.floor(math.log10(step_s) + 1e-9)
     return round(math.floor(step_s / digit + 1e-9) * digit, 15)

@@ -100,8 +100,8 @@ def find_foot(
     ]
     require(
         not any(
-            isinstance(force, tree.LinearBushingRollPitchYaw)
-            and force.link1().model_instance() == instance
+            isinstance(force, tree.LinearSpringDamper)
+            and force.bodyA().model_instance() == instance
             for force in elements
         ),
         "has its support in the file already, at a fixed place",

@@ -14,6 +14,8 @@ NOMINAL = "nominal"
 """Folder of the files with the foot's own contact law."""
 ELASTIC = "elastic"
 """Folder of the files whose spheres have no damping."""
+CONTINUOUS = "continuous"
+"""Folder of the SDF for a plant without a time step."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,6 +44,13 @@ class Asked:
     beam_ei_nm2: float  # N m^2, bending stiffness of the keel
     keel_length_m: float
     support_n_per_m: float  # of the fulcrum's support, along z of K
+    sphere_bodies: np.ndarray  # (N,) names of the bodies that the contact spheres are on
+    sphere_p_BS: np.ndarray  # (N, 3) m, their centres in those bodies' frames, at rest along K's
+    sphere_radius: np.ndarray  # (N,) m, and below the constants of `laws.kelvin_voigt`
+    sphere_stiffness: np.ndarray
+    sphere_exponent: np.ndarray
+    sphere_damping: np.ndarray
+    sphere_full_damping_depth: np.ndarray
 
     @classmethod
     def read(cls, folder: Path) -> Asked:
@@ -58,6 +67,6 @@ class Asked:
 
 
 def foot_file(folder: Path, law: str, fulcrum_mm: float, ending: str) -> Path:
-    """The foot's file in the certificate's `folder`: with the law `NOMINAL` or `ELASTIC`, `ending`
-    osim, xml or sdf."""
+    """The foot's file in the certificate's `folder`: with the law `NOMINAL` or `ELASTIC`, or
+    `CONTINUOUS`; `ending` osim, xml or sdf."""
     return folder / law / f"vsf_foot_at_{fulcrum_mm:g}mm.{ending}"
