@@ -31,6 +31,7 @@ FLOORS = (
     "plants",
     "simulation",
     "collocation",
+    "mujoco",
     "walks",
     "recording",
     "fit",
@@ -59,6 +60,8 @@ WITHOUT_DRAKE = (
     "walks/sweep_table.py",
     "walks/comparison.py",
     "device/bench_metrics.py",
+    "mujoco.py",
+    "engines/certificate/in_mujoco.py",
     "report/style.py",
     "report/figures.py",
     "report/*_figure*.py",
@@ -66,7 +69,11 @@ WITHOUT_DRAKE = (
     "report/tuning/*.py",
     "report/validation/*_chapter.py",
 )
-ONLY = {"laws": {"laws", "base"}, "collocation": {"collocation", "base"}}
+ONLY = {
+    "laws": {"laws", "base"},
+    "collocation": {"collocation", "base"},
+    "mujoco": {"mujoco", "base"},
+}
 """What these import at all."""
 OPTIMAL_CONTROL_FOR = {"optimal_control", "report", "cli", "validation/published_trends.py"}
 """Who imports optimal control."""

@@ -19,6 +19,7 @@ LAYERS = {
     "motion": "Motion: recordings in, joint trajectories out",
     "simulation": "Simulation: the stepper, Drake's Simulator, results on disk",
     "collocation": "Collocation: optimal control of any trajectory problem",
+    "mujoco": "MuJoCo: contact in newtons and metres for any model",
     "walks": "Walks: a recorded trial walked and compared",
     "recording": "Recording: import and checks of a laboratory's files",
     "fit": "Fit: contact, geometry and errors of motion to plates",

@@ -1,0 +1,63 @@
+"""What every engine of the certificate is asked, as a file in a folder; numpy alone, so that any
+interpreter that has an engine can read it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+FILE = "asked.npz"
+NOMINAL = "nominal"
+"""Folder of the files with the foot's own contact law."""
+ELASTIC = "elastic"
+"""Folder of the files whose spheres have no damping."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Asked:
+    """The questions, in SI units; B is the number of the keel's bodies, which is that of its
+    hinges.
+
+    The mount M is where the pylon attaches, the load point C lies on the keel, its posterior end is
+    A, and K is the keel's frame: origin A, x to the toe, z up.
+    """
+
+    fulcrum_mm: np.ndarray  # (F,) positions of the fulcrum, from A
+    load_n: np.ndarray  # (L,) N vertical, on C, of the static rows
+    load_point_m: float  # from A to C
+    hinges: np.ndarray  # (B,) names, from the pin at A to the toe
+    bodies: np.ndarray  # (B,) names of the keel's bodies
+    starts_m: np.ndarray  # (B,) from A to their frames
+    poses_rad: np.ndarray  # (P, B) angles of the hinges, positive lifts the toe
+    gravity: float  # m/s^2
+    mount_K: np.ndarray  # (2,) m, x and z of M in K at rest
+    roll_fulcrum_mm: float  # fulcrum of poses and roll-over
+    time_s: np.ndarray  # (T,)
+    mount: np.ndarray
+    """(T, 3) path of M over level ground at z = 0: forward (m), up (m), pitch (rad, lifts the toe);
+    between these instants a natural cubic spline"""
+    beam_ei_nm2: float  # N m^2, bending stiffness of the keel
+    keel_length_m: float
+    support_n_per_m: float  # of the fulcrum's support, along z of K
+
+    @classmethod
+    def read(cls, folder: Path) -> Asked:
+        """From `FILE` in `folder`."""
+        with np.load(folder / FILE, allow_pickle=False) as stored:
+            return cls(
+                **{name: value if value.ndim else value.item() for name, value in stored.items()}
+            )
+
+    def write(self, folder: Path) -> None:
+        """As `FILE` into `folder`."""
+        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        np.savez(folder / FILE, allow_pickle=False, **fields)
+
+
+def foot_file(folder: Path, law: str, fulcrum_mm: float, ending: str) -> Path:
+    """The foot's file in the certificate's `folder`: with the law `NOMINAL` or `ELASTIC`, `ending`
+    osim, xml or sdf."""
+    return folder / law / f"vsf_foot_at_{fulcrum_mm:g}mm.{ending}"
