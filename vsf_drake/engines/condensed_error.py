@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from vsf_drake.base.errors import SimulationError
-from vsf_drake.device.roll_over import energy_taken, iso_22675
+from vsf_drake.device.roll_over import energy_taken, iso_22675, returned_late
 from vsf_drake.engines.condensed import CondensedFoot
 from vsf_drake.engines.sagittal_foot import rolled
 from vsf_drake.model.parameters import GRAVITY
@@ -80,8 +80,11 @@ def error_against_full(
         off = (roll.force_n[:, i] - force) / force.max()
         both = (force > LOADED_N) & (roll.force_n[:, i] > LOADED_N)
         apart = (roll.centre_m[:, i] - run.cop_W[:, 0])[both]
-        full = _stored_and_returned(run.time_s, *energy_taken(run))
-        own = _stored_and_returned(run.time_s, roll.strain_j[:, i], roll.taken_j[:, i])
+        late = run.time_s > 0.5 * load.duration_s
+        full, own = (
+            np.array([strain[late].max(), returned_late(run.time_s, strain, taken)])
+            for strain, taken in (energy_taken(run), (roll.strain_j[:, i], roll.taken_j[:, i]))
+        )
         stored, returned = np.abs(own / full - 1.0)
         errors.append(
             RollOverError(
@@ -104,12 +107,3 @@ def error_against_full(
         ),
         each=tuple(errors),
     )
-
-
-def _stored_and_returned(
-    time_s: np.ndarray, strain_j: np.ndarray, taken_j: np.ndarray
-) -> np.ndarray:
-    """The most strain of the second half, and what is given back after it (J)."""
-    late = time_s > 0.5 * time_s[-1]
-    fullest = int(np.argmax(np.where(late, strain_j, 0.0)))
-    return np.array([strain_j[fullest], taken_j[fullest:].max() - taken_j[-1]])
