@@ -70,7 +70,7 @@ def test_collision_spheres_leave_one_another_alone_and_may_be_left_out():
 def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe_as_on_the_bench(
     fulcrum_m,
 ):
-    """Between bench and file is the lean of a spring of 100 m, whose end strays by some
+    """Between bench and file is the lean of a spring of 1 km, whose end strays by some
     millimetres: its square."""
     plant = read(foot_sdf(NOMINAL, fulcrum_m=fulcrum_m), weight=False)
     known = lumped_stiffness(

@@ -36,6 +36,9 @@ ELEMENTS = 32
 STRETCH = 3e5
 """Axial stiffness over bending stiffness / C^2 of the cable. Its stretch makes the rise at most
 1e-5 larger (measured, against the elastica); ten times as much has the elements lock instead."""
+ROUNDING = 1e-12
+"""Of the cable's axial stiffness (N): force that may be left over, ten times what rounding leaves
+(measured)."""
 LOAD_STEPS = 4
 """Of each load, from the one before."""
 
@@ -67,6 +70,7 @@ def shapes(asked: Asked, fulcrum_m: float, elements: int = ELEMENTS) -> np.ndarr
             *np.linspace(fulcrum_m, asked.load_point_m, elements + 1),
         ]
     )
+    axial_n = STRETCH * asked.beam_ei_nm2 / asked.load_point_m**2
     nodes = [beam.AddNode(NodePoint2DSlope1(referenceCoordinates=[at, 0, 1, 0])) for at in x]
     for i, length in enumerate(np.diff(x)):
         beam.AddObject(
@@ -74,7 +78,7 @@ def shapes(asked: Asked, fulcrum_m: float, elements: int = ELEMENTS) -> np.ndarr
                 length=length,
                 massPerLength=1.0,  # without effect at rest
                 bendingStiffness=asked.beam_ei_nm2,
-                axialStiffness=STRETCH * asked.beam_ei_nm2 / asked.load_point_m**2,
+                axialStiffness=axial_n,
                 nodeNumbers=[nodes[i], nodes[i + 1]],
                 useReducedOrderIntegration=2,
             )
@@ -100,7 +104,7 @@ def shapes(asked: Asked, fulcrum_m: float, elements: int = ELEMENTS) -> np.ndarr
     settings.staticSolver.numberOfLoadSteps = LOAD_STEPS
     settings.staticSolver.verboseMode = 0
     settings.staticSolver.newton.relativeTolerance = 1e-8
-    settings.staticSolver.newton.absoluteTolerance = 1e-7
+    settings.staticSolver.newton.absoluteTolerance = ROUNDING * axial_n
     found = []
     for load_n in asked.load_n:
         beam.SetLoadParameter(load, "load", load_n)
