@@ -33,7 +33,8 @@ What to mind:
   (and after `mj_setConst`, which updates `body_invweight0`).
 - A counts both bodies. A floor, or anything without joints, counts 0 and needs no thought. Should
   the geoms meet something that moves, name it in `against`: against a partner that it was not
-  told of, force and mass are less, by A of the geom over A of both.
+  told of, force and mass are less, by A of the geom over A of both. If two of the geoms touch one
+  another, MuJoCo mixes their numbers: calibrate one of the two.
 - d is 1e-4 at least. So a body of great inertia (one that is led along a path, its joints given a
   huge armature) has a contact mass of 1e-4 of that. Set its `body_invweight0` to 1 before.
 - The force is that of one contact point; a box that lies flat has four.
@@ -70,24 +71,26 @@ from vsf_drake.base.errors import InputError, require
 if TYPE_CHECKING:
     import mujoco
 
-SPHERE = "foam_"
-KEEL = "keel_"
-SUPPORT = "vsf_support"
-NUMERIC = "sphere_"
+_SPHERE = "foam_"
+_KEEL = "keel_"
+_SUPPORT = "vsf_support"
+_NUMERIC = "sphere_"
 """In an exported foot: what the names of the contact spheres and of the keel's joints begin with,
 the tendon's name, and what the names of the spheres' custom numerics begin with."""
-LOADING_SHARE = 0.5
+_LOADING_SHARE = 0.5
 """Of the damping that a foot's foam has in loading only, as damping both ways: a depth that goes up
 and down alike loses the same energy in both."""
-RANGES = {"stiffness": (0.0, 1e30), "damping": (0.0, 1e30), "exponent": (1.0, 6.0)}
+_RANGES = {"stiffness": (0.0, 1e30), "damping": (0.0, 1e30), "exponent": (1.0, 6.0)}
 """The law's numbers; up to exponent 6 `_impedance` was held against it."""
-LEAST = 1e-4
-MOST = 0.9999
+_LEAST = 1e-4
+_MOST = 0.9999
 """MuJoCo's own limits of an impedance, mjMINIMP and mjMAXIMP."""
-LEAST_OF_CURVED = 0.01
+_LEAST_OF_CURVED = 0.01
 """Impedance at `depth` where the exponent is not 1: less leaves no room above MuJoCo's least, 1e-4,
 for it to fall towards the surface. It is a mass of 1 % of the body's."""
-MOST_OF_CURVED = 0.9
+_MOST_OF_CURVED = 0.9
+"""The most for which the fit was held against the law, a mass of 9 times the body's: a curved
+contact that would need more for the step is less steady than a straight one."""
 
 
 def calibrate(
@@ -130,7 +133,7 @@ def calibrate(
     law |= {field: values for field, values in given.items() if values is not None}
     require("stiffness" in law, "is left out", "stiffness", "Give it with the geoms")
     numbers = [
-        _numbers(law[field], len(names), field, low, high) for field, (low, high) in RANGES.items()
+        _numbers(law[field], len(names), field, low, high) for field, (low, high) in _RANGES.items()
     ]
     require(math.isfinite(depth) and depth > 0.0, f"is {depth:g} m", "depth", "It must be positive")
     ids = np.array([_geom(model, name, "geoms") for name in names], dtype=int)
@@ -138,16 +141,17 @@ def calibrate(
 
     inverse_masses = model.body_invweight0[model.geom_bodyid, 0]  # A of a geom's body, 1/kg
     partner = 0.0 if against is None else inverse_masses[_geom(model, against, "against")]
+    still = [name for name, i in zip(names, ids, strict=True) if inverse_masses[i] + partner <= 0.0]
+    require(
+        not still,
+        "does not move, and what it meets is not named",
+        still[0] if still else None,
+        "Attach its body to what moves, or name the geom that it meets in `against`",
+    )
     priority = 1 + np.delete(model.geom_priority, ids).max(initial=0)
     step_s = model.opt.timestep
-    for i, name, k, c, n in zip(ids, names, *numbers, strict=True):
+    for i, k, c, n in zip(ids, *numbers, strict=True):
         A = inverse_masses[i] + partner
-        require(
-            A > 0.0,
-            "does not move, and what it meets is not named",
-            name,
-            "Attach its body to what moves, or name the geom that it meets in `against`",
-        )
         secant = k * depth ** (n - 1.0)
         share = A * (step_s**2 * n * secant + step_s * c)
         d, solimp = _impedance(float(n), float(share / (1.0 + share)))
@@ -164,7 +168,7 @@ def calibrate(
 
 def _prefixes(model: mujoco.MjModel) -> list[str]:
     """Under which exported feet were attached to `model`."""
-    ending = f"{NUMERIC}stiffness"
+    ending = f"{_NUMERIC}stiffness"
     written = [model.numeric(i).name for i in range(model.nnumeric)]
     return [name.removesuffix(ending) for name in written if name.endswith(ending)]
 
@@ -179,25 +183,26 @@ def _foot(model: mujoco.MjModel) -> tuple[list[str], dict[str, Any]]:
         "Name the geoms, and give their stiffness",
     )
     law = {
-        field: np.concatenate([model.numeric(f"{p}{NUMERIC}{field}").data for p in prefixes])
-        for field in RANGES
+        field: np.concatenate([model.numeric(f"{p}{_NUMERIC}{field}").data for p in prefixes])
+        for field in _RANGES
     }
     names = [
-        f"{prefix}{SPHERE}{i}"
+        f"{prefix}{_SPHERE}{i}"
         for prefix in prefixes
-        for i in range(len(model.numeric(f"{prefix}{NUMERIC}stiffness").data))
+        for i in range(len(model.numeric(f"{prefix}{_NUMERIC}stiffness").data))
     ]
-    return names, {**law, "damping": LOADING_SHARE * law["damping"]}
+    return names, {**law, "damping": _LOADING_SHARE * law["damping"]}
 
 
 def _show_dampers_as_inertia(model: mujoco.MjModel) -> None:
     """Gives keels and supports of exported feet the armature that a step of their damping is."""
     prefixes = _prefixes(model)
-    starts = tuple(f"{prefix}{KEEL}" for prefix in prefixes)
+    starts = tuple(f"{prefix}{_KEEL}" for prefix in prefixes)
     keels = [
         model.jnt_dofadr[i] for i in range(model.njnt) if model.joint(i).name.startswith(starts)
     ]
-    supports = [model.tendon(f"{prefix}{SUPPORT}").id for prefix in prefixes]
+    names = {f"{prefix}{_SUPPORT}" for prefix in prefixes}  # a condensed foot has none
+    supports = [i for i in range(model.ntendon) if model.tendon(i).name in names]
     model.dof_armature[keels] = model.opt.timestep * model.dof_damping[keels]
     model.tendon_armature[supports] = model.opt.timestep * model.tendon_damping[supports]
 
@@ -265,23 +270,23 @@ def _impedance(exponent: float, wanted: float) -> tuple[float, np.ndarray]:
     least, width, midpoint and power are fitted to the force.
     """
     if exponent == 1.0:
-        d = float(np.clip(wanted, LEAST, MOST))
+        d = float(np.clip(wanted, _LEAST, _MOST))
         return d, np.array([d, d, 1.0, 0.5, 2.0])
-    d = float(np.clip(wanted, LEAST_OF_CURVED, MOST_OF_CURVED))
+    d = float(np.clip(wanted, _LEAST_OF_CURVED, _MOST_OF_CURVED))
     depth = np.linspace(0.02, 1.0, 50)
 
     def solimp(numbers: np.ndarray) -> np.ndarray:
         share, width, midpoint, power = numbers
         least = share * d
         rise = (d - least) / _sigmoid(np.array(1.0 / width), midpoint, power)
-        return np.array([least, min(least + rise, MOST), width, midpoint, power])
+        return np.array([least, min(least + rise, _MOST), width, midpoint, power])
 
     def excess(numbers: np.ndarray) -> np.ndarray:
         at = _at(depth, solimp(numbers))
         force = depth * (at / d) ** 2 * (1.0 - d) / (1.0 - at)
         return np.asarray(force - depth**exponent)
 
-    lowest = np.array([LEAST / d, 1.0, 1e-4, 1.0])
+    lowest = np.array([_LEAST / d, 1.0, 1e-4, 1.0])
     highest = np.array([0.99, 20.0, 0.9999, 8.0])
     starts = ([0.1, 2.0, 0.05, 1.5], [0.01, 1.5, 0.4, 1.5], [0.3, 5.0, 0.01, 6.0])
     fits = [

@@ -41,20 +41,8 @@ def written(template: str, parameters: FootParameters, fulcrum_m: float | None, 
                 "damping": fulcrum.stiffness_n_per_m * fulcrum.damping_time_s,
             },
         }
-    environment = Environment(
-        loader=PackageLoader("vsf_drake.engines"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        autoescape=True,
-    )
-    environment.filters |= {
-        "text": _text,
-        "kind": lambda shape: type(shape).__name__,
-        "six": lambda X: [*X.translation(), *RollPitchYaw(X.rotation()).vector()],
-        "turned": lambda X: not np.array_equal(X.rotation().matrix(), np.eye(3)),
-    }
-    text = environment.get_template(template).render(
+    return rendered(
+        template,
         links=links,
         name=NAME,
         fulcrum_m=fulcrum_m,
@@ -76,10 +64,32 @@ def written(template: str, parameters: FootParameters, fulcrum_m: float | None, 
         X_KM=handles.mount.GetFixedPoseInBodyFrame(),
         **more,
     )
-    head, end, tree = text.partition("-->\n")
+
+
+def rendered(template: str, **context: Any) -> str:
+    """The text of `template` in `engines/templates`: a comment, then indented XML."""
+    head, end, tree = filled(template, **context).partition("-->\n")
     root = ET.fromstring(tree)
     ET.indent(root)
     return f"{head}{end}{ET.tostring(root, encoding='unicode')}\n"
+
+
+def filled(template: str, **context: Any) -> str:
+    """The text of `template` in `engines/templates` as it stands there."""
+    environment = Environment(
+        loader=PackageLoader("vsf_drake.engines"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=True,
+    )
+    environment.filters |= {
+        "text": _text,
+        "kind": lambda shape: type(shape).__name__,
+        "six": lambda X: [*X.translation(), *RollPitchYaw(X.rotation()).vector()],
+        "turned": lambda X: not np.array_equal(X.rotation().matrix(), np.eye(3)),
+    }
+    return environment.get_template(template).render(context)
 
 
 def _text(values: npt.ArrayLike) -> str:

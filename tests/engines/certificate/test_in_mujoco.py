@@ -109,7 +109,7 @@ def test_masses_and_weights_at_poses_are_those_of_drake(asked, folder, plant):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "friction", "within", "on_average"),
-    [(ELASTIC, False, 3e-4, 3e-5), (NOMINAL, False, 0.03, 0.02), (NOMINAL, True, 0.03, 0.02)],
+    [(ELASTIC, False, 3e-4, 3e-5), (NOMINAL, False, 0.03, 0.02), (NOMINAL, True, 0.025, 0.02)],
 )
 def test_roll_over_is_that_of_the_stepper(roll, folder, law, friction, within, on_average):
     """At steps of 25 us of the stepper. Without damping both have one law. With damping the foam's
@@ -122,7 +122,8 @@ def test_roll_over_is_that_of_the_stepper(roll, folder, law, friction, within, o
     excess = (vertical[1:] - known) / known.max()
     assert np.abs(excess).max() < within
     assert np.sqrt(np.mean(excess**2)) < on_average
-    assert friction or np.all(fore_aft == 0.0)
+    along = np.interp(TIME_S[1:], run.time_s, run.grf_W[:, 0])
+    assert np.abs(fore_aft[1:] - along).max() <= 0.67 * np.abs(along).max()
 
 
 @pytest.mark.slow
