@@ -231,6 +231,15 @@ def test_a_foot_without_a_forefoot_is_refused_with_what_would_be_right():
     assert "rolls over both" in str(refused.value)
 
 
+def test_a_part_of_the_sole_that_bears_nothing_is_named():
+    soft = tuple(
+        replace(zone, stiffness=0.0) if zone.name == "heel_anterior" else zone
+        for zone in NOMINAL.zones
+    )
+    with pytest.raises(InputError, match=r"no sphere bears from 66 to 108 mm.*heel_front"):
+        condense(replace(NOMINAL, zones=soft))
+
+
 def test_a_fulcrum_out_of_reach_is_refused(condensed):
     with pytest.raises(InputError, match=r"fulcrum_m.*out of the carriage's reach"):
         condensed.at(0.2)

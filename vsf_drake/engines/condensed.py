@@ -25,9 +25,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import SpatialInertia
 from scipy.optimize import least_squares
 
 from vsf_drake.base.errors import FitError, require
@@ -46,6 +49,7 @@ from vsf_drake.laws.contact_law import LawConstants
 from vsf_drake.model.model_file import check_foot, check_fulcrum
 from vsf_drake.model.parameters import GRAVITY, FootParameters, FrictionParameters
 from vsf_drake.plants.foot import mount_pose, sole_height
+from vsf_drake.plants.rigid_foot import rigid_foot
 from vsf_drake.plants.solids import box
 from vsf_drake.simulation.bench import keel_shape
 
@@ -168,7 +172,7 @@ def _powers(foot: FootParameters, fulcrum_m: np.ndarray) -> np.ndarray:
     """(B, DEGREE + 1) of the place of (B,) m in the reach."""
     reach = foot.fulcrum
     half = 0.5 * (reach.foremost_m - reach.rearmost_m)
-    place = (fulcrum_m - reach.rearmost_m - half) / max(half, 1e-9)
+    place = (fulcrum_m - reach.rearmost_m - half) / half
     return np.vander(place, DEGREE + 1, increasing=True)
 
 
@@ -181,28 +185,19 @@ def _hinges(foot: FootParameters, curves: np.ndarray, fulcrum_m: np.ndarray) -> 
 
 def _pieces(foot: FootParameters, fulcrum_m: float, hinge_m: np.ndarray) -> tuple[Piece, ...]:
     """The full foot's mass on three pieces. Of the keel behind the fulcrum the half that is next to
-    the pin hardly moves as it rocks, and counts for the frame."""
+    the pin hardly moves as it rocks, and counts for the frame, as the carriage does."""
     keel = foot.keel
-    length = sum(keel.element_lengths_m)
     hinge_1, hinge_2 = (float(place) for place in hinge_m)
-    cuts = (0.0, min(0.5 * fulcrum_m, hinge_1), hinge_2, length)
+    cuts = (0.0, min(0.5 * fulcrum_m, hinge_1), hinge_2, sum(keel.element_lengths_m))
     pieces = []
     for name, start, end in zip(PIECES, cuts[:-1], cuts[1:], strict=True):
         size = (end - start, keel.width_m, keel.thickness_m)
-        inertia = box(
-            keel.density_kg_m3 * float(np.prod(size)), size, (0.5 * (start + end), 0.0, 0.0)
-        )
+        mass = keel.density_kg_m3 * float(np.prod(size))
+        inertia = box(mass, size, (0.5 * (start + end), 0.0, 0.0))
         if name == "frame":
-            carriage = foot.fulcrum.carriage_mass_kg
-            rear = foot.fulcrum.rearmost_m
-            height = foot.build_height_m + sole_height(foot)
-            volume = length * keel.width_m * keel.thickness_m
-            inertia += box(carriage, (0.02, keel.width_m, 0.02), (fulcrum_m, 0.0, 0.02))
-            inertia += box(
-                foot.mass_kg - keel.density_kg_m3 * volume - carriage,
-                (1.5 * rear, keel.width_m, height),
-                (0.75 * rear, 0.0, 0.5 * height),
-            )
+            frame, carriage = _above_the_keel(foot)
+            inertia += frame
+            inertia += carriage.Shift(np.array([-fulcrum_m, 0.0, 0.0]))
         centre = inertia.get_com()
         pieces.append(
             Piece(
@@ -213,6 +208,16 @@ def _pieces(foot: FootParameters, fulcrum_m: float, hinge_m: np.ndarray) -> tupl
             )
         )
     return tuple(pieces)
+
+
+@lru_cache(maxsize=4)
+def _above_the_keel(foot: FootParameters) -> tuple[SpatialInertia, SpatialInertia]:
+    """Of the full foot's frame about A, and of its carriage about the fulcrum."""
+    full, _ = rigid_foot(foot)
+    # the stub has no types
+    plant: MultibodyPlant = full.frame.GetParentPlant()  # type: ignore[no-untyped-call]
+    carriage = full.carriage_joint(plant).child_body()
+    return full.frame.default_spatial_inertia(), carriage.default_spatial_inertia()
 
 
 def _sagittal(
@@ -271,15 +276,15 @@ def _lumped(foot: FootParameters) -> list[Station]:
     stations = []
     for i, name in enumerate(STATIONS):
         own = np.flatnonzero((ends[i] <= x) & (x < ends[i + 1]))
+        exponents = np.array([zones[s].exponent for s in own])
+        forces = np.array([zones[s].stiffness for s in own]) * ALIKE_AT_M**exponents
         require(
-            own.size,
-            f"no sphere stands from {1e3 * ends[i]:.0f} to {1e3 * ends[i + 1]:.0f} mm, for which "
+            forces.sum() > 0.0,
+            f"no sphere bears from {1e3 * ends[i]:.0f} to {1e3 * ends[i + 1]:.0f} mm, for which "
             f"the station {name} is to stand",
             "foot.zones",
             "Add one, or export the full foot",
         )
-        exponents = np.array([zones[s].exponent for s in own])
-        forces = np.array([zones[s].stiffness for s in own]) * ALIKE_AT_M**exponents
 
         def mean(values: Any, forces: np.ndarray = forces) -> float:
             return float(np.average(values, weights=forces))
@@ -304,9 +309,8 @@ def _lumped(foot: FootParameters) -> list[Station]:
 class _Fit:
     """The poses, and the feet at rest in them.
 
-    Parameters are changes of the start in units of their scales: of the curves by rows,
-    then of the stations' x, logarithm of stiffness and of radius;
-    their bottoms stay where they are.
+    Parameters are changes of the start in units of their scales: of the curves by rows, then of the
+    stations' x, logarithm of stiffness and of radius; their bottoms stay where they are.
     """
 
     def __init__(self, foot: FootParameters) -> None:
