@@ -72,6 +72,7 @@ class MocoGround:
 
     stations: tuple[MocoStation, ...]
     largest: float  # difference of the whole force at rest, over its peak
+    touching_n: float  # of all at rest as they just touch the ground
     lost: float | None  # energy lost in the strokes, over what the own damping loses, if it does
 
 
@@ -120,6 +121,7 @@ def moco_ground(condensed: CondensedFoot, *, fulcrum_m: float) -> MocoGround:
     turned = np.column_stack([np.zeros(len(pitch)), np.cumsum(rest.q, axis=1)])
     stations = []
     fitted = np.empty_like(rest.at.normal)
+    touching_n = 0.0
     lost = np.zeros(2)
     for i, station in enumerate(condensed.stations):
         depth = rest.at.depth[:, i]
@@ -127,6 +129,7 @@ def moco_ground(condensed: CondensedFoot, *, fulcrum_m: float) -> MocoGround:
         constants = stroke.fitted()
         stiffness, length, dissipation = map(float, constants)
         fitted[:, i] = force(depth, np.zeros_like(depth), constants)
+        touching_n += float(force(np.zeros(1), np.zeros(1), constants)[0])
         lost += stroke.lost(constants)
         weight = rest.at.normal[:, i]
         # a station that bears nothing is taken as it stands
@@ -150,6 +153,7 @@ def moco_ground(condensed: CondensedFoot, *, fulcrum_m: float) -> MocoGround:
     return MocoGround(
         stations=tuple(stations),
         largest=float(np.abs(off).max() / rest.at.force.max()),
+        touching_n=touching_n,
         lost=float(lost[1] / lost[0]) if damped else None,
     )
 
@@ -174,7 +178,8 @@ class Stroke:
         scale = np.array([self.own.max() / self.depth.max(), CORNER_M, 1.0])
 
         def errors(p: np.ndarray) -> np.ndarray:
-            return (force(self.depth, self.rate, scale * p) - self.own) / self.own.max()
+            off = force(self.depth, self.rate, scale * p) - self.own
+            return np.asarray(off / self.own.max())
 
         return np.asarray(scale * least_squares(errors, np.ones(3)).x)
 
