@@ -13,11 +13,9 @@ from pathlib import Path
 import numpy as np
 import opensim
 
-from vsf_drake.engines.certificate.asked import Asked, foot_file
+from vsf_drake.engines.certificate.asked import CONDENSED, Asked, foot_file
 
 FILE = "moco.npz"
-CONDENSED = "condensed"
-"""Folder of the condensed foot's file."""
 MOUNT = ("vsf_mount_tx", "vsf_mount_ty", "vsf_mount_pitch")
 ACCURACY = 1e-6
 """Relative, of the integrator."""
