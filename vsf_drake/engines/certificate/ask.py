@@ -10,7 +10,17 @@ import numpy as np
 
 from vsf_drake.base.files import write_text
 from vsf_drake.base.schema import dump_yaml
-from vsf_drake.engines.certificate.asked import CONTINUOUS, ELASTIC, NOMINAL, Asked, foot_file
+from vsf_drake.engines.certificate.asked import (
+    CONDENSED,
+    CONTINUOUS,
+    ELASTIC,
+    NOMINAL,
+    Asked,
+    foot_file,
+)
+from vsf_drake.engines.condensed import condense
+from vsf_drake.engines.condensed_error import error_against_full
+from vsf_drake.engines.condensed_osim import condensed_osim
 from vsf_drake.engines.mjcf import foot_mjcf
 from vsf_drake.engines.osim import foot_osim
 from vsf_drake.engines.sdf import foot_sdf
@@ -87,11 +97,15 @@ def ask(folder: Path, parameters: FootParameters) -> Asked:
                 ("sdf", foot_sdf(own, fulcrum_m=1e-3 * mm)),
             ):
                 write_text(foot_file(folder, law, mm, ending), text)
-    (folder / CONTINUOUS).mkdir()
-    write_text(
-        foot_file(folder, CONTINUOUS, ROLL_FULCRUM_MM, "sdf"),
-        foot_sdf(parameters, fulcrum_m=1e-3 * ROLL_FULCRUM_MM, discrete=False),
-    )
+    rolled_m = 1e-3 * ROLL_FULCRUM_MM
+    condensed = condense(parameters)
+    error = error_against_full(condensed)
+    for name, ending, text in (
+        (CONTINUOUS, "sdf", foot_sdf(parameters, fulcrum_m=rolled_m, discrete=False)),
+        (CONDENSED, "osim", condensed_osim(condensed, error, fulcrum_m=rolled_m)),
+    ):
+        (folder / name).mkdir()
+        write_text(foot_file(folder, name, ROLL_FULCRUM_MM, ending), text)
     return asked
 
 
