@@ -17,7 +17,7 @@ ELASTIC = "elastic"
 CONTINUOUS = "continuous"
 """Folder of the SDF for a plant without a time step."""
 CONDENSED = "condensed"
-"""Folder of the condensed foot's file."""
+"""Folder of the condensed foot's OpenSim model."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
