@@ -61,6 +61,7 @@ WITHOUT_DRAKE = (
     "walks/comparison.py",
     "device/bench_metrics.py",
     "mujoco.py",
+    "engines/assisted_model.py",
     "engines/certificate/in_mujoco.py",
     "report/style.py",
     "report/figures.py",
@@ -307,7 +308,7 @@ def test_readme_starts_with_install_and_test_commands():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```bash\n(.*?)^```$", readme, flags=re.MULTILINE | re.DOTALL)
     assert blocks[0].splitlines()[-1] == "vsf-drake validate --out results"
-    assert blocks[1].splitlines()[-2:] == ["pip install '.[test]'", "pytest"]
+    assert blocks[1].splitlines()[-2:] == ["pip install '.[test,engines]'", "pytest"]
 
 
 def test_the_page_on_the_architecture_names_every_part_and_nothing_else():

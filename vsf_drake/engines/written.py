@@ -12,6 +12,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 
+from vsf_drake.engines.limits import cannot_hold
+from vsf_drake.laws.contact_laws import FITTED_LAW
 from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.foot_handles import FootHandles
@@ -26,8 +28,16 @@ SOFTENING = 0.1
 ET.register_namespace("drake", "http://drake.mit.edu")
 
 
-def written(template: str, parameters: FootParameters, fulcrum_m: float | None, **more: Any) -> str:
-    """The text of `template` for the foot of `parameters`."""
+def written(
+    template: str,
+    parameters: FootParameters,
+    fulcrum_m: float | None,
+    *,
+    law: str = FITTED_LAW,
+    **more: Any,
+) -> str:
+    """The text of `template`, named by its format, for the foot of `parameters`; `law` is the
+    contact law of its zones, one of CONTACT_LAWS."""
     (handles, links), fulcrum = rigid_foot(parameters), parameters.fulcrum
     carriers = {body.index(): links[i] for i, body in enumerate((handles.frame, *handles.keel))}
     if fulcrum_m is not None:
@@ -47,6 +57,8 @@ def written(template: str, parameters: FootParameters, fulcrum_m: float | None, 
         name=NAME,
         fulcrum_m=fulcrum_m,
         parameters=parameters,
+        law=law,
+        limits=cannot_hold(parameters, template.split(".")[1], law=law),
         sites=handles.sites,
         carriers=[carriers[index] for index in handles.sites.body_indices],
         axis=RIGHTWARD,

@@ -48,7 +48,7 @@ def answer(folder: Path) -> None:
     by which half the elements change it at most (relative), and `version`."""
     asked = Asked.read(folder)
     coarse, rise = (
-        np.array([_rises(asked, 1e-3 * mm, elements) for mm in asked.fulcrum_mm])
+        np.array([shapes(asked, 1e-3 * mm, elements)[:, -1, 1] for mm in asked.fulcrum_mm])
         for elements in (ELEMENTS // 2, ELEMENTS)
     )
     np.savez(
@@ -59,8 +59,9 @@ def answer(folder: Path) -> None:
     )
 
 
-def _rises(asked: Asked, fulcrum_m: float, elements: int) -> list[float]:
-    """Rise (m) of C under each load, of a beam with `elements` on either side of the fulcrum."""
+def shapes(asked: Asked, fulcrum_m: float, elements: int = ELEMENTS) -> np.ndarray:
+    """(L, P, 2) m, x and z in K of the nodes from A to C under each load, of a beam with `elements`
+    on either side of the fulcrum."""
     container = exudyn.SystemContainer()
     beam = container.AddSystem()
     x = np.unique(
@@ -104,12 +105,13 @@ def _rises(asked: Asked, fulcrum_m: float, elements: int) -> list[float]:
     settings.staticSolver.verboseMode = 0
     settings.staticSolver.newton.relativeTolerance = 1e-8
     settings.staticSolver.newton.absoluteTolerance = ROUNDING * axial_n
-    rises = []
+    found = []
     for load_n in asked.load_n:
         beam.SetLoadParameter(load, "load", load_n)
         beam.SolveStatic(settings, updateInitialValues=True)
-        rises.append(beam.GetNodeOutput(nodes[-1], exudyn.OutputVariableType.Displacement)[1])
-    return rises
+        position = exudyn.OutputVariableType.Position
+        found.append([beam.GetNodeOutput(node, position)[:2] for node in nodes])
+    return np.array(found)
 
 
 if __name__ == "__main__":
