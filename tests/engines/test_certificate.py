@@ -6,6 +6,7 @@ import dataclasses
 import re
 import shutil
 import sys
+import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -182,6 +183,16 @@ def test_an_engine_that_is_too_old_has_not_run_and_is_named_with_its_version(fol
     ran, _ = answer_of(folder, engine(least="999.1"))
     assert ran.status == NOT_RUN
     assert re.search(r"drake is of version 1\.[\d.]+: pip install .* brings 999.1", ran.why)
+
+
+def test_the_oldest_versions_are_those_that_the_package_asks_for():
+    file = Path(__file__).parents[2] / "pyproject.toml"
+    project = tomllib.loads(file.read_text(encoding="utf-8"))["project"]
+    groups = project["optional-dependencies"].values()
+    asked_for = [*project["dependencies"], *(line for group in groups for line in group)]
+    for each in ENGINES.values():
+        oldest = re.compile(rf"{each.package}>={re.escape(each.least)}(?![\d.])")
+        assert each.name == REFERENCE or any(map(oldest.match, asked_for)), each
 
 
 def test_an_engine_that_breaks_off_has_failed_and_says_why(tmp_path, own):
