@@ -197,9 +197,11 @@ def test_threads_begin_and_foreign_files_are_parsed_in_one_place_for_each_kind()
     doors = {
         "threads.py": r"ThreadPoolExecutor\((?!workers, thread_name_prefix=\"sweep\")",
         "yaml_file.py": r"yaml\.(\w+_)?(load|compose|parse|scan)\w*\(|(?<!Package)(?<!Choice)Loader",  # noqa: E501
-        # npz (but for what foreign interpreters read), json (but for a cache that trusts nothing), ~
+        # npz (but for what foreign interpreters read), json (but for a cache that trusts nothing)
+        # and ~
         "files.py": (
-            r"np\.(load|fromfile|memmap)\((?!folder / FILE, allow_pickle=False\))|allow_pickle=True|json\.loads?\((?!arrays\.pop\(ABOUT\))"
+            r"np\.(load|fromfile|memmap)\((?!folder / FILE, allow_pickle=False\))|allow_pickle=True"
+            r"|json\.loads?\((?!arrays\.pop\(ABOUT\))"
             r"|(?<!os\.path)\.expanduser\("
         ),
     }

@@ -98,7 +98,8 @@ def test_hinges_are_where_the_condensed_foot_has_them_and_as_stiff_and_damped(co
         assert number(spring, "viscosity") == pytest.approx(at.damping_nm_s_per_rad[i])
 
 
-def test_points_on_the_sole_are_on_their_spheres_and_centres_in_them(condensed, text):
+def test_points_on_the_sole_are_on_their_spheres_where_the_ground_meets_them(condensed, text):
+    """Behind the centres of the heel, which is loaded with the toe up, before those of the toe."""
     places = straight(text)
     stations = elements(text, "Station")
     bodies = {
@@ -106,6 +107,7 @@ def test_points_on_the_sole_are_on_their_spheres_and_centres_in_them(condensed, 
         for name, body in elements(text, "Body").items()
         for element in body.iter("Station")
     }
+    forward = {}
     for station in condensed.stations:
         points = [
             places[bodies[f"{station.name}_{place}"]]
@@ -115,6 +117,8 @@ def test_points_on_the_sole_are_on_their_spheres_and_centres_in_them(condensed, 
         np.testing.assert_allclose(points[0], [station.x_m, station.z_m, 0.0], atol=1e-12)
         assert np.linalg.norm(points[1] - points[0]) == pytest.approx(station.radius_m)
         assert points[1][1] < points[0][1]
+        forward[station.name] = points[1][0] - points[0][0]
+    assert forward["heel_rear"] < 0.0 < forward["toe"]
 
 
 def test_the_whole_friction_is_the_foots_in_sliding_and_at_rest(text):
@@ -205,9 +209,13 @@ def test_a_fulcrum_out_of_reach_is_refused(condensed):
         condensed_osim(condensed, ANY_ERROR, fulcrum_m=0.160)
 
 
-def in_a_process(*arguments):
+def in_a_process(folder, *arguments):
     done = subprocess.run(
-        [sys.executable, *map(str, arguments)], capture_output=True, text=True, check=False
+        [sys.executable, *map(str, arguments)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
 
@@ -242,7 +250,7 @@ def test_opensims_force_is_the_law(condensed, text, tmp_path):
     lower = depth.ravel() - number(pressed, "spring_resting_length") + heights
     np.save(tmp_path / "asked.npy", np.column_stack([lower, rate.ravel()]))
     (tmp_path / "law.py").write_text(LAW)
-    in_a_process(tmp_path / "law.py", tmp_path / "foot.osim", tmp_path / "asked.npy")
+    in_a_process(tmp_path, "law.py", tmp_path / "foot.osim", tmp_path / "asked.npy")
     constants = np.array([number(pressed, "stiffness"), 0.0, number(pressed, "dissipation")])
     np.testing.assert_allclose(
         np.load(tmp_path / "asked.npy"),
@@ -260,7 +268,7 @@ def test_rolled_over_the_ground_bears_what_the_full_foot_bears(condensed, text, 
     asked = ask(tmp_path, NOMINAL)
     (tmp_path / "condensed").mkdir(exist_ok=True)
     (tmp_path / "condensed" / "vsf_foot_at_108mm.osim").write_text(text)
-    in_a_process("-m", "vsf_drake.engines.certificate.in_moco", tmp_path)
+    in_a_process(tmp_path, "-m", "vsf_drake.engines.certificate.in_moco", tmp_path)
     fine = np.linspace(asked.time_s[0], asked.time_s[-1], 8001)
     run = RollOver(NOMINAL, friction=True).follow(
         fulcrum_m=FULCRUM_M,
@@ -286,7 +294,7 @@ def test_moco_presses_the_foot_and_finds_the_full_ones_force_at_every_depth(
     what is said in the file."""
     file = tmp_path / "foot.osim"
     file.write_text(condensed_osim(condensed, ANY_ERROR, fulcrum_m=fulcrum_m))
-    in_a_process(PRESS, file, tmp_path / "press.npz")
+    in_a_process(tmp_path, PRESS, file, tmp_path / "press.npz")
     with np.load(tmp_path / "press.npz") as stored:
         time_s = stored["time_s"]
         height = stored["height_m"].ravel()
