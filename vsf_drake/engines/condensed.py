@@ -63,7 +63,9 @@ CURVES = (
     "log of the stiffness of hinge 2 (over 1 N m/rad)",
 )
 DEGREE = 1  # of the polynomials in the fulcrum's position that they are
-FULCRUMS = 5  # at which it is fitted
+FULCRUMS = 8
+"""At which it is fitted: as many as the nominal keel has joints, for the full foot has a corner in
+its stiffness where the fulcrum passes one."""
 HEAVIEST_KG = 110.0
 SHARES = (0.36, 0.68, 1.0)  # of that
 POSE_STEP_S = 20e-3  # of the profile of ISO 22675

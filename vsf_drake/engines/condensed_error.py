@@ -12,11 +12,13 @@ from vsf_drake.device.roll_over import energy_taken, iso_22675, returned_late
 from vsf_drake.engines.condensed import CondensedFoot
 from vsf_drake.engines.sagittal_foot import rolled
 from vsf_drake.model.parameters import GRAVITY
-from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
 from vsf_drake.simulation.reactions import LOADED_N
 from vsf_drake.simulation.roll_over import Rolling, RollOver
 
 MASSES_KG = (40.0, 75.0, 110.0)
+POSITIONS = 9
+"""All but the ends are between those that the condensed foot is fitted at: the full foot has a
+corner in its stiffness where the fulcrum passes a joint of its keel."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,15 +47,18 @@ class CondensedError:
 def error_against_full(
     condensed: CondensedFoot,
     *,
-    fulcrums_m: Sequence[float] = PUBLISHED_FULCRUMS_M,
+    fulcrums_m: Sequence[float] | None = None,
     masses_kg: Sequence[float] = MASSES_KG,
 ) -> CondensedError:
-    """Rolls both over at each position (m from A) under each mass, the full one by the stepper,
-    with its mass, the condensed one without any.
+    """Rolls both over at each position (m from A; POSITIONS of them, evenly over the reach, if left
+    out) under each mass, the full one by the stepper, with its mass, the condensed one without any.
 
     InputError if the carriage cannot reach a position; SimulationError if a foot cannot be rolled.
     """
     load = iso_22675()
+    reach = condensed.full.fulcrum
+    if fulcrums_m is None:
+        fulcrums_m = np.linspace(reach.rearmost_m, reach.foremost_m, POSITIONS).tolist()
     cases = [
         Rolling(
             fulcrum_m=fulcrum,
