@@ -15,7 +15,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.engines.certificate.ask import ask
+from vsf_drake.engines.certificate.ask import questions
 from vsf_drake.engines.condensed import condense
 from vsf_drake.engines.condensed_error import CondensedError, RollOverError
 from vsf_drake.engines.condensed_osim import STROKE_S, Stroke, condensed_osim, force, moco_ground
@@ -265,8 +265,9 @@ def test_opensims_force_is_the_law(condensed, text, tmp_path):
 def test_rolled_over_the_ground_bears_what_the_full_foot_bears(condensed, text, tmp_path):
     """By `in_moco` on the certificate's path, vertical within 3 % of the peak, root mean square,
     which is asked; and 5 % at one instant, where 2.7 % are the condensed foot's own."""
-    asked = ask(tmp_path, NOMINAL)
-    (tmp_path / "condensed").mkdir(exist_ok=True)
+    asked = questions(NOMINAL)
+    asked.write(tmp_path)
+    (tmp_path / "condensed").mkdir()
     (tmp_path / "condensed" / "vsf_foot_at_108mm.osim").write_text(text)
     in_a_process(tmp_path, "-m", "vsf_drake.engines.certificate.in_moco", tmp_path)
     fine = np.linspace(asked.time_s[0], asked.time_s[-1], 8001)
