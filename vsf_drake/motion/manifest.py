@@ -18,10 +18,10 @@ from vsf_drake.base.schema import SELDOM, check, choice, load_yaml, quantity
 from vsf_drake.base.sentences import say
 from vsf_drake.base.yaml_file import read_yaml
 from vsf_drake.model.parameters import SIDES, Subject
+from vsf_drake.motion.formats.read import MARKER_FILES
 from vsf_drake.motion.markers.person_facts import SEXES, PersonFacts
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
-MARKER_FILES = (".c3d", ".trc")
 NO_FORCES = "none"
 """In place of the file of the forces: a walk without plates."""
 # a stated length that differs by more than this share from the markers' own is worth a note

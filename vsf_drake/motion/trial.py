@@ -43,7 +43,6 @@ from vsf_drake.motion.formats.recording import (
     Plate,
     PlateRecording,
     Recording,
-    os_to_world,
     world_to_os,
 )
 from vsf_drake.motion.formats.tables import read_storage, write_opensim
@@ -431,13 +430,7 @@ def trial_from_recordings(
         notes += say("trial", "already_filtered")
     assignment = Assignment({}, (), {})
     if walk.plates:
-        assignment = assign_plates(
-            walk,
-            tracked.time_s,
-            tracked.feet,
-            os_to_world(tracked.values[:, :3]),
-            stated=options.plate_sides,
-        )
+        assignment = assign_plates(walk, tracked, stated=options.plate_sides)
     assignment = dataclasses.replace(
         assignment,
         unmeasured={
