@@ -29,6 +29,7 @@ from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.recording import EXPECTED, LEVEL_BW, MARKS, motion_checks, worst
 from vsf_drake.recording.examine import Examined, person_table, trial_table
 from vsf_drake.recording.foot import flat_phases
+from vsf_drake.recording.force_checks import REST_N, ZERO
 from vsf_drake.recording.import_walks import ImportedWalks
 from vsf_drake.report.page import render
 from vsf_drake.report.recorded_replay import REPLAY, flaws, write_recordings
@@ -64,9 +65,7 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
             write_text(folder / name, dump_yaml(record))
         for item, name, files in zip(imported.items, imported.names, of_walks, strict=True):
             write_trial_files(item.trial, folder, name)
-            write_text(
-                folder / files["manifest"], _manifest(item.trial, files, scaled=imported.scaled)
-            )
+            write_text(folder / files["manifest"], _manifest(item, files, scaled=imported.scaled))
             load_trial(folder / files["manifest"])
         write_recordings(imported.items, folder / REPLAY)
         write_text(
@@ -135,14 +134,20 @@ def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Pat
     )
 
 
-def _manifest(trial: Trial, files: Mapping[str, str], *, scaled: bool) -> str:
+def _manifest(item: Examined, files: Mapping[str, str], *, scaled: bool) -> str:
     """The manifest's text; what the belt carried is in the files already."""
+    trial = item.trial
     plates = {side: f"ground_force_{side[0]}" for side in SIDES if side in trial.plates}
     unknown = {
         side: [[round(end, 6) for end in span] for span in spans]
         for side, spans in trial.unmeasured.items()
         if spans
     }
+    rest_n: dict[str, float] = {}
+    for check in item.checks:
+        shown = check.value or 0.0
+        if check.side and check.name.startswith(ZERO) and abs(shown) > REST_N:
+            rest_n[check.side] = max(shown, rest_n.get(check.side, 0.0), key=abs)
     content = {
         "name": trial.name,
         "subject": _SUBJECT,
@@ -151,6 +156,7 @@ def _manifest(trial: Trial, files: Mapping[str, str], *, scaled: bool) -> str:
         "prosthesis": {"fulcrum_mm": round(1e3 * trial.fulcrum_m, 6)},
         "window": {"start_s": float(trial.start_s), "end_s": float(trial.end_s)},
         **({"unknown_force": unknown} if unknown else {}),
+        **({"plate_rest_n": {side: round(n, 3) for side, n in rest_n.items()}} if rest_n else {}),
         **({"model": _MODEL} if scaled else {}),
         **({"synthetic": True} if trial.synthetic else {}),
     }
