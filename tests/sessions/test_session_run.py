@@ -17,7 +17,7 @@ from vsf_drake.sessions.table import FITTED, HELD_OUT
 
 
 def everything(folder):
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
+    return {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def test_what_files_do_not_say_is_asked_for_and_nothing_but_the_table_is_written(folder, tmp_path):
