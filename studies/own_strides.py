@@ -11,7 +11,8 @@ plane leaves out of the recorded strides, means over the walks: the foot's turn 
 walking, how far its spheres near the floor are off along the way and in height one against another.
 `tracked` has the worst angle and the worse foot's force by which the possible motions nearest to
 the person's own strides are off them, root mean square, at the worst position; `believed` whether
-both are within the limits of level 2: else nothing follows.
+both are within the limits of level 2, else nothing follows; "no: search failed" where no strides
+were found.
 
 The grid is coarse: `mesh_mm` is by how much twice as many intervals move the optimum. The results
 are in studies/results/own_strides.json; some minutes of processor time a person.
@@ -52,6 +53,7 @@ PARTS = Path("results/own_strides")
 PERSONS = "abc"
 COST = "activation"
 INTERVALS, QUICK = 20, 10  # of the stride; `mesh` has what twice as many change
+FAILED = "no: search failed"
 LEFT_OUT = ("toe_out_deg", "prosthetic_foot_along_mm", "sole_tilt_mm")
 
 
@@ -122,7 +124,7 @@ def tuned(person: str, quick: bool) -> dict[str, Any]:
         "fulcrum_mm": table.fulcrum_mm,
         "interval_mm": table.fulcrum_interval_mm,
         "undecided": table.undecided,
-        "believed": table.believed,
+        "believed": table.believed if table.optimal else FAILED,
         "moves_mm": checks.get("hold"),
         "mesh_mm": checks.get("mesh"),
         "positions_mm": [point.fulcrum_mm for point in table.sweep],

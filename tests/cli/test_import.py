@@ -128,6 +128,7 @@ def test_import_again_replaces_its_own_files_and_one_bad_walk_does_not_spoil_the
     code, _, err = run("import", standing, bad, walk, "--out", out, *STATED)
     assert code == 2 and "zweiter.trc" in err
     assert {path.name for path in out.glob("[!.]*")} == MADE | {"mine.txt"}
+    assert {path.stem.partition("_")[0] for path in (out / "figures").iterdir()} == {"walk"}
     table = read_json(out / "import.json")
     assert [trial["name"] for trial in table["trials"]] == ["walk"] and table["mark"] == "unusable"
     [(path, why)] = table["failures"].items()

@@ -15,6 +15,7 @@ from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
 from vsf_drake.cli import fit_run
 from vsf_drake.sessions.table import FITTED, HELD_OUT
+from vsf_drake.simulation.archive import RECORD_FILE
 
 ROOT = Path(__file__).parents[2]
 SETTINGS = {"low": 66, "medium": 108, "high": 151}
@@ -128,6 +129,19 @@ def test_simulate_and_check_take_every_trial_of_a_folder(run, walks, tmp_path):
     assert (tmp_path / "out" / "medium_1" / "metrics.json").is_file()
     assert run("check", walks, "--out", tmp_path / "check")[0] == 0
     assert [trial["name"] for trial in read_json(tmp_path / "check" / "check.json")["trials"]]
+
+
+@pytest.mark.parametrize("out", [".", "import", "fit"])
+def test_walks_of_a_session_are_not_put_among_its_results(run, walks, tmp_path, out):
+    session = tmp_path / "monday"
+    (session / "fit").mkdir(parents=True)
+    (session / "fit" / RECORD_FILE).write_text("{}", encoding="utf-8")  # as a fit leaves one
+    shutil.move(walks, session / "import")
+    shutil.copy(tmp_path / "subject.yaml", session)
+    before = sorted(session.rglob("*"))
+    code, _, error = run("simulate", session, "--out", session / out)
+    assert code == 2 and "--out: holds the trials or other results" in error
+    assert sorted(session.rglob("*")) == before
 
 
 def test_of_a_folder_the_outer_settings_are_fitted(run, walks, tmp_path, monkeypatch):

@@ -32,6 +32,7 @@ STATED = (
     "108",
 )
 MADE = {
+    "figures",
     "import.html",
     "import.json",
     "replay.html",

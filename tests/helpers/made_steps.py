@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.motion.contacts import Assignment, assign_plates
-from vsf_drake.motion.formats.recording import Plate, Recording
-from vsf_drake.motion.markers.segments import FootTrack
+from vsf_drake.motion.formats.recording import Plate, Recording, world_to_os
+from vsf_drake.motion.markers.segments import FootTrack, TrackedMotion
 
 RATE_HZ, FORCE_HZ = 100.0, 1000.0
 STEP_S, STANCE_S, STEP_M, FOOT_M, HALF_WIDTH_M = 0.55, 0.7, 0.65, 0.25, 0.08
@@ -106,7 +106,8 @@ def recording(*plates: Plate) -> Recording:
 def assign(*plates: Plate, stated: dict[str, str | None] | None = None) -> Assignment:
     """Which of `feet` loads which plate."""
     tracks, pelvis = feet()
-    return assign_plates(recording(*plates), TIME, tracks, pelvis, stated=stated)
+    motion = TrackedMotion(TIME, (), world_to_os(pelvis), tracks, {}, {}, {})
+    return assign_plates(recording(*plates), motion, stated=stated)
 
 
 def sides(result: Assignment) -> list[tuple[str, str | None]]:

@@ -14,6 +14,7 @@ from vsf_drake.model.parameters import Subject
 from vsf_drake.motion.manifest import (
     ForceColumns,
     GeometricOffsets,
+    PlateRest,
     UnknownForce,
     Window,
     load_manifest,
@@ -28,6 +29,7 @@ forces: {file: walk_grf.mot, right: ground_force, left: 1_ground_force}
 prosthesis: {fulcrum_mm: 66}
 window: {start_s: 0.4, end_s: 1.7}
 unknown_force: {left: [[1.2, 1.55], [3, 3.5]]}
+plate_rest_n: {right: -12.5}
 kinematics_unit: degrees
 offsets: {height_mm: 2, fore_aft_mm: -5, alignment_deg: 90e-1}
 model: foot.yaml
@@ -54,6 +56,7 @@ def test_one_of_everything(load):
     )
     assert manifest.window == Window(start_s=0.4, end_s=1.7)
     assert manifest.unknown_force == UnknownForce(left=((1.2, 1.55), (3.0, 3.5)))
+    assert manifest.plate_rest_n == PlateRest(right=-12.5, left=0.0)
     assert (
         manifest.synthetic is True
         and manifest.kinematics_unit == "degrees"
@@ -102,6 +105,16 @@ def test_one_of_everything(load):
             "forces: f.mot",
             "unknown_force: {left: [[1, 2]]}",
             "unknown_force: the key has no meaning without forces",
+        ),
+        (
+            "forces: f.mot",
+            "plate_rest_n: {left: 12}",
+            "plate_rest_n: the key has no meaning but for forces",
+        ),
+        (
+            "kinematics: k.mot",
+            "markers: k.trc\nplate_rest_n: {left: 12}",
+            "plate_rest_n: the key has no meaning but for forces",
         ),
         (
             "forces: f.mot",

@@ -232,6 +232,11 @@ def test_doubts_without_a_cost_are_remarks_and_faults_are_not():
     ("checks", "verdict"),
     [
         (costing(0.003, 0.004), "good, expected error 0.5 % BW"),
+        (costing(0.0006), "good, expected error 0.1 % BW"),
+        (
+            costing(0.0004, None),
+            "good, no fault found that would change the force by 0.1 % BW",
+        ),
         (
             costing(0.03, 0.04),
             "doubtful, expected error 5.0 % > 3 % BW: check 1 4.0 %, check 0 3.0 %",
@@ -266,7 +271,7 @@ def test_doubts_without_a_cost_are_remarks_and_faults_are_not():
                 Check("side", "doubtful", None, "", "", needed=True),
                 Check("remark", "doubtful", None, "", ""),
             ],
-            "doubtful (side), expected error 0.0 % BW",
+            "doubtful (side), no fault found that would change the force by 0.1 % BW",
         ),
     ],
 )

@@ -22,6 +22,7 @@ from vsf_drake.motion.trial import load_trial
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.recording import import_walks as module
 from vsf_drake.recording.examine import examine
+from vsf_drake.recording.force_checks import ZERO
 from vsf_drake.recording.import_walks import (
     ImportOptions,
     gather,
@@ -29,6 +30,7 @@ from vsf_drake.recording.import_walks import (
     scale_shell,
     walk_names,
 )
+from vsf_drake.report.import_outputs import write_import
 from vsf_drake.simulation.walk import Walker
 
 PERSON = PersonFacts(sex="male", prosthetic_side="right", mass_kg=MASS, stature_m=1.81)
@@ -90,9 +92,11 @@ def test_a_standing_trial_that_a_shell_names_again_among_the_walks_is_taken_out_
 
 
 @pytest.mark.parametrize("newton", [30.0, -30.0])
-def test_a_plate_that_was_not_zeroed_tells_no_other_mass_and_no_other_side(monkeypatch, newton):
+def test_a_plate_that_was_not_zeroed_tells_no_other_mass_and_no_other_side(
+    monkeypatch, tmp_path, newton
+):
     """Forces that were assigned to feet are zero outside of loads, so that only the plate shows
-    what it reads at rest, 30 N: 4 % of the mass."""
+    what it reads at rest, 30 N: 4 % of the mass. The manifest keeps it for who checks the trial."""
 
     def shown(*args, **axes):
         recording = read_trial(*args, **axes)
@@ -111,7 +115,8 @@ def test_a_plate_that_was_not_zeroed_tells_no_other_mass_and_no_other_side(monke
     [right] = import_walks(files, options()).items
     [under_right] = {load.plate for load in right.trial.contacts if load.side == "right"}
     monkeypatch.setattr(module, "read_trial", shown)
-    [item] = import_walks(files, options()).items
+    imported = import_walks(files, options())
+    [item] = imported.items
     for name in ("mass from the forces", "body mass"):
         masses = [
             [check.value for check in each.checks if check.name == name] for each in (right, item)
@@ -121,6 +126,24 @@ def test_a_plate_that_was_not_zeroed_tells_no_other_mass_and_no_other_side(monke
     assert item.trial.plates["right"].force_W[:, 2].max() == pytest.approx(
         right.trial.plates["right"].force_W[:, 2].max() + newton, abs=1e-6
     ), "what drives and is fitted stays as recorded"
+    write_import(imported, tmp_path / "out")
+    again = examine(load_trial(tmp_path / "out" / "low_1.yaml"))
+    zeros, told = (
+        {
+            check.side: (check.mark, check.cost_bw, check.value)
+            for check in each.checks
+            if check.name.startswith(ZERO)
+        }
+        for each in (item, again)
+    )
+    assert told["right"][:2] == (zeros["right"][0], pytest.approx(zeros["right"][1], rel=1e-3))
+    assert told["right"][2] == pytest.approx(newton, abs=0.5)
+    assert abs(told["left"][2]) < 1.0
+    masses = [
+        [check.value for check in each.checks if check.name == "mass from the forces"]
+        for each in (item, again)
+    ]
+    assert masses[1] == pytest.approx(masses[0], abs=0.5)
 
 
 @pytest.mark.parametrize("walk", ["low_1", "medium_1", "high_1"])

@@ -170,6 +170,11 @@ def test_a_chapter_is_its_template_filled_in_and_leaves_files_of_what_it_shows(t
     assert shown.missing == ["No <x> was measured."]
 
 
+def test_a_page_without_figures_and_tables_leaves_no_folders_for_them(templates, tmp_path):
+    written(templates, "<p>Nothing to draw.</p>", tmp_path)
+    assert not [*tmp_path.iterdir()]
+
+
 def test_a_template_that_asks_for_what_nobody_gave_is_an_error_or_said_in_its_place(
     templates, tmp_path
 ):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 
 import pytest
@@ -10,12 +11,13 @@ from made_session import FACTS
 
 import vsf_drake as vsf
 from vsf_drake.base.errors import InputError
+from vsf_drake.report import import_outputs
 from vsf_drake.sessions import run
 from vsf_drake.sessions.table import FITTED, HELD_OUT
 
 
 def everything(folder):
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
+    return {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def test_what_files_do_not_say_is_asked_for_and_nothing_but_the_table_is_written(folder, tmp_path):
@@ -93,6 +95,32 @@ def test_a_step_is_done_again_only_if_what_it_is_made_of_has_changed(
     table.write_text(table.read_text().replace("walk,108,", "walk,129,"))
     again()
     assert len(imports) == 1 and 129.0 in imports[0]
+
+
+def test_of_walks_that_did_not_change_nothing_is_drawn_again(done, tmp_path, stood_in, monkeypatch):
+    drawn = set()
+
+    def counted(make):
+        def figure(item):
+            drawn.add(item.trial.name)
+            return make(item)
+
+        return figure
+
+    makers = {kind: counted(make) for kind, make in import_outputs._MAKERS.items()}
+    monkeypatch.setattr(import_outputs, "_MAKERS", makers)
+    figures = tmp_path / "out" / "import" / "figures"
+    before = everything(figures)
+    table = done / "session.csv"
+    table.write_text(table.read_text().replace("walk,108,", "walk,129,"))
+    vsf.session(done, out=tmp_path / "out", **FACTS)
+    assert drawn == {"F108 walk2"}
+    after = everything(figures)
+    assert set(after) == set(before) and len(before) == 3 * len(makers)
+    assert {name for name in after if after[name] != before[name]} == set(), "no setting is drawn"
+    page = (figures.parent / "import.html").read_text(encoding="utf-8")
+    for image in after.values():
+        assert base64.b64encode(image).decode() in page
 
 
 def test_a_copy_of_a_walk_is_left_out_and_says_of_what(folder, tmp_path, stood_in):

@@ -4,10 +4,13 @@ may conclude of it."""
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
+import own_strides
 import pytest
 from floor_of_the_reference_subject import RESULTS
+from own_strides import LEFT_OUT
 
 from vsf_drake.optimal_control.recorded_stride import MOST_TURNED_DEG
 from vsf_drake.optimal_control.solve import ANGLE_DEG, FORCE_BW, HOLD_MM
@@ -51,6 +54,26 @@ def test_of_strides_that_are_not_the_person_s_nothing_follows(found):
         off = person["tracked"]
         near = off["angle_deg"] <= ANGLE_DEG and off["force_percent_bw"] <= 100.0 * FORCE_BW
         assert near is not ("not to be believed" in person["undecided"]), name
+
+
+def test_of_a_search_that_failed_nothing_is_believed(monkeypatch):
+    table = SimpleNamespace(
+        optimal=False, status="", fulcrum_mm=108.0, fulcrum_interval_mm=None, undecided="",
+        believed=True, checks=(), sweep=(),
+    )  # fmt: skip
+    recorded = SimpleNamespace(strides=[SimpleNamespace(errors=dict.fromkeys(LEFT_OUT, 0.0))])
+    result = SimpleNamespace(tuning=SimpleNamespace(recorded=recorded))
+    for name, stands_in in (
+        ("fitted_walks", lambda person: []),
+        ("StrideTuning", lambda *_, **options: None),
+        ("OwnStrides", SimpleNamespace),
+        ("solve", lambda problem: result),
+        ("stride_table", lambda result: table),
+    ):
+        monkeypatch.setattr(own_strides, name, stands_in)
+    assert own_strides.tuned("c", quick=True)["believed"] == "no: search failed"
+    table.optimal = True
+    assert own_strides.tuned("c", quick=True)["believed"] is True
 
 
 def test_at_the_setting_of_its_motion_the_spring_alone_is_what_was_walked(found):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import numpy as np
 import pytest
 from made_study import embedded_study
@@ -23,6 +25,19 @@ def test_stored_contact_was_fitted_to_the_first_soft_and_the_first_stiff_trial(t
     prints = {fingerprint(load_trial(path)): path.stem for path in embedded_trials(tier)}
     assert [prints[trial.fingerprint] for trial in contact.trials] == ["low_1", "high_1"]
     assert contact.converged
+
+
+def test_a_fitted_walk_cut_otherwise_is_not_held_out(tmp_path):
+    home = embedded_contact().parent
+    for file in home.glob("low_1*"):
+        shutil.copy(file, tmp_path)
+    text = (home / "low_1.yaml").read_text(encoding="utf-8")
+    assert "../subject.yaml" in text and "start_s: 0," in text
+    manifest = tmp_path / "cut.yaml"
+    text = text.replace("../subject.yaml", str(home.parent / "subject.yaml"))
+    manifest.write_text(text.replace("start_s: 0,", "start_s: 0.02,"), encoding="utf-8")
+    [walk] = make_study([manifest], contact=embedded_contact(), options=QUICK).walks
+    assert walk.role == FITTED
 
 
 def test_quick_trials_were_not_seen_by_the_stored_fit():

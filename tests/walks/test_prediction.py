@@ -14,15 +14,17 @@ import pytest
 from made_contact import made_contact, made_person_walk
 from made_fit import made_layer_row, made_layers, recording
 
-from vsf_drake.base.files import plain
-from vsf_drake.model.contact_file import FittedTrial, MomentumBias, PersonCurve
+from vsf_drake.base.files import plain, resource
+from vsf_drake.model.contact_file import FittedTrial, MomentumBias, PersonCurve, load_contact
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.reactions import follow
 from vsf_drake.simulation.walk import Walker
 from vsf_drake.walks.comparison import PERCENT
+from vsf_drake.walks.embedded import embedded_contact
 from vsf_drake.walks.momentum import (
     PRIOR,
     SIGMA_BW,
@@ -44,6 +46,7 @@ from vsf_drake.walks.prediction import (
     layers_of,
     learned,
     predict,
+    recording_of,
 )
 
 STEP_S = 2e-3
@@ -241,6 +244,20 @@ def test_a_walk_in_which_the_intact_foot_never_swings_free_is_left_alone(walker,
     assert (found.correction.believed, found.correction.why_not) == (False, "window")
 
 
+@pytest.mark.parametrize("name", ["low_1", "high_1"])
+def test_a_fitted_walk_is_recognised_by_its_steps_in_another_file(name):
+    """Cut otherwise, its angles found in another way, its forces rounded to 0.01 N."""
+    contact = load_contact(embedded_contact())
+    own = load_trial(resource(f"data/reference_subject/laboratory/{name}.yaml"))
+    side = own.subject.prosthetic_side
+    plate = replace(own.plates[side], force_W=own.plates[side].force_W.round(2))
+    motion = own.trajectory.with_values(own.trajectory.values + 0.01)
+    again = replace(own, plates={side: plate}, trajectory=motion, start_s=own.start_s + 0.02)
+    assert fingerprint(again) != fingerprint(own) == recording_of(again, contact)
+    other = load_trial(resource(f"data/reference_subject/laboratory/{name[:-1]}2.yaml"))
+    assert recording_of(other, contact) == fingerprint(other)
+
+
 # The person's own curve: what it is made of, tests/walks/test_person_curve.py tells.
 
 
@@ -256,6 +273,9 @@ def test_a_trial_that_taught_its_own_curve_is_predicted_with_it_and_without_its_
         "but for the ends of stance"
     )
     assert row.layers[PERSON]["cop_rmse_fl"] < 0.01
+    shorter = replace(trial, end_s=trial.end_s - 0.01)
+    assert fingerprint(shorter) != fingerprint(trial)
+    assert layers_of(shorter, "cut", contact, walker=walker, step_s=STEP_S).fitted
 
     plates = {
         side: replace(plate, force_W=0.0 * plate.force_W) for side, plate in trial.plates.items()

@@ -392,6 +392,7 @@ def simulate(
     """
     from vsf_drake.report.fit_output import CONTACT
     from vsf_drake.report.session_page import FIT_FOLDER
+    from vsf_drake.simulation.archive import RECORD_FILE
 
     if not trial.is_dir():
         _simulate(trial, out, asked)
@@ -399,7 +400,16 @@ def simulate(
     own = trial / FIT_FOLDER / CONTACT
     if asked.contact is None and not asked.fit_offsets and own.is_file():
         asked = dataclasses.replace(asked, contact=own)
-    for manifest in cli.manifests_of([trial]):
+    manifests = cli.manifests_of([trial])
+    taken = {folder.resolve() for folder in (trial, manifests[0].parent)}
+    require(
+        out.resolve() not in taken and not (out / RECORD_FILE).is_file(),
+        "holds the trials or other results; each walk gets a folder of its own in it",
+        "--out",
+        "Choose another folder",
+        file=out,
+    )
+    for manifest in manifests:
         _simulate(manifest, out / manifest.stem, asked)
 
 

@@ -34,7 +34,7 @@ GUIDES = {
 _PLACES = {
     "trials#from-joint-angles": (
         "kinematics kinematics_unit inDegrees prosthesis window offsets belt_speed_m_per_s "
-        "unknown_force .mot .sto"
+        "unknown_force plate_rest_n .mot .sto"
     ),
     "trials#from-markers": (
         "markers standing marker_map laboratory hip_centre marker_cutoff_hz already_filtered"

@@ -29,8 +29,14 @@ from vsf_drake.motion.events import (
     united,
     within,
 )
-from vsf_drake.motion.formats.recording import SIDES, Plate, PlateRecording, Recording
-from vsf_drake.motion.markers.segments import FootTrack, from_line
+from vsf_drake.motion.formats.recording import (
+    SIDES,
+    Plate,
+    PlateRecording,
+    Recording,
+    os_to_world,
+)
+from vsf_drake.motion.markers.segments import FootTrack, TrackedMotion, from_line
 from vsf_drake.motion.trajectory import columns_at, spacing
 
 SAME_FORCE = 0.02  # plates whose forces differ by a smaller share of themselves report one load
@@ -99,19 +105,19 @@ class _Load(PlateContact):
 
 def assign_plates(
     recording: Recording,
-    time_s: np.ndarray,
-    feet: dict[str, FootTrack],
-    pelvis_W: np.ndarray,
+    tracked: TrackedMotion,
     *,
     stated: Mapping[str, str | None] | None = None,
 ) -> Assignment:
     """Gives the load on each plate to the foot that stands on it.
 
-    The recording is on the clock of `time_s` (n,), that of the feet, by side, and of a point of the
-    pelvis, (n, 3) m. Plate names by side as `stated` by the user win over the centre of pressure,
-    and a contradiction is noted, as are plates that nobody steps on while the feet are seen.
-    Refused where plates are not there, or mostly far from both feet.
+    The recording is on the clock of the motion. Plate names by side as `stated` by the user win
+    over the centre of pressure, and a contradiction is noted, as are plates that nobody steps on
+    while the feet are seen. Refused where plates are not there, or mostly far from both feet.
     """
+    time_s = tracked.time_s
+    feet = tracked.feet
+    pelvis_W = os_to_world(tracked.values[:, :3])
     file = recording.force_path or recording.path
     require(
         recording.plates,

@@ -18,10 +18,10 @@ from vsf_drake.base.schema import SELDOM, check, choice, load_yaml, quantity
 from vsf_drake.base.sentences import say
 from vsf_drake.base.yaml_file import read_yaml
 from vsf_drake.model.parameters import SIDES, Subject
+from vsf_drake.motion.formats.read import MARKER_FILES
 from vsf_drake.motion.markers.person_facts import SEXES, PersonFacts
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
-MARKER_FILES = (".c3d", ".trc")
 NO_FORCES = "none"
 """In place of the file of the forces: a walk without plates."""
 # a stated length that differs by more than this share from the markers' own is worth a note
@@ -108,6 +108,19 @@ class UnknownForce:
     )
 
 
+def _at_rest() -> Any:
+    return quantity(0.0, unit="N", low=-1000.0, high=1000.0, source="found at import, or stated")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlateRest:
+    """By side, what the plate under the foot showed unloaded, vertical (N): its forces still have
+    it where the foot stands, and are zero elsewhere, so that nothing in them tells it."""
+
+    right: float = _at_rest()  # of the plate under the right foot
+    left: float = _at_rest()  # of that under the left foot
+
+
 def _offset(unit: str, most: float) -> Any:
     return quantity(0.0, unit=unit, low=-most, high=most, source="fitted or measured")
 
@@ -165,6 +178,7 @@ class Manifest:
     `none`, which leaves those in the C3D out too"""
     prosthesis: ProsthesisSetting
     unknown_force: UnknownForce = field(default_factory=UnknownForce)
+    plate_rest_n: PlateRest = field(default_factory=PlateRest)
     window: Window | None = None
     kinematics_unit: str | None = choice(  # of the joint angles
         None, options=("degrees", "radians"), source="stated, where the file's header does not"
@@ -232,6 +246,13 @@ def load_manifest(path: str | Path) -> Manifest:
             "the key has no meaning without forces",
             "unknown_force",
             "Take it out, or name the file of the forces (forces)",
+        ),
+        (
+            (markers is not None or manifest.forces is None)
+            and manifest.plate_rest_n != default.plate_rest_n,
+            "the key has no meaning but for forces that are given beside joint angles",
+            "plate_rest_n",
+            "Take it out: of a recording the plates tell it themselves",
         ),
         (
             markers is None and idle,

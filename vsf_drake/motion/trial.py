@@ -43,7 +43,6 @@ from vsf_drake.motion.formats.recording import (
     Plate,
     PlateRecording,
     Recording,
-    os_to_world,
     world_to_os,
 )
 from vsf_drake.motion.formats.tables import read_storage, write_opensim
@@ -139,6 +138,9 @@ class Trial:
     unmeasured: dict[str, tuple[Span, ...]] = field(default_factory=dict)
     """By side, when the foot stands on ground that no plate measures, so that its force is unknown
     though `plates` says zero: found in a trial from markers, else as its manifest says."""
+    rest_n: dict[str, float] = field(default_factory=dict)
+    """By side, vertical force that the plate showed unloaded and that `plates` still has where the
+    foot stands, as the manifest says; without those that show none."""
     cutoff_hz: float | None = None  # of the markers' filter; None where there was none
     belt_speed_m_per_s: float = 0.0  # of the treadmill from whose belt the trial is seen
     judged: RecordingMark | None = None  # None where nobody examined it
@@ -273,6 +275,7 @@ def load_trial(path: str | Path) -> Trial:
         synthetic=manifest.synthetic,
         inputs=inputs,
         offsets=manifests.to_si(manifest.offsets),
+        rest_n={side: newton for side, newton in vars(manifest.plate_rest_n).items() if newton},
     )
     check_mass(trial, file=named["subject"])
     return trial
@@ -431,13 +434,7 @@ def trial_from_recordings(
         notes += say("trial", "already_filtered")
     assignment = Assignment({}, (), {})
     if walk.plates:
-        assignment = assign_plates(
-            walk,
-            tracked.time_s,
-            tracked.feet,
-            os_to_world(tracked.values[:, :3]),
-            stated=options.plate_sides,
-        )
+        assignment = assign_plates(walk, tracked, stated=options.plate_sides)
     assignment = dataclasses.replace(
         assignment,
         unmeasured={

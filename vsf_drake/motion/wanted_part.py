@@ -12,7 +12,7 @@ from vsf_drake.base.errors import InputError
 from vsf_drake.base.sentences import say
 from vsf_drake.motion.contacts import assign_plates
 from vsf_drake.motion.events import Span, common, find_stances, united, within
-from vsf_drake.motion.formats.recording import Recording, os_to_world
+from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.import_options import AROUND_STANCES_S, TrialOptions
 from vsf_drake.motion.markers.segments import Calibration, TrackedMotion
 from vsf_drake.motion.markers.tracking import track
@@ -98,11 +98,5 @@ def _carries(
     """Whether some plate carries the prosthetic foot alone; True without plates."""
     if not part.plates:
         return True
-    assignment = assign_plates(
-        part,
-        tracked.time_s,
-        tracked.feet,
-        os_to_world(tracked.values[:, :3]),
-        stated=options.plate_sides,
-    )
+    assignment = assign_plates(part, tracked, stated=options.plate_sides)
     return calibration.subject.prosthetic_side in assignment.plates

@@ -414,11 +414,14 @@ def _forces(
 
 def _without_rest(trial: Trial) -> dict[str, PlateRecording]:
     """The plates less what they show at rest; where they were assigned to feet, which leaves zero
-    outside of loads, less what each of them shows under its own."""
+    outside of loads, less what each of them shows under its own, or what the manifest says."""
     levelled = {}
     for side, plate in trial.plates.items():
         force_W = plate.force_W
-        if trial.recording is None:
+        if side in trial.rest_n:
+            force_W = force_W.copy()
+            force_W[force_W.any(axis=1), 2] -= trial.rest_n[side]
+        elif trial.recording is None:
             force_W = force_W - force_checks.at_rest(plate.time_s, force_W, plate.time_s)
         else:
             forces = {recorded.name: recorded.force_n for recorded in trial.recording.plates}
@@ -447,6 +450,7 @@ def _plate_zeros(trial: Trial, measured: Mapping[str, Sequence[Stance]]) -> list
             side=side,
             prosthetic=side == prosthetic,
             mass_kg=trial.subject.mass_kg,
+            told_n=trial.rest_n.get(side, 0.0),
         )
 
     if trial.recording is None:

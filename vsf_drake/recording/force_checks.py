@@ -151,15 +151,17 @@ def plate_zero(
     side: str,
     prosthetic: bool,
     mass_kg: float,
+    told_n: float = 0.0,
 ) -> Check | None:
     """What a plate, as it is called, shows at rest: vertical force (N), in the middle of that of a
-    foot's `loads` where it is largest. (n,) s and (n, 3) N. None where it is never at rest."""
+    foot's `loads` where it is largest; or what it is told to have shown. (n,) s and (n, 3) N. None
+    where it is never at rest."""
     found = rest(time_s, force_n)
     if found is None or not loads:
         return None
     middles = [0.5 * (load.start_s + load.end_s) for load in loads]
     at_loads = np.interp(middles, found[0], found[1][:, 2])
-    value = float(max(at_loads, key=abs))
+    value = told_n or float(max(at_loads, key=abs))
     share = abs(value) / (mass_kg * GRAVITY)
     cost_bw = FITTED_REST * share * (abs(value) > REST_N)
     mark = grade(cost_bw, GOOD_BW, DOUBTFUL_BW)
@@ -174,7 +176,7 @@ def plate_zero(
         plate=plate,
         share=share,
         zeroed=abs(value) <= REST_N,
-        drift=float(np.ptp(found[1][:, 2])),
+        drift=0.0 if told_n else float(np.ptp(found[1][:, 2])),
         cut=not force_n[force_n[:, 2] < REST_N].any(),
     )
 

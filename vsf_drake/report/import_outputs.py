@@ -3,6 +3,7 @@ figures."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,11 +15,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.base.files import write_text
+from vsf_drake.base.files import plain, write_text
 from vsf_drake.base.schema import dump_yaml, to_plain
 from vsf_drake.base.yaml_file import dump
 from vsf_drake.model.parameters import GRAVITY, PELVIS_TRANSLATIONS
 from vsf_drake.motion.events import USUAL_STANCE_S
+from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.formats.recording import SIDES
 from vsf_drake.motion.formats.tables import opensim_files
 from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
@@ -29,12 +31,23 @@ from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.recording import EXPECTED, LEVEL_BW, MARKS, motion_checks, worst
 from vsf_drake.recording.examine import Examined, person_table, trial_table
 from vsf_drake.recording.foot import flat_phases
+from vsf_drake.recording.force_checks import REST_N, ZERO
 from vsf_drake.recording.import_walks import ImportedWalks
-from vsf_drake.report.page import render
+from vsf_drake.report.page import FIGURES, render
 from vsf_drake.report.recorded_replay import REPLAY, flaws, write_recordings
 from vsf_drake.report.results_folder import ResultsFolder
-from vsf_drake.report.style import MARK_COLOURS, NEUTRAL, PANEL, SHADE, drawing, label, legend_below
+from vsf_drake.report.style import (
+    MARK_COLOURS,
+    NEUTRAL,
+    PANEL,
+    SHADE,
+    drawing,
+    label,
+    legend_below,
+    png,
+)
 from vsf_drake.simulation.archive import provenance
+from vsf_drake.simulation.batch.cases import digest, software
 
 IMPORT = ResultsFolder(kind="import", command="import", table="import.json", names=(REPLAY,))
 CHECK = ResultsFolder(kind="check", command="check", table="check.json", names=(REPLAY,))
@@ -44,7 +57,7 @@ _MODEL = "model.yaml"
 
 def write_import(imported: ImportedWalks, out: Path) -> None:
     """Writes what an import leaves to `out`; every manifest is read back before anything appears
-    there."""
+    there. Figures that an earlier import to `out` drew of the same are taken as they are."""
     first = imported.items[0]
     failures = {Path(path).name: why for path, why in imported.failures.items()}
     shared = {
@@ -59,14 +72,18 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
         for name in imported.names
     ]
 
+    shown = [_shown(item) for item in imported.items]
+    figures = _drawn(imported, shown, out)
+
     def write_files(folder: Path) -> None:
+        (folder / FIGURES).mkdir()
+        for name, image in figures.items():
+            (folder / name).write_bytes(image)
         for name, record in shared.items():
             write_text(folder / name, dump_yaml(record))
         for item, name, files in zip(imported.items, imported.names, of_walks, strict=True):
             write_trial_files(item.trial, folder, name)
-            write_text(
-                folder / files["manifest"], _manifest(item.trial, files, scaled=imported.scaled)
-            )
+            write_text(folder / files["manifest"], _manifest(item, files, scaled=imported.scaled))
             load_trial(folder / files["manifest"])
         write_recordings(imported.items, folder / REPLAY)
         write_text(
@@ -77,6 +94,7 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
                 person=first,
                 failures=failures,
                 replay=REPLAY,
+                drawn=[[figures[file] for file in _figure_files(name)] for name in imported.names],
             ),
         )
 
@@ -88,8 +106,8 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
             if imported.failures
             else worst(item.mark for item in imported.items),
             "trials": [
-                trial_table(item) | files
-                for item, files in zip(imported.items, of_walks, strict=True)
+                trial_table(item) | files | {"shown_sha256": key}
+                for item, files, key in zip(imported.items, of_walks, shown, strict=True)
             ],
             "failures": imported.failures,
             **person_table(first),
@@ -100,12 +118,47 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
                     "import.json",
                     "import.html",
                     REPLAY,
+                    *figures,
                     *(name for files in of_walks for name in files.values()),
                 ]
             ),
         },
         more=lambda folder, table: write_files(folder),
     )
+
+
+def _drawn(imported: ImportedWalks, shown: Sequence[str], out: Path) -> dict[str, bytes]:
+    """The figures of all walks as PNG, by file."""
+    before = {}
+    with contextlib.suppress(InputError, LookupError, TypeError):
+        before = {row["manifest"]: row["shown_sha256"] for row in IMPORT.read(out)[0]["trials"]}
+    images = {}
+    for item, name, key in zip(imported.items, imported.names, shown, strict=True):
+        files = _figure_files(name)
+        kept = before.get(f"{name}.yaml") == key and all((out / file).is_file() for file in files)
+        for file, make in zip(files, _MAKERS.values(), strict=True):
+            images[file] = (out / file).read_bytes() if kept else png(make(item))
+    return images
+
+
+def _figure_files(name: str) -> list[str]:
+    return [f"{FIGURES}/{name}_{kind}.png" for kind in _MAKERS]
+
+
+def _shown(item: Examined) -> str:
+    """Digest of all that the figures show of a walk."""
+    trial = item.trial
+    facts = {
+        "recording": fingerprint(trial),
+        "inputs": trial.inputs,
+        "subject": to_plain(trial.subject),
+        "synthetic": trial.synthetic,
+        "found": [item.checks, item.stances, trial.unmeasured],
+        "tracked": trial.tracked and [trial.tracked.residual_rms_m, trial.tracked.gaps],
+        "standing": trial.calibration and trial.calibration.angles_rad,
+        "software": software(),
+    }
+    return digest(plain(facts))
 
 
 def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Path) -> None:
@@ -135,14 +188,20 @@ def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Pat
     )
 
 
-def _manifest(trial: Trial, files: Mapping[str, str], *, scaled: bool) -> str:
+def _manifest(item: Examined, files: Mapping[str, str], *, scaled: bool) -> str:
     """The manifest's text; what the belt carried is in the files already."""
+    trial = item.trial
     plates = {side: f"ground_force_{side[0]}" for side in SIDES if side in trial.plates}
     unknown = {
         side: [[round(end, 6) for end in span] for span in spans]
         for side, spans in trial.unmeasured.items()
         if spans
     }
+    rest_n: dict[str, float] = {}
+    for check in item.checks:
+        shown = check.value or 0.0
+        if check.side and check.name.startswith(ZERO) and abs(shown) > REST_N:
+            rest_n[check.side] = max(shown, rest_n.get(check.side, 0.0), key=abs)
     content = {
         "name": trial.name,
         "subject": _SUBJECT,
@@ -151,6 +210,7 @@ def _manifest(trial: Trial, files: Mapping[str, str], *, scaled: bool) -> str:
         "prosthesis": {"fulcrum_mm": round(1e3 * trial.fulcrum_m, 6)},
         "window": {"start_s": float(trial.start_s), "end_s": float(trial.end_s)},
         **({"unknown_force": unknown} if unknown else {}),
+        **({"plate_rest_n": {side: round(n, 3) for side, n in rest_n.items()}} if rest_n else {}),
         **({"model": _MODEL} if scaled else {}),
         **({"synthetic": True} if trial.synthetic else {}),
     }
@@ -164,13 +224,14 @@ def import_page(
     person: Examined | None = None,
     failures: Mapping[str, str] | None = None,
     replay: str = "",
+    drawn: Sequence[Sequence[Figure | bytes]] | None = None,
 ) -> Markup:
-    """The page: trials with their checks and figures, the `person` of one of them, by file what
-    failed and why, and the file beside it in which the trials are to be played."""
+    """The page: trials with their checks and figures (`drawn` already, or now), the `person` of one
+    of them, by file what failed and why, and the file beside it in which the trials are to be
+    played."""
     synthetic = [item.trial.name for item in items if item.trial.synthetic]
-    makers = (angle_figure, force_figure, floor_figure)
-    figures = [
-        [make(item) for make in makers if make is not force_figure or item.trial.plates]
+    figures = drawn or [
+        [make(item) for kind, make in _MAKERS.items() if kind != "forces" or item.trial.plates]
         for item in items
     ]
     return render(
@@ -459,3 +520,7 @@ def _with_legend(figure: Figure, item: Examined, *more: str) -> Figure:
     ]
     legend_below(figure, handles)
     return figure
+
+
+_MAKERS = {"angles": angle_figure, "forces": force_figure, "floor": floor_figure}
+"""Figures of a walk, by the end of their files' names."""

@@ -223,7 +223,9 @@ class ShownChapter:
                 unmet=[i for i, row in enumerate(rows) if _value(row, "met") is False],
             )
             if self._folder is not None:
-                self.files.add(path := Path(TABLES) / f"{name}.csv")
+                path = Path(TABLES) / f"{name}.csv"
+                self.files.add(path)
+                (self._folder / TABLES).mkdir(exist_ok=True)
                 write_csv(self._folder / path, [column.key for column in shown_columns], values)
             return table
 
@@ -235,6 +237,7 @@ class ShownChapter:
         def make() -> Markup:
             figure: Figure | bytes = self._chapter.figures[name]
             if self._folder is not None:
+                (self._folder / FIGURES).mkdir(exist_ok=True)
                 paths = save_figure(
                     self._chapter.figures[name],
                     self._folder / FIGURES / name,
@@ -272,9 +275,6 @@ def chapter_page(
         lenient: whether what cannot be shown is named in its place instead of raising: of another
             version, or edited.
     """
-    if folder is not None:
-        for name in (FIGURES, TABLES):
-            (folder / name).mkdir(exist_ok=True)
     shown = [ShownChapter(chapter, folder, lenient=lenient, svg=svg) for chapter in chapters]
     return render(
         "chapters.html.j2",

@@ -18,7 +18,6 @@ from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.model.bench_curves import BenchCurves, load_bench_curves
 from vsf_drake.model.contact_file import FittedContact, load_contact
 from vsf_drake.model.parameters import ModelParameters
-from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.validation.options import StudyOptions
@@ -26,6 +25,7 @@ from vsf_drake.walks.comparison import Comparison, compare
 from vsf_drake.walks.metrics import WalkMetrics, known_curves, walk_metrics, warnings
 from vsf_drake.walks.numbers import by_fulcrum
 from vsf_drake.walks.offsets import OffsetFit
+from vsf_drake.walks.prediction import recording_of
 from vsf_drake.walks.recorded_walk import check_named_once, labels_of, walk_trial, with_contact
 
 FITTED, HELD_OUT, OFFSETS_FITTED = "fitted", "held out", "offsets fitted"
@@ -217,7 +217,7 @@ def _study_walk(i: int, walked: Sequence[_Walked], fitted: FittedContact | None)
     """The i-th walk."""
     label, recorded, trial, result, fit = walked[i]
     prints = set() if fitted is None else {trial.fingerprint for trial in fitted.trials}
-    seen = [fingerprint(one.recorded) in prints for one in walked]
+    seen = [fitted is not None and recording_of(one.recorded, fitted) in prints for one in walked]
     others = [one.recorded for j, one in enumerate(walked) if j != i and (seen[j] or not any(seen))]
     plate = recorded.plate
     comparison = compare(result, plate)

@@ -28,9 +28,10 @@ from vsf_drake.walks.comparison import (
     partner,
     percent_instants,
     resample,
+    rmse,
     walking_direction,
 )
-from vsf_drake.walks.metrics import walk_metrics
+from vsf_drake.walks.metrics import stance_curve, walk_metrics
 from vsf_drake.walks.momentum import (
     MomentumCorrection,
     bias_of,
@@ -52,6 +53,10 @@ from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, 
 from vsf_drake.walks.recorded_walk import with_contact
 
 PHYSICS, MOMENTUM, PERSON = LAYERS = ("physics", "momentum", "person")
+SAME_BW = 1e-3
+"""Plates whose forces over stance differ by less (body weights, root mean square) measured the same
+steps (a choice). The same differ by 1e-6 at most; the two walks most alike of the synthetic persons
+of data/sessions, on one day, by 17e-3."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -235,7 +240,7 @@ def layers_of(
 def judged(walk: LayeredWalk, trial: Trial, label: str, contact: FittedContact) -> TrialLayers:
     """A walk in layers beside the plate of its recorded trial, if it has one, and the null
     model."""
-    own = fingerprint(trial)
+    own = recording_of(trial, contact)
     weight = trial.subject.mass_kg * GRAVITY
     comparisons = compared(walk, trial.plate)
     scores = {layer: dict.fromkeys(SCORES) for layer in LAYERS}
@@ -244,10 +249,7 @@ def judged(walk: LayeredWalk, trial: Trial, label: str, contact: FittedContact) 
         found = walk_metrics(result, trial.plate, comparison=comparison)
         scores[layer] = {name: getattr(found, name) for name in SCORES}
     others = _others(contact, own)
-    known = [
-        KnownCurve(one.fulcrum_m, np.linalg.norm([getattr(one, name) for name in FORCES], axis=0))
-        for one in others
-    ]
+    known = [KnownCurve(one.fulcrum_m, _resultant_bw(one)) for one in others]
     null = null_errors(comparisons[PHYSICS], weight, known, trial.fulcrum_m)
     late = null_errors(comparisons[PHYSICS], weight, known, trial.fulcrum_m, predicted=True)
     between = _null_curve(others, trial.fulcrum_m)
@@ -278,13 +280,34 @@ def layer_curves(walk: LayeredWalk, trial: Trial, contact: FittedContact) -> dic
     person = walk.person
     if person is not None and person.half_width_n is not None:
         curves["half_width"] = resample(physics.time_s, person.time_s, person.half_width_n) / weight
-    null_bw = _null_curve(_others(contact, fingerprint(trial)), trial.fulcrum_m)
+    null_bw = _null_curve(_others(contact, recording_of(trial, contact)), trial.fulcrum_m)
     if null_bw is not None:
         for name, predicted in (("null", False), ("null_predicted", True)):
             null = stretched(physics, null_bw, predicted=predicted)
             if np.nan_to_num(null).any():  # on a stance that was seen from strike to lift-off
                 curves[name] = null
     return curves
+
+
+def recording_of(trial: Trial, contact: FittedContact) -> str:
+    """The fingerprint of the recording that a trial is: that of a fitted one whose steps its plate
+    measured, though file, window or the way from markers to angles may be others; else its own."""
+    own = fingerprint(trial)
+    curve = contact.person_curve
+    if trial.plate is None or curve is None or own in {one.fingerprint for one in contact.trials}:
+        return own
+    force_bw = stance_curve(trial.plate, subject_mass_kg=trial.subject.mass_kg)
+    for one in curve.walks:
+        if force_bw is not None and rmse(force_bw, _resultant_bw(one)) < SAME_BW:
+            return one.fingerprint
+    return own
+
+
+def _resultant_bw(walk: PersonWalk) -> np.ndarray:
+    """(101,) over stance, as its plate measured it."""
+    forces_bw = np.array([getattr(walk, name) for name in FORCES])
+    resultant_bw: np.ndarray = np.linalg.norm(forces_bw, axis=0)
+    return resultant_bw
 
 
 def _others(contact: FittedContact, own: str) -> list[PersonWalk]:
