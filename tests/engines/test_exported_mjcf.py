@@ -206,6 +206,27 @@ def test_leg_of_sixty_kilograms_dropped_on_it_is_borne_at_every_step_alike(fulcr
 
 
 @pytest.mark.parametrize("fulcrum_m", FULCRUMS_M)
+def test_calibrated_foot_bears_a_fall_alike_with_every_integrator(fulcrum_m):
+    """At twice the file's step, and within what another step changes: not calibrated, it bursts
+    with Euler and with RK4."""
+    peaks = []
+    for integrator in ("mjINT_IMPLICITFAST", "mjINT_EULER", "mjINT_RK4"):
+        model = dropped(fulcrum_m, 2e-3)
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, integrator)
+        calibrate(model)
+        data = mujoco.MjData(model)
+        data.ctrl[:] = data.qpos[model.joint("fulcrum").qposadr[0]] = fulcrum_m
+        total = []
+        for _ in range(500):
+            mujoco.mj_step(model, data)
+            total.append(data.efc_force[data.contact.efc_address].sum())
+        assert not sum(warning.number for warning in data.warning)
+        assert total[-1] == pytest.approx((60.0 + NOMINAL.mass_kg) * GRAVITY, rel=1e-2)
+        peaks.append(max(total))
+    assert max(peaks) == pytest.approx(min(peaks), rel=0.05)
+
+
+@pytest.mark.parametrize("fulcrum_m", FULCRUMS_M)
 def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe_as_on_the_bench(
     fulcrum_m,
 ):
