@@ -169,7 +169,7 @@ def two_feet():
     """A leg of 60 kg on a rail, with two feet of one file under it."""
     leg = mujoco.MjSpec.from_string("""
         <mujoco>
-          <option timestep="1e-3" integrator="implicitfast" cone="elliptic" impratio="5"/>
+          <option timestep="1e-3" integrator="implicitfast" cone="elliptic" impratio="4"/>
           <worldbody>
             <geom name="floor" type="plane" size="1 1 1"/>
             <body name="leg" pos="0 0 0.09">

@@ -25,7 +25,7 @@ def prepare(model: mujoco.MjModel) -> None:
     every integrator, the legs' own Euler as well (`vsf_drake.mujoco.calibrate`).
 
     It belongs to the model's time step: call it again after a change. Step and friction cone are
-    those of the whole model and are not changed; `impratio` 5 is advised.
+    those of the whole model and are not changed; `impratio` 4 is advised.
 
     Raises:
         InputError: no device in `model`; a time step with which the foot is not steady; what
