@@ -197,9 +197,11 @@ def test_threads_begin_and_foreign_files_are_parsed_in_one_place_for_each_kind()
     doors = {
         "threads.py": r"ThreadPoolExecutor\((?!workers, thread_name_prefix=\"sweep\")",
         "yaml_file.py": r"yaml\.(\w+_)?(load|compose|parse|scan)\w*\(|(?<!Package)(?<!Choice)Loader",  # noqa: E501
-        # npz (but for what foreign interpreters read), json (but for a cache that trusts nothing), ~
+        # npz (but for what foreign interpreters read), json (but for a cache that trusts nothing)
+        # and ~
         "files.py": (
-            r"np\.(load|fromfile|memmap)\((?!folder / FILE, allow_pickle=False\))|allow_pickle=True|json\.loads?\((?!arrays\.pop\(ABOUT\))"
+            r"np\.(load|fromfile|memmap)\((?!folder / FILE, allow_pickle=False\))|allow_pickle=True"
+            r"|json\.loads?\((?!arrays\.pop\(ABOUT\))"
             r"|(?<!os\.path)\.expanduser\("
         ),
     }
@@ -308,7 +310,7 @@ def test_readme_starts_with_install_and_test_commands():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```bash\n(.*?)^```$", readme, flags=re.MULTILINE | re.DOTALL)
     assert blocks[0].splitlines()[-1] == "vsf-drake validate --out results"
-    assert blocks[1].splitlines()[-2:] == ["pip install '.[test]'", "pytest"]
+    assert blocks[1].splitlines()[-2:] == ["pip install '.[test,engines]'", "pytest"]
 
 
 def test_the_page_on_the_architecture_names_every_part_and_nothing_else():

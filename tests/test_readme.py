@@ -16,12 +16,14 @@ import typer
 from PIL import Image
 
 from vsf_drake.cli import (  # noqa: F401
+    certify,
     compare,
     device,
     doctor,
     fit,
     predict,
     recordings,
+    session,
     stiffness_map,
     study,
     sweep,

@@ -203,7 +203,8 @@ def _show_dampers_as_inertia(model: mujoco.MjModel) -> None:
     keels = [
         model.jnt_dofadr[i] for i in range(model.njnt) if model.joint(i).name.startswith(starts)
     ]
-    supports = [model.tendon(f"{prefix}{_SUPPORT}").id for prefix in prefixes]
+    names = {f"{prefix}{_SUPPORT}" for prefix in prefixes}  # a condensed foot has none
+    supports = [i for i in range(model.ntendon) if model.tendon(i).name in names]
     model.dof_armature[keels] = model.opt.timestep * model.dof_damping[keels]
     model.tendon_armature[supports] = model.opt.timestep * model.tendon_damping[supports]
 

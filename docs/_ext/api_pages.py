@@ -39,12 +39,23 @@ OWN_PAGES = ("laws", "systems", "plants", "model")
 SHOWN_PRIVATE = ("vsf_drake.systems._system",)
 """Private modules whose class every system shows: `GetParameter`, `SetParameters`."""
 
+ENGINES = ("exudyn", "mujoco", "opensim")
+"""Optional packages that modules stand on."""
+
 
 def public_modules() -> list[ModuleType]:
-    """All modules of the package but private ones and packages that say nothing, imported."""
+    """All modules of the package but private ones and packages that say nothing, imported; without
+    those of engines that are not installed."""
     found = [info.name for info in pkgutil.walk_packages(vsf_drake.__path__, "vsf_drake.")]
-    names = [name for name in found if name in SHOWN_PRIVATE or "._" not in name]
-    return [importlib.import_module(name) for name in sorted(names)]
+    modules = []
+    for name in sorted(found):
+        if name in SHOWN_PRIVATE or "._" not in name:
+            try:
+                modules.append(importlib.import_module(name))
+            except ModuleNotFoundError as error:
+                if error.name not in ENGINES:
+                    raise
+    return modules
 
 
 def layer(name: str) -> str:

@@ -21,7 +21,9 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.base.files import resource, sha256
 from vsf_drake.base.schema import dump_yaml, from_plain
+from vsf_drake.engines.limits import cannot_hold
 from vsf_drake.engines.mjcf import foot_mjcf
+from vsf_drake.engines.sdf import foot_sdf
 from vsf_drake.model.model_file import load_model
 from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.parsed_foot import find_foot
@@ -58,11 +60,23 @@ def subject(tmp_path):
         ),
         (
             ["export", "--format", "mjcf", "--no-springs"],
-            "an MJCF file always has springs and contact spheres",
+            "only SDF files are without springs or contact spheres",
+        ),
+        (
+            ["export", "--form", "condensed", "--no-discrete"],
+            "only SDF files are without springs or contact spheres",
+        ),
+        (
+            ["export", "--form", "condensed", "--format", "mjcf", "--format", "sdf"],
+            "there is no condensed foot in SDFormat",
+        ),
+        (
+            ["export", "--form", "short"],
+            "'short' is not known. Known are: full, condensed",
         ),
         (
             ["export", "--format", "urdf"],
-            "'urdf' is not known. Known are: sdf, mjcf, both",
+            "'urdf' is not known. Known are: osim, mjcf, sdf",
         ),
         (["stand", "SUBJECT", "--fulcrum-mm", 300], "out of the carriage's reach"),
         (["stand", "SUBJECT", "--duration-s", 0], "no time to stand"),
@@ -176,22 +190,88 @@ def test_a_walk_at_another_setting_says_so_before_all_else_and_in_its_results(
 # `export`.
 
 
-def test_nominal_foot_leaves_three_models_and_their_sidecar(run, tmp_path):
+def files_in(folder):
+    """But for the record."""
+    return {path.name for path in folder.glob("[!.]*")}
+
+
+def sidecar_of(folder):
+    return yaml.safe_load((folder / "export.yaml").read_text(encoding="utf-8"))
+
+
+def test_nominal_foot_is_written_in_every_format_with_a_sidecar(run, tmp_path):
     code, said, _ = run("export", "--out", tmp_path / "models")
     folder = tmp_path / "models"
-    names = ["vsf_foot.sdf", "vsf_foot_at_108mm.sdf", "vsf_foot_at_108mm.xml"]
+    names = {"vsf_foot.sdf", *(f"vsf_foot_at_108mm.{end}" for end in ("osim", "xml", "sdf"))}
     assert code == 0
-    assert sorted(path.name for path in folder.glob("[!.]*")) == sorted([*names, "export.yaml"])
+    assert files_in(folder) == {*names, "export.yaml"}
     assert all(name in said for name in names)
     assert (folder / "vsf_foot.sdf").read_bytes() == resource("models/vsf_foot.sdf").read_bytes()
-    sidecar = yaml.safe_load((folder / "export.yaml").read_text(encoding="utf-8"))
+    sidecar = sidecar_of(folder)
     assert sidecar["files_sha256"] == {name: sha256(folder / name) for name in names}
-    assert sidecar["fulcrum_m"] == pytest.approx(0.108)
+    assert sidecar["form"] == "full" and sidecar["fulcrum_m"] == pytest.approx(0.108)
     assert (
         from_plain(FootParameters, sidecar["foot"])
         == load_model(resource("models/nominal.yaml")).foot
     )
     assert sidecar["provenance"]["versions"]["vsf-drake"]
+
+
+def test_what_a_format_cannot_hold_is_said_on_the_screen_in_the_sidecar_and_in_the_file(
+    run, tmp_path
+):
+    """Of a model with another contact law, too."""
+    text = resource("models/nominal.yaml").read_text(encoding="utf-8")
+    (tmp_path / "smooth.yaml").write_text(f"{text}contact_law: smooth\n", encoding="utf-8")
+    out = tmp_path / "out"
+    code, said, _ = run("export", "--model", tmp_path / "smooth.yaml", "--out", out)
+    assert code == 0
+    limits = sidecar_of(out)["cannot_hold"]
+    assert set(limits) == {"osim", "mjcf", "sdf"}
+    assert limits["mjcf"]["contact_law"].startswith("smooth; instead ")
+    for name, end in (("osim", "osim"), ("mjcf", "xml"), ("sdf", "sdf")):
+        head = (out / f"vsf_foot_at_108mm.{end}").read_text(encoding="utf-8").partition("-->")[0]
+        assert limits[name] == cannot_hold(FootParameters(), name, law="smooth")
+        for parameter, told in limits[name].items():
+            assert f"{parameter}: {told}" in said and f"{parameter}: {told}" in head
+
+
+@pytest.mark.slow
+def test_the_condensed_foot_is_written_with_a_table_and_its_error(run, tmp_path):
+    words = ("export", "--form", "condensed", "--fulcrum-mm", 87, "--out", tmp_path)
+    code, said, _ = run(*words)
+    names = {"vsf_condensed.csv", "vsf_condensed_at_87mm.osim", "vsf_condensed_at_87mm.xml"}
+    assert code == 0
+    assert files_in(tmp_path) == {*names, "export.yaml"}
+    sidecar = sidecar_of(tmp_path)
+    assert sidecar["form"] == "condensed"
+    force, centre = (sidecar["error_against_full"][n] for n in ("force_rms", "centre_rms_m"))
+    told = f"vertical force: {100.0 * force:.1f} % of its peak root mean square"
+    assert told in said and f"centre of pressure: {1e3 * centre:.1f} mm" in said
+    assert told in (tmp_path / "vsf_condensed.csv").read_text(encoding="utf-8")
+    condensed = cannot_hold(FootParameters(), "osim", condensed=True)
+    assert sidecar["cannot_hold"] == {
+        "osim": condensed,
+        "mjcf": cannot_hold(FootParameters(), "mjcf", condensed=True),
+    }
+    assert "Meyer" in condensed["contact_law"] and "foot.friction.mu_static" in condensed
+
+
+def test_only_formats_that_are_named_are_written(run, tmp_path):
+    words = ("export", "--format", "mjcf", "--format", "osim", "--fulcrum-mm", "66", "--out")
+    assert run(*words, tmp_path)[0] == 0
+    names = {"vsf_foot_at_66mm.osim", "vsf_foot_at_66mm.xml"}
+    assert files_in(tmp_path) == {*names, "export.yaml"}
+    assert set(sidecar_of(tmp_path)["cannot_hold"]) == {"mjcf", "osim"}
+
+
+def test_an_sdf_without_contact_spheres_and_for_a_plant_without_a_time_step(run, tmp_path):
+    words = ("export", "--format", "sdf", "--no-collision", "--no-discrete", "--out", tmp_path)
+    assert run(*words)[0] == 0
+    written = (tmp_path / "vsf_foot_at_108mm.sdf").read_text(encoding="utf-8")
+    foot = FootParameters()
+    assert written == foot_sdf(foot, fulcrum_m=0.108, collision=False, discrete=False)
+    assert sidecar_of(tmp_path)["cannot_hold"] == {}, "contact is wire_foot's"
 
 
 def test_model_file_and_position_are_those_of_the_models(run, tmp_path):
@@ -209,8 +289,7 @@ def test_model_file_and_position_are_those_of_the_models(run, tmp_path):
     plant = MultibodyPlant(0.0)
     Parser(plant).AddModels(str(tmp_path / "out" / "vsf_foot.sdf"))
     assert find_foot(plant, "vsf", foot).parameters.mass_kg == 0.7
-    sidecar = yaml.safe_load((tmp_path / "out" / "export.yaml").read_text(encoding="utf-8"))
-    assert sidecar["provenance"]["inputs_sha256"] == {
+    assert sidecar_of(tmp_path / "out")["provenance"]["inputs_sha256"] == {
         "model: mine.yaml": sha256(tmp_path / "mine.yaml")
     }
 
@@ -221,16 +300,14 @@ def test_a_folder_of_other_things_is_refused_and_an_earlier_export_replaced(run,
     code, _, error = run("export", "--out", tmp_path)
     assert code == 2 and "holds other things than an earlier export" in error
     assert (tmp_path / "vsf_foot.sdf").read_text(encoding="utf-8") == "mine"
+    code, _, error = run("export", "--out", tmp_path / "vsf_foot.sdf")
+    assert code == 2 and "vsf_foot.sdf: is a file, but results are a folder" in error
     out = tmp_path / "out"
     assert run("export", "--out", out)[0] == 0
     assert (
         run("export", "--out", out, "--format", "sdf", "--no-collision", "--fulcrum-mm", 80)[0] == 0
     )
-    assert {path.name for path in out.glob("[!.]*")} == {
-        "vsf_foot.sdf",
-        "vsf_foot_at_80mm.sdf",
-        "export.yaml",
-    }
+    assert files_in(out) == {"vsf_foot.sdf", "vsf_foot_at_80mm.sdf", "export.yaml"}
     assert "<collision" not in (out / "vsf_foot.sdf").read_text(encoding="utf-8")
     (out / RECORD_FILE).unlink()
     assert run("export", "--out", out)[0] == 0

@@ -26,6 +26,10 @@ def test_versions_solvers_and_compiled_code_are_told_and_the_foot_has_its_stiffn
         all(name in said for name in ("SNOPT", "Ipopt", "NLopt", "Clarabel"))
         and "MISSING" not in said
     )
+    for name in ("opensim", "mujoco", "exudyn"):
+        found = [*importlib.metadata.distributions(name=name)]
+        there = found[0].version if found else "not installed"
+        assert f"{name} {there}" in said and (f"[{name}] lacks {name}" in said) is not found
     kept = kept_code()
     assert kept.current and kept.functions > 0 and f"{kept.functions} functions" in said
     stiffness = float(re.search(r"([\d.]+) N/mm", said)[1])

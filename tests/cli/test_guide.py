@@ -12,6 +12,7 @@ from command_line import exit_code
 
 from vsf_drake.base.files import resource
 from vsf_drake.cli import (  # noqa: F401
+    certify,
     compare,
     device,
     doctor,

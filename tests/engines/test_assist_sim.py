@@ -436,7 +436,9 @@ def joint_names(model):
 
 def run_guide(count):
     """The names that the first `count` blocks of the guide leave."""
-    blocks = re.findall(r"^```python\n(.*?)^```$", GUIDE.read_text("utf-8"), re.M | re.S)
+    blocks = re.findall(
+        r"^```(?:{code-block} )?python\n(.*?)^```$", GUIDE.read_text("utf-8"), re.M | re.S
+    )
     names: dict = {}
     for block in blocks[:count]:
         exec(block, names)

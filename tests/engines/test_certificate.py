@@ -6,6 +6,7 @@ import dataclasses
 import re
 import shutil
 import sys
+import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -13,8 +14,10 @@ import numpy as np
 import pytest
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.base.files import read_npz
+from vsf_drake.engines.certificate import in_drake
 from vsf_drake.engines.certificate import run as certificate
-from vsf_drake.engines.certificate.ask import ask
+from vsf_drake.engines.certificate.ask import questions, write_full
 from vsf_drake.engines.certificate.asked import NOMINAL, Asked, foot_file
 from vsf_drake.engines.certificate.in_stepper import small_rises
 from vsf_drake.engines.certificate.rows import (
@@ -27,7 +30,15 @@ from vsf_drake.engines.certificate.rows import (
     agree,
     judged,
 )
-from vsf_drake.engines.certificate.run import ENGINES, REFERENCE, answer_of, certify, judge, run
+from vsf_drake.engines.certificate.run import (
+    ENGINES,
+    REFERENCE,
+    Ran,
+    answer_of,
+    certify,
+    judge,
+    run,
+)
 from vsf_drake.model.parameters import FootParameters
 
 STATIC = ("keel_rise", "mass_matrix", "gravity", "beam")
@@ -64,9 +75,10 @@ CHANGED = [
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """What is asked of the nominal foot, but for most of the roll-over."""
+    """What is asked of the nominal foot, but for most of the roll-over and the condensed foot."""
     folder = tmp_path_factory.mktemp("asked")
-    asked = ask(folder, FootParameters())
+    asked = questions(FootParameters())
+    write_full(folder, FootParameters())
     dataclasses.replace(asked, time_s=asked.time_s[:SHORT], mount=asked.mount[:SHORT]).write(folder)
     return folder
 
@@ -80,8 +92,14 @@ def own(folder):
 
 
 def static_rows(folder, own, name):
-    """Rows of an engine that are judged and do not move the foot, by name."""
-    ran, answers = answer_of(folder, ENGINES[name])
+    """Rows of an engine that are judged and do not move the foot, by name. Drake, which is here
+    already, is asked in this process."""
+    if name == "drake":
+        in_drake.answer(folder)
+        ran = Ran(name=name, label=name, status="", version="", why="")
+        answers = read_npz(folder / in_drake.FILE)
+    else:
+        ran, answers = answer_of(folder, ENGINES[name])
     assert ran.status != NOT_RUN, ran.why
     rows = judge({name: ran}, {name: answers, REFERENCE: own})
     return {row.row: row for row in rows if row.row in STATIC}
@@ -165,6 +183,16 @@ def test_an_engine_that_is_too_old_has_not_run_and_is_named_with_its_version(fol
     ran, _ = answer_of(folder, engine(least="999.1"))
     assert ran.status == NOT_RUN
     assert re.search(r"drake is of version 1\.[\d.]+: pip install .* brings 999.1", ran.why)
+
+
+def test_the_oldest_versions_are_those_that_the_package_asks_for():
+    file = Path(__file__).parents[2] / "pyproject.toml"
+    project = tomllib.loads(file.read_text(encoding="utf-8"))["project"]
+    groups = project["optional-dependencies"].values()
+    asked_for = [*project["dependencies"], *(line for group in groups for line in group)]
+    for each in ENGINES.values():
+        oldest = re.compile(rf"{each.package}>={re.escape(each.least)}(?![\d.])")
+        assert each.name == REFERENCE or any(map(oldest.match, asked_for)), each
 
 
 def test_an_engine_that_breaks_off_has_failed_and_says_why(tmp_path, own):

@@ -20,7 +20,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.engines.certificate.ask import ask, elastic
+from vsf_drake.engines.certificate.ask import elastic, questions, write_full
 from vsf_drake.engines.certificate.asked import ELASTIC, NOMINAL
 from vsf_drake.engines.osim import foot_osim
 from vsf_drake.laws.contact_laws import CONTACT_LAWS
@@ -253,7 +253,8 @@ def answered(foot, tmp_path_factory):
     travel = 6e-3 * np.sin(np.pi * share) ** 2
     touch = RollOver(foot, friction=False).touch_height(pitch)
     path = np.column_stack([0.05 * turned, touch - travel, pitch])
-    asked = replace(ask(folder, foot), time_s=time_s, mount=path)
+    write_full(folder, foot)
+    asked = replace(questions(foot), time_s=time_s, mount=path)
     asked.write(folder)
     in_opensim(folder, "-m", "vsf_drake.engines.certificate.in_opensim", str(folder))
     with np.load(folder / "opensim.npz") as stored:

@@ -7,6 +7,8 @@ and units are listed with the reason.
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
 import re
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -20,9 +22,11 @@ from contact_fit_study.table import markdown_table
 from quoted import flat, left_over, page, percent, rows_in_layers, stored
 
 import vsf_drake as vsf
-from vsf_drake.base.files import record
+from vsf_drake.base.files import record, table_of
+from vsf_drake.engines.limits import cannot_hold
 from vsf_drake.fit.assessment import FITTED, HELD_OUT, Assessment, TrialScore, verdict
 from vsf_drake.model.parameters import FootParameters
+from vsf_drake.mujoco import calibrate
 from vsf_drake.validation.published_trends import TrendTable
 from vsf_drake.walks.angle_errors import AngleErrorRow
 from vsf_drake.walks.embedded import embedded_contact
@@ -32,6 +36,7 @@ VALIDATE = "docs/guide/validate.md"
 FIT = "docs/guide/fit.md"
 TUNE = "docs/guide/tune.md"
 ANSWER = "docs/guide/which_stiffness.md"
+ENGINES = "docs/guide/engines.md"
 ENERGY = "docs/energy.md"  # its tables
 TUTORIAL = "docs/tutorials/researcher.md"  # whose own test computes the rest
 NO_RESULTS = {
@@ -119,6 +124,18 @@ NO_RESULTS = {
         "(66 and 151 mm)": "settings",
         "errors of hip and knee of 0.25, 0.5, 1° (SD)": "sizes of the errors",
         "(Nichols and Adamczyk 2023)": "a source",
+    },
+    ENGINES: {
+        "which 600 N press up": "a setting",
+        "at 66 mm and at 151 mm": "settings",
+        "a keel of 32 joints": "a row of the certificate",
+        "at steps to 1 ms in Drake and 2 ms in MuJoCo": "settings",
+        "| OpenSim 4 |": "a version",
+        "Python 3.11 to 3.13 and wants numpy 2.1": "versions",
+        "MeyerFregly2016Force": "a name",
+        "_at_108mm": "a setting",
+        "exponents other than 1": "a definition",
+        "ends with 0 if all that ran agreed, and with 1 if not": "exit codes",
     },
 }
 """Pieces of the pages whose numbers are no results of ours, and why."""
@@ -947,6 +964,36 @@ def both_devices() -> Iterator[str]:
     yield f"have a support of {support} MN/m"
 
 
+def certified() -> Iterator[str]:
+    """What the certificate asks of each engine, and what a file has in place of a parameter."""
+    asked = {
+        (row["row"], row["engine"]): row["asked"]
+        for row in table_of("engines/certificate/rows.csv")
+    }
+    for row, claim in (
+        ("keel_rise", "within {drake} in Drake and OpenSim, {mujoco} in MuJoCo"),
+        ("beam", "a keel of 32 equal elements within {exudyn} of Exudyn's exact beam"),
+        ("mass_matrix", "in 100 poses within {drake} of the largest, in Drake, OpenSim and MuJoCo"),
+        ("gravity", "in 100 poses within {drake} of the largest, in Drake, OpenSim and MuJoCo"),
+        ("roll_elastic", "within {opensim} of its peak in Drake and OpenSim, {mujoco} in MuJoCo"),
+        ("roll_own", "own contact within {mujoco} (root mean square) in MuJoCo, and on Moco's"),
+    ):
+        of = {engine: tolerance for (name, engine), tolerance in asked.items() if name == row}
+        assert of.get("drake") in (None, of.get("opensim"))
+        yield claim.format(**of)
+    assert asked["roll_law", "drake"] == asked["roll_elastic", "opensim"]
+    assert asked["roll_own", "mujoco"] == asked["roll_own", "moco"]
+    assert asked["held", "steady_drake"] == asked["drop", "steady_mujoco"] == "0"
+    foot = FootParameters()
+    curved = tuple(dataclasses.replace(zone, exponent=1.2) for zone in foot.zones)
+    held = cannot_hold(dataclasses.replace(foot, zones=curved), "sdf")
+    for name in ("exponent", "damping_n_s_per_m"):
+        instead = held[f"foot.zones.{name}"].partition("; instead ")[2]
+        yield f"| {instead} |"
+    depth_m = inspect.signature(calibrate).parameters["depth"].default
+    yield f"near the law up to {1e3 * depth_m:g} mm"
+
+
 SOURCES = {
     VALIDATE: (embedded_subject, angle_errors, sessions, intervals, people, trends),
     FIT: (fit_table,),
@@ -954,6 +1001,7 @@ SOURCES = {
     ANSWER: (the_answer,),
     TUTORIAL: (the_tutorial,),
     ENERGY: (both_devices,),
+    ENGINES: (certified,),
 }
 
 

@@ -188,7 +188,9 @@ def print_text(template: str, /, **facts: Any) -> None:
             else value
         )
 
-    pages = text_templates("cli/templates", "wording").overlay(finalize=one_cell)
+    pages = text_templates("cli/templates", "engines/templates", "wording").overlay(
+        finalize=one_cell
+    )
     text = pages.get_template(f"{template}.txt.j2").render(facts, table=table, columns=columns)
     for line in filter(None, text.split("\n")):
         made = tables[int(line[1:])] if line.startswith("\f") else None

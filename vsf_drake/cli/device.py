@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,6 +18,10 @@ from vsf_drake.cli.app import Contact, Model, Out, app, path, progress, say
 from vsf_drake.cli.options import from_fields
 from vsf_drake.cli.recordings import judged
 from vsf_drake.simulation.options import BenchOptions, LawOptions, StandingOptions, StepOptions
+
+if TYPE_CHECKING:
+    from vsf_drake.engines.condensed_error import CondensedError
+    from vsf_drake.model.parameters import FootParameters, ModelParameters
 
 
 @app.command()
@@ -51,21 +56,36 @@ def bench(
     say(f"written to {out / 'bench.png'}, bench.json")
 
 
+_FORMATS = ("osim", "mjcf", "sdf")
+_CONDENSED_FORMATS = ("osim", "mjcf")
+
+
 @dataclass(frozen=True, kw_only=True)
 class ExportRequest:
     """Which files of the foot are written."""
 
+    formats: tuple[str, ...] = choice(
+        (),
+        options=_FORMATS,
+        source="choice",
+        flag="--format",
+        metavar="|".join(_FORMATS),
+        shown="all that the form has",
+        help="osim (OpenSim), mjcf (MuJoCo) or sdf (Drake and other readers of SDFormat). May be "
+        "given several times.",
+    )
+    form: str = choice(
+        "full",
+        options=("full", "condensed"),
+        source="choice",
+        metavar="full|condensed",
+        help="full, with all pieces of the keel, or condensed, two hinges and six contact "
+        "spheres fitted to that, for optimal control: osim, mjcf and a table.",
+    )
     fulcrum_mm: float = same_as(
         StandingOptions,
         "fulcrum_mm",
         help="Fulcrum position, from the keel's posterior end, in the files in which it is fixed.",
-    )
-    form: str = choice(
-        "both",
-        options=("sdf", "mjcf", "both"),
-        source="choice",
-        flag="--format",
-        help="sdf (Drake and other readers of SDFormat), mjcf (MuJoCo), or both.",
     )
     springs: bool = option(
         True,
@@ -75,6 +95,10 @@ class ExportRequest:
     collision: bool = option(
         True,
         "Write contact spheres as collision shapes into the SDF.",
+    )
+    discrete: bool = option(
+        True,
+        "Write the SDF with a fixed fulcrum for plants with a time step; otherwise for others.",
     )
 
 
@@ -87,41 +111,49 @@ def export(
     *,
     asked: ExportRequest,
 ) -> None:
-    """Writes the rigid foot with its lumped springs as SDF and MJCF.
+    """Writes the foot for OpenSim, MuJoCo and readers of SDFormat.
 
     vsf_foot.sdf is for find_foot and wire_foot, which add the movable fulcrum; the other files are
-    complete without this package, at one fulcrum position. The comment at the top of each file says
-    what its format cannot hold.
+    complete without this package, at one fulcrum position. What a format cannot hold is said here,
+    in export.yaml and at the top of the file.
     """
     from vsf_drake.base.files import sha256, write_text
     from vsf_drake.base.schema import to_plain
     from vsf_drake.base.yaml_file import dump
-    from vsf_drake.engines.mjcf import foot_mjcf
-    from vsf_drake.engines.sdf import foot_sdf
+    from vsf_drake.engines.limits import cannot_hold
     from vsf_drake.model.model_file import check_fulcrum
     from vsf_drake.report.results_folder import ResultsFolder
     from vsf_drake.simulation.archive import provenance, result_folder
 
     ResultsFolder(kind="export", command="export", sidecar="export.yaml").check(out)
-    foot = cli.model_of(model, contact).foot
-    fulcrum_m = 1e-3 * asked.fulcrum_mm
-    sdf = asked.form != "mjcf"
+    condensed = asked.form == "condensed"
+    known = _CONDENSED_FORMATS if condensed else _FORMATS
+    formats = asked.formats or known
     require(
-        sdf or (asked.springs and asked.collision),
-        "an MJCF file always has springs and contact spheres",
+        set(formats) <= set(known),
+        "there is no condensed foot in SDFormat",
         "--format",
-        "Leave --no-springs and --no-collision out, or write SDF",
+        "Take osim or mjcf, or --form full",
     )
-    check_fulcrum(fulcrum_m, foot, where="--fulcrum-mm")
-    fixed = f"vsf_foot_at_{1e3 * fulcrum_m:g}mm"
-    texts = {}
-    if sdf:
-        texts = {
-            "vsf_foot.sdf": foot_sdf(foot, springs=asked.springs, collision=asked.collision),
-            f"{fixed}.sdf": foot_sdf(foot, fulcrum_m=fulcrum_m, collision=asked.collision),
-        }
-    if asked.form != "sdf":
-        texts[f"{fixed}.xml"] = foot_mjcf(foot, fulcrum_m=fulcrum_m)
+    require(
+        "sdf" in formats or (asked.springs and asked.collision and asked.discrete),
+        "only SDF files are without springs or contact spheres, or for plants without a time step",
+        "--format",
+        "Leave --no-springs, --no-collision and --no-discrete out, or write the full foot as sdf",
+    )
+    exported = cli.model_of(model, contact)
+    foot = exported.foot
+    fulcrum_m = check_fulcrum(1e-3 * asked.fulcrum_mm, foot, where="--fulcrum-mm")
+    error = None
+    if condensed:
+        texts, error = _condensed_texts(foot, formats, fulcrum_m)
+    else:
+        texts = _full_texts(exported, formats, fulcrum_m, asked)
+    limits = {
+        name: cannot_hold(foot, name, law=exported.contact_law, condensed=condensed)
+        for name in formats
+        if name != "sdf" or asked.collision
+    }
     inputs = cli.contact_hash(contact) | (
         {} if model is None else {f"model: {model.name}": sha256(model)}
     )
@@ -133,23 +165,74 @@ def export(
             dump(
                 {
                     "kind": "export",
+                    "form": asked.form,
                     "fulcrum_m": fulcrum_m,
-                    **(
-                        {
-                            "springs_of_movable": asked.springs,
-                            "collision_spheres_of_sdf": asked.collision,
-                        }
-                        if sdf
-                        else {}
-                    ),
+                    "springs_of_movable": asked.springs,
+                    "collision_spheres_of_sdf": asked.collision,
+                    "discrete_sdf": asked.discrete,
                     "files_sha256": {name: sha256(folder / name) for name in texts},
+                    "cannot_hold": limits,
+                    "error_against_full": error and to_plain(error.worst),
+                    "contact_law": exported.contact_law,
                     "foot": to_plain(foot),
                     "provenance": provenance(inputs),
                 }
             ),
         )
-    for name in texts:
-        say(f"written {out / name}")
+    cli.print_text("export", out=out, files=list(texts), limits=limits, error=error)
+
+
+def _full_texts(
+    exported: ModelParameters, formats: Sequence[str], fulcrum_m: float, asked: ExportRequest
+) -> dict[str, str]:
+    """The files of the foot in all its pieces, by name."""
+    from vsf_drake.engines.mjcf import foot_mjcf
+    from vsf_drake.engines.osim import foot_osim
+    from vsf_drake.engines.sdf import foot_sdf
+
+    foot = exported.foot
+    law = exported.contact_law
+    fixed = f"vsf_foot_at_{1e3 * fulcrum_m:g}mm"
+    texts = {}
+    if "osim" in formats:
+        texts[f"{fixed}.osim"] = foot_osim(foot, fulcrum_m=fulcrum_m, law=law)
+    if "mjcf" in formats:
+        texts[f"{fixed}.xml"] = foot_mjcf(foot, fulcrum_m=fulcrum_m, law=law)
+    if "sdf" in formats:
+        texts[f"{fixed}.sdf"] = foot_sdf(
+            foot,
+            fulcrum_m=fulcrum_m,
+            collision=asked.collision,
+            discrete=asked.discrete,
+            law=law,
+        )
+        texts["vsf_foot.sdf"] = foot_sdf(
+            foot, springs=asked.springs, collision=asked.collision, law=law
+        )
+    return texts
+
+
+def _condensed_texts(
+    foot: FootParameters, formats: Sequence[str], fulcrum_m: float
+) -> tuple[dict[str, str], CondensedError]:
+    """The files of the foot condensed to two hinges, by name, and its error."""
+    from vsf_drake.engines.condensed import condense
+    from vsf_drake.engines.condensed_error import error_against_full
+    from vsf_drake.engines.condensed_files import condensed_csv, condensed_mjcf
+    from vsf_drake.engines.condensed_osim import condensed_osim
+
+    with progress() as show:
+        show("condensing", 0.0)
+        condensed = condense(foot)
+        show("comparing with the full foot", 0.5)
+        error = error_against_full(condensed)
+    fixed = f"vsf_condensed_at_{1e3 * fulcrum_m:g}mm"
+    texts = {"vsf_condensed.csv": condensed_csv(condensed, error)}
+    if "osim" in formats:
+        texts[f"{fixed}.osim"] = condensed_osim(condensed, error, fulcrum_m=fulcrum_m)
+    if "mjcf" in formats:
+        texts[f"{fixed}.xml"] = condensed_mjcf(condensed, error, fulcrum_m=fulcrum_m)
+    return texts, error
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,9 @@ from vsf_drake.base.errors import SimulationError
 from vsf_drake.cli.app import app, fail, print_text
 
 _REQUIREMENT = re.compile(r"(?P<name>[\w.-]+)[^;]*;.*extra == ['\"](?P<extra>\w+)['\"]")
-_FOR_USERS = ("tables", "cluster", "bench", "spm", "docs")
+_ENGINES = ("opensim", "mujoco", "exudyn")
+"""Packages, and their groups, that `certify` compares with Drake and with the stepper."""
+_FOR_USERS = ("tables", "cluster", "bench", "spm", "docs", *_ENGINES)
 """Groups of packages that a command or a method asks for."""
 
 
@@ -55,6 +57,7 @@ def doctor() -> None:
         cores=os.cpu_count(),
         usable=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None,
         solvers=solvers,
+        engines={name: _version(name) for name in _ENGINES},
         lacking=_lacking(),
         before=before,
         after=kept_code(),
@@ -92,9 +95,15 @@ def _lacking() -> dict[str, list[str]]:
     groups: dict[str, list[str]] = {}
     for line in importlib.metadata.requires("vsf-drake") or ():
         found = _REQUIREMENT.match(line)
-        if found and found["extra"] in _FOR_USERS and found["name"] != "vsf-drake":
-            try:
-                importlib.metadata.version(found["name"])
-            except importlib.metadata.PackageNotFoundError:
-                groups.setdefault(found["extra"], []).append(found["name"])
+        wanted = found and found["extra"] in _FOR_USERS and found["name"] != "vsf-drake"
+        if found and wanted and _version(found["name"]) is None:
+            groups.setdefault(found["extra"], []).append(found["name"])
     return groups
+
+
+def _version(package: str) -> str | None:
+    """None for a package that is not installed."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None

@@ -25,8 +25,8 @@ GUIDES = {
     "tune": "tune",
     "map": "stiffness_map",
     "show": "drake",
-    "export": "drake",
-    "certify": "engines",
+    "export": "engines#export",
+    "certify": "engines#certify",
     "stand": "trials#the-subject",
     "doctor": "commands",
 }

@@ -107,7 +107,7 @@ def at_equal_load(
                     "knee_flexor_moment": float(np.nanmax(knee[late])),
                     "push_off_power": float(given.max()) / mass_kg,
                     "stored_energy": row.stored_forefoot_j,
-                    "returned_energy": returned_late(run, load),
+                    "returned_energy": returned_late(run.time_s, strain, taken),
                 },
             )
         )

@@ -199,12 +199,12 @@ def energy_taken(run: RollOverRun) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def returned_late(run: RollOverRun, load: Load) -> float:
-    """J given back after the most strain of the second half of stance."""
-    strain, taken = energy_taken(run)
-    late = run.time_s > 0.5 * load.duration_s
-    fullest = int(np.argmax(np.where(late, strain, 0.0)))
-    return float(taken[fullest:].max() - taken[-1])
+def returned_late(time_s: np.ndarray, strain_j: np.ndarray, taken_j: np.ndarray) -> float:
+    """J given back after the most strain of the second half of a stance (n,) that ends with the
+    last time: strain held and energy taken in, as of `energy_taken`."""
+    late = time_s > 0.5 * time_s[-1]
+    fullest = int(np.argmax(np.where(late, strain_j, 0.0)))
+    return float(taken_j[fullest:].max() - taken_j[-1])
 
 
 def rolled_row(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from vsf_drake.engines.written import written
+from vsf_drake.laws.contact_laws import FITTED_LAW
 from vsf_drake.model.parameters import FootParameters
 
 REACH_M = 1.0
@@ -19,9 +20,10 @@ both alike in the mean, as sums over all instants and loaded spheres of a roll-o
 foot, the damping as `calibrate` has it: 4.03, 3.98 and 4.26 at 66, 108 and 151 mm."""
 
 
-def foot_mjcf(parameters: FootParameters, *, fulcrum_m: float) -> str:
+def foot_mjcf(parameters: FootParameters, *, fulcrum_m: float, law: str = FITTED_LAW) -> str:
     """The rigid foot with the springs in its keel and its support at `fulcrum_m` (m from A) as an
     MJCF model's text, named vsf. Names are as `add_foot` gives them; the mount M is a site.
+    `law` is the contact law of the parameters: the head of the file tells what MuJoCo has instead.
 
     MuJoCo takes springs at the start of a step h and dampers at its end. The support's damping is
     therefore c + h k, which makes of it the spring at the end of the step, -k (r + h v) - c v.
@@ -30,6 +32,7 @@ def foot_mjcf(parameters: FootParameters, *, fulcrum_m: float) -> str:
         "foot.mjcf.j2",
         parameters,
         fulcrum_m,
+        law=law,
         reach_m=REACH_M,
         impratio=IMPRATIO,
         servo=2.0 * math.pi * CARRIAGE_SERVO_HZ,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from vsf_drake.engines.written import written
+from vsf_drake.laws.contact_laws import FITTED_LAW
 from vsf_drake.model.parameters import FootParameters
 
 REACH_M = 100.0
@@ -18,6 +19,7 @@ def foot_sdf(
     springs: bool = True,
     collision: bool = True,
     discrete: bool = True,
+    law: str = FITTED_LAW,
 ) -> str:
     """The rigid foot with the springs in its keel as an SDFormat model's text, named vsf; names are
     as of `add_foot`.
@@ -31,6 +33,7 @@ def foot_sdf(
         discrete: whether the support at `fulcrum_m` is for a plant with a time step and a contact
             approximation of the SAP solver, as Drake's default is. Such a file has a constraint,
             which a plant without a time step, or with kTamsi, refuses.
+        law: the contact law of the parameters: the file's head tells what Drake's has instead.
 
     A plant takes springs at the start of a step h, dampers at its end if they are in joints or
     constraints. The support's damping is therefore c + h k, as in `foot_mjcf`, and in a constraint:
@@ -44,5 +47,6 @@ def foot_sdf(
         springs=springs,
         collision=collision,
         discrete=discrete,
+        law=law,
         reach_m=REACH_M,
     )

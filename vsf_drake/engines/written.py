@@ -12,6 +12,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 
+from vsf_drake.engines.limits import cannot_hold
+from vsf_drake.laws.contact_laws import FITTED_LAW
 from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.foot_handles import FootHandles
@@ -26,8 +28,16 @@ SOFTENING = 0.1
 ET.register_namespace("drake", "http://drake.mit.edu")
 
 
-def written(template: str, parameters: FootParameters, fulcrum_m: float | None, **more: Any) -> str:
-    """The text of `template` for the foot of `parameters`."""
+def written(
+    template: str,
+    parameters: FootParameters,
+    fulcrum_m: float | None,
+    *,
+    law: str = FITTED_LAW,
+    **more: Any,
+) -> str:
+    """The text of `template`, named by its format, for the foot of `parameters`; `law` is the
+    contact law of its zones, one of CONTACT_LAWS."""
     (handles, links), fulcrum = rigid_foot(parameters), parameters.fulcrum
     carriers = {body.index(): links[i] for i, body in enumerate((handles.frame, *handles.keel))}
     if fulcrum_m is not None:
@@ -41,24 +51,14 @@ def written(template: str, parameters: FootParameters, fulcrum_m: float | None, 
                 "damping": fulcrum.stiffness_n_per_m * fulcrum.damping_time_s,
             },
         }
-    environment = Environment(
-        loader=PackageLoader("vsf_drake.engines"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        autoescape=True,
-    )
-    environment.filters |= {
-        "text": _text,
-        "kind": lambda shape: type(shape).__name__,
-        "six": lambda X: [*X.translation(), *RollPitchYaw(X.rotation()).vector()],
-        "turned": lambda X: not np.array_equal(X.rotation().matrix(), np.eye(3)),
-    }
-    text = environment.get_template(template).render(
+    return rendered(
+        template,
         links=links,
         name=NAME,
         fulcrum_m=fulcrum_m,
         parameters=parameters,
+        law=law,
+        limits=cannot_hold(parameters, template.split(".")[1], law=law),
         sites=handles.sites,
         carriers=[carriers[index] for index in handles.sites.body_indices],
         axis=RIGHTWARD,
@@ -76,10 +76,32 @@ def written(template: str, parameters: FootParameters, fulcrum_m: float | None, 
         X_KM=handles.mount.GetFixedPoseInBodyFrame(),
         **more,
     )
-    head, end, tree = text.partition("-->\n")
+
+
+def rendered(template: str, **context: Any) -> str:
+    """The text of `template` in `engines/templates`: a comment, then indented XML."""
+    head, end, tree = filled(template, **context).partition("-->\n")
     root = ET.fromstring(tree)
     ET.indent(root)
     return f"{head}{end}{ET.tostring(root, encoding='unicode')}\n"
+
+
+def filled(template: str, **context: Any) -> str:
+    """The text of `template` in `engines/templates` as it stands there."""
+    environment = Environment(
+        loader=PackageLoader("vsf_drake.engines"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=True,
+    )
+    environment.filters |= {
+        "text": _text,
+        "kind": lambda shape: type(shape).__name__,
+        "six": lambda X: [*X.translation(), *RollPitchYaw(X.rotation()).vector()],
+        "turned": lambda X: not np.array_equal(X.rotation().matrix(), np.eye(3)),
+    }
+    return environment.get_template(template).render(context)
 
 
 def _text(values: npt.ArrayLike) -> str:

@@ -33,8 +33,8 @@ COLOURS = {
     "moco": "#cc79a7",
     "exudyn": "#e69f00",
 }
-MARKS = {"drake": "o", "opensim": "s", "mujoco": "^", "exudyn": "x", "moco": "v"}
-"""Of the engines, each once."""
+MARKS = {"drake": "o", "opensim": "s", "mujoco": "^", "exudyn": "x"}
+"""Of the programs, each once."""
 FIGURES = {
     "rise_m": "How far the load point rises",
     "roll_nominal_n": "Rolled over by the foot's own law, without friction",

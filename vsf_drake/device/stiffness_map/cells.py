@@ -20,7 +20,7 @@ from scipy.interpolate import PchipInterpolator
 
 from vsf_drake.base.errors import InputError, SimulationError, require
 from vsf_drake.base.text_table import table_rows, text_lines
-from vsf_drake.device.roll_over import STEP_S, Load, returned_late, rolled_row
+from vsf_drake.device.roll_over import STEP_S, Load, energy_taken, returned_late, rolled_row
 from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.roll_over import Following, Rolling, RollOver, RollOverRun
@@ -245,7 +245,7 @@ def _rolled(
         "eflr": row.effective_foot_length_ratio,
         "moment_arm": None if row.mean_moment_arm_m is None else 1e3 * row.mean_moment_arm_m,
         "stored": row.stored_forefoot_j,
-        "returned": returned_late(run, load),
+        "returned": returned_late(run.time_s, *energy_taken(run)),
         "loading_rate": 1e-3 * float(rises.max()) / (window * step),
     }
     return Rolled(

@@ -10,7 +10,17 @@ import numpy as np
 
 from vsf_drake.base.files import write_text
 from vsf_drake.base.schema import dump_yaml
-from vsf_drake.engines.certificate.asked import CONTINUOUS, ELASTIC, NOMINAL, Asked, foot_file
+from vsf_drake.engines.certificate.asked import (
+    CONDENSED,
+    CONTINUOUS,
+    ELASTIC,
+    NOMINAL,
+    Asked,
+    foot_file,
+)
+from vsf_drake.engines.condensed import condense
+from vsf_drake.engines.condensed_error import error_against_full
+from vsf_drake.engines.condensed_osim import condensed_osim
 from vsf_drake.engines.mjcf import foot_mjcf
 from vsf_drake.engines.osim import foot_osim
 from vsf_drake.engines.sdf import foot_sdf
@@ -46,13 +56,28 @@ def ask(folder: Path, parameters: FootParameters) -> Asked:
     InputError if a fulcrum position is out of the foot's reach; SimulationError if the foot cannot
     be rolled over.
     """
+    asked = questions(parameters)
+    asked.write(folder)
+    write_full(folder, parameters)
+    condensed = condense(parameters)
+    error = error_against_full(condensed)
+    (folder / CONDENSED).mkdir()
+    write_text(
+        foot_file(folder, CONDENSED, ROLL_FULCRUM_MM, "osim"),
+        condensed_osim(condensed, error, fulcrum_m=1e-3 * ROLL_FULCRUM_MM),
+    )
+    return asked
+
+
+def questions(parameters: FootParameters) -> Asked:
+    """What is asked of a foot; SimulationError if it cannot be rolled over."""
     foot, links = rigid_foot(parameters)
     keel = links[1:-1]
     X_KM = foot.mount.GetFixedPoseInBodyFrame().translation()
     frame_index = foot.frame.index()
     names = {body.index(): body.name() for body in foot.keel} | {frame_index: foot.frame.name()}
     time_s, mount = _path(parameters)
-    asked = Asked(
+    return Asked(
         fulcrum_mm=np.array(BenchOptions.fulcrum_mm, dtype=float),
         load_n=LOADS_N,
         load_point_m=parameters.load_point_m,
@@ -76,11 +101,14 @@ def ask(folder: Path, parameters: FootParameters) -> Asked:
         sphere_radius=foot.sites.radius,
         **{f"sphere_{name}": value for name, value in foot.sites.law.items()},
     )
-    asked.write(folder)
+
+
+def write_full(folder: Path, parameters: FootParameters) -> None:
+    """Writes the files of the full foot, and its parameters, into `folder`."""
     for law, own in ((NOMINAL, parameters), (ELASTIC, elastic(parameters))):
         (folder / law).mkdir()
         write_text(folder / law / FOOT, dump_yaml(own))
-        for mm in asked.fulcrum_mm if law == NOMINAL else (ROLL_FULCRUM_MM,):
+        for mm in BenchOptions.fulcrum_mm if law == NOMINAL else (ROLL_FULCRUM_MM,):
             for ending, text in (
                 ("osim", foot_osim(own, fulcrum_m=1e-3 * mm)),
                 ("xml", foot_mjcf(own, fulcrum_m=1e-3 * mm)),
@@ -92,7 +120,6 @@ def ask(folder: Path, parameters: FootParameters) -> Asked:
         foot_file(folder, CONTINUOUS, ROLL_FULCRUM_MM, "sdf"),
         foot_sdf(parameters, fulcrum_m=1e-3 * ROLL_FULCRUM_MM, discrete=False),
     )
-    return asked
 
 
 def _path(parameters: FootParameters) -> tuple[np.ndarray, np.ndarray]:

@@ -16,6 +16,8 @@ ELASTIC = "elastic"
 """Folder of the files whose spheres have no damping."""
 CONTINUOUS = "continuous"
 """Folder of the SDF for a plant without a time step."""
+CONDENSED = "condensed"
+"""Folder of the condensed foot's OpenSim model."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,5 +70,5 @@ class Asked:
 
 def foot_file(folder: Path, law: str, fulcrum_mm: float, ending: str) -> Path:
     """The foot's file in the certificate's `folder`: with the law `NOMINAL` or `ELASTIC`, or
-    `CONTINUOUS`; `ending` osim, xml or sdf."""
+    `CONTINUOUS` or `CONDENSED`; `ending` osim, xml or sdf."""
     return folder / law / f"vsf_foot_at_{fulcrum_mm:g}mm.{ending}"

@@ -75,7 +75,9 @@ class Pressed(Foot):
     def __init__(self, file: Path, asked: Asked) -> None:
         super().__init__(file, asked, held=True)
         carrier = int(np.searchsorted(asked.starts_m, asked.load_point_m, side="right")) - 1
-        self.loaded = self.plant.GetBodyByName(str(asked.bodies[carrier]))
+        bodies = [self.plant.GetBodyByName(str(name)) for name in asked.bodies]
+        self.pressed = bodies[: carrier + 1]
+        self.loaded = bodies[carrier]
         self.p_BC = np.array([asked.load_point_m - asked.starts_m[carrier], 0.0, 0.0])
 
     def moments(self, q: np.ndarray, load_n: float) -> np.ndarray:
@@ -112,17 +114,18 @@ class Pressed(Foot):
         )
 
 
-def rises(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
-    """(L,) m by which the load point C rises along z of K under each load, without weight and
-    ground."""
+def shapes(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
+    """(L, P, 2) m, x and z in K of the keel's hinges before the load point C, and of C, under each
+    load, without weight and ground."""
     foot = Pressed(foot_file(folder, NOMINAL, fulcrum_mm, "sdf"), asked)
     q = np.zeros(len(asked.hinges))
     found = []
     for load_n in asked.load_n:
         q = foot.rest(q, float(load_n))
         foot.place(q)
-        found.append((foot.loaded.EvalPoseInWorld(foot.context) @ foot.p_BC)[2])
-    return np.array(found)
+        hinges = [body.EvalPoseInWorld(foot.context).translation() for body in foot.pressed]
+        found.append([*hinges, foot.loaded.EvalPoseInWorld(foot.context) @ foot.p_BC])
+    return np.array(found)[:, :, [0, 2]]
 
 
 def mass_and_gravity(asked: Asked, folder: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -232,7 +235,7 @@ def answer(folder: Path) -> None:
     masses, torques = mass_and_gravity(asked, folder)
     np.savez(
         folder / FILE,
-        rise_m=[rises(asked, folder, fulcrum_mm) for fulcrum_mm in asked.fulcrum_mm],
+        rise_m=[shapes(asked, folder, mm)[:, -1, 1] for mm in asked.fulcrum_mm],
         mass_matrix_kg_m2=masses,
         gravity_torque_nm=torques,
         roll_nominal_n=roll_over(asked, folder),

@@ -36,6 +36,9 @@ ELEMENTS = 32
 STRETCH = 3e5
 """Axial stiffness over bending stiffness / C^2 of the cable. Its stretch makes the rise at most
 1e-5 larger (measured, against the elastica); ten times as much has the elements lock instead."""
+ROUNDING = 1e-12
+"""Of the cable's axial stiffness (N): force that may be left over, ten times what rounding leaves
+(measured)."""
 LOAD_STEPS = 4
 """Of each load, from the one before."""
 
@@ -45,7 +48,7 @@ def answer(folder: Path) -> None:
     by which half the elements change it at most (relative), and `version`."""
     asked = Asked.read(folder)
     coarse, rise = (
-        np.array([_rises(asked, 1e-3 * mm, elements) for mm in asked.fulcrum_mm])
+        np.array([shapes(asked, 1e-3 * mm, elements)[:, -1, 1] for mm in asked.fulcrum_mm])
         for elements in (ELEMENTS // 2, ELEMENTS)
     )
     np.savez(
@@ -56,8 +59,9 @@ def answer(folder: Path) -> None:
     )
 
 
-def _rises(asked: Asked, fulcrum_m: float, elements: int) -> list[float]:
-    """Rise (m) of C under each load, of a beam with `elements` on either side of the fulcrum."""
+def shapes(asked: Asked, fulcrum_m: float, elements: int = ELEMENTS) -> np.ndarray:
+    """(L, P, 2) m, x and z in K of the nodes from A to C under each load, of a beam with `elements`
+    on either side of the fulcrum."""
     container = exudyn.SystemContainer()
     beam = container.AddSystem()
     x = np.unique(
@@ -66,6 +70,7 @@ def _rises(asked: Asked, fulcrum_m: float, elements: int) -> list[float]:
             *np.linspace(fulcrum_m, asked.load_point_m, elements + 1),
         ]
     )
+    axial_n = STRETCH * asked.beam_ei_nm2 / asked.load_point_m**2
     nodes = [beam.AddNode(NodePoint2DSlope1(referenceCoordinates=[at, 0, 1, 0])) for at in x]
     for i, length in enumerate(np.diff(x)):
         beam.AddObject(
@@ -73,7 +78,7 @@ def _rises(asked: Asked, fulcrum_m: float, elements: int) -> list[float]:
                 length=length,
                 massPerLength=1.0,  # without effect at rest
                 bendingStiffness=asked.beam_ei_nm2,
-                axialStiffness=STRETCH * asked.beam_ei_nm2 / asked.load_point_m**2,
+                axialStiffness=axial_n,
                 nodeNumbers=[nodes[i], nodes[i + 1]],
                 useReducedOrderIntegration=2,
             )
@@ -99,13 +104,14 @@ def _rises(asked: Asked, fulcrum_m: float, elements: int) -> list[float]:
     settings.staticSolver.numberOfLoadSteps = LOAD_STEPS
     settings.staticSolver.verboseMode = 0
     settings.staticSolver.newton.relativeTolerance = 1e-8
-    settings.staticSolver.newton.absoluteTolerance = 1e-7
-    rises = []
+    settings.staticSolver.newton.absoluteTolerance = ROUNDING * axial_n
+    found = []
     for load_n in asked.load_n:
         beam.SetLoadParameter(load, "load", load_n)
         beam.SolveStatic(settings, updateInitialValues=True)
-        rises.append(beam.GetNodeOutput(nodes[-1], exudyn.OutputVariableType.Displacement)[1])
-    return rises
+        position = exudyn.OutputVariableType.Position
+        found.append([beam.GetNodeOutput(node, position)[:2] for node in nodes])
+    return np.array(found)
 
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ def answer(folder: Path) -> None:
         folder / "mujoco.npz",
         allow_pickle=False,
         version=mujoco.__version__,
-        rise_m=risen(asked, folder),
+        rise_m=[shapes(asked, folder, mm)[:, -1, 1] for mm in asked.fulcrum_mm],
         mass_matrix_kg_m2=mass_matrix,
         gravity_torque_nm=gravity_torque,
         roll_elastic_n=elastic,
@@ -51,24 +51,17 @@ def answer(folder: Path) -> None:
     )
 
 
-def risen(asked: Asked, folder: Path) -> np.ndarray:
-    """(F, L) m that the load point rises under each vertical load, the mount held."""
-    return np.array(
-        [
-            _risen(asked, foot_file(folder, NOMINAL, fulcrum_mm, "xml"))
-            for fulcrum_mm in asked.fulcrum_mm
-        ]
-    )
-
-
-def _risen(asked: Asked, path: Path) -> np.ndarray:
-    """(L,) m of the foot of the file, where its own springs rest: by root finding."""
+def shapes(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
+    """(L, P, 2) m, x and z in K of the keel's hinges before the load point C, and of C, under each
+    load, the mount held, where the file's own springs rest: by root finding."""
     body = int(np.searchsorted(asked.starts_m, asked.load_point_m, side="right")) - 1
     p_BC = np.array([asked.load_point_m - asked.starts_m[body], 0.0, 0.0])
-    model = mujoco.MjModel.from_xml_path(str(path))
+    model = mujoco.MjModel.from_xml_path(str(foot_file(folder, NOMINAL, fulcrum_mm, "xml")))
     model.opt.gravity[:] = 0.0
     data = mujoco.MjData(model)
-    loaded = model.body(asked.bodies[body]).id
+    pressed = [model.body(name).id for name in asked.bodies[: body + 1]]
+    loaded = pressed[-1]
+    frame = model.body("vsf_frame").id
     q_at, v_at = _columns(model, asked.hinges)
 
     def point(q: np.ndarray) -> np.ndarray:
@@ -84,12 +77,13 @@ def _risen(asked: Asked, path: Path) -> np.ndarray:
         return np.asarray(total[v_at])
 
     q = np.zeros(len(q_at))
-    straight = point(q)[2]
-    rises = []
+    found = []
     for load_n in asked.load_n:
         q = root(moments, q, args=(load_n,), tol=1e-13).x
-        rises.append(point(q)[2] - straight)
-    return np.array(rises)
+        p_WC = point(q)
+        p_AP_W = np.vstack([data.xpos[pressed], p_WC]) - data.xpos[frame]
+        found.append(p_AP_W @ data.xmat[frame].reshape(3, 3))
+    return np.array(found)[:, :, [0, 2]]
 
 
 def _columns(model: mujoco.MjModel, names: Iterable[str]) -> tuple[list[int], list[int]]:

@@ -76,16 +76,18 @@ class Foot:
         raise RuntimeError(f"{np.abs(left).max():g} N m are left over in a hinge")
 
 
-def rises(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
-    """(L,) m by which the load point C rises along z of K under each load, without weight and
-    ground."""
+def shapes(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
+    """(L, P, 2) m, x and z in K of the keel's hinges before the load point C, and of C, under each
+    load, without weight and ground."""
     foot = Foot(foot_file(folder, NOMINAL, fulcrum_mm, "osim"), asked.hinges, weight=False)
     for sphere in foot.spheres:
         sphere.set_appliesForce(False)
     carrier = int(np.searchsorted(asked.starts_m, asked.load_point_m, side="right")) - 1
     p_BC = (float(asked.load_point_m - asked.starts_m[carrier]), 0.0, 0.0)
     bodies = foot.model.getBodySet()
-    loaded = bodies.get(str(asked.bodies[carrier]))
+    pressed = [bodies.get(str(name)) for name in asked.bodies[: carrier + 1]]
+    loaded = pressed[-1]
+    points = [(body, (0.0, 0.0, 0.0)) for body in pressed] + [(loaded, p_BC)]
     load = opensim.PrescribedForce("load", loaded)
     load.setPointIsInGlobalFrame(False)
     load.setForceIsInGlobalFrame(True)
@@ -100,11 +102,14 @@ def rises(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
     for load_n in asked.load_n:
         foot.state.setTime(float(load_n))
         q = foot.rest(q)
-        p_KC = loaded.findStationLocationInAnotherFrame(
-            foot.state, opensim.Vec3(*p_BC), bodies.get("vsf_frame")
-        )
-        found.append(p_KC[1])
-    return np.array(found)
+        p_K = [
+            body.findStationLocationInAnotherFrame(
+                foot.state, opensim.Vec3(*point), bodies.get("vsf_frame")
+            ).to_numpy()
+            for body, point in points
+        ]
+        found.append(p_K)
+    return np.array(found)[:, :, :2]
 
 
 def mass_and_gravity(asked: Asked, folder: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -167,7 +172,7 @@ def answer(folder: Path) -> None:
     masses, torques = mass_and_gravity(asked, folder)
     np.savez(
         folder / FILE,
-        rise_m=[rises(asked, folder, fulcrum_mm) for fulcrum_mm in asked.fulcrum_mm],
+        rise_m=[shapes(asked, folder, mm)[:, -1, 1] for mm in asked.fulcrum_mm],
         mass_matrix_kg_m2=masses,
         gravity_torque_nm=torques,
         roll_elastic_n=roll_over(asked, folder, ELASTIC),

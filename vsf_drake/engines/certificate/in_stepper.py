@@ -7,7 +7,7 @@ python -m vsf_drake.engines.certificate.in_stepper FOLDER
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -34,7 +34,7 @@ FINE = 32
 """Equal elements of the keel that is compared with a beam."""
 
 
-def rises(asked: Asked, foot: FootParameters, loads_n: Sequence[float]) -> np.ndarray:
+def rises(asked: Asked, foot: FootParameters, loads_n: Iterable[float]) -> np.ndarray:
     """(F, L) m by which the load point rises under each load, fulcrum by fulcrum."""
     return np.array(
         [
