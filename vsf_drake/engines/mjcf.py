@@ -17,7 +17,8 @@ IMPRATIO = 4.0
 """MuJoCo's contact that sticks creeps by its force along the ground over `impratio` times its
 damping, the foot's own by that force over mu_static / threshold velocity times its load. This makes
 both alike in the mean, as sums over all instants and loaded spheres of a roll-over of the nominal
-foot, the damping as `calibrate` has it: 4.03, 3.98 and 4.26 at 66, 108 and 151 mm."""
+foot, the damping as `calibrate` has it: 4.1, 4.1 and 4.3 at 66, 108 and 151 mm, in whole numbers.
+"""
 
 
 def foot_mjcf(parameters: FootParameters, *, fulcrum_m: float, law: str = FITTED_LAW) -> str:
