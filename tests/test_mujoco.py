@@ -169,7 +169,7 @@ def two_feet():
     """A leg of 60 kg on a rail, with two feet of one file under it."""
     leg = mujoco.MjSpec.from_string("""
         <mujoco>
-          <option timestep="1e-3" integrator="implicitfast" cone="elliptic" impratio="5"/>
+          <option timestep="1e-3" integrator="implicitfast" cone="elliptic" impratio="4"/>
           <worldbody>
             <geom name="floor" type="plane" size="1 1 1"/>
             <body name="leg" pos="0 0 0.09">
@@ -225,6 +225,7 @@ PAIR = '<contact><pair geom1="floor" geom2="ball"/></contact>'
     [
         (ball, {}, "geoms: is left out, and the model holds no exported foot"),
         (ball, {"geoms": ["bal"], "stiffness": 1.0}, "geoms: there is no geom 'bal'"),
+        (ball, {"geoms": "ball"}, "geoms: is one name. Give a list, such as ['ball']"),
         (ball, BALL | {"against": "flor"}, "against: there is no geom 'flor'"),
         (ball, {"geoms": ["ball"]}, "stiffness: is left out"),
         (ball, BALL | {"stiffness": -1.0}, "stiffness: is -1. It must be from 0"),

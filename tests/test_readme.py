@@ -34,10 +34,15 @@ from vsf_drake.model.parameters import FootParameters
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-GUIDE = "\n".join(
-    path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "guide").glob("*.md"))
+PAGES = {
+    path.name: path.read_text(encoding="utf-8")
+    for path in sorted((ROOT / "docs" / "guide").glob("*.md"))
+}
+GUIDE = "\n".join(PAGES.values())
+RUN_HERE = [text for name, text in PAGES.items() if name != "assist_sim.md"]  # has its own test
+BLOCKS = re.findall(
+    r"^```python\n(.*?)^```$", "\n".join([README, *RUN_HERE]), flags=re.MULTILINE | re.DOTALL
 )
-BLOCKS = re.findall(r"^```python\n(.*?)^```$", README + GUIDE, flags=re.MULTILINE | re.DOTALL)
 SHORT = BLOCKS[0]  # the README's
 LEG = next(block for block in BLOCKS if "leg.urdf" in block)
 RUNNING = """

@@ -49,7 +49,7 @@ What to mind:
   done here.
 - Friction and normal force depend on one another in MuJoCo. With the elliptic cone, a contact that
   sticks has the whole stiffness. In one that slides it is divided by 1 + mu² / `opt.impratio`, and
-  the damper feels mu times the sliding speed. `impratio` 10 makes the former 2 % with mu 0.5. A
+  the damper feels mu times the sliding speed. `impratio` 10 makes the former 2.5 % with mu 0.5. A
   contact that sticks creeps, by its force along the ground over `impratio` times the damping. The
   pyramidal cone, which is MuJoCo's default, has other stiffnesses when it sticks and when it
   slides, and is refused.
@@ -117,9 +117,10 @@ def calibrate(
         stiffness: N/m^exponent, one number or one for each geom.
         damping: N s/m, of growing and of falling depth; 0 if left out. Where the exponent n is not
             1 that is at `depth`, and less before, about in proportion to depth^((n - 1) / 2).
-        exponent: from 1 to 6; 1 if left out, which is exact. Others are approached by `solimp`,
-            within 1 % of the force at `depth`, up to `depth`.
-        depth: m, the largest for exponents that are not 1.
+        exponent: from 1 to 6; 1 if left out, which is exact. Others are approached by `solimp`.
+        depth: m, up to which an exponent that is not 1 is approached, within 1 % of the force
+            there. A contact that bears a hundredth of that force may be off by half: take the depth
+            that it reaches, no more.
         against: name of a geom that the geoms meet, if its body moves.
 
     Raises:
@@ -128,6 +129,7 @@ def calibrate(
 
     Source: MuJoCo's documentation, "Computation", on constraint impedance and reference.
     """
+    require(not isinstance(geoms, str), "is one name", "geoms", f"Give a list, such as [{geoms!r}]")
     names, law = _foot(model) if geoms is None else (list(geoms), {"damping": 0.0, "exponent": 1.0})
     given = {"stiffness": stiffness, "damping": damping, "exponent": exponent}
     law |= {field: values for field, values in given.items() if values is not None}

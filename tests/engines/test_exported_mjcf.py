@@ -10,12 +10,13 @@ import pytest
 from pressed_keel import keel_names, rise_in_mujoco, stated_step_s, stepped_in_mujoco
 from pydrake.multibody.plant import MultibodyPlant
 
-from vsf_drake.engines.mjcf import foot_mjcf
+from vsf_drake.engines.mjcf import IMPRATIO, foot_mjcf
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.mujoco import calibrate
 from vsf_drake.plants import add_foot
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, keel_shape
+from vsf_drake.simulation.roll_over import RollOver
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -206,6 +207,27 @@ def test_leg_of_sixty_kilograms_dropped_on_it_is_borne_at_every_step_alike(fulcr
 
 
 @pytest.mark.parametrize("fulcrum_m", FULCRUMS_M)
+def test_calibrated_foot_bears_a_fall_alike_with_every_integrator(fulcrum_m):
+    """At twice the file's step, and within what another step changes: not calibrated, it bursts
+    with Euler and with RK4."""
+    peaks = []
+    for integrator in ("mjINT_IMPLICITFAST", "mjINT_EULER", "mjINT_RK4"):
+        model = dropped(fulcrum_m, 2e-3)
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, integrator)
+        calibrate(model)
+        data = mujoco.MjData(model)
+        data.ctrl[:] = data.qpos[model.joint("fulcrum").qposadr[0]] = fulcrum_m
+        total = []
+        for _ in range(500):
+            mujoco.mj_step(model, data)
+            total.append(data.efc_force[data.contact.efc_address].sum())
+        assert not sum(warning.number for warning in data.warning)
+        assert total[-1] == pytest.approx((60.0 + NOMINAL.mass_kg) * GRAVITY, rel=1e-2)
+        peaks.append(max(total))
+    assert max(peaks) == pytest.approx(min(peaks), rel=0.05)
+
+
+@pytest.mark.parametrize("fulcrum_m", FULCRUMS_M)
 def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe_as_on_the_bench(
     fulcrum_m,
 ):
@@ -228,6 +250,27 @@ def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe
     np.testing.assert_allclose(
         [rise_in_mujoco(model, NOMINAL, load) for load in loads], known, rtol=5e-4
     )
+
+
+@pytest.mark.parametrize("fulcrum_m", FULCRUMS_M)
+def test_with_the_files_impratio_a_foot_creeps_as_with_its_own_friction_in_the_mean(fulcrum_m):
+    """Of a roll-over under half a sine; its whole number is within 10 %."""
+    time_s = np.linspace(0.0, 0.8, 201)
+    share = time_s / 0.8
+    run, _ = RollOver(NOMINAL, friction=False).roll(
+        fulcrum_m=fulcrum_m,
+        time_s=time_s,
+        tilt_rad=np.radians(-17.0 + 37.0 * share),
+        force_n=1138.0 * np.sin(np.pi * share),
+    )
+    load = run.sphere_normal_n
+    both_ways = [0.5 * zone.damping_n_s_per_m for zone in NOMINAL.zones for _ in zone.x_mm]
+    friction = NOMINAL.friction
+    own = friction.mu_static / friction.threshold_velocity_m_per_s * load.sum()
+    damping = ((load > 0.0) * both_ways).sum()
+    assert IMPRATIO * damping == pytest.approx(own, rel=0.1)
+    model = compiled(NOMINAL, fulcrum_m)
+    assert model.opt.impratio == IMPRATIO
 
 
 def test_spheres_meet_the_floor_and_not_one_another():
