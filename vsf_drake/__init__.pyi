@@ -1,6 +1,7 @@
 # What a type checker sees of `__init__.py`: the names, and no others.
 from vsf_drake.base.files import resource
 from vsf_drake.device.bench_metrics import bench_table
+from vsf_drake.device.foot_from_curves import foot_from_curves
 from vsf_drake.fit.problem import ContactFit
 from vsf_drake.fit.solution import solve as fit_contact
 from vsf_drake.model.contact_file import load_contact
@@ -45,6 +46,7 @@ __all__ = [
     "bench_table",
     "fit_contact",
     "fit_offsets",
+    "foot_from_curves",
     "load_contact",
     "load_model",
     "load_trial",
