@@ -23,13 +23,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from contact_fit_study.keeping import STUDIES, made_by
 
-from vsf_drake.base.files import write_json
+from vsf_drake.base.files import resource, sha256, write_json
 from vsf_drake.device.foot_from_curves import FittedFoot, foot_from_curves
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.bench import keel_shape
 
 SEED = 47
+NOMINAL = "../../models/nominal.yaml"  # as results name it; its foot is what is assumed
 COUNT = 30
 PIECES = 240
 TURNS = 40  # of the search for the tip's angle
@@ -37,7 +39,6 @@ LOADS = 60  # of a true curve
 SAMPLES = 300  # of a recorded branch
 UNSEEN_DEG = 15.0  # beyond the recorded angles
 WITHIN = 0.05  # error that is asked for
-RESULTS = Path(__file__).resolve().parent / "results" / "foot_from_curves.json"
 
 
 @dataclass(frozen=True)
@@ -230,7 +231,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--out", type=Path, default=STUDIES / "results")
     parser.add_argument("--quick", action="store_true", help="the first four feet")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -245,9 +246,13 @@ def main() -> None:
         "coverage": float(np.mean([foot["coverage"] for foot in feet])),
         "median_unseen": float(np.median([foot["unseen"] for foot in feet])),
         "largest_unseen": max(foot["unseen"] for foot in feet),
-        "provenance": provenance(),
+        "provenance": {
+            **provenance({NOMINAL: sha256(resource("models/nominal.yaml"))}, SEED),
+            "sources": made_by("foot_from_curves.py"),
+        },
     }
-    write_json(arguments.out, summary)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    write_json(arguments.out / "foot_from_curves.json", summary)
     for number, foot in enumerate(feet):
         errors = ", ".join(f"{name} {100 * error:.1f} %" for name, error in foot["errors"].items())
         print(

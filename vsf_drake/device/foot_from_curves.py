@@ -433,7 +433,9 @@ class _Problem:
         return np.concatenate(parts)
 
     def _slopes(self, x: np.ndarray) -> np.ndarray:
-        parts = [np.diag(1.0 / np.append(_SD, np.full(len(self.curves), TOUCH_SD_M)))]
+        parts: list[np.ndarray] = [
+            np.diag(1.0 / np.append(_SD, np.full(len(self.curves), TOUCH_SD_M)))
+        ]
         parts += [
             slopes / error
             for (_, slopes), error in zip(self._at_points(x), self.error_n, strict=True)

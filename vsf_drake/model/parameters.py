@@ -118,7 +118,7 @@ class KeelParameters:
         low=0.0,
         high=1.0,
         source=f"{_CHOICE}: of no account where `tip_stiffness` is 1",
-        **{UNSAID: "yes"},
+        unsaid="yes",
     )
     tip_stiffness: float = quantity(  # bending stiffness at the keel's tip / at A
         1.0,
@@ -126,7 +126,7 @@ class KeelParameters:
         low=1e-3,
         high=10.0,
         source=f"derived from {_PAPER}: one thickness; see `laws.beam.taper`",
-        **{UNSAID: "yes"},
+        unsaid="yes",
     )
     """Drawn and weighed is a keel of one thickness."""
 

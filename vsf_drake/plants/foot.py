@@ -73,7 +73,8 @@ def keel_joint_positions(keel: KeelParameters) -> np.ndarray:
 
 def keel_joint_stiffness(keel: KeelParameters) -> np.ndarray:
     """E I / L_element (N m/rad) of each sprung joint."""
-    return bending_stiffness(keel) / np.array(keel.element_lengths_m)
+    stiffness: np.ndarray = bending_stiffness(keel) / np.array(keel.element_lengths_m)
+    return stiffness
 
 
 def sole_height(foot: FootParameters) -> float:
