@@ -14,7 +14,12 @@ import pytest
 
 import vsf_drake as vsf
 from vsf_drake.base.errors import InputError
-from vsf_drake.device.foot_from_curves import FREE, curves_of_stiffness, foot_from_curves
+from vsf_drake.device.foot_from_curves import (
+    FREE,
+    _Problem,
+    curves_of_stiffness,
+    foot_from_curves,
+)
 from vsf_drake.model.foot_curves import FootCurve
 from vsf_drake.model.model_file import foam_under_load
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, keel_shape
@@ -208,3 +213,20 @@ def test_a_made_foot_is_met_within_five_percent_and_its_forces_held_by_the_inter
     found = study.judge(1, tmp_path)
     assert max(found["errors"].values()) < study.WITHIN
     assert found["coverage"] >= 0.85
+
+
+def test_slopes_of_the_search_are_those_of_differences(fitted):
+    """Of a tapered keel under a tilted platen, and of a heel on spheres of different heights."""
+    curves = [each.curve for each in fitted[1].curves]
+    curves[2] = dataclasses.replace(curves[2], tilt_rad=math.radians(-15.0))
+    problem = _Problem(fitted[1].model.foot, tuple(curves))
+    x = np.array([each.mean for each in FREE] + [2e-4, -1e-4, 3e-4])
+    x[3] = math.log(0.5)
+    slopes = problem._slopes(x)
+    for column in range(len(x)):
+        step = np.zeros(len(x))
+        step[column] = 1e-5
+        difference = (problem._residuals(x + step) - problem._residuals(x - step)) / 2e-5
+        np.testing.assert_allclose(
+            slopes[:, column], difference, atol=0.01 * np.abs(difference).max()
+        )
