@@ -52,6 +52,7 @@ LEAST_SHARE = 0.002  # of a curve's largest load: no model is nearer than that
 TOUCH_SD_M = 5e-4  # choice: how well touch-down is read
 QUANTILE = 1.645  # 90 % of a normal distribution lie so many standard deviations about its mean
 TOLD = 0.5  # share of the assumed spread that may be left of a parameter that the curves tell
+AT_END = 1e-3  # of the assumed spread: so near the end of its range a value is at it
 CYCLE_LOSS = 0.10  # that the nominal foot's damping stands for
 LENGTH_M = (0.15, 0.36)
 _NOMINAL = FootParameters()
@@ -87,7 +88,7 @@ FREE = (
     Free(
         "keel's bending stiffness at its rear end",
         "N m²",
-        *_log(_NOMINAL.keel.flexural_modulus_pa, 3.0, 2e8, 3e11),
+        *_log(_NOMINAL.keel.flexural_modulus_pa, 3.0, 2e8, 9e11),
         shown=section_inertia(_NOMINAL.keel.width_m, _NOMINAL.keel.thickness_m),
     ),
     Free(
@@ -103,9 +104,9 @@ FREE = (
     ),
     Free("keel thins from", "mm", 0.5, 0.15, 0.0, 0.85, logarithm=False, shown=1e3, along=True),
     Free("bending stiffness of its tip over that", "", *_log(1.0, 2.0, 0.02, 5.0)),
-    Free("forefoot foam under 600 N", "mm", *_log(0.0102, 3.0, 1e-4, 0.06), shown=1e3),
+    Free("forefoot foam under 600 N", "mm", *_log(0.0102, 3.0, 1e-4, 0.3), shown=1e3),
     Free("forefoot foam's exponent", "", *_log(1.3, 1.6, 1.0, 8.0)),
-    Free("heel under 600 N", "mm", *_log(0.0092, 3.0, 1e-4, 0.08), shown=1e3),
+    Free("heel under 600 N", "mm", *_log(0.0092, 3.0, 1e-4, 0.3), shown=1e3),
     Free("heel's exponent", "", *_log(1.3, 1.6, 1.0, 8.0)),
 )
 """Means are the nominal foot's or choices, spreads choices: a factor of three in stiffness, two in
@@ -127,6 +128,7 @@ class FittedValue:
     low: float
     high: float
     told: bool  # the curves leave less than half of the spread that was assumed
+    at_end: bool  # of what it may be
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -384,6 +386,7 @@ class _Problem:
                 low=free.shown * low[i],
                 high=free.shown * high[i],
                 told=bool(sd[i] < TOLD * free.sd),
+                at_end=not free.low + AT_END * free.sd < x[i] < free.high - AT_END * free.sd,
             )
             for i, free in enumerate(FREE)
         )
