@@ -22,6 +22,7 @@ from vsf_drake.device.foot_from_curves import (
 )
 from vsf_drake.model.foot_curves import FootCurve
 from vsf_drake.model.model_file import foam_under_load
+from vsf_drake.plants.foot import sole_height
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, keel_shape
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -230,3 +231,29 @@ def test_slopes_of_the_search_are_those_of_differences(fitted):
         np.testing.assert_allclose(
             slopes[:, column], difference, atol=0.01 * np.abs(difference).max()
         )
+
+
+def test_a_heel_under_a_platen_turned_down_bears_as_on_the_level_with_the_toes_up():
+    depth = np.linspace(0.0, 0.015, 31)
+    heel = FootCurve(
+        part="heel",
+        tilt_rad=math.radians(-15.0),
+        displacement_m=depth,
+        load_n=6e4 * depth,
+    )
+    found = foot_from_curves((forefoot_curve(known_foot()), heel), **SIZE)
+    foot = found.model.foot
+    spheres = [
+        (1e-3 * x, zone.radius_m, zone.stiffness, zone.exponent)
+        for zone in foot.zones
+        for x in zone.x_mm
+        if 1e-3 * x < foot.fulcrum.rearmost_m
+    ]
+    x, radius, stiffness, exponent = np.array(spheres).T
+    toes_up = math.radians(15.0)
+    centre = x * math.sin(toes_up) + (sole_height(foot) + radius) * math.cos(toes_up)
+    lowest = centre - radius
+    pressed = depth[:, None] + found.curves[1].late_m - (lowest - lowest.min())
+    bears = np.sum(stiffness * np.maximum(pressed, 0.0) ** exponent, axis=1)
+    np.testing.assert_allclose(found.curves[1].load_n, bears, rtol=1e-9, atol=1e-6)
+    assert len(spheres) == 6 and np.argmin(lowest) in (0, 1)

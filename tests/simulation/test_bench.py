@@ -13,9 +13,11 @@ from scipy.optimize import root
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
+from vsf_drake.laws.keel import chain as laid_chain
+from vsf_drake.laws.keel import piece_at
 from vsf_drake.model.contact_file import model_with
 from vsf_drake.model.parameters import FootParameters, ModelParameters
-from vsf_drake.plants.foot import keel_joint_stiffness
+from vsf_drake.plants.foot import keel_joint_positions, keel_joint_stiffness
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, keel_shape
 
 FOOT = FootParameters()
@@ -252,3 +254,16 @@ def test_work_of_a_tilted_load_is_the_energy_in_joints_and_support():
     stored = 0.5 * keel_joint_stiffness(TAPERED.keel) @ bent.angles[1:] ** 2
     stored += 0.5 * bent.support_force_n**2 / TAPERED.fulcrum.stiffness_n_per_m
     assert work == pytest.approx(stored, rel=1e-4)
+
+
+@pytest.mark.parametrize("tilt", [-0.35, 0.0, 0.35])
+def test_moments_about_the_pin_of_a_tilted_load_and_the_support_balance(tilt):
+    """A platen whose front is turned up pushes the toe up and back: F (x cos g + z sin g)."""
+    shape = keel_shape(TAPERED, fulcrum_m=0.1, load_n=700.0, tilt_rad=tilt)
+    x, z = shape.load_point_K
+    moment = 700.0 * (x * np.cos(tilt) + z * np.sin(tilt))
+    starts = np.append(0.0, keel_joint_positions(TAPERED.keel))
+    c, _, joint_x, _ = laid_chain(starts, shape.angles)
+    piece = piece_at(starts, 0.1)
+    support_x = joint_x[piece] + (0.1 - starts[piece]) * c[piece]
+    assert -shape.support_force_n * support_x == pytest.approx(moment, rel=1e-8)
