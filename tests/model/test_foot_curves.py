@@ -88,6 +88,10 @@ def scaled(column, factor):
             [HEADER, *rows("forefoot", 0)[:20], "forefoot,0,0,0,unloading"],
             "has 1 rows of unloading. At least 5",
         ),
+        (
+            [HEADER, *rows("forefoot", 0)[:20], *rows("forefoot", 0)[34:]],
+            "unloading begins at 7.89 mm, loading ended at 30 mm",
+        ),
         (scaled(2, 1e-3), "the largest load is 0.9 N. A foot bears 100 to 10000 N. Is it in kilo"),
         (
             scaled(2, 1.0 / 9.80665),

@@ -180,7 +180,7 @@ def foot_from_curves(
         "The forefoot alone tells of the keel",
     )
     losses = [curve.lost_share for curve in read if curve.lost_share is not None]
-    lost = None if not losses else float(np.mean(losses))
+    lost = None if not losses else max(float(np.mean(losses)), 0.0)
     foot = _sized(length_m, mass_kg, keel_m, lost)
     problem = _Problem(foot, read)
     x, spread = problem.solve()
@@ -270,7 +270,7 @@ def _sized(
         f"{1e3 * length_m:.0f} mm",
     )
     by_keel = keel_m / _SPAN_M
-    times = 1.0 if lost is None else max(lost, 0.0) / CYCLE_LOSS
+    times = 1.0 if lost is None else lost / CYCLE_LOSS
     keel = dataclasses.replace(
         _NOMINAL.keel,
         element_lengths_m=tuple(by_keel * each for each in _NOMINAL.keel.element_lengths_m),

@@ -235,7 +235,7 @@ class _Pass:
             tilt_rad=self.tilt_rad,
             displacement_m=x,
             load_n=load,
-            unloading=self._way_back(*unloading, touch_m),
+            unloading=self._way_back(*unloading, touch_m, float(x[-1])),
             touch_m=touch_m,
         )
         self._check_loss(curve)
@@ -275,13 +275,19 @@ class _Pass:
             )
 
     def _way_back(
-        self, x: np.ndarray, load: np.ndarray, touch_m: float
+        self, x: np.ndarray, load: np.ndarray, touch_m: float, travel_m: float
     ) -> tuple[np.ndarray, np.ndarray] | None:
         if not len(x):
             return None
         if len(x) < FEWEST_SAMPLES:
             raise self.refuse(
                 f"has {len(x)} rows of unloading", f"At least {FEWEST_SAMPLES} are needed"
+            )
+        if x.max() - touch_m < 0.5 * travel_m:
+            raise self.refuse(
+                f"unloading begins at {1e3 * (x.max() - touch_m):.3g} mm, loading ended at "
+                f"{1e3 * travel_m:.3g} mm",
+                "The way back must hold half of that or more",
             )
         order = np.argsort(x, kind="stable")
         return x[order] - touch_m, load[order]
