@@ -57,7 +57,8 @@ CYCLE_LOSS = 0.10  # that the nominal foot's damping stands for
 LENGTH_M = (0.15, 0.36)
 _NOMINAL = FootParameters()
 _SPAN_M = sum(_NOMINAL.keel.element_lengths_m)
-_SHORTEST_CLAMP, _LONGEST_CLAMP = 0.083, 0.125
+_SHORTEST_CLAMP = 0.083
+_LONGEST_CLAMP = 0.125
 """Ends of where a keel may be clamped (m from A, of the nominal foot): the heel's spheres lie
 behind, those of the midfoot ahead."""
 _NODES = 14  # loads at which the keel is bent
@@ -302,7 +303,7 @@ def _sized(
 
 
 class _Problem:
-    """Curves, and a foot but for its eight parameters x."""
+    """Curves, and a foot but for its eight parameters x, in the order of `FREE`."""
 
     def __init__(self, foot: FootParameters, curves: tuple[FootCurve, ...]) -> None:
         self.sized = foot

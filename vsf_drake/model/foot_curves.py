@@ -47,7 +47,9 @@ _NEEDED = (
 )
 _WORDS = {word: str(i) for words in (PARTS, BRANCHES) for i, word in enumerate(words)}
 _LARGEST_TILT = math.radians(45.0)
-_LOAD_N, _TRAVEL_MM, _STIFFNESS_N_PER_MM = (100.0, 1e4), (1.0, 100.0), (2.0, 500.0)
+_LOAD_N = (100.0, 1e4)
+_TRAVEL_MM = (1.0, 100.0)
+_STIFFNESS_N_PER_MM = (2.0, 500.0)
 """What the largest load, the travel and their ratio can be of a foot: beyond, a unit is wrong."""
 # share of the largest load by which the load may fall while a foot is loaded, and by which
 # unloading may lie above loading: noise and no more
@@ -138,7 +140,8 @@ def load_foot_curves(path: str | Path) -> tuple[FootCurve, ...]:
     curves = []
     for key in sorted(set(zip(part.tolist(), angle.tolist(), strict=True))):
         rows = (part == key[0]) & (angle == key[1])
-        down, up = rows & (branch == 0.0), rows & (branch == 1.0)
+        down = rows & (branch == 0.0)
+        up = rows & (branch == 1.0)
         reader = _Pass(PARTS[int(key[0])], key[1], path)
         curves.append(
             reader.curve(
