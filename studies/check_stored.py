@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
@@ -25,6 +26,7 @@ import angle_errors
 import contact_fit_study.inputs as contact_fit
 import contact_truth_recovery as truth
 import device_hypotheses as devices
+import foot_from_curves
 import numpy as np
 import own_strides
 import published_trends as trends
@@ -296,6 +298,17 @@ def spoiled_walk(stored: dict[str, Any]) -> Numbers:
             yield f"{label} {key}", now[key], was[key]
 
 
+def made_feet(stored: dict[str, Any]) -> Numbers:
+    """Two made feet, recorded and fitted again."""
+    with tempfile.TemporaryDirectory() as folder:
+        for number, was in enumerate(stored["feet"][:2]):
+            found = foot_from_curves.judge(number, Path(folder))
+            for name, error in found["errors"].items():
+                yield f"foot {number} {name}", error, was["errors"][name]
+            for key in ("unseen", "coverage", "lost_share"):
+                yield f"foot {number} {key}", found[key], was[key]
+
+
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "floor": ("floor_of_the_reference_subject.py", floors),
     "contact_fit": ("contact_fit.py", fitted_pair),
@@ -308,6 +321,7 @@ CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "published_trends": ("published_trends.py", foot_under_load),
     "angle_errors": ("angle_errors.py", disturbed_walks),
     "recording_faults": ("recording_faults.py", spoiled_walk),
+    "foot_from_curves": ("foot_from_curves.py", made_feet),
     "settings": ("ship_validation.py", settings_as_walked),
     "sensitivity": ("ship_validation.py", sensitivity_before_changes),
 }

@@ -6,6 +6,7 @@
                add_fulcrum_drive, add_fulcrum_slider: the foot in a Drake diagram of your own
     stepped    make_stepped_leg, make_stepped_person: the implicit stepper as a Drake system
     bench      ModelParameters, run_bench, bench_table: load, displacement, stiffness
+    any foot   foot_from_curves: a model from force-displacement curves of forefoot and heel
     a walk     load_trial, load_contact, trial_with, simulate_trial, walk_metrics
     to data    fit_offsets; ContactFit and fit_contact (`solve` of `vsf_drake.fit`)
     a setting  predict: motion, force and loads between recorded settings
@@ -35,6 +36,7 @@ _HOMES = {
     "certify": "engines.certificate.run",
     "fit_contact": "fit.solution:solve",
     "fit_offsets": "walks.offsets",
+    "foot_from_curves": "device.foot_from_curves",
     "load_contact": "model.contact_file",
     "load_model": "model.model_file",
     "load_trial": "motion.trial",

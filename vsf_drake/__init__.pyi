@@ -1,6 +1,7 @@
 # What a type checker sees of `__init__.py`: the names, and no others.
 from vsf_drake.base.files import resource
 from vsf_drake.device.bench_metrics import bench_table
+from vsf_drake.device.foot_from_curves import foot_from_curves
 from vsf_drake.engines.certificate.run import certify
 from vsf_drake.fit.problem import ContactFit
 from vsf_drake.fit.solution import solve as fit_contact
@@ -47,6 +48,7 @@ __all__ = [
     "certify",
     "fit_contact",
     "fit_offsets",
+    "foot_from_curves",
     "load_contact",
     "load_model",
     "load_trial",

@@ -40,6 +40,7 @@ from vsf_drake.device.bench_lines import load_measured_bench
 from vsf_drake.fit.table import fit_arrays, fit_json
 from vsf_drake.model.bench_curves import load_bench_curves, load_bench_file
 from vsf_drake.model.contact_file import load_contact, save_contact
+from vsf_drake.model.foot_curves import load_foot_curves
 from vsf_drake.model.ground import load_ground
 from vsf_drake.model.model_file import load_model
 from vsf_drake.model.scenario import load_scenario
@@ -103,6 +104,12 @@ def sound(value: Any) -> None:
                 if name not in ("cop_W", "recording", "tracked")
             ]
         )
+
+
+def lost_shares(path: Path) -> list[Any]:
+    """The curves of a foot, and what each loses."""
+    curves = load_foot_curves(path)
+    return [*curves, *(curve.lost_share for curve in curves)]
 
 
 def anything(value: Any) -> None:
@@ -172,6 +179,7 @@ READERS = (
     Reader("scenario", ("scenario.yaml", "person.yaml", "bench.yaml"), (load_scenario,), sound),
     Reader("bench_file", ("bench.yaml",), (load_bench_file, load_measured_bench), sound),
     Reader("bench_curves", ("curves.csv",), (load_bench_curves, load_measured_bench), sound),
+    Reader("foot_curves", ("curves.csv", "level.csv"), (lost_shares,), sound),
     Reader(
         "walk",
         ("result.yaml", "result.npz"),
@@ -401,6 +409,7 @@ def _write_descriptions(folder: Path) -> None:
         "scenario",
         "bench_file",
         "bench_curves",
+        "foot_curves",
     ):
         (folder / name).mkdir()
     reference = resource("data/reference_subject")
@@ -433,6 +442,20 @@ def _write_descriptions(folder: Path) -> None:
         shutil.copy(resource("models/scenarios") / name, folder / "scenario")
     shutil.copy(reference / "bench.yaml", folder / "bench_file")
     shutil.copy(reference / "bench_curves.csv", folder / "bench_curves" / "curves.csv")
+    rows = {"forefoot": range(31), "heel": range(16)}
+    way = [
+        f"{part},{mm},{share * k * mm},{angle},{branch}"
+        for part, k, angle in (("forefoot", 30.0, 20), ("heel", 60.0, -15))
+        for branch, share, along in (("loading", 1.0, 1), ("unloading", 0.9, -1))
+        for mm in rows[part][::along]
+    ]
+    (folder / "foot_curves" / "curves.csv").write_text(
+        "\n".join(["part,displacement_mm,load_n,angle_deg,branch", *way])
+    )
+    level = [f"forefoot;{mm};{0.03 * mm}".replace(".", ",") for mm in range(31)]
+    (folder / "foot_curves" / "level.csv").write_text(
+        "\n".join(["part;displacement_mm;load_kn", *level])
+    )
 
 
 def _write_results(folder: Path, validation: Path | None) -> None:

@@ -9,6 +9,7 @@ from vsf_drake.laws.beam import (
     lumped_stiffness,
     overhung_stiffness,
     section_inertia,
+    taper,
 )
 
 SUPPORTS = np.array([0.066, 0.087, 0.108, 0.129, 0.151])
@@ -98,3 +99,30 @@ def test_chain_equals_the_statics_of_its_joints():
             load_point=LOAD_POINT,
         )
         assert 1.0 / chain == pytest.approx(c @ angles, rel=1e-10)
+
+
+def test_a_tapered_plate_bends_as_the_cube_of_its_thickness():
+    x = np.linspace(0.0, KEEL, 50)
+    thickness = np.interp(x, [0.1, KEEL], [1.0, 0.7])
+    np.testing.assert_allclose(taper(x, start=0.1, end=KEEL, tip=0.7**3), thickness**3, rtol=1e-12)
+    assert np.all(taper(x, start=0.0, end=KEEL, tip=1.0) == 1.0)
+
+
+def test_a_chain_with_a_taper_is_as_stiff_as_the_integral_of_its_compliance():
+    lengths = np.full(400, KEEL / 400)
+    middle = np.cumsum(lengths) - 0.5 * lengths
+    ratio = taper(middle, start=0.05, end=KEEL, tip=0.3)
+    support = 0.108
+    chain = lumped_stiffness(
+        bending_stiffness=27.1 * ratio,
+        element_lengths=lengths,
+        support=support,
+        load_point=LOAD_POINT,
+    )
+
+    def share(x):
+        moment = (LOAD_POINT - support) * x / support if x < support else LOAD_POINT - x
+        return moment**2 / taper(np.array([x]), start=0.05, end=KEEL, tip=0.3)[0]
+
+    compliance = quad(share, 0.0, LOAD_POINT, points=[0.05, support])[0] / 27.1
+    assert chain == pytest.approx(1.0 / compliance, rel=1e-4)

@@ -124,6 +124,10 @@ def moved(zone, x_mm):
             {"fulcrum": FulcrumParameters(carriage_mass_kg=1.9)},
             r"foot\.mass_kg: keel and carriage weigh",
         ),
+        (
+            {"keel": dataclasses.replace(FOOT.keel, taper_from_m=0.3)},
+            r"foot\.keel\.taper_from_m: the keel of 0\.2290 m does not reach to 0\.3 m",
+        ),
         ({"build_height_m": 0.02}, r"foot\.build_height_m: .* leaves no room"),
     ],
 )

@@ -13,8 +13,11 @@ from scipy.optimize import root
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
+from vsf_drake.laws.keel import chain as laid_chain
+from vsf_drake.laws.keel import piece_at
 from vsf_drake.model.contact_file import model_with
 from vsf_drake.model.parameters import FootParameters, ModelParameters
+from vsf_drake.plants.foot import keel_joint_positions, keel_joint_stiffness
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, keel_shape
 
 FOOT = FootParameters()
@@ -211,3 +214,56 @@ def test_what_has_no_shape_is_refused():
     ):
         with pytest.raises(InputError, match=said):
             keel_shape(FOOT, fulcrum_m=fulcrum, load_n=load)
+
+
+TAPERED = replace(FOOT, keel=replace(FOOT.keel, taper_from_m=0.08, tip_stiffness=0.4))
+
+
+def tilted(foot=TAPERED, *, fulcrum_m=0.1, load_n=700.0, after=None):
+    return keel_shape(foot, fulcrum_m=fulcrum_m, load_n=load_n, tilt_rad=0.35, after=after)
+
+
+def test_derivatives_of_a_tilted_load_s_travel_are_those_of_differences():
+    shape = tilted()
+    step = 1e-6
+    by_place = (tilted(fulcrum_m=0.1 + step).travel_m - tilted(fulcrum_m=0.1 - step).travel_m) / (
+        2.0 * step
+    )
+    assert shape.travel_by_place == pytest.approx(by_place, rel=1e-6)
+    stiffness = keel_joint_stiffness(TAPERED.keel)
+    by_modulus = shape.rise_by[0] * TAPERED.keel.flexural_modulus_pa
+    assert shape.travel_by_joints @ stiffness == pytest.approx(by_modulus, rel=1e-9)
+
+
+def test_a_load_put_on_in_two_goes_bends_the_keel_as_in_one():
+    assert tilted(after=tilted(load_n=300.0)).travel_m == pytest.approx(tilted().travel_m, rel=1e-9)
+
+
+def test_a_small_tilted_load_moves_the_load_point_by_the_square_of_the_cosine():
+    """The keel does not stretch: F cos g bends it, and the platen sees cos g of that."""
+    level = keel_shape(FOOT, fulcrum_m=0.1, load_n=1e-3).travel_m
+    turned = keel_shape(FOOT, fulcrum_m=0.1, load_n=1e-3, tilt_rad=0.5).travel_m
+    assert turned == pytest.approx(level * np.cos(0.5) ** 2, rel=1e-4)
+
+
+def test_work_of_a_tilted_load_is_the_energy_in_joints_and_support():
+    loads = np.linspace(0.0, 700.0, 141)
+    shapes = [tilted(load_n=load) for load in loads]
+    work = np.trapezoid(loads, [shape.travel_m for shape in shapes])
+    bent = shapes[-1]
+    stored = 0.5 * keel_joint_stiffness(TAPERED.keel) @ bent.angles[1:] ** 2
+    stored += 0.5 * bent.support_force_n**2 / TAPERED.fulcrum.stiffness_n_per_m
+    assert work == pytest.approx(stored, rel=1e-4)
+
+
+@pytest.mark.parametrize("tilt", [-0.35, 0.0, 0.35])
+def test_moments_about_the_pin_of_a_tilted_load_and_the_support_balance(tilt):
+    """A platen whose front is turned up pushes the toe up and back: F (x cos g + z sin g)."""
+    shape = keel_shape(TAPERED, fulcrum_m=0.1, load_n=700.0, tilt_rad=tilt)
+    x, z = shape.load_point_K
+    moment = 700.0 * (x * np.cos(tilt) + z * np.sin(tilt))
+    starts = np.append(0.0, keel_joint_positions(TAPERED.keel))
+    c, _, joint_x, _ = laid_chain(starts, shape.angles)
+    piece = piece_at(starts, 0.1)
+    support_x = joint_x[piece] + (0.1 - starts[piece]) * c[piece]
+    assert -shape.support_force_n * support_x == pytest.approx(moment, rel=1e-8)

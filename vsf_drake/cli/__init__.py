@@ -55,6 +55,7 @@ def _ended(signals: _Signals) -> int | str | None:
             device,
             doctor,
             fit,
+            foot,
             predict,
             recordings,
             session,

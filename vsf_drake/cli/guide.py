@@ -25,6 +25,7 @@ GUIDES = {
     "tune": "tune",
     "map": "stiffness_map",
     "show": "drake",
+    "foot": "foot_from_curves",
     "export": "engines#export",
     "certify": "engines#certify",
     "stand": "trials#the-subject",
@@ -75,6 +76,11 @@ _PLACES = {
     "stiffness_map#what-stands-behind-it": "map:--draws map:draws",
     "sweep#what-is-varied": "--vary --sample sweep:--fulcrum-mm",
     "validate#against-published-effects": "--against",
+    "foot_from_curves#the-file-of-curves": (
+        "part branch load_n displacement_mm angle_deg foot:forefoot foot:heel foot:.csv"
+    ),
+    "foot_from_curves#without-curves": "--forefoot-n-per-mm --heel-n-per-mm --load-n",
+    "foot_from_curves#the-foot": "--length-mm --mass-g --keel-mm foot:--out",
     "results#the-folder": "--out",
     "files_and_units#which-file-is-what": "--model",
 }

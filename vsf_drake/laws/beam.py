@@ -27,6 +27,14 @@ def section_inertia(width: float, thickness: float) -> float:
     return width * thickness**3 / 12.0
 
 
+def taper(x: np.ndarray, *, start: float, end: float, tip: float) -> np.ndarray:
+    """Bending stiffness at `x` (m from A) over that at A, of a plate whose thickness falls along a
+    straight line from `start` to `end` (m), where the ratio is `tip`: the cube of the thickness's
+    own ratio."""
+    share = np.clip((x - start) / (end - start), 0.0, 1.0)
+    return np.asarray((1.0 + (tip ** (1.0 / 3.0) - 1.0) * share) ** 3)
+
+
 def overhung_stiffness(*, bending_stiffness: Any, support: Any, load_point: Any) -> Any:
     """Stiffness 3 E I / (a² L_c) under the load (N/m), both supports rigid."""
     overhang = load_point - support
@@ -54,7 +62,7 @@ def combined_stiffness(
 
 def lumped_stiffness(
     *,
-    bending_stiffness: float,
+    bending_stiffness: np.ndarray | float,
     element_lengths: Sequence[float] | np.ndarray,
     support: float,
     load_point: float,
@@ -69,6 +77,7 @@ def lumped_stiffness(
     unit load: a midpoint rule for the integral of M² / (E I).
 
     Args:
+        bending_stiffness: of all elements, or (N,) of each (N m²).
         element_lengths: from A, or the end of a rigid part of `rigid_length` (m) there, to the toe
             (m).
         fulcrum_stiffness, series_stiffness: as in `combined_stiffness` (N/m).
@@ -77,7 +86,8 @@ def lumped_stiffness(
     x = rigid_length + np.cumsum(lengths) - 0.5 * lengths
     overhang = load_point - support
     moment = np.where(x < support, overhang * x / support, np.maximum(load_point - x, 0.0))
-    beam = bending_stiffness / float(np.sum(moment * moment * lengths))
+    stiffest = np.max(bending_stiffness)
+    beam = stiffest / float(np.sum(moment * moment * lengths * (stiffest / bending_stiffness)))
     return float(_in_series(beam, support, load_point, fulcrum_stiffness, series_stiffness))
 
 

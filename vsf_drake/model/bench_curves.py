@@ -277,7 +277,7 @@ def _curve(
     # Samples at one displacement (a slow machine, a fast clock) count as one, with their mean load.
     x, which, count = np.unique(x, return_inverse=True, return_counts=True)
     load = np.bincount(which, weights=load) / count
-    x, load = _from_touch_down(x, load, refuse)
+    x, load = from_touch_down(x, load, refuse)
     if len(x) < FEWEST_SAMPLES:
         raise refuse(
             f"has {len(x)} samples from touch-down on", f"At least {FEWEST_SAMPLES} are needed"
@@ -293,7 +293,7 @@ def _curve(
     )
 
 
-def _from_touch_down(
+def from_touch_down(
     x: np.ndarray, load: np.ndarray, refuse: Callable[[str, str], InputError]
 ) -> tuple[np.ndarray, np.ndarray]:
     """The samples from touch-down on, the first at (0, 0); `refuse` makes the error."""

@@ -11,7 +11,13 @@ from scipy.optimize import brentq
 from vsf_drake.base.errors import require
 from vsf_drake.base.files import user_path
 from vsf_drake.base.schema import check, load_yaml, unit_hint
-from vsf_drake.model.parameters import ContactZone, FootParameters, ModelParameters
+from vsf_drake.laws.beam import section_inertia, taper
+from vsf_drake.model.parameters import (
+    ContactZone,
+    FootParameters,
+    KeelParameters,
+    ModelParameters,
+)
 
 FOAM_LOADS_N = (200.0, 600.0)
 """Between these the bench measures the stiffness (McGeehan 2021, doi 10.1115/1.4050456; the upper
@@ -52,13 +58,19 @@ def check_foot(
     below = 0.5 * foot.keel.thickness_m + foot.foam_thickness_m
     for holds, where, what, right in (
         (
-            0.0 < fulcrum.rearmost_m < fulcrum.foremost_m < foot.load_point_m <= length + 1e-12,
+            0.0 < fulcrum.rearmost_m <= fulcrum.foremost_m < foot.load_point_m <= length + 1e-12,
             "fulcrum",
             (
                 f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m and load point "
                 f"{foot.load_point_m} m must increase and lie within the keel of {length:.4f} m"
             ),
             None,
+        ),
+        (
+            foot.keel.taper_from_m < length,
+            "keel.taper_from_m",
+            f"the keel of {length:.4f} m does not reach to {foot.keel.taper_from_m:g} m",
+            "It must begin to thin before its tip",
         ),
         (
             max(places) <= max(length, tip) + 1e-9,
@@ -103,6 +115,18 @@ def _check_zones(zones: tuple[ContactZone, ...], group: str, file: str | Path | 
             f"{group}zones[{i}] ({zone.name})",
             file=file,
         )
+
+
+def bending_stiffness(keel: KeelParameters) -> np.ndarray:
+    """E I (N m^2) of each of the keel's elements, in its middle."""
+    lengths = np.array(keel.element_lengths_m)
+    ratio = taper(
+        np.cumsum(lengths) - 0.5 * lengths,
+        start=keel.taper_from_m,
+        end=float(lengths.sum()),
+        tip=keel.tip_stiffness,
+    )
+    return keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m) * ratio
 
 
 def foam_under_load(foot: FootParameters) -> tuple[float, float] | None:

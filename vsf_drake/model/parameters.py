@@ -112,6 +112,23 @@ class KeelParameters:
             "cycle"
         ),
     )
+    taper_from_m: float = quantity(  # distance from A at which the keel begins to thin
+        0.0,
+        unit="m",
+        low=0.0,
+        high=1.0,
+        source=f"{_CHOICE}: of no account where `tip_stiffness` is 1",
+        unsaid="yes",
+    )
+    tip_stiffness: float = quantity(  # bending stiffness at the keel's tip / at A
+        1.0,
+        unit="1",
+        low=1e-3,
+        high=10.0,
+        source=f"derived from {_PAPER}: one thickness; see `laws.beam.taper`",
+        unsaid="yes",
+    )
+    """Drawn and weighed is a keel of one thickness."""
 
 
 @dataclass(frozen=True, kw_only=True)

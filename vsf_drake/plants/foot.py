@@ -27,11 +27,15 @@ from pydrake.multibody.plant import DistanceConstraintParams, MultibodyPlant
 from pydrake.systems.framework import Context
 
 from vsf_drake.base.errors import InputError, require
-from vsf_drake.laws.beam import section_inertia
 from vsf_drake.laws.contact import LAWS
 from vsf_drake.laws.contact_law import ContactLaw
 from vsf_drake.laws.contact_laws import CONTACT_LAWS
-from vsf_drake.model.model_file import check_foot, check_fulcrum, secant_stiffness
+from vsf_drake.model.model_file import (
+    bending_stiffness,
+    check_foot,
+    check_fulcrum,
+    secant_stiffness,
+)
 from vsf_drake.model.parameters import SIDES, FootParameters, KeelParameters
 from vsf_drake.plants.contact_geometry import (
     DRAKE_CONTACTS,
@@ -69,8 +73,8 @@ def keel_joint_positions(keel: KeelParameters) -> np.ndarray:
 
 def keel_joint_stiffness(keel: KeelParameters) -> np.ndarray:
     """E I / L_element (N m/rad) of each sprung joint."""
-    bending = keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m)
-    return bending / np.array(keel.element_lengths_m)
+    stiffness: np.ndarray = bending_stiffness(keel) / np.array(keel.element_lengths_m)
+    return stiffness
 
 
 def sole_height(foot: FootParameters) -> float:

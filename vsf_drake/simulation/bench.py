@@ -3,6 +3,7 @@ its load."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,9 +12,14 @@ import numpy as np
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.schema import to_plain
-from vsf_drake.laws.beam import combined_stiffness, section_inertia
+from vsf_drake.laws.beam import combined_stiffness
 from vsf_drake.laws.keel import chain, piece_at
-from vsf_drake.model.model_file import check_fulcrum, check_model, secant_stiffness
+from vsf_drake.model.model_file import (
+    bending_stiffness,
+    check_fulcrum,
+    check_model,
+    secant_stiffness,
+)
 from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.plants.foot import keel_joint_positions, keel_joint_stiffness
@@ -157,9 +163,8 @@ class Bench:
         if self.heel:
             return 2.0 * self._heel_depth(max_load_n)
         p = self.parameters
-        bending = p.keel.flexural_modulus_pa * section_inertia(p.keel.width_m, p.keel.thickness_m)
         stiffness = combined_stiffness(
-            bending_stiffness=bending,
+            bending_stiffness=bending_stiffness(p.keel).min(),
             support=fulcrum_m,
             load_point=p.load_point_m,
             fulcrum_stiffness=p.fulcrum.stiffness_n_per_m,
@@ -244,10 +249,12 @@ def run_bench(
 #
 #     z(x) = sum_i l_i sin phi_i,   l_i = how much of piece i lies behind x,
 #
-# in the keel frame K. A load F along z_K on the load point C and the fulcrum's spring at l leave
-# the potential energy
+# in the keel frame K. A load F along n on the load point C and the fulcrum's spring at l leave the
+# potential energy
 #
-#     E(q) = 1/2 q' k q + 1/2 k_f z(l)^2 - F z(C),
+#     E(q) = 1/2 q' k q + 1/2 k_f z(l)^2 - F u(C),   u = n . p_AC,   n = (-sin g, cos g),
+#
+# with g the tilt of the platen that presses, 0 for a load along z_K.
 #
 # whose minimum is the shape. Its Hessian is exact, so Newton's method takes a handful of
 # iterations; the load is put on in steps that are halved where it fails. Large deflections are
@@ -269,18 +276,33 @@ class KeelShape:
     angles: np.ndarray
     """(m,) rad, of the pin at A and the sprung joints, as in `FootHandles.keel_joint_names`;
     positive lifts the toe."""
+    load_n: float  # under which it rests
     load_point_K: np.ndarray  # (2,) m, x and z of the load point C in K
+    travel_m: float  # of C along the load, from the straight keel
     support_force_n: float
     """on the keel along z_K, as of `FootForces`: negative while the toe is pressed up"""
     rise_by: np.ndarray
-    """(2,) derivatives of the load point's z by the keel's flexural modulus (m/Pa) and the
+    """(2,) derivatives of C's travel along the load by the keel's flexural modulus (m/Pa) and the
     fulcrum's stiffness (m^2/N).
     """
+    travel_by_joints: np.ndarray
+    """(m - 1,) derivatives of that travel by the stiffness (N m/rad) of each sprung joint"""
+    travel_by_place: float  # its derivative by the fulcrum's place (m/m)
 
 
-def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> KeelShape:
-    """The keel of `foot` under `load_n` (N, along z_K on the load point) with the fulcrum at
-    `fulcrum_m` (m from A).
+def keel_shape(
+    foot: FootParameters,
+    *,
+    fulcrum_m: float,
+    load_n: float,
+    tilt_rad: float = 0.0,
+    after: KeelShape | None = None,
+) -> KeelShape:
+    """The keel of `foot` under `load_n` (N, on the load point) with the fulcrum at `fulcrum_m` (m
+    from A).
+
+    The load is along z_K, or tilted back from it by `tilt_rad`, as that of a platen whose front is
+    turned up by so much. It is put on from none, or from `after`, of the same foot, on.
 
     InputError if the fulcrum is out of the carriage's reach; SimulationError if no rest was found.
     """
@@ -293,13 +315,16 @@ def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> Keel
     starts = np.concatenate(([0.0], keel_joint_positions(foot.keel)))
     points = fulcrum_m, foot.load_point_m
     support = foot.fulcrum.stiffness_n_per_m
-    q = np.zeros(len(starts))
+    along = -math.sin(tilt_rad), math.cos(tilt_rad)
+    q = np.zeros(len(starts)) if after is None else after.angles
+    before = 0.0 if after is None else after.load_n
     hessian = stiffness
     share = 0.0
-    step = min(1.0, FIRST_STEP_N / max(abs(load_n), 1e-300))
+    step = min(1.0, FIRST_STEP_N / max(abs(load_n - before), 1e-300))
     while share < 1.0:
         tried = min(share + step, 1.0)
-        moved, hessian = _balance(q, tried * load_n, stiffness, support, starts, points)
+        load = before + tried * (load_n - before)
+        moved, hessian = _balance(q, load, along, stiffness, support, starts, points)
         if moved is None:
             step *= 0.5
             if step < LEAST_STEP:
@@ -311,32 +336,41 @@ def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> Keel
         else:
             q = moved
             share = tried
+    c, s, _, _ = chain(starts, q)
     _, z_P, by_P, _ = _material_point(starts, q, fulcrum_m)
-    x_C, z_C, by_C, _ = _material_point(starts, q, foot.load_point_m)
+    p_C, _, by_C, _ = _material_point(starts, q, foot.load_point_m, along)
     moments = np.column_stack([stiffness @ q / foot.keel.flexural_modulus_pa, z_P * by_P])
+    answer = np.linalg.solve(hessian, by_C)
+    piece = piece_at(starts, fulcrum_m)
+    turned = np.where(np.arange(len(starts)) <= piece, c[piece], 0.0)
     return KeelShape(
         angles=q,
-        load_point_K=np.array([x_C, z_C]),
+        load_n=load_n,
+        load_point_K=p_C,
+        travel_m=float(along[0] * (p_C[0] - foot.load_point_m) + along[1] * p_C[1]),
         support_force_n=-support * z_P,
         rise_by=-by_C @ np.linalg.solve(hessian, moments),
+        travel_by_joints=-answer[1:] * q[1:],
+        travel_by_place=float(-support * answer @ (s[piece] * by_P + z_P * turned)),
     )
 
 
 def _balance(
     q: np.ndarray,
     load: float,
+    along: tuple[float, float],
     stiffness: np.ndarray,
     support: float,
     starts: np.ndarray,
     points: tuple[float, float],
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """The stable equilibrium that Newton's method reaches from `q`, None where it reaches none; and
-    the Hessian. `points` (m from A) are where support and load are."""
+    the Hessian. `points` (m from A) are where support and load are, the latter `along` x and z."""
     supported, loaded = points
     enough = BALANCED * (abs(load) * loaded + 1e-6)
     for _ in range(ITERATIONS):
         _, z_P, by_P, twice_P = _material_point(starts, q, supported)
-        _, _, by_C, twice_C = _material_point(starts, q, loaded)
+        _, _, by_C, twice_C = _material_point(starts, q, loaded, along)
         moment = stiffness @ q + support * z_P * by_P - load * by_C
         hessian = stiffness + support * (np.outer(by_P, by_P) + z_P * twice_P) - load * twice_C
         try:
@@ -352,10 +386,13 @@ def _balance(
 
 
 def _material_point(
-    starts: np.ndarray, turns: np.ndarray, position: float
-) -> tuple[float, float, np.ndarray, np.ndarray]:
-    """x and z of a point of the keel, and the gradient (m,) and Hessian (m, m) of its height by the
-    joint angles."""
+    starts: np.ndarray,
+    turns: np.ndarray,
+    position: float,
+    direction: tuple[float, float] = (0.0, 1.0),
+) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
+    """x and z of a point of the keel, z alone, and the gradient (m,) and Hessian (m, m) of its
+    place along a direction (x, z), by the joint angles."""
     c, s, x, z = chain(starts, turns)
     piece = piece_at(starts, position)
     along = position - starts[piece]
@@ -363,9 +400,12 @@ def _material_point(
     z_P = z[piece] + along * s[piece]
     joints = np.arange(len(starts))
     outer = np.maximum.outer(joints, joints)
+    turn = direction[1] * (x_P - x) - direction[0] * (z_P - z)
     return (
-        x_P,
+        np.array([x_P, z_P]),
         z_P,
-        np.where(joints <= piece, x_P - x, 0.0),
-        np.where(outer <= piece, z[outer] - z_P, 0.0),
+        np.where(joints <= piece, turn, 0.0),
+        np.where(
+            outer <= piece, direction[1] * (z[outer] - z_P) + direction[0] * (x[outer] - x_P), 0.0
+        ),
     )

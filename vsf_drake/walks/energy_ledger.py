@@ -27,8 +27,9 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from vsf_drake.base.files import flat
-from vsf_drake.laws.beam import lumped_stiffness, section_inertia
+from vsf_drake.laws.beam import lumped_stiffness
 from vsf_drake.laws.bushing import axis_force
+from vsf_drake.model.model_file import bending_stiffness
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.trajectory import low_pass
@@ -427,8 +428,7 @@ def _beam_energy(
         0.5
         * load_n**2
         / lumped_stiffness(
-            bending_stiffness=keel.flexural_modulus_pa
-            * section_inertia(keel.width_m, keel.thickness_m),
+            bending_stiffness=bending_stiffness(keel),
             element_lengths=keel.element_lengths_m,
             support=fulcrum_m,
             load_point=place_m,

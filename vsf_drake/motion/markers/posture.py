@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.sentences import say
-from vsf_drake.laws.beam import section_inertia
+from vsf_drake.model.model_file import bending_stiffness
 from vsf_drake.model.parameters import GRAVITY, MID_FULCRUM_MM, FootParameters, ModelParameters
 from vsf_drake.motion.formats.read import axis_name
 from vsf_drake.motion.formats.recording import SIDES, Recording
@@ -287,9 +287,7 @@ def _flat_sole_force(depth: float, foot: FootParameters, fulcrum_m: float) -> fl
     )
     lengths = np.array(foot.keel.element_lengths_m)
     joints = np.concatenate(([0.0], np.cumsum(lengths) - 0.5 * lengths))
-    bending = foot.keel.flexural_modulus_pa * section_inertia(
-        foot.keel.width_m, foot.keel.thickness_m
-    )
+    bending = bending_stiffness(foot.keel)
 
     # Joints turn by theta and raise the keel at x by sum_j theta_j (x - x_j), j behind x; behind
     # the fulcrum's reach is the rigid heel block.

@@ -1,0 +1,66 @@
+"""`vsf-drake foot`: what it leaves, and how it refuses."""
+
+from __future__ import annotations
+
+import pytest
+
+from vsf_drake.model.model_file import load_model
+from vsf_drake.report.fitted_foot import _FIRST
+
+SIZE = ("--length-mm", 270, "--mass-g", 600)
+
+
+@pytest.fixture
+def curves(tmp_path):
+    lines = ["part,displacement_mm,load_n"]
+    lines += [f"forefoot,{x},{25.0 * x}" for x in range(33)]
+    lines += [f"heel,{x},{70.0 * x}" for x in range(13)]
+    path = tmp_path / "curves.csv"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def test_model_and_picture_are_written_and_it_is_said_what_the_curves_do_not_tell(
+    run, curves, tmp_path
+):
+    out = tmp_path / "myfoot.yaml"
+    code, said, _ = run("foot", curves, *SIZE, "--out", out)
+    assert code == 0
+    assert "The curves do not tell:" in said and "keel clamped at" in said
+    foot = load_model(out).foot
+    assert foot.length_m == pytest.approx(0.27) and foot.mass_kg == pytest.approx(0.6)
+    assert foot.fulcrum.rearmost_m == foot.fulcrum.foremost_m
+    assert f"--fulcrum-mm {1e3 * foot.fulcrum.rearmost_m:.1f}" in said
+    assert out.read_text(encoding="utf-8").startswith(_FIRST)
+    assert (tmp_path / "myfoot.png").read_bytes().startswith(b"\x89PNG")
+    assert run("foot", "--forefoot-n-per-mm", 30, *SIZE, "--out", out)[0] == 0  # its own file
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((*SIZE,), "--forefoot-n-per-mm: is missing"),
+        (("CURVES", "--forefoot-n-per-mm", 30, *SIZE), "cannot go with a file of curves"),
+        (("CURVES", "--mass-g", 600), "--length-mm: is missing"),
+        (("CURVES", "--length-mm", 270), "--mass-g: is missing"),
+        (("CURVES", "--length-mm", 27, "--mass-g", 600), "--length-mm: 27 mm is no foot's length"),
+        (("CURVES", *SIZE, "--keel-mm", 200), "--keel-mm: a keel of 200 mm does not go with"),
+        (("--forefoot-n-per-mm", 3000, *SIZE), "--forefoot-n-per-mm: 3000 N/mm is no foot's"),
+        (("none.csv", *SIZE), "none.csv: there is no such file"),
+    ],
+)
+def test_mistakes_end_with_one_message_and_leave_no_file(run, curves, tmp_path, words, message):
+    out = tmp_path / "out.yaml"
+    words = [curves if word == "CURVES" else word for word in words]
+    code, _, error = run("foot", *words, "--out", out)
+    assert code == 2 and message in error and "Traceback" not in error
+    assert not out.exists()
+
+
+def test_a_file_of_somebody_else_s_is_not_written_over(run, curves, tmp_path):
+    out = tmp_path / "own.yaml"
+    out.write_text("foot: {}\n", encoding="utf-8")
+    code, _, error = run("foot", curves, *SIZE, "--out", out)
+    assert code == 2 and "was not written by this command" in error
+    assert out.read_text(encoding="utf-8") == "foot: {}\n"
+    assert "ends in .yaml" in run("foot", curves, *SIZE, "--out", tmp_path / "folder")[2]
