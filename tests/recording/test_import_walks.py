@@ -349,6 +349,14 @@ def test_a_stated_shell_is_walked_on_and_held_against_the_models(tmp_path, shell
     assert any("280 mm long, as stated" in note for note in imported.items[0].trial.notes)
 
 
+@pytest.mark.parametrize("length_mm", [27.5, 100.0, 310.0])
+def test_a_shell_that_no_foot_has_is_refused_whoever_asks(tmp_path, length_mm):
+    laboratory = Laboratory(tmp_path)
+    files = gather(laboratory.standing(), [laboratory.walk()])
+    with pytest.raises(InputError, match=r"foot_length_mm.*between 220 and 300 mm"):
+        import_walks(files, options(foot_length_mm=length_mm))
+
+
 def test_a_stated_shell_of_the_models_length_changes_nothing(tmp_path, shells):
     laboratory = Laboratory(tmp_path)
     files = gather(laboratory.standing(), [laboratory.walk()])

@@ -14,6 +14,7 @@ import numpy as np
 from vsf_drake.base.errors import InputError, VsfError, require
 from vsf_drake.base.files import opened, sha256, user_path
 from vsf_drake.base.progress import Progress
+from vsf_drake.base.schema import check
 from vsf_drake.base.sentences import say
 from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import SHELLS_MM, SIDES
@@ -76,7 +77,7 @@ def import_walks(
 
     Of several walks, one that cannot be used is only listed; refused if none can.
     """
-    check_facts(options.person)
+    check_facts(check(options).person)
     fulcrums_m = _fulcrums(options, len(files.walks))
     marker_map = None if options.marker_map is None else load_marker_map(options.marker_map)
     standing = None
