@@ -4,10 +4,10 @@ same device.
 One synthetic person (virtual_laboratory/people.py) walks at 66, 108 and 151 mm in shells of 220,
 245, 270 and 300 mm over one keel and carriage, and is recorded as a session records; the manifests
 state the length of the shell (prosthesis.foot_length_mm). For each shell the softest and the
-stiffest first walk are fitted with the foot's own bench. A second walk at the softest setting and
-one at the middle judge: `grf_rmse_bw` by the foot's physics, `person_grf_rmse_bw` by the layer with
+stiffest first walk are fitted with the foot's own bench. The second walks at these settings and two
+at the middle one judge: `grf_rmse_bw` by the foot's physics, `person_grf_rmse_bw` by the layer with
 the person's own curve (body weights), `cop_rmse_fl` fore-aft by the physics in lengths of the
-shell, means over the two. `asked` has whether the error is at most MOST_MORE_BW above that of the
+shell, means over the four. `asked` has whether the error is at most MOST_MORE_BW above that of the
 published shell, and the centre of pressure within MOST_COP_FL.
 
 The results are in studies/results/shell_sizes.json. Walks and fits are kept in results/shell_sizes;
@@ -60,7 +60,7 @@ SHELLS_MM = (245, 220, 270, 300)
 """The published length first: the others are held against it."""
 LABORATORY = ("people", "polish", "session", "writing")
 FITTED = ("low_1", "high_1")
-JUDGING = ("low_2", "medium_1")
+JUDGING = ("low_2", "medium_1", "medium_2", "high_2")
 MOST_MORE_BW, MOST_COP_FL = 0.003, 0.04
 """Asked for: held-out error over that of the published shell, centre of pressure."""
 

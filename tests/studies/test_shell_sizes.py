@@ -21,7 +21,7 @@ def test_a_shell_of_22_to_30_cm_is_fitted_about_as_well_as_the_published_one(sto
     """Held-out error at most 0.3 % of body weight above that of 245 mm; centre of pressure within
     4 % of the foot's length."""
     shells = stored["shells"]
-    assert [*shells] == [str(mm) for mm in shell_sizes.SHELLS_MM]
+    assert {*shells} == {str(mm) for mm in shell_sizes.SHELLS_MM}
     for mm, part in shells.items():
         assert part["success"], mm
         assert part["grf_rmse_bw"] <= shells["245"]["grf_rmse_bw"] + 0.003, mm
@@ -30,7 +30,7 @@ def test_a_shell_of_22_to_30_cm_is_fitted_about_as_well_as_the_published_one(sto
 
 def test_what_is_stored_is_the_mean_over_the_walks(stored):
     for part in stored["shells"].values():
-        assert [*part["walks"]] == [*shell_sizes.JUDGING]
+        assert {*part["walks"]} == {*shell_sizes.JUDGING}
         for layer, key in ((PHYSICS, "grf_rmse_bw"), (PERSON, "person_grf_rmse_bw")):
             errors = [walk[layer]["grf_rmse_bw"] for walk in part["walks"].values()]
             assert part[key] == pytest.approx(np.mean(errors))
