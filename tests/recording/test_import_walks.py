@@ -334,7 +334,7 @@ def test_a_shell_as_long_as_the_recorded_foot_is_shown_and_advised_where_force_a
     [told] = imported.told
     assert told in item.trial.notes and "would change of" in told
     assert (f"--foot-length-mm {1e3 * recorded_m:.0f}" in told) == advised
-    assert ("Both do not get nearer" in told) != advised
+    assert ("do not both get nearer" in told) != advised
     assert item.trial.model.foot.length_m == 0.245
 
 
