@@ -8,7 +8,11 @@ test. The default is the reference subject's foot, whose compliances come from `
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
+
+SHELL_KG = 0.25
+"""Of the shell of the published 245 mm, with its foam."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,8 @@ class SoleDesign:
     """Shear stiffness of a foam cell / its stiffness under small compression."""
     friction: float = 0.6
     """Coulomb's coefficient."""
+    unsupported_from_m: float = math.inf
+    """Ahead of this no keel bears the foam (`sole.UNSUPPORTED`)."""
 
 
 @dataclass(frozen=True)
@@ -165,6 +171,18 @@ class Design:
     socket: SocketDesign = SocketDesign()
 
 
+ALONG_SOLE = (
+    "rear_m",
+    "front_m",
+    "rocker_centre_m",
+    "toe_from_m",
+    "toe_radius_m",
+    "half_width_heel_m",
+    "half_width_fore_m",
+)
+"""Lengths of a sole that go with its size."""
+
+
 def longer(design: Design, scale: float) -> Design:
     """The same foot in another size.
 
@@ -173,15 +191,6 @@ def longer(design: Design, scale: float) -> Design:
     and the point of load go along.
     """
     keel, frame, sole = design.keel, design.frame, design.sole
-    along = (
-        "rear_m",
-        "front_m",
-        "rocker_centre_m",
-        "toe_from_m",
-        "toe_radius_m",
-        "half_width_heel_m",
-        "half_width_fore_m",
-    )
     return dataclasses.replace(
         design,
         keel=dataclasses.replace(
@@ -192,5 +201,25 @@ def longer(design: Design, scale: float) -> Design:
             },
         ),
         frame=dataclasses.replace(frame, load_point_m=scale * frame.load_point_m),
-        sole=dataclasses.replace(sole, **{name: scale * getattr(sole, name) for name in along}),
+        sole=dataclasses.replace(
+            sole, **{name: scale * getattr(sole, name) for name in ALONG_SOLE}
+        ),
+    )
+
+
+def in_shell(design: Design, length_m: float) -> Design:
+    """The same device in a shell of `length_m`: the sole is longer and wider about A and weighs as
+    much more; keel, support, frame and the point of load are of one size."""
+    sole = design.sole
+    scale = length_m / (sole.front_m - sole.rear_m)
+    return dataclasses.replace(
+        design,
+        frame=dataclasses.replace(
+            design.frame, mass_kg=design.frame.mass_kg + (scale - 1.0) * SHELL_KG
+        ),
+        sole=dataclasses.replace(
+            sole,
+            unsupported_from_m=design.keel.length_m,
+            **{name: scale * getattr(sole, name) for name in ALONG_SOLE},
+        ),
     )

@@ -23,6 +23,7 @@ from virtual_laboratory.design import (
     SocketDesign,
     SoleDesign,
     SupportDesign,
+    in_shell,
     longer,
 )
 from virtual_laboratory.prosthesis import STEP_S, Prosthesis, prosthesis_of
@@ -121,6 +122,13 @@ def true_persons(seed: int) -> tuple[TruePerson, TruePerson, TruePerson]:
         _person(seed, "B", 56.0, 1.62, "female", "left", 1.0),
         _person(seed, "C", 102.0, 1.86, "male", "right", 1.14, passive=True),
     )
+
+
+def person_in_shell(seed: int, length_m: float) -> TruePerson:
+    """S, as heavy and tall as A, with a foot of the published size in a shell of `length_m`; person
+    and foot are the same in all shells."""
+    person = _person(seed, "S", 78.0, 1.81, "male", "right", 1.0)
+    return dataclasses.replace(person, foot=in_shell(person.foot, length_m))
 
 
 def _person(

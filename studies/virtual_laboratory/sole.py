@@ -10,6 +10,8 @@ from virtual_laboratory.design import SoleDesign
 
 THINNEST_FOAM = 0.3
 """Foam left where the sole rises most, as a share of its full thickness."""
+UNSUPPORTED = 0.5
+"""Stiffness of foam that no keel bears, over that of the same foam under it (a choice)."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,7 @@ def make_sole(
     area = (edges[1] - edges[0]) * 2.0 * half / design.rows
     on_block = x < block_until
     modulus = np.where(on_block, design.heel_modulus_pa, design.foam_modulus_pa)
+    modulus = np.where(x > design.unsupported_from_m, UNSUPPORTED, 1.0) * modulus
     return Sole(
         points=np.column_stack([x, y, sole_height + up]),
         on_block=on_block,

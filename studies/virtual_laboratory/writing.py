@@ -58,6 +58,8 @@ class Label:
     subject: str
     mirrored: bool = False
     """The prosthesis is on the left, and what is written is the trial's mirror image."""
+    foot_length_mm: float | None = None
+    """of the shell; None where the files do not say it"""
 
 
 REFERENCE = Label(name=NAME, notice=NOTICE, subject="../subject.yaml")
@@ -88,13 +90,14 @@ def write_trial(folder: Path, trial: Recorded, tier: Tier, label: Label = REFERE
         values=np.column_stack(list(columns.values())),
         title=title,
     )
+    shell = "" if label.foot_length_mm is None else f", foot_length_mm: {label.foot_length_mm:g}"
     with replaced(place / f"{draw.name}.yaml") as stream:
         stream.write(
             f"# {label.notice}.\nname: {label.name}, {tier.name}, {draw.condition} stiffness, "
             f"trial {draw.number}\nsynthetic: true\nsubject: {label.subject}\nkinematics: "
             f"{draw.name}_kinematics.mot\nforces: {{file: {draw.name}_forces.mot, right: "
             "ground_force_r, left: ground_force_l}\nprosthesis: {fulcrum_mm: "
-            f"{1e3 * (draw.fulcrum_m or MID_RANGE_M):g}}}"
+            f"{1e3 * (draw.fulcrum_m or MID_RANGE_M):g}{shell}}}"
             f"{'' if draw.fulcrum_m else '  # a passive foot has none: where the model keeps its own'}\n"  # noqa: E501
             f"window: {{start_s: 0, end_s: {_before_second_strike(trial):.2f}}}\n"
         )

@@ -12,6 +12,7 @@ from made_laboratory import MADE, STATED, Laboratory, leftovers
 from made_person import Person
 
 from vsf_drake.base.files import resource
+from vsf_drake.model.model_file import in_shell
 from vsf_drake.model.parameters import ModelParameters
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.manifest import load_manifest
@@ -142,31 +143,30 @@ def test_import_again_replaces_its_own_files_and_one_bad_walk_does_not_spoil_the
     assert [path.name for path in full.iterdir()] == ["thesis.tex"]
 
 
-def test_prosthesis_of_the_persons_size_goes_into_a_model_of_its_own(run, laboratory, tmp_path):
+def test_a_stated_length_of_the_shell_goes_into_the_manifest_and_its_effect_is_shown(
+    run, laboratory, tmp_path
+):
     out = tmp_path / "out"
-    code, said, _ = run(
-        "import",
-        laboratory.standing(),
-        laboratory.walk(),
-        "--out",
-        out,
-        *STATED,
-        "--scale-prosthesis",
-    )
+    words = ("import", laboratory.standing(), laboratory.walk(), "--out", out, *STATED)
+    code, said, _ = run(*words, "--foot-length-mm", "270")
     assert code == 0
     trial = load_trial(out / "walk.yaml")
     notes = read_json(out / "import.json")["trials"][0]["notes"]
-    shown = next(note for note in notes if "--scale-prosthesis changed" in note)
-    assert (
-        "a foot of 245 mm (the model's)" in shown
-        and f"a foot of {1e3 * trial.model.foot.length_m:.0f} mm" in shown
-    )
+    shown = next(note for note in notes if "What a shell of 270 mm changed" in note)
+    assert "a foot of 245 mm (the model's)" in shown and "a foot of 270 mm" in shown
     assert shown in " ".join(said.split())
-    # rajagopal has no toe marker at the tip: the foot's length is that of the markers' own estimate
-    assert trial.model.foot.length_m == pytest.approx(0.26, rel=0.1)
+    assert trial.model.foot == in_shell(ModelParameters().foot, 0.27)
     assert trial.fulcrum_m == pytest.approx(0.108)
-    nominal = ModelParameters().foot
-    assert (trial.model.foot.keel, trial.model.foot.fulcrum) == (nominal.keel, nominal.fulcrum)
+    assert not (out / "model.yaml").exists()
+
+
+@pytest.mark.parametrize(("length", "hint"), [("27", "centimetres?"), ("0.27", "metres?")])
+def test_a_length_of_the_shell_in_another_unit_is_refused(run, laboratory, tmp_path, length, hint):
+    words = ("import", laboratory.standing(), laboratory.walk(), "--out", tmp_path / "out", *STATED)
+    code, _, err = run(*words, "--foot-length-mm", length)
+    said = " ".join(err.split())
+    assert code == 2 and "--foot-length-mm" in said
+    assert f"between 220 and 300 mm. Is it in {hint}" in said
 
 
 def without_the_end_of_a_stance(forces, to, side, after_s):

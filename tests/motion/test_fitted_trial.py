@@ -106,6 +106,16 @@ def test_another_persons_contact_is_refused_with_both_numbers(trial, change, wor
         assert word in str(caught.value)
 
 
+def test_a_contact_that_was_fitted_to_a_foot_of_another_length_is_refused(trial):
+    same, other = (
+        contact_for(foot_length_m=length_m, values={}, curves=())
+        for length_m in (trial.model.foot.length_m, 0.275)
+    )
+    trial_with(trial, same)
+    with pytest.raises(InputError, match=r"a foot of 275 mm.*245 mm.*prosthesis.foot_length_mm"):
+        trial_with(trial, other)
+
+
 @pytest.mark.parametrize("change", ["angle", "force", "window"])
 def test_fingerprint_differs_with_what_was_recorded(trial, trial_files, change):
     if change == "angle":

@@ -16,6 +16,7 @@ from virtual_laboratory.trc import write_trc
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
 from vsf_drake.base.schema import dump_yaml
+from vsf_drake.model.model_file import in_shell
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.events import kinematic_stances
 from vsf_drake.motion.formats.recording import Plate, Recording
@@ -75,6 +76,22 @@ def test_window_of_the_manifest_is_cut_to_kinematics_and_forces(trial_files):
     assert any(
         "right (prosthetic) foot" in n and n.endswith("cut at its start.") for n in trial.notes
     )
+
+
+def test_a_stated_length_of_the_shell_is_the_models_foot_in_it_and_is_told(trial_files):
+    trial_files.manifest["prosthesis"] |= {"foot_length_mm": 220}
+    trial = load_trial(trial_files.write())
+    assert trial.model.foot == in_shell(default_model().foot, 0.22)
+    told = next(note for note in trial.notes if "The shell of the prosthetic foot is" in note)
+    # rear end of the shell 12 mm behind A in 245 mm, end of the keel 229 mm ahead of it
+    assert f"ends {229 - 220 * 233 / 245:.0f} mm ahead of so short a shell" in told
+
+
+@pytest.mark.parametrize("length_mm", [27.0, 0.27, 310.0])
+def test_a_length_of_the_shell_that_no_foot_has_is_refused(trial_files, length_mm):
+    trial_files.manifest["prosthesis"] |= {"foot_length_mm": length_mm}
+    with pytest.raises(InputError, match=r"prosthesis.foot_length_mm.*between 220 and 300 mm"):
+        load_trial(trial_files.write())
 
 
 @pytest.mark.parametrize(

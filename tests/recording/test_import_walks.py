@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import ezc3d
 import numpy as np
@@ -12,7 +13,7 @@ from made_laboratory import MASS, Laboratory
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
-from vsf_drake.model.model_file import check_foot, check_fulcrum
+from vsf_drake.model.model_file import in_shell
 from vsf_drake.model.parameters import ModelParameters
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.formats.read import read_trial
@@ -27,7 +28,6 @@ from vsf_drake.recording.import_walks import (
     ImportOptions,
     gather,
     import_walks,
-    scale_shell,
     walk_names,
 )
 from vsf_drake.report.import_outputs import write_import
@@ -41,14 +41,27 @@ def options(**changed) -> ImportOptions:
 
 
 @pytest.fixture(autouse=True)
-def effect(monkeypatch):
-    """What the effect of scaling was asked for; two fits of the offsets take seconds."""
-    asked = []
-    monkeypatch.setattr(
-        "vsf_drake.recording.import_walks._scaling_effect",
-        lambda trial, ratio, options: asked.append(ratio) or ["the effect"],
-    )
-    return asked
+def shells(monkeypatch):
+    """Feet that the first walk was walked with, and what came of each; two fits of the offsets take
+    seconds."""
+    told = SimpleNamespace(walked=[], errors_bw=[0.06, 0.05], cop_m=[0.02, 0.02])
+
+    def walked(trial, **options):
+        told.walked.append(trial.model.foot)
+        return (trial.model.foot,)
+
+    def metrics(foot, plate):
+        number = (len(told.walked) - 1) % 2
+        return SimpleNamespace(
+            foot_length_m=foot.length_m,
+            error_bw=told.errors_bw[number],
+            cop_rmse_fl=told.cop_m[number] / foot.length_m,
+            cop_ml_rmse_fl=0.01,
+        )
+
+    monkeypatch.setattr(module, "walk_trial", walked)
+    monkeypatch.setattr(module, "walk_metrics", metrics)
+    return told
 
 
 def touch(folder, *names):
@@ -224,35 +237,10 @@ def test_the_fulcrum_is_never_assumed(tmp_path):
         import_walks(gather(laboratory.standing(), [laboratory.walk()]), options(fulcrum_mm=()))
 
 
-@pytest.mark.parametrize("length_m", [0.22, 0.245, 0.26, 0.28, 0.30])
-def test_a_shell_of_another_size_holds_the_same_device(length_m):
-    """Feet are sold from 22 to 30 cm; the keel, its fulcrum and how far that reaches are one
-    size."""
-    foot = ModelParameters().foot
-    scaled = check_foot(scale_shell(foot, length_m / foot.length_m))
-    assert (scaled.keel, scaled.fulcrum, scaled.load_point_m, scaled.pylon_x_m) == (
-        foot.keel,
-        foot.fulcrum,
-        foot.load_point_m,
-        foot.pylon_x_m,
-    )
-    assert scaled.length_m == pytest.approx(length_m)
-    for reach_m in (0.066, 0.151):
-        assert check_fulcrum(reach_m, scaled, where="--fulcrum-mm") == reach_m
-    contact_m = [1e-3 * x for zone in scaled.zones for x in zone.x_mm]
-    assert scaled.heel_x_m <= min(contact_m) and max(contact_m) <= scaled.heel_x_m + length_m, (
-        "within the shell"
-    )
-    # carriage and keel
-    shell_kg = [each.mass_kg - 0.1 - 1850 * 0.229 * 0.0684 * 0.00635 for each in (foot, scaled)]
-    assert shell_kg[1] / shell_kg[0] == pytest.approx(length_m / 0.245)
-
-
 @pytest.mark.parametrize(("length_m", "fulcrum_m"), [(0.22, 0.066), (0.30, 0.151)])
 def test_a_foot_in_a_shell_of_another_size_walks(length_m, fulcrum_m):
     trial = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
-    foot = scale_shell(trial.model.foot, length_m / trial.model.foot.length_m)
-    model = dataclasses.replace(trial.model, foot=foot)
+    model = dataclasses.replace(trial.model, foot=in_shell(trial.model.foot, length_m))
     walk = Walker(trial.subject, model).walk(
         trial.trajectory,
         fulcrum_m=fulcrum_m,
@@ -345,16 +333,58 @@ def test_a_walk_keeps_its_stances_on_plates_and_a_little_around_unless_a_window_
     assert (item.trial.start_s, item.trial.end_s) == (0.1, 2.9)
 
 
-def test_the_effect_of_a_foot_as_long_as_the_recorded_one_is_shown_where_lengths_differ(
-    tmp_path, effect
+@pytest.mark.parametrize(
+    ("errors_bw", "cop_m", "advised"),
+    [
+        ([0.06, 0.05], [0.02, 0.02], True),
+        ([0.05, 0.06], [0.02, 0.01], False),
+        ([0.06, 0.05], [0.01, 0.02], False),
+        ([0.06, None], [0.02, 0.02], False),
+    ],
+)
+def test_a_shell_as_long_as_the_recorded_foot_is_shown_and_advised_where_force_and_cop_get_nearer(
+    tmp_path, shells, errors_bw, cop_m, advised
 ):
+    shells.errors_bw = errors_bw
+    shells.cop_m = cop_m
     laboratory = Laboratory(tmp_path)
     files = gather(laboratory.standing(), [laboratory.walk()])
     imported = import_walks(files, options())
-    ratio = imported.items[0].trial.calibration.lengths_m["foot_right"] / 0.245
-    assert abs(ratio - 1.0) > 0.05 and not imported.scaled and effect == [pytest.approx(ratio)]
-    assert imported.told == ("the effect",) and "the effect" in imported.items[0].notes
-    assert imported.items[0].trial.model.foot.length_m == 0.245
+    [item] = imported.items
+    recorded_m = item.trial.calibration.lengths_m["foot_right"]
+    assert abs(recorded_m / 0.245 - 1.0) > 0.05
+    assert [foot.length_m for foot in shells.walked] == [0.245, pytest.approx(recorded_m)]
+    [told] = imported.told
+    assert told in item.trial.notes and "would change of" in told
+    assert (f"--foot-length-mm {1e3 * recorded_m:.0f}" in told) == advised
+    assert ("do not both get nearer" in told) != advised
+    assert item.trial.model.foot.length_m == 0.245
+
+
+def test_a_stated_shell_is_walked_on_and_held_against_the_models(tmp_path, shells):
+    laboratory = Laboratory(tmp_path)
+    files = gather(laboratory.standing(), [laboratory.walk()])
+    imported = import_walks(files, options(foot_length_mm=280.0))
+    foot = imported.items[0].trial.model.foot
+    assert foot == in_shell(ModelParameters().foot, 0.28)
+    assert [each.length_m for each in shells.walked] == [0.245, 0.28]
+    assert "What a shell of 280 mm changed of" in imported.told[0]
+    assert any("280 mm long, as stated" in note for note in imported.items[0].trial.notes)
+
+
+@pytest.mark.parametrize("length_mm", [27.5, 100.0, 310.0])
+def test_a_shell_that_no_foot_has_is_refused_whoever_asks(tmp_path, length_mm):
+    laboratory = Laboratory(tmp_path)
+    files = gather(laboratory.standing(), [laboratory.walk()])
+    with pytest.raises(InputError, match=r"foot_length_mm.*between 220 and 300 mm"):
+        import_walks(files, options(foot_length_mm=length_mm))
+
+
+def test_a_stated_shell_of_the_models_length_changes_nothing(tmp_path, shells):
+    laboratory = Laboratory(tmp_path)
+    files = gather(laboratory.standing(), [laboratory.walk()])
+    [item] = import_walks(files, options(foot_length_mm=245.0)).items
+    assert item.trial.model.foot == ModelParameters().foot and not shells.walked
 
 
 def test_model_feet_are_those_that_the_simulation_walks_on():

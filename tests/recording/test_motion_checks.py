@@ -183,9 +183,13 @@ def test_foot_of_another_length_than_the_models_is_told_and_what_to_do():
     assert motion_checks.foot_length(0.257, 0.245, intact=False).mark == "good"
     check = motion_checks.foot_length(0.291, 0.245, intact=False)
     assert check.mark == "doubtful" and check.value == pytest.approx(0.188, abs=1e-3)
-    assert "291 mm" in check.sentence and "--scale-prosthesis" in check.sentence
+    assert (
+        "291 mm" in check.sentence and "`import` without --foot-length-mm shows" in check.sentence
+    )
+    assert "name a model" in motion_checks.foot_length(0.31, 0.245, intact=False).sentence
     intact = motion_checks.foot_length(0.22, 0.245, intact=True)
     assert intact.mark == "doubtful" and "The intact foot is 220 mm" in intact.sentence
+    assert "prosthesis.foot_length_mm" in intact.sentence
 
 
 def test_worst_marker_is_named_with_its_residual():

@@ -123,6 +123,13 @@ def test_of_walks_that_did_not_change_nothing_is_drawn_again(done, tmp_path, sto
         assert base64.b64encode(image).decode() in page
 
 
+def test_a_stated_length_of_the_shell_is_that_of_all_walks_though_they_were_imported_before(
+    done, tmp_path, stood_in
+):
+    found = vsf.session(done, out=tmp_path / "out", foot_length_mm=270.0, **FACTS)
+    assert {trial.model.foot.length_m for trial in found.trials} == {0.27}
+
+
 def test_a_copy_of_a_walk_is_left_out_and_says_of_what(folder, tmp_path, stood_in):
     copy = folder / "66mm_2.c3d"
     copy.write_bytes((folder / "66mm_1.c3d").read_bytes())

@@ -20,11 +20,19 @@ from virtual_laboratory import bench, bench_truth, laws, prosthesis
 from virtual_laboratory import floor as floors
 from virtual_laboratory.assembly import add_fulcrum
 from virtual_laboratory.bench import LOADS_N
-from virtual_laboratory.design import Design, FrameDesign, KeelDesign, SupportDesign, longer
+from virtual_laboratory.design import (
+    Design,
+    FrameDesign,
+    KeelDesign,
+    SupportDesign,
+    in_shell,
+    longer,
+)
 from virtual_laboratory.dynamics import chain
 from virtual_laboratory.motion import COORDINATES, DEVICE, SHANK, Person
-from virtual_laboratory.people import true_persons
+from virtual_laboratory.people import person_in_shell, true_persons
 from virtual_laboratory.prosthesis import prosthesis_of
+from virtual_laboratory.sole import UNSUPPORTED, make_sole
 from virtual_laboratory.tiers import PLATE_N, TRIAL_DEG, TRIAL_M
 
 from vsf_drake.model.bench_curves import load_bench_curves, load_bench_file
@@ -423,6 +431,41 @@ def test_the_foot_sits_where_the_model_has_it():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("length_m", [0.22, 0.27, 0.30])
+def test_a_shell_of_another_length_is_worn_over_the_same_device_by_the_same_person(length_m):
+    own, other = person_in_shell(SEED, 0.245), person_in_shell(SEED, length_m)
+    assert (own.subject, own.residual_length_m) == (other.subject, other.residual_length_m)
+    assert (own.foot.keel, own.foot.support, own.foot.socket) == (
+        other.foot.keel,
+        other.foot.support,
+        other.foot.socket,
+    )
+    sole = other.foot.sole
+    assert sole.front_m - sole.rear_m == pytest.approx(length_m)
+    for mm in (66, 108, 151):
+        keel = [
+            bench.keel_under_load(bench.bench_device(foot, 1e-3 * mm), 0.199, np.array([600.0]))
+            for foot in (own.foot, other.foot)
+        ]
+        np.testing.assert_array_equal(*keel)
+    mass_kg = [person.prosthesis(0.108).mass_kg for person in (own, other)]
+    assert np.sign(mass_kg[1] - mass_kg[0]) == np.sign(length_m - 0.245)
+
+
+def test_foam_that_no_keel_bears_is_softer_by_a_stated_share():
+    def cells(design):
+        sole = make_sole(design, sole_height=0.0, foam_thickness=0.03, block_until=0.066)
+        return sole.points[:, 0], sole.stiffness
+
+    design = in_shell(Design(), 0.30).sole
+    x, unsupported = cells(design)
+    _, supported = cells(dataclasses.replace(design, unsupported_from_m=np.inf))
+    ahead = x > Design().keel.length_m
+    assert ahead.any()
+    np.testing.assert_allclose(unsupported[ahead], UNSUPPORTED * supported[ahead])
+    np.testing.assert_array_equal(unsupported[~ahead], supported[~ahead])
+
+
 def test_a_fulcrum_out_of_reach_and_a_keel_that_nothing_holds_are_refused():
     with pytest.raises(ValueError, match="fulcrum reaches"):
         prosthesis_of(SUBJECT, 0.2)

@@ -57,7 +57,7 @@ _PLACES = {
         "plate FORCE_PLATFORM import:forces --forces --right-plate --left-plate --window "
         "--belt-speed-m-per-s import:window import:.mot import:.sto"
     ),
-    "laboratory_files#length-of-the-foot": "--scale-prosthesis",
+    "laboratory_files#length-of-the-foot": "--foot-length-mm",
     "fit#what-is-fitted-and-priors": "--free --freeze --prior --prior-file",
     "fit#which-trials-and-what-comes-out": "--hold-out --held-out-height --contact",
     "fit#how-long-and-how-to-go-on": "fit:--resume --starts",

@@ -173,6 +173,7 @@ class ContactFitSolution(Tabular):
             law=self.fit.walker.model.contact_law,
             strategy=self.fit.options.strategy,
             converged=True,
+            foot_length_m=self.fit.walker.model.foot.length_m,
             verdict=verdict,
             values=self.walk_values,
             subject=FittedSubject(

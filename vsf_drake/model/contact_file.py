@@ -236,6 +236,9 @@ class FittedContact:
     """contact law with which it was fitted"""
     strategy: str  # procedure of the fit, as `fit --strategy`
     converged: bool  # whether the fit converged
+    foot_length_m: float | None = quantity(  # of the foot that it was fitted on
+        None, unit="m", low=0.05, high=0.5, source="the trials' model"
+    )
     verdict: tuple[str, ...] = ()  # of the fit, in sentences
     values: dict[str, float] = field(default_factory=dict)  # fitted variables by name
     curves: tuple[JointCurve, ...] = ()

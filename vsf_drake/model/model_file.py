@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -102,6 +103,36 @@ def check_foot(
     ):
         require(holds, what, f"{group}{where}", right, file=file)
     return foot
+
+
+def in_shell(foot: FootParameters, length_m: float) -> FootParameters:
+    """`foot` in a shell of `length_m`: ends and contact points lie farther from A in proportion,
+    and it has so much more foam, and mass beside keel and carriage (choices). The device has one
+    size: keel, fulcrum, reach, load point, pylon and the foam under the bench's platen stay."""
+    ratio = length_m / foot.length_m
+    keel = foot.keel
+    device_kg = (
+        sum(keel.element_lengths_m) * keel.width_m * keel.thickness_m * keel.density_kg_m3
+        + foot.fulcrum.carriage_mass_kg
+    )
+    zones = tuple(
+        dataclasses.replace(
+            zone,
+            x_mm=tuple(ratio * x for x in zone.x_mm),
+            stiffness=ratio * zone.stiffness,
+            damping_n_s_per_m=ratio * zone.damping_n_s_per_m,
+        )
+        for zone in foot.zones
+    )
+    return check_foot(
+        dataclasses.replace(
+            foot,
+            zones=zones,
+            length_m=length_m,
+            heel_x_m=ratio * foot.heel_x_m,
+            mass_kg=foot.mass_kg + (ratio - 1.0) * (foot.mass_kg - device_kg),
+        )
+    )
 
 
 def _check_zones(zones: tuple[ContactZone, ...], group: str, file: str | Path | None) -> None:

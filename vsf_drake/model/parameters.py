@@ -37,6 +37,8 @@ this one also agreed better: that walk is no independent test of it."""
 MID_FULCRUM_MM = 108.0
 """Where the fulcrum stands if nobody says: the middle of McGeehan's five positions, 66 to 151 mm
 from the keel's posterior end (a choice)."""
+SHELLS_MM = (220.0, 300.0)
+"""Lengths of the shells that are made from a model's: feet are sold from 22 to 30 cm (a choice)."""
 SIDES = ("left", "right")
 PELVIS_TRANSLATIONS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 PELVIS_ROTATIONS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")

@@ -45,9 +45,19 @@ def trial_with(
     told by its `fingerprint`. Curves over the gait cycle are laid on the plate's stances, or on the
     given ones, which a trial without a plate needs (`walks.recorded_walk.with_contact` predicts
     them). A note says what was applied; the hash of `file` joins the trial's inputs. Refused for
-    another person or side, a model that lacks a zone, or a trial that has a fitted contact
-    already."""
+    another person, side or length of foot, a model that lacks a zone, or a trial that has a fitted
+    contact already."""
     check_person(trial.subject, contact, file=file)
+    own_m = trial.model.foot.length_m
+    theirs_m = contact.foot_length_m
+    require(
+        theirs_m is None or abs(own_m - theirs_m) < _GRAIN,
+        f"it was fitted to a foot of {1e3 * (theirs_m or 0.0):g} mm, that of {trial.name} has "
+        f"{1e3 * own_m:g} mm",
+        "foot_length_m",
+        "State the same prosthesis.foot_length_mm in the manifest, or fit this foot",
+        file=file,
+    )
     require(
         not any(note.startswith(APPLIED) for note in trial.notes),
         "the trial has a fitted contact already",

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from vsf_drake.base.schema import SELDOM, option, quantity, same_as
-from vsf_drake.motion.manifest import Manifest, Window
+from vsf_drake.motion.manifest import Manifest, ProsthesisSetting, Window
 from vsf_drake.motion.markers.person_facts import PersonFacts
 
 AROUND_STANCES_S = 0.3
@@ -73,9 +73,7 @@ class ImportOptions(TrialOptions):
     )
     laboratory: Mapping[str, str | None] = field(default_factory=dict)
     """up, forward, length_unit, as for `read_trial`"""
-    scale_prosthesis: bool = option(
-        False, "Make the shell of the model's foot as long as the recorded one.", panel=SELDOM
-    )
+    foot_length_mm: float | None = same_as(ProsthesisSetting, "foot_length_mm")
     inverse_kinematics: bool = option(
         False, "Refine the angles by a global inverse kinematics.", flag="--ik", panel=SELDOM
     )

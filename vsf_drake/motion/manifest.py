@@ -17,7 +17,7 @@ from vsf_drake.base.files import user_path
 from vsf_drake.base.schema import SELDOM, check, choice, load_yaml, quantity
 from vsf_drake.base.sentences import say
 from vsf_drake.base.yaml_file import read_yaml
-from vsf_drake.model.parameters import SIDES, Subject
+from vsf_drake.model.parameters import SHELLS_MM, SIDES, FootParameters, Subject
 from vsf_drake.motion.formats.read import MARKER_FILES
 from vsf_drake.motion.markers.person_facts import SEXES, PersonFacts
 
@@ -43,6 +43,16 @@ class ProsthesisSetting:
     fulcrum_mm: float = quantity(  # distance of the fulcrum from A
         unit="mm", low=0.0, high=1000.0, source="set on the device, from the keel's end A"
     )
+    foot_length_mm: float | None = quantity(
+        None,
+        unit="mm",
+        low=SHELLS_MM[0],
+        high=SHELLS_MM[1],
+        source="size of the shell, as its maker states it",
+        help="Length of the prosthetic foot's shell, over the same device. Default: the model's, "
+        f"{1e3 * FootParameters.length_m:g} mm.",
+    )
+    """length of the shell; the model's where left out"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import resource, sha256
 from vsf_drake.base.schema import load_yaml
 from vsf_drake.base.sentences import say
-from vsf_drake.model.model_file import check_fulcrum, load_model
+from vsf_drake.model.model_file import check_fulcrum, in_shell, load_model
 from vsf_drake.model.parameters import (
     GRAVITY,
     PELVIS_TRANSLATIONS,
@@ -190,6 +190,20 @@ def default_model() -> ModelParameters:
     return load_model(resource("models/nominal.yaml"))
 
 
+def model_in_shell(
+    model: ModelParameters, length_mm: float | None
+) -> tuple[ModelParameters, list[str]]:
+    """`model` with its foot in a shell of that length, its own for None, and a note on what is
+    stated."""
+    if length_mm is None:
+        return model, []
+    foot = in_shell(model.foot, 1e-3 * length_mm)
+    ahead_mm = 1e3 * (sum(foot.keel.element_lengths_m) - foot.heel_x_m - foot.length_m)
+    return dataclasses.replace(model, foot=foot), say(
+        "trial", "shell", length_mm=length_mm, ahead_mm=ahead_mm
+    )
+
+
 def load_subject(path: str | Path) -> Subject:
     """Reads subject.yaml, or the subject that a trial manifest names (a file with the key
     `subject`)."""
@@ -247,6 +261,7 @@ def load_trial(path: str | Path) -> Trial:
     if manifest.markers is not None and named.get("forces") == named["markers"]:
         del named["forces"]
     model = load_model(named["model"]) if "model" in named else default_model()
+    model, shell_notes = model_in_shell(model, manifest.prosthesis.foot_length_mm)
     fulcrum_m = check_fulcrum(
         1e-3 * manifest.prosthesis.fulcrum_mm, model.foot, file=path, where="prosthesis.fulcrum_mm"
     )
@@ -273,6 +288,7 @@ def load_trial(path: str | Path) -> Trial:
         trial,
         name=manifest.name or path.stem,
         synthetic=manifest.synthetic,
+        notes=(*trial.notes, *shell_notes),
         inputs=inputs,
         offsets=manifests.to_si(manifest.offsets),
         rest_n={side: newton for side, newton in vars(manifest.plate_rest_n).items() if newton},

@@ -14,9 +14,10 @@ import numpy as np
 from vsf_drake.base.errors import InputError, VsfError, require
 from vsf_drake.base.files import opened, sha256, user_path
 from vsf_drake.base.progress import Progress
+from vsf_drake.base.schema import check
 from vsf_drake.base.sentences import say
-from vsf_drake.model.model_file import check_foot, check_fulcrum
-from vsf_drake.model.parameters import SIDES, FootParameters
+from vsf_drake.model.model_file import check_fulcrum
+from vsf_drake.model.parameters import SHELLS_MM, SIDES
 from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.import_options import ImportOptions
@@ -29,14 +30,15 @@ from vsf_drake.motion.trial import (
     Trial,
     check_mass,
     default_model,
+    model_in_shell,
     trial_from_recordings,
 )
 from vsf_drake.recording import FITTED_HIP_BW_PER_DEG, Check, checked, expected_error
 from vsf_drake.recording.examine import Examined, examine, settings_compared, weighed
 from vsf_drake.recording.force_checks import SLIP, ZERO
 from vsf_drake.recording.inverse_kinematics import refined
-from vsf_drake.recording.motion_checks import SAME_FOOT, SHELL_M
-from vsf_drake.walks.metrics import walk_metrics
+from vsf_drake.recording.motion_checks import SAME_FOOT
+from vsf_drake.walks.metrics import WalkMetrics, walk_metrics
 from vsf_drake.walks.recorded_walk import STEP_S, walk_trial
 
 CLEARLY_BW = 0.01
@@ -51,7 +53,7 @@ BESIDE = ("{}.mot", "{}_grf.mot", "{}.sto", "{}_grf.sto", "{}.csv", "{}_grf.csv"
 without suffix."""
 # of the time of an import with inverse kinematics, what goes before that (for the progress bar)
 TRACKED_SHARE = 0.2
-RESERVED = ("subject", "model", "standing", "import")  # names that a result folder needs for itself
+RESERVED = ("subject", "standing", "import")  # names that a result folder needs for itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +63,9 @@ class ImportedWalks:
     items: tuple[Examined, ...]  # one per walk that could be used, all of one subject and one model
     names: tuple[str, ...]  # a file name for each
     failures: dict[str, str]  # by file, why it could not be used
-    scaled: bool  # whether `items` have a model of their own
+    foot_length_mm: float | None  # of the shell, as stated
     told: tuple[str, ...]
-    """of all walks: what was taken out of them, what --scale-prosthesis changes"""
+    """of all walks: what was taken out of them, what a shell of another length changes"""
     inputs: dict[str, str]  # SHA-256 by file
 
 
@@ -75,7 +77,7 @@ def import_walks(
 
     Of several walks, one that cannot be used is only listed; refused if none can.
     """
-    check_facts(options.person)
+    check_facts(check(options).person)
     fulcrums_m = _fulcrums(options, len(files.walks))
     marker_map = None if options.marker_map is None else load_marker_map(options.marker_map)
     standing = None
@@ -124,7 +126,8 @@ def import_walks(
     other_side = _other_side(make, made, options.person)
     if options.inverse_kinematics:
         made = _all_refined(made, failures, options, progress)
-    trials, model_notes, scaling = _one_model(list(made.values()), options, progress)
+    trials = list(made.values())
+    shell = _shell_effect(trials, options, progress)
     repeated = (
         say("import", "standing_named_twice", file=files.repeated.name) if files.repeated else []
     )
@@ -140,7 +143,7 @@ def import_walks(
         )
         try:
             check_mass(trial, file=walk)
-            notes = tuple(dict.fromkeys((*repeated, *beside, *model_notes, *scaling, *trial.notes)))
+            notes = tuple(dict.fromkeys((*repeated, *beside, *shell, *trial.notes)))
             told = dataclasses.replace(trial, notes=notes, synthetic=options.synthetic)
             items.append(
                 examine(told, stated=[*_statements(trials[0], standing, person), *other_side])
@@ -161,8 +164,8 @@ def import_walks(
         tuple(settings_compared(items)),
         tuple(names),
         {str(path): str(error) for path, error in failures.items()},
-        options.scale_prosthesis,
-        (*repeated, *scaling),
+        options.foot_length_mm,
+        (*repeated, *shell),
         hashes,
     )
 
@@ -213,55 +216,58 @@ def _fulcrums(options: ImportOptions, walks: int) -> tuple[float, ...]:
     )
 
 
-def _one_model(
-    trials: list[Trial], options: ImportOptions, progress: Progress | None
-) -> tuple[list[Trial], list[str], list[str]]:
-    """The trials with the model that they share, notes on it, and what scaling the foot changes
-    where it matters."""
+def _shell_effect(
+    trials: Sequence[Trial], options: ImportOptions, progress: Progress | None
+) -> list[str]:
+    """What the stated shell changes of the first walk's errors, the offsets fitted to its plate
+    each time; of nothing stated, what one as long as the recorded foot would. None where that is
+    as long as the model's, or is not known."""
     calibration = trials[0].calibration if trials else None
     if calibration is None:
-        return trials, [], []
-    own = trials[0].model.foot.length_m
-    length = calibration.lengths_m[f"foot_{trials[0].subject.prosthetic_side}"]
-    effect: list[str] = []
-    works = SHELL_M[0] <= length <= SHELL_M[1]
-    if options.scale_prosthesis:
-        require(
-            works,
-            f"the recorded foot is {1e3 * length:.0f} mm long; shells of {1e3 * SHELL_M[0]:.0f} to "
-            f"{1e3 * SHELL_M[1]:.0f} mm are made from the model's",
-            "--scale-prosthesis",
-            "Leave it out, and name a model of that length in the manifests (model)",
-        )
-    if works and abs(length / own - 1.0) > SAME_FOOT:
-        if progress:
-            progress("walking with a foot as long as the recorded one", 0.9)
-        effect = _scaling_effect(trials[0], length / own, options)
-    if not options.scale_prosthesis:
-        return trials, [], effect
-    scaled = [_scaled(trial, length / own) for trial in trials]
-    return (
-        scaled,
-        say(
-            "import",
-            "scaled",
-            length_m=length,
-            ratio=length / own,
-            keel_m=sum(scaled[0].model.foot.keel.element_lengths_m),
-            tip_m=scaled[0].model.foot.heel_x_m + length,
-        ),
-        effect,
+        return []
+    model = default_model()
+    own_mm = 1e3 * model.foot.length_m
+    stated_mm = options.foot_length_mm
+    if stated_mm is None:
+        length_mm = 1e3 * calibration.lengths_m[f"foot_{trials[0].subject.prosthetic_side}"]
+        same_mm = SAME_FOOT * own_mm
+    else:
+        length_mm = stated_mm
+        same_mm = 0.0
+    if abs(length_mm - own_mm) <= same_mm or not SHELLS_MM[0] <= length_mm <= SHELLS_MM[1]:
+        return []
+    if progress:
+        progress(f"walking in a shell of {length_mm:.0f} mm", 0.9)
+    try:
+        errors = [
+            walk_metrics(walk_trial(each, with_fit=True, step_s=STEP_S)[0], each.prosthetic_plate)
+            for each in (
+                dataclasses.replace(trials[0], model=of)
+                for of in (model, model_in_shell(model, length_mm)[0])
+            )
+        ]
+    except VsfError as error:
+        return say("import", "shell_unknown", length_mm=length_mm, error=error)
+    return say(
+        "import",
+        "shell",
+        walk=trials[0].path.name,
+        errors=errors,
+        length_mm=length_mm,
+        stated=stated_mm is not None,
+        helps=nearer(*errors),
     )
 
 
-def _scaled(trial: Trial, ratio: float) -> Trial:
-    """The same device in a shell `ratio` times as long."""
-    return dataclasses.replace(
-        trial,
-        model=dataclasses.replace(
-            trial.model, foot=check_foot(scale_shell(trial.model.foot, ratio))
-        ),
-    )
+def nearer(one: WalkMetrics, other: WalkMetrics) -> bool:
+    """Whether `other` has the resultant force nearer to the plate than `one`, and the centre of
+    pressure (m, fore-aft) no farther."""
+    if one.error_bw is None or other.error_bw is None:
+        return False
+    if one.cop_rmse_fl is None or other.cop_rmse_fl is None:
+        return False
+    cop_m = one.foot_length_m * one.cop_rmse_fl
+    return other.error_bw < one.error_bw and other.foot_length_m * other.cop_rmse_fl <= cop_m
 
 
 def _other_side(
@@ -314,43 +320,6 @@ def _misfit_bw(item: Examined) -> float:
     return math.hypot(error_bw, INTACT_SLIP_BW_PER_M_PER_S * max(slips, default=0.0))
 
 
-def _scaling_effect(trial: Trial, ratio: float, options: ImportOptions) -> list[str]:
-    """What a foot `ratio` times as long changes of a walk's errors, the offsets fitted to its plate
-    each time."""
-    try:
-        pair = trial, _scaled(trial, ratio)
-        errors = [
-            walk_metrics(walk_trial(each, with_fit=True, step_s=STEP_S)[0], each.prosthetic_plate)
-            for each in pair
-        ]
-    except VsfError as error:
-        return say("import", "scaling_unknown", error=error)
-    return say(
-        "import", "scaling", walk=trial.path.name, errors=errors, scaled=options.scale_prosthesis
-    )
-
-
-def scale_shell(foot: FootParameters, ratio: float) -> FootParameters:
-    """`foot` with a shell `ratio` times as long about A: its ends, its contact points, and what it
-    weighs beside keel and carriage (a choice). The device has one size: keel, fulcrum, reach, load
-    point, pylon and all laws stay."""
-    keel = foot.keel
-    device_kg = (
-        sum(keel.element_lengths_m) * keel.width_m * keel.thickness_m * keel.density_kg_m3
-        + foot.fulcrum.carriage_mass_kg
-    )
-    zones = tuple(
-        dataclasses.replace(zone, x_mm=tuple(ratio * x for x in zone.x_mm)) for zone in foot.zones
-    )
-    return dataclasses.replace(
-        foot,
-        zones=zones,
-        length_m=ratio * foot.length_m,
-        heel_x_m=ratio * foot.heel_x_m,
-        mass_kg=device_kg + ratio * (foot.mass_kg - device_kg),
-    )
-
-
 def _statements(trial: Trial, standing: Recording | None, person: PersonFacts) -> list[Check]:
     subject = trial.subject
     rows = (
@@ -386,6 +355,7 @@ def _make_trial(
         "forces, write a manifest with `markers` and without `forces`",
         file=walk,
     )
+    model, shell_notes = model_in_shell(default_model(), options.foot_length_mm)
     used = [
         path for path in (walk, forces, files.standing, files.standing_forces) if path is not None
     ]
@@ -400,6 +370,7 @@ def _make_trial(
             fulcrum_m=fulcrums_m[number],
             calibration=calibration,
             standing_fulcrum_m=None if len(set(fulcrums_m)) == 1 else MID_FULCRUM_M,
+            model=model,
         )
         require(
             trial.plate is not None,
@@ -409,6 +380,7 @@ def _make_trial(
             + " A manifest with `markers` takes it as a walk without plates",
             file=forces or walk,
         )
+        trial = _noted(trial, shell_notes)
         return dataclasses.replace(trial, inputs={path.name: sha256(path) for path in used})
 
     try:

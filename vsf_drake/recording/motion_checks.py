@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake import recording
+from vsf_drake.model.parameters import SHELLS_MM
 from vsf_drake.motion.events import longest_run
 from vsf_drake.motion.markers.segments import Gap
 from vsf_drake.motion.trajectory import spacing
@@ -92,8 +93,6 @@ GAP_S = (0.1, 0.2)
 BY_CLUSTER_S = (1.0, float("inf"))  # where the segment's other markers say where it was
 # difference of the recorded and the model's foot length, as a share of the model's (a choice)
 SAME_FOOT = 0.05
-# lengths of foot to which `import --scale-prosthesis` takes the model's shell (a choice)
-SHELL_M = (0.22, 0.30)
 SAME_LENGTH = (0.03, 0.08)
 """Difference of two legs' lengths as a share: people differ by 1 %, joint centres are known to 2 %
 (choices)."""
@@ -191,7 +190,7 @@ def foot_length(recorded_m: float, model_m: float, *, intact: bool) -> Check:
         "1",
         recorded=recorded_m,
         model=model_m,
-        scales=not intact and SHELL_M[0] <= recorded_m <= SHELL_M[1],
+        states=SHELLS_MM[0] <= 1e3 * recorded_m <= SHELLS_MM[1],
         intact=intact,
     )
 

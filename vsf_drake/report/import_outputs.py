@@ -52,7 +52,6 @@ from vsf_drake.simulation.batch.cases import digest, software
 IMPORT = ResultsFolder(kind="import", command="import", table="import.json", names=(REPLAY,))
 CHECK = ResultsFolder(kind="check", command="check", table="check.json", names=(REPLAY,))
 _SUBJECT = "subject.yaml"
-_MODEL = "model.yaml"
 
 
 def write_import(imported: ImportedWalks, out: Path) -> None:
@@ -60,10 +59,6 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
     there. Figures that an earlier import to `out` drew of the same are taken as they are."""
     first = imported.items[0]
     failures = {Path(path).name: why for path, why in imported.failures.items()}
-    shared = {
-        _SUBJECT: first.trial.subject,
-        **({_MODEL: first.trial.model} if imported.scaled else {}),
-    }
     of_walks = [
         {
             "manifest": f"{name}.yaml",
@@ -79,11 +74,10 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
         (folder / FIGURES).mkdir()
         for name, image in figures.items():
             (folder / name).write_bytes(image)
-        for name, record in shared.items():
-            write_text(folder / name, dump_yaml(record))
+        write_text(folder / _SUBJECT, dump_yaml(first.trial.subject))
         for item, name, files in zip(imported.items, imported.names, of_walks, strict=True):
             write_trial_files(item.trial, folder, name)
-            write_text(folder / files["manifest"], _manifest(item, files, scaled=imported.scaled))
+            write_text(folder / files["manifest"], _manifest(item, files, imported.foot_length_mm))
             load_trial(folder / files["manifest"])
         write_recordings(imported.items, folder / REPLAY)
         write_text(
@@ -114,7 +108,7 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
             **provenance(imported.inputs),
             "files": sorted(
                 [
-                    *shared,
+                    _SUBJECT,
                     "import.json",
                     "import.html",
                     REPLAY,
@@ -188,7 +182,7 @@ def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Pat
     )
 
 
-def _manifest(item: Examined, files: Mapping[str, str], *, scaled: bool) -> str:
+def _manifest(item: Examined, files: Mapping[str, str], foot_length_mm: float | None) -> str:
     """The manifest's text; what the belt carried is in the files already."""
     trial = item.trial
     plates = {side: f"ground_force_{side[0]}" for side in SIDES if side in trial.plates}
@@ -207,11 +201,13 @@ def _manifest(item: Examined, files: Mapping[str, str], *, scaled: bool) -> str:
         "subject": _SUBJECT,
         "kinematics": files["kinematics"],
         "forces": {"file": files["forces"], **plates},
-        "prosthesis": {"fulcrum_mm": round(1e3 * trial.fulcrum_m, 6)},
+        "prosthesis": {
+            "fulcrum_mm": round(1e3 * trial.fulcrum_m, 6),
+            **({} if foot_length_mm is None else {"foot_length_mm": foot_length_mm}),
+        },
         "window": {"start_s": float(trial.start_s), "end_s": float(trial.end_s)},
         **({"unknown_force": unknown} if unknown else {}),
         **({"plate_rest_n": {side: round(n, 3) for side, n in rest_n.items()}} if rest_n else {}),
-        **({"model": _MODEL} if scaled else {}),
         **({"synthetic": True} if trial.synthetic else {}),
     }
     return f"# Made by vsf-drake import from {' '.join(trial.path.name.split())}.\n" + dump(content)

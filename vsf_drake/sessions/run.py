@@ -98,6 +98,7 @@ def session(
     subject: str | Path | None = None,
     sex: str | None = None,
     prosthetic_side: str | None = None,
+    foot_length_mm: float | None = None,
     synthetic: bool = False,
     laboratory: Mapping[str, str | None] | None = None,
     curves: Sequence[str] = (),
@@ -116,6 +117,7 @@ def session(
         out: folder for the results; it may not be `folder`.
         subject: YAML file of the person; `subject.yaml` in the folder if None and there is one.
         sex, prosthetic_side: where no such file says them.
+        foot_length_mm: of the prosthetic foot's shell; the model's if None.
         synthetic: nobody was recorded; all results say so.
         laboratory: `up`, `forward` and `length_unit` where the files do not say them.
         curves: what else is written, "csv", "excel" (with pandas) or "opensim" (see
@@ -155,6 +157,7 @@ def session(
         marker_map=None if plan.marker_map is None else str(plan.marker_map),
         fulcrum_mm=plan.fulcrums_mm,
         laboratory=laboratory,
+        foot_length_mm=foot_length_mm,
         synthetic=synthetic,
     )
     walks, trials, failures = _imported(
@@ -350,6 +353,7 @@ def _imported(
             "fulcrum_mm": plan.fulcrums_mm,
             "person": of_person,
             "laboratory": dict(options.laboratory),
+            "foot_length_mm": options.foot_length_mm,
             "synthetic": options.synthetic,
             "software": software(),
         }

@@ -3,8 +3,7 @@
 Definitions (McGeehan 2021 where it states one, doi 10.1115/1.4050456):
 
 - BW is the subject's mass times 9.81 m/s²; FL is the length of the model's prosthetic foot, for
-  both directions of the centre of pressure (it is the recorded foot's where `import
-  --scale-prosthesis` made it so).
+  both directions of the centre of pressure (of its shell, where the manifest states that).
 - Forces are compared over every measured stance ± 0.25 s, clipped to the simulated time and, of a
   stance in which this starts, to what is later than 0.2 s, time-locked, both low-passed at 40 Hz.
   The resultant is the Euclidean norm of the filtered force.
