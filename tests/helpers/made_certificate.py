@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from made_condensed import MADE_ERROR
 
 from vsf_drake.engines.certificate.rows import FAILED, NOT_RUN
 from vsf_drake.engines.certificate.run import ENGINES, REFERENCE, Certificate, Ran, certificate_of
-from vsf_drake.engines.condensed_error import CondensedError, RollOverError
 from vsf_drake.model.parameters import FootParameters
 
 ASKED = {
@@ -14,19 +14,6 @@ ASKED = {
     "load_n": np.array([100.0, 200.0, 300.0]),
     "time_s": np.linspace(0.0, 0.8, 9),
 }
-CONDENSED = CondensedError(
-    fulcrums_m=(0.066, 0.108),
-    masses_kg=(40.0, 110.0),
-    worst=RollOverError(
-        force_largest=0.07,
-        force_rms=0.024,
-        centre_largest_m=0.0083,
-        centre_rms_m=0.0018,
-        stored=0.04,
-        returned=0.045,
-    ),
-    each=(),
-)
 
 
 def made_certificate(*, apart: float = 0.0, not_run: str = "", failed: str = "") -> Certificate:
@@ -58,4 +45,4 @@ def made_certificate(*, apart: float = 0.0, not_run: str = "", failed: str = "")
         )
         if word:
             answers[name] = {}
-    return certificate_of(FootParameters(), ASKED, ran, answers, CONDENSED, {})
+    return certificate_of(FootParameters(), ASKED, ran, answers, MADE_ERROR, {})
