@@ -16,7 +16,7 @@ from make_example_pictures import keep
 from matplotlib.axes import Axes
 
 from vsf_drake.engines.certificate import in_drake, in_exudyn, in_mujoco, in_opensim
-from vsf_drake.engines.certificate.ask import ask
+from vsf_drake.engines.certificate.ask import questions, write_full
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.report.style import PANEL, colour_of, new_figure, save_figure, style
 
@@ -32,7 +32,8 @@ def shapes() -> dict[str, np.ndarray]:
     opensim.Logger.setLevelString("error")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        asked = ask(folder, FootParameters())
+        asked = questions(FootParameters())
+        write_full(folder, FootParameters())
         load = int(np.flatnonzero(asked.load_n == LOAD_N)[0])
         found = {
             "Drake, from the SDF": [in_drake.shapes(asked, folder, mm) for mm in FULCRUMS_MM],

@@ -7,15 +7,16 @@ import re
 import shutil
 import sys
 import tomllib
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+from made_condensed import MADE_ERROR
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import read_npz
-from vsf_drake.engines.certificate import in_drake
 from vsf_drake.engines.certificate import run as certificate
 from vsf_drake.engines.certificate.ask import questions, write_full
 from vsf_drake.engines.certificate.asked import NOMINAL, Asked, foot_file
@@ -92,12 +93,12 @@ def own(folder):
 
 
 def static_rows(folder, own, name):
-    """Rows of an engine that are judged and do not move the foot, by name. Drake, which is here
-    already, is asked in this process."""
-    if name == "drake":
-        in_drake.answer(folder)
+    """Rows of an engine that are judged and do not move the foot, by name. Drake and MuJoCo, which
+    are here already, are asked in this process."""
+    if name in ("drake", "mujoco"):
+        import_module(f"vsf_drake.engines.certificate.in_{name}").answer(folder)
         ran = Ran(name=name, label=name, status="", version="", why="")
-        answers = read_npz(folder / in_drake.FILE)
+        answers = read_npz(folder / f"{name}.npz")
     else:
         ran, answers = answer_of(folder, ENGINES[name])
     assert ran.status != NOT_RUN, ran.why
@@ -226,6 +227,14 @@ def test_a_row_agrees_only_with_every_number_there_and_near(answer, verdict):
     assert agree([row]) == (verdict == AGREES)
 
 
+def test_rest_at_a_step_of_two_milliseconds_is_not_asked_of_drake():
+    row = next(row for row in ROWS if row.row == "rest" and row.engine == "steady_drake")
+    own = {row.against: np.ones((3, 2))}
+    unsteady = np.array([[1.0, 1.0], [1.0, 1.0], [1.0, np.nan]])
+    assert judged(row, "", {row.answer: unsteady}, own).verdict == AGREES
+    assert judged(row, "", {row.answer: unsteady[::-1]}, own).verdict == DIFFERS
+
+
 def test_a_row_without_a_number_that_is_asked_is_reported():
     own = {FORE_AFT.against: np.array([1.0, 2.0])}
     row = judged(FORE_AFT, "", {FORE_AFT.answer: np.array([0.0, 3.0])}, own)
@@ -242,6 +251,20 @@ def test_an_engine_that_must_be_there_and_is_not_is_refused(monkeypatch):
     monkeypatch.setitem(ENGINES, "mujoco", engine(name="mujoco", package="no-such-engine"))
     with pytest.raises(InputError, match="mujoco: no-such-engine is not installed"):
         certify(FootParameters(), engines=["mujoco"])
+
+
+def test_an_engine_that_is_named_is_asked_all_that_its_package_is_asked(monkeypatch):
+    asked = []
+
+    def noted(folder, engines, progress):
+        asked.extend(each.name for each in engines)
+        raise InterruptedError
+
+    monkeypatch.setattr(certificate, "ask", lambda folder, parameters: (None, MADE_ERROR))
+    monkeypatch.setattr(certificate, "run", noted)
+    with pytest.raises(InterruptedError):
+        certify(FootParameters(), engines=["drake"])
+    assert asked == [REFERENCE, "drake", "steady_drake"]
 
 
 def test_who_runs_this_python_runs_the_engines_with_it(folder, monkeypatch):

@@ -12,12 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_condensed import MADE_ERROR
 from scipy.interpolate import CubicSpline
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.engines.certificate.ask import questions
-from vsf_drake.engines.condensed import condense
-from vsf_drake.engines.condensed_error import CondensedError, RollOverError
 from vsf_drake.engines.condensed_osim import STROKE_S, Stroke, condensed_osim, force, moco_ground
 from vsf_drake.model.parameters import FootParameters, FrictionParameters
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
@@ -25,31 +24,13 @@ from vsf_drake.simulation.roll_over import RollOver
 
 NOMINAL = FootParameters()
 FULCRUM_M = 0.108
-ANY_ERROR = CondensedError(
-    fulcrums_m=(0.108,),
-    masses_kg=(75.0,),
-    worst=RollOverError(
-        force_largest=0.07,
-        force_rms=0.016,
-        centre_largest_m=0.0074,
-        centre_rms_m=0.0017,
-        stored=0.04,
-        returned=0.05,
-    ),
-    each=(),
-)
 PRESS = Path(__file__).with_name("press_in_moco.py")
 opensim_alone = pytest.mark.skipif(find_spec("opensim") is None, reason="OpenSim is not installed")
 
 
 @pytest.fixture(scope="module")
-def condensed():
-    return condense(NOMINAL)
-
-
-@pytest.fixture(scope="module")
 def text(condensed):
-    return condensed_osim(condensed, ANY_ERROR, fulcrum_m=FULCRUM_M)
+    return condensed_osim(condensed, MADE_ERROR, fulcrum_m=FULCRUM_M)
 
 
 def elements(text, tag):
@@ -139,7 +120,7 @@ def test_the_whole_friction_is_the_foots_in_sliding_and_at_rest(text):
 
 def test_a_foot_without_friction_has_none_and_a_latch_that_divides(condensed):
     smooth = replace(condensed, friction=FrictionParameters(mu_static=0.5, mu_kinetic=0.0))
-    written = condensed_osim(smooth, ANY_ERROR, fulcrum_m=FULCRUM_M)
+    written = condensed_osim(smooth, MADE_ERROR, fulcrum_m=FULCRUM_M)
     for pressed in elements(written, "MeyerFregly2016Force").values():
         assert number(pressed, "dynamic_friction") == 0.0
         assert number(pressed, "latch_velocity") > 0.0
@@ -188,7 +169,7 @@ def test_a_foam_without_damping_is_fitted_without(condensed):
     assert moco_ground(still, fulcrum_m=FULCRUM_M).lost is None
     assert (
         "of the energy"
-        not in condensed_osim(still, ANY_ERROR, fulcrum_m=FULCRUM_M).split("Ground:")[1]
+        not in condensed_osim(still, MADE_ERROR, fulcrum_m=FULCRUM_M).split("Ground:")[1]
     )
 
 
@@ -206,7 +187,7 @@ def test_the_law_loses_the_share_of_energy_that_theory_has(condensed):
 
 def test_a_fulcrum_out_of_reach_is_refused(condensed):
     with pytest.raises(InputError, match="160 mm is out of the carriage's reach"):
-        condensed_osim(condensed, ANY_ERROR, fulcrum_m=0.160)
+        condensed_osim(condensed, MADE_ERROR, fulcrum_m=0.160)
 
 
 def in_a_process(folder, *arguments):
@@ -294,7 +275,7 @@ def test_moco_presses_the_foot_and_finds_the_full_ones_force_at_every_depth(
     """Within the 3 % of the peak that are asked, from 200 N on; under that it begins softly, by
     what is said in the file."""
     file = tmp_path / "foot.osim"
-    file.write_text(condensed_osim(condensed, ANY_ERROR, fulcrum_m=fulcrum_m))
+    file.write_text(condensed_osim(condensed, MADE_ERROR, fulcrum_m=fulcrum_m))
     in_a_process(tmp_path, PRESS, file, tmp_path / "press.npz")
     with np.load(tmp_path / "press.npz") as stored:
         time_s = stored["time_s"]

@@ -26,7 +26,6 @@ def asked_of(foot: FootParameters, *, fulcrums_m: Sequence[float], loads_n: npt.
         starts_m=starts,
         poses_rad=np.zeros((0, len(hinges))),
         gravity=GRAVITY,
-        mount_K=np.zeros(2),
         roll_fulcrum_mm=108.0,
         time_s=np.zeros(0),
         mount=np.zeros((0, 3)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from made_condensed import MADE_ERROR
 
 from vsf_drake.engines.certificate.rows import FAILED, NOT_RUN
 from vsf_drake.engines.certificate.run import ENGINES, REFERENCE, Certificate, Ran, certificate_of
@@ -44,4 +45,4 @@ def made_certificate(*, apart: float = 0.0, not_run: str = "", failed: str = "")
         )
         if word:
             answers[name] = {}
-    return certificate_of(FootParameters(), ASKED, ran, answers, {})
+    return certificate_of(FootParameters(), ASKED, ran, answers, MADE_ERROR, {})

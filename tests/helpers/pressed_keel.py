@@ -20,9 +20,9 @@ from scipy.optimize import root
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.foot import keel_joint_positions
 
-AT_REST = 1e-8
+AT_REST = 3e-8
 """Moment (N m) left over in a joint: 0.1 m times what rounding leaves of the force of a support
-whose spring is 100 m long."""
+whose spring is 1000 m long."""
 STRUCK = 1.0
 """Speed (rad/s) of the keel's joints at the start: a keel that nobody disturbs stays on the edge of
 a cliff."""

@@ -28,7 +28,7 @@ def certify(
         list[str] | None,
         typer.Option(
             help=(
-                "An engine that must be there: drake, opensim, mujoco, exudyn or moco. May be "
+                "An engine that must be there: drake, opensim, mujoco or exudyn. May be "
                 "repeated. Default: all that are installed."
             )
         ),

@@ -338,7 +338,8 @@ class _Fit:
         self.fulcrum, self.pitch, load, self.peak = np.array(poses).T
         self.load = np.maximum(load, LIGHTEST_N)
         self.full = at_rest(of_full(foot, self.fulcrum), pitch_rad=self.pitch, load_n=self.load)
-        keel, across = self.full.slope[:, :-1, :-1], self.full.slope[:, :-1, -1:]
+        keel = self.full.slope[:, :-1, :-1]
+        across = self.full.slope[:, :-1, -1:]
         stored = self.full.at.strain.reshape(FULCRUMS * len(SHARES), -1)
         self.most = np.repeat(stored.max(axis=1), stored.shape[1])
         yields = across.transpose(0, 2, 1) @ np.linalg.solve(keel, across)

@@ -8,9 +8,9 @@ from vsf_drake.engines.written import written
 from vsf_drake.laws.contact_laws import FITTED_LAW
 from vsf_drake.model.parameters import FootParameters
 
-REACH_M = 1.0
+REACH_M = 10.0
 """Length (m) of the tendon that is MuJoCo's support: its upper end strays x (m) along the keel as
-the keel bends, which lengthens it by x^2 / 2, some micrometres."""
+the keel bends, which lengthens it by x^2 / 2 / REACH_M, some tenths of a micrometre."""
 CARRIAGE_SERVO_HZ = 30.0
 """Of MuJoCo's actuator that holds the carriage, critically damped (a choice)."""
 IMPRATIO = 4.0

@@ -285,7 +285,6 @@ def _with_height(at: Balance) -> np.ndarray:
 class Roll(NamedTuple):
     """B feet as they roll, at the ends of n steps."""
 
-    q: np.ndarray  # (n, B, m) rad
     force_n: np.ndarray  # (n, B) vertical, on the foot
     centre_m: np.ndarray  # (n, B) of pressure, forward in W; NaN without force
     strain_j: np.ndarray  # (n, B) in springs and foam
@@ -316,5 +315,5 @@ def rolled(feet: SagittalFeet, time_s: np.ndarray, mount: np.ndarray) -> Roll:
             raise SimulationError("no rates of a foot balance its hinges", time_s=float(end))
         q = q + h * rate
         lost = lost + h * at.loss
-        rows.append((q, at.force, at.centre_of_pressure, at.strain, at.strain + lost))
+        rows.append((at.force, at.centre_of_pressure, at.strain, at.strain + lost))
     return Roll(*(np.array(column) for column in zip(*rows, strict=True)))

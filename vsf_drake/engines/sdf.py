@@ -6,10 +6,10 @@ from vsf_drake.engines.written import written
 from vsf_drake.laws.contact_laws import FITTED_LAW
 from vsf_drake.model.parameters import FootParameters
 
-REACH_M = 100.0
+REACH_M = 1000.0
 """Length of the spring that is Drake's support: its upper end strays x (m) along the keel as the
-keel bends, which lengthens it by x^2 / 2 / REACH_M, some 0.01 micrometres. Rounding of such a
-length, 1e-14 m, is 3e-8 N on the nominal support."""
+keel bends, which lengthens it by x^2 / 2 / REACH_M, some nanometres at most. Rounding of such
+a length, 1e-13 m, is 2e-7 N on the nominal support."""
 
 
 def foot_sdf(

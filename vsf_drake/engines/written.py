@@ -38,7 +38,8 @@ def written(
 ) -> str:
     """The text of `template`, named by its format, for the foot of `parameters`; `law` is the
     contact law of its zones, one of CONTACT_LAWS."""
-    (handles, links), fulcrum = rigid_foot(parameters), parameters.fulcrum
+    handles, links = rigid_foot(parameters)
+    fulcrum = parameters.fulcrum
     carriers = {body.index(): links[i] for i, body in enumerate((handles.frame, *handles.keel))}
     if fulcrum_m is not None:
         check_fulcrum(fulcrum_m, parameters, where="fulcrum_m")

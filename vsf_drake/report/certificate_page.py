@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from vsf_drake.base.files import record
 from vsf_drake.engines.certificate.rows import Judged
 from vsf_drake.engines.certificate.run import ENGINES, FORMAT, REFERENCE, Certificate, Ran
+from vsf_drake.engines.condensed import CENTRE_WITHIN_M, ENERGY_WITHIN, FORCE_WITHIN
 from vsf_drake.report.page import Chapter, render
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import (
@@ -42,7 +43,7 @@ FIGURES = {
     "roll_own_n": "Rolled over by each engine's own contact, with friction",
 }
 """What figures show, by the answers that they show."""
-_LEAST = 1e-10
+_LEAST_PERCENT = 1e-5
 """Difference below which it is drawn as this."""
 
 
@@ -64,6 +65,13 @@ def certificate_page(
         "silent": [each for each in engines if each.status],
         "others": [each for each in ran if each.name in MARKS],
         "figures": drawn,
+        "least_percent": _LEAST_PERCENT,
+        "condensed": saved["condensed"],
+        "condensed_within": {
+            "force": FORCE_WITHIN,
+            "centre_m": CENTRE_WITHIN_M,
+            "energy": ENERGY_WITHIN,
+        },
         "provenance": saved["provenance"],
         "fulcrum_mm": arrays["asked/fulcrum_mm"].tolist(),
         "loads_n": arrays["asked/load_n"].tolist(),
@@ -135,11 +143,11 @@ def keel_figure(arrays: Arrays, labels: Mapping[str, str]) -> Figure:
                 continue
             look = {"color": COLOURS[name], "marker": MARKS[name], "markersize": 4}
             above.plot(load_n, 1e3 * rise.T, linestyle="", fillstyle="none", **look)
-            apart = np.abs(rise / own - 1.0).max(axis=0)
-            below.plot(load_n, np.maximum(apart, _LEAST), linewidth=1.0, **look)
+            percent = 100.0 * np.abs(rise / own - 1.0).max(axis=0)
+            below.plot(load_n, np.maximum(percent, _LEAST_PERCENT), linewidth=1.0, **look)
         log_scale(below.yaxis)
         label(above, x="", y="rise (mm)")
-        label(below, x="load (N)", y="largest difference (1)")
+        label(below, x="load (N)", y="largest difference (%)")
         legend_below(
             figure,
             [
@@ -160,11 +168,11 @@ def roll_figure(arrays: Arrays, labels: Mapping[str, str], answer: str) -> Figur
         for name, force in answers.items():
             above.plot(time_s, force, color=COLOURS[name], linewidth=1.2)
             if name != REFERENCE:
-                apart = np.abs(force - own) / np.abs(own).max()
-                below.plot(time_s, np.maximum(apart, _LEAST), color=COLOURS[name], linewidth=0.9)
+                percent = np.maximum(100.0 * np.abs(force - own) / own.max(), _LEAST_PERCENT)
+                below.plot(time_s, percent, color=COLOURS[name], linewidth=0.9)
         log_scale(below.yaxis)
         label(above, x="", y="force (N)")
-        label(below, x="time (s)", y="difference over the peak (1)")
+        label(below, x="time (s)", y="difference over the peak (%)")
         legend_below(figure, [entry(labels[name], color=COLOURS[name]) for name in answers])
     return figure
 

@@ -204,8 +204,10 @@ class ShownChapter:
         name: str,
         rows: Sequence[object],
         columns: Iterable[Sequence[Any]],
+        grouped: str = "",
         caller: Callable[[], str] | None = None,
     ) -> Markup:
+        """`grouped` is a column that the page leaves empty where it is as in the row above."""
         shown_columns = [Column(*column) for column in columns]
 
         def make() -> Markup:
@@ -215,9 +217,18 @@ class ShownChapter:
                 for i, column in enumerate(shown_columns)
                 if not values or any(row[i] is not None for row in values)
             ]
+            cells = [
+                [
+                    ""
+                    if column.key == grouped and above is not None and above[i] == row[i]
+                    else cell(column, row[i])
+                    for i, column in known
+                ]
+                for above, row in zip([None, *values], values, strict=False)
+            ]
             table: Markup = _macros().table(
                 [column.heading for _, column in known],
-                [[cell(column, row[i]) for i, column in known] for row in values],
+                cells,
                 _one_line("", caller),
                 right=[bool(column.form) for _, column in known],
                 unmet=[i for i, row in enumerate(rows) if _value(row, "met") is False],

@@ -19,7 +19,7 @@ from vsf_drake.engines.certificate.asked import (
     foot_file,
 )
 from vsf_drake.engines.condensed import condense
-from vsf_drake.engines.condensed_error import error_against_full
+from vsf_drake.engines.condensed_error import CondensedError, error_against_full
 from vsf_drake.engines.condensed_osim import condensed_osim
 from vsf_drake.engines.mjcf import foot_mjcf
 from vsf_drake.engines.osim import foot_osim
@@ -50,11 +50,12 @@ def elastic(parameters: FootParameters) -> FootParameters:
     return replace(parameters, zones=zones)
 
 
-def ask(folder: Path, parameters: FootParameters) -> Asked:
-    """Writes `asked.npz` and the foot's files into `folder`.
+def ask(folder: Path, parameters: FootParameters) -> tuple[Asked, CondensedError]:
+    """Writes `asked.npz` and the foot's files into `folder`; what is asked, and how far the
+    condensed foot is from the full one.
 
     InputError if a fulcrum position is out of the foot's reach; SimulationError if the foot cannot
-    be rolled over.
+    be rolled over; both, and FitError, as `condense` has them.
     """
     asked = questions(parameters)
     asked.write(folder)
@@ -66,14 +67,13 @@ def ask(folder: Path, parameters: FootParameters) -> Asked:
         foot_file(folder, CONDENSED, ROLL_FULCRUM_MM, "osim"),
         condensed_osim(condensed, error, fulcrum_m=1e-3 * ROLL_FULCRUM_MM),
     )
-    return asked
+    return asked, error
 
 
 def questions(parameters: FootParameters) -> Asked:
     """What is asked of a foot; SimulationError if it cannot be rolled over."""
     foot, links = rigid_foot(parameters)
     keel = links[1:-1]
-    X_KM = foot.mount.GetFixedPoseInBodyFrame().translation()
     frame_index = foot.frame.index()
     names = {body.index(): body.name() for body in foot.keel} | {frame_index: foot.frame.name()}
     time_s, mount = _path(parameters)
@@ -88,7 +88,6 @@ def questions(parameters: FootParameters) -> Asked:
             -LARGEST_ANGLE_RAD, LARGEST_ANGLE_RAD, (POSES, len(keel))
         ),
         gravity=GRAVITY,
-        mount_K=X_KM[[0, 2]],
         roll_fulcrum_mm=ROLL_FULCRUM_MM,
         time_s=time_s,
         mount=mount,

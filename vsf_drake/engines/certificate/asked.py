@@ -37,7 +37,6 @@ class Asked:
     starts_m: np.ndarray  # (B,) from A to their frames
     poses_rad: np.ndarray  # (P, B) angles of the hinges, positive lifts the toe
     gravity: float  # m/s^2
-    mount_K: np.ndarray  # (2,) m, x and z of M in K at rest
     roll_fulcrum_mm: float  # fulcrum of poses and roll-over
     time_s: np.ndarray  # (T,)
     mount: np.ndarray

@@ -30,7 +30,8 @@ STEP_S = 1e-3
 """Of the plants of the static rows, which take no step."""
 FLAT = RotationMatrix(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
 """Turns a planar joint into the vertical plane: x forward, y up, and theta lifts the toe."""
-AT_REST_RAD = 1e-12
+AT_REST_RAD = 1e-11
+"""A few times what rounding of the support's long spring, 1e-13 m, turns the rear piece by."""
 ITERATIONS = 30
 NUDGE_RAD = 1e-6
 LONGEST_STEP_RAD = 0.1

@@ -1,6 +1,6 @@
 """What the ground that Moco's users take does in a roll-over: the condensed foot on OpenSim's
-MeyerFregly2016Force, integrated by OpenSim. Nothing but OpenSim, numpy and what is asked is
-imported, so that any interpreter that has OpenSim can run it:
+MeyerFregly2016Force, integrated by OpenSim. Any interpreter that has OpenSim can run it, as
+`in_opensim`:
 
 python -m vsf_drake.engines.certificate.in_moco FOLDER
 """
@@ -14,11 +14,9 @@ import numpy as np
 import opensim
 
 from vsf_drake.engines.certificate.asked import CONDENSED, Asked, foot_file
+from vsf_drake.engines.certificate.in_opensim import along_path
 
 FILE = "moco.npz"
-MOUNT = ("vsf_mount_tx", "vsf_mount_ty", "vsf_mount_pitch")
-ACCURACY = 1e-6
-"""Relative, of the integrator."""
 
 
 def roll_over(asked: Asked, folder: Path) -> np.ndarray:
@@ -33,28 +31,8 @@ def roll_over(asked: Asked, folder: Path) -> np.ndarray:
         for force in (forces.get(i) for i in range(forces.getSize()))
         if force.getConcreteClassName() == "MeyerFregly2016Force"
     ]
-    for name, values in zip(MOUNT, asked.mount.T, strict=True):
-        # of degree 3 and without a variance it is the natural spline, which SimmSpline is not
-        path = opensim.GCVSpline()
-        path.setDegree(3)
-        for time_s, value in zip(asked.time_s, values, strict=True):
-            path.addPoint(float(time_s), float(value))
-        coordinate = model.updCoordinateSet().get(name)
-        coordinate.setPrescribedFunction(path)
-        coordinate.setDefaultIsPrescribed(True)
-    state = model.initSystem()
-    state.setTime(float(asked.time_s[0]))
-    model.assemble(state)
-    manager = opensim.Manager(model)
-    manager.setIntegratorMethod(opensim.Manager.IntegratorMethod_CPodes)
-    manager.setIntegratorAccuracy(ACCURACY)
-    manager.setWriteToStorage(False)
-    manager.initialize(state)
     found = []
-    for i, time_s in enumerate(asked.time_s):
-        if i:
-            state = manager.integrate(float(time_s))
-        model.realizeDynamics(state)
+    for state in along_path(model, asked):
         on_stations = [force.getRecordValues(state) for force in ground]
         found.append([sum(values.get(axis) for values in on_stations) for axis in (0, 1)])
     return np.array(found)

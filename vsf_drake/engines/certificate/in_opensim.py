@@ -7,6 +7,7 @@ python -m vsf_drake.engines.certificate.in_opensim FOLDER
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -135,33 +136,39 @@ def roll_over(asked: Asked, folder: Path, law: str) -> np.ndarray:
     weight."""
     file = foot_file(folder, law, asked.roll_fulcrum_mm, "osim")
     foot = Foot(file, asked.hinges, weight=False)
+    return np.array(
+        [
+            sum(sphere.getRecordValues(state).get(UP_ON_SPHERE) for sphere in foot.spheres)
+            for state in along_path(foot.model, asked)
+        ]
+    )
+
+
+def along_path(model: Any, asked: Asked) -> Iterator[Any]:
+    """The states of a foot's model at the instants that are asked, its mount led along the path:
+    integrated, and realized to its forces."""
     for name, values in zip(MOUNT, asked.mount.T, strict=True):
         # of degree 3 and without a variance it is the natural spline, which SimmSpline is not
         path = opensim.GCVSpline()
         path.setDegree(3)
         for time_s, value in zip(asked.time_s, values, strict=True):
             path.addPoint(float(time_s), float(value))
-        coordinate = foot.model.updCoordinateSet().get(name)
+        coordinate = model.updCoordinateSet().get(name)
         coordinate.setPrescribedFunction(path)
         coordinate.setDefaultIsPrescribed(True)
-    foot.begin()
-    foot.state.setTime(float(asked.time_s[0]))
-    foot.model.assemble(foot.state)
-    manager = opensim.Manager(foot.model)
+    state = model.initSystem()
+    state.setTime(float(asked.time_s[0]))
+    model.assemble(state)
+    manager = opensim.Manager(model)
     manager.setIntegratorMethod(opensim.Manager.IntegratorMethod_CPodes)
     manager.setIntegratorAccuracy(ACCURACY)
     manager.setWriteToStorage(False)
-    manager.initialize(foot.state)
-    forces = [_ground_force(foot, foot.state)]
-    for time_s in asked.time_s[1:]:
-        forces.append(_ground_force(foot, manager.integrate(float(time_s))))
-    return np.array(forces)
-
-
-def _ground_force(foot: Foot, state: Any) -> float:
-    foot.model.realizeDynamics(state)
-    on_spheres = [sphere.getRecordValues(state).get(UP_ON_SPHERE) for sphere in foot.spheres]
-    return float(sum(on_spheres))
+    manager.initialize(state)
+    for i, time_s in enumerate(asked.time_s):
+        if i:
+            state = manager.integrate(float(time_s))
+        model.realizeDynamics(state)
+        yield state
 
 
 def answer(folder: Path) -> None:

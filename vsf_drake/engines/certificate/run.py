@@ -24,6 +24,7 @@ from vsf_drake.base.schema import to_plain
 from vsf_drake.base.threads import side_by_side
 from vsf_drake.engines.certificate.ask import ask
 from vsf_drake.engines.certificate.rows import FAILED, NOT_RUN, ROWS, Judged, agree, judged
+from vsf_drake.engines.condensed_error import CondensedError
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.batch.processes import cores
@@ -81,32 +82,31 @@ def certify(
     """Has every engine compute the foot from its exported file, and compares the answers.
 
     Args:
-        engines: names of `ENGINES` that must be there; None takes those that are, and says which
-            are not.
+        engines: names of `ENGINES` that must be there, each for all that its package is asked;
+            None takes those that are, and says which are not.
         inputs: SHA-256 of the files that the parameters come from, by name.
 
     Raises:
         InputError: there is no such engine; it is not installed, or of a version that is too old; a
-            fulcrum position is out of the foot's reach.
+            fulcrum position is out of the foot's reach, or a part of its sole bears nothing.
         SimulationError: the foot cannot be rolled over, or finds no rest under a load.
+        FitError: no condensed foot stands for it.
     """
     for name in engines or ():
-        require(name in ENGINES, f"{name!r} is no engine", "engines", f"There are {_names()}")
+        known = ", ".join(ENGINES)
+        require(name in ENGINES, f"{name!r} is no engine", "engines", f"There are {known}")
         require(not missing(ENGINES[name]), missing(ENGINES[name]), name)
-    chosen = [
-        engine
-        for engine in ENGINES.values()
-        if engines is None or engine.name in (*engines, REFERENCE)
-    ]
+    packages = {ENGINES[name].package for name in (*(engines or ENGINES), REFERENCE)}
+    chosen = [engine for engine in ENGINES.values() if engine.package in packages]
     show = part_of(progress)
     show("asking", 0.0)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        asked = ask(folder, parameters)
+        asked, condensed = ask(folder, parameters)
         show("asking", 0.1)
         ran, answers = run(folder, chosen, part_of(progress, 0.1, 0.85))
     own = {name: getattr(asked, name) for name in ("fulcrum_mm", "load_n", "time_s")}
-    return certificate_of(parameters, own, ran, answers, inputs or {})
+    return certificate_of(parameters, own, ran, answers, condensed, inputs or {})
 
 
 def certificate_of(
@@ -114,9 +114,11 @@ def certificate_of(
     asked: Mapping[str, np.ndarray],
     ran: Mapping[str, Ran],
     answers: Mapping[str, Mapping[str, np.ndarray]],
+    condensed: CondensedError,
     inputs: Mapping[str, str],
 ) -> Certificate:
-    """The verdict on the answers, by engine, to what was `asked` (fulcrum_mm, load_n, time_s)."""
+    """The verdict on the answers, by engine, to what was `asked` (fulcrum_mm, load_n, time_s); the
+    error of the `condensed` foot is reported with it."""
     rows = judge(ran, answers)
     drawn = {
         f"{name}/{answer}": values
@@ -134,6 +136,7 @@ def certificate_of(
             "agreed": agree(rows),
             "engines": plain(tuple(ran.values())),
             "rows": plain(rows),
+            "condensed": plain(condensed),
             "foot": to_plain(parameters),
             "provenance": provenance(dict(inputs)),
         },
@@ -216,7 +219,3 @@ def _no_answer(engine: Engine, status: str, why: str) -> Ran:
 def _numbers(text: str) -> list[int]:
     """Of a version, as far as they are told: 4.6.0.dev1 has 4, 6, 0."""
     return [int(part) for part in re.split(r"[^0-9.]", text)[0].split(".") if part]
-
-
-def _names() -> str:
-    return ", ".join(ENGINES)
