@@ -25,7 +25,7 @@ def prepare(model: mujoco.MjModel) -> None:
     """Gives the foot's spheres the law of their foam (`vsf_drake.mujoco.calibrate`).
 
     It belongs to the model's time step: call it again after a change. The integrator, the step and
-    the friction cone are those of the whole model and are not changed; `impratio` 10 is advised.
+    the friction cone are those of the whole model and are not changed; `impratio` 5 is advised.
 
     Raises:
         InputError: no device in `model`; an integrator or a time step with which the foot is not
