@@ -27,10 +27,9 @@ def certify(
     engine: Annotated[
         list[str] | None,
         typer.Option(
-            help=(
-                "An engine that must be there: drake, opensim, mujoco, exudyn or moco. May be "
-                "repeated. Default: all that are installed."
-            )
+            metavar="NAME",
+            help="An engine that must be there: drake, opensim, mujoco, moco, exudyn, steady_drake "
+            "or steady_mujoco. May be given several times. Default: all that are installed.",
         ),
     ] = None,
     model: Model = None,
