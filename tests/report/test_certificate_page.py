@@ -40,7 +40,7 @@ def test_a_row_that_differs_turns_the_certificate_red(tmp_path):
 
 def test_an_engine_that_did_not_run_is_said_and_not_counted(tmp_path):
     told = page(tmp_path, not_run="opensim")
-    assert "All 4 comparisons agree: Drake 1.2 compute" in told
+    assert "All 4 comparisons agree: Drake 1.2 computes" in told
     assert "OpenSim was not run: nobody installed it." in told
 
 
