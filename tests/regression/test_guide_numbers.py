@@ -135,6 +135,7 @@ NO_RESULTS = {
         "MeyerFregly2016Force": "a name",
         "_at_108mm": "a setting",
         "exponents other than 1": "a definition",
+        "OpenSim 4.6 or newer": "a version",
         "mount 2 mm above touch": "a setting of tests/engines/press_in_moco.py",
         "A press to 800 N in 0.3 s": "settings of tests/engines/press_in_moco.py",
         "in about 2 s of processor time": "measured",
