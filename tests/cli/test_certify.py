@@ -30,7 +30,8 @@ def test_a_folder_of_other_things_is_refused_before_anything_runs(tmp_path, caps
     assert "holds other things than an earlier certificate" in capsys.readouterr().err
 
 
-def test_an_unknown_engine_is_refused(tmp_path, capsys):
-    assert exit_code("certify", "--out", tmp_path / "new", "--engine", "simbody") == 2
-    assert "'simbody' is no engine" in capsys.readouterr().err
+@pytest.mark.parametrize("name", ["simbody", "stepper"])
+def test_an_unknown_engine_is_refused_and_so_is_this_package_alone(tmp_path, capsys, name):
+    assert exit_code("certify", "--out", tmp_path / "new", "--engine", name) == 2
+    assert f"'{name}' is no engine" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()

@@ -14,13 +14,18 @@ from vsf_drake.engines.osim import foot_osim
 from vsf_drake.model.parameters import FootParameters
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
+PRESS = Path(__file__).resolve().parents[1] / "engines" / "press_in_moco.py"
+
+
+def blocks():
+    """Those that need OpenSim: they are not run with the blocks of the other pages."""
+    page = (DOCS / "guide" / "engines.md").read_text(encoding="utf-8")
+    return re.findall(r"^```{code-block} python\n(.*?)^```$", page, flags=re.M | re.S)
 
 
 def test_the_block_for_opensim_finds_mount_and_hinges(tmp_path, monkeypatch, capsys):
-    """It needs OpenSim, so it is not run with the blocks of the other pages."""
     pytest.importorskip("opensim", reason="pip install 'vsf-drake[opensim]'")
-    page = (DOCS / "guide" / "engines.md").read_text(encoding="utf-8")
-    [block] = re.findall(r"^```{code-block} python\n(.*?)^```$", page, flags=re.M | re.S)
+    [block, _] = blocks()
     monkeypatch.chdir(tmp_path)
     (tmp_path / "foot").mkdir()
     text = foot_osim(FootParameters(), fulcrum_m=0.108)
@@ -29,6 +34,15 @@ def test_the_block_for_opensim_finds_mount_and_hinges(tmp_path, monkeypatch, cap
     mount = [f"vsf_mount_{name}" for name in ("pitch", "tx", "ty")]
     hinges = ["keel_pin", *(f"keel_{i}" for i in range(1, 9))]
     assert capsys.readouterr().out == f"{[*mount, *hinges]}\n"
+
+
+def test_the_solver_of_moco_is_set_as_in_the_press_that_was_tested():
+    [_, block] = blocks()
+    pressed = PRESS.read_text(encoding="utf-8")
+    intervals = re.search(r"^MESH = (\d+)$", pressed, flags=re.M)[1]
+    settings = pressed.replace("(MESH)", f"({intervals})")
+    assert block.count("set_") == 7
+    assert [line for line in block.splitlines() if f"    {line}\n" not in settings] == []
 
 
 @pytest.mark.slow

@@ -27,10 +27,9 @@ def certify(
     engine: Annotated[
         list[str] | None,
         typer.Option(
-            help=(
-                "An engine that must be there: drake, opensim, mujoco or exudyn. May be "
-                "repeated. Default: all that are installed."
-            )
+            metavar="NAME",
+            help="An engine that must be there: drake, opensim, mujoco or exudyn. May be given "
+            "several times. Default: all that are installed.",
         ),
     ] = None,
     model: Model = None,

@@ -82,8 +82,8 @@ def certify(
     """Has every engine compute the foot from its exported file, and compares the answers.
 
     Args:
-        engines: names of `ENGINES` that must be there, each for all that its package is asked;
-            None takes those that are, and says which are not.
+        engines: names of `ENGINES`, not REFERENCE, that must be there, each for all that its
+            package is asked; None takes those that are, and says which are not.
         inputs: SHA-256 of the files that the parameters come from, by name.
 
     Raises:
@@ -92,9 +92,10 @@ def certify(
         SimulationError: the foot cannot be rolled over, or finds no rest under a load.
         FitError: no condensed foot stands for it.
     """
+    others = [name for name in ENGINES if name != REFERENCE]
     for name in engines or ():
-        known = ", ".join(ENGINES)
-        require(name in ENGINES, f"{name!r} is no engine", "engines", f"There are {known}")
+        right = f"There are {', '.join(others)}"
+        require(name in others, f"{name!r} is no engine", "engines", right)
         require(not missing(ENGINES[name]), missing(ENGINES[name]), name)
     packages = {ENGINES[name].package for name in (*(engines or ENGINES), REFERENCE)}
     chosen = [engine for engine in ENGINES.values() if engine.package in packages]
