@@ -21,6 +21,7 @@ from vsf_drake.cli import (  # noqa: F401
     device,
     doctor,
     fit,
+    foot,
     predict,
     recordings,
     session,

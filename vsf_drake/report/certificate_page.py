@@ -100,7 +100,7 @@ def certificate_page(
             ),
         ],
         "synthetic": False,
-        "first_line": str(render("certificate/first_line.txt.j2")).strip(),
+        "first_line": str(render("certificate/first_line.txt.j2", others=facts["others"])).strip(),
     }
 
 
