@@ -180,8 +180,8 @@ BY_HAND = (
     Mutation(
         "map",
         ROLL_OVER,
-        "taken[fullest:].max() - taken[-1]",
-        "taken[fullest:].max() + taken[-1]",
+        "taken_j[fullest:].max() - taken_j[-1]",
+        "taken_j[fullest:].max() + taken_j[-1]",
     ),
     Mutation("map", CELLS, "RATE_WINDOW_S = 0.02", "RATE_WINDOW_S = 0.05"),
     Mutation("map", ROLL_OVER, "164.651497111425", "166.651497111425"),

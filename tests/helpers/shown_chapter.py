@@ -21,8 +21,8 @@ class Shown(ShownChapter):
         self.figures = dict(chapter.figures)
         super().__init__(chapter, None, lenient=False, svg=False)
 
-    def _table(self, name, rows=(), columns=(), caller=None):
-        shown = super()._table(name, rows, columns, caller)
+    def _table(self, name, rows=(), columns=(), grouped="", caller=None):
+        shown = super()._table(name, rows, columns, grouped, caller)
         assert name not in self.grids
         self.grids[name] = SimpleNamespace(
             name=name, columns=[Column(*column) for column in columns], rows=rows

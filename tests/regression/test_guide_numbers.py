@@ -23,6 +23,8 @@ from quoted import flat, left_over, page, percent, rows_in_layers, stored
 
 import vsf_drake as vsf
 from vsf_drake.base.files import record, table_of
+from vsf_drake.engines.condensed import condense
+from vsf_drake.engines.condensed_error import error_against_full
 from vsf_drake.engines.limits import cannot_hold
 from vsf_drake.fit.assessment import FITTED, HELD_OUT, Assessment, TrialScore, verdict
 from vsf_drake.model.parameters import FootParameters
@@ -133,6 +135,7 @@ NO_RESULTS = {
         "| OpenSim 4 |": "a version",
         "Python 3.11 to 3.13 and wants numpy 2.1": "versions",
         "MeyerFregly2016Force": "a name",
+        "people of 40 to 110 kg": "settings",
         "_at_108mm": "a setting",
         "exponents other than 1": "a definition",
         "OpenSim 4.6 or newer": "a version",
@@ -997,8 +1000,22 @@ def certified() -> Iterator[str]:
     for name in ("exponent", "damping_n_s_per_m"):
         instead = held[f"foot.zones.{name}"].partition("; instead ")[2]
         yield f"| {instead} |"
+    drake = asked["rest", "steady_drake"]
+    mujoco = asked["rest", "steady_mujoco"]
+    yield f"rests within {drake} (Drake) and {mujoco} (MuJoCo) of statics"
     depth_m = inspect.signature(calibrate).parameters["depth"].default
     yield f"near the law up to {1e3 * depth_m:g} mm"
+
+
+def condensed_errors() -> Iterator[str]:
+    """How far the condensed nominal foot is from the full one."""
+    worst = error_against_full(condense(FootParameters())).worst
+    yield (
+        f"is off by {100 * worst.force_rms:.1f} % of its peak root mean square and by "
+        f"{100 * worst.force_largest:.0f} % at the worst instant, the centre of pressure by "
+        f"{1e3 * worst.centre_rms_m:.1f} mm and {1e3 * worst.centre_largest_m:.1f} mm"
+    )
+    yield f"energy by up to {100 * max(worst.stored, worst.returned):.1f} %"
 
 
 SOURCES = {
@@ -1008,7 +1025,7 @@ SOURCES = {
     ANSWER: (the_answer,),
     TUTORIAL: (the_tutorial,),
     ENERGY: (both_devices,),
-    ENGINES: (certified,),
+    ENGINES: (certified, condensed_errors),
 }
 
 

@@ -18,7 +18,7 @@ from vsf_drake.base.schema import SELDOM, check, choice, load_yaml, quantity
 from vsf_drake.base.sentences import say
 from vsf_drake.base.yaml_file import read_yaml
 from vsf_drake.model.parameters import SHELLS_MM, SIDES, FootParameters, Subject
-from vsf_drake.motion.formats.read import MARKER_FILES
+from vsf_drake.motion.formats import MARKER_FILES
 from vsf_drake.motion.markers.person_facts import SEXES, PersonFacts
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")

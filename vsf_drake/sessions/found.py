@@ -16,9 +16,10 @@ from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.progress import Progress
 from vsf_drake.base.sentences import say
 from vsf_drake.device.bench_lines import load_measured_bench
+from vsf_drake.motion.formats import MARKER_FILES
 from vsf_drake.motion.formats.c3d import c3d_subjects
 from vsf_drake.motion.formats.forces import FORCE_FILES
-from vsf_drake.motion.formats.read import MARKER_FILES, TRAVEL_M, read_trial
+from vsf_drake.motion.formats.read import TRAVEL_M, read_trial
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.manifest import keys_of
 from vsf_drake.recording.import_walks import forces_beside

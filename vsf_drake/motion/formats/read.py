@@ -12,12 +12,12 @@ import numpy as np
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.sentences import say
 from vsf_drake.motion.events import THRESHOLD_N, common
+from vsf_drake.motion.formats import MARKER_FILES
 from vsf_drake.motion.formats.c3d import c3d_labels, read_c3d
 from vsf_drake.motion.formats.forces import FORCE_FILES, read_forces
 from vsf_drake.motion.formats.recording import Plate, RawPlate, RawTrial, Recording, floor_load
 from vsf_drake.motion.formats.tables import read_trc, trc_labels
 
-MARKER_FILES = (".c3d", ".trc")
 # of one person's markers
 LARGEST_M = 10.0
 SMALLEST_M = 0.02
