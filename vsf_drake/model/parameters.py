@@ -376,7 +376,7 @@ class FootParameters:
         low=0.1,
         high=10.0,
         source="derived: 1 in the shell that the foot was made with; see `model_file.in_shell`",
-        **{UNSAID: "yes"},
+        unsaid="yes",
     )
     heel_x_m: float = quantity(  # x of the foam base's rear end in K
         -0.012,
