@@ -13,6 +13,7 @@ from command_line import read_json
 from made_contact import OF_THE_MODEL, OF_THE_TRIAL, OWN, PERSON_CURVE, made_contact
 
 from vsf_drake.base.files import resource, sha256
+from vsf_drake.cli.app import model_of
 from vsf_drake.laws.contact_laws import FITTED_LAW
 from vsf_drake.model.contact_file import save_contact
 from vsf_drake.motion.fitted_trial import fingerprint
@@ -39,6 +40,16 @@ def contact(tmp_path):
     own = dataclasses.replace(OWN, fingerprint=fingerprint(load_trial(TRIAL)))
     save_contact(made_contact(values=CHANGE, trials=(own,)), tmp_path / "contact.yaml")
     return tmp_path / "contact.yaml"
+
+
+def test_a_contact_of_another_shell_brings_it_along_unless_a_model_is_named(run, tmp_path):
+    path = tmp_path / "contact.yaml"
+    save_contact(made_contact(values=CHANGE, foot_length_m=0.275), path)
+    assert model_of(None, path).foot.length_m == 0.275
+    words = ("--contact", path, "--model", resource("models/nominal.yaml"))
+    code, _, err = run("export", *words, "--fulcrum-mm", "108", "--out", tmp_path / "foot")
+    assert code == 2 and "it was fitted to a foot of 275 mm" in " ".join(err.split())
+    assert not (tmp_path / "foot").exists()
 
 
 def test_simulate_walks_on_the_fitted_contact_and_says_which(run, tmp_path, contact):

@@ -24,11 +24,13 @@ from vsf_drake.base.errors import UNPRINTABLE, InputError
 from vsf_drake.base.schema import to_plain
 from vsf_drake.model.contact_file import (
     check_contact,
+    fitted_model,
     load_contact,
     model_with,
     save_contact,
     variable_unit,
 )
+from vsf_drake.model.model_file import in_shell
 from vsf_drake.model.parameters import BushingAxis, ModelParameters, Subject
 from vsf_drake.simulation.walk import Walker
 
@@ -322,6 +324,19 @@ def test_values_that_make_no_model_are_refused_with_file_and_name(values, words)
         model_with(MODEL, values, file="contact.yaml")
     for word in ("contact.yaml", *words):
         assert word in str(caught.value)
+
+
+def test_a_contact_is_of_the_shell_that_it_was_fitted_in():
+    """Refused for another model's; a foot that nobody stated is put into it."""
+    contact = made_contact(foot_length_m=0.275)
+    in_it = dataclasses.replace(MODEL, foot=in_shell(FOOT, 0.275))
+    fitted = fitted_model(in_it, contact)
+    assert fitted.foot.length_m == 0.275
+    assert fitted_model(MODEL, contact, in_its_shell=True) == fitted
+    with pytest.raises(InputError, match=r"c.yaml.*foot_length_m.*a foot of 275 mm.*245 mm"):
+        fitted_model(MODEL, contact, file="c.yaml")
+    unknown = made_contact()
+    assert fitted_model(MODEL, unknown, in_its_shell=True) == fitted_model(MODEL, unknown)
 
 
 def test_two_zones_of_one_name_and_an_axis_without_stiffness_are_refused():

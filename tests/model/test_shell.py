@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 
+from vsf_drake.base.schema import to_plain
+from vsf_drake.model.contact_file import model_with
 from vsf_drake.model.model_file import check_fulcrum, foam_under_load, in_shell
 from vsf_drake.model.parameters import ModelParameters
 
 FOOT = ModelParameters().foot
-LENGTHS_M = [0.22, 0.26, 0.28, 0.30]
+LENGTHS_M = [0.22, 0.225, 0.23, 0.255, 0.26, 0.265, 0.275, 0.28, 0.30]
+"""Among them those at which spheres pass the ends of the platen and of the heel block."""
 
 
 @pytest.mark.parametrize("length_m", LENGTHS_M)
@@ -37,6 +42,7 @@ def test_a_shell_of_another_length_holds_the_same_device(length_m):
 def test_a_shell_of_the_models_length_is_the_models_foot():
     assert in_shell(FOOT, FOOT.length_m) == FOOT
     assert in_shell(FOOT, 1e-3 * 245.0) == FOOT
+    assert "shell_ratio" not in to_plain(FOOT)
 
 
 @pytest.mark.parametrize("length_m", LENGTHS_M)
@@ -55,10 +61,23 @@ def test_a_longer_shell_has_so_much_more_of_the_same_foam(length_m):
         )
 
 
-@pytest.mark.parametrize("length_m", LENGTHS_M[1:])
-def test_under_the_benchs_platen_a_longer_shell_has_the_same_foam(length_m):
-    """To a row of spheres in four: the platen is as long as it was. A shell of 220 mm ends above
-    it."""
-    stiffness, exponent = foam_under_load(in_shell(FOOT, length_m))
-    assert exponent == 1.0
-    assert stiffness == pytest.approx(FOOT.series_stiffness_n_per_m, rel=0.25)
+@pytest.mark.parametrize("length_m", LENGTHS_M)
+def test_under_the_benchs_platen_a_shell_of_another_length_has_the_same_foam(length_m):
+    """The platen is as long as it was, and so much stiffness as lies along it (N/m by m) does not
+    change."""
+    foot = in_shell(FOOT, length_m)
+    assert foam_under_load(foot) == pytest.approx((FOOT.series_stiffness_n_per_m, 1.0))
+    # the same where a contact fitted in the shell makes its foam twice as stiff
+    fitted = model_with(
+        dataclasses.replace(ModelParameters(), foot=foot),
+        {"contact.forefoot.stiffness": 2.0 * foot.zones[-1].stiffness},
+    )
+    assert fitted.foot.series_stiffness_n_per_m == pytest.approx(
+        2.0 * FOOT.series_stiffness_n_per_m
+    )
+
+
+def test_a_shell_on_a_shell_is_that_shell():
+    there_and_back = in_shell(in_shell(FOOT, 0.30), 0.225)
+    assert there_and_back.shell_ratio == pytest.approx(225.0 / 245.0)
+    assert foam_under_load(there_and_back) == pytest.approx(foam_under_load(FOOT))

@@ -116,6 +116,21 @@ def test_a_contact_that_was_fitted_to_a_foot_of_another_length_is_refused(trial)
         trial_with(trial, other)
 
 
+@pytest.mark.parametrize(
+    ("stated_mm", "known"), [(None, False), (245, False), (275, False), (275, True)]
+)
+def test_a_contact_of_an_unknown_shell_is_told_where_another_shell_is_stated(
+    trial_files, stated_mm, known
+):
+    trial_files.manifest["prosthesis"] |= {} if stated_mm is None else {"foot_length_mm": stated_mm}
+    trial = load_trial(trial_files.write())
+    length_m = trial.model.foot.length_m if known else None
+    notes = trial_with(trial, contact_for(foot_length_m=length_m)).notes
+    told = [note for note in notes if "The shell in which this contact was fitted" in note]
+    assert len(told) == (stated_mm == 275 and not known)
+    assert all("one of 275 mm" in note for note in told)
+
+
 @pytest.mark.parametrize("change", ["angle", "force", "window"])
 def test_fingerprint_differs_with_what_was_recorded(trial, trial_files, change):
     if change == "angle":

@@ -94,6 +94,27 @@ def test_a_length_of_the_shell_that_no_foot_has_is_refused(trial_files, length_m
         load_trial(trial_files.write())
 
 
+def test_an_own_model_that_makes_no_foot_in_the_stated_shell_is_refused_with_the_manifest(
+    trial_files,
+):
+    """Of its spheres the rearmost, 1 mm behind the end of the heel block, then lie ahead of it."""
+    foot = default_model().foot
+    zones = tuple(
+        dataclasses.replace(zone, x_mm=tuple(max(x, 65.0) for x in zone.x_mm))
+        for zone in foot.zones
+    )
+    model = dataclasses.replace(default_model(), foot=dataclasses.replace(foot, zones=zones))
+    own = trial_files.folder / "own.yaml"
+    own.write_text(dump_yaml(model), encoding="utf-8")
+    trial_files.manifest["model"] = own.name
+    load_trial(trial_files.write())
+    trial_files.manifest["prosthesis"] |= {"foot_length_mm": 290}
+    with pytest.raises(
+        InputError, match=r"trial.yaml.*prosthesis.foot_length_mm, foot.zones.*heel block"
+    ):
+        load_trial(trial_files.write())
+
+
 @pytest.mark.parametrize(
     ("window", "wanted"),
     [

@@ -9,13 +9,14 @@ from dataclasses import replace
 import meshcat_page
 import numpy as np
 import pytest
+from made_contact import made_contact
 from made_scenario import one_of_everything
 from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
 from vsf_drake.base.schema import dump_yaml
-from vsf_drake.model.contact_file import load_contact
+from vsf_drake.model.contact_file import load_contact, save_contact
 from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.model.scenario import Scenario, ScenarioFoot, load_scenario
 from vsf_drake.plants import station as station_module
@@ -99,6 +100,15 @@ def test_files_of_subject_and_contact_reach_person_and_foot():
         fitted["contact.heel_posterior.stiffness"],
         fitted["contact.heel_posterior.exponent"],
     )
+
+
+def test_a_contact_of_another_shell_brings_it_along_unless_a_model_is_named(tmp_path):
+    path = tmp_path / "contact.yaml"
+    save_contact(made_contact(foot_length_m=0.275), path)
+    scenario = Scenario(kind="bench", contact_file=str(path))
+    assert make_station(scenario).feet["vsf"].parameters.length_m == 0.275
+    with pytest.raises(InputError, match=r"a foot of 275 mm.*245 mm"):
+        make_station(replace(scenario, model=str(resource("models/nominal.yaml"))))
 
 
 def test_a_bench_station_has_its_fulcrum_where_the_scenario_has_it():

@@ -12,8 +12,9 @@ from scipy.optimize import brentq
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.device.bench_metrics import displacement, mid_range_displacement, stiffness
-from vsf_drake.model.model_file import spheres_under_load
+from vsf_drake.model.model_file import in_shell, spheres_under_load
 from vsf_drake.model.parameters import FootParameters
+from vsf_drake.plants.bench import make_bench
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 
@@ -91,6 +92,29 @@ def test_spheres_pressed_are_those_of_the_benchs_patch_and_of_the_heel_block():
         for i, z in enumerate(foot.zones):
             assert by[:-1, i].all() == (z.name in patch) == by[:-1, i].any(), z.name
             assert by[-1, i].any() == (z.name in ("heel_posterior", "heel")), z.name
+
+
+@pytest.mark.parametrize("length_m", [0.22, 0.225, 0.23, 0.26, 0.275, 0.30])
+def test_a_shell_changes_nothing_at_the_forefoot_and_its_heel_is_as_much_stiffer(length_m):
+    """The keel and the foam along the platen are the same; at the heel the same spheres are pressed
+    whole, so that there is so much more foam."""
+    shell = in_shell(FOOT, length_m)
+    own, names = machine().evaluate(AWAY)[0], ["contact.forefoot.stiffness"]
+    ratio = length_m / FOOT.length_m
+    values = {
+        name: value * ratio if name.endswith("stiffness") and "contact" in name else value
+        for name, value in AWAY.items()
+    }
+    in_it, by = machine(shell).evaluate(values, names)
+    np.testing.assert_allclose(in_it[:-1], own[:-1], rtol=1e-12)
+    np.testing.assert_allclose(
+        ratio * by, machine().evaluate(AWAY, names)[1], rtol=1e-10, atol=1e-12
+    )
+    linear = machine(shell).evaluate({})[0]
+    assert linear[-1] == pytest.approx(ratio * machine().evaluate({})[0][-1])
+    pressed = make_bench(shell, heel=True)
+    assert len(pressed.machine_bodies) == 3
+    assert linear[-1] == pytest.approx(3 * ratio * zone(FOOT, "heel").stiffness)
 
 
 def test_what_has_no_part_changes_nothing_and_has_no_derivative():

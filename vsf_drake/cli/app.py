@@ -222,13 +222,16 @@ def needed(out: Path | None) -> Path:
 
 
 def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:
-    """The model of a file, or the nominal one, with the fitted contact of another."""
+    """The model of a file, or the nominal one in the contact's shell, with the fitted contact of
+    another."""
     from vsf_drake.base.files import resource
     from vsf_drake.model.contact_file import fitted_model, load_contact
     from vsf_drake.model.model_file import load_model
 
     model = load_model(path or resource("models/nominal.yaml"))
-    return model if contact is None else fitted_model(model, load_contact(contact), file=contact)
+    if contact is None:
+        return model
+    return fitted_model(model, load_contact(contact), file=contact, in_its_shell=path is None)
 
 
 def manifests_of(paths: Iterable[Path]) -> list[Path]:

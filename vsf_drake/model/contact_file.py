@@ -44,7 +44,7 @@ from vsf_drake.base.files import write_text
 from vsf_drake.base.schema import check, choice, load_yaml, quantity, to_plain
 from vsf_drake.base.yaml_file import Dumper
 from vsf_drake.laws.contact_laws import CONTACT_LAWS, FITTED_LAW
-from vsf_drake.model.model_file import check_model, foam_under_load
+from vsf_drake.model.model_file import check_model, foam_under_load, in_shell
 from vsf_drake.model.parameters import SIDES, ModelParameters, person_coordinates
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ FEWEST_COEFFICIENTS = 4  # of a cubic spline
 PATHS = ("pelvis_tx", "pelvis_tz")
 STANCE_POINTS = 101  # of a curve over stance
 LARGEST_FOOT_M = 0.6  # that a centre of pressure is from its mean, beyond any foot
+SAME_LENGTH_M = 1e-6  # by which feet of one length may differ, in rounding
 LARGEST_FORCE_BW = 5.0  # of what the plates taught, beyond what walking takes
 LARGEST_CORRECTION = 1.0  # rad, m: of a coordinate, far beyond what any recording errs by
 _UNITS = {
@@ -540,9 +541,29 @@ def model_with(
 
 
 def fitted_model(
-    model: ModelParameters, contact: FittedContact, *, file: str | Path | None = None
+    model: ModelParameters,
+    contact: FittedContact,
+    *,
+    file: str | Path | None = None,
+    in_its_shell: bool = False,
 ) -> ModelParameters:
-    """`model` with the fitted values that are its own, and the law that they were fitted with."""
+    """`model` with the fitted values that are its own, and the law that they were fitted with; its
+    foot in the shell of the contact first, if `in_its_shell` and that is known.
+
+    InputError for a foot of another length than that of the fit, and as of `model_with`."""
+    theirs_m = contact.foot_length_m
+    if in_its_shell and theirs_m is not None:
+        model = replace(model, foot=in_shell(model.foot, theirs_m))
+    own_m = model.foot.length_m
+    errors.require(
+        theirs_m is None or abs(own_m - theirs_m) < SAME_LENGTH_M,
+        f"it was fitted to a foot of {1e3 * (theirs_m or 0.0):g} mm, this one has {1e3 * own_m:g} "
+        "mm",
+        "foot_length_m",
+        "State the same prosthesis.foot_length_mm in the manifest, name a model of that length "
+        "or, where there is no manifest, none; or fit this foot",
+        file=file,
+    )
     return replace(model_with(model, contact.values, file=file), contact_law=contact.law)
 
 

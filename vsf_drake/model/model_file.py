@@ -105,10 +105,14 @@ def check_foot(
     return foot
 
 
-def in_shell(foot: FootParameters, length_m: float) -> FootParameters:
+def in_shell(
+    foot: FootParameters, length_m: float, *, file: str | Path | None = None, group: str = ""
+) -> FootParameters:
     """`foot` in a shell of `length_m`: ends and contact points lie farther from A in proportion,
     and it has so much more foam, and mass beside keel and carriage (choices). The device has one
-    size: keel, fulcrum, reach, load point, pylon and the foam under the bench's platen stay."""
+    size: keel, fulcrum, reach, load point, pylon and the foam under the bench's platen stay. The
+    bench tells the spheres under its platen and on the heel block by where they lay before, which
+    `shell_ratio` keeps. InputError with `file` and `group` as of `check_foot`."""
     ratio = length_m / foot.length_m
     keel = foot.keel
     device_kg = (
@@ -129,9 +133,12 @@ def in_shell(foot: FootParameters, length_m: float) -> FootParameters:
             foot,
             zones=zones,
             length_m=length_m,
+            shell_ratio=ratio * foot.shell_ratio,
             heel_x_m=ratio * foot.heel_x_m,
             mass_kg=foot.mass_kg + (ratio - 1.0) * (foot.mass_kg - device_kg),
-        )
+        ),
+        file=file,
+        group=group,
     )
 
 
@@ -164,13 +171,16 @@ def foam_under_load(foot: FootParameters) -> tuple[float, float] | None:
     """Stiffness (N/m^exponent) and exponent of the spheres in the patch that the bench loads; None
     without foam.
 
+    In another shell the spheres lie farther apart in proportion to their stiffness: of each the
+    platen, which is as long as it was, bears on a share of 1 / `shell_ratio`.
+
     It is the walker's side of what the bench knows as `series_stiffness_n_per_m` and
     `series_exponent`: the two should agree. Exact where the spheres share exponent and height; else
     the power law of the force that they bear together at FOAM_LOADS_N, counted from where the
     lowest touches.
     """
     loaded = [
-        (zone.stiffness, zone.exponent, 1e-3 * rise_mm)
+        (zone.stiffness / foot.shell_ratio, zone.exponent, 1e-3 * rise_mm)
         for zone, rise_mm in spheres_under_load(foot)
     ]
     if not loaded:
@@ -202,12 +212,13 @@ def secant_stiffness(stiffness: float, exponent: float, load_n: float) -> float:
 
 
 def spheres_under_load(foot: FootParameters) -> list[tuple[ContactZone, float]]:
-    """Zone and rise (mm) of each contact sphere in the patch that the bench loads."""
+    """Zone and rise (mm) of each contact sphere in the patch that the bench loads, told by where
+    it lies in a shell of `shell_ratio` 1."""
     return [
         (zone, rise_mm)
         for zone in foot.zones
         for x, rise_mm in zip(zone.x_mm, zone.rise_mm, strict=True)
-        if abs(1e-3 * x - foot.load_point_m) <= 0.5 * foot.series_patch_m
+        if abs(1e-3 * x / foot.shell_ratio - foot.load_point_m) <= 0.5 * foot.series_patch_m
     ]
 
 

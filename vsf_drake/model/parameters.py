@@ -370,6 +370,14 @@ class FootParameters:
     length_m: float = quantity(  # of the foam base, taken as foot length
         0.245, unit="m", low=0.05, high=0.5, source=f"{_PUBLIC}: foam base"
     )
+    shell_ratio: float = quantity(  # length of the shell / length that patch and heel block are of
+        1.0,
+        unit="1",
+        low=0.1,
+        high=10.0,
+        source="derived: 1 in the shell that the foot was made with; see `model_file.in_shell`",
+        unsaid="yes",
+    )
     heel_x_m: float = quantity(  # x of the foam base's rear end in K
         -0.012,
         unit="m",

@@ -44,26 +44,18 @@ def trial_with(
     Height, path and curves that were fitted to a recording alone are taken only for that recording,
     told by its `fingerprint`. Curves over the gait cycle are laid on the plate's stances, or on the
     given ones, which a trial without a plate needs (`walks.recorded_walk.with_contact` predicts
-    them). A note says what was applied; the hash of `file` joins the trial's inputs. Refused for
-    another person, side or length of foot, a model that lacks a zone, or a trial that has a fitted
-    contact already."""
+    them). Notes say what was applied, and where the contact's shell is not known and another than
+    the model's is stated; the hash of `file` joins the trial's inputs. Refused for another person,
+    side or length of foot, a model that lacks a zone, or a trial that has a fitted contact
+    already."""
     check_person(trial.subject, contact, file=file)
-    own_m = trial.model.foot.length_m
-    theirs_m = contact.foot_length_m
-    require(
-        theirs_m is None or abs(own_m - theirs_m) < _GRAIN,
-        f"it was fitted to a foot of {1e3 * (theirs_m or 0.0):g} mm, that of {trial.name} has "
-        f"{1e3 * own_m:g} mm",
-        "foot_length_m",
-        "State the same prosthesis.foot_length_mm in the manifest, or fit this foot",
-        file=file,
-    )
     require(
         not any(note.startswith(APPLIED) for note in trial.notes),
         "the trial has a fitted contact already",
         trial.name,
         file=file,
     )
+    model = fitted_model(trial.model, contact, file=file)
     recorded = fingerprint(trial)
     here = next((fitted for fitted in contact.trials if fitted.fingerprint == recorded), None)
     offsets = {
@@ -83,10 +75,12 @@ def trial_with(
         own=here is not None,
         path=here and here.path,
         converged=contact.converged,
+        unknown_shell=contact.foot_length_m is None and trial.model.foot.shell_ratio != 1.0,
+        length_m=trial.model.foot.length_m,
     )
     return dataclasses.replace(
         trial,
-        model=fitted_model(trial.model, contact, file=file),
+        model=model,
         offsets=check(GeometricOffsets(**offsets), file=file),
         trajectory=_trajectory(trial, contact, here, trial if stances is None else stances),
         notes=(*trial.notes, *notes),

@@ -191,13 +191,14 @@ def default_model() -> ModelParameters:
 
 
 def model_in_shell(
-    model: ModelParameters, length_mm: float | None
+    model: ModelParameters, length_mm: float | None, *, file: Path | None = None
 ) -> tuple[ModelParameters, list[str]]:
     """`model` with its foot in a shell of that length, its own for None, and a note on what is
-    stated."""
+    stated, in the manifest `file` if that is given. InputError where the two make no foot."""
     if length_mm is None:
         return model, []
-    foot = in_shell(model.foot, 1e-3 * length_mm)
+    group = "prosthesis.foot_length_mm, foot."
+    foot = in_shell(model.foot, 1e-3 * length_mm, file=file, group=group)
     ahead_mm = 1e3 * (sum(foot.keel.element_lengths_m) - foot.heel_x_m - foot.length_m)
     return dataclasses.replace(model, foot=foot), say(
         "trial", "shell", length_mm=length_mm, ahead_mm=ahead_mm
@@ -261,7 +262,7 @@ def load_trial(path: str | Path) -> Trial:
     if manifest.markers is not None and named.get("forces") == named["markers"]:
         del named["forces"]
     model = load_model(named["model"]) if "model" in named else default_model()
-    model, shell_notes = model_in_shell(model, manifest.prosthesis.foot_length_mm)
+    model, shell_notes = model_in_shell(model, manifest.prosthesis.foot_length_mm, file=path)
     fulcrum_m = check_fulcrum(
         1e-3 * manifest.prosthesis.fulcrum_mm, model.foot, file=path, where="prosthesis.fulcrum_mm"
     )

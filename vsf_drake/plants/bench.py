@@ -50,9 +50,9 @@ def make_bench(
 
     Forefoot: one ball on the load point C of the keel's centreline, whose contact is the foam in
     series with the keel (`series_stiffness_n_per_m`, `series_exponent`), damped in proportion to
-    its slope at 200 N. Heel: the spheres of the rigid heel block with their own contact law. The
-    platen stays under its site, so the load stays vertical, on the same point of the foot. Weight
-    is left out: a load cell is tared.
+    its slope at 200 N. Heel: the spheres of the rigid heel block with their own contact law, in
+    another shell the same ones (`model_file.in_shell`). The platen stays under its site, so the
+    load stays vertical, on the same point of the foot. Weight is left out: a load cell is tared.
 
     `scene_graph`, in no diagram yet, becomes a part of this one: the plant gets the shapes of the
     foot, only to be seen, and the diagram the output `query`.
@@ -99,7 +99,8 @@ def _pressed(parameters: FootParameters, foot: FootHandles, heel: bool) -> dict[
     """Arguments of the testing machine: where it presses and through which contact law."""
     if heel:
         sites = foot.sites
-        rows = [i for i, body in enumerate(sites.body_indices) if body == foot.frame.index()]
+        before_mm = [x / parameters.shell_ratio for zone in parameters.zones for x in zone.x_mm]
+        rows = [i for i, x in enumerate(before_mm) if 1e-3 * x < parameters.fulcrum.rearmost_m]
         lowest = sites.p_BS[rows] - np.outer(sites.radius[rows], [0.0, 0.0, 1.0])
         law = {name: values[rows] for name, values in sites.law.items()}
         return {"body_indices": [sites.body_indices[i] for i in rows], "p_BS": lowest, **law}

@@ -111,7 +111,8 @@ def make_station(
     model = load_model(scenario.model) if scenario.model else ModelParameters()
     if scenario.contact_file:
         path = user_path(scenario.contact_file)
-        model = fitted_model(model, load_contact(path), file=path)
+        own = scenario.model
+        model = fitted_model(model, load_contact(path), file=path, in_its_shell=not own)
     check_fulcrum(1e-3 * scenario.fulcrum_mm, model.foot, where="fulcrum_mm")
     builder = DiagramBuilder()
     visual = visual or meshcat is not None

@@ -12,7 +12,8 @@ foam(F): the spheres in the patch under the load, pressed together by a flat pla
 h)^n = F over the spheres with bottoms at h below the platen's height s. Where the travel is counted
 from does not matter to a slope, and a rise that all spheres share changes neither a slope nor the
 travel since the first was touched. At the heel: the spheres of the rigid heel block, and nothing in
-series.
+series. In another shell (`model_file.in_shell`) these are the same spheres; the platen at the
+forefoot, which is as long as it was, bears on a share of each, 1 / `shell_ratio`.
 """
 
 from __future__ import annotations
@@ -79,9 +80,11 @@ class BenchStiffness:
         self.heel = heel
         reach = 0.5 * foot.series_patch_m
         self._foam = (
-            _Foam(foot, lambda x: abs(x - foot.load_point_m) <= reach) if self.fulcrums_m else None
+            _Foam(foot, lambda x: abs(x - foot.load_point_m) <= reach, 1.0 / foot.shell_ratio)
+            if self.fulcrums_m
+            else None
         )
-        self._block = _Foam(foot, lambda x: x < foot.fulcrum.rearmost_m) if heel else None
+        self._block = _Foam(foot, lambda x: x < foot.fulcrum.rearmost_m, 1.0) if heel else None
         self._foot = foot
         self._press = lru_cache(maxsize=1)(self._pressed)  # until modulus or support change
         self._names = [
@@ -216,14 +219,17 @@ def _picked(every: np.ndarray, columns: Sequence[int | None]) -> np.ndarray:
 
 
 class _Foam:
-    """Contact spheres pressed together by a flat platen."""
+    """Contact spheres pressed together by a flat platen, which bears on a `share` of each: those
+    that are `pressed` by x in a shell of `shell_ratio` 1 (m from A)."""
 
-    def __init__(self, foot: FootParameters, pressed: Callable[[float], bool]) -> None:
+    def __init__(
+        self, foot: FootParameters, pressed: Callable[[float], bool], share: float
+    ) -> None:
         spheres = [
             (z, 1e-3 * rise)
             for z, zone in enumerate(foot.zones)
             for x, rise in zip(zone.x_mm, zone.rise_mm, strict=True)
-            if pressed(1e-3 * x)
+            if pressed(1e-3 * x / foot.shell_ratio)
         ]
         if not spheres:
             raise InputError(
@@ -231,7 +237,8 @@ class _Foam:
             )
         self.zone = np.array([z for z, _ in spheres])
         self.height = np.array([rise for _, rise in spheres])
-        self.share = np.eye(len(foot.zones))[self.zone]
+        self.of_zone = np.eye(len(foot.zones))[self.zone]
+        self.share = share
 
     def touched_zone(self, law: np.ndarray) -> int:
         """Index of the zone whose sphere is touched first under this law (3, Z)."""
@@ -249,6 +256,7 @@ class _Foam:
         without passing it.
         """
         stiffness, exponent, rise = law[:, self.zone]
+        stiffness = self.share * stiffness
         bottom = self.height + rise
         lowest = np.min(self.height + rise)
         with np.errstate(divide="ignore"):
@@ -277,6 +285,10 @@ class _Foam:
         with np.errstate(divide="ignore", invalid="ignore"):
             by_exponent = np.where(depth > 0.0, force * np.log(depth), 0.0)
             by = np.hstack(
-                [depth**exponent @ self.share, by_exponent @ self.share, -slope @ self.share]
+                [
+                    self.share * depth**exponent @ self.of_zone,
+                    by_exponent @ self.of_zone,
+                    -slope @ self.of_zone,
+                ]
             )
         return deepest, -by / steep[:, None]
