@@ -63,4 +63,9 @@ def test_a_file_of_somebody_else_s_is_not_written_over(run, curves, tmp_path):
     code, _, error = run("foot", curves, *SIZE, "--out", out)
     assert code == 2 and "was not written by this command" in error
     assert out.read_text(encoding="utf-8") == "foot: {}\n"
+    picture = tmp_path / "holiday.png"
+    picture.write_bytes(b"mine")
+    code, _, error = run("foot", curves, *SIZE, "--out", tmp_path / "holiday.yaml")
+    assert code == 2 and "holiday.png" in error and "was not written by this command" in error
+    assert picture.read_bytes() == b"mine" and not (tmp_path / "holiday.yaml").exists()
     assert "ends in .yaml" in run("foot", curves, *SIZE, "--out", tmp_path / "folder")[2]

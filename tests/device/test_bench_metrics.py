@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 from made_results import BENCH_PARAMETERS, make_bench, make_setting
+from scipy.integrate import quad
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.device import bench_metrics
@@ -85,6 +87,34 @@ def test_closed_form_with_the_laminates_section_gives_the_published_range():
     and 32 N/mm."""
     k = bench_metrics.closed_form_stiffness(BENCH_PARAMETERS, np.array([0.066, 0.151]))
     np.testing.assert_allclose(k, [10e3, 32e3], rtol=0.01)
+
+
+@pytest.mark.parametrize("tip", [1.0 - 1e-9, 0.2])
+def test_a_keel_that_thins_is_the_beam_of_which_each_place_has_its_own_section(tip):
+    """By a second method: adaptive quadrature of M² / (E I), the bending moment M of a load of
+    1 N."""
+    support, point, length, start = 0.1, 0.19, 0.2, 0.06
+    keel = BENCH_PARAMETERS["keel"] | {
+        "element_lengths_m": [length / 8] * 8,
+        "taper_from_m": start,
+        "tip_stiffness": tip,
+    }
+    foot = BENCH_PARAMETERS | {
+        "keel": keel,
+        "load_point_m": point,
+        "series_stiffness_n_per_m": 1e30,
+        "fulcrum": {"stiffness_n_per_m": math.inf},
+    }
+    bending = keel["flexural_modulus_pa"] * keel["width_m"] * keel["thickness_m"] ** 3 / 12.0
+
+    def yields(x):
+        thinner = 1.0 - (1.0 - tip ** (1 / 3)) * max(x - start, 0.0) / (length - start)
+        moment = (point - support) * x / support if x < support else point - x
+        return moment**2 / (bending * thinner**3)
+
+    compliance = quad(yields, 0.0, point, points=[start, support])[0]
+    found = bench_metrics.closed_form_stiffness(foot, np.array([support, support]))
+    np.testing.assert_allclose(found, 1.0 / compliance, rtol=1e-5)
 
 
 def test_the_foam_counts_with_its_mean_slope_between_the_loads():

@@ -289,3 +289,10 @@ def test_all_engines_agree():
     wrong = [row for row in found.rows if not row.met]
     assert not wrong, wrong
     assert found.agreed
+
+
+def test_a_keel_that_thins_has_no_uniform_beam_beside_it_and_is_refused():
+    foot = FootParameters()
+    thins = dataclasses.replace(foot, keel=dataclasses.replace(foot.keel, tip_stiffness=0.5))
+    with pytest.raises(InputError, match=r"foot\.keel\.tip_stiffness: the keel thins"):
+        questions(thins)

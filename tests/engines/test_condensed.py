@@ -223,6 +223,12 @@ def test_a_part_of_the_sole_that_bears_nothing_is_named():
         condense(replace(NOMINAL, zones=soft))
 
 
+def test_a_passive_foot_is_refused():
+    fixed = replace(NOMINAL.fulcrum, rearmost_m=0.1, foremost_m=0.1)
+    with pytest.raises(InputError, match=r"foot\.fulcrum.*support does not move.*at 100 mm"):
+        condense(replace(NOMINAL, fulcrum=fixed))
+
+
 def test_a_fulcrum_out_of_reach_is_refused(condensed):
     with pytest.raises(InputError, match=r"fulcrum_m.*out of the carriage's reach"):
         condensed.at(0.2)

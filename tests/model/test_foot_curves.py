@@ -53,6 +53,22 @@ def test_energy_lost_is_the_area_between_the_branches_over_that_under_loading(tm
         assert curve.lost_share == pytest.approx(LOSS, abs=1e-9)
 
 
+@pytest.mark.parametrize("loss", [0.0, LOSS])
+def test_an_unloading_that_stops_halfway_counts_only_as_far_as_it_goes(tmp_path, loss):
+    """A straight line that lacks a share of its load lacks that share of its area over any part."""
+    [curve] = load_foot_curves(written(tmp_path, [HEADER, *rows("forefoot", 0, loss=loss)[:32]]))
+    assert curve.unloading[1][0] > 0.3 * curve.load_n[-1]
+    assert curve.lost_share == pytest.approx(loss, abs=1e-9)
+
+
+def test_an_unloading_that_ends_without_load_has_none_over_the_rest(tmp_path):
+    """30 N/mm to 30 mm, and back along 40 N/mm to none at 7.5 mm: (30² - 22.5 * 30) / 30²."""
+    there = [f"forefoot,{mm},{30 * mm},0,loading" for mm in np.linspace(0.0, 30.0, 20)]
+    back = [f"forefoot,{mm},{40 * (mm - 7.5)},0,unloading" for mm in np.linspace(30.0, 7.5, 20)]
+    [curve] = load_foot_curves(written(tmp_path, [HEADER, *there, *back]))
+    assert curve.lost_share == pytest.approx(0.25, abs=1e-4)
+
+
 def test_semicolons_decimal_commas_kilonewtons_and_no_optional_column_read_the_same(tmp_path):
     lines = ["displacement_mm;load_kn;part"]
     lines += [f"{mm};{0.030 * mm};forefoot".replace(".", ",") for mm in range(31)]
@@ -81,6 +97,8 @@ def scaled(column, factor):
         (["part,load_n", "forefoot,0"], "there are 0 columns of displacement"),
         ([HEADER, "toe,0,0,0,loading"], "line 2, column part: 'toe' is neither forefoot nor heel"),
         ([HEADER, "heel,0,0,0,up"], "column branch: 'up' is neither loading nor unloading"),
+        ([HEADER, "loading,0,0,0,loading"], "column part: 'loading' is neither forefoot nor heel"),
+        ([HEADER, "heel,0,0,0,forefoot"], "column branch: 'forefoot' is neither loading nor"),
         ([HEADER, "heel,0,x,0,loading"], "column load: 'x' is not a finite number"),
         ([HEADER, "heel,0,0,0"], "the row has 4 cells"),
         ([HEADER, *rows("forefoot", 0)[:4]], "has 4 rows of loading. At least 5 are needed"),
@@ -90,7 +108,11 @@ def scaled(column, factor):
         ),
         (
             [HEADER, *rows("forefoot", 0)[:20], *rows("forefoot", 0)[34:]],
-            "unloading begins at 7.89 mm, loading ended at 30 mm",
+            "unloading goes from 7.89 to 0 mm, loading ended at 30 mm",
+        ),
+        (
+            [HEADER, *rows("forefoot", 0)[:27]],
+            "unloading goes from 30 to 20.5 mm, loading ended at 30 mm",
         ),
         (scaled(2, 1e-3), "the largest load is 0.9 N. A foot bears 100 to 10000 N. Is it in kilo"),
         (

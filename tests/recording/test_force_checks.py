@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from vsf_drake.model.parameters import GRAVITY
+from vsf_drake.model.parameters import GRAVITY, ModelParameters
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import low_pass
@@ -605,3 +605,17 @@ def test_several_events_tell_a_lag_where_one_of_them_is_far_off(late_s):
     assert check.value == pytest.approx(late_s, abs=1e-9)
     assert check.mark == ("doubtful" if late_s else "good")
     assert check.cost_bw == pytest.approx(2.5 * abs(late_s))
+
+
+@pytest.mark.parametrize("passive", [False, True])
+def test_no_fulcrum_is_looked_for_under_a_keel_that_thins_or_has_a_support_that_stays(passive):
+    foot = ModelParameters().foot
+    other = dataclasses.replace(foot, keel=dataclasses.replace(foot.keel, tip_stiffness=0.5))
+    if passive:
+        other = dataclasses.replace(
+            foot, fulcrum=dataclasses.replace(foot.fulcrum, rearmost_m=0.1, foremost_m=0.1)
+        )
+    model = dataclasses.replace(ModelParameters(), foot=other)
+    unread = None
+    asked = {"span": (0.0, 1.0), "mass_kg": 80.0, "fulcrum_m": 0.1}
+    assert force_checks.bending(unread, model, unread, unread, **asked) is None

@@ -12,9 +12,11 @@ from page_reader import Balanced
 from readable import assert_readable
 
 from vsf_drake.base.files import resource
+from vsf_drake.motion.markers.segments import TrackedMotion
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.recording import MARKS
 from vsf_drake.recording.examine import examine
+from vsf_drake.report import import_outputs
 from vsf_drake.report.import_outputs import angle_figure, floor_figure, force_figure, import_page
 
 
@@ -98,3 +100,24 @@ def test_synthetic_trials_are_called_so_in_title_text_and_every_figure_which_a_t
         assert_readable(figure, make.__name__)
         labels = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
         assert any("SYNTHETIC" in label for label in labels)
+
+
+def test_figures_are_kept_only_of_the_same_feet_and_angles_drawn_by_the_same_code(
+    item, monkeypatch
+):
+    def tracked(more):
+        motion = item.trial.trajectory
+        found = TrackedMotion(motion.time_s, motion.names, motion.values + more, {}, {}, {}, {})
+        return dataclasses.replace(item, trial=dataclasses.replace(item.trial, tracked=found))
+
+    feet = {
+        side: dataclasses.replace(foot, toe_W=foot.toe_W + 1e-3) for side, foot in item.feet.items()
+    }
+    items = [item, dataclasses.replace(item, feet=feet), tracked(0.0), tracked(1e-3)]
+    shown = [import_outputs._shown(each) for each in items]
+    assert shown[0] == import_outputs._shown(item)
+    monkeypatch.setattr(import_outputs, "version", lambda name: "0")
+    shown.append(import_outputs._shown(item))
+    monkeypatch.setattr(import_outputs, "DRAWN_BY", ("report/page.py",))
+    shown.append(import_outputs._shown(item))
+    assert len(set(shown)) == 6

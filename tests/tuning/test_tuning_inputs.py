@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.model.contact_file import load_contact
+from vsf_drake.model.parameters import FootParameters
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.tuning import inputs
 from vsf_drake.tuning.inputs import embedded_tuning_trials, load_tuning_trials
+from vsf_drake.tuning.options import TuningOptions, design_variables
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 
 LOW, MEDIUM, HIGH = embedded_trials(quick=True)
@@ -62,3 +65,10 @@ def test_a_trial_that_is_named_twice_or_not_there_is_refused():
         )
     with pytest.raises(InputError, match="there is no such file"):
         load_tuning_trials([LOW.with_name("none.yaml")])
+
+
+def test_a_passive_foot_is_not_tuned():
+    foot = FootParameters()
+    fixed = replace(foot, fulcrum=replace(foot.fulcrum, rearmost_m=0.1, foremost_m=0.1))
+    with pytest.raises(InputError, match=r"support does not move.*nothing to tune"):
+        design_variables(TuningOptions(), [foot, fixed])

@@ -3,11 +3,15 @@ doubted."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.fit.assessment import sweep_fulcrum
 from vsf_drake.model.contact_file import load_contact
+from vsf_drake.model.parameters import ModelParameters
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.simulation.walk import Walker
@@ -78,3 +82,13 @@ def test_a_walk_that_fails_has_no_error_and_ends_no_other_but_what_cannot_be_wal
     assert np.isnan(fulcrum_errors(walker, trial, AT[:2], **buried)).all()
     with pytest.raises(InputError, match=r"values\['nonsense'\]|nonsense"):
         fulcrum_errors(walker, trial, AT[:2], values={"nonsense": 1.0})
+
+
+def test_the_fulcrum_of_a_passive_foot_is_not_looked_for():
+    model = ModelParameters()
+    fixed = replace(model.foot.fulcrum, rearmost_m=0.1, foremost_m=0.1)
+    trial = replace(
+        load_trial(embedded_trials("exact")[0]),
+        model=replace(model, foot=replace(model.foot, fulcrum=fixed)),
+    )
+    assert sweep_fulcrum(None, trial, None) is None

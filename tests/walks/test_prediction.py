@@ -246,7 +246,8 @@ def test_a_walk_in_which_the_intact_foot_never_swings_free_is_left_alone(walker,
 
 @pytest.mark.parametrize("name", ["low_1", "high_1"])
 def test_a_fitted_walk_is_recognised_by_its_steps_in_another_file(name):
-    """Cut otherwise, its angles found in another way, its forces rounded to 0.01 N."""
+    """Cut otherwise, its angles found in another way, its forces rounded to 0.01 N, the person
+    weighed again."""
     contact = load_contact(embedded_contact())
     own = load_trial(resource(f"data/reference_subject/laboratory/{name}.yaml"))
     side = own.subject.prosthetic_side
@@ -254,6 +255,10 @@ def test_a_fitted_walk_is_recognised_by_its_steps_in_another_file(name):
     motion = own.trajectory.with_values(own.trajectory.values + 0.01)
     again = replace(own, plates={side: plate}, trajectory=motion, start_s=own.start_s + 0.02)
     assert fingerprint(again) != fingerprint(own) == recording_of(again, contact)
+    for ratio, same in ((1.002, own), (0.97, own), (1.08, None)):
+        subject = replace(own.subject, mass_kg=ratio * own.subject.mass_kg)
+        weighed = replace(again, subject=subject)
+        assert recording_of(weighed, contact) == fingerprint(same or weighed)
     other = load_trial(resource(f"data/reference_subject/laboratory/{name[:-1]}2.yaml"))
     assert recording_of(other, contact) == fingerprint(other)
 

@@ -18,7 +18,12 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.laws.beam import combined_stiffness, section_inertia
+from vsf_drake.laws.beam import (
+    combined_stiffness,
+    lumped_stiffness,
+    section_inertia,
+    taper,
+)
 from vsf_drake.model.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 
@@ -54,6 +59,9 @@ TUNED_JOINTS_N_PER_M = {x / 1000: _tuned_joints(x) for x in (66, 87, 108, 129, 1
 measurement."""
 LOAD_N = 600.0
 """Largest load of the paper's passes."""
+BEAM_PIECES = 1000
+"""Of the chain that is a keel that thins; a uniform one has the closed form's stiffness within
+1e-6."""
 _SAME_POSITION_M = 5e-4
 _START_SHARE = 0.02  # share of the largest load with which a curve may start
 _NOISE = 1e-6  # share of the largest load by which a load may fall without counting as not monotone
@@ -183,24 +191,33 @@ def bench_table(result: BenchResult) -> BenchTable:
 
 def closed_form_stiffness(foot: Mapping[str, Any], fulcrum_m: Any) -> np.ndarray:
     """Stiffness (N/m) at `fulcrum_m` (m) of the overhung beam with the compliances of a foot, given
-    as plain values.
+    as plain values; a keel that thins is a chain of BEAM_PIECES.
 
     The foam, in series, has its mean slope between the two loads of the bench.
     """
     keel = foot["keel"]
+    bending = keel["flexural_modulus_pa"] * section_inertia(keel["width_m"], keel["thickness_m"])
     k = foot["series_stiffness_n_per_m"]
     n = foot.get("series_exponent", 1.0)
     low, high = ((load / k) ** (1.0 / n) for load in (STIFFNESS_ABOVE_N, LOAD_N))
-    return np.asarray(
-        combined_stiffness(
-            bending_stiffness=keel["flexural_modulus_pa"]
-            * section_inertia(keel["width_m"], keel["thickness_m"]),
-            support=np.asarray(fulcrum_m, dtype=float),
-            load_point=foot["load_point_m"],
-            fulcrum_stiffness=foot["fulcrum"]["stiffness_n_per_m"],
-            series_stiffness=(LOAD_N - STIFFNESS_ABOVE_N) / (high - low),
-        )
-    )
+    support = np.asarray(fulcrum_m, dtype=float)
+    held = {
+        "load_point": foot["load_point_m"],
+        "fulcrum_stiffness": foot["fulcrum"]["stiffness_n_per_m"],
+        "series_stiffness": (LOAD_N - STIFFNESS_ABOVE_N) / (high - low),
+    }
+    tip = keel.get("tip_stiffness", 1.0)
+    if tip == 1.0:
+        return np.asarray(combined_stiffness(bending_stiffness=bending, support=support, **held))
+    end = math.fsum(keel["element_lengths_m"])
+    lengths = np.full(BEAM_PIECES, end / BEAM_PIECES)
+    middles = np.cumsum(lengths) - 0.5 * lengths
+    bending = bending * taper(middles, start=keel["taper_from_m"], end=end, tip=tip)
+    stiffness = [
+        lumped_stiffness(bending_stiffness=bending, element_lengths=lengths, support=at, **held)
+        for at in support.flat
+    ]
+    return np.reshape(stiffness, support.shape)
 
 
 def published_stiffness(fulcrum_m: float | None) -> float | None:

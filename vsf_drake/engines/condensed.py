@@ -44,9 +44,13 @@ from vsf_drake.engines.sagittal_foot import (
     of_full,
     without_motion,
 )
-from vsf_drake.laws.beam import section_inertia
 from vsf_drake.laws.contact_law import LawConstants
-from vsf_drake.model.model_file import check_foot, check_fulcrum
+from vsf_drake.model.model_file import (
+    bending_stiffness,
+    check_foot,
+    check_fulcrum,
+    check_movable,
+)
 from vsf_drake.model.parameters import GRAVITY, FootParameters, FrictionParameters
 from vsf_drake.plants.foot import mount_pose, sole_height
 from vsf_drake.plants.rigid_foot import rigid_foot
@@ -163,10 +167,12 @@ class CondensedFoot:
 def condense(parameters: FootParameters) -> CondensedFoot:
     """Fits the condensed foot to the full one of `parameters`, always the same for the same ones.
 
-    InputError if the foot is none, or a station would have no sphere to stand for; SimulationError
-    if a foot finds no rest under a load that it must bear; FitError if the hinges leave the keel.
+    InputError if the foot is none, its support does not move, or a station would have no sphere to
+    stand for; SimulationError if a foot finds no rest under a load that it must bear; FitError if
+    the hinges leave the keel.
     """
     check_foot(parameters)
+    check_movable(parameters, "A condensed foot is over the fulcrum's reach. Export the full foot")
     return _Fit(parameters).solved()
 
 
@@ -349,9 +355,7 @@ class _Fit:
             [10e-3, 1.0, 10e-3, 1.0, 1.0],
             [DEGREE + 1, 3 * (DEGREE + 1), *3 * (len(STATIONS),)],
         )
-        bending = foot.keel.flexural_modulus_pa * section_inertia(
-            foot.keel.width_m, foot.keel.thickness_m
-        )
+        bending = float(bending_stiffness(foot.keel).mean())
         free = foot.load_point_m - positions
         # a beam that is pinned at A, supported at the fulcrum and loaded at C
         begin = np.log([free / 3.0, 3.0 * bending / positions, 3.0 * bending / free])

@@ -435,9 +435,13 @@ def bench_row(bench: BenchMeasurement) -> BenchRow:
     )
 
 
-def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None) -> FulcrumSweep:
-    """Error of one trial over the carriage's range."""
+def sweep_fulcrum(
+    solution: ContactFitSolution, trial: Trial, label: str | None
+) -> FulcrumSweep | None:
+    """Error of one trial over the carriage's range; None of a foot whose support does not move."""
     positions = sweep_positions(trial)
+    if not np.ptp(positions):
+        return None
     errors = fulcrum_errors(
         solution.fit.walker, trial, positions, **solution.fitted_for(trial, label)
     )

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import chain, repeat
 from pathlib import Path
 
 import numpy as np
@@ -45,7 +46,7 @@ _NEEDED = (
     "It needs the columns part, displacement_mm and load_n (or displacement_m, load_kn), and may "
     "have angle_deg and branch"
 )
-_WORDS = {word: str(i) for words in (PARTS, BRANCHES) for i, word in enumerate(words)}
+_WORDS = {"part": PARTS, "branch": BRANCHES}
 _LARGEST_TILT = math.radians(45.0)
 _LOAD_N = (100.0, 1e4)
 _TRAVEL_MM = (1.0, 100.0)
@@ -75,13 +76,18 @@ class FootCurve:
 
     @property
     def lost_share(self) -> float | None:
-        """Energy lost in the cycle over that put in, up to the largest displacement that both
-        branches have; None without unloading."""
+        """Energy lost in the cycle over that put in, over the displacements that both branches
+        have; an unloading that ends without load lies at zero from there on. None without
+        unloading."""
         if self.unloading is None:
             return None
-        x = np.linspace(0.0, min(self.displacement_m[-1], self.unloading[0][-1]), 400)
+        back_m, back_n = self.unloading
+        returned = back_n[0] <= NOISE * self.load_n.max()
+        x = np.linspace(
+            0.0 if returned else max(0.0, back_m[0]), min(self.displacement_m[-1], back_m[-1]), 400
+        )
         put_in = np.trapezoid(np.interp(x, self.displacement_m, self.load_n), x)
-        back = np.trapezoid(np.interp(x, *self.unloading, left=0.0), x)
+        back = np.trapezoid(np.interp(x, back_m, back_n, left=0.0), x)
         return float(1.0 - back / put_in)
 
 
@@ -97,13 +103,17 @@ def load_foot_curves(path: str | Path) -> tuple[FootCurve, ...]:
     require(number, "is empty", right=_NEEDED, file=path)
     separator = separator_of(header) or ","
     kinds, factors = _header(as_label(header), separator, path, f"line {number}")
+    of_columns = [_WORDS.get(kind, ()) for kind in kinds]
     oddities = dict[tuple[int, int], str]()
 
     def split(line: str) -> list[str]:
         cells = [cell.strip().lower() for cell in line.split(separator)]
         if separator != ",":
             cells = [cell if "." in cell else cell.replace(",", ".") for cell in cells]
-        return [_WORDS.get(cell, cell) for cell in cells]
+        return [
+            str(words.index(cell)) if cell in words else cell
+            for cell, words in zip(cells, chain(of_columns, repeat(())), strict=False)
+        ]
 
     cells, places, _ = table_rows(
         lines,
@@ -114,9 +124,8 @@ def load_foot_curves(path: str | Path) -> tuple[FootCurve, ...]:
         oddities=oddities,
         surplus="Numbers need a decimal point, not a comma" if separator == "," else None,
     )
-    known = {"part": PARTS, "branch": BRANCHES}
     for (row, column), cell in oddities.items():
-        asked = known.get(kinds[column])
+        asked = _WORDS.get(kinds[column])
         raise InputError(
             f"{cell[:40]!r} is neither {' nor '.join(asked)}"
             if asked
@@ -129,7 +138,7 @@ def load_foot_curves(path: str | Path) -> tuple[FootCurve, ...]:
     part = columns["part"]
     angle = np.round(columns.get("angle", none), 9)
     branch = columns.get("branch", none)
-    for kind, words in known.items():
+    for kind, words in _WORDS.items():
         wrong = ~np.isin(columns.get(kind, none), (0.0, 1.0))
         require(
             not wrong.any(),
@@ -286,10 +295,12 @@ class _Pass:
             raise self.refuse(
                 f"has {len(x)} rows of unloading", f"At least {FEWEST_SAMPLES} are needed"
             )
-        if x.max() - touch_m < 0.5 * travel_m:
+        start_m = float(x.max()) - touch_m
+        end_m = float(x.min()) - touch_m
+        if min(start_m, travel_m) - max(end_m, 0.0) < 0.5 * travel_m:
             raise self.refuse(
-                f"unloading begins at {1e3 * (x.max() - touch_m):.3g} mm, loading ended at "
-                f"{1e3 * travel_m:.3g} mm",
+                f"unloading goes from {1e3 * start_m:.3g} to {1e3 * end_m:.3g} mm, loading ended "
+                f"at {1e3 * travel_m:.3g} mm",
                 "The way back must hold half of that or more",
             )
         order = np.argsort(x, kind="stable")

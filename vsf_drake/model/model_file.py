@@ -248,3 +248,14 @@ def check_fulcrum(
         file=file,
     )
     return fulcrum_m
+
+
+def check_movable(foot: FootParameters, right: str) -> None:
+    """InputError, with what would be `right`, unless the fulcrum of `foot` can move."""
+    at = foot.fulcrum.rearmost_m
+    require(
+        at < foot.fulcrum.foremost_m,
+        f"this foot's support does not move: it stands at {1e3 * at:g} mm",
+        "foot.fulcrum",
+        right,
+    )

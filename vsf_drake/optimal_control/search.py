@@ -15,6 +15,7 @@ from vsf_drake.base.progress import Progress
 from vsf_drake.collocation import sqp
 from vsf_drake.collocation.problem import Grid
 from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution
+from vsf_drake.model.model_file import check_movable
 from vsf_drake.model.parameters import GRAVITY
 from vsf_drake.motion.trial import Trial
 from vsf_drake.optimal_control.normal import normal_gait
@@ -158,6 +159,7 @@ class StrideTuning:
                 self.stride.hip_height_m,
                 "speed_m_per_s" if self.speed_m_per_s is not None else "the recorded speed",
             )
+        check_movable(self.trial.model.foot, "There is nothing to tune on a passive foot")
         low, high = self.stride.reach_mm
         fulcrum = self.trial.model.foot.fulcrum
         require(

@@ -691,9 +691,13 @@ def bending(
     The depth is a height and an angle that are free within BENT_PRIOR, and what the load presses
     down: the overhung keel (`laws.beam`) and the socket, axially and in flexion. Lengths and
     stiffness of the person's own foot are in it, so that it tells a setting only beside other walks
-    (`examine.settings_compared`). None where too little of a stance is measured.
+    (`examine.settings_compared`). None where too little of a stance is measured, of a foot whose
+    support does not move, and of a keel that thins, for the beam is uniform.
     """
     keel = model.foot.keel
+    reach = model.foot.fulcrum
+    if reach.rearmost_m == reach.foremost_m or keel.tip_stiffness != 1.0:
+        return None
     along = foot.toe_W - foot.heel_W
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
     place = np.sum((cop_W - foot.heel_W) * along, axis=1)

@@ -73,7 +73,8 @@ def misses(foot: FittedFoot) -> bool:
 
 
 def check_foot_file(out: Path) -> None:
-    """InputError unless `out` is the name of a model file that may be written."""
+    """InputError unless `out` is the name of a model file that may be written, and so may the
+    picture beside it: where there is no such model yet, no picture is written over."""
     require(
         out.suffix.lower() in (".yaml", ".yml"),
         "is no name of a model file",
@@ -88,6 +89,14 @@ def check_foot_file(out: Path) -> None:
         "--out",
         "Give another name, or delete it",
         file=out,
+    )
+    picture = out.with_suffix(".png")
+    require(
+        out.exists() or not picture.exists(),
+        "exists, and was not written by this command",
+        "--out",
+        "Give another name, or delete it: the picture is written beside the model file",
+        file=picture,
     )
 
 

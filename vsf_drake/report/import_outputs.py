@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Mapping, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import plain, write_text
 from vsf_drake.base.schema import dump_yaml, to_plain
 from vsf_drake.base.yaml_file import dump
+from vsf_drake.laws.compiled import sources_sha256
 from vsf_drake.model.parameters import GRAVITY, PELVIS_TRANSLATIONS
 from vsf_drake.motion.events import USUAL_STANCE_S
 from vsf_drake.motion.fitted_trial import fingerprint
@@ -47,11 +49,13 @@ from vsf_drake.report.style import (
     png,
 )
 from vsf_drake.simulation.archive import provenance
-from vsf_drake.simulation.batch.cases import digest, software
+from vsf_drake.simulation.batch.cases import PACKAGE, digest, software
 
 IMPORT = ResultsFolder(kind="import", command="import", table="import.json", names=(REPLAY,))
 CHECK = ResultsFolder(kind="check", command="check", table="check.json", names=(REPLAY,))
 _SUBJECT = "subject.yaml"
+DRAWN_BY = ("report", "recording", "motion", "optimal_control/normal.py")
+"""Sources of the figures, beside those of `simulation.batch.cases.software`."""
 
 
 def write_import(imported: ImportedWalks, out: Path) -> None:
@@ -149,10 +153,19 @@ def _shown(item: Examined) -> str:
         "synthetic": trial.synthetic,
         "found": [item.checks, item.stances, trial.unmeasured],
         "tracked": trial.tracked and [trial.tracked.residual_rms_m, trial.tracked.gaps],
+        "names": trial.tracked and trial.tracked.names,
         "standing": trial.calibration and trial.calibration.angles_rad,
         "software": software(),
+        "drawn_by": [sources_sha256(PACKAGE, DRAWN_BY), version("matplotlib")],
     }
-    return digest(plain(facts))
+    arrays = {
+        f"{side} {name}": getattr(foot, name)
+        for side, foot in item.feet.items()
+        for name in ("time_s", "heel_W", "toe_W")
+    }
+    if trial.tracked:
+        arrays |= {"tracked": trial.tracked.values, "tracked_s": trial.tracked.time_s}
+    return digest(plain(facts), arrays)
 
 
 def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Path) -> None:

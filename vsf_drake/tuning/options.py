@@ -10,6 +10,7 @@ import numpy as np
 
 from vsf_drake.base.errors import require
 from vsf_drake.base.schema import choice, quantity
+from vsf_drake.model.model_file import check_movable
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.simulation.variables import Variable
 from vsf_drake.tuning.common import DESIGN, JOINTS, GivenMotionOptions, chosen
@@ -97,6 +98,8 @@ def design_variables(
 ) -> tuple[DesignVariable, ...]:
     """The fulcrum, then the options' design, with bounds that every one of these feet can meet, or
     InputError."""
+    for foot in feet:
+        check_movable(foot, "There is nothing to tune on a passive foot")
     low = max(foot.fulcrum.rearmost_m for foot in feet) / MM
     high = min(foot.fulcrum.foremost_m for foot in feet) / MM
     require(low < high, "the carriages of these trials' feet have no range in common", "trials")

@@ -261,7 +261,7 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
         seed=study.options.seed,
     )
     show("comparing curves", 0.8)
-    rows = tuple(_walk_row(walk, sweeps[walk.label]) for walk in study.walks)
+    rows = tuple(_walk_row(walk, sweeps.get(walk.label)) for walk in study.walks)
     curves = {walk.label: walk_curves(walk) for walk in study.walks}
     differences, arrays = compared_groups(
         [[curves[walk.label] for walk in own] for own in study.conditions().values()],
@@ -317,7 +317,7 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     )
 
 
-def _walk_row(walk: StudyWalk, sweep: FulcrumSweep) -> WalkRow:
+def _walk_row(walk: StudyWalk, sweep: FulcrumSweep | None) -> WalkRow:
     metrics = walk.metrics
     moments = free_moment_errors(walk.result, walk.recorded.prosthetic_plate, walk.comparison)
     return WalkRow(
@@ -326,7 +326,7 @@ def _walk_row(walk: StudyWalk, sweep: FulcrumSweep) -> WalkRow:
         fulcrum_mm=walk.fulcrum_mm,
         null_model_unknown=metrics.null_model_unknown,
         beats_null=metrics.beats_null,
-        sweep=sweep_entry(sweep),
+        sweep=None if sweep is None else sweep_entry(sweep),
         scores={name: getattr(metrics, name) for name in OF_METRICS}
         | dict(zip(FREE_MOMENT, moments, strict=True)),
     )
@@ -448,13 +448,14 @@ QUICK_POSITIONS = 6
 def sweep_study(
     study: Study, *, progress: Progress | None = None
 ) -> tuple[dict[str, FulcrumSweep], dict[str, list[str]]]:
-    """By walk: the resultant's error over the fulcrum's position, all that was fitted as it was;
-    and why positions have no error, only of walks that have such."""
+    """By walk whose fulcrum can move: the resultant's error over its position, all that was fitted
+    as it was; and why positions have no error, only of walks that have such."""
     show = part_of(progress)
     count = QUICK_POSITIONS if study.options.quick else SWEEP_POSITIONS
+    walks = [walk for walk in study.walks if np.ptp(sweep_positions(walk.trial))]
     cases = [
         WalkCase(trial=walk.trial, fulcrum_m=float(x), step_s=SWEEP_STEP_S, label=walk.label)
-        for walk in study.walks
+        for walk in walks
         for x in sweep_positions(walk.trial, count)
     ]
     outcomes = simulate_batch(
@@ -467,7 +468,7 @@ def sweep_study(
     found = [judged(outcome) for outcome in outcomes]
     sweeps = {}
     failures = {}
-    for i, walk in enumerate(study.walks):
+    for i, walk in enumerate(walks):
         errors, reasons = zip(*found[i * count : (i + 1) * count], strict=True)
         sweeps[walk.label] = swept(
             sweep_positions(walk.trial, count),

@@ -54,9 +54,12 @@ from vsf_drake.walks.recorded_walk import with_contact
 
 PHYSICS, MOMENTUM, PERSON = LAYERS = ("physics", "momentum", "person")
 SAME_BW = 1e-3
-"""Plates whose forces over stance differ by less (body weights, root mean square) measured the same
-steps (a choice). The same differ by 1e-6 at most; the two walks most alike of the synthetic persons
-of data/sessions, on one day, by 17e-3."""
+"""Plates whose forces over stance differ by less (body weights, root mean square), one of them
+scaled to the other, measured the same steps (a choice). The same differ by 1e-6 at most; the two
+walks most alike of a synthetic person of data/sessions by 14e-3, on one day by 15e-3."""
+SAME_MASS = 0.05
+"""By which share the body weights may differ that the forces of the same steps were divided by (a
+choice): a mass that was weighed again, rounded, or taken with other clothes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -291,14 +294,19 @@ def layer_curves(walk: LayeredWalk, trial: Trial, contact: FittedContact) -> dic
 
 def recording_of(trial: Trial, contact: FittedContact) -> str:
     """The fingerprint of the recording that a trial is: that of a fitted one whose steps its plate
-    measured, though file, window or the way from markers to angles may be others; else its own."""
+    measured, though file, window, the way from markers to angles, or the body's mass within
+    SAME_MASS may be others; else its own."""
     own = fingerprint(trial)
     curve = contact.person_curve
     if trial.plate is None or curve is None or own in {one.fingerprint for one in contact.trials}:
         return own
     force_bw = stance_curve(trial.plate, subject_mass_kg=trial.subject.mass_kg)
+    if force_bw is None:
+        return own
     for one in curve.walks:
-        if force_bw is not None and rmse(force_bw, _resultant_bw(one)) < SAME_BW:
+        known_bw = _resultant_bw(one)
+        ratio = float(force_bw @ known_bw / (known_bw @ known_bw))
+        if abs(ratio - 1.0) < SAME_MASS and rmse(force_bw, ratio * known_bw) < SAME_BW:
             return one.fingerprint
     return own
 

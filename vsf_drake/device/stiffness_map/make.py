@@ -34,7 +34,7 @@ from vsf_drake.device.stiffness_map.surface import (
 )
 from vsf_drake.fit.draws import contact_draws
 from vsf_drake.model.contact_file import model_with
-from vsf_drake.model.model_file import check_fulcrum
+from vsf_drake.model.model_file import check_fulcrum, check_movable
 from vsf_drake.model.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.batch.processes import checked, chosen
@@ -73,7 +73,8 @@ def check_axes(
     axes: Mapping[str, Sequence[float]], foot: FootParameters
 ) -> dict[str, tuple[float, ...]]:
     """`axes` in the order of AXES, each checked: in range, rising, one value or enough of them for
-    a surface."""
+    a surface; InputError too for a foot whose support does not move."""
+    check_movable(foot, "A map is over the fulcrum")
     made = {}
     for name, (low, high) in AXES.items():
         values = tuple(float(value) for value in axes[name])

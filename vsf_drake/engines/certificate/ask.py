@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vsf_drake.base.errors import require
 from vsf_drake.base.files import write_text
 from vsf_drake.base.schema import dump_yaml
 from vsf_drake.engines.certificate.asked import (
@@ -24,7 +25,7 @@ from vsf_drake.engines.condensed_osim import condensed_osim
 from vsf_drake.engines.mjcf import foot_mjcf
 from vsf_drake.engines.osim import foot_osim
 from vsf_drake.engines.sdf import foot_sdf
-from vsf_drake.laws.beam import section_inertia
+from vsf_drake.model.model_file import bending_stiffness, check_movable
 from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.rigid_foot import rigid_foot
 from vsf_drake.simulation.options import BenchOptions
@@ -54,8 +55,9 @@ def ask(folder: Path, parameters: FootParameters) -> tuple[Asked, CondensedError
     """Writes `asked.npz` and the foot's files into `folder`; what is asked, and how far the
     condensed foot is from the full one.
 
-    InputError if a fulcrum position is out of the foot's reach; SimulationError if the foot cannot
-    be rolled over; both, and FitError, as `condense` has them.
+    InputError if a fulcrum position is out of the foot's reach, and as `questions` and `condense`
+    have it; SimulationError if the foot cannot be rolled over, or as `condense` has it, and so
+    FitError.
     """
     asked = questions(parameters)
     asked.write(folder)
@@ -71,7 +73,16 @@ def ask(folder: Path, parameters: FootParameters) -> tuple[Asked, CondensedError
 
 
 def questions(parameters: FootParameters) -> Asked:
-    """What is asked of a foot; SimulationError if it cannot be rolled over."""
+    """What is asked of a foot; SimulationError if it cannot be rolled over; InputError if its
+    support does not move or its keel thins, for the beam beside it is uniform."""
+    check_movable(parameters, "The certificate is of a foot with a fulcrum that moves")
+    tip = parameters.keel.tip_stiffness
+    require(
+        tip == 1.0,
+        f"the keel thins: its tip is {tip:g} times as stiff as its rear end",
+        "foot.keel.tip_stiffness",
+        "The certificate compares the keel with a uniform beam, of 1",
+    )
     foot, links = rigid_foot(parameters)
     keel = links[1:-1]
     frame_index = foot.frame.index()
@@ -91,8 +102,7 @@ def questions(parameters: FootParameters) -> Asked:
         roll_fulcrum_mm=ROLL_FULCRUM_MM,
         time_s=time_s,
         mount=mount,
-        beam_ei_nm2=parameters.keel.flexural_modulus_pa
-        * section_inertia(parameters.keel.width_m, parameters.keel.thickness_m),
+        beam_ei_nm2=float(bending_stiffness(parameters.keel)[0]),
         keel_length_m=math.fsum(parameters.keel.element_lengths_m),
         support_n_per_m=parameters.fulcrum.stiffness_n_per_m,
         sphere_bodies=np.array([names[index] for index in foot.sites.body_indices]),

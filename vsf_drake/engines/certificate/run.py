@@ -88,7 +88,8 @@ def certify(
 
     Raises:
         InputError: there is no such engine; it is not installed, or of a version that is too old; a
-            fulcrum position is out of the foot's reach, or a part of its sole bears nothing.
+            fulcrum position is out of the foot's reach, its support does not move, its keel thins,
+            or a part of its sole bears nothing.
         SimulationError: the foot cannot be rolled over, or finds no rest under a load.
         FitError: no condensed foot stands for it.
     """
