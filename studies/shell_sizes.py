@@ -72,8 +72,15 @@ def main() -> None:
     )
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--walks", action="store_true", help="make the walks alone")
+    parser.add_argument(
+        "--quick", action="store_true", help="the bench curves of every shell, without walks"
+    )
     parser.add_argument("--out", type=Path, default=RESULTS, help=f"folder; {RESULTS} by default")
     arguments = parser.parse_args()
+    if arguments.quick:
+        for mm in SHELLS_MM:
+            write_bench(arguments.out / f"{mm}", mm)
+        return
     walks = [(mm, name) for name in (*FITTED, *JUDGING) for mm in SHELLS_MM]
     with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
         list(pool.map(walked, *zip(*walks, strict=True)))
@@ -131,14 +138,18 @@ def make(mm: int, name: str) -> dict[str, Any]:
     write_subject(
         folder, f"# {NOTICE}.\n" + "".join(f"{key}: {value}\n" for key, value in subject.items())
     )
-    write_bench_curves(
-        folder, person.foot, name=f"SYNTHETIC foot in {mm} mm", notice=NOTICE, seed=SEED
-    )
+    write_bench(folder, mm)
     label = Label(
         name=day.written.name, notice=NOTICE, subject="../subject.yaml", foot_length_mm=mm
     )
     write_trial(folder, trial, tier, label)
     return {"peak_n": float(np.max(trial.reaction.force[:, 2]))}
+
+
+def write_bench(folder: Path, mm: int) -> None:
+    write_bench_curves(
+        folder, of_shell(mm).foot, name=f"SYNTHETIC foot in {mm} mm", notice=NOTICE, seed=SEED
+    )
 
 
 @cache
