@@ -7,11 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pressed_keel import keel_names, rise_in_mujoco, stated_step_s, stepped_in_mujoco
+from made_feet import UNUSUAL
+from pressed_keel import (
+    chain_stiffness,
+    keel_names,
+    rise_in_mujoco,
+    stated_step_s,
+    stepped_in_mujoco,
+)
 from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.engines.mjcf import IMPRATIO, foot_mjcf
-from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.mujoco import calibrate
 from vsf_drake.plants import add_foot
@@ -21,15 +27,6 @@ from vsf_drake.simulation.roll_over import RollOver
 mujoco = pytest.importorskip("mujoco")
 
 NOMINAL = FootParameters()
-UNUSUAL = replace(
-    NOMINAL,
-    pylon_x_m=0.07,
-    mass_kg=0.8,
-    build_height_m=0.11,
-    keel=replace(
-        NOMINAL.keel, element_lengths_m=(0.05, 0.04, 0.03, 0.06, 0.049), thickness_m=0.007
-    ),
-)
 FULCRUMS_M = (0.066, 0.108, 0.151)
 AT_REST = 1e-9
 """Speed (rad/s) of a joint."""
@@ -233,14 +230,7 @@ def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe
 ):
     """Between bench and file is the lean of a tendon of 10 m, whose end strays by some millimetres:
     its square."""
-    known = lumped_stiffness(
-        bending_stiffness=NOMINAL.keel.flexural_modulus_pa
-        * section_inertia(NOMINAL.keel.width_m, NOMINAL.keel.thickness_m),
-        element_lengths=NOMINAL.keel.element_lengths_m,
-        support=fulcrum_m,
-        load_point=NOMINAL.load_point_m,
-        fulcrum_stiffness=NOMINAL.fulcrum.stiffness_n_per_m,
-    )
+    known = chain_stiffness(NOMINAL, fulcrum_m, NOMINAL.load_point_m)
     model = compiled(NOMINAL, fulcrum_m)
     assert 1e-2 / rise_in_mujoco(model, NOMINAL, 1e-2) == pytest.approx(known, rel=1e-7)
     loads = np.array([200.0, 600.0])

@@ -12,7 +12,7 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
-from made_feet import loose_foot
+from made_feet import UNUSUAL, loose_foot
 from pydrake.geometry import Box, Cylinder
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
@@ -32,19 +32,15 @@ from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, keel_shape
 from vsf_drake.simulation.roll_over import RollOver
 
 USUAL = FootParameters()
-UNUSUAL = replace(
-    USUAL,
-    pylon_x_m=0.07,
-    mass_kg=0.8,
-    build_height_m=0.11,
-    keel=replace(USUAL.keel, element_lengths_m=(0.05, 0.04, 0.03, 0.06, 0.049), thickness_m=0.007),
+CURVED = replace(
+    UNUSUAL,
     zones=(
         *(replace(zone, stiffness=4e5, exponent=1.5) for zone in USUAL.zones[:3]),
         replace(USUAL.zones[3], stiffness=0.0, damping_n_s_per_m=0.0),
         replace(USUAL.zones[4], stiffness=2e5, exponent=1.7, rise_mm=(0.5,) * 13),
     ),
 )
-FEET = {"nominal": USUAL, "unusual": UNUSUAL}
+FEET = {"nominal": USUAL, "unusual": CURVED}
 FULCRUM_M = 0.108
 ROLL_S = 0.15
 # x, y, z of OpenSim are Drake's x, z, -y

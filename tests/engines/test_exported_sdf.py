@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pressed_keel import rise_in_drake, stated_step_s, stepped_in_drake
+from pressed_keel import chain_stiffness, rise_in_drake, stated_step_s, stepped_in_drake
 from pydrake.geometry import Role
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
@@ -25,7 +25,6 @@ from pydrake.systems.framework import DiagramBuilder
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
 from vsf_drake.engines.sdf import foot_sdf
-from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.model.model_file import load_model
 from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.contact_geometry import add_ground_geometry
@@ -74,14 +73,7 @@ def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe
     """Between bench and file is the lean of a spring of 1000 m, whose end strays by some
     millimetres: its square. Its rounding is 1e-7 N, 1e-6 of the small load."""
     plant = read(foot_sdf(NOMINAL, fulcrum_m=fulcrum_m), weight=False)
-    known = lumped_stiffness(
-        bending_stiffness=NOMINAL.keel.flexural_modulus_pa
-        * section_inertia(NOMINAL.keel.width_m, NOMINAL.keel.thickness_m),
-        element_lengths=NOMINAL.keel.element_lengths_m,
-        support=fulcrum_m,
-        load_point=NOMINAL.load_point_m,
-        fulcrum_stiffness=NOMINAL.fulcrum.stiffness_n_per_m,
-    )
+    known = chain_stiffness(NOMINAL, fulcrum_m, NOMINAL.load_point_m)
     assert 0.1 / rise_in_drake(plant, NOMINAL, 0.1) == pytest.approx(known, rel=1e-6)
     for load in (200.0, 600.0, 800.0):
         known = keel_shape(NOMINAL, fulcrum_m=fulcrum_m, load_n=load).load_point_K[1]

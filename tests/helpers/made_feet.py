@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
@@ -18,6 +18,15 @@ from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS
 from vsf_drake.plants.foot import mount_pose, sole_height
 
 PARAMETERS = FootParameters()
+UNUSUAL = replace(
+    PARAMETERS,
+    pylon_x_m=0.07,
+    mass_kg=0.8,
+    build_height_m=0.11,
+    keel=replace(
+        PARAMETERS.keel, element_lengths_m=(0.05, 0.04, 0.03, 0.06, 0.049), thickness_m=0.007
+    ),
+)
 EVERY_BRANCH = {
     "full_damping_depth": 0.09,
     "threshold_velocity": 0.15,

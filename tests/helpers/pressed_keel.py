@@ -17,6 +17,7 @@ from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.analysis import Simulator
 from scipy.optimize import root
 
+from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.foot import keel_joint_positions
 
@@ -32,6 +33,20 @@ def keel_names(parameters: FootParameters) -> tuple[list[str], np.ndarray]:
     """Names of the keel's joints from the pin on, and their distances (m) from A."""
     starts = np.append(0.0, keel_joint_positions(parameters.keel))
     return ["keel_pin", *(f"keel_{i}" for i in range(1, len(starts)))], starts
+
+
+def chain_stiffness(foot: FootParameters, support: float, load_point: float) -> float:
+    """N/m of the keel's sprung joints on the fulcrum `support` (m from A), without the foam, under
+    a small load `load_point` (m) from A."""
+    keel = foot.keel
+    return lumped_stiffness(
+        bending_stiffness=keel.flexural_modulus_pa
+        * section_inertia(keel.width_m, keel.thickness_m),
+        element_lengths=keel.element_lengths_m,
+        support=support,
+        load_point=load_point,
+        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m,
+    )
 
 
 def last_before(starts: np.ndarray, x: float) -> tuple[int, np.ndarray]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_feet import UNUSUAL
 from pydrake.geometry import Box, Role
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialVelocity
@@ -23,13 +24,6 @@ from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.station import add_model_package
 
 FOOT = FootParameters()
-UNUSUAL = replace(
-    FOOT,
-    pylon_x_m=0.07,
-    mass_kg=0.8,
-    build_height_m=0.11,
-    keel=replace(FOOT.keel, element_lengths_m=(0.05, 0.04, 0.03, 0.06, 0.049), thickness_m=0.007),
-)
 LEG = "package://vsf_drake/leg.urdf"
 FOOT_UNDER_LEG = "package://vsf_drake/foot_under_leg.dmd.yaml"
 

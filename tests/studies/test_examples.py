@@ -22,6 +22,7 @@ import robot_arm_emulator
 import standing_lqr
 import stepped_leg
 import walking_over_grounds
+from pressed_keel import chain_stiffness
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import JacobianWrtVariable
 from standing_leg import inverted_pendulum
@@ -39,7 +40,6 @@ from walking_over_grounds import (
 )
 
 from vsf_drake.base.files import resource
-from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.model.contact_file import load_contact
 from vsf_drake.model.ground import Ground
 from vsf_drake.model.parameters import GRAVITY, FootParameters
@@ -136,20 +136,6 @@ def test_a_draw_slips_if_and_only_if_the_pull_exceeds_static_friction(draws):
 # of the beam.
 
 
-def keel_stiffness(support, load_point):
-    """N/m of keel and fulcrum, without the foam, under a load `load_point` (m) from A."""
-    foot = FootParameters()
-    keel = foot.keel
-    bending = keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m)
-    return lumped_stiffness(
-        bending_stiffness=bending,
-        element_lengths=keel.element_lengths_m,
-        support=support,
-        load_point=load_point,
-        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m,
-    )
-
-
 def test_in_swing_the_fulcrum_moves_unloaded_by_a_third_of_its_range_and_energy_is_balanced(
     tmp_path,
 ):
@@ -164,7 +150,11 @@ def test_in_swing_the_fulcrum_moves_unloaded_by_a_third_of_its_range_and_energy_
     assert stride["energy"] > 0.3
     assert stride["balance"] == pytest.approx(0.0, abs=0.02 * stride["energy"])
     at = stride["position_1"]
-    assert keel_stiffness(at, 0.219) < stride["stiffness_1"] < keel_stiffness(at, 0.199)
+    assert (
+        chain_stiffness(FootParameters(), at, 0.219)
+        < stride["stiffness_1"]
+        < chain_stiffness(FootParameters(), at, 0.199)
+    )
 
 
 def test_whole_range_takes_three_strides_at_most_and_the_ground_meets_each_position(tmp_path):
@@ -183,7 +173,11 @@ def test_whole_range_takes_three_strides_at_most_and_the_ground_meets_each_posit
     assert 0.0 < walk["adjustment_2_energy"] < walk["adjustment_1_energy"] < 5.0
     for k in range(1, 6):
         at = walk[f"position_{k}"]
-        assert keel_stiffness(at, 0.219) < walk[f"stiffness_{k}"] < keel_stiffness(at, 0.199)
+        assert (
+            chain_stiffness(FootParameters(), at, 0.219)
+            < walk[f"stiffness_{k}"]
+            < chain_stiffness(FootParameters(), at, 0.199)
+        )
 
 
 # The dropped leg: free fall, momentum, weight and energy are those of mechanics.

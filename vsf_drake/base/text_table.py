@@ -86,6 +86,15 @@ def split_row(line: str, separator: str | None = "\t") -> list[str]:
     return line.split(separator if separator and separator in line else None)
 
 
+def split_numbers(line: str, separator: str | None) -> list[str]:
+    """Cells of a line of numbers; a comma in one is a decimal comma where something else
+    separates."""
+    cells = line.split(separator)
+    if separator == ",":
+        return cells
+    return [cell if "." in cell else cell.replace(",", ".") for cell in cells]
+
+
 def table_rows(
     lines: Iterator[tuple[int, str]],
     labels: Sequence[str],

@@ -36,7 +36,7 @@ import numpy as np
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.schema import load_yaml, quantity
 from vsf_drake.base.sentences import say
-from vsf_drake.base.text_table import as_label, table_rows, text_lines
+from vsf_drake.base.text_table import as_label, split_numbers, table_rows, text_lines
 
 FEWEST_SAMPLES = 5  # of a pass, from touch-down on
 # share of the largest load with which a pass may begin, and over which its first slope is taken
@@ -101,9 +101,7 @@ def load_bench_curves(path: str | Path) -> BenchCurves:
     fulcrum = kinds.index("fulcrum")
 
     def split(line: str) -> list[str]:
-        cells = line.split(separator)
-        if separator != ",":
-            cells = [cell if "." in cell else cell.replace(",", ".") for cell in cells]
+        cells = split_numbers(line, separator)
         if len(cells) > fulcrum and not cells[fulcrum].strip():
             cells[fulcrum] = "inf"  # the heel, behind all positions
         return cells

@@ -28,7 +28,13 @@ import numpy as np
 
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.schema import unit_hint
-from vsf_drake.base.text_table import as_label, separator_of, table_rows, text_lines
+from vsf_drake.base.text_table import (
+    as_label,
+    separator_of,
+    split_numbers,
+    table_rows,
+    text_lines,
+)
 from vsf_drake.model.bench_curves import FEWEST_SAMPLES, from_touch_down
 
 PARTS = ("forefoot", "heel")
@@ -107,9 +113,7 @@ def load_foot_curves(path: str | Path) -> tuple[FootCurve, ...]:
     oddities = dict[tuple[int, int], str]()
 
     def split(line: str) -> list[str]:
-        cells = [cell.strip().lower() for cell in line.split(separator)]
-        if separator != ",":
-            cells = [cell if "." in cell else cell.replace(",", ".") for cell in cells]
+        cells = [cell.strip().lower() for cell in split_numbers(line, separator)]
         return [
             str(words.index(cell)) if cell in words else cell
             for cell, words in zip(cells, chain(of_columns, repeat(())), strict=False)
