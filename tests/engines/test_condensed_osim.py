@@ -119,7 +119,8 @@ def test_the_whole_friction_is_the_foots_in_sliding_and_at_rest(text):
 
 
 def test_a_foot_without_friction_has_none_and_a_latch_that_divides(condensed):
-    smooth = replace(condensed, friction=FrictionParameters(mu_static=0.5, mu_kinetic=0.0))
+    friction = FrictionParameters(mu_static=0.5, mu_kinetic=0.0)
+    smooth = replace(condensed, full=replace(condensed.full, friction=friction))
     written = condensed_osim(smooth, MADE_ERROR, fulcrum_m=FULCRUM_M)
     for pressed in elements(written, "MeyerFregly2016Force").values():
         assert number(pressed, "dynamic_friction") == 0.0

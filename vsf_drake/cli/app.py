@@ -281,6 +281,14 @@ def under(law: str | None, trials: Iterable[Trial]) -> list[Trial]:
         return [under_law(trial, law) for trial in trials]
 
 
+def input_hashes(model: Path | None, contact: Path | None) -> dict[str, str]:
+    """SHA-256 of the files that a model comes from, by the names under which results have them."""
+    from vsf_drake.base.files import sha256
+
+    of_model = {} if model is None else {f"model: {model.name}": sha256(model)}
+    return contact_hash(contact) | of_model
+
+
 def contact_hash(path: Path | None) -> dict[str, str]:
     """SHA-256 of a fitted contact, by the name under which results have it; none for None."""
     from vsf_drake.base.files import sha256

@@ -13,7 +13,7 @@ from vsf_drake.cli.app import (
     Model,
     Out,
     app,
-    contact_hash,
+    input_hashes,
     model_of,
     print_text,
     progress,
@@ -41,18 +41,17 @@ def certify(
     An engine that is not installed is said not to have run. The exit code is 0 where all that ran
     agree, 1 where they do not.
     """
-    from vsf_drake.base.files import sha256
     from vsf_drake.engines.certificate.run import certify as run
     from vsf_drake.report.certificate_page import CERTIFICATE, write_certificate
     from vsf_drake.report.results_folder import PAGE
 
     CERTIFICATE.check(out)
-    inputs = contact_hash(contact) | (
-        {} if model is None else {f"model: {model.name}": sha256(model)}
-    )
     with progress() as show:
         found = run(
-            model_of(model, contact).foot, engines=engine or None, inputs=inputs, progress=show
+            model_of(model, contact).foot,
+            engines=engine or None,
+            inputs=input_hashes(model, contact),
+            progress=show,
         )
         show("writing the page", 0.97)
         write_certificate(out, found)

@@ -154,9 +154,7 @@ def export(
         for name in formats
         if name != "sdf" or asked.collision
     }
-    inputs = cli.contact_hash(contact) | (
-        {} if model is None else {f"model: {model.name}": sha256(model)}
-    )
+    inputs = cli.input_hashes(model, contact)
     with result_folder(out, "export") as folder:
         for name, text in texts.items():
             write_text(folder / name, text)

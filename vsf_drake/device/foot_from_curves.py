@@ -32,7 +32,7 @@ from scipy.optimize import least_squares
 
 from vsf_drake.base.errors import FitError, InputError, SimulationError, require
 from vsf_drake.laws.beam import section_inertia
-from vsf_drake.model.foot_curves import FootCurve, load_foot_curves
+from vsf_drake.model.foot_curves import LOAD_N, STIFFNESS_N_PER_MM, FootCurve, load_foot_curves
 from vsf_drake.model.model_file import bending_stiffness, check_model, spheres_under_load
 from vsf_drake.model.parameters import (
     FOAM_DAMPING_TIME_S,
@@ -215,21 +215,23 @@ def curves_of_stiffness(
     *, forefoot_n_per_m: float, heel_n_per_m: float | None, load_n: float
 ) -> tuple[FootCurve, ...]:
     """Curves of one point each: the secant stiffness (N/m) of forefoot and heel at one load (N)."""
+    least_n, most_n = LOAD_N
+    require(
+        least_n <= load_n <= most_n,
+        f"{load_n:g} N is no load",
+        "load_n",
+        f"It must be {least_n:g} to {most_n:g} N",
+    )
     curves = []
+    least, most = STIFFNESS_N_PER_MM
     for part, stiffness in (("forefoot", forefoot_n_per_m), ("heel", heel_n_per_m)):
         if stiffness is None:
             continue
         require(
-            2e3 <= stiffness <= 5e5,
+            1e3 * least <= stiffness <= 1e3 * most,
             f"{1e-3 * stiffness:g} N/mm is no foot's",
             f"{part}_n_per_m",
-            "It must be from 2 to 500 N/mm",
-        )
-        require(
-            100.0 <= load_n <= 1e4,
-            f"{load_n:g} N is no load",
-            "load_n",
-            "It must be 100 to 10000 N",
+            f"It must be from {least:g} to {most:g} N/mm",
         )
         curves.append(
             FootCurve(

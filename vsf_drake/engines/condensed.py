@@ -51,7 +51,7 @@ from vsf_drake.model.model_file import (
     check_fulcrum,
     check_movable,
 )
-from vsf_drake.model.parameters import GRAVITY, FootParameters, FrictionParameters
+from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.foot import mount_pose, sole_height
 from vsf_drake.plants.rigid_foot import rigid_foot
 from vsf_drake.plants.solids import box
@@ -127,6 +127,11 @@ class CondensedAt:
     damping_nm_s_per_rad: np.ndarray
     pieces: tuple[Piece, ...]
 
+    @property
+    def starts_m(self) -> np.ndarray:
+        """(3, 3) m, origins of the frames of frame and pieces in K."""
+        return np.pad(np.append(0.0, self.hinge_m)[:, np.newaxis], ((0, 0), (0, 2)))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CondensedFoot:
@@ -136,9 +141,7 @@ class CondensedFoot:
     curves: np.ndarray
     """(4, DEGREE + 1) coefficients, in rising powers of the fulcrum's place in its reach (-1
     rearmost, 1 foremost), of CURVES"""
-    damping_time_s: float  # damping / stiffness of both hinges
     stations: tuple[Station, ...]
-    friction: FrictionParameters
     largest_angle_rad: np.ndarray  # (2,) in the poses to which it was fitted
 
     def at(self, fulcrum_m: float) -> CondensedAt:
@@ -150,7 +153,7 @@ class CondensedFoot:
             fulcrum_m=fulcrum_m,
             hinge_m=hinge,
             stiffness_nm_per_rad=stiffness,
-            damping_nm_s_per_rad=self.damping_time_s * stiffness,
+            damping_nm_s_per_rad=self.full.keel.damping_time_s * stiffness,
             pieces=_pieces(self.full, fulcrum_m, hinge),
         )
 
@@ -466,8 +469,6 @@ class _Fit:
         return CondensedFoot(
             full=self.foot,
             curves=curves,
-            damping_time_s=self.foot.keel.damping_time_s,
             stations=tuple(stations),
-            friction=self.foot.friction,
             largest_angle_rad=np.abs(rest.q).max(axis=0),
         )

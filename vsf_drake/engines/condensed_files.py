@@ -7,6 +7,7 @@ import numpy as np
 
 from vsf_drake.engines.condensed import PIECES, CondensedAt, CondensedFoot
 from vsf_drake.engines.condensed_error import CondensedError
+from vsf_drake.engines.mjcf import IMPRATIO
 from vsf_drake.engines.written import STEP_S, filled, rendered
 from vsf_drake.plants.rigid_foot import NAME
 from vsf_drake.plants.solids import RIGHTWARD
@@ -51,11 +52,11 @@ def condensed_mjcf(condensed: CondensedFoot, error: CondensedError, *, fulcrum_m
         foot=condensed,
         error=error,
         at=at,
-        starts=[np.zeros(3), *(np.array([x, 0.0, 0.0]) for x in at.hinge_m)],
         name=NAME,
         axis=RIGHTWARD,
         step_s=_step(at),
         mount_K=condensed.mount_K,
+        impratio=IMPRATIO,
     )
 
 

@@ -87,7 +87,7 @@ def condensed_osim(condensed: CondensedFoot, error: CondensedError, *, fulcrum_m
     under a load of a roll-over.
     """
     at = condensed.at(fulcrum_m)
-    friction = condensed.friction
+    friction = condensed.full.friction
     sliding = min(friction.mu_kinetic, friction.mu_static)
     latch_m_per_s = friction.threshold_velocity_m_per_s
     if sliding > 0.0:
@@ -98,7 +98,6 @@ def condensed_osim(condensed: CondensedFoot, error: CondensedError, *, fulcrum_m
         foot=condensed,
         error=error,
         at=at,
-        starts=[np.zeros(3), *(np.array([x, 0.0, 0.0]) for x in at.hinge_m)],
         ground=moco_ground(condensed, fulcrum_m=fulcrum_m),
         stroke_kg=STROKE_KG,
         stroke_s=STROKE_S,

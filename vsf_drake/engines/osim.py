@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from vsf_drake.base.errors import require
 from vsf_drake.engines.written import written
-from vsf_drake.laws.contact_laws import CONTACT_LAWS, FITTED_LAW
+from vsf_drake.laws.contact_laws import FITTED_LAW
 from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.contact_geometry import MATCHED_DEPTH_M, dissipation
 from vsf_drake.plants.foot_visuals import LEAST_RADIUS_M
@@ -31,12 +30,6 @@ def foot_osim(parameters: FootParameters, *, fulcrum_m: float, law: str = FITTED
     Args:
         law: of the spheres, one of CONTACT_LAWS; InputError for another.
     """
-    require(
-        law in CONTACT_LAWS,
-        f"{law!r} is not known",
-        "law",
-        f"Known are {', '.join(CONTACT_LAWS)}",
-    )
     return written(
         "foot.osim.j2",
         parameters,

@@ -12,8 +12,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 
+from vsf_drake.base.errors import require
 from vsf_drake.engines.limits import cannot_hold
-from vsf_drake.laws.contact_laws import FITTED_LAW
+from vsf_drake.laws.contact_laws import CONTACT_LAWS, FITTED_LAW
 from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.plants.foot_handles import FootHandles
@@ -37,7 +38,13 @@ def written(
     **more: Any,
 ) -> str:
     """The text of `template`, named by its format, for the foot of `parameters`; `law` is the
-    contact law of its zones, one of CONTACT_LAWS."""
+    contact law of its zones, one of CONTACT_LAWS; InputError for another."""
+    require(
+        law in CONTACT_LAWS,
+        f"{law!r} is not known",
+        "law",
+        f"Known are {', '.join(CONTACT_LAWS)}",
+    )
     handles, links = rigid_foot(parameters)
     fulcrum = parameters.fulcrum
     carriers = {body.index(): links[i] for i, body in enumerate((handles.frame, *handles.keel))}

@@ -54,9 +54,9 @@ _NEEDED = (
 )
 _WORDS = {"part": PARTS, "branch": BRANCHES}
 _LARGEST_TILT = math.radians(45.0)
-_LOAD_N = (100.0, 1e4)
+LOAD_N = (100.0, 1e4)
 _TRAVEL_MM = (1.0, 100.0)
-_STIFFNESS_N_PER_MM = (2.0, 500.0)
+STIFFNESS_N_PER_MM = (2.0, 500.0)
 """What the largest load, the travel and their ratio can be of a foot: beyond, a unit is wrong."""
 # share of the largest load by which the load may fall while a foot is loaded, and by which
 # unloading may lie above loading: noise and no more
@@ -269,11 +269,10 @@ class _Pass:
     def _check_size(self, x: np.ndarray, load: np.ndarray) -> None:
         largest = float(load.max())
         travel_mm = 1e3 * float(x[np.argmax(load)] - x[0])
-        if not _LOAD_N[0] <= largest <= _LOAD_N[1]:
+        if not LOAD_N[0] <= largest <= LOAD_N[1]:
             raise self.refuse(
                 f"the largest load is {largest:g} N",
-                f"A foot bears {_LOAD_N[0]:g} to {_LOAD_N[1]:g} N"
-                f"{unit_hint(largest, 'N', *_LOAD_N)}",
+                f"A foot bears {LOAD_N[0]:g} to {LOAD_N[1]:g} N{unit_hint(largest, 'N', *LOAD_N)}",
             )
         if not _TRAVEL_MM[0] <= travel_mm <= _TRAVEL_MM[1]:
             raise self.refuse(
@@ -282,7 +281,7 @@ class _Pass:
                 f"{unit_hint(travel_mm, 'mm', *_TRAVEL_MM)}",
             )
         ratio = largest / travel_mm
-        low, high = _STIFFNESS_N_PER_MM
+        low, high = STIFFNESS_N_PER_MM
         if not low <= ratio <= high:
             raise self.refuse(
                 f"{largest:.4g} N over {travel_mm:.3g} mm are {ratio:.3g} N/mm",

@@ -61,7 +61,6 @@ def certificate_page(
         "rows": [{**vars(row), "met": row.met, "label": labels[row.engine]} for row in rows],
         "labels": labels,
         "engines": [{**vars(each), "status": each.status or "answered"} for each in engines],
-        "ran": ran,
         "silent": [each for each in engines if each.status],
         "others": [each for each in ran if each.name in MARKS],
         "figures": drawn,

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 pytest.importorskip("mujoco")
 
 from vsf_drake.engines.certificate import in_mujoco
-from vsf_drake.engines.certificate.asked import ELASTIC, NOMINAL, foot_file
+from vsf_drake.engines.certificate.asked import ELASTIC, NOMINAL, Asked, foot_file
 from vsf_drake.engines.mjcf import foot_mjcf
 from vsf_drake.model.parameters import GRAVITY, FootParameters
 from vsf_drake.plants import add_foot
@@ -39,11 +39,18 @@ def plant():
     return plant, foot
 
 
+class Some(SimpleNamespace):
+    """Some of the questions, without the rest."""
+
+    carrier = Asked.carrier
+    p_BC = Asked.p_BC
+
+
 @pytest.fixture(scope="module")
 def asked(plant):
     """The questions of the certificate but for the path."""
     _, foot = plant
-    return SimpleNamespace(
+    return Some(
         fulcrum_mm=1e3 * np.array(PUBLISHED_FULCRUMS_M),
         load_n=100.0 * np.arange(1, 9),
         load_point_m=FOOT.load_point_m,
@@ -65,7 +72,7 @@ def roll(asked):
     run, _ = machine.roll(fulcrum_m=0.108, time_s=TIME_S, tilt_rad=tilt, force_n=force)
     touch = machine.touch_height(-tilt[:1]) / np.cos(tilt[:1])
     mount = np.vstack([mount_path(tilt[:1], touch), run.mount])
-    return SimpleNamespace(**vars(asked), time_s=TIME_S, mount=mount)
+    return Some(**vars(asked), time_s=TIME_S, mount=mount)
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +150,7 @@ def test_header_says_what_the_added_damping_changes_in_a_roll_over(roll, folder,
     def vertical(mm, set_up, step_s):
         monkeypatch.setattr(in_mujoco, "calibrate", set_up)
         monkeypatch.setattr(in_mujoco, "STEP_S", step_s)
-        at = SimpleNamespace(**vars(roll) | {"roll_fulcrum_mm": mm})
+        at = Some(**vars(roll) | {"roll_fulcrum_mm": mm})
         return in_mujoco.rolled(at, folder, NOMINAL, friction=False)[0]
 
     peaks, by_damping, with_step = [], [], []

@@ -61,6 +61,16 @@ class Asked:
                 **{name: value if value.ndim else value.item() for name, value in stored.items()}
             )
 
+    @property
+    def carrier(self) -> int:
+        """Index of the keel's body that C lies on."""
+        return int(np.searchsorted(self.starts_m, self.load_point_m, side="right")) - 1
+
+    @property
+    def p_BC(self) -> np.ndarray:
+        """(3,) m, C in the frame of that body."""
+        return np.array([self.load_point_m - self.starts_m[self.carrier], 0.0, 0.0])
+
     def write(self, folder: Path) -> None:
         """As `FILE` into `folder`."""
         fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}

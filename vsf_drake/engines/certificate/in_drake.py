@@ -75,11 +75,10 @@ class Pressed(Foot):
 
     def __init__(self, file: Path, asked: Asked) -> None:
         super().__init__(file, asked, held=True)
-        carrier = int(np.searchsorted(asked.starts_m, asked.load_point_m, side="right")) - 1
         bodies = [self.plant.GetBodyByName(str(name)) for name in asked.bodies]
-        self.pressed = bodies[: carrier + 1]
-        self.loaded = bodies[carrier]
-        self.p_BC = np.array([asked.load_point_m - asked.starts_m[carrier], 0.0, 0.0])
+        self.pressed = bodies[: asked.carrier + 1]
+        self.loaded = bodies[asked.carrier]
+        self.p_BC = asked.p_BC
 
     def moments(self, q: np.ndarray, load_n: float) -> np.ndarray:
         """(B,) N m in the hinges that would keep them at rest at `q`, where it leaves them."""

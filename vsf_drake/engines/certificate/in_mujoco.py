@@ -54,12 +54,10 @@ def answer(folder: Path) -> None:
 def shapes(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
     """(L, P, 2) m, x and z in K of the keel's hinges before the load point C, and of C, under each
     load, the mount held, where the file's own springs rest: by root finding."""
-    body = int(np.searchsorted(asked.starts_m, asked.load_point_m, side="right")) - 1
-    p_BC = np.array([asked.load_point_m - asked.starts_m[body], 0.0, 0.0])
     model = mujoco.MjModel.from_xml_path(str(foot_file(folder, NOMINAL, fulcrum_mm, "xml")))
     model.opt.gravity[:] = 0.0
     data = mujoco.MjData(model)
-    pressed = [model.body(name).id for name in asked.bodies[: body + 1]]
+    pressed = [model.body(name).id for name in asked.bodies[: asked.carrier + 1]]
     loaded = pressed[-1]
     frame = model.body("vsf_frame").id
     q_at, v_at = _columns(model, asked.hinges)
@@ -67,7 +65,7 @@ def shapes(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
     def point(q: np.ndarray) -> np.ndarray:
         data.qpos[q_at] = q
         mujoco.mj_forward(model, data)
-        return np.asarray(data.xpos[loaded] + data.xmat[loaded].reshape(3, 3) @ p_BC)
+        return np.asarray(data.xpos[loaded] + data.xmat[loaded].reshape(3, 3) @ asked.p_BC)
 
     def moments(q: np.ndarray, load_n: float) -> np.ndarray:
         p_WC = point(q)
@@ -149,8 +147,7 @@ def _rolling_model(path: Path, friction: bool) -> mujoco.MjModel:
     p_FM = -np.array(frame.pos)  # the mount stands at the world's origin
     for name, kind, axis in MOUNT:
         frame.add_joint(name=name, type=kind, axis=axis, pos=p_FM, armature=LED_KG)
-    floor = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5.0, 5.0, 0.1])
-    floor.condim = 3 if friction else 1
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5.0, 5.0, 0.1])
     if not friction:
         for geom in spec.geoms:
             geom.condim = 1

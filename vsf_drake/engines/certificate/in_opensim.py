@@ -83,10 +83,9 @@ def shapes(asked: Asked, folder: Path, fulcrum_mm: float) -> np.ndarray:
     foot = Foot(foot_file(folder, NOMINAL, fulcrum_mm, "osim"), asked.hinges, weight=False)
     for sphere in foot.spheres:
         sphere.set_appliesForce(False)
-    carrier = int(np.searchsorted(asked.starts_m, asked.load_point_m, side="right")) - 1
-    p_BC = (float(asked.load_point_m - asked.starts_m[carrier]), 0.0, 0.0)
+    p_BC = asked.p_BC.tolist()
     bodies = foot.model.getBodySet()
-    pressed = [bodies.get(str(name)) for name in asked.bodies[: carrier + 1]]
+    pressed = [bodies.get(str(name)) for name in asked.bodies[: asked.carrier + 1]]
     loaded = pressed[-1]
     points = [(body, (0.0, 0.0, 0.0)) for body in pressed] + [(loaded, p_BC)]
     load = opensim.PrescribedForce("load", loaded)

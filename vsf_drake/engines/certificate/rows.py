@@ -92,20 +92,21 @@ def judged(
 ) -> Judged:
     """The row for an engine that has `answers`, or whose `status` is NOT_RUN or FAILED; `own` are
     this package's."""
-    verdict = status
-    difference = None
-    if not status:
-        verdict = FAILED
-        answer = answers.get(row.answer)
-        against = own.get(row.against) if row.against else answer
-        if answer is not None and against is not None and answer.shape == against.shape:
-            difference = MEASURES[row.measure](answer, against)
-            if row.asked is None:
-                verdict = REPORTED
-            else:
-                # what is not a number differs
-                verdict = AGREES if difference <= row.asked else DIFFERS
-    return Judged(**vars(row), difference=difference, verdict=verdict)
+
+    def end(verdict: str, difference: float | None = None) -> Judged:
+        return Judged(**vars(row), difference=difference, verdict=verdict)
+
+    if status:
+        return end(status)
+    answer = answers.get(row.answer)
+    against = own.get(row.against) if row.against else answer
+    if answer is None or against is None or answer.shape != against.shape:
+        return end(FAILED)
+    difference = MEASURES[row.measure](answer, against)
+    if row.asked is None:
+        return end(REPORTED, difference)
+    # what is not a number differs
+    return end(AGREES if difference <= row.asked else DIFFERS, difference)
 
 
 def agree(rows: Sequence[Judged]) -> bool:

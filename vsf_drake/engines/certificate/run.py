@@ -64,9 +64,13 @@ class Certificate:
 
     engines: tuple[Ran, ...]
     rows: tuple[Judged, ...]
-    agreed: bool  # see `rows.agree`
     table: dict[str, Any]  # all of this as certificate.json has it
     arrays: dict[str, np.ndarray]  # ENGINE/ANSWER, without mass matrices
+
+    @property
+    def agreed(self) -> bool:
+        """See `rows.agree`."""
+        return agree(self.rows)
 
 
 ENGINES = {row["name"]: Engine(**row) for row in table_of("engines/certificate/engines.csv")}
@@ -82,8 +86,8 @@ def certify(
     """Has every engine compute the foot from its exported file, and compares the answers.
 
     Args:
-        engines: names of `ENGINES`, not REFERENCE, that must be there, each for all that its
-            package is asked; None takes those that are, and says which are not.
+        engines: packages of `ENGINES`, without this one, that must be there, each for all that it
+            is asked; None takes those that are, and says which are not.
         inputs: SHA-256 of the files that the parameters come from, by name.
 
     Raises:
@@ -93,7 +97,7 @@ def certify(
         SimulationError: the foot cannot be rolled over, or finds no rest under a load.
         FitError: no condensed foot stands for it.
     """
-    others = [name for name in ENGINES if name != REFERENCE]
+    others = list(dict.fromkeys(e.package for e in ENGINES.values() if e.name != REFERENCE))
     for name in engines or ():
         right = f"There are {', '.join(others)}"
         require(name in others, f"{name!r} is no engine", "engines", right)
@@ -131,7 +135,6 @@ def certificate_of(
     return Certificate(
         engines=tuple(ran.values()),
         rows=rows,
-        agreed=agree(rows),
         arrays={f"asked/{name}": values for name, values in asked.items()} | drawn,
         table={
             "format": FORMAT,

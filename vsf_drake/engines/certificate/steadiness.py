@@ -98,7 +98,6 @@ def write_answer(
         dropped: with a file at a step; NaN if the engine failed.
     """
     asked = Asked.read(folder)
-    piece = int(np.searchsorted(asked.starts_m, asked.load_point_m, side="right")) - 1
     files = [foot_file(folder, NOMINAL, mm, ending) for mm in asked.fulcrum_mm]
     step_s = np.array([[own_step(file) for file in files], *([s] * len(files) for s in STEPS_S)])
     rise, spread = (np.full((*step_s.shape, len(LOADS_N)), np.nan) for _ in range(2))
@@ -111,8 +110,8 @@ def write_answer(
                     file=file,
                     step_s=float(step),
                     hinges=[str(name) for name in asked.hinges],
-                    body=str(asked.bodies[piece]),
-                    x_m=asked.load_point_m - float(asked.starts_m[piece]),
+                    body=str(asked.bodies[asked.carrier]),
+                    x_m=float(asked.p_BC[0]),
                     load_n=load,
                 )
                 rises = held(asking)

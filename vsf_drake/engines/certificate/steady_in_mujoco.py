@@ -69,7 +69,6 @@ def _dropped(file: Path, step_s: float) -> Drop:
     spec = mujoco.MjSpec.from_file(str(file))
     spec.delete(spec.key("rest"))  # without the rail's coordinate
     spec.option.timestep = step_s
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # as `calibrate` needs it
     spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     frame = spec.body("vsf_frame")
     frame.add_joint(name="rail", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
