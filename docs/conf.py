@@ -15,7 +15,7 @@ project_copyright = author
 version = release = vsf_drake.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "vsf_docs"]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "paper"]
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 from command_line import exit_code, read_json
 
-from vsf_drake.base.files import resource
 from vsf_drake.report.compare_page import COMPARE
 
-WALKS = resource("data/sessions/a/day_1/1p1")
+WALKS = Path(__file__).resolve().parents[2] / "data/sessions/a/day_1/1p1"
 
 
 @pytest.fixture(scope="module")

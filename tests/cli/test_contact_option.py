@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from vsf_drake.walks.embedded import embedded_contact_beside
 from vsf_drake.walks.metrics import UNFITTED
 
 TRIAL = resource("data/reference_subject/exact/high_1.yaml")
+OTHERS = Path(__file__).resolve().parents[2] / "data/sessions/a/day_1/1p1"
 SUBJECT = resource("data/reference_subject/subject.yaml")
 DEVICE = {"keel.flexural_modulus": 7.8e9, "fulcrum.stiffness": 2e6}
 CHANGE = {
@@ -146,7 +148,7 @@ def test_an_embedded_walk_has_the_embedded_contact_unless_told_otherwise(run, tm
     )
     assert not any("contact.yaml" in note for note in unfitted["notes"][1:])
     assert unfitted["grf_rmse_bw"] > 5 * fitted["grf_rmse_bw"], "what a fit is worth"
-    assert embedded_contact_beside(resource("data/sessions/a/day_1/1p1/low_1.yaml")) is None
+    assert embedded_contact_beside(OTHERS / "low_1.yaml") is None
 
 
 def test_a_walk_with_its_offsets_fitted_to_its_own_plate_is_called_no_prediction(

@@ -38,6 +38,7 @@ from vsf_drake.walks.offsets import fit_offsets
 SILENT_BW = 0.05  # consequence above which a silent mistake counts
 STEP_S = 2e-3
 _POUND_KG, _FOOT_M = 0.45359237, 0.3048
+ROOT = Path(__file__).resolve().parents[2]
 _REFERENCE, _SESSIONS = "data/reference_subject", "data/sessions"
 
 
@@ -126,7 +127,7 @@ def _read(path: Path) -> Table:
 def recording(place: str) -> Recording:
     """The right recording that a manifest leads to: joint angles, or for `place` without one the
     reference markers."""
-    path = resource(place)
+    path = ROOT / place
     manifest = yaml.safe_load(path.read_text(encoding="utf-8"))
     subject = yaml.safe_load((path.parent / manifest.pop("subject")).read_text(encoding="utf-8"))
     motion = path.parent / manifest.pop("kinematics")

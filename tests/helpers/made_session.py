@@ -16,13 +16,13 @@ from virtual_laboratory.markers import follow, standing
 from virtual_laboratory.motion import COORDINATES, Person
 from virtual_laboratory.writing import mirrored
 
-from vsf_drake.base.files import resource
 from vsf_drake.model.parameters import Subject
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial import Trial, default_model, load_trial
 from vsf_drake.sessions.plan import PlanRow
 from vsf_drake.sessions.table import SessionTable, SessionWalk, StepTime
 
+SESSIONS = Path(__file__).resolve().parents[2] / "data" / "sessions"
 FACTS = {"sex": "male", "prosthetic_side": "right", "synthetic": True}
 """Of persons A and C, as `vsf.session` takes them."""
 MARKER_HZ, SUBFRAMES = 100.0, 10
@@ -41,7 +41,7 @@ def session_folder(
     """`folder` with static.c3d and a C3D file for each trial: its name without suffix by the
     trial's ("low_1"); `facts` states mass and stature in them."""
     folder.mkdir(parents=True, exist_ok=True)
-    manifests = resource(f"data/sessions/{person}/{day}/1p1")
+    manifests = SESSIONS / person / day / "1p1"
     trials = {name: load_trial(manifests / f"{trial}.yaml") for trial, name in names.items()}
     first = next(iter(trials.values()))
     skeleton, left = skeleton_of(first.subject)

@@ -4,6 +4,7 @@ are called worse."""
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from vsf_drake.walks.embedded import embedded_contact
 from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.recorded_walk import walk_trial
 
+DATA = Path(__file__).resolve().parents[2] / "data"
 SETTINGS = ("low", "medium", "high")
 
 
@@ -76,7 +78,7 @@ def test_the_error_of_a_roll_that_the_foots_markers_do_not_show_is_told():
 def test_what_a_session_hides_is_named():
     """data/sessions/README.md: hip rotation, knee adduction and knee rotation are written without
     their mean over the walk; B's foot, 224 mm, is shorter than the model's."""
-    trial = load_trial(resource("data/sessions/b/day_1/1p1/high_1.yaml"))
+    trial = load_trial(DATA / "sessions/b/day_1/1p1/high_1.yaml")
     checks = {check.name: check for check in examine(trial).checks}
     zeroed = checks["angles zeroed at the walk's mean"]
     assert zeroed.value == 6.0 and all(
@@ -110,7 +112,7 @@ def test_both_feet_given_the_same_columns_are_judged_though_they_touch_down_at_o
 # left and right
 @pytest.mark.parametrize("file", ["sessions/b/day_1/1p1/high_1", "reference_subject/exact/low_1"])
 def test_inverting_the_prosthesis_rolls_its_sole_by_as_much_and_the_stated_one_levels_it(file):
-    trial = load_trial(resource(f"data/{file}.yaml"))
+    trial = load_trial(DATA / f"{file}.yaml")
 
     def roll_deg(inversion_rad):
         subject = dataclasses.replace(trial.subject, prosthesis_inversion_rad=inversion_rad)
@@ -312,7 +314,7 @@ def on_plate(trial: Trial, newton: np.ndarray | float) -> Trial:
 @pytest.mark.parametrize("newton", [30.0, -30.0])
 def test_a_plate_that_was_not_zeroed_is_named_and_disturbs_no_other_check(newton):
     """30 N of 78 kg are 3.9 % of body weight, of which the offsets' fit takes a quarter away."""
-    trial = load_trial(resource("data/sessions/a/day_1/1p1/medium_2.yaml"))
+    trial = load_trial(DATA / "sessions/a/day_1/1p1/medium_2.yaml")
     right, item = (examine(each) for each in (trial, on_plate(trial, newton)))
     zero = next(c for c in item.checks if c.name == "zero of the right foot's plate")
     assert zero.value == pytest.approx(newton, abs=0.5)
@@ -329,7 +331,7 @@ def test_a_plate_that_was_not_zeroed_is_named_and_disturbs_no_other_check(newton
 
 def test_a_plate_that_drifts_is_rated_by_what_it_shows_in_the_stance():
     """From 0 to 60 N over the record: in the middle of the stance, where it is whole."""
-    trial = load_trial(resource("data/sessions/a/day_1/1p1/medium_2.yaml"))
+    trial = load_trial(DATA / "sessions/a/day_1/1p1/medium_2.yaml")
     time_s = trial.prosthetic_plate.time_s
     zero = next(
         check
@@ -344,7 +346,7 @@ def test_a_setting_that_was_named_wrongly_is_told_by_the_other_walks_of_the_pers
     doubted by its own name."""
     for session in ("a/day_1", "a/day_2", "b/day_1", "c/day_1"):
         items = [
-            examine(load_trial(resource(f"data/sessions/{session}/1p1/{setting}_{i}.yaml")))
+            examine(load_trial(DATA / f"sessions/{session}/1p1/{setting}_{i}.yaml"))
             for setting in SETTINGS
             for i in (1, 2, 3)
         ]
@@ -361,7 +363,7 @@ def test_a_setting_that_was_named_wrongly_is_told_by_the_other_walks_of_the_pers
 
 def test_a_setting_named_wrongly_does_not_cast_doubt_on_the_only_right_walk_of_that_name():
     items = [
-        examine(load_trial(resource(f"data/sessions/a/day_1/1p1/{name}.yaml")))
+        examine(load_trial(DATA / f"sessions/a/day_1/1p1/{name}.yaml"))
         for name in ("low_1", "low_2", "low_3", "medium_1", "high_1")
     ]
     assert doubted(named_otherwise(items, {1: 0.151})) == [1]
@@ -371,9 +373,7 @@ def test_a_setting_named_wrongly_does_not_cast_doubt_on_the_only_right_walk_of_t
 @pytest.mark.parametrize("session", ["a/day_1", "b/day_1", "c/day_1"])
 def test_a_walk_that_is_alone_with_its_setting_is_not_doubted_for_that(session):
     names = ("low_1", "low_2", "medium_1", "medium_2", "high_1", "high_2")
-    items = [
-        examine(load_trial(resource(f"data/sessions/{session}/1p1/{name}.yaml"))) for name in names
-    ]
+    items = [examine(load_trial(DATA / f"sessions/{session}/1p1/{name}.yaml")) for name in names]
     for number in range(len(items)):
         assert doubted([*items[:number], *items[number + 1 :]]) == []
     assert doubted(items[::2]) == []
@@ -381,7 +381,7 @@ def test_a_walk_that_is_alone_with_its_setting_is_not_doubted_for_that(session):
 
 def test_two_settings_named_wrongly_are_both_told():
     items = [
-        examine(load_trial(resource(f"data/sessions/b/day_1/1p1/{setting}_{i}.yaml")))
+        examine(load_trial(DATA / f"sessions/b/day_1/1p1/{setting}_{i}.yaml"))
         for setting in SETTINGS
         for i in (1, 2, 3)
     ]
@@ -416,7 +416,7 @@ def doubts_of_setting(items: list[Examined]) -> list[Check | None]:
 
 def test_what_slips_under_the_intact_foot_costs_nothing_of_the_prosthetic_foots_force():
     """Every joint is prescribed: the intact foot's ground does not act on the prosthesis."""
-    item = examine(load_trial(resource("data/sessions/c/day_1/1p1/medium_2.yaml")))
+    item = examine(load_trial(DATA / "sessions/c/day_1/1p1/medium_2.yaml"))
     slips = [check for check in item.checks if check.name == force_checks.SLIP]
     intact = [check for check in slips if check.side == "left"]
     assert max(check.value for check in intact) > 0.2 and item.mark == "good"

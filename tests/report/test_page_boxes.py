@@ -4,6 +4,8 @@ wherever it is scrolled.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from browser import chromium
@@ -30,7 +32,7 @@ from vsf_drake.tuning.answered import predict
 from vsf_drake.walks.difference import difference_of, side_of
 from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 
-WALKS = resource("data/sessions/a/day_1/1p1")
+WALKS = Path(__file__).resolve().parents[2] / "data/sessions/a/day_1/1p1"
 STUCK = """<!doctype html><body><h1>A heading</h1><p style="height:1500px">A text.</p><p>Its end.</p>
 <p id="stuck" style="position:sticky;bottom:0;margin:0">A slider.</p></body>"""  # noqa: E501
 """Its last line stays in view, over the text."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ from vsf_drake.report.recorded_replay import (
 from vsf_drake.report.style import MARK_COLOURS
 
 C3D = resource("data/reference_subject/c3d")
+SESSIONS = Path(__file__).resolve().parents[2] / "data" / "sessions"
 
 
 @pytest.fixture(scope="module")
@@ -178,7 +180,7 @@ def test_the_map_names_every_label_with_its_role_beside_where_it_stood(imported)
     # the ankles stand on the shanks: a hand's breadth above the floor
     ankle = trial.calibration.standing_W[roles["ankle_lateral_right"]]
     assert 0.02 < ankle[2] < 0.12
-    assert marker_figures(load_trial(resource("data/sessions/a/day_1/1p1/low_1.yaml"))) == []
+    assert marker_figures(load_trial(SESSIONS / "a/day_1/1p1/low_1.yaml")) == []
 
 
 def test_able_bodied_lift_off_is_where_everybody_has_it(imported):

@@ -171,7 +171,8 @@ def test_slow_errors_have_their_size_and_no_mean():
     assert np.abs(drawn.mean(axis=1)).max() < 0.02
 
 
-PAGE = " ".join(Path(resource("data/sessions/README.md")).read_text(encoding="utf-8").split())
+SESSIONS = Path(__file__).resolve().parents[2] / "data" / "sessions"
+PAGE = " ".join((SESSIONS / "README.md").read_text(encoding="utf-8").split())
 
 
 def test_what_a_session_gets_wrong_is_as_large_as_its_page_says_and_as_published(

@@ -4,6 +4,7 @@ do not differ are not told apart."""
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from vsf_drake.walks.difference import (
     trial_of,
 )
 
-SESSIONS = resource("data/sessions")
+SESSIONS = Path(__file__).resolve().parents[2] / "data" / "sessions"
 FORCE_NAMES = ("vertical", "fore_aft", "medio_lateral")
 
 
