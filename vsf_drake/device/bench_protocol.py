@@ -51,17 +51,28 @@ class ProtocolRow:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Bearing:
+    """Which zones of the sole bear when a part of the foot is pressed to the load."""
+
+    part: str
+    setting: str
+    zones: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class ProtocolTable:
     """The content of protocol.json."""
 
     format: str
     protocol: str
     title: str
-    settings: tuple[str, ...]  # in words
+    movable: bool  # whether the fulcrum is: otherwise the foot is passive
+    settings: tuple[str, ...]  # as `setting_short` calls them
     fulcrum_mm: tuple[float, ...]  # of each, from the keel's posterior end
     load_n: float  # of every press, and at the first peak of the roll-over
     speed_mm_per_min: float  # of the platen
     rows: tuple[ProtocolRow, ...]
+    bearing: tuple[Bearing, ...]
     bench: BenchTable  # under the load point and at the heel, level
     missing: tuple[str, ...]  # sentences on what failed
     processor_s: float
@@ -117,12 +128,13 @@ def bench_protocol(
     )
     arrays: dict[str, np.ndarray] = {}
     missing: list[str] = []
+    bearing: list[Bearing] = []
     answers: list[dict[str, dict[str, float | None]]] = [{} for _ in positions]
     angles = {each.part: each.angle_deg for each in clauses if each.angle_deg is not None}
     rolled = {each.part for each in clauses if each.method == ROLL}
     machine = RollOver(foot, friction=False)
     for i, position in enumerate(positions):
-        words = setting_words(foot, position)
+        words = setting_short(foot, position)
         show(f"testing, {words}", (i + 1) / (len(positions) + 1))
         for part, angle in angles.items():
             try:
@@ -138,6 +150,7 @@ def bench_protocol(
                 missing.append(f"Pressed at the {part}, {words}: {error}.")
                 continue
             answers[i][part] = vars(pressed) | {"returned_share": curve.returned_share}
+            bearing.append(Bearing(part=part, setting=words, zones=pressed.zones_loaded))
             arrays[f"displacement_mm/{part}_{i}"] = 1e3 * curve.displacement_m
             arrays[f"load_n/{part}_{i}"] = curve.load_n
         for part in rolled:
@@ -154,7 +167,8 @@ def bench_protocol(
             format=FORMAT,
             protocol=protocol,
             title=PROTOCOLS[protocol],
-            settings=tuple(setting_words(foot, position) for position in positions),
+            movable=moves(foot),
+            settings=tuple(setting_short(foot, position) for position in positions),
             fulcrum_mm=tuple(round(1e3 * position, 9) for position in positions),
             load_n=load_n,
             speed_mm_per_min=60e3 * speed_m_per_s,
@@ -169,6 +183,7 @@ def bench_protocol(
                 )
                 for clause in clauses
             ),
+            bearing=tuple(bearing),
             bench=bench,
             missing=tuple(missing),
             processor_s=time.process_time() - began,
@@ -179,9 +194,9 @@ def bench_protocol(
     )
 
 
-def setting_words(foot: FootParameters, fulcrum_m: float) -> str:
-    """What a setting is called: where the fulcrum stands (m from A), of a passive foot nothing."""
-    return f"fulcrum {1e3 * fulcrum_m:g} mm" if moves(foot) else "this foot"
+def setting_short(foot: FootParameters, fulcrum_m: float) -> str:
+    """What a setting is called: where the fulcrum stands (m from A), or which foot it is."""
+    return f"{1e3 * fulcrum_m:g} mm" if moves(foot) else "this foot"
 
 
 def moves(foot: FootParameters) -> bool:
