@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.base.errors import SimulationError, require
+from vsf_drake.base.errors import InputError, SimulationError, require
 from vsf_drake.base.progress import Progress
 from vsf_drake.base.schema import to_plain
 from vsf_drake.device.bench_metrics import BenchTable, bench_table
@@ -107,8 +107,8 @@ def bench_protocol(
     not computed.
 
     Args:
-        fulcrums_m: positions (m from the keel's posterior end); those of the paper, or of a passive
-            foot its only one, if None.
+        fulcrums_m: positions (m from the keel's posterior end). If None, those of the paper that
+            the carriage reaches, else the ends of its reach; of a passive foot its only one.
         load_n: to which the foot is pressed (N, above 200 and at most 5000), and the first peak of
             the roll-over.
         speed_m_per_s: of the platen.
@@ -146,7 +146,7 @@ def bench_protocol(
                     speed_m_per_s=speed_m_per_s,
                     steps_per_mm=STEPS_PER_MM,
                 )
-            except SimulationError as error:
+            except (InputError, SimulationError) as error:
                 missing.append(f"Pressed at the {part}, {words}: {error}.")
                 continue
             answers[i][part] = vars(pressed) | {"returned_share": curve.returned_share}
@@ -206,8 +206,9 @@ def moves(foot: FootParameters) -> bool:
 
 def _positions(foot: FootParameters, fulcrums_m: Sequence[float] | None) -> list[float]:
     """Where the fulcrum is to stand (m from A), checked."""
+    reach = [foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m]
     if fulcrums_m is None:
-        return reached(foot, PUBLISHED_FULCRUMS_M) if moves(foot) else [foot.fulcrum.rearmost_m]
+        return (reached(foot, PUBLISHED_FULCRUMS_M) or reach) if moves(foot) else reach[:1]
     check_movable(foot, "A passive foot has no fulcrum to place: leave the positions out")
     positions = [check_fulcrum(x, foot, where="fulcrums_m") for x in fulcrums_m]
     require(bool(positions), "is empty", "fulcrums_m", "Give one position or more")

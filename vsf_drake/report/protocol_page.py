@@ -48,8 +48,15 @@ def protocol_page(
             for row in answered
         ],
         "blank": [row.clause for row in table.rows if not row.computed],
-        "pressed": any(row.clause.method == PRESS for row in answered),
-        "rolled": "forward_m/0" in arrays,
+        "pressed": any(name.startswith("load_n/") for name in arrays),
+        "returned": [
+            100.0 * value
+            for row in answered
+            if row.clause.quantity == "returned_share"
+            for value in row.values
+            if value is not None
+        ],
+        "rolled": any(name.startswith("forward_m/") for name in arrays),
         "drawn": [table.settings[i] for i in drawn],
     }
     figures = {"radar": radar_figure(table, drawn)}
