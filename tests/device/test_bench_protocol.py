@@ -174,13 +174,14 @@ def test_more_load_bends_more_and_the_roll_over_takes_it_too():
 
 def test_all_clauses_of_16955_stand_there_and_those_out_of_the_plane_have_no_number(made):
     rows = made["iso16955"].table.rows
-    assert {row.clause.clause for row in rows} == {"7.1", "7.2", "7.3", "7.4", "8", "Annex B"}
+    answered = {row.clause.clause for row in rows if row.computed}
+    blank = {row.clause.clause for row in rows if not row.computed}
+    assert answered == {"7.1", "7.2"} and blank == {"7.3", "7.4", "8", "Annex A", "Annex B"}
     assert {row.clause.part for row in rows if row.clause.clause == "7.1"} == {
         "heel",
         "mid-foot",
         "toe",
     }
-    assert {row.clause.clause for row in rows if not row.computed} == {"7.3", "7.4", "8", "Annex B"}
 
 
 @pytest.mark.parametrize("name", PROTOCOLS)

@@ -75,7 +75,7 @@ class ProtocolTable:
     bearing: tuple[Bearing, ...]
     bench: BenchTable  # under the load point and at the heel, level
     missing: tuple[str, ...]  # sentences on what failed
-    processor_s: float
+    processor_s: float  # with what was compiled first, if anything
     parameters: dict[str, Any]
     provenance: dict[str, Any]
 

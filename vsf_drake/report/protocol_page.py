@@ -41,8 +41,10 @@ def protocol_page(
     table = record(ProtocolTable, saved)
     answered = [row for row in table.rows if row.computed]
     drawn = shown_settings(table)
+    axes = [row for row in table.rows if row.clause.axis]
     facts = {
         "t": table,
+        "widest": axes[_widest(axes)],
         "answered": [
             {"clause": row.clause, "values": [number(v, row.clause.form) for v in row.values]}
             for row in answered
@@ -154,7 +156,8 @@ def radar_figure(table: ProtocolTable, drawn: list[int]) -> Figure:
     values = np.array([[row.values[i] for i in drawn] for row in rows], dtype=np.float64)
     shares = values / ends[:, None]
     turns = np.linspace(0.0, 2.0 * np.pi, len(rows), endpoint=False)
-    widest = int(np.argmax(np.nan_to_num(np.ptp(shares, axis=1))))
+    widest = _widest(rows)
+    on_the_left = np.sin(turns[widest]) < -1e-6
     with drawing(1.15 * PANEL[0], PANEL[0]) as figure:
         figure.set_layout_engine("none")  # it does not see the names of the axes
         axes = figure.add_axes(
@@ -174,7 +177,8 @@ def radar_figure(table: ProtocolTable, drawn: list[int]) -> Figure:
             axes.annotate(
                 table.settings[i],
                 (turns[widest], shares[widest, k]),
-                (6, 0),
+                (-7 if on_the_left else 7, 0),
+                ha="right" if on_the_left else "left",
                 textcoords="offset points",
                 color=_colour(table, i),
                 fontweight="bold",
@@ -198,6 +202,14 @@ def radar_figure(table: ProtocolTable, drawn: list[int]) -> Figure:
             )
         axes.spines["polar"].set_color(NEUTRAL)
     return figure
+
+
+def _widest(rows: list[ProtocolRow]) -> int:
+    """The row whose values differ most between settings, over the end of its axis."""
+    known = [[value for value in row.values if value is not None] or [0.0] for row in rows]
+    return int(
+        np.argmax([np.ptp(own) / _axis_end(row) for own, row in zip(known, rows, strict=True)])
+    )
 
 
 def _axis_end(row: ProtocolRow) -> float:
