@@ -32,7 +32,8 @@ from vsf_drake.walks.recorded_walk import reached
 
 FORMAT = "vsf_drake bench protocol 1"
 ROLL_STEPS = 600
-"""Of the stance. Twice as many change no quantity of the nominal foot by more than 0.3 %."""
+"""Of the stance. Twice as many change no quantity of the nominal foot at 66 and 151 mm by more than
+0.3 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
