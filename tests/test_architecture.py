@@ -57,6 +57,7 @@ WITHOUT_DRAKE = (
     "walks/sweep_table.py",
     "walks/comparison.py",
     "device/bench_metrics.py",
+    "device/protocols.py",
     "mujoco.py",
     "engines/assisted_model.py",
     "engines/certificate/in_mujoco.py",

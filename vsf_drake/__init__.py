@@ -6,7 +6,8 @@
                add_fulcrum_drive, add_fulcrum_slider: the foot in a Drake diagram of your own
     stepped    make_stepped_leg, make_stepped_person: the implicit stepper as a Drake system
     bench      ModelParameters, run_bench, bench_table: load, displacement, stiffness
-    any foot   foot_from_curves: a model from force-displacement curves of forefoot and heel
+    any foot   foot_from_curves: a model from force-displacement curves of forefoot and heel;
+               bench_protocol: a foot by the clauses of ISO/TS 16955, ISO 22675, AOPA
     a walk     load_trial, load_contact, trial_with, simulate_trial, walk_metrics
     to data    fit_offsets; ContactFit and fit_contact (`solve` of `vsf_drake.fit`)
     a setting  predict: motion, force and loads between recorded settings
@@ -32,6 +33,7 @@ _HOMES = {
     "add_foot": "plants",
     "add_fulcrum_drive": "plants",
     "add_fulcrum_slider": "plants",
+    "bench_protocol": "device.bench_protocol",
     "bench_table": "device.bench_metrics",
     "certify": "engines.certificate.run",
     "fit_contact": "fit.solution:solve",

@@ -1,6 +1,7 @@
 # What a type checker sees of `__init__.py`: the names, and no others.
 from vsf_drake.base.files import resource
 from vsf_drake.device.bench_metrics import bench_table
+from vsf_drake.device.bench_protocol import bench_protocol
 from vsf_drake.device.foot_from_curves import foot_from_curves
 from vsf_drake.engines.certificate.run import certify
 from vsf_drake.fit.problem import ContactFit
@@ -44,6 +45,7 @@ __all__ = [
     "add_foot",
     "add_fulcrum_drive",
     "add_fulcrum_slider",
+    "bench_protocol",
     "bench_table",
     "certify",
     "fit_contact",

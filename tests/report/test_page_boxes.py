@@ -17,7 +17,9 @@ from made_tuning import made_arrays, made_stride_arrays, made_stride_table, made
 from page_boxes import SIZES, lying_over
 
 from vsf_drake.base.files import plain, resource
+from vsf_drake.device.bench_protocol import bench_protocol
 from vsf_drake.model.contact_file import load_contact
+from vsf_drake.model.parameters import ModelParameters
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.recording.examine import examine
 from vsf_drake.report.compare_page import write_comparison
@@ -25,6 +27,7 @@ from vsf_drake.report.fit_output import write_fit
 from vsf_drake.report.import_outputs import import_page
 from vsf_drake.report.map_page import write_map
 from vsf_drake.report.predict_page import write_prediction
+from vsf_drake.report.protocol_page import write_protocol
 from vsf_drake.report.session_page import SESSION
 from vsf_drake.report.tuning.chapters import write_tuning
 from vsf_drake.simulation.archive import provenance
@@ -46,6 +49,7 @@ def test_nothing_lies_over_anything_on_any_page(quick_validation, tmp_path):
         lambda m, s, x: 0.1 + 0.003 * (x - 66.0) + 0 * m, tuple(np.linspace(0.9, 1.1, 19))
     )
     write_map(tmp_path / "map", mapped.table, mapped.arrays)
+    write_protocol(tmp_path / "protocol", bench_protocol(ModelParameters(), "iso16955"))
     write_fit(made_fit(), tmp_path / "fit", contact=made_contact())
     write_tuning(tmp_path / "tune", made_table(), made_arrays())
     write_tuning(tmp_path / "tune_free", made_stride_table(), made_stride_arrays())
@@ -63,7 +67,7 @@ def test_nothing_lies_over_anything_on_any_page(quick_validation, tmp_path):
     write_comparison(tmp_path / "compare", difference_of(*sides), *sides, provenance())
     pages = {
         name: (tmp_path / name / "report.html").read_text(encoding="utf-8")
-        for name in ("map", "fit", "tune", "tune_free", "predict", "compare", "session")
+        for name in "map protocol fit tune tune_free predict compare session".split()
     }
     pages |= {
         "validate": (quick_validation / "report.html").read_text(encoding="utf-8"),

@@ -16,6 +16,7 @@ import leg_drop
 import numpy as np
 import planned_stance
 import predict_setting
+import protocol
 import pytest
 import robot_arm
 import robot_arm_emulator
@@ -54,6 +55,13 @@ pytestmark = pytest.mark.slow
 
 def test_the_middle_setting_is_predicted_from_the_outer_ones_within_four_percent_of_body_weight():
     assert predict_setting.main()["predicted_bw"] < 0.04
+
+
+# A published test of the foot: the heel as the paper's bench measured it, wherever the fulcrum is.
+
+
+def test_the_heel_by_its_clause_is_as_stiff_as_it_was_measured():
+    assert protocol.main()["heel"] == pytest.approx((65.0, 65.0, 65.0), rel=0.01)
 
 
 # A biped: the law of its centre of mass.

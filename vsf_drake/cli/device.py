@@ -15,13 +15,29 @@ from vsf_drake.base.errors import require
 from vsf_drake.base.schema import choice, option, same_as
 from vsf_drake.cli import app as cli
 from vsf_drake.cli.app import Contact, Model, Out, app, path, progress, say
-from vsf_drake.cli.options import from_fields
+from vsf_drake.cli.options import from_fields, named_as_options
 from vsf_drake.cli.recordings import judged
+from vsf_drake.device.protocols import PROTOCOLS
 from vsf_drake.simulation.options import BenchOptions, LawOptions, StandingOptions, StepOptions
 
 if TYPE_CHECKING:
     from vsf_drake.engines.condensed_error import CondensedError
     from vsf_drake.model.parameters import FootParameters, ModelParameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRequest(BenchOptions):
+    """How the foot is pressed, or by which published test."""
+
+    protocol: str | None = choice(
+        None,
+        options=tuple(PROTOCOLS),
+        source="choice",
+        metavar="|".join(PROTOCOLS),
+        help="Answer the clauses of a published test instead, with a page: pressed at angles, "
+        "rolled over, and what is not computed. --max-load-n is then also the first peak of the "
+        "roll-over.",
+    )
 
 
 @app.command()
@@ -31,13 +47,16 @@ def bench(
     model: Model = None,
     contact: Contact = None,
     *,
-    asked: BenchOptions,
+    asked: BenchRequest,
 ) -> None:
     """Presses the foot in the testing machine: stiffness at each fulcrum position and at the
-    heel."""
+    heel, or the clauses of a published test."""
     from vsf_drake.report.outputs import BENCH, write_bench
     from vsf_drake.simulation.bench import run_bench
 
+    if asked.protocol is not None:
+        _by_protocol(out, model, contact, asked.protocol, asked)
+        return
     BENCH.check(out)
     pressed = cli.model_of(model, contact)
     with progress() as show:
@@ -54,6 +73,37 @@ def bench(
     if contact:
         say(f"the foot has the fitted contact of {contact}")
     say(f"written to {out / 'bench.png'}, bench.json")
+
+
+def _by_protocol(
+    out: Path, model: Path | None, contact: Path | None, protocol: str, asked: BenchOptions
+) -> None:
+    """The clauses of a published test."""
+    from vsf_drake.device.bench_protocol import bench_protocol
+    from vsf_drake.report.protocol_page import CSV, PROTOCOL, write_protocol
+    from vsf_drake.report.results_folder import PAGE
+
+    require(asked.heel, "a protocol tests the heel", "--no-heel", "Leave it out")
+    PROTOCOL.check(out)
+    tested = cli.model_of(model, contact)
+    given = asked.fulcrum_mm != BenchOptions.fulcrum_mm
+    names = {
+        "fulcrums_m": "--fulcrum-mm",
+        "speed_m_per_s": "--speed-mm-per-min",
+    }
+    with named_as_options(BenchRequest, **names), progress() as show:
+        made = bench_protocol(
+            tested,
+            protocol,
+            fulcrums_m=[position / 1e3 for position in asked.fulcrum_mm] if given else None,
+            load_n=asked.max_load_n,
+            speed_m_per_s=1e-3 * asked.speed_mm_per_min / 60.0,
+            progress=show,
+            inputs=cli.input_hashes(model, contact),
+        )
+        write_protocol(out, made)
+    cli.print_text("protocol", t=made.table)
+    say(f"written to {out / PAGE}, {CSV}, {PROTOCOL.table}")
 
 
 _FORMATS = ("osim", "mjcf", "sdf")

@@ -81,6 +81,7 @@ _PLACES = {
     ),
     "foot_from_curves#without-curves": "--forefoot-n-per-mm --heel-n-per-mm --load-n",
     "foot_from_curves#the-foot": "--length-mm --mass-g --keel-mm foot:--out",
+    "protocols": "--protocol",
     "results#the-folder": "--out",
     "files_and_units#which-file-is-what": "--model",
 }

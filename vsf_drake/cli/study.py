@@ -195,8 +195,8 @@ def report(
         typer.Argument(
             parser=path,
             help=(
-                "Folder that `session`, `validate`, `tune`, `map`, `predict` or `compare` wrote "
-                "with --out."
+                "Folder that `session`, `validate`, `tune`, `map`, `predict`, `compare` or "
+                "`bench --protocol` wrote with --out."
             ),
         ),
     ],
@@ -208,6 +208,7 @@ def report(
     from vsf_drake.report.compare_page import COMPARE
     from vsf_drake.report.map_page import MAP
     from vsf_drake.report.predict_page import PREDICT
+    from vsf_drake.report.protocol_page import PROTOCOL
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.session_page import SESSION
     from vsf_drake.report.tuning.chapters import TUNING
@@ -216,7 +217,7 @@ def report(
     kind = next(
         (
             kind
-            for kind in (COMPARE, TUNING, MAP, PREDICT, PUBLISHED, SESSION)
+            for kind in (COMPARE, TUNING, MAP, PREDICT, PROTOCOL, PUBLISHED, SESSION)
             if (folder / kind.table).is_file() or kind.unfinished(folder)
         ),
         VALIDATION,

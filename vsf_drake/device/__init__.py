@@ -1,1 +1,1 @@
-"""What the foot does with nobody on it: bench, ISO 22675, an equal load, the stiffness map."""
+"""The foot with nobody on it: bench, published tests, an equal load, the stiffness map."""

@@ -8,12 +8,11 @@ from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.base.sentences import say
-from vsf_drake.device.bench_metrics import stiffness
+from vsf_drake.device.inclined import HEEL_DEG, TOE_DEG, InclinedRow, press_inclined
 from vsf_drake.device.roll_over import (
     Curves,
     Iso,
@@ -51,19 +50,6 @@ QUICK_POSITIONS_M = (0.066, 0.108, 0.151)
 HEEL_PERCENT = 10.0
 """Of stance, in which the foot lands on its heel (a choice); the circle nearest to the whole shape
 hangs on it most."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class InclinedRow:
-    """The foot pressed at an angle to 600 N."""
-
-    angle_deg: float
-    fulcrum_mm: float
-    displacement_mm: float
-    stiffness_n_per_mm: float
-    energy_stored_j: float
-    zones_loaded: tuple[str, ...]
-    unconverged_steps: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,66 +190,43 @@ def _condition(fulcrum_mm: float, rows: Sequence[Footfall]) -> RollOverCondition
     )
 
 
-# The foot pressed at an angle, as structural tests press feet: the peaks of the ISO 22675 profile,
-# rounded.
-#
-# Below zero loads the heel. The platen is level and without friction, the foot pitched by minus the
-# angle, toes up; it moves along the platen's normal, along which force and displacement are taken.
-
-ANGLES_DEG = (-15.0, 20.0)
 LARGEST_LOAD_N = 600.0
 CURVE_POINTS = 201
 """Points of a saved curve, loading and unloading."""
-BORNE_N = 1.0
-"""Load (N) from which a sphere is said to bear."""
 
 
 def _inclined_loading(
     foot: FootParameters, fulcrums_m: Sequence[float], *, steps_per_mm: float, progress: Progress
 ) -> tuple[list[InclinedRow], Curves, list[str]]:
-    """Presses the foot to 600 N and lets go, at both angles and every fulcrum position (m), at
+    """Presses the foot to 600 N and lets go, on heel and toe and at every fulcrum position (m), at
     50 mm/min: rows, curves by name (`inclined_A_F_...` with angle and position in whole degrees and
     mm), and sentences on what failed."""
     machine = RollOver(foot, friction=False)
-    sites = machine.machine.foot.sites
     rows: list[InclinedRow] = []
     curves: Curves = {}
     missing: list[str] = []
-    cases = [(angle, fulcrum) for angle in ANGLES_DEG for fulcrum in fulcrums_m]
+    cases = [(angle, fulcrum) for angle in (HEEL_DEG, TOE_DEG) for fulcrum in fulcrums_m]
     for i, (angle, fulcrum) in enumerate(cases):
         progress("pressing the inclined foot", i / len(cases))
-        pitch = -np.radians(angle)
         where = f"Inclined loading at {angle:+g} degrees, fulcrum {1e3 * fulcrum:g} mm"
         with told(missing, where):
-            run = machine.press(
+            row, curve = press_inclined(
+                machine,
+                angle_deg=angle,
                 fulcrum_m=fulcrum,
-                pitch_rad=pitch,
-                max_load_n=LARGEST_LOAD_N,
+                load_n=LARGEST_LOAD_N,
                 speed_m_per_s=PUBLISHED_SPEED_M_PER_S,
                 steps_per_mm=steps_per_mm,
             )
-            displacement = np.append(0.0, float(machine.touch_height(pitch)[0]) - run.mount[:, 1])
-            load = np.append(0.0, run.grf_W[:, 2])
-            peak = int(np.argmax(load))
-            x = displacement[: peak + 1]
-            f = load[: peak + 1]
-            bearing = sites.zone[run.sphere_normal_n[peak - 1] > BORNE_N]
-            rows.append(
-                InclinedRow(
-                    angle_deg=angle,
-                    fulcrum_mm=1e3 * fulcrum,
-                    stiffness_n_per_mm=1e-3 * stiffness(x, f),
-                    displacement_mm=1e3 * float(np.interp(LARGEST_LOAD_N, f, x)),
-                    energy_stored_j=float(trapezoid(f, x)),
-                    zones_loaded=tuple(sites.zone_names[zone] for zone in np.unique(bearing)),
-                    unconverged_steps=run.unconverged_steps,
-                )
-            )
-            every = np.round(np.linspace(0, len(load) - 1, CURVE_POINTS)).astype(int)
-            at = np.union1d(every, [peak])
+            rows.append(row)
+            every = np.round(np.linspace(0, len(curve.load_n) - 1, CURVE_POINTS)).astype(int)
+            at = np.union1d(every, [curve.peak])
             sign = "minus" if angle < 0 else "plus"
             name = f"inclined_{sign}{abs(angle):.0f}_{1e3 * fulcrum:.0f}"
-            curves |= {f"{name}_displacement_m": displacement[at], f"{name}_load_n": load[at]}
+            curves |= {
+                f"{name}_displacement_m": curve.displacement_m[at],
+                f"{name}_load_n": curve.load_n[at],
+            }
     return rows, curves, missing
 
 

@@ -26,8 +26,9 @@ from vsf_drake.report.validation.panels import mark, plate_name, section_chapter
 from vsf_drake.walks.numbers import by_fulcrum, cells, known, spread
 
 if TYPE_CHECKING:
+    from vsf_drake.device.inclined import InclinedRow
     from vsf_drake.device.roll_over import Iso, IsoRow
-    from vsf_drake.validation.roll_over_section import InclinedRow, RollOverTable
+    from vsf_drake.validation.roll_over_section import RollOverTable
 
 _PANELS = (
     ("radius_m", 1e3, "radius", "(mm)"),
