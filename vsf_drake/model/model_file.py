@@ -19,6 +19,7 @@ from vsf_drake.model.parameters import (
     KeelParameters,
     ModelParameters,
 )
+from vsf_drake.model.setting import moves
 
 FOAM_LOADS_N = (200.0, 600.0)
 """Between these the bench measures the stiffness (McGeehan 2021, doi 10.1115/1.4050456; the upper
@@ -28,9 +29,12 @@ DEEPEST_M = 1.0  # a foam that bears less than the largest load at this depth is
 
 def load_model(path: str | Path) -> ModelParameters:
     """Reads and checks a model file, such as `package://vsf_drake/soft_support.yaml`, which comes
-    with the package."""
+    with the package. A passive foot without a name has the file's."""
     path = user_path(path)
-    return check_model(load_yaml(path, ModelParameters), file=path)
+    model = check_model(load_yaml(path, ModelParameters), file=path)
+    if moves(model.foot) or model.foot.name:
+        return model
+    return dataclasses.replace(model, foot=dataclasses.replace(model.foot, name=path.stem))
 
 
 def check_model(model: ModelParameters, *, file: str | Path | None = None) -> ModelParameters:
