@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsf_drake.base.errors import require
-from vsf_drake.base.schema import choice, option, same_as
+from vsf_drake.base.schema import choice, option
 from vsf_drake.cli import app as cli
 from vsf_drake.cli.app import Contact, Model, Out, app, path, progress, say
-from vsf_drake.cli.options import from_fields, named_as_options
+from vsf_drake.cli.options import PLACE, PLACES, PlaceOptions, from_fields, named_as_options
 from vsf_drake.cli.recordings import judged
 from vsf_drake.device.protocols import PROTOCOLS
 from vsf_drake.simulation.options import BenchOptions, LawOptions, StandingOptions, StepOptions
@@ -27,8 +27,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class BenchRequest(BenchOptions):
-    """How the foot is pressed, or by which published test."""
+    """Which passes are made, or the clauses of which published test."""
 
+    fulcrum: tuple[str, ...] = option(
+        (),
+        f"{PLACE}; may be repeated. Default: the paper's five; a passive foot has none.",
+        flag="--fulcrum-mm",
+        metavar=PLACES,
+    )
     protocol: str | None = choice(
         None,
         options=tuple(PROTOCOLS),
@@ -53,16 +59,19 @@ def bench(
     heel, or the clauses of a published test."""
     from vsf_drake.report.outputs import BENCH, write_bench
     from vsf_drake.simulation.bench import run_bench
+    from vsf_drake.simulation.fulcrum_place import fulcrum_place
 
+    device = cli.model_of(model).foot
+    places_m = [fulcrum_place(said, device, where="--fulcrum-mm") for said in asked.fulcrum]
     if asked.protocol is not None:
-        _by_protocol(out, model, contact, asked.protocol, asked)
+        _by_protocol(out, model, contact, asked.protocol, asked, places_m)
         return
     BENCH.check(out)
     pressed = cli.model_of(model, contact)
     with progress() as show:
         result = run_bench(
             pressed,
-            fulcrums_m=[position / 1e3 for position in asked.fulcrum_mm],
+            fulcrums_m=places_m or None,
             heel=asked.heel,
             max_load_n=asked.max_load_n,
             speed_m_per_s=1e-3 * asked.speed_mm_per_min / 60.0,
@@ -76,7 +85,12 @@ def bench(
 
 
 def _by_protocol(
-    out: Path, model: Path | None, contact: Path | None, protocol: str, asked: BenchOptions
+    out: Path,
+    model: Path | None,
+    contact: Path | None,
+    protocol: str,
+    asked: BenchRequest,
+    places_m: Sequence[float],
 ) -> None:
     """The clauses of a published test."""
     from vsf_drake.device.bench_protocol import bench_protocol
@@ -86,7 +100,6 @@ def _by_protocol(
     require(asked.heel, "a protocol tests the heel", "--no-heel", "Leave it out")
     PROTOCOL.check(out)
     tested = cli.model_of(model, contact)
-    given = asked.fulcrum_mm != BenchOptions.fulcrum_mm
     names = {
         "fulcrums_m": "--fulcrum-mm",
         "speed_m_per_s": "--speed-mm-per-min",
@@ -95,7 +108,7 @@ def _by_protocol(
         made = bench_protocol(
             tested,
             protocol,
-            fulcrums_m=[position / 1e3 for position in asked.fulcrum_mm] if given else None,
+            fulcrums_m=places_m or None,
             load_n=asked.max_load_n,
             speed_m_per_s=1e-3 * asked.speed_mm_per_min / 60.0,
             progress=show,
@@ -111,8 +124,8 @@ _CONDENSED_FORMATS = ("osim", "mjcf")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExportRequest:
-    """Which files of the foot are written."""
+class ExportRequest(PlaceOptions):
+    """Which files of the foot are written, and for which of them the fulcrum is fixed where."""
 
     formats: tuple[str, ...] = choice(
         (),
@@ -131,11 +144,6 @@ class ExportRequest:
         metavar="full|condensed",
         help="full, with all pieces of the keel, or condensed, two hinges and six contact "
         "spheres fitted to that, for optimal control: osim, mjcf and a table.",
-    )
-    fulcrum_mm: float = same_as(
-        StandingOptions,
-        "fulcrum_mm",
-        help="Fulcrum position, from the keel's posterior end, in the files in which it is fixed.",
     )
     springs: bool = option(
         True,
@@ -171,7 +179,6 @@ def export(
     from vsf_drake.base.schema import to_plain
     from vsf_drake.base.yaml_file import dump
     from vsf_drake.engines.limits import cannot_hold
-    from vsf_drake.model.model_file import check_fulcrum
     from vsf_drake.report.results_folder import ResultsFolder
     from vsf_drake.simulation.archive import provenance, result_folder
 
@@ -193,7 +200,7 @@ def export(
     )
     exported = cli.model_of(model, contact)
     foot = exported.foot
-    fulcrum_m = check_fulcrum(1e-3 * asked.fulcrum_mm, foot, where="--fulcrum-mm")
+    fulcrum_m = cli.place_of(asked, model)
     error = None
     if condensed:
         texts, error = _condensed_texts(foot, formats, fulcrum_m)
@@ -237,10 +244,11 @@ def _full_texts(
     from vsf_drake.engines.mjcf import foot_mjcf
     from vsf_drake.engines.osim import foot_osim
     from vsf_drake.engines.sdf import foot_sdf
+    from vsf_drake.model.setting import moves
 
     foot = exported.foot
     law = exported.contact_law
-    fixed = f"vsf_foot_at_{1e3 * fulcrum_m:g}mm"
+    fixed = f"vsf_foot_at_{1e3 * fulcrum_m:g}mm" if moves(foot) else "vsf_foot_passive"
     texts = {}
     if "osim" in formats:
         texts[f"{fixed}.osim"] = foot_osim(foot, fulcrum_m=fulcrum_m, law=law)
@@ -359,6 +367,7 @@ def stand(
     model: Model = None,
     contact: Contact = None,
     *,
+    place: PlaceOptions,
     asked: StandingOptions,
 ) -> None:
     """Simulates standing at anatomically neutral angles: does the ground carry the weight, and how
@@ -379,7 +388,7 @@ def stand(
         standing = simulate_standing(
             person,
             stood_on,
-            fulcrum_m=1e-3 * asked.fulcrum_mm,
+            fulcrum_m=cli.place_of(place, model),
             duration_s=asked.duration_s,
             upright=asked.upright,
             progress=lambda f: show("standing", f),
@@ -407,10 +416,8 @@ class WalkRequest(StepOptions, LawOptions):
     fit_offsets: bool = option(
         False, "First fit height, fore-aft position and alignment of the prosthesis."
     )
-    fulcrum_mm: float | None = option(
-        None,
-        "Fulcrum position from the keel's posterior end, under the same motion. Default: the "
-        "trial's.",
+    fulcrum_mm: str | None = option(
+        None, f"{PLACE}, under the same motion. Default: the trial's.", metavar=PLACES
     )
     replay: bool = option(
         True,
@@ -465,9 +472,9 @@ def _simulate(trial: Path, out: Path, asked: WalkRequest) -> None:
     """One walk."""
     from vsf_drake.base.sentences import say as sentences
     from vsf_drake.model.contact_file import load_contact
-    from vsf_drake.model.model_file import check_fulcrum
     from vsf_drake.motion.trial import NO_PLATE
     from vsf_drake.report.outputs import WALK, write_walk
+    from vsf_drake.simulation.fulcrum_place import fulcrum_place
     from vsf_drake.simulation.options import STARTS_LOADED
     from vsf_drake.simulation.walk import Walker
     from vsf_drake.walks.embedded import embedded_contact_beside
@@ -477,14 +484,13 @@ def _simulate(trial: Path, out: Path, asked: WalkRequest) -> None:
     from vsf_drake.walks.quantities import JUDGED, quantity
     from vsf_drake.walks.recorded_walk import walk_trial, with_contact
 
-    fulcrum_mm = asked.fulcrum_mm
     embedded = None
     contact = None if asked.contact == Path("none") else asked.contact
     if asked.contact is None and not asked.fit_offsets:
         embedded = contact = embedded_contact_beside(trial)
     cli.check_contact_use(contact, fit_offsets=asked.fit_offsets)
     require(
-        not asked.fit_offsets or fulcrum_mm is None,
+        not asked.fit_offsets or asked.fulcrum_mm is None,
         "cannot go with --fit-offsets: the plate is of the recorded setting",
         "--fulcrum-mm",
         "Leave one of them out; where the manifest's setting is wrong, correct it there",
@@ -504,11 +510,18 @@ def _simulate(trial: Path, out: Path, asked: WalkRequest) -> None:
     [walked] = cli.under(asked.law, [walked])
     moved = None
     layered = fitted is not None and bool(fitted.momentum or fitted.person_curve)
-    if fulcrum_mm is not None:
-        fulcrum_m = check_fulcrum(1e-3 * fulcrum_mm, walked.model.foot, where="--fulcrum-mm")
-    if fulcrum_mm is not None and not math.isclose(fulcrum_m, recorded.fulcrum_m, abs_tol=1e-6):
+    fulcrum_m = fulcrum_place(
+        asked.fulcrum_mm,
+        recorded.model.foot,
+        default_m=recorded.fulcrum_m,
+        where="--fulcrum-mm",
+    )
+    if not math.isclose(fulcrum_m, recorded.fulcrum_m, abs_tol=1e-6):
         [moved] = sentences(
-            "other_setting", mm=fulcrum_mm, recorded_mm=1e3 * recorded.fulcrum_m, layered=layered
+            "other_setting",
+            mm=1e3 * fulcrum_m,
+            recorded_mm=1e3 * recorded.fulcrum_m,
+            layered=layered,
         )
         walked = dataclasses.replace(
             walked,

@@ -19,6 +19,7 @@ from vsf_drake.device.protocols import PROTOCOLS, ROLL, Clause, clauses_of
 from vsf_drake.device.roll_over import SECOND_PEAK_S, iso_roll_over
 from vsf_drake.model.model_file import check_fulcrum, check_movable
 from vsf_drake.model.parameters import FootParameters, ModelParameters
+from vsf_drake.model.setting import moves, setting_short
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.bench import (
     PUBLISHED_FULCRUMS_M,
@@ -193,16 +194,6 @@ def bench_protocol(
         ),
         arrays=arrays,
     )
-
-
-def setting_short(foot: FootParameters, fulcrum_m: float) -> str:
-    """What a setting is called: where the fulcrum stands (m from A), or which foot it is."""
-    return f"{1e3 * fulcrum_m:g} mm" if moves(foot) else "this foot"
-
-
-def moves(foot: FootParameters) -> bool:
-    """Whether the fulcrum can; otherwise the foot is passive."""
-    return foot.fulcrum.rearmost_m < foot.fulcrum.foremost_m
 
 
 def _positions(foot: FootParameters, fulcrums_m: Sequence[float] | None) -> list[float]:

@@ -335,6 +335,9 @@ class FootParameters:
     depth**series_exponent, in N/m where the exponent is 1.
     """
 
+    name: str = field(  # tells a passive foot from others; where none is given, its file's
+        default="", metadata={"source": "choice", UNSAID: "yes"}
+    )
     keel: KeelParameters = field(default_factory=KeelParameters)
     fulcrum: FulcrumParameters = field(default_factory=FulcrumParameters)
     friction: FrictionParameters = field(default_factory=FrictionParameters)

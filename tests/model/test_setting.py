@@ -1,0 +1,39 @@
+"""How settings are called: a fulcrum by where it stands, a passive foot by its name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from vsf_drake.model.model_file import load_model
+from vsf_drake.model.parameters import FootParameters
+from vsf_drake.model.setting import moves, setting_heading, setting_short, setting_words
+
+NOMINAL = FootParameters()
+FIXED = replace(NOMINAL, fulcrum=replace(NOMINAL.fulcrum, rearmost_m=0.1, foremost_m=0.1))
+PASSIVE = replace(FIXED, name="category 4")
+
+
+def test_a_fulcrum_is_called_by_its_place_and_a_passive_foot_by_its_name():
+    assert moves(NOMINAL) and not moves(PASSIVE)
+    assert setting_words(NOMINAL, 0.108) == "fulcrum 108 mm"
+    assert setting_short(NOMINAL, 0.108) == "108 mm"
+    assert setting_words(PASSIVE, 0.1) == "foot category 4"
+    assert setting_short(PASSIVE, 0.1) == "category 4"
+    assert setting_short(FIXED, 0.1) == "passive"
+
+
+def test_a_column_of_settings_is_headed_by_what_all_of_its_feet_have():
+    assert setting_heading([NOMINAL, NOMINAL]) == "fulcrum (mm)"
+    assert setting_heading([PASSIVE, FIXED]) == "foot"
+    assert setting_heading([NOMINAL, PASSIVE]) == "setting"
+
+
+def test_a_passive_foot_without_a_name_has_its_files_and_one_with_a_name_keeps_it(tmp_path):
+    feet = {}
+    for stem, name in (("soft", ""), ("firm", "category 4"), ("moving", "")):
+        ends = "rearmost_m: 0.1, foremost_m: " + ("0.15" if stem == "moving" else "0.1")
+        said = f"name: {name}, " if name else ""
+        path = tmp_path / f"{stem}.yaml"
+        path.write_text(f"foot: {{{said}fulcrum: {{{ends}}}}}", encoding="utf-8")
+        feet[stem] = load_model(path).foot.name
+    assert feet == {"soft": "soft", "firm": "category 4", "moving": ""}
