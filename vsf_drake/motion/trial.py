@@ -25,6 +25,7 @@ from vsf_drake.model.parameters import (
     Subject,
     person_coordinates,
 )
+from vsf_drake.model.setting import AtSetting, setting_of
 from vsf_drake.motion import manifest as manifests
 from vsf_drake.motion.contacts import Assignment, PlateContact, assign_plates
 from vsf_drake.motion.events import (
@@ -148,6 +149,11 @@ class Trial:
     calibration: Calibration | None = None
     tracked: TrackedMotion | None = None
     contacts: tuple[PlateContact, ...] = ()
+
+    @property
+    def setting(self) -> AtSetting:
+        """Where the fulcrum stood, or which passive foot it was."""
+        return setting_of(self.model.foot, self.fulcrum_m)
 
     @property
     def plate(self) -> PlateRecording | None:

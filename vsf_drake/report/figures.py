@@ -21,6 +21,7 @@ from vsf_drake.device.bench_metrics import (
     published_stiffness,
 )
 from vsf_drake.model.bench_curves import STIFFNESS_ABOVE_N
+from vsf_drake.model.setting import AtSetting
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trial import NO_PLATE, UNUSABLE_RECORDING
 from vsf_drake.report.layer_curves import RESULTANT, component_of, draw_layers, layer_handles
@@ -37,7 +38,6 @@ from vsf_drake.report.style import (
     drawing,
     label,
     log_scale,
-    name_of,
     tag,
 )
 from vsf_drake.simulation.options import STARTS_LOADED
@@ -211,6 +211,7 @@ def walk_figure(
     plate: PlateRecording | None,
     metrics: Agreement,
     *,
+    setting: AtSetting,
     curves: Arrays | None = None,
 ) -> Figure:
     """A finished walk beside the plate under the prosthetic foot, if there is one: forces, centre
@@ -226,8 +227,7 @@ def walk_figure(
     model, measured = (
         force / metrics.body_weight_n for force in (comparison.model, comparison.measured)
     )
-    fulcrum_mm = 1e3 * float(np.median(result.fulcrum_m))
-    colour = colour_of(fulcrum_mm)
+    colour = colour_of(setting)
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
     state = "" if result.converged else f", {result.unconverged_steps} STEPS NOT CONVERGED"
     state += "".join(
@@ -286,7 +286,7 @@ def walk_figure(
             )
         figure.legend(handles=handles, loc="lower center", ncols=2)
         title = (
-            f"{result.trial_name}: {kind}, {result.side} prosthesis, {name_of(fulcrum_mm)}{state}"
+            f"{result.trial_name}: {kind}, {result.side} prosthesis, {setting.setting_words}{state}"
         )
         _head(figure, title)
     return figure
@@ -400,8 +400,8 @@ def standing_figure(table: StandingTable) -> Figure:
         state = "" if table.converged else f", {table.unconverged_steps} STEPS NOT CONVERGED"
         _head(
             figure,
-            f"{table.subject}, {table.prosthetic_side} prosthesis, fulcrum {table.fulcrum_mm:g} "
-            f"mm: {verdict}{state}",
+            f"{table.subject}, {table.prosthetic_side} prosthesis, {table.setting_words}: "
+            f"{verdict}{state}",
         )
     return figure
 
@@ -481,7 +481,7 @@ def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:
             factor = quantity(key).scale
             for number, trial in enumerate(trials):
                 own = [row for row in rows if row.trial == trial.name]
-                colour = colour_of(trial.fulcrum_mm)
+                colour = colour_of(trial, trials)
                 known, lateral = (
                     sorted(
                         (row.varied(name), factor * score)
