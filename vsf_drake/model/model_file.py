@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +11,13 @@ from scipy.optimize import brentq
 
 from vsf_drake.base.errors import require
 from vsf_drake.base.files import user_path
-from vsf_drake.base.schema import check, load_yaml, unit_hint
+from vsf_drake.base.schema import check, load_yaml, quantity, to_plain, unit_hint
+from vsf_drake.base.yaml_file import dump
 from vsf_drake.laws.beam import section_inertia, taper
 from vsf_drake.model.parameters import (
     ContactZone,
     FootParameters,
+    FulcrumParameters,
     KeelParameters,
     ModelParameters,
 )
@@ -24,17 +26,65 @@ from vsf_drake.model.setting import moves
 FOAM_LOADS_N = (200.0, 600.0)
 """Between these the bench measures the stiffness (McGeehan 2021, doi 10.1115/1.4050456; the upper
 one a choice)."""
+NO_FULCRUM = "this foot has no fulcrum: it is passive"
 DEEPEST_M = 1.0  # a foam that bears less than the largest load at this depth is none
+
+
+@dataclass(frozen=True, kw_only=True)
+class _FootInFile(FootParameters):
+    """A foot as people write it: of a passive one they say where its keel is clamped."""
+
+    clamp_m: float | None = quantity(
+        None, unit="m", low=0.0, high=1.0, source="from the keel's posterior end A, measured"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ModelInFile(ModelParameters):
+    foot: _FootInFile = field(default_factory=_FootInFile)
 
 
 def load_model(path: str | Path) -> ModelParameters:
     """Reads and checks a model file, such as `package://vsf_drake/soft_support.yaml`, which comes
-    with the package. A passive foot without a name has the file's."""
+    with the package.
+
+    `clamp_m` of its foot makes a passive one of it, a foot without a fulcrum: its keel is clamped
+    there (m from A). In the model that is a support that cannot move, `rearmost_m` and `foremost_m`
+    of the fulcrum in one. A passive foot without a name has the file's.
+    """
     path = user_path(path)
-    model = check_model(load_yaml(path, ModelParameters), file=path)
-    if moves(model.foot) or model.foot.name:
-        return model
-    return dataclasses.replace(model, foot=dataclasses.replace(model.foot, name=path.stem))
+    read = load_yaml(path, _ModelInFile)
+    foot = FootParameters(
+        **{key.name: getattr(read.foot, key.name) for key in fields(FootParameters)}
+    )
+    if read.foot.clamp_m is not None:
+        own = foot.fulcrum
+        require(
+            (own.rearmost_m, own.foremost_m)
+            == (FulcrumParameters.rearmost_m, FulcrumParameters.foremost_m),
+            "does not go with clamp_m: a keel that is clamped has no fulcrum",
+            "foot.fulcrum.rearmost_m, foremost_m",
+            "Leave these two out, or clamp_m",
+            file=path,
+        )
+        at = read.foot.clamp_m
+        foot = replace(foot, fulcrum=replace(own, rearmost_m=at, foremost_m=at))
+    if not moves(foot):
+        foot = replace(foot, name=foot.name or path.stem)
+    model = ModelParameters(
+        **{key.name: getattr(read, key.name) for key in fields(ModelParameters)} | {"foot": foot}
+    )
+    return check_model(model, file=path)
+
+
+def model_yaml(model: ModelParameters) -> str:
+    """`model` as the text of a file that `load_model` reads."""
+    plain = to_plain(model)
+    foot = plain["foot"]
+    if not moves(model.foot):
+        del foot["fulcrum"]["foremost_m"]
+        foot = {"clamp_m": foot["fulcrum"].pop("rearmost_m")} | foot
+    return dump({**plain, "foot": foot})
 
 
 def check_model(model: ModelParameters, *, file: str | Path | None = None) -> ModelParameters:
@@ -59,15 +109,18 @@ def check_foot(
         foot.keel.density_kg_m3 * length * foot.keel.width_m * foot.keel.thickness_m
         + fulcrum.carriage_mass_kg
     )
+    reach = f"clamp {fulcrum.rearmost_m} m"
+    if fulcrum.rearmost_m != fulcrum.foremost_m:
+        reach = f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m"
     tip = foot.heel_x_m + foot.length_m
     below = 0.5 * foot.keel.thickness_m + foot.foam_thickness_m
     for holds, where, what, right in (
         (
             0.0 < fulcrum.rearmost_m <= fulcrum.foremost_m < foot.load_point_m <= length + 1e-12,
-            "fulcrum",
+            "clamp_m" if fulcrum.rearmost_m == fulcrum.foremost_m else "fulcrum",
             (
-                f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m and load point "
-                f"{foot.load_point_m} m must increase and lie within the keel of {length:.4f} m"
+                f"{reach} and load point {foot.load_point_m} m must increase and lie within the "
+                f"keel of {length:.4f} m"
             ),
             None,
         ),
@@ -87,7 +140,8 @@ def check_foot(
             min(places) < fulcrum.rearmost_m,
             "zones",
             "no contact sphere sits on the heel block",
-            f"At least one must lie behind the rearmost fulcrum, {1e3 * fulcrum.rearmost_m:g} mm",
+            "At least one must lie behind the "
+            f"{'rearmost fulcrum' if moves(foot) else 'clamp'}, {1e3 * fulcrum.rearmost_m:g} mm",
         ),
         (
             parts < foot.mass_kg,
@@ -124,7 +178,7 @@ def in_shell(
         + foot.fulcrum.carriage_mass_kg
     )
     zones = tuple(
-        dataclasses.replace(
+        replace(
             zone,
             x_mm=tuple(ratio * x for x in zone.x_mm),
             stiffness=ratio * zone.stiffness,
@@ -133,7 +187,7 @@ def in_shell(
         for zone in foot.zones
     )
     return check_foot(
-        dataclasses.replace(
+        replace(
             foot,
             zones=zones,
             length_m=length_m,
@@ -233,7 +287,8 @@ def check_fulcrum(
     file: str | Path | None = None,
     where: str = "fulcrum",
 ) -> float:
-    """Returns `fulcrum_m` (m from A) if it is a number and the carriage of `foot` can reach it."""
+    """Returns `fulcrum_m` (m from A) if it is a number and the carriage of `foot` can reach it; of
+    a passive foot, if that is where its keel is clamped."""
     low = foot.fulcrum.rearmost_m
     high = foot.fulcrum.foremost_m
     require(
@@ -243,8 +298,10 @@ def check_fulcrum(
         "Its unit is m from A",
         file=file,
     )
+    reached = low - 1e-9 <= fulcrum_m <= high + 1e-9
+    require(reached or moves(foot), NO_FULCRUM, where, "Leave it out", file=file)
     require(
-        low - 1e-9 <= fulcrum_m <= high + 1e-9,
+        reached,
         f"the fulcrum at {1e3 * fulcrum_m:g} mm is out of the carriage's reach",
         where,
         f"It must be between {1e3 * low:g} and {1e3 * high:g} mm"
@@ -255,11 +312,5 @@ def check_fulcrum(
 
 
 def check_movable(foot: FootParameters, right: str) -> None:
-    """InputError, with what would be `right`, unless the fulcrum of `foot` can move."""
-    at = foot.fulcrum.rearmost_m
-    require(
-        at < foot.fulcrum.foremost_m,
-        f"this foot's support does not move: it stands at {1e3 * at:g} mm",
-        "foot.fulcrum",
-        right,
-    )
+    """InputError, with what would be `right`, for a passive foot."""
+    require(moves(foot), NO_FULCRUM, "foot", right)

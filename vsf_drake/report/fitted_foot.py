@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 from vsf_drake.base.errors import require
 from vsf_drake.base.files import read_text, write_text
-from vsf_drake.base.schema import dump_yaml
 from vsf_drake.base.sentences import say
 from vsf_drake.device.foot_from_curves import FittedFoot
 from vsf_drake.model.foot_curves import PARTS
+from vsf_drake.model.model_file import model_yaml
 from vsf_drake.report.style import (
     MARK_COLOURS,
     MEASURED,
@@ -115,5 +115,5 @@ def write_fitted_foot(foot: FittedFoot, out: Path) -> Path:
         for line in textwrap.wrap(text, _LINE, initial_indent="# ", subsequent_indent="#   ")
     ]
     [picture] = save_figure(foot_figure(foot), out.with_suffix(""), svg=False)
-    write_text(out, "\n".join([_FIRST, *lines, dump_yaml(foot.model)]))
+    write_text(out, "\n".join([_FIRST, *lines, model_yaml(foot.model)]))
     return picture
