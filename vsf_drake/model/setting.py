@@ -26,6 +26,11 @@ class AtSetting:
     """the name of a passive foot"""
 
     @property
+    def setting(self) -> AtSetting:
+        """The setting alone, by which records are grouped."""
+        return AtSetting(fulcrum_mm=self.fulcrum_mm, foot=self.foot)
+
+    @property
     def setting_cell(self) -> str:
         """For cells under a heading that has the unit: "108", or a passive foot's name."""
         return self.foot if self.fulcrum_mm is None else f"{self.fulcrum_mm:g}"

@@ -25,7 +25,7 @@ from vsf_drake.model.parameters import (
     Subject,
     person_coordinates,
 )
-from vsf_drake.model.setting import AtSetting, setting_of
+from vsf_drake.model.setting import AtSetting, moves, setting_of
 from vsf_drake.motion import manifest as manifests
 from vsf_drake.motion.contacts import Assignment, PlateContact, assign_plates
 from vsf_drake.motion.events import (
@@ -207,7 +207,7 @@ def model_in_shell(
     foot = in_shell(model.foot, 1e-3 * length_mm, file=file, group=group)
     ahead_mm = 1e3 * (sum(foot.keel.element_lengths_m) - foot.heel_x_m - foot.length_m)
     return dataclasses.replace(model, foot=foot), say(
-        "trial", "shell", length_mm=length_mm, ahead_mm=ahead_mm
+        "trial", "shell", length_mm=length_mm, ahead_mm=ahead_mm, passive=not moves(foot)
     )
 
 

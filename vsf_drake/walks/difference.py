@@ -197,6 +197,13 @@ def side_of(name: str, trials: Sequence[Trial], *, simulated: bool = False) -> S
             "The walks of a side are one person's: give the two persons as A and B",
             file=trial.path,
         )
+    feet = sorted({trial.setting.foot or "one with a fulcrum" for trial in trials})
+    require(
+        len(feet) == 1,
+        f"holds walks on {len(feet)} feet ({', '.join(feet)})",
+        right="Name the walks of one foot",
+        file=name,
+    )
     settings = settings_of(np.array([trial.fulcrum_m for trial in trials]))
     if len(settings) > 1:
         means = [1e3 * np.mean([trials[i].fulcrum_m for i in own]) for own in settings]
