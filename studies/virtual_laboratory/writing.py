@@ -34,7 +34,8 @@ stature_m: 1.81
 sex: male
 prosthetic_side: right
 """
-MID_RANGE_M = 0.108
+PASSIVE = "package://vsf_drake/passive.yaml"
+OTHER_FOOT = "a passive foot, not the one that was worn, whose bench nobody measured"
 BEFORE_S = 0.02
 """From the end of the window to a strike."""
 FORCE_DECIMALS, PLACE_DECIMALS, MOMENT_DECIMALS = 2, 5, 3
@@ -91,14 +92,16 @@ def write_trial(folder: Path, trial: Recorded, tier: Tier, label: Label = REFERE
         title=title,
     )
     shell = "" if label.foot_length_mm is None else f", foot_length_mm: {label.foot_length_mm:g}"
+    if draw.fulcrum_m is None:
+        worn = f"model: {PASSIVE}  # {OTHER_FOOT}\nprosthesis: {{{shell.removeprefix(', ')}}}\n"
+    else:
+        worn = f"prosthesis: {{fulcrum_mm: {1e3 * draw.fulcrum_m:g}{shell}}}\n"
     with replaced(place / f"{draw.name}.yaml") as stream:
         stream.write(
             f"# {label.notice}.\nname: {label.name}, {tier.name}, {draw.condition} stiffness, "
             f"trial {draw.number}\nsynthetic: true\nsubject: {label.subject}\nkinematics: "
             f"{draw.name}_kinematics.mot\nforces: {{file: {draw.name}_forces.mot, right: "
-            "ground_force_r, left: ground_force_l}\nprosthesis: {fulcrum_mm: "
-            f"{1e3 * (draw.fulcrum_m or MID_RANGE_M):g}{shell}}}"
-            f"{'' if draw.fulcrum_m else '  # a passive foot has none: where the model keeps its own'}\n"  # noqa: E501
+            f"ground_force_r, left: ground_force_l}}\n{worn}"
             f"window: {{start_s: 0, end_s: {_before_second_strike(trial):.2f}}}\n"
         )
 

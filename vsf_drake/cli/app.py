@@ -20,7 +20,7 @@ from vsf_drake import __version__
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import user_path
 from vsf_drake.base.schema import SEED
-from vsf_drake.cli.options import named_as_options
+from vsf_drake.cli.options import PlaceOptions, named_as_options
 from vsf_drake.simulation.options import LawOptions
 
 if TYPE_CHECKING:
@@ -234,6 +234,17 @@ def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:
     return fitted_model(model, load_contact(contact), file=contact, in_its_shell=path is None)
 
 
+def place_of(asked: PlaceOptions, model: Path | None) -> float:
+    """Where the fulcrum is to stand (m from A) in the device of a file, or the nominal one."""
+    from vsf_drake.model.parameters import MID_FULCRUM_MM
+    from vsf_drake.simulation.fulcrum_place import fulcrum_place
+
+    device = model_of(model).foot
+    return fulcrum_place(
+        asked.fulcrum, device, default_m=1e-3 * MID_FULCRUM_MM, where="--fulcrum-mm"
+    )
+
+
 def manifests_of(paths: Iterable[Path]) -> list[Path]:
     """The manifests, those in a folder in its place: of a session's results those that it
     imported."""
@@ -247,7 +258,11 @@ def manifests_of(paths: Iterable[Path]) -> list[Path]:
             continue
         inner = given / IMPORT_FOLDER
         folder = inner if inner.is_dir() else given
-        there = [file for file in sorted(folder.glob("*.yaml")) if "prosthesis" in keys_of(file)]
+        there = [
+            file
+            for file in sorted(folder.glob("*.yaml"))
+            if {"subject", "kinematics"} <= keys_of(file) or {"subject", "markers"} <= keys_of(file)
+        ]
         require(
             there,
             "holds no trial manifests",
@@ -261,15 +276,21 @@ def manifests_of(paths: Iterable[Path]) -> list[Path]:
 
 def read_trials(paths: list[Path], contact: Path | None, *, law: str | None = None) -> list[Trial]:
     """The trials of manifests, with the fitted contact if there is one, under a contact law."""
-    from vsf_drake.model.contact_file import load_contact
     from vsf_drake.motion.trial import load_trial
+
+    return fitted_trials(map(load_trial, paths), contact, law=law)
+
+
+def fitted_trials(
+    trials: Iterable[Trial], contact: Path | None, *, law: str | None = None
+) -> list[Trial]:
+    """The trials with the fitted contact if there is one, under a contact law."""
+    from vsf_drake.model.contact_file import load_contact
     from vsf_drake.walks.recorded_walk import with_contact
 
-    fitted = None if contact is None else load_contact(contact)
-    trials = [
-        trial if fitted is None else with_contact(trial, fitted, file=contact)
-        for trial in map(load_trial, paths)
-    ]
+    if contact is not None:
+        fitted = load_contact(contact)
+        trials = [with_contact(trial, fitted, file=contact) for trial in trials]
     return under(law, trials)
 
 

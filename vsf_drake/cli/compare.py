@@ -16,7 +16,9 @@ if TYPE_CHECKING:  # it imports Drake
 _SIDE = "trial manifest, a folder of them, or one that simulate, import or session wrote"
 _Side = Annotated[
     str,
-    typer.Argument(metavar="WALKS", help=f"A {_SIDE}; with @MM its walks at that setting."),
+    typer.Argument(
+        metavar="WALKS", help=f"A {_SIDE}; with @108 or @16N/mm its walks at that setting."
+    ),
 ]
 
 
@@ -47,21 +49,16 @@ def compare(a: _Side, b: _Side, out: Out) -> None:
 def _side(name: str) -> Side:
     """The walks of a side."""
     from vsf_drake.motion.trial import load_trial
+    from vsf_drake.simulation.fulcrum_place import fulcrum_place
     from vsf_drake.simulation.results import ARRAYS_FILE, load_walk
     from vsf_drake.walks.between_settings import SETTING_M
     from vsf_drake.walks.difference import side_of, trial_of
 
     path = user_path(name)
     before, at, setting = name.rpartition("@")
-    at_m = None
-    if at and not path.exists():
+    asked = bool(at) and not path.exists()
+    if asked:
         path = user_path(before)
-        try:
-            at_m = 1e-3 * float(setting)
-        except ValueError:
-            raise InputError(
-                f"{setting!r} behind the @ is no fulcrum position in mm", where="WALKS", file=name
-            ) from None
     if not path.exists():
         raise InputError("there is no such file or folder", file=path, right=f"Name a {_SIDE}")
     results = [
@@ -71,11 +68,17 @@ def _side(name: str) -> Side:
         trials = [trial_of(load_walk(folder), folder) for folder in results]
     else:
         trials = [load_trial(file) for file in manifests_of([path])]
-    own = [trial for trial in trials if at_m is None or abs(trial.fulcrum_m - at_m) <= SETTING_M]
+    if not asked:
+        return side_of(name, trials, simulated=bool(results))
+    own = []
+    for trial in trials:
+        at_m = fulcrum_place(setting, trial.model.foot, file=name, where="behind the @")
+        if abs(trial.fulcrum_m - at_m) <= SETTING_M:
+            own.append(trial)
     if not own:
         known = sorted({round(1e3 * trial.fulcrum_m) for trial in trials})
         raise InputError(
-            f"holds no walk at {setting} mm",
+            f"holds no walk at {1e3 * at_m:g} mm",
             file=path,
             right=f"There are walks at {', '.join(map(str, known))} mm",
         )

@@ -12,16 +12,28 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsf_drake.base.errors import require
-from vsf_drake.base.schema import choice, option, same_as
+from vsf_drake.base.schema import choice, option
 from vsf_drake.cli import app as cli
 from vsf_drake.cli.app import Contact, Model, Out, app, path, progress, say
-from vsf_drake.cli.options import from_fields
+from vsf_drake.cli.options import PLACE, PLACES, PlaceOptions, from_fields
 from vsf_drake.cli.recordings import judged
 from vsf_drake.simulation.options import BenchOptions, LawOptions, StandingOptions, StepOptions
 
 if TYPE_CHECKING:
     from vsf_drake.engines.condensed_error import CondensedError
     from vsf_drake.model.parameters import FootParameters, ModelParameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRequest(BenchOptions):
+    """Which passes are made."""
+
+    fulcrum: tuple[str, ...] = option(
+        (),
+        f"{PLACE}; may be repeated. Default: the paper's five; a passive foot has none.",
+        flag="--fulcrum-mm",
+        metavar=PLACES,
+    )
 
 
 @app.command()
@@ -31,19 +43,22 @@ def bench(
     model: Model = None,
     contact: Contact = None,
     *,
-    asked: BenchOptions,
+    asked: BenchRequest,
 ) -> None:
     """Presses the foot in the testing machine: stiffness at each fulcrum position and at the
     heel."""
     from vsf_drake.report.outputs import BENCH, write_bench
     from vsf_drake.simulation.bench import run_bench
+    from vsf_drake.simulation.fulcrum_place import fulcrum_place
 
     BENCH.check(out)
+    device = cli.model_of(model).foot
+    places_m = [fulcrum_place(said, device, where="--fulcrum-mm") for said in asked.fulcrum]
     pressed = cli.model_of(model, contact)
     with progress() as show:
         result = run_bench(
             pressed,
-            fulcrums_m=[position / 1e3 for position in asked.fulcrum_mm],
+            fulcrums_m=places_m or None,
             heel=asked.heel,
             max_load_n=asked.max_load_n,
             speed_m_per_s=1e-3 * asked.speed_mm_per_min / 60.0,
@@ -61,8 +76,8 @@ _CONDENSED_FORMATS = ("osim", "mjcf")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExportRequest:
-    """Which files of the foot are written."""
+class ExportRequest(PlaceOptions):
+    """Which files of the foot are written, and for which of them the fulcrum is fixed where."""
 
     formats: tuple[str, ...] = choice(
         (),
@@ -81,11 +96,6 @@ class ExportRequest:
         metavar="full|condensed",
         help="full, with all pieces of the keel, or condensed, two hinges and six contact "
         "spheres fitted to that, for optimal control: osim, mjcf and a table.",
-    )
-    fulcrum_mm: float = same_as(
-        StandingOptions,
-        "fulcrum_mm",
-        help="Fulcrum position, from the keel's posterior end, in the files in which it is fixed.",
     )
     springs: bool = option(
         True,
@@ -121,7 +131,6 @@ def export(
     from vsf_drake.base.schema import to_plain
     from vsf_drake.base.yaml_file import dump
     from vsf_drake.engines.limits import cannot_hold
-    from vsf_drake.model.model_file import check_fulcrum
     from vsf_drake.report.results_folder import ResultsFolder
     from vsf_drake.simulation.archive import provenance, result_folder
 
@@ -143,7 +152,7 @@ def export(
     )
     exported = cli.model_of(model, contact)
     foot = exported.foot
-    fulcrum_m = check_fulcrum(1e-3 * asked.fulcrum_mm, foot, where="--fulcrum-mm")
+    fulcrum_m = cli.place_of(asked, model)
     error = None
     if condensed:
         texts, error = _condensed_texts(foot, formats, fulcrum_m)
@@ -309,6 +318,7 @@ def stand(
     model: Model = None,
     contact: Contact = None,
     *,
+    place: PlaceOptions,
     asked: StandingOptions,
 ) -> None:
     """Simulates standing at anatomically neutral angles: does the ground carry the weight, and how
@@ -329,7 +339,7 @@ def stand(
         standing = simulate_standing(
             person,
             stood_on,
-            fulcrum_m=1e-3 * asked.fulcrum_mm,
+            fulcrum_m=cli.place_of(place, model),
             duration_s=asked.duration_s,
             upright=asked.upright,
             progress=lambda f: show("standing", f),
@@ -357,10 +367,8 @@ class WalkRequest(StepOptions, LawOptions):
     fit_offsets: bool = option(
         False, "First fit height, fore-aft position and alignment of the prosthesis."
     )
-    fulcrum_mm: float | None = option(
-        None,
-        "Fulcrum position from the keel's posterior end, under the same motion. Default: the "
-        "trial's.",
+    fulcrum_mm: str | None = option(
+        None, f"{PLACE}, under the same motion. Default: the trial's.", metavar=PLACES
     )
     replay: bool = option(
         True,
@@ -415,9 +423,9 @@ def _simulate(trial: Path, out: Path, asked: WalkRequest) -> None:
     """One walk."""
     from vsf_drake.base.sentences import say as sentences
     from vsf_drake.model.contact_file import load_contact
-    from vsf_drake.model.model_file import check_fulcrum
     from vsf_drake.motion.trial import NO_PLATE
     from vsf_drake.report.outputs import WALK, write_walk
+    from vsf_drake.simulation.fulcrum_place import fulcrum_place
     from vsf_drake.simulation.options import STARTS_LOADED
     from vsf_drake.simulation.walk import Walker
     from vsf_drake.walks.embedded import embedded_contact_beside
@@ -427,14 +435,13 @@ def _simulate(trial: Path, out: Path, asked: WalkRequest) -> None:
     from vsf_drake.walks.quantities import JUDGED, quantity
     from vsf_drake.walks.recorded_walk import walk_trial, with_contact
 
-    fulcrum_mm = asked.fulcrum_mm
     embedded = None
     contact = None if asked.contact == Path("none") else asked.contact
     if asked.contact is None and not asked.fit_offsets:
         embedded = contact = embedded_contact_beside(trial)
     cli.check_contact_use(contact, fit_offsets=asked.fit_offsets)
     require(
-        not asked.fit_offsets or fulcrum_mm is None,
+        not asked.fit_offsets or asked.fulcrum_mm is None,
         "cannot go with --fit-offsets: the plate is of the recorded setting",
         "--fulcrum-mm",
         "Leave one of them out; where the manifest's setting is wrong, correct it there",
@@ -454,11 +461,18 @@ def _simulate(trial: Path, out: Path, asked: WalkRequest) -> None:
     [walked] = cli.under(asked.law, [walked])
     moved = None
     layered = fitted is not None and bool(fitted.momentum or fitted.person_curve)
-    if fulcrum_mm is not None:
-        fulcrum_m = check_fulcrum(1e-3 * fulcrum_mm, walked.model.foot, where="--fulcrum-mm")
-    if fulcrum_mm is not None and not math.isclose(fulcrum_m, recorded.fulcrum_m, abs_tol=1e-6):
+    fulcrum_m = fulcrum_place(
+        asked.fulcrum_mm,
+        recorded.model.foot,
+        default_m=recorded.fulcrum_m,
+        where="--fulcrum-mm",
+    )
+    if not math.isclose(fulcrum_m, recorded.fulcrum_m, abs_tol=1e-6):
         [moved] = sentences(
-            "other_setting", mm=fulcrum_mm, recorded_mm=1e3 * recorded.fulcrum_m, layered=layered
+            "other_setting",
+            mm=1e3 * fulcrum_m,
+            recorded_mm=1e3 * recorded.fulcrum_m,
+            layered=layered,
         )
         walked = dataclasses.replace(
             walked,

@@ -15,13 +15,27 @@ import typer
 
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import user_path
-from vsf_drake.base.schema import check_field
+from vsf_drake.base.schema import check_field, option
 
 T = TypeVar("T")
 Fields = dict[str, "dataclasses.Field[Any]"]
 Asked = dict[str, Any]
 """What was given on the command line, by field; what was left out is not in it."""
+PLACE = "Fulcrum position in mm from the keel's posterior end, or the forefoot's stiffness (16N/mm)"
+PLACES = "MM|N/mm"
 _KEYWORD = inspect.Parameter.KEYWORD_ONLY
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PlaceOptions:
+    """Where the fulcrum is to stand."""
+
+    fulcrum: str | None = option(
+        None,
+        f"{PLACE}. Default: 108 mm; a passive foot has none.",
+        flag="--fulcrum-mm",
+        metavar=PLACES,
+    )
 
 
 def from_fields(command: Callable[..., None]) -> Callable[..., None]:

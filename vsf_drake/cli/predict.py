@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.schema import option
 from vsf_drake.cli.app import Contact, Out, Trials, app, contact_hash, print_text, progress, say
-from vsf_drake.cli.options import from_fields, named_as_options
+from vsf_drake.cli.options import PLACE, PLACES, from_fields, named_as_options
 from vsf_drake.cli.recordings import AcceptUnusable, judged
 from vsf_drake.simulation.options import StepOptions
 
@@ -16,9 +16,7 @@ from vsf_drake.simulation.options import StepOptions
 class PredictRequest(StepOptions):
     """Which setting, and how."""
 
-    fulcrum_mm: float | None = option(
-        None, "Fulcrum position between the recorded ones, from the keel's posterior end."
-    )
+    fulcrum_mm: str | None = option(None, f"{PLACE}, between the recorded ones.", metavar=PLACES)
 
 
 @app.command()
@@ -37,9 +35,11 @@ def predict(
     fitted contact walks it. It interpolates, and does not know how people adapt.
     """
     from vsf_drake.model.contact_file import load_contact
+    from vsf_drake.model.model_file import check_movable
     from vsf_drake.motion.trial import load_trial
     from vsf_drake.report.predict_page import PREDICT, write_prediction
     from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.simulation.fulcrum_place import fulcrum_place
     from vsf_drake.tuning.answered import predict as predict_setting
     from vsf_drake.walks.recorded_walk import check_named_once
 
@@ -56,12 +56,20 @@ def predict(
     PREDICT.check(out)
     check_named_once(trials)
     fitted = load_contact(contact)
-    read = judged([load_trial(file) for file in trials], accept=accept_unusable)
+    recorded = [load_trial(file) for file in trials]
+    for trial in recorded:
+        check_movable(
+            trial.model.foot,
+            "Of another foot nothing is predicted: `simulate` walks one",
+            trial.path,
+        )
+    fulcrum_m = fulcrum_place(asked.fulcrum_mm, recorded[0].model.foot, where="--fulcrum-mm")
+    read = judged(recorded, accept=accept_unusable)
     with progress() as show, named_as_options(PredictRequest, fulcrum_m="--fulcrum-mm"):
         found = predict_setting(
             read,
             fitted,
-            fulcrum_m=1e-3 * asked.fulcrum_mm,
+            fulcrum_m=fulcrum_m,
             step_s=1e-3 * asked.step_ms,
             inputs=contact_hash(contact),
             progress=show,

@@ -27,6 +27,7 @@ class SessionRequest:
     subject: Path | None = option(
         None, "YAML file of the person instead. Default: subject.yaml in the folder."
     )
+    model: Path | None = same_as(ImportOptions, "model")
     foot_length_mm: float | None = same_as(ImportOptions, "foot_length_mm")
     synthetic: bool = same_as(ImportOptions, "synthetic")
     csv: bool = option(False, "Also write all curves as one tidy table, curves.csv.")

@@ -24,6 +24,7 @@ from vsf_drake.cli.app import (
     app,
     check_contact_use,
     contact_hash,
+    fitted_trials,
     interrupted,
     needed,
     print_text,
@@ -54,8 +55,8 @@ class SweepRequest(StepOptions, LawOptions):
 
     fulcrum_mm: str | None = option(
         None,
-        "Fulcrum positions from the keel's posterior end, or a list: 66,87,108. Default: each "
-        "trial's own.",
+        "Fulcrum positions from the keel's posterior end, or a list, 66,87,108 or "
+        "12N/mm,16N/mm. Default: each trial's own.",
         metavar="LOW:HIGH:COUNT",
     )
     vary: tuple[str, ...] = option(
@@ -103,11 +104,16 @@ def sweep(
     only if all of them fail.
     """
     if asked.list_variables:
+        from vsf_drake.model.setting import moves
         from vsf_drake.simulation.walk import Walker
 
         for trial in read_trials(trials, contact, law=asked.law):
             own = Walker(trial.subject, trial.model).variables
-            print_text("variables", trial=trial, variables=_within_reach(own, [trial], ()).values())
+            if moves(trial.model.foot):
+                own = _within_reach(own, [trial], [[]])
+            else:
+                own = {name: variable for name, variable in own.items() if name != SHIFT}
+            print_text("variables", trial=trial, variables=own.values())
         return
     check_contact_use(contact, fit_offsets=asked.fit_offsets)
     from vsf_drake.report.outputs import check_sweep_folder
@@ -117,7 +123,7 @@ def sweep(
 
     out = needed(out)
     sample = asked.sample
-    positions = () if asked.fulcrum_mm is None else values_of(asked.fulcrum_mm, "--fulcrum-mm")
+    positions = () if asked.fulcrum_mm is None else _said(asked.fulcrum_mm)
     axes = [axis(text, sampled=sample is not None) for text in asked.vary]
     require(
         axes or (positions and sample is None),
@@ -131,12 +137,12 @@ def sweep(
         * (sample or math.prod(len(item.values) for item in axes)),
         meant=asked.yes,
     )
-    loaded, variables = _loaded(
+    loaded, variables, places = _loaded(
         trials, contact, axes, positions, sampled=sample is not None, asked=asked
     )
     check_sweep_folder(out, loaded.values(), parquet=asked.parquet)
     plan: dict[str, object] = {
-        "fulcrum_mm": positions or None,
+        "fulcrum_mm": tuple(dict.fromkeys(1e3 * m for own in places.values() for m in own)) or None,
         "step_ms": asked.step_ms,
         "fit_offsets": asked.fit_offsets,
         "contact": contact_hash(contact),
@@ -167,13 +173,13 @@ def sweep(
         WalkCase(
             trial=trial,
             values=values,
-            fulcrum_m=None if mm is None else 1e-3 * mm,
+            fulcrum_m=place,
             label="" if name == trial.name else name,
             offsets=offsets[name],
             step_s=1e-3 * asked.step_ms,
         )
         for name, trial in loaded.items()
-        for mm in positions or (None,)
+        for place in places[name] or (None,)
         for values in sets
     ]
     varied = {item.name: variables[item.name] for item in axes}
@@ -235,14 +241,15 @@ def _loaded(
     trials: list[Path],
     contact: Path | None,
     axes: list[Axis],
-    positions: tuple[float, ...],
+    positions: Sequence[float | str],
     *,
     sampled: bool,
     asked: SweepRequest,
-) -> tuple[dict[str, Trial], dict[str, Variable]]:
-    """Trials by a name that is theirs alone, and the variables of the first; each can take what is
-    asked for. Warns of a foot that was fitted to nobody."""
-    from vsf_drake.model.model_file import check_fulcrum
+) -> tuple[dict[str, Trial], dict[str, Variable], dict[str, list[float]]]:
+    """Trials by a name that is theirs alone, the variables of the first, and the fulcrum positions
+    (m) of each; each can take what is asked for. Warns of a foot that was fitted to nobody."""
+    from vsf_drake.model.model_file import check_movable
+    from vsf_drake.simulation.fulcrum_place import fulcrum_place
     from vsf_drake.simulation.variables import check_names, check_values
     from vsf_drake.simulation.walk import Walker
     from vsf_drake.walks.metrics import unfitted_note
@@ -253,7 +260,8 @@ def _loaded(
             "the trial stands twice",
             file=file,
         )
-    loaded = judged(read_trials(trials, contact, law=asked.law))
+    recorded = read_trials(trials, None)
+    loaded = judged(fitted_trials(recorded, contact, law=asked.law))
     for trial in loaded:
         require(
             trial.plate is not None,
@@ -284,25 +292,30 @@ def _loaded(
                 right="--list prints the names" if listed else error.right,
             ) from None
         variables = variables or own
-        for mm in positions:
-            check_fulcrum(1e-3 * mm, trial.model.foot, where="--fulcrum-mm")
+        if any(item.name == SHIFT for item in axes):
+            check_movable(trial.model.foot, f"Leave --vary {SHIFT} out", file)
+    named = [
+        name if names.count(name) == 1 else f"{name} ({file})"
+        for name, file in zip(names, trials, strict=True)
+    ]
+    places = {
+        name: [fulcrum_place(said, trial.model.foot, where="--fulcrum-mm") for said in positions]
+        for name, trial in zip(named, recorded, strict=True)
+    }
     if sampled and any(item.name == SHIFT and not item.values for item in axes):
-        variables = _within_reach(variables, loaded, positions)
-    return {
-        name if names.count(name) == 1 else f"{name} ({file})": trial
-        for name, file, trial in zip(names, trials, loaded, strict=True)
-    }, variables
+        variables = _within_reach(variables, loaded, list(places.values()))
+    return dict(zip(named, loaded, strict=True)), variables, places
 
 
 def _within_reach(
-    variables: Mapping[str, Variable], trials: Sequence[Trial], positions: Sequence[float]
+    variables: Mapping[str, Variable], trials: Sequence[Trial], positions: Sequence[list[float]]
 ) -> dict[str, Variable]:
     """`variables` with bounds of `fulcrum.shift` that keep every carriage within its reach from
-    each position (mm)."""
+    each position (m) of its trial."""
     places = [
         (trial.model.foot.fulcrum, at)
-        for trial in trials
-        for at in ([1e-3 * mm for mm in positions] or [trial.fulcrum_m])
+        for trial, own in zip(trials, positions, strict=True)
+        for at in own or [trial.fulcrum_m]
     ]
     low = min(0.0, round(max(support.rearmost_m - at for support, at in places), 12))
     high = max(0.0, round(min(support.foremost_m - at for support, at in places), 12))
@@ -348,6 +361,15 @@ def axis(text: str, *, sampled: bool) -> Axis:
         f"With --sample give {name} or {name}=LOW:HIGH; the count is that of the sample",
     )
     return Axis(name, _rising(ends, where))
+
+
+def _said(text: str) -> Sequence[float | str]:
+    """Fulcrum positions: numbers in mm, or each as somebody says it."""
+    if ":" in text:
+        return values_of(text, "--fulcrum-mm")
+    said = [part.strip() for part in text.split(",")]
+    require(len(set(said)) == len(said), f"{text!r} names a value twice", "--fulcrum-mm")
+    return said
 
 
 def values_of(text: str, where: str) -> tuple[float, ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from vsf_drake.base.errors import require
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import user_path
 from vsf_drake.base.schema import check, load_yaml, quantity, to_plain, unit_hint
 from vsf_drake.base.yaml_file import dump
@@ -311,6 +311,30 @@ def check_fulcrum(
     return fulcrum_m
 
 
-def check_movable(foot: FootParameters, right: str) -> None:
-    """InputError, with what would be `right`, for a passive foot."""
-    require(moves(foot), NO_FULCRUM, "foot", right)
+def stated_fulcrum(
+    stated_mm: float | None,
+    foot: FootParameters,
+    *,
+    default_m: float | None = None,
+    file: str | Path | None = None,
+    where: str = "fulcrum_mm",
+) -> float:
+    """The fulcrum's position (m from A) that is stated in mm, else the default; of a passive foot,
+    for which nothing may be stated, where its keel is clamped. InputError where that fails."""
+    if not moves(foot):
+        require(stated_mm is None, NO_FULCRUM, where, "Leave it out", file=file)
+        return foot.fulcrum.rearmost_m
+    place_m = default_m if stated_mm is None else 1e-3 * stated_mm
+    if place_m is None:
+        raise InputError(
+            "the key is missing",
+            file=file,
+            where=where,
+            right="Its unit is mm, from the keel's end",
+        )
+    return check_fulcrum(place_m, foot, file=file, where=where)
+
+
+def check_movable(foot: FootParameters, right: str, file: str | Path | None = None) -> None:
+    """InputError, with what would be `right`, for a passive foot, in the trial `file`."""
+    require(moves(foot), NO_FULCRUM, "foot", right, file=file)

@@ -27,7 +27,7 @@ from vsf_drake.base.files import PACKAGE, user_path
 from vsf_drake.base.schema import check, choice, load_yaml, quantity
 from vsf_drake.laws.contact_laws import CONTACT_LAWS
 from vsf_drake.model.ground import Ground, check_ground, load_ground
-from vsf_drake.model.parameters import GRAVITY, MID_FULCRUM_MM, SIDES, Subject
+from vsf_drake.model.parameters import GRAVITY, SIDES, Subject
 
 KINDS = ("bench", "person", "leg")
 # as `plants.foot.CONTACTS`
@@ -121,14 +121,14 @@ class Scenario:
     name: str = "station"  # of the station's diagram
     model: str | None = None  # parameter file of the devices; None: the nominal ones
     contact_file: str | None = None  # fitted contact to write into them
-    fulcrum_mm: float = quantity(
-        MID_FULCRUM_MM,
+    fulcrum_mm: float | None = quantity(
+        None,
         unit="mm",
         low=0.0,
         high=1000.0,
-        source="McGeehan 2021: the middle of five published positions",
+        source="McGeehan 2021: the middle of five published positions, 108 mm, where left out",
     )
-    """where nothing sets the fulcrum's position"""
+    """where nothing sets the fulcrum's position; a passive foot has none"""
     heel: bool = False  # (bench) press the heel instead of the forefoot
     subject: Subject | str | None = None  # (person) or the file or trial manifest that has them
     free: tuple[str, ...] = ()  # (person) coordinates that are not prescribed

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from vsf_drake.base.schema import SELDOM, option, quantity, same_as
 from vsf_drake.motion.manifest import Manifest, ProsthesisSetting, Window
@@ -63,13 +64,14 @@ class ImportOptions(TrialOptions):
         flag="--map --marker-map",
     )
     """a shipped map's name or a file; None: the one that fits the labels best"""
-    fulcrum_mm: tuple[float, ...] = quantity(
+    fulcrum_mm: tuple[str, ...] = option(
         (),
-        unit="mm",
-        source="set on the device",
-        metavar="MM",
-        help="Required: fulcrum position from the keel's posterior end; once, or once per walk in "
-        "their order.",
+        "Required unless the foot is passive: fulcrum position in mm from the keel's posterior "
+        "end, or the forefoot's stiffness (16N/mm); once, or once per walk in their order.",
+        metavar="MM|N/mm",
+    )
+    model: Path | None = option(
+        None, "Model file of the foot that was worn. Default: the nominal one.", flag="--model"
     )
     laboratory: Mapping[str, str | None] = field(default_factory=dict)
     """up, forward, length_unit, as for `read_trial`"""

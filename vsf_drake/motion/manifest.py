@@ -40,9 +40,10 @@ _MARKER_KEYS = (
 class ProsthesisSetting:
     """How the foot was set during the trial."""
 
-    fulcrum_mm: float = quantity(  # distance of the fulcrum from A
-        unit="mm", low=0.0, high=1000.0, source="set on the device, from the keel's end A"
+    fulcrum_mm: float | None = quantity(  # distance of the fulcrum from A
+        None, unit="mm", low=0.0, high=1000.0, source="set on the device, from the keel's end A"
     )
+    """needed unless the model's foot is passive, which has no fulcrum"""
     foot_length_mm: float | None = quantity(
         None,
         unit="mm",
@@ -186,7 +187,7 @@ class Manifest:
     forces: str | ForceColumns | None = None
     """file of force plates, or file and columns; if left out those in the C3D, else none, as with
     `none`, which leaves those in the C3D out too"""
-    prosthesis: ProsthesisSetting
+    prosthesis: ProsthesisSetting = field(default_factory=ProsthesisSetting)
     unknown_force: UnknownForce = field(default_factory=UnknownForce)
     plate_rest_n: PlateRest = field(default_factory=PlateRest)
     window: Window | None = None

@@ -17,7 +17,7 @@ from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import resource, sha256
 from vsf_drake.base.schema import load_yaml
 from vsf_drake.base.sentences import say
-from vsf_drake.model.model_file import check_fulcrum, in_shell, load_model
+from vsf_drake.model.model_file import in_shell, load_model, stated_fulcrum
 from vsf_drake.model.parameters import (
     GRAVITY,
     PELVIS_TRANSLATIONS,
@@ -125,7 +125,9 @@ class Trial:
     name: str  # as the manifest says, or its file's name without suffix
     subject: Subject
     synthetic: bool  # constructed rather than measured
-    fulcrum_m: float  # where the fulcrum stood, from the keel's posterior end A
+    fulcrum_m: (
+        float  # where the fulcrum stood, from the keel's posterior end A; a passive foot's clamp
+    )
     start_s: float  # the window: kinematics, forces and the manifest's request all cover it
     end_s: float
     trajectory: CoordinateTrajectory  # see `motion.opensim`; over the whole recording
@@ -269,8 +271,8 @@ def load_trial(path: str | Path) -> Trial:
         del named["forces"]
     model = load_model(named["model"]) if "model" in named else default_model()
     model, shell_notes = model_in_shell(model, manifest.prosthesis.foot_length_mm, file=path)
-    fulcrum_m = check_fulcrum(
-        1e-3 * manifest.prosthesis.fulcrum_mm, model.foot, file=path, where="prosthesis.fulcrum_mm"
+    fulcrum_m = stated_fulcrum(
+        manifest.prosthesis.fulcrum_mm, model.foot, file=path, where="prosthesis.fulcrum_mm"
     )
     inputs = {path.name: sha256(path)} | {
         str(written[key]): sha256(file) for key, file in named.items()

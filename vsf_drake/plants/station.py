@@ -53,8 +53,8 @@ from pydrake.systems.primitives import PassThrough
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.files import opened, resource, user_path
 from vsf_drake.model.contact_file import fitted_model, load_contact
-from vsf_drake.model.model_file import check_fulcrum, load_model
-from vsf_drake.model.parameters import ModelParameters, Subject
+from vsf_drake.model.model_file import load_model, stated_fulcrum
+from vsf_drake.model.parameters import MID_FULCRUM_MM, ModelParameters, Subject
 from vsf_drake.model.scenario import Scenario, check_scenario, scenario_ground
 from vsf_drake.motion.trial import load_subject
 from vsf_drake.plants.bench import BenchDiagram, make_bench
@@ -113,7 +113,7 @@ def make_station(
         path = user_path(scenario.contact_file)
         own = scenario.model
         model = fitted_model(model, load_contact(path), file=path, in_its_shell=not own)
-    check_fulcrum(1e-3 * scenario.fulcrum_mm, model.foot, where="fulcrum_mm")
+    fulcrum_m = stated_fulcrum(scenario.fulcrum_mm, model.foot, default_m=1e-3 * MID_FULCRUM_MM)
     builder = DiagramBuilder()
     visual = visual or meshcat is not None
     parts: BenchDiagram | GaitDiagram | dict[str, WiredFoot]
@@ -140,23 +140,25 @@ def make_station(
             foot = parts.person.foot
         plant = parts.plant
         feet = {foot.name: foot}
-        foot.carriage_joint(plant).set_default_translation(1e-3 * scenario.fulcrum_mm)
-        _embed(builder, scenario, parts.diagram, meshcat)
+        foot.carriage_joint(plant).set_default_translation(fulcrum_m)
+        _embed(builder, scenario, parts.diagram, meshcat, fulcrum_m)
     diagram = builder.Build()
     diagram.set_name(scenario.name)
     return Station(scenario=scenario, diagram=diagram, plant=plant, feet=feet, parts=parts)
 
 
 def _embed(
-    builder: DiagramBuilder, scenario: Scenario, diagram: Diagram, meshcat: Meshcat | None
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    diagram: Diagram,
+    meshcat: Meshcat | None,
+    fulcrum_m: float,
 ) -> None:
-    """Puts `diagram` inside and its ports outside, `fulcrum_position` with a value of its own while
-    unconnected."""
+    """Puts `diagram` inside and its ports outside, `fulcrum_position` at `fulcrum_m` (m from A)
+    while unconnected."""
     diagram.set_name(scenario.kind)
     builder.AddSystem(diagram)
-    hold = builder.AddNamedSystem(
-        "fulcrum_position", PassThrough(np.array([1e-3 * scenario.fulcrum_mm]))
-    )
+    hold = builder.AddNamedSystem("fulcrum_position", PassThrough(np.array([fulcrum_m])))
     builder.Connect(hold.get_output_port(), diagram.GetInputPort("fulcrum_position"))
     for i in range(diagram.num_input_ports()):
         port = diagram.get_input_port(i)
@@ -286,8 +288,10 @@ def _foot(
     asked = scenario.feet[row]
     where = f"feet[{row}]"
     parameters = load_model(asked.model).foot if asked.model else model.foot
-    fulcrum_m = 1e-3 * (scenario.fulcrum_mm if asked.fulcrum_mm is None else asked.fulcrum_mm)
-    check_fulcrum(fulcrum_m, parameters, where=f"{where}.fulcrum_mm")
+    common_mm = MID_FULCRUM_MM if scenario.fulcrum_mm is None else scenario.fulcrum_mm
+    fulcrum_m = stated_fulcrum(
+        asked.fulcrum_mm, parameters, default_m=1e-3 * common_mm, where=f"{where}.fulcrum_mm"
+    )
     contact = asked.contact or scenario.contact
     side = asked.side
     if asked.parent_frame is None:

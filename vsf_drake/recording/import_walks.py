@@ -16,8 +16,9 @@ from vsf_drake.base.files import opened, sha256, user_path
 from vsf_drake.base.progress import Progress
 from vsf_drake.base.schema import check
 from vsf_drake.base.sentences import say
-from vsf_drake.model.model_file import check_fulcrum
-from vsf_drake.model.parameters import SHELLS_MM, SIDES
+from vsf_drake.model.model_file import load_model
+from vsf_drake.model.parameters import SHELLS_MM, SIDES, FootParameters, ModelParameters
+from vsf_drake.model.setting import moves
 from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.import_options import ImportOptions
@@ -38,6 +39,7 @@ from vsf_drake.recording.examine import Examined, examine, settings_compared, we
 from vsf_drake.recording.force_checks import SLIP, ZERO
 from vsf_drake.recording.inverse_kinematics import refined
 from vsf_drake.recording.motion_checks import SAME_FOOT
+from vsf_drake.simulation.fulcrum_place import fulcrum_place
 from vsf_drake.walks.metrics import WalkMetrics, walk_metrics
 from vsf_drake.walks.recorded_walk import STEP_S, walk_trial
 
@@ -53,7 +55,7 @@ BESIDE = ("{}.mot", "{}_grf.mot", "{}.sto", "{}_grf.sto", "{}.csv", "{}_grf.csv"
 without suffix."""
 # of the time of an import with inverse kinematics, what goes before that (for the progress bar)
 TRACKED_SHARE = 0.2
-RESERVED = ("subject", "standing", "import")  # names that a result folder needs for itself
+RESERVED = ("subject", "standing", "import", "model")  # names that a result folder needs for itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,7 @@ class ImportedWalks:
     items: tuple[Examined, ...]  # one per walk that could be used, all of one subject and one model
     names: tuple[str, ...]  # a file name for each
     failures: dict[str, str]  # by file, why it could not be used
+    model: ModelParameters | None  # of the foot in its own shell, where one is stated
     foot_length_mm: float | None  # of the shell, as stated
     told: tuple[str, ...]
     """of all walks: what was taken out of them, what a shell of another length changes"""
@@ -78,7 +81,8 @@ def import_walks(
     Of several walks, one that cannot be used is only listed; refused if none can.
     """
     check_facts(check(options).person)
-    fulcrums_m = _fulcrums(options, len(files.walks))
+    model = default_model() if options.model is None else load_model(options.model)
+    fulcrums_m = _fulcrums(options, model.foot, len(files.walks))
     marker_map = None if options.marker_map is None else load_marker_map(options.marker_map)
     standing = None
     if files.standing is not None:
@@ -107,6 +111,7 @@ def import_walks(
             dataclasses.replace(options, person=person),
             fulcrums_m,
             own,
+            model,
         )
 
     for number, walk in enumerate(files.walks):
@@ -127,7 +132,7 @@ def import_walks(
     if options.inverse_kinematics:
         made = _all_refined(made, failures, options, progress)
     trials = list(made.values())
-    shell = _shell_effect(trials, options, progress)
+    shell = _shell_effect(trials, model, options, progress)
     repeated = (
         say("import", "standing_named_twice", file=files.repeated.name) if files.repeated else []
     )
@@ -158,12 +163,15 @@ def import_walks(
         raise InputError(
             "none of the walks can be used:\n" + "\n".join(f"- {message}" for message in different)
         )
-    read = dict.fromkeys((files.standing, files.standing_forces, *files.walks, *files.forces))
+    read = dict.fromkeys(
+        (files.standing, files.standing_forces, *files.walks, *files.forces, options.model)
+    )
     hashes = {str(path): sha256(path) for path in read if path is not None and path.is_file()}
     return ImportedWalks(
         tuple(settings_compared(items)),
         tuple(names),
         {str(path): str(error) for path, error in failures.items()},
+        None if options.model is None else model,
         options.foot_length_mm,
         (*repeated, *shell),
         hashes,
@@ -194,30 +202,30 @@ def _all_refined(
     return solved
 
 
-def _fulcrums(options: ImportOptions, walks: int) -> tuple[float, ...]:
+def _fulcrums(options: ImportOptions, foot: FootParameters, walks: int) -> tuple[float, ...]:
     stated = options.fulcrum_mm
     require(
-        stated,
+        stated or not moves(foot),
         "must be stated, no recording tells it",
         "fulcrum_mm (--fulcrum-mm)",
         "Give where the fulcrum stood, in mm from the keel's posterior end, 66 (soft) to 151 "
-        "(stiff)",
+        "(stiff), or the forefoot's stiffness there, such as 16N/mm",
     )
     require(
-        len(stated) in (1, walks),
+        len(stated) in (not moves(foot), 1, walks),
         f"{len(stated)} positions are given for {walks} walks",
         "--fulcrum-mm",
         "Give one for all walks, or one for each in their order",
     )
-    foot = default_model().foot
-    return tuple(
-        check_fulcrum(1e-3 * position, foot, where="--fulcrum-mm")
-        for position in (stated if len(stated) == walks else stated * walks)
-    )
+    said = stated if len(stated) == walks else (stated or (None,)) * walks
+    return tuple(fulcrum_place(each, foot, where="--fulcrum-mm") for each in said)
 
 
 def _shell_effect(
-    trials: Sequence[Trial], options: ImportOptions, progress: Progress | None
+    trials: Sequence[Trial],
+    model: ModelParameters,
+    options: ImportOptions,
+    progress: Progress | None,
 ) -> list[str]:
     """What the stated shell changes of the first walk's errors, the offsets fitted to its plate
     each time; of nothing stated, what one as long as the recorded foot would. None where that is
@@ -225,7 +233,6 @@ def _shell_effect(
     calibration = trials[0].calibration if trials else None
     if calibration is None:
         return []
-    model = default_model()
     own_mm = 1e3 * model.foot.length_m
     stated_mm = options.foot_length_mm
     if stated_mm is None:
@@ -342,6 +349,7 @@ def _make_trial(
     options: ImportOptions,
     fulcrums_m: Sequence[float],
     calibration: Calibration | None,
+    own: ModelParameters,
 ) -> Trial:
     walk = files.walks[number]
     forces = files.forces[number]
@@ -355,7 +363,7 @@ def _make_trial(
         "forces, write a manifest with `markers` and without `forces`",
         file=walk,
     )
-    model, shell_notes = model_in_shell(default_model(), options.foot_length_mm)
+    model, shell_notes = model_in_shell(own, options.foot_length_mm)
     used = [
         path for path in (walk, forces, files.standing, files.standing_forces) if path is not None
     ]

@@ -20,7 +20,9 @@ from vsf_drake.base.files import plain, write_text
 from vsf_drake.base.schema import dump_yaml, to_plain
 from vsf_drake.base.yaml_file import dump
 from vsf_drake.laws.compiled import sources_sha256
+from vsf_drake.model.model_file import model_yaml
 from vsf_drake.model.parameters import GRAVITY, PELVIS_TRANSLATIONS
+from vsf_drake.model.setting import moves
 from vsf_drake.motion.events import USUAL_STANCE_S
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.formats.recording import SIDES
@@ -54,6 +56,7 @@ from vsf_drake.simulation.batch.cases import PACKAGE, digest, software
 IMPORT = ResultsFolder(kind="import", command="import", table="import.json", names=(REPLAY,))
 CHECK = ResultsFolder(kind="check", command="check", table="check.json", names=(REPLAY,))
 _SUBJECT = "subject.yaml"
+_MODEL = "model.yaml"
 DRAWN_BY = ("report", "recording", "motion", "optimal_control/normal.py")
 """Sources of the figures, beside those of `simulation.batch.cases.software`."""
 
@@ -79,9 +82,11 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
         for name, image in figures.items():
             (folder / name).write_bytes(image)
         write_text(folder / _SUBJECT, dump_yaml(first.trial.subject))
+        if imported.model is not None:
+            write_text(folder / _MODEL, model_yaml(imported.model))
         for item, name, files in zip(imported.items, imported.names, of_walks, strict=True):
             write_trial_files(item.trial, folder, name)
-            write_text(folder / files["manifest"], _manifest(item, files, imported.foot_length_mm))
+            write_text(folder / files["manifest"], _manifest(item, files, imported))
             load_trial(folder / files["manifest"])
         write_recordings(imported.items, folder / REPLAY)
         write_text(
@@ -113,6 +118,7 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
             "files": sorted(
                 [
                     _SUBJECT,
+                    *([] if imported.model is None else [_MODEL]),
                     "import.json",
                     "import.html",
                     REPLAY,
@@ -195,9 +201,10 @@ def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Pat
     )
 
 
-def _manifest(item: Examined, files: Mapping[str, str], foot_length_mm: float | None) -> str:
+def _manifest(item: Examined, files: Mapping[str, str], imported: ImportedWalks) -> str:
     """The manifest's text; what the belt carried is in the files already."""
     trial = item.trial
+    shell_mm = imported.foot_length_mm
     plates = {side: f"ground_force_{side[0]}" for side in SIDES if side in trial.plates}
     unknown = {
         side: [[round(end, 6) for end in span] for span in spans]
@@ -214,9 +221,10 @@ def _manifest(item: Examined, files: Mapping[str, str], foot_length_mm: float | 
         "subject": _SUBJECT,
         "kinematics": files["kinematics"],
         "forces": {"file": files["forces"], **plates},
+        **({} if imported.model is None else {"model": _MODEL}),
         "prosthesis": {
-            "fulcrum_mm": round(1e3 * trial.fulcrum_m, 6),
-            **({} if foot_length_mm is None else {"foot_length_mm": foot_length_mm}),
+            **({"fulcrum_mm": round(1e3 * trial.fulcrum_m, 6)} if moves(trial.model.foot) else {}),
+            **({} if shell_mm is None else {"foot_length_mm": shell_mm}),
         },
         "window": {"start_s": float(trial.start_s), "end_s": float(trial.end_s)},
         **({"unknown_force": unknown} if unknown else {}),

@@ -4,8 +4,8 @@ to be.
     file, role, fulcrum_mm, use, remark
 
 `role` is one of ROLES, or `setting`, which says where the fulcrum stood at a setting that other
-rows name: `soft, setting, 66, ,`. `use` is yes or no. The file is written where there is none, and
-never again.
+rows name: `soft, setting, 66, ,`. The rows of a passive foot have an empty cell there. `use` is yes
+or no. The file is written where there is none, and never again.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError, require
+from vsf_drake.base.errors import require
 from vsf_drake.base.files import csv_cells, read_bytes, write_text
 from vsf_drake.base.sentences import say
 from vsf_drake.device.bench_lines import CURVES
-from vsf_drake.model.model_file import check_fulcrum
-from vsf_drake.motion.trial import default_model
+from vsf_drake.model.parameters import FootParameters
+from vsf_drake.model.setting import moves
 from vsf_drake.sessions.found import (
     BENCH,
     MAP,
@@ -35,6 +35,7 @@ from vsf_drake.sessions.found import (
     WALK,
     FoundFile,
 )
+from vsf_drake.simulation.fulcrum_place import fulcrum_place
 
 SETTING = "setting"
 COLUMNS = ("file", "role", "fulcrum_mm", "use", "remark")
@@ -53,7 +54,7 @@ class PlanRow:
 
     file: str  # its name in the folder; of role `setting` the name of that
     role: str
-    fulcrum_mm: str = ""  # a number, the name of a setting, or nothing
+    fulcrum_mm: str = ""  # see `fulcrum_place`; or the name of a setting, or nothing
     use: bool = True
     remark: str = ""
 
@@ -71,9 +72,9 @@ class Plan:
     notes: tuple[str, ...]  # what a reader of the results should know of the choice
 
 
-def guess(found: Sequence[FoundFile]) -> list[PlanRow]:
-    """The rows as the files say them; of several standing trials that nearest in time to the walks
-    is used, of several benches that of curves."""
+def guess(found: Sequence[FoundFile], foot: FootParameters) -> list[PlanRow]:
+    """The rows as the files say them, walked on `foot`; of several standing trials that nearest in
+    time to the walks is used, of several benches that of curves."""
     walks = [file for file in found if file.role == WALK and file.usable]
     middle = float(np.median([file.when_s for file in walks])) if walks else 0.0
     standing = [file for file in found if file.role == STANDING]
@@ -101,7 +102,7 @@ def guess(found: Sequence[FoundFile]) -> list[PlanRow]:
             PlanRow(
                 file=file.path.name,
                 role=file.role,
-                fulcrum_mm=file.setting,
+                fulcrum_mm=file.setting if moves(foot) else "",
                 use=use,
                 remark=remark,
             )
@@ -162,18 +163,18 @@ def _row(told: dict[str, str], path: Path, where: str) -> PlanRow:
     use = told.get("use", "").lower() or "yes"
     require(use in USE, f"{use!r} is neither yes nor no", f"{where}, use", file=path)
     file = told.get("file", "").removeprefix("'")
-    fulcrum = told.get("fulcrum_mm", "").lower().removesuffix("mm").strip()
     return PlanRow(
         file=file.lower() if role == SETTING else file,
         role=role,
-        fulcrum_mm=fulcrum.replace(",", "."),
+        fulcrum_mm=told.get("fulcrum_mm", "").lower(),
         use=USE[use],
         remark=told.get("remark", "").removeprefix("'"),
     )
 
 
-def missing(rows: Sequence[PlanRow]) -> list[str]:
-    """What has to be stated before anything can be made of the rows, in sentences."""
+def missing(rows: Sequence[PlanRow], foot: FootParameters) -> list[str]:
+    """What has to be stated before anything can be made of the rows, walked on `foot`, in
+    sentences."""
     settings = {row.file: row.fulcrum_mm for row in rows if row.role == SETTING}
     walks = [row for row in rows if row.role == WALK and row.use]
     named: dict[str, list[str]] = {}
@@ -184,15 +185,18 @@ def missing(rows: Sequence[PlanRow]) -> list[str]:
         "session",
         "missing",
         walks=[row.file for row in walks],
-        unset=[row.file for row in walks if not row.fulcrum_mm],
+        unset=[row.file for row in walks if not row.fulcrum_mm and moves(foot)],
         unknown={name: files for name, files in named.items() if name not in settings},
         unplaced=[name for name in named if settings.get(name) == ""],
         standing=any(row.role == STANDING and row.use for row in rows),
     )
 
 
-def make_plan(rows: Sequence[PlanRow], found: Sequence[FoundFile], folder: Path) -> Plan:
-    """What the rows ask for; InputError for files that are not there, or files of two persons."""
+def make_plan(
+    rows: Sequence[PlanRow], found: Sequence[FoundFile], folder: Path, foot: FootParameters
+) -> Plan:
+    """What the rows ask for of `foot`; InputError for files that are not there, or files of two
+    persons."""
     by_name = {file.path.name: file for file in found}
     used = [row for row in rows if row.use and row.role != SETTING]
     absent = [row.file for row in used if row.file not in by_name]
@@ -216,11 +220,7 @@ def make_plan(rows: Sequence[PlanRow], found: Sequence[FoundFile], folder: Path)
         standing=_first(standing),
         walks=tuple(file.path for file in walks),
         fulcrums_mm=tuple(
-            _millimetres(
-                settings.get(row.fulcrum_mm, row.fulcrum_mm),
-                row.fulcrum_mm if row.fulcrum_mm in settings else row.file,
-                folder,
-            )
+            round(1e3 * _fulcrum_m(row, settings, foot, folder), 6)
             for row in used
             if row.role == WALK
         ),
@@ -266,21 +266,15 @@ def check_one_person(files: Sequence[FoundFile]) -> None:
         )
 
 
-def _millimetres(text: str, of: str, folder: Path) -> float:
-    """The position in the row `of` a file or a setting."""
-    file = folder / PLAN_FILE
-    where = f"{of}, fulcrum_mm"
-    try:
-        position = float(text)
-    except ValueError:
-        raise InputError(
-            f"{text!r} is no position of the fulcrum",
-            file=file,
-            where=where,
-            right="Give it in mm from the keel's posterior end, or as a setting that has a row",
-        ) from None
-    check_fulcrum(1e-3 * position, default_model().foot, file=file, where=where)
-    return position
+def _fulcrum_m(row: PlanRow, settings: dict[str, str], foot: FootParameters, folder: Path) -> float:
+    """Where the fulcrum stood in this walk (m from A)."""
+    named = row.fulcrum_mm in settings
+    return fulcrum_place(
+        (settings[row.fulcrum_mm] if named else row.fulcrum_mm) or None,
+        foot,
+        file=folder / PLAN_FILE,
+        where=f"{row.fulcrum_mm if named else row.file}, fulcrum_mm",
+    )
 
 
 def _is_name(text: str) -> bool:

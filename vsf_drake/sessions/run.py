@@ -23,10 +23,13 @@ from vsf_drake.device.bench_lines import load_measured_bench
 from vsf_drake.fit.options import ContactFitOptions
 from vsf_drake.fit.problem import ContactFit, check_recordings
 from vsf_drake.model.contact_file import FittedContact, load_contact
+from vsf_drake.model.model_file import load_model
+from vsf_drake.model.parameters import FootParameters
+from vsf_drake.model.setting import moves
 from vsf_drake.motion.import_options import ImportOptions
 from vsf_drake.motion.manifest import load_stated_subject
 from vsf_drake.motion.markers.person_facts import PersonFacts, check_facts
-from vsf_drake.motion.trial import RecordingMark, Trial, load_trial
+from vsf_drake.motion.trial import RecordingMark, Trial, default_model, load_trial
 from vsf_drake.recording.import_walks import gather, import_walks
 from vsf_drake.report.fit_output import CHECKPOINT, CONTACT
 from vsf_drake.report.import_outputs import IMPORT, write_import
@@ -98,6 +101,7 @@ def session(
     subject: str | Path | None = None,
     sex: str | None = None,
     prosthetic_side: str | None = None,
+    model: str | Path | None = None,
     foot_length_mm: float | None = None,
     synthetic: bool = False,
     laboratory: Mapping[str, str | None] | None = None,
@@ -117,6 +121,7 @@ def session(
         out: folder for the results; it may not be `folder`.
         subject: YAML file of the person; `subject.yaml` in the folder if None and there is one.
         sex, prosthetic_side: where no such file says them.
+        model: model file of the foot, one a session; the nominal one if None.
         foot_length_mm: of the prosthetic foot's shell; the model's if None.
         synthetic: nobody was recorded; all results say so.
         laboratory: `up`, `forward` and `length_unit` where the files do not say them.
@@ -147,7 +152,9 @@ def session(
         excel_writer()
     facts, stated, of_person = _person(folder, subject, sex, prosthetic_side)
     laboratory = {name: axis for name, axis in (laboratory or {}).items() if axis is not None}
-    plan = _plan(folder, facts, laboratory, part_of(progress, 0.0, _LOOKED))
+    model = None if model is None else user_path(model)
+    foot = (default_model() if model is None else load_model(model)).foot
+    plan = _plan(folder, facts, laboratory, foot, part_of(progress, 0.0, _LOOKED))
     SESSION.check(out)
     _check_own(out, folder)
     steps = _Steps(out)
@@ -155,7 +162,8 @@ def session(
         person=facts,
         stated=stated,
         marker_map=None if plan.marker_map is None else str(plan.marker_map),
-        fulcrum_mm=plan.fulcrums_mm,
+        fulcrum_mm=tuple(map(str, plan.fulcrums_mm)) if moves(foot) else (),
+        model=model,
         laboratory=laboratory,
         foot_length_mm=foot_length_mm,
         synthetic=synthetic,
@@ -192,7 +200,8 @@ def session(
     walks = sorted(
         [*judged_walks(walks, outcome), *not_read], key=lambda walk: (walk.fulcrum_mm, walk.file)
     )
-    read = [path for path in (*plan.walks, plan.standing, plan.bench) if path is not None]
+    named = (*plan.walks, plan.standing, plan.bench, model)
+    read = [path for path in named if path is not None]
     pages = [path.relative_to(out) for path in sorted((out / IMPORT_FOLDER).glob("*.html"))]
     table = SessionTable(
         folder=folder.resolve().name,
@@ -295,6 +304,7 @@ def _plan(
     folder: Path,
     facts: PersonFacts,
     laboratory: Mapping[str, str | None],
+    foot: FootParameters,
     progress: Progress,
 ) -> Plan:
     """The plan of `session.csv`, which is written if there is none; InputError, after that, for
@@ -309,12 +319,12 @@ def _plan(
     )
     path = folder / PLAN_FILE
     there = path.is_file()
-    rows = with_guesses(read_rows(path), found) if there else guess(found)
+    rows = with_guesses(read_rows(path), found) if there else guess(found, foot)
     written = there
     if not there and os.access(folder, os.W_OK):
         write_rows(path, rows)
         written = True
-    to_correct = missing(rows)
+    to_correct = missing(rows, foot)
     unstated = [key for key in ("prosthetic_side", "sex") if getattr(facts, key) is None]
     asked = [
         *(f"{PLAN_FILE}: {sentence}" for sentence in to_correct),
@@ -330,7 +340,7 @@ def _plan(
             else None,
         )
     check_facts(facts)
-    plan = make_plan(rows, found, folder)
+    plan = make_plan(rows, found, folder, foot)
     return replace(plan, notes=(*plan.notes, *(f"! {sentence}" for sentence in below)))
 
 
@@ -351,6 +361,7 @@ def _imported(
             "files": [None if path is None else (path.name, sha256(path)) for path in used],
             "map": None if plan.marker_map is None else sha256(plan.marker_map),
             "fulcrum_mm": plan.fulcrums_mm,
+            "model": None if options.model is None else sha256(options.model),
             "person": of_person,
             "laboratory": dict(options.laboratory),
             "foot_length_mm": options.foot_length_mm,

@@ -21,6 +21,7 @@ from vsf_drake.model.model_file import (
     secant_stiffness,
 )
 from vsf_drake.model.parameters import FootParameters, ModelParameters
+from vsf_drake.model.setting import moves
 from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.plants.foot import keel_joint_positions, keel_joint_stiffness
 from vsf_drake.simulation.archive import provenance
@@ -200,7 +201,7 @@ class Bench:
 def run_bench(
     model: ModelParameters,
     *,
-    fulcrums_m: Sequence[float] = PUBLISHED_FULCRUMS_M,
+    fulcrums_m: Sequence[float] | None = None,
     heel: bool = BenchOptions.heel,
     max_load_n: float = BenchOptions.max_load_n,
     speed_m_per_s: float = PUBLISHED_SPEED_M_PER_S,
@@ -208,12 +209,15 @@ def run_bench(
     inputs: dict[str, str] | None = None,
 ) -> BenchResult:
     """The bench test of the paper: every fulcrum position (m), then the heel; raises what
-    `Bench.press` does.
+    `Bench.press` does. Of None it is the paper's five positions, of a passive foot its own.
 
     `progress` is called with the finished fraction; `inputs` are the SHA-256 of the model's files
     by name.
     """
     check_model(model)
+    if fulcrums_m is None:
+        own = (model.foot.fulcrum.rearmost_m,)
+        fulcrums_m = PUBLISHED_FULCRUMS_M if moves(model.foot) else own
     passes = []
     if fulcrums_m:
         forefoot = Bench(model.foot)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from vsf_drake.base.schema import choice, option, quantity
 from vsf_drake.laws.contact_laws import CONTACT_LAWS
-from vsf_drake.model.parameters import MID_FULCRUM_MM
 
 _PAPER = "McGeehan 2021"
 MAX_STEP_MS = 10.0  # a choice: the foam is stiff
@@ -58,10 +57,8 @@ class BenchOptions:
         (66.0, 87.0, 108.0, 129.0, 151.0),
         unit="mm",
         source=_PAPER,
-        metavar="MM",
-        help="Fulcrum position from the keel's posterior end; may be repeated. Default: the "
-        "paper's five.",
     )
+    """from the keel's posterior end; a passive foot is pressed as it is"""
     max_load_n: float = quantity(600.0, unit="N", source=_PAPER, help="Load at which a pass ends.")
     speed_mm_per_min: float = quantity(
         50.0, unit="mm/min", source=_PAPER, help="Speed of the platen."
@@ -76,12 +73,6 @@ class BenchOptions:
 class StandingOptions:
     """How somebody stands."""
 
-    fulcrum_mm: float = quantity(
-        MID_FULCRUM_MM,
-        unit="mm",
-        source=_PAPER,
-        help="Fulcrum position from the keel's posterior end.",
-    )
     duration_s: float = quantity(10.0, unit="s", source="choice", help="How long to stand.")
     upright: bool = option(
         False, "Hold the pelvis's angles; otherwise as many of them are free as stay stable."

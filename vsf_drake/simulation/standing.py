@@ -28,7 +28,14 @@ from scipy.optimize import brentq, root
 
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.sentences import say
-from vsf_drake.model.parameters import GRAVITY, PELVIS_COORDINATES, ModelParameters, Subject
+from vsf_drake.model.model_file import stated_fulcrum
+from vsf_drake.model.parameters import (
+    GRAVITY,
+    MID_FULCRUM_MM,
+    PELVIS_COORDINATES,
+    ModelParameters,
+    Subject,
+)
 from vsf_drake.model.setting import setting_of
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.simulation.options import StandingOptions
@@ -45,7 +52,7 @@ def simulate_standing(
     subject: Subject,
     model: ModelParameters,
     *,
-    fulcrum_m: float = 1e-3 * StandingOptions.fulcrum_mm,
+    fulcrum_m: float | None = None,
     duration_s: float = StandingOptions.duration_s,
     step_s: float = DEFAULT_STEP_S,
     angles: Mapping[str, float] | None = None,
@@ -55,6 +62,7 @@ def simulate_standing(
     """Stands the person on both feet for `duration_s`.
 
     Args:
+        fulcrum_m: from the keel's posterior end; None: 108 mm, of a passive foot its clamp.
         angles: rad by coordinate, such as those of a recorded standing trial; 0 (anatomically
             neutral) where not named. Joints stay there; pelvis_tilt and pelvis_rotation are where
             the pelvis is held, or looked for.
@@ -67,6 +75,8 @@ def simulate_standing(
             where="duration_s",
             right=f"It must be above 0 and at most {LONGEST_S:g} s",
         )
+    if fulcrum_m is None:
+        fulcrum_m = stated_fulcrum(None, model.foot, default_m=1e-3 * MID_FULCRUM_MM)
     posture = StandingPosture(subject, model, angles or {}, fulcrum_m=fulcrum_m)
     tilt = posture.angles["pelvis_tilt"]
     notes: list[str] = []
