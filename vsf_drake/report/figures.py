@@ -541,7 +541,12 @@ def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:
         # legends leave out what begins with an underscore
         figure.legend(
             lines,
-            [f" {trial.name}" if trial.name.startswith("_") else trial.name for trial in trials],
+            [
+                " " * trial.name.startswith("_")
+                + trial.name
+                + f", foot {trial.foot}" * bool(trial.foot)
+                for trial in trials
+            ],
             loc="outside lower left",
         )
         synthetic = " (SYNTHETIC)" if any(trial.synthetic for trial in trials) else ""

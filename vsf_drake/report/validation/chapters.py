@@ -116,7 +116,7 @@ def _summary(content: Content, arrays: Arrays) -> Chapter:
         for name in ("bench", "walking")
     }
     shown = tables["walking"].get("shown")
-    settings = [_setting(trial) for trial in content.get("trials") or ()]
+    settings = [record(AtSetting, trial) for trial in content.get("trials") or ()]
     return Chapter(
         name="summary",
         title="",
@@ -128,15 +128,11 @@ def _summary(content: Content, arrays: Arrays) -> Chapter:
             **content,
             **tables,
             "moved": moved_walk(moved, shown["fulcrum_mm"] or 0.0) if moved and shown else None,
-            "shown_setting": _setting(shown or {}),
+            "shown_setting": record(AtSetting, shown) if shown else None,
             "passive": shown and shown["fulcrum_mm"] is None,
             "place": setting_column(settings),
         },
     )
-
-
-def _setting(saved: Mapping[str, Any]) -> AtSetting:
-    return AtSetting(fulcrum_mm=saved.get("fulcrum_mm"), foot=saved.get("foot", ""))
 
 
 # The first screen: one walk with the fulcrum at each position that was computed, as SVG that a
