@@ -30,13 +30,14 @@ from virtual_laboratory.floor import (
     virtual_walk,
 )
 
-from vsf_drake.base.files import sha256, write_json
+from vsf_drake.base.files import PACKAGE, sha256, write_json
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.walks.embedded import REPEATS, SETTINGS
 
 RESULTS = Path(__file__).resolve().parent / "results"
-NOMINAL = "../../models/nominal.yaml"
+SHIPPED = "../../models/"
+NOMINAL = f"{SHIPPED}nominal.yaml"
 """Of trials that name no model, as the reference subject's; by its path in that folder."""
 KINDS = {
     "exact": (
@@ -124,7 +125,9 @@ def hashes(trial: Trial) -> dict[str, str]:
     subject's folder."""
     folder = os.path.relpath(trial.path.parent, DATA)
     return {NOMINAL: sha256(DATA / NOMINAL)} | {
-        Path(os.path.normpath(os.path.join(folder, name))).as_posix(): sha
+        SHIPPED + name.removeprefix(PACKAGE)
+        if name.startswith(PACKAGE)
+        else Path(os.path.normpath(os.path.join(folder, name))).as_posix(): sha
         for name, sha in trial.inputs.items()
     }
 

@@ -67,7 +67,7 @@ def test_a_folder_whose_walks_lie_in_folders_of_it_is_a_side_too(tmp_path, capsy
         (f"{WALKS}@151", "is on both sides"),
         (WALKS, "holds walks of 3 settings (66, 108, 151 mm). Name the setting behind the folder"),
         (f"{WALKS}@77", "holds no walk at 77 mm. There are walks at 66, 108, 151 mm"),
-        (f"{WALKS}@soft", "'soft' behind the @ is no fulcrum position in mm"),
+        (f"{WALKS}@soft", "behind the @: 'soft' is no position of the fulcrum"),
         (WALKS / "nowhere", "there is no such file or folder"),
         (WALKS.parents[2], "holds no trial manifests"),
         (WALKS / "low_1_forces.mot", "is a table and no trial manifest"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+import yaml
 
 from vsf_drake.model.model_file import load_model
 from vsf_drake.report.fitted_foot import _FIRST
@@ -30,7 +31,10 @@ def test_model_and_picture_are_written_and_it_is_said_what_the_curves_do_not_tel
     foot = load_model(out).foot
     assert foot.length_m == pytest.approx(0.27) and foot.mass_kg == pytest.approx(0.6)
     assert foot.fulcrum.rearmost_m == foot.fulcrum.foremost_m
-    assert f"--fulcrum-mm {1e3 * foot.fulcrum.rearmost_m:.1f}" in said
+    clamp_m = foot.fulcrum.rearmost_m
+    assert f"Its keel is clamped {1e3 * clamp_m:.1f} mm from the keel's rear end" in said
+    written = yaml.safe_load(out.read_text(encoding="utf-8"))["foot"]
+    assert written["clamp_m"] == clamp_m and "rearmost_m" not in written["fulcrum"]
     assert out.read_text(encoding="utf-8").startswith(_FIRST)
     assert (tmp_path / "myfoot.png").read_bytes().startswith(b"\x89PNG")
     assert run("foot", "--forefoot-n-per-mm", 30, *SIZE, "--out", out)[0] == 0  # its own file

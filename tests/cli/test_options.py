@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import resource
 from vsf_drake.base.schema import option, quantity
-from vsf_drake.cli.device import ExportRequest, ShowRequest, WalkRequest
+from vsf_drake.cli.device import BenchRequest, ExportRequest, ShowRequest, WalkRequest
 from vsf_drake.cli.fit import FitRequest
-from vsf_drake.cli.options import Asked, fields_of, flags, from_fields, made
+from vsf_drake.cli.options import Asked, PlaceOptions, fields_of, flags, from_fields, made
 from vsf_drake.cli.recordings import ImportRequest
 from vsf_drake.cli.session import SessionRequest
 from vsf_drake.cli.study import StudyRequest
@@ -46,10 +46,10 @@ MADE_FROM = {
     "import": (PersonFacts, ImportRequest, Laboratory, ImportOptions),
     "session": (SessionRequest, Laboratory),
     "validate": (StudyRequest, StudyOptions),
-    "bench": (BenchOptions,),
+    "bench": (BenchRequest,),
     "export": (ExportRequest,),
     "show": (ShowRequest,),
-    "stand": (StandingOptions,),
+    "stand": (PlaceOptions, StandingOptions),
     "simulate": (WalkRequest,),
     "sweep": (SweepRequest,),
 }
@@ -100,12 +100,8 @@ def test_functions_have_the_defaults_of_the_classes_from_which_commands_are_made
     def default(function, name):
         return inspect.signature(function).parameters[name].default
 
-    assert [1e3 * x for x in default(run_bench, "fulcrums_m")] == pytest.approx(
-        BenchOptions.fulcrum_mm
-    )
     assert default(run_bench, "max_load_n") == BenchOptions.max_load_n
     assert 6e4 * default(run_bench, "speed_m_per_s") == BenchOptions.speed_mm_per_min
-    assert 1e3 * default(simulate_standing, "fulcrum_m") == StandingOptions.fulcrum_mm
     assert default(simulate_standing, "duration_s") == StandingOptions.duration_s
     for function in (simulate_trial, walk_trial, WalkCase):
         assert 1e3 * default(function, "step_s") == StepOptions.step_ms

@@ -91,6 +91,7 @@ def test_python_users_meet_the_same_checks():
 
 
 FOOT = FootParameters()
+NOMINAL = model_file.load_model(resource("models/nominal.yaml"))
 ZONE = ContactZone(
     name="heel",
     x_mm=(1.0, 2.0),
@@ -136,6 +137,59 @@ def test_parts_that_make_no_foot_are_refused_by_name(change, message):
         model_file.check_model(
             ModelParameters(foot=dataclasses.replace(FOOT, **change)), file="model.yaml"
         )
+
+
+PASSIVE = "package://vsf_drake/passive.yaml"
+
+
+def test_the_shipped_passive_foot_is_the_nominal_device_clamped_in_the_middle_with_the_same_heel():
+    foot = model_file.load_model(PASSIVE).foot
+    heel = dict.fromkeys(("heel_posterior", "heel", "heel_anterior"), 0.5)
+    zones = tuple(
+        dataclasses.replace(
+            zone,
+            stiffness=heel.get(zone.name, 1.0) * zone.stiffness,
+            damping_n_s_per_m=heel.get(zone.name, 1.0) * zone.damping_n_s_per_m,
+        )
+        for zone in FOOT.zones
+    )
+    clamped = dataclasses.replace(FOOT.fulcrum, rearmost_m=0.108, foremost_m=0.108)
+    own = dataclasses.replace(FOOT, name="passive", fulcrum=clamped, zones=zones)
+    assert (
+        foot
+        == own
+        == dataclasses.replace(
+            NOMINAL.foot, **{name: getattr(own, name) for name in ("name", "fulcrum", "zones")}
+        )
+    )
+
+
+def test_a_passive_foot_is_written_with_its_clamp_and_read_back_equal(tmp_path):
+    model = model_file.load_model(PASSIVE)
+    path = tmp_path / "again.yaml"
+    path.write_text(model_file.model_yaml(model), encoding="utf-8")
+    assert yaml.safe_load(path.read_text(encoding="utf-8"))["foot"]["clamp_m"] == 0.108
+    assert model_file.load_model(path) == model
+    path.write_text(model_file.model_yaml(NOMINAL), encoding="utf-8")
+    assert "clamp_m" not in path.read_text(encoding="utf-8")
+    assert model_file.load_model(path) == NOMINAL
+
+
+@pytest.mark.parametrize(
+    ("foot", "message"),
+    [
+        ("{clamp_m: 0.1, fulcrum: {foremost_m: 0.12}}", "does not go with clamp_m"),
+        ("{clamp_m: 0.2}", r"foot\.clamp_m: clamp 0\.2 m and load point 0\.199 m must increase"),
+        ("{clamp_m: 100}", r"foot\.clamp_m: 100 m is outside .* Is it in millimetres"),
+        ("{clamp_m: 0.002}", r"behind the clamp, 2 mm"),
+        ("{clamp_m: rear}", r"foot\.clamp_m: 'rear' is not a number"),
+    ],
+)
+def test_a_clamp_that_cannot_be_is_refused_by_name(tmp_path, foot, message):
+    path = tmp_path / "model.yaml"
+    path.write_text(f"foot: {foot}", encoding="utf-8")
+    with pytest.raises(InputError, match=f"model.yaml: .*{message}"):
+        model_file.load_model(path)
 
 
 def test_an_intact_foot_without_zones_and_a_fulcrum_out_of_reach_are_refused():

@@ -18,6 +18,7 @@ from vsf_drake.base.files import resource
 from vsf_drake.base.schema import dump_yaml
 from vsf_drake.model.model_file import in_shell
 from vsf_drake.model.parameters import GRAVITY
+from vsf_drake.model.setting import setting_words
 from vsf_drake.motion.events import kinematic_stances
 from vsf_drake.motion.formats.recording import Plate, Recording
 from vsf_drake.motion.formats.tables import write_forces_mot
@@ -85,6 +86,23 @@ def test_a_stated_length_of_the_shell_is_the_models_foot_in_it_and_is_told(trial
     told = next(note for note in trial.notes if "The shell of the prosthetic foot is" in note)
     # rear end of the shell 12 mm behind A in 245 mm, end of the keel 229 mm ahead of it
     assert f"ends {229 - 220 * 233 / 245:.0f} mm ahead of so short a shell" in told
+
+
+def test_a_passive_foot_needs_no_fulcrum_in_the_manifest_and_can_have_none(trial_files):
+    trial_files.manifest["model"] = "package://vsf_drake/passive.yaml"
+    with pytest.raises(InputError, match=r"trial\.yaml.*prosthesis\.fulcrum_mm: this foot has no"):
+        load_trial(trial_files.write())
+    del trial_files.manifest["prosthesis"]
+    trial = load_trial(trial_files.write())
+    assert setting_words(trial.model.foot, trial.fulcrum_m) == "foot passive"
+    assert trial.fulcrum_m == trial.model.foot.fulcrum.rearmost_m
+
+
+def test_where_the_fulcrum_of_a_foot_that_has_one_stood_must_be_stated(trial_files):
+    for stated in ({}, {"foot_length_mm": 250}):
+        trial_files.manifest["prosthesis"] = stated
+        with pytest.raises(InputError, match=r"prosthesis\.fulcrum_mm: the key is missing.*mm"):
+            load_trial(trial_files.write())
 
 
 @pytest.mark.parametrize("length_mm", [27.0, 0.27, 310.0])

@@ -296,7 +296,7 @@ def sessions() -> Iterator[str]:
         "a_day_2": f"A, second day (first day's walks: {other['a_day_2']})",
         "b_day_1": "B, light, left",
         "c_day_1": "C, heavy; no choice was made on C",
-        "c_day_1_passive": "C, passive foot, two fitted at one setting, one held out",
+        "c_day_1_passive": "C, passive foot, two walks fitted, one held out",
     }
     assert set(titles) == set(means)
     for name, title in titles.items():
@@ -378,7 +378,7 @@ def sessions() -> Iterator[str]:
     yield from phases_of_stance(found)
     passive = means["c_day_1_passive"]["held out"]
     yield (
-        "up to 46 ms late, the curve is laid over wrong times: "
+        "whose bench nobody measured, the curve is laid over wrong times: "
         f"{percent(passive['layers'][PERSON]['grf_rmse_bw'])} %, over the measured ones "
         f"{percent(passive['measured_times_grf_rmse_bw'])}"
     )

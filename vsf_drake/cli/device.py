@@ -196,10 +196,11 @@ def _full_texts(
     from vsf_drake.engines.mjcf import foot_mjcf
     from vsf_drake.engines.osim import foot_osim
     from vsf_drake.engines.sdf import foot_sdf
+    from vsf_drake.model.setting import moves
 
     foot = exported.foot
     law = exported.contact_law
-    fixed = f"vsf_foot_at_{1e3 * fulcrum_m:g}mm"
+    fixed = f"vsf_foot_at_{1e3 * fulcrum_m:g}mm" if moves(foot) else "vsf_foot_passive"
     texts = {}
     if "osim" in formats:
         texts[f"{fixed}.osim"] = foot_osim(foot, fulcrum_m=fulcrum_m, law=law)

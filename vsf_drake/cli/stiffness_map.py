@@ -55,7 +55,7 @@ class MapAxes:
     )
     fulcrum_mm: str | None = option(
         None,
-        "Fulcrum positions from the keel's posterior end.",
+        "Fulcrum positions from the keel's posterior end, or a list: 66,108 or 12N/mm,16N/mm.",
         metavar=_GRID,
         shown="the reach, 9",
     )
@@ -117,14 +117,21 @@ def stiffness_map(
     With --target: the fulcrum position for it, an interval, and a check by rolling the foot there;
     or the nearest.
     """
-    from vsf_drake.cli.sweep import values_of
+    from vsf_drake.cli.sweep import places_said, values_of
     from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.simulation.fulcrum_place import fulcrum_place
 
     given = {
         name: values_of(grids[name], flags(field)[0])
         for name, field in fields_of(MapAxes).items()
-        if name in grids
+        if name in grids and name != "fulcrum_mm"
     }
+    if "fulcrum_mm" in grids:
+        device = model_of(model).foot
+        given["fulcrum_mm"] = tuple(
+            round(1e3 * fulcrum_place(said, device, where="--fulcrum-mm"), 6)
+            for said in places_said(grids["fulcrum_mm"])
+        )
     wanted = [_target(text) for text in target or ()]
     files = {"--load": load, "--model": model, "--contact": contact}
     make = partial(_made, out, files=files, draws=draws, seed=seed, workers=workers)

@@ -123,7 +123,7 @@ def sweep(
 
     out = needed(out)
     sample = asked.sample
-    positions = () if asked.fulcrum_mm is None else _said(asked.fulcrum_mm)
+    positions = () if asked.fulcrum_mm is None else places_said(asked.fulcrum_mm)
     axes = [axis(text, sampled=sample is not None) for text in asked.vary]
     require(
         axes or (positions and sample is None),
@@ -363,7 +363,7 @@ def axis(text: str, *, sampled: bool) -> Axis:
     return Axis(name, _rising(ends, where))
 
 
-def _said(text: str) -> Sequence[float | str]:
+def places_said(text: str) -> Sequence[float | str]:
     """Fulcrum positions: numbers in mm, or each as somebody says it."""
     if ":" in text:
         return values_of(text, "--fulcrum-mm")
