@@ -197,16 +197,17 @@ def verdict_of(walks: Sequence[SessionWalk], outcome: FitOutcome, synthetic: boo
 def what_next(walks: Sequence[SessionWalk], *, bench: bool) -> list[str]:
     """What to record next, most useful first, in sentences."""
     usable = [walk for walk in walks if walk.role != LEFT_OUT]
-    places = [walk.fulcrum_mm for walk in usable if walk.fulcrum_mm is not None]
-    positions = np.array(places)
+    positions = np.array([walk.fulcrum_mm for walk in usable if walk.fulcrum_mm is not None])
     settings = {
-        round(float(positions[own].mean()), 1): len(own) for own in settings_of(1e-3 * positions)
+        round(float(positions[own].mean()), 1): len(own)
+        for own in settings_of(1e-3 * positions)
+        if len(own)
     }
     return say(
         "session",
         "next",
         settings=settings,
-        on_passive=len(usable) - len(places),
+        on_passive=len(usable) - len(positions),
         few={mm: count for mm, count in settings.items() if count < LIKED_WALKS},
         bench=bench,
         held=any(walk.role == HELD_OUT for walk in walks),
