@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from vsf_drake.model.model_file import load_model
 from vsf_drake.model.parameters import FootParameters
-from vsf_drake.model.setting import moves, setting_heading, setting_short, setting_words
+from vsf_drake.model.setting import moves, setting_column, setting_of, setting_short, setting_words
 
 NOMINAL = FootParameters()
 FIXED = replace(NOMINAL, fulcrum=replace(NOMINAL.fulcrum, rearmost_m=0.1, foremost_m=0.1))
@@ -22,10 +22,12 @@ def test_a_fulcrum_is_called_by_its_place_and_a_passive_foot_by_its_name():
     assert setting_short(FIXED, 0.1) == "passive"
 
 
-def test_a_column_of_settings_is_headed_by_what_all_of_its_feet_have():
-    assert setting_heading([NOMINAL, NOMINAL]) == "fulcrum (mm)"
-    assert setting_heading([PASSIVE, FIXED]) == "foot"
-    assert setting_heading([NOMINAL, PASSIVE]) == "setting"
+def test_a_column_of_settings_tells_what_all_of_its_feet_have():
+    nominal, passive, fixed = (setting_of(foot, 0.108) for foot in (NOMINAL, PASSIVE, FIXED))
+    assert setting_column([nominal, nominal]) == ("fulcrum_mm", "fulcrum (mm)", "{:g}")
+    assert setting_column([passive, fixed]) == ("foot", "foot")
+    assert setting_column([nominal, passive]) == ("setting_words", "setting")
+    assert nominal.fulcrum_mm == 108.0 and passive.fulcrum_mm is None
 
 
 def test_a_passive_foot_without_a_name_has_its_files_and_one_with_a_name_keeps_it(tmp_path):

@@ -12,15 +12,18 @@ from matplotlib.colors import to_rgba
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.device.bench_metrics import bench_table
+from vsf_drake.model.setting import AtSetting
 from vsf_drake.report.figures import bench_figure, standing_figure, walk_figure, zone_loads
 from vsf_drake.report.style import colour_of, save_figure
 from vsf_drake.simulation.results import Standing, standing_table
 from vsf_drake.walks.metrics import walk_metrics
 
+SETTING = AtSetting(fulcrum_mm=66.0)
+
 
 def walk_and_figure(**changes):
     walk, plate = make_walk(**changes), make_plate()
-    return walk, walk_figure(walk, plate, walk_metrics(walk, plate))
+    return walk, walk_figure(walk, plate, walk_metrics(walk, plate), setting=SETTING)
 
 
 def bench_and_figure(bench):
@@ -29,7 +32,7 @@ def bench_and_figure(bench):
 
 def test_every_axis_has_a_unit_and_the_title_says_what_a_reader_must_know():
     plate = make_plate(stances=())
-    bare = walk_figure(make_walk(), plate, walk_metrics(make_walk(), plate))
+    bare = walk_figure(make_walk(), plate, walk_metrics(make_walk(), plate), setting=SETTING)
     standing = standing_figure(standing_table(stood()))
     for figure in (walk_and_figure()[1], bench_and_figure(make_bench()), bare, standing):
         for axes in figure.axes:
@@ -53,7 +56,7 @@ def test_a_walk_in_layers_shows_the_persons_curve_in_its_interval_and_both_null_
         "null": 0.9 * force,
         "null_predicted": 0.8 * force,
     }
-    figure = walk_figure(walk, plate, walk_metrics(walk, plate), curves=curves)
+    figure = walk_figure(walk, plate, walk_metrics(walk, plate), setting=SETTING, curves=curves)
     for title, k in (("Vertical", 2), ("Fore-aft", 0), ("Lateral", 1)):
         axes = next(a for a in figure.axes if a.get_title(loc="left").startswith(title))
         drawn = [line.get_ydata() for line in axes.lines if len(line.get_xdata()) == n]
@@ -65,7 +68,7 @@ def test_a_walk_in_layers_shows_the_persons_curve_in_its_interval_and_both_null_
     said = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert {"physics alone", "person's own curve", "its 80 % interval"} < set(said)
     assert {"null model, measured times", "null model, predicted times"} < set(said)
-    bare = walk_figure(walk, plate, walk_metrics(walk, plate))
+    bare = walk_figure(walk, plate, walk_metrics(walk, plate), setting=SETTING)
     words = [text.get_text() for legend in bare.legends for text in legend.get_texts()]
     assert not any("own curve" in word or "null" in word for word in words)
 
@@ -117,7 +120,7 @@ def stood(**changes) -> Standing:
         intact_n=np.full(STEPS, 0.6 * WEIGHT_N),
         pelvis=pelvis,
         weight_n=WEIGHT_N,
-        fulcrum_m=0.108,
+        setting=AtSetting(fulcrum_mm=108.0),
         side="left",
         name="somebody",
         free=("pelvis_tx", "pelvis_ty", "pelvis_tz"),

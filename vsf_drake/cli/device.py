@@ -556,7 +556,7 @@ def _simulate(trial: Path, out: Path, asked: WalkRequest) -> None:
         error_bw=metrics[JUDGED],
         person_peak_bw=person and person.force_n[:, 2].max() / metrics["body_weight_n"],
         percent=quantity(JUDGED).told,
-        mm=1e3 * walked.fulcrum_m,
+        setting=walked.setting,
         embedded=embedded,
         first=(UNFITTED, NO_PLATE, STARTS_LOADED),
         moved=moved,

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.base.errors import InputError
+from vsf_drake.base.schema import from_plain
 from vsf_drake.laws.beam import (
     combined_stiffness,
     lumped_stiffness,
@@ -25,6 +26,8 @@ from vsf_drake.laws.beam import (
     taper,
 )
 from vsf_drake.model.bench_curves import STIFFNESS_ABOVE_N
+from vsf_drake.model.parameters import FootParameters
+from vsf_drake.model.setting import AtSetting, moves, setting_of
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 
 # fulcrum (m) -> stiffness (N/m), measured on the prototype
@@ -126,11 +129,10 @@ def mid_range_displacement(
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchPass:
+class BenchPass(AtSetting):
     """One pass of the machine at the forefoot, beside what is published and the authors' tuned
-    joints; None unknown."""
+    joints, of which a passive foot is none; None unknown."""
 
-    fulcrum_mm: float
     stiffness_n_per_mm: float
     mid_range_displacement_mm: float
     max_load_n: float
@@ -145,7 +147,7 @@ class BenchTable:
 
     settings: tuple[BenchPass, ...]  # of the forefoot, by fulcrum position
     heel_stiffness_n_per_mm: float | None
-    heel_published_n_per_mm: float
+    heel_published_n_per_mm: float | None  # None of a passive foot
     speed_mm_per_min: float
     simulated_s: float
     wall_s: float
@@ -158,25 +160,29 @@ def bench_table(result: BenchResult) -> BenchTable:
     """The numbers of a bench."""
     rows = []
     heel = result.heel
+    foot = from_plain(FootParameters, result.parameters["foot"])
+    published = moves(foot)  # of the one device, whose fulcrum moves
     for setting in result.forefoot:
         where = _label(setting)
         x = displacement(setting)
-        fulcrum = setting.fulcrum_m
+        fulcrum = setting.fulcrum_m or 0.0
         rows.append(
             BenchPass(
-                fulcrum_mm=round(1e3 * (setting.fulcrum_m or 0.0), 9),
+                **vars(setting_of(foot, fulcrum)),
                 stiffness_n_per_mm=1e-3 * stiffness(x, setting.load_n, where=where),
                 mid_range_displacement_mm=1e3
                 * mid_range_displacement(x, setting.load_n, where=where),
                 max_load_n=float(np.max(setting.load_n)),
                 max_displacement_mm=1e3 * float(x[-1]),
-                published_n_per_mm=in_n_per_mm(published_stiffness(fulcrum)),
-                tuned_joints_n_per_mm=in_n_per_mm(tuned_joints_stiffness(fulcrum)),
+                published_n_per_mm=in_n_per_mm(published_stiffness(fulcrum)) if published else None,
+                tuned_joints_n_per_mm=in_n_per_mm(tuned_joints_stiffness(fulcrum))
+                if published
+                else None,
             )
         )
     return BenchTable(
         settings=tuple(rows),
-        heel_published_n_per_mm=1e-3 * PUBLISHED_HEEL_STIFFNESS_N_PER_M,
+        heel_published_n_per_mm=1e-3 * PUBLISHED_HEEL_STIFFNESS_N_PER_M if published else None,
         heel_stiffness_n_per_mm=None
         if heel is None
         else 1e-3 * stiffness(displacement(heel), heel.load_n, where=_label(heel)),

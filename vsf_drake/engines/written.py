@@ -17,6 +17,7 @@ from vsf_drake.engines.limits import cannot_hold
 from vsf_drake.laws.contact_laws import CONTACT_LAWS, FITTED_LAW
 from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import FootParameters
+from vsf_drake.model.setting import moves
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.rigid_foot import NAME, rigid_foot
 from vsf_drake.plants.solids import RIGHTWARD
@@ -80,6 +81,7 @@ def written(
         ),
         slide=handles.carriage_joint_name,
         reach=[fulcrum.rearmost_m, fulcrum.foremost_m],
+        passive=not moves(parameters),
         mount=handles.mount.name(),
         X_KM=handles.mount.GetFixedPoseInBodyFrame(),
         **more,

@@ -24,6 +24,8 @@ from vsf_drake.fit.problem import check_recordings, labels_with
 from vsf_drake.fit.solution import ALIKE, ContactFitSolution, JointEnd, far_parameters
 from vsf_drake.fit.solve import SURE_SHARE
 from vsf_drake.model.bench_curves import BenchMeasurement, bench_doubts
+from vsf_drake.model.parameters import FootParameters
+from vsf_drake.model.setting import moves, setting_of
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
@@ -133,10 +135,12 @@ class Beside:
     heel_model: float | None
     rmse: float
 
-    def rows(self, fulcrum_mm: Sequence[float]) -> list[tuple[float | str, float, float]]:
-        """Where (mm), measured and model, the heel last where it was measured."""
+    def rows(self, fulcrum_mm: Sequence[float | None]) -> list[tuple[float | str, float, float]]:
+        """Where (mm, or the forefoot of a passive foot), measured and model, the heel last where
+        it was measured."""
+        places = ["forefoot" if mm is None else mm for mm in fulcrum_mm]
         rows: list[tuple[float | str, float, float]] = [
-            *zip(fulcrum_mm, self.measured, self.model, strict=True)
+            *zip(places, self.measured, self.model, strict=True)
         ]
         if self.heel_measured is not None and self.heel_model is not None:
             rows.append(("heel", self.heel_measured, self.heel_model))
@@ -150,7 +154,7 @@ class BenchRow:
     name: str
     synthetic: bool
     max_load_n: float
-    fulcrum_mm: tuple[float, ...]
+    fulcrum_mm: tuple[float | None, ...]  # None of a passive foot
     stiffness: Beside | None = None  # N/mm
     mid_range: Beside | None = None
     """mm, the platen's displacement at half of the largest load, where it was measured"""
@@ -163,7 +167,7 @@ class SimulatedBench:
     positions of the fitted trials and at the heel, and the same of the model before the fit. None
     where the foot cannot bear the load."""
 
-    fulcrum_mm: tuple[float, ...]
+    fulcrum_mm: tuple[float | None, ...]  # None of a passive foot
     fitted_n_per_mm: tuple[float, ...] | None
     heel_n_per_mm: float | None
     model_n_per_mm: tuple[float, ...]
@@ -412,7 +416,7 @@ def bench_score(solution: ContactFitSolution) -> BenchRow | None:
             machine.displacement(values)[0],
         )
     return replace(
-        bench_row(bench),
+        bench_row(bench, solution.fit.walker.model.foot),
         mid_range=mid_range,
         stiffness=beside(
             1e-3,
@@ -424,24 +428,24 @@ def bench_score(solution: ContactFitSolution) -> BenchRow | None:
     )
 
 
-def bench_row(bench: BenchMeasurement) -> BenchRow:
-    """A bench that nothing was judged by."""
+def bench_row(bench: BenchMeasurement, foot: FootParameters) -> BenchRow:
+    """A bench of `foot` that nothing was judged by."""
     return BenchRow(
         name=bench.name,
         synthetic=bench.synthetic,
         max_load_n=bench.max_load_n,
         doubts=tuple(bench_doubts(bench)),
-        fulcrum_mm=tuple(1e3 * x for x in bench.fulcrum_m),
+        fulcrum_mm=tuple(setting_of(foot, x).fulcrum_mm for x in bench.fulcrum_m),
     )
 
 
 def sweep_fulcrum(
     solution: ContactFitSolution, trial: Trial, label: str | None
 ) -> FulcrumSweep | None:
-    """Error of one trial over the carriage's range; None of a foot whose support does not move."""
-    positions = sweep_positions(trial)
-    if not np.ptp(positions):
+    """Error of one trial over the carriage's range; None of a passive foot."""
+    if not moves(trial.model.foot):
         return None
+    positions = sweep_positions(trial)
     errors = fulcrum_errors(
         solution.fit.walker, trial, positions, **solution.fitted_for(trial, label)
     )
@@ -476,6 +480,7 @@ def marked_verdict(solution: ContactFitSolution, assessment: Assessment) -> list
         contradiction=solution.contradiction,
         paper=PUBLISHED,
         one_setting=not several_settings(t.fulcrum_m for t in solution.fit.trials),
+        passive=not moves(solution.fit.walker.model.foot),
         own_height_m=OWN_HEIGHT_M,
         disturbed=[
             row
@@ -515,7 +520,7 @@ def simulated_bench(solution: ContactFitSolution) -> SimulatedBench:
         fitted = None
         heel = None
     return SimulatedBench(
-        fulcrum_mm=tuple(1e3 * x for x in fulcrums),
+        fulcrum_mm=tuple(setting_of(fit.walker.model.foot, x).fulcrum_mm for x in fulcrums),
         fitted_n_per_mm=None if fitted is None else tuple(fitted),
         heel_n_per_mm=heel,
         model_n_per_mm=tuple(model),

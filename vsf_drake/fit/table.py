@@ -40,6 +40,7 @@ from vsf_drake.fit.solution import (
 from vsf_drake.fit.solve import FitSearch, Uncertainty
 from vsf_drake.model.contact_file import CURVES
 from vsf_drake.model.parameters import Subject
+from vsf_drake.model.setting import AtSetting
 from vsf_drake.motion.trajectory import periodic_bsplines
 from vsf_drake.motion.trial import RecordingMark, Trial
 from vsf_drake.simulation.archive import provenance
@@ -49,14 +50,13 @@ from vsf_drake.walks.prediction import LayerTable
 
 
 @dataclass(frozen=True, kw_only=True)
-class FitTrialRow:
+class FitTrialRow(AtSetting):
     """One trial, fitted or held out; without a score if it was not judged."""
 
     label: str
     file: str
     role: str
     synthetic: bool
-    fulcrum_mm: float
     notes: tuple[str, ...]
     recording: RecordingMark | None = None  # how good it is; None where nobody examined it
     score: TrialScore | None = None
@@ -165,7 +165,7 @@ def fit_table(
                 file=trial.path.name,
                 role=role,
                 synthetic=trial.synthetic,
-                fulcrum_mm=round(1e3 * trial.fulcrum_m, 9),
+                **vars(trial.setting),
                 notes=tuple(trial.notes),
                 recording=trial.judged,
             )
@@ -173,7 +173,7 @@ def fit_table(
         ),
         synthetic=any(part.synthetic for part in (*trials, bench) if part is not None),
         subject=fit.walker.subject,
-        bench=None if bench is None else bench_row(bench),
+        bench=None if bench is None else bench_row(bench, fit.walker.model.foot),
         parameters=(),
         options={**to_plain(dict(options or {})), **to_plain(fit.options)},
         wall_s=None,

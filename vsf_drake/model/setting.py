@@ -4,6 +4,7 @@ foot, which has none, which foot it is."""
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 from vsf_drake.model.parameters import FootParameters
 
@@ -15,20 +16,63 @@ def moves(foot: FootParameters) -> bool:
     return foot.fulcrum.rearmost_m < foot.fulcrum.foremost_m
 
 
+@dataclass(frozen=True, kw_only=True)
+class AtSetting:
+    """The setting of a foot, as records have it."""
+
+    fulcrum_mm: float | None
+    """from the keel's posterior end A; None of a passive foot"""
+    foot: str = ""
+    """the name of a passive foot"""
+
+    @property
+    def setting(self) -> AtSetting:
+        """The setting alone, by which records are grouped."""
+        return AtSetting(fulcrum_mm=self.fulcrum_mm, foot=self.foot)
+
+    @property
+    def setting_cell(self) -> str:
+        """For cells under a heading that has the unit: "108", or a passive foot's name."""
+        return self.foot if self.fulcrum_mm is None else f"{self.fulcrum_mm:g}"
+
+    @property
+    def setting_short(self) -> str:
+        """For legends and ticks: "108 mm", or a passive foot's name."""
+        return self.foot if self.fulcrum_mm is None else f"{self.fulcrum_mm:g} mm"
+
+    @property
+    def setting_words(self) -> str:
+        """For sentences and titles: "fulcrum 108 mm", or "foot NAME" of a passive foot."""
+        return f"{'foot' if self.fulcrum_mm is None else 'fulcrum'} {self.setting_short}"
+
+    @property
+    def setting_order(self) -> tuple[float, str]:
+        """By which settings are sorted: the softest first, passive feet by their names."""
+        return self.fulcrum_mm or 0.0, self.foot
+
+
+def setting_of(foot: FootParameters, fulcrum_m: float) -> AtSetting:
+    """The setting of `foot` with its fulcrum at `fulcrum_m` (m from A)."""
+    if moves(foot):
+        return AtSetting(fulcrum_mm=round(1e3 * fulcrum_m, 9))
+    return AtSetting(fulcrum_mm=None, foot=foot.name or PASSIVE)
+
+
 def setting_short(foot: FootParameters, fulcrum_m: float) -> str:
-    """For legends and ticks: "108 mm" (from A), or a passive foot's name."""
-    return f"{1e3 * fulcrum_m:g} mm" if moves(foot) else foot.name or PASSIVE
+    """`AtSetting.setting_short` of a foot, whose fulcrum stands at `fulcrum_m` (m from A)."""
+    return setting_of(foot, fulcrum_m).setting_short
 
 
 def setting_words(foot: FootParameters, fulcrum_m: float) -> str:
-    """For sentences and titles: "fulcrum 108 mm" (from A), or "foot NAME" of a passive foot."""
-    return f"{'fulcrum' if moves(foot) else 'foot'} {setting_short(foot, fulcrum_m)}"
+    """`AtSetting.setting_words` of a foot, whose fulcrum stands at `fulcrum_m` (m from A)."""
+    return setting_of(foot, fulcrum_m).setting_words
 
 
-def setting_heading(feet: Iterable[FootParameters]) -> str:
-    """Above a column of settings: "fulcrum (mm)" over numbers where every foot has a fulcrum,
-    "foot" over `setting_short` where none has, "setting" over `setting_words` where they differ."""
-    kinds = {moves(foot) for foot in feet}
-    if len(kinds) == 2:
-        return "setting"
-    return "foot" if kinds == {False} else "fulcrum (mm)"
+def setting_column(settings: Iterable[AtSetting], form: str = "{:g}") -> tuple[str, ...]:
+    """The column of a table that tells the settings: their attribute, its heading, and of numbers
+    their `form`. Where every foot has a fulcrum its place, where none has the foot's name, where
+    they differ `setting_words`."""
+    passive = {setting.fulcrum_mm is None for setting in settings}
+    if len(passive) == 2:
+        return "setting_words", "setting"
+    return ("foot", "foot") if passive == {True} else ("fulcrum_mm", "fulcrum (mm)", form)

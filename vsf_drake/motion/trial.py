@@ -25,6 +25,7 @@ from vsf_drake.model.parameters import (
     Subject,
     person_coordinates,
 )
+from vsf_drake.model.setting import AtSetting, moves, setting_of
 from vsf_drake.motion import manifest as manifests
 from vsf_drake.motion.contacts import Assignment, PlateContact, assign_plates
 from vsf_drake.motion.events import (
@@ -152,6 +153,11 @@ class Trial:
     contacts: tuple[PlateContact, ...] = ()
 
     @property
+    def setting(self) -> AtSetting:
+        """Where the fulcrum stood, or which passive foot it was."""
+        return setting_of(self.model.foot, self.fulcrum_m)
+
+    @property
     def plate(self) -> PlateRecording | None:
         """Under the prosthetic foot, with the spans in which its force is unknown; None where no
         force was measured."""
@@ -203,7 +209,7 @@ def model_in_shell(
     foot = in_shell(model.foot, 1e-3 * length_mm, file=file, group=group)
     ahead_mm = 1e3 * (sum(foot.keel.element_lengths_m) - foot.heel_x_m - foot.length_m)
     return dataclasses.replace(model, foot=foot), say(
-        "trial", "shell", length_mm=length_mm, ahead_mm=ahead_mm
+        "trial", "shell", length_mm=length_mm, ahead_mm=ahead_mm, passive=not moves(foot)
     )
 
 

@@ -19,6 +19,7 @@ from pydrake.multibody.tree import RigidBody
 
 from vsf_drake.base.files import resource
 from vsf_drake.base.schema import load_plain
+from vsf_drake.model.setting import moves
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles
 
 Colour = tuple[float, float, float, float]
@@ -50,7 +51,8 @@ def outlines() -> dict[str, np.ndarray]:
 
 
 def draw_foot(plant: MultibodyPlant, foot: FootHandles) -> None:
-    """Gives the bodies of `foot` their shapes, in a plant that is a source of a SceneGraph."""
+    """Gives the bodies of `foot` their shapes, in a plant that is a source of a SceneGraph; of a
+    passive foot a block to which the keel is clamped stands for rail, roller and carriage."""
     p = foot.parameters
     keel = foot.parameters.keel
     reach = foot.parameters.fulcrum
@@ -60,7 +62,9 @@ def draw_foot(plant: MultibodyPlant, foot: FootHandles) -> None:
     # the keel bends up in front of the fulcrum, which therefore bears on it from above, hung from a
     # rail
     rail = max(0.65 * mount_z, top + 2.0 * _ROLLER_M)
-    length = reach.foremost_m + 0.02
+    movable = moves(p)
+    length = reach.foremost_m + (0.02 if movable else 0.01)
+    block = 0.016 if movable else reach.rearmost_m + 0.008
     draw(
         plant,
         foot.frame,
@@ -73,10 +77,10 @@ def draw_foot(plant: MultibodyPlant, foot: FootHandles) -> None:
     draw(
         plant,
         foot.frame,
-        "hinge",
-        Box(0.016, 0.8 * width, rail - top),
+        "hinge" if movable else "clamp",
+        Box(block, 0.8 * width, rail - top),
         FRAME,
-        (0.0, 0.0, 0.5 * (rail + top)),
+        (0.5 * block - 0.008, 0.0, 0.5 * (rail + top)),
     )
     draw(plant, foot.frame, "pin", Cylinder(2.0 * top, 1.05 * width), METAL, R_BG=sideways)
     draw(
@@ -87,24 +91,25 @@ def draw_foot(plant: MultibodyPlant, foot: FootHandles) -> None:
         METAL,
         (pylon_x, 0.0, 0.5 * (mount_z + rail)),
     )
-    carriage = plant.GetBodyByName(f"{foot.name}_carriage", foot.instance)
-    draw(
-        plant,
-        carriage,
-        "roller",
-        Cylinder(_ROLLER_M, 1.1 * width),
-        CARRIAGE,
-        (0.0, 0.0, top + _ROLLER_M),
-        sideways,
-    )
-    draw(
-        plant,
-        carriage,
-        "carriage",
-        Box(0.018, 0.6 * width, rail - top - _ROLLER_M),
-        CARRIAGE,
-        (0.0, 0.0, 0.5 * (rail + top + _ROLLER_M)),
-    )
+    if movable:
+        carriage = plant.GetBodyByName(f"{foot.name}_carriage", foot.instance)
+        draw(
+            plant,
+            carriage,
+            "roller",
+            Cylinder(_ROLLER_M, 1.1 * width),
+            CARRIAGE,
+            (0.0, 0.0, top + _ROLLER_M),
+            sideways,
+        )
+        draw(
+            plant,
+            carriage,
+            "carriage",
+            Box(0.018, 0.6 * width, rail - top - _ROLLER_M),
+            CARRIAGE,
+            (0.0, 0.0, 0.5 * (rail + top + _ROLLER_M)),
+        )
 
     ends = np.append(foot.keel_starts[1:], sum(keel.element_lengths_m))
     for piece, size in zip(foot.keel, (ends - foot.keel_starts).tolist(), strict=True):

@@ -594,7 +594,7 @@ def trial_table(item: Examined) -> dict[str, object]:
         "checks": item.checks,
         "notes": item.notes,
         "window_s": (trial.start_s, trial.end_s),
-        "fulcrum_mm": 1e3 * trial.fulcrum_m,
+        **vars(trial.setting),
         "stances": item.stances,
         "contacts": trial.contacts,
         "unmeasured_s": trial.unmeasured,

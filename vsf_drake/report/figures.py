@@ -18,9 +18,9 @@ from vsf_drake.device.bench_metrics import (
     BenchTable,
     closed_form_stiffness,
     displacement,
-    published_stiffness,
 )
 from vsf_drake.model.bench_curves import STIFFNESS_ABOVE_N
+from vsf_drake.model.setting import AtSetting
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trial import NO_PLATE, UNUSABLE_RECORDING
 from vsf_drake.report.layer_curves import RESULTANT, component_of, draw_layers, layer_handles
@@ -37,7 +37,6 @@ from vsf_drake.report.style import (
     drawing,
     label,
     log_scale,
-    name_of,
     tag,
 )
 from vsf_drake.simulation.options import STARTS_LOADED
@@ -76,15 +75,19 @@ _WIDE = 20.0  # ratio of largest to smallest value above which the axis is logar
 
 
 def bench_figure(bench: BenchResult, table: BenchTable) -> Figure:
-    """Load against displacement at every setting, and stiffness against fulcrum position.
+    """Load against displacement at every setting, and, unless the foot is passive, stiffness
+    against fulcrum position.
 
     After Figure 4 of McGeehan 2021 (doi 10.1115/1.4050456), with the published end points beside
     it.
     """
-    with drawing(WIDTH, 6.6) as figure:
-        left, right = figure.subplots(2)
-        _bench_curves(left, bench)
-        _bench_stiffness(right, bench, table)
+    places_mm = [row.fulcrum_mm for row in table.settings if row.fulcrum_mm is not None]
+    panels = 1 if len(places_mm) < len(table.settings) else 2
+    with drawing(WIDTH, 3.3 * panels) as figure:
+        above, *below = figure.subplots(panels, squeeze=False)[:, 0]
+        _bench_curves(above, bench, table)
+        for axes in below:
+            _bench_stiffness(axes, bench, table, places_mm)
         state = "" if bench.converged else f", {table.unconverged_steps} STEPS NOT CONVERGED"
         _head(
             figure,
@@ -94,46 +97,53 @@ def bench_figure(bench: BenchResult, table: BenchTable) -> Figure:
     return figure
 
 
-def _bench_curves(axes: Axes, bench: BenchResult) -> None:
-    settings = [*bench.forefoot, *([bench.heel] if bench.heel else [])]
-    for i, setting in enumerate(settings):
+def _bench_curves(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
+    rows = table.settings
+    passes = [
+        (setting, row, row.published_n_per_mm)
+        for setting, row in zip(bench.forefoot, rows, strict=True)
+    ]
+    heel = [(bench.heel, None, table.heel_published_n_per_mm)] if bench.heel else []
+    for i, (setting, row, published) in enumerate([*passes, *heel]):
         x = 1e3 * displacement(setting)
-        at = None if setting.fulcrum_m is None else 1e3 * setting.fulcrum_m
-        colour = colour_of(at)
+        colour = colour_of(row, rows)
         axes.plot(
             x, setting.load_n, color=colour, label="simulated" if i == 0 else None, **SIMULATED
         )
         tag(
             axes,
-            "heel" if at is None else f"{at:g}",
+            "heel" if row is None else row.setting_cell,
             (x[-1], setting.load_n[-1]),
             colour,
             offset=(0, 4),
             ha="center",
         )
-        published = published_stiffness(setting.fulcrum_m)
         if published is not None:  # a line of that slope through the simulated curve at 200 N
             x0 = float(np.interp(STIFFNESS_ABOVE_N, setting.load_n, displacement(setting)))
             loads = np.array([STIFFNESS_ABOVE_N, float(np.max(setting.load_n))])
             axes.plot(
-                1e3 * (x0 + (loads - STIFFNESS_ABOVE_N) / published),
+                1e3 * x0 + (loads - STIFFNESS_ABOVE_N) / published,
                 loads,
                 color=colour,
                 **MEASURED,
             )
     axes.axhline(STIFFNESS_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
-    axes.plot([], [], color=NEUTRAL, label="published slope (offset not published)", **MEASURED)
+    if any(published is not None for _, _, published in [*passes, *heel]):
+        axes.plot([], [], color=NEUTRAL, label="published slope (offset not published)", **MEASURED)
     axes.set_xlim(left=0.0)
     axes.margins(y=0.1)
     axes.set_ylim(bottom=0.0)
-    axes.legend(loc="lower right", title="numbers: fulcrum (mm)", alignment="left")
+    numbers = None if any(row.fulcrum_mm is None for row in rows) else "numbers: fulcrum (mm)"
+    axes.legend(loc="lower right", title=numbers, alignment="left")
     label(axes, x="displacement of the platen (mm)", y="load (N)", title="Load and displacement")
 
 
-def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
+def _bench_stiffness(
+    axes: Axes, bench: BenchResult, table: BenchTable, places_mm: Sequence[float]
+) -> None:
     rows = table.settings
     if rows:
-        span = np.linspace(rows[0].fulcrum_mm, rows[-1].fulcrum_mm, 100)
+        span = np.linspace(places_mm[0], places_mm[-1], 100)
         beam = closed_form_stiffness(bench.parameters["foot"], 1e-3 * span)
         axes.plot(
             span,
@@ -143,9 +153,8 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
             linestyle=":",
             label="overhung beam, small deflection",
         )
-    for i, row in enumerate(rows):
-        fulcrum_mm = row.fulcrum_mm
-        colour = colour_of(row.fulcrum_mm)
+    for i, (fulcrum_mm, row) in enumerate(zip(places_mm, rows, strict=True)):
+        colour = colour_of(row)
         published = row.published_n_per_mm
         if published is not None:
             axes.plot(
@@ -189,7 +198,7 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
         label="published",
     )
     axes.plot(
-        [row.fulcrum_mm for row in rows],
+        places_mm,
         [row.tuned_joints_n_per_mm or np.nan for row in rows],
         linestyle="",
         marker="x",
@@ -211,6 +220,7 @@ def walk_figure(
     plate: PlateRecording | None,
     metrics: Agreement,
     *,
+    setting: AtSetting,
     curves: Arrays | None = None,
 ) -> Figure:
     """A finished walk beside the plate under the prosthetic foot, if there is one: forces, centre
@@ -226,8 +236,7 @@ def walk_figure(
     model, measured = (
         force / metrics.body_weight_n for force in (comparison.model, comparison.measured)
     )
-    fulcrum_mm = 1e3 * float(np.median(result.fulcrum_m))
-    colour = colour_of(fulcrum_mm)
+    colour = colour_of(setting)
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
     state = "" if result.converged else f", {result.unconverged_steps} STEPS NOT CONVERGED"
     state += "".join(
@@ -286,7 +295,7 @@ def walk_figure(
             )
         figure.legend(handles=handles, loc="lower center", ncols=2)
         title = (
-            f"{result.trial_name}: {kind}, {result.side} prosthesis, {name_of(fulcrum_mm)}{state}"
+            f"{result.trial_name}: {kind}, {result.side} prosthesis, {setting.setting_words}{state}"
         )
         _head(figure, title)
     return figure
@@ -400,8 +409,8 @@ def standing_figure(table: StandingTable) -> Figure:
         state = "" if table.converged else f", {table.unconverged_steps} STEPS NOT CONVERGED"
         _head(
             figure,
-            f"{table.subject}, {table.prosthetic_side} prosthesis, fulcrum {table.fulcrum_mm:g} "
-            f"mm: {verdict}{state}",
+            f"{table.subject}, {table.prosthetic_side} prosthesis, {table.setting_words}: "
+            f"{verdict}{state}",
         )
     return figure
 
@@ -481,7 +490,7 @@ def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:
             factor = quantity(key).scale
             for number, trial in enumerate(trials):
                 own = [row for row in rows if row.trial == trial.name]
-                colour = colour_of(trial.fulcrum_mm)
+                colour = colour_of(trial, trials)
                 known, lateral = (
                     sorted(
                         (row.varied(name), factor * score)
@@ -532,7 +541,12 @@ def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:
         # legends leave out what begins with an underscore
         figure.legend(
             lines,
-            [f" {trial.name}" if trial.name.startswith("_") else trial.name for trial in trials],
+            [
+                " " * trial.name.startswith("_")
+                + trial.name
+                + f", foot {trial.foot}" * bool(trial.foot)
+                for trial in trials
+            ],
             loc="outside lower left",
         )
         synthetic = " (SYNTHETIC)" if any(trial.synthetic for trial in trials) else ""

@@ -61,7 +61,9 @@ def fit_figures(table: FitTable) -> dict[str, Figure]:
     swept = [
         (trial.label, trial.fulcrum_mm, trial.score.sweep)
         for trial in table.trials
-        if trial.score is not None and trial.score.sweep is not None
+        if trial.score is not None
+        and trial.score.sweep is not None
+        and trial.fulcrum_mm is not None
     ]
     if swept:
         synthetic = any(trial.synthetic for trial in table.trials)
@@ -69,7 +71,11 @@ def fit_figures(table: FitTable) -> dict[str, Figure]:
     for i, trial in enumerate(table.trials):
         if trial.score is not None:
             figures[trial_name(i, trial)] = fit_trial_figure(trial, trial.score)
-    if table.bench is not None and table.bench.stiffness is not None:
+    if (
+        table.bench is not None
+        and table.bench.stiffness is not None
+        and None not in table.bench.fulcrum_mm
+    ):
         figures["bench"] = fit_bench_figure(table.bench)
     if table.uncertainty is not None:
         figures["parameters"] = fit_parameter_figure(
@@ -116,7 +122,8 @@ def fit_bench_figure(bench: BenchRow) -> Figure:
         for axes, (name, unit, quantity) in zip(
             figure.subplots(len(rows), squeeze=False)[:, 0], rows, strict=True
         ):
-            handles = _bench(axes, bench.fulcrum_mm, quantity)
+            places = [mm for mm in bench.fulcrum_mm if mm is not None]
+            handles = _bench(axes, places, quantity)
             label(
                 axes,
                 x=FULCRUM,
@@ -190,7 +197,7 @@ def fit_error_figure(table: FitTable) -> Figure:
             {"marker": "|", "color": "black", "markersize": 12, "markeredgewidth": 1.8},
         ),
     ]
-    names = [textwrap.fill(t.label, 22) + f"\n{t.role}, {t.fulcrum_mm:g} mm" for t, _ in rows]
+    names = [textwrap.fill(t.label, 22) + f"\n{t.role}, {t.setting_short}" for t, _ in rows]
     with drawing(
         PANEL[0], 1.9 + len(rows) * (0.1 + 0.14 * max(name.count("\n") + 1 for name in names))
     ) as figure:
@@ -201,7 +208,7 @@ def fit_error_figure(table: FitTable) -> Figure:
                     axes.plot(100.0 * value, y, **look)
         for y, (trial, score) in enumerate(rows):
             if (error := score.error_bw) is not None:
-                colour = colour_of(trial.fulcrum_mm)
+                colour = colour_of(trial)
                 axes.plot([0.0, 100.0 * error], [y, y], color=colour, linewidth=1.2, alpha=0.6)
                 inside = colour if trial.role == _FITTED else "white"
                 axes.plot(100.0 * error, y, color=colour, markerfacecolor=inside, **_FIT)
@@ -340,7 +347,7 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
 
     metrics = score.metrics
     curves = score.curves
-    colour = colour_of(trial.fulcrum_mm)
+    colour = colour_of(trial)
     both = [curves.measured_bw, curves.model_bw]
     forces = (
         ("Resultant", "", [np.linalg.norm(force, axis=1) for force in both], metrics.error_bw),
@@ -396,8 +403,7 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
             [_line(name, **look) for name, look in zip(names, looks, strict=True)],
         )
         title = (
-            f"{trial.label}: {trial.role}, fulcrum {trial.fulcrum_mm:g} "
-            f"mm{', SYNTHETIC' * trial.synthetic}"
+            f"{trial.label}: {trial.role}, {trial.setting_words}{', SYNTHETIC' * trial.synthetic}"
         )
         figure.suptitle(textwrap.fill(title, 54), x=0.01, ha="left", fontsize=10)
     return figure

@@ -50,7 +50,8 @@ _SHOWN = {
     "Pa": ("GPa", 1e-9),
     "1": ("", 1.0),
 }
-_FIRST = ("trial", "role", "fulcrum mm")
+PLACE = "fulcrum mm"
+_FIRST = ("trial", "role", PLACE)
 _SCORES = (
     JUDGED,
     "grf_r2",
@@ -71,7 +72,7 @@ def _headings(names: Sequence[str]) -> list[str]:
 
 
 HEADINGS = (*_FIRST, *_headings(_SCORES), "right")
-"""Of the cells of `trial_cells`, each with its unit."""
+"""Of the cells of `trial_cells`, each with its unit; under PLACE a passive foot's name."""
 
 
 def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
@@ -132,6 +133,8 @@ def fit_page(table: FitTable, figures: Mapping[str, bytes]) -> str:
     kind = "Contact fit" if table.strategy == "joint" else "Contact fit by the paper's procedure"
     title = f"{kind}, {table.subject.name}{' (SYNTHETIC)' if table.synthetic else ''}"
     own = own_parameters(table)
+    passive = table.trials[0].fulcrum_mm is None  # all are on one foot
+    place = "foot" if passive else PLACE
     curves = {trial_name(i, trial): trial.role for i, trial in enumerate(table.trials)}
     drawn = [name for name in curves if name in figures]
     return str(
@@ -141,12 +144,16 @@ def fit_page(table: FitTable, figures: Mapping[str, bytes]) -> str:
             figures=figures,
             synthetic=synthetic_of(table),
             title=title if table.success else f"FAILED: {title[0].lower()}{title[1:]}",
-            trial_headings=[HEADINGS[i] for i in columns],
+            passive=passive,
+            place=place,
+            trial_headings=[place if HEADINGS[i] == PLACE else HEADINGS[i] for i in columns],
             trial_rows=[
                 [trial_cells(trial)[i] for i in columns] for trial in judged or table.trials
             ],
             one_setting=not several_settings(
-                1e-3 * trial.fulcrum_mm for trial in table.trials if trial.role == FITTED
+                1e-3 * trial.fulcrum_mm
+                for trial in table.trials
+                if trial.role == FITTED and trial.fulcrum_mm is not None
             ),
             heading=lambda name: _headings([name])[0],
             curves=drawn,
@@ -202,13 +209,13 @@ def trial_cells(trial: FitTrialRow) -> tuple[str, ...]:
     """One trial of a fit as text; of one that was not judged, what it is."""
     score = trial.score
     if score is None:
-        return trial.label, trial.role, f"{trial.fulcrum_mm:g}"
+        return trial.label, trial.role, trial.setting_cell
     right = UNKNOWN if score.sweep is None else "yes" if score.sweep.right else "NO"
     own = "" if score.own_height_m is None else f", own height {1e3 * score.own_height_m:+.1f} mm"
     return (
         trial.label,
         f"{trial.role}{own}".replace(" ", "\u00a0"),
-        f"{trial.fulcrum_mm:g}",
+        trial.setting_cell,
         *(shown(score, name) for name in _SCORES),
         right,
     )

@@ -259,6 +259,7 @@ def import_page(
         figures=figures,
         worst=max(range(len(items)), key=lambda i: items[i].expected_error_bw),
         failures=failures or {},
+        passive=all(item.trial.setting.fulcrum_mm is None for item in items),
         replay=replay,
         map_figures=marker_figures(person.trial) if person else [],
         to_do=dict.fromkeys(

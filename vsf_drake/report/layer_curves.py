@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from vsf_drake.model.setting import AtSetting
 from vsf_drake.report.style import (
     MEASURED,
     NEUTRAL,
@@ -60,9 +61,9 @@ def layer_handles(curves: Arrays) -> list[Artist]:
     return handles
 
 
-def layers_figure(curves: Arrays, fulcrum_mm: float, *, synthetic: bool) -> Figure:
+def layers_figure(curves: Arrays, setting: AtSetting, *, synthetic: bool) -> Figure:
     """A walk's `layer_curves` beside its plate and the physics, over time."""
-    colour = colour_of(fulcrum_mm)
+    colour = colour_of(setting)
     with drawing(PANEL[0], 2.2 * PANEL[1]) as figure:
         say_synthetic(figure, synthetic, "walk")
         panels = figure.subplots(3, 1, sharex=True, height_ratios=(2, 1, 1))

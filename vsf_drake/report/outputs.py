@@ -103,7 +103,10 @@ def write_walk(
 
     def more(folder: Path, table: dict[str, Any]) -> None:
         save_walk(result, folder)
-        save_figure(walk_figure(result, plate, metrics, curves=curves), folder / "walk")
+        save_figure(
+            walk_figure(result, plate, metrics, setting=trial.setting, curves=curves),
+            folder / "walk",
+        )
         if replay:
             write_replay(
                 result, folder / "replay.html", plate=plate, intact_plate=trial.intact_plate

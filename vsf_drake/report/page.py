@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 
 from vsf_drake.base.errors import InputError, raise_if_interrupted
 from vsf_drake.base.files import csv_cells, replaced
+from vsf_drake.model.setting import setting_column
 from vsf_drake.report.style import png, save_figure
 from vsf_drake.walks import quantities
 
@@ -380,6 +381,7 @@ def _environment() -> Environment:
         "number_class": lambda right: Markup(' class="number"') if right else "",
     }
     pages.globals["quantities"] = quantities
+    pages.globals["setting_column"] = setting_column
     pages.tests["numeral"] = _is_numeral
     return pages
 

@@ -21,6 +21,7 @@ from vsf_drake.base.files import write_text
 from vsf_drake.base.schema import from_plain
 from vsf_drake.model.model_file import check_model
 from vsf_drake.model.parameters import GRAVITY, ModelParameters, Subject
+from vsf_drake.model.setting import moves, setting_words
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import low_pass
@@ -125,6 +126,7 @@ def write_replay(
                 for word in (UNFITTED, UNUSABLE_RECORDING)
                 if any(note.startswith(word) for note in result.notes)
             ],
+            passive="" if moves(walk.model.foot) else setting_words(walk.model.foot, 0.0),
             fulcrum_mm=np.round(1e3 * walk.frames.fulcrum_m, 1).tolist(),
             weight_n=weight,
             intact_peak_bw=float(result.intact_grf_W[:, 2].max()) / weight,

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from vsf_drake.base.files import record
+from vsf_drake.model.setting import AtSetting, setting_column
 from vsf_drake.report.page import Chapter, render
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import Arrays
@@ -19,17 +21,20 @@ def session_page(
     saved: Mapping[str, Any], arrays: Arrays, *, folder: Path, lenient: bool
 ) -> dict[str, Any]:
     """What `page.chapter_page` is to be given of session.json."""
-    facts = {"t": saved}
+    settings = [record(AtSetting, walk) for walk in saved["walks"]]
+    passive = any(setting.fulcrum_mm is None for setting in settings)
+    facts = {"t": saved, "place": setting_column(settings), "passive": passive}
+    effect = Chapter(
+        name="setting",
+        title="What the setting does",
+        template="session/setting.html.j2",
+        facts=facts,
+    )
     return {
         "title": f"Session of {saved['person']}",
         "chapters": [
             Chapter(name="verdict", title="", template="session/verdict.html.j2", facts=facts),
-            Chapter(
-                name="setting",
-                title="What the setting does",
-                template="session/setting.html.j2",
-                facts=facts,
-            ),
+            *([] if passive else [effect]),
             Chapter(name="fit", title="The fit", template="session/fit.html.j2", facts=facts),
             Chapter(
                 name="files",

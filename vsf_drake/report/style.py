@@ -1,5 +1,5 @@
-"""One look for every figure: measured solid, simulated dashed, one colour a fulcrum position, units
-on axes.
+"""One look for every figure: measured solid, simulated dashed, one colour a setting, units on
+axes.
 
 The colours run along `viridis` without its light end: told apart with any colour vision, and
 ordered by lightness, so that the order survives grey print. Nothing global changes and no display
@@ -9,7 +9,7 @@ is needed.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from matplotlib.ticker import LogFormatter
 from matplotlib.typing import ColorType
 
 from vsf_drake.base.files import replaced
+from vsf_drake.model.setting import AtSetting
 
 MEASURED: dict[str, Any] = {"linestyle": "-", "linewidth": 2.6, "alpha": 0.55}
 SIMULATED: dict[str, Any] = {"linestyle": (0, (4, 1.6)), "linewidth": 1.6}
@@ -43,6 +44,8 @@ PANEL = (4.6, 3.1)
 letters of 9 pixels."""
 _RANGE_MM = (66.0, 151.0)
 _LIGHTEST = 0.66
+_FEET = ("#31688e", "#c8553d", "#5e3c99", "#4d7c2a", "0.35")
+"""Colours of passive feet, which have no order."""
 _SETTINGS: dict[str, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -117,18 +120,25 @@ Arrays = Mapping[str, np.ndarray]
 FULCRUM = "fulcrum from the keel's posterior end (mm)"
 
 
-def colour_of(fulcrum_mm: float | None) -> ColorType:
-    """The colour of a fulcrum position (mm from the keel's posterior end), or of the heel for
-    None."""
-    if fulcrum_mm is None:
+def colour_of(at: AtSetting | float | None, among: Iterable[AtSetting] = ()) -> ColorType:
+    """The colour of a setting or a fulcrum position (mm from the keel's posterior end), or of the
+    heel for None; of a passive foot by its place `among` those of the figure."""
+    if at is None:
         return HEEL_COLOUR
+    if isinstance(at, AtSetting) and at.fulcrum_mm is None:
+        feet = sorted({other.foot for other in among} | {at.foot})
+        return _FEET[feet.index(at.foot) % len(_FEET)]
     low, high = _RANGE_MM
-    return colormaps["viridis"](_LIGHTEST * min(max((fulcrum_mm - low) / (high - low), 0.0), 1.0))
+    position_mm = at.fulcrum_mm if isinstance(at, AtSetting) else at
+    assert position_mm is not None
+    return colormaps["viridis"](_LIGHTEST * min(max((position_mm - low) / (high - low), 0.0), 1.0))
 
 
-def name_of(fulcrum_mm: float | None) -> str:
-    """A position's name in legends."""
-    return "heel" if fulcrum_mm is None else f"fulcrum {fulcrum_mm:g} mm"
+def name_of(at: AtSetting | float | None) -> str:
+    """The name of a setting, a fulcrum position (mm) or the heel in legends."""
+    if at is None:
+        return "heel"
+    return (at if isinstance(at, AtSetting) else AtSetting(fulcrum_mm=at)).setting_words
 
 
 def say_synthetic(figure: Figure, synthetic: bool, what: str) -> None:

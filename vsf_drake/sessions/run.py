@@ -25,7 +25,7 @@ from vsf_drake.fit.problem import ContactFit, check_recordings
 from vsf_drake.model.contact_file import FittedContact, load_contact
 from vsf_drake.model.model_file import load_model
 from vsf_drake.model.parameters import FootParameters
-from vsf_drake.model.setting import moves
+from vsf_drake.model.setting import moves, setting_of
 from vsf_drake.motion.import_options import ImportOptions
 from vsf_drake.motion.manifest import load_stated_subject
 from vsf_drake.motion.markers.person_facts import PersonFacts, check_facts
@@ -193,12 +193,18 @@ def session(
         part_of(progress, _IMPORTED, _JUDGED - _IMPORTED),
     )
     not_read = [
-        SessionWalk(file=path.name, label=path.stem, role=LEFT_OUT, fulcrum_mm=mm, why=why)
+        SessionWalk(
+            file=path.name,
+            label=path.stem,
+            role=LEFT_OUT,
+            why=why,
+            **vars(setting_of(foot, 1e-3 * mm)),
+        )
         for path, mm in zip(plan.walks, plan.fulcrums_mm, strict=True)
         if (why := failures.get(str(path)))
     ]
     walks = sorted(
-        [*judged_walks(walks, outcome), *not_read], key=lambda walk: (walk.fulcrum_mm, walk.file)
+        [*judged_walks(walks, outcome), *not_read], key=lambda walk: (walk.setting_order, walk.file)
     )
     named = (*plan.walks, plan.standing, plan.bench, model)
     read = [path for path in named if path is not None]
@@ -392,7 +398,7 @@ def _imported(
             file=path.name,
             label=label,
             role=LEFT_OUT if row["mark"] == "unusable" else HELD_OUT,
-            fulcrum_mm=round(1e3 * trial.fulcrum_m, 6),
+            **vars(trial.setting),
             mark=row["mark"],
             expected_error_bw=row["expected_error_bw"],
             verdict=row["verdict"],

@@ -14,6 +14,7 @@ from vsf_drake.base.errors import InputError
 from vsf_drake.base.sentences import say
 from vsf_drake.fit.table import FitTable
 from vsf_drake.model.contact_file import FittedContact
+from vsf_drake.model.setting import AtSetting, moves
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial
 from vsf_drake.sessions.plan import PlanRow
@@ -29,7 +30,7 @@ freedom)."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class SessionWalk:
+class SessionWalk(AtSetting):
     """One walk.
 
     Attributes:
@@ -44,7 +45,6 @@ class SessionWalk:
     file: str
     label: str
     role: str
-    fulcrum_mm: float
     mark: str | None = None
     expected_error_bw: float | None = None
     verdict: str = ""
@@ -119,7 +119,7 @@ def outcome_of(
     """What a fit of these trials, fitted and held out, came to."""
     answer = None
     effect: tuple[str, ...] = ()
-    if contact is not None:
+    if contact is not None and moves(trials[0].model.foot):
         try:
             answer = answer_of([trial_with(trial, contact) for trial in trials]).table()
             effect = tuple(answer_sentences(answer))
@@ -197,14 +197,17 @@ def verdict_of(walks: Sequence[SessionWalk], outcome: FitOutcome, synthetic: boo
 def what_next(walks: Sequence[SessionWalk], *, bench: bool) -> list[str]:
     """What to record next, most useful first, in sentences."""
     usable = [walk for walk in walks if walk.role != LEFT_OUT]
-    positions = np.array([walk.fulcrum_mm for walk in usable])
+    positions = np.array([walk.fulcrum_mm for walk in usable if walk.fulcrum_mm is not None])
     settings = {
-        round(float(positions[own].mean()), 1): len(own) for own in settings_of(1e-3 * positions)
+        round(float(positions[own].mean()), 1): len(own)
+        for own in settings_of(1e-3 * positions)
+        if len(own)
     }
     return say(
         "session",
         "next",
         settings=settings,
+        on_passive=len(usable) - len(positions),
         few={mm: count for mm, count in settings.items() if count < LIKED_WALKS},
         bench=bench,
         held=any(walk.role == HELD_OUT for walk in walks),

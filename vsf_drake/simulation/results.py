@@ -20,6 +20,7 @@ from vsf_drake.base.files import read_npz, sha256, write_npz, write_text
 from vsf_drake.base.schema import load_plain, to_plain
 from vsf_drake.base.tables import Headline, LabelledArrays, Quantity, Tabular
 from vsf_drake.base.yaml_file import dump
+from vsf_drake.model.setting import AtSetting
 from vsf_drake.simulation.archive import SIDECAR_FILE, result_folder
 
 __all__ = [
@@ -513,7 +514,7 @@ class Standing:
     """(n + 1, 6) place (m; forward, up, right) and attitude (rad; tilt, list, rotation), start
     included."""
     weight_n: float
-    fulcrum_m: float
+    setting: AtSetting
     side: str
     name: str
     free: tuple[str, ...]  # the pelvis coordinates that nothing held
@@ -556,12 +557,11 @@ class StandingSeries:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StandingTable:
+class StandingTable(AtSetting):
     """What `vsf-drake stand` writes as standing.json. Newtons, millimetres, degrees."""
 
     subject: str
     prosthetic_side: str
-    fulcrum_mm: float
     duration_s: float
     weight_n: float
     mean_vertical_n: float
@@ -598,7 +598,7 @@ def standing_table(standing: Standing) -> StandingTable:
     return StandingTable(
         subject=standing.name,
         prosthetic_side=standing.side,
-        fulcrum_mm=1e3 * standing.fulcrum_m,
+        **vars(standing.setting),
         duration_s=float(standing.time_s[-1]),
         weight_n=standing.weight_n,
         mean_vertical_n=float(vertical.mean()),

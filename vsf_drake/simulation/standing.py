@@ -36,6 +36,7 @@ from vsf_drake.model.parameters import (
     ModelParameters,
     Subject,
 )
+from vsf_drake.model.setting import setting_of
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.simulation.options import StandingOptions
 from vsf_drake.simulation.results import NUDGE_M, NUDGE_RAD, Standing
@@ -186,7 +187,7 @@ def _result(
         intact_n=intact,
         pelvis=np.vstack([record.q0[columns], record.q[:, columns]]),
         weight_n=posture.weight_n,
-        fulcrum_m=posture.fulcrum_m,
+        setting=setting_of(posture.walker.model.foot, posture.fulcrum_m),
         side=posture.walker.subject.prosthetic_side,
         name=posture.walker.subject.name,
         free=free,

@@ -36,6 +36,7 @@ from vsf_drake.device.bench_metrics import (
 )
 from vsf_drake.model.model_file import load_model, secant_stiffness
 from vsf_drake.model.parameters import GRAVITY, FootParameters, ModelParameters
+from vsf_drake.model.setting import AtSetting
 from vsf_drake.plants.foot import with_elements
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, STEPS_PER_MM
 from vsf_drake.simulation.results import standing_table
@@ -449,11 +450,10 @@ PAPER_MASS_ERROR = -0.026
 
 
 @dataclass(frozen=True, kw_only=True)
-class StoodRow:
-    """A person who stood at one position of the fulcrum; what has no comment here is as
+class StoodRow(AtSetting):
+    """A person who stood at one setting; what has no comment here is as
     `standing_table` has it."""
 
-    fulcrum_mm: float
     mass_known_kg: float
     mass_predicted_kg: float  # mean force of both feet over 9.81 m/s²
     mass_error: float  # share of the known mass
@@ -481,10 +481,9 @@ _STOOD = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class FallenRow:
-    """A position at which nobody could stand, and why."""
+class FallenRow(AtSetting):
+    """A setting at which nobody could stand, and why."""
 
-    fulcrum_mm: float
     mass_known_kg: float
     failure: str
 
@@ -512,9 +511,9 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
     arrays: dict[str, np.ndarray] = {}
     missing = []
     conditions = study.conditions()
-    for i, (fulcrum, (walk, *_)) in enumerate(conditions.items()):
+    for i, (setting, (walk, *_)) in enumerate(conditions.items()):
         show = part_of(progress, i / len(conditions), 1.0 / len(conditions))
-        what = f"standing, fulcrum at {fulcrum:g} mm"
+        what = f"standing, {setting.setting_words}"
         subject = walk.trial.subject
         try:
             stood = standing_table(
@@ -528,9 +527,9 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
             )
         except (InputError, SimulationError) as error:
             rows.append(
-                FallenRow(fulcrum_mm=fulcrum, mass_known_kg=subject.mass_kg, failure=str(error))
+                FallenRow(mass_known_kg=subject.mass_kg, failure=str(error), **vars(setting))
             )
-            missing.append(f"Standing with the fulcrum at {fulcrum:g} mm failed: {error}")
+            missing.append(f"Standing failed, {setting.setting_words}: {error}")
             continue
         arrays |= {
             f"standing_{i}_{name}": getattr(stood.series, name)
@@ -539,7 +538,7 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
         predicted = stood.mean_vertical_n / GRAVITY
         rows.append(
             StoodRow(
-                fulcrum_mm=fulcrum,
+                **vars(setting),
                 mass_known_kg=subject.mass_kg,
                 mass_predicted_kg=predicted,
                 mass_error=predicted / subject.mass_kg - 1.0,

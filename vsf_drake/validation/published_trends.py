@@ -20,6 +20,7 @@ from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.collocation.solution import TrajectorySolution
 from vsf_drake.device.equal_load import at_equal_load, missed
 from vsf_drake.device.stiffness_map.cells import with_heel
+from vsf_drake.model.model_file import check_movable
 from vsf_drake.model.parameters import ModelParameters, Subject
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.trial import Trial
@@ -163,6 +164,7 @@ def published_trends(study: Study, *, progress: Progress | None = None) -> Trend
     show = part_of(progress)
     subject = study.walks[0].recorded.subject
     quick = study.options.quick
+    check_movable(study.model.foot, "Published effects are those of the setting")
     settings = reached(study.model.foot, QUICK_POSITIONS_M)
     show("rolling the foot", 0.0)
     loaded, load_stiffness = load_evidence(
@@ -178,7 +180,7 @@ def published_trends(study: Study, *, progress: Progress | None = None) -> Trend
         format=FORMAT,
         synthetic=study.synthetic,
         settings_mm=tuple(1e3 * x for x in settings),
-        walked_mm=tuple(study.conditions()),
+        walked_mm=tuple(setting.fulcrum_mm or 0.0 for setting in study.conditions()),
         walks=len(study.walks),
         mass_kg=subject.mass_kg,
         level_1="not applicable: it keeps the motion",
@@ -314,15 +316,15 @@ def own_motion_evidence(
             own |= vars(one.row) | {"knee_flexor_nm": _late_flexor_moment(walk, one.stance)}
         for footfall, _ in walked_shapes(walk)[0][:1]:
             own |= vars(footfall.model)
-        numbers.append((walk.fulcrum_mm, own))
+        numbers.append((walk.setting, own))
     mass = study.walks[0].recorded.subject.mass_kg
     evidence = []
     aside = MADE if study.synthetic else ""
     for row in _measures("own motion"):
         size = mass if row["unit"].endswith("/kg") else 1.0
         values = [
-            (known(own.get(row["number"]) for at, own in numbers if at == x) / size).tolist()
-            for x in conditions
+            (known(own.get(row["number"]) for at, own in numbers if at == setting) / size).tolist()
+            for setting in conditions
         ]
         if any(values):
             evidence.append(

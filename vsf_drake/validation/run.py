@@ -80,6 +80,8 @@ _SECTIONS = {  # what a page needs first comes first
 }
 EXACT = {f"{name}_exact": _SECTIONS[name] for name in ("layers", "walking")}
 """Sections of a second study: the same walks without errors of measurement."""
+SETTINGS = ("bench", "energy", "roll_over")
+"""Sections of settings, of which a passive foot has one."""
 COMPARED = ("walking", "layers")
 """Sections of the walks that have a plate."""
 LONG = {"settings": SettingsTable, "sensitivity": SensitivityTable}
@@ -136,7 +138,9 @@ def run_sections(
         (name, part, compared if name in COMPARED else study)
         for name, part in _SECTIONS.items()
         # no plate taught it any layers, or there is none
-        if (taught or name != "layers") and (compared.walks or name not in COMPARED)
+        if (taught or name != "layers")
+        and (compared.walks or name not in COMPARED)
+        and not (study.passive and name in SETTINGS)
     ]
     if exact is not None:
         plan += [(name, part, exact) for name, part in EXACT.items()]
@@ -380,7 +384,7 @@ def validation_content(
                 "alignment_deg": math.degrees(walk.trial.offsets.alignment_rad),
                 "label": walk.label,
                 "role": walk.role,
-                "fulcrum_mm": walk.fulcrum_mm,
+                **vars(walk.setting),
                 "synthetic": walk.trial.synthetic,
                 "warnings": " ".join(walk.warnings) or None,
             }

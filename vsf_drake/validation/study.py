@@ -18,12 +18,13 @@ from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.model.bench_curves import BenchCurves, load_bench_curves
 from vsf_drake.model.contact_file import FittedContact, load_contact
 from vsf_drake.model.parameters import ModelParameters
+from vsf_drake.model.setting import AtSetting
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.validation.options import StudyOptions
 from vsf_drake.walks.comparison import Comparison, compare
 from vsf_drake.walks.metrics import WalkMetrics, known_curves, walk_metrics, warnings
-from vsf_drake.walks.numbers import by_fulcrum
+from vsf_drake.walks.numbers import by_setting
 from vsf_drake.walks.offsets import OffsetFit
 from vsf_drake.walks.prediction import recording_of
 from vsf_drake.walks.recorded_walk import check_named_once, labels_of, walk_trial, with_contact
@@ -50,8 +51,13 @@ class StudyWalk:
     warnings: tuple[str, ...]  # sentences on what of it is doubtful
 
     @property
+    def setting(self) -> AtSetting:
+        """The condition: where the fulcrum stood, or which passive foot it was."""
+        return self.trial.setting
+
+    @property
     def fulcrum_mm(self) -> float:
-        """Where the fulcrum stood, from the keel's posterior end A: the condition."""
+        """Where the fulcrum stood, from the keel's posterior end A, or the keel is clamped."""
         return round(1e3 * self.trial.fulcrum_m, 6)
 
 
@@ -59,7 +65,7 @@ class StudyWalk:
 class Study:
     """Everything that the sections of the validation are computed from."""
 
-    walks: tuple[StudyWalk, ...]  # at least one, by fulcrum position and name
+    walks: tuple[StudyWalk, ...]  # at least one, by setting and name
     failed: tuple[tuple[str, str], ...] = ()
     """(label, why) of the trials that could not be read or walked"""
     model: ModelParameters  # the device, with the fitted contact where there is one
@@ -76,9 +82,14 @@ class Study:
         tells."""
         return any(walk.trial.synthetic for walk in self.walks)
 
-    def conditions(self) -> dict[float, list[StudyWalk]]:
-        """Walks by fulcrum position (mm), softest first."""
-        return by_fulcrum(self.walks)
+    @property
+    def passive(self) -> bool:
+        """Whether a foot of it is passive, so that nothing is told of settings."""
+        return any(walk.setting.fulcrum_mm is None for walk in self.walks)
+
+    def conditions(self) -> dict[AtSetting, list[StudyWalk]]:
+        """Walks by setting, softest first."""
+        return by_setting(self.walks)
 
     @property
     def compared(self) -> Study:
@@ -177,7 +188,7 @@ def make_study(
         )
     walks = [_study_walk(i, walked, fitted) for i in range(len(walked))]
     return Study(
-        walks=tuple(sorted(walks, key=lambda walk: (walk.fulcrum_mm, walk.label))),
+        walks=tuple(sorted(walks, key=lambda walk: (walk.setting.setting_order, walk.label))),
         failed=tuple(failed),
         model=walked[0].trial.model,
         contact=fitted,

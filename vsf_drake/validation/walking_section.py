@@ -15,6 +15,7 @@ from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.base.sentences import say
 from vsf_drake.laws.keel import chain
 from vsf_drake.model.parameters import FootParameters
+from vsf_drake.model.setting import AtSetting, moves
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.plants.foot import keel_joint_positions
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
@@ -42,7 +43,7 @@ from vsf_drake.walks.fulcrum_sweep import (
 )
 from vsf_drake.walks.metrics import walk_metrics
 from vsf_drake.walks.null_model import several_settings
-from vsf_drake.walks.numbers import Spread, by_fulcrum, finite, rms, spread
+from vsf_drake.walks.numbers import Spread, by_setting, finite, rms, spread
 from vsf_drake.walks.phases import PhaseErrors, mean_phases
 from vsf_drake.walks.plate_score import judged, plate_scorer
 from vsf_drake.walks.prediction import LAYERS, MOMENTUM, PERSON, layer_curves, predict
@@ -63,12 +64,11 @@ class SweepEntry(FulcrumSweep):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkRow(Scored):
+class WalkRow(Scored, AtSetting):
     """A walk's numbers, by ROW."""
 
     label: str
     role: str
-    fulcrum_mm: float
     null_model_unknown: str
     beats_null: bool | None
     sweep: SweepEntry | None
@@ -89,11 +89,10 @@ class ScoreSpreads:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkingCondition:
-    """The rows of Table 3 at one fulcrum position: by role, all walks before them if there are
+class WalkingCondition(AtSetting):
+    """The rows of Table 3 at one setting: by role, all walks before them if there are
     several, the paper's."""
 
-    fulcrum_mm: float
     name: str | None
     scores: Mapping[str, ScoreSpreads]
     paper: Mapping[str, float] | None
@@ -128,12 +127,11 @@ class LayerRow(Scored):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShownLayers:
+class ShownLayers(AtSetting):
     """The walk of the arrays: of the held-out ones that with the median error by the person's own
     curve, of two in the middle the worse."""
 
     label: str
-    fulcrum_mm: float
     person_bw: float  # its error
 
 
@@ -164,12 +162,11 @@ class LayersTable:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShownWalk:
+class ShownWalk(AtSetting):
     """The walk of the arrays `moved_*`, and whose measured curves are its null model there: BETWEEN
     settings, or those of one walk."""
 
     label: str
-    fulcrum_mm: float
     null_label: str | None
 
 
@@ -221,7 +218,7 @@ def layers_section(study: Study, *, progress: Progress | None = None) -> Section
         if walk.role == HELD_OUT:
             phases.append(found.phases)
         if walk.role == HELD_OUT and person_bw is not None:
-            own = ShownLayers(label=walk.label, fulcrum_mm=walk.fulcrum_mm, person_bw=person_bw)
+            own = ShownLayers(label=walk.label, person_bw=person_bw, **vars(walk.setting))
             curves[walk.label] = own, layer_curves(in_layers, walk.recorded, contact)
         rows.append(
             LayerRow(
@@ -275,7 +272,7 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     named = [row.sweep.right for row in rows if row.sweep and row.sweep.right is not None]
     table = WalkingTable(
         rows=rows,
-        conditions=tuple(condition(x, own) for x, own in by_fulcrum(rows).items()),
+        conditions=tuple(condition(x, own) for x, own in by_setting(rows).items()),
         held_out=held_out,
         fitted=fitted,
         offsets_fitted=offsets_fitted,
@@ -323,7 +320,7 @@ def _walk_row(walk: StudyWalk, sweep: FulcrumSweep | None) -> WalkRow:
     return WalkRow(
         label=walk.label,
         role=walk.role,
-        fulcrum_mm=walk.fulcrum_mm,
+        **vars(walk.setting),
         null_model_unknown=metrics.null_model_unknown,
         beats_null=metrics.beats_null,
         sweep=None if sweep is None else sweep_entry(sweep),
@@ -396,18 +393,19 @@ def pearson(rows: Sequence[WalkRow], a: str, b: str) -> tuple[float | None, int]
     return float(np.corrcoef(pairs.T)[0, 1]), len(pairs)
 
 
-def condition(fulcrum_mm: float, rows: Sequence[WalkRow]) -> WalkingCondition:
-    """All walks at one fulcrum position; the paper's name is None for one that the paper did not
+def condition(setting: AtSetting, rows: Sequence[WalkRow]) -> WalkingCondition:
+    """All walks at one setting; the paper's name is None for one that the paper did not
     walk on."""
     by_role = {role: own for role in ROLES if (own := [row for row in rows if row.role == role])}
     sources = {"all": rows, **by_role} if len(by_role) > 1 else by_role
     near = [
         name
         for name, own in PUBLISHED.items()
-        if abs(own["fulcrum_mm"] - fulcrum_mm) <= _SAME_SETTING_MM
+        if setting.fulcrum_mm is not None
+        and abs(own["fulcrum_mm"] - setting.fulcrum_mm) <= _SAME_SETTING_MM
     ]
     return WalkingCondition(
-        fulcrum_mm=fulcrum_mm,
+        **vars(setting),
         name=near[0] if near else None,
         paper=PUBLISHED[near[0]] if near else None,
         scores={
@@ -452,7 +450,9 @@ def sweep_study(
     as it was; and why positions have no error, only of walks that have such."""
     show = part_of(progress)
     count = QUICK_POSITIONS if study.options.quick else SWEEP_POSITIONS
-    walks = [walk for walk in study.walks if np.ptp(sweep_positions(walk.trial))]
+    walks = [walk for walk in study.walks if moves(walk.trial.model.foot)]
+    if not walks:
+        return {}, {}
     cases = [
         WalkCase(trial=walk.trial, fulcrum_m=float(x), step_s=SWEEP_STEP_S, label=walk.label)
         for walk in walks
@@ -560,7 +560,7 @@ def moved_fulcrum(
                 trial.fulcrum_m,
             )
     null_label = BETWEEN if between else others[0].label if others else None
-    return ShownWalk(label=walk.label, fulcrum_mm=walk.fulcrum_mm, null_label=null_label), arrays
+    return ShownWalk(label=walk.label, null_label=null_label, **vars(walk.setting)), arrays
 
 
 def _most_loaded_keel(result: WalkResult, foot: FootParameters) -> tuple[np.ndarray, list[float]]:

@@ -24,6 +24,7 @@ import numpy as np
 
 from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.sentences import say
+from vsf_drake.model.model_file import check_movable
 from vsf_drake.model.parameters import PELVIS_TRANSLATIONS
 from vsf_drake.motion.events import Stance, known_stances
 from vsf_drake.motion.formats.recording import PlateRecording, os_to_world, world_to_os
@@ -317,6 +318,7 @@ def answer_of(trials: Sequence[Trial]) -> Answer:
             "An answer is one person's on one foot, measured once",
             file=trial.path,
         )
+    check_movable(first.model.foot, "How a person answers a setting needs a foot that has several")
     settings = settings_of(np.array([trial.fulcrum_m for trial in trials]))
     if len(settings) == 1:
         mm = sorted({round(1e3 * trial.fulcrum_m, 1) for trial in trials})

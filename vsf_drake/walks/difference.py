@@ -24,6 +24,7 @@ from vsf_drake.base.errors import InputError, require
 from vsf_drake.base.schema import from_plain
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import GRAVITY, ModelParameters, Subject
+from vsf_drake.model.setting import AtSetting, setting_of
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass, spacing
@@ -146,14 +147,13 @@ class Difference:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SideTable:
+class SideTable(AtSetting):
     """A side in words."""
 
     name: str
     person: str
     prosthetic_side: str
     mass_kg: float
-    fulcrum_mm: float
     simulated: bool
     synthetic: bool
     walks: tuple[str, ...]
@@ -197,6 +197,13 @@ def side_of(name: str, trials: Sequence[Trial], *, simulated: bool = False) -> S
             "The walks of a side are one person's: give the two persons as A and B",
             file=trial.path,
         )
+    feet = sorted({trial.setting.foot or "one with a fulcrum" for trial in trials})
+    require(
+        len(feet) == 1,
+        f"holds walks on {len(feet)} feet ({', '.join(feet)})",
+        right="Name the walks of one foot",
+        file=name,
+    )
     settings = settings_of(np.array([trial.fulcrum_m for trial in trials]))
     if len(settings) > 1:
         means = [1e3 * np.mean([trials[i].fulcrum_m for i in own]) for own in settings]
@@ -315,7 +322,7 @@ def _told(side: Side) -> SideTable:
         person=side.subject.name,
         prosthetic_side=side.subject.prosthetic_side,
         mass_kg=side.subject.mass_kg,
-        fulcrum_mm=1e3 * side.fulcrum_m,
+        **vars(setting_of(side.trials[0].model.foot, side.fulcrum_m)),
         simulated=side.simulated,
         synthetic=any(trial.synthetic for trial in side.trials),
         walks=tuple(walk.label for walk in side.walks),

@@ -434,6 +434,7 @@ def unfitted_note(trial: Trial, *, offsets_fitted: bool) -> str:
         "unfitted",
         begins=UNFITTED,
         trial=shlex.quote(str(trial.path)) if trial.plate else "TRIAL_WITH_FORCES.yaml",
+        passive=trial.setting.fulcrum_mm is None,
         offsets_fitted=offsets_fitted,
         worth_bw=UNFITTED_BW,
         offsets_bw=OFFSETS_BW,

@@ -9,13 +9,21 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from vsf_drake.model.setting import AtSetting
+
 
 class _AtFulcrum(Protocol):
     @property
     def fulcrum_mm(self) -> float: ...
 
 
+class _AtSetting(Protocol):
+    @property
+    def setting(self) -> AtSetting: ...
+
+
 T = TypeVar("T", bound=_AtFulcrum)
+S = TypeVar("S", bound=_AtSetting)
 
 
 def by_fulcrum(rows: Iterable[T]) -> dict[float, list[T]]:
@@ -23,6 +31,14 @@ def by_fulcrum(rows: Iterable[T]) -> dict[float, list[T]]:
     groups: dict[float, list[T]] = {}
     for row in sorted(rows, key=attrgetter("fulcrum_mm")):
         groups.setdefault(row.fulcrum_mm, []).append(row)
+    return groups
+
+
+def by_setting(rows: Iterable[S]) -> dict[AtSetting, list[S]]:
+    """Rows by their `setting`, softest first, those of passive feet by their names."""
+    groups: dict[AtSetting, list[S]] = {}
+    for row in sorted(rows, key=lambda row: row.setting.setting_order):
+        groups.setdefault(row.setting, []).append(row)
     return groups
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from vsf_drake.base.sentences import say
 from vsf_drake.model.contact_file import FittedContact, MomentumBias, PersonCurve, PersonWalk
 from vsf_drake.model.parameters import GRAVITY
+from vsf_drake.model.setting import AtSetting
 from vsf_drake.motion.fitted_trial import fingerprint, trial_with
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trial import Trial
@@ -91,14 +92,13 @@ SCORES = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialLayers(NullErrors):
+class TrialLayers(NullErrors, AtSetting):
     """One trial in layers, by SCORES (what was not learned from any plate has none), beside the
     null model of the other fitted trials' curves: with the measured times of stance, and the harder
     one also with those that the physics predicts."""
 
     label: str
     fitted: bool
-    fulcrum_mm: float
     layers: Mapping[str, Mapping[str, float | None]]
     null_model_predicted_times_grf_rmse_bw: float | None
     correction: MomentumCorrection
@@ -259,7 +259,7 @@ def judged(walk: LayeredWalk, trial: Trial, label: str, contact: FittedContact) 
     return TrialLayers(
         label=label,
         fitted=own in {one.fingerprint for one in contact.trials},
-        fulcrum_mm=1e3 * trial.fulcrum_m,
+        **vars(trial.setting),
         layers=scores,
         correction=walk.correction,
         **vars(null),

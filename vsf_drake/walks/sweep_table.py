@@ -9,6 +9,7 @@ from typing import Literal
 
 from vsf_drake.base.schema import to_plain
 from vsf_drake.base.tables import Headline, LabelledArrays, Tabular, record_arrays
+from vsf_drake.model.setting import AtSetting, setting_of
 from vsf_drake.motion.trial import RecordingMark, Trial
 from vsf_drake.simulation.batch.cases import software
 from vsf_drake.simulation.batch.run import WalkOutcome
@@ -23,12 +24,11 @@ SCORES = AGREED + STEPS
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweepRow(Scored):
+class SweepRow(Scored, AtSetting):
     """One walk: a line of sweep.csv; its scores by SCORES, None for what cannot be known, all of a
     failure."""
 
     trial: str
-    fulcrum_mm: float  # from the keel's posterior end
     values: Mapping[str, float]  # of the varied variables
     scores: Mapping[str, float | None]
     failure: str
@@ -47,7 +47,7 @@ class SweepRow(Scored):
 
     def varied(self, name: str) -> float:
         """The value of a quantity that was varied."""
-        return self.fulcrum_mm if name == "fulcrum_mm" else self.values[name]
+        return float(self.number(name) if name == "fulcrum_mm" else self.values[name])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,14 +60,13 @@ class SmallestError(Judged):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweptTrial:
+class SweptTrial(AtSetting):
     """One trial of a sweep."""
 
     name: str
     file: str
     synthetic: bool
     inputs: Mapping[str, str]
-    fulcrum_mm: float
     measured_peak_vertical_bw: float | None
     notes: tuple[str, ...]
     finished: int
@@ -173,7 +172,7 @@ def sweep_table(
         rows.append(
             SweepRow(
                 trial=name,
-                fulcrum_mm=round(1e3 * position_m, 9),
+                **vars(setting_of(case.trial.model.foot, position_m)),
                 scores=scores(outcome),
                 notes=outcome.notes,
                 values={key: case.values[key] for key in variables},
@@ -246,7 +245,7 @@ def _swept_trial(
         file=str(trial.path),
         synthetic=trial.synthetic,
         inputs=trial.inputs,
-        fulcrum_mm=round(1e3 * trial.fulcrum_m, 9),
+        **vars(trial.setting),
         measured_peak_vertical_bw=measured_peak,
         notes=tuple(trial.notes),
         recording=trial.judged,

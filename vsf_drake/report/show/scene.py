@@ -37,6 +37,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.base.files import write_text
 from vsf_drake.model.parameters import FootParameters, ModelParameters, Subject
+from vsf_drake.model.setting import moves
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_visuals import METAL, Colour, draw
@@ -214,7 +215,9 @@ class Scene:
         """
         si = {control.name: _SI[control.unit] * values[control.name] for control in self.controls}
         load = si.pop(LOAD)
-        shape = keel_shape(self.foot.parameters, fulcrum_m=si[FULCRUM], load_n=load)
+        parameters = self.foot.parameters
+        fulcrum_m = si.get(FULCRUM, parameters.fulcrum.rearmost_m)
+        shape = keel_shape(parameters, fulcrum_m=fulcrum_m, load_n=load)
         bent = dict(zip(self.foot.keel_joint_names, shape.angles, strict=True))
         q = np.zeros(self.plant.num_positions())
         for index in self.plant.GetJointIndices():
@@ -222,7 +225,7 @@ class Scene:
             if joint.num_positions():
                 q[joint.position_start()] = si.get(joint.name(), 0.0) + bent.get(joint.name(), 0.0)
         if self.platen is not None:
-            q[self.platen.position_start()] = platen_travel(self.foot.parameters, shape, load)
+            q[self.platen.position_start()] = platen_travel(parameters, shape, load)
         self.plant.SetPositions(self.plant_context, q)
         return shape
 
@@ -326,15 +329,13 @@ def _add_machine(plant: MultibodyPlant, foot: FootParameters) -> PrismaticJoint:
 def _controls(
     foot: FootHandles, person: PersonHandles | None, keel_joints: bool, *, pelvis_height_m: float
 ) -> tuple[Control, ...]:
-    """Sliders of the fulcrum, at rest in the middle of its range, of the load, and of every joint
-    that moves freely."""
-    fulcrum = foot.parameters.fulcrum
-    low = 1e3 * fulcrum.rearmost_m
-    high = 1e3 * fulcrum.foremost_m
-    controls = [
-        Control(FULCRUM, "mm", low, high, round(0.5 * (low + high), 1), 0.5),
-        Control(LOAD, "N", 0.0, LARGEST_LOAD_N, 0.0, 5.0),
-    ]
+    """Sliders of the fulcrum, at rest in the middle of its range, unless the foot is passive, of
+    the load, and of every joint that moves freely."""
+    controls = [Control(LOAD, "N", 0.0, LARGEST_LOAD_N, 0.0, 5.0)]
+    if moves(foot.parameters):
+        low = 1e3 * foot.parameters.fulcrum.rearmost_m
+        high = 1e3 * foot.parameters.fulcrum.foremost_m
+        controls.insert(0, Control(FULCRUM, "mm", low, high, round(0.5 * (low + high), 1), 0.5))
     if keel_joints:
         controls += [
             Control(name, "° added", -_KEEL_REACH_DEG, _KEEL_REACH_DEG, 0.0, 0.1)
@@ -438,24 +439,20 @@ def write_model_page(
     is left.
 
     The load comes on with the fulcrum at its rearmost position, the fulcrum moves to its foremost
-    one under it, the load goes; then every other control goes to a positive value and back, in the
+    one under it, the load goes (no move of a passive foot); then every other control goes to a
+    positive value and back, in the
     order of the caption.
     """
     meshcat = drawing.open_meshcat()
     scene = Scene(meshcat, what, model, subject, keel_joints=keel_joints)
-    fulcrum = scene.foot.parameters.fulcrum
-    first = 1e3 * fulcrum.rearmost_m
-    last = 1e3 * fulcrum.foremost_m
     meshcat.StartRecording(FRAMES_PER_SECOND, set_visualizations_while_recording=False)
     told = []
-    for i, values in enumerate(_line(scene, first, last)):
+    for i, values in enumerate(_line(scene)):
         shape = scene.draw(values, i / FRAMES_PER_SECOND)
+        places = [f"{FULCRUM} {round(values[FULCRUM], 1):g} mm"] if FULCRUM in values else []
+        rise_mm = round(1e3 * float(shape.load_point_K[1]), 1)
         told.append(
-            [
-                round(values[FULCRUM], 1),
-                round(values[LOAD]),
-                round(1e3 * float(shape.load_point_K[1]), 1),
-            ]
+            ", ".join([*places, f"load {values[LOAD]:.0f} N", f"load point raised {rise_mm:g} mm"])
         )
     meshcat.StopRecording()
     meshcat.get_mutable_recording().set_repetitions(drawing.ENDLESS)
@@ -468,8 +465,9 @@ def write_model_page(
             f"vsf_drake: {what}",
             "shown.html.j2",
             load_n=f"{SHOWN_LOAD_N:g}",
-            first_mm=f"{first:g}",
-            last_mm=f"{last:g}",
+            moved_mm=[
+                [control.low, control.high] for control in scene.controls if control.name == FULCRUM
+            ],
             others=others,
             told=told,
             rate_hz=FRAMES_PER_SECOND,
@@ -478,15 +476,18 @@ def write_model_page(
     )
 
 
-def _line(scene: Scene, first: float, last: float) -> Iterator[dict[str, float]]:
-    """Values of all controls, frame after frame; the fulcrum goes from `first` to `last` (mm)."""
-    start = scene.rest | {FULCRUM: first}
+def _line(scene: Scene) -> Iterator[dict[str, float]]:
+    """Values of all controls, frame after frame."""
+    moved = [control for control in scene.controls if control.name == FULCRUM]
+    start = scene.rest | {control.name: control.low for control in moved}
+    end = scene.rest | {control.name: control.high for control in moved}
     for load in _ramp(0.0, SHOWN_LOAD_N, BEND_S):
         yield start | {LOAD: load}
-    for fulcrum in _ramp(first, last, MOVE_S):
-        yield start | {FULCRUM: fulcrum, LOAD: SHOWN_LOAD_N}
+    for control in moved:
+        for place in _ramp(control.low, control.high, MOVE_S):
+            yield start | {control.name: place, LOAD: SHOWN_LOAD_N}
     for load in _ramp(SHOWN_LOAD_N, 0.0, BEND_S):
-        yield start | {FULCRUM: last, LOAD: load}
+        yield end | {LOAD: load}
     for control in scene.controls:
         if control.name not in (FULCRUM, LOAD):
             top = control.rest + min(
@@ -494,7 +495,7 @@ def _line(scene: Scene, first: float, last: float) -> Iterator[dict[str, float]]
             )
             there = _ramp(control.rest, top, 0.5 * COORDINATE_S)
             for value in (*there, *there[::-1]):
-                yield start | {FULCRUM: last, control.name: value}
+                yield end | {control.name: value}
 
 
 def _ramp(start: float, end: float, duration_s: float) -> list[float]:

@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from vsf_drake.base.files import record
 from vsf_drake.base.sentences import say
+from vsf_drake.model.setting import AtSetting, setting_column
 from vsf_drake.report.page import Chapter, made_chapter
 from vsf_drake.report.style import Arrays
 from vsf_drake.report.validation.bench_chapter import bench_chapter, standing_chapter
@@ -65,7 +66,8 @@ def make_chapters(
     for name, (title, _) in _MAKERS.items():
         section, chapter = content["sections"].get(name), Chapter(name=name, title=title)
         if not isinstance(section, Mapping):
-            if name in ("layers", "walking_exact", "layers_exact"):  # only of some studies
+            some = ("layers", "walking_exact", "layers_exact")  # only of some studies
+            if name in some or _passive(content):
                 continue
             why = say(
                 "validation",
@@ -85,6 +87,11 @@ def make_chapters(
         *chapters,
         made_chapter("made", "How this was made", partial(_making, content), lenient),
     ]
+
+
+def _passive(content: Content) -> bool:
+    """Whether a foot of it is passive: chapters of settings are then none of it."""
+    return any(trial.get("fulcrum_mm", 0.0) is None for trial in content.get("trials") or ())
 
 
 def _chapter_of(name: str, kind: type, saved: object, arrays: Arrays) -> Chapter:
@@ -109,6 +116,7 @@ def _summary(content: Content, arrays: Arrays) -> Chapter:
         for name in ("bench", "walking")
     }
     shown = tables["walking"].get("shown")
+    settings = [record(AtSetting, trial) for trial in content.get("trials") or ()]
     return Chapter(
         name="summary",
         title="",
@@ -119,7 +127,10 @@ def _summary(content: Content, arrays: Arrays) -> Chapter:
             "failed": (),
             **content,
             **tables,
-            "moved": moved_walk(moved, shown["fulcrum_mm"]) if moved and shown else None,
+            "moved": moved_walk(moved, shown["fulcrum_mm"] or 0.0) if moved and shown else None,
+            "shown_setting": record(AtSetting, shown) if shown else None,
+            "passive": shown and shown["fulcrum_mm"] is None,
+            "place": setting_column(settings),
         },
     )
 

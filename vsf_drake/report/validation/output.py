@@ -116,7 +116,9 @@ def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
         own.mkdir(parents=True)
         save_walk(walk.result, own)
         save_figure(
-            walk_figure(walk.result, walk.recorded.plate, walk.metrics),
+            walk_figure(
+                walk.result, walk.recorded.plate, walk.metrics, setting=walk.recorded.setting
+            ),
             own / "walk",
             svg=False,
         )

@@ -75,7 +75,11 @@ def walking_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
             ensembles.append((title, list(_extremes(table, arrays, shown, own))))
     if any(_has_curves(arrays, group, quantity) for quantity in _NAMES):
         figures["walking_differences"] = _difference_figure(table, arrays)
-    sweeps = [(row.label, row.fulcrum_mm, row.sweep) for row in table.rows if row.sweep]
+    sweeps = [
+        (row.label, row.fulcrum_mm, row.sweep)
+        for row in table.rows
+        if row.sweep and row.fulcrum_mm is not None
+    ]
     if any(np.isfinite(sweep.errors_bw).any() for _, _, sweep in sweeps):
         figures["walking_sweep"] = fit_sweep_figure(sweeps, synthetic=table.synthetic)
     return _chapter(
@@ -102,7 +106,7 @@ def layers_chapter(table: LayersTable, arrays: Arrays, *, exact: bool = False) -
     figures = {}
     if table.shown is not None and "plate" in arrays:
         figures["exact_layers_walk" if exact else "walking_layers_walk"] = layers_figure(
-            arrays, table.shown.fulcrum_mm, synthetic=table.synthetic
+            arrays, table.shown, synthetic=table.synthetic
         )
     return section_chapter(
         "layers",
@@ -135,6 +139,7 @@ def _chapter(
         table,
         figures,
         condition_rows=list(_condition_rows(table)),
+        passive=any(row.fulcrum_mm is None for row in table.rows),
         times_s={words: value for words, value in off_s.items() if value is not None},
         **facts,
     )
@@ -181,8 +186,8 @@ def _main_group(table: WalkingTable) -> int | str:
 
 def _heading(condition: WalkingCondition) -> str:
     """A condition's name in a title."""
-    position = f"fulcrum {condition.fulcrum_mm:g} mm"
-    return f"{condition.name}: {position}" if condition.name else position
+    words = condition.setting_words
+    return f"{condition.name}: {words}" if condition.name else words
 
 
 def _has_curves(arrays: Arrays, group: int | str, quantity: str) -> bool:
@@ -214,7 +219,7 @@ def _difference_figure(table: WalkingTable, arrays: Arrays) -> Figure:
                 entry("different from zero", color="0.1", linewidth=4.0),
             ]
         handles += [
-            entry(name_of(c.fulcrum_mm), color=colour_of(c.fulcrum_mm), linewidth=1.3)
+            entry(name_of(c), color=colour_of(c, table.conditions), linewidth=1.3)
             for c in (table.conditions if group == "all" else ())
         ]
         figure.legend(handles=handles, loc="lower center", ncols=2)
@@ -244,7 +249,7 @@ def _panel(axes: Axes, table: WalkingTable, arrays: Arrays, name: str, group: in
                 _PERCENT,
                 arrays[f"group_{i}_{name}_difference_mean"],
                 linewidth=1.3,
-                color=colour_of(condition.fulcrum_mm),
+                color=colour_of(condition, table.conditions),
             )
     axes.plot(_PERCENT, mean, color="black", linewidth=2.0)
     title, unit = _NAMES[name]
@@ -267,15 +272,16 @@ def _ensemble_figure(
             len(quantities), len(conditions), sharex=True, sharey="row", squeeze=False
         )
         for column, group in enumerate(conditions):
-            fulcrum = table.conditions[group].fulcrum_mm
+            setting = table.conditions[group]
+            colour = colour_of(setting, table.conditions)
             for row, name in enumerate(quantities):
-                _draw(panels[row, column], arrays, f"group_{group}_{name}", colour_of(fulcrum))
+                _draw(panels[row, column], arrays, f"group_{group}_{name}", colour)
                 title, unit = _NAMES[name]
                 label(
                     panels[row, column],
                     x="stance (%)" if row == len(quantities) - 1 else "",
                     y=f"{_short(title).replace(' ', chr(10), 1)}\n({unit})" if column == 0 else "",
-                    title=name_of(fulcrum).removeprefix("fulcrum ") if row == 0 else "",
+                    title=setting.setting_short if row == 0 else "",
                 )
         panels[0, 0].set_xlim(0.0, 100.0)
         handles = [
@@ -308,7 +314,7 @@ def walk_errors_figure(table: WalkingTable) -> Figure:
     with drawing(PANEL[0], 1.2 + 0.24 * max(min(len(rows), _MOST_NAMED), 6)) as figure:
         axes = figure.subplots()
         for place, row in enumerate(rows):
-            colour = colour_of(row.fulcrum_mm)
+            colour = colour_of(row, rows)
             error, null = 100.0 * np.array([row.error_bw, row.null_bw], dtype=float)
             axes.plot([error, null], [place, place], color=colour, linewidth=1.0)
             axes.plot(null, place, marker="x", color="0.1", markersize=6)
@@ -317,7 +323,7 @@ def walk_errors_figure(table: WalkingTable) -> Figure:
         axes.set_yticks(
             range(len(rows)),
             [
-                f"{row.label}, {row.fulcrum_mm:g} mm" if len(rows) <= _MOST_NAMED else ""
+                f"{row.label}, {row.setting_short}" if len(rows) <= _MOST_NAMED else ""
                 for row in rows
             ],
         )
