@@ -22,6 +22,7 @@ from vsf_drake.device.protocols import PROTOCOLS, clauses_of
 from vsf_drake.device.roll_over import iso_22675
 from vsf_drake.device.stiffness_map.cells import Cell, roll_cells
 from vsf_drake.model.parameters import GRAVITY, ModelParameters
+from vsf_drake.model.setting import AtSetting
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.roll_over import RollOver
 
@@ -223,7 +224,7 @@ def test_what_the_foot_does_not_bear_is_told_and_has_no_number(monkeypatch):
 
 def test_a_passive_foot_has_one_setting_that_is_called_by_no_millimetres():
     table = bench_protocol(passive(), "iso16955").table
-    assert table.settings == ("this foot",) and not table.movable
+    assert table.settings == (AtSetting(fulcrum_mm=None, foot="passive"),)
     reach = replace(MODEL.foot.fulcrum, rearmost_m=0.1)  # what lies behind it is on the rigid frame
     movable = replace(MODEL, foot=replace(MODEL.foot, fulcrum=reach))
     same = bench_protocol(movable, "iso16955", fulcrums_m=[0.1]).table
@@ -246,7 +247,7 @@ def test_the_record_comes_back_from_json_as_it_was(made, name):
         (MODEL, {"load_n": 150.0}, "choose between 200 and 5000 N"),
         (MODEL, {"load_n": float("nan")}, "choose between 200 and 5000 N"),
         (MODEL, {"speed_m_per_s": 0.0}, "not a platen speed"),
-        (passive(), {"fulcrums_m": [0.1]}, "support does not move"),
+        (passive(), {"fulcrums_m": [0.1]}, "this foot has no fulcrum"),
     ],
 )
 def test_bad_input_is_refused_by_name(model, changed, why):

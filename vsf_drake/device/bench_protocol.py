@@ -19,7 +19,7 @@ from vsf_drake.device.protocols import PROTOCOLS, ROLL, Clause, clauses_of
 from vsf_drake.device.roll_over import SECOND_PEAK_S, iso_roll_over
 from vsf_drake.model.model_file import check_fulcrum, check_movable
 from vsf_drake.model.parameters import FootParameters, ModelParameters
-from vsf_drake.model.setting import moves, setting_short
+from vsf_drake.model.setting import AtSetting, moves, setting_of
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.bench import (
     PUBLISHED_FULCRUMS_M,
@@ -68,9 +68,7 @@ class ProtocolTable:
     format: str
     protocol: str
     title: str
-    movable: bool  # whether the fulcrum is: otherwise the foot is passive
-    settings: tuple[str, ...]  # as `setting_short` calls them
-    fulcrum_mm: tuple[float, ...]  # of each, from the keel's posterior end
+    settings: tuple[AtSetting, ...]
     load_n: float  # of every press, and at the first peak of the roll-over
     speed_mm_per_min: float  # of the platen
     rows: tuple[ProtocolRow, ...]
@@ -136,7 +134,7 @@ def bench_protocol(
     rolled = {each.part for each in clauses if each.method == ROLL}
     machine = RollOver(foot, friction=False)
     for i, position in enumerate(positions):
-        words = setting_short(foot, position)
+        words = setting_of(foot, position).setting_short
         show(f"testing, {words}", (i + 1) / (len(positions) + 1))
         for part, angle in angles.items():
             try:
@@ -169,9 +167,7 @@ def bench_protocol(
             format=FORMAT,
             protocol=protocol,
             title=PROTOCOLS[protocol],
-            movable=moves(foot),
-            settings=tuple(setting_short(foot, position) for position in positions),
-            fulcrum_mm=tuple(round(1e3 * position, 9) for position in positions),
+            settings=tuple(setting_of(foot, position) for position in positions),
             load_n=load_n,
             speed_mm_per_min=60e3 * speed_m_per_s,
             rows=tuple(

@@ -59,7 +59,8 @@ def protocol_page(
             if value is not None
         ],
         "rolled": any(name.startswith("forward_m/") for name in arrays),
-        "drawn": [table.settings[i] for i in drawn],
+        "drawn": drawn,
+        "columns": [setting.setting_short for setting in table.settings],
     }
     figures = {"radar": radar_figure(table, drawn)}
     if facts["pressed"]:
@@ -125,8 +126,8 @@ def csv_rows(table: ProtocolTable) -> Iterator[dict[str, Any]]:
                 "quantity": own.label,
                 "value": value,
                 "unit": own.unit,
-                "fulcrum_mm": table.fulcrum_mm[i] if row.computed else None,
-                "setting": table.settings[i] if row.computed else "",
+                "fulcrum_mm": table.settings[i].fulcrum_mm if row.computed else None,
+                "setting": table.settings[i].setting_short if row.computed else "",
                 "angle_deg": own.angle_deg,
                 "load_n": table.load_n if row.computed else None,
                 "computed": row.computed,
@@ -175,7 +176,7 @@ def radar_figure(table: ProtocolTable, drawn: list[int]) -> Figure:
                 clip_on=False,
             )
             axes.annotate(
-                table.settings[i],
+                table.settings[i].setting_short,
                 (turns[widest], shares[widest, k]),
                 (-7 if on_the_left else 7, 0),
                 ha="right" if on_the_left else "left",
@@ -259,11 +260,11 @@ def shape_figure(table: ProtocolTable, arrays: Arrays) -> Figure:
 
 
 def _colour(table: ProtocolTable, i: int) -> Any:
-    return colour_of(table.fulcrum_mm[i]) if len(table.settings) > 1 else HEEL_COLOUR
+    return colour_of(table.settings[i]) if len(table.settings) > 1 else HEEL_COLOUR
 
 
 def _entries(table: ProtocolTable) -> list[Any]:
     return [
-        entry(words, color=_colour(table, i), linestyle=_LINES[i % len(_LINES)])
-        for i, words in enumerate(table.settings)
+        entry(at.setting_short, color=_colour(table, i), linestyle=_LINES[i % len(_LINES)])
+        for i, at in enumerate(table.settings)
     ]
