@@ -1075,7 +1075,10 @@ def test_the_shipped_contact_says_of_itself_what_the_program_says_of_its_numbers
     ]
     said = verdict(
         SimpleNamespace(
-            message="", contradiction=None, end=None, fit=SimpleNamespace(trials=fitted)
+            message="",
+            contradiction=None,
+            end=None,
+            fit=SimpleNamespace(trials=fitted, walker=SimpleNamespace(model=vsf.ModelParameters())),
         ),
         Assessment(
             scores=tuple(scores),
