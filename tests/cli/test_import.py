@@ -12,12 +12,13 @@ from made_laboratory import MADE, STATED, Laboratory, leftovers
 from made_person import Person
 
 from vsf_drake.base.files import resource
-from vsf_drake.model.model_file import in_shell
+from vsf_drake.model.model_file import in_shell, load_model
 from vsf_drake.model.parameters import ModelParameters
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.manifest import load_manifest
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.recording.force_checks import MASS
+from vsf_drake.simulation.bench_stiffness import BenchStiffness
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +34,42 @@ def imported(tmp_path_factory):
     assert exit_code("import", standing, walk, "--out", out, *STATED, "--name", "Zoë <3>") == 0
     walk.unlink()
     return out
+
+
+PASSIVE = "package://vsf_drake/passive.yaml"
+
+
+@pytest.fixture(scope="module")
+def worn(tmp_path_factory):
+    """Files of somebody who wore a passive foot."""
+    laboratory = Laboratory(tmp_path_factory.mktemp("passive"))
+    return laboratory.standing(), laboratory.walk()
+
+
+def test_walks_on_a_passive_foot_are_imported_without_a_fulcrum_and_keep_the_foot(worn, tmp_path):
+    """The model lies beside the manifests, so that the folder can be carried elsewhere."""
+    out = tmp_path / "out"
+    assert exit_code("import", *worn, "--out", out, *STATED[:-2], "--model", PASSIVE) == 0
+    assert {path.name for path in out.glob("[!.]*")} == MADE | {"model.yaml"}
+    manifest = load_manifest(out / "walk.yaml")
+    assert manifest.model == "model.yaml" and manifest.prosthesis.fulcrum_mm is None
+    assert load_trial(out / "walk.yaml").model.foot == load_model(PASSIVE).foot
+    assert "model.yaml" in read_json(out / "import.json")["files"]
+
+
+def test_a_passive_foot_is_imported_with_no_fulcrum(run, worn, tmp_path):
+    words = ("import", *worn, "--out", tmp_path / "out", *STATED, "--model", PASSIVE)
+    code, _, error = run(*words)
+    assert code == 2 and "--fulcrum-mm: this foot has no fulcrum" in error
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_manifest_holds_millimetres_though_a_stiffness_was_given(run, worn, tmp_path):
+    words = ("import", *worn, "--out", tmp_path / "out", *STATED[:-1])
+    assert run(*words, "16 N/mm")[0] == 0
+    stated_mm = load_manifest(tmp_path / "out" / "walk.yaml").prosthesis.fulcrum_mm
+    bench = BenchStiffness(ModelParameters().foot, fulcrums_m=[1e-3 * stated_mm], heel=False)
+    assert bench.evaluate({})[0] == pytest.approx([16e3], rel=1e-6)
 
 
 def checks_of(out):

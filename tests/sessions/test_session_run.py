@@ -13,6 +13,8 @@ import vsf_drake as vsf
 from vsf_drake.base.errors import InputError
 from vsf_drake.report import import_outputs
 from vsf_drake.sessions import run
+from vsf_drake.sessions.found import WALK
+from vsf_drake.sessions.plan import read_rows
 from vsf_drake.sessions.table import FITTED, HELD_OUT
 
 
@@ -245,3 +247,20 @@ def test_curves_of_an_unknown_kind_are_refused_before_anything_is_done(folder, t
     with pytest.raises(InputError, match="csv, excel, opensim"):
         vsf.session(folder, out=tmp_path / "out", curves=("parquet",), **FACTS)
     assert not (folder / "session.csv").exists()
+
+
+def test_walks_on_a_passive_foot_come_to_a_session_without_a_setting(folder, tmp_path, stood_in):
+    """One setting: two walks judge the third."""
+    passive = "package://vsf_drake/passive.yaml"
+    found = vsf.session(folder, out=tmp_path / "out", model=passive, **FACTS)
+    assert [row.fulcrum_mm for row in read_rows(folder / "session.csv") if row.role == WALK] == [
+        "",
+        "",
+        "",
+    ]
+    assert {trial.model.foot.name for trial in found.trials} == {"passive"}
+    [(fitted, held_out)] = stood_in
+    assert len(fitted) == 1 and len(held_out) == 2
+    manifests = sorted((tmp_path / "out" / "import").glob("[0-9F]*.yaml"))
+    assert len(manifests) == 3
+    assert all("fulcrum_mm" not in path.read_text(encoding="utf-8") for path in manifests)

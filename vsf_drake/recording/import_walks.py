@@ -212,7 +212,7 @@ def _fulcrums(options: ImportOptions, foot: FootParameters, walks: int) -> tuple
         "(stiff), or the forefoot's stiffness there, such as 16N/mm",
     )
     require(
-        len(stated) in (int(moves(foot)), 1, walks),
+        len(stated) in (0, 1, walks),
         f"{len(stated)} positions are given for {walks} walks",
         "--fulcrum-mm",
         "Give one for all walks, or one for each in their order",
