@@ -34,7 +34,7 @@ PAPER = set("failed_simulations initial_rms_n rms_n simulations".split())
 QUANTITY = ("heel_measured", "heel_model", "measured", "model", "rmse", "uncertainty")
 ROWS = {
     "trials": (
-        "file floor_grf_rmse_bw fulcrum_mm label metrics notes own_height_m recording role sweep "
+        "file floor_grf_rmse_bw foot fulcrum_mm label metrics notes own_height_m recording role sweep "
         "synthetic"
     ),
     "parameters": """at_bound frozen high interval_95 interval_in_prior_sd logarithmic low name prior_mean prior_scale
