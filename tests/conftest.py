@@ -24,6 +24,7 @@ from vsf_drake.base.files import resource
 LONG = {
     "test_level2",
     "test_pages",
+    "test_passive_pages",
     "test_processes",
     "test_readme",
     "test_sessions",

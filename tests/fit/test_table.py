@@ -34,8 +34,8 @@ PAPER = set("failed_simulations initial_rms_n rms_n simulations".split())
 QUANTITY = ("heel_measured", "heel_model", "measured", "model", "rmse", "uncertainty")
 ROWS = {
     "trials": (
-        "file floor_grf_rmse_bw fulcrum_mm label metrics notes own_height_m recording role sweep "
-        "synthetic"
+        "file floor_grf_rmse_bw foot fulcrum_mm label metrics notes own_height_m recording role "
+        "sweep synthetic"
     ),
     "parameters": """at_bound frozen high interval_95 interval_in_prior_sd logarithmic low name prior_mean prior_scale
         share_of_prior spread_over_starts start unit value value_in_prior_sd""",  # noqa: E501

@@ -344,5 +344,5 @@ def test_failed_standing_is_told_and_the_others_stand(monkeypatch):
     assert found.table.worst_mass_error is not None and found.table.all_stand is False
     assert "the person fell" in found.table.rows[0].failure
     assert found.table.rows[1].failure is None
-    assert any("66 mm failed" in sentence for sentence in found.missing)
+    assert any("failed, fulcrum 66 mm" in sentence for sentence in found.missing)
     assert "standing_0_time_s" not in found.arrays

@@ -44,7 +44,7 @@ def test_quick_trials_were_not_seen_by_the_stored_fit():
     study = embedded_study()
     assert [walk.label for walk in study.walks] == ["low_2", "medium_2", "high_2"]
     assert {walk.role for walk in study.walks} == {HELD_OUT}
-    assert list(study.conditions()) == [66.0, 108.0, 151.0]
+    assert [at.fulcrum_mm for at in study.conditions()] == [66.0, 108.0, 151.0]
 
 
 def test_null_model_of_a_held_out_walk_is_a_fitted_trials_curve():

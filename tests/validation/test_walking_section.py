@@ -14,6 +14,7 @@ from shown_chapter import Shown
 
 from vsf_drake.base.sentences import say
 from vsf_drake.fit.assessment import swept
+from vsf_drake.model.setting import AtSetting
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.report.validation.walking_chapter import layers_chapter, walking_chapter
 from vsf_drake.simulation.batch import WalkOutcome
@@ -135,20 +136,20 @@ def test_worst_is_the_largest_in_size_with_its_sign_and_its_walk():
 
 
 def test_condition_tells_fitted_and_held_out_walks_apart():
-    found = condition(66.0, ROWS).scores
+    found = condition(AtSetting(fulcrum_mm=66.0), ROWS).scores
     assert (
         list(found) == ["all", "held out", "fitted"] and found["all"].spreads["grf_rmse_bw"].n == 3
     )
     assert found["held out"].spreads["grf_rmse_bw"].mean == pytest.approx(0.035)
     assert found["fitted"].spreads["grf_rmse_bw"] == Spread(0.01, None, 1)
-    assert list(condition(66.0, ROWS[:2]).scores) == ["held out"]
+    assert list(condition(AtSetting(fulcrum_mm=66.0), ROWS[:2]).scores) == ["held out"]
 
 
 @pytest.mark.parametrize(
     ("fulcrum_mm", "name"), [(66.0, "low"), (108.0, "medium"), (150.4, "high"), (87.0, None)]
 )
 def test_only_the_papers_three_settings_have_its_numbers(fulcrum_mm, name):
-    found = condition(fulcrum_mm, ROWS)
+    found = condition(AtSetting(fulcrum_mm=fulcrum_mm), ROWS)
     assert found.name == name and (found.paper is None) == (name is None)
 
 

@@ -358,6 +358,7 @@ def validation_content(
                 found=found,
                 to_come="walking" not in finished and bool(study.compared.walks),
                 summary=summary,
+                passive=study.passive,
             )
         ),
         synthetic=study.synthetic or bench_synthetic,
