@@ -16,7 +16,7 @@ version = release = vsf_drake.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "vsf_docs"]
 exclude_patterns = ["_build"]
-myst_enable_extensions = ["colon_fence", "deflist"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
 nb_execution_mode = "force"  # the notebooks, which have no results in the repository
@@ -35,6 +35,8 @@ python_maximum_signature_line_length = 88
 toc_object_entries = False
 highlight_language = "none"  # sketches and equations
 
+html_math_renderer = "mathml"  # no script, no network
+html_search_scorer = "_ext/scorer.js"
 html_theme = "furo"
 html_title = f"vsf_drake {version}"
 html_static_path = ["_static"]

@@ -42,8 +42,12 @@ VALIDATE = (
     "docs/evidence/intervals.md",
     "docs/evidence/published_effects.md",
 )
-FIT = ("docs/guide/fit.md", "docs/evidence/fit.md")
-TUNE = ("docs/guide/tune.md", "docs/evidence/adapting_strides.md")
+FIT = ("docs/guide/fit.md", "docs/evidence/fit.md", "docs/explanation/person_curve.md")
+TUNE = (
+    "docs/guide/tune.md",
+    "docs/evidence/adapting_strides.md",
+    "docs/explanation/level_2.md",
+)
 ANSWER = ("docs/guide/which_stiffness.md",)
 ENGINES = ("docs/guide/engines.md",)
 ENERGY = ("docs/energy.md",)  # its tables
