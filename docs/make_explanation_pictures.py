@@ -11,6 +11,7 @@ import json
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from make_example_pictures import DOCS, keep
@@ -46,7 +47,6 @@ from vsf_drake.walks.embedded import embedded_contact, embedded_trials
 from vsf_drake.walks.prediction import layer_curves, predict
 
 PICTURES_OF = DOCS / "pictures"
-TWO = (2.0 * PANEL[0], PANEL[1])
 COLOURS = ("#2b5c8a", "#b3541e", "#4f7a28")
 SETTINGS_MM = (66.0, 108.0, 151.0)
 CONSTANTS = LawConstants(
@@ -71,9 +71,9 @@ def drawn(foot: vsf.FootParameters, angles: np.ndarray) -> np.ndarray:
 
 
 def keel(figure: Figure) -> None:
-    """The keel under 600 N, and its stiffness over the fulcrum in three ways."""
+    """The keel under 600 N at three positions of the fulcrum."""
     foot = vsf.FootParameters()
-    bent, stiff = figure.subplots(1, 2)
+    bent = figure.subplots()
     for mm in SETTINGS_MM:
         points = 1e3 * drawn(foot, keel_shape(foot, fulcrum_m=1e-3 * mm, load_n=600.0).angles)
         bent.plot(*points.T, color=colour_of(mm), linewidth=2.4)
@@ -83,6 +83,12 @@ def keel(figure: Figure) -> None:
     tag(bent, "A, the pin", (0.0, 0.0), "0.2", offset=(-4, -18))
     label(bent, x="along the keel (mm)", y="up (mm)", title="Under 600 N at the load point")
     bent.set(xlim=(-8.0, 270.0), ylim=(-14.0, 72.0))
+
+
+def keel_stiffness(figure: Figure) -> None:
+    """On the bench and by the closed form, with what is published."""
+    foot = vsf.FootParameters()
+    stiff = figure.subplots()
     at_mm = np.arange(66.0, 152.0, 5.0)
     pressed = run_bench(vsf.ModelParameters(), fulcrums_m=tuple(1e-3 * at_mm), heel=False)
     rows = vsf.bench_table(pressed).settings
@@ -94,7 +100,7 @@ def keel(figure: Figure) -> None:
     tag(stiff, "pressed on the bench", (70.0, 20.0), COLOURS[0])
     tag(stiff, "closed form of the beam", (105.0, 13.5), COLOURS[1], offset=(6, -12))
     tag(stiff, "published", (151.0, ends[1]), "0.1", offset=(-8, 4), ha="right")
-    label(stiff, x=FULCRUM, y="forefoot stiffness (N/mm)", title="Three times as stiff")
+    label(stiff, x=FULCRUM, y="forefoot stiffness (N/mm)")
     stiff.set_ylim(0.0, 36.0)
 
 
@@ -223,47 +229,65 @@ def person_curve(figure: Figure) -> None:
 
 
 def level_2(figure: Figure) -> None:
-    """Stored: the cost of strides that adapt by speed, and what of it is squared activations."""
-    cost, alone = figure.subplots(1, 2)
-    stored = json.loads((DOCS.parent / "studies/results/adaptive_stride.json").read_text("utf-8"))
-    at_mm = stored["speeds"]["positions_mm"]
-    for (speed, row), colour in zip(stored["speeds"]["speeds"].items(), COLOURS, strict=True):
-        cost.plot(at_mm, row["cost"], "o-", color=colour, markersize=4.0)
-        tag(cost, f"{speed} m/s", (at_mm[0], row["cost"][0]), colour, offset=(6, 6))
-        cost.plot(row["fulcrum_mm"], row["least"], "v", color=colour, markersize=8.0)
-    label(cost, x=FULCRUM, y="activation and hold", title="The least cost, by speed")
-    cost.set_ylim(0.6, 1.95)
-    chosen = stored["able_bodied"]["least_that_meets_all"]
-    for row in stored["signs"]:
-        if row["weight"] == chosen:
-            colour = colour_of(row["recorded_mm"])
-            alone.plot(SETTINGS_MM, row["outcomes"]["activation"], "o-", color=colour)
-            last = (SETTINGS_MM[-1], row["outcomes"]["activation"][-1])
-            below = -9 if row["recorded_mm"] == SETTINGS_MM[0] else 2
-            tag(alone, f"recorded at {row['recorded_mm']:.0f}", last, colour, offset=(6, below))
-    label(alone, x=FULCRUM, y="squared activations", title="Without the hold")
-    alone.set_xlim(60.0, 205.0)
-    alone.set_xticks(SETTINGS_MM)
+    """Stored: the cost of strides that adapt, by speed."""
+    axes = figure.subplots()
+    speeds = adaptive_strides()["speeds"]
+    at_mm = speeds["positions_mm"]
+    for (speed, row), colour in zip(speeds["speeds"].items(), COLOURS, strict=True):
+        axes.plot(at_mm, row["cost"], "o-", color=colour, markersize=4.0)
+        axes.plot(row["fulcrum_mm"], row["least"], "v", color=colour, markersize=8.0)
+        tag(axes, f"{speed} m/s", (at_mm[0], row["cost"][0]), colour, offset=(6, 6))
+    label(axes, x=FULCRUM, y="activation and hold")
+    axes.set_ylim(0.6, 1.95)
     say_synthetic(figure, True, "walks")
 
 
+def level_2_alone(figure: Figure) -> None:
+    """Stored: squared activations of strides at the chosen weight of the hold."""
+    axes = figure.subplots()
+    stored = adaptive_strides()
+    chosen = stored["able_bodied"]["least_that_meets_all"]
+    for row in stored["signs"]:
+        if row["weight"] == chosen:
+            squares = row["outcomes"]["activation"]
+            recorded_mm = row["recorded_mm"]
+            below = -9 if recorded_mm == SETTINGS_MM[0] else 2
+            at = (SETTINGS_MM[-1], squares[-1])
+            axes.plot(SETTINGS_MM, squares, "o-", color=colour_of(recorded_mm))
+            words = f"recorded at {recorded_mm:.0f}"
+            tag(axes, words, at, colour_of(recorded_mm), offset=(6, below))
+    label(axes, x=FULCRUM, y="squared activations")
+    axes.set(xlim=(60.0, 205.0), xticks=SETTINGS_MM)
+    say_synthetic(figure, True, "walks")
+
+
+def adaptive_strides() -> dict[str, Any]:
+    path = DOCS.parent / "studies" / "results" / "adaptive_stride.json"
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
 PICTURES = {
-    "keel": (keel, TWO),
-    "contact": (contact, PANEL),
-    "friction": (friction, PANEL),
-    "implicit_step": (implicit_step, PANEL),
-    "sensitivities": (sensitivities, PANEL),
-    "person_curve": (person_curve, PANEL),
-    "level_2": (level_2, TWO),
+    draw.__name__: draw
+    for draw in (
+        keel,
+        keel_stiffness,
+        contact,
+        friction,
+        implicit_step,
+        sensitivities,
+        person_curve,
+        level_2,
+        level_2_alone,
+    )
 }
 
 
 def main(names: list[str]) -> None:
     """Makes the pictures `names`."""
     for name in names:
-        draw, size = PICTURES[name]
-        with drawing(*size) as figure:
-            draw(figure)
+        with drawing(*PANEL) as figure:
+            PICTURES[name](figure)
         with tempfile.TemporaryDirectory() as folder:
             save_figure(figure, Path(folder) / name, svg=False)
             keep(Path(folder) / f"{name}.png", PICTURES_OF / f"explained_{name}.png")

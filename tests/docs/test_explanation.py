@@ -13,6 +13,7 @@ from matplotlib.image import imread
 from vsf_drake.model.parameters import ModelParameters
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
+PICTURES = sorted((DOCS / "pictures").glob("explained_*.png"))
 
 
 def words(name):
@@ -36,16 +37,20 @@ def test_constants_on_the_pages_are_those_of_the_nominal_model():
     )
 
 
+def test_every_page_has_a_picture_and_every_picture_a_page():
+    told = " ".join(words(path.stem) for path in (DOCS / "explanation").glob("*.md"))
+    for path in (DOCS / "explanation").glob("*.md"):
+        assert f"(../pictures/explained_{path.stem}.png)" in words(path.stem)
+    assert all(f"(../pictures/{path.name})" in told for path in PICTURES)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [path.stem for path in sorted((DOCS / "explanation").glob("*.md"))]
-)
-def test_the_picture_of_a_page_is_drawn_from_the_model(name, tmp_path, monkeypatch):
+@pytest.mark.parametrize("picture", PICTURES, ids=lambda path: path.stem)
+def test_the_picture_is_drawn_from_the_model(picture, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(DOCS)
     script = importlib.import_module("make_explanation_pictures")
-    assert f"../pictures/explained_{name}.png" in words(name)
     monkeypatch.setattr(script, "PICTURES_OF", tmp_path)
-    script.main([name])
-    made = imread(tmp_path / f"explained_{name}.png")
-    shown = imread(DOCS / "pictures" / f"explained_{name}.png")
+    script.main([picture.stem.removeprefix("explained_")])
+    made = imread(tmp_path / picture.name)
+    shown = imread(picture)
     assert made.shape == shown.shape and np.mean(np.abs(made - shown)) < 0.02
