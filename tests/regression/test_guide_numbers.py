@@ -577,7 +577,15 @@ def ended_early() -> list[str]:
 
 def fit_table() -> Iterator[str]:
     """The fit's own guide: its table, the coverage and the errors of angles."""
-    yield flat(markdown_table(stored("studies/results/contact_fit.json")))
+    table = flat(markdown_table(stored("studies/results/contact_fit.json")))
+    yield table
+    asked = re.findall(r"([\d.]+) \((≤|≥) ([\d.]+)\)", table)
+    assert len(asked) > 15
+    assert all(
+        float(found) <= float(limit) if sign == "≤" else float(found) >= float(limit)
+        for found, sign, limit in asked
+    )
+    yield "Every target in the table is met."
     assert "exact transfer" in ended_early() and len(ended_early()) == 10
     yield (
         "Ten of the study's fits, the pair of the exact tier among them, were ended by an "
