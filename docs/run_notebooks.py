@@ -21,7 +21,7 @@ LONGEST_S = 600
 def run(path: Path, commit: str) -> None:
     """Runs one in its folder and writes it again, without what it said on the way."""
     notebook = nbformat.read(path, as_version=4)
-    NotebookClient(notebook, timeout=LONGEST_S).execute(cwd=path.parent)
+    NotebookClient(notebook, timeout=LONGEST_S, coalesce_streams=True).execute(cwd=path.parent)
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)
         if cell.cell_type == "code":
