@@ -102,7 +102,7 @@ def site(folder):
 
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="node runs the site's search")
-def test_search_leads_to_the_useful_page_among_the_first_three(folder):
+def test_search_leads_to_the_useful_page_among_the_first_three_and_to_none_of_the_api(folder):
     wanted = {
         "keel": "explanation/keel",
         "fulcrum": "explanation/keel",
@@ -120,6 +120,7 @@ def test_search_leads_to_the_useful_page_among_the_first_three(folder):
     )
     found = dict(zip(wanted, json.loads(done.stdout), strict=True))
     assert {word: rows[:3] for word, rows in found.items() if wanted[word] not in rows[:3]} == {}
+    assert not [rows for rows in found.values() if any("api/" in row for row in rows[:3])]
 
 
 def test_every_internal_link_leads_somewhere_and_no_page_names_the_machine_that_built_it(site):
