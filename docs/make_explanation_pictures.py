@@ -188,7 +188,7 @@ def sensitivities(figure: Figure) -> None:
     words = (
         ("1 mm of height", (0.75, -9.0)),
         ("5 mm of the fulcrum", (1.06, 8.0)),
-        ("10 % of the heel's stiffness", (0.3, 5.4)),
+        ("10 % heel stiffness", (0.3, 4.2)),
     )
     walk = walker.walk(**trial_request(trial), with_respect_to=list(changes))
     time_s = walk.record.time_s
