@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -16,10 +17,11 @@ version = release = vsf_drake.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "vsf_docs"]
 exclude_patterns = ["_build", "paper"]
-myst_enable_extensions = ["colon_fence", "deflist"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
-nb_execution_mode = "force"  # the notebooks, which have no results in the repository
+os.environ.pop("MPLBACKEND", None)  # a notebook shows its figures
+nb_execution_mode = "force"  # the notebooks show what they do now
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_output_stderr = "remove"
@@ -35,6 +37,8 @@ python_maximum_signature_line_length = 88
 toc_object_entries = False
 highlight_language = "none"  # sketches and equations
 
+html_math_renderer = "mathml"  # no script, no network
+html_search_scorer = str(Path(__file__).parent / "_ext" / "scorer.js")
 html_theme = "furo"
 html_title = f"vsf_drake {version}"
 html_static_path = ["_static"]

@@ -1,5 +1,5 @@
 """Sphinx extension: pages of API, commands and files; template systems under their own names; port
-blocks, tables."""
+blocks, tables, equations."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import api_pages
 import docstrings
 import generated_reference
+import mathml
 import port_nodes
 
 
@@ -28,4 +29,5 @@ def setup(app: Any) -> dict[str, Any]:
     app.add_directive("system-ports", port_nodes.SystemPorts)
     app.add_directive("diagram-ports", port_nodes.DiagramPorts)
     app.add_directive("all-systems", port_nodes.AllSystems)
+    app.add_html_math_renderer("mathml", (mathml.inline, None), (mathml.block, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import html.parser
+import json
 import posixpath
 import re
 import shutil
@@ -16,6 +17,7 @@ from urllib.parse import unquote, urlsplit
 import api_pages
 import port_text
 import pytest
+import tutorial
 from made_systems import public_diagrams, public_systems
 
 from vsf_drake.cli.guide import GUIDES
@@ -42,9 +44,23 @@ class Page(html.parser.HTMLParser):
         self.text.append(data)
 
 
+SEARCH = """
+const fs = require("fs"), vm = require("vm"), [root, words] = process.argv.slice(1);
+const page = { addEventListener() {}, getElementById: () => ({}), readyState: "loading" };
+const world = vm.createContext({ document: page, SPHINX_HIGHLIGHT_ENABLED: false });
+world.window = world;
+for (const name of ["doctools", "language_data", "searchtools"].map(name => `_static/${name}`))
+  vm.runInContext(fs.readFileSync(`${root}/${name}.js`, "utf8"), world);
+vm.runInContext(fs.readFileSync(`${root}/searchindex.js`, "utf8"), world);
+const found = vm.runInContext("word => Search._performSearch(...Search._parseQuery(word))", world);
+console.log(JSON.stringify(words.split(" ").map(word => found(word).reverse().map(row => row[0]))));
+"""
+"""What the site's own search finds: docnames, best first, of words."""
+
+
 @pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """The built pages by their path."""
+def folder(tmp_path_factory):
+    """The built site."""
     folder = tmp_path_factory.mktemp("documentation")
     source = shutil.copytree(
         ROOT / "docs", folder / "docs", ignore=shutil.ignore_patterns("api", "_build")
@@ -76,10 +92,35 @@ def site(tmp_path_factory):
         for line in done.stderr.splitlines()
         if line.strip() and not line.startswith(of_kernels)
     ]
-    return {
-        path.relative_to(folder / "html").as_posix(): Page(path)
-        for path in (folder / "html").rglob("*.html")
+    return folder / "html"
+
+
+@pytest.fixture(scope="module")
+def site(folder):
+    """The built pages by their path."""
+    return {path.relative_to(folder).as_posix(): Page(path) for path in folder.rglob("*.html")}
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="node runs the site's search")
+def test_search_leads_to_the_useful_page_among_the_first_three_and_to_none_of_the_api(folder):
+    wanted = {
+        "keel": "explanation/keel",
+        "fulcrum": "explanation/keel",
+        "stiffness": "howto/stiffness_of_a_setting",
+        "C3D": "howto/read_a_c3d",
+        "CoP": "howto/force_and_cop",
+        "bushing": "howto/socket_bushing",
+        "AutoDiff": "howto/gradient_by_autodiff",
+        "sweep": "guide/sweep",
+        "export": "guide/engines",
+        "citation": "howto/cite_a_number",
     }
+    done = subprocess.run(
+        ["node", "-e", SEARCH, folder, " ".join(wanted)], capture_output=True, text=True, check=True
+    )
+    found = dict(zip(wanted, json.loads(done.stdout), strict=True))
+    assert {word: rows[:3] for word, rows in found.items() if wanted[word] not in rows[:3]} == {}
+    assert not [rows for rows in found.values() if any("api/" in row for row in rows[:3])]
 
 
 def test_every_internal_link_leads_somewhere_and_no_page_names_the_machine_that_built_it(site):
@@ -129,6 +170,20 @@ def test_the_notebook_of_a_walk_says_what_its_own_numbers_say(site):
     assert "The foot alone is farther off here than no model at all" in text
     assert re.search(r"fitted contact, physics: 5\.2 %, FARTHER OFF than the better null", text)
     assert re.search(r"fitted contact, momentum: \d\.\d %, nearer than the better null", text)
+
+
+def test_what_the_notebooks_hold_is_what_they_show_when_run(site):
+    """Stored with the commit that showed it."""
+    for path in sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")):
+        notebook = json.loads(path.read_text(encoding="utf-8"))
+        assert re.fullmatch(r"[0-9a-f]{8}", notebook["metadata"]["shown_by_commit"])
+        text = " ".join(site[f"notebooks/{path.stem}.html"].text)
+        cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+        shown = [output for cell in cells for output in cell["outputs"]]
+        assert any("image/png" in output.get("data", ()) for output in shown)
+        for output in shown:
+            if output["output_type"] == "stream":
+                assert tutorial.same(text, f"... {''.join(output['text'])} ..."), output["text"]
 
 
 def test_every_public_system_and_diagram_has_its_page_with_its_ports(site):

@@ -19,9 +19,10 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def flat(text: str) -> str:
-    """Words with one blank between them, without numbers of a list, links' targets, code blocks and
-    commands."""
+    """Words with one blank between them, without numbers of a list, links' targets, code blocks,
+    equations and commands."""
     text = re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
+    text = re.sub(r"\$\$.*?\$\$", "", text, flags=re.DOTALL)
     text = re.sub(r"^\d\. ", "", text, flags=re.MULTILINE)
     text = re.sub(r"`vsf-drake [^`]*`", "", text)
     return " ".join(re.sub(r"\]\([^)]*\)", "]", text).split())
