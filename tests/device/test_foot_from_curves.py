@@ -16,6 +16,9 @@ import vsf_drake as vsf
 from vsf_drake.base.errors import InputError
 from vsf_drake.device.foot_from_curves import (
     FREE,
+    POINTS,
+    QUANTILE,
+    _noise,
     _Problem,
     curves_of_stiffness,
     foot_from_curves,
@@ -184,6 +187,52 @@ def test_the_script_of_the_guide_finds_the_stiffness_that_its_curves_have(tmp_pa
     exec(script, names)
     assert names["stiffness"] == pytest.approx(25.0, rel=0.05)
     assert isinstance(names["foot"].model, vsf.ModelParameters)
+
+
+# Intervals of the forces: noise of the points, and the misfit that is left.
+
+
+def test_noise_is_read_from_second_differences_in_which_a_smooth_misfit_cancels():
+    """White noise of 2 N on a wave of 20 N with 400 points a period, whose second differences are
+    of (2 sin(pi / 400))^2 20 N = 5 mN."""
+    place = np.arange(4000)
+    wave = 20.0 * np.sin(2.0 * math.pi * place / 400)
+    noise = np.random.default_rng(5).normal(scale=2.0, size=len(place))
+    assert _noise(wave + noise) == pytest.approx(2.0, rel=0.05)
+    assert _noise(wave) < 0.02
+    assert _noise(np.array([3.0, -3.0])) == 0.0
+
+
+def pressed_heel(law, noise_n=0.0):
+    """A heel's curve, one sample in each part of the travel, with white noise of the loads."""
+    depth = 0.015 * (np.arange(POINTS + 1) - 0.5) / POINTS
+    depth[0] = 0.0
+    load = law(depth)
+    noise = np.random.default_rng(11).normal(scale=noise_n, size=len(depth))
+    noise[0] = 0.0
+    return FootCurve(part="heel", displacement_m=depth, load_n=load + noise), load
+
+
+def test_a_model_without_misfit_is_surer_of_a_load_than_one_sample_is():
+    """A law of k parameters through n points with white noise e errs by e (k / n)^(1/2), root mean
+    square: here of the heel's two values and its touch-down, from 24 points, which tell their own
+    noise to a fifth."""
+    noise_n = 10.0
+    curve, load = pressed_heel(lambda depth: 2.0 * FOAM[0] * depth ** FOAM[1], noise_n)
+    heel = foot_from_curves((forefoot_curve(known_foot()), curve), **SIZE).curves[1]
+    half = QUANTILE * noise_n * math.sqrt(3.0 / POINTS)
+    assert np.sqrt(np.mean(heel.half_width_n**2)) == pytest.approx(half, rel=0.35)
+    assert np.mean(np.abs(heel.load_n - load) <= heel.half_width_n) >= 0.75
+
+
+def test_a_misfit_without_noise_is_counted_once():
+    """A heel that stops yielding, which no power law does: where it was pressed, the model errs by
+    what is left, so the half width is 1.645 of that."""
+    curve, _ = pressed_heel(lambda depth: 5e4 * depth / (1.0 - (depth / 0.02) ** 2))
+    heel = foot_from_curves((forefoot_curve(known_foot()), curve), **SIZE).curves[1]
+    assert heel.rms_share > 0.01
+    left = heel.rms_share * curve.load_n[-1]
+    np.testing.assert_allclose(heel.half_width_n, QUANTILE * left, rtol=0.1)
 
 
 # The made feet of the study, another model.
