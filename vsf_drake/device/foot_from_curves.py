@@ -43,6 +43,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from vsf_drake.base.errors import FitError, InputError, SimulationError, require
+from vsf_drake.base.schema import unit_hint
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.model.foot_curves import LOAD_N, STIFFNESS_N_PER_MM, FootCurve, load_foot_curves
 from vsf_drake.model.model_file import bending_stiffness, check_model, spheres_under_load
@@ -66,7 +67,8 @@ QUANTILE = 1.645  # 90 % of a normal distribution lie so many standard deviation
 TOLD = 0.5  # share of the assumed spread that may be left of a parameter that the curves tell
 AT_END = 1e-3  # of the assumed spread: so near the end of its range a value is at it
 CYCLE_LOSS = 0.10  # that the nominal foot's damping stands for
-LENGTH_M = (0.15, 0.36)
+LENGTH_MM = (150.0, 360.0)
+MASS_G = (100.0, 3000.0)
 _NOMINAL = FootParameters()
 _SPAN_M = sum(_NOMINAL.keel.element_lengths_m)
 _SHORTEST_CLAMP = 0.083
@@ -260,18 +262,16 @@ def _sized(
 ) -> FootParameters:
     """The nominal foot drawn out to this length, with a carriage that stays: all places along it in
     proportion, the keel's to the keel; damping by the energy lost in a cycle."""
-    require(
-        LENGTH_M[0] <= length_m <= LENGTH_M[1],
-        f"{1e3 * length_m:g} mm is no foot's length",
-        "length_m",
-        f"It must be from {1e3 * LENGTH_M[0]:g} to {1e3 * LENGTH_M[1]:g} mm",
-    )
-    require(
-        0.1 <= mass_kg <= 3.0,
-        f"{1e3 * mass_kg:g} g is no foot's mass",
-        "mass_kg",
-        "It must be from 100 to 3000 g",
-    )
+    for value, unit, (low, high), what, where in (
+        (1e3 * length_m, "mm", LENGTH_MM, "length", "length_m"),
+        (1e3 * mass_kg, "g", MASS_G, "mass", "mass_kg"),
+    ):
+        require(
+            low <= value <= high,
+            f"{value:g} {unit} is no foot's {what}",
+            where,
+            f"It must be from {low:g} to {high:g} {unit}{unit_hint(value, unit, low, high)}",
+        )
     by_length = length_m / _NOMINAL.length_m
     if keel_m is None:
         keel_m = _SPAN_M * by_length
