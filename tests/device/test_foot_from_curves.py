@@ -119,19 +119,24 @@ def test_the_simulated_bench_presses_the_fitted_foot_to_the_loads_of_the_fit(fit
     np.testing.assert_allclose(setting.load_n, at, atol=6.0)
 
 
-def test_without_curves_the_foot_has_the_stiffness_that_is_given():
+@pytest.mark.parametrize(
+    ("forefoot", "heel", "load_n", "length_m"),
+    [(32e3, 65e3, 600.0, 0.245), (28e3, 27e3, 800.0, 0.270), (76e3, 68e3, 800.0, 0.270)],
+)
+def test_without_curves_the_foot_has_the_stiffness_that_is_given(forefoot, heel, load_n, length_m):
     """The variable-stiffness foot itself: 32 N/mm at 151 mm and the heel's 65 N/mm (Glanzer 2018,
-    McGeehan 2021)."""
+    McGeehan 2021); and the ends of commercial feet (PUBLISHED_N_PER_MM), whose load, length and
+    mass are not published: choices."""
     found = foot_from_curves(
-        curves_of_stiffness(forefoot_n_per_m=32e3, heel_n_per_m=65e3, load_n=600.0),
-        length_m=0.245,
+        curves_of_stiffness(forefoot_n_per_m=forefoot, heel_n_per_m=heel, load_n=load_n),
+        length_m=length_m,
         mass_kg=0.649,
     )
-    for each, stiffness in zip(found.curves, (32e3, 65e3), strict=True):
+    for each, stiffness in zip(found.curves, (forefoot, heel), strict=True):
         secant = each.load_n[-1] / each.curve.displacement_m[-1]
         assert secant == pytest.approx(stiffness, rel=0.01)
     assert found.lost_share is None
-    assert sum(each.told for each in found.values) <= 1
+    assert sum(each.told for each in found.values) <= 2  # a point of a curve tells one at most
 
 
 def test_energy_lost_on_the_bench_sets_the_damping_in_proportion():
