@@ -7,8 +7,10 @@ state the length of the shell (prosthesis.foot_length_mm). For each shell the so
 stiffest first walk are fitted with the foot's own bench. The second walks at these settings and two
 at the middle one judge: `grf_rmse_bw` by the foot's physics, `person_grf_rmse_bw` by the layer with
 the person's own curve (body weights), `cop_rmse_fl` fore-aft by the physics in lengths of the
-shell, means over the four. `asked` has whether the error is at most MOST_MORE_BW above that of the
-published shell, and the centre of pressure within MOST_COP_FL.
+shell, means over the four. Of each walk `null_grf_rmse_bw` is the error of the fitted walks'
+measured curves without any foot (`vsf_drake.walks.null_model`): by how much the walks themselves
+differ. `asked` has whether the error is at most MOST_MORE_BW above that of the published shell, and
+the centre of pressure within MOST_COP_FL.
 
 The results are in studies/results/shell_sizes.json. Walks and fits are kept in results/shell_sizes;
 they take some ten minutes of processor time each.
@@ -203,6 +205,7 @@ def fit(mm: int) -> dict[str, Any]:
         "cop_rmse_fl": layers.mean(PHYSICS, "cop_rmse_fl"),
         "walks": {
             name: {layer: row.layers[layer] for layer in (PHYSICS, PERSON)}
+            | {"null_grf_rmse_bw": row.null_model_grf_rmse_bw}
             for name, row in zip(JUDGING, layers.trials[len(FITTED) :], strict=True)
         },
         "values": solution.values,
