@@ -121,12 +121,19 @@ def test_the_simulated_bench_presses_the_fitted_foot_to_the_loads_of_the_fit(fit
 
 @pytest.mark.parametrize(
     ("forefoot", "heel", "load_n", "length_m"),
-    [(32e3, 65e3, 600.0, 0.245), (28e3, 27e3, 800.0, 0.270), (76e3, 68e3, 800.0, 0.270)],
+    [
+        (32e3, 65e3, 600.0, 0.245),
+        (28e3, 27e3, 800.0, 0.270),
+        (76e3, 68e3, 800.0, 0.270),
+        (29.1e3, 37.5e3, 800.0, 0.270),
+        (47.5e3, 53.1e3, 800.0, 0.270),
+    ],
 )
 def test_without_curves_the_foot_has_the_stiffness_that_is_given(forefoot, heel, load_n, length_m):
     """The variable-stiffness foot itself: 32 N/mm at 151 mm and the heel's 65 N/mm (Glanzer 2018,
-    McGeehan 2021); and the ends of commercial feet (PUBLISHED_N_PER_MM), whose load, length and
-    mass are not published: choices."""
+    McGeehan 2021); the ends of commercial feet (PUBLISHED_N_PER_MM); a Vari-Flex of category 5
+    (Turner) and for 90 kg (Adamczyk), as esr_tests/linear_stiffness_fit.py of nklumpf/loco-mujoco
+    quotes them. Load, length and mass of the latter are choices."""
     found = foot_from_curves(
         curves_of_stiffness(forefoot_n_per_m=forefoot, heel_n_per_m=heel, load_n=load_n),
         length_m=length_m,
@@ -137,6 +144,28 @@ def test_without_curves_the_foot_has_the_stiffness_that_is_given(forefoot, heel,
         assert secant == pytest.approx(stiffness, rel=0.01)
     assert found.lost_share is None
     assert sum(each.told for each in found.values) <= 2  # a point of a curve tells one at most
+
+
+def quadratic(part, a, b, k):
+    """F = a x^2 + b x to where a straight line through the origin has the slope k by least squares:
+    k = b + 3/4 a X."""
+    x = np.linspace(0.0, (k - b) / (0.75 * a), 31)
+    return FootCurve(part=part, displacement_m=x, load_n=a * x**2 + b * x)
+
+
+@pytest.mark.parametrize("length_m", [0.26, 0.27, 0.28])
+def test_a_published_foot_is_met_within_five_percent(length_m):
+    """A Vari-Flex XC: quadratic and linear fits of its loading (N/m^2, N/m, N/m) that the file
+    loco_mujoco/environments/humanoids/skeleton_prosthesis.py of github.com/nklumpf/loco-mujoco has
+    of curves by Lecomte, to 1.2 kN; and its mass. Length and a level platen are choices."""
+    curves = (
+        quadratic("forefoot", 172171.9, 18212.8, 24103.6),
+        quadratic("heel", 1781838.2, 32644.4, 57507.3),
+    )
+    assert [each.load_n[-1] for each in curves] == pytest.approx([1200.0, 1200.0], rel=0.03)
+    found = foot_from_curves(curves, length_m=length_m, mass_kg=0.594)
+    for each in found.curves:
+        assert each.rms_share < 0.05, each.curve.name
 
 
 def test_energy_lost_on_the_bench_sets_the_damping_in_proportion():
