@@ -7,11 +7,16 @@ state the length of the shell (prosthesis.foot_length_mm). For each shell the so
 stiffest first walk are fitted with the foot's own bench. The second walks at these settings and two
 at the middle one judge: `grf_rmse_bw` by the foot's physics, `person_grf_rmse_bw` by the layer with
 the person's own curve (body weights), `cop_rmse_fl` fore-aft by the physics in lengths of the
-shell, means over the four. `asked` has whether the error is at most MOST_MORE_BW above that of the
-published shell, and the centre of pressure within MOST_COP_FL.
+shell, means over the four. Of each walk `null_grf_rmse_bw` is the error of the fitted walks'
+measured curves without any foot (`vsf_drake.walks.null_model`): by how much the walks themselves
+differ. `asked` has whether the error is at most MOST_MORE_BW above that of the published shell, and
+the centre of pressure within MOST_COP_FL.
+
+`exchanged` has the same with first and second walks exchanged: what then differs is not the
+shell's, but of which walks were fitted.
 
 The results are in studies/results/shell_sizes.json. Walks and fits are kept in results/shell_sizes;
-they take some ten minutes of processor time each.
+they take less than a minute of processor time each.
 """
 
 from __future__ import annotations
@@ -19,6 +24,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from multiprocessing import get_context
@@ -61,6 +67,7 @@ SHELLS_MM = (245, 220, 270, 300)
 LABORATORY = ("people", "polish", "session", "writing")
 FITTED = ("low_1", "high_1")
 JUDGING = ("low_2", "medium_1", "medium_2", "high_2")
+EXCHANGED = {"low_1": "low_2", "low_2": "low_1", "high_1": "high_2", "high_2": "high_1"}
 MOST_MORE_BW, MOST_COP_FL = 0.003, 0.04
 """Asked for: held-out error over that of the published shell, centre of pressure."""
 
@@ -77,6 +84,7 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, default=RESULTS, help=f"folder; {RESULTS} by default")
     arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
     if arguments.quick:
         for mm in SHELLS_MM:
             write_bench(arguments.out / f"{mm}", mm)
@@ -87,18 +95,26 @@ def main() -> None:
         if arguments.walks:
             return
         found = dict(zip(SHELLS_MM, pool.map(fitted, SHELLS_MM), strict=True))
+        exchanged = dict(zip(SHELLS_MM, pool.map(fitted_exchanged, SHELLS_MM), strict=True))
     inputs = {NOMINAL: sha256(REFERENCE / NOMINAL)}
     content = {
         "synthetic": True,
         "definitions": __doc__,
         "shells": {
-            f"{mm}": {**part, "asked": asked(part, found[SHELLS_MM[0]])}
+            f"{mm}": {
+                **part,
+                "asked": asked(part, found[SHELLS_MM[0]]),
+                "exchanged": {
+                    **exchanged[mm],
+                    "asked": asked(exchanged[mm], exchanged[SHELLS_MM[0]]),
+                },
+            }
             for mm, part in found.items()
         },
         "provenance": {**provenance(inputs, SEED), "sources": made_by("shell_sizes.py")},
     }
     write_json(arguments.out / "shell_sizes.json", plain(content))
-    for mm, part in found.items():
+    for mm, part in (*found.items(), *exchanged.items()):
         print(
             f"{mm} mm: force {100 * part['grf_rmse_bw']:.2f} % BW, with the person's curve "
             f"{100 * part['person_grf_rmse_bw']:.2f}, centre of pressure "
@@ -180,13 +196,22 @@ def draws() -> list[Draw]:
 def fitted(mm: int) -> dict[str, Any]:
     """What a fit of the outer settings reaches on the other walks."""
     key = digest({"mm": mm, **made_by("shell_sizes.py")})
-    return kept(PARTS / "fits", f"{mm}", key, lambda: fit(mm))[0]
+    return kept(PARTS / "fits", f"{mm}", key, lambda: fit(mm, FITTED, JUDGING))[0]
 
 
-def fit(mm: int) -> dict[str, Any]:
+def fitted_exchanged(mm: int) -> dict[str, Any]:
+    """As `fitted`, with first and second walks exchanged."""
+    key = digest({"mm": mm, **made_by("shell_sizes.py")})
+    fitting, judging = (
+        [EXCHANGED.get(name, name) for name in names] for names in (FITTED, JUDGING)
+    )
+    return kept(PARTS / "exchanged", f"{mm}", key, lambda: fit(mm, fitting, judging))[0]
+
+
+def fit(mm: int, fitting: Sequence[str], held_out: Sequence[str]) -> dict[str, Any]:
     folder = PARTS / f"{mm}"
-    trials = [load_trial(folder / EMBEDDED / f"{name}.yaml") for name in FITTED]
-    judging = [load_trial(folder / EMBEDDED / f"{name}.yaml") for name in JUDGING]
+    trials = [load_trial(folder / EMBEDDED / f"{name}.yaml") for name in fitting]
+    judging = [load_trial(folder / EMBEDDED / f"{name}.yaml") for name in held_out]
     solution = solve(
         ContactFit(
             trials,
@@ -203,7 +228,8 @@ def fit(mm: int) -> dict[str, Any]:
         "cop_rmse_fl": layers.mean(PHYSICS, "cop_rmse_fl"),
         "walks": {
             name: {layer: row.layers[layer] for layer in (PHYSICS, PERSON)}
-            for name, row in zip(JUDGING, layers.trials[len(FITTED) :], strict=True)
+            | {"null_grf_rmse_bw": row.null_model_grf_rmse_bw}
+            for name, row in zip(held_out, layers.trials[len(fitting) :], strict=True)
         },
         "values": solution.values,
     }

@@ -71,6 +71,7 @@ from vsf_drake.base.errors import InputError, require
 if TYPE_CHECKING:
     import mujoco
 
+DEPTH_M = 0.015  # up to which an exponent that is not 1 is approached, unless another is given
 _SPHERE = "foam_"
 _KEEL = "keel_"
 _SUPPORT = "vsf_support"
@@ -100,7 +101,7 @@ def calibrate(
     stiffness: npt.ArrayLike | None = None,
     damping: npt.ArrayLike | None = None,
     exponent: npt.ArrayLike | None = None,
-    depth: float = 0.015,
+    depth: float = DEPTH_M,
     against: str | None = None,
 ) -> None:
     """Makes the normal force of the contacts of `geoms` stiffness · depth^exponent + damping · rate

@@ -45,9 +45,11 @@ def test_model_and_picture_are_written_and_it_is_said_what_the_curves_do_not_tel
     [
         ((*SIZE,), "--forefoot-n-per-mm: is missing"),
         (("CURVES", "--forefoot-n-per-mm", 30, *SIZE), "cannot go with a file of curves"),
+        (("CURVES", "--heel-n-per-mm", 60, *SIZE), "--heel-n-per-mm: cannot go with a file of"),
         (("CURVES", "--mass-g", 600), "--length-mm: is missing"),
         (("CURVES", "--length-mm", 270), "--mass-g: is missing"),
-        (("CURVES", "--length-mm", 27, "--mass-g", 600), "--length-mm: 27 mm is no foot's length"),
+        (("CURVES", "--length-mm", 27, "--mass-g", 600), "mm. Is it in centimetres?"),
+        (("CURVES", "--length-mm", 270, "--mass-g", 0.6), "to 3000 g. Is it in kilograms"),
         (("CURVES", *SIZE, "--keel-mm", 200), "--keel-mm: a keel of 200 mm does not go with"),
         (("--forefoot-n-per-mm", 3000, *SIZE), "--forefoot-n-per-mm: 3000 N/mm is no foot's"),
         (("none.csv", *SIZE), "none.csv: there is no such file"),
@@ -59,6 +61,15 @@ def test_mistakes_end_with_one_message_and_leave_no_file(run, curves, tmp_path, 
     code, _, error = run("foot", *words, "--out", out)
     assert code == 2 and message in error and "Traceback" not in error
     assert not out.exists()
+
+
+def test_a_foot_ten_times_as_stiff_as_published_ones_is_made_and_its_units_doubted(run, tmp_path):
+    out = tmp_path / "foot.yaml"
+    words = ("--forefoot-n-per-mm", 280, "--heel-n-per-mm", 60, *SIZE, "--out", out)
+    code, said, _ = run("foot", *words)
+    assert code == 0 and said.count("Are the units right?") == 1
+    assert "Doubtful: forefoot at 0° has 280 N/mm" in said and "10 to 76." in said
+    assert "# Doubtful: forefoot" in out.read_text(encoding="utf-8")
 
 
 def test_a_file_of_somebody_else_s_is_not_written_over(run, curves, tmp_path):

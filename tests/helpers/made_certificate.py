@@ -13,6 +13,8 @@ ASKED = {
     "fulcrum_mm": np.array([66.0, 108.0]),
     "load_n": np.array([100.0, 200.0, 300.0]),
     "time_s": np.linspace(0.0, 0.8, 9),
+    "roll_fulcrum_mm": np.array(87.0),
+    "poses_rad": np.array([[0.1, -0.2], [0.0, 0.1], [0.05, 0.0]]),
 }
 
 

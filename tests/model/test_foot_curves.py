@@ -120,6 +120,8 @@ def scaled(column, factor):
             "the largest load is 91.7745 N.*kilograms-force or pounds-force",
         ),
         (scaled(1, 1e-3), "the platen travels 0.03 mm.*Is it in metres"),
+        (scaled(1, 1e3), "the platen travels 30000 mm.*Is it in micrometres"),
+        (scaled(2, -1.0), "the load goes to -900 N. Compression is positive"),
         (scaled(1, 1.0 / 25.4), "900 N over 1.18 mm are 762 N/mm"),
         ([HEADER, *rows("forefoot", 0, loss=-0.3)], "unloading lies 270 N above loading at 30 mm"),
         (

@@ -40,6 +40,11 @@ def test_a_question_stands_once_on_the_page_and_in_every_row_of_its_file(tmp_pat
     assert file.count("mass matrix, 100 poses") == 2
 
 
+def test_the_page_says_of_poses_and_roll_over_what_was_asked_and_not_what_usually_is(tmp_path):
+    told = page(tmp_path)
+    assert "3 poses within 0.2 rad" in told and "0.8 s at 87 mm along" in told
+
+
 def test_the_error_of_the_condensed_foot_is_on_the_page_and_in_the_file(tmp_path):
     told = page(tmp_path)
     assert "vertical force, of its peak 2.4 % 7.0 % 3 % root mean square" in told

@@ -23,7 +23,8 @@ def test_twenty_eight_of_thirty_feet_are_met_and_the_intervals_hold_their_loads(
     worst = [max(foot["errors"].values()) for foot in feet]
     assert sum(error <= 0.05 for error in worst) == stored["within_5_percent"] >= 28
     coverage = np.mean([foot["coverage"] for foot in feet])
-    assert coverage == pytest.approx(stored["coverage"]) and coverage >= 0.85
+    assert coverage == pytest.approx(stored["coverage"])
+    assert 0.85 <= coverage <= 0.95  # of intervals that are to hold 90 %
 
 
 def test_half_of_the_feet_are_pressed_level_and_every_third_at_two_angles(stored):

@@ -35,11 +35,12 @@ if TYPE_CHECKING:
 T = TypeVar("T", bound="DataclassInstance")
 
 _OTHER_UNITS = {
-    "mm": {"metres": 1e3, "centimetres": 10.0, "inches": 25.4},
+    "mm": {"metres": 1e3, "centimetres": 10.0, "inches": 25.4, "micrometres": 1e-3},
     "m": {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254},
     "deg": {"radians": 180.0 / math.pi},
     "rad": {"degrees": math.pi / 180.0},
     "kg": {"pounds": 0.45359237, "grams": 1e-3},
+    "g": {"kilograms": 1e3, "pounds": 453.59237},
     "s": {"milliseconds": 1e-3},
     "N": {"kilonewtons": 1e3, "kilograms-force": 9.80665, "pounds-force": 4.4482216},
     "N/m": {"N/mm": 1e3},

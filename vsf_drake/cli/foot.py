@@ -75,6 +75,12 @@ def foot(
         "--forefoot-n-per-mm",
         "Give a file of curves, or the stiffness of the forefoot and, if known, of the heel",
     )
+    require(
+        curves is None or asked.heel_n_per_mm is None,
+        "cannot go with a file of curves",
+        "--heel-n-per-mm",
+        "Give the heel's curve in the file, or the stiffness of forefoot and heel without a file",
+    )
     if asked.length_mm is None or asked.mass_g is None:
         raise InputError(
             "is missing",

@@ -14,8 +14,20 @@ of a curve's travel. s_c is 2 % of the curve's largest load at first; the fit is
 with what it left: the root mean square of the residuals, widened by their correlation from one
 point to the next, so that a misfit of the model counts as one error and not as 24.
 
-The interval of a force at x is 1.645 times the root of J C J' + r^2: the covariance C of the
-parameters (Gauss-Newton, at the end) and the root mean square r of what is left of this curve.
+The 90 % interval lies about the model's force and is to hold the foot's own:
+
+    measured  = foot's + e, noise of one size in a curve, independent from point to point
+    model's   = foot's + the misfit that the fit leaves + what the fit follows of e
+    half      = 1.645 sqrt(s^2 + J N J')
+    s^2       = r^2 - e^2 (1 - h)   misfit: the mean square left of the curve, less noise in it
+    N         = G E^2 G', G = C S'  noise: covariance that it gives the parameters
+
+with C the covariance of the parameters (Gauss-Newton, at the end), S the slopes of the weighted
+residuals and E their noise, J the slopes of the force; h is the share of the noise of a curve that
+the fit follows, the mean of the diagonal of S G over its points. e^2 is a sixth of the mean square
+second difference of what is left, in which a smooth misfit cancels. Misfit and noise are
+independent: their squares add. Misfit is in s alone, since it is seen where the curve was pressed;
+C, which has it too, makes the intervals of the parameters, where it is not.
 """
 
 from __future__ import annotations
@@ -31,6 +43,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from vsf_drake.base.errors import FitError, InputError, SimulationError, require
+from vsf_drake.base.schema import unit_hint
 from vsf_drake.laws.beam import section_inertia
 from vsf_drake.model.foot_curves import LOAD_N, STIFFNESS_N_PER_MM, FootCurve, load_foot_curves
 from vsf_drake.model.model_file import bending_stiffness, check_model, spheres_under_load
@@ -54,7 +67,8 @@ QUANTILE = 1.645  # 90 % of a normal distribution lie so many standard deviation
 TOLD = 0.5  # share of the assumed spread that may be left of a parameter that the curves tell
 AT_END = 1e-3  # of the assumed spread: so near the end of its range a value is at it
 CYCLE_LOSS = 0.10  # that the nominal foot's damping stands for
-LENGTH_M = (0.15, 0.36)
+LENGTH_MM = (150.0, 360.0)
+MASS_G = (100.0, 3000.0)
 _NOMINAL = FootParameters()
 _SPAN_M = sum(_NOMINAL.keel.element_lengths_m)
 _SHORTEST_CLAMP = 0.083
@@ -248,18 +262,16 @@ def _sized(
 ) -> FootParameters:
     """The nominal foot drawn out to this length, with a carriage that stays: all places along it in
     proportion, the keel's to the keel; damping by the energy lost in a cycle."""
-    require(
-        LENGTH_M[0] <= length_m <= LENGTH_M[1],
-        f"{1e3 * length_m:g} mm is no foot's length",
-        "length_m",
-        f"It must be from {1e3 * LENGTH_M[0]:g} to {1e3 * LENGTH_M[1]:g} mm",
-    )
-    require(
-        0.1 <= mass_kg <= 3.0,
-        f"{1e3 * mass_kg:g} g is no foot's mass",
-        "mass_kg",
-        "It must be from 100 to 3000 g",
-    )
+    for value, unit, (low, high), what, where in (
+        (1e3 * length_m, "mm", LENGTH_MM, "length", "length_m"),
+        (1e3 * mass_kg, "g", MASS_G, "mass", "mass_kg"),
+    ):
+        require(
+            low <= value <= high,
+            f"{value:g} {unit} is no foot's {what}",
+            where,
+            f"It must be from {low:g} to {high:g} {unit}{unit_hint(value, unit, low, high)}",
+        )
     by_length = length_m / _NOMINAL.length_m
     if keel_m is None:
         keel_m = _SPAN_M * by_length
@@ -314,6 +326,7 @@ class _Problem:
         self.points = [_points(curve) for curve in curves]
         self.under_load = len(spheres_under_load(foot))
         self.error_n = [FIRST_SHARE * float(curve.load_n[-1]) for curve in curves]
+        self.least_n = [LEAST_SHARE * float(curve.load_n[-1]) for curve in curves]
         self._asked = np.empty(0)
         self._answer: list[tuple[np.ndarray, np.ndarray]] = []
 
@@ -396,11 +409,20 @@ class _Problem:
 
     def beside(self, x: np.ndarray, covariance: np.ndarray) -> tuple[FittedCurve, ...]:
         """Each curve beside the model's."""
+        left = self._left(x)
+        noise_n = [_noise(each) for each in left]
+        counts = [len(each) for each in left]
+        slopes = self._slopes(x)[len(x) :]
+        gain = covariance @ slopes.T
+        weighted = np.repeat(np.array(noise_n) / self.error_n, counts)
+        by_noise = (gain * weighted**2) @ gain.T
+        followed = np.split(np.sum(slopes * gain.T, axis=1), np.cumsum(counts)[:-1])
         fitted = []
         for i, curve in enumerate(self.curves):
-            load, slopes = self._loads(i, x, curve.displacement_m)
-            left = self._left_n(i, x)
-            variance = np.einsum("ij,jk,ik->i", slopes, covariance, slopes) + left**2
+            load, by = self._loads(i, x, curve.displacement_m)
+            noise_left = noise_n[i] ** 2 * (1.0 - followed[i].mean())
+            misfit = max(np.mean(left[i] ** 2) - noise_left, self.least_n[i] ** 2)
+            variance = misfit + np.einsum("ij,jk,ik->i", by, by_noise, by)
             difference = load - curve.load_n
             fitted.append(
                 FittedCurve(
@@ -413,25 +435,24 @@ class _Problem:
             )
         return tuple(fitted)
 
-    def _left_n(self, i: int, x: np.ndarray) -> float:
-        """Root mean square of what is left of curve i, and no less than LEAST_SHARE."""
-        left = self._at_points(x)[i][0] - self.points[i][1]
-        return max(float(np.sqrt(np.mean(left**2))), LEAST_SHARE * float(self.curves[i].load_n[-1]))
+    def _left(self, x: np.ndarray) -> list[np.ndarray]:
+        """N, the model's loads less the measured ones at the points of each curve."""
+        return [
+            own - load for (own, _), (_, load) in zip(self._at_points(x), self.points, strict=True)
+        ]
 
     def _learn_errors(self, x: np.ndarray) -> None:
-        for i, (own, _) in enumerate(self._at_points(x)):
-            left = own - self.points[i][1]
+        for i, left in enumerate(self._left(x)):
             along = float(np.sum(left[1:] * left[:-1]) / np.sum(left**2)) if len(left) > 2 else 0.0
             correlation = min(max(along, 0.0), 0.9)
-            self.error_n[i] = self._left_n(i, x) * math.sqrt(
-                (1.0 + correlation) / (1.0 - correlation)
-            )
+            size = max(float(np.sqrt(np.mean(left**2))), self.least_n[i])
+            self.error_n[i] = size * math.sqrt((1.0 + correlation) / (1.0 - correlation))
 
     def _residuals(self, x: np.ndarray) -> np.ndarray:
         parts = [(x[: len(FREE)] - _MEAN) / _SD, x[len(FREE) :] / TOUCH_SD_M]
         try:
-            for i, (own, _) in enumerate(self._at_points(x)):
-                parts.append((own - self.points[i][1]) / self.error_n[i])
+            for left, error in zip(self._left(x), self.error_n, strict=True):
+                parts.append(left / error)
         except SimulationError:
             if np.array_equal(x[: len(FREE)], _MEAN):
                 raise
@@ -565,3 +586,9 @@ def _points(curve: FootCurve) -> tuple[np.ndarray, np.ndarray]:
     if not len(kept):
         raise InputError("holds no sample beyond touch-down", where=curve.name)
     return np.bincount(which, weights=x) / count, np.bincount(which, weights=load) / count
+
+
+def _noise(left: np.ndarray) -> float:
+    """Standard deviation of what of `left` is independent from point to point; 0 of fewer than
+    three points, where all counts as misfit."""
+    return float(np.sqrt(np.mean(np.diff(left, 2) ** 2) / 6.0)) if len(left) > 2 else 0.0

@@ -28,7 +28,7 @@ class RollOverError:
 
     force_largest: float  # of the vertical force, over its peak
     force_rms: float
-    centre_largest_m: float  # of the centre of pressure, while both bear LOADED_N
+    centre_largest_m: float  # of the centre of pressure, while both are loaded
     centre_rms_m: float
     stored: float  # of the most strain of the second half of stance, over that
     returned: float  # of what is given back after it, over that
@@ -40,6 +40,7 @@ class CondensedError:
 
     fulcrums_m: tuple[float, ...]
     masses_kg: tuple[float, ...]
+    loaded_n: float = LOADED_N  # that both bear where their centres of pressure are compared
     worst: RollOverError
     each: tuple[RollOverError, ...]  # by position, then by mass
 

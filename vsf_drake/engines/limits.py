@@ -5,6 +5,7 @@ from __future__ import annotations
 from vsf_drake.base.sentences import text_templates
 from vsf_drake.laws.contact_laws import FITTED_LAW
 from vsf_drake.model.parameters import FootParameters
+from vsf_drake.mujoco import DEPTH_M
 from vsf_drake.plants.contact_geometry import MATCHED_DEPTH_M, REFERENCE_LOAD_N
 
 
@@ -32,6 +33,7 @@ def cannot_hold(
             condensed=condensed,
             load_n=REFERENCE_LOAD_N,
             depth_mm=1e3 * MATCHED_DEPTH_M,
+            calibrated_mm=1e3 * DEPTH_M,
         )
     )
     return dict(line.split(": ", 1) for line in text.splitlines())

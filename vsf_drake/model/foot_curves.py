@@ -58,6 +58,10 @@ LOAD_N = (100.0, 1e4)
 _TRAVEL_MM = (1.0, 100.0)
 STIFFNESS_N_PER_MM = (2.0, 500.0)
 """What the largest load, the travel and their ratio can be of a foot: beyond, a unit is wrong."""
+PUBLISHED_N_PER_MM = {"forefoot": (10.0, 76.0), "heel": (27.0, 68.0)}
+"""Linear stiffness of published feet: commercial forefeet 28 to 76 and hindfeet 27 to 68 N/mm (an
+abstract of the ASME Summer Bioengineering Conference 2012, p. 191), the variable-stiffness
+foot from 10 (Glanzer & Adamczyk 2018, PMC6289620). Beyond, a unit is doubted."""
 # share of the largest load by which the load may fall while a foot is loaded, and by which
 # unloading may lie above loading: noise and no more
 NOISE = 0.05
@@ -79,6 +83,11 @@ class FootCurve:
     def name(self) -> str:
         """What messages and pictures call it."""
         return f"{self.part} at {math.degrees(self.tilt_rad):g}°"
+
+    @property
+    def stiffness_n_per_mm(self) -> float:
+        """The largest load over its displacement."""
+        return float(1e-3 * self.load_n[-1] / self.displacement_m[-1])
 
     @property
     def lost_share(self) -> float | None:
@@ -269,6 +278,11 @@ class _Pass:
     def _check_size(self, x: np.ndarray, load: np.ndarray) -> None:
         largest = float(load.max())
         travel_mm = 1e3 * float(x[np.argmax(load)] - x[0])
+        if -load.min() > largest:
+            raise self.refuse(
+                f"the load goes to {load.min():g} N",
+                "Compression is positive, of the load and of the displacement: turn the signs",
+            )
         if not LOAD_N[0] <= largest <= LOAD_N[1]:
             raise self.refuse(
                 f"the largest load is {largest:g} N",
@@ -276,7 +290,7 @@ class _Pass:
             )
         if not _TRAVEL_MM[0] <= travel_mm <= _TRAVEL_MM[1]:
             raise self.refuse(
-                f"the platen travels {travel_mm:.4g} mm",
+                f"the platen travels {travel_mm:.6g} mm",
                 f"A foot yields by {_TRAVEL_MM[0]:g} to {_TRAVEL_MM[1]:g} mm"
                 f"{unit_hint(travel_mm, 'mm', *_TRAVEL_MM)}",
             )

@@ -75,6 +75,9 @@ def certificate_page(
         "fulcrum_mm": arrays["asked/fulcrum_mm"].tolist(),
         "loads_n": arrays["asked/load_n"].tolist(),
         "duration_s": arrays["asked/time_s"][-1],
+        "roll_fulcrum_mm": arrays["asked/roll_fulcrum_mm"],
+        "poses": len(arrays["asked/poses_rad"]),
+        "largest_angle_rad": np.abs(arrays["asked/poses_rad"]).max(),
     }
     return {
         "title": "Certificate: do other engines compute the same foot?",

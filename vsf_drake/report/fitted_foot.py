@@ -11,7 +11,7 @@ from vsf_drake.base.errors import require
 from vsf_drake.base.files import read_text, write_text
 from vsf_drake.base.sentences import say
 from vsf_drake.device.foot_from_curves import FittedFoot
-from vsf_drake.model.foot_curves import PARTS
+from vsf_drake.model.foot_curves import PARTS, PUBLISHED_N_PER_MM
 from vsf_drake.model.model_file import model_yaml
 from vsf_drake.report.style import (
     MARK_COLOURS,
@@ -64,7 +64,7 @@ def foot_figure(foot: FittedFoot) -> Figure:
 
 def said_of(foot: FittedFoot) -> list[str]:
     """What the foot is worth, in sentences."""
-    return say("foot", **vars(foot), most=FOLLOWED)
+    return say("foot", **vars(foot), most=FOLLOWED, published=PUBLISHED_N_PER_MM)
 
 
 def misses(foot: FittedFoot) -> bool:
