@@ -23,6 +23,7 @@ from vsf_drake.report.style import (
     colour_of,
     drawing,
     label,
+    legend_below,
     tag,
 )
 from vsf_drake.report.validation.panels import section_chapter
@@ -153,10 +154,10 @@ def _stiffness_figure(table: BenchSectionTable) -> Figure:
             label="published end points",
             **_PUBLISHED,
         )
-        axes.set_ylim(bottom=0.0)
         axes.margins(x=0.1, y=0.12)
-        axes.legend(loc="upper left")
+        axes.set_ylim(bottom=0.0)
         label(axes, x=FULCRUM, y="stiffness above 200 N (N/mm)")
+        legend_below(figure, axes.get_legend_handles_labels()[0])
     return figure
 
 
