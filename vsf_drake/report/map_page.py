@@ -81,6 +81,7 @@ def map_page(
 
 
 MAP = ResultsFolder(
+    layered=True,
     kind="stiffness map",
     command="map",
     table="map.json",

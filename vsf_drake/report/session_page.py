@@ -44,6 +44,7 @@ def session_page(
 
 
 SESSION = ResultsFolder(
+    layered=True,
     kind="session",
     command="session",
     table="session.json",

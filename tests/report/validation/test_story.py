@@ -97,7 +97,7 @@ def test_the_story_is_one_screen_and_short(quick_validation, tmp_path, width):
         tmp_path / "out",
         width=width,
         height=high,
-        act='document.querySelectorAll("details").forEach(fold => { fold.open = true; });',
+        act='document.querySelectorAll("details").forEach(one => { one.open = true; }); return 0;',
     )
     assert seen.high <= SCREENS[width] * high
     assert seen.words <= 1200 and seen.scroll <= width and not seen.out and not seen.requests

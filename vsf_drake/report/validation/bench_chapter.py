@@ -123,7 +123,7 @@ def _stiffness_figure(table: BenchSectionTable) -> Figure:
     measured, half = (
         _of_line(rows, "measured", f"stiffness_n_per_mm{more}") for more in ("", "_half_width")
     )
-    with drawing(*PANEL) as figure:
+    with drawing(PANEL[0], 1.25 * PANEL[1]) as figure:
         axes = figure.subplots()
         if np.isfinite(measured).any():
             axes.plot(x, measured, color=NEUTRAL, label=_source(table), **MEASURED)

@@ -185,7 +185,7 @@ def _power_figure(table: EnergyTable, arrays: Arrays) -> Figure:
     shank."""
     middle = 0.5 * (arrays["percent"][1:] + arrays["percent"][:-1])
     homes = np.array([row.fulcrum_mm for row in table.trials])
-    with drawing(*PANEL) as figure:
+    with drawing(PANEL[0], 1.15 * PANEL[1]) as figure:
         axes = figure.subplots()
         for home in sorted(set(homes)):
             for body, look in (
