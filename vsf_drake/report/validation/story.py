@@ -19,6 +19,8 @@ _LEFT = 34.0
 _RIGHT = 14.0
 _TOP = 22.0
 _BOTTOM = 32.0
+_TICK_PX = 20.0
+"""Least distance of ticks one above the other."""
 _ARROW_MM = 45.0
 """Length of the arrow of the largest load of all settings on the keel."""
 _ABOVE_MM = 52.0
@@ -58,9 +60,10 @@ class Panel:
     def ticks(self) -> dict[str, list[tuple[str, str]]]:
         """Of each axis: where, as SVG has it, and what stands there."""
         found = {}
+        room = self.high - _TOP - _BOTTOM
         for axis, place, (low, high), most in (
             ("x", self.across, self.x_range, 5),
-            ("y", self.down, self.y_range, 4),
+            ("y", self.down, self.y_range, int(room / _TICK_PX)),
         ):
             ticks = np.asarray(MaxNLocator(most).tick_values(low, high))
             found[axis] = [
