@@ -110,7 +110,7 @@ FOLLOWS = """<!doctype html><meta charset="utf-8"><pre id="seen"></pre>
 const page = document.getElementById("page"), wait = ms => new Promise(done => setTimeout(done, ms));
 page.onload = async () => {
   const story = page.contentDocument, slider = story.getElementById("fulcrum"), seen = [];
-  const now = () => story.getElementById("replay").contentDocument.getElementById("now").textContent;
+  const now = () => story.getElementById("replay").contentDocument.getElementById("part").selectedOptions[0].textContent;
   for (const value of [slider.defaultValue, slider.max, 0]) {
     slider.value = value;
     slider.dispatchEvent(new page.contentWindow.Event("input"));
@@ -146,7 +146,7 @@ def test_one_slider_leads_the_curves_the_foot_and_the_replay(quick_validation, t
     seen = json.loads(html.unescape(found))
     assert [one["mm"] for one in seen] == ["108", "151", "66"]
     for one in seen:
-        assert f"fulcrum {one['mm']} mm" in one["now"], "the replay is of this setting"
+        assert one["now"] == f"fulcrum {one['mm']} mm", "the replay is of this setting"
     for parts in zip(*(one["parts"] for one in seen), strict=True):
         assert len(set(parts)) == len(seen), "each part is another at each setting"
 
