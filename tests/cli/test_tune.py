@@ -16,6 +16,7 @@ import pytest
 import yaml
 from command_line import exit_code, read_json
 from made_tuning import BEST_MM, POSITIONS, failed_table, small_table
+from page_layers import both_layers
 from sweep_files import copied
 
 from vsf_drake.base.files import resource
@@ -248,7 +249,7 @@ def test_each_level_gets_its_options_and_its_progress_is_shown(run, tmp_path, mo
         tmp_path / "free",
     )
     assert run(*common, *words)[0] == 0
-    page = (tmp_path / "free" / "report.html").read_text(encoding="utf-8")
+    page = both_layers(tmp_path / "free")
     assert "whose gait is optimised together with the setting (level 2)" in page
     options = seen["options"]
     assert (seen["trials"], seen["cost"], seen["labels"], seen["warm"]) == (

@@ -62,7 +62,7 @@ def page(templates):
         )
         return chapter_page(
             [made], title="A <title>", first_line="Walking data are SYNTHETIC.", synthetic=True
-        )[0]
+        )[0][0]
 
     return of
 
@@ -140,7 +140,7 @@ def written(templates, text, folder, **options):
         figures={"line": drawn()},
         facts=WIDE | {"bad": True, "odd": "a < b & c", "name": "<x>", "share": 0.5},
     )
-    return chapter_page(
+    pages, shown = chapter_page(
         [made],
         title="A <title>",
         first_line="Walking data are SYNTHETIC.",
@@ -148,6 +148,7 @@ def written(templates, text, folder, **options):
         folder=folder,
         **options,
     )
+    return pages[0], shown
 
 
 def test_a_chapter_is_its_template_filled_in_and_leaves_files_of_what_it_shows(templates, tmp_path):

@@ -91,7 +91,8 @@ def test_a_sweep_marks_where_the_fulcrum_stood_and_names_what_is_wrong():
     lines = figure.axes[0].get_lines()
     assert [line.get_xdata()[0] for line in lines[:2]] == [66.0, 151.0]
     assert [line.get_xdata()[0] for line in lines if line.get_marker() == "*"] == [66.0, 120.0]
-    assert [text.get_text() for text in figure.axes[0].texts] == ["stiff: WRONG"]
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert texts == ["66 mm", "151 mm", "stiff: WRONG"]
     failed = line_of(
         made_trial(fulcrum_mm=70.0), grf_rmse_bw=(None,) * 18, best_mm=None, right=False
     )

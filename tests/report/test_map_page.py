@@ -6,7 +6,9 @@ import re
 
 import numpy as np
 import pytest
+from browser import chromium, look
 from made_map import AXES, made_map
+from page_layers import both_layers
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.report.map_page import MAP, curves_figure, map_rows, read_map, write_map
@@ -20,7 +22,7 @@ def radius(m, s, x):
 def page(tmp_path, **more):
     mapped = made_map(radius, tuple(np.linspace(0.9, 1.1, 19)), **more)
     write_map(tmp_path, mapped.table, mapped.arrays)
-    return " ".join((tmp_path / "report.html").read_text(encoding="utf-8").split())
+    return " ".join(both_layers(tmp_path).split())
 
 
 def test_the_first_words_are_that_it_does_not_prescribe_and_prost_is_named(tmp_path):
@@ -85,3 +87,39 @@ def test_rows_hold_the_ends_of_the_reach_and_their_bands():
     assert first["radius_low"] == pytest.approx(0.09) and last["radius_high"] == pytest.approx(
         0.355 * 1.1
     )
+
+
+CELLS = """
+const put = (name, value) => {
+  const slider = document.getElementById(`what-${name}`);
+  slider.value = value;
+  slider.dispatchEvent(new Event("input"));
+};
+const seen = [];
+for (const mass of [50, 70, 90, 110]) for (const slope of [-6, -2, 2, 6]) for (const mm of [66, 83, 100, 117, 134, 151]) {
+  put("mass_kg", mass); put("slope_deg", slope); put("fulcrum_mm", mm);
+  seen.push(["eflr", "returned", "stiffness"].map(name => +document.getElementById(`what-${name}`).dataset.value));
+}
+put("mass_kg", 60); put("slope_deg", 0); put("fulcrum_mm", 91.5);
+return {seen, between: +document.getElementById("what-returned").dataset.value};
+"""  # noqa: E501
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)"
+)
+def test_sliders_give_the_computed_cells_and_the_surface_between_them_without_a_network(tmp_path):
+    """The made foot returns 0.8 m / x joules of m kg with the fulcrum at x mm."""
+    text = page(tmp_path)
+    (tmp_path / "work").mkdir()
+    seen = look(tmp_path / "report.html", tmp_path / "work", width=390, act=CELLS)
+    assert (seen.console, seen.requests, seen.out) == ([], [], []) and len(text) < 2e6
+    cells = [
+        (0.6 + 0.002 * (x - 66.0), 0.8 * m / x, 10.0 + 0.2 * (x - 66.0))
+        for m in (50.0, 70.0, 90.0, 110.0)
+        for _ in range(4)
+        for x in (66.0, 83.0, 100.0, 117.0, 134.0, 151.0)
+    ]
+    np.testing.assert_allclose(seen.acted["seen"], cells, rtol=0.01)
+    assert seen.acted["between"] == pytest.approx(0.8 * 60.0 / 92.0, rel=0.02), "rounded to 1 mm"

@@ -141,9 +141,7 @@ def test_a_gap_and_an_unknown_force_are_marked_where_they_are(imported, page):
     }
     assert label in found[0.5, 0.7].text
     bands = {
-        round(patch.get_x(), 3)
-        for patch in force_figure(item).axes[0].patches
-        if patch.get_alpha() == 0.15
+        round(patch.get_x(), 3) for patch in force_figure(item).axes[0].patches if patch.get_hatch()
     }
     assert 0.5 in bands
 

@@ -26,7 +26,7 @@ from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.foot_visuals import SPHERE
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.report import replay
-from vsf_drake.report.replay import LOADED, make_frames, write_replay
+from vsf_drake.report.replay import LOADED, make_frames, walk_replay
 from vsf_drake.report.show.drawing import open_meshcat
 from vsf_drake.simulation.results import load_walk, save_walk
 
@@ -105,10 +105,8 @@ def plate():
     )
 
 
-def replay_page(tmp_path, walk, **options):
-    path = tmp_path / "replay.html"
-    write_replay(walk, path, frame_rate_hz=RATE_HZ, **options)
-    return path.read_text(encoding="utf-8")
+def replay_page(walk, **options):
+    return walk_replay(walk, frame_rate_hz=RATE_HZ, **options)
 
 
 def rotation(quaternion):
@@ -127,7 +125,7 @@ def rotation(quaternion):
 def test_bodies_are_where_forward_kinematics_puts_them(tmp_path, side):
     save_walk(short_walk(side), tmp_path / "walk")
     walk = load_walk(tmp_path / "walk")
-    page = replay_page(tmp_path, walk)
+    page = replay_page(walk)
     animation, model = tracks(page), gait(side)
     context = model.plant.CreateDefaultContext()
     set_mount(
@@ -212,7 +210,7 @@ def test_frames_between_samples_are_interpolated():
 
 def test_arrow_stands_at_the_centre_of_pressure_and_is_a_metre_for_a_body_weight(tmp_path):
     walk = short_walk(grf_W=np.tile(FORCE_W, (SAMPLES, 1)))
-    animation = tracks(replay_page(tmp_path, walk))
+    animation = tracks(replay_page(walk))
     arrow = animation["/forces/prosthetic predicted/arrow"]
     np.testing.assert_array_equal(arrow["visible"][1], walk.time_s[::2] >= 0.52 - 1e-9)
     np.testing.assert_allclose(arrow["position"][1], walk.cop_W[12::2], atol=1e-12)
@@ -224,7 +222,7 @@ def test_arrow_stands_at_the_centre_of_pressure_and_is_a_metre_for_a_body_weight
 
 
 def test_plate_is_drawn_beside_the_prediction_while_it_records(tmp_path):
-    page = replay_page(tmp_path, short_walk(), plate=plate())
+    page = replay_page(short_walk(), plate=plate())
     arrow, head = (
         tracks(page)[f"/forces/prosthetic measured/arrow{part}"] for part in ("", "/head")
     )
@@ -232,7 +230,7 @@ def test_plate_is_drawn_beside_the_prediction_while_it_records(tmp_path):
     np.testing.assert_allclose(arrow["position"][1], np.tile([0.5, 0.2, 0.0], (6, 1)))
     np.testing.assert_allclose(head["position"][1][-1], [0.0, 0.0, 1.0])
     assert "prosthetic foot, measured" in page and "intact foot, measured" not in page
-    both = replay_page(tmp_path, short_walk(), plate=plate(), intact_plate=plate())
+    both = replay_page(short_walk(), plate=plate(), intact_plate=plate())
     assert "intact foot, measured" in both and "/forces/intact measured/arrow" in tracks(both)
     # it loads nothing from a network
     assert not re.findall(r"<(?:script|img|iframe|link|source)[^>]*\s(?:src|href)\s*=", page)
@@ -240,7 +238,6 @@ def test_plate_is_drawn_beside_the_prediction_while_it_records(tmp_path):
     assert 1e5 < len(page) < 15e6
     assert "UNFITTED" not in page
     shouted = replay_page(
-        tmp_path,
         short_walk(
             synthetic=True, converged=False, unconverged_steps=3, notes=("UNFITTED: to <nobody>",)
         ),
@@ -255,9 +252,32 @@ def test_plate_is_drawn_beside_the_prediction_while_it_records(tmp_path):
     assert "measured<" not in shouted and "recorded walk" not in shouted
 
 
+def test_a_walk_at_other_settings_is_played_one_at_a_time_and_the_plate_is_its_own_alone():
+    walk = short_walk()
+    stiff = dataclasses.replace(walk, fulcrum_m=np.full(SAMPLES, 0.151), grf_W=2.0 * walk.grf_W)
+    page = replay_page(walk, plate=plate(), settings={0.108: walk, 0.151: stiff})
+    frames = len(np.arange(0.4, 0.6401, 0.02))
+    seen = tracks(page)
+    own, other = (seen[f"/forces{part}/prosthetic predicted/arrow"] for part in ("", "1"))
+    assert max(own["position"][0]) < frames <= min(other["position"][0])
+    assert "/forces1/prosthetic measured/arrow" not in seen
+    assert re.findall(r"<option value=.\d+.>(.*?)</option>", page) == [
+        "fulcrum 108 mm",
+        "fulcrum 151 mm",
+    ]
+
+
+def test_the_time_bar_has_ticks_on_the_clock_of_the_recording():
+    page = replay_page(short_walk())
+    ticks = re.findall(r'<span style="left:([\d.]+)%">([\d.]+)', page)
+    assert len(ticks) >= 3
+    for share, instant in ticks:
+        assert 0.4 + 0.24 * float(share) / 100.0 == pytest.approx(float(instant), abs=1e-4)
+
+
 def test_trial_name_is_text_and_nothing_else(tmp_path):
     name = r'</title><script>alert("1")</script> & \g<0>'
-    page = replay_page(tmp_path, short_walk(trial_name=name))
+    page = replay_page(short_walk(trial_name=name))
     assert name not in page and '<script>alert("1")' not in page
     assert f"<title>{escape(name)}: recorded walk</title>" in page
     assert page.count(escape(name)) == 2
@@ -281,10 +301,9 @@ def test_trial_name_is_text_and_nothing_else(tmp_path):
         ),
     ],
 )
-def test_walk_that_cannot_be_shown_leaves_no_file(tmp_path, changes, words):
+def test_walk_that_cannot_be_shown_says_why(changes, words):
     with pytest.raises(InputError, match=re.escape(words)):
-        write_replay(short_walk(**changes), tmp_path / "replay.html")
-    assert not list(tmp_path.iterdir())
+        walk_replay(short_walk(**changes))
 
 
 def test_no_server_remains(tmp_path, monkeypatch):
@@ -299,7 +318,7 @@ def test_no_server_remains(tmp_path, monkeypatch):
         return meshcat
 
     monkeypatch.setattr(replay, "open_meshcat", noted)
-    write_replay(short_walk(), tmp_path / "replay.html")
+    walk_replay(short_walk())
     with socket.socket() as client:
         assert client.connect_ex(servers[0]) != 0
 
@@ -338,7 +357,7 @@ const wait = setInterval(() => {
 @pytest.mark.parametrize("width", [1300, 390])
 def test_the_time_bar_leads_the_walk_and_the_page_needs_nothing_else(tmp_path, width):
     walk = short_walk()
-    page = replay_page(tmp_path, walk, plate=plate(), intact_plate=plate())
+    page = replay_page(walk, plate=plate(), intact_plate=plate())
     last = (
         make_frames(walk, plate=None, rate_hz=RATE_HZ).forces["prosthetic predicted"].force_W[-1, 2]
     )

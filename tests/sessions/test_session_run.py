@@ -8,6 +8,7 @@ import re
 import pytest
 from command_line import exit_code, read_json
 from made_session import FACTS
+from page_layers import both_layers
 
 import vsf_drake as vsf
 from vsf_drake.base.errors import InputError
@@ -54,7 +55,7 @@ def test_where_names_tell_all_it_goes_straight_on_and_names_what_it_leaves_out(
         "151 mm 3.c3d": (FITTED, 151.0),
     }
     assert fitted == ["66mm_1", "151 mm 3"] and held_out == ["F108 walk2"]
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    page = both_layers(tmp_path / "out")
     for told in ("66mm_9.c3d", "export_failed.c3d", "static yesterday.c3d", "1 day", "SYNTHETIC"):
         assert told in page
     assert 'src="import/replay.html"' in page, "to be played"
@@ -93,7 +94,7 @@ def test_a_step_is_done_again_only_if_what_it_is_made_of_has_changed(
     )
     found = again()
     assert not imports and [step.kept for step in found.table.steps] == [True]
-    assert "new shoes" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "new shoes" in both_layers(tmp_path / "out")
     table.write_text(table.read_text().replace("walk,108,", "walk,129,"))
     again()
     assert len(imports) == 1 and "129.0" in imports[0]

@@ -124,7 +124,7 @@ def validate(
 
     def grown(finished: Mapping[str, Finished], to_come: list[str]) -> None:
         page = write_unfinished(
-            *validation_content(study, finished, exact=exact), out, to_come=to_come
+            *validation_content(study, finished, exact=exact), out, study=study, to_come=to_come
         )
         if not said:
             say(f"{page} can be opened; it grows until this command ends")

@@ -57,6 +57,7 @@ if TYPE_CHECKING:  # it would bring Drake
 _ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
 # inches, and letters on a line of the title
 WIDTH = 5.4
+_ASIDE_S = 0.1  # of time before and after what is compared
 TITLE_WIDTH = 60
 # stances that the legend tells apart; a longer recording shows its footprints without one
 MOST_LABELLED = 4
@@ -258,7 +259,7 @@ def walk_figure(
             if curves:
                 draw_layers(axes, curves["time_s"], curves, column)
             label(axes, x="time (s)", y="force (BW)", title=name + _error(error, "BW", off))
-            axes.set_xlim(comparison.time_s[0], comparison.time_s[-1])
+            axes.set_xlim(*_seen_s(comparison))
         _centre_of_pressure(panels[2, 0], result, comparison, metrics, colour)
         _zones(panels[2, 1], result, comparison)
         handles: list[Artist] = [
@@ -315,6 +316,19 @@ def zone_loads(result: WalkResult) -> dict[str, np.ndarray]:
         zone: result.sphere_normal_n[:, names == zone].sum(axis=1)
         for zone in dict.fromkeys(result.sphere_zones)
     }
+
+
+def _seen_s(comparison: Comparison) -> tuple[float, float]:
+    """From when to when there is something to see: what is compared, of a walk without a plate
+    everything (s)."""
+    spans = [item.span for item in comparison.stances]
+    whole = (float(comparison.time_s[0]), float(comparison.time_s[-1]))
+    if not spans:
+        return whole
+    return (
+        max(min(start for start, _ in spans) - _ASIDE_S, whole[0]),
+        min(max(end for _, end in spans) + _ASIDE_S, whole[1]),
+    )
 
 
 def _error(value: float | None, unit: str, off: str = "RMSE") -> str:
@@ -393,7 +407,7 @@ def _zones(axes: Axes, result: WalkResult, comparison: Comparison) -> None:
             linestyle=_ZONE_LINES[i % len(_ZONE_LINES)],
             label=zone.replace("_", " ").replace("posterior", "post.").replace("anterior", "ant."),
         )
-    axes.set_xlim(comparison.time_s[0], comparison.time_s[-1])
+    axes.set_xlim(*_seen_s(comparison))
     axes.set_ylim(0.0, 2.0 * max(1.0, *(float(np.max(load)) for load in loads.values())))
     axes.legend(loc="upper left", ncols=2, handlelength=1.2, columnspacing=0.6, handletextpad=0.4)
     label(axes, x="time (s)", y="normal force (N)", title="Simulated load by zone")

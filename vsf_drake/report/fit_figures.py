@@ -421,6 +421,15 @@ def fit_sweep_figure(trials: Sequence[TrialSweep], *, synthetic: bool) -> Figure
         axes = figure.subplots()
         for setting in sorted({fulcrum_mm for _, fulcrum_mm, _ in trials}):
             axes.axvline(setting, color=colour_of(setting), linewidth=6.0, alpha=0.3, zorder=0)
+            axes.text(
+                setting,
+                1.01,
+                f"{setting:g} mm",
+                color=colour_of(setting),
+                fontweight="bold",
+                ha="center",
+                transform=axes.get_xaxis_transform(),
+            )
         for trial in trials:
             _sweep(axes, *trial)
         log_scale(axes.yaxis)

@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.base.files import plain, write_text
@@ -296,6 +298,8 @@ _ANGLES = (
     ("knee_angle", "Knee flexion"),
 )
 _SWING_SHARE = 1.6
+_ABLE_BODIED: dict[str, Any] = {"color": NEUTRAL, "linewidth": 0.9, "linestyle": "--"}
+_ASIDE_S = 0.1  # of time before and after what is loaded
 _TIME = "time (s)"
 _LINE_M = 0.045  # a line of text beside the drawn person
 OFF_BW = 0.03  # vertical force of able-bodied walking (body weights) below which a foot has left
@@ -441,10 +445,11 @@ def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
 
 
 def force_figure(item: Examined) -> Figure:
-    """Vertical, fore-aft and medio-lateral force of each foot in body weights; shaded: the trial's
-    window, and in a darker colour what is wrong there; broken: able-bodied walking at this speed,
-    over whole stances."""
+    """Vertical, fore-aft and medio-lateral force of each foot in body weights, while a foot is
+    loaded; grey: the trial's window; hatched: what is wrong there; broken: able-bodied walking at
+    this speed, over whole stances."""
     trial = item.trial
+    wrong = [*flaws(item)]
     normal = normal_of(trial)
     share = np.linspace(0.0, 1.0, 101)
     with drawing(PANEL[0], 5.6) as figure:
@@ -465,23 +470,38 @@ def force_figure(item: Examined) -> Figure:
                     axes.plot(
                         stance.start_s + share * stance.duration_s,
                         normal[0].at(FORCES[column // 2], share * normal[1]),
-                        color=NEUTRAL,
-                        linewidth=0.9,
-                        linestyle="--",
+                        **_ABLE_BODIED,
                     )
-            axes.axvspan(trial.start_s, trial.end_s, color="0.95", zorder=0, linewidth=0)
-            for flaw in flaws(item):
+            axes.axvspan(trial.start_s, trial.end_s, color=SHADE, zorder=0, linewidth=0)
+            for flaw in wrong:
                 axes.axvspan(
-                    flaw.start_s, flaw.end_s, color=flaw.colour, alpha=0.15, zorder=0, linewidth=0
+                    flaw.start_s,
+                    flaw.end_s,
+                    facecolor="none",
+                    edgecolor=flaw.colour,
+                    hatch="////",
+                    alpha=0.4,
+                    zorder=0,
+                    linewidth=0,
                 )
             label(axes, x=_TIME, y="force (body weights)", title=title)
-        return _with_legend(
-            figure,
-            item,
-            "shaded: the part used",
-            "darker: see the replay's time bar" if [*flaws(item)] else "",
-            "broken: able-bodied, mean" if normal else "",
-        )
+        figure.axes[0].set_xlim(*_loaded_s(trial))
+        handles: list[Artist] = [Patch(facecolor=SHADE, edgecolor=NEUTRAL, label="the part used")]
+        if wrong:
+            known = "doubtful: see the replay's time bar"
+            handles.append(Patch(facecolor="none", edgecolor=NEUTRAL, hatch="////", label=known))
+        if normal:
+            handles.append(Line2D([], [], label="able-bodied, mean", **_ABLE_BODIED))
+        return _with_legend(figure, item, handles=handles)
+
+
+def _loaded_s(trial: Trial) -> tuple[float, float]:
+    """From when to when a foot is loaded, or the trial's window if that is longer (s)."""
+    ends = [trial.start_s, trial.end_s]
+    for plate in trial.plates.values():
+        loaded = plate.time_s[plate.force_W[:, 2] > REST_N]
+        ends += [*loaded[:1], *loaded[-1:]]
+    return min(ends) - _ASIDE_S, max(ends) + _ASIDE_S
 
 
 def floor_figure(item: Examined) -> Figure:
@@ -520,9 +540,11 @@ def floor_figure(item: Examined) -> Figure:
         return _with_legend(figure, item)
 
 
-def _with_legend(figure: Figure, item: Examined, *more: str) -> Figure:
+def _with_legend(
+    figure: Figure, item: Examined, *more: str, handles: Sequence[Artist] = ()
+) -> Figure:
     prosthetic = item.trial.subject.prosthetic_side
-    handles = [
+    entries: list[Artist] = [
         Line2D(
             [],
             [],
@@ -531,12 +553,13 @@ def _with_legend(figure: Figure, item: Examined, *more: str) -> Figure:
         )
         for side in SIDES
     ]
-    handles += [
+    entries += handles
+    entries += [
         Line2D([], [], color="none", label=text)
         for text in (*more, "SYNTHETIC, not recorded" if item.trial.synthetic else "")
         if text
     ]
-    legend_below(figure, handles)
+    legend_below(figure, entries)
     return figure
 
 

@@ -37,6 +37,9 @@ LOOKS: dict[str, tuple[str, dict[str, Any]]] = {
     "person": ("person's own curve", {"color": "black", "linewidth": 1.2}),
 }
 """By name in `walks.prediction.layer_curves`: what a legend calls it, and its look."""
+_LOADED_BW = 0.02
+_ASIDE_S = 0.1
+"""What counts as stance, and how much is shown before and after it (choices)."""
 BAND: dict[str, Any] = {"color": "black", "alpha": 0.16, "linewidth": 0.0}
 INTERVAL = "its 80 % interval"
 
@@ -72,7 +75,11 @@ def layers_figure(curves: Arrays, setting: AtSetting, *, synthetic: bool) -> Fig
             axes.plot(curves["time_s"], curves["physics"][:, k], color=colour, **SIMULATED)
             draw_layers(axes, curves["time_s"], curves, k)
             label(axes, x="time (s)" if k == 1 else "", y="force (BW)", title=COMPONENTS[k])
-        panels[0].set_xlim(curves["time_s"][0], curves["time_s"][-1])
+        loaded = curves["time_s"][
+            np.nan_to_num(np.fmax(curves["plate"][:, 2], curves["physics"][:, 2])) > _LOADED_BW
+        ]
+        if loaded.size:
+            panels[0].set_xlim(loaded[0] - _ASIDE_S, loaded[-1] + _ASIDE_S)
         known = [
             entry("plate", color=colour, **MEASURED),
             entry("physics alone", color=colour, **SIMULATED),

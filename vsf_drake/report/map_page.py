@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,10 @@ _MEASURES = {
 }
 """By panel: what the published table calls it, and what leads from its unit to the panel's."""
 _FEET = {"LLTE": "tab:green", "Horizon LT": "tab:red", "daily-use": "tab:blue"}
+_TOLD_FIRST = ("eflr", "returned", "stiffness")
+"""Quantities that a prosthetist has words for."""
+_STEPS = {"mass_kg": 1.0, "slope_deg": 0.5, "fulcrum_mm": 1.0}
+"""Of the sliders."""
 _CURVES = 60
 _ROWS = 5
 _TARGETS_M = (0.2, 0.25, 0.3, 0.35, 0.4, 0.5)
@@ -81,6 +86,7 @@ def map_page(
 
 
 MAP = ResultsFolder(
+    layered=True,
     kind="stiffness map",
     command="map",
     table="map.json",
@@ -131,6 +137,7 @@ def _answer(mapped: StiffnessMap, drawn: list[str]) -> _Told:
         figures,
         {
             "drawn": list(figures),
+            "what_if": _what_if(mapped),
             "rows": map_rows(mapped),
             "published": [
                 row
@@ -139,6 +146,44 @@ def _answer(mapped: StiffnessMap, drawn: list[str]) -> _Told:
             ],
         },
     )
+
+
+def _what_if(mapped: StiffnessMap) -> dict[str, Any]:
+    """The surface at every cell's mass and slope and at fulcrum positions 1 mm apart at most, as
+    sliders of the page read it: axes, and numbers by quantity, the fulcrum running fastest."""
+    axes = mapped.table.axes
+    positions = _refined(axes["fulcrum_mm"])
+    others = [name for name in ("mass_kg", "slope_deg") if len(axes[name]) > 1]
+    places = [
+        dict(zip(others, values, strict=True))
+        for values in itertools.product(*(axes[name] for name in others))
+    ]
+    known = [item.name for item in mapped.table.quantities]
+    return {
+        "axes": [
+            *({"name": name, "at": axes[name], "step": _STEPS[name]} for name in others),
+            {"name": "fulcrum_mm", "at": positions, "step": _STEPS["fulcrum_mm"]},
+        ],
+        "start": {name: axes[name][len(axes[name]) // 2] for name in (*others, "fulcrum_mm")},
+        "values": {
+            name: [
+                float(f"{value:.5g}")
+                for place in places
+                for value in mapped.along(name, np.array(positions), **place)[0]
+            ]
+            for name in _TOLD_FIRST
+            if name in known
+        },
+    }
+
+
+def _refined(values: Sequence[float]) -> list[float]:
+    """Steps of 1 mm at most, all of the values among them."""
+    steps = [
+        np.linspace(low, high, int(np.ceil(high - low)) + 1)[:-1]
+        for low, high in itertools.pairwise(values)
+    ]
+    return [*np.concatenate([*steps, values[-1:]]).tolist()]
 
 
 def _axis(mapped: StiffnessMap, name: str) -> _Told:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.base.files import plain, read_json
+from vsf_drake.base.files import plain, read_json, write_text
 from vsf_drake.base.schema import to_plain
 from vsf_drake.base.tables import tables_module
 from vsf_drake.device.bench_metrics import BenchTable, bench_table
@@ -18,7 +18,7 @@ from vsf_drake.motion.formats.tables import write_opensim
 from vsf_drake.motion.trial import Trial
 from vsf_drake.report.figures import bench_figure, standing_figure, sweep_figure, walk_figure
 from vsf_drake.report.page import write_csv
-from vsf_drake.report.replay import write_replay
+from vsf_drake.report.replay import walk_replay
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import Arrays, save_figure
 from vsf_drake.simulation.results import (
@@ -108,9 +108,8 @@ def write_walk(
             folder / "walk",
         )
         if replay:
-            write_replay(
-                result, folder / "replay.html", plate=plate, intact_plate=trial.intact_plate
-            )
+            page = walk_replay(result, plate=plate, intact_plate=trial.intact_plate)
+            write_text(folder / "replay.html", page)
         if person is not None:
             columns = person.columns()
             rows = zip(*columns.values(), strict=True)

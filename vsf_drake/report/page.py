@@ -276,8 +276,9 @@ def chapter_page(
     folder: Path | None = None,
     lenient: bool = False,
     svg: bool = False,
-) -> tuple[Markup, list[ShownChapter]]:
-    """The page, and its chapters as they are shown.
+    layers: Sequence[str] = ("",),
+) -> tuple[list[Markup], list[ShownChapter]]:
+    """The page, of two layers both, and its chapters as they are shown.
 
     Args:
         first_line: what is measured and what is not, in plain text.
@@ -286,16 +287,24 @@ def chapter_page(
         svg: whether figures lie there as SVG too.
         lenient: whether what cannot be shown is named in its place instead of raising: of another
             version, or edited.
+        layers: the file of the page; two, and the chapters with a title stand in the second, its
+            appendix.
     """
     shown = [ShownChapter(chapter, folder, lenient=lenient, svg=svg) for chapter in chapters]
-    return render(
-        "chapters.html.j2",
-        title=title,
-        first_line=first_line,
-        synthetic=synthetic,
-        alarm=alarm,
-        chapters=shown,
-    ), shown
+    story, appendix = (layers[0], layers[1]) if len(layers) > 1 else ("", "")
+    return [
+        render(
+            "chapters.html.j2",
+            title=title,
+            first_line=first_line,
+            synthetic=synthetic,
+            alarm=alarm,
+            chapters=shown,
+            appendix="" if file == appendix else appendix,
+            story=story if file == appendix else "",
+        )
+        for file in layers
+    ], shown
 
 
 def write_csv(path: Path, headings: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:

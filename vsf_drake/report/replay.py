@@ -4,20 +4,20 @@ network."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from matplotlib.colors import to_hex, to_rgb
+from matplotlib.ticker import MaxNLocator
 from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Role, SceneGraph, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.perception import PointCloud
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.base.files import write_text
 from vsf_drake.base.schema import from_plain
 from vsf_drake.model.model_file import check_model
 from vsf_drake.model.parameters import GRAVITY, ModelParameters, Subject
@@ -86,15 +86,18 @@ _ARROWS = {
 in a wide one."""
 
 
-def write_replay(
+def walk_replay(
     result: WalkResult,
-    path: str | Path,
     *,
     plate: PlateRecording | None = None,
     intact_plate: PlateRecording | None = None,
+    settings: Mapping[float, WalkResult] = MappingProxyType({}),
     frame_rate_hz: float = 100.0,
-) -> None:
-    """Writes the replay of `result` as one HTML file that opens without a network; never simulates.
+) -> str:
+    """The replay of `result` as one HTML page that opens without a network; never simulates.
+
+    `settings`: the same walk by where the fulcrum stood (m), `result` among them; one of them is
+    seen at a time, the plates beside `result` alone.
 
     The person and the prosthesis move as saved; head, trunk and arms are drawn. Arrows at the
     centre of pressure show the force of the ground (40 Hz, one metre for a body weight), dots the
@@ -102,37 +105,44 @@ def write_replay(
     the intact foot as `intact_plate` did. A time bar below has the vertical forces. The result must
     hold the parameters and coordinates of a person.
     """
-    walk = Shown(
-        name=result.trial_name,
-        subject=_part(result, "subject", Subject),
-        model=check_model(_part(result, "model", ModelParameters)),
-        offsets=_part(result, "offsets", GeometricOffsets),
-        names=result.coordinate_names,
-        whole=True,
-        frames=make_frames(result, plate=plate, intact_plate=intact_plate, rate_hz=frame_rate_hz),
-    )
+    model = check_model(_part(result, "model", ModelParameters))
+    foot = model.foot
+    walks = [
+        Shown(
+            name=setting_words(foot, round(fulcrum_m, 3)),
+            subject=_part(one, "subject", Subject),
+            model=model,
+            offsets=_part(one, "offsets", GeometricOffsets),
+            names=one.coordinate_names,
+            whole=True,
+            frames=make_frames(
+                one,
+                plate=plate if one is result else None,
+                intact_plate=intact_plate if one is result else None,
+                rate_hz=frame_rate_hz,
+            ),
+        )
+        for fulcrum_m, one in (settings or {float(result.fulcrum_m[0]): result}).items()
+    ]
     weight = GRAVITY * result.subject_mass_kg
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
-    write_text(
-        path,
-        replay_page(
-            [[walk]],
-            f"{result.trial_name}: {kind}",
-            "replay.html.j2",
-            enlarged=True,
-            walk=result,
-            states=[
-                word
-                for word in (UNFITTED, UNUSABLE_RECORDING)
-                if any(note.startswith(word) for note in result.notes)
-            ],
-            passive="" if moves(walk.model.foot) else setting_words(walk.model.foot, 0.0),
-            fulcrum_mm=np.round(1e3 * walk.frames.fulcrum_m, 1).tolist(),
-            weight_n=weight,
-            intact_peak_bw=float(result.intact_grf_W[:, 2].max()) / weight,
-            full_percent=100 * FULL_COLOUR_BW,
-            loaded=to_hex(LOADED),
-        ),
+    return replay_page(
+        [[walk] for walk in walks],
+        f"{result.trial_name}: {kind}",
+        "replay.html.j2",
+        enlarged=True,
+        walk=result,
+        states=[
+            word
+            for word in (UNFITTED, UNUSABLE_RECORDING)
+            if any(note.startswith(word) for note in result.notes)
+        ],
+        passive="" if moves(foot) else setting_words(foot, 0.0),
+        fulcrum_mm=[np.round(1e3 * walk.frames.fulcrum_m, 1).tolist() for walk in walks],
+        weight_n=weight,
+        intact_peak_bw=float(result.intact_grf_W[:, 2].max()) / weight,
+        full_percent=100 * FULL_COLOUR_BW,
+        loaded=to_hex(LOADED),
     )
 
 
@@ -185,6 +195,7 @@ def replay_page(
                 "name": ", ".join(walk.name for walk in part),
                 "span": [first / rate, (first + frames - 1) / rate],
                 "start": float(part[0].frames.time_s[0]),
+                "ticks": _ticks(part[0].frames.time_s),
                 "roots": list(dict.fromkeys(roots)),
                 "curves": curves,
                 "flaws": [flaw for walk in part for flaw in walk.flaws],
@@ -204,6 +215,19 @@ def replay_page(
         rate_hz=rate,
         **facts,
     )
+
+
+def _ticks(time_s: np.ndarray) -> list[tuple[str, str]]:
+    """Where on the time bar (%) which instant of the recording's clock is (s)."""
+    start = float(time_s[0])
+    lasts = max(float(time_s[-1]) - start, 1e-9)
+    shown = np.asarray(MaxNLocator(6).tick_values(start, start + lasts))
+    shares = 100.0 * (shown - start) / lasts
+    return [
+        (f"{share:.2f}", f"{at:g}")
+        for share, at in zip(shares, shown, strict=True)
+        if 2.0 <= share <= 98.0
+    ]
 
 
 def _curve(

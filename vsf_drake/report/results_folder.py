@@ -27,6 +27,7 @@ from vsf_drake.report.page import FIGURES, TABLES, chapter_page
 from vsf_drake.simulation.archive import SIDECAR_FILE, check_target, result_folder
 
 PAGE = "report.html"
+APPENDIX = "appendix.html"
 CHAPTERS = tuple(
     f"{folder}/*{kind}"
     for folder, kinds in ((FIGURES, (".png", ".svg")), (TABLES, (".csv",)))
@@ -60,6 +61,12 @@ class ResultsFolder:
     # given
     valid: Callable[[Mapping[str, Any], Path], object] = lambda table, path: None
     show: Callable[..., Mapping[str, Any]] | None = None
+    layered: bool = False  # whether the page tells its story, and its chapters stand in an appendix
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Files of the page, the first being what is opened."""
+        return (PAGE, APPENDIX) if self.layered else (PAGE,)
 
     def check(self, out: str | Path) -> Path:
         """`out`, if such results can go there: a new or empty folder, or that of earlier ones,
@@ -68,7 +75,7 @@ class ResultsFolder:
         names = [
             *filter(None, (self.table, self.arrays)),
             *self.names,
-            *((PAGE, f"{FIGURES}/*", f"{TABLES}/*") if self.show else ()),
+            *((*self.layers, f"{FIGURES}/*", f"{TABLES}/*") if self.show else ()),
         ]
         check_target(
             out,
@@ -117,14 +124,22 @@ class ResultsFolder:
         return written
 
     def write_unfinished(
-        self, out: str | Path, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
+        self,
+        out: str | Path,
+        table: Mapping[str, Any],
+        arrays: Mapping[str, np.ndarray],
+        *,
+        more: Callable[[Path, dict[str, Any]], object],
     ) -> Path:
         """Writes the page of what there is so far, which says so; its table, by which it could be
-        read as results, is not there. What an earlier run left goes. Returns the page's path."""
+        read as results, is not there. `more` as for `write`. What an earlier run left goes. Returns
+        the page's path."""
+        shown = dict(table)
         with result_folder(
             out, self.kind, stale=(*self.stale, *CHAPTERS, self.table, self.arrays)
         ) as folder:
-            self._write_page(folder, folder, table, arrays, lenient=False)
+            more(folder, shown)
+            self._write_page(folder, folder, shown, arrays, lenient=False)
         return Path(out) / PAGE
 
     def read(self, folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -203,13 +218,15 @@ class ResultsFolder:
         """Page, figures and tables into `folder`; paths of these in it, and what is missing in
         sentences."""
         assert self.show is not None
-        page, shown = chapter_page(
+        pages, shown = chapter_page(
             **self.show(table, arrays, folder=out, lenient=lenient),
             folder=folder,
             lenient=lenient,
             svg=svg,
+            layers=self.layers,
         )
-        write_text(folder / PAGE, page)
+        for file, page in zip(self.layers, pages, strict=True):
+            write_text(folder / file, page)
         return (
             set().union(*(chapter.files for chapter in shown)),
             [f"{chapter.title}: {sentence}" for chapter in shown for sentence in chapter.missing],

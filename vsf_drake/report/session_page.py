@@ -49,6 +49,7 @@ def session_page(
 
 
 SESSION = ResultsFolder(
+    layered=True,
     kind="session",
     command="session",
     table="session.json",

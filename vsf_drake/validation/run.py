@@ -43,14 +43,17 @@ from vsf_drake.validation.bench_section import (
     standing_section,
 )
 from vsf_drake.validation.energy_section import EnergyTable, energy_section
+from vsf_drake.validation.moved_section import MovedTable, moved_section
 from vsf_drake.validation.roll_over_section import RollOverTable, roll_over_section
 from vsf_drake.validation.sensitivity_section import SensitivityTable
 from vsf_drake.validation.settings_section import SettingsTable
-from vsf_drake.validation.study import Section, Study
+from vsf_drake.validation.study import HELD_OUT, Section, Study
 from vsf_drake.validation.walking_section import (
     LayersTable,
     WalkingTable,
     layers_section,
+    summary,
+    walk_row,
     walking_section,
 )
 
@@ -71,6 +74,7 @@ class Part(NamedTuple):
 
 
 _SECTIONS = {  # what a page needs first comes first
+    "moved": Part(moved_section, MovedTable, 2.0),
     "bench": Part(bench_section, BenchSectionTable, 5.0),
     "walking": Part(walking_section, WalkingTable, 20.0),
     "energy": Part(energy_section, EnergyTable, 30.0),
@@ -82,7 +86,7 @@ EXACT = {f"{name}_exact": _SECTIONS[name] for name in ("layers", "walking")}
 """Sections of a second study: the same walks without errors of measurement."""
 SETTINGS = ("bench", "energy", "roll_over")
 """Sections of settings, of which a passive foot has one."""
-COMPARED = ("walking", "layers")
+COMPARED = ("moved", "walking", "layers")
 """Sections of the walks that have a plate."""
 LONG = {"settings": SettingsTable, "sensitivity": SensitivityTable}
 """Sections that come with the package, with the record that each holds."""
@@ -347,7 +351,8 @@ def validation_content(
     sections = {name: one.section for name, one in finished.items()}
     found = {name: section.table for name, section in sections.items() if section}
     bench_synthetic = study.bench is not None and study.bench.synthetic
-    summary = summary_rows(found, synthetic=study.synthetic, bench_synthetic=bench_synthetic)
+    rows = summary_rows(found, synthetic=study.synthetic, bench_synthetic=bench_synthetic)
+    held_out = summary([walk_row(walk) for walk in study.walks if walk.role == HELD_OUT])
     content = Validation(
         title=f"Validation: {study.walks[0].trial.subject.name or 'a walking person'}",
         first_line=first_line(study),
@@ -356,8 +361,10 @@ def validation_content(
                 "validation",
                 "verdict",
                 found=found,
+                held_out=held_out,
+                synthetic=study.synthetic,
                 to_come="walking" not in finished and bool(study.compared.walks),
-                summary=summary,
+                summary=rows,
                 passive=study.passive,
             )
         ),
@@ -398,7 +405,7 @@ def validation_content(
             },
             seed=study.options.seed,
         ),
-        summary=summary,
+        summary=rows,
     )
     return content, {
         f"{name}/{key}": array

@@ -100,8 +100,8 @@ class Study:
     @property
     def shown(self) -> StudyWalk:
         """The walk that stands for all to look at: a held-out one of the middle condition if there
-        is one."""
-        conditions = [*self.conditions().values()]
+        is one; with a plate if any walk has one."""
+        conditions = [*by_setting(self.compared.walks or self.walks).values()]
         middle = conditions[len(conditions) // 2]
         return next((walk for walk in middle if walk.role == HELD_OUT), middle[0])
 

@@ -3,28 +3,22 @@ not show."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.base.errors import SimulationError
 from vsf_drake.base.files import flat
 from vsf_drake.base.progress import Progress, part_of
 from vsf_drake.base.sentences import say
-from vsf_drake.laws.keel import chain
-from vsf_drake.model.parameters import FootParameters
 from vsf_drake.model.setting import AtSetting, moves
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.plants.foot import keel_joint_positions
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
-from vsf_drake.simulation.walk import Walk, Walker, trial_request
+from vsf_drake.simulation.walk import Walker
 from vsf_drake.validation.study import FITTED, HELD_OUT, OFFSETS_FITTED, Section, Study, StudyWalk
 from vsf_drake.validation.walking_curves import (
     LEAST_WALKS,
-    Curves,
     GroupDifference,
     compared_groups,
     free_moment_errors,
@@ -32,8 +26,7 @@ from vsf_drake.validation.walking_curves import (
     walk_curves,
 )
 from vsf_drake.walks.angle_errors import AngleErrorRow, JudgedTrial, angle_error_rows
-from vsf_drake.walks.between_settings import between_settings
-from vsf_drake.walks.comparison import compare, rmse
+from vsf_drake.walks.comparison import rmse
 from vsf_drake.walks.fulcrum_sweep import (
     SWEEP_POSITIONS,
     SWEEP_STEP_S,
@@ -41,8 +34,6 @@ from vsf_drake.walks.fulcrum_sweep import (
     sweep_positions,
     swept,
 )
-from vsf_drake.walks.metrics import walk_metrics
-from vsf_drake.walks.null_model import several_settings
 from vsf_drake.walks.numbers import Spread, by_setting, finite, rms, spread
 from vsf_drake.walks.phases import PhaseErrors, mean_phases
 from vsf_drake.walks.plate_score import judged, plate_scorer
@@ -52,7 +43,6 @@ from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, 
 from vsf_drake.walks.recorded_walk import with_contact
 
 ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)
-BETWEEN = "other walks, interpolated between settings"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,15 +152,6 @@ class LayersTable:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShownWalk(AtSetting):
-    """The walk of the arrays `moved_*`, and whose measured curves are its null model there: BETWEEN
-    settings, or those of one walk."""
-
-    label: str
-    null_label: str | None
-
-
-@dataclass(frozen=True, kw_only=True)
 class WalkingTable:
     """The walking section; conditions are softest first, summaries None without a walk of that
     role."""
@@ -181,7 +162,6 @@ class WalkingTable:
     fitted: RoleSummary | None
     offsets_fitted: RoleSummary | None
     angle_errors: tuple[AngleErrorRow, ...]
-    shown: ShownWalk | None  # None where no stance lies inside its window
     stance_r: float | None  # Pearson's over all walks
     stance_n: int
     angle_recording_rmse_deg: float | None  # of what a fit corrected of the recorded rotations
@@ -247,7 +227,7 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     """Every number of Table 3, per walk and per condition, and curves.
 
     Arrays (101 points of the measured stance; G is a group, Q one of QUANTITIES): those of
-    `compared_groups` and of `moved_fulcrum`.
+    `compared_groups`.
     """
     show = part_of(progress)
     sweeps, failures = sweep_study(study, progress=part_of(progress, 0.0, 0.7))
@@ -258,13 +238,12 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
         seed=study.options.seed,
     )
     show("comparing curves", 0.8)
-    rows = tuple(_walk_row(walk, sweeps.get(walk.label)) for walk in study.walks)
+    rows = tuple(walk_row(walk, sweeps.get(walk.label)) for walk in study.walks)
     curves = {walk.label: walk_curves(walk) for walk in study.walks}
     differences, arrays = compared_groups(
         [[curves[walk.label] for walk in own] for own in study.conditions().values()],
         seed=study.options.seed,
     )
-    shown, moved = moved_fulcrum(study, curves)
     stance_r, stance_n = pearson(rows, "stance_measured_s", "stance_model_s")
     held_out, fitted, offsets_fitted = (
         summary([row for row in rows if row.role == role]) for role in ROLES
@@ -277,7 +256,6 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
         fitted=fitted,
         offsets_fitted=offsets_fitted,
         angle_errors=angle_errors,
-        shown=shown,
         stance_r=stance_r,
         stance_n=stance_n,
         angle_recording_rmse_deg=finite(
@@ -297,7 +275,7 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     show("comparing curves", 1.0)
     return Section(
         table=table,
-        arrays=arrays | moved,
+        arrays=arrays,
         missing=tuple(
             say(
                 "walking",
@@ -314,7 +292,8 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     )
 
 
-def _walk_row(walk: StudyWalk, sweep: FulcrumSweep | None) -> WalkRow:
+def walk_row(walk: StudyWalk, sweep: FulcrumSweep | None = None) -> WalkRow:
+    """A walk's numbers, without its sweep where none was made."""
     metrics = walk.metrics
     moments = free_moment_errors(walk.result, walk.recorded.prosthetic_plate, walk.comparison)
     return WalkRow(
@@ -487,97 +466,3 @@ def sweep_entry(sweep: FulcrumSweep) -> SweepEntry:
     if sweep.best_mm is None or np.isnan(errors[max(i - 1, 0) : i + 2]).any():
         return SweepEntry(**vars(sweep) | {"best_mm": None, "right": None}, off_mm=None)
     return SweepEntry(**vars(sweep), off_mm=sweep.best_mm - sweep.true_mm)
-
-
-# One walk with the fulcrum elsewhere, its motion kept: what the ground does, and the keel at its
-# most loaded.
-
-
-def moved_fulcrum(
-    study: Study, curves: Mapping[str, Curves]
-) -> tuple[ShownWalk | None, dict[str, np.ndarray]]:
-    """The study's shown walk over the carriage, p positions; one whose walk fails is left out.
-
-    Arrays: `moved_fulcrum_mm` (p,); `moved_NAME` (p,) the error that judges; for Q resultant (BW)
-    and, where it was measured, cop (FL) `moved_Q_model` (p, 101) and `moved_Q_measured`,
-    `moved_Q_null` (101,); at the instant of the largest load ahead of the carriage `moved_keel_mm`
-    (p, k, 2), x and z in K of the keel from A to its tip, and `moved_load` (p, 2), that load (N)
-    and its place (mm along the unbent keel).
-    """
-    walk = study.shown
-    own = curves[walk.label]
-    if not own:
-        return None, {}
-    trial = walk.trial
-    walker = Walker(trial.subject, trial.model)
-    names = [name for name in ("resultant", "cop") if name in own]
-    rows = []
-    own_m = round(trial.fulcrum_m, 6)
-    positions = np.unique(np.round([*sweep_positions(trial), trial.fulcrum_m], 6))
-    moved = walker.walk_each(
-        [
-            trial_request(trial, fulcrum_m=float(x), step_s=SWEEP_STEP_S)
-            for x in positions
-            if x != own_m
-        ]
-    )
-    for x in positions:
-        result = walk.result
-        if x != own_m:
-            other = next(moved)
-            if isinstance(other, SimulationError):
-                continue
-            if not isinstance(other, Walk):
-                raise other
-            result = walker.result(other, trial, trial.offsets, energy=False)
-        plate = walk.recorded.prosthetic_plate
-        comparison = compare(result, plate)
-        found = walk_curves(dataclasses.replace(walk, result=result, comparison=comparison))
-        keel_mm, load = _most_loaded_keel(result, trial.model.foot)
-        rows.append(
-            {
-                "fulcrum_mm": 1e3 * x,
-                JUDGED: walk_metrics(result, plate, comparison=comparison).error_bw,
-                "keel_mm": keel_mm,
-                "load": load,
-                **{f"{name}_model": found[name][1] for name in names},
-            }
-        )
-    arrays = {f"moved_{key}": np.array([row[key] for row in rows], dtype=float) for key in rows[0]}
-    others = [one for one in study.walks if one is not walk and curves[one.label]]
-    others = [one for one in others if one.role == FITTED] or others
-    between = several_settings(one.trial.fulcrum_m for one in others)
-    if not between:
-        others = sorted(
-            others, key=lambda one: rmse(curves[one.label]["resultant"][0], own["resultant"][0])
-        )[:1]
-    for name in names:
-        arrays[f"moved_{name}_measured"] = own[name][0]
-        if others and all(name in curves[one.label] for one in others):
-            arrays[f"moved_{name}_null"] = between_settings(
-                np.array([one.trial.fulcrum_m for one in others]),
-                np.array([curves[one.label][name][0] for one in others]),
-                trial.fulcrum_m,
-            )
-    null_label = BETWEEN if between else others[0].label if others else None
-    return ShownWalk(label=walk.label, null_label=null_label, **vars(walk.setting)), arrays
-
-
-def _most_loaded_keel(result: WalkResult, foot: FootParameters) -> tuple[np.ndarray, list[float]]:
-    """The keel (mm) and its load (N, mm), as `moved_fulcrum` has them."""
-    spheres_mm = np.concatenate([zone.x_mm for zone in foot.zones])
-    ahead = spheres_mm > 1e3 * foot.fulcrum.foremost_m
-    loads = result.sphere_normal_n[:, ahead]
-    i = int(np.argmax(loads.sum(axis=1)))
-    # the toe up is positive
-    bends = [
-        column for column, name in enumerate(result.coordinate_names) if name.startswith("keel_")
-    ]
-    starts = np.array([0.0, *keel_joint_positions(foot.keel)])
-    c, s, x, z = chain(starts, result.q[i, bends])
-    last = sum(foot.keel.element_lengths_m) - starts[-1]
-    keel_mm = 1e3 * np.column_stack(
-        [np.append(x, x[-1] + last * c[-1]), np.append(z, z[-1] + last * s[-1])]
-    )
-    load_n = loads[i].sum()
-    return keel_mm, [load_n, loads[i] @ spheres_mm[ahead] / max(load_n, 1e-9)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import re
 import shutil
 
 import numpy as np
@@ -21,6 +22,7 @@ from made_tuning import (
     made_table,
     small_table,
 )
+from page_layers import both_layers
 from page_reader import Balanced
 from readable import assert_readable
 
@@ -47,6 +49,11 @@ MADE = {
 }
 
 
+def shown_page(**content):
+    """Of one layer."""
+    return chapter_page(**content)[0][0]
+
+
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
     """A folder of tunings of level 1."""
@@ -65,7 +72,7 @@ def files(folder):
 
 
 def body(folder):
-    return (folder / "report.html").read_text(encoding="utf-8").partition("<body>")[2].lstrip()
+    return re.sub("<!doctype.*?<body>", "", both_layers(folder), flags=re.DOTALL).lstrip()
 
 
 def rows(path):
@@ -198,16 +205,16 @@ def test_every_label_that_there_is_fits_its_figure(level):
 def test_page_reads_on_a_desk_and_on_a_telephone(folders, tmp_path):
     for width in (1280, 390):
         (tmp_path / str(width)).mkdir()
-        seen = look(folders / "level_1" / "report.html", tmp_path / str(width), width=width)
-        assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == (
-            [],
-            [],
-            [],
-            0,
-            0,
-        )
-        assert seen.scroll <= width and 150 < seen.words <= 600
-        assert seen.images == 6
+        images = 0
+        for name in ("report.html", "appendix.html"):
+            work = tmp_path / str(width) / name
+            work.mkdir()
+            seen = look(folders / "level_1" / name, work, width=width)
+            assert (seen.console, seen.requests, seen.out) == ([], [], [])
+            assert (seen.broken, seen.unnamed) == (0, 0)
+            assert seen.scroll <= width and 100 < seen.words <= 600
+            images += seen.images
+        assert images == 6
 
 
 def test_what_is_no_optimum_is_marked_above_everything_and_recommends_nothing(folders):
@@ -229,7 +236,7 @@ def test_what_is_no_optimum_is_marked_above_everything_and_recommends_nothing(fo
         words = " ".join(answer(table))
         assert "least" not in words and "less than" not in words
     stopped = made_table(optimal=False, pareto=(), robustness=())
-    page, _ = chapter_page(**tuning_page(plain(stopped), {}, lenient=False))
+    page = shown_page(**tuning_page(plain(stopped), {}, lenient=False))
     assert "NOT OPTIMAL: the last iterate is at 104.2 mm" in page, (
         "the alternative text of the figure"
     )
@@ -345,7 +352,7 @@ def test_level_2_recommends_an_interval_or_says_first_that_the_model_does_not_de
     assert answer(wide)[0].startswith(
         "THE MODEL DOES NOT DECIDE THIS SETTING: 70 to 140 mm, 82 % of the range"
     )
-    page, _ = chapter_page(**tuning_page(plain(wide), made_stride_arrays(), lenient=False))
+    page = shown_page(**tuning_page(plain(wide), made_stride_arrays(), lenient=False))
     assert "Set no foot by this" in page
 
 
@@ -362,7 +369,7 @@ def test_a_stride_that_is_not_the_person_s_is_no_answer():
     labels = drawn.axes[0].get_legend_handles_labels()[1]
     assert "least cost, NOT TO BE BELIEVED" in labels
     assert "its interval" not in labels and not any("optimum" in label for label in labels)
-    page, _ = chapter_page(**tuning_page(plain(table), made_stride_arrays(), lenient=False))
+    page = shown_page(**tuning_page(plain(table), made_stride_arrays(), lenient=False))
     assert "<h1>NOT TO BE BELIEVED: stiffness tuned" in page
     assert "Set no foot by this. Tune with more intervals" in page
     assert "Record this person" not in page and "within the interval choose" not in page
@@ -373,7 +380,7 @@ def test_of_one_recorded_setting_level_2_says_first_that_the_hold_makes_the_opti
     assert answer(made_stride_table())[0].startswith(hold)
     assert hold not in " ".join([*answer(made_stride_table(own=True)), said()])
     assert hold not in " ".join(answer(made_stride_table(cost_name="tracking")))
-    page, _ = chapter_page(
+    page = shown_page(
         **tuning_page(plain(made_stride_table()), made_stride_arrays(), lenient=False)
     )
     assert "walks at two settings or more: then the stride is held to the person" in page
@@ -391,7 +398,7 @@ def test_own_strides_before_they_adapt_are_told_and_drawn_beside_the_cost():
         "Walked as recorded, before anything adapts, the cost is least at 66 mm and 4.0 % more at "
         "151 mm."
     ) in answer(table)
-    page, _ = chapter_page(**tuning_page(plain(table), made_stride_arrays(), lenient=False))
+    page = shown_page(**tuning_page(plain(table), made_stride_arrays(), lenient=False))
     assert "own strides before they adapt (dash-dotted)" in page
 
 
@@ -408,10 +415,10 @@ def test_the_spring_alone_stands_beside_the_strides_on_page_and_screen():
     table = dataclasses.replace(table, sweep=points)
     said = "Under an equal load the spring alone, to which nobody answers, has its least cost at 66"
     assert f"{said} mm and 10.0 % more at 151 mm." in answer(table)
-    page, _ = chapter_page(**tuning_page(plain(table), made_stride_arrays(), lenient=False))
+    page = shown_page(**tuning_page(plain(table), made_stride_arrays(), lenient=False))
     assert "of the spring alone under an equal load (grey dots)" in page
     assert "spring alone, softest" in page and "7.12" in page
-    without, _ = chapter_page(
+    without = shown_page(
         **tuning_page(plain(made_stride_table()), made_stride_arrays(), lenient=False)
     )
     assert "spring alone" not in without

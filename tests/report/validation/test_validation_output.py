@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from jinja2 import ChoiceLoader, DictLoader
+from page_layers import both_layers
 
 from vsf_drake.base.errors import InputError
 from vsf_drake.report import page
@@ -104,12 +105,13 @@ def test_page_figures_tables_and_numbers_are_written(tmp_path):
         "validation.json",
         "validation.npz",
         "report.html",
+        "appendix.html",
         "figures/force.png",
         "tables/errors.csv",
         "tables/trials.csv",
         "tables/times.csv",
     }
-    shown = (out / "report.html").read_text(encoding="utf-8")
+    shown = both_layers(out)
     for words in (
         "Error 0.333 BW.",
         "No CoP was measured.",
@@ -135,7 +137,7 @@ def test_synthetic_numbers_share_no_table_with_the_paper_s(tmp_path, synthetic):
     write_validation(
         replace(content(), summary=(row,), synthetic=synthetic), ARRAYS, tmp_path / "out"
     )
-    shown = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    shown = both_layers(tmp_path / "out")
     heads = re.search(r"<thead>.*?</thead>", shown)[0]
     assert re.findall(r">([^<>]+)</th>", heads) == (
         ["what", "SYNTHETIC", "unit"]
@@ -178,7 +180,7 @@ def test_results_of_another_version_show_what_they_have_and_name_the_rest(tmp_pa
     }
     (out / "validation.json").write_text(json.dumps(table))
     missing = VALIDATION.remake(out)
-    shown = (out / "report.html").read_text(encoding="utf-8")
+    shown = both_layers(out)
     assert "These results have format 7" in shown
     assert (
         "This version cannot show what the results hold of it (ValueError: tilt is missing)"
@@ -195,7 +197,7 @@ def edited(out, change):
     table = json.loads((out / "validation.json").read_text())
     change(table)
     (out / "validation.json").write_text(json.dumps(table))
-    return VALIDATION.remake(out), (out / "report.html").read_text(encoding="utf-8")
+    return VALIDATION.remake(out), both_layers(out)
 
 
 def test_a_table_that_cannot_be_shown_leaves_the_rest_of_its_chapter(tmp_path, templates):
@@ -224,7 +226,7 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_rest_of_its_chapter(tmp_path, 
     monkeypatch.setattr(chapters, "_MAKERS", {"walking": ("Walking", undrawable)})
     missing = VALIDATION.remake(tmp_path / "out")
     assert any("cannot show the figure force (ValueError" in sentence for sentence in missing)
-    assert "Error 0.333 BW." in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Error 0.333 BW." in both_layers(tmp_path / "out")
     assert not list((tmp_path / "out" / "figures").iterdir())
 
 
@@ -258,10 +260,7 @@ def test_a_chapter_that_this_version_wrote_must_not_fail_and_a_section_that_fail
     write_validation(
         content(walking=section(None, failure="the keel gave way")), {}, tmp_path / "out"
     )
-    assert (
-        "This could not be computed: the keel gave way"
-        in (tmp_path / "out" / "report.html").read_text()
-    )
+    assert "This could not be computed: the keel gave way" in both_layers(tmp_path / "out")
 
 
 @pytest.mark.parametrize(

@@ -266,6 +266,7 @@ def _made(table: TuningTable, arrays: Arrays) -> Facts:
 
 
 TUNING = ResultsFolder(
+    layered=True,
     kind="tuning",
     command="tune",
     table="tuning.json",

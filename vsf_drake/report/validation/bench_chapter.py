@@ -23,6 +23,7 @@ from vsf_drake.report.style import (
     colour_of,
     drawing,
     label,
+    legend_below,
     tag,
 )
 from vsf_drake.report.validation.panels import section_chapter
@@ -122,7 +123,7 @@ def _stiffness_figure(table: BenchSectionTable) -> Figure:
     measured, half = (
         _of_line(rows, "measured", f"stiffness_n_per_mm{more}") for more in ("", "_half_width")
     )
-    with drawing(*PANEL) as figure:
+    with drawing(PANEL[0], 1.25 * PANEL[1]) as figure:
         axes = figure.subplots()
         if np.isfinite(measured).any():
             axes.plot(x, measured, color=NEUTRAL, label=_source(table), **MEASURED)
@@ -153,10 +154,10 @@ def _stiffness_figure(table: BenchSectionTable) -> Figure:
             label="published end points",
             **_PUBLISHED,
         )
-        axes.set_ylim(bottom=0.0)
         axes.margins(x=0.1, y=0.12)
-        axes.legend(loc="upper left")
+        axes.set_ylim(bottom=0.0)
         label(axes, x=FULCRUM, y="stiffness above 200 N (N/mm)")
+        legend_below(figure, axes.get_legend_handles_labels()[0])
     return figure
 
 

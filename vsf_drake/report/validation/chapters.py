@@ -1,15 +1,12 @@
-"""The first screen and the chapters of a validation, made of its saved sections, with what is
-missing said."""
+"""The story and the chapters of a validation, made of its saved sections, with what is missing
+said."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
-
-import numpy as np
-from matplotlib.ticker import MaxNLocator
 
 from vsf_drake.base.files import record
 from vsf_drake.base.sentences import say
@@ -21,12 +18,12 @@ from vsf_drake.report.validation.energy_chapter import energy_chapter
 from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
 from vsf_drake.report.validation.sensitivity_chapter import sensitivity_chapter
 from vsf_drake.report.validation.settings_chapter import settings_chapter
+from vsf_drake.report.validation.story import story_chapter
 from vsf_drake.report.validation.walking_chapter import (
     exact_chapter,
     layers_chapter,
     walking_chapter,
 )
-from vsf_drake.walks.quantities import JUDGED
 
 Content = Mapping[str, Any]
 """What a `validation.json` holds, of any version, which a record of this version need not take."""
@@ -56,13 +53,17 @@ _made: dict[str, tuple[object, Arrays, Chapter]] = {}
 def make_chapters(
     content: Content, arrays: Arrays, tables: Mapping[str, type], *, lenient: bool
 ) -> list[Chapter]:
-    """The first screen, one chapter a section, and how it was made; `arrays` by "section/name",
-    `tables` the records of the sections.
+    """The story; then of its appendix the main numbers, one chapter a section, and how it was made.
+    `arrays` by "section/name", `tables` the records of the sections.
 
     If `lenient`, a section that this version cannot show is named as missing instead of raising, as
     for results that another version wrote or somebody edited.
     """
-    chapters = [made_chapter("summary", "", partial(_summary, content, arrays), lenient)]
+    moved = _within(arrays, "moved/")
+    chapters = [
+        made_chapter("story", "", partial(story_chapter, content, moved), lenient),
+        made_chapter("summary", "Main numbers", partial(_summary, content), lenient),
+    ]
     for name, (title, _) in _MAKERS.items():
         section, chapter = content["sections"].get(name), Chapter(name=name, title=title)
         if not isinstance(section, Mapping):
@@ -109,162 +110,20 @@ def _within(arrays: Arrays, begin: str) -> Arrays:
     }
 
 
-def _summary(content: Content, arrays: Arrays) -> Chapter:
-    moved = _within(arrays, "walking/moved_")
-    tables = {
-        name: (content["sections"].get(name) or {}).get("table") or {}
-        for name in ("bench", "walking")
-    }
-    shown = tables["walking"].get("shown")
+def _summary(content: Content) -> Chapter:
+    bench = (content["sections"].get("bench") or {}).get("table") or {}
     settings = [record(AtSetting, trial) for trial in content.get("trials") or ()]
     return Chapter(
         name="summary",
-        title="",
+        title="Main numbers",
         template="validation/summary.html.j2",
-        missing=content.get("notes", ()),
         facts={
             "verdict": (),
-            "failed": (),
             **content,
-            **tables,
-            "moved": moved_walk(moved, shown["fulcrum_mm"] or 0.0) if moved and shown else None,
-            "shown_setting": record(AtSetting, shown) if shown else None,
-            "passive": shown and shown["fulcrum_mm"] is None,
+            "bench": bench,
             "place": setting_column(settings),
         },
     )
-
-
-# The first screen: one walk with the fulcrum at each position that was computed, as SVG that a
-# slider redraws.
-
-_WIDE = 360.0
-_HIGH = 236.0
-_LEFT = 40.0
-_RIGHT = 8.0
-_TOP = 26.0
-_BOTTOM = 36.0
-_LOAD_MM_PER_N = 0.07
-"""Length of the arrow of a load on the keel."""
-
-
-@dataclass(frozen=True)
-class Panel:
-    """Axes of an SVG of _WIDE by _HIGH, from data to its points."""
-
-    name: str
-    title: str
-    x_label: str
-    x_range: tuple[float, float]
-    y_range: tuple[float, float]
-
-    def across(self, x: np.ndarray) -> np.ndarray:
-        """Where these are from left to right."""
-        low, high = self.x_range
-        return _LEFT + (x - low) / (high - low) * (_WIDE - _LEFT - _RIGHT)
-
-    def down(self, y: np.ndarray) -> np.ndarray:
-        """Where these are from top to bottom."""
-        low, high = self.y_range
-        return _HIGH - _BOTTOM - (y - low) / (high - low) * (_HIGH - _TOP - _BOTTOM)
-
-    def points(self, x: np.ndarray, y: np.ndarray) -> str:
-        """A line for SVG, without what is not known."""
-        places = zip(self.across(x), self.down(y), strict=True)
-        return " ".join(f"{a:.1f},{b:.1f}" for a, b in places if np.isfinite(a + b))
-
-    @property
-    def ticks(self) -> dict[str, list[tuple[str, str]]]:
-        """Of each axis: where, as SVG has it, and what stands there."""
-        found = {}
-        for axis, place, (low, high) in (
-            ("x", self.across, self.x_range),
-            ("y", self.down, self.y_range),
-        ):
-            ticks = np.asarray(MaxNLocator(5).tick_values(low, high))
-            found[axis] = [
-                (f"{at:.1f}", f"{tick:g}")
-                for at, tick in zip(place(ticks), ticks, strict=True)
-                if low <= tick <= high
-            ]
-        return found
-
-
-def moved_walk(arrays: Arrays, own_mm: float) -> dict[str, Any]:
-    """Panels with what stands still in them, and a frame for each position of the fulcrum: points
-    and numbers by the `id` of what shows them."""
-    percent = np.linspace(0.0, 100.0, 101)
-    keel = arrays["keel_mm"]
-    panels = []
-    still = {}
-    frames: list[dict[str, str]] = [
-        {
-            "moved-mm": f"{x:.0f}",
-            "moved-error": f"{100.0 * error:.1f}",
-            "moved-load": f"{load:.0f}",
-            "moved-tip": f"{z:.0f}",
-        }
-        for x, error, (load, _), z in zip(
-            arrays["fulcrum_mm"], arrays[JUDGED], arrays["load"], keel[:, -1, 1], strict=True
-        )
-    ]
-    for name, title in (
-        ("resultant", "Resultant ground reaction force (body weights)"),
-        ("cop", "Centre of pressure along the foot (% of its length)"),
-    ):
-        if f"{name}_model" not in arrays:
-            continue
-        scale = 100.0 if name == "cop" else 1.0
-        lines = {
-            key: scale * arrays[f"{name}_{key}"]
-            for key in ("measured", "null")
-            if f"{name}_{key}" in arrays
-        }
-        models = scale * arrays[f"{name}_model"]
-        every = np.vstack([*lines.values(), models])
-        high = 1.05 * np.nanmax(every)
-        panel = Panel(
-            name, title, "stance on the plate (%)", (0.0, 100.0), (min(np.nanmin(every), 0.0), high)
-        )
-        panels.append(panel)
-        still[name] = {key: panel.points(percent, line) for key, line in lines.items()}
-        for frame, model in zip(frames, models, strict=True):
-            frame[f"moved-{name}"] = panel.points(percent, model)
-    tip = float(keel[0, -1, 0]) + 30.0
-    scale_mm = tip * (_HIGH - _TOP - _BOTTOM) / (_WIDE - _LEFT - _RIGHT)  # equal scales
-    panel = Panel(
-        "keel",
-        "Keel at its largest forefoot load (mm)",
-        "from the keel's posterior end A (mm)",
-        (0.0, tip),
-        (-0.55 * scale_mm, 0.45 * scale_mm),
-    )
-    panels.append(panel)
-    still["keel"] = {"unbent": panel.points(np.array([0.0, tip - 20.0]), np.zeros(2))}
-    for frame, x, shape, (load, at) in zip(
-        frames, arrays["fulcrum_mm"], keel, arrays["load"], strict=True
-    ):
-        z, head = (float(np.interp(place, *shape.T)) for place in (x, at))
-        # the fulcrum bears on the keel from above, the load from below
-        z = z + 2.5
-        head = head - 4.0
-        foot = head - _LOAD_MM_PER_N * load
-        frame |= {
-            "moved-keel": panel.points(*shape.T),
-            "moved-fulcrum": panel.points(
-                x + np.array([0.0, -7.0, 7.0]), z + np.array([0.0, 13.0, 13.0])
-            ),
-            "moved-arrow": panel.points(
-                at + np.array([0.0, 0.0, -4.0, 4.0, 0.0]),
-                np.array([foot, head, head - 8.0, head - 8.0, head]),
-            ),
-        }
-    return {
-        "panels": panels,
-        "still": still,
-        "frames": frames,
-        "own": int(np.argmin(np.abs(arrays["fulcrum_mm"] - own_mm))),
-    }
 
 
 def _making(content: Content) -> Chapter:

@@ -22,6 +22,7 @@ from vsf_drake.report.style import (
     drawing,
     entry,
     label,
+    legend_below,
     name_of,
     say_synthetic,
 )
@@ -140,6 +141,7 @@ def _position_figure(table: EnergyTable) -> Figure:
                 _moved(axes, ways[title], table.trials)
             y = "energy of a stance (J)" if axes is panels[0] else ""
             label(axes, x="fulcrum (mm)", y=y, title=title)
+            axes.margins(x=0.12)
         panels[0].set_ylim(bottom=0.0)
         handles = [entry(name, **mark(NEUTRAL, full) | SIMULATED) for _, name, full in _KINDS]
         handles += [
@@ -183,7 +185,7 @@ def _power_figure(table: EnergyTable, arrays: Arrays) -> Figure:
     shank."""
     middle = 0.5 * (arrays["percent"][1:] + arrays["percent"][:-1])
     homes = np.array([row.fulcrum_mm for row in table.trials])
-    with drawing(*PANEL) as figure:
+    with drawing(PANEL[0], 1.15 * PANEL[1]) as figure:
         axes = figure.subplots()
         for home in sorted(set(homes)):
             for body, look in (
@@ -195,8 +197,8 @@ def _power_figure(table: EnergyTable, arrays: Arrays) -> Figure:
         axes.plot([], [], color=NEUTRAL, label="foot and socket together", **_DOTTED)
         axes.axhline(0.0, color="0.3", linewidth=0.8)
         axes.set_xlim(0.0, 100.0)
-        axes.legend(loc="upper left")
         label(axes, x="stance (%)", y="distal segment power (W)")
+        legend_below(figure, axes.get_legend_handles_labels()[0])
     return figure
 
 

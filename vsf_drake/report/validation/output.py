@@ -4,24 +4,25 @@ their pages."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.base.files import plain, record, write_json
+from vsf_drake.base.files import plain, record, write_json, write_text
 from vsf_drake.base.sentences import say
 from vsf_drake.optimal_control.outcomes import MEASURES, SIGNS_OF
 from vsf_drake.report.figures import walk_figure
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.replay import write_replay
+from vsf_drake.report.replay import walk_replay
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import Arrays, save_figure
 from vsf_drake.report.validation.chapters import Content, make_chapters
 from vsf_drake.simulation.results import save_walk
+from vsf_drake.validation.moved_section import moved_walks
 from vsf_drake.validation.published_trends import FORMAT as TREND_FORMAT
 from vsf_drake.validation.published_trends import TrendTable
 from vsf_drake.validation.run import NAMES, Validation, is_kept, tables
-from vsf_drake.validation.study import Study
+from vsf_drake.validation.study import Study, StudyWalk
 from vsf_drake.walks.published import CANNOT_SAY, CONTRADICTED, REPRODUCED
 
 FORMAT = 1
@@ -71,6 +72,7 @@ VALIDATION = ResultsFolder(
     valid=_check,
     known=lambda table: table.get("kind") == "validation",
     unfinished=_holds_unfinished,
+    layered=True,
     names=(REPLAY, f"{WALKS}/*"),
     stale=(f"{WALKS}/*/result.*",),
 )
@@ -88,10 +90,10 @@ def write_validation(
 
 
 def write_unfinished(
-    content: Validation, arrays: Arrays, out: Path, *, to_come: Sequence[str]
+    content: Validation, arrays: Arrays, out: Path, *, study: Study, to_come: Sequence[str]
 ) -> Path:
-    """Writes the page of a validation of which sections are still to come, marked as such; returns
-    its path."""
+    """Writes the pages of a validation of which sections are still to come, marked as such, and the
+    replay; returns the path of the story."""
     return VALIDATION.write_unfinished(
         out,
         {
@@ -100,6 +102,7 @@ def write_unfinished(
             "to_come": [name.replace("_", " ") for name in to_come],
         },
         arrays,
+        more=partial(_write_replay, study),
     )
 
 
@@ -131,14 +134,25 @@ def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
                 "notes": walk.result.notes,
             },
         )
-    shown = study.shown
-    write_replay(
-        shown.result,
-        folder / REPLAY,
-        plate=shown.recorded.plate,
-        intact_plate=shown.recorded.intact_plate,
+    _write_replay(study, folder, table)
+
+
+def _write_replay(study: Study, folder: Path, table: dict[str, Any]) -> None:
+    """Of the study's shown walk, at each setting that it was walked at; made once for a page that
+    grows."""
+    write_text(folder / REPLAY, _replay(study.shown))
+    table["replay"] = study.shown.label
+
+
+@lru_cache(maxsize=1)
+def _replay(walk: StudyWalk) -> str:
+    return walk_replay(
+        walk.result,
+        plate=walk.recorded.plate,
+        intact_plate=walk.recorded.intact_plate,
+        settings=moved_walks(walk),
+        frame_rate_hz=50.0,
     )
-    table["replay"] = shown.label
 
 
 # The model held against published effects.
