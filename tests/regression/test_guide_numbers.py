@@ -27,7 +27,7 @@ from vsf_drake.engines.condensed import condense
 from vsf_drake.engines.condensed_error import error_against_full
 from vsf_drake.engines.limits import cannot_hold
 from vsf_drake.fit.assessment import FITTED, HELD_OUT, Assessment, TrialScore, verdict
-from vsf_drake.model.parameters import FootParameters
+from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.mujoco import calibrate
 from vsf_drake.validation.published_trends import TrendTable
 from vsf_drake.walks.angle_errors import AngleErrorRow
@@ -1075,7 +1075,10 @@ def test_the_shipped_contact_says_of_itself_what_the_program_says_of_its_numbers
     ]
     said = verdict(
         SimpleNamespace(
-            message="", contradiction=None, end=None, fit=SimpleNamespace(trials=fitted)
+            message="",
+            contradiction=None,
+            end=None,
+            fit=SimpleNamespace(trials=fitted, walker=SimpleNamespace(model=ModelParameters())),
         ),
         Assessment(
             scores=tuple(scores),
