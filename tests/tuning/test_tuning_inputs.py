@@ -70,5 +70,5 @@ def test_a_trial_that_is_named_twice_or_not_there_is_refused():
 def test_a_passive_foot_is_not_tuned():
     foot = FootParameters()
     fixed = replace(foot, fulcrum=replace(foot.fulcrum, rearmost_m=0.1, foremost_m=0.1))
-    with pytest.raises(InputError, match=r"support does not move.*nothing to tune"):
+    with pytest.raises(InputError, match=r"no fulcrum.*nothing to tune"):
         design_variables(TuningOptions(), [foot, fixed])

@@ -8,7 +8,7 @@ from pathlib import Path
 from scipy.optimize import brentq
 
 from vsf_drake.base.errors import require
-from vsf_drake.model.model_file import stated_fulcrum
+from vsf_drake.model.model_file import NO_FULCRUM, stated_fulcrum
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.model.setting import moves
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
@@ -43,9 +43,9 @@ def fulcrum_place(
         InputError: nothing is said and nothing is the default; another unit; out of reach; a
             passive foot.
     """
-    if said is None or not moves(foot):
-        stated_mm = None if said is None else 0.0
-        return stated_fulcrum(stated_mm, foot, default_m=default_m, file=file, where=where)
+    require(said is None or moves(foot), NO_FULCRUM, where, "Leave it out", file=file)
+    if said is None:
+        return stated_fulcrum(None, foot, default_m=default_m, file=file, where=where)
     told = _SAID.fullmatch(str(said))
     unit = "" if told is None else told[2].lower()
     require(
