@@ -21,7 +21,7 @@ from vsf_drake.base.files import write_text
 from vsf_drake.base.schema import from_plain
 from vsf_drake.model.model_file import check_model
 from vsf_drake.model.parameters import GRAVITY, ModelParameters, Subject
-from vsf_drake.model.setting import moves, setting_words
+from vsf_drake.model.setting import setting_of
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import low_pass
@@ -112,6 +112,7 @@ def write_replay(
         frames=make_frames(result, plate=plate, intact_plate=intact_plate, rate_hz=frame_rate_hz),
     )
     weight = GRAVITY * result.subject_mass_kg
+    setting = setting_of(walk.model.foot, float(walk.frames.fulcrum_m[0]))
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
     write_text(
         path,
@@ -126,7 +127,7 @@ def write_replay(
                 for word in (UNFITTED, UNUSABLE_RECORDING)
                 if any(note.startswith(word) for note in result.notes)
             ],
-            passive="" if moves(walk.model.foot) else setting_words(walk.model.foot, 0.0),
+            passive="" if setting.fulcrum_mm is not None else setting.setting_words,
             fulcrum_mm=np.round(1e3 * walk.frames.fulcrum_m, 1).tolist(),
             weight_n=weight,
             intact_peak_bw=float(result.intact_grf_W[:, 2].max()) / weight,
