@@ -89,6 +89,15 @@ def test_two_passive_feet_compared_are_told_apart_by_their_names(run, tmp_path, 
     assert "foot passive. B:" in page and "foot stiff 5." in page
 
 
+def test_a_side_of_walks_on_two_passive_feet_is_refused_with_their_names(run, tmp_path, walks):
+    both = tmp_path / "both"
+    for name in ("SECOND", "STIFF"):
+        copied(walks[name], both)
+    code, _, error = run("compare", both, walks["THIRD"], "--out", tmp_path / "out")
+    assert code == 2 and "holds walks on 2 feet (passive, stiff 5)" in error
+    assert not (tmp_path / "out").exists()
+
+
 def test_two_passive_feet_of_a_figure_have_two_colours():
     feet = [AtSetting(fulcrum_mm=None, foot=name) for name in ("firm", "soft")]
     assert len({to_hex(colour_of(foot, feet)) for foot in feet}) == 2
