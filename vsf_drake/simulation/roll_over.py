@@ -30,7 +30,12 @@ from vsf_drake.simulation.mechanism import roll_over_mechanism
 from vsf_drake.simulation.reactions import PROSTHETIC, foot_reaction, strains_and_losses
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
 from vsf_drake.simulation.stepping.runs import Inputs, Record, Run, Torques
-from vsf_drake.simulation.stepping.stepper import SIDE_BY_SIDE, Stepper, run_side_by_side
+from vsf_drake.simulation.stepping.stepper import (
+    ALONE,
+    SIDE_BY_SIDE,
+    Stepper,
+    run_side_by_side,
+)
 
 # share of the largest force by which a run that follows its profile may be off (a choice)
 FOLLOWS_WITHIN = 0.01
@@ -333,7 +338,7 @@ class RollOver:
                 where="cases",
                 right="Roll those of one length together",
             )
-        Stepper(self.mechanism).warm_up(SIDE_BY_SIDE)
+        Stepper(self.mechanism).warm_up(SIDE_BY_SIDE if len(cases) > 1 else ALONE)
         searches = [_Search(self, case) for case in cases]
         guesses = run_side_by_side([search.pushed() for search in searches], sites=False)
         for search, guess in zip(searches, guesses, strict=True):
@@ -501,7 +506,10 @@ def _measure(searches: Sequence[_Search], heights: Sequence[np.ndarray]) -> list
 
 def _improve(searches: Sequence[_Search]) -> None:
     """One step of Gauss-Newton of each, or as much of it as makes it better."""
-    records = run_side_by_side([run for each in searches for run in each.trials()], sites=False)
+    runs = [run for each in searches for run in each.trials()]
+    # of one foot one after the other: what takes them side by side need not be compiled for it
+    companies = [[run] for run in runs] if len(searches) == 1 else [runs]
+    records = [record for each in companies for record in run_side_by_side(each, sites=False)]
     waiting = []
     for k, search in enumerate(searches):
         search.goes_on = False
