@@ -106,10 +106,12 @@ def test_a_part_that_gave_way_is_a_dash_and_a_sentence(made, tmp_path):
         for row in own.table.rows
     )
     arrays = {name: array for name, array in own.arrays.items() if not name.endswith("toe_0")}
-    table = replace(own.table, rows=rows, missing=("Pressed at the toe, 66 mm: gave way.",))
+    failed = ("Pressed at the toe, 66 mm: gave way.", "On the level bench: gave way.")
+    table = replace(own.table, rows=rows, missing=failed, bench=None)
     write_protocol(tmp_path, replace(own, table=table, arrays=arrays))
     text = text_of(tmp_path)
-    assert "Pressed at the toe, 66 mm: gave way." in text and "–" in text
+    assert all(sentence in text for sentence in failed) and "–" in text
+    assert "level bench of vsf-drake bench" not in text
 
 
 def test_the_page_is_made_again_from_what_was_saved_and_another_format_is_refused(made, tmp_path):

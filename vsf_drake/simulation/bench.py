@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.base.errors import InputError, SimulationError, require
 from vsf_drake.base.schema import to_plain
 from vsf_drake.laws.beam import combined_stiffness
 from vsf_drake.laws.keel import chain, piece_at
@@ -69,6 +69,22 @@ def advance_to_load(
     return record, int(above[0]) + 1
 
 
+def check_pass(*, max_load_n: float, speed_m_per_s: float) -> None:
+    """InputError unless a foot can be pressed to this load by a platen of this speed."""
+    require(
+        200.0 < max_load_n <= 5000.0,
+        f"{max_load_n:g} N is no useful load",
+        "max_load_n",
+        "Stiffness is the slope above 200 N: choose between 200 and 5000 N",
+    )
+    require(
+        0.0 < speed_m_per_s <= 1.0,
+        f"{speed_m_per_s:g} m/s is not a platen speed",
+        "speed_m_per_s",
+        "It must be above 0 and at most 1 m/s",
+    )
+
+
 class Bench:
     """One bench, built once and pressed often: forefoot, or with `heel` the heel."""
 
@@ -89,18 +105,7 @@ class Bench:
         run diverges.
         """
         check_fulcrum(fulcrum_m, self.parameters)
-        if not 200.0 < max_load_n <= 5000.0:
-            raise InputError(
-                f"{max_load_n:g} N is no useful load",
-                where="max_load_n",
-                right="Stiffness is the slope above 200 N: choose between 200 and 5000 N",
-            )
-        if not 0.0 < speed_m_per_s <= 1.0:
-            raise InputError(
-                f"{speed_m_per_s:g} m/s is not a platen speed",
-                where="speed_m_per_s",
-                right="It must be above 0 and at most 1 m/s",
-            )
+        check_pass(max_load_n=max_load_n, speed_m_per_s=speed_m_per_s)
         travel = self._travel_bound(fulcrum_m, max_load_n)
         steps = int(np.ceil(travel * 1e3 * STEPS_PER_MM))
         moments = np.linspace(0.0, travel / speed_m_per_s, steps + 1)
