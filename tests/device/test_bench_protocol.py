@@ -241,12 +241,20 @@ def test_a_load_that_the_level_bench_does_not_bear_leaves_the_clauses_their_numb
     made = bench_protocol(MODEL, "aopa", fulcrums_m=[0.066], load_n=4900.0)
     assert made.table.bench is None
     [sentence] = made.table.missing
-    assert sentence.startswith("On the level bench: ")
+    assert sentence.startswith("The level bench beside the clauses, to 4900 N: ")
     assert values(made, "heel", "displacement_mm")[0] > 0.0
     assert record(ProtocolTable, json.loads(json.dumps(plain(made.table)))) == made.table
 
 
 # A passive foot, the record, bad input, time.
+
+
+def test_what_a_passive_foot_does_not_bear_is_told_without_a_fulcrum():
+    softer = tuple(replace(zone, stiffness=0.02 * zone.stiffness) for zone in MODEL.foot.zones)
+    model = passive(replace(MODEL, foot=replace(MODEL.foot, zones=softer)))
+    missing = bench_protocol(model, "iso16955", load_n=2000.0).table.missing
+    assert sum("gave way" in sentence and "(foot passive)" in sentence for sentence in missing) == 3
+    assert not any("fulcrum" in sentence for sentence in missing)
 
 
 def test_a_passive_foot_has_one_setting_that_is_called_by_no_millimetres():

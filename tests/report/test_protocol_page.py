@@ -91,6 +91,15 @@ def test_an_axis_ends_at_twice_its_value_where_a_foot_is_beyond_it(made):
     assert axes.lines[0].get_ydata()[0] == pytest.approx(25.0 / 40.0)
 
 
+@pytest.mark.parametrize(("load_n", "said"), [(600.0, False), (1000.0, True)])
+def test_a_load_beyond_the_published_presses_is_said_to_be_extrapolated(
+    made, tmp_path, load_n, said
+):
+    own = made["aopa"]
+    write_protocol(tmp_path, replace(own, table=replace(own.table, load_n=load_n)))
+    assert ("Published presses of this device end at 600 N" in text_of(tmp_path)) is said
+
+
 def test_a_passive_foot_has_one_column_and_no_fulcrum_on_its_page(tmp_path):
     fixed = replace(MODEL.foot.fulcrum, rearmost_m=0.1, foremost_m=0.1)
     model = replace(MODEL, foot=replace(MODEL.foot, fulcrum=fixed))

@@ -134,7 +134,7 @@ def bench_protocol(
             run_bench(model, fulcrums_m=positions, max_load_n=load_n, speed_m_per_s=speed_m_per_s)
         )
     except (InputError, SimulationError) as error:
-        missing.append(f"On the level bench: {error}.")
+        missing.append(f"The level bench beside the clauses, to {load_n:g} N: {error}.")
     bearing: list[Bearing] = []
     answers: list[dict[str, dict[str, float | None]]] = [{} for _ in positions]
     angles = {each.part: each.angle_deg for each in clauses if each.angle_deg is not None}

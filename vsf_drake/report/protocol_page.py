@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vsf_drake.base.files import plain, record
+from vsf_drake.device.bench_metrics import LOAD_N
 from vsf_drake.device.bench_protocol import FORMAT, BenchProtocol, ProtocolRow, ProtocolTable
 from vsf_drake.device.protocols import PRESS
 from vsf_drake.report.page import Chapter, number, render, write_csv
@@ -44,6 +45,8 @@ def protocol_page(
     axes = [row for row in table.rows if row.clause.axis]
     facts = {
         "t": table,
+        "beyond": table.settings[0].fulcrum_mm is not None and table.load_n > LOAD_N,
+        "published_n": LOAD_N,
         "widest": axes[_widest(axes)],
         "answered": [
             {"clause": row.clause, "values": [number(v, row.clause.form) for v in row.values]}

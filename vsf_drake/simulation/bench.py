@@ -21,7 +21,7 @@ from vsf_drake.model.model_file import (
     secant_stiffness,
 )
 from vsf_drake.model.parameters import FootParameters, ModelParameters
-from vsf_drake.model.setting import moves
+from vsf_drake.model.setting import moves, setting_words
 from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.plants.foot import keel_joint_positions, keel_joint_stiffness
 from vsf_drake.simulation.archive import provenance
@@ -45,12 +45,12 @@ def advance_to_load(
     travel_m: np.ndarray,
     *,
     foot: str,
-    where: str,
+    setting: str,
 ) -> tuple[Record, int]:
     """The run from rest at q0 until the sites bear `load_n`, and after how many steps they do.
 
     SimulationError if they never do, with the `travel_m` (n + 1,) until then, of which part of the
-    foot and `where`.
+    foot and with which setting.
     """
 
     def reached(done: int, record: Record) -> bool:
@@ -63,7 +63,7 @@ def advance_to_load(
     if not above.size:
         raise SimulationError(
             f"the {foot} gave way: {load.max():.0f} N of {load_n:g} N after "
-            f"{1e3 * travel_m[end]:.0f} mm {where}",
+            f"{1e3 * travel_m[end]:.0f} mm ({setting})",
             time_s=float(inputs.time_s[end]),
         )
     return record, int(above[0]) + 1
@@ -153,7 +153,7 @@ class Bench:
                 stop_at_n,
                 platen_m,
                 foot="heel" if self.heel else "forefoot",
-                where=f"with the fulcrum at {1e3 * fulcrum_m:g} mm",
+                setting=setting_words(self.parameters, fulcrum_m),
             )
         return BenchSetting(
             fulcrum_m=None if self.heel else fulcrum_m,
