@@ -3,6 +3,7 @@ blocks, tables, equations."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,17 @@ def _before_reading(app: Any) -> None:
     api_pages.write(Path(app.srcdir) / "api", modules, generated_reference.pages())
 
 
+def _index(_: Any, __: str, source: list[str]) -> None:
+    """`<!-- index: keel -->` leads the search for a word to a page, unseen in the file itself."""
+    source[0] = re.sub(
+        "^<!-- index: (.+) -->$", r"```{index} ! \1\n```", source[0], flags=re.MULTILINE
+    )
+
+
 def setup(app: Any) -> dict[str, Any]:
     """Registers everything with Sphinx."""
     app.connect("builder-inited", _before_reading)
+    app.connect("source-read", _index)
     app.connect("autodoc-process-docstring", docstrings.process, priority=400)  # napoleon's is 500
     app.connect("autodoc-skip-member", docstrings.skip)
     app.add_role("name", docstrings.role)
