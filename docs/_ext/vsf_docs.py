@@ -17,7 +17,24 @@ import port_nodes
 def _before_reading(app: Any) -> None:
     modules = api_pages.public_modules()
     docstrings.show_what_is_wrapped(modules)
-    api_pages.write(Path(app.srcdir) / "api", modules, generated_reference.pages())
+    examples = {"example_pages.md": _example_pages(Path(app.srcdir) / "_static" / "examples")}
+    api_pages.write(Path(app.srcdir) / "api", modules, generated_reference.pages() | examples)
+
+
+def _example_pages(folder: Path) -> str:
+    """The page that leads to what docs/make_example_pages.py has left."""
+    lines = [
+        "# Example pages",
+        "",
+        "What commands show, of SYNTHETIC recordings, by their quick forms.",
+        "",
+    ]
+    for page in sorted(folder.glob("*/report.html")):
+        name = page.parent.name
+        lines.append(f'- <a href="../_static/examples/{name}/report.html">vsf-drake {name}</a>')
+    if not lines[-1]:
+        lines.append("None is in this copy: `python docs/make_example_pages.py` makes them.")
+    return "\n".join(lines)
 
 
 def _index(_: Any, __: str, source: list[str]) -> None:
