@@ -31,8 +31,6 @@ COMMANDS = {
 """By the command whose page it is, its arguments but `--out`."""
 WALKS = {"low_1": "66mm_1", "medium_1": "108mm_1", "high_1": "151mm_1", "static": "static"}
 """Names by which a session is told the settings."""
-SHOWN = ("*.html", "*.png", "*.svg", "*.csv")
-"""What is kept: pages, and what they lead to."""
 PROGRAM = "from vsf_drake.cli import main; main()"
 
 
@@ -50,13 +48,14 @@ def main() -> None:
 
 
 def keep(made: Path, target: Path) -> None:
-    """Puts what is shown of a folder of results in the place of `target`."""
+    """Puts the pages of a folder of results in the place of `target`: they lead to each other, and
+    hold all else.
+    """
     shutil.rmtree(target, ignore_errors=True)
-    for pattern in SHOWN:
-        for file in made.rglob(pattern):
-            place = target / file.relative_to(made)
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(file, place)
+    for page in made.rglob("*.html"):
+        place = target / page.relative_to(made)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(page, place)
     print(target)
 
 
