@@ -12,6 +12,7 @@ import docstrings
 import generated_reference
 import mathml
 import port_nodes
+import typer.main
 
 
 def _before_reading(app: Any) -> None:
@@ -29,9 +30,11 @@ def _example_pages(folder: Path) -> str:
         "What commands show, of SYNTHETIC recordings, by their quick forms.",
         "",
     ]
+    commands = typer.main.get_command(generated_reference.app).commands
     for page in sorted(folder.glob("*/report.html")):
         name = page.parent.name
-        lines.append(f'- <a href="../_static/examples/{name}/report.html">vsf-drake {name}</a>')
+        link = f'<a href="../_static/examples/{name}/report.html">vsf-drake {name}</a>'
+        lines.append(f"- {link}: {commands[name].get_short_help_str(limit=200)}")
     if not lines[-1]:
         lines.append("None is in this copy: `python docs/make_example_pages.py` makes them.")
     return "\n".join(lines)
