@@ -299,7 +299,10 @@ def _loaded(
         for name, file in zip(names, trials, strict=True)
     ]
     places = {
-        name: [fulcrum_place(said, trial.model.foot, where="--fulcrum-mm") for said in positions]
+        name: [
+            fulcrum_place(said, trial.model.foot, file=trial.path, where="--fulcrum-mm")
+            for said in positions
+        ]
         for name, trial in zip(named, recorded, strict=True)
     }
     if sampled and any(item.name == SHIFT and not item.values for item in axes):
