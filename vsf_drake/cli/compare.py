@@ -72,7 +72,7 @@ def _side(name: str) -> Side:
         trials = [load_trial(file) for file in manifests_of([path])]
     if not asked:
         return side_of(name, trials, simulated=bool(results))
-    own = [trial for trial in trials if trial.setting.foot == setting]
+    own = [trial for trial in trials if setting and trial.setting.foot == setting]
     if not own:
         own = _standing_at(setting, trials, name)
     return side_of(name, own, simulated=bool(results))
