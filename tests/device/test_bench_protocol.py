@@ -24,7 +24,7 @@ from vsf_drake.device.stiffness_map.cells import Cell, roll_cells
 from vsf_drake.model.parameters import GRAVITY, ModelParameters
 from vsf_drake.model.setting import AtSetting
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
-from vsf_drake.simulation.roll_over import RollOver
+from vsf_drake.simulation.roll_over import RollOver, in_mount_frame
 
 ROOT = Path(__file__).resolve().parents[2]
 MODEL = ModelParameters()
@@ -143,6 +143,23 @@ def test_it_is_told_that_the_sole_comes_down_at_the_soft_setting(made):
     zones = {(each.part, each.setting): each.zones for each in made["aopa"].table.bearing}
     assert zones["toe", "151 mm"] == ("forefoot",)
     assert set(zones["toe", "66 mm"]) > {"midfoot", "forefoot"}
+
+
+@pytest.mark.parametrize("fulcrum_m", POSITIONS_M)
+def test_under_the_toe_the_load_moves_back_along_the_sole_as_the_foot_bends(fulcrum_m):
+    """Which is why its slope above 200 N is steeper than that of a load that stays on a point."""
+    run = RollOver(MODEL.foot, friction=False).press(
+        fulcrum_m=fulcrum_m,
+        pitch_rad=-np.radians(20.0),
+        max_load_n=LOAD_N,
+        speed_m_per_s=SPEED_M_PER_S,
+        steps_per_mm=40.0,
+    )
+    load = run.grf_W[:, 2]
+    place = MODEL.foot.pylon_x_m + in_mount_frame(run.cop_W, run.mount)[:, 0]
+    first, middle, last = (place[np.argmax(load >= share * load.max())] for share in (0.1, 0.4, 1))
+    assert first > middle > last
+    assert first > MODEL.foot.load_point_m
 
 
 # The same numbers as the bench and the map have.
