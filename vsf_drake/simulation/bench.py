@@ -21,7 +21,7 @@ from vsf_drake.model.model_file import (
     secant_stiffness,
 )
 from vsf_drake.model.parameters import FootParameters, ModelParameters
-from vsf_drake.model.setting import moves, setting_words
+from vsf_drake.model.setting import moves, setting_of
 from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.plants.foot import keel_joint_positions, keel_joint_stiffness
 from vsf_drake.simulation.archive import provenance
@@ -153,7 +153,7 @@ class Bench:
                 stop_at_n,
                 platen_m,
                 foot="heel" if self.heel else "forefoot",
-                setting=setting_words(self.parameters, fulcrum_m),
+                setting=setting_of(self.parameters, fulcrum_m).setting_words,
             )
         return BenchSetting(
             fulcrum_m=None if self.heel else fulcrum_m,

@@ -24,7 +24,7 @@ from scipy.sparse import csr_array
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import FootParameters
-from vsf_drake.model.setting import setting_words
+from vsf_drake.model.setting import setting_of
 from vsf_drake.plants.bench import MOUNT_COORDINATES, make_roll_over_machine
 from vsf_drake.simulation.bench import advance_to_load
 from vsf_drake.simulation.mechanism import roll_over_mechanism
@@ -303,7 +303,7 @@ class RollOver:
             max_load_n,
             travel,
             foot="foot",
-            setting=setting_words(self.parameters, fulcrum_m),
+            setting=setting_of(self.parameters, fulcrum_m).setting_words,
         )
         path = np.concatenate([travel[: count + 1], travel[count - 1 :: -1]])
         moments = 1e-3 / steps_per_mm / speed_m_per_s * np.arange(2 * count + 1)
