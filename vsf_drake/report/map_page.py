@@ -81,7 +81,7 @@ def map_page(
             for section in sections
         ],
         "synthetic": False,
-        "first_line": str(render("map/first_line.txt.j2")).strip(),
+        "first_line": render("map/first_line.txt.j2"),
     }
 
 
