@@ -79,7 +79,7 @@ def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
     """Removes what an earlier fit left in `out`, its checkpoint too unless told otherwise; files of
     others stay."""
     try:
-        remove_result(out, FIT.kind, FIT.stale)
+        remove_result(out, FIT.kind, (CONTACT,), stale=FIT.stale)
         if checkpoint:
             (out / CHECKPOINT).unlink(missing_ok=True)
     except OSError as error:
