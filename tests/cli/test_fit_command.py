@@ -290,7 +290,7 @@ def test_a_held_out_trial_judged_at_a_height_of_its_own_says_so(run, tmp_path, b
     table = read_json(tmp_path / "fit" / "fit.json")
     height = f"{1e3 * table['trials'][1]['own_height_m']:+.1f} mm"
     assert table["trials"][0]["own_height_m"] is None and table["options"]["own_height"]
-    page = (tmp_path / "fit" / "report.html").read_text(encoding="utf-8")
+    page = (tmp_path / "fit" / "appendix.html").read_text(encoding="utf-8")
     assert f"held out, own height {height}" in page.replace("\u00a0", " ")
     assert "! As requested, each held-out trial has a height of its own" in said
     assert any("no prediction" in sentence and height in sentence for sentence in table["verdict"])
